@@ -1,0 +1,1 @@
+"""Roller-compaction loads: a scene (machine, mix, motion) goes in, ranked motion laws come out."""

@@ -1,0 +1,82 @@
+"""What every contact engine takes and gives: a layer, a roller, and the result of rolling one over the other.
+
+All engines share one call,
+
+    rolled = engine.roll(layer, roller, material, speed)
+
+so that a study swaps them by name. x runs along the travel, y up; the base lies at y = 0. Quantities are per unit
+roller length, SI.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from compact.refuse import refuse_negative, refuse_nonpositive
+
+Base = Literal["bonded", "slip"]
+Rolling = Literal["frictionless", "sliding", "free", "driven"]
+Profile = Literal["parabola", "circle", "deformed"]
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A layer of mix on a rigid base: `height` H [m] > 0; `base` "bonded" or "slip"."""
+
+    height: float
+    base: Base = "bonded"
+
+    def __post_init__(self):
+        refuse_nonpositive(height=self.height)
+
+
+@dataclass(frozen=True)
+class Roller:
+    """A rigid roller and how deep, or how hard, it is pressed in.
+
+    Exactly one of `indentation` [m], `load` P [N/m] and `peak_pressure` p0 [Pa] is given; the engine finds the others.
+    `radius` R [m] > 0; `friction` mu >= 0 of mix on roller. `rolling` says which way the traction acts on the mix:
+    "frictionless" and "free" none in sum, "sliding" along the travel, "driven" against it. `profile` is where the gap
+    is measured: vertical to the parabola, vertical to the circle, or normal to the circle on the deformed surface.
+    """
+
+    radius: float
+    indentation: float | None = None
+    friction: float = 0.0
+    rolling: Rolling = "frictionless"
+    profile: Profile = "parabola"
+    load: float | None = None
+    peak_pressure: float | None = None
+
+    def __post_init__(self):
+        refuse_nonpositive(radius=self.radius)
+        refuse_negative(friction=self.friction)
+        targets = {name: getattr(self, name) for name in ("indentation", "load", "peak_pressure")}
+        given = {name: value for name, value in targets.items() if value is not None}
+        if len(given) != 1:
+            raise ValueError(f"give one of `indentation`, `load`, `peak_pressure`, got {sorted(given) or 'none'}")
+        refuse_nonpositive(**given)
+
+
+@dataclass(frozen=True)
+class Rolled:
+    """One contact: what the layer does to the roller, per unit roller length.
+
+    load : normal force P [N/m]
+    resistance : minus the x-force of the mix on the roller [N/m]; odd in speed
+    leading, trailing : contact edges [m] from the lowest point, + ahead
+    x, pressure, shear_traction : along the contact [m], [Pa], [Pa], shape (n,); pressure positive in compression
+    error : (load, resistance) estimated relative errors, or None where the engine cannot tell
+    work_residual : relative gap of the energy balance of steady rolling, or None for an engine without fields
+    """
+
+    load: float
+    resistance: float
+    leading: float
+    trailing: float
+    x: np.ndarray
+    pressure: np.ndarray
+    shear_traction: np.ndarray
+    error: tuple[float, float] | None = None
+    work_residual: float | None = None

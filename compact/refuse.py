@@ -1,0 +1,48 @@
+"""Refusals at a public door: name in back-ticks, rule, value got."""
+
+import numpy as np
+
+
+def _refuse_unless(holds, rule, quantities):
+    for name, value in quantities.items():
+        if not np.all(holds(np.asarray(value))):  # a comparison with nan is false, so nan is refused too
+            raise ValueError(f"`{name}` must be {rule}, got {shown(value, holds)}")
+
+
+def shown(value, holds):
+    """The value itself, or of a large array the first element that breaks the rule and its place."""
+    array = np.asarray(value)
+    if array.size <= 4:
+        return f"{value!r}" if array.ndim == 0 else f"{array.tolist()!r}"
+    place = tuple(int(i) for i in np.argwhere(~holds(array))[0])
+    return f"{array[place]!r} at index {place if len(place) > 1 else place[0]}"
+
+
+def refuse_nonpositive(**quantities):
+    """Refuse any quantity that is not finite and > 0 throughout."""
+    _refuse_unless(lambda value: (value > 0) & (value < np.inf), "positive and finite", quantities)
+
+
+def refuse_negative(**quantities):
+    """Refuse any quantity that is not finite and >= 0 throughout."""
+    _refuse_unless(lambda value: (value >= 0) & (value < np.inf), "zero or positive, and finite", quantities)
+
+
+def refuse_nonfinite(**quantities):
+    """Refuse any quantity that holds nan or an infinity."""
+    _refuse_unless(np.isfinite, "finite", quantities)
+
+
+def refuse_outside(low, high, **quantities):
+    """Refuse any quantity outside the closed interval [low, high]."""
+    _refuse_unless(lambda value: (value >= low) & (value <= high), f"between {low:g} and {high:g}", quantities)
+
+
+def refuse_unknown(kind, name, choices):
+    """Refuse a name that is not among the choices, naming them and the nearest one."""
+    if name not in choices:
+        from difflib import get_close_matches
+
+        near = get_close_matches(str(name), choices, n=1)
+        hint = f"did you mean '{near[0]}'? " if near else ""
+        raise ValueError(f"no {kind} '{name}'; {hint}choose from {', '.join(choices)}")
