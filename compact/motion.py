@@ -1,0 +1,318 @@
+"""Motion of the cart: a law over a stroke in a time, its peaks, joins and criteria, and the cycle there and back.
+
+    x(t) = stroke s(t/T),  x^(k) = stroke/T^k s^(k)
+
+The laws themselves are in `compact.laws`; `law` gives one by name. Times in s, travel in m, counted from the near end.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from compact.laws import LAWS, Shape
+from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive, refuse_unknown
+
+__all__ = ["LAWS", "Cycle", "Join", "Motion", "Peaks", "law"]
+
+ORDERS = ("position", "velocity", "acceleration", "jerk", "snap")
+Turn = Literal["reversal", "dwell"]
+# A jump smaller than this share of the derivative's own size is rounding.
+JUMP_TOLERANCE = 1e-9
+
+
+def law(
+    name,
+    stroke,
+    duration,
+    run_up=1 / 6,
+    run_down=1 / 6,
+    energy_weight=0.5,
+    acceleration_weight=0.3,
+    rod_length=None,
+):
+    """The motion law `name` over a stroke [m] in a duration [s].
+
+    Parameters
+    ----------
+    name : a key of LAWS
+    stroke : travel between the two ends [m], > 0
+    duration : time of one pass [s], > 0
+    run_up, run_down : shares of the duration, used by the combined and reversal laws
+    energy_weight, acceleration_weight : d1, d2 >= 0 of the complex law, d1 + d2 <= 1
+    rod_length : connecting rod [m], > stroke/2, needed by the law "crank"
+
+    Raises ValueError for an unknown name, naming the choices, and for values out of range.
+
+    >>> m = law("reversal-4", stroke=0.4, duration=3.0)
+    >>> f"{m.peaks().acceleration:.3f} m/s^2, {m.peaks().jerk:.5f} m/s^3"
+    '0.600 m/s^2, 3.69504 m/s^3'
+    """
+    refuse_unknown("motion law", name, tuple(LAWS))
+    refuse_nonpositive(stroke=stroke, duration=duration)
+    if rod_length is not None:
+        refuse_nonpositive(rod_length=rod_length)
+    rod_ratio = None if rod_length is None else stroke / 2 / rod_length
+    entry = LAWS[name]
+    curve = entry.build(Shape(run_up, run_down, energy_weight, acceleration_weight, rod_ratio))
+    return Motion(name, float(stroke), float(duration), curve, entry.retraces)
+
+
+@dataclass(frozen=True)
+class Peaks:
+    """Largest |velocity| [m/s], |acceleration| [m/s^2], |jerk| [m/s^3], |snap| [m/s^4] inside the pieces."""
+
+    velocity: float
+    acceleration: float
+    jerk: float
+    snap: float
+
+
+@dataclass(frozen=True)
+class Join:
+    """A jump of a derivative: at `time` [s] the `quantity` goes from `before` to `after` (SI)."""
+
+    time: float
+    order: int
+    before: float
+    after: float
+
+    @property
+    def quantity(self):
+        """Name of the derivative that jumps."""
+        return ORDERS[self.order]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One pass: travel from 0 to `stroke` [m] over 0 <= t <= `duration` [s].
+
+    `curve` is the normalised law; `retraces` says that the way back is the way out run backwards (a crank),
+    otherwise it is its mirror image, stroke - x(t) (a cam of constant breadth).
+    """
+
+    name: str
+    stroke: float
+    duration: float
+    curve: Callable
+    retraces: bool = False
+
+    def derivative(self, time, order):
+        """Derivative of the travel of the given order at time [s], any shape; inside [0, duration]."""
+        time = np.asarray(time, float)
+        slack = 1e-12 * self.duration
+        if time.size and not (time.min() >= -slack and time.max() <= self.duration + slack):
+            raise ValueError(f"`time` must lie in [0, {self.duration:g}] s, got {time.min():g} to {time.max():g}")
+        return self.at_phase(np.clip(time / self.duration, 0.0, 1.0), order)
+
+    def at_phase(self, z, order):
+        """Derivative of the travel of the given order at phase z = t/T in [0, 1]."""
+        return self._scale(order) * self.curve(z, nu=order)
+
+    def position(self, time):
+        """Travel x [m] at time [s]."""
+        return self.derivative(time, 0)
+
+    def velocity(self, time):
+        """Velocity [m/s] at time [s]."""
+        return self.derivative(time, 1)
+
+    def acceleration(self, time):
+        """Acceleration [m/s^2] at time [s]."""
+        return self.derivative(time, 2)
+
+    def jerk(self, time):
+        """Jerk [m/s^3] at time [s]."""
+        return self.derivative(time, 3)
+
+    def snap(self, time):
+        """Snap [m/s^4] at time [s]."""
+        return self.derivative(time, 4)
+
+    def peaks(self):
+        """`Peaks` of this pass, found at the roots of the next derivative, not on samples. Impulses are in `joins`."""
+        largest = (np.abs(self.curve(turning_points(self.curve, k), nu=k)).max() for k in range(1, 5))
+        return Peaks(*(float(self._scale(k + 1) * peak) for k, peak in enumerate(largest)))
+
+    def joins(self, turn: Turn = "reversal"):
+        """Jumps of velocity … snap where pieces meet and at the ends, in order of time, as a tuple of `Join`.
+
+        `turn` says what follows at the ends: "reversal" the way back at once, "dwell" a stand-still.
+        """
+        found = []
+        grid = graded(self.curve.x)
+        for k in range(1, 5):
+            smallest = JUMP_TOLERANCE * max(1.0, np.abs(self.curve(grid, nu=k)).max())
+            sides = [(z, *self._sides(z, k, turn)) for z in self.curve.x]
+            found += [
+                Join(float(z * self.duration), k, self._scale(k) * before, self._scale(k) * after)
+                for z, before, after in sides
+                if abs(after - before) > smallest
+            ]
+        return tuple(sorted(found, key=lambda join: join.time))
+
+    def smoothness(self, turn: Turn = "reversal"):
+        """Highest k up to 4 such that the travel and its derivatives up to k are continuous (C0 … C4)."""
+        return min((join.order for join in self.joins(turn)), default=5) - 1
+
+    def criterion(self, order, turn: Turn = "reversal"):
+        """J_k = int (x^(k))^2 dt over one pass [m^2/s^(2k-1)]; infinite where x^(k) holds an impulse."""
+        if any(join.order < order for join in self.joins(turn)):
+            return np.inf
+        return self._scale(order) ** 2 * self.duration * integral(lambda z: self.curve(z, nu=order) ** 2, self.curve.x)
+
+    def cycle(self, far_dwell=0.0, near_dwell=0.0):
+        """There and back, with dwells [s] at the far and the near end, as a `Cycle`."""
+        return Cycle(self, far_dwell, near_dwell)
+
+    def back(self):
+        """The pass from `stroke` back to 0, in its own time from 0."""
+        return replace(self, curve=_Back(self.curve, self.retraces))
+
+    def _scale(self, order):
+        return self.stroke / self.duration**order
+
+    def _sides(self, z, order, turn):
+        """Value of s^(k) just before and just after phase z."""
+        neighbours = np.nextafter(z, [-1.0, 2.0])
+        inside = [float(self.curve(side, nu=order)) for side in neighbours if 0 <= side <= 1]
+        if len(inside) == 2:
+            return inside
+        if turn == "dwell":
+            outside = 0.0
+        elif self.retraces:
+            outside = (-1) ** order * inside[0]
+        else:
+            outside = -float(self.curve(1.0 - z, nu=order))
+        return (outside, inside[0]) if z == 0 else (inside[0], outside)
+
+
+@dataclass(frozen=True)
+class _Back:
+    curve: Callable
+    retraces: bool
+
+    @property
+    def x(self):
+        return 1 - self.curve.x[::-1] if self.retraces else self.curve.x
+
+    def __call__(self, z, nu=0):
+        if self.retraces:
+            return (-1) ** nu * self.curve(1 - np.asarray(z, float), nu=nu)
+        return (1.0 if nu == 0 else 0.0) - self.curve(z, nu=nu)
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A pass or a dwell inside a cycle: begins at `start` [s]; `direction` +1 there, -1 back, 0 standing."""
+
+    start: float
+    duration: float
+    direction: int
+    motion: Motion | None = None
+    position: float = 0.0
+
+    def at_phase(self, z, order):
+        """Derivative of the travel of the given order at phase z of this leg."""
+        if self.motion is None:
+            return np.full(np.shape(z), self.position if order == 0 else 0.0)
+        return self.motion.at_phase(z, order)
+
+    def joined_at(self):
+        """Phases of this leg where its pieces meet, ends among them."""
+        return np.array([0.0, 1.0]) if self.motion is None else self.motion.curve.x
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """There, dwell at the far end, back, dwell at the near end, and again (rise-dwell-return-dwell).
+
+    >>> cycle = Cycle(law("quintic", 0.4, 3.0), far_dwell=0.5)
+    >>> cycle.period, float(cycle.derivative(3.2, 0)), float(cycle.derivative(6.5, 0))
+    (6.5, 0.4, 0.0)
+    """
+
+    there: Motion
+    far_dwell: float = 0.0
+    near_dwell: float = 0.0
+
+    def __post_init__(self):
+        refuse_negative(far_dwell=self.far_dwell, near_dwell=self.near_dwell)
+
+    @property
+    def period(self):
+        """Time of the whole cycle [s]."""
+        return 2 * self.there.duration + self.far_dwell + self.near_dwell
+
+    def legs(self):
+        """The `Leg`s in order of time; dwells of zero length are left out."""
+        duration, stroke = self.there.duration, self.there.stroke
+        far, near = duration + self.far_dwell, 2 * duration + self.far_dwell
+        legs = [
+            Leg(0.0, duration, 1, self.there),
+            Leg(duration, self.far_dwell, 0, position=stroke),
+            Leg(far, duration, -1, self.there.back()),
+            Leg(near, self.near_dwell, 0),
+        ]
+        return [leg for leg in legs if leg.duration > 0]
+
+    def derivative(self, time, order):
+        """Derivative of the travel of the given order at any time [s], periodic."""
+        refuse_nonfinite(time=time)
+        time = np.mod(np.asarray(time, float), self.period)
+        legs = self.legs()
+        which = np.searchsorted([leg.start for leg in legs], time, side="right") - 1
+        phases = [np.clip((time - leg.start) / leg.duration, 0.0, 1.0) for leg in legs]
+        values = [leg.at_phase(phase, order) for leg, phase in zip(legs, phases, strict=True)]
+        return np.select([which == i for i in range(len(legs))], values)
+
+    def joins(self):
+        """Jumps of velocity … snap over the whole cycle, as a tuple of `Join`."""
+        turns = ["dwell" if dwell > 0 else "reversal" for dwell in (self.near_dwell, self.far_dwell)]
+        joins = []
+        for leg in (leg for leg in self.legs() if leg.motion is not None):
+            first, last = turns if leg.direction > 0 else turns[::-1]
+            inner = [join for join in leg.motion.joins(first) if join.time < leg.duration]
+            # a reversal belongs to the pass that it begins
+            outer = [join for join in leg.motion.joins("dwell") if join.time == leg.duration and last == "dwell"]
+            joins += [replace(join, time=leg.start + join.time) for join in inner + outer]
+        return tuple(joins)
+
+
+def turning_points(curve, order):
+    """Phases where |s^(order)| can be largest: roots of the next derivative and both sides of every join."""
+    edges = np.concatenate([np.nextafter(curve.x[:-1], 2.0), np.nextafter(curve.x[1:], -1.0)])
+    if hasattr(curve, "roots"):
+        roots = curve.derivative(order + 1).roots(discontinuity=False, extrapolate=False)
+        return np.concatenate([edges, roots[np.isfinite(roots)]])
+    return np.concatenate([edges, _sign_changes(lambda z: curve(z, nu=order + 1), curve.x)])
+
+
+def _sign_changes(function, breaks):
+    """Roots of a function, bracketed on a grid graded towards the joins and bisected to rounding."""
+    grid = graded(breaks)
+    values = function(grid)
+    change = np.flatnonzero(values[:-1] * values[1:] < 0)
+    low, high, sign = grid[change], grid[change + 1], np.sign(values[change])
+    for _ in range(60):
+        middle = (low + high) / 2
+        left = np.sign(function(middle)) == sign
+        low, high = np.where(left, middle, low), np.where(left, high, middle)
+    return (low + high) / 2
+
+
+def graded(breaks, steps=24):
+    """Grid on each piece: uniform inside, halving towards both ends down to 1e-12 of it (boundary layers)."""
+    near = 2.0 ** -np.arange(40, 3, -1)
+    unit = np.concatenate([[0.0], near, np.linspace(near[-1], 1 - near[-1], steps)[1:-1], 1 - near[::-1]])
+    return np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * unit).ravel(), breaks[-1])
+
+
+def integral(function, breaks):
+    """Integral over the pieces by Gauss' rule of 12 points on the graded grid: exact for polynomials to degree 23."""
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    grid = graded(np.asarray(breaks, float))
+    half = np.diff(grid) / 2
+    points = (grid[:-1] + half)[:, None] + half[:, None] * nodes
+    return float(np.sum(half[:, None] * weights * function(points)))

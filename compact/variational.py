@@ -1,0 +1,187 @@
+"""Motions that minimise a quadratic criterion between two end states.
+
+One phase of a motion runs over 0 <= z <= 1 from one state to another. The principle of the monograph (D 2.1): the law
+of order n minimises J_n = int (x^(n))^2 dz, so that
+
+    x^(2n) = 0,  with a free end value x^(k), k < n, bringing the natural condition x^(2n-1-k) = 0 there.
+
+`minimiser` solves that for any end conditions. `ComplexLaw` is the rest-to-rest minimiser of the weighted sum of
+J_1, J_2 and J_3, whose equation x^(6) - n1 x^(4) + n2 x'' = 0 has exponential solutions beside the polynomial ones.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+# |p| of e^(pz) up to which a power series about the middle keeps all digits: it loses e^(0.15 |p|) to cancellation.
+SERIES_LIMIT = 12.0
+SERIES_TERMS = 24  # of u^(2k+1)/(2k+1)!, |p u| <= 6: the last is below 1e-20 of the sum
+
+
+def minimiser(order, start, end):
+    """Polynomial x(z), 0 <= z <= 1, that solves x^(2n) = 0 between two end states.
+
+    Each end takes n conditions. `start` and `end` map an order of derivative k, 0 <= k < 2n, to its value. An end
+    with fewer than n conditions is free: each x^(k), k < n, that is not given brings x^(2n-1-k) = 0. Conditions
+    beyond k < n replace natural ones (the combined laws of D 2.6-2.8), and then all n must be given.
+
+    Returns
+    -------
+    numpy.polynomial.Polynomial of degree < 2n
+
+    >>> minimiser(3, {0: 0, 1: 0, 2: 0}, {0: 1, 1: 0, 2: 0}).coef.round(12).tolist()
+    [0.0, 0.0, 0.0, 10.0, -15.0, 6.0]
+
+    Raises ValueError for conditions that fit no order or leave the position open.
+    """
+    rows, values = [], []
+    for z, given in ((0, start), (1, end)):
+        for k, value in sorted(_with_natural_conditions(order, given).items()):
+            rows.append([math.perm(j, k) * z ** (j - k) if j >= k else 0 for j in range(2 * order)])
+            values.append(value)
+    matrix, values = np.array(rows, float), np.array(values, float)
+    if np.linalg.matrix_rank(matrix) < 2 * order:
+        raise ValueError(f"`start` {start} and `end` {end} leave x open; give a position at one end")
+    return Polynomial(_solve_to_rounding(matrix, values))
+
+
+def _solve_to_rounding(matrix, values):
+    """Solution with each digit right: the entries are integers, so refinement in long double reaches rounding."""
+    solution = np.linalg.solve(matrix, values)
+    for _ in range(2):
+        residual = values - matrix.astype(np.longdouble) @ solution.astype(np.longdouble)
+        solution = solution + np.linalg.solve(matrix, residual.astype(float))
+    return solution
+
+
+def _with_natural_conditions(order, given):
+    if any(not 0 <= k < 2 * order for k in given):
+        raise ValueError(f"derivatives given must lie in 0..{2 * order - 1} for order {order}, got {sorted(given)}")
+    free = [k for k in range(order) if k not in given] if len(given) < order else []
+    conditions = dict(given) | {2 * order - 1 - k: 0.0 for k in free}
+    if len(conditions) != order:
+        raise ValueError(f"each end takes {order} conditions for order {order}, got derivatives {sorted(given)}")
+    return conditions
+
+
+@dataclass(frozen=True)
+class ComplexLaw:
+    """Rest-to-rest law that minimises a weighted sum of energy, acceleration and jerk (D 2.5).
+
+        I = d1 J1 + d2 J2 / 12 + d3 J3 / 720,  d3 = 1 - d1 - d2,  J_k = int_0^1 (s^(k))^2 dz
+        s^(6) - n1 s^(4) + n2 s'' = 0,  n1 = 60 d2/d3,  n2 = 720 d1/d3
+
+    with s(0) = 0, s(1) = 1 and s' = s'' = 0 at both ends (s' = 0 alone when d3 = 0, neither when d2 = d3 = 0: the
+    order falls). The roots p of p^4 - n1 p^2 + n2 = 0 may be real, equal or complex; `_Modes` treats all alike.
+
+    energy_weight, acceleration_weight : d1, d2 >= 0, d1 + d2 <= 1
+
+    >>> law = ComplexLaw(energy_weight=0.5, acceleration_weight=0.3)
+    >>> f"{law(0.5, nu=1):.10f}"
+    '1.6954401560'
+    """
+
+    energy_weight: float
+    acceleration_weight: float
+    x = np.array([0.0, 1.0])
+
+    def __post_init__(self):
+        d1, d2 = self.energy_weight, self.acceleration_weight
+        if not (d1 >= 0 and d2 >= 0 and d1 + d2 <= 1 + 1e-15):
+            raise ValueError(
+                f"`energy_weight` and `acceleration_weight` must be >= 0 with a sum <= 1, got {d1!r} and {d2!r}"
+            )
+
+    @property
+    def jerk_weight(self):
+        """d3 = 1 - d1 - d2."""
+        return max(0.0, 1.0 - self.energy_weight - self.acceleration_weight)
+
+    def __call__(self, z, nu=0):
+        """Derivative of order `nu` of s at z, 0 <= z <= 1."""
+        z = np.asarray(z, float)
+        slope, amplitudes = self._amplitudes
+        value = sum(a * mode(z, nu) for a, mode in zip(amplitudes, self._modes, strict=True))
+        return value + (0.5 + slope * (z - 0.5), slope)[nu] if nu < 2 else value + 0.0 * z
+
+    @cached_property
+    def _modes(self):
+        d1, d2, d3 = self.energy_weight, self.acceleration_weight, self.jerk_weight
+        if d3 > 0:
+            return _pair_of_modes(60 * d2 / d3, 720 * d1 / d3)
+        return [_single_mode(math.sqrt(12 * d1 / d2))] if d2 > 0 else []
+
+    @cached_property
+    def _amplitudes(self):
+        """Slope and mode amplitudes from s(1) = 1, s'(1) = 0, s''(1) = 0: s - 1/2 is odd about the middle."""
+        count = 1 + len(self._modes)
+        matrix = np.array([[(0.5, 1.0, 0.0)[k]] + [float(m(1.0, k)) for m in self._modes] for k in range(count)])
+        scale = np.abs(matrix).max(axis=1)
+        amplitudes = np.linalg.solve(matrix / scale[:, None], np.array([0.5, 0.0, 0.0])[:count] / scale)
+        return amplitudes[0], amplitudes[1:]
+
+
+def _pair_of_modes(n1, n2):
+    """Two odd solutions of m^(4) - n1 m'' + n2 m = 0 modulo u, independent for roots of any kind.
+
+    For p1, p2 > 0 or conjugate: (p1 +- p2)/2 = sqrt(n1 +- 2 sqrt(n2))/2.
+    """
+    mean = math.sqrt(n1 + 2 * math.sqrt(n2)) / 2
+    half_gap_squared = (n1 - 2 * math.sqrt(n2)) / 4
+    if half_gap_squared > 0:
+        large = mean + math.sqrt(half_gap_squared)
+        small = math.sqrt(n2) / large
+        if large > SERIES_LIMIT and small < large / 2:
+            return [_single_mode(large), _single_mode(small)]
+    if math.sqrt(mean**2 + abs(half_gap_squared)) > SERIES_LIMIT:
+        return [_EndLayer(mean, half_gap_squared, first) for first in (True, False)]
+    return [_series(n1, n2, lead) for lead in (1, 2)]
+
+
+def _single_mode(p):
+    """The odd solution of m'' = p^2 m, or for small p its part beyond u (the divided difference at p^2 and 0)."""
+    return _EndLayer(p, 0.0, True) if p > SERIES_LIMIT / 2 else _series(p**2, 0.0, 1)
+
+
+def _series(n1, n2, lead):
+    """Sum over k >= lead of h_(k-lead) u^(2k+1)/(2k+1)!, u = z - 1/2, h_k = n1 h_(k-1) - n2 h_(k-2), h_0 = 1.
+
+    The divided differences of sinh(p u)/p over p^2 in {p1^2, p2^2} (lead 1) and {0, p1^2, p2^2} (lead 2):
+    real, and smooth through double roots, complex roots and p = 0.
+    """
+    coefficients = np.zeros(2 * SERIES_TERMS + 2)
+    before, h = 0.0, 1.0
+    for k in range(lead, SERIES_TERMS):
+        coefficients[2 * k + 1] = h / math.factorial(2 * k + 1)
+        before, h = h, n1 * h - n2 * before
+    series = Polynomial(coefficients)
+    return lambda z, nu: series.deriv(nu)(z - 0.5) if nu else series(z - 0.5)
+
+
+@dataclass(frozen=True)
+class _EndLayer:
+    """Odd mode G(1 - z) - G(z) of a boundary layer at each end: nothing grows, so nothing overflows.
+
+    G is g1 = e^(-m y) cosh(q y) or g2 = e^(-m y) sinh(q y)/q, with q^2 of either sign; g1' = -m g1 + q^2 g2 and
+    g2' = -m g2 + g1, so a derivative only changes the two factors.
+    """
+
+    mean: float
+    half_gap_squared: float
+    first: bool
+
+    def __call__(self, z, nu):
+        rate = np.array([[-self.mean, 1.0], [self.half_gap_squared, -self.mean]])
+        factors = np.linalg.matrix_power(rate, nu) @ ([1.0, 0.0] if self.first else [0.0, 1.0])
+        return (-1) ** nu * self._layer(1 - z, factors) - self._layer(z, factors)
+
+    def _layer(self, y, factors):
+        m, q = self.mean, math.sqrt(abs(self.half_gap_squared))
+        if self.half_gap_squared > 0:
+            slow = np.exp(-(m - q) * y)
+            fall = -np.expm1(-2 * q * y)
+            return slow * (factors[0] * (1 - fall / 2) + factors[1] * fall / (2 * q))
+        return np.exp(-m * y) * (factors[0] * np.cos(q * y) + factors[1] * y * np.sinc(q * y / np.pi))
