@@ -1,0 +1,136 @@
+"""Forces on a cart that rolls between guide rails: the drive force and the reactions of its two guide wheels.
+
+Axes: x along the travel from the cart's centre, + towards the drive; y up from the drive pin. The mix lifts the
+rollers, the guide wheels press down on the cart from the upper rail; a wheel whose reaction turns negative has lifted
+off and runs on the lower rail. With s = sign of velocity, H the drive force and V = H tan(beta) the vertical pull of
+an inclined rod (paper C eqs 1-9, which hold as printed only for s = +1; reconstructed here, see errata C-6 to C-8):
+
+    H = m a + W + s f (|N1| + |N2|)
+    N1 + N2 = sum R - G + V
+    N1 x1 + N2 x2 = sum R x + V z - W (e + r) + s f (D/2) (N1 + N2)
+
+W is the resistance of the mix on the rollers' lowest points, e + r below the pin. The cart's centre of mass and the
+guide wheels' axles lie at the height of the pin: the paper does not say, and its numbers agree with that.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive
+
+
+@dataclass(frozen=True)
+class Cart:
+    """A cart and what presses on it.
+
+    mass : m [kg]; weight : G [N]
+    roller_positions : x of the rollers [m]; roller_reactions : R, lift of the mix on each [N]
+    guide_positions : x of the front and the rear guide wheel [m], front > rear
+    pin_position : x of the drive pin, z [m]; pin_height : e, above the rollers' axles [m]
+    roller_radius : r [m]; guide_wheel_diameter : D [m]; guide_friction : f, Coulomb at the guide wheels
+    """
+
+    mass: float
+    weight: float
+    roller_positions: tuple[float, ...]
+    roller_reactions: tuple[float, ...]
+    guide_positions: tuple[float, float]
+    pin_position: float
+    pin_height: float
+    roller_radius: float
+    guide_wheel_diameter: float
+    guide_friction: float
+
+    def __post_init__(self):
+        refuse_negative(
+            mass=self.mass,
+            weight=self.weight,
+            roller_reactions=self.roller_reactions,
+            guide_friction=self.guide_friction,
+            guide_wheel_diameter=self.guide_wheel_diameter,
+        )
+        refuse_nonpositive(roller_radius=self.roller_radius)
+        refuse_nonfinite(
+            roller_positions=self.roller_positions,
+            guide_positions=self.guide_positions,
+            pin_position=self.pin_position,
+            pin_height=self.pin_height,
+        )
+        if len(self.roller_positions) != len(self.roller_reactions):
+            raise ValueError(
+                f"`roller_reactions` must be one per roller, got {len(self.roller_reactions)} "
+                f"for {len(self.roller_positions)} positions"
+            )
+        if not self.guide_positions[0] > self.guide_positions[1]:
+            raise ValueError(f"`guide_positions` must be (front, rear) with front > rear, got {self.guide_positions}")
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Forces that keep the cart in balance; arrays of one shape.
+
+    drive_force : H, along the travel [N], + towards the drive
+    front_reaction, rear_reaction : N1, N2 of the guide wheels [N], + from the upper rail, - from the lower one
+    guide_friction : s f (|N1| + |N2|) [N]
+    """
+
+    drive_force: np.ndarray
+    front_reaction: np.ndarray
+    rear_reaction: np.ndarray
+    guide_friction: np.ndarray
+
+
+def balance(cart, acceleration, resistance, direction, rod_tangent=0.0):
+    """`Balance` of a cart in motion; all but the cart are arrays or numbers that broadcast.
+
+    acceleration : a [m/s^2]; resistance : W, signed like the velocity [N]
+    direction : s, sign of the velocity, 0 standing; rod_tangent : tan(beta), + where the rod rises to the drive
+
+    The reactions are linear in H, N_i = A_i + B_i H, so H - s f (|N1| + |N2|) = m a + W is piecewise linear and
+    rises while f (|B1| + |B2|) < 1: of the four pairs of signs one fits. Raises ValueError for a rod so steep that
+    friction locks the cart.
+    """
+    acceleration, resistance, direction, tangent = np.broadcast_arrays(acceleration, resistance, direction, rod_tangent)
+    needed = cart.mass * acceleration + resistance
+    slide = direction * cart.guide_friction
+    (front_0, rear_0), (front_1, rear_1) = _reactions(cart, resistance, slide, tangent)
+    if np.any(np.abs(slide) * (np.abs(front_1) + np.abs(rear_1)) >= 1):
+        raise ValueError(f"the rod is too steep: `guide_friction` {cart.guide_friction!r} locks the cart")
+    force, gap = np.zeros(needed.shape), np.full(needed.shape, np.inf)
+    for front_sign, rear_sign in product((1, -1), repeat=2):
+        offset, slope = front_sign * front_0 + rear_sign * rear_0, front_sign * front_1 + rear_sign * rear_1
+        trial = (needed + slide * offset) / (1 - slide * slope)
+        friction = slide * (np.abs(front_0 + front_1 * trial) + np.abs(rear_0 + rear_1 * trial))
+        trial_gap = np.abs(trial - friction - needed)
+        force, gap = np.where(trial_gap < gap, trial, force), np.minimum(gap, trial_gap)
+    front, rear = front_0 + front_1 * force, rear_0 + rear_1 * force
+    return Balance(force, front, rear, slide * (np.abs(front) + np.abs(rear)))
+
+
+def _reactions(cart, resistance, slide, tangent):
+    """(A1, A2), (B1, B2) of N_i = A_i + B_i H from the sum of vertical forces and of moments about the pin's height."""
+    front, rear = cart.guide_positions
+    lift = np.sum(cart.roller_reactions) - cart.weight
+    lever = slide * cart.guide_wheel_diameter / 2
+    moment = np.dot(cart.roller_reactions, cart.roller_positions) - resistance * (cart.pin_height + cart.roller_radius)
+    constant = _share(lift, moment + lever * lift, front, rear)
+    return constant, _share(tangent, cart.pin_position * tangent + lever * tangent, front, rear)
+
+
+def _share(total, moment, front, rear):
+    """N1, N2 with N1 + N2 = total and N1 x1 + N2 x2 = moment."""
+    return (moment - rear * total) / (front - rear), (front * total - moment) / (front - rear)
+
+
+def moment_residual(cart, forces, resistance, direction, rod_tangent=0.0):
+    """What is left of the moments about the pin [N m], written out wheel by wheel: zero for a `Balance`."""
+    rollers = np.dot(cart.roller_reactions, cart.roller_positions)
+    mix = -np.asarray(resistance) * (cart.pin_height + cart.roller_radius)
+    rod = cart.pin_position * forces.drive_force * rod_tangent
+    guides = 0.0
+    for x, reaction in zip(cart.guide_positions, (forces.front_reaction, forces.rear_reaction), strict=True):
+        rail = np.sign(reaction) * cart.guide_wheel_diameter / 2  # the wheel touches the rail that loads it
+        guides = guides - reaction * x + rail * direction * cart.guide_friction * np.abs(reaction)
+    return rollers + mix + rod + guides
