@@ -13,9 +13,9 @@ def shown(value, holds):
     """The value itself, or of a large array the first element that breaks the rule and its place."""
     array = np.asarray(value)
     if array.size <= 4:
-        return f"{value!r}" if array.ndim == 0 else f"{array.tolist()!r}"
+        return f"{array.tolist()!r}"
     place = tuple(int(i) for i in np.argwhere(~holds(array))[0])
-    return f"{array[place]!r} at index {place if len(place) > 1 else place[0]}"
+    return f"{array[place].item()!r} at index {place if len(place) > 1 else place[0]}"
 
 
 def refuse_nonpositive(**quantities):

@@ -1,0 +1,425 @@
+"""Loads by formula and exact line contact: closed forms, published numbers, hard cases, balances, refusals."""
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from compact import contact
+from compact.material import Elastic
+from compact.records import Layer, Roller
+
+MIX = {"youngs_modulus": 0.75e6, "poisson": 0.3}
+BULK = Layer(height=10.0)  # high enough to be a half-plane
+
+frictions = st.floats(-3, 3)
+poissons = st.floats(0, 0.5)
+radii = st.floats(0.01, 1.0)
+moduli = st.floats(1e4, 1e9)
+loads = st.floats(1.0, 1e5)
+
+
+def double_exponential(trailing, length):
+    """Nodes and weights over the contact, exponentially exact for any power at the edges."""
+    t = np.linspace(-3.2, 3.2, 321)
+    share = 1 / (1 + np.exp(-np.pi * np.sinh(t)))
+    weights = np.pi * np.cosh(t) * share * (1 - share) * (t[1] - t[0])
+    return trailing + length * share, length * weights
+
+
+# closed form
+
+
+@pytest.mark.parametrize("target", [{"load": 8e3}, {"peak_pressure": 1e5}, {"contact_length": 0.05}], ids=str)
+def test_galin_without_friction_is_hertz(target):
+    twin = {"half_width": 0.025} if "contact_length" in target else target
+    hertz = contact.hertz(radius=0.11, **MIX, **twin)
+    galin = contact.galin(radius=0.11, friction=0.0, **MIX, **target)
+    x = np.linspace(-0.05, 0.05, 101)
+    assert galin.pressure(x) == pytest.approx(hertz.pressure(x), rel=1e-13)
+    for name in ("exponent", "contact_length", "load", "peak_pressure", "leading", "trailing", "contact_modulus"):
+        assert getattr(galin, name) == pytest.approx(getattr(hertz, name), rel=1e-14)
+    assert galin.centroid == hertz.centroid == 0
+
+
+def test_hertz_takes_the_contact_modulus_or_what_it_is_made_of():
+    plain = contact.hertz(radius=0.11, contact_modulus=0.75e6 / 0.91, load=8e3)
+    assert plain.half_width == pytest.approx(contact.hertz(radius=0.11, load=8e3, **MIX).half_width, rel=1e-15)
+
+
+@pytest.mark.parametrize("friction", [-0.8, -0.1, 0.0, 0.35, 2.0])
+@pytest.mark.parametrize("share", [0.1, 0.37, 0.9])
+def test_pressure_solves_the_equation_of_sliding_contact(friction, share):
+    c = contact.galin(radius=0.11, friction=friction, contact_length=0.05, **MIX)
+    x = c.trailing + share * c.contact_length
+    s, weights = double_exponential(c.trailing, c.contact_length)
+    p = c.pressure(x)
+    principal = np.sum(weights * (c.pressure(s) - p) / (x - s)) + p * np.log((x - c.trailing) / (c.leading - x))
+    b = (1 - 2 * 0.3) / (2 - 2 * 0.3)
+    assert principal / np.pi - friction * b * p == pytest.approx(c.contact_modulus * x / (2 * 0.11), rel=1e-9)
+
+
+def test_engineering_capture_angle_is_5_9_percent_below_hertz():
+    hertz = contact.hertz(radius=0.11, peak_pressure=0.05e6, **MIX)
+    sine = np.sin(contact.capture_angle(0.05e6, 0.75e6, 0.3, 0.5))
+    assert sine / (hertz.half_width / 0.11) == pytest.approx(0.94125, rel=1e-12)
+
+
+def test_engineering_force_is_0_26_percent_above_hertz():
+    phi = 0.2
+    hertz = contact.hertz(radius=0.11, half_width=0.11 * np.sin(phi), **MIX)
+    force = contact.roller_force(phi, 0.75e6, 0.3, 0.5, 0.11, length=1.0)
+    assert force / hertz.load == pytest.approx(1 / (20.32 / 16 * np.pi / 4), rel=1e-12)
+    assert force / hertz.load == pytest.approx(1.0026, abs=5e-5)
+
+
+def test_engineering_contact_length_is_that_of_a_driven_roller():
+    driven = contact.galin(radius=0.11, friction=-0.35, load=5e3, **MIX)
+    alpha = contact.pressure_exponent(0.3, 0.35)
+    length = contact.contact_length(np.arcsin(driven.leading / 0.11), 0.11, alpha)
+    assert length == pytest.approx(driven.contact_length, rel=1e-13)
+
+
+def test_one_sided_force_lacks_the_exponent_in_the_denominator():
+    both = contact.roller_force(0.3, 0.75e6, 0.3, 0.4, 0.11, 1.164)
+    front = contact.roller_force(0.3, 0.75e6, 0.3, 0.4, 0.11, 1.164, one_sided=True)
+    assert front == pytest.approx(0.4 * both, rel=1e-14)
+
+
+def test_exponent_is_one_half_without_friction():
+    assert contact.pressure_exponent(0.3, 0.0) == 0.5
+
+
+# published numbers
+
+GUIDE = {
+    "bearing_friction": 0.05,
+    "journal_diameter": 0.02,
+    "rolling_arm": 0.0005,
+    "wheel_diameter": 0.046,
+    "rib_factor": 1.5,
+}
+
+
+# theory.md section 2: the data of Loveikin and Pochka 2015, our reconstruction of the operators
+def test_regression_of_the_engineering_method():
+    alpha = contact.pressure_exponent(0.3, 0.35)
+    phi = contact.capture_angle(0.203e6, 0.75e6, 0.3, alpha)
+    force = contact.roller_force(phi, 0.75e6, 0.3, alpha, 0.11, 1.164)
+    front = contact.roller_force(phi, 0.75e6, 0.3, alpha, 0.11, 1.164, 1.0, True)
+    length = contact.contact_length(phi, 0.11, alpha)
+    resistance = contact.roller_resistance(force, length, 0.11, alpha, 0.12 + 0.05)
+    cart = contact.cart_resistance(force, resistance, 2, 1e4, **GUIDE)
+    got = [alpha, phi, force, front, length, resistance, cart, contact.cart_power(cart, 0.16)]
+    printed = [
+        0.4682744826, 0.5122266165, 17720.764176, 8298.181675, 0.1013927703, 3358.002985, 8375.236079, 1340.037773,
+    ]  # fmt: skip
+    assert got == pytest.approx(printed, rel=1e-9)
+
+
+def test_regression_of_the_layout():
+    rollers = contact.rollers_needed(1.164, 0.11, 0.18, 0.012)
+    assert rollers == 3
+    assert contact.stroke_needed(1.164, rollers, 0.012) == pytest.approx(0.400, rel=1e-9)
+    bounds = contact.radius_range(0.22)
+    assert (bounds.low, bounds.high) == pytest.approx((0.088, 0.121), rel=1e-9)
+
+
+# reference/contact.md a
+@pytest.mark.parametrize(
+    ("youngs_modulus", "poisson", "half_width", "load", "peak_pressure"),
+    [
+        (1e6, 0.3, 0.0200, 3138.4542, 99900.100),
+        (1e6, 0.3, 0.0376, 11092.5525, 187812.188),
+        (1e6, 0.45, 0.0200, 3581.1828, 113992.590),
+    ],
+)
+def test_published_hertz(youngs_modulus, poisson, half_width, load, peak_pressure):
+    c = contact.hertz(radius=0.11, youngs_modulus=youngs_modulus, poisson=poisson, half_width=half_width)
+    assert (c.load, c.peak_pressure) == pytest.approx(
+        (load, peak_pressure), rel=2e-8
+    )  # printed digits are cut, not rounded
+
+
+# reference/contact.md b: l = 1, R = 1, E* = 1
+@pytest.mark.parametrize(
+    ("friction", "exponent", "load", "peak_pressure", "centroid", "lowest", "arm"),
+    [
+        (0.0, 0.5, 0.19634954, 0.25, 0.5, 0.5, 0.0),
+        (0.1, 0.49090791, 0.19628461, 0.24993934, 0.49696930, 0.50909209, -0.01212279),
+        (0.3, 0.47278282, 0.19576774, 0.24945615, 0.49092761, 0.52721718, -0.03628957),
+        (0.5, 0.45483276, 0.19474727, 0.24850061, 0.48494425, 0.54516724, -0.06022298),
+    ],
+)
+def test_published_galin(friction, exponent, load, peak_pressure, centroid, lowest, arm):
+    c = contact.galin(radius=1.0, youngs_modulus=0.91, poisson=0.3, friction=friction, contact_length=1.0)
+    got = (c.exponent, c.load, c.peak_pressure, c.centroid - c.trailing, -c.trailing, c.centroid)
+    assert got == pytest.approx((exponent, load, peak_pressure, centroid, lowest, arm), abs=1.01e-8)
+
+
+# hard cases
+
+
+@pytest.mark.parametrize("friction", [1e-300, 1e-12, 0.35, 1e3, 1e12, 1e300])
+def test_exponent_keeps_its_digits(friction):
+    with mpmath.workdps(340):
+        exact = mpmath.acot(mpmath.mpf(friction) * (1 - 2 * mpmath.mpf(0.3)) / (2 - 2 * mpmath.mpf(0.3))) / mpmath.pi
+        assert contact.pressure_exponent(0.3, friction) == pytest.approx(float(exact), rel=1e-14)
+
+
+@pytest.mark.parametrize("friction", [-1e12, -30.0, -3.4, 3.4, 30.0, 1e12])
+def test_huge_friction_keeps_the_balance_of_edges_and_load(friction):
+    c = contact.galin(radius=0.11, friction=friction, load=8e3, **MIX)
+    small = min(c.leading, -c.trailing)
+    assert small == pytest.approx(np.arctan2(1, abs(friction) * 0.4 / 1.4) / np.pi * c.contact_length, rel=1e-13)
+    assert c.leading - c.trailing == pytest.approx(c.contact_length, rel=1e-14)
+    ratio = small / c.contact_length
+    assert c.contact_length == pytest.approx(
+        np.sqrt(4 * 0.11 * 8e3 / (np.pi * ratio * (1 - ratio) * c.contact_modulus)), rel=1e-13
+    )
+
+
+def test_tilt_keeps_its_digits_at_tiny_friction():
+    c = contact.galin(radius=0.11, friction=1e-12, contact_length=1.0, **MIX)
+    assert c.centroid == pytest.approx(-4 / (3 * np.pi) * 1e-12 * 0.4 / 1.4, rel=1e-12)
+
+
+@pytest.mark.parametrize("poisson", [0.5 - 1e-12, 0.5])
+def test_incompressible_half_plane_does_not_feel_friction(poisson):
+    assert contact.pressure_exponent(poisson, 0.8) == pytest.approx(0.5, abs=1e-12)
+    c = contact.galin(radius=0.11, youngs_modulus=1e6, poisson=poisson, friction=0.8, load=8e3)
+    assert c.centroid == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("pressure", [1e-290, 1e-8, 1.0])
+def test_capture_angle_keeps_its_digits_at_tiny_pressure(pressure):
+    with mpmath.workdps(30):
+        exact = mpmath.asin(mpmath.mpf(7.53) * (1 - mpmath.mpf(0.3) ** 2) / 4 * pressure / 1e6)
+        assert contact.capture_angle(pressure, 1e6, 0.3, 0.5) == pytest.approx(float(exact), rel=1e-14)
+
+
+def test_capture_angle_reaches_a_right_angle():
+    pressure = 0.9999999999 * 1e6 / (7.53 / 4)
+    assert contact.capture_angle(pressure, 1e6, 0.0, 0.5) == pytest.approx(np.pi / 2, abs=2e-5)
+
+
+@pytest.mark.parametrize("quotient", [2.9999999999999996, 3.0, 3.0000000000000004])
+def test_rounding_asks_for_no_extra_roller(quotient):
+    assert contact.rollers_needed(quotient, 0.5, 0.0, 0.0) == 3
+
+
+@pytest.mark.parametrize(("quotient", "rollers"), [(1e-6, 1), (3.00001, 4), (2.00001, 3)])
+def test_rollers_are_rounded_up(quotient, rollers):
+    assert contact.rollers_needed(quotient, 0.5, 0.0, 0.0) == rollers
+
+
+def test_pressure_is_zero_at_and_beyond_the_edges():
+    c = contact.galin(radius=0.11, friction=0.35, load=8e3, **MIX)
+    outside = np.array([-1.0, c.trailing, c.leading, np.nextafter(c.leading, 1), 1.0])
+    assert np.all(c.pressure(outside) == 0)
+
+
+def test_formulas_broadcast():
+    friction, poisson = np.array([[0.1], [0.4]]), np.array([0.2, 0.3, 0.4])
+    alpha = contact.pressure_exponent(poisson, friction)
+    phi = contact.capture_angle(0.1e6, 1e6, poisson, alpha)
+    force = contact.roller_force(phi, 1e6, poisson, alpha, 0.11, 1.164)
+    cart = contact.cart_resistance(force, 0.1 * force, np.array([1, 2, 3]), 1e4, **GUIDE)
+    assert alpha.shape == phi.shape == force.shape == cart.shape == (2, 3)
+    one = contact.pressure_exponent(0.3, 0.4)
+    assert alpha[1, 1] == one
+    assert phi[1, 1] == pytest.approx(contact.capture_angle(0.1e6, 1e6, 0.3, one), rel=1e-14)
+
+
+def test_galin_broadcasts():
+    friction, load = np.array([[-0.3], [0.0], [5.0]]), np.array([1e3, 1e4])
+    many = contact.galin(radius=0.11, friction=friction, load=load, **MIX)
+    one = contact.galin(radius=0.11, friction=-0.3, load=1e4, **MIX)
+    assert many.pressure(0.01).shape == (3, 2)
+    assert many.pressure(0.01)[0, 1] == pytest.approx(one.pressure(0.01), rel=1e-13)
+
+
+def test_dry_resistance_is_zero_at_rest_and_tells_its_limit():
+    resistance = contact.dry_resistance(3486.0)
+    assert resistance(np.array([-2.0, 0.0, 1e-300]), 0.5).tolist() == [-3486.0, 0.0, 3486.0]
+    assert resistance(1.0, np.zeros(3)).shape == (3,)
+    assert resistance.force == 3486.0
+
+
+# properties
+
+
+@given(radii, moduli, poissons, frictions, loads)
+def test_pressure_carries_the_load_at_its_centroid(radius, modulus, poisson, friction, load):
+    c = contact.galin(radius=radius, youngs_modulus=modulus, poisson=poisson, friction=friction, load=load)
+    x, weights = double_exponential(c.trailing, c.contact_length)
+    carried = weights * c.pressure(x)
+    assert np.sum(carried) == pytest.approx(load, rel=1e-10)
+    assert np.sum(carried * x) / load == pytest.approx(c.centroid, abs=1e-10 * c.contact_length)
+
+
+@given(radii, moduli, poissons, frictions, loads)
+def test_pressure_peaks_where_and_as_high_as_told(radius, modulus, poisson, friction, load):
+    c = contact.galin(radius=radius, youngs_modulus=modulus, poisson=poisson, friction=friction, load=load)
+    top = c.trailing + c.exponent * c.contact_length
+    assert c.pressure(top) == pytest.approx(c.peak_pressure, rel=1e-10)
+    assert np.all(c.pressure(np.linspace(c.trailing, c.leading, 201)) <= c.peak_pressure * (1 + 1e-12))
+
+
+@given(radii, moduli, poissons, frictions, loads)
+def test_every_target_gives_the_same_contact(radius, modulus, poisson, friction, load):
+    given_ = {"radius": radius, "youngs_modulus": modulus, "poisson": poisson, "friction": friction}
+    c = contact.galin(**given_, load=load)
+    assert contact.galin(**given_, contact_length=c.contact_length).load == pytest.approx(load, rel=1e-13)
+    assert contact.galin(**given_, peak_pressure=c.peak_pressure).load == pytest.approx(load, rel=1e-13)
+
+
+@given(poissons, frictions)
+def test_turning_the_traction_mirrors_the_contact(poisson, friction):
+    one = contact.galin(radius=0.11, youngs_modulus=1e6, poisson=poisson, friction=friction, load=8e3)
+    other = contact.galin(radius=0.11, youngs_modulus=1e6, poisson=poisson, friction=-friction, load=8e3)
+    assert (one.leading, one.trailing) == pytest.approx((-other.trailing, -other.leading), rel=1e-13)
+    assert one.centroid == pytest.approx(-other.centroid, rel=1e-13)
+
+
+@given(loads, st.floats(1e-6, 1e3))
+def test_width_grows_as_the_root_of_the_load(load, scale):
+    width = contact.hertz(radius=0.11, load=load, **MIX).half_width
+    assert contact.hertz(radius=0.11, load=scale * load, **MIX).half_width == pytest.approx(width * np.sqrt(scale))
+
+
+ROLLINGS = ["frictionless", "free", "sliding", "driven"]
+
+
+@pytest.mark.parametrize("rolling", ROLLINGS)
+@given(friction=st.floats(0, 1), speed=st.floats(1e-6, 10))
+def test_resistance_is_odd_in_speed(rolling, friction, speed):
+    roller = Roller(0.11, load=4e3, friction=friction, rolling=rolling)
+    forth, back = (contact.roll(BULK, roller, Elastic(**MIX), v) for v in (speed, -speed))
+    assert back.resistance == -forth.resistance
+    assert (back.load, back.leading, back.trailing) == (forth.load, forth.leading, forth.trailing)
+    assert back.x.tolist() == (-forth.x[::-1]).tolist()
+    assert back.shear_traction.tolist() == (-forth.shear_traction[::-1]).tolist()
+    assert np.all(np.diff(back.x) > 0)
+
+
+@pytest.mark.parametrize("rolling", ROLLINGS)
+@pytest.mark.parametrize("speed", [-0.2, 0.2])
+def test_resistance_is_the_force_of_the_tractions(rolling, speed):
+    roller = Roller(0.11, peak_pressure=1e5, friction=0.35, rolling=rolling)
+    rolled = contact.roll(BULK, roller, Elastic(**MIX), speed)
+    horizontal = rolled.pressure * rolled.x / 0.11 + rolled.shear_traction
+    assert np.trapezoid(rolled.pressure, rolled.x) == pytest.approx(rolled.load, rel=1e-3)
+    assert np.trapezoid(horizontal, rolled.x) == pytest.approx(rolled.resistance, rel=1e-3, abs=1e-9)
+    assert rolled.pressure.max() == pytest.approx(1e5, rel=1e-3)
+    assert rolled.error is rolled.work_residual is None
+
+
+@pytest.mark.parametrize(("rolling", "sign"), [("frictionless", 0), ("free", 0), ("sliding", 1), ("driven", -1)])
+def test_rolling_says_which_way_the_mix_is_dragged(rolling, sign):
+    rolled = contact.roll(BULK, Roller(0.11, load=4e3, friction=0.35, rolling=rolling), Elastic(**MIX), 0.2)
+    assert np.sign(rolled.resistance) == np.sign(rolled.shear_traction[100]) == sign
+    assert np.sign(-rolled.trailing - rolled.leading) == sign  # the long side lies behind a sliding roller
+
+
+@pytest.mark.parametrize(("rolling", "friction"), [("frictionless", 0.0), ("free", 0.35), ("driven", 0.35)])
+def test_rolled_shows_the_engineering_method_at_its_peak_pressure(rolling, friction):
+    rolled = contact.roll(BULK, Roller(0.11, load=4e3, friction=0.35, rolling=rolling), Elastic(**MIX), 0.2)
+    alpha = contact.pressure_exponent(0.3, friction)
+    phi = contact.capture_angle(rolled.peak_pressure, 0.75e6, 0.3, alpha)
+    force = contact.roller_force(phi, 0.75e6, 0.3, alpha, 0.11, 1.0)
+    length = contact.contact_length(phi, 0.11, alpha)
+    assert (rolled.exponent, rolled.capture_angle, rolled.contact_length) == (alpha, phi, length)
+    assert (rolled.engineering_load, rolled.mean_pressure) == (force, force / length)
+    assert rolled.engineering_resistance == contact.roller_resistance(force, length, 0.11, alpha, 0.0)
+
+
+# refusals
+
+GOOD = {
+    "radius_range": {"height": 0.22},
+    "rollers_needed": {"width": 1.164, "radius": 0.11, "feeder_sleeve": 0.18, "overlap": 0.012},
+    "stroke_needed": {"width": 1.164, "rollers": 3, "overlap": 0.012},
+    "pressure_exponent": {"poisson": 0.3, "friction": 0.35},
+    "capture_angle": {"pressure": 1e5, "youngs_modulus": 1e6, "poisson": 0.3, "exponent": 0.47},
+    "roller_force": {
+        "capture_angle": 0.3, "youngs_modulus": 1e6, "poisson": 0.3, "exponent": 0.47, "radius": 0.11, "length": 1.0,
+        "nonuniformity": 1.0,
+    },
+    "contact_length": {"capture_angle": 0.3, "radius": 0.11, "exponent": 0.47},
+    "roller_resistance": {"force": 1e4, "contact_length": 0.1, "radius": 0.11, "exponent": 0.47, "friction": 0.1},
+    "cart_resistance": {"force": 1e4, "roller_resistance": 3e3, "rollers": 2, "weight": 1e4, **GUIDE},
+    "cart_power": {"resistance": 3e3, "velocity": 0.16},
+    "hertz": {"radius": 0.11, "contact_modulus": 1e6, "load": 1e3},
+    "galin": {"radius": 0.11, "youngs_modulus": 1e6, "poisson": 0.3, "friction": 0.35, "load": 1e3},
+    "dry_resistance": {"force": 1e3},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, np.array([0.1, np.nan])], ids=["nan", "inf", "in an array"])
+@pytest.mark.parametrize(("formula", "name"), [(formula, name) for formula in GOOD for name in GOOD[formula]])
+def test_nonfinite_values_are_refused_by_name(formula, name, bad):
+    with pytest.raises(ValueError, match=f"`{name}` must .*got .*(nan|inf)"):
+        getattr(contact, formula)(**{**GOOD[formula], name: bad})
+
+
+@pytest.mark.parametrize(
+    ("formula", "change", "message"),
+    [
+        ("radius_range", {"height": -0.22}, "`height` must be positive and finite, got -0.22"),
+        ("rollers_needed", {"overlap": 0.5}, r"`overlap` must be less than 2 `radius` \+ `feeder_sleeve`.*-0\.0(9|10)"),
+        ("rollers_needed", {"overlap": -0.1}, "`overlap` must be zero or positive, and finite, got -0.1"),
+        ("stroke_needed", {"overlap": 0.5}, "`overlap` must be less than .* `width`/`rollers`, exceeds by 0.1(1|2)"),
+        ("stroke_needed", {"rollers": 2.5}, "`rollers` must be a whole number >= 1, got 2.5"),
+        ("stroke_needed", {"rollers": 0}, "`rollers` must be a whole number >= 1, got 0"),
+        ("pressure_exponent", {"poisson": 0.6}, "`poisson` must be between 0 and 0.5, got 0.6"),
+        ("capture_angle", {"pressure": 1e6}, r"lower `pressure` or raise `youngs_modulus`: sin phi would be .*1\.8"),
+        ("capture_angle", {"exponent": 1.0}, "`exponent` must lie between 0 and 1, got 1.0"),
+        ("capture_angle", {"pressure": 0.0}, "`pressure` must be positive and finite, got 0.0"),
+        ("contact_length", {"capture_angle": 1.6}, "`capture_angle` must lie between 0 and pi/2, got 1.6"),
+        ("roller_force", {"length": 0.0}, "`length` must be positive and finite, got 0.0"),
+        ("roller_resistance", {"friction": -0.1}, "`friction` must be zero or positive, and finite, got -0.1"),
+        ("cart_resistance", {"rollers": 1.5}, "`rollers` must be a whole number >= 1, got 1.5"),
+        ("hertz", {"poisson": 0.3}, "give either `contact_modulus`, or `youngs_modulus` with `poisson`"),
+        ("hertz", {"contact_modulus": None}, "give either `contact_modulus`, or `youngs_modulus` with `poisson`"),
+        ("hertz", {"half_width": 0.1}, "exactly one of `load`, `half_width`, `peak_pressure`, got load, half_width"),
+        ("galin", {"load": None}, "give exactly one of `load`, `contact_length`, `peak_pressure`, got none"),
+        ("galin", {"load": -1.0}, "`load` must be positive and finite, got -1"),
+        ("dry_resistance", {"force": -1.0}, "`force` must be zero or positive, and finite, got -1"),
+    ],
+)
+def test_impossible_values_are_refused(formula, change, message):
+    with pytest.raises(ValueError, match=message):
+        getattr(contact, formula)(**{**GOOD[formula], **change})
+
+
+def test_a_refusal_points_into_a_large_array():
+    pressure = np.full(1000, 1e5)
+    pressure[7] = 1e6
+    with pytest.raises(ValueError, match=r"sin phi would be .*1\.8.* at index 7"):
+        contact.capture_angle(pressure, 1e6, 0.3, 0.47)
+
+
+@pytest.mark.parametrize(
+    ("roller", "material", "speed", "message"),
+    [
+        (Roller(0.11, load=1e3), Elastic(1e6, 0.3), 0.0, "`speed` must not be 0"),
+        (Roller(0.11, load=1e3), Elastic(1e6, 0.3), np.nan, "`speed` must be finite, got nan"),
+        (Roller(0.11, indentation=0.003), Elastic(1e6, 0.3), 0.2, "`indentation` is undefined.*0.003; give `load`"),
+        (Roller(0.11, load=1e3, profile="circle"), Elastic(1e6, 0.3), 0.2, "'parabola', got 'circle'; use fem"),
+        (Roller(0.11, load=1e3, rolling="gliding"), Elastic(1e6, 0.3), 0.2, "no rolling 'gliding'.*sliding"),
+        (Roller(0.11, load=1e3), object(), 0.2, "`material` with `youngs_modulus`, got object; use fem"),
+        (Roller(0.11, load=1e6), Elastic(1e6, 0.3), 0.2, "no capture angle"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_the_formula_engine_refuses_what_it_cannot_know(roller, material, speed, message):
+    with pytest.raises(ValueError, match=message):
+        contact.roll(BULK, roller, material, speed)
+
+
+def test_a_thin_layer_is_warned_of():
+    message = r"needs `half_width` < 0.5 `height`, got 0.0\d+ m for 0.05 m.*spectral or fem"
+    with pytest.warns(UserWarning, match=message):
+        contact.roll(Layer(0.05), Roller(0.11, load=4e3), Elastic(**MIX), 0.2)
