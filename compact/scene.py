@@ -1,0 +1,313 @@
+"""The typed scene: machine, product, mix, layer, motion, drive; read from TOML, checked once, immutable.
+
+    scene = load_scene("studies/scenes/loveikin-2015.toml")
+    wetter = scene.replaced(**{"mix.moisture": 0.11})
+
+SI units everywhere; every physical number is stated in the file, none has a default here. A scene comes only out of
+`load_scene`, `parse_scene` and `Scene.replaced`: these check the fields and the rules between them, and report all
+mistakes of one file together.
+"""
+
+import json
+import tomllib
+from collections.abc import Mapping
+from hashlib import sha256
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, Strict, ValidationError
+
+from compact.records import Base, Profile, Rolling
+from compact.scene_errors import (
+    Mistake,
+    SceneError,
+    Source,
+    field_mistakes,
+    key_lines,
+    syntax_sentence,
+    undecodable_sentence,
+    unreadable_sentence,
+)
+from compact.scene_rules import ADVICE, RULES, sentences, tables_exist
+
+__all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "starter_scene"]
+
+# The keys of `motion.LAWS`, restated because importing `motion` costs 0.7 s of scipy; a test holds the two equal.
+Law = Literal[
+    "constant-velocity", "cubic", "quintic", "septic", "complex", "combined-2", "combined-3", "combined-4",
+    "reversal-2", "reversal-3", "reversal-4", "reversal-3-free-acceleration", "reversal-4-free-acceleration",
+    "reversal-4-free-jerk", "reversal-4-free-both", "crank", "gear-sector", "parabolic", "harmonic", "cycloidal",
+    "modified-trapezoid",
+]  # fmt: skip
+LAW_NAMES: tuple[str, ...] = get_args(Law)
+
+Wanted = Literal["tables", "figures", "cams", "reactions", "crank"]
+RankBy = Literal["peak_force", "peak_power", "rms_force", "rms_power", "energy", "peak_jerk"]
+Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
+COUNT_LIMIT = 1_000_000  # beyond any machine; keeps a slip such as 0xffff... out of loops and printouts
+
+# TOML has lists only: these alone are taken leniently, and kept as tuples
+Numbers = Annotated[tuple[float, ...], Strict(False)]
+Laws = Annotated[tuple[Literal[Law, "all"], ...], Strict(False)]
+Names = Annotated[tuple[str, ...], Strict(False)]
+Ranks = Annotated[tuple[RankBy, ...], Strict(False)]
+Outputs = Annotated[tuple[Wanted, ...], Strict(False)]
+
+
+def _positive(meaning: str) -> Any:
+    return Field(gt=0, description=meaning)
+
+
+def _nonnegative(meaning: str) -> Any:
+    return Field(ge=0, description=meaning)
+
+
+def _between(low: float, high: float, meaning: str) -> Any:
+    return Field(ge=low, le=high, description=meaning)
+
+
+def _optional(meaning: str, **bounds: Any) -> Any:
+    return Field(default=None, description=meaning, **(bounds or {"gt": 0}))
+
+
+class _Table(BaseModel):
+    """What all tables share: immutable, strict types, finite numbers, no unknown keys."""
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
+
+
+class Machine(_Table):
+    """The cart, its rollers, guides and drive pin; positions are from the cart's centre, + towards the drive."""
+
+    mass: float = _positive("the mass m of the cart in kg")
+    weight: float = _positive("the weight G of the cart in N")  # apart from mass: the paper rounds g to 10
+    rollers: int = _between(1, COUNT_LIMIT, "the number of rollers of one cart")
+    roller_radius: float = _positive("the radius in m")
+    roller_length: float = _positive("the length L of one roller, across the travel, in m")
+    roller_positions: Numbers = Field(description="one position per roller in m, + towards the drive")
+    guide_positions: Numbers = Field(
+        min_length=2, max_length=2, description="the positions of the [front, rear] guide wheels in m"
+    )
+    pin_position: float = Field(description="the position of the drive pin in m, + towards the drive")
+    pin_height: float = Field(description="the height of the drive pin above the roller axle in m")
+    guide_wheel_diameter: float = _positive("the diameter D of the guide wheels in m")
+    guide_friction: float = _between(0, 1, "the Coulomb coefficient at the guide wheels")
+    journal_diameter: float = _positive("the journal diameter d of the guide wheels in m (eq 1.9)")
+    bearing_friction: float = _between(0, 1, "the friction f3 of bush on journal (eqs 1.8, 1.9)")
+    rolling_arm: float = _nonnegative("the rolling-friction arm f4 of the guide wheels in m (eq 1.9)")
+    rib_factor: float = Field(ge=1, description="the factor f5 for rubbing of the wheel ribs, 1 for none (eq 1.9)")
+    roller_friction: float = _between(0, 1, "the friction f2 of the roller (eq 1.8)")
+    feeder_sleeve: float = _nonnegative("the width B_T of the feeder sleeve along the travel in m (eq 1.2)")
+    overlap: float = _nonnegative("the overlap b_n of neighbouring rollers' strips in m (eqs 1.2, 1.3)")
+    pressure_nonuniformity: float = _positive("the factor k2 for uneven pressure along the arc, 1 for even (eq 1.6)")
+    one_sided: bool = Field(description="true for contact on the front half only (rival reading of eq 1.6), else false")
+    rolling: Rolling = Field(description="how the roller turns")
+    profile: Profile = Field(description="where the gap is measured; 'deformed' unless you know better")
+
+
+class Product(_Table):
+    """The formed product."""
+
+    height: float = _positive("the height h0 of the product in m")
+    width: float = _positive("the width B of the product, along the travel, in m")
+
+
+class Overrides(_Table):
+    """Parameters of the mix measured by the user, in place of the prior's; None: the prior's."""
+
+    required_pressure: float | None = _optional("the pressure q that gives the density, in Pa")
+    plastic_modulus: float | None = _optional("the one-pass compaction modulus in Pa")
+    relaxed_modulus: float | None = _optional("the fully relaxed modulus in Pa")
+    unloading_modulus: float | None = _optional("the unloading modulus in Pa")
+    poisson: float | None = _optional("Poisson's ratio", ge=0, lt=0.5)
+    instant_over_relaxed: float | None = _optional("the ratio of instant to relaxed modulus", ge=1)
+    relaxation_time: float | None = _optional("the relaxation time in s")
+    pore_air_modulus: float | None = _optional("the modulus of the trapped air in Pa")
+    friction_angle: float | None = _optional("the angle of internal friction in degrees", ge=0, le=60)
+    cohesion: float | None = _optional("the cohesion in Pa", ge=0)
+    steel_friction: float | None = _optional("the friction of mix on steel", ge=0, le=1)
+    effective_modulus: float | None = _optional("the secant contact modulus E of eqs 1.5, 1.6 in Pa")
+
+
+class Mix(_Table):
+    """The mix as it leaves the last pass; the bounds are those of the prior's table."""
+
+    moisture: float = _between(0.08, 0.12, "the moisture W as water mass / dry mass, 0.10 for 10 %")
+    density_ratio: float = _between(0.90, 0.99, "the density ratio k asked of the product")
+    overrides: Overrides = Overrides()
+
+
+class Layer(_Table):
+    """The layer under the roller."""
+
+    base: Base = Field(description="how the layer lies on its base")
+    fed_density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio of the mix as fed")
+    passes: int = _between(1, COUNT_LIMIT, "the number of passes")
+
+
+class Motion(_Table):
+    """The travel of the cart, and the laws to compare; `laws` may be ["all"], see `Scene.law_names`."""
+
+    stroke: float = _positive("the travel between the two ends in m")
+    duration: float = _positive("the time of one pass in s")
+    laws: Laws = Field(min_length=1, description='the laws to compare, or ["all"]')
+    # each at most a half, so together at most the whole pass
+    run_up: float = Field(gt=0, le=0.5, description="the share of the pass spent gaining speed")
+    run_down: float = Field(gt=0, le=0.5, description="the share of the pass spent losing speed")
+    energy_weight: float = _nonnegative("the weight of the speed term in the complex law")
+    acceleration_weight: float = _nonnegative("the weight of the acceleration term in the complex law")
+    dwell: float = _nonnegative("the time standing at each end in s")
+    rod_length: float | None = _optional("the length of the connecting rod in m")
+    tables: Names = Field(default=(), description="CSV files of own laws, relative to the scene file")
+
+
+class Drive(_Table):
+    """What moves the carts, and the peaks the laws are ranked by."""
+
+    kind: Literal["rigid", "crank"] = Field(description="the kind of drive")
+    carts: int = _between(1, 4, "the number of carts on one shaft")
+    angles: Numbers | None = Field(default=None, description="the crank angle of each cart in rad")
+    rank_by: Ranks = Field(min_length=1, description="the quantities to rank by")
+
+
+class Cam(_Table):
+    """The cam of constant breadth."""
+
+    breadth: float = _positive("the constant breadth b of the cam in m")
+    roller_follower_radius: float = _positive("the radius of the roller followers in m")
+
+
+class Accuracy(_Table):
+    """The contact engine, and the relative error asked of it."""
+
+    tolerance: float = Field(gt=0, lt=0.5, description="the relative error asked for, 0.01 for 1 %")
+    engine: Engine = Field(description="the contact engine")
+
+
+class Output(_Table):
+    """What is wanted; nothing else is computed."""
+
+    wanted: Outputs = Field(description="what to write, [] for the summary alone")
+
+
+class Scene(_Table):
+    """One machine with one mix and one motion. Two scenes are equal when their content is, wherever they came from."""
+
+    title: str = Field(default="", description="a title in quotes")
+    machine: Machine
+    product: Product
+    mix: Mix
+    layer: Layer
+    motion: Motion
+    drive: Drive
+    cam: Cam | None = None
+    accuracy: Accuracy
+    output: Output
+    _source: Source = PrivateAttr(default=Source())
+
+    @property
+    def law_names(self) -> tuple[str, ...]:
+        """The laws to compare, "all" spelt out."""
+        return LAW_NAMES if "all" in self.motion.laws else self.motion.laws
+
+    @property
+    def table_paths(self) -> tuple[Path, ...]:
+        """Where the laws given as tables lie."""
+        return tuple(self._source.folder / name for name in self.motion.tables)
+
+    @property
+    def advice(self) -> tuple[str, ...]:
+        """Sentences on what is allowed but unusual; empty for a scene within the rules of thumb."""
+        found = sentences(ADVICE, self.model_dump(exclude_none=True))
+        return tuple(f"{self._source.place(mistake.key)}: {mistake}" for mistake in found)
+
+    @property
+    def hash(self) -> str:
+        """Fingerprint of all that decides a number: every key but `title` and `[output]`, and the tables' contents."""
+        content = self.model_dump(exclude_none=True, exclude={"title", "output"})
+        digest = sha256(json.dumps(content, sort_keys=True).encode())
+        for path in self.table_paths:
+            digest.update(sha256(_bytes(path)).digest())
+        return digest.hexdigest()
+
+    def replaced(self, **changes: object) -> "Scene":
+        """A new scene, checked like a file, with some keys changed; None takes an optional key out.
+
+        scene.replaced(**{"mix.moisture": 0.11, "mix.overrides.effective_modulus": None})
+        """
+        return _checked(self.model_dump(exclude_none=True), self._source, changes)
+
+
+def load_scene(path: str | Path, /, **changes: object) -> Scene:
+    """The scene in a TOML file, with some keys changed as by `Scene.replaced`; SceneError names all its mistakes."""
+    try:
+        text = _bytes(path).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise SceneError([f"{path}:{undecodable_sentence(error)}"]) from None
+    return _parsed(text, str(path), changes)
+
+
+def parse_scene(text: str, file: str = "<text>") -> Scene:
+    """The scene in a TOML text; `file` is the name mistakes are reported under, and tables are looked for beside it."""
+    return _parsed(text, file, {})
+
+
+def starter_scene() -> str:
+    """The text of the commented scene that `compact new` writes."""
+    return (files("compact") / "data" / "new.toml").read_text("utf-8")
+
+
+def _bytes(path: str | Path) -> bytes:
+    try:
+        return Path(path).read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the name
+        raise SceneError([f"{path}: {unreadable_sentence(path, error)}"]) from None
+
+
+def _parsed(text: str, file: str, changes: Mapping[str, object]) -> Scene:
+    if sentence := _unparsable(text):
+        raise SceneError([f"{file}:{sentence}"])
+    try:
+        data = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # ValueError: also an integer of thousands of digits
+        raise SceneError([f"{file}:{syntax_sentence(error, text)}"]) from None
+    return _checked(data, Source(file, key_lines(text)), changes)
+
+
+def _unparsable(text: str) -> str:
+    if text.startswith("\ufeff"):
+        return "1: starts with a byte-order mark; save the file as UTF-8 without BOM"
+    if not text.strip():
+        return " is empty; `compact new DIR` writes a commented scene to start from"
+    return ""
+
+
+def _checked(data: dict[str, Any], source: Source, changes: Mapping[str, object]) -> Scene:
+    mistakes: list[Mistake] = []
+    for path, value in changes.items():
+        key = tuple(path.split("."))
+        mistakes += _change(data, key, value)
+        source = source.changed(key)
+    try:
+        scene = Scene.model_validate(data)
+    except ValidationError as error:
+        mistakes += field_mistakes(error, Scene)
+    mistakes += sentences((*RULES, tables_exist(source.folder)), data, refused=mistakes)
+    if mistakes:
+        raise SceneError(source.report(mistakes))
+    scene._source = source
+    return scene
+
+
+def _change(data: dict[str, Any], key: tuple[str, ...], value: object) -> list[Mistake]:
+    """Put a value, or for None nothing, at a key of nested tables; what stands in the way."""
+    for depth, part in enumerate(key[:-1], 1):
+        data = data.setdefault(part, {})
+        if not isinstance(data, dict):
+            return [Mistake(key, f"`{'.'.join(key[:depth])}` is no table, so it has no key `{key[depth]}`")]
+    if value is None:
+        data.pop(key[-1], None)
+    else:
+        data[key[-1]] = dict(value) if isinstance(value, dict) else value  # a later change may go into it
+    return []

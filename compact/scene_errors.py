@@ -1,0 +1,324 @@
+"""Mistakes of a scene as sentences: file, line, key path, the rule, the value got, what to do.
+
+    loveikin.toml:14: machine.roller_radius: must be positive, got -0.11; give the radius in m
+
+The line comes from a small scanner of table headers and `key =`; pydantic says which key broke which rule.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from datetime import date, time
+from difflib import get_close_matches
+from pathlib import Path
+from typing import get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+Key = tuple[str, ...]
+LONGEST_SHOWN = 60  # characters of a refused value
+
+
+class SceneError(ValueError):
+    """All mistakes of one scene, one line each; `mistakes` has them apart."""
+
+    def __init__(self, mistakes: Iterable[str]):
+        self.mistakes = tuple(mistakes)
+        super().__init__("\n".join(self.mistakes))
+
+    def __reduce__(self):
+        return SceneError, (self.mistakes,)
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A sentence on one key; `entry` is the place within a list, `[2]`."""
+
+    key: Key
+    sentence: str
+    entry: str = ""
+
+    def __str__(self):
+        return f"{'.'.join(self.key)}{self.entry}: {self.sentence}"
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a scene was read, and the line of each key; two sources always compare equal, as content alone counts."""
+
+    file: str = field(default="<text>", compare=False)
+    lines: Mapping[Key, int] = field(default_factory=dict, compare=False)
+    changes: frozenset[Key] = field(default=frozenset(), compare=False)
+
+    @property
+    def folder(self) -> Path:
+        """The folder the scene's file lies in."""
+        return Path(self.file).parent
+
+    def changed(self, key: Key) -> "Source":
+        """The source of a scene one key of which was given by the caller, not by the file."""
+        return replace(self, changes=self.changes | {key})
+
+    def line(self, key: Key) -> int:
+        """The line of a key, or of the nearest table around it; 0 for none."""
+        around = (key[:length] for length in range(len(key), 0, -1))
+        return next((self.lines[part] for part in around if part in self.lines), 0)
+
+    def place(self, key: Key) -> str:
+        """`file:line` of a key, or `file (changed by the caller)`."""
+        if any(key[: len(change)] == change for change in self.changes):
+            return f"{self.file} (changed by the caller)"
+        return f"{self.file}:{self.line(key)}" if self.line(key) else self.file
+
+    def report(self, mistakes: Iterable[Mistake]) -> list[str]:
+        """The mistakes in the order of the file, each with its place."""
+        ordered = sorted(mistakes, key=lambda mistake: self.line(mistake.key))
+        return [f"{self.place(mistake.key)}: {mistake}" for mistake in ordered]
+
+
+# --- fields: from pydantic's errors to sentences
+
+
+def field_mistakes(error: ValidationError, scene: type[BaseModel]) -> list[Mistake]:
+    """One sentence per refused field of `scene`, the class."""
+    errors = error.errors(include_url=False)
+    inner = [part["loc"] for part in errors]
+    # pydantic also calls a list too short when one of its entries is refused; that entry is enough
+    apart = [part for part in errors if not any(_inside(loc, part["loc"]) for loc in inner)]
+    return [_field_mistake(part, scene) for part in apart]
+
+
+def _inside(loc, outer):
+    return len(loc) > len(outer) and loc[: len(outer)] == outer
+
+
+def _field_mistake(error, scene):
+    key = tuple(part for part in error["loc"] if isinstance(part, str))
+    entry = "".join(f"[{part}]" for part in error["loc"] if isinstance(part, int))
+    if error["type"] == "extra_forbidden":
+        return Mistake(key, _unknown(key, error["input"], scene))
+    info = _field(scene, key)
+    if table_of(info):
+        return Mistake(key, _no_table(key, error))
+    sentence = f"{_rule(error, info)}; {_remedy(error, info)}"
+    return Mistake(key, sentence, entry)
+
+
+def _rule(error, info):
+    got = f", got {shown(error['input'])}"
+    match error["type"]:
+        case "missing":
+            return "is missing"
+        case "literal_error":
+            return f"must be one of {', '.join(_choices(error))}{got}"
+        case "too_short" | "too_long":
+            return f"must have {_length(info)}, got {len(error['input'])}"
+        case "float_type" if isinstance(error["input"], int) and not isinstance(error["input"], bool):
+            return f"must be finite and below 1.8e308{got}"
+        case kind if kind in TYPE_WORDS:
+            return f"must be {TYPE_WORDS[kind]}{got}"
+        case _:
+            return f"must be {_bounds(info)}{got}"
+
+
+TYPE_WORDS = {
+    "float_type": "a number",
+    "finite_number": "finite",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "a text in quotes",
+    "string_unicode": "a text in quotes",
+    "tuple_type": "a list",
+}
+
+
+def _remedy(error, info):
+    value, meaning = error["input"], info.description
+    if error["type"] == "literal_error" and isinstance(value, str):
+        near = get_close_matches(value, _choices(error), n=1)
+        return f"did you mean '{near[0]}'?" if near else f"give {meaning}"
+    if error["type"] in ("float_type", "int_type") and isinstance(value, str):
+        return f"give {meaning}, without quotes, decimal comma or unit"
+    if error["type"] == "int_type" and isinstance(value, float):
+        return f"give {meaning}, without a decimal point"
+    return f"give {meaning} in square brackets" if error["type"] == "tuple_type" else f"give {meaning}"
+
+
+def _choices(error):
+    return re.findall(r"'([^']+)'", error["ctx"]["expected"])
+
+
+def _limits(info):
+    """The bounds of a field: {"gt": 0}, {"ge": 0.9, "le": 0.99}, {"min_length": 2}, …"""
+    names = ("gt", "ge", "lt", "le", "min_length", "max_length")
+    return {name: getattr(part, name) for part in info.metadata for name in names if hasattr(part, name)}
+
+
+def _bounds(info):
+    match _limits(info):
+        case {"gt": 0, **rest} if not rest:
+            return "positive"
+        case {"ge": 0, **rest} if not rest:
+            return "zero or positive"
+        case {"ge": low, "le": high}:
+            return f"between {low:.15g} and {high:.15g}"
+        case limits:
+            words = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
+            return " and ".join(f"{words[name]} {bound:.15g}" for name, bound in limits.items())
+
+
+def _length(info):
+    limits = _limits(info)
+    low = limits["min_length"]
+    return f"exactly {low} entries" if limits.get("max_length") == low else f"at least {low} entry"
+
+
+def shown(value: object) -> str:
+    """A refused value as TOML would write it, cut when long."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, date | time):
+        return f"the time {value.isoformat()}"
+    try:
+        text = repr(value)
+    except ValueError:  # Python prints no integer beyond 4300 digits
+        return "a number of thousands of digits"
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}…"
+
+
+# --- tables and unknown keys
+
+
+def table_of(info: FieldInfo) -> type[BaseModel] | None:
+    """The class of the table a field holds, or None for a field that holds a value."""
+    kinds = (info.annotation, *get_args(info.annotation))
+    return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
+
+
+def _tables(model: type[BaseModel], path: Key = ()) -> Iterator[tuple[Key, type[BaseModel]]]:
+    yield path, model
+    for name, info in model.model_fields.items():
+        if inner := table_of(info):
+            yield from _tables(inner, (*path, name))
+
+
+def _field(scene, key):
+    return dict(_tables(scene))[key[:-1]].model_fields[key[-1]]
+
+
+def _within(path):
+    return f"in [{'.'.join(path)}]" if path else "at the top of the file, before any table"
+
+
+def _no_table(key, error):
+    header = f"[{'.'.join(key)}]"
+    if error["type"] == "invalid_key":
+        return f"must have texts as keys, got {shown(error['loc'][-1])}"
+    if error["type"] == "missing":
+        return f"the table {header} is missing; add it with its keys (`compact new DIR` writes a commented scene)"
+    return f"must be a table, got {shown(error['input'])}; write {header} on a line of its own, its keys below"
+
+
+def _unknown(key, value, scene):
+    tables = dict(_tables(scene))
+    name, here = key[-1], tables[key[:-1]].model_fields
+    what = "table" if isinstance(value, dict) else "key"
+    unknown = f"unknown {what} {_within(key[:-1])}, got {shown(value)}"
+    homes = [_within(path) for path, table in tables.items() if name in table.model_fields]
+    if homes:
+        return f"{unknown}; `{name}` belongs {' or '.join(homes)}"
+    if near := get_close_matches(name, here, n=1):
+        return f"{unknown}; did you mean `{near[0]}`?"
+    for path, table in tables.items():
+        if near := get_close_matches(name, table.model_fields, n=1, cutoff=0.8):
+            return f"{unknown}; did you mean `{near[0]}`, which belongs {_within(path)}?"
+    return f"{unknown}; take it out, or choose from {', '.join(here)}"
+
+
+# --- the text of the file
+
+STRING_OR_COMMENT = re.compile(
+    r'"""(?:\\.|[^\\])*?"{3,5}|' r"'''.*?'{3,5}|" r'"(?:\\.|[^"\\\n])*"|' r"'[^'\n]*'|#[^\n]*", re.DOTALL
+)
+HEADER = re.compile(r"\s*\[\[?([^\[\]]+)\]")
+KEY = re.compile(r"\s*([\w\s.-]+?)\s*=\s*(.*)")
+INLINE_KEY = re.compile(r"[{,]\s*([\w\s.-]+?)\s*=")
+
+
+def key_lines(text: str) -> dict[Key, int]:
+    """The line of each table header and each key of a text that is valid TOML."""
+    lines: dict[Key, int] = {}
+    table: Key = ()
+    depth = 0  # of brackets open from the lines before
+    for number, line in enumerate(STRING_OR_COMMENT.sub(_plain, text).split("\n"), 1):
+        if depth == 0 and (header := HEADER.match(line)):
+            table = _parts(header[1])
+            _note(lines, table, number)
+        elif depth == 0 and (key := KEY.match(line)):
+            path = (*table, *_parts(key[1]))
+            _note(lines, path, number)
+            for inline in INLINE_KEY.finditer(key[2]):
+                _note(lines, (*path, *_parts(inline[1])), number)
+        depth += len(re.findall(r"[\[{]", line)) - len(re.findall(r"[\]}]", line))
+    return lines
+
+
+def _plain(match):
+    """A comment away, a string without quotes when it can be a key, and blank else; line ends are kept."""
+    token = match[0]
+    bare = token.strip("\"'")
+    word = bare if re.fullmatch(r"[\w-]+", bare) else "_"
+    return "" if token[0] == "#" else word + "\n" * token.count("\n")
+
+
+def _parts(dotted):
+    return tuple(part.strip() for part in dotted.split("."))
+
+
+def _note(lines, path, number):
+    for length in range(1, len(path)):
+        lines.setdefault(path[:length], number)
+    lines[path] = number
+
+
+def syntax_sentence(error: Exception, text: str) -> str:
+    """`line: not valid TOML: …` of an error of tomllib, with the offending line."""
+    if isinstance(error, RecursionError):
+        return " not valid as a scene: brackets nested too deep; no key needs more than a list"
+    if str(error).startswith("Exceeds the limit"):
+        return " not valid TOML: a whole number has thousands of digits; write it as 1e300 or shorter"
+    said = str(error).split(" (at ")[0]
+    at = re.search(r"\(at line (\d+), column (\d+)\)$", str(error))
+    if at is None:
+        return f" not valid TOML: {said}; is a quote or a bracket left open at the end?"
+    line = text.split("\n")[int(at[1]) - 1].split(" #")[0].strip()
+    rule, remedy = _syntax_words(said)
+    return f"{at[1]}: not valid TOML at column {at[2]}: {rule}, got {shown(line)}; {remedy}"
+
+
+def _syntax_words(said):
+    if said.startswith(("Cannot overwrite", "Duplicate")):
+        return "a key must be given once", "take one of the two out"
+    if said.startswith(("Cannot declare", "Cannot mutate")):
+        return "a table must be given once", "put its keys together"
+    return said, "write `key = value`, texts in quotes, decimal point, units only in comments after #"
+
+
+def undecodable_sentence(error: UnicodeDecodeError) -> str:
+    """`line: not UTF-8 …` of a file in another encoding."""
+    line = error.object[: error.start].count(b"\n") + 1
+    return f"{line}: not UTF-8 text (byte 0x{error.object[error.start]:02x}); save the file as UTF-8"
+
+
+def unreadable_sentence(path: str | Path, error: Exception) -> str:
+    """Why a file cannot be read, with scenes that lie beside it."""
+    if isinstance(error, FileNotFoundError):
+        beside = get_close_matches(Path(path).name, sorted(p.name for p in Path(path).parent.glob("*.toml")), n=1)
+        hint = f"did you mean '{beside[0]}'?" if beside else "`compact new DIR` writes a scene to start from"
+        return f"no such file; {hint}"
+    if isinstance(error, IsADirectoryError):
+        return "is a directory; give the scene file in it, DIR/NAME.toml"
+    return f"cannot be read: {error}; give the path of a scene file"

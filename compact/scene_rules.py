@@ -1,0 +1,211 @@
+"""The rules between the keys of a scene, and the rules of thumb; what one key alone may be stands in `scene`.
+
+A rule is a function of the values it involves that returns a sentence when they do not fit, else None. It is asked
+only when none of its keys is refused already, and it is reported at the first of them. An optional key that is absent
+comes as None.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from compact.scene_errors import Mistake
+
+GUARD = 1 + 1e-9  # the published machine stands exactly on 2R + B_T = stroke, in decimal fractions
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A rule and the key paths of its arguments."""
+
+    keys: tuple[str, ...]
+    broken: Callable[..., str | None]
+
+
+RULES: list[Rule] = []
+ADVICE: list[Rule] = []
+
+
+def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[Mistake] = ()) -> list[Mistake]:
+    """What the rules say of nested tables of values, leaving out the rules that involve a refused key."""
+    out = {mistake.key for mistake in refused}
+    found = []
+    for rule in rules:
+        paths = [tuple(key.split(".")) for key in rule.keys]
+        if any(_overlap(path, bad) for path in paths for bad in out):
+            continue
+        if sentence := rule.broken(*(_value(data, path) for path in paths)):
+            found.append(Mistake(paths[0], sentence))
+    return found
+
+
+def tables_exist(folder: Path) -> Rule:
+    """The rule that every table named is a file under the scene's folder."""
+    return Rule(("motion.tables",), lambda tables: _missing(tables or (), folder))
+
+
+def _rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Callable[..., str | None]], Callable[..., str | None]]:
+    def enter(broken):
+        into.append(Rule(keys, broken))
+        return broken
+
+    return enter
+
+
+@_rule("machine.roller_positions", "machine.rollers")
+def _one_position_per_roller(positions, rollers):
+    if len(positions) != rollers:
+        return f"needs one position per roller, machine.rollers = {rollers:g}, got {len(positions)}; make the two agree"
+
+
+@_rule("machine.roller_positions", "machine.roller_radius")
+def _rollers_do_not_overlap(positions, radius):
+    gap = min((b - a for a, b in pairwise(sorted(positions))), default=2 * radius)
+    if gap * GUARD < 2 * radius:
+        return (
+            f"rollers overlap: neighbours must be at least 2*roller_radius = {2 * radius:g} m apart, got {gap:g}; "
+            "move them apart or make machine.roller_radius smaller"
+        )
+
+
+@_rule("machine.roller_radius", "machine.feeder_sleeve", "motion.stroke")
+def _roller_fits_the_stroke(radius, sleeve, stroke):
+    needed = 2 * radius + sleeve
+    if needed > stroke * GUARD:
+        return (
+            f"roller too large for the stroke: 2*roller_radius + feeder_sleeve must be at most motion.stroke = "
+            f"{stroke:g} m (eqs 1.2, 1.3), got {needed:g}; make the roller or the sleeve smaller, "
+            f"or the stroke at least {needed:g}"
+        )
+
+
+@_rule("machine.guide_positions")
+def _front_guide_is_in_front(positions):
+    front, rear = positions
+    if front <= rear:
+        return f"front must be greater than rear, got [{front:g}, {rear:g}]; give [front, rear], + towards the drive"
+
+
+@_rule("machine.journal_diameter", "machine.guide_wheel_diameter")
+def _journal_fits_the_wheel(journal, wheel):
+    if journal >= wheel:
+        return f"must be below machine.guide_wheel_diameter = {wheel:g} m, got {journal:g}; give the journal inside it"
+
+
+@_rule("layer.fed_density_ratio", "mix.density_ratio")
+def _fed_mix_is_looser(fed, ratio):
+    if fed >= ratio:
+        return f"must be below mix.density_ratio = {ratio:g}, got {fed:g}; give the looser state before the first pass"
+
+
+@_rule("motion.energy_weight", "motion.acceleration_weight")
+def _weights_leave_a_share(energy, acceleration):
+    if energy + acceleration > GUARD:
+        return (
+            f"energy_weight + acceleration_weight must be at most 1, got {energy + acceleration:g}; "
+            "the rest up to 1 is the weight of jerk"
+        )
+
+
+@_rule("motion.rod_length", "motion.stroke")
+def _rod_is_longer_than_the_crank(rod, stroke):
+    if rod is not None and rod <= stroke / 2:
+        return f"must be greater than the crank, stroke/2 = {stroke / 2:g} m, got {rod:g}; give a longer rod"
+
+
+@_rule("motion.rod_length", "motion.laws", "drive.kind", "output.wanted")
+def _crank_has_a_rod(rod, laws, kind, wanted):
+    if rod is not None:
+        return None
+    users = {
+        'motion.laws holds "crank"': "crank" in laws,
+        'motion.laws is ["all"], crank included': "all" in laws,
+        'drive.kind is "crank"': kind == "crank",
+        'output.wanted holds "crank"': "crank" in wanted,
+    }
+    why = " and ".join(user for user, holds in users.items() if holds)
+    return f"is missing, and {why}; give the length of the connecting rod in m" if why else None
+
+
+@_rule("drive.angles", "drive.carts")
+def _one_angle_per_cart(angles, carts):
+    if angles is not None and len(angles) != carts:
+        return f"needs one angle per cart, drive.carts = {carts:g}, got {len(angles)}; make the two agree"
+
+
+@_rule("cam", "output.wanted")
+def _cams_wanted_are_given(cam, wanted):
+    if cam is None and "cams" in wanted:
+        return (
+            'the table [cam] is missing, and output.wanted holds "cams"; give [cam] with breadth and '
+            'roller_follower_radius in m, or take "cams" out'
+        )
+
+
+@_rule("cam.breadth", "motion.stroke")
+def _cam_is_broader_than_the_stroke(breadth, stroke):
+    if breadth is not None and breadth <= stroke:
+        return f"must be greater than motion.stroke = {stroke:g} m, got {breadth:g}; give a broader cam"
+
+
+def _no_duplicates(names):
+    repeated = sorted({name for name in names or () if list(names).count(name) > 1})
+    if repeated:
+        return f"must not repeat an entry, got {', '.join(map(repr, repeated))} more than once; keep one of each"
+
+
+for _key in ("motion.laws", "motion.tables", "drive.rank_by", "output.wanted"):
+    _rule(_key)(_no_duplicates)
+
+
+@_rule("motion.laws")
+def _all_stands_alone(laws):
+    if "all" in laws and set(laws) != {"all"}:
+        return '"all" already holds every law, got it beside others; write ["all"] or the names'
+
+
+@_rule("machine.roller_radius", "product.height", into=ADVICE)
+def _radius_suits_the_product(radius, height):
+    low, high = 0.40 * height, 0.55 * height
+    if not low <= radius * GUARD <= high * GUARD**2:
+        return f"eq 1.1 advises 0.40 to 0.55 of product.height, {low:g} to {high:g} m, got {radius:g}"
+
+
+@_rule("machine.weight", "machine.mass", into=ADVICE)
+def _weight_suits_the_mass(weight, mass):
+    if not 9.5 <= weight / mass <= 10.5:
+        return f"weight / mass is {weight / mass:g} m/s2, expected 9.5 to 10.5; is one of the two in other units?"
+
+
+def _missing(tables, folder):
+    missing = [name for name in tables if not _is_file(folder / name)]
+    if missing:
+        names = ", ".join(map(repr, missing))
+        return f"no such file: {names} under {str(folder)!r}; give CSV files relative to the scene file"
+
+
+def _is_file(path):
+    try:
+        return path.is_file()
+    except OSError:  # a name too long for the file system
+        return False
+
+
+def _overlap(key, other):
+    shorter = min(len(key), len(other))
+    return key[:shorter] == other[:shorter]
+
+
+def _value(data, parts):
+    for part in parts:
+        data = data.get(part) if data is not None else None
+    return _as_floats(data)
+
+
+def _as_floats(value):
+    """Whole numbers as floats, so that no sum of them is too large for a float."""
+    if isinstance(value, list | tuple):
+        return tuple(map(_as_floats, value))
+    return float(value) if isinstance(value, int) else value
