@@ -1,0 +1,197 @@
+"""Figures of a study: kinematics, drive force and power, ranking, cams, reactions, crankshaft.
+
+Each function draws one figure from finished results and returns it; a law keeps its colour and dash in all of them.
+"""
+
+from types import MappingProxyType
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.figure import Figure
+
+FAMILIES = MappingProxyType(
+    {
+        "rest to rest": ("Blues", ("constant-velocity", "cubic", "quintic", "septic", "complex")),
+        "constant speed, combined": ("Greens", ("combined-2", "combined-3", "combined-4")),
+        "constant speed, reversal": ("Oranges", ("reversal-2", "reversal-3", "reversal-4", "reversal-4-free-jerk")),
+        "constant speed, free turn": (
+            "Reds",
+            ("reversal-3-free-acceleration", "reversal-4-free-acceleration", "reversal-4-free-both"),
+        ),
+        "comparators": ("Purples", ("parabolic", "harmonic", "cycloidal", "modified-trapezoid")),
+        "machines and tables": ("Greys", ("crank", "gear-sector")),
+    }
+)
+DASHES = ("-", "--", ":", "-.", (0, (8, 2, 1, 2, 1, 2)))
+SYMBOLS = {
+    "position": "travel x [m]",
+    "velocity": "velocity v [m/s]",
+    "acceleration": "acceleration a [m/s²]",
+    "jerk": "jerk [m/s³]",
+    "drive_force": "drive force along the motion [kN]",
+    "drive_power": "drive power [W]",
+}
+QUANTITIES = {
+    "peak_force": ("peak drive force", "kN", 1e-3),
+    "peak_power": ("peak drive power", "W", 1.0),
+    "rms_force": ("rms drive force", "kN", 1e-3),
+    "rms_power": ("rms drive power", "W", 1.0),
+    "energy": ("energy of a cycle", "J", 1.0),
+    "peak_jerk": ("peak jerk", "m/s³", 1.0),
+}
+
+
+def look(name):
+    """Colour and dash of a law; laws that are not in FAMILIES, such as tables, are black."""
+    for cmap, members in FAMILIES.values():
+        if name in members:
+            place = members.index(name)
+            shade = 0.95 - 0.5 * place / max(len(members) - 1, 1)
+            return {"color": colormaps[cmap](shade), "linestyle": DASHES[place]}
+    return {"color": "black", "linestyle": "-"}
+
+
+def _families(names):
+    """Family -> the names of it that are at hand, empty families left out; strangers join the machines."""
+    known = {name for _, members in FAMILIES.values() for name in members}
+    groups = {family: [n for n in members if n in names] for family, (_, members) in FAMILIES.items()}
+    groups["machines and tables"] += [name for name in names if name not in known]
+    return {family: members for family, members in groups.items() if members}
+
+
+def _grid(families, columns, width=4.2, height=2.3):
+    figure = Figure(figsize=(width * len(columns) + 2.2, height * len(families) + 0.4), layout="constrained")
+    axes = figure.subplots(len(families), len(columns), sharex=True, sharey="col", squeeze=False)
+    for ax, column in zip(axes[0], columns, strict=True):
+        ax.set_title(SYMBOLS[column], fontsize=11)
+    for ax in axes.ravel():
+        ax.axhline(0, color="0.8", linewidth=0.8, zorder=0)
+        ax.margins(x=0)
+    for ax, family in zip(axes[:, 0], families, strict=True):
+        ax.set_ylabel(family, fontsize=10)
+    for ax in axes[-1]:
+        ax.set_xlabel("time t [s]")
+    return figure, axes
+
+
+def _line(ax, name, time, values, impulsive):
+    label = f"{name} (velocity jumps)" if impulsive else name
+    ax.plot(time, values, linewidth=1.6, label=label, **look(name))
+
+
+def _legends(axes):
+    for ax in axes[:, -1]:
+        ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False, handlelength=3.2)
+
+
+def kinematics(runs):
+    """Velocity, acceleration and jerk of every law over the way there."""
+    families = _families(runs)
+    figure, axes = _grid(families, ("velocity", "acceleration", "jerk"))
+    for row, members in zip(axes, families.values(), strict=True):
+        for name in members:
+            run = runs[name]
+            there = run.direction > 0
+            for ax, column in zip(row, ("velocity", "acceleration", "jerk"), strict=True):
+                _line(ax, name, run.time[there], getattr(run, column)[there], run.impulses)
+    _legends(axes)
+    return figure
+
+
+def drive(runs):
+    """Drive force, + along the motion, and power of every law over the cycle there and back."""
+    families = _families(runs)
+    figure, axes = _grid(families, ("drive_force", "drive_power"), width=5.2)
+    for row, members in zip(axes, families.values(), strict=True):
+        for name in members:
+            run = runs[name]
+            _line(row[0], name, run.time, run.direction * run.drive_force / 1e3, run.impulses)
+            _line(row[1], name, run.time, run.drive_power, run.impulses)
+    _legends(axes)
+    return figure
+
+
+def ranking(rankings):
+    """Bars of the ranked laws, best on top, a panel per criterion; infinite ones are named, not drawn."""
+    most = max(len(places) for places in rankings.values())
+    figure = Figure(figsize=(6.4 * len(rankings), 0.30 * most + 1.2), layout="constrained")
+    for ax, (by, places) in zip(figure.subplots(1, len(rankings), squeeze=False)[0], rankings.items(), strict=True):
+        title, unit, factor = QUANTITIES[by]
+        finite = [place.value * factor for place in places if not place.reason]
+        for row, place in enumerate(places):
+            if place.reason:
+                ax.text(0, row, f" infinite: {place.reason.split(':')[0]}", va="center", fontsize=8, color="0.35")
+                continue
+            value = place.value * factor
+            ax.barh(row, value, color=look(place.run.name)["color"], height=0.72)
+            ax.text(value, row, f" {value:#.4g}".rstrip("."), va="center", fontsize=8)
+        ax.set_yticks(range(len(places)), [f"{place.run.name}  {place.rank}" for place in places], fontsize=8)
+        ax.set_xlim(0, 1.15 * max(finite, default=1.0))
+        ax.set_ylim(len(places) - 0.4, -0.6)
+        ax.set_xlabel(f"{title} [{unit}]")
+        ax.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def reactions(runs, names):
+    """Guide-wheel reactions over the cycle for the laws named; below zero the wheel runs on the lower rail."""
+    figure = Figure(figsize=(5.4 * len(names) + 0.6, 3.6), layout="constrained")
+    axes = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
+    for ax, name in zip(axes, names, strict=True):
+        run = runs[name]
+        front, rear = run.forces.front_reaction / 1e3, run.forces.rear_reaction / 1e3
+        ax.plot(run.time, front, color="tab:blue", label="front wheel N₁")
+        ax.plot(run.time, rear, color="tab:red", linestyle="--", label="rear wheel N₂")
+        if min(front.min(), rear.min()) < 0:
+            ax.axhspan(min(front.min(), rear.min()), 0, color="0.92", zorder=0, label="lifted off: on the lower rail")
+        ax.axhline(0, color="0.6", linewidth=0.8)
+        ax.set_title(name)
+        ax.set_xlabel("time t [s]")
+        ax.margins(x=0)
+    axes[0].set_ylabel("reaction of the guide wheel [kN]")
+    figure.legend(*axes[-1].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def cams(cams, names, follower):
+    """Profiles of the cams of one kind of follower, a panel per law, with the path of the roller's centre."""
+    columns = min(7, len(names))
+    rows = -(-len(names) // columns)
+    figure = Figure(figsize=(2.1 * columns + 0.6, 2.4 * rows + 0.5), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    phi = np.linspace(0, 2 * np.pi, 2001)
+    for ax in axes[len(names) :]:
+        ax.set_visible(False)
+    for ax, name in zip(axes[: len(names)], names, strict=True):
+        cam = cams[name, follower]
+        radius = cam.radius(phi)
+        color = "tab:red" if cam.undercut else look(name)["color"]
+        ax.plot(*cam.profile(phi), color=color, linewidth=1.6)
+        ax.plot(radius * np.cos(phi), radius * np.sin(phi), color="0.6", linewidth=0.7, linestyle="--")
+        ax.plot(0, 0, "k+", markersize=6)
+        ax.set_title(name + ("\nundercut" if cam.undercut else "\n"), fontsize=8)
+        ax.set_aspect("equal")
+        ax.tick_params(labelsize=7)
+    figure.supxlabel("x [m]", fontsize=9)
+    figure.supylabel("y [m]", fontsize=9)
+    return figure
+
+
+def crank(turns):
+    """Torque and power of the shaft over a turn for 1 to 4 carts; dashed the means."""
+    figure = Figure(figsize=(10.5, 3.8), layout="constrained")
+    panels = figure.subplots(1, 2)
+    shafts = [key for key in turns if key.isdigit()]
+    for key, color in zip(shafts, colormaps["viridis"](np.linspace(0, 0.85, len(shafts))), strict=True):
+        turn = turns[key]
+        label = f"{key} cart{'s' if key != '1' else ''}"
+        for ax, values in zip(panels, (turn.torque, turn.power), strict=True):
+            ax.plot(np.degrees(turn.angle), values / 1e3, color=color, label=label)
+            ax.axhline(turn.mean(values) / 1e3, color=color, linestyle="--", linewidth=0.8)
+    for ax, title in zip(panels, ("torque of the shaft [kN m]", "power of the shaft [kW]"), strict=True):
+        ax.set_xlabel("angle of the shaft [°]")
+        ax.set_ylabel(title)
+        ax.set_xticks(range(0, 361, 45))
+        ax.margins(x=0)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+    return figure

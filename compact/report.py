@@ -1,0 +1,227 @@
+"""What `compact run` leaves behind: tables, figures and summary.json of a study; only what the scene wants."""
+
+import platform
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from compact.drive import CRITERIA
+from compact.results import claim, whole_file, write_csv, write_json
+
+SCHEMA = 1  # of summary.json; raised when a name in it changes its meaning
+FIGURE_DPI = 110
+CAM_POINTS = 721
+VERSIONED = ("compact", "numpy", "scipy")
+
+
+def write(study, directory, force=False):
+    """Write the results of a study into a directory; returns the content of summary.json, which comes last.
+
+    Raises ResultsError where a file cannot be written or another scene's results stand.
+    """
+    directory = claim(directory, study.scene.hash, force)
+    wanted = study.scene.output.wanted
+    files = []
+    for part, writer in WRITERS.items():
+        if part in wanted:
+            files += writer(study, directory)
+    summary = _summary(study, [str(Path(file).relative_to(directory)) for file in files])
+    write_json(directory / "summary.json", summary)
+    return summary
+
+
+def _tables(study, directory):
+    yield _csv(directory / "engineering.csv", ("quantity", "value", "unit", "low", "high", "known_by"), [
+        (name, n.value, n.unit, n.low, n.high, n.known_by) for name, n in study.numbers.items()
+    ])  # fmt: skip
+    yield _csv(directory / "mix.csv", ("parameter", "value", "unit", "low", "high", "flag", "origin"), [
+        (p.name, p.value, p.unit, p.low, p.high, p.flag, p.origin) for p in study.mix.parameters
+    ])  # fmt: skip
+    yield _csv(directory / "laws.csv", LAW_HEADER, [_law_row(cycle) for cycle in study.cycles.values()])
+    yield _csv(directory / "joins.csv", ("law", "time_s", "quantity", "before_SI", "after_SI"), [
+        (name, join.time, join.quantity, join.before, join.after)
+        for name, cycle in study.cycles.items() for join in cycle.joins()
+    ])  # fmt: skip
+    yield _csv(directory / "ranking.csv", ("criterion", "rank", "law", "value", "unit", "margin", "reason"), [
+        (by, p.rank, p.run.name, p.value, CRITERIA[by].unit, p.margin, p.reason)
+        for by, places in study.rankings.items() for p in places
+    ])  # fmt: skip
+    for name, run in study.runs.items():
+        yield _csv(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, _cycle_rows(run))
+
+
+LAW_HEADER = (
+    "law", "peak_velocity_m/s", "peak_acceleration_m/s2", "peak_jerk_m/s3", "peak_snap_m/s4", "continuity",
+    "J1_m2/s", "J2_m2/s3", "J3_m2/s5", "J4_m2/s7",
+)  # fmt: skip
+CYCLE_HEADER = (
+    "time_s", "position_m", "velocity_m/s", "acceleration_m/s2", "jerk_m/s3", "resistance_N", "drive_force_N",
+    "drive_power_W", "front_reaction_N", "rear_reaction_N",
+)  # fmt: skip
+
+
+def _law_row(cycle):
+    peaks = cycle.there.peaks()
+    turn = "dwell" if cycle.far_dwell > 0 else "reversal"
+    criteria = [cycle.there.criterion(order, turn) for order in range(1, 5)]
+    continuity = f"C{cycle.there.smoothness(turn)}"
+    return (cycle.there.name, peaks.velocity, peaks.acceleration, peaks.jerk, peaks.snap, continuity, *criteria)
+
+
+def _cycle_rows(run):
+    columns = (
+        run.time, run.position, run.velocity, run.acceleration, run.jerk, run.resistance, run.drive_force,
+        run.drive_power, run.forces.front_reaction, run.forces.rear_reaction,
+    )  # fmt: skip
+    return np.column_stack(columns).tolist()
+
+
+def _reactions(study, directory):
+    header = ("law", "front_least_N", "front_largest_N", "rear_least_N", "rear_largest_N", "lifted_off_share")
+    rows = []
+    for name, run in study.runs.items():
+        front, rear = run.forces.front_reaction, run.forces.rear_reaction
+        lifted = float(np.sum(run.weights * ((front < 0) | (rear < 0))) / run.period)
+        rows.append((name, *(float(v) for v in (front.min(), front.max(), rear.min(), rear.max())), lifted))
+    yield _csv(directory / "reactions.csv", header, rows)
+
+
+def _cams(study, directory):
+    header = (
+        "law", "follower", "breadth_m", "least_breadth_m", "rule", "undercut", "least_radius_of_curvature_m",
+        "largest_pressure_angle_rad", "largest_contact_offset_m", "breadth_error_m",
+    )  # fmt: skip
+    rows = []
+    for (law, follower), cam in study.cams.items():
+        least = cam.least_breadth()
+        rows.append((
+            law, follower, cam.breadth, least.breadth, least.rule, cam.undercut, cam.least_radius_of_curvature,
+            cam.largest_pressure_angle, cam.largest_contact_offset, cam.breadth_error,
+        ))  # fmt: skip
+        yield write_cam(directory / "cams" / f"{law}-{follower}.csv", cam)
+    yield _csv(directory / "cams.csv", header, rows)
+
+
+def write_cam(path, cam):
+    """Write the profile of one cam as CSV."""
+    table = cam.table(CAM_POINTS)
+    return _csv(path, table.header, table.rows())
+
+
+def _crank(study, directory):
+    header = ("carts", "mean_power_W", "peak_power_W", "peak_over_mean", "peak_torque_Nm")
+    rows = []
+    for key, turn in study.turns.items():
+        mean, peak = turn.mean(turn.power), float(np.abs(turn.power).max())
+        rows.append((key, mean, peak, peak / mean, float(np.abs(turn.torque).max())))
+    yield _csv(directory / "crank.csv", header, rows)
+    turn = study.turns["scene"]
+    names = [f"{name}_{i}" for i in range(1, len(turn.carts) + 1) for name in ("rod_force_N", "torque_Nm", "power_W")]
+    columns = [column for cart in turn.carts for column in (cart.rod_force, cart.torque, cart.power)]
+    table = np.column_stack([turn.angle, turn.torque, turn.power, *columns]).tolist()
+    yield _csv(directory / "crank-turn.csv", ("angle_rad", "torque_Nm", "power_W", *names), table)
+
+
+def _figures(study, directory):
+    from compact import figures
+
+    wanted = study.scene.output.wanted
+    drawn = {
+        "kinematics": lambda: figures.kinematics(study.runs),
+        "drive": lambda: figures.drive(study.runs),
+        "ranking": lambda: figures.ranking(study.rankings),
+    }
+    if "reactions" in wanted:
+        best = next(iter(study.rankings.values()))[0].run.name
+        names = dict.fromkeys([best, *(name for name, run in study.runs.items() if run.rod_tangent.any())])
+        drawn["reactions"] = lambda: figures.reactions(study.runs, list(names))
+    if "cams" in wanted:
+        drawn["cams"] = lambda: figures.cams(study.cams, list(study.cycles), "roller")
+    if "crank" in wanted:
+        drawn["crank"] = lambda: figures.crank(study.turns)
+    for name, draw in drawn.items():
+        study.count("figures")
+        path = directory / f"{name}.png"
+        with whole_file(path, "wb") as stream:
+            draw().savefig(stream, format="png", dpi=FIGURE_DPI)
+        yield path
+
+
+WRITERS = {"tables": _tables, "reactions": _reactions, "cams": _cams, "crank": _crank, "figures": _figures}
+
+
+def _csv(path, header, rows):
+    write_csv(path, header, rows)
+    return path
+
+
+def _summary(study, files):
+    scene = study.scene
+    reach = study.mix.reachable
+    return {
+        "schema": SCHEMA,
+        "title": scene.title,
+        "scene_hash": scene.hash,
+        "versions": {"python": platform.python_version()} | {name: version(name) for name in VERSIONED},
+        "engine": scene.accuracy.engine,
+        "advice": list(scene.advice),
+        "reachable": {"by_rolling": reach.possible, "reason": reach.reason},
+        "numbers": {name: asdict(number) for name, number in study.numbers.items()},
+        "laws": {name: _run_numbers(run) for name, run in study.runs.items()},
+        "rankings": {by: [_place(place) for place in places] for by, places in study.rankings.items()},
+        "units": {name: criterion.unit for name, criterion in CRITERIA.items()},
+        "stages": dict(study.counts),
+        "files": files,
+    }
+
+
+def _place(place):
+    names = {"rank": place.rank, "law": place.run.name, "value": place.value, "margin": place.margin}
+    return names | ({"reason": place.reason} if place.reason else {})
+
+
+def _run_numbers(run):
+    return {name: getattr(run, name) for name in CRITERIA}
+
+
+def digest(study):
+    """The answer of a study in a screen of text: the contact, then the laws by the first criterion."""
+    numbers = study.numbers
+    lines = [study.scene.title or "untitled scene", ""]
+    lines += [_number_line(name, numbers[name]) for name in DIGEST]
+    if not study.mix.reachable:
+        lines.append(f"  {study.mix.reachable.reason}")
+    for by, places in study.rankings.items():
+        lines += ["", f"laws by {by.replace('_', ' ')} [{CRITERIA[by].unit}]"]
+        lines += [_place_line(place) for place in places]
+    return "\n".join(lines)
+
+
+DIGEST = ("capture_angle", "contact_length", "roller_force", "resistance_coefficient", "cart_resistance", "cart_power")
+
+
+def _number_line(name, number):
+    spread = "" if number.low is None else f"   {number.low:.4g} to {number.high:.4g} over the mix's spread"
+    return f"  {name.replace('_', ' '):<24}{number.value:>10.4g} {number.unit:<4}{spread}"
+
+
+def _place_line(place):
+    if place.reason:
+        return f"  {place.rank:>2}  {place.run.name:<30}  infinite: {place.reason}"
+    margin = f"+{place.margin:.2%} to the next" if np.isfinite(place.margin) else ""
+    return f"  {place.rank:>2}  {place.run.name:<30}{place.value:>10.1f}   {margin}"
+
+
+def cam_digest(law, cam):
+    """The sizes of one cam in a few lines of text."""
+    least = cam.least_breadth()
+    lines = [
+        f"cam for {law}, {type(cam.follower).__name__}, breadth {cam.breadth:g} m{' UNDERCUT' * cam.undercut}",
+        f"  least breadth                 {least.breadth:.6g} m: {least.rule}",
+        f"  least radius of curvature     {cam.least_radius_of_curvature:.6g} m",
+        f"  largest pressure angle        {np.degrees(cam.largest_pressure_angle):.2f} deg",
+        f"  largest offset of the contact {cam.largest_contact_offset:.6g} m",
+    ]
+    return "\n".join(lines)

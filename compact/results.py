@@ -1,0 +1,88 @@
+"""Writing results so that none is lost or half-written: aside first, then renamed; never over another scene's.
+
+A results directory belongs to the scene whose fingerprint its file `scene.hash` holds.
+"""
+
+import csv
+import json
+import math
+import os
+from contextlib import contextmanager
+from pathlib import Path
+
+MARK = "scene.hash"
+
+
+class ResultsError(RuntimeError):
+    """A result could not be written, or stands where another scene's stands."""
+
+
+@contextmanager
+def whole_file(path, mode="w"):
+    """Open a file that appears under `path` whole, when the block ends without an error, or not at all."""
+    path = Path(path)
+    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    options = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with aside.open(mode, **options) as stream:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+        aside.replace(path)
+    except OSError as error:
+        raise ResultsError(f"{path}: could not be written: {error.strerror or error}") from error
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def write_csv(path, header, rows):
+    """Rows of numbers and words under a header of names with units; numbers keep 12 digits."""
+    with whole_file(path) as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows([_cell(value) for value in row] for row in rows)
+
+
+def _cell(value):
+    return f"{value:.12g}" if isinstance(value, float) else value
+
+
+def write_json(path, content):
+    """JSON with infinities as "infinite" and nan as null, since JSON has no words for them."""
+    with whole_file(path) as stream:
+        json.dump(_plain(content), stream, indent=2, allow_nan=False)
+        stream.write("\n")
+
+
+def _plain(value):
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else "infinite" if value > 0 else "-infinite"
+    return value
+
+
+def claim(directory, scene_hash, force=False):
+    """The directory, made if need be and marked as this scene's; refused where another scene's results stand.
+
+    With `force` the other scene's results are overwritten file by file. Raises ResultsError.
+    """
+    directory = Path(directory)
+    mark = directory / MARK
+    try:
+        owner = mark.read_text(encoding="utf-8").strip() if mark.exists() else None
+        foreign = owner is None and directory.exists() and any(directory.iterdir())
+    except OSError as error:
+        raise ResultsError(f"{directory}: {error.strerror or error}; give another --out") from error
+    if foreign and not force:
+        raise ResultsError(f"{directory}: holds files that are not compact's; give another --out, or --force")
+    if owner not in (None, scene_hash) and not force:
+        raise ResultsError(f"{directory}: holds results of another scene; give another --out, or --force")
+    with whole_file(mark) as stream:
+        stream.write(scene_hash + "\n")
+    return directory

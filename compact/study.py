@@ -1,0 +1,293 @@
+"""One scene from contact to ranking: what is wanted is computed once, when it is first asked for, and counted.
+
+    study = Study(load_scene("scene.toml"))
+    study.rankings["peak_force"]
+
+`report.write` puts the results of a study into a directory; `compact run` is a thin door to it.
+"""
+
+import csv
+from collections import Counter
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from compact import contact, drive, mix
+from compact.cam import Cam, FlatFace, Pointed, RollerFollower
+from compact.cart import Cart
+from compact.crank import USUAL_ANGLES, turn
+from compact.halfplane import galin, pressure_exponent
+from compact.measured import from_table
+from compact.motion import law
+from compact.scene import SceneError
+
+BUILT_ENGINES = ("formula",)
+FOLLOWERS = {
+    "pointed": lambda table: Pointed(),
+    "roller": lambda table: RollerFollower(table.roller_follower_radius),
+    "flat": lambda table: FlatFace(),
+}
+
+
+@dataclass(frozen=True)
+class Number:
+    """A headline number: value, unit, how it is known, and its spread from `low` to `high` where that is known."""
+
+    value: float
+    unit: str
+    known_by: str
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True)
+class Engineering:
+    """Eqs 1.1-1.10 for one machine and mix, SI; forces are of one roller unless the name says cart."""
+
+    pressure: float
+    exponent: float
+    capture_angle: float
+    roller_force: float
+    contact_length: float
+    roller_resistance: float
+    resistance_coefficient: float
+    cart_resistance: float
+    cart_power: float
+    radius_low: float
+    radius_high: float
+    rollers_needed: int
+    stroke_needed: float
+
+
+def engineering(scene, blend, pressure):
+    """`Engineering` of a scene and its mix at the peak contact pressure q [Pa]; the power is that at mean speed."""
+    machine, modulus, nu = scene.machine, blend.effective_modulus, blend.poisson
+    alpha = float(pressure_exponent(nu, blend.steel_friction))
+    phi = contact.capture_angle(pressure, modulus, nu, alpha)
+    force = contact.roller_force(
+        phi, modulus, nu, alpha, machine.roller_radius, machine.roller_length,
+        machine.pressure_nonuniformity, machine.one_sided,
+    )  # fmt: skip
+    length = contact.contact_length(phi, machine.roller_radius, alpha)
+    friction = machine.roller_friction + machine.bearing_friction
+    one = contact.roller_resistance(force, length, machine.roller_radius, alpha, friction)
+    whole = contact.cart_resistance(
+        force, one, machine.rollers, machine.weight, bearing_friction=machine.bearing_friction,
+        journal_diameter=machine.journal_diameter, rolling_arm=machine.rolling_arm,
+        wheel_diameter=machine.guide_wheel_diameter, rib_factor=machine.rib_factor,
+    )  # fmt: skip
+    needed = contact.rollers_needed(scene.product.width, machine.roller_radius, machine.feeder_sleeve, machine.overlap)
+    radius = contact.radius_range(scene.product.height)
+    return Engineering(
+        pressure=float(pressure),
+        exponent=alpha,
+        capture_angle=float(phi),
+        roller_force=float(force),
+        contact_length=float(length),
+        roller_resistance=float(one),
+        resistance_coefficient=float(one / force),
+        cart_resistance=float(whole),
+        cart_power=float(contact.cart_power(whole, scene.motion.stroke / scene.motion.duration)),
+        radius_low=float(radius.low),
+        radius_high=float(radius.high),
+        rollers_needed=int(needed),
+        stroke_needed=float(contact.stroke_needed(scene.product.width, needed, machine.overlap)),
+    )
+
+
+# unit and confidence of each field of Engineering (theory of the formulas: `contact`)
+KNOWN_BY = {
+    "pressure": ("Pa", "mix: pressure that gives the density"),
+    "exponent": ("1", "eq 1.4, exact theory"),
+    "capture_angle": ("rad", "eq 1.5, reconstructed (80 %)"),
+    "roller_force": ("N", "eq 1.6, reconstructed (65 %)"),
+    "contact_length": ("m", "eq 1.7, reconstructed (95 %)"),
+    "roller_resistance": ("N", "eq 1.8, reconstructed (60 %)"),
+    "resistance_coefficient": ("1", "eqs 1.6 and 1.8"),
+    "cart_resistance": ("N", "eq 1.9, reconstructed (60 %)"),
+    "cart_power": ("W", "eq 1.10 at mean speed"),
+    "radius_low": ("m", "eq 1.1, printed"),
+    "radius_high": ("m", "eq 1.1, printed"),
+    "rollers_needed": ("1", "eq 1.2, reconstructed (80 %)"),
+    "stroke_needed": ("m", "eq 1.3, reconstructed (80 %)"),
+}
+
+
+class Study:
+    """The stages of one scene; each attribute is computed when first asked for, `counts` says how often."""
+
+    def __init__(self, scene, step=lambda stage: None):
+        if scene.accuracy.engine not in BUILT_ENGINES:
+            raise SceneError(
+                [f"accuracy.engine: '{scene.accuracy.engine}' is not built yet; choose {', '.join(BUILT_ENGINES)}"]
+            )
+        self.scene = scene
+        self.counts = Counter()
+        self._step = step
+
+    @property
+    def steps(self):
+        """How many counts the stages of all that the scene wants will make."""
+        laws, wanted = len(self.scene.law_names) + len(self.scene.table_paths), self.scene.output.wanted
+        figures = 3 + len({"cams", "reactions", "crank"} & set(wanted)) if "figures" in wanted else 0
+        cams = laws * len(FOLLOWERS) if "cams" in wanted else 0
+        crank = len(USUAL_ANGLES) + 1 if "crank" in wanted else 0
+        return 2 + 2 * laws + cams + crank + figures
+
+    def count(self, stage):
+        """One more run of a stage."""
+        self.counts[stage] += 1
+        self._step(stage)
+
+    @cached_property
+    def mix(self):
+        """The mix of the scene: prior and overrides."""
+        given = self.scene.mix.overrides.model_dump(exclude_none=True)
+        return mix.prior(self.scene.mix.moisture, self.scene.mix.density_ratio, given)
+
+    @cached_property
+    def engineering(self):
+        """Eqs 1.1-1.10 at the pressure that the density needs."""
+        self.count("contact")
+        return engineering(self.scene, self.mix, self.mix.required_pressure)
+
+    @cached_property
+    def numbers(self):
+        """Headline `Number`s by name; the spread is that of the required pressure, where the formulas still hold."""
+        needed = self.mix.parameter("required_pressure")
+        ends = [self._engineering_at(pressure) for pressure in (needed.low, needed.high)]
+        numbers = {}
+        for name, (unit, known_by) in KNOWN_BY.items():
+            low, high = (None if end is None else getattr(end, name) for end in ends)
+            value = getattr(self.engineering, name)
+            spread = {} if low == value == high else {"low": low, "high": high}
+            numbers[name] = Number(value, unit, known_by, **spread)
+        return numbers
+
+    def _engineering_at(self, pressure):
+        try:
+            return engineering(self.scene, self.mix, pressure)
+        except ValueError:  # beyond the formulas: no such angle
+            return None
+
+    @cached_property
+    def exact(self):
+        """Galin's exact contact at the same peak pressure, with the friction of a driven roller as in 1.5-1.8."""
+        return galin(
+            radius=self.scene.machine.roller_radius,
+            youngs_modulus=self.mix.effective_modulus,
+            poisson=self.mix.poisson,
+            friction=-self.mix.steel_friction,
+            peak_pressure=self.mix.required_pressure,
+        )
+
+    @cached_property
+    def resistance(self):
+        """Resistance of the mix to one cart as a callable of velocity and acceleration."""
+        return contact.dry_resistance(self.scene.machine.rollers * self.engineering.roller_resistance)
+
+    @cached_property
+    def cart(self):
+        """The cart with the reactions of its rollers."""
+        machine = self.scene.machine
+        return Cart(
+            mass=machine.mass,
+            weight=machine.weight,
+            roller_positions=machine.roller_positions,
+            roller_reactions=(self.engineering.roller_force,) * machine.rollers,
+            guide_positions=machine.guide_positions,
+            pin_position=machine.pin_position,
+            pin_height=machine.pin_height,
+            roller_radius=machine.roller_radius,
+            guide_wheel_diameter=machine.guide_wheel_diameter,
+            guide_friction=machine.guide_friction,
+        )
+
+    @cached_property
+    def cycles(self):
+        """The motion laws there and back, by name; tables of the user last."""
+        motion = self.scene.motion
+        passes = [
+            law(
+                name, motion.stroke, motion.duration, motion.run_up, motion.run_down,
+                motion.energy_weight, motion.acceleration_weight, motion.rod_length,
+            )
+            for name in self.scene.law_names
+        ]  # fmt: skip
+        passes += [_tabled(path) for path in self.scene.table_paths]
+        cycles = {}
+        for one_way in passes:
+            self.count("laws")
+            cycles[one_way.name] = one_way.cycle(motion.dwell, motion.dwell)
+        return cycles
+
+    @cached_property
+    def crank(self):
+        """The crank of the machine, its radius half the stroke; None where the scene gives no rod."""
+        rod = self.scene.motion.rod_length
+        return None if rod is None else drive.Crank(self.scene.motion.stroke / 2, rod)
+
+    @cached_property
+    def runs(self):
+        """A `Run` per law, by name; the law of the crank goes through its rod where the machine has one."""
+        motion = self.scene.motion
+        runs = {}
+        for name, cycle in self.cycles.items():
+            self.count("runs")
+            through_rod = name == "crank" and self.scene.drive.kind == "crank" and motion.dwell == 0
+            means = self.crank if through_rod else drive.Rigid()
+            working = (motion.run_up, 1 - motion.run_down)
+            runs[name] = drive.simulate(self.cart, means, cycle, self.resistance, working=working)
+        return runs
+
+    @cached_property
+    def rankings(self):
+        """Lists of `Ranked` by criterion, those the scene names."""
+        self.count("rankings")
+        return {by: drive.rank(self.runs.values(), by) for by in self.scene.drive.rank_by}
+
+    @cached_property
+    def cams(self):
+        """Cams of constant breadth by (law, follower)."""
+        return {(law, follower): self.cam(law, follower) for law in self.cycles for follower in FOLLOWERS}
+
+    def cam(self, law, follower):
+        """The `Cam` of one law for one of FOLLOWERS."""
+        table = self.scene.cam
+        if table is None:
+            raise SceneError(["cam: missing; a cam needs a table [cam] with breadth and roller_follower_radius in m"])
+        self.count("cams")
+        return Cam(self.cycles[law], table.breadth, FOLLOWERS[follower](table))
+
+    @cached_property
+    def turns(self):
+        """A `Turn` of the shaft for 1 to 4 carts at their usual angles, and under "scene" that of the scene."""
+        angles = {str(count): usual for count, usual in USUAL_ANGLES.items()}
+        angles["scene"] = self.scene.drive.angles or USUAL_ANGLES[self.scene.drive.carts]
+        speed = np.pi / self.scene.motion.duration
+        turns = {}
+        for key, ahead in angles.items():
+            self.count("crank")
+            turns[key] = turn(self.cart, self.crank, speed, self.resistance, ahead)
+        return turns
+
+
+def _tabled(path):
+    try:
+        with Path(path).open(encoding="utf-8", newline="") as stream:
+            rows = [row for row in csv.reader(stream) if row and not row[0].lstrip().startswith("#")]
+        body = rows[1:] if rows and not _is_number(rows[0][0]) else rows
+        time, position = np.array([[float(cell) for cell in row[:2]] for row in body]).T
+        return from_table(time, position, name=path.stem)
+    except (OSError, ValueError, IndexError) as error:
+        raise SceneError([f"{path}: not a table of time [s] and travel [m]: {error}; give two columns"]) from None
+
+
+def _is_number(cell):
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,31 @@
+"""Does the order of the laws survive the spread of the mix, by the engineering formulas alone?
+
+The required pressure of the mix is known within a factor; the resistance follows its square. The laws are ranked at
+the low, the expected and the high end. Limits: eqs 1.1-1.10, a resistance that does not depend on speed, rigid drive.
+"""
+
+from pathlib import Path
+
+from compact.scene import load_scene
+from compact.study import Study
+
+SCENES = Path(__file__).parent / "scenes"
+
+
+def main(scene="loveikin-2015", by="peak_power", **overrides):
+    """(end of the spread, resistance of a cart [N], laws in order) for low, expected and high required pressure."""
+    nominal = load_scene(SCENES / f"{scene}.toml", **{"output.wanted": [], "drive.rank_by": [by], **overrides})
+    pressure = Study(nominal).mix.parameter("required_pressure")
+    rows = []
+    for end in ("low", "value", "high"):
+        study = Study(nominal.replaced(**{"mix.overrides.required_pressure": getattr(pressure, end)}))
+        order = [(place.rank, place.run.name) for place in study.rankings[by]]
+        rows.append((end, study.resistance.force, order))
+    return rows
+
+
+if __name__ == "__main__":
+    for scene in ("loveikin-2015", "loveikin-2015-crank"):
+        print(scene)
+        for end, force, order in main(scene):
+            print(f"  {end:<6}{force:8.0f} N  " + ", ".join(f"{rank} {name}" for rank, name in order[:5]))

@@ -1,0 +1,163 @@
+"""The command from outside: exit codes 0 done, 1 could not, 2 bad input; no traceback; nothing half-written."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+SMALL = ROOT / "studies" / "scenes" / "small.toml"
+
+
+def compact(*arguments, cwd=None, **environment):
+    call = [sys.executable, "-m", "compact.cli", *map(str, arguments)]
+    return subprocess.run(call, capture_output=True, text=True, cwd=cwd, env=os.environ | environment, check=False)
+
+
+def test_new_scene_runs_as_it_is(tmp_path):
+    assert compact("new", tmp_path / "mine").returncode == 0
+    done = compact("run", "scene.toml", cwd=tmp_path / "mine")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "mine" / "out" / "scene" / "summary.json").exists()
+    assert "laws by peak force [N]" in done.stdout
+
+
+def test_new_keeps_a_scene_that_stands(tmp_path):
+    (tmp_path / "scene.toml").write_text("mine")
+    told = compact("new", tmp_path)
+    assert told.returncode == 1
+    assert "exists already; give another directory" in told.stderr
+    assert (tmp_path / "scene.toml").read_text() == "mine"
+
+
+def test_quiet_run_says_nothing(tmp_path):
+    done = compact("run", SMALL, "--out", tmp_path / "out", "--quiet")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_digest_has_the_published_force(tmp_path):
+    done = compact("run", SMALL, "--out", tmp_path / "out")
+    assert "roller force                  9740 N" in done.stdout
+
+
+def test_cam_command_writes_its_profile(tmp_path):
+    done = compact("cam", SMALL, "--law", "combined-3", "--follower", "flat", "--out", tmp_path / "cam.csv")
+    assert done.returncode == 0, done.stderr
+    assert "least breadth                 0.605" in done.stdout  # 1.514 strokes of 0.4 m, D-cams
+    header, *rows = (tmp_path / "cam.csv").read_text().splitlines()
+    assert header.startswith("angle_rad,radius_m,x_m,y_m")
+    assert len(rows) >= 721
+
+
+def test_check_finds_our_side_unchanged():
+    done = compact("check")
+    assert done.returncode == 0
+    assert "our side is unchanged" in done.stdout
+
+
+BAD_CALLS = {
+    "no scene": (("run", "nowhere.toml"), 2, "nowhere.toml"),
+    "a directory": (("run", "."), 2, "."),
+    "unknown option": (("run", SMALL, "--engin", "fem"), 2, "Did you mean --engine?"),
+    "unknown command": (("rnu", SMALL), 2, 'Did you mean "run"?'),
+    "unknown engine": (("run", SMALL, "--engine", "magic"), 2, "Choose from"),
+    "engine not built": (("run", SMALL, "--engine", "fem"), 2, "'fem' is not built yet"),
+    "tolerance not a number": (("run", SMALL, "--tolerance", "tight"), 2, "tight"),
+    "tolerance out of range": (("run", SMALL, "--tolerance", "3"), 2, "accuracy.tolerance"),
+    "tolerance nan": (("run", SMALL, "--tolerance", "nan"), 2, "accuracy.tolerance"),
+    "no argument": (("run",), 2, "SCENE"),
+    "unknown law": (("cam", SMALL, "--law", "cubc"), 2, "cubic"),
+    "no law": (("cam", SMALL), 2, "--law"),
+    "output is a file": (("run", SMALL, "--out", SMALL), 1, "small.toml"),
+    "output cannot be made": (("run", SMALL, "--out", "/proc/none/out"), 1, "/proc/none"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "code", "words"), BAD_CALLS.values(), ids=BAD_CALLS)
+def test_bad_calls_end_in_a_sentence(arguments, code, words, tmp_path):
+    told = compact(*arguments, cwd=tmp_path)
+    assert told.returncode == code, told.stderr
+    assert words in " ".join((told.stdout + told.stderr).replace("│", " ").split())
+    assert "Traceback" not in told.stdout + told.stderr
+
+
+def test_mistakes_of_a_scene_are_told_together_with_lines(tmp_path):
+    text = SMALL.read_text().replace("roller_radius = 0.11 ", "roller_radius = -0.11 ").replace("mass =", "mas =")
+    (tmp_path / "bad.toml").write_text(text)
+    told = compact("run", "bad.toml", cwd=tmp_path)
+    assert told.returncode == 2
+    assert "machine.roller_radius" in told.stderr
+    assert "-0.11" in told.stderr
+    assert "mass" in told.stderr
+    assert "Traceback" not in told.stderr
+
+
+def test_impossible_angle_is_refused_with_the_remedy(tmp_path):
+    text = SMALL.read_text().replace("effective_modulus = 1364535.2", "effective_modulus = 1000.0")
+    (tmp_path / "soft.toml").write_text(text)
+    told = compact("run", "soft.toml", cwd=tmp_path)
+    assert told.returncode == 2
+    assert "lower `pressure` or raise `youngs_modulus`: sin phi would be" in told.stderr
+
+
+def test_another_scenes_results_need_force(tmp_path):
+    assert compact("run", SMALL, "--out", tmp_path / "out").returncode == 0
+    (tmp_path / "slow.toml").write_text(SMALL.read_text().replace("duration = 3.0", "duration = 4.0"))
+    told = compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out")
+    assert told.returncode == 1
+    assert "holds results of another scene" in told.stderr
+    assert compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out", "--force").returncode == 0
+
+
+def test_interrupt_leaves_whole_files_and_no_summary(tmp_path):
+    scene = tmp_path / "scene.toml"
+    shutil.copy(ROOT / "studies" / "scenes" / "loveikin-2015.toml", scene)
+    call = [sys.executable, "-m", "compact.cli", "run", str(scene), "--out", str(tmp_path / "out")]
+    with subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        while not list((tmp_path / "out" / "cycles").glob("*.csv")) and process.poll() is None:
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "interrupted; every file already written is whole" in said
+    assert "Traceback" not in said
+    written = [path for path in (tmp_path / "out").rglob("*") if path.is_file()]
+    assert written
+    assert not [path for path in written if path.suffix == ".part" or path.name == "summary.json"]
+    assert all(path.read_text().endswith("\n") for path in written if path.suffix == ".csv")
+
+
+def test_reader_that_closes_early_is_no_error(tmp_path):
+    line = f"{sys.executable} -m compact.cli check | head -n 1"
+    told = subprocess.run(["bash", "-c", f"set -o pipefail; {line}"], capture_output=True, text=True, check=False)
+    assert (told.returncode, told.stderr) == (0, "")
+
+
+def test_internal_error_is_a_sentence(tmp_path):
+    script = (
+        "import sys, compact.scene as scene\n"
+        "def broken(*_, **__): raise RuntimeError('boom')\n"
+        "scene.load_scene = broken\n"
+        f"sys.argv = ['compact', 'run', {str(SMALL)!r}]\n"
+        "from compact.cli import main; main()"
+    )
+    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert told.returncode == 1
+    assert "internal error, please report it: RuntimeError: boom" in told.stderr
+    assert "Traceback" not in told.stderr
+
+
+def test_help_loads_neither_numpy_nor_the_scene():
+    script = (
+        "import sys; sys.argv = ['compact', '--help']\n"
+        "from compact.cli import main\n"
+        "try: main()\n"
+        "finally: print([name for name in ('numpy', 'scipy', 'pydantic', 'matplotlib') if name in sys.modules])"
+    )
+    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert told.stdout.strip().endswith("[]")

@@ -1,0 +1,197 @@
+"""What vouches for the chain: the published operating point, energy balances, counts of what was computed."""
+
+import csv
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compact import report
+from compact.motion import LAWS
+from compact.results import ResultsError
+from compact.scene import LAW_NAMES, SceneError, load_scene
+from compact.study import Study
+
+SCENES = Path(__file__).parent.parent / "studies" / "scenes"
+PUBLISHED_COEFFICIENT = (3562 - 0.008 * (2 * 9740 - 10000)) / (2 * 9740)  # C: 3562 N without the guides' friction
+
+
+def scene(name="loveikin-2015", **changes):
+    return load_scene(SCENES / f"{name}.toml", **changes)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Study and summary of the small scene with everything wanted, and where it lies."""
+    directory = tmp_path_factory.mktemp("run") / "small"
+    study = Study(scene("small", **{"output.wanted": ["tables", "figures", "cams", "reactions", "crank"]}))
+    report.write(study, directory)
+    return study, json.loads((directory / "summary.json").read_text()), directory
+
+
+def test_published_scene_carries_the_published_forces():
+    study = Study(scene())
+    assert study.engineering.roller_force == pytest.approx(9740, rel=1e-6)
+    assert study.engineering.resistance_coefficient == pytest.approx(PUBLISHED_COEFFICIENT, rel=1e-5)
+    assert study.resistance.force + 0.008 * (2 * 9740 - 10000) == pytest.approx(3562, rel=1e-5)
+
+
+def test_prior_modulus_gives_the_uncalibrated_force():
+    study = Study(scene(**{"mix.overrides.effective_modulus": None}))
+    assert study.engineering.roller_force == pytest.approx(17720.764176, rel=1e-9)  # theory: regression point
+
+
+@pytest.mark.parametrize("name", [name for name in LAWS if name not in ("constant-velocity", "gear-sector")])
+def test_energy_of_a_cycle_is_the_work_of_resistance_and_friction(name):
+    study = Study(scene(**{"motion.laws": [name]}))
+    forces = study.resistance.force + 0.008 * (2 * study.engineering.roller_force - 10000)
+    assert study.runs[name].energy == pytest.approx(2 * 0.4 * forces, rel=1e-9)
+
+
+def test_laws_of_the_scene_are_those_of_the_table():
+    assert tuple(LAWS) == LAW_NAMES
+
+
+def test_inertia_turns_the_ranking_of_the_crank_scene():
+    slow, fast = (Study(scene(name)).rankings["peak_power"] for name in ("loveikin-2015", "loveikin-2015-crank"))
+    assert slow[0].run.name == "reversal-4-free-acceleration"
+    assert fast[0].run.name == "cubic"
+    assert [p.run.name for p in slow] != [p.run.name for p in fast]
+
+
+def test_crank_law_goes_through_its_rod_in_a_crank_machine():
+    study = Study(scene("loveikin-2015-crank", **{"motion.laws": ["crank", "harmonic"]}))
+    assert np.abs(study.runs["crank"].rod_tangent).max() == pytest.approx(0.25 / math.sqrt(1 - 0.0625), rel=1e-4)
+    assert not study.runs["harmonic"].rod_tangent.any()
+
+
+def test_power_of_the_shaft_is_that_of_the_run_through_the_rod():
+    study = Study(scene("loveikin-2015-crank", **{"motion.laws": ["crank"]}))
+    turn = study.turns["1"]
+    assert turn.mean(turn.power) == pytest.approx(study.runs["crank"].mean_power, rel=1e-6)
+
+
+def test_spread_of_the_force_follows_the_square_of_the_pressure():
+    force = Study(scene()).numbers["roller_force"]
+    assert (force.low / force.value, force.high / force.value) == pytest.approx((1.5**-2, 1.5**2), rel=1e-12)
+
+
+def test_spread_beyond_the_formulas_is_left_out():
+    study = Study(scene(**{"mix.overrides.effective_modulus": 0.5e6}))  # sin phi > 1 at the high end
+    assert study.numbers["roller_force"].high is None
+    assert study.numbers["roller_force"].low < study.engineering.roller_force
+
+
+def test_nothing_wanted_nothing_done(tmp_path):
+    study = Study(scene("small", **{"output.wanted": []}))
+    summary = report.write(study, tmp_path / "out")
+    assert summary["stages"] == {"contact": 1, "laws": 3, "runs": 3, "rankings": 1}
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["scene.hash", "summary.json"]
+
+
+def test_each_stage_is_run_once_and_counted(written):
+    study, summary, _ = written
+    assert summary["stages"] == {
+        "contact": 1, "laws": 3, "runs": 3, "rankings": 1, "cams": 9, "crank": 5, "figures": 6,
+    }  # fmt: skip
+    assert sum(summary["stages"].values()) == study.steps
+
+
+def test_every_file_of_the_summary_stands_and_no_other(written):
+    _, summary, directory = written
+    found = {str(path.relative_to(directory)) for path in directory.rglob("*") if path.is_file()}
+    assert found == {*summary["files"], "summary.json", "scene.hash"}
+    assert not [name for name in found if name.endswith((".vtu", ".pvd", ".part"))]
+
+
+def test_every_headline_number_has_a_unit_and_an_origin(written):
+    _, summary, _ = written
+    assert all(number["unit"] and number["known_by"] for number in summary["numbers"].values())
+
+
+def test_cycle_table_integrates_to_the_energy(written):
+    study, _, directory = written
+    with (directory / "cycles" / "cubic.csv").open() as stream:
+        rows = [{name: float(cell) for name, cell in row.items()} for row in csv.DictReader(stream)]
+    time, power = (np.array([row[name] for row in rows]) for name in ("time_s", "drive_power_W"))
+    assert np.trapezoid(power, time) == pytest.approx(study.runs["cubic"].energy, rel=5e-4)  # trapezes between 129 points
+
+
+def test_two_runs_write_the_same_bytes(written, tmp_path):
+    study, _, directory = written
+    report.write(Study(study.scene), tmp_path / "again")
+    for path in directory.rglob("*.csv"):
+        assert path.read_bytes() == (tmp_path / "again" / path.relative_to(directory)).read_bytes()
+
+
+def test_figures_have_labelled_axes_and_pixels(written):
+    from matplotlib.image import imread
+
+    _, _, directory = written
+    drawn = sorted(directory.glob("*.png"))
+    assert [path.stem for path in drawn] == ["cams", "crank", "drive", "kinematics", "ranking", "reactions"]
+    assert all(imread(path).std() > 0.05 for path in drawn)
+
+
+def test_a_law_keeps_its_look_in_every_figure():
+    from compact.figures import look
+
+    assert {name: look(name) for name in LAW_NAMES}.keys() == set(LAW_NAMES)
+    assert look("cubic") == look("cubic") != look("quintic")
+    assert look("own table")["color"] == "black"
+
+
+def test_own_table_is_ranked_beside_the_laws(tmp_path):
+    time = np.linspace(0, 3, 151)
+    quintic = 0.4 * np.polyval([6, -15, 10, 0, 0, 0], time / 3)
+    rows = "\n".join(f"{t:.6f},{x:.9f}" for t, x in zip(time, quintic, strict=True))
+    (tmp_path / "mine.csv").write_text(f"# measured on the stand\ntime,travel\n{rows}\n")
+    text = (SCENES / "small.toml").read_text().replace("rod_length", 'tables = ["mine.csv"]\nrod_length')
+    (tmp_path / "scene.toml").write_text(text)
+    study = Study(load_scene(tmp_path / "scene.toml"))
+    assert study.runs["mine"].peak_force == pytest.approx(study.engineering.roller_resistance * 2 + 75.84 + 256.6, rel=1e-3)
+
+
+def test_broken_table_is_refused_with_its_name(tmp_path):
+    (tmp_path / "mine.csv").write_text("0,0\n1,nonsense\n")
+    text = (SCENES / "small.toml").read_text().replace("rod_length", 'tables = ["mine.csv"]\nrod_length')
+    (tmp_path / "scene.toml").write_text(text)
+    with pytest.raises(SceneError, match=r"mine\.csv: not a table of time \[s\] and travel \[m\]"):
+        _ = Study(load_scene(tmp_path / "scene.toml")).runs
+
+
+@pytest.mark.parametrize("engine", ["column", "spectral", "fem", "compaction"])
+def test_engines_of_later_versions_are_refused_in_words(engine):
+    with pytest.raises(SceneError, match=f"accuracy.engine: '{engine}' is not built yet; choose formula"):
+        Study(scene(**{"accuracy.engine": engine}))
+
+
+def test_cam_without_its_table_is_refused(tmp_path):
+    study = Study(scene("small", **{"cam": None}))
+    with pytest.raises(SceneError, match=r"cam: missing; a cam needs a table \[cam\]"):
+        study.cam("cubic", "roller")
+
+
+def test_results_of_another_scene_are_kept(written, tmp_path):
+    study, _, directory = written
+    other = Study(study.scene.replaced(**{"motion.duration": 2.5}))
+    before = (directory / "summary.json").read_bytes()
+    with pytest.raises(ResultsError, match="holds results of another scene; give another --out, or --force"):
+        report.write(other, directory)
+    assert (directory / "summary.json").read_bytes() == before
+
+
+def test_formula_scene_loads_no_heavy_module(tmp_path):
+    script = (
+        "import sys; from compact import report; from compact.scene import load_scene; from compact.study import Study;"
+        f"report.write(Study(load_scene({str(SCENES / 'small.toml')!r})), {str(tmp_path / 'out')!r});"
+        "print(sorted({name.split('.')[0] for name in sys.modules}))"
+    )
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    assert "scipy" in loaded
+    for heavy in ("skfem", "meshio", "pyvista", "numba", "matplotlib", "vtk"):
+        assert f"'{heavy}'" not in loaded
