@@ -16,6 +16,8 @@ from scipy.interpolate import PPoly
 from compact.refuse import refuse_outside
 from compact.variational import ComplexLaw, minimiser
 
+SHORTEST = 1e-12  # share of the duration that still counts as a run-up or run-down: below it, phases blur to rounding
+
 
 @dataclass(frozen=True)
 class Shape:
@@ -60,13 +62,14 @@ def with_steady_part(order, start, end, shape):
     v = 1/(A run_up + 1 - run_up - run_down + A run_down).
     """
     run = minimiser(order, {0: 0} | start, end)
-    up, down = shape.run_up, shape.run_down
+    up, down = (share if share > SHORTEST else 0.0 for share in (shape.run_up, shape.run_down))
+    down = 1 - (1 - down)  # the width that is left after its break is rounded
     steady = max(0.0, 1 - up - down)
     speed = 1 / (run(1.0) * (up + down) + steady)
     pieces = []
     if up > 0:
         pieces.append((up, speed * up * run(Polynomial([0, 1 / up]))))
-    if steady > 1e-12:
+    if steady > SHORTEST:
         pieces.append((steady, Polynomial([speed * up * run(1.0), speed])))
     if down > 0:
         pieces.append((down, 1 - speed * down * run(Polynomial([1, -1 / down]))))
@@ -77,6 +80,8 @@ def piecewise(widths, polynomials):
     """PPoly on 0 <= z <= 1 from the width of each piece and its polynomial in the distance from its start."""
     breaks = np.concatenate([[0.0], np.cumsum(widths)])
     breaks[-1] = 1.0
+    if len(widths) > 1:
+        breaks[-2] = 1 - widths[-1]
     coefficients = np.zeros((max(p.degree() for p in polynomials) + 1, len(polynomials)))
     for i, polynomial in enumerate(polynomials):
         coefficients[-len(polynomial.coef) :, i] = polynomial.coef[::-1]

@@ -33,10 +33,13 @@ class MeasuredMotion(Motion):
     knots: np.ndarray | None = None
 
     def standard_error(self, time, order):
-        """Standard error of the derivative of the given order at time [s]: noise of the table, not bias."""
-        z = np.atleast_1d(np.clip(np.asarray(time, float) / self.duration, 0, 1))
+        """Standard error of the derivative of the given order at time [s] of any shape: noise of the table, not bias.
+
+        The end rows are met exactly, so their own noise is not in it.
+        """
+        z = np.clip(np.asarray(time, float) / self.duration, 0, 1)
         basis = BSpline(self.knots, np.eye(len(self.covariance)), DEGREE)(z, nu=order)
-        return self._scale(order) * np.sqrt(np.einsum("ij,jk,ik->i", basis, self.covariance, basis))
+        return self._scale(order) * np.sqrt(np.einsum("...j,jk,...k->...", basis, self.covariance, basis))
 
 
 def from_table(time, position, name="table"):
@@ -52,7 +55,7 @@ def from_table(time, position, name="table"):
     >>> t = np.linspace(0, 3, 61)
     >>> x = 0.4 * (10 * (t / 3)**3 - 15 * (t / 3)**4 + 6 * (t / 3)**5)
     >>> m = from_table(t, np.round(x, 4))
-    >>> f"jerk at the start {m.jerk(0.0):.2f} +- {m.standard_error(0.0, 3)[0]:.2f} m/s^3"
+    >>> f"jerk at the start {m.jerk(0.0):.2f} +- {m.standard_error(0.0, 3):.2f} m/s^3"
     'jerk at the start 0.91 +- 0.99 m/s^3'
     """
     time, position = _checked(time, position)
@@ -73,12 +76,13 @@ def _checked(time, position):
     time, position = np.asarray(time, float), np.asarray(position, float)
     if time.shape != position.shape or time.ndim != 1 or time.size < LEAST_ROWS:
         raise ValueError(
-            f"`time` and `position` must be columns of one length >= {LEAST_ROWS}, got {time.shape} and {position.shape}"
+            f"`time` and `position` must be columns of one length >= {LEAST_ROWS}, "
+            f"got shapes {time.shape} and {position.shape}"
         )
     refuse_nonfinite(time=time, position=position)
     if not np.all(np.diff(time) > 0):
         row = int(np.flatnonzero(np.diff(time) <= 0)[0]) + 1
-        raise ValueError(f"`time` must increase from row to row, got {time[row]:g} after {time[row - 1]:g} in row {row + 1}")
+        raise ValueError(f"`time` must increase, got {time[row]:g} after {time[row - 1]:g} in row {row + 1}")
     if not position[-1] > position[0]:
         raise ValueError(f"`position` must end ahead of its start, got {position[0]:g} to {position[-1]:g}")
     return time, position

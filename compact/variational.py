@@ -18,6 +18,8 @@ from numpy.polynomial import Polynomial
 
 # |p| of e^(pz) up to which a power series about the middle keeps all digits: it loses e^(0.15 |p|) to cancellation.
 SERIES_LIMIT = 12.0
+THINNEST = 1e12  # p beyond which the layer at an end is thinner than a phase can tell: it is left out
+ROUNDING = 4e-16  # of d3 that decimal weights with the sum 1 leave
 SERIES_TERMS = 24  # of u^(2k+1)/(2k+1)!, |p u| <= 6: the last is below 1e-20 of the sum
 
 
@@ -75,7 +77,7 @@ class ComplexLaw:
         s^(6) - n1 s^(4) + n2 s'' = 0,  n1 = 60 d2/d3,  n2 = 720 d1/d3
 
     with s(0) = 0, s(1) = 1 and s' = s'' = 0 at both ends (s' = 0 alone when d3 = 0, neither when d2 = d3 = 0: the
-    order falls). The roots p of p^4 - n1 p^2 + n2 = 0 may be real, equal or complex; `_Modes` treats all alike.
+    order falls). The roots p of p^4 - n1 p^2 + n2 = 0 may be real, equal or complex: see `_pair_of_modes`.
 
     energy_weight, acceleration_weight : d1, d2 >= 0, d1 + d2 <= 1
 
@@ -98,7 +100,8 @@ class ComplexLaw:
     @property
     def jerk_weight(self):
         """d3 = 1 - d1 - d2."""
-        return max(0.0, 1.0 - self.energy_weight - self.acceleration_weight)
+        rest = math.fsum((1.0, -self.energy_weight, -self.acceleration_weight))
+        return rest if rest > ROUNDING else 0.0
 
     def __call__(self, z, nu=0):
         """Derivative of order `nu` of s at z, 0 <= z <= 1."""
@@ -112,7 +115,7 @@ class ComplexLaw:
         d1, d2, d3 = self.energy_weight, self.acceleration_weight, self.jerk_weight
         if d3 > 0:
             return _pair_of_modes(60 * d2 / d3, 720 * d1 / d3)
-        return [_single_mode(math.sqrt(12 * d1 / d2))] if d2 > 0 else []
+        return [_single_mode(math.sqrt(12 * d1 / d2))] if 12 * d1 < THINNEST**2 * d2 else []
 
     @cached_property
     def _amplitudes(self):
