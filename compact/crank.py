@@ -1,6 +1,6 @@
 """Several carts on one crankshaft (paper C): forces, torque and power of each and of the shaft over a turn.
 
-    torque = H dx/dpsi = H r sin(psi + beta)/cos(beta),  power = torque * angular speed,  rod force = H/cos(beta)
+torque = H dx/dpsi = H r sin(psi + beta)/cos(beta),  power = torque * angular speed,  rod force = H/cos(beta)
 """
 
 from dataclasses import dataclass
@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from compact.cart import Balance, balance
-from compact.drive import Crank, clenshaw_curtis
+from compact.drive import POINTS, Crank, clenshaw_curtis, peak
 from compact.refuse import refuse_nonfinite, refuse_nonpositive
 
-POINTS = 129
 # Phases of the published machines: 1, 2 carts at 90 degrees, 3 at 120, 4 at 90 (paper C).
 USUAL_ANGLES = {
     1: (0.0,),
@@ -61,6 +60,10 @@ class Turn:
     def mean(self, values):
         """Mean over the turn."""
         return float(np.sum(self.weights * values) / (2 * np.pi))
+
+    def peak(self, values):
+        """Largest |value| over the turn, between the samples too."""
+        return peak(self.angle, values)
 
 
 def turn(cart, crank, angular_speed, resistance, angles=(0.0,)):

@@ -96,17 +96,17 @@ class Run:
     @cached_property
     def peak_force(self):
         """Largest |H| [N]; infinite where the velocity jumps."""
-        return math.inf if self.impulses else _peak(self.time, self.drive_force)
+        return math.inf if self.impulses else peak(self.time, self.drive_force)
 
     @cached_property
     def peak_power(self):
         """Largest |H v| [W]; infinite where the velocity jumps."""
-        return math.inf if self.impulses else _peak(self.time, self.drive_power)
+        return math.inf if self.impulses else peak(self.time, self.drive_power)
 
     @cached_property
     def peak_jerk(self):
         """Largest |jerk| [m/s^3]; infinite where velocity or acceleration jumps."""
-        return math.inf if self.shocks else _peak(self.time, self.jerk)
+        return math.inf if self.shocks else peak(self.time, self.jerk)
 
     @cached_property
     def rms_force(self):
@@ -241,8 +241,8 @@ def clenshaw_curtis(count):
     return np.sin(theta / 2) ** 2, weights
 
 
-def _peak(time, values):
-    """Largest |value|, by the polynomial through it and its neighbours where it lies inside a piece."""
+def peak(time, values):
+    """Largest |value| of samples at Chebyshev's points, piece after piece; between them by a local polynomial."""
     size = np.abs(values)
     best = int(np.argmax(size))
     inside = best % POINTS

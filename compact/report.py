@@ -114,8 +114,8 @@ def _crank(study, directory):
     header = ("carts", "mean_power_W", "peak_power_W", "peak_over_mean", "peak_torque_Nm")
     rows = []
     for key, turn in study.turns.items():
-        mean, peak = turn.mean(turn.power), float(np.abs(turn.power).max())
-        rows.append((key, mean, peak, peak / mean, float(np.abs(turn.torque).max())))
+        mean, peak = turn.mean(turn.power), turn.peak(turn.power)
+        rows.append((key, mean, peak, peak / mean, turn.peak(turn.torque)))
     yield _csv(directory / "crank.csv", header, rows)
     turn = study.turns["scene"]
     names = [f"{name}_{i}" for i in range(1, len(turn.carts) + 1) for name in ("rod_force_N", "torque_Nm", "power_W")]

@@ -118,7 +118,9 @@ def test_cycle_table_integrates_to_the_energy(written):
     with (directory / "cycles" / "cubic.csv").open() as stream:
         rows = [{name: float(cell) for name, cell in row.items()} for row in csv.DictReader(stream)]
     time, power = (np.array([row[name] for row in rows]) for name in ("time_s", "drive_power_W"))
-    assert np.trapezoid(power, time) == pytest.approx(study.runs["cubic"].energy, rel=5e-4)  # trapezes between 129 points
+    assert np.trapezoid(power, time) == pytest.approx(
+        study.runs["cubic"].energy, rel=5e-4
+    )  # trapezes between 129 points
 
 
 def test_two_runs_write_the_same_bytes(written, tmp_path):
@@ -153,7 +155,9 @@ def test_own_table_is_ranked_beside_the_laws(tmp_path):
     text = (SCENES / "small.toml").read_text().replace("rod_length", 'tables = ["mine.csv"]\nrod_length')
     (tmp_path / "scene.toml").write_text(text)
     study = Study(load_scene(tmp_path / "scene.toml"))
-    assert study.runs["mine"].peak_force == pytest.approx(study.engineering.roller_resistance * 2 + 75.84 + 256.6, rel=1e-3)
+    assert study.runs["mine"].peak_force == pytest.approx(
+        study.engineering.roller_resistance * 2 + 75.84 + 256.6, rel=1e-3
+    )
 
 
 def test_broken_table_is_refused_with_its_name(tmp_path):
