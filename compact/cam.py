@@ -1,0 +1,483 @@
+"""The cam that makes a motion there and back, one turn a cycle.
+
+    phi = 2 pi t/period,  rho(phi) = b/2 + x(t) - stroke/2,  rho(phi) + rho(phi + pi) = b
+
+b is the breadth, rho what the follower follows: the radius to a point or to a roller's centre, or the distance to a
+flat face. The breadth is constant where the way back mirrors the way out and the two dwells are equal: see
+`breadth_error`.
+A point of the profile lies `radial` along the follower's travel and `offset` across it, in the frame of the cam:
+
+    radial (cos phi, sin phi) + offset (-sin phi, cos phi)
+
+Along phi the profile turns by `turn` dphi over an arc of `arc` dphi: its curvature is turn/arc, convex > 0, and where
+arc <= 0 it would run backwards: the cutter that makes one part removes another, and the cam is undercut.
+Angles in rad, lengths in m; primes are derivatives by phi, exact from the law; at a join the value just after it holds.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from compact.motion import Cycle, graded
+from compact.refuse import refuse_nonfinite, refuse_nonpositive
+
+__all__ = [
+    "Cam",
+    "FlatFace",
+    "LeastBreadth",
+    "Pointed",
+    "RollerFollower",
+    "Stepper",
+    "Table",
+    "least_breadth",
+    "stepper",
+]
+
+EPSILON = 4 * np.finfo(float).eps  # share of a leg by which a join is passed: enough for 1 - z to see the same side
+CELLS = 64  # between the graded ends of a piece, where a largest value is looked for; then golden section
+GOLDEN_STEPS = 40  # shrink a cell to 4e-9 of it: the value at a smooth top is then right to rounding
+GOLDEN = (np.sqrt(5) - 1) / 2
+NEWTON_STEPS = 100  # 10-25 are taken; a double root takes 50; the result is right to rounding
+AXIS = "the axis must lie inside the profile"
+ARC = "the profile must not run backwards"
+FLANKS = "the flanks of the lobe must not cross"
+SAMPLES = 2000  # a leg, where flanks may cross: least breadth then within 4e-7 of the stroke (against 32000)
+
+
+@dataclass(frozen=True)
+class _OnRadius:
+    """A point or a roller that moves along a line through the axis; its centre draws the polar pitch curve rho(phi).
+
+        w^2 = rho^2 + rho'^2,  turn = (rho^2 + 2 rho'^2 - rho rho'')/w^2,  arc = w - r turn
+
+    The profile is the pitch curve offset inwards by the roller's radius r along its normal (rho, -rho')/w.
+    """
+
+    radius: float
+
+    def contact(self, rho, slope):
+        """Contact point (radial, offset) [m]."""
+        w = np.hypot(rho, slope)
+        return rho - self.radius * rho / w, self.radius * slope / w
+
+    def rates(self, rho, slope, second):
+        """Turn [-] and arc [m] of the profile by phi."""
+        w = np.hypot(rho, slope)
+        turn = 1 + (slope**2 - rho * second) / w**2
+        return turn, w - self.radius * turn
+
+    def pressure_angle(self, rho, slope):
+        """Angle [rad] between the follower's travel and the common normal: tan = rho'/rho."""
+        return np.arctan2(slope, rho)
+
+    @property
+    def radius_at_kink(self):
+        """Radius of curvature [m] that a downward jump of rho' leaves: the corner of the pitch curve, offset by r."""
+        return -self.radius
+
+    def base_radius(self, x, slope, second):
+        """Least (b - stroke)/2 [m] above which the profile does not run backwards where the travel is x, x', x''.
+
+            g(rho) = w^3 - r (rho^2 + 2 rho'^2 - rho rho'') = 0,  its largest root with rho >= r, minus x
+
+        g is convex for rho >= r and positive from 4r/3 + |rho''| on, so Newton's method falls monotonically from
+        there on the largest root; where it passes all, there is none and rho = r, the axis on the profile.
+        """
+        r, rho = self.radius, 4 * self.radius / 3 + np.abs(second)
+        for _ in range(NEWTON_STEPS):
+            w = np.hypot(rho, slope)
+            g = w**3 - r * (w**2 + slope**2 - rho * second)
+            rise = 3 * rho * w - r * (2 * rho - second)
+            step = np.divide(g, rise, out=np.full_like(rho, np.inf), where=rise > 0)
+            lower = np.maximum(rho - step, r)
+            if np.all(np.abs(lower - rho) <= 4 * EPSILON * rho):
+                break
+            rho = lower
+        return rho - x
+
+
+@dataclass(frozen=True)
+class Pointed(_OnRadius):
+    """A knife edge: the profile is the polar curve rho(phi) itself, corners where the velocity jumps included."""
+
+    radius: float = 0.0
+
+    def __post_init__(self):
+        if self.radius != 0:
+            raise ValueError(f"a pointed follower has `radius` 0, got {self.radius!r}; take RollerFollower")
+
+    def base_radius(self, x, slope, second):
+        """Least (b - stroke)/2 [m]: any does, as long as rho > 0."""
+        return -x
+
+
+@dataclass(frozen=True)
+class RollerFollower(_OnRadius):
+    """A roller of `radius` r [m] > 0, in line with the axis."""
+
+    def __post_init__(self):
+        refuse_nonpositive(radius=self.radius)
+
+    def flanks_cross(self, angle, rho, slope):
+        """Whether a point of the profile is nearer than r to another part of the pitch curve, on dense samples.
+
+        It cannot be where rho^2/w > r all round: the profile is then seen whole from the axis.
+        """
+        if np.min(rho**2 / np.hypot(rho, slope)) > self.radius:
+            return False
+        from scipy.spatial import cKDTree
+
+        turn = np.exp(1j * angle)
+        radial, offset = self.contact(rho, slope)
+        pitch, profile = (points.view(float).reshape(-1, 2) for points in (rho * turn, (radial + 1j * offset) * turn))
+        rounding = 1e-9 * self.radius + 1e-12 * np.max(rho)
+        return bool(cKDTree(pitch).query(profile)[0].min() < self.radius - rounding)
+
+
+@dataclass(frozen=True)
+class FlatFace:
+    """A flat face square to its travel: the law is the support function of the profile.
+
+    (x, y) = (rho cos - rho' sin, rho sin + rho' cos),  turn = 1,  arc = rho + rho''
+    """
+
+    radius_at_kink = -np.inf
+
+    def contact(self, rho, slope):
+        """Contact point (radial, offset) [m]: the face must reach |rho'| to either side."""
+        return rho, slope
+
+    def rates(self, rho, slope, second):
+        """Turn [-] and arc [m] of the profile by phi."""
+        return np.ones(np.shape(rho)), rho + second
+
+    def pressure_angle(self, rho, slope):
+        """Zero everywhere: the normal of the face is the travel."""
+        return np.zeros(np.shape(rho))
+
+    def base_radius(self, x, slope, second):
+        """Least (b - stroke)/2 [m] that keeps rho + rho'' >= 0 and rho >= 0."""
+        return np.maximum(-x - second, 0.0)
+
+
+@dataclass(frozen=True)
+class LeastBreadth:
+    """A cam must be broader than `breadth` [m], infinite if none will do; `rule` says why, `angle` [rad] where.
+
+    The angle is nan where the lobe as a whole is too thin.
+    """
+
+    breadth: float
+    angle: float
+    rule: str
+
+
+class Table(NamedTuple):
+    """Names with units, and as many columns, ndarray of shape (names, rows)."""
+
+    header: tuple
+    columns: np.ndarray
+
+    def rows(self):
+        """The columns as rows of numbers."""
+        return self.columns.T.tolist()
+
+
+def least_breadth(cycle, follower):
+    """`LeastBreadth` that a cam must exceed so that its profile holds the axis and does not run backwards.
+
+        pointed    b > stroke
+        roller     b > stroke + 2 max(r, rho_g - x), rho_g the pitch radius of curvature r (see `base_radius`)
+        flat face  b > max(stroke, 2 max(stroke/2 - x - x''))
+
+    over both passes and both sides of every join. Every broader cam will do. Where the velocity jumps down no roller
+    and no flat face can follow; upwards the profile gets a round hollow (roller) or a flat (flat face). A law and
+    its mirror image always jump both ways. After a long near dwell the lobe may be thinner than the roller asks:
+    where the flanks would cross, b is bisected on dense samples (to about 1e-6 of the stroke, elsewhere to rounding).
+
+    References
+    ----------
+    Monograph D, cams of laws 2.1-4.4; the flat-faced ones with the law as support function (reference/errata.md).
+
+    >>> from compact.motion import law
+    >>> least = least_breadth(Cycle(law("combined-4", stroke=0.4, duration=3.0)), FlatFace())
+    >>> f"{least.breadth / 0.4:.3f}: {least.rule}"
+    '1.964: the profile must not run backwards'
+    >>> least_breadth(Cycle(law("constant-velocity", stroke=0.4, duration=3.0)), FlatFace()).breadth
+    inf
+    """
+    stroke = cycle.there.stroke
+    drop = next((join for join in _velocity_jumps(cycle) if join.after < join.before), None)
+    if drop is not None and follower.radius_at_kink < 0:
+        angle = _to_angle(cycle, drop.time)
+        rule = f"impossible: the velocity drops by {drop.before - drop.after:.4g} m/s at the angle {angle:.4g} rad"
+        return LeastBreadth(np.inf, angle, rule)
+    base, angle = _largest(cycle, lambda _, x, slope, second: follower.base_radius(x, slope, second))
+    axis = getattr(follower, "radius", 0.0)
+    rule = ARC if base > axis + 1e-12 * stroke else AXIS
+    if isinstance(follower, RollerFollower):
+        thicker = _uncrossed(cycle, follower, base)
+        base, angle, rule = (thicker, np.nan, FLANKS) if thicker > base else (base, angle, rule)
+    return LeastBreadth(stroke + 2 * base, angle, rule)
+
+
+@dataclass(frozen=True)
+class Cam:
+    """The cam of a `breadth` b [m] > stroke that moves a `follower` through a `Cycle`.
+
+    An undercut cam can be made and drawn; `undercut` says so and `least_breadth` what would do.
+
+    >>> from compact.motion import law
+    >>> cam = Cam(Cycle(law("harmonic", stroke=0.4, duration=3.0)), breadth=1.0, follower=FlatFace())
+    >>> cam.radius_of_curvature([0.0, 1.0, 4.0]).round(12).tolist()  # an eccentric circle
+    [0.5, 0.5, 0.5]
+    """
+
+    cycle: Cycle
+    breadth: float
+    follower: Pointed | RollerFollower | FlatFace
+
+    def __post_init__(self):
+        refuse_nonpositive(breadth=self.breadth)
+        stroke = self.cycle.there.stroke
+        if not self.breadth > stroke:
+            raise ValueError(
+                f"`breadth` must be greater than the stroke, got {self.breadth:g} m for {stroke:g} m; "
+                "the axis would lie outside the cam: give more than `least_breadth`"
+            )
+
+    def derivative(self, angle, order):
+        """Derivative by phi of order 0, 1, 2 … of rho [m] at angle [rad], any shape."""
+        refuse_nonfinite(angle=angle)
+        radians = self.cycle.period / (2 * np.pi)
+        value = radians**order * self.cycle.derivative(self._after_join(angle), order)
+        return value + (self.breadth - self.cycle.there.stroke) / 2 if order == 0 else value
+
+    def radius(self, angle):
+        """The law rho [m]: polar radius of a point or of the roller's centre, distance of a flat face."""
+        return self.derivative(angle, 0)
+
+    def profile(self, angle):
+        """Points (x, y) of the profile [m] in the frame of the cam, ndarray of shape (2, n)."""
+        angle = np.atleast_1d(np.asarray(angle, float))
+        radial, offset = self.follower.contact(self.derivative(angle, 0), self.derivative(angle, 1))
+        cos, sin = np.cos(angle), np.sin(angle)
+        return np.array([radial * cos - offset * sin, radial * sin + offset * cos])
+
+    def contact_offset(self, angle):
+        """Distance [m] of the contact from the follower's line of travel; of a flat face rho'."""
+        return self.follower.contact(self.derivative(angle, 0), self.derivative(angle, 1))[1]
+
+    def curvature(self, angle):
+        """Curvature of the profile [1/m], convex > 0."""
+        turn, arc = self._rates(angle)
+        with np.errstate(divide="ignore"):
+            return turn / arc
+
+    def radius_of_curvature(self, angle):
+        """Radius of curvature of the profile [m], convex > 0, infinite where it is straight."""
+        turn, arc = self._rates(angle)
+        with np.errstate(divide="ignore"):
+            return arc / turn
+
+    def pressure_angle(self, angle):
+        """Angle [rad] between the follower's travel and the common normal, > 0 on the way out."""
+        return self.follower.pressure_angle(self.derivative(angle, 0), self.derivative(angle, 1))
+
+    @cached_property
+    def kinks(self):
+        """Angles [rad] where the velocity jumps: corners of the path of a point or of a roller's centre."""
+        return tuple(_to_angle(self.cycle, join.time) for join in _velocity_jumps(self.cycle))
+
+    @cached_property
+    def breadth_error(self):
+        """Largest |rho(phi) + rho(phi + pi) - b| [m]: rounding if the breadth is constant."""
+
+        def error(angle, *_):
+            return np.abs(self.radius(angle) + self.radius(angle + np.pi) - self.breadth)
+
+        return _largest(self.cycle, error)[0]
+
+    @cached_property
+    def least_radius_of_curvature(self):
+        """Least radius [m] of the convex parts; <= 0 where they are undercut, 0 at a pointed follower's corner."""
+
+        def depth(_, *travel):
+            turn, arc = self.follower.rates(*self._raised(*travel))
+            return -np.divide(arc, turn, out=np.full_like(arc, np.inf), where=turn > 0)
+
+        least = -_largest(self.cycle, depth)[0]
+        return min(least, self.follower.radius_at_kink) if self._drops else least
+
+    @cached_property
+    def largest_pressure_angle(self):
+        """Largest |pressure angle| [rad] of the turn, both sides of every join."""
+        return _largest(self.cycle, lambda _, *t: np.abs(self.follower.pressure_angle(*self._raised(*t)[:2])))[0]
+
+    @cached_property
+    def largest_contact_offset(self):
+        """Largest distance [m] of the contact from the line of travel: the half-width that a flat face needs."""
+        return _largest(self.cycle, lambda _, *t: np.abs(self.follower.contact(*self._raised(*t)[:2])[1]))[0]
+
+    @cached_property
+    def undercut(self):
+        """Whether the profile runs backwards, crosses itself or, of a roller, reaches the axis; see `least_breadth`."""
+        if self._drops and self.follower.radius_at_kink < 0:
+            return True
+        if isinstance(self.follower, RollerFollower):
+            angle, *travel = _dense(self.cycle)
+            rho, slope, _ = self._raised(*travel)
+            if rho.min() <= self.follower.radius or self.follower.flanks_cross(angle, rho, slope):
+                return True
+        return bool(_largest(self.cycle, lambda _, *t: -self.follower.rates(*self._raised(*t))[1])[0] >= 0)
+
+    def least_breadth(self):
+        """`LeastBreadth` of this cycle and follower."""
+        return least_breadth(self.cycle, self.follower)
+
+    def table(self, points):
+        """`Table` of the cam over a closed turn: at least `points` >= 2 equal steps' ends, and every join.
+
+        Angles rise strictly from 0 to 2 pi; an end of a step closer than 1e-9 rad to a join gives way to it.
+        """
+        if not points >= 2:
+            raise ValueError(f"`points` must be at least 2, got {points!r}")
+        joins = np.unique([_to_angle(self.cycle, time) for time in self._breaks])
+        grid = np.linspace(0, 2 * np.pi, points)
+        angle = np.sort(np.append(grid[np.abs(grid[:, None] - joins).min(axis=1) > 1e-9], joins))
+        angle = angle[np.append(True, np.diff(angle) > 1e-9)]
+        names = ("angle_rad", "radius_m", "x_m", "y_m", "pressure_angle_rad", "curvature_per_m", "contact_offset_m")
+        quantities = (self.pressure_angle, self.curvature, self.contact_offset)
+        columns = [angle, self.radius(angle), *self.profile(angle), *(quantity(angle) for quantity in quantities)]
+        return Table(names, np.array(columns))
+
+    @property
+    def _drops(self):
+        return any(join.after < join.before for join in _velocity_jumps(self.cycle))
+
+    @cached_property
+    def _breaks(self):
+        return np.unique(np.concatenate([leg.start + leg.duration * leg.joined_at() for leg in self.cycle.legs()]))
+
+    def _after_join(self, angle):
+        """Time [s] in the cycle at angle; what rounding may have put before a join is put after it."""
+        period = self.cycle.period
+        time = np.mod(np.asarray(angle, float) / (2 * np.pi), 1.0) * period
+        join = self._breaks[np.abs(time[..., None] - self._breaks).argmin(axis=-1)]
+        return np.where(np.abs(time - join) <= EPSILON * period, join + EPSILON * period, time)
+
+    def _raised(self, x, slope, second):
+        """rho, rho', rho'' from the travel."""
+        return x + (self.breadth - self.cycle.there.stroke) / 2, slope, second
+
+    def _rates(self, angle):
+        return self.follower.rates(*(self.derivative(angle, order) for order in range(3)))
+
+
+@dataclass(frozen=True)
+class Stepper:
+    """Turn of a roller: `angle` [rad], `angular_velocity` [rad/s], `_acceleration` [rad/s^2], `_jerk` [rad/s^3]."""
+
+    time: np.ndarray
+    angle: np.ndarray
+    angular_velocity: np.ndarray
+    angular_acceleration: np.ndarray
+    angular_jerk: np.ndarray
+
+
+def stepper(cycle, roller_radius, time):
+    """What a stepper motor inside a roller of radius R [m] must do at time [s] of the cycle to roll without slip.
+
+        angle = x/R, angular velocity = v/R, and so on
+
+    References
+    ----------
+    Paper B, eqs (44)-(52), with the signs and the scale of reference/errata.md B-7, B-8.
+
+    >>> from compact.motion import law
+    >>> turn = stepper(Cycle(law("reversal-4-free-both", 0.4, 3.0)), roller_radius=0.11, time=[1.5, 4.5])
+    >>> turn.angular_velocity.round(4).tolist()
+    [1.3531, -1.3531]
+    """
+    refuse_nonpositive(roller_radius=roller_radius)
+    time = np.asarray(time, float)
+    return Stepper(time, *(cycle.derivative(time, order) / roller_radius for order in range(4)))
+
+
+def _velocity_jumps(cycle):
+    return [join for join in cycle.joins() if join.order == 1]
+
+
+def _to_angle(cycle, time):
+    return float(2 * np.pi * (time / cycle.period))
+
+
+def _largest(cycle, measure):
+    """Largest `measure(phi, x, x', x'')` of the turn and its angle, both sides of every join.
+
+    On each piece a grid graded towards its ends brackets every local top, golden section finds it.
+    """
+    best = (-np.inf, 0.0)
+    for leg in cycle.legs():
+        breaks = leg.joined_at()
+
+        def along(z, leg=leg):
+            return measure(2 * np.pi * (leg.start + leg.duration * z) / cycle.period, *_travel(cycle, leg, z))
+
+        for low, high in zip(breaks[:-1] + EPSILON, breaks[1:] - EPSILON, strict=True):
+            grid = np.clip(low + (high - low) * graded(np.array([0.0, 1.0]), CELLS), low, high)
+            z = np.append(grid, _tops(along, grid))
+            value = along(z)
+            top = int(np.argmax(value))
+            if value[top] > best[0]:
+                best = (float(value[top]), float(2 * np.pi * (leg.start + leg.duration * z[top]) / cycle.period))
+    return best
+
+
+def _tops(function, grid):
+    """Places of the local maxima that a grid brackets, by golden section."""
+    value = function(grid)
+    top = 1 + np.flatnonzero((value[1:-1] >= value[:-2]) & (value[1:-1] >= value[2:]))
+    low, high = grid[top - 1], grid[top + 1]
+    for _ in range(GOLDEN_STEPS if top.size else 0):
+        left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        falls = function(left) > function(right)
+        low, high = np.where(falls, low, left), np.where(falls, right, high)
+    return (low + high) / 2
+
+
+def _uncrossed(cycle, follower, base):
+    """Least (b - stroke)/2 [m] from `base` on where no flanks cross, between it and where rho^2/w > r all round."""
+
+    def crossed(base):
+        return follower.flanks_cross(angle, base + x, slope)
+
+    def seen_whole(_, x, slope, second):
+        r = follower.radius
+        return np.sqrt((r**2 + r * np.hypot(r, 2 * slope)) / 2) - x
+
+    angle, x, slope, _ = _dense(cycle)
+    if not crossed(base * (1 + 1e-9)):
+        return base
+    low, high = base, _largest(cycle, seen_whole)[0]
+    while high - low > 1e-12 * (high + cycle.there.stroke):
+        middle = (low + high) / 2
+        low, high = (middle, high) if crossed(middle) else (low, middle)
+    return high
+
+
+def _dense(cycle):
+    """Angle, x, x', x'' on dense samples of every leg."""
+    z = np.linspace(EPSILON, 1 - EPSILON, SAMPLES)
+    legs = [
+        (2 * np.pi * (leg.start + leg.duration * z) / cycle.period, *_travel(cycle, leg, z)) for leg in cycle.legs()
+    ]
+    return tuple(np.concatenate(column) for column in zip(*legs, strict=True))
+
+
+def _travel(cycle, leg, z):
+    """x, x', x'' [m] at phase z of a leg; taken there, not from the time, so that a join keeps its sides."""
+    radians = cycle.period / (2 * np.pi)
+    return tuple(radians**order * leg.at_phase(z, order) for order in range(3))
