@@ -36,9 +36,8 @@ __all__ = [
 ]
 
 EPSILON = 4 * np.finfo(float).eps  # share of a leg by which a join is passed: enough for 1 - z to see the same side
-CELLS = 64  # between the graded ends of a piece, where a largest value is looked for; then golden section
-GOLDEN_STEPS = 40  # shrink a cell to 4e-9 of it: the value at a smooth top is then right to rounding
-GOLDEN = (np.sqrt(5) - 1) / 2
+CELLS = 64  # between the graded ends of a piece, where a largest value is looked for
+ZOOM, ZOOMS = 20, 7  # cells, and zooms in on the best two: to 1e-7 of a cell, so a smooth top is right to rounding
 NEWTON_STEPS = 100  # 10-25 are taken; a double root takes 50; the result is right to rounding
 AXIS = "the axis must lie inside the profile"
 ARC = "the profile must not run backwards"
@@ -415,37 +414,46 @@ def _to_angle(cycle, time):
 
 
 def _largest(cycle, measure):
-    """Largest `measure(phi, x, x', x'')` of the turn and its angle, both sides of every join.
-
-    On each piece a grid graded towards its ends brackets every local top, golden section finds it.
-    """
+    """Largest `measure(phi, x, x', x'')` of the turn and its angle, both sides of every join."""
     best = (-np.inf, 0.0)
     for leg in cycle.legs():
-        breaks = leg.joined_at()
 
         def along(z, leg=leg):
-            return measure(2 * np.pi * (leg.start + leg.duration * z) / cycle.period, *_travel(cycle, leg, z))
+            return measure(_angle_in(cycle, leg, z), *_travel(cycle, leg, z))
 
-        for low, high in zip(breaks[:-1] + EPSILON, breaks[1:] - EPSILON, strict=True):
-            grid = np.clip(low + (high - low) * graded(np.array([0.0, 1.0]), CELLS), low, high)
-            z = np.append(grid, _tops(along, grid))
-            value = along(z)
-            top = int(np.argmax(value))
-            if value[top] > best[0]:
-                best = (float(value[top]), float(2 * np.pi * (leg.start + leg.duration * z[top]) / cycle.period))
+        value, z = _top(along, _sides_apart(leg.joined_at()))
+        if value > best[0]:
+            best = (value, float(_angle_in(cycle, leg, z)))
     return best
 
 
-def _tops(function, grid):
-    """Places of the local maxima that a grid brackets, by golden section."""
+def _angle_in(cycle, leg, z):
+    return 2 * np.pi * (leg.start + leg.duration * z) / cycle.period
+
+
+def _sides_apart(breaks):
+    """Phases of each piece on a grid graded towards its ends, which stay inside: shape (pieces, n)."""
+    low, high = breaks[:-1, None] + EPSILON, breaks[1:, None] - EPSILON
+    return np.clip(low + (high - low) * graded(np.array([0.0, 1.0]), CELLS), low, high)
+
+
+def _top(function, grid):
+    """Largest value and its place: the grid brackets every local top, those that may win are zoomed in on."""
     value = function(grid)
-    top = 1 + np.flatnonzero((value[1:-1] >= value[:-2]) & (value[1:-1] >= value[2:]))
-    low, high = grid[top - 1], grid[top + 1]
-    for _ in range(GOLDEN_STEPS if top.size else 0):
-        left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-        falls = function(left) > function(right)
-        low, high = np.where(falls, low, left), np.where(falls, right, high)
-    return (low + high) / 2
+    best = np.unravel_index(np.argmax(value), value.shape)
+    left, middle, right = value[:, :-2], value[:, 1:-1], value[:, 2:]
+    with np.errstate(invalid="ignore"):  # a measure is -inf where it does not apply
+        bend = 2 * middle - left - right  # more than a smooth top can rise between the samples
+    rows, columns = np.nonzero((middle >= left) & (middle >= right) & (middle + bend >= value[best]))
+    low, high = grid[rows, columns, None], grid[rows, columns + 2, None]
+    tops = [(float(value[best]), float(grid[best]))]
+    for _ in range(ZOOMS if rows.size else 0):
+        z = low + (high - low) * np.linspace(0, 1, ZOOM + 1)
+        value = function(z)
+        place = value.argmax(axis=1)[:, None]
+        tops.append((float(value.max()), float(z[np.unravel_index(np.argmax(value), value.shape)])))
+        low, high = (np.take_along_axis(z, np.clip(place + step, 0, ZOOM), axis=1) for step in (-1, 1))
+    return max(tops)
 
 
 def _uncrossed(cycle, follower, base):
@@ -471,9 +479,7 @@ def _uncrossed(cycle, follower, base):
 def _dense(cycle):
     """Angle, x, x', x'' on dense samples of every leg."""
     z = np.linspace(EPSILON, 1 - EPSILON, SAMPLES)
-    legs = [
-        (2 * np.pi * (leg.start + leg.duration * z) / cycle.period, *_travel(cycle, leg, z)) for leg in cycle.legs()
-    ]
+    legs = [(_angle_in(cycle, leg, z), *_travel(cycle, leg, z)) for leg in cycle.legs()]
     return tuple(np.concatenate(column) for column in zip(*legs, strict=True))
 
 
