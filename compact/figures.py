@@ -60,8 +60,7 @@ def _families(names):
 
 
 def _grid(families, columns, width=4.2, height=2.3):
-    figure = Figure(figsize=(width * len(columns) + 2.2, height * len(families) + 0.4), layout="constrained")
-    axes = figure.subplots(len(families), len(columns), sharex=True, sharey="col", squeeze=False)
+    figure, axes = _panels(len(families), len(columns), width, height, legend=2.6, sharey="col")
     for ax, column in zip(axes[0], columns, strict=True):
         ax.set_title(SYMBOLS[column], fontsize=11)
     for ax in axes.ravel():
@@ -71,6 +70,16 @@ def _grid(families, columns, width=4.2, height=2.3):
         ax.set_ylabel(family, fontsize=10)
     for ax in axes[-1]:
         ax.set_xlabel("time t [s]")
+    return figure, axes
+
+
+def _panels(rows, columns, width, height, legend=0.2, **shared):
+    """A grid of panels of one size [inch] with room for labels; constrained layout would take twice the time."""
+    wide, high = columns * width + 0.35 + legend, rows * height + 0.9
+    figure = Figure(figsize=(wide, high))
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=True, **shared)
+    margins = {"left": 0.85 / wide, "right": 1 - legend / wide, "bottom": 0.55 / high, "top": 1 - 0.35 / high}
+    figure.subplots_adjust(**margins, wspace=0.8 / width, hspace=0.16)
     return figure, axes
 
 
@@ -157,8 +166,8 @@ def cams(cams, names, follower):
     """Profiles of the cams of one kind of follower, a panel per law, with the path of the roller's centre."""
     columns = min(7, len(names))
     rows = -(-len(names) // columns)
-    figure = Figure(figsize=(2.1 * columns + 0.6, 2.4 * rows + 0.5), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    figure, axes = _panels(rows, columns, 2.1, 2.4, sharey=True)
+    axes = axes.ravel()
     phi = np.linspace(0, 2 * np.pi, 2001)
     for ax in axes[len(names) :]:
         ax.set_visible(False)

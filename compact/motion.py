@@ -7,6 +7,7 @@ The laws themselves are in `compact.laws`; `law` gives one by name. Times in s, 
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -273,6 +274,10 @@ class Cycle:
 
     def joins(self):
         """Jumps of velocity … snap over the whole cycle, as a tuple of `Join`."""
+        return self._joins
+
+    @cached_property
+    def _joins(self):
         turns = ["dwell" if dwell > 0 else "reversal" for dwell in (self.near_dwell, self.far_dwell)]
         joins = []
         for leg in (leg for leg in self.legs() if leg.motion is not None):
