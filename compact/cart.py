@@ -90,8 +90,9 @@ def balance(cart, acceleration, resistance, direction, rod_tangent=0.0):
 
     The reactions are linear in H, N_i = A_i + B_i H, so H - s f (|N1| + |N2|) = m a + W is piecewise linear and
     rises while f (|B1| + |B2|) < 1: of the four pairs of signs one fits. Raises ValueError for a rod so steep that
-    friction locks the cart.
+    friction locks the cart, and for numbers that are not finite.
     """
+    refuse_nonfinite(acceleration=acceleration, resistance=resistance, rod_tangent=rod_tangent)
     acceleration, resistance, direction, tangent = np.broadcast_arrays(acceleration, resistance, direction, rod_tangent)
     needed = cart.mass * acceleration + resistance
     slide = direction * cart.guide_friction

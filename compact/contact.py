@@ -16,13 +16,15 @@ import numpy as np
 from compact.halfplane import LineContact, galin, hertz, pressure_exponent
 from compact.records import Rolled
 from compact.refuse import (
+    refuse_fractional,
     refuse_negative,
     refuse_nonfinite,
     refuse_nonpositive,
     refuse_outside,
     refuse_unknown,
-    shown,
+    refuse_unless,
 )
+from compact.sizing import RadiusRange, radius_range, rollers_needed, stroke_needed
 
 __all__ = [
     "DryResistance",
@@ -45,18 +47,9 @@ __all__ = [
     "stroke_needed",
 ]
 
-ROUNDING = 1e-9  # share by which a quotient may miss a whole number of rollers and still be that number
 TRACTION = {"frictionless": 0, "free": 0, "sliding": 1, "driven": -1}  # of the mix, along the travel
 SAMPLES = 201  # points along the contact, crowded to its edges where the pressure is steep
 HALF_PLANE = 0.5  # half-width over height where a bonded layer (nu = 0.3) carries 17 % more than the half-plane
-
-
-@dataclass(frozen=True)
-class RadiusRange:
-    """`low` and `high` end of the smallest sound roller radius [m]."""
-
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -99,92 +92,6 @@ class EngineeringRolled(Rolled):
     engineering_resistance: float
 
 
-def radius_range(height):
-    """Smallest sound roller radius, a `RadiusRange`.
-
-        R = (0.40 ... 0.55) h0                                                                      (1.1)
-
-    Parameters
-    ----------
-    height : h0, height of the product [m], > 0
-
-    Notes
-    -----
-    A design rule, not mechanics. Confidence: printed.
-
-    References
-    ----------
-    D, eq (1.1).
-
-    >>> bounds = radius_range(0.22)
-    >>> f"{bounds.low:.3f} to {bounds.high:.3f} m"
-    '0.088 to 0.121 m'
-    """
-    refuse_nonpositive(height=height)
-    return RadiusRange(low=0.40 * np.asarray(height), high=0.55 * np.asarray(height))
-
-
-def rollers_needed(width, radius, feeder_sleeve, overlap):
-    """Rollers needed to cover a product, whole numbers.
-
-        n = B / (2R + B_T - b_n), rounded up                                                        (1.2)
-
-    Parameters
-    ----------
-    width : B, of the product along the travel [m], > 0
-    radius : R [m], > 0
-    feeder_sleeve : B_T, width of the feeder's sleeve [m], >= 0
-    overlap : b_n, of neighbouring fields [m], >= 0 and < 2R + B_T
-
-    Notes
-    -----
-    A quotient within 1e-9 of a whole number is that number. Confidence 80 %: with b_n 0.012 and B_T 0.18 it fits
-    n, (1.3) and the stroke 0.4 m exactly.
-
-    References
-    ----------
-    D, eq (1.2).
-
-    >>> int(rollers_needed(1.164, 0.11, 0.18, 0.012))
-    3
-    """
-    refuse_nonpositive(width=width, radius=radius)
-    refuse_negative(feeder_sleeve=feeder_sleeve, overlap=overlap)
-    field = 2 * np.asarray(radius) + feeder_sleeve - overlap
-    _refuse_not(field > 0, field, "`overlap` must be less than 2 `radius` + `feeder_sleeve`, which leaves a field of")
-    return np.ceil(width / field * (1 - ROUNDING)).astype(int)
-
-
-def stroke_needed(width, rollers, overlap):
-    """Stroke s [m] that lets the rollers cover a product.
-
-        s = B/n + b_n                                                                               (1.3)
-
-    Parameters
-    ----------
-    width : B, of the product along the travel [m], > 0
-    rollers : n, whole number >= 1
-    overlap : b_n, of neighbouring fields [m], >= 0 and < B/n
-
-    Notes
-    -----
-    Confidence 80 %.
-
-    References
-    ----------
-    D, eq (1.3).
-
-    >>> f"{stroke_needed(1.164, 3, 0.012):.3f} m"
-    '0.400 m'
-    """
-    refuse_nonpositive(width=width)
-    refuse_negative(overlap=overlap)
-    _refuse_unless_count(rollers)
-    field = width / np.asarray(rollers)
-    _refuse_not(overlap < field, overlap - field, "`overlap` must be less than the field `width`/`rollers`, exceeds by")
-    return field + overlap
-
-
 def capture_angle(pressure, youngs_modulus, poisson, exponent):
     """Capture angle phi [rad], from the lowest point to where the mix is first touched.
 
@@ -215,7 +122,7 @@ def capture_angle(pressure, youngs_modulus, poisson, exponent):
     alpha, E = np.asarray(exponent), np.asarray(youngs_modulus)
     shape = np.exp((1 - alpha) * np.log(alpha) + (1 + alpha) * np.log1p(-alpha))
     sine = 7.53 * (1 - np.square(poisson)) * shape * (pressure / E)
-    _refuse_not(sine <= 1, sine, "no capture angle; lower `pressure` or raise `youngs_modulus`: sin phi would be")
+    refuse_unless(sine <= 1, sine, "no capture angle; lower `pressure` or raise `youngs_modulus`: sin phi would be")
     return np.arcsin(sine)
 
 
@@ -354,7 +261,7 @@ def cart_resistance(
     refuse_negative(force=force, roller_resistance=roller_resistance, weight=weight, bearing_friction=bearing_friction)
     refuse_negative(rolling_arm=rolling_arm, rib_factor=rib_factor)
     refuse_nonpositive(journal_diameter=journal_diameter, wheel_diameter=wheel_diameter)
-    _refuse_unless_count(rollers)
+    refuse_fractional(rollers=rollers)
     arm = bearing_friction * np.asarray(journal_diameter) + 2 * np.asarray(rolling_arm)
     guide = np.abs(rollers * np.asarray(force) - weight) * arm / wheel_diameter * rib_factor
     return guide + rollers * np.asarray(roller_resistance)
@@ -490,22 +397,11 @@ def _refuse_beyond_formula(roller, material, speed):
             raise ValueError(f"the formula engine needs a `material` with `{name}`, got {got}; use fem")
 
 
-def _refuse_not(holds, value, rule):
-    if not np.all(holds):
-        raise ValueError(f"{rule} {shown(value, lambda _: holds)}")
-
-
-def _refuse_unless_count(rollers):
-    count = np.asarray(rollers)
-    whole = (count >= 1) & (count < np.inf) & (count == np.floor(count))
-    _refuse_not(whole, rollers, "`rollers` must be a whole number >= 1, got")
-
-
 def _refuse_unless_exponent(exponent):
     inside = (np.asarray(exponent) > 0) & (np.asarray(exponent) < 1)
-    _refuse_not(inside, exponent, "`exponent` must lie between 0 and 1, got")
+    refuse_unless(inside, exponent, "`exponent` must lie between 0 and 1, got")
 
 
 def _refuse_unless_angle(capture_angle):
     inside = (np.asarray(capture_angle) > 0) & (np.asarray(capture_angle) <= np.pi / 2)
-    _refuse_not(inside, capture_angle, "`capture_angle` must lie between 0 and pi/2, got")
+    refuse_unless(inside, capture_angle, "`capture_angle` must lie between 0 and pi/2, got")

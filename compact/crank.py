@@ -3,12 +3,15 @@
 torque = H dx/dpsi = H r sin(psi + beta)/cos(beta),  power = torque * angular speed,  rod force = H/cos(beta)
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import astuple, dataclass, fields
+from functools import cached_property
 
 import numpy as np
 
-from compact.cart import Balance, balance
-from compact.drive import POINTS, Crank, clenshaw_curtis, peak
+from compact.cart import Balance, Cart, balance
+from compact.drive import CREEP, POINTS, Crank, met_resistance
+from compact.pieces import clenshaw_curtis, inside, largest
 from compact.refuse import refuse_nonfinite, refuse_nonpositive
 
 # Phases of the published machines: 1, 2 carts at 90 degrees, 3 at 120, 4 at 90 (paper C).
@@ -40,9 +43,44 @@ class CartTurn:
 
 
 @dataclass(frozen=True)
-class Turn:
-    """A turn of the shaft: `angle` [rad] and `weights` [rad] of shape (n,), the carts, and their sums."""
+class Shaft:
+    """Carts alike on one crankshaft; `angles` [rad] are their cranks ahead of the shaft's."""
 
+    cart: Cart
+    crank: Crank
+    angular_speed: float
+    resistance: Callable
+    angles: tuple[float, ...]
+
+    def at(self, angle):
+        """A `CartTurn` per cart at angles of the shaft, shape (pieces, n): a row lies between two dead centres."""
+        return tuple(self._cart_at(angle + ahead) for ahead in self.angles)
+
+    def dead_centres(self):
+        """Angles of the shaft in [0, 2 pi] where a cart turns round, both ends among them."""
+        turns = np.concatenate([np.array([0.0, np.pi]) - ahead for ahead in self.angles])
+        edges = np.unique(np.append(np.mod(turns, 2 * np.pi), [0.0, 2 * np.pi]))
+        return np.append(edges[:-1][np.diff(edges) > 1e-9], 2 * np.pi)
+
+    def _cart_at(self, psi):
+        direction = np.sign(np.sin(psi.mean(axis=1, keepdims=True)))
+        position, slope, curvature = travel(self.crank, psi)
+        velocity, acceleration = self.angular_speed * slope, self.angular_speed**2 * curvature
+        moving = direction * np.maximum(np.abs(velocity), CREEP * self.angular_speed * self.crank.radius)
+        met = met_resistance(self.resistance, moving, acceleration)
+        beta = self.crank.rod_angle(psi)
+        forces = balance(self.cart, acceleration, met, direction, np.tan(beta))
+        rod_force = forces.drive_force / np.cos(beta)
+        torque = rod_force * self.crank.radius * np.sin(psi + beta)
+        power = torque * self.angular_speed
+        return CartTurn(psi, position, velocity, acceleration, met, beta, forces, rod_force, torque, power)
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A turn of the shaft, sampled: `angle` [rad] and `weights` [rad] of shape (n,), the carts, and their sums."""
+
+    shaft: Shaft
     angle: np.ndarray
     weights: np.ndarray
     carts: tuple[CartTurn, ...]
@@ -57,13 +95,20 @@ class Turn:
         """Power of all carts [W]."""
         return sum(cart.power for cart in self.carts)
 
+    @cached_property
+    def peak_torque(self):
+        """Largest |torque| of the shaft over the turn [N m], between the samples too."""
+        grid = inside(self.shaft.dead_centres())
+        return largest(lambda angle: np.abs(sum(cart.torque for cart in self.shaft.at(angle))), grid)[0]
+
+    @property
+    def peak_power(self):
+        """Largest |power| of the shaft over the turn [W]: its speed is uniform."""
+        return self.peak_torque * self.shaft.angular_speed
+
     def mean(self, values):
         """Mean over the turn."""
         return float(np.sum(self.weights * values) / (2 * np.pi))
-
-    def peak(self, values):
-        """Largest |value| over the turn, between the samples too."""
-        return peak(self.angle, values)
 
 
 def turn(cart, crank, angular_speed, resistance, angles=(0.0,)):
@@ -77,33 +122,24 @@ def turn(cart, crank, angular_speed, resistance, angles=(0.0,)):
     angles : crank angle of each cart ahead of the shaft's [rad]
 
     Samples hold both sides of every dead centre, where the resistance changes sign, and integrate exactly between.
+    Raises ValueError for numbers that are not finite and a rod that friction locks.
     """
     refuse_nonpositive(angular_speed=angular_speed)
     refuse_nonfinite(angles=angles)
-    edges = np.unique(np.mod(np.concatenate([[0.0], *(np.array([0, np.pi]) - a for a in angles)]), 2 * np.pi).round(14))
-    edges = np.append(edges[np.append(np.diff(edges) > 1e-12, True)], 2 * np.pi)
+    shaft = Shaft(cart, crank, angular_speed, resistance, tuple(angles))
+    edges = shaft.dead_centres()
     nodes, unit_weights = clenshaw_curtis(POINTS)
     width = np.diff(edges)[:, None]
-    angle, weights = edges[:-1, None] + width * nodes, width * unit_weights
-    carts = tuple(_cart_turn(cart, crank, angular_speed, resistance, angle + ahead) for ahead in angles)
-    return Turn(angle.ravel(), weights.ravel(), carts)
+    angle = edges[:-1, None] + width * nodes
+    carts = tuple(_flat(cart) for cart in shaft.at(angle))
+    return Turn(shaft, angle.ravel(), (width * unit_weights).ravel(), carts)
 
 
-def _cart_turn(cart, crank, speed, resistance, psi):
-    """One cart at crank angles of shape (pieces, n); each piece lies on one side of the dead centres."""
-    direction = np.broadcast_to(np.sign(np.sin(psi.mean(axis=1, keepdims=True))), psi.shape).ravel()
-    psi = psi.ravel()
-    position, slope, curvature = travel(crank, psi)
-    velocity, acceleration = speed * slope, speed**2 * curvature
-    moving = direction * np.maximum(np.abs(velocity), 1e-12 * speed * crank.radius)
-    met = resistance(moving, acceleration)
-    beta = crank.rod_angle(psi)
-    forces = balance(cart, acceleration, met, direction, np.tan(beta))
-    rod_force = forces.drive_force / np.cos(beta)
-    torque = rod_force * crank.radius * np.sin(psi + beta)
-    return CartTurn(
-        psi, position, velocity, acceleration, np.asarray(met), beta, forces, rod_force, torque, torque * speed
-    )
+def _flat(cart):
+    """A `CartTurn` with its pieces one after another."""
+    columns = {field.name: getattr(cart, field.name) for field in fields(cart)}
+    forces = Balance(*(column.ravel() for column in astuple(columns.pop("forces"))))
+    return CartTurn(**{name: column.ravel() for name, column in columns.items()}, forces=forces)
 
 
 def travel(crank: Crank, psi):

@@ -6,20 +6,21 @@
 of one cart [N], odd in both. It is set-valued at rest; there the drive meets its limit from inside the motion.
 """
 
-import itertools
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import astuple, dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
-from compact.cart import Balance, balance
+from compact.cart import Balance, Cart, balance
+from compact.pieces import EPSILON, clenshaw_curtis, inside, largest
 from compact.refuse import refuse_nonpositive, refuse_unknown
 
-POINTS = 129  # per piece of a motion, at Chebyshev's points: peaks and integrals of smooth laws to 1e-8
-NEIGHBOURS = 3  # on each side of the largest sample, for the polynomial that finds the peak between samples
-CREEP = 1e-12  # share of the peak velocity that stands for "just moving" at rest
+POINTS = 129  # per piece of a motion, at Chebyshev's points: integrals of smooth laws to rounding
+CREEP = 1e-12  # share of the mean velocity that stands for "just moving" at rest
 TIE = 1e-9  # two values closer than this share a rank
 
 
@@ -58,55 +59,115 @@ class Crank:
         return np.tan(self.rod_angle(2 * np.pi * np.asarray(time) / period))
 
 
+class State(NamedTuple):
+    """Cart and drive at some phases of a leg; arrays of one shape, SI."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    jerk: np.ndarray
+    resistance: np.ndarray
+    rod_tangent: np.ndarray
+    forces: Balance
+
+    @property
+    def drive_power(self):
+        """H v [W]."""
+        return self.forces.drive_force * self.velocity
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What a cycle asks of a drive, at any phase: inverse dynamics of one cart against one resistance."""
+
+    cart: Cart
+    drive: Rigid | Crank
+    cycle: object
+    resistance: Callable
+
+    def at(self, leg, phase):
+        """`State` at phases of a leg, ndarray of any shape."""
+        travel = [leg.at_phase(phase, order) for order in range(4)]
+        moving = self._moving(leg, travel[1])
+        met = met_resistance(self.resistance, moving, travel[2])
+        tangent = self.drive.rod_tangent(leg.start + leg.duration * phase, self.cycle.period)
+        return State(*travel, met, tangent, balance(self.cart, travel[2], met, np.sign(moving), tangent))
+
+    def _moving(self, leg, velocity):
+        """The velocity, at rest the limit from inside the motion."""
+        creep = CREEP * self.cycle.there.stroke / self.cycle.there.duration
+        return np.where(np.abs(velocity) < creep, leg.direction * creep, velocity)
+
+
+def met_resistance(resistance, velocity, acceleration):
+    """Resistance [N] of the shape of velocity; 0 where it stands still, which asks nothing of the drive.
+
+    Raises ValueError where the resistance is not finite.
+    """
+    met = np.zeros(np.shape(velocity))
+    moves = np.asarray(velocity) != 0
+    met[moves] = resistance(velocity[moves], acceleration[moves])
+    if not np.all(np.isfinite(met)):
+        worst = tuple(np.argwhere(~np.isfinite(met))[0])
+        raise ValueError(
+            f"`resistance` must be finite, got {met[worst]} at velocity {velocity[worst]:g} m/s "
+            f"and acceleration {acceleration[worst]:g} m/s^2"
+        )
+    return met
+
+
 @dataclass(frozen=True)
 class Run:
-    """One cycle of a cart under one law; arrays of shape (n,), pieces of the motion one after another.
+    """One cycle of a cart under one law, sampled; arrays of shape (n,), pieces of the motion one after another.
 
     A join appears twice, with its values before and after. `weights` [s] integrate over the cycle. `impulses` are
     the jumps of velocity, `shocks` those of velocity or acceleration, as `Join`s of the motion.
     """
 
-    name: str
-    period: float
+    demand: Demand
     time: np.ndarray
     weights: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    jerk: np.ndarray
     direction: np.ndarray
-    resistance: np.ndarray
-    rod_tangent: np.ndarray
-    forces: Balance
+    state: State
     steady_force: float
     nonuniformity: float
     impulses: tuple
     shocks: tuple
 
     @property
+    def name(self):
+        """Name of the law."""
+        return self.demand.cycle.there.name
+
+    @property
+    def period(self):
+        """Time of the cycle [s]."""
+        return self.demand.cycle.period
+
+    @property
     def drive_force(self):
         """H [N], along the travel."""
-        return self.forces.drive_force
+        return self.state.forces.drive_force
 
-    @cached_property
+    @property
     def drive_power(self):
         """H v [W]; negative where the cart drives the drive."""
-        return self.drive_force * self.velocity
+        return self.state.drive_power
 
     @cached_property
     def peak_force(self):
         """Largest |H| [N]; infinite where the velocity jumps."""
-        return math.inf if self.impulses else peak(self.time, self.drive_force)
+        return math.inf if self.impulses else self._largest(lambda state: state.forces.drive_force)
 
     @cached_property
     def peak_power(self):
         """Largest |H v| [W]; infinite where the velocity jumps."""
-        return math.inf if self.impulses else peak(self.time, self.drive_power)
+        return math.inf if self.impulses else self._largest(lambda state: state.drive_power)
 
     @cached_property
     def peak_jerk(self):
         """Largest |jerk| [m/s^3]; infinite where velocity or acceleration jumps."""
-        return math.inf if self.shocks else peak(self.time, self.jerk)
+        return math.inf if self.shocks else self._largest(lambda state: state.jerk)
 
     @cached_property
     def rms_force(self):
@@ -130,8 +191,9 @@ class Run:
 
     @cached_property
     def drawn_energy(self):
-        """Work given by a drive that cannot take back what the braking cart returns [J]."""
-        return self._mean(np.maximum(self.drive_power, 0.0)) * self.period
+        """Work given by a drive that cannot take back what the braking cart returns [J]; jumps of speed included."""
+        starts = sum(_kinetic_gain(self.demand.cart.mass, join) for join in self.impulses)
+        return self._mean(np.maximum(self.drive_power, 0.0)) * self.period + starts
 
     @property
     def dynamic_factor(self):
@@ -140,6 +202,19 @@ class Run:
 
     def _mean(self, values):
         return float(np.sum(self.weights * values) / self.period)
+
+    def _largest(self, quantity):
+        """Largest |quantity| of the `State` over the cycle, found on the law itself."""
+        return max(
+            largest(lambda phase, leg=leg: np.abs(quantity(self.demand.at(leg, phase))), inside(leg.joined_at()))[0]
+            for leg in self.demand.cycle.legs()
+        )
+
+
+def _kinetic_gain(mass, join):
+    """Kinetic energy [J] that a jump of velocity gives to the cart; what a stop sets free is lost."""
+    before = join.before if join.before * join.after > 0 else 0.0
+    return max(0.0, mass / 2 * (join.after**2 - before**2))
 
 
 def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
@@ -155,23 +230,19 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
 
     Raises ValueError where the resistance is not finite, and where a crank is given another law than its own.
     """
+    if not 0 <= working[0] < working[1] <= 1:
+        raise ValueError(f"`working` must be two shares, 0 <= first < second <= 1, got {working!r}")
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
-    samples = _sampled(cycle)
     _refuse_foreign_law(drive, cycle)
-    creep = CREEP * max(np.abs(samples["velocity"]).max(), np.finfo(float).tiny)
-    at_rest = np.abs(samples["velocity"]) < creep
-    moving = np.where(at_rest, samples["direction"] * creep, samples["velocity"])
-    met = _met(resistance, moving, samples["acceleration"])
-    rod_tangent = drive.rod_tangent(samples["time"], cycle.period)
-    forces = balance(cart, samples["acceleration"], met, np.sign(moving), rod_tangent)
+    demand = Demand(cart, drive, cycle, resistance)
+    time, weights, direction, state = _sampled(demand)
     joins = cycle.joins()
     return Run(
-        name=cycle.there.name,
-        period=cycle.period,
-        **samples,
-        resistance=met,
-        rod_tangent=rod_tangent,
-        forces=forces,
+        demand=demand,
+        time=time,
+        weights=weights,
+        direction=direction,
+        state=state,
         steady_force=_steady_force(cart, cycle.there, resistance),
         nonuniformity=_nonuniformity(cycle.there, working),
         impulses=tuple(join for join in joins if join.order == 1),
@@ -179,79 +250,50 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
     )
 
 
-def _met(resistance, velocity, acceleration):
-    met = np.broadcast_to(np.asarray(resistance(velocity, acceleration), float), velocity.shape)
-    met = np.where(velocity == 0, 0.0, met)  # standing still asks nothing of the drive
-    if not np.all(np.isfinite(met)):
-        worst = int(np.flatnonzero(~np.isfinite(met))[0])
-        raise ValueError(
-            f"`resistance` must be finite, got {met[worst]} at velocity {velocity[worst]:g} m/s "
-            f"and acceleration {acceleration[worst]:g} m/s^2"
-        )
-    return met
+def _sampled(demand):
+    """Time, weights, direction and `State` at Chebyshev's points of every piece, ends included from inside."""
+    nodes, unit_weights = clenshaw_curtis(POINTS)
+    columns = []
+    for leg in demand.cycle.legs():
+        breaks = leg.joined_at()[:, None]
+        low, high = breaks[:-1] + EPSILON, breaks[1:] - EPSILON
+        phase = np.clip(low + (high - low) * nodes, low, high)
+        time, weights = leg.start + leg.duration * phase, leg.duration * np.diff(breaks, axis=0) * unit_weights
+        state = demand.at(leg, phase)
+        parts = (time, weights, np.full(phase.shape, float(leg.direction)), *state[:-1], *astuple(state.forces))
+        columns.append([part.ravel() for part in parts])
+    time, weights, direction, *rest = (np.concatenate(parts) for parts in zip(*columns, strict=True))
+    return time, weights, direction, State(*rest[:6], Balance(*rest[6:]))
 
 
 def _steady_force(cart, motion, resistance):
-    mean_velocity = np.array(motion.stroke / motion.duration)
-    steady = balance(cart, 0.0, _met(resistance, mean_velocity[None], np.zeros(1)), 1.0)
+    mean_velocity, none = np.array([motion.stroke / motion.duration]), np.zeros(1)
+    steady = balance(cart, none, met_resistance(resistance, mean_velocity, none), 1.0)
     return abs(float(steady.drive_force[0]))
 
 
 def _nonuniformity(motion, working):
     """(v_max - v_min)/v_mean over the working part of the way there."""
-    inside = motion.velocity(np.linspace(*working, 2001) * motion.duration)
-    return float((inside.max() - inside.min()) / inside.mean())
+    time = np.linspace(*working, 2001) * motion.duration
+    velocity, ends = motion.velocity(time), motion.position(time[[0, -1]])
+    mean = (ends[1] - ends[0]) / (time[-1] - time[0])
+    return float((velocity.max() - velocity.min()) / mean)
 
 
 def _refuse_foreign_law(drive, cycle):
-    if isinstance(drive, Crank):
-        psi = np.linspace(0, np.pi, 9)
-        travel = drive.radius * (1 - np.cos(psi)) + drive.rod_length * (1 - np.cos(drive.rod_angle(psi)))
-        gap = np.abs(cycle.there.position(psi / np.pi * cycle.there.duration) - travel).max()
-        if gap > 1e-9 * cycle.there.stroke or cycle.period > 2 * cycle.there.duration:
-            raise ValueError(
-                f"a crank turns its own law only, got '{cycle.there.name}' that differs by {gap:g} m; "
-                f"use Rigid(), or law('crank', ..., rod_length={drive.rod_length:g}) without dwells"
-            )
-
-
-def _sampled(cycle):
-    """Motion at Chebyshev's points of every piece, ends included from inside, with Clenshaw-Curtis weights."""
-    nodes, unit_weights = clenshaw_curtis(POINTS)
-    columns = {name: [] for name in ("time", "weights", "position", "velocity", "acceleration", "jerk", "direction")}
-    for leg in cycle.legs():
-        for start, end in itertools.pairwise(leg.joined_at()):
-            phase = np.clip(start + (end - start) * nodes, np.nextafter(start, end), np.nextafter(end, start))
-            columns["time"].append(leg.start + leg.duration * phase)
-            columns["weights"].append(leg.duration * (end - start) * unit_weights)
-            for order, name in enumerate(("position", "velocity", "acceleration", "jerk")):
-                columns[name].append(leg.at_phase(phase, order))
-            columns["direction"].append(np.full(POINTS, float(leg.direction)))
-    return {name: np.concatenate(parts) for name, parts in columns.items()}
-
-
-def clenshaw_curtis(count):
-    """Nodes on [0, 1], ends included, and weights of Clenshaw and Curtis' rule of odd `count`."""
-    n = count - 1
-    theta = np.pi * np.arange(count) / n
-    k = np.arange(1, n // 2 + 1)
-    factors = np.where(k == n // 2, 1.0, 2.0) / (4.0 * k**2 - 1)
-    weights = (1 - np.cos(2 * np.outer(theta, k)) @ factors) / n
-    weights[[0, -1]] /= 2
-    return np.sin(theta / 2) ** 2, weights
-
-
-def peak(time, values):
-    """Largest |value| of samples at Chebyshev's points, piece after piece; between them by a local polynomial."""
-    size = np.abs(values)
-    best = int(np.argmax(size))
-    inside = best % POINTS
-    if inside in (0, POINTS - 1):
-        return float(size[best])
-    first = best - min(inside, NEIGHBOURS)
-    last = best + min(POINTS - 1 - inside, NEIGHBOURS)
-    near = np.polynomial.Polynomial.fit(time[first : last + 1], values[first : last + 1], last - first)
-    return float(max(size[best], np.abs(near(np.linspace(time[best - 1], time[best + 1], 2001))).max()))
+    if not isinstance(drive, Crank):
+        return
+    psi = np.linspace(0, np.pi, 9)
+    travel = drive.radius * (1 - np.cos(psi)) + drive.rod_length * (1 - np.cos(drive.rod_angle(psi)))
+    gap = np.abs(cycle.there.at_phase(psi / np.pi, 0) - travel).max()
+    if gap > 1e-9 * cycle.there.stroke:
+        raise ValueError(
+            f"a crank turns its own law only, got '{cycle.there.name}' that differs by {gap:g} m; "
+            f"use Rigid(), or law('crank', ..., rod_length={drive.rod_length:g})"
+        )
+    if cycle.period > 2 * cycle.there.duration:
+        dwells = cycle.period - 2 * cycle.there.duration
+        raise ValueError(f"a crank does not stop, got dwells of {dwells:g} s in all; use Rigid(), or no dwells")
 
 
 @dataclass(frozen=True)
@@ -303,9 +345,13 @@ def rank(runs, by="peak_force"):
         worse = [other for other, _ in ordered[i:] if not _tie(value, other)]
         margin = (worse[0] - value) / value if worse and 0 < value < math.inf else math.nan
         place = places[-1].rank if tied else i + 1
-        reason = CRITERIA[by].infinite_because if value == math.inf else ""
+        reason = _why_infinite(by, run) if value == math.inf else ""
         places.append(Ranked(place, run, value, margin, reason))
     return places
+
+
+def _why_infinite(by, run):
+    return CRITERIA[by].infinite_because if run.shocks else "no force keeps the mean speed"
 
 
 def _tie(a, b):

@@ -102,7 +102,7 @@ def kinematics(runs):
             run = runs[name]
             there = run.direction > 0
             for ax, column in zip(row, ("velocity", "acceleration", "jerk"), strict=True):
-                _line(ax, name, run.time[there], getattr(run, column)[there], run.impulses)
+                _line(ax, name, run.time[there], getattr(run.state, column)[there], run.impulses)
     _legends(axes)
     return figure
 
@@ -148,7 +148,7 @@ def reactions(runs, names):
     axes = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
     for ax, name in zip(axes, names, strict=True):
         run = runs[name]
-        front, rear = run.forces.front_reaction / 1e3, run.forces.rear_reaction / 1e3
+        front, rear = run.state.forces.front_reaction / 1e3, run.state.forces.rear_reaction / 1e3
         ax.plot(run.time, front, color="tab:blue", label="front wheel N₁")
         ax.plot(run.time, rear, color="tab:red", linestyle="--", label="rear wheel N₂")
         if min(front.min(), rear.min()) < 0:

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from compact.laws import LAWS, Shape
+from compact.pieces import graded, integral, sign_changes
 from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive, refuse_unknown
 
 __all__ = ["LAWS", "Cycle", "Join", "Motion", "Peaks", "law"]
@@ -296,33 +297,4 @@ def turning_points(curve, order):
         roots = curve.derivative(order + 1).roots(discontinuity=False, extrapolate=False)
         return np.concatenate([edges, roots[np.isfinite(roots)]])
     # the grid catches a plateau behind a thin layer, where the next derivative is zero and changes no sign
-    return np.concatenate([edges, graded(curve.x), _sign_changes(lambda z: curve(z, nu=order + 1), curve.x)])
-
-
-def _sign_changes(function, breaks):
-    """Roots of a function, bracketed on a grid graded towards the joins and bisected to rounding."""
-    grid = graded(breaks)
-    values = function(grid)
-    change = np.flatnonzero(values[:-1] * values[1:] < 0)
-    low, high, sign = grid[change], grid[change + 1], np.sign(values[change])
-    for _ in range(60):
-        middle = (low + high) / 2
-        left = np.sign(function(middle)) == sign
-        low, high = np.where(left, middle, low), np.where(left, high, middle)
-    return (low + high) / 2
-
-
-def graded(breaks, steps=24):
-    """Grid on each piece: uniform inside, halving towards both ends down to 1e-12 of it (boundary layers)."""
-    near = 2.0 ** -np.arange(40, 3, -1)
-    unit = np.concatenate([[0.0], near, np.linspace(near[-1], 1 - near[-1], steps)[1:-1], 1 - near[::-1]])
-    return np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * unit).ravel(), breaks[-1])
-
-
-def integral(function, breaks):
-    """Integral over the pieces by Gauss' rule of 12 points on the graded grid: exact for polynomials to degree 23."""
-    nodes, weights = np.polynomial.legendre.leggauss(12)
-    grid = graded(np.asarray(breaks, float))
-    half = np.diff(grid) / 2
-    points = (grid[:-1] + half)[:, None] + half[:, None] * nodes
-    return float(np.sum(half[:, None] * weights * function(points)))
+    return np.concatenate([edges, graded(curve.x), sign_changes(lambda z: curve(z, nu=order + 1), curve.x)])

@@ -38,6 +38,20 @@ def refuse_outside(low, high, **quantities):
     _refuse_unless(lambda value: (value >= low) & (value <= high), f"between {low:g} and {high:g}", quantities)
 
 
+def refuse_fractional(**quantities):
+    """Refuse any quantity that is not a whole number >= 1 throughout."""
+    for name, value in quantities.items():
+        count = np.asarray(value)
+        whole = (count >= 1) & (count < np.inf) & (count == np.floor(count))
+        refuse_unless(whole, value, f"`{name}` must be a whole number >= 1, got")
+
+
+def refuse_unless(holds, value, rule):
+    """Refuse with `rule` and the value, or the first element of it, where `holds` is not true throughout."""
+    if not np.all(holds):
+        raise ValueError(f"{rule} {shown(value, lambda _: holds)}")
+
+
 def refuse_unknown(kind, name, choices):
     """Refuse a name that is not among the choices, naming them and the nearest one."""
     if name not in choices:

@@ -72,8 +72,8 @@ def _law_row(cycle):
 
 def _cycle_rows(run):
     columns = (
-        run.time, run.position, run.velocity, run.acceleration, run.jerk, run.resistance, run.drive_force,
-        run.drive_power, run.forces.front_reaction, run.forces.rear_reaction,
+        run.time, *run.state[:5], run.drive_force, run.drive_power,
+        run.state.forces.front_reaction, run.state.forces.rear_reaction,
     )  # fmt: skip
     return np.column_stack(columns).tolist()
 
@@ -82,7 +82,7 @@ def _reactions(study, directory):
     header = ("law", "front_least_N", "front_largest_N", "rear_least_N", "rear_largest_N", "lifted_off_share")
     rows = []
     for name, run in study.runs.items():
-        front, rear = run.forces.front_reaction, run.forces.rear_reaction
+        front, rear = run.state.forces.front_reaction, run.state.forces.rear_reaction
         lifted = float(np.sum(run.weights * ((front < 0) | (rear < 0))) / run.period)
         rows.append((name, *(float(v) for v in (front.min(), front.max(), rear.min(), rear.max())), lifted))
     yield _csv(directory / "reactions.csv", header, rows)
@@ -114,8 +114,8 @@ def _crank(study, directory):
     header = ("carts", "mean_power_W", "peak_power_W", "peak_over_mean", "peak_torque_Nm")
     rows = []
     for key, turn in study.turns.items():
-        mean, peak = turn.mean(turn.power), turn.peak(turn.power)
-        rows.append((key, mean, peak, peak / mean, turn.peak(turn.torque)))
+        mean, peak = turn.mean(turn.power), turn.peak_power
+        rows.append((key, mean, peak, peak / mean, turn.peak_torque))
     yield _csv(directory / "crank.csv", header, rows)
     turn = study.turns["scene"]
     names = [f"{name}_{i}" for i in range(1, len(turn.carts) + 1) for name in ("rod_force_N", "torque_Nm", "power_W")]
@@ -135,7 +135,7 @@ def _figures(study, directory):
     }
     if "reactions" in wanted:
         best = next(iter(study.rankings.values()))[0].run.name
-        names = dict.fromkeys([best, *(name for name, run in study.runs.items() if run.rod_tangent.any())])
+        names = dict.fromkeys([best, *(name for name, run in study.runs.items() if run.state.rod_tangent.any())])
         drawn["reactions"] = lambda: figures.reactions(study.runs, list(names))
     if "cams" in wanted:
         drawn["cams"] = lambda: figures.cams(study.cams, list(study.cycles), "roller")

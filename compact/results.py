@@ -7,7 +7,7 @@ import csv
 import json
 import math
 import os
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 MARK = "scene.hash"
@@ -20,10 +20,12 @@ class ResultsError(RuntimeError):
 @contextmanager
 def whole_file(path, mode="w"):
     """Open a file that appears under `path` whole, when the block ends without an error, or not at all."""
-    path = Path(path)
+    path = Path(path).resolve()  # a link is followed, not replaced
     aside = path.with_name(f".{path.name}.{os.getpid()}.part")
     options = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
     try:
+        if path.exists() and not path.is_file():
+            raise ResultsError(f"{path}: is no regular file; give another name")
         path.parent.mkdir(parents=True, exist_ok=True)
         with aside.open(mode, **options) as stream:
             yield stream
@@ -33,7 +35,8 @@ def whole_file(path, mode="w"):
     except OSError as error:
         raise ResultsError(f"{path}: could not be written: {error.strerror or error}") from error
     finally:
-        aside.unlink(missing_ok=True)
+        with suppress(OSError):  # of a path that cannot be there is nothing to remove
+            aside.unlink(missing_ok=True)
 
 
 def write_csv(path, header, rows):
@@ -75,8 +78,8 @@ def claim(directory, scene_hash, force=False):
     directory = Path(directory)
     mark = directory / MARK
     try:
-        owner = mark.read_text(encoding="utf-8").strip() if mark.exists() else None
-        foreign = owner is None and directory.exists() and any(directory.iterdir())
+        owner = mark.read_text(encoding="utf-8", errors="replace").strip() if mark.exists() else None
+        foreign = owner is None and directory.exists() and any(map(_is_foreign, directory.iterdir()))
     except OSError as error:
         raise ResultsError(f"{directory}: {error.strerror or error}; give another --out") from error
     if foreign and not force:
@@ -86,3 +89,8 @@ def claim(directory, scene_hash, force=False):
     with whole_file(mark) as stream:
         stream.write(scene_hash + "\n")
     return directory
+
+
+def _is_foreign(path):
+    """Whether a file is more than what a killed run had set aside."""
+    return not (path.name.startswith(".") and path.name.endswith(".part"))

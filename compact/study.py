@@ -164,13 +164,23 @@ class Study:
             value = getattr(self.engineering, name)
             spread = {} if low == value == high else {"low": low, "high": high}
             numbers[name] = Number(value, unit, known_by, **spread)
-        return numbers
+        return numbers | self._exact_numbers
 
     def _engineering_at(self, pressure):
         try:
             return engineering(self.scene, self.mix, pressure)
         except ValueError:  # beyond the formulas: no such angle
             return None
+
+    @property
+    def _exact_numbers(self):
+        """What exact theory says beside eqs 1.5-1.7 at the same peak pressure."""
+        length, known_by = self.scene.machine.roller_length, "Galin, exact for a half-plane"
+        return {
+            "exact_capture_angle": Number(float(np.arcsin(self.exact.leading / self.exact.radius)), "rad", known_by),
+            "exact_roller_force": Number(float(self.exact.load * length), "N", known_by),
+            "exact_contact_length": Number(float(self.exact.contact_length), "m", known_by),
+        }
 
     @cached_property
     def exact(self):

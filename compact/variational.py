@@ -19,6 +19,7 @@ from numpy.polynomial import Polynomial
 # |p| of e^(pz) up to which a power series about the middle keeps all digits: it loses e^(0.15 |p|) to cancellation.
 SERIES_LIMIT = 12.0
 THINNEST = 1e12  # p beyond which the layer at an end is thinner than a phase can tell: it is left out
+LAYER = 40.0  # p y at which e^(-p y) is below rounding
 ROUNDING = 4e-16  # of d3 that decimal weights with the sum 1 leave
 SERIES_TERMS = 24  # of u^(2k+1)/(2k+1)!, |p u| <= 6: the last is below 1e-20 of the sum
 
@@ -88,7 +89,6 @@ class ComplexLaw:
 
     energy_weight: float
     acceleration_weight: float
-    x = np.array([0.0, 1.0])
 
     def __post_init__(self):
         d1, d2 = self.energy_weight, self.acceleration_weight
@@ -109,6 +109,12 @@ class ComplexLaw:
         slope, amplitudes = self._amplitudes
         value = sum(a * mode(z, nu) for a, mode in zip(amplitudes, self._modes, strict=True))
         return value + (0.5 + slope * (z - 0.5), slope)[nu] if nu < 2 else value + 0.0 * z
+
+    @cached_property
+    def x(self):
+        """Phases between which the law is even: the ends, and where a thin layer at an end has died out."""
+        cuts = [cut for mode in self._modes if (cut := getattr(mode, "thickness", 1.0)) < 0.25]
+        return np.unique([0.0, *cuts, *(1 - cut for cut in cuts), 1.0])
 
     @cached_property
     def _modes(self):
@@ -175,6 +181,12 @@ class _EndLayer:
     mean: float
     half_gap_squared: float
     first: bool
+
+    @property
+    def thickness(self):
+        """Share of the pass after which the layer is below rounding."""
+        slowest = self.mean - math.sqrt(max(0.0, self.half_gap_squared))
+        return LAYER / slowest
 
     def __call__(self, z, nu):
         rate = np.array([[-self.mean, 1.0], [self.half_gap_squared, -self.mean]])

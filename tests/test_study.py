@@ -65,8 +65,8 @@ def test_inertia_turns_the_ranking_of_the_crank_scene():
 
 def test_crank_law_goes_through_its_rod_in_a_crank_machine():
     study = Study(scene("loveikin-2015-crank", **{"motion.laws": ["crank", "harmonic"]}))
-    assert np.abs(study.runs["crank"].rod_tangent).max() == pytest.approx(0.25 / math.sqrt(1 - 0.0625), rel=1e-4)
-    assert not study.runs["harmonic"].rod_tangent.any()
+    assert np.abs(study.runs["crank"].state.rod_tangent).max() == pytest.approx(0.25 / math.sqrt(1 - 0.0625), rel=1e-4)
+    assert not study.runs["harmonic"].state.rod_tangent.any()
 
 
 def test_power_of_the_shaft_is_that_of_the_run_through_the_rod():
