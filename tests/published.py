@@ -1,4 +1,4 @@
-"""Published numbers of the motion laws, kept as data: author, section and erratum beside each.
+"""Published numbers of the motion laws and the cart, kept as data: author, section and erratum beside each.
 
 D is the monograph, A and B the papers on the reversal, as in `theory.md`; D-1 ... name the rows of `errata.md`.
 Normalised: velocity by stroke/T, acceleration by stroke/T^2, jerk by stroke/T^3, snap by stroke/T^4; run-up and
@@ -7,6 +7,8 @@ run-down of T/6 where a law has them. Exact values are kept exact; `laws.csv` ho
 
 from fractions import Fraction
 from math import pi, sqrt
+
+from compact.cart import Cart
 
 over = Fraction  # over(15, 8) is 15/8
 
@@ -105,3 +107,17 @@ CRITERIA = {
 BEST_TRAVEL_AT_FIXED_STROKE, LOSS_OF_HALF = over(88, 175), 0.00114
 # D-12: a phase alone would turn with jerk (20/3) v/t1^2 and travel (5/9) v t1.
 LONE_TURNING_JERK, LONE_TRAVEL = over(20, 3), over(5, 9)
+
+# Paper C: two rollers, R 9740 N each, G 10 kN, pin .65 m ahead; the massless cart leaves the inertia out.
+CART_OF_C = Cart(
+    mass=1000.0,
+    weight=10e3,
+    roller_positions=(0.27, -0.27),
+    roller_reactions=(9740.0, 9740.0),
+    guide_positions=(0.37, -0.37),
+    pin_position=0.65,
+    pin_height=0.1,
+    roller_radius=0.11,
+    guide_wheel_diameter=0.046,
+    guide_friction=0.008,
+)

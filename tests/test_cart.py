@@ -6,22 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from published import CART_OF_C
 
 from compact.cart import Cart, balance, moment_residual
 
-# Paper C: two rollers, R 9740 N each, G 10 kN, pin .65 m ahead; the massless cart leaves the inertia out.
-PUBLISHED = Cart(
-    mass=1000.0,
-    weight=10e3,
-    roller_positions=(0.27, -0.27),
-    roller_reactions=(9740.0, 9740.0),
-    guide_positions=(0.37, -0.37),
-    pin_position=0.65,
-    pin_height=0.1,
-    roller_radius=0.11,
-    guide_wheel_diameter=0.046,
-    guide_friction=0.008,
-)
+PUBLISHED = CART_OF_C
 LIFT = 2 * 9740.0 - 10e3
 
 lengths = st.floats(-1, 1)

@@ -7,24 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from published import CART_OF_C
 
-from compact.cart import Cart
 from compact.crank import USUAL_ANGLES, travel, turn
 from compact.drive import Crank
 
 CRANK = Crank(radius=0.2, rod_length=0.8)
-CART = Cart(
-    mass=1000.0,
-    weight=10e3,
-    roller_positions=(0.27, -0.27),
-    roller_reactions=(9740.0, 9740.0),
-    guide_positions=(0.37, -0.37),
-    pin_position=0.65,
-    pin_height=0.1,
-    roller_radius=0.11,
-    guide_wheel_diameter=0.046,
-    guide_friction=0.008,
-)
+CART = CART_OF_C
 SMOOTH = replace(CART, guide_friction=0.0)
 LIGHT = replace(SMOOTH, mass=0.0)
 HUNDRED_RPM = 2 * np.pi * 100 / 60

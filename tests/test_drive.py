@@ -9,24 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from published import CART_OF_C
 
-from compact.cart import Cart
 from compact.crank import turn
 from compact.drive import CRITERIA, POINTS, Crank, Rigid, rank, simulate
 from compact.motion import LAWS, Cycle, law
 
-CART = Cart(
-    mass=1000.0,
-    weight=10e3,
-    roller_positions=(0.27, -0.27),
-    roller_reactions=(9740.0, 9740.0),
-    guide_positions=(0.37, -0.37),
-    pin_position=0.65,
-    pin_height=0.1,
-    roller_radius=0.11,
-    guide_wheel_diameter=0.046,
-    guide_friction=0.008,
-)
+CART = CART_OF_C
 GUIDE = 0.008 * (2 * 9740.0 - 10e3)  # friction of the published guides while both wheels press
 UNIT = replace(CART, mass=1.0, guide_friction=0.0)
 IMPULSIVE = ("constant-velocity", "gear-sector")
