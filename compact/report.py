@@ -1,12 +1,13 @@
 """What `compact run` leaves behind: tables, figures and summary.json of a study; only what the scene wants."""
 
 import platform
-from dataclasses import asdict
+from dataclasses import asdict, astuple
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
+from compact.cam import stepper
 from compact.drive import CRITERIA
 from compact.results import claim, whole_file, write_csv, write_json
 
@@ -52,6 +53,7 @@ def _tables(study, directory):
         yield _csv(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, _cycle_rows(run))
 
 
+STEPPER_HEADER = ("time_s", "angle_rad", "angular_velocity_rad/s", "angular_acceleration_rad/s2", "angular_jerk_rad/s3")
 LAW_HEADER = (
     "law", "peak_velocity_m/s", "peak_acceleration_m/s2", "peak_jerk_m/s3", "peak_snap_m/s4", "continuity",
     "J1_m2/s", "J2_m2/s3", "J3_m2/s5", "J4_m2/s7",
@@ -102,6 +104,9 @@ def _cams(study, directory):
         ))  # fmt: skip
         yield write_cam(directory / "cams" / f"{law}-{follower}.csv", cam)
     yield _csv(directory / "cams.csv", header, rows)
+    for law, cycle in study.cycles.items():
+        motor = stepper(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
+        yield _csv(directory / "cams" / f"{law}-stepper.csv", STEPPER_HEADER, np.column_stack(astuple(motor)).tolist())
 
 
 def write_cam(path, cam):

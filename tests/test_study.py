@@ -123,6 +123,14 @@ def test_cycle_table_integrates_to_the_energy(written):
     )  # trapezes between 129 points
 
 
+def test_stepper_in_the_roller_turns_with_the_travel(written):
+    study, _, directory = written
+    rows = np.genfromtxt(directory / "cams" / "reversal-3-stepper.csv", delimiter=",", names=True)
+    assert rows["angle_rad"].max() * study.scene.machine.roller_radius == pytest.approx(0.4, rel=1e-9)
+    speed = 1.2 * 0.4 / 3.0 / 0.11  # D 3.2: 6/5 of the mean speed, B eq (46)
+    assert np.abs(rows["angular_velocity_rads"]).max() == pytest.approx(speed, rel=1e-9)
+
+
 def test_two_runs_write_the_same_bytes(written, tmp_path):
     study, _, directory = written
     report.write(Study(study.scene), tmp_path / "again")
