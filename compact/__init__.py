@@ -19,7 +19,7 @@ _HOMES = {
     "cam": ("Cam", "FlatFace", "Pointed", "RollerFollower"),
     "drive": ("Crank", "Rigid", "Run", "rank", "simulate"),
     "halfplane": ("galin", "hertz", "pressure_exponent"),
-    "material": ("Elastic",),
+    "material": ("Elastic", "Viscoelastic"),
     "measured": ("from_table",),
     "mix": ("Mix", "prior"),
     "motion": ("LAWS", "Cycle", "Motion", "law"),

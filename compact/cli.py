@@ -7,12 +7,14 @@ import os
 import sys
 import warnings
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, Parameter
 
 from compact.results import ResultsError
 
+Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
+Changes = Annotated[tuple[str, ...], Parameter(name="--set", negative="")]
 DONE, COULD_NOT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 BAR_AFTER = 2.0  # seconds before a progress bar shows
 
@@ -43,7 +45,7 @@ def _told(arguments):
         return app(arguments, exit_on_error=False, print_error=True, result_action="return_value") or DONE
     except CycloptsError:  # printed by cyclopts, with the nearest option
         return BAD_INPUT
-    except ResultsError as error:
+    except RuntimeError as error:  # ResultsError, or an engine that did not converge
         return _say(error, COULD_NOT)
     except ValueError as error:  # SceneError and the refusals of the formulas
         return _say(error, BAD_INPUT)
@@ -98,8 +100,9 @@ def run(
     /,
     *,
     out: Path | None = None,
-    engine: Literal["formula", "column", "spectral", "fem", "compaction"] | None = None,
+    engine: Engine | None = None,
     tolerance: float | None = None,
+    changes: Changes = (),
     force: bool = False,
     quiet: bool = False,
 ):
@@ -115,6 +118,8 @@ def run(
         contact engine in place of the scene's
     tolerance
         relative error asked for in place of the scene's
+    changes
+        change a key of the scene, such as mix.moisture=0.11; as often as needed
     force
         overwrite the results of another scene
     quiet
@@ -122,12 +127,57 @@ def run(
     """
     from compact import report
 
-    study, bar = _study(scene, quiet, engine, tolerance)
+    study, bar = _study(scene, quiet, engine, tolerance, changes=changes)
     directory = out or Path("out") / scene.stem
     with bar:
         report.write(study, directory, force)
     if not quiet:
         print(report.digest(study))
+        print(f"\nresults: {directory}")
+
+
+@app.command
+def roll(
+    scene: Path,
+    /,
+    *,
+    speed: float | None = None,
+    engine: Engine | None = None,
+    out: Path | None = None,
+    changes: Changes = (),
+    force: bool = False,
+    quiet: bool = False,
+):
+    """Compute one contact of roller and layer: load, resistance, edges, pressure.
+
+    Parameters
+    ----------
+    scene
+        the scene, a TOML file
+    speed
+        of the cart in m/s; its mean speed unless given
+    engine
+        contact engine in place of the scene's
+    out
+        directory for the results; out/NAME OF THE SCENE-contact unless given
+    changes
+        change a key of the scene, such as machine.rolling='frictionless'; as often as needed
+    force
+        overwrite the results of another scene
+    quiet
+        say nothing but errors
+    """
+    from compact import engine as engines
+    from compact import report
+    from compact.results import claim
+
+    study, _ = _study(scene, quiet, engine, changes=changes)
+    speed = speed if speed is not None else study.scene.motion.stroke / study.scene.motion.duration
+    rolled = engines.roll(study.scene, study.mix, speed)
+    directory = claim(out or Path("out") / f"{scene.stem}-contact", study.scene.hash, force)
+    report.write_contact(directory, study, speed, rolled)
+    if not quiet:
+        print(report.contact_digest(study, speed, rolled))
         print(f"\nresults: {directory}")
 
 
@@ -181,7 +231,7 @@ def check():
     return DONE
 
 
-def _study(path, quiet, engine=None, tolerance=None, laws=None):
+def _study(path, quiet, engine=None, tolerance=None, laws=None, changes=()):
     """The study of a scene file, and the bar that counts its stages."""
     from tqdm import tqdm
 
@@ -189,6 +239,7 @@ def _study(path, quiet, engine=None, tolerance=None, laws=None):
     from compact.study import Study
 
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance, "motion.laws": laws}
+    asked |= dict(_change(change) for change in changes)
     scene = load_scene(path, **{key: value for key, value in asked.items() if value is not None})
     for sentence in scene.advice if not quiet else ():
         print(f"compact: advice: {sentence}", file=sys.stderr)
@@ -201,6 +252,19 @@ def _study(path, quiet, engine=None, tolerance=None, laws=None):
     study = Study(scene, step)
     bar.total = study.steps
     return study, bar
+
+
+def _change(text):
+    """Key path and value of KEY=VALUE; the value is read as in a scene, or as a bare word."""
+    import tomllib
+
+    key, equals, value = text.partition("=")
+    if not (key and equals):
+        raise ValueError(f"--set takes KEY=VALUE, such as mix.moisture=0.11, got {text!r}")
+    try:
+        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return key.strip(), value.strip()
 
 
 if __name__ == "__main__":

@@ -204,3 +204,38 @@ def crank(turns):
         ax.margins(x=0)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
     return figure
+
+
+def contact(rolled, exact):
+    """Pressure and shear traction along one contact, with Galin's pressure at the formulas' peak as a line."""
+    figure = Figure(figsize=(7.2, 3.8), layout="constrained")
+    ax = figure.subplots()
+    along = np.linspace(float(exact.trailing), float(exact.leading), 401)
+    ax.plot(along * 1e3, exact.pressure(along) / 1e3, color="0.5", label="Galin, half-plane")
+    ax.plot(rolled.x * 1e3, rolled.pressure / 1e3, ".", markersize=3.5, color="tab:blue", label="pressure p")
+    if np.any(rolled.shear_traction):
+        ax.plot(rolled.x * 1e3, rolled.shear_traction / 1e3, ".", markersize=3.5, color="tab:red", label="shear q")
+    ax.axvline(0, color="0.8", linewidth=0.8, zorder=0)
+    ax.axhline(0, color="0.8", linewidth=0.8, zorder=0)
+    ax.set_xlabel("x from the lowest point, + along the travel [mm]")
+    ax.set_ylabel("contact stress [kPa]")
+    ax.legend(frameon=False)
+    return figure
+
+
+def speeds(rolled):
+    """Load and resistance coefficient over the speed, bars for the engine's own error."""
+    figure = Figure(figsize=(10.5, 3.6), layout="constrained")
+    panels = figure.subplots(1, 2)
+    speed = np.array([v for v, _ in rolled])
+    load = np.array([r.load for _, r in rolled])
+    coefficient = np.array([r.resistance for _, r in rolled]) / load
+    errors = np.array([r.error or (0.0, 0.0) for _, r in rolled])
+    panels[0].errorbar(speed, load / 1e3, errors[:, 0] * load / 1e3, fmt="o-", color="tab:blue", markersize=4)
+    panels[0].set_ylabel("load P [kN/m]")
+    panels[1].errorbar(speed, coefficient, errors[:, 1] * np.abs(coefficient), fmt="o-", color="tab:red", markersize=4)
+    panels[1].set_ylabel("resistance/load [-]")
+    for ax in panels:
+        ax.set_xscale("log")
+        ax.set_xlabel("speed v [m/s]")
+    return figure

@@ -24,13 +24,88 @@ def write(study, directory, force=False):
     """
     directory = claim(directory, study.scene.hash, force)
     wanted = study.scene.output.wanted
-    files = []
+    files = list(_rolled(study, directory)) if study.rolled else []
     for part, writer in WRITERS.items():
         if part in wanted:
             files += writer(study, directory)
     summary = _summary(study, [str(Path(file).relative_to(directory)) for file in files])
     write_json(directory / "summary.json", summary)
     return summary
+
+
+CONTACT_HEADER = (
+    "speed_m/s", "load_N/m", "resistance_N/m", "coefficient", "leading_m", "trailing_m", "peak_pressure_Pa",
+    "load_error", "resistance_error", "work_residual", "formula_load_N/m", "formula_coefficient", "exact_load_N/m",
+)  # fmt: skip
+
+
+def _rolled(study, directory):
+    """The contact at each speed by the scene's engine; at the end of each row what the formulas and Galin say."""
+    length = study.scene.machine.roller_length
+    beside = (
+        study.engineering.roller_force / length,
+        study.engineering.resistance_coefficient,
+        float(study.exact.load),
+    )
+    yield _csv(directory / "contact.csv", CONTACT_HEADER, [
+        (
+            speed, rolled.load, rolled.resistance, rolled.resistance / rolled.load, rolled.leading, rolled.trailing,
+            float(rolled.pressure.max()), *(rolled.error or ("", "")), rolled.work_residual, *beside,
+        )
+        for speed, rolled in study.rolled
+    ])  # fmt: skip
+
+
+def write_contact(directory, study, speed, rolled):
+    """Write one contact: pressure along it, its numbers, a picture beside Galin, and its fields where it has any."""
+    from compact import figures
+
+    columns = np.column_stack([rolled.x, rolled.pressure, rolled.shear_traction]).tolist()
+    _csv(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
+    write_json(directory / "contact.json", contact_numbers(study, speed, rolled))
+    with whole_file(directory / "pressure.png", "wb") as stream:
+        figures.contact(rolled, study.exact).savefig(stream, format="png", dpi=FIGURE_DPI)
+
+
+def contact_numbers(study, speed, rolled):
+    """Headline numbers of one contact: value and unit, with the engine's own relative error where it has one."""
+    load_error, resistance_error = rolled.error or (None, None)
+    peak = float(rolled.pressure.max())
+    return {
+        "engine": study.scene.accuracy.engine,
+        "speed": {"value": speed, "unit": "m/s"},
+        "load": {"value": rolled.load, "unit": "N/m", "error": load_error},
+        "resistance": {"value": rolled.resistance, "unit": "N/m", "error": resistance_error},
+        "coefficient": {"value": rolled.resistance / rolled.load, "unit": "1"},
+        "leading": {"value": rolled.leading, "unit": "m"},
+        "trailing": {"value": rolled.trailing, "unit": "m"},
+        "peak_pressure": {"value": peak, "unit": "Pa"},
+        "work_residual": {"value": rolled.work_residual, "unit": "1"},
+    }
+
+
+def contact_digest(study, speed, rolled):
+    """One contact in a few lines of text, the formulas and exact theory beside it."""
+    formulas, exact, length = study.engineering, study.exact, study.scene.machine.roller_length
+    rows = [
+        ("load [N/m]", rolled.load, formulas.roller_force / length, exact.load),
+        ("resistance/load", rolled.resistance / rolled.load, formulas.resistance_coefficient, np.nan),
+        ("contact length [m]", rolled.leading - rolled.trailing, formulas.contact_length, exact.contact_length),
+        (
+            "leading edge [m]",
+            rolled.leading,
+            study.scene.machine.roller_radius * np.sin(formulas.capture_angle),
+            exact.leading,
+        ),
+        ("peak pressure [Pa]", rolled.pressure.max(), formulas.pressure, exact.peak_pressure),
+    ]
+    lines = [
+        f"{'at ' + format(speed, 'g') + ' m/s':<20}{study.scene.accuracy.engine:>12}{'eqs 1.5-1.8':>14}{'Galin':>12}"
+    ]
+    lines += [f"{name:<20}{ours:>12.5g}{formula:>14.5g}{galin:>12.5g}" for name, ours, formula, galin in rows]
+    if rolled.error:
+        lines.append(f"error of the load {rolled.error[0]:.1e}, of the resistance {rolled.error[1]:.1e}")
+    return "\n".join(lines)
 
 
 def _tables(study, directory):
@@ -146,6 +221,8 @@ def _figures(study, directory):
         drawn["cams"] = lambda: figures.cams(study.cams, list(study.cycles), "roller")
     if "crank" in wanted:
         drawn["crank"] = lambda: figures.crank(study.turns)
+    if study.rolled:
+        drawn["contact"] = lambda: figures.speeds(study.rolled)
     for name, draw in drawn.items():
         study.count("figures")
         path = directory / f"{name}.png"

@@ -178,6 +178,15 @@ class Cam(_Table):
     roller_follower_radius: float = _positive("the radius of the roller followers in m")
 
 
+class Contact(_Table):
+    """What holds the roller at its height, and the speeds to roll at; without it, the pressure that the mix needs."""
+
+    indentation: float | None = _optional("the depth of the roller below the undisturbed surface in m")
+    load: float | None = _optional("the normal force on one roller in N")
+    peak_pressure: float | None = _optional("the largest contact pressure in Pa")
+    speeds: Numbers | None = Field(default=None, description="the speeds in m/s at which to compute the contact")
+
+
 class Accuracy(_Table):
     """The contact engine, and the relative error asked of it."""
 
@@ -202,6 +211,7 @@ class Scene(_Table):
     motion: Motion
     drive: Drive
     cam: Cam | None = None
+    contact: Contact | None = None
     accuracy: Accuracy
     output: Output
     _source: Source = PrivateAttr(default=Source())

@@ -109,6 +109,19 @@ def _weights_leave_a_share(energy, acceleration):
         )
 
 
+@_rule("contact.indentation", "contact.load", "contact.peak_pressure")
+def _one_target(indentation, load, pressure):
+    given = sum(target is not None for target in (indentation, load, pressure))
+    if given > 1:
+        return f"only one of indentation, load and peak_pressure can be prescribed, got {given}; take the others out"
+
+
+@_rule("contact.speeds")
+def _speeds_rise(speeds):
+    if speeds is not None and not (len(speeds) and speeds[0] > 0 and all(b > a for a, b in pairwise(speeds))):
+        return f"must be positive and rise one by one, got {list(speeds)}; give speeds such as [0.05, 0.1, 0.2]"
+
+
 @_rule("motion.rod_length", "motion.stroke")
 def _rod_is_longer_than_the_crank(rod, stroke):
     if rod is not None and rod <= stroke / 2:

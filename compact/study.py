@@ -18,12 +18,12 @@ from compact import contact, drive, mix
 from compact.cam import Cam, FlatFace, Pointed, RollerFollower
 from compact.cart import Cart
 from compact.crank import USUAL_ANGLES, turn
+from compact.engine import ENGINES, LINEAR, roll, speeds
 from compact.halfplane import galin, pressure_exponent
 from compact.measured import from_table
 from compact.motion import law
 from compact.scene import SceneError
 
-BUILT_ENGINES = ("formula",)
 FOLLOWERS = {
     "pointed": lambda table: Pointed(),
     "roller": lambda table: RollerFollower(table.roller_follower_radius),
@@ -119,9 +119,9 @@ class Study:
     """The stages of one scene; each attribute is computed when first asked for, `counts` says how often."""
 
     def __init__(self, scene, step=lambda stage: None):
-        if scene.accuracy.engine not in BUILT_ENGINES:
+        if scene.accuracy.engine not in ENGINES:
             raise SceneError(
-                [f"accuracy.engine: '{scene.accuracy.engine}' is not built yet; choose {', '.join(BUILT_ENGINES)}"]
+                [f"accuracy.engine: '{scene.accuracy.engine}' is not built yet; choose {', '.join(ENGINES)}"]
             )
         self.scene = scene
         self.counts = Counter()
@@ -131,10 +131,12 @@ class Study:
     def steps(self):
         """How many counts the stages of all that the scene wants will make."""
         laws, wanted = len(self.scene.law_names) + len(self.scene.table_paths), self.scene.output.wanted
-        figures = 3 + len({"cams", "reactions", "crank"} & set(wanted)) if "figures" in wanted else 0
+        figures = 3 + len({"cams", "reactions", "crank"} & set(wanted)) + (self.scene.accuracy.engine in LINEAR)
+        figures = figures if "figures" in wanted else 0
         cams = laws * len(FOLLOWERS) if "cams" in wanted else 0
         crank = len(USUAL_ANGLES) + 1 if "crank" in wanted else 0
-        return 2 + 2 * laws + cams + crank + figures
+        rolled = len(speeds(self.scene)) if self.scene.accuracy.engine in LINEAR else 0
+        return 2 + 2 * laws + cams + crank + figures + rolled
 
     def count(self, stage):
         """One more run of a stage."""
@@ -192,6 +194,16 @@ class Study:
             friction=-self.mix.steel_friction,
             peak_pressure=self.mix.required_pressure,
         )
+
+    @cached_property
+    def rolled(self):
+        """(speed, `Rolled`) of one roller at each speed, by the scene's engine if it computes a layer, else none."""
+        rolled = []
+        if self.scene.accuracy.engine in LINEAR:
+            for speed in speeds(self.scene):
+                self.count("rolled")
+                rolled.append((speed, roll(self.scene, self.mix, speed)))
+        return rolled
 
     @cached_property
     def resistance(self):

@@ -54,6 +54,16 @@ def test_cam_command_writes_its_profile(tmp_path):
     assert len(rows) >= 721
 
 
+def test_roll_writes_one_contact(tmp_path):
+    plain = ("--set", "machine.profile=circle", "--set", "machine.rolling=frictionless")
+    done = compact("roll", SMALL, "--engine", "spectral", *plain, "--speed", "0.2", "--out", tmp_path / "contact")
+    assert done.returncode == 0, done.stderr
+    assert "at 0.2 m/s" in done.stdout
+    assert {path.name for path in (tmp_path / "contact").iterdir()} == {
+        "contact.json", "pressure.csv", "pressure.png", "scene.hash",
+    }  # fmt: skip
+
+
 def test_check_finds_our_side_unchanged():
     done = compact("check")
     assert done.returncode == 0
@@ -66,7 +76,12 @@ BAD_CALLS = {
     "unknown option": (("run", SMALL, "--engin", "fem"), 2, "Did you mean --engine?"),
     "unknown command": (("rnu", SMALL), 2, 'Did you mean "run"?'),
     "unknown engine": (("run", SMALL, "--engine", "magic"), 2, "Choose from"),
-    "engine not built": (("run", SMALL, "--engine", "fem"), 2, "'fem' is not built yet"),
+    "engine not built": (("run", SMALL, "--engine", "compaction"), 2, "'compaction' is not built yet"),
+    "engine that does not cover it": (("roll", SMALL, "--engine", "spectral"), 2, "got 'deformed'; use fem"),
+    "change without a value": (("run", SMALL, "--set", "mix.moisture"), 2, "--set takes KEY=VALUE"),
+    "change of an unknown key": (("run", SMALL, "--set", "mix.moistur=0.1"), 2, "moisture"),
+    "change out of range": (("run", SMALL, "--set", "mix.moisture=0.5"), 2, "mix.moisture"),
+    "speed of nothing": (("roll", SMALL, "--engine", "formula", "--speed", "0"), 2, "`speed` must not be 0"),
     "tolerance not a number": (("run", SMALL, "--tolerance", "tight"), 2, "tight"),
     "tolerance out of range": (("run", SMALL, "--tolerance", "3"), 2, "accuracy.tolerance"),
     "tolerance nan": (("run", SMALL, "--tolerance", "nan"), 2, "accuracy.tolerance"),
@@ -141,14 +156,14 @@ def test_reader_that_closes_early_is_no_error(tmp_path):
 def test_internal_error_is_a_sentence(tmp_path):
     script = (
         "import sys, compact.scene as scene\n"
-        "def broken(*_, **__): raise RuntimeError('boom')\n"
+        "def broken(*_, **__): raise TypeError('boom')\n"
         "scene.load_scene = broken\n"
         f"sys.argv = ['compact', 'run', {str(SMALL)!r}]\n"
         "from compact.cli import main; main()"
     )
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path, check=False)
     assert told.returncode == 1
-    assert "internal error, please report it: RuntimeError: boom" in told.stderr
+    assert "internal error, please report it: TypeError: boom" in told.stderr
     assert "Traceback" not in told.stderr
 
 
