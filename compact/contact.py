@@ -73,11 +73,10 @@ class DryResistance:
 
 @dataclass(frozen=True, kw_only=True)
 class EngineeringRolled(Rolled):
-    """A `Rolled` from exact Galin theory, with the engineering values at the same peak pressure beside it.
+    """A `Rolled` from exact Galin theory, with the engineering values at the same peak pressure q beside it.
 
     capture_angle, exponent : phi of (1.5) [rad], alpha of (1.4) [-]
     contact_length : l of (1.7) [m]; the exact one is leading - trailing
-    peak_pressure : q [Pa], common to both
     engineering_load : F of (1.6) per unit length, two-sided [N/m]; the exact one is load
     mean_pressure : engineering_load / contact_length [Pa]
     engineering_resistance : F_p of (1.8) per unit length with f2 = f3 = 0, the part of the mix [N/m]; unsigned
@@ -86,7 +85,6 @@ class EngineeringRolled(Rolled):
     capture_angle: float
     exponent: float
     contact_length: float
-    peak_pressure: float
     mean_pressure: float
     engineering_load: float
     engineering_resistance: float

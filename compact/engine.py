@@ -11,8 +11,8 @@ import numpy as np
 from compact.material import Elastic, Viscoelastic
 from compact.records import Layer, Roller
 
-ENGINES = MappingProxyType({"formula": "compact.contact", "spectral": "compact.spectral"})
-LINEAR = ("spectral",)  # engines of a viscoelastic layer, whose resistance depends on speed
+ENGINES = MappingProxyType({"formula": "compact.contact", "spectral": "compact.spectral", "fem": "compact.fem"})
+LINEAR = ("spectral", "fem")  # engines of a viscoelastic layer, whose resistance depends on speed
 SPEEDS = 6  # computed where the scene names none: from a twentieth of the mean speed to twice, by equal ratios
 
 

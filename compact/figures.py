@@ -239,3 +239,31 @@ def speeds(rolled):
         ax.set_xscale("log")
         ax.set_xlabel("speed v [m/s]")
     return figure
+
+
+FIELDS = {
+    "pressure": ("mean pressure [kPa]", 1e-3, "viridis"),
+    "dissipation": ("dissipation [kW/m³]", 1e-3, "magma"),
+}
+
+
+def fields(layer, rolled):
+    """Element means of pressure and dissipation in the layer around the contact; the roller rests on it."""
+    from matplotlib.collections import PolyCollection
+
+    corners = layer.points[layer.cells[0].data[:, :4], :2] * 1e3
+    height, reach = corners[..., 1].max(), 2e3 * (rolled.leading - rolled.trailing)
+    figure = Figure(figsize=(7.6, 6.2), layout="constrained")
+    panels = figure.subplots(2, 1, sharex=True)
+    for ax, (name, (label, factor, cmap)) in zip(panels, FIELDS.items(), strict=True):
+        shown = PolyCollection(corners, array=layer.cell_data[name][0] * factor, cmap=cmap, edgecolor="face")
+        ax.add_collection(shown)
+        figure.colorbar(shown, ax=ax, label=label)
+        edges = sorted((rolled.x[0] * 1e3, rolled.x[-1] * 1e3))
+        ax.plot(edges, [height, height], color="tab:red", linewidth=3, solid_capstyle="butt", label="contact")
+        ax.set_xlim(-reach, reach)
+        ax.set_ylim(0, 1.04 * height)
+        ax.set_ylabel("height y [mm]")
+    panels[0].legend(loc="lower left")
+    panels[1].set_xlabel("x from the lowest point, + along the travel [mm]")
+    return figure

@@ -37,8 +37,10 @@ class Roller:
 
     Exactly one of `indentation` [m], `load` P [N/m] and `peak_pressure` p0 [Pa] is given; the engine finds the others.
     `radius` R [m] > 0; `friction` mu >= 0 of mix on roller. `rolling` says which way the traction acts on the mix:
-    "frictionless" and "free" none in sum, "sliding" along the travel, "driven" against it. `profile` is where the gap
-    is measured: vertical to the parabola, vertical to the circle, or normal to the circle on the deformed surface.
+    "frictionless" none, "sliding" along the travel, "free" none in sum, "driven" against it; the engines "formula" and
+    "spectral" take "driven" as full slip, "fem" lets a free or driven roller stick and slip under a torque. `profile`
+    is where the gap is measured: vertical to the parabola, vertical to the circle, or normal to the circle on the
+    deformed surface.
     """
 
     radius: float
@@ -69,6 +71,7 @@ class Rolled:
     x, pressure, shear_traction : along the contact [m], [Pa], [Pa], shape (n,); pressure positive in compression
     error : (load, resistance) estimated relative errors, or None where the engine cannot tell
     work_residual : relative gap of the energy balance of steady rolling, or None for an engine without fields
+    peak_pressure : p0, between the samples too [Pa]
     """
 
     load: float
@@ -80,3 +83,4 @@ class Rolled:
     shear_traction: np.ndarray
     error: tuple[float, float] | None = None
     work_residual: float | None = None
+    peak_pressure: float = np.nan

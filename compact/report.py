@@ -50,7 +50,7 @@ def _rolled(study, directory):
     yield _csv(directory / "contact.csv", CONTACT_HEADER, [
         (
             speed, rolled.load, rolled.resistance, rolled.resistance / rolled.load, rolled.leading, rolled.trailing,
-            float(rolled.pressure.max()), *(rolled.error or ("", "")), rolled.work_residual, *beside,
+            rolled.peak_pressure, *(rolled.error or ("", "")), rolled.work_residual, *beside,
         )
         for speed, rolled in study.rolled
     ])  # fmt: skip
@@ -65,12 +65,17 @@ def write_contact(directory, study, speed, rolled):
     write_json(directory / "contact.json", contact_numbers(study, speed, rolled))
     with whole_file(directory / "pressure.png", "wb") as stream:
         figures.contact(rolled, study.exact).savefig(stream, format="png", dpi=FIGURE_DPI)
+    if study.scene.accuracy.engine == "fem":
+        from compact import fields
+
+        fields.write_fields(rolled, directory / "fields.vtu")
+        with whole_file(directory / "fields.png", "wb") as stream:
+            figures.fields(fields.fields(rolled), rolled).savefig(stream, format="png", dpi=FIGURE_DPI)
 
 
 def contact_numbers(study, speed, rolled):
     """Headline numbers of one contact: value and unit, with the engine's own relative error where it has one."""
     load_error, resistance_error = rolled.error or (None, None)
-    peak = float(rolled.pressure.max())
     return {
         "engine": study.scene.accuracy.engine,
         "speed": {"value": speed, "unit": "m/s"},
@@ -79,7 +84,7 @@ def contact_numbers(study, speed, rolled):
         "coefficient": {"value": rolled.resistance / rolled.load, "unit": "1"},
         "leading": {"value": rolled.leading, "unit": "m"},
         "trailing": {"value": rolled.trailing, "unit": "m"},
-        "peak_pressure": {"value": peak, "unit": "Pa"},
+        "peak_pressure": {"value": rolled.peak_pressure, "unit": "Pa"},
         "work_residual": {"value": rolled.work_residual, "unit": "1"},
     }
 
@@ -97,7 +102,7 @@ def contact_digest(study, speed, rolled):
             study.scene.machine.roller_radius * np.sin(formulas.capture_angle),
             exact.leading,
         ),
-        ("peak pressure [Pa]", rolled.pressure.max(), formulas.pressure, exact.peak_pressure),
+        ("peak pressure [Pa]", rolled.peak_pressure, formulas.pressure, exact.peak_pressure),
     ]
     lines = [
         f"{'at ' + format(speed, 'g') + ' m/s':<20}{study.scene.accuracy.engine:>12}{'eqs 1.5-1.8':>14}{'Galin':>12}"

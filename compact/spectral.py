@@ -54,13 +54,12 @@ class Step:
 class SpectralRolled(Rolled):
     """A `Rolled` with what the spectral engine knows besides.
 
-    indentation, peak_pressure : delta [m], p0 [Pa]
+    indentation : delta [m]
     modes : polynomials taken for the pressure
     history : of `Step`s, one for each number of modes
     """
 
     indentation: float
-    peak_pressure: float
     modes: int
     history: tuple[Step, ...]
 

@@ -50,7 +50,7 @@ def main(
     moistures=(0.08, 0.10, 0.12),
     density_ratios=(0.94, 0.98),
     radii=(0.09, 0.11),
-    engines=("spectral",),
+    engines=("spectral", "fem"),
     out=None,
 ):
     """Rows of HEADER, SI; the engines are "1.5-1.8", "galin" and those named."""

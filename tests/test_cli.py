@@ -64,6 +64,14 @@ def test_roll_writes_one_contact(tmp_path):
     }  # fmt: skip
 
 
+def test_roll_by_finite_elements_writes_the_fields_of_a_free_roller(tmp_path):
+    done = compact("roll", SMALL, "--engine", "fem", "--out", tmp_path / "contact")
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in (tmp_path / "contact").iterdir()} == {
+        "contact.json", "fields.png", "fields.vtu", "pressure.csv", "pressure.png", "scene.hash",
+    }  # fmt: skip
+
+
 def test_check_finds_our_side_unchanged():
     done = compact("check")
     assert done.returncode == 0

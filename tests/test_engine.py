@@ -40,6 +40,14 @@ def test_without_a_target_the_pressure_is_what_the_mix_needs():
     assert rolled.peak_pressure == pytest.approx(case.mix.required_pressure, rel=1e-6)
 
 
+def test_finite_elements_reach_the_same_contact():
+    case = study(**CASE_G, **{"accuracy.engine": "fem"})
+    rolled = engine.roll(case.scene, case.mix, 0.3)
+    assert rolled.load == pytest.approx(20455.8, rel=5e-4)
+    assert rolled.resistance == pytest.approx(392.89, rel=5e-3)
+    assert rolled.work_residual < 5e-3
+
+
 def test_load_of_the_scene_is_that_of_the_whole_roller():
     case = study(**{"contact.load": 9740.0})
     _, roller, _ = engine.inputs(case.scene, case.mix, "formula")

@@ -13,10 +13,11 @@ MODULES = {path.stem: path for path in sorted((ROOT / "compact").glob("*.py"))}
 # A module imports strictly lower levels only, so that no circle can close.
 LEVELS = (
     ("refuse", "pieces"),
-    ("records", "material", "sizing", "follower", "variational", "results", "scene_errors"),
-    ("laws", "halfplane", "mix", "cart", "scene_rules"),
-    ("kernel",),
-    ("motion", "contact", "spectral", "drive", "scene"),
+    ("records", "material", "mesh", "patch", "sizing", "follower", "variational", "results", "scene_errors"),
+    ("laws", "halfplane", "mix", "cart", "scene_rules", "streamline"),
+    ("kernel", "compliance", "stickslip"),
+    ("fields",),
+    ("motion", "contact", "spectral", "fem", "drive", "scene"),
     ("measured", "cam", "crank", "engine"),
     ("study",),
     ("figures", "published_laws", "published_machine"),

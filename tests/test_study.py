@@ -178,7 +178,9 @@ def test_broken_table_is_refused_with_its_name(tmp_path):
 
 @pytest.mark.parametrize("engine", ["column", "compaction"])
 def test_engines_of_later_versions_are_refused_in_words(engine):
-    with pytest.raises(SceneError, match=f"accuracy.engine: '{engine}' is not built yet; choose formula, spectral"):
+    with pytest.raises(
+        SceneError, match=f"accuracy.engine: '{engine}' is not built yet; choose formula, spectral, fem"
+    ):
         Study(scene(**{"accuracy.engine": engine}))
 
 

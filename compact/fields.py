@@ -1,0 +1,140 @@
+"""Inside the layer under a steady roller: displacement, stress and dissipation from the forces on its surface.
+
+The elastic layer of unit modulus gives the stresses at once, since they are those of its strains e. What branch k of
+the creep function dissipates at a point, per length rolled, is the work against its retardation,
+
+    W' = E sum_k J_k (e - z_k) : c : (e - z_k)/l_k,    z_k the retarded strain, l_k = |v| theta_k.
+"""
+
+import numpy as np
+
+from compact.compliance import element_unknowns, moduli, stiffness, strain_matrix
+from compact.results import whole_file
+from compact.streamline import creep, memory, retarded
+
+GAUSS_WEIGHTS = np.array([5, 8, 5]) / 18  # of the three streamlines in a row
+
+
+def fields(rolled):
+    """Displacement, stress, pressure and dissipation of a `FemRolled`, a meshio mesh of 9-node quadrilaterals.
+
+    point data : displacement [m], 3 components
+    cell data, means of the elements : stress (xx, yy, zz, xy, yz, xz) [Pa], tension positive; pressure, of all
+    directions [Pa], compression positive; dissipation [W/m3]
+    """
+    import meshio
+
+    basis, strain = _basis(rolled), _strain(rolled)
+    weight = basis.dx / basis.dx.sum(axis=1, keepdims=True)
+    stress = np.einsum("eq,eqs->es", weight, _stress(rolled, strain))
+    dissipation = abs(rolled.speed) * np.sum(weight * _dissipation(rolled, strain), axis=1)
+    cells = {"stress": stress, "pressure": -stress[:, :3].mean(axis=1), "dissipation": dissipation}
+    return meshio.Mesh(
+        np.pad(basis.doflocs.T, ((0, 0), (0, 1))),
+        [("quad9", basis.element_dofs.T)],
+        point_data={"displacement": np.pad(_displacement(rolled), ((0, 0), (0, 1)))},
+        cell_data={name: [values] for name, values in cells.items()},
+    )
+
+
+def write_fields(rolled, path):
+    """Write `fields` as VTU, whole or not at all."""
+    import meshio
+
+    with whole_file(path, "wb") as stream:  # its name, since meshio opens the file itself
+        meshio.write(stream.name, fields(rolled), file_format="vtu")
+
+
+def work_left(rolled):
+    """Work that the layer keeps per length rolled [J/m2].
+
+    Downstream of the mesh the strain changes no more; branches still lose E J_k (e - z_k) : c : (e - z_k)/2 there.
+    """
+    basis, strain = _basis(rolled), _strain(rolled)
+    inside = np.sum(basis.dx * _dissipation(rolled, strain))
+    heights = (np.diff(rolled.mesh.y)[:, None] * GAUSS_WEIGHTS).ravel()
+    outlet = 0 if rolled.speed > 0 else -1
+    lags = _lags(rolled, strain)
+    carried = (share * np.sum(stiff * lag[:, outlet] ** 2, axis=-1) for share, _, stiff, lag in lags)
+    return float(inside + sum(heights @ energy / 2 for energy in carried))
+
+
+def _basis(rolled):
+    return stiffness(rolled.mesh, rolled.material.poisson, rolled.layer.base).basis
+
+
+def _relaxed(rolled):
+    """Displacements of the elastic layer of the relaxed modulus, shape (dofs, 2)."""
+    layer = stiffness(rolled.mesh, rolled.material.poisson, rolled.layer.base)
+    forces = np.zeros((layer.basis.N, 2))
+    forces[layer.surface] = rolled.forces.T
+    if rolled.layer.base == "slip":
+        forces -= layer.ends * rolled.forces[0].sum()
+    return layer.displacement(forces[:, :, None])[:, :, 0]
+
+
+def _strain(rolled):
+    """(e_xx, e_yy, 2 e_xy, e) of the elastic layer at the Gauss points, shape (elements, points, 4)."""
+    basis = _basis(rolled)
+    unknowns = element_unknowns(basis)
+    return np.einsum("eqsb,eb->eqs", strain_matrix(basis), _relaxed(rolled).ravel()[unknowns], optimize=True)
+
+
+def _stress(rolled, strain):
+    """(xx, yy, zz, xy, yz, xz) at the Gauss points [Pa]."""
+    parts = rolled.material.youngs_modulus * moduli(rolled.material.poisson) * strain
+    stress = np.zeros((*strain.shape[:2], 6))
+    stress[..., :3] = parts[..., 3:]
+    stress[..., :2] += parts[..., :2]
+    stress[..., 3] = parts[..., 2]
+    return stress
+
+
+def _lags(rolled, strain):
+    """For each branch J_k, v theta_k, moduli of the layer, and e - z_k on the streamlines, (rows, columns, 4)."""
+    law, along = creep(rolled.material), _Streamlines(rolled)
+    stiff = rolled.material.youngs_modulus * moduli(rolled.material.poisson)
+    e, x = along.rows(strain), along.rows(np.asarray(_basis(rolled).global_coordinates())[0][..., None])[..., 0]
+    for share, time in zip(law.shares, law.times, strict=True):
+        length = time * rolled.speed
+        yield share, length, stiff, e - retarded(e, x, length)
+
+
+def _dissipation(rolled, strain):
+    """Work left at the Gauss points per length rolled [J/m3 per m], shape (elements, points)."""
+    left = np.zeros(strain.shape[:2])
+    for share, length, stiff, lag in _lags(rolled, strain):
+        left += _Streamlines(rolled).points(share / abs(length) * np.sum(stiff * lag**2, axis=-1))
+    return left
+
+
+def _displacement(rolled):
+    """Displacements of all nodes, each line of nodes retarded along itself, shape (dofs, 2)."""
+    law, basis, relaxed = creep(rolled.material), _basis(rolled), _relaxed(rolled)
+    x, y = basis.doflocs
+    columns = 2 * rolled.mesh.shape[1] + 1
+    lines = np.lexsort((x, np.round(y / rolled.mesh.height, 12))).reshape(-1, columns)
+    u = law.instant * relaxed
+    for share, time in zip(law.shares, law.times, strict=True):
+        for line in lines:
+            u[line] += share * memory(x[line], time * rolled.speed) @ relaxed[line]
+    return u
+
+
+class _Streamlines:
+    """Gauss points of the elements, three by three, as rows along x: shape (3 rows, 3 columns, ...)."""
+
+    def __init__(self, rolled):
+        self.shape = rolled.mesh.shape
+        x, y = _basis(rolled).X
+        self.order = np.lexsort((x, y))
+
+    def rows(self, values):
+        rows, columns = self.shape
+        blocks = values[:, self.order].reshape(rows, columns, 3, 3, -1)
+        return blocks.transpose(0, 2, 1, 3, 4).reshape(3 * rows, 3 * columns, -1)
+
+    def points(self, values):
+        rows, columns = self.shape
+        blocks = values.reshape(rows, 3, columns, 3).transpose(0, 2, 1, 3).reshape(rows * columns, 9)
+        return blocks[:, np.argsort(self.order)]
