@@ -40,6 +40,7 @@ __all__ = [
 AXIS = "the axis must lie inside the profile"
 ARC = "the profile must not run backwards"
 FLANKS = "the flanks of the lobe must not cross"
+EVEN_SAMPLES = 361  # of the breadth, which is constant or plainly not
 SAMPLES = 2000  # a leg, where flanks may cross: least breadth then within 4e-7 of the stroke (against 32000)
 
 
@@ -179,7 +180,8 @@ class Cam:
         def error(angle, *_):
             return np.abs(self.radius(angle) + self.radius(angle + np.pi) - self.breadth)
 
-        return _largest(self.cycle, error)[0]
+        sampled = float(error(np.linspace(0, np.pi, EVEN_SAMPLES)).max())
+        return sampled if sampled < 1e-12 * self.breadth else _largest(self.cycle, error)[0]
 
     @cached_property
     def least_radius_of_curvature(self):
