@@ -13,17 +13,21 @@ from compact.records import Layer, Roller
 
 ENGINES = MappingProxyType({"formula": "compact.contact", "spectral": "compact.spectral", "fem": "compact.fem"})
 LINEAR = ("spectral", "fem")  # engines of a viscoelastic layer, whose resistance depends on speed
+TOLERANCE = MappingProxyType({"spectral": "rtol", "fem": "tolerance"})  # what an engine calls its wanted error
 SPEEDS = 6  # computed where the scene names none: from a twentieth of the mean speed to twice, by equal ratios
 
 
 def roll(scene, mix, speed, engine=None):
     """The contact of one roller of a scene at a speed [m/s], by the scene's engine or another one; a `Rolled`.
 
+    The scene's tolerance is what the engine is asked for, where it can be asked.
+
     Raises what the engine raises: ValueError for what it does not cover, RuntimeError where it does not converge.
     """
     name = engine or scene.accuracy.engine
     layer, roller, material = inputs(scene, mix, name)
-    return import_module(ENGINES[name]).roll(layer, roller, material, speed)
+    asked = {TOLERANCE[name]: scene.accuracy.tolerance} if name in TOLERANCE else {}
+    return import_module(ENGINES[name]).roll(layer, roller, material, speed, **asked)
 
 
 def inputs(scene, mix, engine):

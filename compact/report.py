@@ -253,6 +253,7 @@ def _summary(study, files):
         "scene_hash": scene.hash,
         "versions": {"python": platform.python_version()} | {name: version(name) for name in VERSIONED},
         "engine": scene.accuracy.engine,
+        "drive_resistance": "eq 1.8, whatever the engine",
         "advice": list(scene.advice),
         "reachable": {"by_rolling": reach.possible, "reason": reach.reason},
         "numbers": {name: asdict(number) for name, number in study.numbers.items()},

@@ -48,6 +48,14 @@ def test_finite_elements_reach_the_same_contact():
     assert rolled.work_residual < 5e-3
 
 
+def test_tolerance_of_the_scene_is_what_the_engine_is_asked_for():
+    coarse, fine = (study(**CASE_G, **{"accuracy.engine": "fem", "accuracy.tolerance": t}) for t in (1e-2, 1e-3))
+    rough, close = (engine.roll(case.scene, case.mix, 0.3) for case in (coarse, fine))
+    assert close.forces.shape[1] > rough.forces.shape[1]  # more nodes on the surface
+    assert abs(close.resistance / 392.888 - 1) < 1e-3  # contact.md g, digits of the spectral engine
+    assert abs(rough.resistance / 392.888 - 1) < 1e-2
+
+
 def test_load_of_the_scene_is_that_of_the_whole_roller():
     case = study(**{"contact.load": 9740.0})
     _, roller, _ = engine.inputs(case.scene, case.mix, "formula")

@@ -234,4 +234,4 @@ def test_an_unknown_parameter_names_the_choices():
     with pytest.raises(ValueError, match=r"no mix parameter 'modulus'.*choose from bulk_density"):
         mix.prior(0.10, 0.98).parameter("modulus")
     with pytest.raises(AttributeError, match="a mix has no 'modulus'; it has bulk_density"):
-        mix.prior(0.10, 0.98).modulus  # noqa: B018
+        _ = mix.prior(0.10, 0.98).modulus
