@@ -1,6 +1,6 @@
 """The elastic layer of unit modulus, factorised once and condensed to its surface.
 
-    K u = f,   K = int B' C B dA,   plane strain, E = 1, quadratic quadrilaterals
+    K u = f,   K = int B' c C B dA,   plane strain, E = 1, c(y) the stiffness of the plies, quadratic quadrilaterals
 
 Columns of K^-1 for unit nodal forces under the possible contact, read along the whole surface, are all that a contact
 needs; every modulus, relaxation spectrum, speed and roller shares them.
@@ -27,7 +27,8 @@ class Stiffness:
 
     basis : scalar scikit-fem basis; dof d of component i is unknown 2 d + i
     surface : scalar dofs along the surface, ascending x
-    solve : displacements of all unknowns under forces on them;  ends : a unit pull along x, half at either end
+    solve : displacements of all unknowns under forces on them
+    ends : a unit force along x on the lower and on the upper end in x, shape (dofs, 2, 2)
     """
 
     basis: Basis
@@ -48,13 +49,19 @@ def moduli(poisson):
     return np.array([2 * shear, 2 * shear, shear, lame])
 
 
+def element_moduli(mesh, poisson, layer):
+    """`moduli` times the stiffness of the ply that each element lies in, shape (elements, 4)."""
+    stiffness = layer.stiffness((mesh.y[1:] + mesh.y[:-1]) / 2)
+    return np.repeat(stiffness, mesh.shape[1])[:, None] * moduli(poisson)
+
+
 @lru_cache(maxsize=4)  # a few meshes of some ten MB; every speed, modulus and spectrum on a mesh shares one
-def stiffness(mesh, poisson, base):
-    """The factorised `Stiffness` of a RowMesh, bonded or slipping at its base."""
+def stiffness(mesh, poisson, layer):
+    """The factorised `Stiffness` of a RowMesh that has a line of nodes at every interface of the layer's plies."""
     quads = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
     basis = Basis(quads, ElementQuad2(), intorder=GAUSS_ORDER)
-    K = assembled(basis, moduli(poisson))
-    held = _held(basis, base)
+    K = assembled(basis, element_moduli(mesh, poisson, layer))
+    held = _held(basis, layer.base)
     free = np.setdiff1d(np.arange(K.shape[0]), held)
     factor = _factorised(K[free][:, free].tocsc())
 
@@ -65,24 +72,28 @@ def stiffness(mesh, poisson, base):
 
     x, y = basis.doflocs
     surface = np.flatnonzero(y > mesh.height * (1 - 1e-9))
-    return Stiffness(basis, surface[np.argsort(x[surface])], solve, _end_pull(mesh, basis))
+    return Stiffness(basis, surface[np.argsort(x[surface])], solve, _end_pull(mesh, layer, basis))
 
 
 @lru_cache(maxsize=8)
-def condensed(mesh, poisson, base, window, sheared):
-    """The `Surface` of a layer for loads within |x| <= window: pressures, and shear tractions too if `sheared`."""
-    layer = stiffness(mesh, poisson, base)
-    x = layer.basis.doflocs[0][layer.surface]
+def condensed(mesh, poisson, layer, window, sheared, behind):
+    """The `Surface` of a layer for loads within |x| <= window: pressures, and shear tractions too if `sheared`.
+
+    A layer on a slipping base is held against these at one end, `behind` the roller: 0 the lower in x, 1 the upper.
+    The layer ahead is as it was fed.
+    """
+    body = stiffness(mesh, poisson, layer)
+    x = body.basis.doflocs[0][body.surface]
     inside = np.flatnonzero(np.abs(x[::2]) <= window)
     first, last = 2 * inside[0], 2 * inside[-1] + 1
-    loaded = layer.surface[first:last]
+    loaded = body.surface[first:last]
     response = np.zeros((2, len(x), 2, len(loaded)))
     for k in range(0 if sheared else 1, 2):
-        forces = np.zeros((layer.basis.N, 2, len(loaded)))
+        forces = np.zeros((body.basis.N, 2, len(loaded)))
         forces[loaded, k, np.arange(len(loaded))] = 1
-        if k == 0 and base == "slip":  # nothing else holds the layer along x; half of a shear force leaves at each end
-            forces -= layer.ends[:, :, None]
-        response[:, :, k] = layer.displacement(forces)[layer.surface].transpose(1, 0, 2)
+        if k == 0 and layer.base == "slip":
+            forces -= body.ends[:, :, [behind]]
+        response[:, :, k] = body.displacement(forces)[body.surface].transpose(1, 0, 2)
     return Surface(x, first, last, response)
 
 
@@ -117,10 +128,10 @@ def element_unknowns(basis):
 
 
 def assembled(basis, moduli):
-    """int B' C B dA, all elements at once."""
+    """int B' C B dA, all elements at once; moduli of all, shape (4,), or of each, shape (elements, 4)."""
     B = strain_matrix(basis)
     count, points, parts, width = B.shape
-    CB = (B * moduli[:, None] * basis.dx[..., None, None]).reshape(count, points * parts, width)
+    CB = (B * moduli[..., None, :, None] * basis.dx[..., None, None]).reshape(count, points * parts, width)
     blocks = np.matmul(B.reshape(CB.shape).transpose(0, 2, 1), CB)
     unknowns = element_unknowns(basis)
     rows = np.broadcast_to(unknowns[:, :, None], blocks.shape)
@@ -137,14 +148,17 @@ def _held(basis, base):
     return np.append(2 * bottom + 1, 2 * bottom[np.argmin(np.abs(x[bottom]))])
 
 
-def _end_pull(mesh, basis):
-    """Nodal forces of a unit pull along x, half of it spread over the height of either end, shape (dofs, 2)."""
-    share = np.zeros(len(mesh.y))
-    share[:-1] += np.diff(mesh.y) / (4 * mesh.height)
-    share[1:] += np.diff(mesh.y) / (4 * mesh.height)
-    corners = basis.nodal_dofs[0].reshape(mesh.x.shape)
-    forces = np.zeros((basis.N, 2))
-    forces[corners[:, 0], 0] = forces[corners[:, -1], 0] = share
+def _end_pull(mesh, layer, basis):
+    """Nodal forces of unit sum along x on either end, which stretch all plies alike, shape (dofs, 2, 2)."""
+    x, y = basis.doflocs
+    lines = np.lexsort((x, np.round(y / mesh.height, 12))).reshape(2 * mesh.shape[0] + 1, -1)
+    rows = np.diff(mesh.y) * layer.stiffness((mesh.y[1:] + mesh.y[:-1]) / 2)
+    share = np.zeros(len(lines))
+    share[1::2] = 4 * rows  # as of a uniform stress on quadratic sides: anything else would disturb the strains
+    share[:-2:2] += rows
+    share[2::2] += rows
+    forces = np.zeros((basis.N, 2, 2))
+    forces[lines[:, 0], 0, 0] = forces[lines[:, -1], 0, 1] = share / share.sum()
     return forces
 
 

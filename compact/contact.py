@@ -314,7 +314,7 @@ def roll(layer, roller, material, speed):
 
     Parameters
     ----------
-    layer : Layer; its height only warns where the half-plane is no longer a fair picture
+    layer : Layer without plies; its height only warns where the half-plane is no longer a fair picture
     roller : Roller with `load` or `peak_pressure`, profile "parabola"
     material : anything with `youngs_modulus`, the secant modulus of the contact [Pa], and `poisson`; what it may know
         of time is not used
@@ -327,7 +327,7 @@ def roll(layer, roller, material, speed):
     >>> f"resistance {rolled.resistance:.0f} N/m, capture angle {np.degrees(rolled.capture_angle):.1f} deg"
     'resistance 2686 N/m, capture angle 19.9 deg'
     """
-    _refuse_beyond_formula(roller, material, speed)
+    _refuse_beyond_formula(layer, roller, material, speed)
     R, E, nu = roller.radius, material.youngs_modulus, material.poisson
     friction = TRACTION[roller.rolling] * roller.friction
     target = {"load": roller.load} if roller.load is not None else {"peak_pressure": roller.peak_pressure}
@@ -377,8 +377,10 @@ def _warn_of_layer(exact, layer):
         )
 
 
-def _refuse_beyond_formula(roller, material, speed):
+def _refuse_beyond_formula(layer, roller, material, speed):
     refuse_nonfinite(speed=speed)
+    if layer.plies:
+        raise ValueError(f"the formula engine knows one modulus, got {len(layer.plies)} `plies`; use spectral or fem")
     if speed == 0:
         raise ValueError("`speed` must not be 0, got 0: the resistance is set-valued there; say which way it goes")
     if roller.indentation is not None:

@@ -6,10 +6,12 @@ the creep function dissipates at a point, per length rolled, is the work against
     W' = E sum_k J_k (e - z_k) : c : (e - z_k)/l_k,    z_k the retarded strain, l_k = |v| theta_k.
 """
 
+from pathlib import Path
+
 import numpy as np
 
-from compact.compliance import element_unknowns, moduli, stiffness, strain_matrix
-from compact.results import whole_file
+from compact.compliance import element_moduli, element_unknowns, stiffness, strain_matrix
+from compact.results import whole_file, write_pvd
 from compact.streamline import creep, memory, retarded
 
 GAUSS_WEIGHTS = np.array([5, 8, 5]) / 18  # of the three streamlines in a row
@@ -39,10 +41,30 @@ def fields(rolled):
 
 def write_fields(rolled, path):
     """Write `fields` as VTU, whole or not at all."""
+    _write(fields(rolled), path)
+
+
+def write_series(layers, directory):
+    """Write contacts, pairs of `fields` and `FemRolled`, as fields/speed=V.vtu and as fields.pvd, their series over V.
+
+    The series comes last, whole or not at all, so that all it names is there. Yields the paths.
+    """
+    members = []
+    for layer, rolled in layers:
+        path = Path(directory) / "fields" / f"speed={rolled.speed!r}.vtu"
+        _write(layer, path)
+        members.append((rolled.speed, path))
+        yield path
+    series = Path(directory) / "fields.pvd"
+    write_pvd(series, members)
+    yield series
+
+
+def _write(layer, path):
     import meshio
 
     with whole_file(path, "wb") as stream:  # its name, since meshio opens the file itself
-        meshio.write(stream.name, fields(rolled), file_format="vtu")
+        meshio.write(stream.name, layer, file_format="vtu")
 
 
 def work_left(rolled):
@@ -55,21 +77,27 @@ def work_left(rolled):
     heights = (np.diff(rolled.mesh.y)[:, None] * GAUSS_WEIGHTS).ravel()
     outlet = 0 if rolled.speed > 0 else -1
     lags = _lags(rolled, strain)
-    carried = (share * np.sum(stiff * lag[:, outlet] ** 2, axis=-1) for share, _, stiff, lag in lags)
+    carried = (share * np.sum(stiff * lag**2, axis=-1)[:, outlet] for share, _, stiff, lag in lags)
     return float(inside + sum(heights @ energy / 2 for energy in carried))
 
 
+def _moduli(rolled):
+    """Relaxed moduli of the elements, shape (elements, 4) [Pa]."""
+    return rolled.material.youngs_modulus * element_moduli(rolled.mesh, rolled.material.poisson, rolled.layer)
+
+
 def _basis(rolled):
-    return stiffness(rolled.mesh, rolled.material.poisson, rolled.layer.base).basis
+    return stiffness(rolled.mesh, rolled.material.poisson, rolled.layer).basis
 
 
 def _relaxed(rolled):
     """Displacements of the elastic layer of the relaxed modulus, shape (dofs, 2)."""
-    layer = stiffness(rolled.mesh, rolled.material.poisson, rolled.layer.base)
+    layer = stiffness(rolled.mesh, rolled.material.poisson, rolled.layer)
     forces = np.zeros((layer.basis.N, 2))
     forces[layer.surface] = rolled.forces.T
     if rolled.layer.base == "slip":
-        forces -= layer.ends * rolled.forces[0].sum()
+        behind = 0 if rolled.speed > 0 else 1
+        forces -= layer.ends[..., behind] * rolled.forces[0].sum()
     return layer.displacement(forces[:, :, None])[:, :, 0]
 
 
@@ -82,7 +110,7 @@ def _strain(rolled):
 
 def _stress(rolled, strain):
     """(xx, yy, zz, xy, yz, xz) at the Gauss points [Pa]."""
-    parts = rolled.material.youngs_modulus * moduli(rolled.material.poisson) * strain
+    parts = _moduli(rolled)[:, None] * strain
     stress = np.zeros((*strain.shape[:2], 6))
     stress[..., :3] = parts[..., 3:]
     stress[..., :2] += parts[..., :2]
@@ -91,9 +119,9 @@ def _stress(rolled, strain):
 
 
 def _lags(rolled, strain):
-    """For each branch J_k, v theta_k, moduli of the layer, and e - z_k on the streamlines, (rows, columns, 4)."""
+    """For each branch J_k, v theta_k, moduli of the rows, and e - z_k on the streamlines, (rows, columns, 4)."""
     law, along = creep(rolled.material), _Streamlines(rolled)
-    stiff = rolled.material.youngs_modulus * moduli(rolled.material.poisson)
+    stiff = np.repeat(_moduli(rolled)[:: rolled.mesh.shape[1]], len(GAUSS_WEIGHTS), axis=0)[:, None]
     e, x = along.rows(strain), along.rows(np.asarray(_basis(rolled).global_coordinates())[0][..., None])[..., 0]
     for share, time in zip(law.shares, law.times, strict=True):
         length = time * rolled.speed

@@ -6,9 +6,10 @@ mix, by (1/E(k))/(1/E*):
 
     S = S0 - i (L - 1) - f (M - b),   S0 p = (1/pi) PV int p(s)/(x - s) ds - f b p,   b = (1 - 2 nu)/(2 - 2 nu).
 
-L - 1 and M - b die like exp(-2 k h), so the layer's share is a short quadrature. S0, the half-plane with its
-singular edges, is exact in Jacobi polynomials, and so is each creep branch of C after it, see `edge_memory`.
-x is counted in half-widths, + along the travel, from the middle of the contact. `system` puts both together.
+L - 1 and M - b, see `plies`, die like exp(-2 k depth) with the depth of the first interface or of the base, so the
+layer's share is a short quadrature. E* is that of the top ply. S0, its half-plane with its singular edges, is exact
+in Jacobi polynomials, and so is each creep branch of C after it, see `edge_memory`. x is counted in half-widths,
++ along the travel, from the middle of the contact. `system` puts both together.
 """
 
 from dataclasses import dataclass
@@ -20,9 +21,12 @@ from scipy.linalg import eigh_tridiagonal
 from scipy.special import digamma
 
 from compact.halfplane import pressure_exponent
+from compact.plies import surface_defects
+from compact.records import Layer
 
 POINTS = 10  # of Gauss on each panel of the wave-number grid
-DECAYED = 20.0  # k h beyond which exp(-2 k h) is nothing
+WIDEST = 100.0  # depths to either side, where the waves of a contact take 0.1 GB, growing with the square
+DECAYED = 20.0  # k depth beyond which exp(-2 k depth) is nothing
 MILLER = 30  # modes, at least, above the last wanted one from which ratios are carried down
 STEEP = 50.0  # beta from which the far end of the contact is out of memory's reach, exp(-2 beta) being nothing
 LENGTHS = 1e-30, 1e10  # of creep, in heights, between which speed is told from 0 and from infinity
@@ -68,13 +72,12 @@ def creep(branches, speed, height):
 
 @dataclass(frozen=True)
 class Ground:
-    """What a roller meets: a layer of `height` h [m] on its `base`, Poisson's ratio nu, and how it creeps on the path.
+    """What a roller meets: a layer, its Poisson's ratio nu, and how it creeps on the path.
 
     `friction` f is the traction on the mix over the pressure, + along the travel.
     """
 
-    height: float
-    base: str
+    layer: Layer
     poisson: float
     friction: float
     creep: Creep
@@ -89,71 +92,37 @@ class Ground:
         """f b = cot(pi alpha) [-]."""
         return self.friction * (1 - 2 * self.poisson) / (2 - 2 * self.poisson)
 
+    @property
+    def depth(self):
+        """Thickness of the top ply [m]."""
+        return self.layer.top.thickness
+
+    @property
+    def drag(self):
+        """f M at k = 0 [-]: on a slipping base the surface far ahead of a drag stays higher, far behind lower."""
+        return self.coupling + self.friction * far_shear_defect(self.layer, self.poisson)
+
     def symbols(self, half_width):
-        """zeta, weights, L - 1, M - b and C on a grid that follows the waves of a contact this wide [m]."""
-        width = 2.0 ** np.floor(np.log2(min(2.0, 2.5 * self.height / half_width)))
-        longest = max(self.creep.lengths, default=0.0) / self.height
-        decades = 6 + int(np.ceil(np.log10(max(1.0, longest))))
-        zeta, weight, normal, shear = layer_symbols(self.poisson, self.base, decades, width)
-        return zeta, weight, normal, shear, self.creep.at(zeta / self.height)
+        """zeta = k depth, weights, L - 1, M - b and C on a grid that follows the waves of a contact this wide [m]."""
+        width = 2.0 ** np.floor(np.log2(min(2.0, 2.5 * self.depth / half_width)))
+        longest = max((self.layer.height, *self.creep.lengths)) / self.depth
+        decades = 6 + int(np.ceil(np.log10(longest)))
+        zeta, weight, normal, shear = layer_symbols(self.layer, self.poisson, decades, width)
+        return zeta, weight, normal, shear, self.creep.at(zeta / self.depth)
 
     def kept(self, wave_number):
         """L Im C - f M Re C at the wave numbers k [1/m]: what stays of the work of a wave of pressure."""
-        zeta, creep = wave_number * self.height, self.creep.at(wave_number)
-        normal = 1 + normal_defect(zeta, self.poisson, self.base)
-        shear = self.coupling + self.friction * shear_defect(zeta, self.poisson, self.base)
-        return normal * creep.imag - shear * creep.real
-
-
-def normal_defect(zeta, poisson, base):
-    """L - 1 [-] at zeta = k h > 0: by how much a layer is stiffer than the half-plane.
-
-    bonded  L = (2K sinh 2z - 4z)/(2K cosh 2z + 4z^2 + 1 + K^2), K = 3 - 4 nu;  slip  L = (cosh 2z - 1)/(sinh 2z + 2z)
-
-    >>> f"{normal_defect(1.0, 0.3, 'bonded'):.6f}"
-    '-0.584248'
-    """
-    decay, K = np.exp(-2 * zeta), 3 - 4 * poisson
-    if base == "bonded":
-        return -decay * (2 * K * decay + 4 * zeta + 4 * zeta**2 + 1 + K**2) / _bonded(zeta, K)
-    return -decay * (2 * zeta - np.expm1(-2 * zeta)) / _slip(zeta)
-
-
-def shear_defect(zeta, poisson, base):
-    """M - b [-] at zeta = k h > 0: how the layer changes the sinking of the surface under a shear traction.
-
-    bonded  M = (2K b (cosh 2z - 1) - 2z^2/(1 - nu))/(2K cosh 2z + 4z^2 + 1 + K^2)
-    slip    M = (b sinh 2z - z/(1 - nu))/(sinh 2z + 2z)
-
-    >>> f"{shear_defect(1.0, 0.3, 'bonded'):.6f}"
-    '-0.286450'
-    """
-    decay, K = np.exp(-2 * zeta), 3 - 4 * poisson
-    if base == "bonded":
-        return -decay * ((K - 1) * (K + 1) + 4 * zeta**2) / _bonded(zeta, K)
-    return -decay * 2 * zeta / _slip(zeta)
-
-
-def shear_far(poisson, base):
-    """M at k = 0 [-]: on a slipping base the surface far ahead of a drag stays higher, far behind lower."""
-    return 0.0 if base == "bonded" else -poisson / (2 - 2 * poisson)
-
-
-def _bonded(zeta, K):
-    """(2K cosh 2z + 4z^2 + 1 + K^2) exp(-2z)."""
-    return K + K * np.exp(-4 * zeta) + np.exp(-2 * zeta) * (4 * zeta**2 + 1 + K**2)
-
-
-def _slip(zeta):
-    """(sinh 2z + 2z) exp(-2z)."""
-    return -np.expm1(-4 * zeta) / 2 + 2 * zeta * np.exp(-2 * zeta)
+        normal, shear = surface_defects(wave_number, self.layer, self.poisson)
+        creep = self.creep.at(wave_number)
+        return (1 + normal) * creep.imag - (self.coupling + self.friction * shear) * creep.real
 
 
 @lru_cache(maxsize=64)
 def wave_grid(decades, width, end=DECAYED):
-    """Nodes zeta and weights: panels from 10^-decades to 1 growing fourfold, then not wider than `width`, to `end`."""
-    growing = 4.0 ** np.arange(-np.ceil(decades / np.log10(4)), 0)
-    even = np.linspace(1, end, 1 + int(np.ceil((end - 1) / width)))
+    """Nodes zeta and weights: panels from 10^-decades on growing fourfold, then not wider than `width`, to `end`."""
+    start = min(1.0, width)
+    growing = start * 4.0 ** np.arange(-np.ceil(decades / np.log10(4)), 0)
+    even = np.linspace(start, end, 1 + int(np.ceil((end - start) / width)))
     edges = np.concatenate([[0], growing, even])
     node, weight = np.polynomial.legendre.leggauss(POINTS)
     half = np.diff(edges)[:, None] / 2
@@ -161,10 +130,16 @@ def wave_grid(decades, width, end=DECAYED):
 
 
 @lru_cache(maxsize=64)
-def layer_symbols(poisson, base, decades, width):
+def layer_symbols(layer, poisson, decades, width):
     """zeta, weights, L - 1 and M - b on the `wave_grid`: four arrays of shape (n,)."""
     zeta, weight = wave_grid(decades, width)
-    return zeta, weight, normal_defect(zeta, poisson, base), shear_defect(zeta, poisson, base)
+    return zeta, weight, *surface_defects(zeta / layer.top.thickness, layer, poisson)
+
+
+@lru_cache(maxsize=64)
+def far_shear_defect(layer, poisson):
+    """M - b at k = 0 [-]."""
+    return float(surface_defects(0.0, layer, poisson)[1])
 
 
 @dataclass(frozen=True)
@@ -349,8 +324,13 @@ class System:
 
 
 def system(ground, modes, half_width):
-    """The `System` of a half-width [m] on a `Ground`: half-plane and layer."""
-    waves = 0.75 * DECAYED * half_width / ground.height
+    """The `System` of a half-width [m] on a `Ground`: half-plane and layer. RuntimeError where a ply is too thin."""
+    if half_width > WIDEST * ground.depth:
+        raise RuntimeError(
+            f"the contact, {half_width:.3g} m to either side, is more than {WIDEST:g} times as wide as the top ply of "
+            f"the layer is thick, {ground.depth:.3g} m; join that ply to the next"
+        )
+    waves = 0.75 * DECAYED * half_width / ground.depth
     pressures = jacobi_basis(ground.trailing_exponent, modes, _enough(max(waves + modes / 2, modes)))
     rows, depths = _half_plane(ground, pressures, half_width)
     more_rows, more_depths = _layer(ground, pressures, half_width)
@@ -367,9 +347,8 @@ def _half_plane(ground, basis, a):
     creep, modes = ground.creep, basis.modes
     rows = creep.instant / basis.sine * np.eye(modes + 1)[:, 1:]
     depths = np.zeros(modes)
-    ahead = ground.friction * shear_far(ground.poisson, ground.base)
-    mean = (np.log(ground.height / a) - digamma(basis.trailing_exponent) - np.euler_gamma) / np.pi
-    depths[0] = basis.unit_test * basis.unit_load * (mean - (ground.coupling + ahead) / 2)
+    mean = (np.log(ground.depth / a) - digamma(basis.trailing_exponent) - np.euler_gamma) / np.pi
+    depths[0] = basis.unit_test * basis.unit_load * (mean - (ground.coupling + ground.drag) / 2)
     if len(creep.lengths):
         beta = a / creep.lengths
         memory = edge_memory(beta, basis.trailing_exponent, modes)
@@ -383,15 +362,15 @@ def _layer(ground, basis, a):
 
         (1/pi) Re int_0^inf C (-i (L - 1) - f (M - b)) <T_m, e^(i tau x)> <Q_{k-1}, e^(-i tau x)> dtau
 
-    and for the depths the same over -i tau; they take the logarithm of two heights off again as exp(-2 zeta)/tau.
+    and for the depths the same over -i tau; they take the logarithm of two depths off again as exp(-2 zeta)/tau.
     """
     zeta, weight, normal, shear, creep = ground.symbols(a)
-    tau, order = zeta * a / ground.height, np.arange(1, basis.modes + 1)
+    tau, order = zeta * a / ground.depth, np.arange(1, basis.modes + 1)
     G = basis.transforms(tau)
     tests = 1j * tau * G / np.maximum(np.arange(basis.modes + 1), 1)[:, None]
     tests[0] += basis.unit_test
     pressures = (-1.0) ** (order - 1)[:, None] * G[1:]
-    waves = pressures * creep * (-1j * normal - ground.friction * shear) * weight * (a / ground.height / np.pi)
+    waves = pressures * creep * (-1j * normal - ground.friction * shear) * weight * (a / ground.depth / np.pi)
     depths = np.real((waves * (1j / tau)) @ tests[0])
     depths[0] += basis.unit_test * basis.unit_load * np.sum(np.exp(-2 * zeta) / zeta * weight) / np.pi
     return tests.real @ waves.real.T - tests.imag @ waves.imag.T, depths

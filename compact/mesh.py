@@ -5,12 +5,13 @@ share their heights: one streamline each. x along the travel, y up, base at y = 
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from compact.refuse import refuse_nonpositive
 
-DEFAULT_ERROR = 2e-3  # of the resistance, on the mesh of ten elements per half-width
+DEFAULT_ERROR = 2e-3  # of the resistance, on ten elements per half-width: a point of studies/speed_against_error.py
 GROWTH = 1.25  # ratio of neighbouring elements
 EDGE = 4  # times smaller at the edges: resistance in the limits of slow and fast within 0.2 %, without it 1 %
 REACH = 14.0  # layer heights beyond the contact; 8 leave 1e-3 in the load where v tau is 10 heights
@@ -81,23 +82,30 @@ class RowMesh:
         """The mesh with every element cut in four."""
         return RowMesh(_with_middles(_with_middles(self.x.T).T), _with_middles(self.y))
 
-    def coarsened(self):
-        """The mesh on every second line and column of nodes, the outermost kept; one element stays one."""
-        rows, columns = (_every_second(count) for count in self.shape)
+    def coarsened(self, interfaces=()):
+        """The mesh on every second line and column of nodes, the outermost kept; one element stays one.
+
+        So is the line nearest to each of the heights `interfaces` kept, and one row between two of them.
+        """
+        kept = [0, *(int(np.argmin(np.abs(self.y - height))) for height in interfaces), len(self.y) - 1]
+        rows = np.unique(np.concatenate([low + _every_second(high - low) for low, high in pairwise(kept)]))
+        columns = _every_second(self.shape[1])
         return RowMesh(self.x[np.ix_(rows, columns)], self.y[rows])
 
 
-def graded(height, half_width, elements, *, edge=EDGE, growth=GROWTH, reach=REACH):
+def graded(height, half_width, elements, *, interfaces=(), edge=EDGE, growth=GROWTH, reach=REACH):
     """A layer meshed for a contact of about a given half-width around x = 0, a `RowMesh`.
 
-    Elements of a/n lie inside the contact and shrink towards its edges, where pressure rises like a root; under a thin
-    layer they are 10 H/n at most, and 2 H/n over `edge` at the edges. From there they grow geometrically to half the
-    height of the layer: outwards over `reach` heights, and down.
+    Elements of a/n lie inside the contact and shrink towards its edges, where pressure rises like a root; over a thin
+    ply, H thick, they are 10 H/n at most, and 2 H/n over `edge` at the edges. From there they grow geometrically to
+    half the height of the layer: outwards over `reach` heights, and down, where stress varies over the depth. Every
+    interface is a line of nodes, with two rows at least between two of them.
 
     Parameters
     ----------
     height, half_width : H, a [m], > 0
     elements : n per half-width, > 0
+    interfaces : heights of the interfaces of plies [m], ascending, between 0 and H
     edge : elements at the edges are so many times smaller, >= 1
     growth : ratio of neighbouring elements, >= 1
     reach : free length beyond the contact over the height, > 0
@@ -110,25 +118,28 @@ def graded(height, half_width, elements, *, edge=EDGE, growth=GROWTH, reach=REAC
     for name, value in (("edge", edge), ("growth", growth)):
         if not 1 <= value < np.inf:
             raise ValueError(f"`{name}` must be at least 1 and finite, got {value!r}")
-    inside = min(half_width, 10 * height) / elements
-    first = min(half_width, 2 * height) / elements / edge
+    levels = np.array([0.0, *interfaces, height])
+    if np.any(np.diff(levels) <= 0):
+        raise ValueError(f"`interfaces` must ascend between 0 and the height, {height!r} m, got {list(interfaces)}")
+    top = height - levels[-2]
+    inside = min(half_width, 10 * top) / elements
+    first = min(half_width, 2 * top) / elements / edge
     inward = _growing(half_width, first, growth, inside)
     outward = _growing(reach * height, first, growth, COARSEST * height)
     right = np.concatenate([half_width - inward[::-1], [half_width], half_width + outward])
     right[0] = 0.0
-    depth = np.concatenate([[0.0], _growing(height, first, growth, COARSEST * height)])
-    y = height - depth[::-1]
-    y[0] = 0.0
+    y = _heights(levels, first, growth)
     return RowMesh(np.tile(np.concatenate([-right[:0:-1], right]), (len(y), 1)), y)
 
 
-def for_error(height, half_width, error):
+def for_error(height, half_width, error, interfaces=()):
     """The graded `RowMesh` that holds load and resistance within a relative `error` of the exact ones [-], > 0.
 
     The error of the resistance falls as n^-1.5 and passes 0.2 % at n = 10 per half-width; the load is better.
     """
     refuse_nonpositive(error=error)
-    return graded(height, half_width, int(np.clip(np.round(10 * (DEFAULT_ERROR / error) ** (1 / 1.5)), 4, 80)))
+    elements = int(np.clip(np.round(10 * (DEFAULT_ERROR / error) ** (1 / 1.5)), 4, 80))
+    return graded(height, half_width, elements, interfaces=interfaces)
 
 
 def from_quads(points, quads):
@@ -175,6 +186,17 @@ def _meshio():
     import meshio
 
     return meshio
+
+
+def _heights(levels, first, growth):
+    """Heights of lines that lie farther apart the deeper they are, every level among them."""
+    lines, size = [levels[-1]], first
+    for high, low in pairwise(levels[::-1]):
+        depth = _growing(high - low, min(size, (high - low) / 2), growth, COARSEST * levels[-1])
+        lines += (high - depth).tolist()
+        lines[-1] = low
+        size = growth * (lines[-2] - low)
+    return np.array(lines[::-1])
 
 
 def _growing(length, first, growth, largest):

@@ -144,7 +144,10 @@ def touched(surface, roll):
         pressure[active] = np.linalg.solve(A[np.ix_(active, active)], depth[active])
         active = np.where(active, pressure > 0, depth - A @ pressure > 0)
     if not active.any():
-        raise RuntimeError("the mesh is too coarse under the contact: no corner would carry pressure")
+        raise RuntimeError(
+            f"no corner would carry pressure at a depth of {roll.indentation:.3g} m: the mesh is too coarse under the "
+            f"contact, or the roller of radius {roll.radius:g} m is pressed in whole"
+        )
     if active[0] or active[-1]:
         raise BeyondWindowError("the contact fills the loaded zone")
     corners = surface.x[surface.first : surface.last : 2]

@@ -9,6 +9,8 @@ roller length, SI.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
 from typing import Literal
 
 import numpy as np
@@ -20,15 +22,61 @@ Rolling = Literal["frictionless", "sliding", "free", "driven"]
 Profile = Literal["parabola", "circle", "deformed"]
 
 
+SAME_HEIGHT = 1e-9  # of the layer's height: what decimal fractions of thicknesses may miss
+
+
+@dataclass(frozen=True)
+class Ply:
+    """One ply of a layer: `thickness` [m] > 0; `stiffness`, its moduli over those of the material [-] > 0."""
+
+    thickness: float
+    stiffness: float
+
+    def __post_init__(self):
+        refuse_nonpositive(thickness=self.thickness, stiffness=self.stiffness)
+
+
 @dataclass(frozen=True)
 class Layer:
-    """A layer of mix on a rigid base: `height` H [m] > 0; `base` "bonded" or "slip"."""
+    """A layer of mix on a rigid base: `height` H [m] > 0; `base` "bonded" or "slip"; `plies` from the base upwards.
+
+        E(y, t) = c(y) E(t),  c the stiffness of the ply at y
+
+    The plies stick to one another and share Poisson's ratio and the relaxation spectrum of the material: one function
+    of time multiplies all of the stiffness. Without plies the layer is one of stiffness 1.
+    """
 
     height: float
     base: Base = "bonded"
+    plies: tuple[Ply, ...] = ()
 
     def __post_init__(self):
         refuse_nonpositive(height=self.height)
+        object.__setattr__(self, "plies", tuple(self.plies))
+        total = sum(ply.thickness for ply in self.plies)
+        if self.plies and abs(total - self.height) > SAME_HEIGHT * self.height:
+            raise ValueError(
+                f"`plies` must be as thick together as the layer is high, {self.height!r} m, got {total:.12g} m"
+            )
+
+    @cached_property
+    def stack(self):
+        """The plies, one at least."""
+        return self.plies or (Ply(self.height, 1.0),)
+
+    @property
+    def top(self):
+        """The ply under the roller."""
+        return self.stack[-1]
+
+    @cached_property
+    def interfaces(self):
+        """Heights [m] at which one ply ends and the next begins, ascending."""
+        return tuple(accumulate(ply.thickness for ply in self.stack[:-1]))
+
+    def stiffness(self, y):
+        """c of the plies at the heights y [m], which are not those of interfaces."""
+        return np.array([ply.stiffness for ply in self.stack])[np.searchsorted(self.interfaces, y)]
 
 
 @dataclass(frozen=True)
@@ -72,6 +120,9 @@ class Rolled:
     error : (load, resistance) estimated relative errors, or None where the engine cannot tell
     work_residual : relative gap of the energy balance of steady rolling, or None for an engine without fields
     peak_pressure : p0, between the samples too [Pa]
+    history : what the engine went through, a row for each iteration; empty for a closed form
+
+    RuntimeError where there is no contact, or no number for its resistance.
     """
 
     load: float
@@ -84,3 +135,13 @@ class Rolled:
     error: tuple[float, float] | None = None
     work_residual: float | None = None
     peak_pressure: float = np.nan
+    history: tuple = ()
+
+    def __post_init__(self):
+        if not (0 < self.load < np.inf and self.trailing < self.leading):
+            raise RuntimeError(
+                f"the roller does not touch the layer: load {self.load:.3g} N/m, contact from {self.trailing:.3g} to "
+                f"{self.leading:.3g} m; press deeper"
+            )
+        if not np.isfinite(self.resistance):
+            raise RuntimeError(f"no resistance found, got {self.resistance} N/m at a load of {self.load:.3g} N/m")

@@ -1,4 +1,4 @@
-"""The spectral engine: symbols and creep matrices against mpmath, published tables, hard cases, balances, refusals."""
+"""The spectral engine: creep matrices against mpmath, published tables, hard cases, balances, refusals."""
 
 import mpmath
 import numpy as np
@@ -26,47 +26,6 @@ def exponential_rule(low=-60.0, high=6.0, count=1201):
     """Nodes t of (0, inf) and weights of dt by the trapezoid rule in log t."""
     s = np.linspace(low, high, count)
     return np.exp(s), np.exp(s) * (s[1] - s[0])
-
-
-# the layer's symbols
-
-
-def fourier_modes(zeta, poisson, base):
-    """L and M from the 4x4 system of one Fourier mode: (U, V, T, S) of (i u_x, u_y, i s_xy, s_yy) carried over y."""
-    nu, G = mpmath.mpf(poisson), mpmath.mpf(1)
-    lame = 2 * G * nu / (1 - 2 * nu)
-    stiff = lame + 2 * G
-    rates = mpmath.matrix(
-        [
-            [0, -1, 1 / G, 0],
-            [lame / stiff, 0, 0, 1 / stiff],
-            [stiff - lame**2 / stiff, 0, 0, -lame / stiff],
-            [0, 0, 1, 0],
-        ]
-    )
-    carried = mpmath.expm(rates * mpmath.mpf(zeta))
-    free = (2, 3) if base == "bonded" else (0, 3)
-    tractions = mpmath.matrix([[carried[row, col] for col in free] for row in (2, 3)])
-    sinking = mpmath.matrix([[carried[1, col] for col in free]]) * tractions**-1
-    return G / (1 - nu) * sinking[1], -G / (1 - nu) * sinking[0]
-
-
-@pytest.mark.parametrize("base", ["bonded", "slip"])
-@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.4999])
-@pytest.mark.parametrize("zeta", [1e-3, 0.1, 1.0, 3.7, 12.0])
-def test_symbols_are_those_of_the_fourier_mode(zeta, poisson, base):
-    with mpmath.workdps(50):
-        L, M = fourier_modes(zeta, poisson, base)
-        b = (1 - 2 * mpmath.mpf(poisson)) / (2 - 2 * mpmath.mpf(poisson))
-        expected = float(L - 1), float(M - b)
-    got = kernel.normal_defect(zeta, poisson, base), kernel.shear_defect(zeta, poisson, base)
-    assert got == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize("base", ["bonded", "slip"])
-def test_far_shear_is_the_long_wave(base):
-    b = 0.4 / 1.4
-    assert b + kernel.shear_defect(1e-9, 0.3, base) == pytest.approx(kernel.shear_far(0.3, base), abs=1e-8)
 
 
 # creep
