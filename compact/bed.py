@@ -1,0 +1,187 @@
+"""One pass of a roller over a bed of columns: from what the columns are to what they have become, with all the sums."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from compact.cap import constants, hardening
+from compact.confined import (
+    DRAG,
+    ELASTIC,
+    LOGARITHMIC,
+    MASS_TRUE,
+    OWN,
+    PLASTIC,
+    PUSH,
+    SMALL,
+    STRESS,
+    Profile,
+    Stack,
+    travel,
+)
+from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive
+
+LONGEST = 1 / 32  # share of the front that any step may take, so that what is drawn has points
+DEEPEST = 1 - 1e-9  # share of the limit of indentation up to which a pass is computed
+FAR = 2.0  # indentations by which the layer may rise behind the roller
+STRAINS = {"logarithmic": LOGARITHMIC, "small": SMALL, "mass-true": MASS_TRUE}
+PLATE = Profile(0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Column:
+    """Mix at rest between two passes: free of vertical stress, held sideways.
+
+    height [m] > 0;  density_ratio : k, 0 < k < 1;  lateral_stress : s_h, compression positive [Pa]
+    hardened : the k that pc remembers, where that is more than k
+    """
+
+    height: float
+    density_ratio: float
+    lateral_stress: float = 0.0
+    hardened: float = 0.0
+
+    def __post_init__(self):
+        refuse_nonpositive(height=self.height, density_ratio=self.density_ratio)
+        refuse_nonfinite(lateral_stress=self.lateral_stress)
+        refuse_negative(hardened=self.hardened)
+        if not self.density_ratio < 1:
+            raise ValueError(f"`density_ratio` must be below 1, got {self.density_ratio!r}")
+
+
+@dataclass(frozen=True)
+class Bed:
+    """Columns before a roller, given from the base upwards; `law` of `cap.constants`, `measure` of `STRAINS`.
+
+    Strain is ln(h0/h) if logarithmic, else (h0 - h)/h0; k = k0/(1 - V) if mass-true, else k0 exp V.
+    """
+
+    law: NamedTuple
+    stack: Stack
+    profile: Profile
+    measure: int
+
+    @property
+    def height(self):
+        return float(self.stack.height.sum())
+
+    @property
+    def solid(self):
+        """Height [m] that grains and water fill."""
+        return float(self.stack.density_ratio @ self.stack.height)
+
+    @property
+    def deepest(self):
+        """Indentation [m] short of which all pores are shut, or the circle is buried to its axis."""
+        room = self.height - self.solid
+        return DEEPEST * (min(room, self.profile.radius) if self.profile.curl else room)
+
+    @property
+    def rest(self):
+        """y of `confined.travel` before the pass."""
+        y = np.zeros(OWN + 2 * len(self.stack.height))
+        y[OWN::2] = self.stack.pressure
+        return y
+
+    def edge(self, depth):
+        """x [m] at which the roller is `depth` above its lowest point."""
+        R, c = self.profile
+        return np.sqrt(depth * (2 * R - c * depth)) if R else depth
+
+    def scale(self, depth, rtol):
+        """Errors of y that a step may make in a pass at an indentation."""
+        law, strain = self.law, -np.log1p(-depth / self.height)
+        densest = max(float(self.stack.density_ratio.max()), self.solid / (self.height - depth))
+        stress = min((law.K + 4 * law.G / 3) * strain, hardening(law, densest)[0] + law.pt)
+        own = [stress, strain] * len(self.stack.height)
+        return rtol * np.array([stress, stress * self.edge(depth), *[stress * depth] * 3, *own])
+
+    def density_ratios(self, y):
+        V, k0 = y[OWN + 1 :: 2], self.stack.density_ratio
+        return k0 / (1 - V) if self.measure == MASS_TRUE else k0 * np.exp(V)
+
+    def elastic_strains(self, y):
+        """Of volume, since the columns were at rest."""
+        return (y[OWN::2] - self.stack.pressure) / self.law.K
+
+    def heights(self, y):
+        strain = y[OWN + 1 :: 2] + self.elastic_strains(y)
+        return self.stack.height * (np.exp(-strain) if self.measure == LOGARITHMIC else 1 - strain)
+
+    def travelled(self, x, x_to, y, stress_to, scale, longest=np.inf):
+        """Path of `confined.travel`, this bed with what pc remembers then, and the number of evaluations."""
+        way = (self.law, self.stack, self.profile, self.measure, x, x_to, y, stress_to, scale, longest)
+        reached, path, hardened, evaluations = travel(*way)
+        if not reached:
+            raise RuntimeError(
+                f"the integration stopped after {len(path)} steps at x {path[-1, 0]:.6g} m on the way from {x:.6g} to "
+                f"{x_to:.6g} m, vertical stress {path[-1, 1]:.6g} Pa"
+            )
+        return path, replace(self, stack=self.stack._replace(hardened=hardened)), evaluations
+
+    def passed(self, indentation, rtol):
+        """The `Passage` of the roller at an indentation [m]."""
+        scale, front = self.scale(indentation, rtol), self.edge(indentation)
+        down, pressed, first = self.travelled(front, 0.0, self.rest, np.inf, scale, front * LONGEST)
+        rise = FAR * indentation
+        far = self.edge(min(rise, DEEPEST * self.profile.radius) if self.profile.curl else rise)
+        up, left, second = pressed.travelled(0.0, far, down[-1, 1:], 0.0, scale, front * LONGEST)
+        if up[-1, 0] == far:
+            raise RuntimeError(
+                f"the rebound does not end: {up[-1, 1]:.6g} Pa are left {far:.6g} m behind the lowest point at an "
+                f"indentation of {indentation:.6g} m"
+            )
+        return Passage(left, indentation, down, up, first + second)
+
+
+@dataclass(frozen=True)
+class Passage:
+    """A pass computed: the `bed` after it; paths of `confined.travel` `down` to the lowest point and `up` from it."""
+
+    bed: Bed
+    indentation: float
+    down: np.ndarray
+    up: np.ndarray
+    evaluations: int
+
+    @property
+    def load(self):
+        """P [N/m]; x shrinks on the way down."""
+        return float(self.up[-1, 1 + PUSH] - 2 * self.down[-1, 1 + PUSH])
+
+    @property
+    def resistance(self):
+        """F [N/m]"""
+        return -float(self.up[-1, 1 + DRAG])
+
+    @property
+    def peak_pressure(self):
+        return float(self.down[-1, 1 + STRESS])
+
+    @property
+    def work(self):
+        """Plastic and elastic work that the columns keep [N/m]."""
+        return float(self.up[-1, 1 + PLASTIC]), float(self.up[-1, 1 + ELASTIC])
+
+    @property
+    def columns(self):
+        y = self.up[-1, 1:]
+        rows = (self.bed.heights(y), self.bed.density_ratios(y), 1.5 * y[OWN::2], self.bed.stack.hardened)
+        return tuple(Column(*numbers) for numbers in np.array(rows).T.tolist())
+
+    @property
+    def mass_residual(self):
+        """See `ColumnRolled`."""
+        y, stack = self.down[-1, 1:], self.bed.stack
+        solid = stack.density_ratio * stack.height
+        needed = solid / self.bed.density_ratios(y) * np.exp(-self.bed.elastic_strains(y))
+        return float(needed.sum() / (self.bed.height - self.indentation) - 1)
+
+
+def bed_of(columns, material, rate_factor, profile, measure):
+    """The `Bed` of some `Column`s; pc is larger than at the reference speed by `rate_factor`."""
+    rows = [(column.height, column.density_ratio, column.lateral_stress, column.hardened) for column in columns]
+    height, density_ratio, lateral_stress, hardened = np.array(rows, dtype=float).T.copy()
+    stack = Stack(height, density_ratio, lateral_stress / 1.5, hardened)
+    return Bed(constants(material, rate_factor), stack, profile, measure)

@@ -1,0 +1,301 @@
+"""Engine "column": a compacting layer as columns that the roller presses one by one; one pass and many.
+
+    h(x) = h_min + gap(x),    P = int s_v dx,    F = int s_v gap' dx = closed integral of s_v dh
+
+Each column is compressed as between smooth walls (`confined`), from the front edge, where the fed height is met, to the
+rear edge, where its rebound ends and s_v = 0. This is what a wide thin bonded layer does without friction; of its
+distance to two dimensions, of second order in height over contact length, nothing is in `error`. F is the work that the
+layer keeps: it depends on the lowest height alone, not on radius or profile, and on speed only through pc.
+
+Mass is counted in the height that grains and water fill, density ratio times height: no roller can leave less room.
+Several passes, and new mix on old, are columns on top of one another that share s_v and carry their state.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from compact.bed import PLATE, STRAINS, Column, bed_of
+from compact.confined import OWN, STRESS, Profile
+from compact.material import Compaction
+from compact.records import Rolled
+from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive, refuse_unknown
+
+__all__ = ["Column", "ColumnRolled", "Feed", "Oedometer", "feed", "oedometer", "passes", "roll", "roll_over"]
+
+RTOL = 1e-9  # error of a step of the integration, over the size of the whole pass
+LOOSER = 100.0  # times `rtol`: what this changes is the error that is reported, and `rtol` besides
+NEAR = 1e-12  # share of the deepest indentation within which the indentation wanted is found
+RESISTED = 1e-3  # share of the load below which a resistance counts as none, theory.md 3.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColumnRolled(Rolled):
+    """A `Rolled` with what the columns know besides; its `work_residual` is rounding alone.
+
+    indentation : of the lowest generatrix below the height before the pass [m]
+    exit_height : after the rebound [m];  exit_density_ratio : k then, mean over this height
+    columns : `Column`s after the pass, from the base upwards: what the next pass meets
+    plastic_work : part of the resistance that flow takes [N/m]; the rest stays as elastic energy, locked in
+    mass_residual : under the lowest generatrix, the height that the mix needs by its density and elastic strain over
+        the height that is there, less 1
+    evaluations : of the rates of the columns
+    """
+
+    indentation: float
+    exit_height: float
+    exit_density_ratio: float
+    columns: tuple[Column, ...]
+    plastic_work: float
+    mass_residual: float
+    evaluations: int
+
+
+@dataclass(frozen=True)
+class Feed:
+    """Height of mix to feed and indentation [m] that leave a product as wanted."""
+
+    height: float
+    indentation: float
+
+
+@dataclass(frozen=True)
+class Oedometer:
+    """Confined compression at every `pressure` s_v [Pa], shape (n,).
+
+    strain : (h_in - h)/h_in;  lateral_stress : s_h [Pa];  density_ratio : k
+    """
+
+    pressure: np.ndarray
+    strain: np.ndarray
+    lateral_stress: np.ndarray
+    density_ratio: np.ndarray
+
+
+def roll(layer, roller, material, speed, *, strain="logarithmic", rtol=RTOL):
+    """One pass over a layer of fresh mix, a `ColumnRolled`: the engine "column".
+
+    Parameters
+    ----------
+    layer : Layer, its height that of the mix as fed; bonded, without plies
+    roller : Roller, any profile ("deformed" is the circle, since columns move up and down only), with an indentation,
+        load or peak pressure that leaves more room than grains and water fill; "frictionless" or "free", which is the
+        same to columns
+    material : Compaction
+    speed : of the roller along x [m/s], not 0; pc is larger by `material.rate_factor(speed)`
+    strain : "logarithmic", which is true to mass; "small"; or "mass-true", small with k = k_in/(1 - V)
+    rtol : error of a step of the integration, over the size of the whole pass
+
+    For speed < 0 leading and trailing stay + ahead, while x and resistance keep the fixed axis x.
+
+    >>> from compact.records import Layer, Roller
+    >>> mix = Compaction(120e6, 0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
+    ...                  tensile_strength=14e3, fed_density_ratio=0.94)
+    >>> fed = feed(0.22, 0.98, mix, speed=0.2)
+    >>> rolled = roll(Layer(fed.height), Roller(0.11, indentation=fed.indentation, profile="circle"), mix, speed=0.2)
+    >>> f"P {rolled.load:.0f} N/m, F/P {rolled.resistance / rolled.load:.3f}, k {rolled.exit_density_ratio:.3f}"
+    'P 10035 N/m, F/P 0.165, k 0.980'
+    """
+    _refuse_other_layers(layer)
+    _refuse_other_materials(material)
+    fed = Column(layer.height, material.fed_density_ratio)
+    return roll_over((fed,), roller, material, speed, strain=strain, rtol=rtol)
+
+
+def roll_over(columns, roller, material, speed, *, strain="logarithmic", rtol=RTOL):
+    """One pass over `Column`s on top of one another, given from the base upwards; all else as `roll` has it.
+
+    Small strains count from the heights before the pass.
+    """
+    _refuse_beyond_columns(roller, material, speed)
+    refuse_unknown("strain", strain, STRAINS)
+    refuse_nonpositive(rtol=rtol)
+    there = bed_of(columns, material, material.rate_factor(speed), _profile(roller), STRAINS[strain])
+    indentation, searched = _indentation(there, roller, rtol)
+    passage, looser = there.passed(indentation, rtol), there.passed(indentation, LOOSER * rtol)
+    return _rolled(passage, looser, rtol, np.sign(speed), searched)
+
+
+def passes(lifts, heights, roller, material, speed, **options):
+    """One `ColumnRolled` for each pass i: `lifts[i]` [m] of fresh mix is spread, or none if 0, and the lowest
+    generatrix then passes `heights[i]` [m] above the base.
+
+    roller : its radius and profile; what it prescribes gives way to the heights
+    options : as for `roll`
+
+    >>> from compact.records import Roller
+    >>> mix = Compaction(120e6, 0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
+    ...                  tensile_strength=14e3, fed_density_ratio=0.94)
+    >>> roller = Roller(0.11, indentation=0.01, profile="circle")
+    >>> twice = passes((0.2293617, 0), (0.22, 0.22), roller, mix, speed=0.2)
+    >>> [f"{rolled.load:.0f} N/m, {abs(rolled.resistance):.0f} N/m" for rolled in twice]
+    ['9639 N/m, 1570 N/m', '2484 N/m, 0 N/m']
+    """
+    _refuse_other_materials(material)
+    columns, results = (), []
+    for lift, height in zip(lifts, heights, strict=True):
+        refuse_negative(lifts=lift)
+        columns += (Column(lift, material.fed_density_ratio),) if lift else ()
+        depth = sum(column.height for column in columns) - height
+        if not depth > 0:
+            raise ValueError(
+                f"`heights` must lie below the mix, {height + depth:.6g} m high before pass {len(results) + 1}, "
+                f"got {height!r}"
+            )
+        pressed = replace(roller, indentation=depth, load=None, peak_pressure=None)
+        results.append(roll_over(columns, pressed, material, speed, **options))
+        columns = results[-1].columns
+    return tuple(results)
+
+
+def feed(height, exit_density_ratio, material, speed, *, rtol=RTOL):
+    """The `Feed` for a product of a height [m] and `exit_density_ratio` k [-] after one pass and its rebound.
+
+    Both lengths go with the height, so the indentation of a layer of given fed height follows by the rule of three.
+    """
+    refuse_nonpositive(height=height)
+    _refuse_other_materials(material)
+    fed = Column(1.0, material.fed_density_ratio)
+    there = bed_of((fed,), material, material.rate_factor(speed), PLATE, STRAINS["logarithmic"])
+
+    def left(depth):
+        return there.passed(depth, rtol).columns[0] if depth else fed
+
+    densest = left(there.deepest).density_ratio
+    if not fed.density_ratio < exit_density_ratio < densest:
+        raise ValueError(
+            f"`exit_density_ratio` must lie between {fed.density_ratio:.6g}, as fed, and {densest:.6g}, left by a pass "
+            f"that shuts all pores, got {exit_density_ratio!r}"
+        )
+    depth = brentq(lambda depth: left(depth).density_ratio - exit_density_ratio, 0, there.deepest, xtol=NEAR)
+    scale = height / left(depth).height
+    return Feed(height=scale, indentation=scale * depth)
+
+
+def oedometer(material, pressure, *, rate_factor=1.0, rtol=RTOL):
+    """Confined compression of fresh mix through each `pressure` s_v [Pa] in turn, up or down: an `Oedometer`.
+
+    rate_factor : by which pc is larger than at the reference speed
+
+    >>> mix = Compaction(120e6, 0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
+    ...                  tensile_strength=14e3, fed_density_ratio=0.94)
+    >>> test = oedometer(mix, (100e3, 200e3, 0.0))
+    >>> [f"{k:.4f}" for k in test.density_ratio], f"{test.lateral_stress[-1] / 1e3:.0f} kPa stay"
+    (['0.9400', '0.9707', '0.9707'], '43 kPa stay')
+    """
+    _refuse_other_materials(material)
+    pressure = np.atleast_1d(np.asarray(pressure, dtype=float))
+    refuse_negative(pressure=pressure)
+    refuse_nonpositive(rate_factor=rate_factor, rtol=rtol)
+    there = bed_of((Column(1.0, material.fed_density_ratio),), material, rate_factor, PLATE, STRAINS["logarithmic"])
+    y, scale, rows = there.rest, there.scale(there.deepest, rtol), []
+    for stress in pressure.tolist():
+        way = -1.0 if stress > y[STRESS] else 1.0
+        path, there, _ = there.travelled(0.0, way, y, stress, scale)
+        y = path[-1, 1:]
+        rows.append((stress, 1 - there.heights(y)[0], 1.5 * y[OWN] - stress / 2, there.density_ratios(y)[0]))
+        if not rows[-1][1] < 1 - material.fed_density_ratio:
+            raise ValueError(f"`pressure` must leave pores open, got {stress!r} Pa, which shuts them")
+    return Oedometer(*np.array(rows).T)
+
+
+def _profile(roller):
+    return Profile(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
+
+
+def _indentation(there, roller, rtol):
+    """Indentation [m] that meets what the roller prescribes, and the evaluations spent in search of it."""
+    if roller.indentation is not None:
+        _refuse_beyond_pores(there, "indentation", roller.indentation, there.deepest)
+        return roller.indentation, 0
+    if roller.peak_pressure is not None:
+        plate, y = replace(there, profile=PLATE), there.rest
+        scale = there.scale(there.deepest, rtol)
+        path, _, spent = plate.travelled(there.deepest, 0.0, y, float(roller.peak_pressure), scale)
+        if path[-1, 0] == 0:
+            _refuse_beyond_pores(there, "peak_pressure", roller.peak_pressure, path[-1, 1])
+        return there.deepest - path[-1, 0], spent
+
+    spent = []
+
+    def miss(depth):
+        if depth == 0:
+            return -roller.load
+        passage = there.passed(depth, rtol)
+        spent.append(passage.evaluations)
+        return passage.load - roller.load
+
+    _refuse_beyond_pores(there, "load", roller.load, miss(there.deepest) + roller.load)
+    return brentq(miss, 0, there.deepest, xtol=NEAR * there.deepest), sum(spent)
+
+
+def _refuse_beyond_pores(there, name, value, limit):
+    if not value < limit:
+        full = f"grains and water alone fill the {there.solid:.6g} m that are left of {there.height:.6g} m"
+        buried = "the circle is buried to its axis"
+        reason = full if there.height - there.deepest < (1 + 1e-6) * there.solid else buried
+        raise ValueError(f"`{name}` must be less than {limit:.6g}, where {reason}, got {value!r}")
+
+
+def _rolled(passage, looser, rtol, direction, searched):
+    """The pass as seen from the fixed axis x."""
+    down, up = passage.down[::-1], passage.up[::-1]
+    x, pressure = np.concatenate([-up[:, 0], down[1:, 0]]), np.concatenate([up[:, 1], down[1:, 1]])
+    forth = slice(None, None, int(direction))  # x ascends, whichever way the roller goes
+    load, resistance, (plastic, elastic) = passage.load, passage.resistance, passage.work
+    counted = max(abs(resistance), RESISTED * load)
+    columns = passage.columns
+    height = sum(column.height for column in columns)
+    return ColumnRolled(
+        load=load,
+        resistance=float(direction * resistance),
+        leading=float(x[-1]),
+        trailing=float(x[0]),
+        x=(direction * x)[forth],
+        pressure=pressure[forth],
+        shear_traction=np.zeros_like(x),
+        error=(
+            abs(looser.load - load) / load + rtol,
+            abs(looser.resistance - resistance) / counted + rtol,
+        ),
+        work_residual=abs(resistance - plastic - elastic) / counted,
+        peak_pressure=passage.peak_pressure,
+        indentation=float(passage.indentation),
+        exit_height=height,
+        exit_density_ratio=sum(column.density_ratio * column.height for column in columns) / height,
+        columns=columns,
+        plastic_work=plastic,
+        mass_residual=passage.mass_residual,
+        evaluations=passage.evaluations + looser.evaluations + searched,
+    )
+
+
+def _refuse_other_layers(layer):
+    refuse_unknown("base", layer.base, ("bonded", "slip"))
+    if layer.base == "slip":
+        raise ValueError(
+            "columns need a `base` that is bonded, got 'slip': there the mix gives way sideways under the roller and "
+            "dilates, which no column does; use the engine compaction"
+        )
+    if layer.plies:
+        raise ValueError(f"columns are of one mix, got {len(layer.plies)} `plies`; use the engine compaction")
+
+
+def _refuse_other_materials(material):
+    if not isinstance(material, Compaction):
+        raise ValueError(f"columns need a `material` Compaction, got {type(material).__name__}; use spectral or fem")
+
+
+def _refuse_beyond_columns(roller, material, speed):
+    _refuse_other_materials(material)
+    refuse_nonfinite(speed=speed)
+    if speed == 0:
+        raise ValueError("`speed` must not be 0, got 0: the resistance is set-valued there; say which way it goes")
+    refuse_unknown("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
+    refuse_unknown("profile", roller.profile, ("parabola", "circle", "deformed"))
+    if roller.friction and roller.rolling in ("sliding", "driven"):
+        raise ValueError(
+            f"columns carry no shear, got `rolling` '{roller.rolling}' with `friction` {roller.friction!r}; use 'free' "
+            "or the engine compaction"
+        )

@@ -1,0 +1,267 @@
+"""What columns of a compacting mix go through between a base and something that presses them: confined compression.
+
+A column knows no lateral strain, so its stress is p, mean, and D = s_v - s_h; columns on top of one another share
+s_v = p + 2D/3. Compression positive, V plastic volume strain. On the yield limit of `cap` with the outward normal
+(P, Q) = (df/dp, df/dD)/2, and with pc = pc(k), H = dpc/dV,
+
+    dp = K (de - dV),  dD = 3G (2de/3 - Q w),  dV = P w,  P dp + Q dD = h w,  h = (p + pt) H P/2,
+
+de the strain of the column and w >= 0 the flow. Per unit of s_v, with b = P - 3Q/2 and g = 3/2 + 2G/K,
+
+    dp/ds_v = (3/2)(h - 2G b Q)/B,   w/ds_v = (3/2)(P + 2G Q/K)/B,   B = g h + 2G b^2,
+
+and inside the limit dp/ds_v = 3/(2g). The strains change the heights h_i of the columns, whose sum follows the roller:
+ds_v/dx = -gap'/sum (de/ds_v) h_i, x the distance from the lowest point. This is integrated in x, the work and the
+forces with it, by the method of Dormand and Prince of order 8; each yield and the end of the rebound are met exactly.
+
+References
+----------
+E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, Springer 1993, II.5, II.10.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from scipy.integrate import DOP853
+
+from compact.cap import hardening
+
+STAGES, ORDER = 12, 8
+A, C = np.vstack([DOP853.A, DOP853.B]), np.append(DOP853.C, 1.0)  # the last row is the step itself
+E3, E5 = DOP853.E3.copy(), DOP853.E5.copy()
+FIRST = 1 / 64  # share of the way that a first step may take
+STEPS = 20_000  # 50 are usual; a mix a thousand times stiffer to unload takes a thousand times as many
+SAFETY, SLOWEST, FASTEST = 0.9, 0.2, 10.0  # of the step control
+CUTS = 60  # of a step that meets a yield; 5 are usual
+MET = 1e-4  # share of the error allowed of s_v by which the end of a cut step may miss
+
+STRESS, PUSH, DRAG, PLASTIC, ELASTIC, OWN = 0, 1, 2, 3, 4, 5  # places in y; from OWN on p and V of each column
+LOGARITHMIC, SMALL, MASS_TRUE = 0, 1, 2  # strain ln(h0/h); (h0 - h)/h0 with k = k0 exp V; the same with k = k0/(1 - V)
+
+
+class Stack(NamedTuple):
+    """Columns on top of one another at rest, shape (n,): heights [m], density ratios, mean pressures [Pa], and the
+    density ratios that pc remembers, 0 where it has no memory."""
+
+    height: np.ndarray
+    density_ratio: np.ndarray
+    pressure: np.ndarray
+    hardened: np.ndarray
+
+
+class Profile(NamedTuple):
+    """gap' = x/sqrt(R^2 - c x^2), x from the lowest point: c = 1 circle, 0 parabola; R = 0 a plate, whose gap is x."""
+
+    radius: float
+    curl: float
+
+
+compiled = njit(error_model="numpy", cache=True)
+
+
+@compiled
+def travel(law, stack, profile, measure, x, x_to, y, stress_to, scale, longest):
+    """Columns from x [m] to x_to or until the stress is `stress_to` [Pa]: (reached?, path, hardened, evaluations).
+
+    y : at x, of (s_v, int s_v dx, int s_v gap' dx, plastic work, elastic work, p_1, V_1, ...), SI, V from `stack`
+    scale : of y, the errors of a step that are allowed;  path : rows of (x, y), one for each step, the last at the end
+    """
+    n, way = len(stack.height), 1.0 if stress_to > y[STRESS] else -1.0
+    hardened, yielding, stops = stack.hardened.copy(), np.zeros(n, np.bool_), np.empty(n)
+    for i in range(n):
+        stops[i] = _yield_stress(law, measure, stack, y, i, way)
+    path, counts = np.empty((STEPS, len(y) + 1)), np.zeros(2, np.int64)
+    _write(path, 0, x, y)
+    column = (law, stack, hardened, profile, measure, yielding)
+    while True:
+        next_one, stop = n, stress_to
+        for i in range(n):
+            if way * (stop - stops[i]) > 0:
+                next_one, stop = i, stops[i]
+        reached = _follow(path, counts, x_to, stop, way, longest, column, scale)
+        if next_one == n or not reached or path[counts[0], 0] == x_to:
+            return reached, path[: counts[0] + 1], hardened, counts[1]
+        stops[next_one] = way * np.inf
+        if not yielding[next_one]:
+            yielding[next_one] = True
+            stops[next_one] = _wet_stress(law, measure, stack, path[counts[0], 1:], next_one, way)
+
+
+@compiled
+def _follow(path, counts, x_to, stop, way, longest, column, scale):
+    """Steps added to the path, counted with the evaluations, until s_v is `stop` or x is x_to; False if too many."""
+    law, stack, hardened, _, measure, _ = column
+    x, y = path[counts[0], 0], path[counts[0], 1:].copy()
+    z, K = np.empty(len(y)), np.empty((STAGES + 1, len(y)))
+    _rates(x, y, K[0], column)
+    step = (x_to - x) * FIRST
+    while x != x_to and way * (stop - y[STRESS]) > 0:
+        if counts[0] + 1 == STEPS:
+            return False
+        step = np.sign(step) * min(abs(step), abs(x_to - x), longest)
+        error = _step(x, step, y, z, K, column, scale)
+        counts[1] += STAGES
+        if error <= 1:
+            if way * (stop - z[STRESS]) <= 0:
+                step, cuts = _cut(x, step, y, z, K, column, scale, stop)
+                counts[1] += STAGES * cuts
+                z[STRESS] = stop
+            x = x_to if step == x_to - x else x + step
+            for m in range(len(y)):
+                y[m], K[0, m] = z[m], K[STAGES, m]
+            for i in range(len(hardened)):
+                if law.flat:
+                    k = _density_ratio(measure, stack.density_ratio[i], y[OWN + 2 * i + 1])
+                    hardened[i] = max(hardened[i], k)
+            counts[0] += 1
+            _write(path, counts[0], x, y)
+        step *= min(FASTEST, max(SLOWEST, SAFETY * max(error, 1e-20) ** (-1 / ORDER)))
+    return True
+
+
+@compiled
+def _write(path, row, x, y):
+    """One by one: an assignment of slices costs seconds of compiling."""
+    path[row, 0] = x
+    for m in range(len(y)):
+        path[row, m + 1] = y[m]
+
+
+@compiled
+def _step(x, step, y, z, K, column, scale):
+    """One step of Dormand and Prince from y, with K[0] there, to z, with K[STAGES] there; its error over `scale`."""
+    for stage in range(1, STAGES + 1):
+        for m in range(len(y)):
+            total = 0.0
+            for before in range(stage):
+                total += A[stage, before] * K[before, m]
+            z[m] = y[m] + step * total
+        _rates(x + C[stage] * step, z, K[stage], column)
+    third, fifth = 0.0, 0.0
+    for m in range(len(y)):
+        of_third, of_fifth = 0.0, 0.0
+        for stage in range(STAGES + 1):
+            of_third += E3[stage] * K[stage, m]
+            of_fifth += E5[stage] * K[stage, m]
+        third += (of_third / scale[m]) ** 2
+        fifth += (of_fifth / scale[m]) ** 2
+    if fifth == 0:
+        return 0.0
+    error = abs(step) * fifth / np.sqrt((fifth + 0.01 * third) * len(y))
+    return error if error >= 0 else np.inf  # not a number: a step too far
+
+
+@compiled
+def _cut(x, step, y, z, K, column, scale, stress):
+    """The part of a step after which s_v is `stress`, by regula falsi (Illinois); z and K[STAGES] are there after."""
+    low, high, below, above, cuts = 0.0, step, y[STRESS] - stress, z[STRESS] - stress, 0
+    while abs(above) > MET * scale[STRESS] and low != high and cuts < CUTS:
+        middle = high - above * (high - low) / (above - below)
+        _step(x, middle, y, z, K, column, scale)
+        miss = z[STRESS] - stress
+        if miss * above < 0:
+            low, below = high, above
+        else:
+            below /= 2
+        high, above, cuts = middle, miss, cuts + 1
+    return high, cuts
+
+
+@compiled
+def _rates(x, y, out, column):
+    """dy/dx."""
+    law, stack, hardened, profile, measure, yielding = column
+    stress, yielded, stored, give = y[STRESS], 0.0, 0.0, 0.0
+    for i in range(len(stack.height)):
+        p, V = y[OWN + 2 * i], y[OWN + 2 * i + 1]
+        dp, dV, dshear = _flow(law, measure, stack.density_ratio[i], hardened[i], stress, p, V, yielding[i])
+        height = stack.height[i]
+        if measure == LOGARITHMIC:
+            height *= np.exp(-(V + (p - stack.pressure[i]) / law.K))
+        D = 1.5 * (stress - p)
+        give += height * (dp / law.K + dV)
+        yielded += height * (p * dV + D * dshear)
+        stored += height * (p * dp / law.K + D * (1 - dp) / (2 * law.G))
+        out[OWN + 2 * i], out[OWN + 2 * i + 1] = dp, dV
+    slope = x / np.sqrt(profile.radius**2 - profile.curl * x * x) if profile.radius > 0 else 1.0
+    rate = -slope / give
+    out[STRESS], out[PUSH], out[DRAG] = rate, stress, stress * slope
+    out[PLASTIC], out[ELASTIC] = yielded * rate, stored * rate
+    for m in range(OWN, len(y)):
+        out[m] *= rate
+
+
+@compiled
+def _flow(law, measure, k0, hardened, stress, p, V, yielding):
+    """dp, dV and the plastic shear Q w per unit of s_v; the letters are the module's."""
+    ratio, g = 2 * law.G / law.K, 1.5 + 2 * law.G / law.K
+    if not yielding:
+        return 1.5 / g, 0.0, 0.0
+    k = _density_ratio(measure, k0, V)
+    pc, H = hardening(law, max(k, hardened))
+    if k < hardened:
+        H = 0.0
+    elif measure == MASS_TRUE:
+        H *= k / k0
+    a, c, p0 = _shape(law, pc)
+    P, Q = p - c, 1.5 * (stress - p) / law.M**2
+    if law.flat and p <= c:
+        P = min(p - p0, 0.0)
+        if p0 > -law.pt:
+            P *= (a / (p0 + law.pt)) ** 2
+        elif p <= p0:  # no strength: a wall
+            P, Q = -1.0, 0.0
+    h, b = (p + law.pt) * H * P / 2, P - 1.5 * Q
+    w = 1.5 / (g * h + 2 * law.G * b * b)
+    return w * (h - 2 * law.G * b * Q), w * (P + ratio * Q) * P, w * (P + ratio * Q) * Q
+
+
+@compiled
+def _density_ratio(measure, k0, V):
+    return k0 / (1 - V) if measure == MASS_TRUE else k0 * np.exp(V)
+
+
+@compiled
+def _shape(law, pc):
+    """Of the yield limit: half its length a, its highest point c, and where its dry side begins."""
+    c = (pc - law.pt) / 2
+    return (pc + law.pt) / 2, c, min(c, 0.0) if law.flat else c
+
+
+@compiled
+def _yield_stress(law, measure, stack, y, i, way):
+    """s_v at which column i yields on the way up (`way` 1) or down (-1): a root of a quadratic on one of the sides."""
+    p, V = y[OWN + 2 * i], y[OWN + 2 * i + 1]
+    k = _density_ratio(measure, stack.density_ratio[i], V)
+    a, c, p0 = _shape(law, hardening(law, max(k, stack.hardened[i]))[0])
+    C = law.K + 4 * law.G / 3
+    D, dp, dD = 1.5 * (y[STRESS] - p), way * law.K / C, way * 2 * law.G / C
+    wet = _exit(p - c, D / law.M, 1.0, dp, dD / law.M, a)
+    if not law.flat or p + wet * dp >= c:
+        return y[STRESS] + way * wet
+    if p0 > -law.pt:
+        dry = _exit(p - p0, D / law.M, (a / (p0 + law.pt)) ** 2, dp, dD / law.M, a)
+        if p + dry * dp <= p0:
+            return y[STRESS] + way * dry
+    elif way < 0:
+        wall = max((p0 - p) / dp, 0.0)
+        if abs(D + wall * dD) <= law.M * a:
+            return y[STRESS] + way * wall
+    return y[STRESS] + way * _exit(0.0, D / law.M, 0.0, dp, dD / law.M, a)
+
+
+@compiled
+def _wet_stress(law, measure, stack, y, i, way):
+    """s_v at which column i, yielding on the way up, leaves the flat side, where D and pc stay and dp = ds_v."""
+    p, V = y[OWN + 2 * i], y[OWN + 2 * i + 1]
+    k = _density_ratio(measure, stack.density_ratio[i], V)
+    _, c, _ = _shape(law, hardening(law, max(k, stack.hardened[i]))[0])
+    return y[STRESS] + c - p if law.flat and way > 0 and p < c else way * np.inf
+
+
+@compiled
+def _exit(y, z, r, dy, dz, a):
+    """The largest t >= 0 at which r (y + t dy)^2 + (z + t dz)^2 = a^2."""
+    square, half, rest = r * dy * dy + dz * dz, r * y * dy + z * dz, r * y * y + z * z - a * a
+    return max(0.0, (np.sqrt(max(half * half - square * rest, 0.0)) - half) / square)
