@@ -8,11 +8,20 @@ from types import MappingProxyType
 
 import numpy as np
 
-from compact.material import Elastic, Viscoelastic
-from compact.records import Layer, Roller
+from compact.material import Compaction, Elastic, Viscoelastic
+from compact.mix import LOOSE
+from compact.records import Layer, Ply, Roller
 
-ENGINES = MappingProxyType({"formula": "compact.contact", "spectral": "compact.spectral", "fem": "compact.fem"})
-LINEAR = ("spectral", "fem")  # engines of a viscoelastic layer, whose resistance depends on speed
+ENGINES = MappingProxyType(
+    {
+        "formula": "compact.contact",
+        "column": "compact.column",
+        "spectral": "compact.spectral",
+        "fem": "compact.fem",
+    }
+)
+COMPACTING = ("column",)  # engines of a layer that stays pressed
+LAYERED = ("column", "spectral", "fem")  # engines of a layer, whose resistance depends on speed
 TOLERANCE = MappingProxyType({"spectral": "rtol", "fem": "tolerance"})  # what an engine calls its wanted error
 SPEEDS = 6  # computed where the scene names none: from a twentieth of the mean speed to twice, by equal ratios
 
@@ -22,37 +31,106 @@ def roll(scene, mix, speed, engine=None):
 
     The scene's tolerance is what the engine is asked for, where it can be asked.
 
-    Raises what the engine raises: ValueError for what it does not cover, RuntimeError where it does not converge.
+    Raises ValueError for what the engine does not cover; RuntimeError, naming scene, engine and speed, where it does
+    not converge or the roller would reach the base.
     """
     name = engine or scene.accuracy.engine
-    layer, roller, material = inputs(scene, mix, name)
-    asked = {TOLERANCE[name]: scene.accuracy.tolerance} if name in TOLERANCE else {}
-    return import_module(ENGINES[name]).roll(layer, roller, material, speed, **asked)
+    layer, roller, material = inputs(scene, mix, name, speed)
+    try:
+        rolled = import_module(ENGINES[name]).roll(layer, roller, material, speed, **_asked(scene, name))
+        _refuse_below_the_base(rolled, layer)
+    except RuntimeError as error:
+        raise RuntimeError(f"{scene.title or 'untitled scene'}, {name} at {speed:g} m/s: {error}") from error
+    return rolled
 
 
-def inputs(scene, mix, engine):
+def _asked(scene, engine):
+    """What an engine takes besides: the wanted error, and "fem" the torque per unit roller length [N]."""
+    asked = {TOLERANCE[engine]: scene.accuracy.tolerance} if engine in TOLERANCE else {}
+    if engine == "fem" and scene.machine.roller_torque is not None:
+        asked["torque"] = scene.machine.roller_torque / scene.machine.roller_length
+    return asked
+
+
+def _refuse_below_the_base(rolled, layer):
+    """Small strains know no base that stops the roller; a load or pressure beyond the layer's would pass it."""
+    indentation = getattr(rolled, "indentation", 0.0)  # a half-plane has none
+    if indentation >= layer.height:
+        raise RuntimeError(
+            f"the roller would stand {indentation:.3g} m deep in a layer {layer.height:g} m high, beyond its base; "
+            "press less"
+        )
+
+
+def inputs(scene, mix, engine, speed):
     """(Layer, Roller, material) of a scene; the formula engine sees the relaxed layer and the parabola."""
-    machine, modulus = scene.machine, mix.effective_modulus
+    target = _prescribed(scene)
+    if engine in COMPACTING:
+        material = compaction(scene, mix)
+        layer, target = _fed(scene, material, target, speed)
+    else:
+        target = target or {"peak_pressure": mix.required_pressure}
+        plies = (Ply(ply.thickness, ply.stiffness) for ply in scene.layer.plies or ())
+        layer, material = Layer(scene.product.height, scene.layer.base, tuple(plies)), _linear(mix, engine)
     roller = Roller(
-        machine.roller_radius,
+        scene.machine.roller_radius,
         friction=mix.steel_friction,
-        rolling=machine.rolling,
-        profile="parabola" if engine == "formula" else machine.profile,
-        **_target(scene, mix),
+        rolling=scene.machine.rolling,
+        profile="parabola" if engine == "formula" else scene.machine.profile,
+        **target,
     )
-    layer = Layer(scene.product.height, scene.layer.base)
-    if engine == "formula":
-        return layer, roller, Elastic(modulus, mix.poisson)
-    branches = ((mix.instant_over_relaxed - 1, mix.relaxation_time),) if mix.instant_over_relaxed > 1 else ()
-    return layer, roller, Viscoelastic(modulus, mix.poisson, branches)
+    return layer, roller, material
 
 
-def _target(scene, mix):
-    """What the scene prescribes, per unit roller length; else the pressure that the mix needs."""
+def _prescribed(scene):
+    """What `[contact]` prescribes, per unit roller length; nothing without it."""
     given = {} if scene.contact is None else scene.contact.model_dump(exclude={"speeds"}, exclude_none=True)
     if "load" in given:
         given["load"] /= scene.machine.roller_length
-    return given or {"peak_pressure": mix.required_pressure}
+    return given
+
+
+def _linear(mix, engine):
+    branches = ((mix.instant_over_relaxed - 1, mix.relaxation_time),) if mix.instant_over_relaxed > 1 else ()
+    if engine == "formula":
+        return Elastic(mix.effective_modulus, mix.poisson)
+    return Viscoelastic(mix.effective_modulus, mix.poisson, branches)
+
+
+def compaction(scene, mix):
+    """The `Compaction` of a scene's mix.
+
+        M = sqrt(3) sin phi,  pt = c cot phi,  K_H isotropic = A K_H,  A = (1 + sqrt(1 + 4 M^2/9))/2
+
+    phi, c angle of internal friction and cohesion: the cap meets Mohr-Coulomb's limit in plane strain at constant
+    volume. A = d s_v/d pc of confined compression turns the one-dimensional slope of mix tables into the isotropic one.
+    """
+    angle = np.radians(mix.friction_angle)
+    slope = float(np.sqrt(3) * np.sin(angle))
+    speed = scene.mix.reference_speed
+    return Compaction(
+        unloading_modulus=mix.unloading_modulus,
+        poisson=mix.poisson,
+        heckel_slope=mix.heckel_slope * (1 + float(np.sqrt(1 + 4 * slope**2 / 9))) / 2,
+        loose_density_ratio=LOOSE,
+        critical_slope=slope,
+        tensile_strength=float(mix.cohesion / np.tan(angle)),
+        fed_density_ratio=scene.layer.fed_density_ratio,
+        rate_exponent=mix.rate_exponent if speed else 0.0,
+        reference_speed=speed,
+    )
+
+
+def _fed(scene, material, target, speed):
+    """The layer as fed, and what presses it: h_in = h0 k_out/k_in, or where nothing is prescribed as much mix and
+    indentation as leave the product its height and density after the rebound."""
+    from compact.column import feed
+
+    height, density_ratio = scene.product.height, scene.mix.density_ratio
+    if target:
+        return Layer(height * density_ratio / material.fed_density_ratio, scene.layer.base), target
+    fed = feed(height, density_ratio, material, speed)
+    return Layer(fed.height, scene.layer.base), {"indentation": fed.indentation}
 
 
 def speeds(scene):

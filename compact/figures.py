@@ -22,6 +22,7 @@ FAMILIES = MappingProxyType(
         "machines and tables": ("Greys", ("crank", "gear-sector")),
     }
 )
+LEAST_SPAN = 0.02  # of a value, shown to each side of it
 DASHES = ("-", "--", ":", "-.", (0, (8, 2, 1, 2, 1, 2)))
 SYMBOLS = {
     "position": "travel x [m]",
@@ -207,15 +208,19 @@ def crank(turns):
     return figure
 
 
-def contact(rolled, exact):
-    """Pressure and shear traction along one contact, with Galin's pressure at the formulas' peak as a line."""
+def contact(rolled, exact, speed):
+    """Pressure and shear traction along one contact, with Galin's pressure at the formulas' peak as a line.
+
+    Seen along the travel, whichever way the speed points.
+    """
     figure = Figure(figsize=(7.2, 3.8), layout="constrained")
     ax = figure.subplots()
-    along = np.linspace(float(exact.trailing), float(exact.leading), 401)
-    ax.plot(along * 1e3, exact.pressure(along) / 1e3, color="0.5", label="Galin, half-plane")
-    ax.plot(rolled.x * 1e3, rolled.pressure / 1e3, ".", markersize=3.5, color="tab:blue", label="pressure p")
-    if np.any(rolled.shear_traction):
-        ax.plot(rolled.x * 1e3, rolled.shear_traction / 1e3, ".", markersize=3.5, color="tab:red", label="shear q")
+    half_plane = np.linspace(float(exact.trailing), float(exact.leading), 401)
+    ax.plot(half_plane * 1e3, exact.pressure(half_plane) / 1e3, color="0.5", label="Galin, half-plane")
+    along, shear = np.sign(speed) * rolled.x * 1e3, np.sign(speed) * rolled.shear_traction / 1e3
+    ax.plot(along, rolled.pressure / 1e3, ".", markersize=3.5, color="tab:blue", label="pressure p")
+    if np.any(shear):
+        ax.plot(along, shear, ".", markersize=3.5, color="tab:red", label="shear q on the mix")
     ax.axvline(0, color="0.8", linewidth=0.8, zorder=0)
     ax.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     ax.set_xlabel("x from the lowest point, + along the travel [mm]")
@@ -236,9 +241,12 @@ def speeds(rolled):
     panels[0].set_ylabel("load P [kN/m]")
     panels[1].errorbar(speed, coefficient, errors[:, 1] * np.abs(coefficient), fmt="o-", color="tab:red", markersize=4)
     panels[1].set_ylabel("resistance/load [-]")
-    for ax in panels:
+    for ax, values in zip(panels, (load / 1e3, coefficient), strict=True):
         ax.set_xscale("log")
         ax.set_xlabel("speed v [m/s]")
+        low, high = ax.get_ylim()
+        least = LEAST_SPAN * np.abs(values).max()  # so that what is constant looks it
+        ax.set_ylim(min(low, values.min() - least), max(high, values.max() + least))
     return figure
 
 
@@ -246,25 +254,49 @@ FIELDS = {
     "pressure": ("mean pressure [kPa]", 1e-3, "viridis"),
     "dissipation": ("dissipation [kW/m³]", 1e-3, "magma"),
 }
+OUTLINE = [0, 4, 1, 5, 2, 6, 3, 7]  # of a 9-node quadrilateral, its nodes in turn
+REACH = 2.5  # contact lengths shown to each side and below
 
 
-def fields(layer, rolled):
-    """Element means of pressure and dissipation in the layer around the contact; the roller rests on it."""
+def fields(layers):
+    """Pressure and dissipation in the layer as it is deformed, true to scale, a row for each (mesh, `FemRolled`).
+
+    Drawn by matplotlib, which shows each element's mean as it is and needs no driver; where VTK misses its graphics
+    driver it ends the whole process. The files themselves open in pyvista and ParaView.
+    """
+    figure = Figure(figsize=(11.0, 3.0 * len(layers) + 0.4), layout="constrained")
+    panels = figure.subplots(len(layers), len(FIELDS), squeeze=False, sharex=True, sharey=True)
+    for row, (layer, rolled) in zip(panels, layers, strict=True):
+        for ax, name in zip(row, FIELDS, strict=True):
+            _field(ax, layer, name)
+            _roller(ax, rolled)
+        row[0].set_ylabel("height y [mm]")
+    for ax in panels[-1]:
+        ax.set_xlabel("x from the lowest point [mm]")
+    height, reach = rolled.layer.height * 1e3, REACH * 1e3 * max(r.leading - r.trailing for _, r in layers)
+    ax.set(xlim=(-reach, reach), ylim=(max(0.0, height - reach), height + 0.35 * reach))  # shared by all
+    return figure
+
+
+def _field(ax, layer, name):
+    """Element means of one field on the displaced elements."""
     from matplotlib.collections import PolyCollection
 
-    corners = layer.points[layer.cells[0].data[:, :4], :2] * 1e3
-    height, reach = corners[..., 1].max(), 2e3 * (rolled.leading - rolled.trailing)
-    figure = Figure(figsize=(7.6, 6.2), layout="constrained")
-    panels = figure.subplots(2, 1, sharex=True)
-    for ax, (name, (label, factor, cmap)) in zip(panels, FIELDS.items(), strict=True):
-        shown = PolyCollection(corners, array=layer.cell_data[name][0] * factor, cmap=cmap, edgecolor="face")
-        ax.add_collection(shown)
-        figure.colorbar(shown, ax=ax, label=label)
-        edges = sorted((rolled.x[0] * 1e3, rolled.x[-1] * 1e3))
-        ax.plot(edges, [height, height], color="tab:red", linewidth=3, solid_capstyle="butt", label="contact")
-        ax.set_xlim(-reach, reach)
-        ax.set_ylim(0, 1.04 * height)
-        ax.set_ylabel("height y [mm]")
-    panels[0].legend(loc="lower left")
-    panels[1].set_xlabel("x from the lowest point, + along the travel [mm]")
-    return figure
+    label, factor, cmap = FIELDS[name]
+    displaced = (layer.points + layer.point_data["displacement"])[:, :2] * 1e3
+    elements = displaced[layer.cells[0].data[:, OUTLINE]]
+    values = layer.cell_data[name][0] * factor
+    shown = PolyCollection(elements, array=values, cmap=cmap, antialiased=False, linewidth=0)  # no seams
+    ax.add_collection(shown)
+    ax.set_aspect("equal")
+    ax.figure.colorbar(shown, ax=ax, label=label)
+
+
+def _roller(ax, rolled):
+    """The roller where it stands, in mm, and which way it goes."""
+    from matplotlib.patches import Circle
+
+    bottom, radius = (rolled.layer.height - rolled.indentation) * 1e3, rolled.roller.radius * 1e3
+    ax.add_patch(Circle((0, bottom + radius), radius, facecolor="0.92", edgecolor="0.3", linewidth=0.8))
+    arrow = f"{rolled.speed:.3g} m/s →" if rolled.speed > 0 else f"← {-rolled.speed:.3g} m/s"
+    ax.text(0, bottom + 0.25 * radius, arrow, ha="center", fontsize=9)

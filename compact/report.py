@@ -9,7 +9,7 @@ import numpy as np
 
 from compact.cam import stepper
 from compact.drive import CRITERIA
-from compact.results import claim, whole_file, write_csv, write_json
+from compact.results import claimed, whole_file, write_csv, write_json
 
 SCHEMA = 1  # of summary.json; raised when a name in it changes its meaning
 FIGURE_DPI = 110
@@ -22,20 +22,21 @@ def write(study, directory, force=False):
 
     Raises ResultsError where a file cannot be written or another scene's results stand.
     """
-    directory = claim(directory, study.scene.hash, force)
     wanted = study.scene.output.wanted
-    files = list(_rolled(study, directory)) if study.rolled else []
-    for part, writer in WRITERS.items():
-        if part in wanted:
-            files += writer(study, directory)
-    summary = _summary(study, [str(Path(file).relative_to(directory)) for file in files])
-    write_json(directory / "summary.json", summary)
+    with claimed(directory, study.scene.hash, force) as directory:
+        files = list(_rolled(study, directory)) if study.rolled else []
+        for part, writer in WRITERS.items():
+            if part in wanted:
+                files += writer(study, directory)
+        summary = _summary(study, [str(Path(file).relative_to(directory)) for file in files])
+        write_json(directory / "summary.json", summary)
     return summary
 
 
 CONTACT_HEADER = (
     "speed_m/s", "load_N/m", "resistance_N/m", "coefficient", "leading_m", "trailing_m", "peak_pressure_Pa",
-    "load_error", "resistance_error", "work_residual", "formula_load_N/m", "formula_coefficient", "exact_load_N/m",
+    "load_error", "resistance_error", "work_residual", "iterations", "formula_load_N/m", "formula_coefficient",
+    "exact_load_N/m",
 )  # fmt: skip
 
 
@@ -50,7 +51,7 @@ def _rolled(study, directory):
     yield _csv(directory / "contact.csv", CONTACT_HEADER, [
         (
             speed, rolled.load, rolled.resistance, rolled.resistance / rolled.load, rolled.leading, rolled.trailing,
-            rolled.peak_pressure, *(rolled.error or ("", "")), rolled.work_residual, *beside,
+            rolled.peak_pressure, *(rolled.error or ("", "")), rolled.work_residual, len(rolled.history), *beside,
         )
         for speed, rolled in study.rolled
     ])  # fmt: skip
@@ -63,14 +64,13 @@ def write_contact(directory, study, speed, rolled):
     columns = np.column_stack([rolled.x, rolled.pressure, rolled.shear_traction]).tolist()
     _csv(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
     write_json(directory / "contact.json", contact_numbers(study, speed, rolled))
-    with whole_file(directory / "pressure.png", "wb") as stream:
-        figures.contact(rolled, study.exact).savefig(stream, format="png", dpi=FIGURE_DPI)
+    _drawn(directory / "pressure.png", figures.contact(rolled, study.exact, speed))
     if study.scene.accuracy.engine == "fem":
         from compact import fields
 
-        fields.write_fields(rolled, directory / "fields.vtu")
-        with whole_file(directory / "fields.png", "wb") as stream:
-            figures.fields(fields.fields(rolled), rolled).savefig(stream, format="png", dpi=FIGURE_DPI)
+        layers = [(fields.fields(rolled), rolled)]
+        list(fields.write_series(layers, directory))
+        _drawn(directory / "fields.png", figures.fields(layers))
 
 
 def contact_numbers(study, speed, rolled):
@@ -85,8 +85,25 @@ def contact_numbers(study, speed, rolled):
         "leading": {"value": rolled.leading, "unit": "m"},
         "trailing": {"value": rolled.trailing, "unit": "m"},
         "peak_pressure": {"value": rolled.peak_pressure, "unit": "Pa"},
+        "indentation": {"value": getattr(rolled, "indentation", None), "unit": "m"},  # none on a half-plane
+        "creep": {"value": getattr(rolled, "creep", None), "unit": "1"},  # of a roller that sticks and slips
         "work_residual": {"value": rolled.work_residual, "unit": "1"},
+        "iterations": len(rolled.history),
+    } | {
+        name: {"value": getattr(rolled, name), "unit": unit}
+        for name, unit in COMPACTED.items()
+        if hasattr(rolled, name)
     }
+
+
+COMPACTED = {  # what engines of a layer that stays pressed know besides
+    "exit_density_ratio": "1",
+    "exit_height": "m",
+    "peak_density_ratio": "1",
+    "mass_residual": "1",
+    "yield_residual": "1",
+    "equilibrium_residual": "1",
+}
 
 
 def contact_digest(study, speed, rolled):
@@ -110,6 +127,13 @@ def contact_digest(study, speed, rolled):
     lines += [f"{name:<20}{ours:>12.5g}{formula:>14.5g}{galin:>12.5g}" for name, ours, formula, galin in rows]
     if rolled.error:
         lines.append(f"error of the load {rolled.error[0]:.1e}, of the resistance {rolled.error[1]:.1e}")
+        if hasattr(rolled, "exit_density_ratio"):
+            k, height = rolled.exit_density_ratio, rolled.exit_height
+            lines.append(
+                f"density ratio {k:.4f} behind the roller, {height * 1e3:.2f} mm high; mass closes to "
+                f"{abs(rolled.mass_residual):.1e}"
+            )
+        lines.append(f"energy balance closes to {rolled.work_residual:.1e}; iterations: {len(rolled.history)}")
     return "\n".join(lines)
 
 
@@ -177,6 +201,7 @@ def _cams(study, directory):
     )  # fmt: skip
     rows = []
     for (law, follower), cam in study.cams.items():
+        study.count("cams measured")
         least = cam.least_breadth()
         rows.append((
             law, follower, cam.breadth, least.breadth, least.rule, cam.undercut, cam.least_radius_of_curvature,
@@ -209,6 +234,12 @@ def _crank(study, directory):
     yield _csv(directory / "crank-turn.csv", ("angle_rad", "torque_Nm", "power_W", *names), table)
 
 
+def _fields(study, directory):
+    from compact.fields import write_series
+
+    yield from write_series(study.fields, directory)
+
+
 def _figures(study, directory):
     from compact import figures
 
@@ -228,15 +259,22 @@ def _figures(study, directory):
         drawn["crank"] = lambda: figures.crank(study.turns)
     if study.rolled:
         drawn["contact"] = lambda: figures.speeds(study.rolled)
+    if "fields" in wanted:
+        drawn["fields"] = lambda: figures.fields(study.fields)
     for name, draw in drawn.items():
         study.count("figures")
-        path = directory / f"{name}.png"
-        with whole_file(path, "wb") as stream:
-            draw().savefig(stream, format="png", dpi=FIGURE_DPI)
-        yield path
+        yield _drawn(directory / f"{name}.png", draw())
 
 
-WRITERS = {"tables": _tables, "reactions": _reactions, "cams": _cams, "crank": _crank, "figures": _figures}
+WRITERS = {
+    "tables": _tables, "reactions": _reactions, "cams": _cams, "crank": _crank, "fields": _fields, "figures": _figures,
+}  # fmt: skip
+
+
+def _drawn(path, figure):
+    with whole_file(path, "wb") as stream:
+        figure.savefig(stream, format="png", dpi=FIGURE_DPI)
+    return path
 
 
 def _csv(path, header, rows):
@@ -257,6 +295,7 @@ def _summary(study, files):
         "advice": list(scene.advice),
         "reachable": {"by_rolling": reach.possible, "reason": reach.reason},
         "numbers": {name: asdict(number) for name, number in study.numbers.items()},
+        "contacts": [contact_numbers(study, speed, rolled) for speed, rolled in study.rolled],
         "laws": {name: _run_numbers(run) for name, run in study.runs.items()},
         "rankings": {by: [_place(place) for place in places] for by, places in study.rankings.items()},
         "units": {name: criterion.unit for name, criterion in CRITERIA.items()},

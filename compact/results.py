@@ -9,6 +9,7 @@ import math
 import os
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from xml.etree import ElementTree
 
 MARK = "scene.hash"
 
@@ -68,6 +69,31 @@ def _plain(value):
     if isinstance(value, float) and not math.isfinite(value):
         return None if math.isnan(value) else "infinite" if value > 0 else "-infinite"
     return value
+
+
+def write_pvd(path, members):
+    """A series of fields as PVD, a collection of ParaView: (value, file) pairs, the value in the place of time."""
+    series = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    collection = ElementTree.SubElement(series, "Collection")
+    for value, file in members:
+        name = Path(file).relative_to(Path(path).parent).as_posix()
+        ElementTree.SubElement(collection, "DataSet", timestep=repr(value), part="0", file=name)
+    ElementTree.indent(series)
+    with whole_file(path, "wb") as stream:
+        ElementTree.ElementTree(series).write(stream, encoding="utf-8", xml_declaration=True)
+
+
+@contextmanager
+def claimed(directory, scene_hash, force=False):
+    """The directory as of `claim`, given back if the block fails before a result is written."""
+    directory = claim(directory, scene_hash, force)
+    try:
+        yield directory
+    except BaseException:
+        with suppress(OSError):
+            if [path.name for path in directory.iterdir()] == [MARK]:
+                (directory / MARK).unlink()
+        raise
 
 
 def claim(directory, scene_hash, force=False):

@@ -42,7 +42,7 @@ Law = Literal[
 ]  # fmt: skip
 LAW_NAMES: tuple[str, ...] = get_args(Law)
 
-Wanted = Literal["tables", "figures", "cams", "reactions", "crank"]
+Wanted = Literal["tables", "figures", "cams", "reactions", "crank", "fields"]
 RankBy = Literal["peak_force", "peak_power", "rms_force", "rms_power", "energy", "peak_jerk"]
 Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
 COUNT_LIMIT = 1_000_000  # beyond any machine; keeps a slip such as 0xffff... out of loops and printouts
@@ -103,6 +103,9 @@ class Machine(_Table):
     pressure_nonuniformity: float = _positive("the factor k2 for uneven pressure along the arc, 1 for even (eq 1.6)")
     one_sided: bool = Field(description="true for contact on the front half only (rival reading of eq 1.6), else false")
     rolling: Rolling = Field(description="how the roller turns")
+    roller_torque: float | None = Field(
+        default=None, description="the torque on one roller in N m, + driving it the way it travels, - braking it"
+    )
     profile: Profile = Field(description="where the gap is measured; 'deformed' unless you know better")
 
 
@@ -127,6 +130,8 @@ class Overrides(_Table):
     friction_angle: float | None = _optional("the angle of internal friction in degrees", ge=0, le=60)
     cohesion: float | None = _optional("the cohesion in Pa", ge=0)
     steel_friction: float | None = _optional("the friction of mix on steel", ge=0, le=1)
+    heckel_slope: float | None = _optional("the one-dimensional Heckel slope K_H in 1/Pa")
+    rate_exponent: float | None = _optional("the exponent of the yield pressure over speed", ge=0, lt=1)
     effective_modulus: float | None = _optional("the secant contact modulus E of eqs 1.5, 1.6 in Pa")
 
 
@@ -135,13 +140,25 @@ class Mix(_Table):
 
     moisture: float = _between(0.08, 0.12, "the moisture W as water mass / dry mass, 0.10 for 10 %")
     density_ratio: float = _between(0.90, 0.99, "the density ratio k asked of the product")
+    reference_speed: float | None = _optional("the speed in m/s at which the Heckel slope holds; without it at every")
     overrides: Overrides = Overrides()
 
 
+class Ply(_Table):
+    """One ply of the layer."""
+
+    thickness: float = _positive("the thickness in m")
+    stiffness: float = _positive("the moduli of the ply over those of the mix")
+
+
+Plies = Annotated[tuple[Ply, ...], Strict(False)]
+
+
 class Layer(_Table):
-    """The layer under the roller."""
+    """The layer under the roller; without `plies` it is the same all through."""
 
     base: Base = Field(description="how the layer lies on its base")
+    plies: Plies | None = Field(default=None, min_length=1, description="the plies from the base upwards, as tables")
     fed_density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio of the mix as fed")
     passes: int = _between(1, COUNT_LIMIT, "the number of passes")
 
@@ -178,12 +195,15 @@ class Cam(_Table):
     roller_follower_radius: float = _positive("the radius of the roller followers in m")
 
 
+TOUCHES = "(at zero the roller does not touch the layer)"
+
+
 class Contact(_Table):
     """What holds the roller at its height, and the speeds to roll at; without it, the pressure that the mix needs."""
 
-    indentation: float | None = _optional("the depth of the roller below the undisturbed surface in m")
-    load: float | None = _optional("the normal force on one roller in N")
-    peak_pressure: float | None = _optional("the largest contact pressure in Pa")
+    indentation: float | None = _optional(f"the depth of the roller below the undisturbed surface in m {TOUCHES}")
+    load: float | None = _optional(f"the normal force on one roller in N {TOUCHES}")
+    peak_pressure: float | None = _optional(f"the largest contact pressure in Pa {TOUCHES}")
     speeds: Numbers | None = Field(default=None, description="the speeds in m/s at which to compute the contact")
 
 

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import date, time
 from difflib import get_close_matches
+from itertools import takewhile
 from pathlib import Path
 from typing import get_args
 
@@ -33,7 +34,7 @@ class SceneError(ValueError):
 
 @dataclass(frozen=True)
 class Mistake:
-    """A sentence on one key; `entry` is the place within a list, `[2]`."""
+    """A sentence on one key; `entry` is the place within a list, `[2]`, or in a list of tables, `[2].name`."""
 
     key: Key
     sentence: str
@@ -94,15 +95,23 @@ def _inside(loc, outer):
 
 
 def _field_mistake(error, scene):
-    key = tuple(part for part in error["loc"] if isinstance(part, str))
-    entry = "".join(f"[{part}]" for part in error["loc"] if isinstance(part, int))
+    path = tuple(part for part in error["loc"] if isinstance(part, str))
+    key = tuple(takewhile(lambda part: isinstance(part, str), error["loc"]))
+    inside = () if error["type"] == "invalid_key" else error["loc"][len(key) :]
+    entry = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in inside)
+    return Mistake(key, _field_sentence(path, error, scene), entry)
+
+
+def _field_sentence(path, error, scene):
     if error["type"] == "extra_forbidden":
-        return Mistake(key, _unknown(key, error["input"], scene))
-    info = _field(scene, key)
+        return _unknown(path, error["input"], scene)
+    info = _field(scene, path)
+    if error["type"] == "model_type" and not table_of(info):
+        keys = ", ".join(f"{name} = …" for name in tables_of(info).model_fields)
+        return f"must be a table, got {shown(error['input'])}; write {{ {keys} }}"
     if table_of(info):
-        return Mistake(key, _no_table(key, error))
-    sentence = f"{_rule(error, info)}; {_remedy(error, info)}"
-    return Mistake(key, sentence, entry)
+        return _no_table(path, error)
+    return f"{_rule(error, info)}; {_remedy(error, info)}"
 
 
 def _rule(error, info):
@@ -198,10 +207,22 @@ def table_of(info: FieldInfo) -> type[BaseModel] | None:
     return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
 
 
+def tables_of(info: FieldInfo) -> type[BaseModel] | None:
+    """The class of the table, or of the tables in a list, that a field holds, or None."""
+    kinds = (kind for kind in _kinds(info.annotation) if isinstance(kind, type))
+    return next((kind for kind in kinds if issubclass(kind, BaseModel)), None)
+
+
+def _kinds(annotation: object) -> Iterator[object]:
+    yield annotation
+    for part in get_args(annotation):
+        yield from _kinds(part)
+
+
 def _tables(model: type[BaseModel], path: Key = ()) -> Iterator[tuple[Key, type[BaseModel]]]:
     yield path, model
     for name, info in model.model_fields.items():
-        if inner := table_of(info):
+        if inner := tables_of(info):
             yield from _tables(inner, (*path, name))
 
 

@@ -100,6 +100,19 @@ def _fed_mix_is_looser(fed, ratio):
         return f"must be below mix.density_ratio = {ratio:g}, got {fed:g}; give the looser state before the first pass"
 
 
+@_rule("layer.plies", "product.height")
+def _plies_fill_the_layer(plies, height):
+    total = sum(ply["thickness"] for ply in plies or ())
+    if plies and abs(total - height) > (GUARD - 1) * height:
+        return f"must be product.height = {height:g} m thick together, got {total:.9g}; change one thickness"
+
+
+@_rule("layer.plies", "accuracy.engine")
+def _engine_knows_plies(plies, engine):
+    if plies and engine not in ("spectral", "fem"):
+        return f'no plies in accuracy.engine "{engine}", got {len(plies)}; choose "spectral" or "fem", or take them out'
+
+
 @_rule("motion.energy_weight", "motion.acceleration_weight")
 def _weights_leave_a_share(energy, acceleration):
     if energy + acceleration > GUARD:
@@ -114,6 +127,29 @@ def _one_target(indentation, load, pressure):
     given = sum(target is not None for target in (indentation, load, pressure))
     if given > 1:
         return f"only one of indentation, load and peak_pressure can be prescribed, got {given}; take the others out"
+
+
+@_rule("contact.indentation", "product.height")
+def _roller_stays_above_the_base(indentation, height):
+    if indentation is not None and indentation >= height:
+        return f"must be below product.height = {height:g} m, got {indentation:g}; the base of the mould lies there"
+
+
+@_rule("machine.roller_torque", "machine.rolling")
+def _torque_turns_a_roller(torque, rolling):
+    if torque is not None and rolling not in ("free", "driven"):
+        return f'is for machine.rolling "free" or "driven", got {torque:g} with "{rolling}"; take it out'
+    if torque is not None and torque > 0 and rolling == "free":
+        return (
+            f'must not be positive for a "free" roller, which bearings only brake, got {torque:g}; give {-torque:g}, '
+            'or machine.rolling = "driven"'
+        )
+
+
+@_rule("machine.roller_torque", "machine.rolling", "accuracy.engine")
+def _driven_roller_has_a_torque(torque, rolling, engine):
+    if torque is None and rolling == "driven" and engine == "fem":
+        return 'is missing, and the engine "fem" rolls a "driven" roller by it; give the torque on one roller in N m'
 
 
 @_rule("contact.speeds")
@@ -157,6 +193,12 @@ def _cams_wanted_are_given(cam, wanted):
         )
 
 
+@_rule("output.wanted", "accuracy.engine")
+def _fields_wanted_are_computed(wanted, engine):
+    if "fields" in wanted and engine != "fem":
+        return f'holds "fields", which accuracy.engine = "{engine}" does not compute; take it out or choose "fem"'
+
+
 @_rule("cam.breadth", "motion.stroke")
 def _cam_is_broader_than_the_stroke(breadth, stroke):
     if breadth is not None and breadth <= stroke:
@@ -192,6 +234,14 @@ def _weight_suits_the_mass(weight, mass):
         return f"weight / mass is {weight / mass:g} m/s2, expected 9.5 to 10.5; is one of the two in other units?"
 
 
+@_rule("machine.rolling", "machine.roller_torque", "accuracy.engine", into=ADVICE)
+def _torque_is_heeded(rolling, torque, engine):
+    if engine != "fem" and rolling == "driven":
+        return f'the engine "{engine}" lets a driven roller slip all over, whatever its torque; "fem" lets it stick'
+    if engine != "fem" and torque:
+        return f'the engine "{engine}" takes no account of machine.roller_torque; "fem" does'
+
+
 def _missing(tables, folder):
     missing = [name for name in tables if not _is_file(folder / name)]
     if missing:
@@ -221,4 +271,6 @@ def _as_floats(value):
     """Whole numbers as floats, so that no sum of them is too large for a float."""
     if isinstance(value, list | tuple):
         return tuple(map(_as_floats, value))
+    if isinstance(value, dict):
+        return {key: _as_floats(inner) for key, inner in value.items()}
     return float(value) if isinstance(value, int) else value

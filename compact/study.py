@@ -18,7 +18,7 @@ from compact import contact, drive, mix
 from compact.cam import Cam, FlatFace, Pointed, RollerFollower
 from compact.cart import Cart
 from compact.crank import USUAL_ANGLES, turn
-from compact.engine import ENGINES, LINEAR, roll, speeds
+from compact.engine import ENGINES, LAYERED, roll, speeds
 from compact.halfplane import galin, pressure_exponent
 from compact.measured import from_table
 from compact.motion import law
@@ -131,12 +131,12 @@ class Study:
     def steps(self):
         """How many counts the stages of all that the scene wants will make."""
         laws, wanted = len(self.scene.law_names) + len(self.scene.table_paths), self.scene.output.wanted
-        figures = 3 + len({"cams", "reactions", "crank"} & set(wanted)) + (self.scene.accuracy.engine in LINEAR)
+        rolled = len(speeds(self.scene)) if self.scene.accuracy.engine in LAYERED else 0
+        figures = 3 + len({"cams", "reactions", "crank", "fields"} & set(wanted)) + (rolled > 0)
         figures = figures if "figures" in wanted else 0
-        cams = laws * len(FOLLOWERS) if "cams" in wanted else 0
+        cams = 2 * laws * len(FOLLOWERS) if "cams" in wanted else 0  # made and measured
         crank = len(USUAL_ANGLES) + 1 if "crank" in wanted else 0
-        rolled = len(speeds(self.scene)) if self.scene.accuracy.engine in LINEAR else 0
-        return 2 + 2 * laws + cams + crank + figures + rolled
+        return 2 + 2 * laws + cams + crank + figures + rolled * (1 + ("fields" in wanted))
 
     def count(self, stage):
         """One more run of a stage."""
@@ -199,11 +199,22 @@ class Study:
     def rolled(self):
         """(speed, `Rolled`) of one roller at each speed, by the scene's engine if it computes a layer, else none."""
         rolled = []
-        if self.scene.accuracy.engine in LINEAR:
+        if self.scene.accuracy.engine in LAYERED:
             for speed in speeds(self.scene):
                 self.count("rolled")
                 rolled.append((speed, roll(self.scene, self.mix, speed)))
         return rolled
+
+    @cached_property
+    def fields(self):
+        """(mesh with its fields, `FemRolled`) at each speed; the engine is "fem"."""
+        from compact.fields import fields
+
+        layers = []
+        for _, rolled in self.rolled:
+            self.count("fields")
+            layers.append((fields(rolled), rolled))
+        return layers
 
     @cached_property
     def resistance(self):

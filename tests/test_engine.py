@@ -1,11 +1,16 @@
 """From a scene to one contact: the published case of two engines through the scene, targets, speeds, refusals."""
 
+from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from compact import engine, report
+from compact import engine, report, spectral
+from compact.column import oedometer
+from compact.material import Viscoelastic
+from compact.records import Layer, Ply, Roller
 from compact.scene import SceneError, load_scene
 from compact.study import Study
 
@@ -22,6 +27,10 @@ CASE_G = {
 }
 
 
+SHALLOW = {"accuracy.engine": "fem", "contact.indentation": 0.003}
+PARABOLA = {"machine.rolling": "frictionless", "machine.profile": "parabola"}
+
+
 def study(**changes):
     return Study(load_scene(SMALL, **changes))
 
@@ -32,6 +41,18 @@ def test_scene_reaches_the_published_contact(speed, load, resistance):
     rolled = engine.roll(case.scene, case.mix, speed, "spectral")
     assert rolled.load == pytest.approx(load, rel=1e-5)
     assert rolled.resistance == pytest.approx(resistance, rel=1e-4)
+
+
+def test_plies_of_a_scene_reach_the_engine():
+    plies = [{"thickness": 0.2, "stiffness": 1.0}, {"thickness": 0.02, "stiffness": 20.0}]
+    case = study(**CASE_G, **{"layer.plies": plies, "accuracy.engine": "spectral"})
+    rolled = engine.roll(case.scene, case.mix, 0.3)
+    mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
+    layer = Layer(0.22, plies=(Ply(0.2, 1.0), Ply(0.02, 20.0)))
+    direct = spectral.roll(layer, Roller(0.11, indentation=0.003), mix, 0.3)
+    assert (rolled.load, rolled.resistance) == pytest.approx((direct.load, direct.resistance), rel=1e-4)
+    with pytest.raises(ValueError, match="the formula engine knows one modulus, got 2 `plies`; use spectral or fem"):
+        engine.roll(case.scene, case.mix, 0.3, "formula")
 
 
 def test_without_a_target_the_pressure_is_what_the_mix_needs():
@@ -56,15 +77,30 @@ def test_tolerance_of_the_scene_is_what_the_engine_is_asked_for():
     assert abs(rough.resistance / 392.888 - 1) < 1e-2
 
 
+@pytest.mark.parametrize(
+    ("rolling", "torque", "speed"),
+    [("driven", 20.0, 0.1), ("driven", 20.0, -0.1), ("free", -20.0, 0.1)],
+    ids=["motor", "motor on the way back", "bearings"],
+)
+def test_torque_of_the_scene_turns_the_whole_roller(rolling, torque, speed):
+    free = study(**SHALLOW)
+    turned = study(**SHALLOW, **{"machine.rolling": rolling, "machine.roller_torque": torque})
+    rolled = engine.roll(turned.scene, turned.mix, speed)
+    pull = np.sign(speed) * torque / 1.164 / 0.11  # T/(L R)
+    assert np.trapezoid(rolled.shear_traction, rolled.x) == pytest.approx(-pull, rel=2e-3)
+    unloaded = engine.roll(free.scene, free.mix, speed)
+    assert rolled.resistance - unloaded.resistance == pytest.approx(-pull, rel=0.03)  # first order in the slope
+
+
 def test_load_of_the_scene_is_that_of_the_whole_roller():
     case = study(**{"contact.load": 9740.0})
-    _, roller, _ = engine.inputs(case.scene, case.mix, "formula")
+    _, roller, _ = engine.inputs(case.scene, case.mix, "formula", 0.2)
     assert roller.load == pytest.approx(9740 / 1.164, rel=1e-12)
 
 
 def test_mix_without_a_branch_is_elastic():
     case = study(**{"mix.overrides.instant_over_relaxed": 1.0})
-    assert engine.inputs(case.scene, case.mix, "spectral")[2].branches == ()
+    assert engine.inputs(case.scene, case.mix, "spectral", 0.2)[2].branches == ()
 
 
 def test_speeds_are_those_of_the_scene_or_span_the_motion():
@@ -87,6 +123,52 @@ def test_run_tabulates_resistance_over_speed_beside_the_formulas(tmp_path):
     assert summary["stages"]["rolled"] == 2
 
 
+def test_fields_are_written_as_a_series_over_the_speeds(tmp_path):
+    import meshio
+
+    speeds = (0.03, 0.3)
+    wanted = {"contact.speeds": speeds, "output.wanted": ["fields", "figures"], "motion.laws": ["cubic"]}
+    case = study(**CASE_G, **wanted, **{"accuracy.engine": "fem"})
+    summary = report.write(case, tmp_path / "out")
+    assert summary["stages"] == {
+        "contact": 1, "rolled": 2, "fields": 2, "laws": 1, "runs": 1, "rankings": 1, "figures": 5,
+    }  # fmt: skip
+    assert sum(summary["stages"].values()) == case.steps
+    members = ElementTree.parse(tmp_path / "out" / "fields.pvd").getroot().iter("DataSet")
+    series = {float(member.get("timestep")): member.get("file") for member in members}
+    assert tuple(series) == speeds
+    assert {*series.values(), "fields.pvd", "fields.png"} <= set(summary["files"])
+    for speed, rolled in case.rolled:
+        layer = meshio.read(tmp_path / "out" / series[speed])
+        assert set(layer.point_data) | set(layer.cell_data) == {"displacement", "stress", "pressure", "dissipation"}
+        corners = layer.points[layer.cells[0].data[:, :4]]
+        area = np.ptp(corners[:, :, 0], axis=1) * np.ptp(corners[:, :, 1], axis=1)
+        assert area @ layer.cell_data["dissipation"][0] / speed == pytest.approx(rolled.resistance, rel=1e-2)
+
+
+def test_series_opens_in_pyvista(tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    case = study(**CASE_G, **{"accuracy.engine": "fem", "contact.speeds": [0.3], "output.wanted": ["fields"]})
+    report.write(case, tmp_path / "out")
+    reader = pyvista.get_reader(tmp_path / "out" / "fields.pvd")
+    assert reader.time_values == [0.3]
+    reader.set_active_time_value(0.3)
+    layer = reader.read()[0].warp_by_vector("displacement")
+    under = layer.points[np.argmin(np.hypot(layer.points[:, 0], layer.points[:, 1] - 0.22))]
+    assert under[1] == pytest.approx(0.22 - 0.003, abs=5e-5)
+    assert layer.cell_data["pressure"].max() < case.rolled[0][1].peak_pressure
+
+
+def test_summary_holds_every_contact_with_unit_error_and_balance(tmp_path):
+    case = study(**CASE_G, **{"accuracy.engine": "spectral", "contact.speeds": [0.03, 0.3], "output.wanted": []})
+    contacts = report.write(case, tmp_path / "out")["contacts"]
+    assert [contact["speed"]["value"] for contact in contacts] == [0.03, 0.3]
+    assert contacts[1]["resistance"]["value"] == pytest.approx(392.89, rel=1e-4)
+    assert 0 < contacts[1]["resistance"]["error"] < 1e-2
+    assert contacts[1]["work_residual"]["value"] < 5e-3
+    assert contacts[1]["iterations"] == len(case.rolled[1][1].history) > 0
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -107,3 +189,68 @@ def test_what_the_engine_does_not_cover_is_refused_with_its_words():
     case = study(**{"accuracy.engine": "spectral"})
     with pytest.raises(ValueError, match="needs `profile` 'parabola' or 'circle', got 'deformed'; use fem"):
         engine.roll(case.scene, case.mix, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"accuracy.engine": "formula", "contact.peak_pressure": 1e-300}, "the roller does not touch the layer: load"),
+        (
+            {**PARABOLA, "accuracy.engine": "spectral", "contact.peak_pressure": 1e-300},
+            "the roller does not touch the layer: `peak_pressure` 1e-300",
+        ),
+        ({**SHALLOW, "contact.indentation": 1e-300}, "the roller does not touch the layer: `indentation` 1e-300"),
+        ({**SHALLOW, "contact.indentation": 1e-15}, "too narrow for a mesh; use spectral"),
+        ({**SHALLOW, "machine.rolling": "driven", "machine.roller_torque": 1e3}, r"the roller skids: 10\.\d times the"),
+        ({**SHALLOW, "contact.indentation": 0.1}, r"contact edges did not settle: \(trailing, leading, step over"),
+        ({**SHALLOW, **PARABOLA, "contact.indentation": None, "contact.load": 1e8}, "in a layer 0.22 m high, beyond"),
+        ({**SHALLOW, "machine.profile": "circle", "contact.indentation": 0.215}, "is wider than the circle of radius"),
+    ],
+    ids=[
+        *("no contact by formula", "no contact by spectral", "no contact by fem", "next to no contact"),
+        *("skidding", "no convergence", "below the base", "beyond the circle"),
+    ],
+)
+def test_contact_that_cannot_be_computed_names_scene_engine_and_speed(changes, words):
+    case = study(**changes)
+    with pytest.raises(RuntimeError, match=rf"^Small: .*, {case.scene.accuracy.engine} at 0\.1 m/s: .*{words}"):
+        engine.roll(case.scene, case.mix, 0.1)
+
+
+@pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure"])
+def test_roller_that_is_not_pressed_does_not_touch(target):
+    with pytest.raises(SceneError, match=rf"contact.{target}: must be positive, got 0.0; .* \(at zero the roller does"):
+        study(**{f"contact.{target}": 0.0})
+
+
+def test_columns_leave_the_product_as_the_scene_wants_it():
+    case = study(**{"accuracy.engine": "column"})
+    rolled = engine.roll(case.scene, case.mix, 0.2)
+    assert rolled.exit_height == pytest.approx(case.scene.product.height, rel=1e-9)
+    assert rolled.exit_density_ratio == pytest.approx(case.scene.mix.density_ratio, abs=1e-9)
+
+
+def test_compaction_meets_mohr_coulomb_and_the_one_dimensional_slope():
+    case = study(**{"mix.overrides.friction_angle": 30.0, "mix.overrides.cohesion": 10e3})
+    material = engine.compaction(case.scene, case.mix)
+    assert material.critical_slope == pytest.approx(np.sqrt(3) / 2)
+    assert material.tensile_strength == pytest.approx(10e3 * np.sqrt(3))
+    stiff = replace(material, unloading_modulus=4e9, fed_density_ratio=0.9)  # elastic strain out of sight
+    pressure = np.array([150e3, 250e3])
+    loosening = -np.log(1 - oedometer(stiff, pressure).density_ratio)
+    assert np.diff(loosening) / np.diff(pressure) == pytest.approx(case.mix.heckel_slope, rel=1e-3)
+
+
+@pytest.mark.parametrize(("reference", "ratio"), [(None, 1.0), (0.2, 10**0.018)])
+def test_rate_needs_a_reference_speed(reference, ratio):
+    case = study(**{"mix.reference_speed": reference})
+    material = engine.compaction(case.scene, case.mix)
+    assert material.rate_factor(2.0) == pytest.approx(ratio)
+
+
+def test_prescribed_load_meets_mix_of_the_nominal_height():
+    case = study(**{"accuracy.engine": "column", "contact": {"load": 9740.0}})
+    rolled = engine.roll(case.scene, case.mix, 0.2)
+    assert rolled.load * case.scene.machine.roller_length == pytest.approx(9740, rel=1e-9)
+    layer, *_ = engine.inputs(case.scene, case.mix, "column", 0.2)
+    assert layer.height == pytest.approx(0.22 * 0.98 / 0.94)

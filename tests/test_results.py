@@ -8,13 +8,14 @@ import math
 import os
 import stat
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compact.results import MARK, ResultsError, claim, whole_file, write_csv, write_json
+from compact.results import MARK, ResultsError, claim, claimed, whole_file, write_csv, write_json, write_pvd
 
 
 def names(directory):
@@ -23,6 +24,12 @@ def names(directory):
 
 def no_space(*_):
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def write_half(path, broken_by):
+    with whole_file(path) as stream:
+        stream.write("half")
+        raise broken_by
 
 
 # whole or not at all
@@ -56,9 +63,8 @@ def test_broken_block_leaves_what_was_there(tmp_path, broken_by, old):
     path = tmp_path / "result.txt"
     if old:
         path.write_text(old)
-    with pytest.raises(broken_by), whole_file(path) as stream:  # noqa: PT012
-        stream.write("half")
-        raise broken_by
+    with pytest.raises(broken_by):
+        write_half(path, broken_by)
     assert names(tmp_path) == (["result.txt"] if old else [])
     assert not old or path.read_text() == old
 
@@ -236,6 +242,23 @@ def test_json_reads_back_as_it_was(tmp_path_factory, content):
     assert json.loads(path.read_text(encoding="utf-8")) == content
 
 
+# a series of fields
+
+
+def test_series_names_its_files_from_its_own_place(tmp_path):
+    write_pvd(tmp_path / "fields.pvd", [(v, tmp_path / "fields" / f"speed={v}.vtu") for v in (0.02, 1 / 3)])
+    root = ElementTree.parse(tmp_path / "fields.pvd").getroot()
+    assert (root.tag, root.get("type")) == ("VTKFile", "Collection")
+    members = {float(member.get("timestep")): member.get("file") for member in root.iter("DataSet")}
+    assert members == {0.02: "fields/speed=0.02.vtu", 1 / 3: "fields/speed=0.3333333333333333.vtu"}
+
+
+def test_series_of_files_elsewhere_is_refused_and_nothing_written(tmp_path):
+    with pytest.raises(ValueError, match="is not in the subpath"):
+        write_pvd(tmp_path / "a" / "fields.pvd", [(0.02, tmp_path / "b" / "speed=0.02.vtu")])
+    assert names(tmp_path) == []
+
+
 # whose directory
 
 
@@ -305,6 +328,27 @@ def test_directory_as_a_mark_is_refused(tmp_path):
     (tmp_path / MARK).mkdir()
     with pytest.raises(ResultsError, match="Is a directory; give another --out"):
         claim(tmp_path, "abc")
+
+
+def fail_in(directory, scene_hash, result=None):
+    with claimed(directory, scene_hash) as place:
+        if result:
+            (place / result).write_text("whole")
+        raise ZeroDivisionError
+
+
+def test_claim_of_a_run_that_wrote_nothing_is_given_back(tmp_path):
+    with pytest.raises(ZeroDivisionError):
+        fail_in(tmp_path, "abc")
+    with claimed(tmp_path, "xyz") as directory:
+        assert (directory / MARK).read_text() == "xyz\n"
+
+
+def test_claim_of_a_run_that_wrote_something_stays(tmp_path):
+    with pytest.raises(ZeroDivisionError):
+        fail_in(tmp_path, "abc", "laws.csv")
+    with pytest.raises(ResultsError, match="another scene"):
+        claim(tmp_path, "xyz")
 
 
 def test_empty_mark_is_another_scene(tmp_path):

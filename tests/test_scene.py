@@ -300,6 +300,16 @@ def test_a_refused_change_is_not_blamed_on_a_line_of_the_file(published):
             "loveikin.toml:7: machine.weight: weight / mass is 8.33333 m/s2, expected 9.5 to 10.5; "
             "is one of the two in other units?",
         ),
+        (
+            {"machine.rolling": "driven", "machine.roller_torque": 5.0, "accuracy.engine": "spectral"},
+            'loveikin.toml (changed by the caller): machine.rolling: the engine "spectral" lets a driven roller slip '
+            'all over, whatever its torque; "fem" lets it stick',
+        ),
+        (
+            {"machine.roller_torque": -5.0},
+            'loveikin.toml:26: machine.rolling: the engine "formula" takes no account of machine.roller_torque; '
+            '"fem" does',
+        ),
     ],
 )
 def test_the_unusual_is_advised_against_but_not_refused(published, change, advice):
@@ -344,9 +354,9 @@ def test_a_scene_without_any_crank_needs_no_rod():
 # (g) refusals: old text, new text, the line blamed (the new text's if None), words
 
 
-def refused(name, old, new, *words, at=None):
+def refused(name, old, new, *words, at=None, also=("", "")):
     """The published scene with `old` made `new`; the mistake blamed on the line of `at`, or of `new`, has the words."""
-    text = edited(old, new)
+    text = edited(old, new, edited(*also))
     line = text[: text.index(at or new)].count("\n") + 1
     return pytest.param(text, line, words, id=name)
 
@@ -546,7 +556,7 @@ BROKEN = [
         "unknown output",
         '"figures", "cams"',
         '"figure", "cams"',
-        "output.wanted[1]: must be one of tables, figures, cams, reactions, crank, got 'figure'; did you "
+        "output.wanted[1]: must be one of tables, figures, cams, reactions, crank, fields, got 'figure'; did you "
         "mean 'figures'?",
     ),
     refused(
@@ -719,6 +729,49 @@ BROKEN = [
         "cam.breadth: must be greater than motion.stroke = 0.4 m, got 0.4; give a broader cam",
     ),
     refused(
+        "torque on a roller that does not turn",
+        'rolling = "free"',
+        'roller_torque = 5.0\nrolling = "sliding"',
+        'machine.roller_torque: is for machine.rolling "free" or "driven", got 5 with "sliding"; take it out',
+        at="roller_torque",
+    ),
+    refused(
+        "bearings that drive",
+        'rolling = "free"',
+        'roller_torque = 5.0\nrolling = "free"',
+        'machine.roller_torque: must not be positive for a "free" roller, which bearings only brake, got 5; give -5',
+        at="roller_torque",
+    ),
+    refused(
+        "roller driven by nothing",
+        'rolling = "free"  ',
+        'rolling = "driven"',
+        'machine.roller_torque: is missing, and the engine "fem" rolls a "driven" roller by it; give the torque on one',
+        at="[machine]",
+        also=('engine = "formula"', 'engine = "fem"'),
+    ),
+    refused(
+        "roller in the base",
+        "[accuracy]",
+        "[contact]\nindentation = 0.22\n[accuracy]",
+        "contact.indentation: must be below product.height = 0.22 m, got 0.22; the base of the mould lies there",
+        at="indentation = 0.22",
+    ),
+    refused(
+        "roller that does not touch",
+        "[accuracy]",
+        "[contact]\nload = 0.0\n[accuracy]",
+        "contact.load: must be positive, got 0.0; give the normal force on one roller in N (at zero the roller does "
+        "not touch the layer)",
+        at="load = 0.0",
+    ),
+    refused(
+        "fields of a formula",
+        '"figures", "cams"',
+        '"fields", "cams"',
+        'output.wanted: holds "fields", which accuracy.engine = "formula" does not compute; take it out or choose',
+    ),
+    refused(
         "law twice",
         'laws = ["all"]',
         'laws = ["cubic", "crank", "cubic"]',
@@ -786,6 +839,47 @@ BROKEN = [
         "other: unknown table at the top of the file, before any table, got a table; take it out, or choose from",
     ),
 ]
+
+
+PLIES = "plies = [ { thickness = 0.16, stiffness = 2.0 }, { thickness = 0.06, stiffness = 1.0 } ]"
+
+
+def with_plies(plies=PLIES, engine="fem"):
+    text = PUBLISHED.replace('engine = "formula"', f'engine = "{engine}"')
+    return text.replace('base = "bonded"', f'base = "bonded"\n{plies}', 1)
+
+
+def test_plies_are_read_from_either_form_of_table():
+    tables = "".join(f"[[layer.plies]]\nthickness = {d}\nstiffness = {c}\n" for d, c in ((0.16, 2.0), (0.06, 1.0)))
+    scene = parse_scene(with_plies())
+    assert [(ply.thickness, ply.stiffness) for ply in scene.layer.plies] == [(0.16, 2.0), (0.06, 1.0)]
+    assert parse_scene(with_plies("") + tables) == scene
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (with_plies(PLIES.replace("0.06", "0.05")), "layer.plies: must be product.height = 0.22 m thick together, got"),
+        (with_plies(PLIES.replace("0.06", "-0.06")), "layer.plies[1].thickness: must be positive, got -0.06; give the"),
+        (with_plies(PLIES.replace("2.0", '"hard"')), "layer.plies[0].stiffness: must be a number, got 'hard'; give"),
+        (with_plies(PLIES.replace("2.0", "1" + "0" * 400)), "layer.plies[0].stiffness: must be finite and below"),
+        (with_plies(PLIES.replace("0.06", "1" + "0" * 308)), "0.22 m thick together, got 1e+308; change one"),
+        (with_plies(PLIES.replace("stiffness = 1.0", "E = 1")), "layer.plies[1].stiffness: is missing; give the"),
+        (with_plies(PLIES.replace("stiffness", "stiffnes")), "unknown key in [layer.plies], got 2.0; did you mean"),
+        (with_plies("plies = [0.22]"), "layer.plies[0]: must be a table, got 0.22; write { thickness = …, stiff"),
+        (with_plies("plies = 0.22"), "layer.plies: must be a list, got 0.22; give the plies from the base upwards"),
+        (with_plies("plies = []"), "layer.plies: must have at least 1 entry, got 0; give the plies"),
+        (with_plies(engine="formula"), 'no plies in accuracy.engine "formula", got 2; choose "spectral" or "fem"'),
+    ],
+    ids=[
+        *("sum", "negative", "text", "monstrous", "too-thick", "missing", "unknown", "entry", "list", "none"),
+        "engine",
+    ],
+)
+def test_plies_are_refused_where_they_stand(text, words):
+    mistakes = mistakes_of(text)
+    assert any(words in mistake for mistake in mistakes), mistakes
+    assert all(":" in mistake.removeprefix(FILE)[:5] for mistake in mistakes)  # the line is told
 
 
 def mistakes_of(text, file=FILE):
