@@ -6,6 +6,7 @@ Heavy modules are imported inside the commands, so that help answers at once.
 import os
 import sys
 import warnings
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,10 +14,24 @@ from cyclopts import App, CycloptsError, Parameter
 
 from compact.results import ResultsError
 
-Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
-Changes = Annotated[tuple[str, ...], Parameter(name="--set", negative="")]
 DONE, COULD_NOT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 BAR_AFTER = 2.0  # seconds before a progress bar shows
+LONGEST, KEPT = 1000, 400  # characters of a message; of a longer one, kept of its beginning and of its end
+
+# options that several commands share
+ScenePath = Annotated[Path, Parameter(help="the scene, a TOML file")]
+Engine = Annotated[
+    Literal["formula", "column", "spectral", "fem", "compaction"] | None,
+    Parameter(help="contact engine in place of the scene's"),
+]
+Changes = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--set", negative="", help="change a key of the scene, such as mix.moisture=0.11; as often as needed"
+    ),
+]
+Force = Annotated[bool, Parameter(help="overwrite the results of another scene")]
+Quiet = Annotated[bool, Parameter(help="say nothing but errors")]
 
 app = App(
     name="compact",
@@ -63,7 +78,10 @@ def _told(arguments):
 
 
 def _say(message, code):
-    print(f"compact: {message}", file=sys.stderr)
+    text = str(message)
+    if len(text) > LONGEST:  # a history: how it began and how it ended
+        text = f"{text[:KEPT]} ... {text[-KEPT:]}"
+    print(f"compact: {text}", file=sys.stderr)
     return code
 
 
@@ -96,38 +114,30 @@ def new(directory: Path, /):
 
 @app.command
 def run(
-    scene: Path,
+    scene: ScenePath,
     /,
     *,
     out: Path | None = None,
-    engine: Engine | None = None,
+    engine: Engine = None,
     tolerance: float | None = None,
     changes: Changes = (),
-    force: bool = False,
-    quiet: bool = False,
+    force: Force = False,
+    quiet: Quiet = False,
 ):
     """Do the main job: resistance, every law, forces, ranking, cams, tables and figures.
 
     Parameters
     ----------
-    scene
-        the scene, a TOML file
     out
         directory for the results; out/NAME OF THE SCENE unless given
-    engine
-        contact engine in place of the scene's
     tolerance
         relative error asked for in place of the scene's
-    changes
-        change a key of the scene, such as mix.moisture=0.11; as often as needed
-    force
-        overwrite the results of another scene
-    quiet
-        say nothing but errors
     """
     from compact import report
 
-    study, bar = _study(scene, quiet, engine, tolerance, changes=changes)
+    bar = _bar(quiet)
+    study = _study(scene, quiet, engine, tolerance, changes=changes, step=partial(_advance, bar))
+    bar.total = study.steps
     directory = out or Path("out") / scene.stem
     with bar:
         report.write(study, directory, force)
@@ -138,44 +148,35 @@ def run(
 
 @app.command
 def roll(
-    scene: Path,
+    scene: ScenePath,
     /,
     *,
     speed: float | None = None,
-    engine: Engine | None = None,
+    engine: Engine = None,
     out: Path | None = None,
     changes: Changes = (),
-    force: bool = False,
-    quiet: bool = False,
+    force: Force = False,
+    quiet: Quiet = False,
 ):
-    """Compute one contact of roller and layer: load, resistance, edges, pressure.
+    """Compute one contact of roller and layer: load, resistance, edges, pressure, fields.
 
     Parameters
     ----------
-    scene
-        the scene, a TOML file
     speed
         of the cart in m/s; its mean speed unless given
-    engine
-        contact engine in place of the scene's
     out
-        directory for the results; out/NAME OF THE SCENE-contact unless given
-    changes
-        change a key of the scene, such as machine.rolling='frictionless'; as often as needed
-    force
-        overwrite the results of another scene
-    quiet
-        say nothing but errors
+        directory for the results; out/NAME OF THE SCENE-ENGINE unless given
     """
     from compact import engine as engines
     from compact import report
-    from compact.results import claim
+    from compact.results import claimed
 
-    study, _ = _study(scene, quiet, engine, changes=changes)
+    study = _study(scene, quiet, engine, changes=changes)
     speed = speed if speed is not None else study.scene.motion.stroke / study.scene.motion.duration
-    rolled = engines.roll(study.scene, study.mix, speed)
-    directory = claim(out or Path("out") / f"{scene.stem}-contact", study.scene.hash, force)
-    report.write_contact(directory, study, speed, rolled)
+    place = out or Path("out") / f"{scene.stem}-{study.scene.accuracy.engine}"
+    with claimed(place, study.scene.hash, force) as directory:
+        rolled = engines.roll(study.scene, study.mix, speed)
+        report.write_contact(directory, study, speed, rolled)
     if not quiet:
         print(report.contact_digest(study, speed, rolled))
         print(f"\nresults: {directory}")
@@ -183,38 +184,77 @@ def roll(
 
 @app.command
 def cam(
-    scene: Path,
+    scene: ScenePath,
     /,
     *,
     law: str,
     follower: Literal["pointed", "roller", "flat"] = "roller",
     out: Path | None = None,
-    quiet: bool = False,
+    quiet: Quiet = False,
 ):
     """Make the cam of constant breadth for one law: its profile as CSV, its sizes on the screen.
 
+    The scene needs a table [cam].
+
     Parameters
     ----------
-    scene
-        the scene, a TOML file with a table [cam]
     law
         name of the motion law
     follower
         what runs on the cam
     out
         the CSV file; out/cam-LAW-FOLLOWER.csv unless given
-    quiet
-        say nothing but errors
     """
     from compact import report
 
-    study, _ = _study(scene, quiet, laws=(law,))
+    study = _study(scene, quiet, laws=(law,))
     path = out or Path("out") / f"cam-{law}-{follower}.csv"
     made = study.cam(law, follower)
     report.write_cam(path, made)
     if not quiet:
         print(report.cam_digest(law, made))
         print(f"\nprofile: {path}")
+
+
+@app.command
+def calibrate(
+    scene: ScenePath,
+    measured: Path,
+    /,
+    *,
+    fit: tuple[Literal["heckel_slope", "fed_density_ratio"], ...] = ("heckel_slope", "fed_density_ratio"),
+    engine: Literal["column"] = "column",
+    out: Path | None = None,
+    changes: Changes = (),
+    quiet: Quiet = False,
+):
+    """Fit Heckel's slope and the fed density of a scene to what its plant has measured.
+
+    Parameters
+    ----------
+    measured
+        TOML or CSV of measured load, resistance and exit density
+    fit
+        what is fitted; at most as many as there are data
+    engine
+        contact engine of every trial
+    out
+        the JSON file; out/NAME OF THE SCENE-calibration.json unless given
+    """
+    from compact import calibrate as calibration
+    from compact.measurements import read
+    from compact.results import write_json
+
+    readings = read(measured)
+    found = calibration.calibrate(_scene(scene, quiet, changes), readings, engine, fit)
+    path = out or Path("out") / f"{scene.stem}-calibration.json"
+    write_json(path, calibration.summary(found))
+    if not quiet:
+        print(calibration.digest(found))
+        print(
+            f"\nfor the scene: --set mix.overrides.heckel_slope={found.heckel_slope:.6g} "
+            f"--set layer.fed_density_ratio={found.fed_density_ratio:.6g}\nresults: {path}"
+        )
 
 
 @app.command
@@ -231,27 +271,34 @@ def check():
     return DONE
 
 
-def _study(path, quiet, engine=None, tolerance=None, laws=None, changes=()):
-    """The study of a scene file, and the bar that counts its stages."""
-    from tqdm import tqdm
-
-    from compact.scene import load_scene
+def _study(path, quiet, engine=None, tolerance=None, laws=None, changes=(), step=lambda stage: None):
+    """The study of a scene file with some of its keys changed."""
     from compact.study import Study
 
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance, "motion.laws": laws}
-    asked |= dict(_change(change) for change in changes)
+    return Study(_scene(path, quiet, changes, asked), step)
+
+
+def _scene(path, quiet, changes=(), asked=()):
+    """The scene of a file with some of its keys changed; its advice is told."""
+    from compact.scene import load_scene
+
+    asked = dict(asked) | dict(_change(change) for change in changes)
     scene = load_scene(path, **{key: value for key, value in asked.items() if value is not None})
     for sentence in scene.advice if not quiet else ():
         print(f"compact: advice: {sentence}", file=sys.stderr)
-    bar = tqdm(disable=quiet or not sys.stderr.isatty(), delay=BAR_AFTER, unit=" steps", leave=False)
+    return scene
 
-    def step(stage):
-        bar.set_description(stage, refresh=False)
-        bar.update()
 
-    study = Study(scene, step)
-    bar.total = study.steps
-    return study, bar
+def _bar(quiet):
+    from tqdm import tqdm
+
+    return tqdm(disable=quiet or not sys.stderr.isatty(), delay=BAR_AFTER, miniters=1, unit=" steps", leave=False)
+
+
+def _advance(bar, stage):
+    bar.set_description(stage, refresh=False)
+    bar.update()
 
 
 def _change(text):

@@ -1,6 +1,7 @@
 """The command from outside: exit codes 0 done, 1 could not, 2 bad input; no traceback; nothing half-written."""
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -68,8 +69,32 @@ def test_roll_by_finite_elements_writes_the_fields_of_a_free_roller(tmp_path):
     done = compact("roll", SMALL, "--engine", "fem", "--out", tmp_path / "contact")
     assert done.returncode == 0, done.stderr
     assert {path.name for path in (tmp_path / "contact").iterdir()} == {
-        "contact.json", "fields.png", "fields.vtu", "pressure.csv", "pressure.png", "scene.hash",
+        "contact.json", "fields", "fields.png", "fields.pvd", "pressure.csv", "pressure.png", "scene.hash",
     }  # fmt: skip
+    assert [path.name for path in (tmp_path / "contact" / "fields").iterdir()] == ["speed=0.13333333333333333.vtu"]
+    assert re.search(r"error of the load \d\.\de-\d\d, of the resistance \d\.\de-\d\d\n", done.stdout)
+    assert re.search(r"energy balance closes to \d\.\de-\d\d; iterations: \d+\n", done.stdout)
+
+
+def test_contact_that_does_not_settle_tells_how_it_ended_and_leaves_nothing(tmp_path):
+    deep = ("--engine", "fem", "--set", "contact.indentation=0.1")
+    told = compact("roll", SMALL, *deep, "--out", tmp_path / "contact")
+    assert told.returncode == 1
+    assert re.search(r"fem at 0.133333 m/s: contact edges did not settle: .*\(-0\.\d+, .* \.\.\. .*\)\]$", told.stderr)
+    assert len(told.stderr) < 1000
+    assert list((tmp_path / "contact").iterdir()) == []
+
+
+def test_refused_run_does_not_lock_its_directory(tmp_path):
+    assert compact("run", SMALL, "--engine", "spectral", "--out", tmp_path / "out").returncode == 2
+    assert compact("run", SMALL, "--set", "output.wanted=[]", "--out", tmp_path / "out").returncode == 0
+
+
+def test_each_engine_has_its_own_place_for_a_contact(tmp_path):
+    plain = ("--set", "machine.profile=circle", "--set", "machine.rolling=frictionless")
+    for engine in ("formula", "spectral"):
+        assert compact("roll", SMALL, "--engine", engine, *plain, cwd=tmp_path).returncode == 0
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"small-formula", "small-spectral"}
 
 
 def test_check_finds_our_side_unchanged():
