@@ -1,9 +1,10 @@
 """How fast is each method, against a plain baseline timed in the same run?
 
 Ratios count, seconds belong to the machine. Formulas: points per second over arrays in which every argument varies.
-Layers: error against tolerance and time of the spectral and the finite-element engine (goals 30 and 300 ms a speed).
-Laws: position to snap at many instants against one numpy.polyval of the law's degree per derivative. Peaks: error of
-sampling a law at n instants against the roots that `peaks` solves for. Command: whole processes.
+Layers: error against tolerance and time of the spectral and the finite-element engine; what a first speed, a further
+one and twenty cost by finite elements; and the plain direct solve that anybody would write, on the same mesh. Laws:
+position to snap at many instants against one numpy.polyval of the law's degree per derivative. Peaks: error of sampling
+a law at n instants against the roots that `peaks` solves for. Command: whole processes.
 """
 
 import resource
@@ -14,13 +15,20 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from scipy.sparse.linalg import splu
+from skfem import Basis, ElementQuad2, ElementVector, LinearForm, MeshQuad, asm
+from skfem.helpers import ddot, eye, sym_grad, trace
+from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from compact import contact, fem, spectral
+from compact import compliance, contact, fem, spectral
 from compact.material import Viscoelastic
 from compact.motion import law
 from compact.records import Layer, Roller
 
 SCENE = Path(__file__).parent / "scenes" / "loveikin-2015.toml"
+LAYER, MIX = Layer(0.22), Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))  # that of the published machine
+PRESSED = Roller(0.11, indentation=0.003)
+TARGETS = ({"indentation": 0.003}, {"load": 15e3}, {"peak_pressure": 0.7e6})
 LAW_DEGREES = {"quintic": 5, "septic": 7, "reversal-4": 7, "combined-4": 7}
 
 
@@ -94,15 +102,13 @@ def peaks(samples, repeats):
 def layer_engines(settings, repeats):
     """(engine, tolerance, worst true relative error of the resistance, mean seconds a speed) over ten speeds.
 
-    The layer of the published machine, E(t) = 10 + 10 exp(-t/0.1 s) MPa, 3 mm deep; the judge is the spectral engine
-    at a tolerance of 1e-8. Finite elements pay for a mesh once, which the first of the repeats does.
+    The judge is the spectral engine at a tolerance of 1e-8. Finite elements pay for a mesh once, which the first of the
+    repeats does.
     """
-    layer, roller = Layer(0.22), Roller(0.11, indentation=0.003)
-    mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
     velocities = np.geomspace(0.003, 3, 10)
 
     def resistances(engine, **numerics):
-        return np.array([engine.roll(layer, roller, mix, v, **numerics).resistance for v in velocities])
+        return np.array([engine.roll(LAYER, PRESSED, MIX, v, **numerics).resistance for v in velocities])
 
     exact = resistances(spectral, rtol=1e-8)
     rows = []
@@ -112,6 +118,96 @@ def layer_engines(settings, repeats):
         seconds = fastest(lambda e=engine, k=keyword, t=tolerance: resistances(e, **{k: t}), repeats) / len(velocities)
         rows.append((name, tolerance, float(np.abs(found / exact - 1).max()), seconds))
     return rows
+
+
+def speeds_in_a_row(count, targets=TARGETS):
+    """(target, seconds of the first speed on a new mesh, of a further one, of all of them, peak memory [MB])."""
+    rows = []
+    for target in targets:
+        compliance.stiffness.cache_clear()
+        compliance.condensed.cache_clear()
+        seconds = []
+        for velocity in np.geomspace(0.003, 3, count):
+            start = perf_counter()
+            fem.roll(LAYER, Roller(0.11, **target), MIX, velocity)
+            seconds.append(perf_counter() - start)
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        rows.append((next(iter(target)), seconds[0], float(np.median(seconds[1:])), sum(seconds), memory))
+    return rows
+
+
+def against_plain(tolerances, velocity=0.3):
+    """(tolerance, unknowns, errors of the resistance of fem and of `plain_roll`, their seconds) on the mesh of fem.
+
+    Seconds of fem come twice: with set-up, and for a further speed.
+    """
+    exact = spectral.roll(LAYER, PRESSED, MIX, velocity, rtol=1e-8).resistance
+    rows = []
+    for tolerance in tolerances:
+        compliance.stiffness.cache_clear()
+        compliance.condensed.cache_clear()
+        start = perf_counter()
+        rolled = fem.roll(LAYER, PRESSED, MIX, velocity, tolerance=tolerance)
+        first = perf_counter()
+        fem.roll(LAYER, PRESSED, MIX, velocity, tolerance=tolerance)
+        further = perf_counter()
+        plain = plain_roll(rolled.mesh, PRESSED, MIX, velocity)
+        seconds = first - start, further - first, perf_counter() - further
+        errors = abs(rolled.resistance / exact - 1), abs(plain / exact - 1)
+        rows.append((tolerance, rolled.mesh.dofs, *map(float, errors), *seconds))
+    return rows
+
+
+def plain_roll(rows, roller, mix, speed):
+    """Resistance of a bonded layer [N/m], frictionless, parabola: nodes that touch, and strains that are remembered.
+
+    Stress is C (e + s (e - z)) with the strain z that the one branch remembers, v tau dz/dx = z - e. Instant stiffness
+    on the left, stress of s z on the right, in turn until the surface rests; a sparse LU for each set of nodes.
+    """
+    ((share, _),), (lam, mu) = mix.branches, lame_parameters(mix.youngs_modulus, mix.poisson)
+    mesh = MeshQuad(np.ascontiguousarray(rows.points.T), np.ascontiguousarray(rows.quads.T))
+    basis = Basis(mesh, ElementVector(ElementQuad2()), intorder=4)
+    K = ((1 + share) * asm(linear_elasticity(lam, mu), basis)).tocsc()
+    base = basis.get_dofs(lambda x: x[1] < 1e-9).all()
+    top = basis.get_dofs(lambda x: x[1] > rows.height * (1 - 1e-9)).all("u^2")
+    x = basis.doflocs[0, top]
+    depth, remember = roller.indentation - x**2 / (2 * roller.radius), plain_memory(basis, rows, mix, speed)
+    stress = LinearForm(lambda v, w: share * ddot(lam * eye(trace(w.z), 2) + 2 * mu * w.z, sym_grad(v)))
+    touching, solve, u, moved = depth > roller.indentation / 2, None, np.zeros(basis.N), np.inf
+    while moved > 1e-6 * roller.indentation:
+        force, before, settled = asm(stress, basis, z=remember(u)), u, False
+        while not settled:
+            if solve is None:
+                free = np.setdiff1d(np.arange(basis.N), np.concatenate([base, top[touching]]))
+                solve = splu(K[free][:, free]).solve
+            u = np.zeros(basis.N)
+            u[top[touching]] = -depth[touching]
+            u[free] = solve((force - K @ u)[free])
+            reaction = (force - K @ u)[top]
+            pressed = np.where(touching, reaction > 0, -u[top] < depth)
+            settled = np.array_equal(pressed, touching)
+            touching, solve = pressed, solve if settled else None
+        moved = np.abs(u - before).max()
+    return float(reaction @ x / roller.radius)
+
+
+def plain_memory(basis, rows, mix, speed):
+    """z of displacements u at the quadrature points, with e piecewise linear along their lines."""
+    x, y = np.asarray(basis.global_coordinates()).reshape(2, -1)
+    lines = np.lexsort((-x, np.round(y / rows.height, 9))).reshape(3 * rows.shape[0], -1)  # downstream
+    steps = -np.diff(x[lines], axis=1) / (speed * mix.branches[0][1])
+    decay, newer = np.exp(-steps), 1 + np.expm1(-steps) / steps
+
+    def remember(u):
+        gradient = np.asarray(basis.interpolate(u).grad)
+        strain = ((gradient + gradient.swapaxes(0, 1)) / 2).reshape(4, -1)
+        z = strain.copy()
+        for k, (old, new) in enumerate(zip(lines.T[:-1], lines.T[1:], strict=True)):
+            gained = (1 - decay[:, k] - newer[:, k]) * strain[:, old] + newer[:, k] * strain[:, new]
+            z[:, new] = decay[:, k] * z[:, old] + gained
+        return z.reshape(gradient.shape)
+
+    return remember
 
 
 def commands(repeats):
@@ -130,28 +226,53 @@ def commands(repeats):
     return seconds, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
 
 
-SETTINGS = tuple(("spectral", 10.0**-n) for n in (3, 4, 5, 6)) + tuple(("fem", error) for error in (1e-2, 3e-3, 1e-3))
+SETTINGS = (
+    *(("spectral", error) for error in (1e-3, 1e-4, 1e-5, 1e-6)),
+    *(("fem", error) for error in (1e-2, 5e-3, 2e-3, 5e-4)),
+)
 
 
-def main(points=1_000_000, repeats=5, samples=(100, 1000, 10_000, 100_000), settings=SETTINGS, out=None):
+def main(
+    points=1_000_000,
+    repeats=5,
+    samples=(100, 1000, 10_000, 100_000),
+    settings=SETTINGS,
+    speeds=20,
+    plain=(5e-3, 2e-3),
+    out=None,
+):
     """All figures; `out` names a directory for speed.csv."""
-    seconds, memory = commands(max(1, repeats // 3))
+    seconds, memory = commands(max(1, repeats // 3))  # first, as a child starts with the memory of its parent
+    in_a_row = speeds_in_a_row(speeds)  # next, while the peak of memory is its own
     result = {
         "formulas": formulas(points, repeats),
         "laws": laws(points, repeats),
         "peaks": peaks(samples, repeats),
         "layers": layer_engines(settings, max(1, repeats // 2)),
+        "in a row": in_a_row,
+        "plain": against_plain(plain),
         "commands": seconds,
         "memory": memory,
     }
     if out:
         from compact.results import write_csv
 
-        rows = [(f"eq {name}", rate, "points/s") for name, rate in result["formulas"].items()]
-        rows += [(f"law {name}", ratio, "of numpy.polyval") for name, ratio in result["laws"].items()]
-        rows += [(name, value, "s") for name, value in seconds.items()]
-        write_csv(Path(out) / "speed.csv", ("what", "value", "unit"), rows)
+        write_csv(Path(out) / "speed.csv", ("what", "value", "unit"), table(result))
     return result
+
+
+def table(result):
+    """(what, value, unit) of the figures, for speed.csv."""
+    rows = [(f"eq {name}", rate, "points/s") for name, rate in result["formulas"].items()]
+    rows += [(f"law {name}", ratio, "of numpy.polyval") for name, ratio in result["laws"].items()]
+    for target, first, further, whole, _ in result["in a row"]:
+        rows += [(f"fem {target} {name}", value, "s") for name, value in zip(ROW, (first, further, whole), strict=True)]
+    for tolerance, _, _, _, _, further, seconds in result["plain"]:
+        rows.append((f"plain direct solve at {tolerance:g}", seconds / further, "of a further speed of fem"))
+    return rows + [(name, value, "s") for name, value in result["commands"].items()]
+
+
+ROW = ("first speed", "further speed", "all speeds")
 
 
 def show(result):
@@ -163,7 +284,18 @@ def show(result):
     for count, error, ratio in result["peaks"]:
         print(f"peak by {count:>6} samples: error {error:.1e}, {ratio:7.3f} x the time of the exact roots")
     for engine, tolerance, error, seconds in result["layers"]:
-        print(f"{engine:<9} asked {tolerance:.0e}: error {error:.1e}, {seconds * 1e3:6.1f} ms a speed")
+        goal = {"spectral": 30, "fem": 300}[engine]
+        print(f"{engine:<9} asked {tolerance:.0e}: error {error:.1e}, {seconds * 1e3:6.1f} ms a speed   (goal {goal})")
+    for target, first, further, whole, memory in result["in a row"]:
+        print(
+            f"fem, {target}: first speed {first:.2f} s (goal 1), a further one {further:.2f} s (goal 0.3), "
+            f"all {whole:.1f} s (goal 8), peak memory so far {memory:.0f} MB (goal 500)"
+        )
+    for tolerance, unknowns, ours, theirs, first, further, seconds in result["plain"]:
+        print(
+            f"plain direct solve, {unknowns} unknowns: error {theirs:.1e}, {seconds:.1f} s; fem asked {tolerance:.0e}: "
+            f"error {ours:.1e}, a first speed {seconds / first:.0f} x faster, a further one {seconds / further:.0f} x"
+        )
     for name, value in result["commands"].items():
         print(f"{name:<16}{value:7.3f} s")
     print(f"peak memory     {result['memory']:7.0f} MB   (goal 300)")

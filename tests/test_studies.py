@@ -16,22 +16,31 @@ def study(name):
 
 
 def test_every_study_has_a_test():
-    tested = {"speed_against_error", "formula_ranking", "formula_against_fem"}
+    tested = {"speed_against_error", "formula_ranking", "formula_against_fem", "operating_point"}
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
 
 
 def test_speed_against_error_measures_every_formula_and_sampling_converges(capsys, tmp_path):
     module = study("speed_against_error")
     result = module.main(
-        points=1000, repeats=1, samples=(101, 1001), settings=[("spectral", 1e-4), ("fem", 3e-3)], out=tmp_path
+        points=1000,
+        repeats=1,
+        samples=(101, 1001),
+        settings=[("spectral", 1e-4), ("fem", 3e-3)],
+        speeds=2,
+        plain=(1e-2,),
+        out=tmp_path,
     )
     module.show(result)
     assert list(result["formulas"]) == [f"1.{i}" for i in range(1, 11)]
     (_, coarse, _), (_, fine, _) = result["peaks"]
     assert all(error <= tolerance for _, tolerance, error, _ in result["layers"])
     assert fine < coarse / 20  # a smooth top: the error of sampling falls with the square of the step
+    assert [target for target, *_ in result["in a row"]] == ["indentation", "load", "peak_pressure"]
+    ((_, _, ours, theirs, *_),) = result["plain"]
+    assert max(ours, theirs) < 1e-2  # a layer solved without any of our own assembly, streamlines or contact
     assert "goal 10" in capsys.readouterr().out
-    assert (tmp_path / "speed.csv").read_text().count("\n") == 1 + 10 + 4 + 3
+    assert (tmp_path / "speed.csv").read_text().count("\n") == 1 + 10 + 4 + 9 + 1 + 3
 
 
 def test_formula_ranking_scales_the_resistance_with_the_mix():
@@ -59,3 +68,14 @@ def test_figure_of_the_formulas_is_drawn(tmp_path):
     study("formula_against_fem").main(moistures=(0.1,), density_ratios=(0.98,), radii=(0.09, 0.11), out=tmp_path)
     assert (tmp_path / "formula_against_fem.png").stat().st_size > 10_000
     assert len((tmp_path / "formula_against_fem.csv").read_text().splitlines()) == 1 + 2 * 4
+
+
+def test_operating_point_needs_compaction():
+    before, after = study("operating_point").main(engines=("column",))
+    (_, _, _, load, coefficient, cart, *_), (_, slope, fed, *_) = before
+    assert (load, coefficient, cart) == pytest.approx((9740, 0.178961, 3562), rel=1e-4)  # eq 1.8 is fitted to it
+    assert (slope, fed) == pytest.approx((13e-6, 0.94))
+    ((_, slope, fed, load, coefficient, cart, *_),) = after
+    assert (load, coefficient) == pytest.approx((9740, 0.179), rel=1e-6)
+    assert cart == pytest.approx(2 * 9740 * 0.179 + 0.008 * 9480, rel=1e-6)
+    assert (slope, fed) == pytest.approx((13.995e-6, 0.93444), rel=1e-4)
