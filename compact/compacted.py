@@ -1,0 +1,173 @@
+"""What rolling over compacting mix gives: forces, contact, the mix that leaves, and whether the numbers may be trusted.
+
+mass    sum of J k dY of the column that leaves = sum of k dY of the column that was fed
+work    resistance = sum of W dY + int t (slip velocity) dx/v,    W = int J sigma : d strain of the mix that leaves
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from compact import cap
+from compact.frame import Fed
+from compact.records import Layer, Rolled, Roller
+from compact.solid import STATE
+
+
+@dataclass(frozen=True)
+class CompactionRolled(Rolled):
+    """A `Rolled` over compacting mix.
+
+    indentation : fed height less that of the lowest generatrix [m]
+    exit : mix that leaves, by rows from the base up, a `Fed` for the next pass;  exit_height : its surface [m]
+    exit_density_ratio : its mean over the height;  spring_back : rise behind the lowest generatrix [m]
+    bow_wave : rise of the surface in front of the roller above the fed height [m]
+    peak_density_ratio : the largest anywhere;  over_pressed : it is more than 1
+    mass_residual, equilibrium_residual : relative;  yield_residual : largest stress beyond the cap over its pressure
+    steps : of the march, a tuple of `Step`;  march : its last state, from which a neighbour starts
+    """
+
+    indentation: float = 0.0
+    exit: Fed | None = None
+    exit_height: float = 0.0
+    exit_density_ratio: float = 0.0
+    spring_back: float = 0.0
+    bow_wave: float = 0.0
+    peak_density_ratio: float = 0.0
+    mass_residual: float = 0.0
+    equilibrium_residual: float = 0.0
+    yield_residual: float = 0.0
+    steps: tuple = ()
+    march: object = None
+    layer: Layer | None = None
+    roller: Roller | None = None
+    material: object = None
+    speed: float = 0.0
+
+    @property
+    def over_pressed(self):
+        """Whether the mix passes full density somewhere, beyond what its law knows."""
+        return self.peak_density_ratio > 1
+
+
+def read(march, layer, roller, material, speed):
+    """The `CompactionRolled` of a `March` that is steady."""
+    frame, condition, last = march.frame, march.condition, march.steps[-1]
+    way = 1.0 if speed > 0 else -1.0
+    x, pressure, trailing, leading = _contact(march)
+    leaving, height, mass = _leaving(march)
+    return CompactionRolled(
+        load=last.load,
+        resistance=way * last.resistance,
+        leading=leading,
+        trailing=trailing,
+        x=x if way > 0 else -x[::-1],
+        pressure=pressure if way > 0 else pressure[::-1],
+        shear_traction=way * march.face.friction * (pressure if way > 0 else pressure[::-1]),
+        work_residual=work_residual(march),
+        peak_pressure=float(pressure.max()),
+        indentation=layer.height - last.lowest,
+        exit=leaving,
+        exit_height=height,
+        exit_density_ratio=float(mass / height),
+        spring_back=height - last.lowest,
+        bow_wave=float(max(march.places[:, 1].max() - layer.height, 0.0)),
+        peak_density_ratio=float(condition.state.density_ratio.max()),
+        mass_residual=float(abs(mass / (frame.row_heights @ frame.fed.state.density_ratio) - 1)),
+        equilibrium_residual=last.residual,
+        yield_residual=_yield_residual(frame.solid, condition.state),
+        steps=march.steps,
+        march=march,
+        layer=layer,
+        roller=roller,
+        material=material,
+        speed=speed,
+    )
+
+
+def fields(rolled):
+    """Displacement, density ratio, plastic work, pressure and stress of a `CompactionRolled`, a meshio mesh of 8-node
+    quadrilaterals on the fed layer as it lies under the roller.
+
+    point data : displacement [m], 3 components
+    cell data, means of the elements : stress (xx, yy, zz, xy, yz, xz) [Pa], tension positive; pressure, of all
+    directions [Pa], compression positive; density_ratio; plastic_work [J/m3]
+    """
+    import meshio
+
+    frame, condition = rolled.march.frame, rolled.march.condition
+    mirror = np.array([1.0 if rolled.speed > 0 else -1.0, 1.0])
+    state, count = condition.state, frame.solid.basis.nelems
+    stress = np.zeros((count, 6))
+    stress[:, :4] = state.stress.reshape(count, -1, 4).mean(axis=1) * [1, 1, 1, mirror[0]]
+    numbers = {name: getattr(state, name).reshape(count, -1).mean(axis=1) for name in ("density_ratio", "plastic_work")}
+    cells = {"stress": stress, "pressure": -stress[:, :3].mean(axis=1), **numbers}
+    return meshio.Mesh(
+        np.pad(frame.nodes * mirror, ((0, 0), (0, 1))),
+        [("quad8", frame.solid.basis.element_dofs.T)],
+        point_data={"displacement": np.pad(condition.displacement * mirror, ((0, 0), (0, 1)))},
+        cell_data={name: [values] for name, values in cells.items()},
+    )
+
+
+def work_residual(march):
+    """What the roller gives less what the mix keeps and what slip takes, over the resistance."""
+    frame, face, (load, resistance) = march.frame, march.face, march.forces()
+    kept = frame.row_heights @ frame.rows(march.condition.work)[:, frame.exit]
+    slip = np.array([1.0, 0.0]) - march.change[frame.surface] / frame.step  # of the roller on the mix, over the speed
+    rubbed = np.sum(face.tangent(march.condition.displacement[frame.surface]) * slip, axis=1)
+    lost = face.friction * np.sum(face.weight * march.push.pressure * rubbed)
+    return float(abs(resistance - kept - lost) / max(abs(resistance), 1e-3 * load))
+
+
+def _contact(march):
+    """x and pressure along the contact, and its edges, half-way to the first node that is free."""
+    touching = np.flatnonzero(march.push.pressure > 0)
+    x, pressure = march.places[:, 0], march.pressure
+    if not len(touching):
+        raise RuntimeError("the roller does not touch the layer")
+    first, last = touching[0], touching[-1]
+    trailing, leading = (x[first - 1] + x[first]) / 2, (x[last] + x[last + 1]) / 2
+    inside = slice(first, last + 1)
+    return (
+        np.concatenate([[trailing], x[inside], [leading]]),
+        np.concatenate([[0.0], pressure[inside], [0.0]]),
+        float(trailing),
+        float(leading),
+    )
+
+
+def _leaving(march):
+    """The mix that leaves as the next `Fed`, unloaded across the layer; its height, and k over the height [m].
+
+    Behind the roller the layer is the same all along x: no stress is left on horizontal planes, and what is there still
+    of the roller's reach unloads elastically at no change of length.
+    """
+    frame, condition = march.frame, march.condition
+    law, state = frame.solid.law, condition.state
+    stress, k, hardened, work = (frame.rows(getattr(state, name))[:, frame.exit] for name in STATE)
+    nu, E = law.poisson, law.unloading_modulus
+    rise = 1 - stress[:, 1] * (1 + nu) * (1 - 2 * nu) / (E * (1 - nu))
+    left = np.zeros_like(stress)
+    left[:, [0, 2]] = stress[:, [0, 2]] - nu / (1 - nu) * stress[:, 1:2]
+    volume = frame.rows(_volume(march))[:, frame.exit] * rise
+    heights = frame.row_heights * volume
+    top = np.cumsum(heights)
+    place = top - heights / 2
+    return Fed(place, cap.State(left, k, hardened, work)), float(top[-1]), float(heights @ k)
+
+
+def _volume(march):
+    """J of the points; of linear kinematics 1 plus the change of area."""
+    solid = march.frame.solid
+    gradient = solid.gradient(march.condition.displacement)
+    if solid.finite:
+        return (1 + gradient[:, 0]) * (1 + gradient[:, 3]) - gradient[:, 1] * gradient[:, 2]
+    return 1 + gradient[:, 0] + gradient[:, 3]
+
+
+def _yield_residual(solid, state):
+    """Largest elastic overshoot beyond the cap: the stress that one more step at rest would give up, over pc."""
+    rest, _ = cap.step(solid.law, state, np.zeros((len(state.stress), 3)), solid.rate_factor, tangent=False)
+    pc = solid.law.yield_pressure(state.hardened) * solid.rate_factor
+    return float((np.abs(rest.stress - state.stress).max(axis=1) / pc).max())

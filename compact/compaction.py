@@ -1,0 +1,258 @@
+"""The engine "compaction": a rigid roller that presses a layer of mix for good, in plane strain and finite strain.
+
+The roller marches (`march`) until the tails of load, resistance and exit density say that it is steady: first on a
+coarse mesh, whose state a finer one takes over, as long as the contact is not resolved. A prescribed load, peak
+pressure or exit density is met by moving the roller up or down as it rolls on. A neighbour (another depth, speed or
+parameter) starts from the last state.
+
+Envelope: frictionless and sliding rollers, bonded and slipping bases. Capture angles up to about 20 degrees get steady
+within two layer heights of travel; beyond, the bow wave grows over several and the march is long, or ends as not
+steady. Mix is refused that would have to leave with k >= 1.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from compact.compacted import CompactionRolled, read
+from compact.frame import Frame, rolling_mesh, transferred
+from compact.march import March, tail
+from compact.material import Compaction
+from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_unknown
+from compact.solid import SUBSTEPS
+
+__all__ = ["CompactionRolled", "roll"]
+
+INCREMENTS = 12  # per contact length sqrt(2 R depth) of the fed mix
+COARSE = 6  # of the first march
+STEADY = 5e-3  # of load, resistance and exit density, what their tails have still to go
+ROUGHLY = 2e-2  # the same on the coarse mesh and on the way to a target
+TARGET = 1e-3  # of a prescribed load, peak pressure or exit density
+LONGEST = 12.0  # layer heights or contact lengths of travel after which a march that is not steady gives up
+TARGETS = 12  # changes of depth
+LARGEST_CHANGE = 1.4  # of the depth at once
+ERROR_SHARE = 0.5  # of the change from the coarser mesh, told as the error
+
+
+def roll(
+    layer,
+    roller,
+    material,
+    speed,
+    *,
+    strain="finite",
+    fed=None,
+    start=None,
+    exit_density_ratio=None,
+    increments=INCREMENTS,
+    steady=STEADY,
+):
+    """One roller in steady motion over a layer of compacting mix, a `CompactionRolled`.
+
+    Parameters
+    ----------
+    layer : Layer; its height is that of the mix as it is fed
+    roller : Roller, "frictionless" or "sliding", every profile; "circle" and "parabola" press vertically
+    material : Compaction
+    speed : along x [m/s], not 0; enters by `material.rate_factor` and its sign
+    strain : "finite", or "small" (fair up to capture angles of 12-15 degrees, reports k low by half a squared strain)
+    fed : `Fed` of an earlier pass, its `exit`; without it mix free of stress at `material.fed_density_ratio`
+    start : CompactionRolled of a neighbour with the same layer and feed, from whose state the roller rolls on
+    exit_density_ratio : mean wanted of the mix that leaves; the indentation of the roller is then a first guess
+    increments : of travel per contact length, and elements
+    steady : relative change of load, resistance and exit density that may be left
+
+    Raises RuntimeError with the step reached where no balance is found or the roller does not get steady.
+    """
+    _refuse(layer, roller, material, speed, strain, exit_density_ratio, fed)
+    refuse_nonpositive(increments=increments, steady=steady)
+    target = _Target(layer, roller, material, exit_density_ratio, fed)
+    with threadpool_limits(1):
+        if start is not None:
+            march = _neighbour(start, layer, roller, material, speed, fed)
+            return read(target.reached(march, steady), layer, roller, material, speed)
+        depth, coarse, march = target.first_depth(), None, None
+        counts = [increments] if increments <= COARSE else [COARSE, increments]
+        for count in counts:
+            coarse = march
+            frame = _frame(layer, roller, material, speed, strain, fed, depth, count, count == increments)
+            march = _march(frame, roller, coarse)
+            target.reached(march, steady if count == increments else max(steady, ROUGHLY), depth)
+            depth = layer.height - march.steps[-1].lowest
+        return _with_error(read(march, layer, roller, material, speed), coarse)
+
+
+def _frame(layer, roller, material, speed, strain, fed, depth, count, last):
+    length = np.sqrt(2 * roller.radius * depth)
+    mesh = rolling_mesh(layer.height, length, length / count)
+    rate = material.rate_factor(speed)
+    substeps = SUBSTEPS if last else 1  # exact enough to start from
+    return Frame(
+        mesh,
+        material,
+        layer.base,
+        length,
+        fed=fed,
+        finite=strain == "finite",
+        rate_factor=rate,
+        substeps=substeps,
+    )
+
+
+def _march(frame, roller, coarse=None):
+    friction = roller.friction if roller.rolling == "sliding" else 0.0
+    march = March(frame, roller.radius, profile=roller.profile, friction=friction)
+    if coarse is not None:
+        march.take_over(coarse, transferred(coarse.condition, coarse.frame, frame))
+    return march
+
+
+def _neighbour(start, layer, roller, material, speed, fed):
+    """The march of a neighbour, on its mesh and from its state."""
+    old = start.march
+    if layer != start.layer or fed is not old.frame.given:
+        raise ValueError("`start` must have rolled over the same `layer` and the same `fed` mix")
+    finite, rate = old.frame.solid.finite, material.rate_factor(speed)
+    frame = Frame(old.frame.mesh, material, layer.base, old.frame.length, fed=fed, finite=finite, rate_factor=rate)
+    march = _march(frame, roller)
+    march.take_over(old, old.condition)
+    return march
+
+
+class _Target:
+    """What is prescribed, and the depth that meets it."""
+
+    def __init__(self, layer, roller, material, exit_density_ratio, fed):
+        self.height, self.roller, self.law = layer.height, roller, material
+        self.fed_mean = material.fed_density_ratio
+        if fed is not None:
+            self.fed_mean = float(np.trapezoid(fed.state.density_ratio, fed.y) / np.ptp(fed.y))
+        self.quantity, self.value = None, None
+        if exit_density_ratio is not None:
+            self.quantity, self.value = "exit_density_ratio", exit_density_ratio
+        elif roller.indentation is None:
+            self.quantity = "load" if roller.load is not None else "peak_pressure"
+            self.value = getattr(roller, self.quantity)
+
+    def first_depth(self):
+        """The indentation, or one that is about right."""
+        if self.roller.indentation is not None:
+            return self.roller.indentation
+        if self.quantity == "peak_pressure":
+            return self.height * self._strain(self.value)
+        # a Hertzian pressure on the front of the contact: 2/3 of its peak over the length
+        depths = np.geomspace(1e-4, 0.2, 60) * self.height
+        strain = np.array([self._pressure(depth / self.height) for depth in depths])
+        loads = 0.7 * strain * np.sqrt(2 * self.roller.radius * depths)
+        return float(np.interp(self.value, loads, depths))
+
+    def _pressure(self, strain):
+        k = self.fed_mean / (1 - strain)
+        return 1.15 * float(self.law.yield_pressure(k))
+
+    def _strain(self, pressure):
+        strains = np.linspace(1e-3, 0.2, 200)
+        return float(np.interp(pressure, [self._pressure(strain) for strain in strains], strains))
+
+    def reached(self, march, steady, depth=None):
+        """The march rolled on until it is steady with the target met; the same march."""
+        depth = self._asked(march, depth)
+        if self.quantity is None:
+            return _until_steady(march, self.height - depth, steady)
+        logs, misses = [], []
+        for _ in range(TARGETS):
+            rough = not misses or abs(misses[-1]) > 10 * TARGET
+            _until_steady(march, self.height - depth, max(steady, ROUGHLY) if rough else min(steady, TARGET / 2))
+            logs.append(np.log(depth))
+            misses.append(self._miss(march))
+            if abs(misses[-1]) < TARGET and not rough:
+                return march
+            slope = self._slope(logs, misses)
+            depth *= float(np.clip(np.exp(-misses[-1] / slope), 1 / LARGEST_CHANGE, LARGEST_CHANGE))
+        reached = ", ".join(f"{np.exp(log):.4g} m: {miss:+.2e}" for log, miss in zip(logs, misses, strict=True))
+        raise RuntimeError(f"`{self.quantity}` {self.value:g} not met; depth and log of value over target: {reached}")
+
+    def _asked(self, march, depth):
+        if self.quantity is None:
+            return self.roller.indentation
+        return depth if depth is not None else self.height - march.steps[-1].lowest
+
+    def _miss(self, march):
+        limit, left = tail([getattr(step, self.quantity) for step in march.steps], march.window)
+        last = getattr(march.steps[-1], self.quantity)
+        limit = limit if left > TARGET * last else last
+        if self.quantity == "exit_density_ratio":  # above what is fed, which depth makes in proportion
+            return float(np.log(max(limit - self.fed_mean, 1e-6) / (self.value - self.fed_mean)))
+        return float(np.log(limit / self.value))
+
+    @staticmethod
+    def _slope(logs, misses):
+        if len(logs) == 1 or logs[-1] == logs[-2]:
+            return 1.0
+        return float(np.clip((misses[-1] - misses[-2]) / (logs[-1] - logs[-2]), 0.3, 3.0))
+
+
+def _until_steady(march, lowest, steady):
+    """March on, down to the height first, until the tails have no more than `steady` to go."""
+    start = march.steps[-1].lowest if march.steps else march.frame.mesh.height
+    ramp = march.window if march.steps else 2 * march.window
+    begun, way_out = len(march.steps), int(march.frame.way_out / march.frame.step)
+    reach = LONGEST * max(march.frame.mesh.height, march.frame.length)
+    for k in range(1, int(reach / march.frame.step) + 1):
+        march.advance(start + (lowest - start) * min(1.0, k / ramp))
+        passed = k - ramp
+        if passed >= way_out + 3 * march.window and _left(march, begun + ramp) < steady:
+            return march
+    reached = [(round(s.travel, 4), s.load, s.resistance) for s in march.steps[-3:]]
+    raise RuntimeError(
+        f"not steady after {len(march.steps)} steps, {_left(march, begun):.2g} of it left; "
+        f"(travel, load, resistance) were {reached}"
+    )
+
+
+def _left(march, begun):
+    """What the tails of load, resistance and exit density have still to go, relative."""
+    steps, last = march.steps[begun:], march.steps[-1]
+    scale = {"load": last.load, "resistance": max(abs(last.resistance), 1e-3 * last.load), "exit_density_ratio": 1.0}
+    return max(tail([getattr(s, name) for s in steps], march.window)[1] / scale[name] for name in scale)
+
+
+def _with_error(rolled, coarse):
+    """The result with the share of its change from the coarser mesh that is told as its error."""
+    if coarse is None:
+        return rolled
+    load, resistance = (
+        tail([getattr(s, name) for s in coarse.steps], coarse.window)[0] for name in ("load", "resistance")
+    )
+    scale = max(abs(rolled.resistance), 1e-3 * rolled.load)
+    error = abs(rolled.load - load) / rolled.load, abs(abs(rolled.resistance) - resistance) / scale
+    return replace(rolled, error=tuple(ERROR_SHARE * e for e in error))
+
+
+def _refuse(layer, roller, material, speed, strain, exit_density_ratio, fed):
+    refuse_nonfinite(speed=speed)
+    if speed == 0:
+        raise ValueError("`speed` must not be 0, got 0: the resistance is set-valued there; say which way it goes")
+    if not isinstance(material, Compaction):
+        raise ValueError(f"`material` must be Compaction, got {type(material).__name__}")
+    if layer.plies:
+        raise ValueError(f"`plies` are for linear layers; a compacting one takes `fed`, got {len(layer.plies)} plies")
+    refuse_unknown("strain", strain, ("finite", "small"))
+    refuse_unknown("profile", roller.profile, ("parabola", "circle", "deformed"))
+    if roller.rolling in ("free", "driven") and roller.friction > 0:
+        raise ValueError(
+            f"a '{roller.rolling}' roller with `friction` sticks and slips, which the engine 'compaction' does not "
+            "cover; use 'sliding' or 'frictionless'"
+        )
+    mean = material.fed_density_ratio if fed is None else float(fed.state.density_ratio.mean())
+    if exit_density_ratio is not None and not mean < exit_density_ratio < 1:
+        raise ValueError(
+            f"`exit_density_ratio` must lie between that of the fed mix {mean:.6g} and 1, got {exit_density_ratio!r}"
+        )
+    depth = roller.indentation
+    if depth is not None and depth >= layer.height * (1 - mean):
+        raise ValueError(
+            f"`indentation` {depth!r} m would press mix fed at {mean:.6g} and {layer.height!r} m beyond full density; "
+            f"it must be less than {layer.height * (1 - mean):.6g} m"
+        )

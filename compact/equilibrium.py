@@ -1,0 +1,137 @@
+"""One increment of a layer under the roller: Newton's method on the balance of its nodes.
+
+    forces of the roller - forces of the layer = 0    on the free unknowns
+
+An increment of associated, hardening mix minimises a convex energy, so a step along Newton's direction is cut until the
+residual along that direction has shrunk. The factorised tangent is kept, from one increment to the next too, as long as
+it shrinks the residual well; where steps stay short a share of the elastic stiffness is added to it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+RESIDUAL = 1e-6  # of the nodal forces
+ITERATIONS = 60
+WELL = 0.3  # ratio of successive residuals up to which a factorised tangent is kept
+ALONG = 0.3  # of the residual along the direction may be left by a step that goes too far
+CUTS = 8
+SHORT = 0.2  # a step below this asks for elastic stiffness
+FIRST_SHARE = 0.005  # of the elastic stiffness
+
+
+class NotBalancedError(RuntimeError):
+    """An increment found no balance; the residuals reached are in its message."""
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """A balanced increment: the `Condition` after it, the `Push` of the roller, residual over forces, iterations."""
+
+    after: object
+    push: object
+    residual: float
+    iterations: int
+
+
+class Balancer:
+    """Balances increments of one `Solid` under one row of surface `nodes`, and remembers the factorised tangent."""
+
+    def __init__(self, solid, nodes, residual=RESIDUAL):
+        self.solid, self.nodes, self.residual = solid, np.asarray(nodes, dtype=int), residual
+        self.factor, self.elastic, self.factorised = None, None, 0
+
+    def balanced(self, before, face, displacement):
+        """The `Balance` from a `Condition`, near a displacement whose held unknowns are final.
+
+        face : `Face` or anything whose `push` answers displacements of the nodes
+
+        Raises NotBalancedError with the residuals reached.
+        """
+        trial, share, history = _Trial(self, before, face, displacement), 0.0, []
+        for iteration in range(ITERATIONS):
+            history.append(trial.size)
+            if trial.size <= self.residual:
+                return Balance(trial.motion.after, trial.push, trial.size, iteration)
+            stalled = iteration > 0 and history[-1] > WELL * history[-2]
+            fresh = self.factor is None or stalled
+            if fresh:
+                self._factorise(trial, share)
+            direction = self.factor(trial.residual)
+            length, moved = _searched(trial, direction)
+            if moved is None and not fresh:  # an old tangent may point uphill
+                self.factor = None
+                continue
+            if moved is None or length < SHORT:
+                share, self.factor = max(4 * share, FIRST_SHARE), None
+                if share > 10:
+                    break
+            elif length == 1:
+                share = share / 4 if share > FIRST_SHARE / 20 else 0.0
+            trial = moved or trial
+        shown = ", ".join(f"{value:.1e}" for value in history[-8:])
+        raise NotBalancedError(f"no balance after {len(history)} iterations; residuals over forces were {shown}")
+
+    def _factorise(self, trial, share):
+        blocks = trial.stiffness()
+        if share:
+            blocks = blocks + share * self._elastic_blocks(trial.before)
+        self.factor = self.solid.factorised(blocks, self.nodes, trial.push.stiffness)
+        self.factorised += 1
+
+    def _elastic_blocks(self, before):
+        if self.elastic is None:
+            rest = self.solid.at_rest()
+            self.elastic = self.solid.moved(rest, rest.displacement).blocks
+        return self.elastic
+
+
+class _Trial:
+    """A displacement, what the layer and the roller answer to it, and what is left on the free unknowns."""
+
+    def __init__(self, balancer, before, face, displacement):
+        self.balancer, self.before, self.face = balancer, before, face
+        solid = balancer.solid
+        self.motion = solid.moved(before, displacement, tangent=False)
+        self.push = face.push(displacement[balancer.nodes])
+        forces = self.motion.forces
+        pushed = np.zeros_like(forces)
+        pushed[balancer.nodes] = self.push.forces
+        self.residual = (pushed - forces).ravel()[solid.order]
+        scale = max(np.linalg.norm(forces), np.linalg.norm(pushed))
+        norm = np.linalg.norm(self.residual)
+        self.size = norm / scale if scale > 0 else 0.0
+        if not np.isfinite(norm):
+            raise FloatingPointError("the layer folds over")
+
+    def stiffness(self):
+        """Blocks of the elements, the tangent found again with the same displacement."""
+        return self.balancer.solid.moved(self.before, self.motion.after.displacement).blocks
+
+    def along(self, length, direction):
+        """The trial a step further, or None where elements would fold over or the mix does not follow."""
+        displacement = self.motion.after.displacement.copy()
+        displacement.ravel()[self.balancer.solid.order] += length * direction
+        try:
+            with np.errstate(invalid="raise", divide="raise", over="raise"):
+                return _Trial(self.balancer, self.before, self.face, displacement)
+        except (FloatingPointError, RuntimeError, ValueError):
+            return None
+
+
+def _searched(trial, direction):
+    """Length of the step and the trial there: the residual along the direction must shrink; None where none does."""
+    start = direction @ trial.residual
+    if start <= 0:
+        return 0.0, None
+    length = 1.0
+    for _ in range(CUTS):
+        moved = trial.along(length, direction)
+        if moved is not None:
+            left = direction @ moved.residual
+            if -ALONG * start <= left <= start or moved.size < WELL * trial.size:
+                return length, moved
+            length *= np.clip(start / (start - left), 0.1, 0.7) if left < 0 else 0.25  # the secant
+        else:
+            length /= 4
+    return length, None

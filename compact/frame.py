@@ -1,0 +1,229 @@
+"""The layer as the roller sees it: a mesh that stands still under the roller while the mix streams through it.
+
+The mesh is fine and uniform near the roller and grows outwards; the mix moves towards -x. Displacements and states are
+functions of the place on the fed layer, so that one step of travel, the length of a fine element, is
+
+    value(x, y) <- value(x + step, y)
+
+exact where elements are uniform, interpolated elsewhere. In front of the roller what is interpolated is the stress
+without its elastic part, which follows from the displacement, so that the roller's reach is not smeared; behind it the
+displacement of rough mix would make stress of its own, and the stress itself is carried. Beyond the front enters the
+fed mix, and at the rear end the mix leaves with the displacement it has.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import RegularGridInterpolator
+from scipy.sparse import csr_matrix
+
+from compact import cap
+from compact.compliance import moduli
+from compact.deformation import TO_STRAIN
+from compact.mesh import RowMesh
+from compact.solid import STATE, SUBSTEPS, Condition, Solid
+
+GROWTH = 1.2  # ratio of neighbouring elements outside the uniform zone and downwards
+COARSEST = 0.4  # of the layer height
+ROWS = 6  # the top one is no higher than this part of the layer
+REACH = 2.5  # layer heights beyond the uniform zone
+AHEAD, BEHIND = 2.0, 1.2  # uniform zone over the length sqrt(2 R depth)
+EXIT = 0.3  # layer heights behind the uniform zone, where the mix is read that leaves
+
+
+def rolling_mesh(height, length, step):
+    """The `RowMesh` of a layer under a roller at x = 0 whose contact is about `length` long, uniform near it."""
+    ahead, behind = (int(np.ceil(share * length / step)) for share in (AHEAD, BEHIND))
+    outward = _growing(REACH * height, step, height)
+    right, left = (ahead * step + outward), -(behind * step + outward)
+    x = np.concatenate([left[::-1], np.arange(-behind, ahead + 1) * step, right])
+    depth = _growing(height, min(step, height / ROWS), height, exact=True)
+    y = np.concatenate([height - depth[::-1], [height]])
+    y[0] = 0.0
+    return RowMesh(np.tile(x, (len(y), 1)), y)
+
+
+def _growing(length, first, height, exact=False):
+    """Distances that grow from `first` until `length` is passed; stretched to end there if `exact`."""
+    sizes = [first]
+    while sum(sizes) < length:
+        sizes.append(min(sizes[-1] * GROWTH, max(COARSEST * height, first)))
+    distances = np.cumsum(sizes)
+    return distances * (length / distances[-1]) if exact else distances
+
+
+@dataclass(frozen=True, eq=False)
+class Fed:
+    """The mix in front of the roller, the same all along x, by rows of points from the base up.
+
+    y : heights [m], shape (n,);  state : its `State`, without stress on horizontal planes
+    """
+
+    y: np.ndarray
+    state: cap.State
+
+
+class Frame:
+    """The mesh under the roller with what feeds it, and the operators that carry mix through it by one step."""
+
+    def __init__(self, mesh, law, base, length, *, fed=None, finite=True, rate_factor=1.0, substeps=SUBSTEPS):
+        self.mesh, self.length, self.step = mesh, length, _finest(mesh)
+        plain = Solid(mesh, law)
+        nodes = plain.basis.doflocs.T
+        x, y = nodes.T
+        self.held = _held(x, y, base)
+        self.solid = Solid(mesh, law, held=self.held, finite=finite, rate_factor=rate_factor, substeps=substeps)
+        self.nodes = nodes
+        surface = np.flatnonzero(y > mesh.height * (1 - 1e-9))
+        self.surface = surface[np.argsort(x[surface])]
+        self._carry_nodes = self._node_operator()
+        self._rows_to_points, self.row_x, self.row_y = self._rows()
+        self.given = fed
+        self.fed = _unstressed(law, self.row_y) if fed is None else _on_rows(fed, self.row_y)
+
+    @property
+    def weights(self):
+        """Of the surface nodes, Simpson's rule on the reference [m]."""
+        sizes = np.diff(self.mesh.x[-1])
+        weights = np.zeros(len(self.surface))
+        for place, share in ((0, 1), (1, 4), (2, 1)):
+            weights[place : place + 2 * len(sizes) - 1 : 2] += share * sizes / 6
+        return weights
+
+    def at_rest(self):
+        """The `Condition` of the fed mix before the roller comes."""
+        state = cap.State(*(self._spread(getattr(self.fed.state, name)) for name in STATE))
+        return Condition(np.zeros_like(self.nodes), state, np.zeros(len(self.solid.area)))
+
+    def carried(self, condition):
+        """The `Condition` when all mix has moved one step towards -x."""
+        displacement = self._carry_nodes @ condition.displacement
+        fed = self.fed.state
+        stress = self._carried_points(condition.state.stress, fed.stress)
+        smeared = self._carried_points(self._elastic_stress(condition.displacement), 0.0)
+        stress += self._ahead * (self._elastic_stress(displacement) - smeared)
+        numbers = (self._carried_points(getattr(condition.state, name), getattr(fed, name)) for name in STATE[1:])
+        return Condition(displacement, cap.State(stress, *numbers), self._carried_points(condition.work, 0.0))
+
+    def rows(self, values):
+        """Values of the points by rows from the base up, each along x: shape (2 rows, 2 columns, ...)."""
+        return values[self._rows_to_points]
+
+    @property
+    def exit(self):
+        """Index of the column of points that is read as it leaves."""
+        return int(np.searchsorted(self.row_x, -self.way_out))
+
+    @property
+    def way_out(self):
+        """From the lowest generatrix to where the mix is read that leaves [m]."""
+        return BEHIND * self.length + EXIT * self.mesh.height
+
+    @property
+    def row_heights(self):
+        """Heights of the fed layer that the rows of points stand for [m]."""
+        return np.repeat(np.diff(self.mesh.y) / 2, 2)
+
+    def exit_mean(self, density_ratio):
+        """Mean over the height that it leaves with of the density ratio of the mix: fed mass over fed mass/k."""
+        mass = self.row_heights * self.fed.state.density_ratio
+        return float(mass.sum() / np.sum(mass / self.rows(density_ratio)[:, self.exit]))
+
+    def _spread(self, profile):
+        """Values of the points, the same all along each row."""
+        values = np.empty((self._rows_to_points.size, *profile.shape[1:]))
+        values[self._rows_to_points] = profile[:, None]
+        return values
+
+    def _carried_points(self, values, fed):
+        rows = self.rows(values)
+        fed = np.broadcast_to(fed, (len(rows), *rows.shape[2:]))
+        padded = np.concatenate([rows, fed[:, None]], axis=1)
+        k, share = self._upstream
+        share = share.reshape((1, -1) + (1,) * (rows.ndim - 2))
+        carried = np.empty_like(values)
+        carried[self._rows_to_points] = (1 - share) * padded[:, k] + share * padded[:, k + 1]
+        return carried
+
+    @property
+    def _ahead(self):
+        return (self.solid.points[:, :1] > 0).astype(float)
+
+    @property
+    def _upstream(self):
+        """Where the mix of each point of a row comes from: index of the point before, share of the one after."""
+        x = np.append(self.row_x, self.row_x[-1] + 2 * self.step)
+        source = np.minimum(self.row_x + self.step, x[-1])
+        k = np.clip(np.searchsorted(x, source * (1 - 1e-12)) - 1, 0, len(x) - 2)
+        share = np.clip((source - x[k]) / (x[k + 1] - x[k]), 0.0, 1.0)
+        share[np.abs(share - np.round(share)) < 1e-9] = np.round(share[np.abs(share - np.round(share)) < 1e-9])
+        return k, share
+
+    def _elastic_stress(self, displacement):
+        """Linear elastic stress (xx, yy, zz, xy) of a displacement, shape (n, 4)."""
+        exx, eyy, gamma = (self.solid.gradient(displacement) @ TO_STRAIN.T).T
+        law = self.solid.law
+        two_shear, _, shear, lame = law.unloading_modulus * moduli(law.poisson)
+        area = lame * (exx + eyy)
+        return np.array([two_shear * exx + area, two_shear * eyy + area, area, shear * gamma]).T
+
+    def _rows(self):
+        rows, columns = self.mesh.shape
+        basis = self.solid.basis
+        order = np.lexsort(basis.X)
+        index = np.arange(rows * columns * 4).reshape(rows, columns, 4)[:, :, order].reshape(rows, columns, 2, 2)
+        index = index.transpose(0, 2, 1, 3).reshape(2 * rows, 2 * columns)
+        points = self.solid.points[index]
+        return index, points[0, :, 0], points[:, 0, 1]
+
+    def _node_operator(self):
+        """Displacements of the nodes from those one step upstream, zero beyond the front."""
+        x, y = self.nodes.T
+        inside = np.flatnonzero(x + self.step < x.max() + 1e-9 * self.step)
+        source = np.array([np.minimum(x[inside] + self.step, x.max()), y[inside]])
+        probes = self.solid.basis.probes(source).tocoo()
+        return csr_matrix((probes.data, (inside[probes.row], probes.col)), shape=(len(x),) * 2)
+
+
+def transferred(condition, old, new):
+    """The `Condition` of one `Frame` on the mesh of another, linear between points."""
+    x, y = new.nodes.T
+    low, high = old.mesh.x[0, [0, -1]]
+    displacement = old.solid.basis.probes(np.array([np.clip(x, low, high), y])) @ condition.displacement
+    displacement[x > high] = 0.0
+    displacement.ravel()[new.held[new.held % 2 == 1]] = 0.0
+
+    def at(values):
+        rows = RegularGridInterpolator((old.row_y, old.row_x), old.rows(values))
+        place = np.clip(new.solid.points, [old.row_x[0], old.row_y[0]], [old.row_x[-1], old.row_y[-1]])
+        return rows(place[:, ::-1])
+
+    state = cap.State(*(at(getattr(condition.state, name)) for name in STATE))
+    return Condition(displacement, state, at(condition.work))
+
+
+def _held(x, y, base):
+    """Unknowns held by the base, by the fed mix in front, and behind by the bonded mix; a slipping layer ends there."""
+    near = 1e-9 * np.ptp(y)
+    bottom, front, rear = y < near, x > x.max() - near, x < x.min() + near
+    along = front | ((rear | bottom) & (base == "bonded"))
+    return np.concatenate([2 * np.flatnonzero(along), 2 * np.flatnonzero(bottom) + 1])
+
+
+def _finest(mesh):
+    return float(np.diff(mesh.x[-1]).min())
+
+
+def _unstressed(law, y):
+    return Fed(y, cap.fed(law, len(y)))
+
+
+def _on_rows(fed, y):
+    """The fed mix at other heights, linear between its rows."""
+
+    def at(values):
+        return np.stack([np.interp(y, fed.y, column) for column in values.T], axis=-1)
+
+    state = fed.state
+    numbers = (np.interp(y, fed.y, getattr(state, name)) for name in STATE[1:])
+    return Fed(y, cap.State(at(state.stress), *numbers))

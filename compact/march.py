@@ -1,0 +1,167 @@
+"""The roller rolls on: one element of travel after the other, each a balanced increment, until nothing changes.
+
+Before a step all mix is carried towards the rear by one element (`Frame`); then the roller, back in its place, presses
+it again. The first guess is that the mix moves as it did in the step before, seen from the roller. The pressures that
+the roller carries stay with the roller. Steadiness is told by the decay of what still changes (`tail`).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from compact.equilibrium import Balancer, NotBalancedError
+from compact.pressing import Face
+
+PENALTY = 0.15  # of the unloading modulus over the step, or over the THIN-th part of the height if that is less
+THIN = 20
+SLOWEST = 0.97  # ratio of successive changes of a tail that may still be called decaying
+SOFTER = 0.1  # times the penalty where an increment finds no balance
+HALVINGS = 3  # of a step of the roller that finds no balance
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of the march.
+
+    travel, lowest : so far, and of the lowest generatrix above the base [m];  load, resistance : [N/m]
+    exit_density_ratio : mean of the column of mix that leaves;  peak_pressure : [Pa]
+    iterations, residual : of Newton's method, and what is left over the forces
+    """
+
+    travel: float
+    lowest: float
+    load: float
+    resistance: float
+    exit_density_ratio: float
+    peak_pressure: float
+    iterations: int
+    residual: float
+
+
+def tail(values, window):
+    """Limit of a series that decays, and what is left until it, by the means of its last three windows.
+
+    With means a, b, c and r = (c - b)/(b - a) the rest is (c - b) r/(1 - r) beyond the last window; a series that does
+    not decay has r near 1 and far to go.
+    """
+    if len(values) < 3 * window:
+        return values[-1], np.inf
+    a, b, c = np.reshape(values[-3 * window :], (3, window)).mean(axis=1)
+    if c == b:
+        return values[-1], 0.0
+    ratio = min(abs((c - b) / (b - a)), SLOWEST) if b != a else SLOWEST
+    limit = c + (c - b) * ratio / (1 - ratio)
+    return float(limit), float(abs(limit - values[-1]) + np.ptp(values[-window:]) * ratio)
+
+
+class March:
+    """A roller on its way through a `Frame`: one `advance` after the other, each a balanced increment."""
+
+    def __init__(self, frame, radius, *, profile="deformed", friction=0.0, residual=1e-4):
+        self.frame = frame
+        self.change = 0.0
+        law, height = frame.solid.law, frame.mesh.height
+        penalty = PENALTY * law.unloading_modulus / min(frame.step, height / THIN)
+        nodes = frame.surface
+        self.face = Face(
+            frame.nodes[nodes], frame.weights, radius, height, penalty, np.zeros(len(nodes)), profile, friction
+        )
+        self.balancer = Balancer(frame.solid, nodes, residual)
+        self.condition, self.push, self.steps = frame.at_rest(), None, ()
+
+    def advance(self, lowest):
+        """One element of travel, the lowest generatrix at a height [m] at its end; the `Step` it made."""
+        arrived = self.frame.carried(self.condition)
+        guess = self._foreseen(arrived.displacement)
+        face = self.face.at(lowest)
+        try:
+            balance = self.balancer.balanced(arrived, face, guess)
+        except NotBalancedError:
+            balance = self._gently(arrived, guess, lowest)
+        self.change = balance.after.displacement - arrived.displacement
+        return self._taken(balance, lowest)
+
+    def _gently(self, arrived, guess, lowest):
+        """The same step with a softer roller, for which carried pressures soon make up, then in parts of the step."""
+        soft, self.balancer.factor = replace(self.face, penalty=self.face.penalty * SOFTER), None
+        try:
+            return self.balancer.balanced(arrived, soft.at(lowest), guess)
+        except NotBalancedError:
+            return self._in_parts(arrived, soft, lowest)
+
+    def _in_parts(self, condition, face, lowest):
+        """The same travel in halves, quarters, ... of the step."""
+        start = self.steps[-1].lowest if self.steps else self.frame.mesh.height
+        for halving in range(1, HALVINGS + 1):
+            parts, iterations, moved = 2**halving, 0, condition
+            try:
+                for k in range(1, parts + 1):
+                    there = face.at(start + (lowest - start) * k / parts, self.frame.step * (k / parts - 1))
+                    balance = self.balancer.balanced(moved, there, moved.displacement)
+                    moved, iterations = balance.after, iterations + balance.iterations
+                return replace(balance, iterations=iterations)
+            except NotBalancedError as error:
+                reason = error
+        reached = (
+            f"load {self.steps[-1].load:.6g} N/m at travel {self.steps[-1].travel:.4g} m" if self.steps else "none"
+        )
+        raise RuntimeError(
+            f"step {len(self.steps) + 1} of the march, lowest generatrix {lowest:.6g} m: {reason}; reached: {reached}"
+        )
+
+    @property
+    def window(self):
+        """Steps over which tails are averaged: of travel a third of the layer's height, or of the contact if longer."""
+        return max(4, int(np.ceil(max(self.frame.mesh.height, self.frame.length) / (3 * self.frame.step))))
+
+    def take_over(self, other, condition):
+        """Go on where another march is, its `Condition` already on this mesh."""
+        x = self.frame.nodes[self.frame.surface, 0]
+        carried = np.interp(x, other.frame.nodes[other.frame.surface, 0], other.push.pressure)
+        self.condition, self.face = condition, replace(self.face, carried=carried)
+        self.steps = other.steps[-1:]
+        self.change = condition.displacement - self.frame.carried(condition).displacement
+
+    def _foreseen(self, arrived):
+        """The displacement if the mix moves as it did in the step before, seen from the roller."""
+        guess = arrived + self.change
+        held = self.frame.held
+        guess.ravel()[held] = arrived.ravel()[held]
+        return guess
+
+    def _taken(self, balance, lowest):
+        self.condition, self.push = balance.after, balance.push
+        self.face = replace(self.face, carried=balance.push.pressure)
+        travel = self.steps[-1].travel if self.steps else 0.0
+        step = Step(
+            travel + self.frame.step,
+            lowest,
+            *self.forces(),
+            self.frame.exit_mean(balance.after.state.density_ratio),
+            float(self.pressure.max()),
+            balance.iterations,
+            balance.residual,
+        )
+        self.steps += (step,)
+        return step
+
+    def forces(self):
+        """Load and resistance [N/m]; where pressure is vertical it resists on the slope of the roller."""
+        normal = self.face.weight * self.push.pressure
+        x, y = self.push.forces.sum(axis=0)
+        return float(-y), float(x + np.sum(normal * self.face.slope()))
+
+    @property
+    def places(self):
+        """Where the surface nodes are now [m], shape (n, 2)."""
+        surface = self.frame.surface
+        return self.frame.nodes[surface] + self.condition.displacement[surface]
+
+    @property
+    def pressure(self):
+        """Of the roller on the surface as it is now [Pa]."""
+        if self.face.profile != "deformed":
+            return self.push.pressure
+        x = self.frame.nodes[self.frame.surface, 0]
+        stretch = np.hypot(*(np.gradient(part, x) for part in self.places.T))
+        return self.push.pressure / stretch

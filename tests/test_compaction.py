@@ -1,0 +1,247 @@
+"""The engine "compaction" against columns, balances, and itself: passes, targets, restarts, both ways."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from compact import column
+from compact.compacted import fields
+from compact.compaction import roll
+from compact.frame import Frame, rolling_mesh, transferred
+from compact.march import March, tail
+from compact.material import Compaction
+from compact.records import Layer, Ply, Roller
+
+HEIGHT = 0.22 * 0.98 / 0.94
+THIN = Compaction(20e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94, dry_side="ellipse")
+DEPTH = 0.03 * HEIGHT
+# reference/compaction.md 2, bonded base, parabola, small strain: a/h, P and F over those of columns
+COLUMN_LIMIT = [(5, 1.0157, 1.034), (10, 1.0052, 1.0096), (20, 1.0011, 1.0019)]
+# a small scene: 6 increments per contact length, a few seconds
+MIX = Compaction(60e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
+LAYER, ROLLER = Layer(0.1), Roller(0.11, 0.002, profile="deformed")
+
+
+def wide(ratio, **changes):
+    """A parabola whose contact in front is `ratio` heights of the layer long."""
+    return replace(Roller((ratio * HEIGHT) ** 2 / (2 * DEPTH), DEPTH), **changes)
+
+
+def over_thin(ratio, material=THIN, speed=0.2, base="bonded", increments=24, **changes):
+    return roll(Layer(HEIGHT, base), wide(ratio, **changes), material, speed, strain="small", increments=increments)
+
+
+def over_small(roller=ROLLER, material=MIX, speed=0.2, **numerics):
+    return roll(LAYER, roller, material, speed, increments=6, steady=2e-3, **numerics)
+
+
+@pytest.fixture(scope="module")
+def rolled():
+    return over_small()
+
+
+# (a) the limit of columns
+
+
+@pytest.mark.parametrize(("ratio", "load", "resistance"), COLUMN_LIMIT)
+def test_thin_bonded_layer_tends_to_columns(ratio, load, resistance):
+    columns = column.roll(Layer(HEIGHT), wide(ratio), THIN, 0.2, strain="small")
+    rolled = over_thin(ratio)
+    assert rolled.load / columns.load == pytest.approx(load, rel=3e-3)
+    assert rolled.resistance / columns.resistance == pytest.approx(resistance, rel=3e-3)
+    assert rolled.exit_density_ratio == pytest.approx(columns.exit_density_ratio, abs=2e-4)
+
+
+def test_finite_strain_of_a_thin_layer_tends_to_logarithmic_columns():
+    columns = column.roll(Layer(HEIGHT), wide(20), THIN, 0.2)
+    rolled = roll(Layer(HEIGHT), wide(20), THIN, 0.2, increments=24)
+    assert rolled.load / columns.load == pytest.approx(COLUMN_LIMIT[2][1], rel=3e-3)
+    assert rolled.resistance / columns.resistance == pytest.approx(COLUMN_LIMIT[2][2], rel=3e-3)
+    assert rolled.exit_height == pytest.approx(columns.columns[0].height, rel=1e-4)
+    assert rolled.exit_density_ratio == pytest.approx(columns.exit_density_ratio, abs=1e-4)
+
+
+def test_second_pass_over_a_thin_layer_is_elastic():
+    """Same height again, stresses carried: as good as no resistance, contact symmetric, load as the rebound says."""
+    first, columns = over_thin(10), column.roll(Layer(HEIGHT), wide(10), THIN, 0.2, strain="small")
+    lowest = HEIGHT - DEPTH
+    again = wide(10, indentation=first.exit_height - lowest)
+    second = roll(Layer(first.exit_height), again, THIN, 0.2, strain="small", increments=16, fed=first.exit)
+    again = wide(10, indentation=columns.columns[0].height - lowest)
+    expected = column.roll_over(columns.columns, again, THIN, 0.2, strain="small")
+    assert abs(second.resistance) < 0.01 * first.resistance
+    assert second.leading == pytest.approx(-second.trailing, rel=1e-3)
+    assert second.load == pytest.approx(expected.load, rel=0.02)
+
+
+# (b) balances
+
+
+def test_mass_work_yield_and_equilibrium_balance(rolled):
+    assert rolled.mass_residual < 2e-3
+    assert rolled.work_residual < 0.02
+    assert rolled.yield_residual < 1e-9
+    assert rolled.equilibrium_residual < 1e-4
+
+
+def test_sliding_roller_balances_its_work():
+    rolled = over_thin(10, friction=0.3, rolling="sliding", increments=16)
+    assert rolled.work_residual < 2e-3
+    assert rolled.shear_traction == pytest.approx(0.3 * rolled.pressure)
+
+
+def test_pressure_carries_the_load(rolled):
+    assert np.trapezoid(rolled.pressure, rolled.x) == pytest.approx(rolled.load, rel=0.03)
+
+
+def test_mix_leaves_dense_above_and_fed_below(rolled):
+    k = rolled.exit.state.density_ratio
+    assert k[0] < k[-2]
+    assert rolled.exit_density_ratio * rolled.exit_height == pytest.approx(0.94 * 0.1, rel=2e-3)
+    assert rolled.exit_height == pytest.approx(0.1 - 0.002 + rolled.spring_back)
+    assert rolled.over_pressed == (rolled.peak_density_ratio > 1)
+
+
+def test_fields_hold_what_the_result_says(rolled):
+    content = fields(rolled)
+    assert {"stress", "pressure", "density_ratio", "plastic_work"} == set(content.cell_data)
+    assert content.cell_data["density_ratio"][0].max() <= rolled.peak_density_ratio
+    assert content.cells[0].data.shape[1] == 8
+    surface = content.points[:, 1] > 0.1 - 1e-9
+    lowest = (content.points + content.point_data["displacement"])[surface, 1].min()
+    assert lowest == pytest.approx(0.1 - 0.002, abs=5e-5)
+    assert content.cell_data["plastic_work"][0].min() >= 0
+
+
+# (c) the march
+
+
+def test_uniform_zone_carries_by_whole_elements():
+    frame = Frame(rolling_mesh(0.1, 0.02, 0.004), MIX, "bonded", 0.02)
+    condition = frame.at_rest()
+    k = 0.9 + 1e-3 * np.arange(frame.solid.area.size)
+    condition.state.density_ratio[:] = k
+    condition.displacement[:, 0] = np.sin(40 * frame.nodes[:, 0])
+    carried = frame.carried(condition)
+    fine = np.flatnonzero((frame.row_x > -0.02) & (frame.row_x < 0.03))
+    rows = frame.rows(carried.state.density_ratio)
+    assert np.array_equal(rows[:, fine], frame.rows(k)[:, fine + 2])
+    inside = np.abs(frame.nodes[:, 0]) < 0.02
+    shifted = np.sin(40 * (frame.nodes[inside, 0] + frame.step))
+    assert carried.displacement[inside, 0] == pytest.approx(shifted, abs=1e-9)
+
+
+def test_what_is_the_same_all_along_is_carried_unchanged():
+    frame = Frame(rolling_mesh(0.1, 0.02, 0.004), MIX, "bonded", 0.02)
+    condition = frame.at_rest()
+    stress = np.outer(1 + frame.solid.points[:, 1], [-3e4, 0.0, -2e4, 0.0])
+    condition.state.stress[:] = stress
+    carried = frame.carried(condition)
+    behind = frame.solid.points[:, 0] < 0.05
+    assert carried.state.stress[behind] == pytest.approx(stress[behind], abs=1e-9)
+
+
+def test_finer_mesh_takes_over_a_linear_state():
+    old, new = (Frame(rolling_mesh(0.1, 0.02, step), MIX, "bonded", 0.02) for step in (0.005, 0.003))
+    condition = old.at_rest()
+    condition.displacement[:, 1] = -0.01 * old.nodes[:, 1]
+    moved = transferred(condition, old, new)
+    inside = np.abs(new.nodes[:, 0]) < 0.1
+    assert moved.displacement[inside, 1] == pytest.approx(-0.01 * new.nodes[inside, 1], abs=1e-12)
+    assert moved.state.density_ratio == pytest.approx(0.94)
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.9])
+def test_tail_finds_the_limit_of_a_decay(ratio):
+    values = 3 + ratio ** (np.arange(60) / 8)
+    limit, left = tail(values, 8)
+    assert limit == pytest.approx(3, abs=1e-9)
+    assert left >= values[-1] - 3
+
+
+def test_a_steady_drift_is_not_steady():
+    _, left = tail(np.arange(60.0), 8)
+    assert left > 60
+
+
+def test_roller_that_touches_nothing_bears_nothing():
+    march = March(Frame(rolling_mesh(0.1, 0.02, 0.005), MIX, "bonded", 0.02), 0.11)
+    assert march.advance(0.101).load == 0
+
+
+# (d) properties
+
+
+def test_backwards_is_the_mirror_image():
+    there, back = over_thin(10, increments=12), over_thin(10, speed=-0.2, increments=12)
+    assert (back.load, back.resistance, back.leading) == (there.load, -there.resistance, there.leading)
+    assert back.x == pytest.approx(-there.x[::-1])
+
+
+def test_without_rate_effect_speed_does_not_matter(rolled):
+    faster = over_small(speed=2.0, start=rolled)
+    assert faster.load == pytest.approx(rolled.load, rel=3e-3)
+    assert faster.resistance == pytest.approx(rolled.resistance, rel=3e-3)
+
+
+def test_rate_effect_of_five_percent_a_decade(rolled):
+    mix = replace(MIX, rate_exponent=np.log10(1.05), reference_speed=0.2)
+    faster = over_small(material=mix, speed=2.0, start=rolled)
+    assert 1.03 < faster.load / rolled.load < 1.055
+
+
+@pytest.mark.parametrize("increments", [6, 12])
+def test_load_is_met(increments):
+    given = over_thin(10, increments=increments)
+    found = over_thin(10, increments=increments, indentation=None, load=1.1 * given.load)
+    assert found.load == pytest.approx(1.1 * given.load, rel=2e-3)
+    assert found.indentation > given.indentation
+
+
+def test_peak_pressure_is_met():
+    found = over_thin(10, increments=12, indentation=None, peak_pressure=200e3)
+    assert found.peak_pressure == pytest.approx(200e3, rel=2e-3)
+
+
+def test_exit_density_is_met():
+    roller = wide(10)
+    found = roll(Layer(HEIGHT), roller, THIN, 0.2, strain="small", increments=12, exit_density_ratio=0.97)
+    assert found.steps[-1].exit_density_ratio == pytest.approx(0.97, abs=5e-5)
+    assert found.exit_density_ratio == pytest.approx(0.97, abs=2e-3)  # which linear kinematics knows to e^2/2
+    assert found.indentation > DEPTH
+
+
+# (e) cost
+
+
+def test_neighbour_takes_few_iterations(rolled):
+    deeper = over_small(replace(ROLLER, indentation=0.0021), start=rolled)
+    assert sum(step.iterations for step in deeper.steps[1:]) < 0.7 * sum(step.iterations for step in rolled.steps)
+
+
+# (f) refusals
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"speed": 0.0}, "`speed` must not be 0, got 0"),
+        ({"speed": np.nan}, "`speed` must be finite, got nan"),
+        ({"strain": "log"}, "no strain 'log'"),
+        ({"roller": Roller(0.11, 0.02)}, "would press mix fed at 0.94 and 0.1 m beyond full density"),
+        ({"roller": Roller(0.11, 0.002, 0.3, "free")}, "a 'free' roller with `friction` sticks and slips"),
+        ({"layer": Layer(0.1, plies=(Ply(0.1, 2.0),))}, "`plies` are for linear layers"),
+        ({"exit_density_ratio": 1.0}, "`exit_density_ratio` must lie between that of the fed mix 0.94 and 1, got 1.0"),
+        ({"increments": 0}, "`increments` must be positive and finite, got 0"),
+    ],
+)
+def test_refusals(changes, message):
+    given = {"layer": LAYER, "roller": ROLLER, "material": MIX, "speed": 0.2} | changes
+    with pytest.raises(ValueError, match=message):
+        roll(**given)
+
+
+def test_another_layer_is_no_neighbour(rolled):
+    with pytest.raises(ValueError, match="`start` must have rolled over the same `layer`"):
+        roll(Layer(0.11), ROLLER, MIX, 0.2, start=rolled)
