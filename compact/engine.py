@@ -18,10 +18,12 @@ ENGINES = MappingProxyType(
         "column": "compact.column",
         "spectral": "compact.spectral",
         "fem": "compact.fem",
+        "compaction": "compact.compaction",
     }
 )
-COMPACTING = ("column",)  # engines of a layer that stays pressed
-LAYERED = ("column", "spectral", "fem")  # engines of a layer, whose resistance depends on speed
+COMPACTING = ("column", "compaction")  # engines of a layer that stays pressed
+LAYERED = ("column", "spectral", "fem", "compaction")  # engines of a layer, whose resistance depends on speed
+FIELDED = MappingProxyType({"fem": "compact.fields", "compaction": "compact.compacted"})  # who tells what is inside
 TOLERANCE = MappingProxyType({"spectral": "rtol", "fem": "tolerance"})  # what an engine calls its wanted error
 SPEEDS = 6  # computed where the scene names none: from a twentieth of the mean speed to twice, by equal ratios
 
@@ -45,10 +47,13 @@ def roll(scene, mix, speed, engine=None):
 
 
 def _asked(scene, engine):
-    """What an engine takes besides: the wanted error, and "fem" the torque per unit roller length [N]."""
+    """What an engine takes besides: the wanted error; "fem" the torque per unit roller length [N]; "compaction" the
+    density asked for, where nothing else is prescribed."""
     asked = {TOLERANCE[engine]: scene.accuracy.tolerance} if engine in TOLERANCE else {}
     if engine == "fem" and scene.machine.roller_torque is not None:
         asked["torque"] = scene.machine.roller_torque / scene.machine.roller_length
+    if engine == "compaction" and not _prescribed(scene):
+        asked["exit_density_ratio"] = scene.mix.density_ratio
     return asked
 
 
@@ -131,6 +136,11 @@ def _fed(scene, material, target, speed):
         return Layer(height * density_ratio / material.fed_density_ratio, scene.layer.base), target
     fed = feed(height, density_ratio, material, speed)
     return Layer(fed.height, scene.layer.base), {"indentation": fed.indentation}
+
+
+def fields(rolled, engine):
+    """What happens inside the layer of a contact by an engine of FIELDED, a meshio mesh."""
+    return import_module(FIELDED[engine]).fields(rolled)
 
 
 def speeds(scene):

@@ -253,21 +253,24 @@ def speeds(rolled):
 FIELDS = {
     "pressure": ("mean pressure [kPa]", 1e-3, "viridis"),
     "dissipation": ("dissipation [kW/m³]", 1e-3, "magma"),
+    "density_ratio": ("density ratio [-]", 1.0, "cividis"),
+    "plastic_work": ("plastic work [kJ/m³]", 1e-3, "magma"),
 }
-OUTLINE = [0, 4, 1, 5, 2, 6, 3, 7]  # of a 9-node quadrilateral, its nodes in turn
+OUTLINE = [0, 4, 1, 5, 2, 6, 3, 7]  # of a quadrilateral with nodes on its sides, these in turn
 REACH = 2.5  # contact lengths shown to each side and below
 
 
 def fields(layers):
-    """Pressure and dissipation in the layer as it is deformed, true to scale, a row for each (mesh, `FemRolled`).
+    """What an engine knows of FIELDS in the layer as it is deformed, true to scale, a row for each (mesh, contact).
 
     Drawn by matplotlib, which shows each element's mean as it is and needs no driver; where VTK misses its graphics
     driver it ends the whole process. The files themselves open in pyvista and ParaView.
     """
-    figure = Figure(figsize=(11.0, 3.0 * len(layers) + 0.4), layout="constrained")
-    panels = figure.subplots(len(layers), len(FIELDS), squeeze=False, sharex=True, sharey=True)
+    names = [name for name in FIELDS if name in layers[0][0].cell_data]
+    figure = Figure(figsize=(5.5 * len(names), 3.0 * len(layers) + 0.4), layout="constrained")
+    panels = figure.subplots(len(layers), len(names), squeeze=False, sharex=True, sharey=True)
     for row, (layer, rolled) in zip(panels, layers, strict=True):
-        for ax, name in zip(row, FIELDS, strict=True):
+        for ax, name in zip(row, names, strict=True):
             _field(ax, layer, name)
             _roller(ax, rolled)
         row[0].set_ylabel("height y [mm]")

@@ -9,6 +9,7 @@ import numpy as np
 
 from compact.cam import stepper
 from compact.drive import CRITERIA
+from compact.engine import FIELDED, fields
 from compact.results import claimed, whole_file, write_csv, write_json
 
 SCHEMA = 1  # of summary.json; raised when a name in it changes its meaning
@@ -65,11 +66,11 @@ def write_contact(directory, study, speed, rolled):
     _csv(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
     write_json(directory / "contact.json", contact_numbers(study, speed, rolled))
     _drawn(directory / "pressure.png", figures.contact(rolled, study.exact, speed))
-    if study.scene.accuracy.engine == "fem":
-        from compact import fields
+    if study.scene.accuracy.engine in FIELDED:
+        from compact.fields import write_series
 
-        layers = [(fields.fields(rolled), rolled)]
-        list(fields.write_series(layers, directory))
+        layers = [(fields(rolled, study.scene.accuracy.engine), rolled)]
+        list(write_series(layers, directory))
         _drawn(directory / "fields.png", figures.fields(layers))
 
 

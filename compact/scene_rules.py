@@ -152,6 +152,15 @@ def _driven_roller_has_a_torque(torque, rolling, engine):
         return 'is missing, and the engine "fem" rolls a "driven" roller by it; give the torque on one roller in N m'
 
 
+@_rule("machine.rolling", "accuracy.engine")
+def _compaction_knows_the_rolling(rolling, engine):
+    if engine == "compaction" and rolling in ("free", "driven"):
+        return (
+            f'"{rolling}" lets the roller stick and slip, which accuracy.engine "compaction" does not cover; give '
+            '"frictionless" or "sliding"'
+        )
+
+
 @_rule("contact.speeds")
 def _speeds_rise(speeds):
     if speeds is not None and not (len(speeds) and speeds[0] > 0 and all(b > a for a, b in pairwise(speeds))):
@@ -195,8 +204,11 @@ def _cams_wanted_are_given(cam, wanted):
 
 @_rule("output.wanted", "accuracy.engine")
 def _fields_wanted_are_computed(wanted, engine):
-    if "fields" in wanted and engine != "fem":
-        return f'holds "fields", which accuracy.engine = "{engine}" does not compute; take it out or choose "fem"'
+    if "fields" in wanted and engine not in ("fem", "compaction"):
+        return (
+            f'holds "fields", which accuracy.engine = "{engine}" does not compute; take it out, or choose "fem" or '
+            '"compaction"'
+        )
 
 
 @_rule("cam.breadth", "motion.stroke")

@@ -18,7 +18,7 @@ from compact import contact, drive, mix
 from compact.cam import Cam, FlatFace, Pointed, RollerFollower
 from compact.cart import Cart
 from compact.crank import USUAL_ANGLES, turn
-from compact.engine import ENGINES, LAYERED, roll, speeds
+from compact.engine import LAYERED, fields, roll, speeds
 from compact.halfplane import galin, pressure_exponent
 from compact.measured import from_table
 from compact.motion import law
@@ -119,10 +119,6 @@ class Study:
     """The stages of one scene; each attribute is computed when first asked for, `counts` says how often."""
 
     def __init__(self, scene, step=lambda stage: None):
-        if scene.accuracy.engine not in ENGINES:
-            raise SceneError(
-                [f"accuracy.engine: '{scene.accuracy.engine}' is not built yet; choose {', '.join(ENGINES)}"]
-            )
         self.scene = scene
         self.counts = Counter()
         self._step = step
@@ -207,13 +203,11 @@ class Study:
 
     @cached_property
     def fields(self):
-        """(mesh with its fields, `FemRolled`) at each speed; the engine is "fem"."""
-        from compact.fields import fields
-
+        """(mesh with its fields, contact) at each speed; the engine is one of FIELDED."""
         layers = []
         for _, rolled in self.rolled:
             self.count("fields")
-            layers.append((fields(rolled), rolled))
+            layers.append((fields(rolled, self.scene.accuracy.engine), rolled))
         return layers
 
     @cached_property

@@ -176,11 +176,6 @@ def test_broken_table_is_refused_with_its_name(tmp_path):
         _ = Study(load_scene(tmp_path / "scene.toml")).runs
 
 
-def test_engines_of_later_versions_are_refused_in_words():
-    with pytest.raises(SceneError, match=r"accuracy\.engine: 'compaction' is not built yet; choose formula, column"):
-        Study(scene(**{"accuracy.engine": "compaction"}))
-
-
 def test_cam_without_its_table_is_refused(tmp_path):
     study = Study(scene("small", **{"cam": None}))
     with pytest.raises(SceneError, match=r"cam: missing; a cam needs a table \[cam\]"):
