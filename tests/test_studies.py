@@ -16,7 +16,13 @@ def study(name):
 
 
 def test_every_study_has_a_test():
-    tested = {"speed_against_error", "formula_ranking", "formula_against_fem", "operating_point"}
+    tested = {
+        "speed_against_error",
+        "formula_ranking",
+        "formula_against_fem",
+        "operating_point",
+        "density_after_passes",
+    }
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
 
 
@@ -79,3 +85,15 @@ def test_operating_point_needs_compaction():
     assert (load, coefficient) == pytest.approx((9740, 0.179), rel=1e-6)
     assert cart == pytest.approx(2 * 9740 * 0.179 + 0.008 * 9480, rel=1e-6)
     assert (slope, fed) == pytest.approx((13.995e-6, 0.93444), rel=1e-4)
+
+
+def test_lifts_share_the_resistance_of_one_pass(capsys, tmp_path):
+    module = study("density_after_passes")
+    rows = module.main(radii=(0.11,), moistures=(0.10, 0.11), counts=(1, 3), out=tmp_path)
+    module.show(rows)
+    (*_, one, dense), (*_, three, denser), *wetter = rows
+    assert three == pytest.approx(one / 3, rel=2e-4)  # a lift resists as its own reduction asks, whatever lies below
+    assert (dense, denser) == pytest.approx((0.98, 0.98), abs=1e-6)
+    assert wetter[0][4] < one  # more water presses easier
+    assert "passes" in capsys.readouterr().out
+    assert (tmp_path / "density_after_passes.png").stat().st_size > 10_000
