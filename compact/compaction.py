@@ -5,9 +5,9 @@ coarse mesh, whose state a finer one takes over, as long as the contact is not r
 pressure or exit density is met by moving the roller up or down as it rolls on. A neighbour (another depth, speed or
 parameter) starts from the last state.
 
-Envelope: frictionless and sliding rollers, bonded and slipping bases. Capture angles up to about 20 degrees get steady
-within two layer heights of travel; beyond, the bow wave grows over several and the march is long, or ends as not
-steady. Mix is refused that would have to leave with k >= 1.
+Envelope: frictionless and sliding rollers, bonded and slipping bases. Capture angles up to about 18 degrees get steady
+within two layer heights of travel. Beyond, the bow wave fills over several, by what the roller does not press under;
+there the roller goes deeper for a while, which fills it sooner. Mix is refused that would have to leave with k >= 1.
 """
 
 from dataclasses import replace
@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from compact.compacted import CompactionRolled, read
 from compact.frame import Frame, rolling_mesh, transferred
-from compact.march import March, tail
+from compact.march import DRAG, March, tail
 from compact.material import Compaction
 from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_unknown
 from compact.solid import SUBSTEPS
@@ -32,6 +32,11 @@ TARGET = 1e-3  # of a prescribed load, peak pressure or exit density
 LONGEST = 12.0  # layer heights or contact lengths of travel after which a march that is not steady gives up
 TARGETS = 12  # changes of depth
 LARGEST_CHANGE = 1.4  # of the depth at once
+STEEP = 0.32  # capture angle beyond which the roller goes deeper at first
+DEEPER = 1 / 3  # of the depth
+FILLING = 1.15  # layer heights of travel at that depth
+SETTLING = 0.25  # of the drag, once the roller has come to its height
+UNBALANCED = 1e-2  # of the forces, what drag may still hold when the roller is called steady
 ERROR_SHARE = 0.5  # of the change from the coarser mesh, told as the error
 
 
@@ -78,7 +83,8 @@ def roll(
             coarse = march
             frame = _frame(layer, roller, material, speed, strain, fed, depth, count, count == increments)
             march = _march(frame, roller, coarse)
-            target.reached(march, steady if count == increments else max(steady, ROUGHLY), depth)
+            rough = count < increments and target.quantity is not None
+            target.reached(march, max(steady, ROUGHLY) if rough else steady, depth)
             depth = layer.height - march.steps[-1].lowest
         return _with_error(read(march, layer, roller, material, speed), coarse)
 
@@ -194,21 +200,40 @@ class _Target:
 
 
 def _until_steady(march, lowest, steady):
-    """March on, down to the height first, until the tails have no more than `steady` to go."""
+    """March on, down to the height first, until the tails have no more than `steady` to go; the last step without drag.
+
+    A steep march that begins goes deeper before it comes to the height.
+    """
     start = march.steps[-1].lowest if march.steps else march.frame.mesh.height
-    ramp = march.window if march.steps else 2 * march.window
+    way = _way_down(march, start, lowest)
     begun, way_out = len(march.steps), int(march.frame.way_out / march.frame.step)
-    reach = LONGEST * max(march.frame.mesh.height, march.frame.length)
+    reach, calm = LONGEST * max(march.frame.mesh.height, march.frame.length), 0
     for k in range(1, int(reach / march.frame.step) + 1):
-        march.advance(start + (lowest - start) * min(1.0, k / ramp))
-        passed = k - ramp
-        if passed >= way_out + 3 * march.window and _left(march, begun + ramp) < steady:
+        step = march.advance(way[min(k, len(way)) - 1], DRAG if k <= len(way) + march.window else SETTLING * DRAG)
+        settled = k - len(way) >= way_out + 3 * march.window and step.residual < UNBALANCED
+        calm = calm + 1 if settled and _left(march, begun + len(way)) < steady else 0
+        if calm > march.window:  # a tail that turns round is still for a moment only
+            march.advance(lowest, drag=0.0)
             return march
-    reached = [(round(s.travel, 4), s.load, s.resistance) for s in march.steps[-3:]]
+    reached = [(round(s.travel, 4), s.load, s.resistance, s.wave) for s in march.steps[-3:]]
     raise RuntimeError(
-        f"not steady after {len(march.steps)} steps, {_left(march, begun):.2g} of it left; "
-        f"(travel, load, resistance) were {reached}"
+        f"not steady at depth {march.frame.mesh.height - lowest:.4g} m after {march.steps[-1].travel:.3g} m of travel "
+        f"and {len(march.steps)} steps: {_left(march, begun):.2g} of load, resistance or exit density left to go, "
+        f"{step.residual:.2g} of the forces held by drag; (travel, load, resistance, bow wave) were {reached}"
     )
+
+
+def _way_down(march, start, lowest):
+    """Heights of the lowest generatrix, step by step, until it is where it stays."""
+    if march.steps:
+        return np.linspace(start, lowest, march.window + 1)[1:]
+    ramp, depth = 2 * march.window, start - lowest
+    if np.arccos(max(1 - depth / march.face.radius, 0.0)) < STEEP:
+        return np.linspace(start, lowest, ramp + 1)[1:]
+    deepest = lowest - DEEPER * depth
+    filling = np.full(int(FILLING * march.frame.mesh.height / march.frame.step), deepest)
+    down, up = np.linspace(start, deepest, ramp + 1)[1:], np.linspace(deepest, lowest, march.window + 1)[1:]
+    return np.concatenate([down, filling, up])
 
 
 def _left(march, begun):

@@ -5,9 +5,13 @@
 An increment of associated, hardening mix minimises a convex energy, so a step along Newton's direction is cut until the
 residual along that direction has shrunk. The factorised tangent is kept, from one increment to the next too, as long as
 it shrinks the residual well; where steps stay short a share of the elastic stiffness is added to it.
+
+A layer that flows with hardly any stiffness, as a bow wave does, may be held by drag: a share of the elastic forces of
+its departure from the motion foreseen. Drag is none where the motion goes on as it was.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -26,7 +30,10 @@ class NotBalancedError(RuntimeError):
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """A balanced increment: the `Condition` after it, the `Push` of the roller, residual over forces, iterations."""
+    """A balanced increment: the `Condition` after it, the `Push` of the roller, residual over forces, iterations.
+
+    The residual is that without drag.
+    """
 
     after: object
     push: object
@@ -39,20 +46,21 @@ class Balancer:
 
     def __init__(self, solid, nodes, residual=RESIDUAL):
         self.solid, self.nodes, self.residual = solid, np.asarray(nodes, dtype=int), residual
-        self.factor, self.elastic, self.factorised = None, None, 0
+        self.factor, self.factorised = None, 0
 
-    def balanced(self, before, face, displacement):
-        """The `Balance` from a `Condition`, near a displacement whose held unknowns are final.
+    def balanced(self, before, face, displacement, drag=0.0):
+        """The `Balance` from a `Condition`, near a displacement foreseen whose held unknowns are final.
 
+        drag : share of the elastic stiffness that resists departures from the displacement foreseen
         face : `Face` or anything whose `push` answers displacements of the nodes
 
         Raises NotBalancedError with the residuals reached.
         """
-        trial, share, history = _Trial(self, before, face, displacement), 0.0, []
+        trial, share, history = _Trial(self, before, face, displacement, drag, displacement), 0.0, []
         for iteration in range(ITERATIONS):
             history.append(trial.size)
             if trial.size <= self.residual:
-                return Balance(trial.motion.after, trial.push, trial.size, iteration)
+                return Balance(trial.motion.after, trial.push, trial.unbalanced, iteration)
             stalled = iteration > 0 and history[-1] > WELL * history[-2]
             fresh = self.factor is None or stalled
             if fresh:
@@ -74,34 +82,42 @@ class Balancer:
 
     def _factorise(self, trial, share):
         blocks = trial.stiffness()
-        if share:
-            blocks = blocks + share * self._elastic_blocks(trial.before)
+        if share + trial.drag:
+            blocks = blocks + (share + trial.drag) * self.elastic_blocks
         self.factor = self.solid.factorised(blocks, self.nodes, trial.push.stiffness)
         self.factorised += 1
 
-    def _elastic_blocks(self, before):
-        if self.elastic is None:
-            rest = self.solid.at_rest()
-            self.elastic = self.solid.moved(rest, rest.displacement).blocks
-        return self.elastic
+    @cached_property
+    def elastic_blocks(self):
+        """Of the mix at rest, shape (elements, 16, 16)."""
+        rest = self.solid.at_rest()
+        return self.solid.moved(rest, rest.displacement).blocks
+
+    def elastic_forces(self, displacement):
+        """That the nodes of an elastic layer would bear, shape (N, 2)."""
+        unknowns = self.solid.unknowns
+        forces = np.matmul(self.elastic_blocks, displacement.ravel()[unknowns][..., None])
+        return np.bincount(unknowns.ravel(), forces.ravel(), displacement.size).reshape(-1, 2)
 
 
 class _Trial:
     """A displacement, what the layer and the roller answer to it, and what is left on the free unknowns."""
 
-    def __init__(self, balancer, before, face, displacement):
-        self.balancer, self.before, self.face = balancer, before, face
+    def __init__(self, balancer, before, face, displacement, drag, foreseen):
+        self.balancer, self.before, self.face, self.drag, self.foreseen = balancer, before, face, drag, foreseen
         solid = balancer.solid
         self.motion = solid.moved(before, displacement, tangent=False)
         self.push = face.push(displacement[balancer.nodes])
         forces = self.motion.forces
         pushed = np.zeros_like(forces)
         pushed[balancer.nodes] = self.push.forces
+        scale = max(np.linalg.norm(forces), np.linalg.norm(pushed)) or 1.0
         self.residual = (pushed - forces).ravel()[solid.order]
-        scale = max(np.linalg.norm(forces), np.linalg.norm(pushed))
-        norm = np.linalg.norm(self.residual)
-        self.size = norm / scale if scale > 0 else 0.0
-        if not np.isfinite(norm):
+        self.unbalanced = np.linalg.norm(self.residual) / scale
+        if drag:
+            self.residual = self.residual - drag * balancer.elastic_forces(displacement - foreseen).ravel()[solid.order]
+        self.size = np.linalg.norm(self.residual) / scale
+        if not np.isfinite(self.size):
             raise FloatingPointError("the layer folds over")
 
     def stiffness(self):
@@ -114,7 +130,7 @@ class _Trial:
         displacement.ravel()[self.balancer.solid.order] += length * direction
         try:
             with np.errstate(invalid="raise", divide="raise", over="raise"):
-                return _Trial(self.balancer, self.before, self.face, displacement)
+                return _Trial(self.balancer, self.before, self.face, displacement, self.drag, self.foreseen)
         except (FloatingPointError, RuntimeError, ValueError):
             return None
 

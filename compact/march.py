@@ -1,8 +1,9 @@
 """The roller rolls on: one element of travel after the other, each a balanced increment, until nothing changes.
 
 Before a step all mix is carried towards the rear by one element (`Frame`); then the roller, back in its place, presses
-it again. The first guess is that the mix moves as it did in the step before, seen from the roller. The pressures that
-the roller carries stay with the roller. Steadiness is told by the decay of what still changes (`tail`).
+it again. The first guess is that the mix moves as it did in the step before, seen from the roller. A drag against
+leaving that motion keeps a bow wave of perfectly plastic mix from trembling, and is gone when the motion is steady. The
+pressures that the roller carries stay with the roller. Steadiness is told by the decay of what still changes (`tail`).
 """
 
 from dataclasses import dataclass, replace
@@ -16,6 +17,7 @@ PENALTY = 0.15  # of the unloading modulus over the step, or over the THIN-th pa
 THIN = 20
 SLOWEST = 0.97  # ratio of successive changes of a tail that may still be called decaying
 SOFTER = 0.1  # times the penalty where an increment finds no balance
+DRAG = 0.02  # of the elastic stiffness; without it a high wave takes five times the iterations
 HALVINGS = 3  # of a step of the roller that finds no balance
 
 
@@ -25,7 +27,8 @@ class Step:
 
     travel, lowest : so far, and of the lowest generatrix above the base [m];  load, resistance : [N/m]
     exit_density_ratio : mean of the column of mix that leaves;  peak_pressure : [Pa]
-    iterations, residual : of Newton's method, and what is left over the forces
+    iterations, residual : of Newton's method, and what is left over the forces without drag
+    wave : rise of the surface above the fed height [m]
     """
 
     travel: float
@@ -36,6 +39,7 @@ class Step:
     peak_pressure: float
     iterations: int
     residual: float
+    wave: float
 
 
 def tail(values, window):
@@ -69,13 +73,13 @@ class March:
         self.balancer = Balancer(frame.solid, nodes, residual)
         self.condition, self.push, self.steps = frame.at_rest(), None, ()
 
-    def advance(self, lowest):
+    def advance(self, lowest, drag=DRAG):
         """One element of travel, the lowest generatrix at a height [m] at its end; the `Step` it made."""
         arrived = self.frame.carried(self.condition)
         guess = self._foreseen(arrived.displacement)
         face = self.face.at(lowest)
         try:
-            balance = self.balancer.balanced(arrived, face, guess)
+            balance = self.balancer.balanced(arrived, face, guess, drag)
         except NotBalancedError:
             balance = self._gently(arrived, guess, lowest)
         self.change = balance.after.displacement - arrived.displacement
@@ -141,6 +145,7 @@ class March:
             float(self.pressure.max()),
             balance.iterations,
             balance.residual,
+            float(self.places[:, 1].max() - self.frame.mesh.height),
         )
         self.steps += (step,)
         return step
@@ -159,9 +164,13 @@ class March:
 
     @property
     def pressure(self):
-        """Of the roller on the surface as it is now [Pa]."""
+        """Of the roller on the surface as it is now [Pa]: linear between corners, since nodes scatter about it."""
+        forces, x = self.face.weight * self.push.pressure, self.frame.nodes[self.frame.surface, 0]
+        hats = forces[::2].copy()
+        hats[:-1] += forces[1::2] / 2
+        hats[1:] += forces[1::2] / 2
+        pressure = np.interp(x, x[::2], hats / np.gradient(x[::2]))
         if self.face.profile != "deformed":
-            return self.push.pressure
-        x = self.frame.nodes[self.frame.surface, 0]
+            return pressure
         stretch = np.hypot(*(np.gradient(part, x) for part in self.places.T))
-        return self.push.pressure / stretch
+        return pressure / stretch

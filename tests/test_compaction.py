@@ -165,6 +165,22 @@ def test_a_steady_drift_is_not_steady():
     assert left > 60
 
 
+@pytest.mark.slow
+def test_steep_roller_gets_steady_and_balances():
+    """Capture angle of 23 degrees; the bow wave is higher than the roller is deep."""
+    mix = Compaction(120e6, 0.3, 28e-6, 0.72, 1.2, 14e3, 0.935)
+    rolled = roll(Layer(0.23), Roller(0.11, 0.009, profile="deformed"), mix, 0.2, increments=6)
+    assert rolled.mass_residual < 2e-3
+    assert rolled.work_residual < 0.02
+    assert rolled.bow_wave > rolled.indentation
+
+
+def test_march_that_does_not_get_steady_says_how_far_it_got(monkeypatch):
+    monkeypatch.setattr("compact.compaction.LONGEST", 0.5)
+    with pytest.raises(RuntimeError, match=r"not steady at depth 0.002 m after 0.04.* m of travel .* held by drag"):
+        over_small()
+
+
 def test_roller_that_touches_nothing_bears_nothing():
     march = March(Frame(rolling_mesh(0.1, 0.02, 0.005), MIX, "bonded", 0.02), 0.11)
     assert march.advance(0.101).load == 0

@@ -112,6 +112,22 @@ def test_work_taken_up_is_that_of_the_plate():
     assert np.sum(solid.area * condition.work) == pytest.approx(given, rel=1e-4)
 
 
+def test_drag_holds_what_leaves_the_motion_foreseen_and_nothing_else():
+    """At the balance itself it is none; away from it the mix lags, and what it holds is told as residual."""
+    x, y = Solid(SQUARE, MIX).basis.doflocs
+    ends = np.flatnonzero((y == 0) | (y == 1))
+    solid = Solid(SQUARE, MIX, held=np.concatenate([2 * ends, 2 * ends + 1]))
+    start, foreseen = solid.at_rest(), np.stack([0 * x, -0.01 * y**2], axis=-1)
+    balancer = Balancer(solid, np.array([20]), residual=1e-9)
+    free = balancer.balanced(start, Nothing(), foreseen)
+    again = balancer.balanced(start, Nothing(), free.after.displacement, drag=0.5)
+    held = balancer.balanced(start, Nothing(), foreseen, drag=0.5)
+    assert again.after.displacement == pytest.approx(free.after.displacement, abs=1e-9)
+    lagged, moved = (np.abs(balance.after.displacement - foreseen).max() for balance in (held, free))
+    assert lagged < 0.95 * moved
+    assert free.residual < 1e-9 < held.residual
+
+
 # finite kinematics
 
 
