@@ -769,7 +769,7 @@ BROKEN = [
         "fields of a formula",
         '"figures", "cams"',
         '"fields", "cams"',
-        'output.wanted: holds "fields", which accuracy.engine = "formula" does not compute; take it out or choose',
+        'output.wanted: holds "fields", which accuracy.engine = "formula" does not compute; take it out, or',
     ),
     refused(
         "law twice",
