@@ -55,7 +55,7 @@ def element_moduli(mesh, poisson, layer):
     return np.repeat(stiffness, mesh.shape[1])[:, None] * moduli(poisson)
 
 
-@lru_cache(maxsize=4)  # a few meshes of some ten MB; every speed, modulus and spectrum on a mesh shares one
+@lru_cache(maxsize=2)  # a mesh and its refined one, 0.1 GB; every speed, modulus and spectrum on a mesh shares them
 def stiffness(mesh, poisson, layer):
     """The factorised `Stiffness` of a RowMesh that has a line of nodes at every interface of the layer's plies."""
     quads = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
@@ -80,20 +80,27 @@ def condensed(mesh, poisson, layer, window, sheared, behind):
     """The `Surface` of a layer for loads within |x| <= window: pressures, and shear tractions too if `sheared`.
 
     A layer on a slipping base is held against these at one end, `behind` the roller: 0 the lower in x, 1 the upper.
-    The layer ahead is as it was fed.
+    The layer ahead is as it was fed. Half of the loads will do where the mesh mirrors itself.
     """
     body = stiffness(mesh, poisson, layer)
     x = body.basis.doflocs[0][body.surface]
     inside = np.flatnonzero(np.abs(x[::2]) <= window)
     first, last = 2 * inside[0], 2 * inside[-1] + 1
-    loaded = body.surface[first:last]
-    response = np.zeros((2, len(x), 2, len(loaded)))
+    count = last - first
+    left = count // 2 if mesh.mirrored else 0
+    loaded = body.surface[first + left : last]
+    response = np.zeros((2, len(x), 2, count))
     for k in range(0 if sheared else 1, 2):
-        forces = np.zeros((body.basis.N, 2, len(loaded)))
-        forces[loaded, k, np.arange(len(loaded))] = 1
+        forces = np.zeros((body.basis.N, 2, count - left))
+        forces[loaded, k, np.arange(count - left)] = 1
         if k == 0 and layer.base == "slip":
-            forces -= body.ends[:, :, [behind]]
-        response[:, :, k] = body.displacement(forces)[body.surface].transpose(1, 0, 2)
+            forces -= body.ends.mean(axis=2, keepdims=True)
+        response[:, :, k, left:] = body.displacement(forces)[body.surface].transpose(1, 0, 2)
+    turned = np.array([[1, -1], [-1, 1]])[:, None, :, None]  # a force and a displacement along x turn round, y does not
+    response[..., :left] = (turned * response[:, ::-1, :, ::-1])[..., :left]
+    if sheared and layer.base == "slip":  # held half at either end so far
+        stretch = (body.ends @ [[-0.5], [0.5]]) * (1 - 2 * behind)
+        response[:, :, 0] += body.displacement(stretch)[body.surface].transpose(1, 0, 2)
     return Surface(x, first, last, response)
 
 

@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from compact import kernel
+from compact.material import Elastic
 
 MODES = 12
 SAMPLES = 65  # of the pressure, from the middle to an edge
@@ -19,6 +20,8 @@ NEAR = 1e-6  # relative distance to the target
 STEPS = 60
 AT_ONCE = 1.0  # farthest step of the log of the half-width
 NOTHING = 1e-12  # layer heights: atoms are wider than such a contact
+WIDTH_STEP = 1.2  # contacts that differ by less in width share a mesh where the indentation is not prescribed
+WIDTHS = 4  # tried in turn for the modulus that such a contact meets
 NARROW = 2.0  # top plies to either side at first, since a contact much wider than a ply costs more to try
 
 
@@ -68,6 +71,26 @@ def as_wide(layer, material, radius, half_width):
         load=float(scale * a * basis.unit_load * b[0]),
         peak_pressure=float(scale * pressure.max()),
     )
+
+
+def half_width_met(layer, roller, material, speed):
+    """Half-width [m] of the contact with the relaxed modulus, or with the one met at that width and speed [m/s] where
+    the indentation is not prescribed."""
+
+    def elastic(modulus):
+        return expected(layer, Elastic(modulus, material.poisson), roller.radius, *roller.target).half_width
+
+    half_width = relaxed = elastic(material.youngs_modulus)
+    if roller.indentation is not None or not getattr(material, "branches", ()):
+        return relaxed
+    for _ in range(WIDTHS):
+        half_width = elastic(float(abs(material.complex_modulus(speed / half_width))))
+    return shared_half_width(half_width, relaxed)
+
+
+def shared_half_width(half_width, widest):
+    """A half-width not much larger, one of few below the widest, for speeds to share the mesh made for it."""
+    return float(widest / WIDTH_STEP ** np.floor(np.log(widest / half_width) / np.log(WIDTH_STEP)))
 
 
 def first_half_width(layer, material, radius, target, value):

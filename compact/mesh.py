@@ -12,10 +12,10 @@ import numpy as np
 from compact.refuse import refuse_nonpositive
 
 DEFAULT_ERROR = 2e-3  # of the resistance, on ten elements per half-width: a point of studies/speed_against_error.py
-GROWTH = 1.25  # ratio of neighbouring elements
+GROWTH = 1.4  # ratio of neighbouring elements, its root inside the contact: 3e-5 of the load, 6e-6 once refined
 EDGE = 4  # times smaller at the edges: resistance in the limits of slow and fast within 0.2 %, without it 1 %
-REACH = 14.0  # layer heights beyond the contact; 8 leave 1e-3 in the load where v tau is 10 heights
-COARSEST = 0.5  # of the layer height: the far field varies over one height
+REACH = 20.0  # layer heights beyond the contact; 14 leave 3e-5 in the load where v tau is 500 heights
+COARSEST = 2.0  # layer heights: so far out that even half of it changes nothing
 SAME_ROW = 1e-9  # of the height: corners closer than this share a height
 
 
@@ -56,6 +56,11 @@ class RowMesh:
         return len(self.y) - 1, self.x.shape[1] - 1
 
     @property
+    def mirrored(self):
+        """Whether the left half mirrors the right one."""
+        return np.array_equal(self.x, -self.x[:, ::-1])
+
+    @property
     def dofs(self):
         """Displacements of quadratic elements on this mesh."""
         rows, columns = self.shape
@@ -82,24 +87,15 @@ class RowMesh:
         """The mesh with every element cut in four."""
         return RowMesh(_with_middles(_with_middles(self.x.T).T), _with_middles(self.y))
 
-    def coarsened(self, interfaces=()):
-        """The mesh on every second line and column of nodes, the outermost kept; one element stays one.
-
-        So is the line nearest to each of the heights `interfaces` kept, and one row between two of them.
-        """
-        kept = [0, *(int(np.argmin(np.abs(self.y - height))) for height in interfaces), len(self.y) - 1]
-        rows = np.unique(np.concatenate([low + _every_second(high - low) for low, high in pairwise(kept)]))
-        columns = _every_second(self.shape[1])
-        return RowMesh(self.x[np.ix_(rows, columns)], self.y[rows])
-
 
 def graded(height, half_width, elements, *, interfaces=(), edge=EDGE, growth=GROWTH, reach=REACH):
     """A layer meshed for a contact of about a given half-width around x = 0, a `RowMesh`.
 
     Elements of a/n lie inside the contact and shrink towards its edges, where pressure rises like a root; over a thin
-    ply, H thick, they are 10 H/n at most, and 2 H/n over `edge` at the edges. From there they grow geometrically to
-    half the height of the layer: outwards over `reach` heights, and down, where stress varies over the depth. Every
-    interface is a line of nodes, with two rows at least between two of them.
+    ply, H thick, they are 10 H/n at most, and 2 H/n over `edge` at the edges. From there they grow geometrically:
+    outwards over `reach` heights, and down, where stress varies over the depth; inwards by the root of that ratio, for
+    contacts that end a little short of a. Every interface is a line of nodes, with two rows at least between two of
+    them.
 
     Parameters
     ----------
@@ -107,7 +103,7 @@ def graded(height, half_width, elements, *, interfaces=(), edge=EDGE, growth=GRO
     elements : n per half-width, > 0
     interfaces : heights of the interfaces of plies [m], ascending, between 0 and H
     edge : elements at the edges are so many times smaller, >= 1
-    growth : ratio of neighbouring elements, >= 1
+    growth : ratio of neighbouring elements outside the contact, >= 1
     reach : free length beyond the contact over the height, > 0
 
     >>> mesh = graded(height=0.22, half_width=0.02, elements=10)
@@ -124,7 +120,7 @@ def graded(height, half_width, elements, *, interfaces=(), edge=EDGE, growth=GRO
     top = height - levels[-2]
     inside = min(half_width, 10 * top) / elements
     first = min(half_width, 2 * top) / elements / edge
-    inward = _growing(half_width, first, growth, inside)
+    inward = _growing(half_width, first, np.sqrt(growth), inside)
     outward = _growing(reach * height, first, growth, COARSEST * height)
     right = np.concatenate([half_width - inward[::-1], [half_width], half_width + outward])
     right[0] = 0.0
@@ -217,11 +213,6 @@ def _with_middles(values):
     both[::2] = values
     both[1::2] = (values[:-1] + values[1:]) / 2
     return both
-
-
-def _every_second(count):
-    """Numbers of every second of count + 1 nodes, first and last among them."""
-    return np.unique(np.append(np.arange(0, count, 2), count))
 
 
 def _levels(y):

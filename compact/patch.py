@@ -13,11 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-POINTS = 8  # Gauss points between two neighbouring corners; the pressure is smooth there
+GAUSS = np.polynomial.legendre.leggauss(8)  # between two neighbouring corners; the pressure is smooth there
 EDGE_POWER = 3  # quadrature points crowd at the edges as t^3, which smooths every edge exponent in use
 EDGE_TOLERANCE = 1e-9  # of the contact length
 FIRST_TERMS = 6  # of the first settling, smooth in the edges, from which the second starts
 NODES_PER_TERM = 3  # under the contact; more terms than that see single nodes
+FEWER = 2  # terms left out of the second opinion on the peak pressure: its scatter changes sign with every second term
+PEAK_SAMPLES = 2001
 STEP = 0.25  # of the contact length: farthest that an edge moves at once
 ITERATIONS = 40
 
@@ -80,6 +82,8 @@ class Patch:
     direction, shear : traction over pressure there, and its tangential part, shape (2, q)
     forces : on the loaded nodes, shape (2, m);  displacement : of the surface nodes, shape (2, n)
     coefficients : of the pressure;  exponent : alpha of its edges
+    slopes : how far the amplitudes of the singular pressures follow the edges, shape (2, 2)
+    peaks : largest pressure, by `FEWER` terms less and by all
     history : (trailing, leading, step over length) of every iteration
     """
 
@@ -94,7 +98,23 @@ class Patch:
     displacement: np.ndarray
     coefficients: np.ndarray
     exponent: float
+    slopes: np.ndarray | None = None
+    peaks: tuple = ()
     history: tuple = ()
+
+    @property
+    def edges(self):
+        return self.trailing, self.leading
+
+    @property
+    def peak(self):
+        """Largest pressure: both peaks scatter to opposite sides of it, tenfold as far as their mean."""
+        return sum(self.peaks) / 2
+
+    @property
+    def scatter(self):
+        """Half the difference of both peaks over their mean."""
+        return abs(self.peaks[1] - self.peaks[0]) / sum(self.peaks)
 
     def integral(self, values):
         """int values dx over the patch."""
@@ -120,12 +140,19 @@ def press(surface, roll, terms, start=None):
     if start is None:
         edges, displacement = touched(surface, roll), np.zeros((2, len(surface.x)))
         terms = min(terms, max(1, np.sum((edges[0] < surface.x) & (surface.x < edges[1])) // NODES_PER_TERM))
-        start = _settled(surface, roll, edges, displacement, min(terms, FIRST_TERMS), history)
+        start = _settled(surface, roll, min(terms, FIRST_TERMS), edges, displacement, None, history)
     else:
         terms = len(start.coefficients) - 2
-    edges = np.array([start.trailing, start.leading])
-    patch = _settled(surface, roll, edges, start.displacement, terms, history)
+    patch = _settled(surface, roll, terms, np.array(start.edges), start.displacement, start.slopes, history)
     return replace(patch, history=tuple(history))
+
+
+def with_peaks(surface, roll, patch):
+    """The patch with its own peak pressure and that of a patch with `FEWER` terms."""
+    terms, history = max(1, len(patch.coefficients) - 2 - FEWER), []
+    fewer = _settled(surface, roll, terms, np.array(patch.edges), patch.displacement, patch.slopes, history)
+    peaks = tuple(float(each.sampled(PEAK_SAMPLES)[1].max()) for each in (fewer, patch))
+    return replace(patch, peaks=peaks, history=patch.history + tuple(history))
 
 
 def touched(surface, roll):
@@ -165,23 +192,34 @@ def _hats(sizes):
     return H
 
 
-def _settled(surface, roll, edges, displacement, terms, history):
-    """Newton for the edges, its slopes updated by the secant rule of Broyden."""
+def _settled(surface, roll, terms, edges, displacement, slopes, history):
+    """Newton for the edges, its slopes updated by the secant rule of Broyden, and found anew where steps grow."""
     patch, amplitudes = _held(surface, roll, edges, displacement, terms)
-    slopes = _slopes(surface, roll, edges, displacement, terms, amplitudes)
+    moved = np.inf
     for _ in range(ITERATIONS):
-        step = np.linalg.solve(slopes, -amplitudes)
+        if slopes is None:
+            slopes = _slopes(surface, roll, edges, displacement, terms, amplitudes)
+        before, step = moved, np.linalg.solve(slopes, -amplitudes)
         moved = (np.abs(step).max() / (edges[1] - edges[0])).item()
         change = np.abs(patch.displacement - displacement).max()
         steady = roll.profile != "deformed" or change <= EDGE_TOLERANCE * np.abs(patch.displacement).max()
         history.append((*edges.tolist(), moved))
         if moved < EDGE_TOLERANCE and steady:
-            return patch
+            return replace(patch, slopes=slopes)
         step *= min(1.0, STEP / max(moved, STEP))
-        edges, displacement, before = edges + step, patch.displacement, amplitudes
+        edges, displacement, known = edges + step, patch.displacement, amplitudes
         patch, amplitudes = _held(surface, roll, edges, displacement, terms)
-        slopes = slopes + np.outer(amplitudes - before - slopes @ step, step) / (step @ step)
+        secant = slopes + np.outer(amplitudes - known - slopes @ step, step) / (step @ step)
+        slopes = secant if moved < max(before, EDGE_TOLERANCE) else None
+    if roll.profile == "circle" and np.abs(edges).max() > roll.radius:
+        raise RuntimeError(beyond_circle(*edges, roll.radius))
     raise RuntimeError(f"contact edges did not settle: (trailing, leading, step over length) were {history}")
+
+
+def beyond_circle(trailing, leading, radius):
+    """What to say of such edges."""
+    contact = f"the contact, from {trailing:.3g} to {leading:.3g} m,"
+    return f"{contact} is wider than the circle of radius {radius:g} m; press less"
 
 
 def _slopes(surface, roll, edges, displacement, terms, amplitudes):
@@ -245,7 +283,7 @@ def quadrature(nodes, edges):
     s = 2 / np.pi * np.arcsin(np.sqrt(breaks))
     with np.errstate(divide="ignore"):
         t = 1 / (1 + np.cbrt((1 - s) / np.maximum(s, 0)))
-    g, w = np.polynomial.legendre.leggauss(POINTS)
+    g, w = GAUSS
     half = np.diff(t)[:, None] / 2
     t, dt = (t[:-1, None] + half * (1 + g)).ravel(), (half * w).ravel()
     low, high = t**EDGE_POWER, (1 - t) ** EDGE_POWER

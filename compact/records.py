@@ -102,11 +102,20 @@ class Roller:
     def __post_init__(self):
         refuse_nonpositive(radius=self.radius)
         refuse_negative(friction=self.friction)
-        targets = {name: getattr(self, name) for name in ("indentation", "load", "peak_pressure")}
-        given = {name: value for name, value in targets.items() if value is not None}
+        given = self._given
         if len(given) != 1:
             raise ValueError(f"give one of `indentation`, `load`, `peak_pressure`, got {sorted(given) or 'none'}")
         refuse_nonpositive(**given)
+
+    @property
+    def target(self):
+        """Name and value of what is prescribed."""
+        return next(iter(self._given.items()))
+
+    @property
+    def _given(self):
+        targets = {name: getattr(self, name) for name in ("indentation", "load", "peak_pressure")}
+        return {name: value for name, value in targets.items() if value is not None}
 
 
 @dataclass(frozen=True)

@@ -1,22 +1,37 @@
-"""Shear traction of a rolling contact that sticks and slips, under a pressure already known.
+"""Shear traction of a rolling contact that sticks and slips, together with its pressure.
 
 Over the roller, and relative to the speed, the mix slips along the tangent t by
 
     s = 1 + creep - t.(e_x + du/dx),    creep = angular speed x radius/speed - 1,
 
-and Coulomb's law holds at every point: |q| <= f p, and q = -f p sign(v s) where s is not zero. q is linear between
-the surface nodes, s the mean between a node and the next one upstream, where its mix comes from. Which nodes stick is
-found by exchanging those that break the law. The creep is such that q sums to what the torque on the roller asks.
+and Coulomb's law holds at every point: |q| <= f p, and q = -f p sign(v s) where s is not zero. Like the pressure, q
+ends with square roots at both edges, times a factor that is linear between the surface nodes; s is the mean between a
+node and the next one upstream, where its mix comes from. Which nodes stick is found by exchanging those that break the
+law. The creep is such that q sums to what the torque on the roller asks. Pressure and shear are found in turn.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from compact.patch import Roll, interpolation, quadrature
+from compact.patch import Roll, interpolation, press, quadrature, with_peaks
 
+TURNS = 60  # of pressure and shear
+TURN_TOLERANCE = 1e-7  # of the largest displacement, about 1e-6 of the peak pressure
+FREE_TURNS = 5  # after which shear takes no more nodes in, lest one at an edge come and go for ever
+SHARES = 0.1, 2.0  # of the change that the shear asks for, between which Aitken's rule chooses
 EXCHANGES = 200
+NEAR_EDGE = 0.5  # of the distance to the next node: what is nearer to an edge sees too little of the contact
 AT_BOUND = 1e-9  # share by which a sticking traction may pass f p
+
+
+@dataclass(frozen=True)
+class Grip:
+    """Friction f, int q dx `asked` [m of relaxed modulus], and the `direction` of travel, 1 along +x or -1."""
+
+    friction: float
+    asked: float
+    direction: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +53,10 @@ class Shear:
     displacement: np.ndarray
     lost: float
 
+    def at(self, x):
+        """The traction at x, shape (q,)."""
+        return _shapes(self.x, x) @ self.traction[1:-1]
+
 
 @dataclass(frozen=True, eq=False)
 class DrawnRoll(Roll):
@@ -53,26 +72,50 @@ class DrawnRoll(Roll):
         return normal, depth - np.sum(normal * drawn, axis=0)
 
 
-def stick_and_slip(surface, patch, friction, asked, direction):
-    """The `Shear` with int q dx = `asked` under the pressure of a patch, for a roller that travels along +x (direction
-    1) or -x (-1); RuntimeError if it skids.
+def pressed_and_sheared(surface, roll, terms, grip, patch=None, shear=None):
+    """The `Patch`, with its peaks, and the `Shear` that belong together, from others near them on; terms as of `press`.
+
+    Aitken's rule chooses how much of each change is taken, so that what swings or creeps settles too. RuntimeError with
+    the changes if nothing does, or if the roller skids.
     """
-    x, hats, share = _hats(surface, patch)
-    bound = friction * np.maximum(np.interp(x[1:-1], patch.x, patch.pressure), 0)
-    if abs(asked) >= bound @ share:
-        raise RuntimeError(f"the roller skids: {abs(asked) / (bound @ share):.3g} times the friction limit asked")
+    drawn = np.zeros((2, len(surface.x))) if shear is None else shear.displacement
+    nodes, share, before, changes, history = None, 1.0, None, [], ()
+    for turn in range(TURNS):
+        under = DrawnRoll(**vars(roll), nodes=surface.x, drawn=drawn)
+        patch = press(surface, under, terms, patch)
+        history += patch.history
+        shear = stick_and_slip(surface, patch, grip, nodes)
+        change = shear.displacement - drawn
+        changes.append(float(np.abs(change).max() / np.abs(patch.displacement).max()))
+        if changes[-1] < TURN_TOLERANCE:
+            return with_peaks(surface, under, replace(patch, history=history)), shear
+        if before is not None:
+            fall = before - change
+            share = np.clip(share * np.sum(before * fall) / np.sum(fall**2), *SHARES)
+        drawn, before = drawn + share * change, change
+        nodes = None if turn < FREE_TURNS else shear.x[1:-1]
+    raise RuntimeError(f"pressure and shear did not settle: changes by shear over the displacement were {changes}")
+
+
+def stick_and_slip(surface, patch, grip, nodes=None):
+    """The `Shear` under the pressure of a patch, on all surface nodes or on some; RuntimeError if the roller skids."""
+    x = _from_edge_to_edge(patch, surface.x if nodes is None else nodes)
+    hats, share = _hats(surface, patch, x)
+    bound = grip.friction * np.maximum(np.interp(x[1:-1], patch.x, patch.pressure), 0)
+    if abs(grip.asked) >= bound @ share:
+        raise RuntimeError(f"the roller skids: {abs(grip.asked) / (bound @ share):.3g} times the friction limit asked")
     response = np.einsum("iakb,kbj->iaj", surface.response, hats, optimize=True)
-    upstream = slice(1, None) if direction > 0 else slice(0, -1)  # of the intervals, the one before each node
+    upstream = slice(1, None) if grip.direction > 0 else slice(0, -1)  # of the intervals, the one before each node
     slope = (np.diff(interpolation(surface.x, x), axis=0) / np.diff(x)[:, None])[upstream]
     tangent = _tangent(patch, ((x[1:] + x[:-1]) / 2)[upstream])
-    A = -direction * sum(part[:, None] * (slope @ response[i]) for i, part in enumerate(tangent))
+    A = -grip.direction * sum(part[:, None] * (slope @ response[i]) for i, part in enumerate(tangent))
     moved = sum(part * (slope @ patch.displacement[i]) for i, part in enumerate(tangent))
-    b = direction * (1 - tangent[0] - moved)
-    q, creep, sticks = _exchanged(A, b, bound, share, asked)
+    b = grip.direction * (1 - tangent[0] - moved)
+    q, creep, sticks = _exchanged(A, b, bound, share, grip.asked)
     return Shear(
         x=x,
         traction=np.concatenate([[0.0], q, [0.0]]),
-        creep=float(direction * creep),
+        creep=float(grip.direction * creep),
         sticks=sticks,
         sum=hats.sum(axis=1) @ q,
         forces=hats @ q,
@@ -95,9 +138,17 @@ def _exchanged(A, b, bound, share, asked):
             worst = np.argmax(np.where(over, np.abs(q), 0) + np.where(drags, bound.max(), 0))
             state, direction = sticks.copy(), sign.copy()
             state[worst], direction[worst] = ~sticks[worst], np.sign(q[worst])
+        if not state.any():  # one has to stick, or nothing tells the creep
+            state[_first_to_stick(A, b, direction * bound, share, asked)] = True
         seen.add((state.tobytes(), direction.tobytes()))
         sticks, sign = state, direction
     raise RuntimeError(f"zones of stick and slip did not settle in {EXCHANGES} exchanges")
+
+
+def _first_to_stick(A, b, q, share, asked):
+    """Of the nodes whose slip keeps the sum of q from what is asked, the one that slips least."""
+    lacking = np.sign(asked - share @ q)
+    return np.argmin(np.where(q * lacking < 0, lacking * (A @ q + b), np.inf))
 
 
 def _solved(A, b, slipping, share, asked, sticks):
@@ -109,15 +160,32 @@ def _solved(A, b, slipping, share, asked, sticks):
     return q, answer[-1]
 
 
-def _hats(surface, patch):
-    """Edges and nodes between; nodal forces of tractions that are hats on the latter, (2, m, k); integrals of these."""
-    inside = surface.x[(surface.x > patch.trailing) & (surface.x < patch.leading)]
-    x = np.concatenate([[patch.trailing], inside, [patch.leading]])
+def _from_edge_to_edge(patch, nodes):
+    """The two edges and the nodes between them, but for such as crowd an edge."""
+    x = nodes[(nodes > patch.trailing) & (nodes < patch.leading)]
+    if len(x) > 2:
+        crowds = x[0] - patch.trailing < NEAR_EDGE * (x[1] - x[0]), patch.leading - x[-1] < NEAR_EDGE * (x[-1] - x[-2])
+        x = x[int(crowds[0]) : len(x) - int(crowds[1])]
+    return np.concatenate([[patch.trailing], x, [patch.leading]])
+
+
+def _hats(surface, patch, x):
+    """Nodal forces of the tractions that `_shapes` are, shape (2, m, k), and their integrals."""
     points, weight, _, _ = quadrature(surface.x, (patch.trailing, patch.leading))
-    hats = np.array([np.interp(points, x, row) for row in np.eye(len(x))[1:-1]]).T * weight[:, None]
+    hats = _shapes(x, points) * weight[:, None]
     loads = interpolation(surface.x, points)[:, surface.first : surface.last].T
     forces = np.stack([loads @ (hats * part[:, None]) for part in _tangent(patch, points)])
-    return x, forces, hats.sum(axis=0)
+    return forces, hats.sum(axis=0)
+
+
+def _shapes(x, points):
+    """Tractions that are one at one of the nodes between the edges x[0], x[-1] and zero at the others, shape (q, k).
+
+    Hats between the nodes, flat from the outermost to the edges, times the square roots of the distances to the edges.
+    """
+    hats = np.array([np.interp(points, x[1:-1], row) for row in np.eye(len(x) - 2)]).T
+    root, unit = (np.sqrt(np.maximum((at - x[0]) * (x[-1] - at), 0)) for at in (points, x[1:-1]))
+    return hats * root[:, None] / unit
 
 
 def _tangent(patch, x):

@@ -1,4 +1,4 @@
-"""Row meshes: shape and grading, refining and coarsening, files, and the refusal of rows that are not straight."""
+"""Row meshes: shape and grading, refining, files, and the refusal of rows that are not straight."""
 
 import numpy as np
 import pytest
@@ -107,13 +107,10 @@ def test_refined_quarters_every_element():
     assert area(fine).reshape(2, 2, 2, 2).sum(axis=(1, 3)).ravel() == pytest.approx(area(SMALL), rel=1e-12)
 
 
-def test_coarsened_undoes_refined():
-    assert SMALL.refined().coarsened() == SMALL
-
-
-def test_one_element_stays_one():
-    one = RowMesh(np.array([[0.0, 1.0], [0.0, 1.0]]), np.array([0.0, 1.0]))
-    assert one.coarsened() == one
+def test_graded_layers_mirror_themselves_and_so_do_refined_ones():
+    assert LAYER.mirrored
+    assert LAYER.refined().mirrored
+    assert not SMALL.mirrored
 
 
 # files and meshes of users
