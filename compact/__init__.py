@@ -24,6 +24,7 @@ _HOMES = {
     "mix": ("Mix", "prior"),
     "motion": ("LAWS", "Cycle", "Motion", "law"),
     "records": ("Layer", "Roller", "Rolled"),
+    "resistance": ("ResistanceMap", "sampled"),
     "results": ("ResultsError",),
     "scene": ("Scene", "SceneError", "load_scene", "parse_scene"),
     "study": ("Study",),

@@ -6,7 +6,6 @@ Heavy modules are imported inside the commands, so that help answers at once.
 import os
 import sys
 import warnings
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -136,7 +135,7 @@ def run(
     from compact import report
 
     bar = _bar(quiet)
-    study = _study(scene, quiet, engine, tolerance, changes=changes, step=partial(_advance, bar))
+    study = _study(scene, quiet, engine, tolerance, changes=changes, step=lambda stage: _advance(bar, study, stage))
     bar.total = study.steps
     directory = out or Path("out") / scene.stem
     with bar:
@@ -296,8 +295,9 @@ def _bar(quiet):
     return tqdm(disable=quiet or not sys.stderr.isatty(), delay=BAR_AFTER, miniters=1, unit=" steps", leave=False)
 
 
-def _advance(bar, stage):
+def _advance(bar, study, stage):
     bar.set_description(stage, refresh=False)
+    bar.total = study.steps  # speeds may be added on the way
     bar.update()
 
 

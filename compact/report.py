@@ -56,6 +56,8 @@ def _rolled(study, directory):
         )
         for speed, rolled in study.rolled
     ])  # fmt: skip
+    study.resistance_map.save(directory / "resistance.nc", study.scene.hash)
+    yield directory / "resistance.nc"
 
 
 def write_contact(directory, study, speed, rolled):
@@ -150,14 +152,21 @@ def _tables(study, directory):
         (name, join.time, join.quantity, join.before, join.after)
         for name, cycle in study.cycles.items() for join in cycle.joins()
     ])  # fmt: skip
-    yield _csv(directory / "ranking.csv", ("criterion", "rank", "law", "value", "unit", "margin", "reason"), [
-        (by, p.rank, p.run.name, p.value, CRITERIA[by].unit, p.margin, p.reason)
-        for by, places in study.rankings.items() for p in places
+    yield _csv(directory / "ranking.csv", RANKING_HEADER, [
+        (engine, by, p.rank, p.run.name, p.value, CRITERIA[by].unit, p.margin, p.reason)
+        for engine, rankings in _rankings(study).items() for by, places in rankings.items() for p in places
     ])  # fmt: skip
     for name, run in study.runs.items():
         yield _csv(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, _cycle_rows(run))
 
 
+def _rankings(study):
+    """Rankings by engine, the scene's first."""
+    beside = {"formula": study.formula_rankings} if study.rolled else {}
+    return {study.scene.accuracy.engine: study.rankings} | beside
+
+
+RANKING_HEADER = ("engine", "criterion", "rank", "law", "value", "unit", "margin", "reason")
 STEPPER_HEADER = ("time_s", "angle_rad", "angular_velocity_rad/s", "angular_acceleration_rad/s2", "angular_jerk_rad/s3")
 LAW_HEADER = (
     "law", "peak_velocity_m/s", "peak_acceleration_m/s2", "peak_jerk_m/s3", "peak_snap_m/s4", "continuity",
@@ -248,7 +257,7 @@ def _figures(study, directory):
     drawn = {
         "kinematics": lambda: figures.kinematics(study.runs),
         "drive": lambda: figures.drive(study.runs),
-        "ranking": lambda: figures.ranking(study.rankings),
+        "ranking": lambda: figures.ranking(study.rankings, study.formula_rankings),
     }
     if "reactions" in wanted:
         best = next(iter(study.rankings.values()))[0].run.name
@@ -260,6 +269,7 @@ def _figures(study, directory):
         drawn["crank"] = lambda: figures.crank(study.turns)
     if study.rolled:
         drawn["contact"] = lambda: figures.speeds(study.rolled)
+        drawn["resistance"] = lambda: figures.resistance(study.resistance_map, study.formula_resistance)
     if "fields" in wanted:
         drawn["fields"] = lambda: figures.fields(study.fields)
     for name, draw in drawn.items():
@@ -292,17 +302,35 @@ def _summary(study, files):
         "scene_hash": scene.hash,
         "versions": {"python": platform.python_version()} | {name: version(name) for name in VERSIONED},
         "engine": scene.accuracy.engine,
-        "drive_resistance": "eq 1.8, whatever the engine",
+        "drive_resistance": _drive_resistance(study),
         "advice": list(scene.advice),
         "reachable": {"by_rolling": reach.possible, "reason": reach.reason},
         "numbers": {name: asdict(number) for name, number in study.numbers.items()},
         "contacts": [contact_numbers(study, speed, rolled) for speed, rolled in study.rolled],
         "laws": {name: _run_numbers(run) for name, run in study.runs.items()},
-        "rankings": {by: [_place(place) for place in places] for by, places in study.rankings.items()},
+        "rankings": _places(study.rankings),
+        "formula_rankings": _places(study.formula_rankings),
         "units": {name: criterion.unit for name, criterion in CRITERIA.items()},
         "stages": dict(study.counts),
         "files": files,
     }
+
+
+def _drive_resistance(study):
+    """What the drives meet, and how sure that is."""
+    if not study.rolled:
+        return {"by": "eq 1.8"}
+    met = study.resistance_map
+    return {
+        "by": study.scene.accuracy.engine,
+        "speeds": met.speeds,
+        "error_between_speeds": met.error,
+        "error_of_the_engine": met.engine_error,
+    }
+
+
+def _places(rankings):
+    return {by: [_place(place) for place in places] for by, places in rankings.items()}
 
 
 def _place(place):
@@ -322,8 +350,9 @@ def digest(study):
     if not study.mix.reachable:
         lines.append(f"  {study.mix.reachable.reason}")
     for by, places in study.rankings.items():
-        lines += ["", f"laws by {by.replace('_', ' ')} [{CRITERIA[by].unit}]"]
-        lines += [_place_line(place) for place in places]
+        beside = {place.run.name: place for place in study.formula_rankings.get(by, ())}
+        lines += ["", f"laws by {by.replace('_', ' ')} [{CRITERIA[by].unit}]" + ("; by formula" if beside else "")]
+        lines += [_place_line(place, beside.get(place.run.name)) for place in places]
     return "\n".join(lines)
 
 
@@ -335,11 +364,13 @@ def _number_line(name, number):
     return f"  {name.replace('_', ' '):<24}{number.value:>10.4g} {number.unit:<4}{spread}"
 
 
-def _place_line(place):
+def _place_line(place, beside=None):
+    """A law's place, and in brackets that by formula."""
     if place.reason:
         return f"  {place.rank:>2}  {place.run.name:<30}  infinite: {place.reason}"
     margin = f"+{place.margin:.2%} to the next" if np.isfinite(place.margin) else ""
-    return f"  {place.rank:>2}  {place.run.name:<30}{place.value:>10.1f}   {margin}"
+    formula = f"{beside.value:>10.1f} ({beside.rank})" if beside else ""
+    return f"  {place.rank:>2}  {place.run.name:<30}{place.value:>10.1f}   {margin:<22}{formula}".rstrip()
 
 
 def cam_digest(law, cam):

@@ -22,8 +22,10 @@ from compact.engine import LAYERED, fields, roll, speeds
 from compact.halfplane import galin, pressure_exponent
 from compact.measured import from_table
 from compact.motion import law
+from compact.resistance import sampled
 from compact.scene import SceneError
 
+SLOWEST = 1 / 50  # of the fastest, where samples of the resistance begin
 FOLLOWERS = {
     "pointed": lambda table: Pointed(),
     "roller": lambda table: RollerFollower(table.roller_follower_radius),
@@ -128,11 +130,13 @@ class Study:
         """How many counts the stages of all that the scene wants will make."""
         laws, wanted = len(self.scene.law_names) + len(self.scene.table_paths), self.scene.output.wanted
         rolled = len(speeds(self.scene)) if self.scene.accuracy.engine in LAYERED else 0
-        figures = 3 + len({"cams", "reactions", "crank", "fields"} & set(wanted)) + (rolled > 0)
+        figures = 3 + len({"cams", "reactions", "crank", "fields"} & set(wanted)) + 2 * (rolled > 0)
         figures = figures if "figures" in wanted else 0
         cams = 2 * laws * len(FOLLOWERS) if "cams" in wanted else 0  # made and measured
         crank = len(USUAL_ANGLES) + 1 if "crank" in wanted else 0
-        return 2 + 2 * laws + cams + crank + figures + rolled * (1 + ("fields" in wanted))
+        beside = laws + 1 if rolled else 0  # runs and rankings by formula
+        layer = beside + rolled * (1 + ("fields" in wanted)) + self.counts["resistance"]
+        return 2 + 2 * laws + cams + crank + figures + layer
 
     def count(self, stage):
         """One more run of a stage."""
@@ -212,18 +216,61 @@ class Study:
 
     @cached_property
     def resistance(self):
-        """Resistance of the mix to one cart as a callable of velocity and acceleration."""
+        """Resistance of the mix to one cart, by the scene's engine, as a callable of velocity and acceleration."""
+        return self.resistance_map if self.rolled else self.formula_resistance
+
+    @cached_property
+    def formula_resistance(self):
+        """The same by eq 1.8, which knows no speed."""
         return contact.dry_resistance(self.scene.machine.rollers * self.engineering.roller_resistance)
+
+    @cached_property
+    def resistance_map(self):
+        """The `ResistanceMap` of one cart up to the fastest that any law moves it, from the contacts of the layer."""
+        machine, tolerance = self.scene.machine, self.scene.accuracy.tolerance
+
+        def of_the_cart(speed, rolled):
+            return machine.rollers * machine.roller_length * rolled.resistance, (rolled.error or (None, None))[1]
+
+        def resistance(speed):
+            self.count("resistance")
+            return of_the_cart(speed, roll(self.scene, self.mix, speed))
+
+        known = [(speed, *of_the_cart(speed, rolled)) for speed, rolled in self.rolled]
+        return sampled(resistance, min(SLOWEST * self.fastest, known[0][0]), self.fastest, tolerance, known)
+
+    @cached_property
+    def fastest(self):
+        """Largest velocity of any law, and of the crank where there is one [m/s]."""
+        velocities = [cycle.there.peaks().velocity for cycle in self.cycles.values()]
+        if self.crank:
+            motion = self.scene.motion
+            velocities.append(
+                law("crank", motion.stroke, motion.duration, rod_length=motion.rod_length).peaks().velocity
+            )
+        return float(max(velocities))
+
+    @cached_property
+    def roller_load(self):
+        """What holds one roller at its height [N]: by the scene's engine at the mean speed, or by eq 1.6."""
+        if not self.rolled:
+            return self.engineering.roller_force
+        speed, load = np.array([(speed, rolled.load) for speed, rolled in self.rolled]).T
+        mean = self.scene.motion.stroke / self.scene.motion.duration
+        return float(self.scene.machine.roller_length * np.interp(np.log(mean), np.log(speed), load))
 
     @cached_property
     def cart(self):
         """The cart with the reactions of its rollers."""
+        return self._cart(self.roller_load)
+
+    def _cart(self, roller_load):
         machine = self.scene.machine
         return Cart(
             mass=machine.mass,
             weight=machine.weight,
             roller_positions=machine.roller_positions,
-            roller_reactions=(self.engineering.roller_force,) * machine.rollers,
+            roller_reactions=(roller_load,) * machine.rollers,
             guide_positions=machine.guide_positions,
             pin_position=machine.pin_position,
             pin_height=machine.pin_height,
@@ -259,6 +306,24 @@ class Study:
     @cached_property
     def runs(self):
         """A `Run` per law, by name; the law of the crank goes through its rod where the machine has one."""
+        return self._runs(self.cart, self.resistance)
+
+    @cached_property
+    def rankings(self):
+        """Lists of `Ranked` by criterion, those the scene names."""
+        return self._rankings(self.runs)
+
+    @cached_property
+    def formula_runs(self):
+        """The same runs by formula, where the scene's engine is another one."""
+        return self._runs(self._cart(self.engineering.roller_force), self.formula_resistance) if self.rolled else {}
+
+    @cached_property
+    def formula_rankings(self):
+        """The same rankings by formula, where the scene's engine is another one."""
+        return self._rankings(self.formula_runs) if self.rolled else {}
+
+    def _runs(self, cart, resistance):
         motion = self.scene.motion
         runs = {}
         for name, cycle in self.cycles.items():
@@ -266,14 +331,12 @@ class Study:
             through_rod = name == "crank" and self.scene.drive.kind == "crank" and motion.dwell == 0
             means = self.crank if through_rod else drive.Rigid()
             working = (motion.run_up, 1 - motion.run_down)
-            runs[name] = drive.simulate(self.cart, means, cycle, self.resistance, working=working)
+            runs[name] = drive.simulate(cart, means, cycle, resistance, working=working)
         return runs
 
-    @cached_property
-    def rankings(self):
-        """Lists of `Ranked` by criterion, those the scene names."""
+    def _rankings(self, runs):
         self.count("rankings")
-        return {by: drive.rank(self.runs.values(), by) for by in self.scene.drive.rank_by}
+        return {by: drive.rank(runs.values(), by) for by in self.scene.drive.rank_by}
 
     @cached_property
     def cams(self):

@@ -20,7 +20,7 @@ LEVELS = (
     ("frame", "march"),
     ("compacted",),
     ("compaction",),
-    ("motion", "contact", "spectral", "fem", "drive", "scene", "column"),
+    ("motion", "contact", "spectral", "fem", "drive", "scene", "column", "resistance"),
     ("measured", "cam", "crank", "engine"),
     ("study", "calibrate"),
     ("figures", "published_laws", "published_machine"),
