@@ -5,9 +5,10 @@ coarse mesh, whose state a finer one takes over, as long as the contact is not r
 pressure or exit density is met by moving the roller up or down as it rolls on. A neighbour (another depth, speed or
 parameter) starts from the last state.
 
-Envelope: frictionless and sliding rollers, bonded and slipping bases. Capture angles up to about 18 degrees get steady
-within two layer heights of travel. Beyond, the bow wave fills over several, by what the roller does not press under;
-there the roller goes deeper for a while, which fills it sooner. Mix is refused that would have to leave with k >= 1.
+Envelope: frictionless, sliding, free and driven rollers, bonded and slipping bases. Capture angles up to about 18
+degrees get steady within two layer heights of travel. Beyond, the bow wave fills over several, by what the roller does
+not press under; there the roller goes deeper for a while, which fills it sooner. Mix is refused that would have to
+leave with k >= 1.
 """
 
 from dataclasses import replace

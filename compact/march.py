@@ -3,7 +3,7 @@
 Before a step all mix is carried towards the rear by one element (`Frame`); then the roller, back in its place, presses
 it again. The first guess is that the mix moves as it did in the step before, seen from the roller. A drag against
 leaving that motion keeps a bow wave of perfectly plastic mix from trembling, and is gone when the motion is steady. The
-pressures that the roller carries stay with the roller. Steadiness is told by the decay of what still changes (`tail`).
+tractions that the roller carries stay with the roller. Steadiness is told by the decay of what still changes (`tail`).
 """
 
 from dataclasses import dataclass, replace

@@ -181,6 +181,7 @@ def test_free_roller_is_not_pulled_by_its_shear(free):
     assert np.abs(free.shear_traction).max() > 0.1 * GRIP * free.peak_pressure
 
 
+@pytest.mark.slow
 def test_torque_is_what_the_resistance_lacks(free):
     torque = 0.5 * GRIP * R * free.load
     driven = over_small(replace(FREE, rolling="driven"), torque=torque, start=free)
