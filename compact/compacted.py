@@ -19,6 +19,7 @@ class CompactionRolled(Rolled):
     """A `Rolled` over compacting mix.
 
     indentation : fed height less that of the lowest generatrix [m]
+    creep : angular speed x radius/speed - 1 of a roller that sticks and slips, else None
     exit : mix that leaves, by rows from the base up, a `Fed` for the next pass;  exit_height : its surface [m]
     exit_density_ratio : its mean over the height;  spring_back : rise behind the lowest generatrix [m]
     bow_wave : rise of the surface in front of the roller above the fed height [m]
@@ -28,6 +29,7 @@ class CompactionRolled(Rolled):
     """
 
     indentation: float = 0.0
+    creep: float | None = None
     exit: Fed | None = None
     exit_height: float = 0.0
     exit_density_ratio: float = 0.0
@@ -54,7 +56,8 @@ def read(march, layer, roller, material, speed):
     """The `CompactionRolled` of a `March` that is steady."""
     frame, condition, last = march.frame, march.condition, march.steps[-1]
     way = 1.0 if speed > 0 else -1.0
-    x, pressure, trailing, leading = _contact(march)
+    x, pressure, shear, trailing, leading = _contact(march)
+    _refuse_skid(march)
     leaving, height, mass = _leaving(march)
     return CompactionRolled(
         load=last.load,
@@ -63,10 +66,11 @@ def read(march, layer, roller, material, speed):
         trailing=trailing,
         x=x if way > 0 else -x[::-1],
         pressure=pressure if way > 0 else pressure[::-1],
-        shear_traction=way * march.face.friction * (pressure if way > 0 else pressure[::-1]),
+        shear_traction=shear if way > 0 else -shear[::-1],
         work_residual=work_residual(march),
         peak_pressure=float(pressure.max()),
         indentation=layer.height - last.lowest,
+        creep=march.push.creep,
         exit=leaving,
         exit_height=height,
         exit_density_ratio=float(mass / height),
@@ -116,14 +120,24 @@ def work_residual(march):
     kept = frame.row_heights @ frame.rows(march.condition.work)[:, frame.exit]
     slip = np.array([1.0, 0.0]) - march.change[frame.surface] / frame.step  # of the roller on the mix, over the speed
     rubbed = np.sum(face.tangent(march.condition.displacement[frame.surface]) * slip, axis=1)
-    lost = face.friction * np.sum(face.weight * march.push.pressure * rubbed)
+    # what the turning gives, - (1 + creep) times the sum of the shear, it takes off the slip
+    lost = np.sum(face.weight * march.push.shear * rubbed)
     return float(abs(resistance - kept - lost) / max(abs(resistance), 1e-3 * load))
 
 
+def _refuse_skid(march):
+    """A torque beyond what friction holds slips all over, and nothing tells how fast."""
+    if march.push.creep is None:
+        return
+    asked = abs(march.face.pull) / (march.face.grip * (march.face.weight @ march.push.pressure))
+    if asked >= 1:
+        raise RuntimeError(f"the roller skids: {asked:.3g} times the friction limit asked")
+
+
 def _contact(march):
-    """x and pressure along the contact, and its edges, half-way to the first node that is free."""
+    """x, pressure and shear along the contact, and its edges, half-way to the first node that is free."""
     touching = np.flatnonzero(march.push.pressure > 0)
-    x, pressure = march.places[:, 0], march.pressure
+    x = march.places[:, 0]
     if not len(touching):
         raise RuntimeError("the roller does not touch the layer")
     first, last = touching[0], touching[-1]
@@ -131,7 +145,7 @@ def _contact(march):
     inside = slice(first, last + 1)
     return (
         np.concatenate([[trailing], x[inside], [leading]]),
-        np.concatenate([[0.0], pressure[inside], [0.0]]),
+        *(np.concatenate([[0.0], traction[inside], [0.0]]) for traction in (march.pressure, march.shear)),
         float(trailing),
         float(leading),
     )

@@ -5,9 +5,10 @@ coarse mesh, whose state a finer one takes over, as long as the contact is not r
 pressure or exit density is met by moving the roller up or down as it rolls on. A neighbour (another depth, speed or
 parameter) starts from the last state.
 
-Envelope: frictionless and sliding rollers, bonded and slipping bases. Capture angles up to about 18 degrees get steady
-within two layer heights of travel. Beyond, the bow wave fills over several, by what the roller does not press under;
-there the roller goes deeper for a while, which fills it sooner. Mix is refused that would have to leave with k >= 1.
+Envelope: frictionless, sliding, free and driven rollers, bonded and slipping bases. Capture angles up to about 18
+degrees get steady within two layer heights of travel. Beyond, the bow wave fills over several, by what the roller does
+not press under; there the roller goes deeper for a while, which fills it sooner. Mix is refused that would have to
+leave with k >= 1.
 """
 
 from dataclasses import replace
@@ -19,6 +20,7 @@ from compact.compacted import CompactionRolled, read
 from compact.frame import Frame, rolling_mesh, transferred
 from compact.march import DRAG, March, tail
 from compact.material import Compaction
+from compact.records import refuse_torque
 from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_unknown
 from compact.solid import SUBSTEPS
 
@@ -46,6 +48,7 @@ def roll(
     material,
     speed,
     *,
+    torque=None,
     strain="finite",
     fed=None,
     start=None,
@@ -58,9 +61,12 @@ def roll(
     Parameters
     ----------
     layer : Layer; its height is that of the mix as it is fed
-    roller : Roller, "frictionless" or "sliding", every profile; "circle" and "parabola" press vertically
+    roller : Roller, every profile; "circle" and "parabola" press vertically; "sliding" with the traction f p on the mix
+        along the travel all over the contact, "free" or "driven", which stick and slip
     material : Compaction
     speed : along x [m/s], not 0; enters by `material.rate_factor` and its sign
+    torque : on a roller that is free or driven, per unit length, + turning it the way it travels [N]; without it a
+        free roller has none
     strain : "finite", or "small" (fair up to capture angles of 12-15 degrees, reports k low by half a squared strain)
     fed : `Fed` of an earlier pass, its `exit`; without it mix free of stress at `material.fed_density_ratio`
     start : CompactionRolled of a neighbour with the same layer and feed, from whose state the roller rolls on
@@ -71,18 +77,19 @@ def roll(
     Raises RuntimeError with the step reached where no balance is found or the roller does not get steady.
     """
     _refuse(layer, roller, material, speed, strain, exit_density_ratio, fed)
+    refuse_torque(roller, torque)
     refuse_nonpositive(increments=increments, steady=steady)
     target = _Target(layer, roller, material, exit_density_ratio, fed)
     with threadpool_limits(1):
         if start is not None:
-            march = _neighbour(start, layer, roller, material, speed, fed)
+            march = _neighbour(start, layer, roller, torque, material, speed, fed)
             return read(target.reached(march, steady), layer, roller, material, speed)
         depth, coarse, march = target.first_depth(), None, None
         counts = [increments] if increments <= COARSE else [COARSE, increments]
         for count in counts:
             coarse = march
             frame = _frame(layer, roller, material, speed, strain, fed, depth, count, count == increments)
-            march = _march(frame, roller, coarse)
+            march = _march(frame, roller, torque, coarse)
             rough = count < increments and target.quantity is not None
             target.reached(march, max(steady, ROUGHLY) if rough else steady, depth)
             depth = layer.height - march.steps[-1].lowest
@@ -106,22 +113,24 @@ def _frame(layer, roller, material, speed, strain, fed, depth, count, last):
     )
 
 
-def _march(frame, roller, coarse=None):
-    friction = roller.friction if roller.rolling == "sliding" else 0.0
-    march = March(frame, roller.radius, profile=roller.profile, friction=friction)
+def _march(frame, roller, torque, coarse=None):
+    turns = roller.rolling in ("free", "driven") and roller.friction > 0
+    friction = 0.0 if roller.rolling == "frictionless" else roller.friction
+    torque = (torque or 0.0) if turns else None
+    march = March(frame, roller.radius, profile=roller.profile, friction=friction, torque=torque)
     if coarse is not None:
         march.take_over(coarse, transferred(coarse.condition, coarse.frame, frame))
     return march
 
 
-def _neighbour(start, layer, roller, material, speed, fed):
+def _neighbour(start, layer, roller, torque, material, speed, fed):
     """The march of a neighbour, on its mesh and from its state."""
     old = start.march
     if layer != start.layer or fed is not old.frame.given:
         raise ValueError("`start` must have rolled over the same `layer` and the same `fed` mix")
     finite, rate = old.frame.solid.finite, material.rate_factor(speed)
     frame = Frame(old.frame.mesh, material, layer.base, old.frame.length, fed=fed, finite=finite, rate_factor=rate)
-    march = _march(frame, roller)
+    march = _march(frame, roller, torque)
     march.take_over(old, old.condition)
     return march
 
@@ -264,12 +273,8 @@ def _refuse(layer, roller, material, speed, strain, exit_density_ratio, fed):
     if layer.plies:
         raise ValueError(f"`plies` are for linear layers; a compacting one takes `fed`, got {len(layer.plies)} plies")
     refuse_unknown("strain", strain, ("finite", "small"))
+    refuse_unknown("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
     refuse_unknown("profile", roller.profile, ("parabola", "circle", "deformed"))
-    if roller.rolling in ("free", "driven") and roller.friction > 0:
-        raise ValueError(
-            f"a '{roller.rolling}' roller with `friction` sticks and slips, which the engine 'compaction' does not "
-            "cover; use 'sliding' or 'frictionless'"
-        )
     mean = material.fed_density_ratio if fed is None else float(fed.state.density_ratio.mean())
     if exit_density_ratio is not None and not mean < exit_density_ratio < 1:
         raise ValueError(

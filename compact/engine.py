@@ -11,6 +11,7 @@ import numpy as np
 from compact.material import Compaction, Elastic, Viscoelastic
 from compact.mix import LOOSE
 from compact.records import Layer, Ply, Roller
+from compact.scene_rules import TURNED
 
 ENGINES = MappingProxyType(
     {
@@ -47,10 +48,10 @@ def roll(scene, mix, speed, engine=None):
 
 
 def _asked(scene, engine):
-    """What an engine takes besides: the wanted error; "fem" the torque per unit roller length [N]; "compaction" the
-    density asked for, where nothing else is prescribed."""
+    """What an engine takes besides: the wanted error; those of TURNED the torque per unit roller length [N];
+    "compaction" the density asked for, where nothing else is prescribed."""
     asked = {TOLERANCE[engine]: scene.accuracy.tolerance} if engine in TOLERANCE else {}
-    if engine == "fem" and scene.machine.roller_torque is not None:
+    if engine in TURNED and scene.machine.roller_torque is not None:
         asked["torque"] = scene.machine.roller_torque / scene.machine.roller_length
     if engine == "compaction" and not _prescribed(scene):
         asked["exit_density_ratio"] = scene.mix.density_ratio

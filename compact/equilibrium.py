@@ -85,7 +85,15 @@ class Balancer:
         if share + trial.drag:
             blocks = blocks + (share + trial.drag) * self.elastic_blocks
         self.factor = self.solid.factorised(blocks, self.nodes, trial.push.stiffness)
+        if trial.push.coupling is not None:
+            self.factor = _coupled(self.factor, *(self._free(part) for part in trial.push.coupling))
         self.factorised += 1
+
+    def _free(self, values):
+        """Values at the surface nodes, shape (n, 2), on the free unknowns in their order."""
+        spread = np.zeros((self.solid.basis.N, 2))
+        spread[self.nodes] = values
+        return spread.ravel()[self.solid.order]
 
     @cached_property
     def elastic_blocks(self):
@@ -133,6 +141,18 @@ class _Trial:
                 return _Trial(self.balancer, self.before, self.face, displacement, self.drag, self.foreseen)
         except (FloatingPointError, RuntimeError, ValueError):
             return None
+
+
+def _coupled(factor, column, row):
+    """Solver of a matrix and column x row more, from the solver of the matrix, by Sherman and Morrison."""
+    answer = factor(column)
+    part = answer / (1 + row @ answer)
+
+    def solve(residual):
+        plain = factor(residual)
+        return plain - (row @ plain) * part
+
+    return solve
 
 
 def _searched(trial, direction):

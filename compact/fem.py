@@ -35,7 +35,7 @@ from compact.patch import (
     press,
     with_peaks,
 )
-from compact.records import Layer, Rolled, Roller
+from compact.records import Layer, Rolled, Roller, refuse_torque
 from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_unknown
 from compact.stickslip import Grip, Shear, pressed_and_sheared
 from compact.streamline import retardation
@@ -107,7 +107,7 @@ def roll(layer, roller, material, speed, *, torque=None, mesh=None, tolerance=DE
     'load 15085 N/m, edge 13.85 mm, peak 694 kPa'
     """
     _refuse_beyond_linear(layer, roller, material, speed, mesh, tolerance)
-    _refuse_torque(roller, torque)
+    refuse_torque(roller, torque)
     case = _Case(layer, roller, material, speed, torque or 0.0)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
         task = _task(case, mesh, tolerance)
@@ -381,16 +381,3 @@ def _refuse_beyond_linear(layer, roller, material, speed, mesh, tolerance):
             f"`mesh` must have a line of nodes at every interface of plies, none at y = {missed[0]:.6g} m; "
             f"shift the nearest one there, or leave the mesh to `tolerance`"
         )
-
-
-def _refuse_torque(roller, torque):
-    turns = roller.rolling in ("free", "driven")
-    if torque is not None:
-        refuse_nonfinite(torque=torque)
-        if torque and not (turns and roller.friction > 0):
-            raise ValueError(
-                f"`torque` needs a roller that is 'free' or 'driven' and has `friction`, got {torque!r} for "
-                f"'{roller.rolling}' with {roller.friction!r}"
-            )
-    elif roller.rolling == "driven":
-        raise ValueError("`torque` must be given for a 'driven' roller, got None; a 'free' one needs none")

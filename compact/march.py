@@ -3,7 +3,7 @@
 Before a step all mix is carried towards the rear by one element (`Frame`); then the roller, back in its place, presses
 it again. The first guess is that the mix moves as it did in the step before, seen from the roller. A drag against
 leaving that motion keeps a bow wave of perfectly plastic mix from trembling, and is gone when the motion is steady. The
-pressures that the roller carries stay with the roller. Steadiness is told by the decay of what still changes (`tail`).
+tractions that the roller carries stay with the roller. Steadiness is told by the decay of what still changes (`tail`).
 """
 
 from dataclasses import dataclass, replace
@@ -12,6 +12,7 @@ import numpy as np
 
 from compact.equilibrium import Balancer, NotBalancedError
 from compact.pressing import Face
+from compact.turning import TurningFace
 
 PENALTY = 0.15  # of the unloading modulus over the step, or over the THIN-th part of the height if that is less
 THIN = 20
@@ -61,14 +62,15 @@ def tail(values, window):
 class March:
     """A roller on its way through a `Frame`: one `advance` after the other, each a balanced increment."""
 
-    def __init__(self, frame, radius, *, profile="deformed", friction=0.0, residual=1e-4):
+    def __init__(self, frame, radius, *, profile="deformed", friction=0.0, torque=None, residual=1e-4):
         self.frame = frame
         self.change = 0.0
         law, height = frame.solid.law, frame.mesh.height
         penalty = PENALTY * law.unloading_modulus / min(frame.step, height / THIN)
         nodes = frame.surface
-        self.face = Face(
-            frame.nodes[nodes], frame.weights, radius, height, penalty, np.zeros(len(nodes)), profile, friction
+        given = frame.nodes[nodes], frame.weights, radius, height, penalty, np.zeros(len(nodes)), profile
+        self.face = (
+            Face(*given, friction) if torque is None else TurningFace(*given, grip=friction, pull=-torque / radius)
         )
         self.balancer = Balancer(frame.solid, nodes, residual)
         self.condition, self.push, self.steps = frame.at_rest(), None, ()
@@ -77,7 +79,7 @@ class March:
         """One element of travel, the lowest generatrix at a height [m] at its end; the `Step` it made."""
         arrived = self.frame.carried(self.condition)
         guess = self._foreseen(arrived.displacement)
-        face = self.face.at(lowest)
+        face = self._starting(self.face, arrived).at(lowest)
         try:
             balance = self.balancer.balanced(arrived, face, guess, drag)
         except NotBalancedError:
@@ -89,18 +91,19 @@ class March:
         """The same step with a softer roller, for which carried pressures soon make up, then in parts of the step."""
         soft, self.balancer.factor = replace(self.face, penalty=self.face.penalty * SOFTER), None
         try:
-            return self.balancer.balanced(arrived, soft.at(lowest), guess)
+            return self.balancer.balanced(arrived, self._starting(soft, arrived).at(lowest), guess)
         except NotBalancedError:
             return self._in_parts(arrived, soft, lowest)
 
     def _in_parts(self, condition, face, lowest):
         """The same travel in halves, quarters, ... of the step."""
-        start = self.steps[-1].lowest if self.steps else self.frame.mesh.height
+        start = face.lowest
         for halving in range(1, HALVINGS + 1):
-            parts, iterations, moved = 2**halving, 0, condition
+            parts, iterations, moved, there = 2**halving, 0, condition, face.at(start, -self.frame.step)
             try:
                 for k in range(1, parts + 1):
-                    there = face.at(start + (lowest - start) * k / parts, self.frame.step * (k / parts - 1))
+                    there = there.starting(moved.displacement[self.frame.surface])
+                    there = there.at(start + (lowest - start) * k / parts, self.frame.step * (k / parts - 1))
                     balance = self.balancer.balanced(moved, there, moved.displacement)
                     moved, iterations = balance.after, iterations + balance.iterations
                 return replace(balance, iterations=iterations)
@@ -113,6 +116,10 @@ class March:
             f"step {len(self.steps) + 1} of the march, lowest generatrix {lowest:.6g} m: {reason}; reached: {reached}"
         )
 
+    def _starting(self, face, arrived):
+        """A face where it stood before the step, one element back on the mix that has been carried."""
+        return face.at(face.lowest, -self.frame.step).starting(arrived.displacement[self.frame.surface])
+
     @property
     def window(self):
         """Steps over which tails are averaged: of travel a third of the layer's height, or of the contact if longer."""
@@ -120,10 +127,10 @@ class March:
 
     def take_over(self, other, condition):
         """Go on where another march is, its `Condition` already on this mesh."""
-        x = self.frame.nodes[self.frame.surface, 0]
-        carried = np.interp(x, other.frame.nodes[other.frame.surface, 0], other.push.pressure)
-        self.condition, self.face = condition, replace(self.face, carried=carried)
-        self.steps = other.steps[-1:]
+        x, old = (march.frame.nodes[march.frame.surface, 0] for march in (self, other))
+        pressure, shear = (np.interp(x, old, values) for values in (other.push.pressure, other.push.shear))
+        self.condition, self.steps = condition, other.steps[-1:]
+        self.face = self.face.carrying(pressure, shear, other.push.creep).at(self.steps[-1].lowest)
         self.change = condition.displacement - self.frame.carried(condition).displacement
 
     def _foreseen(self, arrived):
@@ -135,7 +142,7 @@ class March:
 
     def _taken(self, balance, lowest):
         self.condition, self.push = balance.after, balance.push
-        self.face = replace(self.face, carried=balance.push.pressure)
+        self.face = self.face.carrying(self.push.pressure, self.push.shear, self.push.creep).at(lowest)
         travel = self.steps[-1].travel if self.steps else 0.0
         step = Step(
             travel + self.frame.step,
@@ -164,13 +171,21 @@ class March:
 
     @property
     def pressure(self):
-        """Of the roller on the surface as it is now [Pa]: linear between corners, since nodes scatter about it."""
-        forces, x = self.face.weight * self.push.pressure, self.frame.nodes[self.frame.surface, 0]
+        """Of the roller on the surface as it is now [Pa]."""
+        return self._traction(self.push.pressure)
+
+    @property
+    def shear(self):
+        """Traction along the roller on the surface as it is now [Pa], + ahead."""
+        return self._traction(self.push.shear)
+
+    def _traction(self, nodal):
+        """On the surface as it is now, linear between corners, since nodes scatter about what they have in common."""
+        forces, x = self.face.weight * nodal, self.frame.nodes[self.frame.surface, 0]
         hats = forces[::2].copy()
         hats[:-1] += forces[1::2] / 2
         hats[1:] += forces[1::2] / 2
-        pressure = np.interp(x, x[::2], hats / np.gradient(x[::2]))
+        traction = np.interp(x, x[::2], hats / np.gradient(x[::2]))
         if self.face.profile != "deformed":
-            return pressure
-        stretch = np.hypot(*(np.gradient(part, x) for part in self.places.T))
-        return pressure / stretch
+            return traction
+        return traction / np.hypot(*(np.gradient(part, x) for part in self.places.T))

@@ -17,13 +17,20 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Push:
-    """What the roller does to the nodes: gap [m], pressure on the reference [Pa], shape (n,), forces, shape (n, 2),
-    and minus their derivatives by the displacement, shape (n, 2, 2)."""
+    """What the roller does to the nodes: gap [m], pressure and shear on the reference [Pa], shape (n,), forces, shape
+    (n, 2), and minus their derivatives by the displacement, shape (n, 2, 2).
+
+    creep : of a roller that turns, else None;  coupling : column and row, shape (n, 2) each, of what the creep adds to
+    the derivatives, or None
+    """
 
     gap: np.ndarray
     pressure: np.ndarray
+    shear: np.ndarray
     forces: np.ndarray
     stiffness: np.ndarray
+    creep: float | None = None
+    coupling: tuple | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +55,14 @@ class Face:
     def at(self, lowest, offset=0.0):
         """The same face at another height or place."""
         return replace(self, lowest=lowest, offset=offset)
+
+    def carrying(self, pressure, shear, creep):
+        """The same face with the pressures, and where it turns the shears and the creep, of the increment before."""
+        return replace(self, carried=pressure)
+
+    def starting(self, displacement):
+        """The same face where an increment begins, the nodes displaced by (n, 2)."""
+        return self
 
     def push(self, displacement):
         """The `Push` on nodes displaced by (n, 2)."""
@@ -88,7 +103,7 @@ class Face:
         stiffness = self._rising(pressure)[:, None, None] * pushed[:, :, None] * n[:, None, :]
         turning = (self.weight * pressure / distance)[:, None, None]
         stiffness -= turning * (t - self.friction * n)[:, :, None] * t[:, None, :]
-        return Push(gap, pressure, (self.weight * pressure)[:, None] * pushed, stiffness)
+        return Push(gap, pressure, self.friction * pressure, (self.weight * pressure)[:, None] * pushed, stiffness)
 
     def _vertical(self, displacement):
         x = self.place[:, 0] - self.offset
@@ -99,7 +114,7 @@ class Face:
         pressure = self._pressure(gap)
         pushed = np.array([self.friction, -1.0])
         stiffness = self._rising(pressure)[:, None, None] * pushed[:, None] * np.array([0.0, -1.0])
-        return Push(gap, pressure, (self.weight * pressure)[:, None] * pushed, stiffness)
+        return Push(gap, pressure, self.friction * pressure, (self.weight * pressure)[:, None] * pushed, stiffness)
 
     def _pressure(self, gap):
         return np.maximum(self.carried - self.penalty * gap, 0.0)

@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from compact.refuse import refuse_negative, refuse_nonpositive
+from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive
 
 Base = Literal["bonded", "slip"]
 Rolling = Literal["frictionless", "sliding", "free", "driven"]
@@ -86,7 +86,8 @@ class Roller:
     Exactly one of `indentation` [m], `load` P [N/m] and `peak_pressure` p0 [Pa] is given; the engine finds the others.
     `radius` R [m] > 0; `friction` mu >= 0 of mix on roller. `rolling` says which way the traction acts on the mix:
     "frictionless" none, "sliding" along the travel, "free" none in sum, "driven" against it; the engines "formula" and
-    "spectral" take "driven" as full slip, "fem" lets a free or driven roller stick and slip under a torque. `profile`
+    "spectral" take "driven" as full slip, "fem" and "compaction" let a free or driven roller stick and slip under a
+    torque. `profile`
     is where the gap is measured: vertical to the parabola, vertical to the circle, or normal to the circle on the
     deformed surface.
     """
@@ -116,6 +117,20 @@ class Roller:
     def _given(self):
         targets = {name: getattr(self, name) for name in ("indentation", "load", "peak_pressure")}
         return {name: value for name, value in targets.items() if value is not None}
+
+
+def refuse_torque(roller, torque):
+    """A torque is for a roller that turns with friction; one that is driven needs it."""
+    turns = roller.rolling in ("free", "driven")
+    if torque is not None:
+        refuse_nonfinite(torque=torque)
+        if torque and not (turns and roller.friction > 0):
+            raise ValueError(
+                f"`torque` needs a roller that is 'free' or 'driven' and has `friction`, got {torque!r} for "
+                f"'{roller.rolling}' with {roller.friction!r}"
+            )
+    elif roller.rolling == "driven":
+        raise ValueError("`torque` must be given for a 'driven' roller, got None; a 'free' one needs none")
 
 
 @dataclass(frozen=True)

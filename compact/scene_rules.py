@@ -14,6 +14,7 @@ from typing import Any
 from compact.scene_errors import Mistake
 
 GUARD = 1 + 1e-9  # the published machine stands exactly on 2R + B_T = stroke, in decimal fractions
+TURNED = ("fem", "compaction")  # engines of a roller that sticks and slips under a torque
 
 
 @dataclass(frozen=True)
@@ -148,16 +149,9 @@ def _torque_turns_a_roller(torque, rolling):
 
 @_rule("machine.roller_torque", "machine.rolling", "accuracy.engine")
 def _driven_roller_has_a_torque(torque, rolling, engine):
-    if torque is None and rolling == "driven" and engine == "fem":
-        return 'is missing, and the engine "fem" rolls a "driven" roller by it; give the torque on one roller in N m'
-
-
-@_rule("machine.rolling", "accuracy.engine")
-def _compaction_knows_the_rolling(rolling, engine):
-    if engine == "compaction" and rolling in ("free", "driven"):
+    if torque is None and rolling == "driven" and engine in TURNED:
         return (
-            f'"{rolling}" lets the roller stick and slip, which accuracy.engine "compaction" does not cover; give '
-            '"frictionless" or "sliding"'
+            f'is missing, and the engine "{engine}" rolls a "driven" roller by it; give the torque on one roller in N m'
         )
 
 
@@ -248,10 +242,10 @@ def _weight_suits_the_mass(weight, mass):
 
 @_rule("machine.rolling", "machine.roller_torque", "accuracy.engine", into=ADVICE)
 def _torque_is_heeded(rolling, torque, engine):
-    if engine != "fem" and rolling == "driven":
+    if engine not in TURNED and rolling == "driven":
         return f'the engine "{engine}" lets a driven roller slip all over, whatever its torque; "fem" lets it stick'
-    if engine != "fem" and torque:
-        return f'the engine "{engine}" takes no account of machine.roller_torque; "fem" does'
+    if engine not in TURNED and torque:
+        return f'the engine "{engine}" takes no account of machine.roller_torque; "fem" and "compaction" do'
 
 
 def _missing(tables, folder):

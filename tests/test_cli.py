@@ -109,7 +109,11 @@ BAD_CALLS = {
     "unknown option": (("run", SMALL, "--engin", "fem"), 2, "Did you mean --engine?"),
     "unknown command": (("rnu", SMALL), 2, 'Did you mean "run"?'),
     "unknown engine": (("run", SMALL, "--engine", "magic"), 2, "Choose from"),
-    "free roller over mix that compacts": (("run", SMALL, "--engine", "compaction"), 2, '"free" lets the roller stick'),
+    "driven by nothing over mix that compacts": (
+        ("run", SMALL, "--engine", "compaction", "--set", "machine.rolling=driven"),
+        2,
+        'machine.roller_torque: is missing, and the engine "compaction" rolls',
+    ),
     "engine that does not cover it": (("roll", SMALL, "--engine", "spectral"), 2, "got 'deformed'; use fem"),
     "change without a value": (("run", SMALL, "--set", "mix.moisture"), 2, "--set takes KEY=VALUE"),
     "change of an unknown key": (("run", SMALL, "--set", "mix.moistur=0.1"), 2, "moisture"),

@@ -246,7 +246,6 @@ def test_neighbour_takes_few_iterations(rolled):
         ({"speed": np.nan}, "`speed` must be finite, got nan"),
         ({"strain": "log"}, "no strain 'log'"),
         ({"roller": Roller(0.11, 0.02)}, "would press mix fed at 0.94 and 0.1 m beyond full density"),
-        ({"roller": Roller(0.11, 0.002, 0.3, "free")}, "a 'free' roller with `friction` sticks and slips"),
         ({"layer": Layer(0.1, plies=(Ply(0.1, 2.0),))}, "`plies` are for linear layers"),
         ({"exit_density_ratio": 1.0}, "`exit_density_ratio` must lie between that of the fed mix 0.94 and 1, got 1.0"),
         ({"increments": 0}, "`increments` must be positive and finite, got 0"),

@@ -16,7 +16,7 @@ LEVELS = (
     ("records", "material", "mesh", "patch", "plies", "sizing", "follower", "variational", "results", "scene_errors"),
     ("laws", "halfplane", "mix", "cart", "scene_rules", "streamline", "cap"),
     ("kernel", "compliance", "stickslip", "confined"),
-    ("fields", "solid", "expected", "bed"),
+    ("fields", "solid", "expected", "bed", "turning"),
     ("frame", "march"),
     ("compacted",),
     ("compaction",),

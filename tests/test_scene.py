@@ -308,7 +308,7 @@ def test_a_refused_change_is_not_blamed_on_a_line_of_the_file(published):
         (
             {"machine.roller_torque": -5.0},
             'loveikin.toml:26: machine.rolling: the engine "formula" takes no account of machine.roller_torque; '
-            '"fem" does',
+            '"fem" and "compaction" do',
         ),
     ],
 )

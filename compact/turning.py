@@ -1,0 +1,100 @@
+"""The roller that turns on the nodes of a surface: it grips the mix, which sticks to it or slips.
+
+    slip = arc - arc before + (1 + creep) way,    creep = angular speed x radius/speed - 1
+    shear = carried - stiffness slip, between +- grip pressure
+    sum of weight shear = - torque/radius
+
+The arc of a node is that of the circle from its lowest point to the node, so that slip is how far the mix moves along
+the roller's surface, + ahead, while the roller goes its way. Coulomb's law has no memory of its own: like the pressure
+the shear stays with the roller from one increment to the next, and when it changes no more, nodes that stick do not
+slip at all and nodes that slip are at their bound, whatever the stiffness. No shear rises with the creep, so that one
+creep makes their sum what the torque asks; it follows from the displacement and couples all nodes that stick. Beyond
+what friction can hold all of them are at their bounds.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from compact.pressing import Face
+
+STIFFNESS = 1.0  # against slip over the penalty of the gap; a fifth or five times of it give the same steady motion
+
+
+@dataclass(frozen=True, eq=False)
+class TurningFace(Face):
+    """A `Face` without friction of its own, and the shear that its turning adds.
+
+    grip : Coulomb's coefficient;  pull : sum of weight shear that is asked, + along the travel [N/m]
+    sheared : shears that the roller carries on [Pa];  creep : of the increment before
+    arcs, left : of the nodes, and where the lowest generatrix was, when the increment began [m]
+    """
+
+    grip: float = 0.0
+    pull: float = 0.0
+    sheared: np.ndarray | float = 0.0
+    creep: float = 0.0
+    arcs: np.ndarray | float = 0.0
+    left: float = 0.0
+
+    def carrying(self, pressure, shear, creep):
+        creep = self.creep if creep is None else creep
+        return replace(self, carried=pressure, sheared=shear, creep=creep)
+
+    def starting(self, displacement):
+        return replace(self, arcs=self._arcs(displacement), left=self.offset)
+
+    def push(self, displacement):
+        pressed = super().push(displacement)
+        bound, way = self.grip * pressed.pressure, self.offset - self.left
+        stiffness = STIFFNESS * self.penalty
+        rolling = self.sheared - stiffness * (self._arcs(displacement) - self.arcs + way)  # without creep
+        creep = self._creep(rolling, bound, stiffness * way)
+        tried = rolling - stiffness * way * creep
+        shear, sticks = np.clip(tried, -bound, bound), np.abs(tried) < bound
+        n, t, turning, growing = self._axes(displacement)
+        # minus the derivatives of the nodal shear by the displacement, the creep as it is
+        falls = np.where(sticks, stiffness * self.weight * growing, 0.0)[:, None] * t
+        falls += np.where(sticks, 0.0, np.sign(shear) * self.grip * self._rising(pressed.pressure))[:, None] * n
+        turned = (self.weight * shear * turning)[:, None, None] * n[:, :, None] * t[:, None, :]
+        return replace(
+            pressed,
+            shear=shear,
+            forces=pressed.forces + (self.weight * shear)[:, None] * t,
+            stiffness=pressed.stiffness + t[:, :, None] * falls[:, None, :] + turned,
+            creep=creep,
+            coupling=self._coupling(t, falls, sticks),
+        )
+
+    def _creep(self, rolling, bound, fall):
+        """With which the shears, `rolling` without it, sum to the pull; they are lines between their bounds."""
+        touching = bound > 0
+        if not touching.any():
+            return self.creep
+        rolling, bound, weight = rolling[touching], bound[touching], self.weight[touching]
+        ends = np.sort(np.concatenate([rolling - bound, rolling + bound])) / fall
+        sums = np.clip(rolling - fall * ends[:, None], -bound, bound) @ weight
+        return float(np.interp(self.pull, sums[::-1], ends[::-1]))
+
+    def _coupling(self, t, falls, sticks):
+        """What all shears lose together comes back on the nodes that stick."""
+        if not sticks.any():
+            return None
+        share = np.where(sticks, self.weight, 0.0)
+        return (share / share.sum())[:, None] * t, -falls
+
+    def _axes(self, displacement):
+        """Normal and tangent at the nodes, shape (n, 2); per slide of a node along them their turn and its arc's
+        growth, shape (n,)."""
+        t = self.tangent(displacement)
+        n = np.stack([t[:, 1], -t[:, 0]], axis=-1)
+        if self.profile != "deformed":
+            return n, t, np.zeros(len(t)), np.ones(len(t))
+        _, distance = self._normal(displacement)
+        return n, t, 1 / distance, self.radius / distance
+
+    def _arcs(self, displacement):
+        x, y = (self.place + displacement).T
+        if self.profile != "deformed":
+            return x - self.offset
+        return self.radius * np.arctan2(x - self.offset, self.lowest + self.radius - y)
