@@ -19,6 +19,7 @@ from compact.compacted import CompactionRolled, read
 from compact.frame import Frame, rolling_mesh, transferred
 from compact.march import DRAG, March, tail
 from compact.material import Compaction
+from compact.records import SAME_HEIGHT
 from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_unknown
 from compact.solid import SUBSTEPS
 
@@ -131,9 +132,7 @@ class _Target:
 
     def __init__(self, layer, roller, material, exit_density_ratio, fed):
         self.height, self.roller, self.law = layer.height, roller, material
-        self.fed_mean = material.fed_density_ratio
-        if fed is not None:
-            self.fed_mean = float(np.trapezoid(fed.state.density_ratio, fed.y) / np.ptp(fed.y))
+        self.fed_mean = _fed_mean(material, fed)
         self.quantity, self.value = None, None
         if exit_density_ratio is not None:
             self.quantity, self.value = "exit_density_ratio", exit_density_ratio
@@ -255,6 +254,10 @@ def _with_error(rolled, coarse):
     return replace(rolled, error=tuple(ERROR_SHARE * e for e in error))
 
 
+def _fed_mean(material, fed):
+    return material.fed_density_ratio if fed is None else fed.density_ratio
+
+
 def _refuse(layer, roller, material, speed, strain, exit_density_ratio, fed):
     refuse_nonfinite(speed=speed)
     if speed == 0:
@@ -270,7 +273,9 @@ def _refuse(layer, roller, material, speed, strain, exit_density_ratio, fed):
             f"a '{roller.rolling}' roller with `friction` sticks and slips, which the engine 'compaction' does not "
             "cover; use 'sliding' or 'frictionless'"
         )
-    mean = material.fed_density_ratio if fed is None else float(fed.state.density_ratio.mean())
+    if fed is not None and abs(fed.height / layer.height - 1) > SAME_HEIGHT:
+        raise ValueError(f"`layer` must be as high as `fed`, {fed.height!r} m, got {layer.height!r}")
+    mean = _fed_mean(material, fed)
     if exit_density_ratio is not None and not mean < exit_density_ratio < 1:
         raise ValueError(
             f"`exit_density_ratio` must lie between that of the fed mix {mean:.6g} and 1, got {exit_density_ratio!r}"
