@@ -204,23 +204,22 @@ def _indentation(there, roller, rtol):
 
 
 def _depth_leaving(there, density_ratio, rtol):
-    """Indentation [m] that leaves a mean density ratio, and the evaluations spent in search of it."""
-    spent = []
+    """Indentation [m] that leaves a mean density ratio, whatever the profile, and the evaluations spent on it."""
+    plate, loosest, spent = replace(there, profile=PLATE), there.solid / there.height, []
 
     def miss(depth):
-        if depth == 0:
-            return there.solid / there.height - density_ratio
-        passage = there.passed(depth, rtol)
+        passage = plate.passed(depth, rtol)
         spent.append(passage.evaluations)
         return _mean_density(passage.columns) - density_ratio
 
-    loosest, densest = (miss(depth) + density_ratio for depth in (0, there.deepest))
+    densest = miss(there.deepest) + density_ratio
     if not loosest < density_ratio < densest:
         raise ValueError(
             f"`exit_density_ratio` must lie between {loosest:.6g}, before the pass, and {densest:.6g}, left by a pass "
             f"as deep as can be, got {density_ratio!r}"
         )
-    return brentq(miss, 0, there.deepest, xtol=NEAR * there.deepest), sum(spent)
+    nominal = there.height * (1 - loosest / density_ratio)  # left without a rebound
+    return brentq(miss, nominal, there.deepest, xtol=NEAR * there.deepest), sum(spent)
 
 
 def _mean_density(columns):

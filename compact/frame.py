@@ -94,8 +94,8 @@ class Fed:
 
     def on_rows(self, heights):
         """The same layer by rows of other heights; what each holds is kept in sum."""
-        means = (_means(getattr(self.state, name), self.heights, heights) for name in STATE)
-        return Fed(heights, cap.State(*means))
+        stress, k, hardened, work = (_means(getattr(self.state, name), self.heights, heights) for name in STATE)
+        return Fed(heights, cap.State(stress, k, np.maximum(hardened, k), work))  # what pc remembers is k at least
 
 
 def fresh(law, heights):

@@ -423,6 +423,13 @@ BROKEN = [
         "layer.passes: must be a whole number, got 2.0; give the number of passes, without a decimal point",
     ),
     refused(
+        "passes that leave no mark",
+        "passes = 1",
+        "passes = 2",
+        'layer.passes: more than 1 is for engines of mix that stays pressed, not accuracy.engine = "formula", got 2; '
+        'choose "column" or "compaction", or give 1',
+    ),
+    refused(
         "no roller",
         "rollers = 2",
         "rollers = 0",
