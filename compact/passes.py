@@ -14,8 +14,8 @@ A second pass at the same height
     that of the first pass, and the top flows once more. Of a circle 2 % deep in mix of E 60 MPa, K_H 13/MPa, 8 increments:
 
     contact in front over height       8      4      2      1     1/2    1/4
-    resistance over that of the first .0014  .0017  .006   .022   .046   .070
-    peak pressure over the first      1.00   0.96   0.92   1.04   1.16   1.27
+    resistance over that of the first .0012  .0033  .008   .023   .048   .067
+    peak pressure over the first      0.99   0.97   0.93   1.04   1.17   1.27
 
     That is no fault of mesh or of handing over: 2 mm deep in 100 mm under a roller of 110 mm it is .075, .076 of the
     first at 6 and 12 increments; two rollers in one march, where nothing is handed over, give .074; 85 % of the work is

@@ -123,13 +123,13 @@ def draw_profiles(rows):
         *_, bottom, top, ratio = zip(*group, strict=True)
         depth = (top[-1] - np.array([*bottom, top[-1]])) * 1e3
         if engine == "compaction":
-            label = f"after pass {number}"
+            label = f"finite elements, pass {number}"
             ax.stairs(
                 ratio[::-1], depth[::-1], orientation="horizontal", baseline=None, color=f"C{number - 1}", label=label
             )
         elif number == 1:  # the same after all
-            ax.plot([ratio[0]] * 2, depth[[0, -1]], "k--", label="columns, after all")
-    ax.axvline(1, color="0.8", linewidth=0.8, zorder=0)
+            ax.plot([ratio[0]] * 2, depth[[0, -1]], "k--", label="columns, every pass")
+    ax.axvline(1, color="0.7", linewidth=0.8, zorder=0, label="full density")
     ax.set(xlabel="density ratio k [-]", ylabel="depth below the surface [mm]")
     ax.invert_yaxis()
     ax.legend(frameon=False, fontsize=8)

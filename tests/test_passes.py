@@ -165,6 +165,7 @@ def test_lift_lies_on_what_was_there():
 # (d) there and back
 
 
+@pytest.mark.slow
 def test_first_pass_back_leaves_the_mix_of_one_there(thick):
     back = compaction.roll(LAYER, ROLLER, MIX, -0.2, increments=6, steady=1e-2)
     there = thick[0]
@@ -213,6 +214,10 @@ def test_passes_of_a_scene_go_there_and_back_at_one_height():
     assert (done[0].load, done[0].exit_height) == (first.load, first.exit_height)
     assert [rolled.exit_height for rolled in done] == pytest.approx([0.22] * 3, rel=1e-9)
     assert done[1].load < 0.3 * first.load
+
+
+def test_hash_of_a_scene_knows_its_passes():
+    assert study().scene.hash != study(**{"layer.passes": 2}).scene.hash
 
 
 def test_results_tell_of_every_pass(tmp_path):

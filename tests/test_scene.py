@@ -67,6 +67,7 @@ OTHER_TEXTS = {
 # changes that the rules between the keys tie to another key
 TIED = {
     "machine.rollers": {"machine.rollers": 1, "machine.roller_positions": [0.0]},
+    "layer.passes": {"layer.passes": 2, "accuracy.engine": "column"},
     "motion.stroke": {"motion.stroke": 0.41},
     "motion.rod_length": {"motion.rod_length": 0.9},
 }

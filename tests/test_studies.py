@@ -99,6 +99,7 @@ def test_lifts_share_the_resistance_of_one_pass(capsys, tmp_path):
     assert (tmp_path / "density_after_passes.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_passes_at_one_height_press_the_layer_once(capsys, tmp_path):
     module = study("density_after_passes")
     thin = module.CALIBRATED | {"product.height": 0.1, "machine.roller_radius": 0.25, "motion.stroke": 0.8}
