@@ -11,7 +11,7 @@ A second pass at the same height
     Columns rebound as they were pressed: it costs nothing, its load is twice what the rebound bore of the first (a
     quarter in usual mix), its contact is symmetric. A wide thin bonded layer does the same. A layer that is thick
     against the contact rebounds by more than its contact shows, the roller meets it on a short one, whose peak is above
-    that of the first pass, and the top flows once more. Of a circle 2 % deep in mix of E 60 MPa, K_H 13/MPa, 8 increments:
+    that of the first pass, and the top flows once more. Of a circle 2 % deep in mix of E 60 MPa and K_H 13/MPa:
 
     contact in front over height       8      4      2      1     1/2    1/4
     resistance over that of the first .0012  .0033  .008   .023   .048   .067
