@@ -157,7 +157,8 @@ def roll(
     force: Force = False,
     quiet: Quiet = False,
 ):
-    """Compute one contact of roller and layer: load, resistance, edges, pressure, fields.
+    """Compute one contact of roller and layer: load, resistance, edges, pressure, fields; every pass of a layer that
+    stays pressed.
 
     Parameters
     ----------
@@ -174,10 +175,10 @@ def roll(
     speed = speed if speed is not None else study.scene.motion.stroke / study.scene.motion.duration
     place = out or Path("out") / f"{scene.stem}-{study.scene.accuracy.engine}"
     with claimed(place, study.scene.hash, force) as directory:
-        rolled = engines.roll(study.scene, study.mix, speed)
-        report.write_contact(directory, study, speed, rolled)
+        passes = engines.passes(study.scene, study.mix, speed)
+        report.write_contact(directory, study, speed, passes)
     if not quiet:
-        print(report.contact_digest(study, speed, rolled))
+        print(report.contact_digest(study, speed, passes))
         print(f"\nresults: {directory}")
 
 

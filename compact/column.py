@@ -22,7 +22,7 @@ from compact.material import Compaction
 from compact.records import Rolled
 from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive, refuse_unknown
 
-__all__ = ["Column", "ColumnRolled", "Feed", "Oedometer", "feed", "oedometer", "passes", "roll", "roll_over"]
+__all__ = ["Column", "ColumnRolled", "Feed", "Oedometer", "feed", "oedometer", "roll", "roll_over"]
 
 RTOL = 1e-9  # error of a step of the integration, over the size of the whole pass
 LOOSER = 100.0  # times `rtol`: what this changes is the error that is reported, and `rtol` besides
@@ -73,7 +73,7 @@ class Oedometer:
     density_ratio: np.ndarray
 
 
-def roll(layer, roller, material, speed, *, strain="logarithmic", rtol=RTOL):
+def roll(layer, roller, material, speed, **options):
     """One pass over a layer of fresh mix, a `ColumnRolled`: the engine "column".
 
     Parameters
@@ -84,8 +84,7 @@ def roll(layer, roller, material, speed, *, strain="logarithmic", rtol=RTOL):
         same to columns
     material : Compaction
     speed : of the roller along x [m/s], not 0; pc is larger by `material.rate_factor(speed)`
-    strain : "logarithmic", which is true to mass; "small"; or "mass-true", small with k = k_in/(1 - V)
-    rtol : error of a step of the integration, over the size of the whole pass
+    options : those of `roll_over`
 
     For speed < 0 leading and trailing stay + ahead, while x and resistance keep the fixed axis x.
 
@@ -100,53 +99,27 @@ def roll(layer, roller, material, speed, *, strain="logarithmic", rtol=RTOL):
     _refuse_other_layers(layer)
     _refuse_other_materials(material)
     fed = Column(layer.height, material.fed_density_ratio)
-    return roll_over((fed,), roller, material, speed, strain=strain, rtol=rtol)
+    return roll_over((fed,), roller, material, speed, **options)
 
 
-def roll_over(columns, roller, material, speed, *, strain="logarithmic", rtol=RTOL):
+def roll_over(columns, roller, material, speed, *, exit_density_ratio=None, strain="logarithmic", rtol=RTOL):
     """One pass over `Column`s on top of one another, given from the base upwards; all else as `roll` has it.
 
-    Small strains count from the heights before the pass.
+    exit_density_ratio : mean wanted behind the roller, in place of what the roller prescribes
+    strain : "logarithmic", which is true to mass; "small", or "mass-true", small with k = k_in/(1 - V); small strains
+        count from the heights before the pass
+    rtol : error of a step of the integration, over the size of the whole pass
     """
     _refuse_beyond_columns(roller, material, speed)
     refuse_unknown("strain", strain, STRAINS)
     refuse_nonpositive(rtol=rtol)
     there = bed_of(columns, material, material.rate_factor(speed), _profile(roller), STRAINS[strain])
-    indentation, searched = _indentation(there, roller, rtol)
+    if exit_density_ratio is None:
+        indentation, searched = _indentation(there, roller, rtol)
+    else:
+        indentation, searched = _depth_leaving(there, exit_density_ratio, rtol)
     passage, looser = there.passed(indentation, rtol), there.passed(indentation, LOOSER * rtol)
     return _rolled(passage, looser, rtol, np.sign(speed), searched)
-
-
-def passes(lifts, heights, roller, material, speed, **options):
-    """One `ColumnRolled` for each pass i: `lifts[i]` [m] of fresh mix is spread, or none if 0, and the lowest
-    generatrix then passes `heights[i]` [m] above the base.
-
-    roller : its radius and profile; what it prescribes gives way to the heights
-    options : as for `roll`
-
-    >>> from compact.records import Roller
-    >>> mix = Compaction(120e6, 0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
-    ...                  tensile_strength=14e3, fed_density_ratio=0.94)
-    >>> roller = Roller(0.11, indentation=0.01, profile="circle")
-    >>> twice = passes((0.2293617, 0), (0.22, 0.22), roller, mix, speed=0.2)
-    >>> [f"{rolled.load:.0f} N/m, {abs(rolled.resistance):.0f} N/m" for rolled in twice]
-    ['9639 N/m, 1570 N/m', '2484 N/m, 0 N/m']
-    """
-    _refuse_other_materials(material)
-    columns, results = (), []
-    for lift, height in zip(lifts, heights, strict=True):
-        refuse_negative(lifts=lift)
-        columns += (Column(lift, material.fed_density_ratio),) if lift else ()
-        depth = sum(column.height for column in columns) - height
-        if not depth > 0:
-            raise ValueError(
-                f"`heights` must lie below the mix, {height + depth:.6g} m high before pass {len(results) + 1}, "
-                f"got {height!r}"
-            )
-        pressed = replace(roller, indentation=depth, load=None, peak_pressure=None)
-        results.append(roll_over(columns, pressed, material, speed, **options))
-        columns = results[-1].columns
-    return tuple(results)
 
 
 def feed(height, exit_density_ratio, material, speed, *, rtol=RTOL):
@@ -230,6 +203,30 @@ def _indentation(there, roller, rtol):
     return brentq(miss, 0, there.deepest, xtol=NEAR * there.deepest), sum(spent)
 
 
+def _depth_leaving(there, density_ratio, rtol):
+    """Indentation [m] that leaves a mean density ratio, whatever the profile, and the evaluations spent on it."""
+    plate, loosest, spent = replace(there, profile=PLATE), there.solid / there.height, []
+
+    def miss(depth):
+        passage = plate.passed(depth, rtol)
+        spent.append(passage.evaluations)
+        return _mean_density(passage.columns) - density_ratio
+
+    densest = miss(there.deepest) + density_ratio
+    if not loosest < density_ratio < densest:
+        raise ValueError(
+            f"`exit_density_ratio` must lie between {loosest:.6g}, before the pass, and {densest:.6g}, left by a pass "
+            f"as deep as can be, got {density_ratio!r}"
+        )
+    nominal = there.height * (1 - loosest / density_ratio)  # left without a rebound
+    return brentq(miss, nominal, there.deepest, xtol=NEAR * there.deepest), sum(spent)
+
+
+def _mean_density(columns):
+    """Density ratio of `Column`s on top of one another, mean over their height."""
+    return sum(column.density_ratio * column.height for column in columns) / sum(column.height for column in columns)
+
+
 def _refuse_beyond_pores(there, name, value, limit):
     if not value < limit:
         full = f"grains and water alone fill the {there.solid:.6g} m that are left of {there.height:.6g} m"
@@ -246,7 +243,6 @@ def _rolled(passage, looser, rtol, direction, searched):
     load, resistance, (plastic, elastic) = passage.load, passage.resistance, passage.work
     counted = max(abs(resistance), RESISTED * load)
     columns = passage.columns
-    height = sum(column.height for column in columns)
     return ColumnRolled(
         load=load,
         resistance=float(direction * resistance),
@@ -262,8 +258,8 @@ def _rolled(passage, looser, rtol, direction, searched):
         work_residual=abs(resistance - plastic - elastic) / counted,
         peak_pressure=passage.peak_pressure,
         indentation=float(passage.indentation),
-        exit_height=height,
-        exit_density_ratio=sum(column.density_ratio * column.height for column in columns) / height,
+        exit_height=sum(column.height for column in columns),
+        exit_density_ratio=_mean_density(columns),
         columns=columns,
         plastic_work=plastic,
         mass_residual=passage.mass_residual,

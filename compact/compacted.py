@@ -1,6 +1,6 @@
 """What rolling over compacting mix gives: forces, contact, the mix that leaves, and whether the numbers may be trusted.
 
-mass    sum of J k dY of the column that leaves = sum of k dY of the column that was fed
+mass    grains and water of the column that leaves = those of the column that was fed, both at rest (`Fed.solid`)
 work    resistance = sum of W dY + int t (slip velocity) dx/v,    W = int J sigma : d strain of the mix that leaves
 """
 
@@ -9,9 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from compact import cap
+from compact.compliance import moduli
 from compact.frame import Fed
 from compact.records import Layer, Rolled, Roller
 from compact.solid import STATE
+
+ITERATIONS = 100  # of the mix that leaves, towards its rest; one where it does not yield on the way
+FREE = 1e-9  # of the unloading modulus, what horizontal planes may still bear then
 
 
 @dataclass(frozen=True)
@@ -55,10 +59,10 @@ class CompactionRolled(Rolled):
 def read(march, layer, roller, material, speed):
     """The `CompactionRolled` of a `March` that is steady."""
     frame, condition, last = march.frame, march.condition, march.steps[-1]
-    way = 1.0 if speed > 0 else -1.0
+    law, way = frame.solid.law, 1.0 if speed > 0 else -1.0
     x, pressure, shear, trailing, leading = _contact(march)
     _refuse_skid(march)
-    leaving, height, mass = _leaving(march)
+    leaving, length = _leaving(march)
     return CompactionRolled(
         load=last.load,
         resistance=way * last.resistance,
@@ -72,12 +76,12 @@ def read(march, layer, roller, material, speed):
         indentation=layer.height - last.lowest,
         creep=march.push.creep,
         exit=leaving,
-        exit_height=height,
-        exit_density_ratio=float(mass / height),
-        spring_back=height - last.lowest,
+        exit_height=leaving.height,
+        exit_density_ratio=leaving.density_ratio,
+        spring_back=leaving.height - last.lowest,
         bow_wave=float(max(march.places[:, 1].max() - layer.height, 0.0)),
         peak_density_ratio=float(condition.state.density_ratio.max()),
-        mass_residual=float(abs(mass / (frame.row_heights @ frame.fed.state.density_ratio) - 1)),
+        mass_residual=abs(leaving.solid(law) * length / frame.fed.solid(law) - 1),
         equilibrium_residual=last.residual,
         yield_residual=_yield_residual(frame.solid, condition.state),
         steps=march.steps,
@@ -152,23 +156,36 @@ def _contact(march):
 
 
 def _leaving(march):
-    """The mix that leaves as the next `Fed`, unloaded across the layer; its height, and k over the height [m].
+    """The mix that leaves as the next `Fed`, and its length over that as it was fed.
 
-    Behind the roller the layer is the same all along x: no stress is left on horizontal planes, and what is there still
-    of the roller's reach unloads elastically at no change of length.
+    Far behind the roller the layer is the same all along x: no stress is left on horizontal planes, and what is bonded
+    is as long as it was fed. A layer that slips keeps the force along x that it has, none.
     """
     frame, condition = march.frame, march.condition
-    law, state = frame.solid.law, condition.state
-    stress, k, hardened, work = (frame.rows(getattr(state, name))[:, frame.exit] for name in STATE)
-    nu, E = law.poisson, law.unloading_modulus
-    rise = 1 - stress[:, 1] * (1 + nu) * (1 - 2 * nu) / (E * (1 - nu))
-    left = np.zeros_like(stress)
-    left[:, [0, 2]] = stress[:, [0, 2]] - nu / (1 - nu) * stress[:, 1:2]
-    volume = frame.rows(_volume(march))[:, frame.exit] * rise
-    heights = frame.row_heights * volume
-    top = np.cumsum(heights)
-    place = top - heights / 2
-    return Fed(place, cap.State(left, k, hardened, work)), float(top[-1]), float(heights @ k)
+    state = cap.State(*(frame.rows(getattr(condition.state, name))[:, frame.exit] for name in STATE))
+    stretch = frame.rows(np.log1p(frame.solid.gradient(condition.displacement)[:, 0]))[:, frame.exit]
+    area = frame.row_heights * frame.rows(_volume(march))[:, frame.exit]
+    left = area @ stretch / area.sum() if frame.slips else 0.0
+    rest, volume = _at_rest(frame.solid, state, left - stretch)
+    return Fed(area * volume * np.exp(-left), rest), float(np.exp(left))
+
+
+def _at_rest(solid, state, stretch):
+    """Rows of mix that are strained by so much along x, and across until their horizontal planes are free of stress.
+
+    Returns their `State` and volume over that before.
+    """
+    strain = np.zeros((len(stretch), 3))
+    strain[:, 0] = stretch
+    law = solid.law
+    two_shear, _, shear, lame = law.unloading_modulus * moduli(law.poisson)
+    for _ in range(ITERATIONS):
+        rest, _ = cap.step(law, state, strain, solid.rate_factor, tangent=False)
+        if np.abs(rest.stress[:, [1, 3]]).max() < FREE * law.unloading_modulus:
+            rest.stress[:, [1, 3]] = 0.0
+            return rest, np.exp(strain[:, 0] + strain[:, 1])
+        strain[:, 1:] -= rest.stress[:, [1, 3]] / [two_shear + lame, shear]
+    raise RuntimeError(f"the mix that leaves bears {np.abs(rest.stress[:, [1, 3]]).max():.3g} Pa on horizontal planes")
 
 
 def _volume(march):

@@ -20,7 +20,7 @@ from compact.compacted import CompactionRolled, read
 from compact.frame import Frame, rolling_mesh, transferred
 from compact.march import DRAG, March, tail
 from compact.material import Compaction
-from compact.records import refuse_torque
+from compact.records import SAME_HEIGHT, refuse_torque
 from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_unknown
 from compact.solid import SUBSTEPS
 
@@ -29,10 +29,12 @@ __all__ = ["CompactionRolled", "roll"]
 INCREMENTS = 12  # per contact length sqrt(2 R depth) of the fed mix
 COARSE = 6  # of the first march
 STEADY = 5e-3  # of load, resistance and exit density, what their tails have still to go
+RESISTED = 1e-2  # of the load, below which a resistance, as of a second pass, counts as that much
 ROUGHLY = 2e-2  # the same on the coarse mesh and on the way to a target
 TARGET = 1e-3  # of a prescribed load, peak pressure or exit density
 LONGEST = 12.0  # layer heights or contact lengths of travel after which a march that is not steady gives up
 TARGETS = 12  # changes of depth
+SPREAD = 1.5  # contact lengths in front, down to which the first guess of a depth sees its strain
 LARGEST_CHANGE = 1.4  # of the depth at once
 STEEP = 0.32  # capture angle beyond which the roller goes deeper at first
 DEEPER = 1 / 3  # of the depth
@@ -140,9 +142,8 @@ class _Target:
 
     def __init__(self, layer, roller, material, exit_density_ratio, fed):
         self.height, self.roller, self.law = layer.height, roller, material
-        self.fed_mean = material.fed_density_ratio
-        if fed is not None:
-            self.fed_mean = float(np.trapezoid(fed.state.density_ratio, fed.y) / np.ptp(fed.y))
+        self.fed_mean = _fed_mean(material, fed)
+        self.densest = self.fed_mean if fed is None else float(fed.state.density_ratio.max())
         self.quantity, self.value = None, None
         if exit_density_ratio is not None:
             self.quantity, self.value = "exit_density_ratio", exit_density_ratio
@@ -154,21 +155,15 @@ class _Target:
         """The indentation, or one that is about right."""
         if self.roller.indentation is not None:
             return self.roller.indentation
+        depths = np.geomspace(1e-5, 0.2, 100) * self.height
+        length = np.sqrt(2 * self.roller.radius * depths)
+        strain = depths / np.minimum(self.height, SPREAD * length)
+        peak = 1.15 * self.law.yield_pressure(self.densest / (1 - strain))
         if self.quantity == "peak_pressure":
-            return self.height * self._strain(self.value)
-        # a Hertzian pressure on the front of the contact: 2/3 of its peak over the length
-        depths = np.geomspace(1e-4, 0.2, 60) * self.height
-        strain = np.array([self._pressure(depth / self.height) for depth in depths])
-        loads = 0.7 * strain * np.sqrt(2 * self.roller.radius * depths)
-        return float(np.interp(self.value, loads, depths))
-
-    def _pressure(self, strain):
-        k = self.fed_mean / (1 - strain)
-        return 1.15 * float(self.law.yield_pressure(k))
-
-    def _strain(self, pressure):
-        strains = np.linspace(1e-3, 0.2, 200)
-        return float(np.interp(pressure, [self._pressure(strain) for strain in strains], strains))
+            return float(np.interp(self.value, peak, depths))
+        # a Hertzian pressure on the front of the contact: 2/3 of its peak over the length; pressed mix gives way less
+        elastic = self.law.unloading_modulus / (1 - self.law.poisson**2) / 4
+        return float(np.interp(self.value, np.minimum(0.7 * peak * length, elastic * depths), depths))
 
     def reached(self, march, steady, depth=None):
         """The march rolled on until it is steady with the target met; the same march."""
@@ -248,7 +243,8 @@ def _way_down(march, start, lowest):
 def _left(march, begun):
     """What the tails of load, resistance and exit density have still to go, relative."""
     steps, last = march.steps[begun:], march.steps[-1]
-    scale = {"load": last.load, "resistance": max(abs(last.resistance), 1e-3 * last.load), "exit_density_ratio": 1.0}
+    counted = max(abs(last.resistance), RESISTED * last.load)
+    scale = {"load": last.load, "resistance": counted, "exit_density_ratio": 1.0}
     return max(tail([getattr(s, name) for s in steps], march.window)[1] / scale[name] for name in scale)
 
 
@@ -264,6 +260,10 @@ def _with_error(rolled, coarse):
     return replace(rolled, error=tuple(ERROR_SHARE * e for e in error))
 
 
+def _fed_mean(material, fed):
+    return material.fed_density_ratio if fed is None else fed.density_ratio
+
+
 def _refuse(layer, roller, material, speed, strain, exit_density_ratio, fed):
     refuse_nonfinite(speed=speed)
     if speed == 0:
@@ -275,7 +275,9 @@ def _refuse(layer, roller, material, speed, strain, exit_density_ratio, fed):
     refuse_unknown("strain", strain, ("finite", "small"))
     refuse_unknown("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
     refuse_unknown("profile", roller.profile, ("parabola", "circle", "deformed"))
-    mean = material.fed_density_ratio if fed is None else float(fed.state.density_ratio.mean())
+    if fed is not None and abs(fed.height / layer.height - 1) > SAME_HEIGHT:
+        raise ValueError(f"`layer` must be as high as `fed`, {fed.height!r} m, got {layer.height!r}")
+    mean = _fed_mean(material, fed)
     if exit_density_ratio is not None and not mean < exit_density_ratio < 1:
         raise ValueError(
             f"`exit_density_ratio` must lie between that of the fed mix {mean:.6g} and 1, got {exit_density_ratio!r}"

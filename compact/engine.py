@@ -3,6 +3,8 @@
 Every engine is a module with `roll(layer, roller, material, speed) -> Rolled`; it is imported when it is asked for.
 """
 
+from contextlib import contextmanager
+from dataclasses import replace
 from importlib import import_module
 from types import MappingProxyType
 
@@ -30,7 +32,7 @@ SPEEDS = 6  # computed where the scene names none: from a twentieth of the mean 
 
 
 def roll(scene, mix, speed, engine=None):
-    """The contact of one roller of a scene at a speed [m/s], by the scene's engine or another one; a `Rolled`.
+    """The contact of one roller of a scene in its first pass, at a speed [m/s], by its engine or another; a `Rolled`.
 
     The scene's tolerance is what the engine is asked for, where it can be asked.
 
@@ -39,12 +41,38 @@ def roll(scene, mix, speed, engine=None):
     """
     name = engine or scene.accuracy.engine
     layer, roller, material = inputs(scene, mix, name, speed)
-    try:
+    with _named(scene, name, speed):
         rolled = import_module(ENGINES[name]).roll(layer, roller, material, speed, **_asked(scene, name))
         _refuse_below_the_base(rolled, layer)
-    except RuntimeError as error:
-        raise RuntimeError(f"{scene.title or 'untitled scene'}, {name} at {speed:g} m/s: {error}") from error
     return rolled
+
+
+def passes(scene, mix, speed, engine=None):
+    """The contact of each pass of a scene, there and back over the same mix, `Rolled`s; the first is that of `roll`.
+
+    Later ones keep the load or peak pressure that the scene prescribes, else the height of the first.
+    """
+    name = engine or scene.accuracy.engine
+    if name not in COMPACTING:
+        return (roll(scene, mix, speed, name),)
+    from compact.passes import passes, there_and_back
+
+    layer, roller, material = inputs(scene, mix, name, speed)
+    first, *later = there_and_back(scene.layer.passes)
+    asked = _asked(scene, name)
+    numerics = {"torque": asked.pop("torque")} if "torque" in asked else {}
+    stages = (replace(first, **asked), *later)
+    with _named(scene, name, speed):
+        return passes(layer, roller, material, speed, stages, engine=name, **numerics)
+
+
+@contextmanager
+def _named(scene, engine, speed):
+    """What does not converge says which scene, engine and speed."""
+    try:
+        yield
+    except RuntimeError as error:
+        raise RuntimeError(f"{scene.title or 'untitled scene'}, {engine} at {speed:g} m/s: {error}") from error
 
 
 def _asked(scene, engine):

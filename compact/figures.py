@@ -238,6 +238,23 @@ def contact(rolled, exact, speed):
     return figure
 
 
+def density(passes):
+    """Density ratio over the height of the mix behind each pass; rows as the engine has them."""
+    from compact.passes import density
+
+    figure = Figure(figsize=(5.4, 4.2), layout="constrained")
+    ax = figure.subplots()
+    for number, rolled in enumerate(passes, start=1):
+        bottom, top, ratio = density(rolled).T
+        edges = np.append(bottom, top[-1]) * 1e3
+        ax.stairs(ratio, edges, orientation="horizontal", baseline=None, label=f"after pass {number}")
+    ax.set_xlabel("density ratio k [-]")
+    ax.set_ylabel("height above the base y [mm]")
+    ax.set_ylim(0, None)
+    ax.legend(frameon=False)
+    return figure
+
+
 def speeds(rolled):
     """Load and resistance coefficient over the speed, bars for the engine's own error."""
     figure = Figure(figsize=(10.5, 3.6), layout="constrained")

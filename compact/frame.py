@@ -54,13 +54,74 @@ def _growing(length, first, height, exact=False):
 
 @dataclass(frozen=True, eq=False)
 class Fed:
-    """The mix in front of the roller, the same all along x, by rows of points from the base up.
+    """The mix in front of the roller, at rest and the same all along x, by rows from the base up.
 
-    y : heights [m], shape (n,);  state : its `State`, without stress on horizontal planes
+    heights : of the rows [m], shape (n,);  state : their means, a `State` without stress on horizontal planes
+
+    A layer at rest under a free surface bears no shear on horizontal planes (d s_xy/dy = 0), and the cap remembers no
+    direction: rolled over one way or the other the mix is the same.
     """
 
-    y: np.ndarray
+    heights: np.ndarray
     state: cap.State
+
+    @property
+    def height(self):
+        """Of the layer [m]."""
+        return float(self.heights.sum())
+
+    @property
+    def y(self):
+        """Heights of the middles of the rows above the base [m]."""
+        return np.cumsum(self.heights) - self.heights / 2
+
+    @property
+    def density_ratio(self):
+        """Mean over the height."""
+        return float(self.heights @ self.state.density_ratio / self.height)
+
+    def solid(self, law):
+        """Height that grains and water fill [m]: what rests under pressure is denser than its k by the elastic part."""
+        bulk = law.unloading_modulus / (3 - 6 * law.poisson)
+        squeezed = np.exp(-self.state.stress[:, :3].mean(axis=1) / bulk)
+        return float(self.heights @ (self.state.density_ratio * squeezed))
+
+    def under(self, lift, law):
+        """The layer with a lift [m] of fresh mix spread on it."""
+        above = cap.fed(law, 1)
+        both = (np.concatenate([getattr(self.state, name), getattr(above, name)]) for name in STATE)
+        return Fed(np.append(self.heights, lift), cap.State(*both))
+
+    def on_rows(self, heights):
+        """The same layer by rows of other heights; what each holds is kept in sum."""
+        stress, k, hardened, work = (_means(getattr(self.state, name), self.heights, heights) for name in STATE)
+        return Fed(heights, cap.State(stress, k, np.maximum(hardened, k), work))  # what pc remembers is k at least
+
+
+def fresh(law, heights):
+    """Mix as it is fed, a `Fed` of rows of some heights [m]."""
+    return Fed(heights, cap.fed(law, len(heights)))
+
+
+def _means(values, old, new):
+    """Means over rows of new heights of values that are linear within the old rows, which keep their means.
+
+    A slope is the smaller one towards the two neighbours, none at an extreme or an end: nothing overshoots where fresh
+    mix lies on old.
+    """
+    shape = (-1,) + (1,) * (values.ndim - 1)
+    edges = np.concatenate([[0.0], np.cumsum(old)])
+    slopes = np.diff(values, axis=0) / np.diff((edges[1:] + edges[:-1]) / 2).reshape(shape)
+    down, up = slopes[:-1], slopes[1:]
+    slope = np.zeros_like(values)
+    slope[1:-1] = np.where(down * up > 0, np.sign(up) * np.minimum(abs(down), abs(up)), 0.0)
+    below = np.concatenate([0 * values[:1], np.cumsum(values * old.reshape(shape), axis=0)])
+
+    ends = np.concatenate([[0.0], np.cumsum(new)]) * (edges[-1] / np.sum(new))
+    row = np.clip(np.searchsorted(edges, ends, side="right") - 1, 0, len(old) - 1)
+    into = (ends - edges[row]).reshape(shape)
+    sums = below[row] + values[row] * into + slope[row] * into * (into - old[row].reshape(shape)) / 2
+    return np.diff(sums, axis=0) / np.diff(ends).reshape(shape)
 
 
 class Frame:
@@ -71,6 +132,7 @@ class Frame:
         plain = Solid(mesh, law)
         nodes = plain.basis.doflocs.T
         x, y = nodes.T
+        self.slips = base == "slip"
         self.held = _held(x, y, base)
         self.solid = Solid(mesh, law, held=self.held, finite=finite, rate_factor=rate_factor, substeps=substeps)
         self.nodes = nodes
@@ -79,7 +141,7 @@ class Frame:
         self._carry_nodes = self._node_operator()
         self._rows_to_points, self.row_x, self.row_y = self._rows()
         self.given = fed
-        self.fed = _unstressed(law, self.row_y) if fed is None else _on_rows(fed, self.row_y)
+        self.fed = fresh(law, self.row_heights) if fed is None else fed.on_rows(self.row_heights)
 
     @property
     def weights(self):
@@ -212,18 +274,3 @@ def _held(x, y, base):
 
 def _finest(mesh):
     return float(np.diff(mesh.x[-1]).min())
-
-
-def _unstressed(law, y):
-    return Fed(y, cap.fed(law, len(y)))
-
-
-def _on_rows(fed, y):
-    """The fed mix at other heights, linear between its rows."""
-
-    def at(values):
-        return np.stack([np.interp(y, fed.y, column) for column in values.T], axis=-1)
-
-    state = fed.state
-    numbers = (np.interp(y, fed.y, getattr(state, name)) for name in STATE[1:])
-    return Fed(y, cap.State(at(state.stress), *numbers))

@@ -9,7 +9,7 @@ import numpy as np
 
 from compact.cam import stepper
 from compact.drive import CRITERIA
-from compact.engine import FIELDED, fields
+from compact.engine import COMPACTING, FIELDED, fields
 from compact.results import claimed, whole_file, write_csv, write_json
 
 SCHEMA = 1  # of summary.json; raised when a name in it changes its meaning
@@ -58,16 +58,50 @@ def _rolled(study, directory):
     ])  # fmt: skip
     study.resistance_map.save(directory / "resistance.nc", study.scene.hash)
     yield directory / "resistance.nc"
+    if study.scene.accuracy.engine in COMPACTING:
+        yield from _passes(study.passes, directory)
 
 
-def write_contact(directory, study, speed, rolled):
-    """Write one contact: pressure along it, its numbers, a picture beside Galin, and its fields where it has any."""
+PASSES_HEADER = (
+    "speed_m/s", "pass", "load_N/m", "resistance_N/m", "coefficient", "indentation_m", "exit_height_m",
+    "exit_density_ratio", "load_error", "resistance_error", "work_residual", "mass_residual",
+)  # fmt: skip
+
+
+def _passes(passed, directory):
+    """What each pass takes and leaves, and the density over the height behind it; even ones go back, so does speed."""
+    from compact.passes import density
+
+    rows = [
+        (speed if number % 2 else -speed, number, rolled)
+        for speed, passes in passed
+        for number, rolled in enumerate(passes, start=1)
+    ]
+    yield _csv(directory / "passes.csv", PASSES_HEADER, [
+        (
+            speed, number, r.load, r.resistance, r.resistance / r.load, r.indentation, r.exit_height,
+            r.exit_density_ratio, *(r.error or ("", "")), r.work_residual, r.mass_residual,
+        )
+        for speed, number, r in rows
+    ])  # fmt: skip
+    yield _csv(directory / "density.csv", ("speed_m/s", "pass", "bottom_m", "top_m", "density_ratio"), [
+        (speed, number, *row) for speed, number, r in rows for row in density(r).tolist()
+    ])  # fmt: skip
+
+
+def write_contact(directory, study, speed, passes):
+    """Write one contact, the first of its passes: pressure along it, its numbers, a picture beside Galin, its fields
+    where it has any, and what all passes take and leave where they leave a mark."""
     from compact import figures
 
+    rolled = passes[0]
     columns = np.column_stack([rolled.x, rolled.pressure, rolled.shear_traction]).tolist()
     _csv(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
-    write_json(directory / "contact.json", contact_numbers(study, speed, rolled))
+    write_json(directory / "contact.json", contact_numbers(study, speed, passes))
     _drawn(directory / "pressure.png", figures.contact(rolled, study.exact, speed))
+    if study.scene.accuracy.engine in COMPACTING:
+        list(_passes([(speed, passes)], directory))
+        _drawn(directory / "density.png", figures.density(passes))
     if study.scene.accuracy.engine in FIELDED:
         from compact.fields import write_series
 
@@ -76,29 +110,48 @@ def write_contact(directory, study, speed, rolled):
         _drawn(directory / "fields.png", figures.fields(layers))
 
 
-def contact_numbers(study, speed, rolled):
-    """Headline numbers of one contact: value and unit, with the engine's own relative error where it has one."""
+def contact_numbers(study, speed, passes):
+    """Headline numbers of one contact: value and unit, with the engine's own relative error where it has one; where mix
+    stays pressed, what all passes take and leave besides."""
+    rolled = passes[0]
     load_error, resistance_error = rolled.error or (None, None)
-    return {
-        "engine": study.scene.accuracy.engine,
-        "speed": {"value": speed, "unit": "m/s"},
-        "load": {"value": rolled.load, "unit": "N/m", "error": load_error},
-        "resistance": {"value": rolled.resistance, "unit": "N/m", "error": resistance_error},
-        "coefficient": {"value": rolled.resistance / rolled.load, "unit": "1"},
-        "leading": {"value": rolled.leading, "unit": "m"},
-        "trailing": {"value": rolled.trailing, "unit": "m"},
-        "peak_pressure": {"value": rolled.peak_pressure, "unit": "Pa"},
-        "indentation": {"value": getattr(rolled, "indentation", None), "unit": "m"},  # none on a half-plane
-        "creep": {"value": getattr(rolled, "creep", None), "unit": "1"},  # of a roller that sticks and slips
-        "work_residual": {"value": rolled.work_residual, "unit": "1"},
-        "iterations": len(rolled.history),
-    } | {
-        name: {"value": getattr(rolled, name), "unit": unit}
-        for name, unit in COMPACTED.items()
-        if hasattr(rolled, name)
-    }
+    return (
+        {
+            "engine": study.scene.accuracy.engine,
+            "speed": {"value": speed, "unit": "m/s"},
+            "load": {"value": rolled.load, "unit": "N/m", "error": load_error},
+            "resistance": {"value": rolled.resistance, "unit": "N/m", "error": resistance_error},
+            "coefficient": {"value": rolled.resistance / rolled.load, "unit": "1"},
+            "leading": {"value": rolled.leading, "unit": "m"},
+            "trailing": {"value": rolled.trailing, "unit": "m"},
+            "peak_pressure": {"value": rolled.peak_pressure, "unit": "Pa"},
+            "indentation": {"value": getattr(rolled, "indentation", None), "unit": "m"},  # none on a half-plane
+            "creep": {"value": getattr(rolled, "creep", None), "unit": "1"},  # of a roller that sticks and slips
+            "work_residual": {"value": rolled.work_residual, "unit": "1"},
+            "iterations": len(rolled.history),
+        }
+        | {
+            name: {"value": getattr(rolled, name), "unit": unit}
+            for name, unit in COMPACTED.items()
+            if hasattr(rolled, name)
+        }
+        | ({"passes": [_pass_numbers(passed) for passed in passes]} if hasattr(rolled, "exit_height") else {})
+    )
 
 
+def _pass_numbers(passed):
+    return {name: {"value": getattr(passed, name), "unit": unit} for name, unit in PASSED.items()}
+
+
+PASSED = {
+    "load": "N/m",
+    "resistance": "N/m",
+    "indentation": "m",
+    "exit_height": "m",
+    "exit_density_ratio": "1",
+    "work_residual": "1",
+    "mass_residual": "1",
+}
 COMPACTED = {  # what engines of a layer that stays pressed know besides
     "exit_density_ratio": "1",
     "exit_height": "m",
@@ -109,8 +162,9 @@ COMPACTED = {  # what engines of a layer that stays pressed know besides
 }
 
 
-def contact_digest(study, speed, rolled):
-    """One contact in a few lines of text, the formulas and exact theory beside it."""
+def contact_digest(study, speed, passes):
+    """One contact in a few lines of text, the formulas and exact theory beside it, and its passes if they are many."""
+    rolled = passes[0]
     formulas, exact, length = study.engineering, study.exact, study.scene.machine.roller_length
     rows = [
         ("load [N/m]", rolled.load, formulas.roller_force / length, exact.load),
@@ -137,7 +191,19 @@ def contact_digest(study, speed, rolled):
                 f"{abs(rolled.mass_residual):.1e}"
             )
         lines.append(f"energy balance closes to {rolled.work_residual:.1e}; iterations: {len(rolled.history)}")
+    if len(passes) > 1:
+        lines += ["", "pass   load [N/m]   resistance [N/m]   height behind [mm]   density ratio"]
+        lines += [_pass_line(number, passed) for number, passed in enumerate(passes, start=1)]
     return "\n".join(lines)
+
+
+def _pass_line(number, passed):
+    """A pass in a line; its resistance is against its travel, there or back."""
+    against = passed.resistance if number % 2 else -passed.resistance
+    return (
+        f"{number:>4}{passed.load:>13.5g}{against:>19.4g}{passed.exit_height * 1e3:>21.2f}"
+        f"{passed.exit_density_ratio:>16.4f}"
+    )
 
 
 def _tables(study, directory):
@@ -306,7 +372,7 @@ def _summary(study, files):
         "advice": list(scene.advice),
         "reachable": {"by_rolling": reach.possible, "reason": reach.reason},
         "numbers": {name: asdict(number) for name, number in study.numbers.items()},
-        "contacts": [contact_numbers(study, speed, rolled) for speed, rolled in study.rolled],
+        "contacts": [contact_numbers(study, *contact) for contact in study.passes],
         "laws": {name: _run_numbers(run) for name, run in study.runs.items()},
         "rankings": _places(study.rankings),
         "formula_rankings": _places(study.formula_rankings),

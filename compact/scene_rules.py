@@ -147,6 +147,15 @@ def _torque_turns_a_roller(torque, rolling):
         )
 
 
+@_rule("layer.passes", "accuracy.engine")
+def _engine_knows_passes(passes, engine):
+    if passes > 1 and engine not in ("column", "compaction"):
+        return (
+            f'more than 1 is for engines of mix that stays pressed, not accuracy.engine = "{engine}", got {passes:g}; '
+            'choose "column" or "compaction", or give 1'
+        )
+
+
 @_rule("machine.roller_torque", "machine.rolling", "accuracy.engine")
 def _driven_roller_has_a_torque(torque, rolling, engine):
     if torque is None and rolling == "driven" and engine in TURNED:

@@ -18,7 +18,7 @@ from compact import contact, drive, mix
 from compact.cam import Cam, FlatFace, Pointed, RollerFollower
 from compact.cart import Cart
 from compact.crank import USUAL_ANGLES, turn
-from compact.engine import LAYERED, fields, roll, speeds
+from compact.engine import LAYERED, fields, passes, roll, speeds
 from compact.halfplane import galin, pressure_exponent
 from compact.measured import from_table
 from compact.motion import law
@@ -196,14 +196,19 @@ class Study:
         )
 
     @cached_property
-    def rolled(self):
-        """(speed, `Rolled`) of one roller at each speed, by the scene's engine if it computes a layer, else none."""
-        rolled = []
+    def passes(self):
+        """(speed, `Rolled`s of all passes) of one roller at each speed, by an engine of a layer, else none."""
+        passed = []
         if self.scene.accuracy.engine in LAYERED:
             for speed in speeds(self.scene):
                 self.count("rolled")
-                rolled.append((speed, roll(self.scene, self.mix, speed)))
-        return rolled
+                passed.append((speed, passes(self.scene, self.mix, speed)))
+        return passed
+
+    @property
+    def rolled(self):
+        """(speed, `Rolled`) of the first pass at each speed."""
+        return [(speed, first) for speed, (first, *_) in self.passes]
 
     @cached_property
     def fields(self):
@@ -283,18 +288,18 @@ class Study:
     def cycles(self):
         """The motion laws there and back, by name; tables of the user last."""
         motion = self.scene.motion
-        passes = [
+        one_way = [
             law(
                 name, motion.stroke, motion.duration, motion.run_up, motion.run_down,
                 motion.energy_weight, motion.acceleration_weight, motion.rod_length,
             )
             for name in self.scene.law_names
         ]  # fmt: skip
-        passes += [_tabled(path) for path in self.scene.table_paths]
+        one_way += [_tabled(path) for path in self.scene.table_paths]
         cycles = {}
-        for one_way in passes:
+        for there in one_way:
             self.count("laws")
-            cycles[one_way.name] = one_way.cycle(motion.dwell, motion.dwell)
+            cycles[there.name] = there.cycle(motion.dwell, motion.dwell)
         return cycles
 
     @cached_property

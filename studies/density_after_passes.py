@@ -5,43 +5,53 @@ that lies there has, after its rebound, the density asked for: by columns, which
 takes is its own work: the resistance falls with the number of passes, and the load, whose contact gets shorter, by a
 quarter for two passes and by half for six; what rebounds below bears the rest. The load goes with the root of the
 radius, the resistance does not know it; both fall by a fifth for each percent of water, within what the prior knows.
+
+Passing again at the same height is no substitute: columns do not change, and finite elements, with which the density
+falls from the top down, press the top a little more each time (`profiles`).
 """
 
 import itertools
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import brentq
 
 from compact.calibrate import blend
-from compact.column import Column, feed, roll_over
+from compact.column import feed
 from compact.engine import compaction
-from compact.records import Roller
+from compact.passes import Pass, density, passes, there_and_back
+from compact.records import Layer, Roller
 from compact.scene import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
 HEADER = ("radius_m", "moisture", "passes", "largest_load_N", "largest_resistance_N", "density_ratio")
+PROFILE_HEADER = ("engine", "pass", "load_N/m", "resistance_N/m", "bottom_m", "top_m", "density_ratio")
 CALIBRATED = {"mix.overrides.heckel_slope": 13.995e-6, "layer.fed_density_ratio": 0.93444}  # to 9740 N and 0.179
 
 
-def passes(scene, count):
+def in_lifts(scene, count):
     """The `ColumnRolled` of each pass over a layer fed in so many equal lifts, pressed to the scene's density."""
-    material, product = compaction(scene, blend(scene)), scene.product.height
-    speed, columns, results = scene.motion.stroke / scene.motion.duration, (), []
-    lift = feed(product, scene.mix.density_ratio, material, speed).height / count
-    for number in range(1, count + 1):
-        columns += (Column(lift, material.fed_density_ratio),)
+    material, wanted = compaction(scene, blend(scene)), scene.mix.density_ratio
+    speed = scene.motion.stroke / scene.motion.duration
+    lift = feed(scene.product.height, wanted, material, speed).height / count
+    roller = Roller(scene.machine.roller_radius, indentation=lift / 100, profile="circle")  # gives way to the density
+    stages = [Pass(lift if number else 0.0, exit_density_ratio=wanted) for number in range(count)]
+    return passes(Layer(lift), roller, material, speed, stages)
 
-        def rolled(depth, columns=columns):
-            roller = Roller(scene.machine.roller_radius, indentation=depth, profile="circle")
-            return roll_over(columns, roller, material, speed)
 
-        wanted = product * number / count
-        nominal = sum(column.height for column in columns) - wanted  # the rebound comes on top
-        depth = brentq(lambda depth, w=wanted: rolled(depth).exit_height - w, nominal, 1.3 * nominal, rtol=1e-10)
-        results.append(rolled(depth))
-        columns = results[-1].columns
-    return results
+def profiles(scene="loveikin-2015", changes=CALIBRATED, indentation=0.003, count=6, increments=6):
+    """Rows of PROFILE_HEADER, by columns and by finite elements; all is fed at once, one height for all passes."""
+    scene, rows = load_scene(SCENES / f"{scene}.toml", **changes), []
+    material, speed = compaction(scene, blend(scene)), scene.motion.stroke / scene.motion.duration
+    layer = Layer(scene.product.height * scene.mix.density_ratio / material.fed_density_ratio)
+    roller = Roller(scene.machine.roller_radius, indentation, profile="deformed")
+    for engine, numerics in (("column", {}), ("compaction", {"increments": increments})):
+        done = passes(layer, roller, material, speed, there_and_back(count), engine=engine, **numerics)
+        rows += [
+            (engine, number, rolled.load, abs(rolled.resistance), *row)
+            for number, rolled in enumerate(done, start=1)
+            for row in density(rolled).tolist()
+        ]
+    return rows
 
 
 def at(base, radius, moisture):
@@ -69,7 +79,7 @@ def main(
     """Rows of HEADER, SI; the density ratio is that after the last pass."""
     base, rows = load_scene(SCENES / f"{scene}.toml", **changes), []
     for radius, moisture, count in itertools.product(radii, moistures, counts):
-        results = passes(at(base, radius, moisture), count)
+        results = in_lifts(at(base, radius, moisture), count)
         load, resistance = (max(getattr(r, name) for r in results) for name in ("load", "resistance"))
         length = base.machine.roller_length
         rows.append((radius, moisture, count, load * length, resistance * length, results[-1].exit_density_ratio))
@@ -103,6 +113,29 @@ def _draw(rows):
     return figure
 
 
+def draw_profiles(rows):
+    """Density ratio over the depth behind each pass, a line for each, columns dashed."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5.6, 4.4), layout="constrained")
+    ax = figure.subplots()
+    for (engine, number), group in itertools.groupby(rows, key=lambda row: row[:2]):
+        *_, bottom, top, ratio = zip(*group, strict=True)
+        depth = (top[-1] - np.array([*bottom, top[-1]])) * 1e3
+        if engine == "compaction":
+            label = f"finite elements, pass {number}"
+            ax.stairs(
+                ratio[::-1], depth[::-1], orientation="horizontal", baseline=None, color=f"C{number - 1}", label=label
+            )
+        elif number == 1:  # the same after all
+            ax.plot([ratio[0]] * 2, depth[[0, -1]], "k--", label="columns, every pass")
+    ax.axvline(1, color="0.7", linewidth=0.8, zorder=0, label="full density")
+    ax.set(xlabel="density ratio k [-]", ylabel="depth below the surface [mm]")
+    ax.invert_yaxis()
+    ax.legend(frameon=False, fontsize=8)
+    return figure
+
+
 def show(rows):
     """Print the rows of `main`, one line for each roller and mix."""
     print(f"{'R mm':>5}{'W':>6}   passes: largest load and resistance in N for each")
@@ -111,5 +144,21 @@ def show(rows):
         print(f"{radius * 1e3:>5.0f}{moisture:>6.2f}   {told}")
 
 
+def show_profiles(rows):
+    """Print the rows of `profiles`, one line for each pass."""
+    print(f"{'engine':<12}{'pass':>5}{'load N/m':>10}{'resistance N/m':>16}{'mean k':>9}{'top k':>8}")
+    for (engine, number, load, resistance), group in itertools.groupby(rows, key=lambda row: row[:4]):
+        *_, bottom, top, ratio = np.array([row[4:] for row in group]).T
+        mean = (top - bottom) @ ratio / top[-1]
+        print(f"{engine:<12}{number:>5}{load:>10.0f}{resistance:>16.1f}{mean:>9.4f}{ratio[-1]:>8.4f}")
+
+
 if __name__ == "__main__":
-    show(main(out="out/density_after_passes"))
+    from compact.results import write_csv
+
+    place = Path("out/density_after_passes")
+    show(main(out=place))
+    found = profiles()
+    show_profiles(found)
+    write_csv(place / "profiles.csv", PROFILE_HEADER, found)
+    draw_profiles(found).savefig(place / "profiles.png", dpi=110)

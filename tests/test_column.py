@@ -10,9 +10,10 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, root
 
 from compact import cap
-from compact.column import Column, feed, oedometer, passes, roll, roll_over
+from compact.column import Column, feed, oedometer, roll, roll_over
 from compact.material import Compaction, Elastic
 from compact.mix import prior
+from compact.passes import Pass, passes
 from compact.records import Layer, Ply, Roller
 
 R, HEIGHT, FED = 0.11, 0.22, 0.94
@@ -228,7 +229,7 @@ def test_rate_raises_load_and_resistance_as_the_reference(speed, load, resistanc
 
 
 def test_second_pass_at_the_same_height_costs_load_but_no_resistance():
-    first, second = passes((FED_HEIGHT, 0), (HEIGHT, HEIGHT), circle(), MIX, SPEED)
+    first, second = passes(Layer(FED_HEIGHT), circle(), MIX, SPEED, (Pass(height=HEIGHT), Pass(height=HEIGHT)))
     assert second.load == pytest.approx(2484.235, abs=6e-4)
     assert abs(second.resistance) < 1e-9 * second.load
     assert (second.leading, -second.trailing) == pytest.approx((-first.trailing, -first.trailing), rel=1e-8)
@@ -244,7 +245,8 @@ def test_stress_forgotten_between_passes_would_cost_resistance():
 
 
 def test_falling_passes_add_up_to_the_single_one():
-    falling = passes((FED_HEIGHT, 0, 0, 0), (0.226, 0.224, 0.222, 0.220), circle(), MIX, SPEED)
+    stages = [Pass(height=height) for height in (0.226, 0.224, 0.222, 0.220)]
+    falling = passes(Layer(FED_HEIGHT), circle(), MIX, SPEED, stages)
     resistance = [contact.resistance for contact in falling]
     assert resistance == pytest.approx([461.0006, 329.1402, 366.0981, 413.4831], abs=6e-5)
     assert sum(resistance) == pytest.approx(rolled().resistance, rel=1e-9)
@@ -254,7 +256,8 @@ def test_falling_passes_add_up_to_the_single_one():
 def test_lift_costs_its_own_reduction_whatever_lies_below(below):
     """Half the height: half of 1569.7219, since F/h_in is a function of depth/h_in."""
     lift = FED_HEIGHT / 2
-    results = passes((2 * lift * below / HEIGHT, lift), (below, below + HEIGHT / 2), circle(), MIX, SPEED)
+    stages = (Pass(height=below), Pass(lift, height=below + HEIGHT / 2))
+    results = passes(Layer(2 * lift * below / HEIGHT), circle(), MIX, SPEED, stages)
     assert results[1].resistance == pytest.approx(1569.7219 / 2, abs=4e-5)
     assert [c.density_ratio for c in results[1].columns] == pytest.approx([0.9783047] * 2, abs=6e-8)
 
@@ -266,6 +269,13 @@ def test_depth_for_a_density_counts_the_rebound():
     assert (contact.exit_height, contact.exit_density_ratio) == pytest.approx((HEIGHT, 0.98), rel=1e-10)
     assert HEIGHT - (fed.height - fed.indentation) == pytest.approx(0.318e-3, abs=6e-7)
     assert HEIGHT - (soft.height - soft.indentation) == pytest.approx(1.9e-3, abs=6e-5)
+
+
+def test_pass_told_a_density_leaves_it():
+    fed = feed(HEIGHT, 0.98, MIX, SPEED)
+    contact = roll(Layer(fed.height), circle(), MIX, SPEED, exit_density_ratio=0.98)
+    assert contact.indentation == pytest.approx(fed.indentation, rel=1e-9)
+    assert (contact.exit_height, contact.exit_density_ratio) == pytest.approx((HEIGHT, 0.98), rel=1e-10)
 
 
 def test_published_coefficient_is_that_of_a_plausible_mix():
@@ -672,8 +682,8 @@ def test_demand_is_refused(layer, roller, material, speed, message):
         (lambda: Column(0.0, 0.9), "`height` must be positive and finite, got 0.0"),
         (lambda: Column(0.2, 0.9, lateral_stress=np.inf), "`lateral_stress` must be finite, got inf"),
         (
-            lambda: passes((0.2293, 0), (0.22, 0.23), circle(), MIX, SPEED),
-            "`heights` must lie below the mix, 0.22.* m high before pass 2, got 0.23",
+            lambda: rolled(exit_density_ratio=0.93),
+            "`exit_density_ratio` must lie between 0.94, before the pass, and 0.99.*got 0.93",
         ),
     ],
 )

@@ -67,6 +67,7 @@ OTHER_TEXTS = {
 # changes that the rules between the keys tie to another key
 TIED = {
     "machine.rollers": {"machine.rollers": 1, "machine.roller_positions": [0.0]},
+    "layer.passes": {"layer.passes": 2, "accuracy.engine": "column"},
     "motion.stroke": {"motion.stroke": 0.41},
     "motion.rod_length": {"motion.rod_length": 0.9},
 }
@@ -421,6 +422,13 @@ BROKEN = [
         "passes = 1",
         "passes = 2.0",
         "layer.passes: must be a whole number, got 2.0; give the number of passes, without a decimal point",
+    ),
+    refused(
+        "passes that leave no mark",
+        "passes = 1",
+        "passes = 2",
+        'layer.passes: more than 1 is for engines of mix that stays pressed, not accuracy.engine = "formula", got 2; '
+        'choose "column" or "compaction", or give 1',
     ),
     refused(
         "no roller",

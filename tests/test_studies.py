@@ -97,3 +97,19 @@ def test_lifts_share_the_resistance_of_one_pass(capsys, tmp_path):
     assert wetter[0][4] < one  # more water presses easier
     assert "passes" in capsys.readouterr().out
     assert (tmp_path / "density_after_passes.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_passes_at_one_height_press_the_layer_once(capsys, tmp_path):
+    module = study("density_after_passes")
+    thin = module.CALIBRATED | {"product.height": 0.1, "machine.roller_radius": 0.25, "motion.stroke": 0.8}
+    rows = module.profiles(changes=thin, indentation=0.003, count=2, increments=3)
+    module.show_profiles(rows)
+    module.draw_profiles(rows).savefig(tmp_path / "profiles.png")
+    resistance = {row[:2]: row[3] for row in rows}
+    assert resistance["column", 2] < 1e-6 * resistance["column", 1]
+    assert resistance["compaction", 2] < 0.1 * resistance["compaction", 1]
+    for done in resistance:
+        solid = sum((top - bottom) * k for *key, _, _, bottom, top, k in rows if tuple(key) == done)
+        assert solid == pytest.approx(0.1 * 0.98, rel=2e-3)  # but for what locked-in stress squeezes
+    assert "top k" in capsys.readouterr().out
