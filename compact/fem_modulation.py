@@ -67,28 +67,27 @@ def _followed(case, task):
 def _followed_within(case, task, window):
     steady = _contact(case, task, window)
     surface, task = steady.surface, replace(task, depth=steady.roll.indentation)
-    cases = [replace(case, speed=case.speed * (1 + side * FASTER)) for side in (-1, 1)]
-    slower, faster = (_contact(each, task, window, steady) for each in cases)
-    apart = cases[1].speed - cases[0].speed
-    change = (_retained(cases[1], task, window, faster) - _retained(cases[0], task, window, slower)) / apart
-    late = _late(case, surface.x, change)
-    reach = ASIDE * task.depth / np.abs(late[:, surface.first : surface.last]).max()
+    slower, faster = (replace(case, speed=case.speed * (1 + side * FASTER)) for side in (-1, 1))
+    before, after = (_contact(each, task, window, steady) for each in (slower, faster))
+    apart = faster.speed - slower.speed
+    elastic = fem.elastic_surface(case, task.mesh, window)
+    late = _late(case, surface.x, (_retained(faster, elastic, after) - _retained(slower, elastic, before)) / apart)
+    reach = float(ASIDE * task.depth / np.abs(late[:, surface.first : surface.last]).max())
     losing, gaining = (
         _contact(_SetAside(**vars(case), nodes=surface.x, aside=-acceleration * late), task, window, steady)
         for acceleration in (-reach, reach)
     )
     modulus = case.material.youngs_modulus
-    pushed = [float(modulus * contact.force[0]) for contact in (steady, slower, faster, losing, gaining)]
-    return pushed[0], (pushed[2] - pushed[1]) / apart, (pushed[4] - pushed[3]) / float(2 * reach)
+    pushed = [float(modulus * contact.force[0]) for contact in (steady, before, after, losing, gaining)]
+    return pushed[0], (pushed[2] - pushed[1]) / apart, (pushed[4] - pushed[3]) / (2 * reach)
 
 
 def _contact(case, task, window, start=None):
     return fem.at_target(case, fem.surface_of(case, task.mesh, window), task, start=start)
 
 
-def _retained(case, task, window, contact):
+def _retained(case, elastic, contact):
     """z_k of every branch of a steady contact, shape (branches, 2, n)."""
-    elastic = fem.elastic_surface(case, task.mesh, window)
     forces = contact.forces[:, elastic.first : elastic.last]
     w = np.einsum("iakb,kb->ia", elastic.response, forces, optimize=True)
     return np.array([w @ memory(elastic.x, time * case.speed).T for time in creep(case.material).times])

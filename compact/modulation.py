@@ -52,8 +52,9 @@ class Modulation:
 
         A contact that is short, 2b/v < tau with b its half-width, forgets sooner: then |a| 2b/v^2 << 1 is enough.
 
-        >>> Modulation(0.5, 100.0, 20.0, -3.0, 0.0, time=0.1).unsteadiness(-0.25)
-        0.05
+        >>> found = Modulation(0.5, 100.0, 20.0, -3.0, error=0.0, time=0.1)
+        >>> f"{found.unsteadiness(-0.25):.2f}"
+        '0.05'
         """
         refuse_nonfinite(acceleration=acceleration)
         return np.abs(acceleration) * self.time / abs(self.speed)

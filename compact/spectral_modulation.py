@@ -110,19 +110,19 @@ def _followed(scene, contact):
 
 def _powers(creep, first, second, third):
     """The `Creep` sum share (first D + second D^2 + third D^3), by central differences over the length of each D."""
-    ratio, each = 1 + APART * STENCIL, np.ones((len(creep.lengths), 1))
-    weights = (first * each.T).T * (STENCIL == 0)
-    weights = weights + (second * each.T).T * ratio * FIRST / APART
-    weights = weights + (third * each.T).T * ratio**2 * SECOND / (2 * APART**2)
-    return kernel.Creep(0.0, (creep.shares[:, None] * weights).ravel(), np.outer(creep.lengths, ratio).ravel())
+    ratio = 1 + APART * STENCIL
+    shares = np.multiply.outer(creep.shares * first, STENCIL == 0)
+    shares = shares + np.multiply.outer(creep.shares * second, ratio * FIRST / APART)
+    shares = shares + np.multiply.outer(creep.shares * third, ratio**2 * SECOND / (2 * APART**2))
+    return kernel.Creep(0.0, shares.ravel(), np.outer(creep.lengths, ratio).ravel())
 
 
 @dataclass(frozen=True)
 class _Near:
     """A contact and what changes of it do.
 
-    A change is one of the coefficients b, the log of the half-width and the centre [m], shape (modes + 2,). A surface is
-    told by -u' under T_0 ... T_modes and u under T_0, shape (modes + 2,) too.
+    A change is one of the coefficients b, the log of the half-width and the centre [m], shape (modes + 2,). A surface
+    is told by -u' under T_0 ... T_modes and u under T_0, shape (modes + 2,) too.
     """
 
     scene: spectral.Scene
@@ -151,13 +151,16 @@ class _Near:
         change = self.surfaces(creep, NUDGE) - self.surfaces(creep, -NUDGE)
         return change @ self.contact.coefficients / (2 * NUDGE)
 
-    def surface_changed(self, creep, change, slope):
-        """What the surface after a `Creep` changes with the pressure at a fixed x; `slope` is the surface of -d/dx of it."""
+    def surface_changed(self, creep, change, gradient):
+        """What the surface after a `Creep` changes with the pressure at a fixed x.
+
+        gradient : the surface whose u is du/dx of this one
+        """
         along, (b, width, centre) = self.surfaces(creep), (change[:-2], *change[-2:])
         tests, shift = self.contact.system.basis.tests, centre + width * self.x
-        moved = tests @ (shift * self._values(slope[:-1]))
-        sunk = tests[0] @ (shift * self._values(along[:-1] @ self.contact.coefficients))
-        return along @ b + width * self.widened(creep) - np.append(moved, -sunk)
+        steeper = -tests @ (shift * self._values(gradient[:-1]))
+        deeper = tests[0] @ (shift * self._values(along[:-1] @ self.contact.coefficients))
+        return along @ b + width * self.widened(creep) + np.append(steeper, deeper)
 
     def _values(self, tested):
         """At the nodes, of a field tested with T_0 ... T_modes."""

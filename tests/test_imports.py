@@ -13,19 +13,7 @@ MODULES = {path.stem: path for path in sorted((ROOT / "compact").glob("*.py"))}
 # A module imports strictly lower levels only, so that no circle can close.
 LEVELS = (
     ("refuse", "pieces", "measurements", "fitting", "deformation", "pressing", "equilibrium"),
-    (
-        "modulation",
-        "records",
-        "material",
-        "mesh",
-        "patch",
-        "plies",
-        "sizing",
-        "follower",
-        "variational",
-        "results",
-        "scene_errors",
-    ),
+    ("records", "material", "mesh", "patch", "plies", "sizing", "follower", "variational", "results", "scene_errors"),
     ("laws", "halfplane", "modulation", "mix", "cart", "scene_rules", "streamline", "cap"),
     ("kernel", "compliance", "stickslip", "confined"),
     ("fields", "solid", "expected", "bed"),
