@@ -24,12 +24,13 @@ from compact.modulation import Modulation
 from compact.patch import Roll, interpolation
 from compact.streamline import creep, memory
 
+TOLERANCE = DEFAULT_ERROR / 4  # derivatives feel how the edges pass the nodes: F_ss to 0.01 %, slopes and M to 1 %
 FASTER = 1e-3  # relative change of the speed either way
 ASIDE = 1e-3  # how far the surface is set aside either way at most, over the indentation
 CAUTION = 2.0  # times the difference from the refined solution
 
 
-def modulation(layer, roller, material, speed, *, mesh=None, tolerance=DEFAULT_ERROR, estimate=True):
+def modulation(layer, roller, material, speed, *, mesh=None, tolerance=TOLERANCE, estimate=True):
     """The `Modulation` of a roller on a linear layer, of every profile, without friction or sliding.
 
     layer, roller, material, speed, mesh, tolerance : as of `fem.roll`, the tolerance being that of F_ss
