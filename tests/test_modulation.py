@@ -281,10 +281,10 @@ def test_added_mass_scales_as_modulus_and_time_squared(length, modulus, time, sp
 # its own error
 
 
-@pytest.mark.parametrize("count", [3, pytest.param(40, marks=pytest.mark.slow)])
-def test_error_told_is_the_true_one(count):
+@pytest.mark.parametrize("scenes", [slice(2, 12), pytest.param(slice(60), marks=pytest.mark.slow)], ids=["few", "many"])
+def test_error_told_is_the_true_one(scenes):
     """Against 200 modes."""
-    for layer, roller, mix, name in random_scenes(count):
+    for layer, roller, mix, name in list(random_scenes(60))[scenes]:
         if not mix.branches:
             continue
         given = prescribing(roller, name, getattr(spectral.roll(layer, roller, mix, SPEED), name))
