@@ -8,8 +8,9 @@ of no matter but of memory. At low speeds it is negative, a pure lag; at high on
     v -> 0     M -> -t dF_ss/dv,  t = sum share time^2/sum share time
     v -> inf   M ~ 1/v^3
 
-F_ss is odd in v, M even. What the roller prescribes, be it indentation, load or peak pressure, is kept at every instant
-of the motion as F_ss(v) keeps it over v. Inertia of layer and roller is not in it.
+The lag is that of gaps measured vertically; normal to the circle on the deformed surface it is longer by about the
+indentation over the radius. F_ss is odd in v, M even. What the roller prescribes, be it indentation, load or peak
+pressure, is kept at every instant of the motion as F_ss(v) keeps it over v. Inertia of layer and roller is not in it.
 
 Layers of columns, engine "column", remember the way, not the time: at a given indentation the density under the roller
 is a matter of geometry and the yield limit one of the speed now, so that M = 0 exactly. The same holds for the engine

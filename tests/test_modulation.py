@@ -59,6 +59,18 @@ def test_slow_rolling_lags_by_the_mean_relaxation_time(layer, roller):
     assert found.added_mass / found.slope == pytest.approx(-(share @ time**2) / (share @ time), rel=1e-4)
 
 
+@pytest.mark.slow
+def test_lag_under_a_deformed_surface_grows_with_the_indentation():
+    def lag(indentation, profile):
+        found = modulation(BONDED, pressed(indentation, profile=profile), MIX, 1e-3, "fem", estimate=False)
+        return -found.added_mass / found.slope
+
+    depths = np.array([0.0015, 0.003, 0.006])
+    longer = np.array([lag(depth, "deformed") / lag(depth, "parabola") - 1 for depth in depths])
+    assert longer == pytest.approx(depths / R, rel=0.2)
+    assert np.polyfit(np.log(depths), np.log(longer), 1)[0] == pytest.approx(1, abs=0.1)
+
+
 @pytest.mark.parametrize("engine", ["spectral", "fem"])
 def test_elastic_layer_remembers_nothing(engine):
     found = modulation(BONDED, pressed(friction=0.3, rolling="sliding"), Elastic(10e6, 0.3), 0.3, engine)
