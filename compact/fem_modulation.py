@@ -28,6 +28,7 @@ TOLERANCE = DEFAULT_ERROR / 4  # derivatives feel how the edges pass the nodes: 
 FASTER = 1e-3  # relative change of the speed either way
 ASIDE = 1e-3  # how far the surface is set aside either way at most, over the indentation
 CAUTION = 2.0  # times the difference from the refined solution
+LUCK = 1e-3  # of the larger of |M| and |tau dF_ss/dv|: for differences that are small by luck
 
 
 def modulation(layer, roller, material, speed, *, mesh=None, tolerance=TOLERANCE, estimate=True):
@@ -50,14 +51,16 @@ def modulation(layer, roller, material, speed, *, mesh=None, tolerance=TOLERANCE
     if not branches:
         rolled = fem.roll(layer, roller, material, speed, mesh=mesh, tolerance=tolerance, estimate=False)
         return Modulation(speed, rolled.resistance, slope=0.0, added_mass=0.0, error=0.0, time=0.0)
+    time = max(time for _, time in branches)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
         task = fem.task_of(case, mesh, tolerance)
         resistance, slope, added_mass = _followed(case, task)
         error = None
         if estimate:
             finer = replace(task, mesh=task.mesh.refined(), terms=task.terms + fem.JUDGES_TERMS)
-            error = CAUTION * abs(added_mass - _followed(case, finer)[2])
-    return Modulation(speed, resistance, slope, added_mass, error, time=max(time for _, time in branches))
+            judged = _followed(case, finer)[2]
+            error = CAUTION * abs(added_mass - judged) + LUCK * max(abs(judged), time * abs(slope))
+    return Modulation(speed, resistance, slope, added_mass, error, time)
 
 
 def _followed(case, task):
