@@ -103,22 +103,22 @@ def roll(layer, roller, material, speed, *, torque=None, mesh=None, tolerance=DE
 
     >>> from compact.records import Layer, Roller
     >>> rolled = roll(Layer(0.22), Roller(0.11, indentation=0.003), Elastic(10e6, 0.3), speed=0.2)
-    >>> f"load {rolled.load:.0f} N/m, edge {rolled.leading * 1e3:.2f} mm, peak {rolled.peak_pressure / 1e3:.0f} kPa"
-    'load 15085 N/m, edge 13.85 mm, peak 694 kPa'
+    >>> f"load {rolled.load / 1e3:.2f} kN/m, edge {rolled.leading * 1e3:.2f} mm"
+    'load 15.09 kN/m, edge 13.85 mm'
     """
-    _refuse_beyond_linear(layer, roller, material, speed, mesh, tolerance)
+    refuse_beyond_linear(layer, roller, material, speed, mesh, tolerance)
     refuse_torque(roller, torque)
-    case = _Case(layer, roller, material, speed, torque or 0.0)
+    case = Case(layer, roller, material, speed, torque or 0.0)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
-        task = _task(case, mesh, tolerance)
-        contact = _contact(case, task)
+        task = task_of(case, mesh, tolerance)
+        contact = contact_of(case, task)
         rolled = _rolled(case, task.mesh, contact)
         rolled = replace(rolled, work_residual=_work_residual(case, rolled, contact))
         return replace(rolled, error=_error(case, task, rolled, contact)) if estimate else rolled
 
 
 @dataclass(frozen=True)
-class _Case:
+class Case:
     layer: Layer
     roller: Roller
     material: Elastic
@@ -178,13 +178,13 @@ class _Task:
     terms: int
 
 
-def _task(case, mesh, tolerance):
+def task_of(case, mesh, tolerance):
     """The `_Task` of an elastic contact; of the contact itself with few terms where indentation is not prescribed."""
     task = _fitted(case, half_width_met(case.layer, case.roller, case.material, case.speed), mesh, tolerance)
     if case.roller.indentation is not None:
         return task
     slides = replace(case, roller=replace(case.roller, rolling="frictionless")) if case.sticks else case
-    rough = _contact(slides, replace(task, terms=FIRST_TERMS), ROUGH)
+    rough = contact_of(slides, replace(task, terms=FIRST_TERMS), ROUGH)
     reach = max(-rough.patch.trailing, rough.patch.leading)
     if mesh is None and reach < task.half_width / WIDTH_STEP**2:
         task = _fitted(case, shared_half_width(reach, task.half_width), mesh, tolerance)
@@ -203,30 +203,41 @@ def _fitted(case, half_width, mesh, tolerance):
     )
 
 
-def _contact(case, task, tolerance=TARGET_TOLERANCE):
-    """The contact of a case, in a loaded zone that widens until it holds it."""
+def contact_of(case, task, tolerance=TARGET_TOLERANCE):
+    """The contact of a case."""
+    return widening(task, lambda window: at_target(case, surface_of(case, task.mesh, window), task, tolerance))
+
+
+def widening(task, find):
+    """find(window) on a loaded zone |x| <= window that widens until it holds the contact."""
     window = WINDOW * task.half_width
     for _ in range(ATTEMPTS):
         try:
-            return _at_target(case, _surface(case, task.mesh, window), task, tolerance)
+            return find(window)
         except BeyondWindowError as beyond:
             window, reason = WIDER * window, beyond
     raise RuntimeError(f"contact on |x| < {window:.3g} m still not held: {reason}")
 
 
-def _surface(case, mesh, window):
+def surface_of(case, mesh, window):
     """The `Surface` of the layer on |x| <= window, as the material retards it at the speed."""
-    behind = 0 if case.speed > 0 or case.layer.base == "bonded" else 1
-    surface = condensed(mesh, case.material.poisson, case.layer, window, case.sheared, behind)
+    surface = elastic_surface(case, mesh, window)
     C = retardation(surface.x, case.material, case.speed)
     return replace(surface, response=np.einsum("ca,iakb->ickb", C, surface.response, optimize=True))
 
 
-def _at_target(case, surface, task, tolerance=TARGET_TOLERANCE):
-    """The contact with the indentation, load or peak pressure prescribed, the latter two to a tolerance."""
+def elastic_surface(case, mesh, window):
+    """The `Surface` of the layer of relaxed modulus on |x| <= window."""
+    behind = 0 if case.speed > 0 or case.layer.base == "bonded" else 1
+    return condensed(mesh, case.material.poisson, case.layer, window, case.sheared, behind)
+
+
+def at_target(case, surface, task, tolerance=TARGET_TOLERANCE, start=None):
+    """The contact with the indentation, load or peak pressure prescribed, the latter two to a tolerance, from a contact
+    at which to start or from none."""
     if case.roller.indentation is not None:
-        return _settled(case, surface, case.pressed(case.roller.indentation), task.terms)
-    logs, misses, history, contact = [], [], (), None
+        return _settled(case, surface, case.pressed(case.roller.indentation), task.terms, start)
+    logs, misses, history, contact = [], [], (), start
     guess = np.log(task.depth)
     for _ in range(SECANTS):
         contact = _settled(case, surface, case.pressed(float(np.exp(guess))), task.terms, contact)
@@ -316,8 +327,8 @@ def _error(case, task, rolled, contact):
     """
     finer = replace(task, mesh=task.mesh.refined(), depth=rolled.indentation, terms=task.terms + JUDGES_TERMS)
     try:
-        surface = _surface(case, finer.mesh, contact.surface.x[contact.surface.last - 1])
-        judge = as_deep = _rolled(case, finer.mesh, _at_target(case, surface, finer))
+        surface = surface_of(case, finer.mesh, contact.surface.x[contact.surface.last - 1])
+        judge = as_deep = _rolled(case, finer.mesh, at_target(case, surface, finer))
         if case.roller.load is not None:
             as_deep = _rolled(case, finer.mesh, _settled(case, surface, case.pressed(finer.depth), finer.terms))
     except RuntimeError:
@@ -363,7 +374,7 @@ def _held_behind(case, contact):
     return float(E * (1 - nu**2) * Q**2 / (2 * across))
 
 
-def _refuse_beyond_linear(layer, roller, material, speed, mesh, tolerance):
+def refuse_beyond_linear(layer, roller, material, speed, mesh, tolerance):
     refuse_nonfinite(speed=speed)
     refuse_nonpositive(tolerance=tolerance)
     if speed == 0:

@@ -36,12 +36,17 @@ LENGTHS = 1e-30, 1e10  # of creep, in heights, between which speed is told from 
 class Creep:
     """Compliance over the relaxed one: C = instant + sum share/(1 - i k length), shape (n,) each, lengths in [m].
 
-    `instant` and the shares add up to 1; lengths ascend.
+    `instant` and the shares of a material add up to 1; lengths ascend.
     """
 
     instant: float
     shares: np.ndarray
     lengths: np.ndarray
+
+    @property
+    def relaxed(self):
+        """C at k = 0 [-]."""
+        return self.instant + self.shares.sum()
 
     def at(self, wave_number):
         """C at the wave numbers k [1/m]."""
@@ -348,7 +353,7 @@ def _half_plane(ground, basis, a):
     rows = creep.instant / basis.sine * np.eye(modes + 1)[:, 1:]
     depths = np.zeros(modes)
     mean = (np.log(ground.depth / a) - digamma(basis.trailing_exponent) - np.euler_gamma) / np.pi
-    depths[0] = basis.unit_test * basis.unit_load * (mean - (ground.coupling + ground.drag) / 2)
+    depths[0] = creep.relaxed * basis.unit_test * basis.unit_load * (mean - (ground.coupling + ground.drag) / 2)
     if len(creep.lengths):
         beta = a / creep.lengths
         memory = edge_memory(beta, basis.trailing_exponent, modes)
@@ -372,7 +377,8 @@ def _layer(ground, basis, a):
     pressures = (-1.0) ** (order - 1)[:, None] * G[1:]
     waves = pressures * creep * (-1j * normal - ground.friction * shear) * weight * (a / ground.depth / np.pi)
     depths = np.real((waves * (1j / tau)) @ tests[0])
-    depths[0] += basis.unit_test * basis.unit_load * np.sum(np.exp(-2 * zeta) / zeta * weight) / np.pi
+    logarithm = ground.creep.relaxed * np.sum(np.exp(-2 * zeta) / zeta * weight) / np.pi
+    depths[0] += basis.unit_test * basis.unit_load * logarithm
     return tests.real @ waves.real.T - tests.imag @ waves.imag.T, depths
 
 

@@ -99,9 +99,9 @@ def roll(layer, roller, material, speed, *, rtol=RTOL):
     >>> f"load {rolled.load:.1f} N/m, resistance {rolled.resistance:.2f} N/m"
     'load 20455.8 N/m, resistance 392.89 N/m'
     """
-    _refuse_beyond_spectral(layer, roller, material, speed)
+    refuse_beyond_spectral(layer, roller, material, speed)
     refuse_nonpositive(rtol=rtol)
-    scene = _scene(layer, roller, material, speed)
+    scene = scene_of(layer, roller, material, speed)
     first = first_half_width(layer, material, roller.radius, scene.target, scene.value)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
         contact, history = _resolved(scene, min(first, scene.widest), rtol, np.sign(speed))
@@ -109,10 +109,10 @@ def roll(layer, roller, material, speed, *, rtol=RTOL):
 
 
 def _resolved(scene, half_width, rtol, direction):
-    """The `_Contact` of as many modes as `rtol` asks for, and the `Step`s that led there."""
+    """The `Contact` of as many modes as `rtol` asks for, and the `Step`s that led there."""
     history = []
     for modes, more in pairwise(LADDER):
-        contact = _settle(scene, modes, half_width, history)
+        contact = settle(scene, modes, half_width, history)
         half_width, (*error, peak) = contact.half_width, _error(scene, contact, more)
         history.append(Step(modes, half_width, contact.load, direction * contact.resistance, tuple(error)))
         if max(*error, peak / PEAK) <= rtol:
@@ -123,7 +123,7 @@ def _resolved(scene, half_width, rtol, direction):
 
 
 @dataclass(frozen=True)
-class _Scene:
+class Scene:
     """The task seen along the travel, speed > 0: everything but the half-width."""
 
     ground: kernel.Ground
@@ -153,7 +153,7 @@ class _Scene:
 
 
 @dataclass(frozen=True)
-class _Contact:
+class Contact:
     """A solved `kernel.System`: `coefficients` b_k of the pressure, and what they come to."""
 
     system: kernel.System
@@ -175,21 +175,25 @@ class _Contact:
         return self.scale * (1 - xi) ** (1 - alpha) * (1 + xi) ** alpha * (self.coefficients @ shape)
 
     @property
-    def peak_pressure(self):
-        """Largest p [Pa], by looks ever closer."""
+    def peak_place(self):
+        """xi of the largest p, by looks ever closer."""
         centre, reach = 0.0, 1.0
         for _ in range(4):
             xi = np.clip(centre + reach * np.linspace(-1, 1, 41), -1, 1)
-            pressure = self.pressure(xi)
-            centre, reach = xi[np.argmax(pressure)], reach / 20
-        return pressure.max()
+            centre, reach = xi[np.argmax(self.pressure(xi))], reach / 20
+        return centre
+
+    @property
+    def peak_pressure(self):
+        """Largest p [Pa]."""
+        return self.pressure(self.peak_place)
 
 
-def _scene(layer, roller, material, speed):
+def scene_of(layer, roller, material, speed):
     target, value = roller.target
     friction = TRACTION[roller.rolling] * roller.friction
     creep = kernel.creep(getattr(material, "branches", ()), abs(speed), layer.height)
-    return _Scene(
+    return Scene(
         kernel.Ground(layer, material.poisson, friction, creep),
         contact_modulus=surface_modulus(layer, material),
         radius=roller.radius,
@@ -199,8 +203,8 @@ def _scene(layer, roller, material, speed):
     )
 
 
-def _settle(scene, modes, half_width, history):
-    """The `_Contact` of so many modes that meets the target: secant of the log of the target over log a."""
+def settle(scene, modes, half_width, history):
+    """The `Contact` of so many modes that meets the target: secant of the log of the target over log a."""
     a, miss, power, step = np.log(half_width), None, 2.0, 0.0
     for _ in range(STEPS):
         contact = _solve(scene, kernel.system(scene.ground, modes, np.exp(a)), modes)
@@ -223,7 +227,7 @@ def _settle(scene, modes, half_width, history):
 
 
 def _solve(scene, system, modes):
-    """The `_Contact` of the first so many modes: its surface has the slope of the roller, tested by as many T_m."""
+    """The `Contact` of the first so many modes: its surface has the slope of the roller, tested by as many T_m."""
     basis, R, a = system.basis, scene.radius, system.half_width
     tests = basis.tests[: modes + 1]
     body = lu_factor(system.rows[1 : modes + 1, :modes])
@@ -234,7 +238,7 @@ def _solve(scene, system, modes):
     load = scale * a * basis.unit_load * b[0]
     depth = a**2 / R * (system.depths[:modes] @ b) + tests[0] @ scene.gap(centre + a * basis.nodes)
     sideways = basis.pressures[:modes] @ scene.slope(centre + a * basis.seats)[0]
-    return _Contact(
+    return Contact(
         system,
         centre,
         b,
@@ -353,7 +357,7 @@ def _work_residual(scene, contact):
     return float(abs(pushed - dissipated) / max(abs(contact.resistance), RESISTED * contact.load))
 
 
-def _refuse_beyond_spectral(layer, roller, material, speed):
+def refuse_beyond_spectral(layer, roller, material, speed):
     refuse_nonfinite(speed=speed)
     refuse_unknown("base", layer.base, ("bonded", "slip"))
     if speed == 0:

@@ -543,7 +543,7 @@ def test_mean_of_peaks_by_few_and_many_terms_is_nearer_than_either():
     misses = []
     for layer, roller, mix, _ in random_scenes(12):
         exact = spectral.roll(layer, roller, mix, SPEED, rtol=1e-8).peak_pressure
-        contact = fem._contact(case := fem._Case(layer, roller, mix, SPEED), fem._task(case, None, 2e-3))
+        contact = fem.contact_of(case := fem.Case(layer, roller, mix, SPEED), fem.task_of(case, None, 2e-3))
         peaks = np.array([*contact.patch.peaks, contact.patch.peak])
         misses.append(np.abs(mix.youngs_modulus * peaks / exact - 1))
     few, many, mean = np.max(misses, axis=0)

@@ -124,10 +124,10 @@ def test_high_viscoelastic_layer_is_hunter(deborah, ratio):
 
 
 def test_error_falls_geometrically_with_the_modes():
-    scene = spectral._scene(LAYER, pressed(), SOLID, 0.1)
+    scene = spectral.scene_of(LAYER, pressed(), SOLID, 0.1)
     modes = np.array([4, 8, 12])
-    reference = spectral._settle(scene, 40, 0.013, [])
-    contacts = [spectral._settle(scene, int(count), 0.013, []) for count in modes]
+    reference = spectral.settle(scene, 40, 0.013, [])
+    contacts = [spectral.settle(scene, int(count), 0.013, []) for count in modes]
     errors = [abs(contact.resistance / reference.resistance - 1) for contact in contacts]
     rate = -np.polyfit(modes, np.log(errors), 1)[0]
     assert rate > 1, f"error falls by exp(-{rate:.2f}) a mode"
@@ -162,7 +162,7 @@ def test_elastic_layer_of_table_c(base, ratio, B0, D, PM):
 def unit_load(ratio, poisson):
     """B0 of table c at a prescribed a/h."""
     mix = Elastic(1e7, poisson)
-    scene = spectral._scene(LAYER, pressed(), mix, 1.0)
+    scene = spectral.scene_of(LAYER, pressed(), mix, 1.0)
     contact = spectral._solve(scene, kernel.system(scene.ground, 24, ratio * H), 24)
     return contact.load / (np.pi * mix.contact_modulus * (ratio * H) ** 2 / (4 * R))
 
@@ -447,8 +447,8 @@ def test_error_told_is_the_true_one(count):
         rolled = spectral.roll(layer, given, mix, SPEED)
 
         def judge(roller, layer=layer, mix=mix, rolled=rolled):
-            scene, half_width = spectral._scene(layer, roller, mix, SPEED), (rolled.leading - rolled.trailing) / 2
-            return spectral._settle(scene, max(400, 2 * rolled.modes), half_width, [])
+            scene, half_width = spectral.scene_of(layer, roller, mix, SPEED), (rolled.leading - rolled.trailing) / 2
+            return spectral.settle(scene, max(400, 2 * rolled.modes), half_width, [])
 
         told.append(rolled.error)
         true.append(true_errors(rolled, given, judge))
@@ -525,7 +525,7 @@ def test_half_width_not_found_raises_with_the_history(monkeypatch):
 
 
 def test_centre_not_found_raises(monkeypatch):
-    scene = spectral._scene(LAYER, pressed(profile="circle"), SOLID, 0.3)
+    scene = spectral.scene_of(LAYER, pressed(profile="circle"), SOLID, 0.3)
     system = kernel.system(scene.ground, 16, 0.01)
     monkeypatch.setattr(spectral, "STEPS", 1)
     with pytest.raises(RuntimeError, match="centre of the contact not found in 1 steps, last"):
@@ -538,6 +538,6 @@ def test_circle_ends_at_its_radius():
 
 
 def test_impossible_target_raises(monkeypatch):
-    monkeypatch.setattr(spectral._Contact, "peak_pressure", -1.0)
+    monkeypatch.setattr(spectral.Contact, "peak_pressure", -1.0)
     with pytest.raises(RuntimeError, match="no `peak_pressure` but -1 at half-width"):
         spectral.roll(LAYER, Roller(R, peak_pressure=1e5), MIX, 1.0)

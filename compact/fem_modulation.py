@@ -1,0 +1,128 @@
+"""Slow changes of speed in the engine "fem": dF_ss/dv and M.
+
+Seen from the roller what a creep branch retains of the surface, see `streamline`, follows
+
+    z + theta (dz/dt - v dz/dx) = w,    u = J_0 w + sum J_k z_k,
+
+w the displacement of the elastic layer. While dv/dt = a is small d/dt is a d/dv, z = z_ss + a z_1, and with the memory
+m of a length v theta, z_ss = m w_ss,
+
+    z_1 = m (w_1 - theta dz_ss/dv),    u = C K p - a g,    g = sum J_k theta_k m_k dz_k/dv.
+
+So the roller in slow acceleration meets the layer in steady motion on a surface that stands a g aside: M follows from
+two contacts with that, as dF_ss/dv and dz_ss/dv do from a speed a little lower and a little higher.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from compact import fem
+from compact.mesh import DEFAULT_ERROR
+from compact.modulation import Modulation
+from compact.patch import Roll, interpolation
+from compact.streamline import creep, memory
+
+TOLERANCE = DEFAULT_ERROR / 4  # derivatives feel how the edges pass the nodes: F_ss to 0.01 %, slopes and M to 1 %
+FASTER = 1e-3  # relative change of the speed either way
+ASIDE = 1e-3  # how far the surface is set aside either way at most, over the indentation
+CAUTION = 2.0  # times the difference from the refined solution
+LUCK = 1e-3  # of the larger of |M| and |tau dF_ss/dv|: for differences that are small by luck
+
+
+def modulation(layer, roller, material, speed, *, mesh=None, tolerance=TOLERANCE, estimate=True):
+    """The `Modulation` of a roller on a linear layer, of every profile, without friction or sliding.
+
+    layer, roller, material, speed, mesh, tolerance : as of `fem.roll`, the tolerance being that of F_ss
+    estimate : whether to tell the error of M, by another solution on a mesh refined once
+
+    What sticks and slips depends on how fast the surface moves under the roller, which the surface alone does not tell;
+    it is refused.
+    """
+    fem.refuse_beyond_linear(layer, roller, material, speed, mesh, tolerance)
+    case = fem.Case(layer, roller, material, speed)
+    if case.sticks:
+        raise ValueError(
+            f"M is known without stick only, got `rolling` '{roller.rolling}' with `friction` {roller.friction!r}; "
+            "use 'sliding' or no friction"
+        )
+    branches = getattr(material, "branches", ())
+    if not branches:
+        rolled = fem.roll(layer, roller, material, speed, mesh=mesh, tolerance=tolerance, estimate=False)
+        return Modulation(speed, rolled.resistance, slope=0.0, added_mass=0.0, error=0.0, time=0.0)
+    time = max(time for _, time in branches)
+    with threadpool_limits(1):  # matrices are small, threads only quarrel
+        task = fem.task_of(case, mesh, tolerance)
+        resistance, slope, added_mass = _followed(case, task)
+        error = None
+        if estimate:
+            finer = replace(task, mesh=task.mesh.refined(), terms=task.terms + fem.JUDGES_TERMS)
+            judged = _followed(case, finer)[2]
+            error = CAUTION * abs(added_mass - judged) + LUCK * max(abs(judged), time * abs(slope))
+    return Modulation(speed, resistance, slope, added_mass, error, time)
+
+
+def _followed(case, task):
+    """(F_ss, dF_ss/dv, M) of a case, in a loaded zone that holds all of its contacts."""
+    return fem.widening(task, lambda window: _followed_within(case, task, window))
+
+
+def _followed_within(case, task, window):
+    steady = _contact(case, task, window)
+    surface, task = steady.surface, replace(task, depth=steady.roll.indentation)
+    slower, faster = (replace(case, speed=case.speed * (1 + side * FASTER)) for side in (-1, 1))
+    before, after = (_contact(each, task, window, steady) for each in (slower, faster))
+    apart = faster.speed - slower.speed
+    elastic = fem.elastic_surface(case, task.mesh, window)
+    late = _late(case, surface.x, (_retained(faster, elastic, after) - _retained(slower, elastic, before)) / apart)
+    reach = float(ASIDE * task.depth / np.abs(late[:, surface.first : surface.last]).max())
+    losing, gaining = (
+        _contact(_SetAside(**vars(case), nodes=surface.x, aside=-acceleration * late), task, window, steady)
+        for acceleration in (-reach, reach)
+    )
+    modulus = case.material.youngs_modulus
+    pushed = [float(modulus * contact.force[0]) for contact in (steady, before, after, losing, gaining)]
+    return pushed[0], (pushed[2] - pushed[1]) / apart, (pushed[4] - pushed[3]) / (2 * reach)
+
+
+def _contact(case, task, window, start=None):
+    return fem.at_target(case, fem.surface_of(case, task.mesh, window), task, start=start)
+
+
+def _retained(case, elastic, contact):
+    """z_k of every branch of a steady contact, shape (branches, 2, n)."""
+    forces = contact.forces[:, elastic.first : elastic.last]
+    w = np.einsum("iakb,kb->ia", elastic.response, forces, optimize=True)
+    return np.array([w @ memory(elastic.x, time * case.speed).T for time in creep(case.material).times])
+
+
+def _late(case, x, change):
+    """g by the change of z_k with speed, shape (2, n)."""
+    law = creep(case.material)
+    branches = zip(law.shares, law.times, change, strict=True)
+    return sum(share * time * each @ memory(x, time * case.speed).T for share, time, each in branches)
+
+
+@dataclass(frozen=True)
+class _SetAside(fem.Case):
+    """A case whose surface stands aside, at `nodes` [m] by `aside` [m], shape (2, n)."""
+
+    nodes: np.ndarray | None = None
+    aside: np.ndarray | None = None
+
+    def pressed(self, indentation):
+        return _RollAside(**vars(super().pressed(indentation)), nodes=self.nodes, aside=self.aside)
+
+
+@dataclass(frozen=True, eq=False)
+class _RollAside(Roll):
+    """The same of the profile, to which displacements are those without `aside`."""
+
+    nodes: np.ndarray
+    aside: np.ndarray
+
+    def touch(self, x, displacement):
+        aside = self.aside @ interpolation(self.nodes, x).T
+        normal, depth = super().touch(x, displacement + aside)
+        return normal, depth - np.sum(normal * aside, axis=0)
