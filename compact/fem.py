@@ -22,7 +22,7 @@ from compact.compliance import condensed
 from compact.expected import WIDTH_STEP, as_wide, half_width_met, shared_half_width
 from compact.fields import fields, work_left, write_fields
 from compact.halfplane import pressure_exponent
-from compact.material import Elastic
+from compact.material import Compaction, Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh, for_error
 from compact.patch import (
     FIRST_TERMS,
@@ -84,12 +84,14 @@ class FemRolled(Rolled):
 def roll(layer, roller, material, speed, *, torque=None, mesh=None, tolerance=DEFAULT_ERROR, estimate=True):
     """One roller in steady motion over a linear layer, a `FemRolled`: the engine "fem".
 
+    Material that stays pressed goes to `compaction.roll`, the engine "compaction", which makes its own mesh.
+
     Parameters
     ----------
     layer : Layer, of any height and plies
     roller : Roller, every profile; "frictionless", "sliding" with the traction f p on the mix along the travel all over
         the contact, "free" or "driven", which stick and slip
-    material : Elastic or Viscoelastic
+    material : Elastic or Viscoelastic; or Compaction, see above
     speed : of the roller along x [m/s], not 0
     torque : on a roller that is free or driven, per unit length, + turning it the way it travels [N]; without it a
         free roller has none
@@ -106,6 +108,10 @@ def roll(layer, roller, material, speed, *, torque=None, mesh=None, tolerance=DE
     >>> f"load {rolled.load / 1e3:.2f} kN/m, edge {rolled.leading * 1e3:.2f} mm"
     'load 15.09 kN/m, edge 13.85 mm'
     """
+    if isinstance(material, Compaction) and mesh is None:
+        from compact import compaction
+
+        return compaction.roll(layer, roller, material, speed, torque=torque)
     refuse_beyond_linear(layer, roller, material, speed, mesh, tolerance)
     refuse_torque(roller, torque)
     case = Case(layer, roller, material, speed, torque or 0.0)

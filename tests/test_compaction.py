@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compact import column
+from compact import column, compaction, fem
 from compact.compacted import fields
 from compact.compaction import roll
 from compact.frame import Frame, rolling_mesh, transferred
@@ -73,6 +73,11 @@ def test_second_pass_over_a_thin_layer_is_elastic():
     assert abs(second.resistance) < 0.01 * first.resistance
     assert second.leading == pytest.approx(-second.trailing, rel=1e-3)
     assert second.load == pytest.approx(expected.load, rel=0.02)
+
+
+def test_fem_rolls_over_mix_that_stays_pressed_too():
+    there, here = (engine.roll(Layer(HEIGHT), wide(20), THIN, 0.2) for engine in (fem, compaction))
+    assert (there.load, there.exit_density_ratio) == (here.load, here.exit_density_ratio)
 
 
 # (b) balances
