@@ -31,8 +31,9 @@ STAGES, ORDER = 12, 8
 A, C = np.vstack([DOP853.A, DOP853.B]), np.append(DOP853.C, 1.0)  # the last row is the step itself
 E3, E5 = DOP853.E3.copy(), DOP853.E5.copy()
 FIRST = 1 / 64  # share of the way that a first step may take
-STEPS = 20_000  # 50 are usual; a mix a thousand times stiffer to unload takes a thousand times as many
+STEPS = 40_000  # 50 are usual; a mix a thousand times stiffer to unload takes a thousand times as many
 SAFETY, SLOWEST, FASTEST = 0.9, 0.2, 10.0  # of the step control
+POINTS = 16  # of the trapezoids of `settling`, dense where pc may rise from next to nothing
 CUTS = 60  # of a step that meets a yield; 5 are usual
 MET = 1e-4  # share of the error allowed of s_v by which the end of a cut step may miss
 
@@ -133,10 +134,12 @@ def _step(x, step, y, z, K, column, scale):
     """One step of Dormand and Prince from y, with K[0] there, to z, with K[STAGES] there; its error over `scale`."""
     for stage in range(1, STAGES + 1):
         for m in range(len(y)):
-            total = 0.0
-            for before in range(stage):
-                total += A[stage, before] * K[before, m]
-            z[m] = y[m] + step * total
+            z[m] = y[m]
+        for before in range(stage):
+            share = step * A[stage, before]
+            if share != 0:  # half of them are
+                for m in range(len(y)):
+                    z[m] += share * K[before, m]
         _rates(x + C[stage] * step, z, K[stage], column)
     third, fifth = 0.0, 0.0
     for m in range(len(y)):
@@ -190,6 +193,25 @@ def _rates(x, y, out, column):
     out[PLASTIC], out[ELASTIC] = yielded * rate, stored * rate
     for m in range(OWN, len(y)):
         out[m] *= rate
+
+
+@compiled
+def settling(law, k):
+    """Powers of e by which p of a given s_v settles on the way from the density ratio k to 1.
+
+        int 4 G A (1 + 9/(4 M^2))/(g B (pc + pt)) dV,    A = s_v/pc, B = (p + pt)/(pc + pt) of the rigid-plastic column
+
+    where b = 0: the slope of dp/ds_v by p, times ds_v = A H dV. An explicit step can take some six.
+    """
+    M2, total, before, rate_before = law.M**2, 0.0, k, 0.0
+    root = np.sqrt(9 + 4 * M2)
+    share = (1 + root / 3) / (1 + 3 / root)
+    for point in range(POINTS + 1):
+        ratio = k + (1 - k) * (point / POINTS) ** 3
+        rate = 1 / (hardening(law, ratio)[0] + law.pt)
+        total += (rate + rate_before) / 2 * np.log(ratio / before)
+        before, rate_before = ratio, rate
+    return 4 * law.G * share * (1 + 9 / (4 * M2)) / (1.5 + 2 * law.G / law.K) * total
 
 
 @compiled
