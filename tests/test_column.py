@@ -724,7 +724,5 @@ def test_wrong_input_is_refused(demand, message):
 def test_endless_integration_tells_how_far_it_came():
     """Behind the door that refuses it."""
     stiff = bed_of((Column(1.0, FED),), mix(unloading_modulus=1e13), 1.0, PLATE, LOGARITHMIC)
-    with pytest.raises(
-        RuntimeError, match=r"the integration stopped after 40000 steps at x 0\.\d+ m on the way from 0.05"
-    ):
+    with pytest.raises(RuntimeError, match=r"the integration stopped after 40000 steps at x 0\.\d+ m on the way"):
         stiff.passed(0.05, 1e-9)
