@@ -239,6 +239,13 @@ def test_toml_and_csv_say_the_same(tmp_path):
     assert read(toml) == read(csv) == Measured((Measurement(load=Band(9740, 9000, 10000), speed=0.2),))
 
 
+def test_moved_datum_stays_within_its_band():
+    measured = read(MEASURED).moved("resistance_coefficient", 0.219)
+    assert measured.measurements[0].data[1] == ("resistance_coefficient", Band(0.219, 0.179, 0.219))
+    assert measured.moved("resistance", 3.0) == measured
+    assert measured.moved("load", 1e4).measurements[0].load == Band(1e4, 9740, 1e4)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
