@@ -240,7 +240,7 @@ def calibrate(
     engine
         contact engine of every trial: columns in a second, finite elements in minutes
     increments
-        of travel per contact length, of finite elements; 6 are a quarter of the work of 12 and differ by 2 %
+        of travel per contact length, of finite elements; 6 are a part of the work of 12 and differ by 2 %
     out
         the JSON file; out/NAME OF THE SCENE-calibration.json unless given
     """

@@ -163,10 +163,11 @@ class Double:
     """In place of the finite elements: columns with twice the load and more, that leave the mix less dense."""
 
     def __init__(self, excess=-2e-3):
-        self.excess, self.calls = excess, []
+        self.excess, self.calls, self.asked = excess, [], set()
 
     def roll(self, layer, roller, material, speed, *, start=None, steady=None, increments=None):
         self.calls.append((layer, roller, start))
+        self.asked.add(increments)
         there = column.roll(layer, replace(roller, profile="circle"), material, speed)
         load = 2.4 * there.load * (there.indentation / layer.height / 0.02) ** 0.3
         share = 1.7 * (there.indentation / layer.height / 0.02) ** -0.1
@@ -355,6 +356,19 @@ def test_command_writes_and_tells(tmp_path, monkeypatch, capsys):
     written = json.loads(out.read_text())
     assert written["heckel_slope"] == pytest.approx(13.995e-6, rel=1e-4)
     assert "--set layer.fed_density_ratio=0.934439" in capsys.readouterr().out
+
+
+def test_command_asks_finite_elements(tmp_path, monkeypatch, capsys):
+    double, out = Double(), tmp_path / "c.json"
+    monkeypatch.setattr("compact.compaction.roll", double.roll)
+    asked = ["--engine", "compaction", "--increments", "6", "--set", "machine.rolling=frictionless"]
+    monkeypatch.setattr("sys.argv", ["compact", "calibrate", str(PUBLISHED), str(MEASURED), "--out", str(out), *asked])
+    with pytest.raises(SystemExit) as exit_code:
+        cli.main()
+    assert exit_code.value.code == 0
+    assert len(json.loads(out.read_text())["runs"]) == len(double.calls)
+    assert double.asked == {6}
+    assert f"met in {len(double.calls)} runs of finite elements" in capsys.readouterr().out
 
 
 def test_digest_names_every_bound(published):
