@@ -98,11 +98,15 @@ class Bed:
         R, c = self.profile
         return math.sqrt(depth * (2 * R - c * depth)) if R else depth
 
+    @property
+    def elastic(self):
+        """Oedometric modulus [Pa] inside the yield limit."""
+        return self.law.K + 4 * self.law.G / 3
+
     def stress(self, depth):
         """Vertical stress [Pa] that is about that under the lowest generatrix."""
         law, densest = self.law, max(max(self.stack.density_ratio.tolist()), self.solid / (self.height - depth))
-        elastic = (law.K + 4 * law.G / 3) * -math.log1p(-depth / self.height)
-        return min(elastic, hardening(law, densest)[0] + law.pt)
+        return min(self.elastic * -math.log1p(-depth / self.height), hardening(law, densest)[0] + law.pt)
 
     def scale(self, depth, rtol):
         """Errors of y that a step may make in a pass at an indentation."""

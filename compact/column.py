@@ -172,7 +172,8 @@ def feed(height, exit_density_ratio, material, speed, *, rtol=RTOL):
         return (passage.density_ratio - wanted) / (wanted - fed)
 
     if fed < wanted < 1:
-        passage, _ = _met(there, miss, 1 - fed / wanted, 1.0, rtol, np.inf)
+        rebound = there.stress(1 - fed / wanted) / there.elastic
+        passage, _ = _met(there, miss, 1 - fed / wanted * (1 - rebound), 1.0, rtol, np.inf)
     if not (fed < wanted < 1 and passage.indentation < there.deepest):
         densest = there.passed(there.deepest, rtol).density_ratio
         raise ValueError(
