@@ -24,6 +24,7 @@ SHALLOW = 0.17  # capture angle, or less, at which finite elements begin
 PLANE = 2.8  # times the load of columns, about, that they ask there
 STEADY = 1e-3  # of them, relative
 SHEARED = ("mix.overrides.friction_angle", "mix.overrides.cohesion")  # what a bow wave feels and columns hardly do
+FRESH = 1 / 3  # weight of the last exit density, whose last digits tremble, in the mean of what the depth has to mend
 LENGTHS = ("load", "resistance", "leading", "trailing", "x", "indentation", "exit_height", "spring_back", "bow_wave")
 START = 0.4  # of the way from loose to the density asked for, over what is left: k 0.98 from about 0.94
 
@@ -231,10 +232,11 @@ class _FiniteElements:
     """Contacts of one trial after the other by finite elements, each rolled on from the one before.
 
     A layer of another height is rolled at the height of the first, under a roller as much larger: everything goes with
-    the height. The depth is that of the columns, for a density by as much off as the last trial missed it.
+    the height. The depth is that of the columns, for a density by as much off as the trials before have missed it.
 
     options : of `compaction.roll`;  rolled : by measurement, the last contact, at its own height
-    before : by measurement, the same at the height of the first, and its exit density less that of its columns
+    before : by measurement, the same at the height of the first, the excess of exit density over that of its columns,
+    a mean that forgets, and the number of runs
     """
 
     options: dict
@@ -247,7 +249,7 @@ class _FiniteElements:
 
         scene, speed = _as_measured(scene, measurement)
         layer, roller, material = inputs(scene, blend(scene), "compaction", speed)
-        start, excess = self.before.get(measurement, (None, 0.0))
+        start, excess, runs = self.before.get(measurement, (None, 0.0, 0))
         asked, height = scene.mix.density_ratio, layer.height if start is None else start.layer.height
         fed, scale = feed(height, asked - excess, material, speed), height / layer.height
         there = compaction.roll(
@@ -258,7 +260,8 @@ class _FiniteElements:
             start=start,
             **{"steady": STEADY} | self.options,
         )
-        self.before[measurement] = there, there.exit_density_ratio - (asked - excess)
+        found, share = there.exit_density_ratio - (asked - excess), max(FRESH, 2 / (2 + runs))
+        self.before[measurement] = there, excess + share * (found - excess), runs + 1
         self.rolled[measurement] = replace(there, **{name: getattr(there, name) / scale for name in LENGTHS})
         return self.rolled[measurement]
 
@@ -280,9 +283,10 @@ def digest(calibration):
         lines.append(f"  {name:<24}{value:>12.6g}  met to {abs(np.expm1(off)):.1e}")
     runs = len(calibration.fit.history)
     if runs:
-        lines.append(f"met in {runs} runs of finite elements; in brackets what columns are multiplied by there")
-        ratio = np.exp(calibration.fit.correction.ratio)
-        lines += [f"  {name:<24}({value:.4f})" for name, value in zip(calibration.names, ratio, strict=True)]
+        ratios, scatter = np.exp(calibration.fit.correction.ratio), calibration.fit.scatter
+        lines.append(f"by {runs} runs of finite elements; over columns, and how far the last ones were off")
+        for name, ratio, off in zip(calibration.names, ratios, scatter, strict=True):
+            lines.append(f"  {name:<24}{ratio:>12.4f}  {off:.1e}")
     lines += ["calibrated", f"  {'heckel_slope':<24}{slope * 1e6:>12.4f} /MPa (one-dimensional)"]
     lines += [
         f"  {'fed_density_ratio':<24}{fed:>12.5f}",

@@ -15,8 +15,9 @@ from scipy.optimize import least_squares
 
 SLOPE_STEP = 1e-4  # of the unknowns, which are logs, for differences of the cheap model, which is smooth to 1e-8
 FITTED = 1e-10  # relative change of the unknowns at which the cheap model is fitted
-RUNS = 12  # of the dear model
+RUNS = 24  # of the dear model
 SHAKEN = 0.05  # change of the unknowns that teaches half of a slope: dear models are shaken by some 1e-3
+FRESH = 1 / 3  # weight of the last answer in the mean of those near by
 LEAP = 0.5  # change of the unknowns between two runs that the correction varies with, halved where a run has failed
 
 
@@ -38,6 +39,11 @@ class Fit:
     history: tuple = ()
 
     @property
+    def scatter(self):
+        """Largest |ln(predicted/measured)| of the runs of the dear model near u, shape (n,): how much it trembles."""
+        return np.abs([misfit for _, misfit in self.history[-max(self.correction.near, 1) :]]).max(axis=0)
+
+    @property
     def sensitivity(self):
         """d u/d ln measured, shape (m, n)."""
         return np.linalg.pinv(self.slopes)
@@ -47,23 +53,29 @@ class Fit:
 class Correction:
     """ln of the dear model over the cheap one, r + B (u - at): shapes (n,), (n, m), (m,).
 
-    varies : 1 or 0, shape (m,), whether r may vary with an unknown
+    varies : 1 or 0, shape (m,), whether r may vary with an unknown;  near : runs in a row after a short way
     """
 
     ratio: np.ndarray
     slope: np.ndarray
     at: np.ndarray
     varies: np.ndarray
+    near: int = 0
 
     def __call__(self, u):
         return self.ratio + self.slope @ (np.asarray(u) - self.at)
 
     def renewed(self, ratio, u):
-        """The correction that has been found to be `ratio` at u; its slope changes least, and less for a short way."""
-        way = self.varies * (u - self.at)
-        length = way @ way
-        change = np.outer(ratio - self(u), way) / (length + SHAKEN**2)
-        return replace(self, ratio=ratio, slope=self.slope + change, at=u)
+        """The correction where `ratio` has been found at u.
+
+        After a long way the ratio is believed; after a short one it is averaged, and teaches little of the slope.
+        """
+        way, missed = self.varies * (u - self.at), ratio - self(u)
+        share = way @ way / (way @ way + SHAKEN**2)
+        near = self.near + 1 if share < 0.5 else 0
+        believed = self(u) + max(share, FRESH, 1 / max(near, 1)) * missed
+        change = np.outer(missed, way) / (way @ way + SHAKEN**2)
+        return replace(self, ratio=believed, slope=self.slope + change, at=u, near=near)
 
 
 def fit(cheap, measured, start, dear=None, tolerance=1e-3, correction=None, varies=None):
@@ -106,7 +118,7 @@ def _mapped(cheap, measured, start, dear, tolerance, varies):
         history.append((u.tolist(), np.log(there / measured).tolist()))
         ratio, last = np.log(there / np.asarray(cheap(u))), u
         met = settled and np.abs(ratio - correction(u)).max() <= tolerance
-        if correction is None:
+        if correction is None:  # nothing was foretold
             correction = Correction(ratio, np.zeros((ratio.size, u.size)), u, np.array(varies, dtype=float))
         correction = correction.renewed(ratio, u)
         aim, slopes, _ = _fitted(cheap, measured, u, correction)

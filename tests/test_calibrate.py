@@ -69,8 +69,17 @@ def test_correction_learns_how_fast_the_models_come_apart():
     """u^2.5 by u: where the correction stays constant the trials overshoot more and more."""
     found = fit(np.exp, [6.0], [0.0], lambda u: np.exp(2.5 * u))
     assert found.unknowns == pytest.approx([np.log(6.0) / 2.5], abs=1e-3)
-    assert found.correction.slope == pytest.approx(np.array([[1.5]]), rel=0.01)
-    assert found.sensitivity == pytest.approx(np.array([[1 / 2.5]]), rel=0.01)
+    assert found.correction.slope == pytest.approx(np.array([[1.5]]), rel=0.02)
+    assert found.sensitivity == pytest.approx(np.array([[1 / 2.5]]), rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_dear_model_that_trembles_is_met_on_its_mean(seed):
+    rng = np.random.default_rng(seed)
+    found = fit(np.exp, [6.0], [1.0], lambda u: np.exp(1.2 * u + rng.uniform(-5e-3, 5e-3)))
+    assert found.unknowns == pytest.approx([np.log(6.0) / 1.2], abs=4e-3)
+    assert found.correction.slope == pytest.approx(np.array([[0.2]]), abs=0.1)
+    assert found.scatter[0] < 1.5e-2
 
 
 def test_unknown_that_both_models_feel_alike_leaves_the_correction_alone():
@@ -195,7 +204,7 @@ def test_finite_elements_are_met_in_a_few_runs(doubled):
     assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
     assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-3)
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-5)
-    assert len(double.calls) == len(found.fit.history) < 7
+    assert len(double.calls) == len(found.fit.history) < 9
     assert "runs of finite elements" in digest(found)
 
 
@@ -318,7 +327,7 @@ def test_data_that_tell_nothing_are_refused():
 
 def test_models_that_never_agree_are_told():
     shaken = iter(range(100))
-    with pytest.raises(RuntimeError, match=r"did not settle in 12 runs: u and ln\(predicted/measured\) were \["):
+    with pytest.raises(RuntimeError, match=r"did not settle in 24 runs: u and ln\(predicted/measured\) were \["):
         fit(np.exp, [6.0], [0.0], lambda u: np.exp(u + (-1) ** next(shaken)))
 
 
@@ -368,7 +377,7 @@ def test_command_asks_finite_elements(tmp_path, monkeypatch, capsys):
     assert exit_code.value.code == 0
     assert len(json.loads(out.read_text())["runs"]) == len(double.calls)
     assert double.asked == {6}
-    assert f"met in {len(double.calls)} runs of finite elements" in capsys.readouterr().out
+    assert f"by {len(double.calls)} runs of finite elements" in capsys.readouterr().out
 
 
 def test_digest_names_every_bound(published):
