@@ -41,7 +41,7 @@ class Fit:
     @property
     def scatter(self):
         """Largest |ln(predicted/measured)| of the runs of the dear model near u, shape (n,): how much it trembles."""
-        return np.abs([misfit for _, misfit in self.history[-max(self.correction.near, 1) :]]).max(axis=0)
+        return np.nanmax(np.abs([misfit for _, misfit in self.history[-max(self.correction.near, 1) :]]), axis=0)
 
     @property
     def sensitivity(self):

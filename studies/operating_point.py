@@ -12,6 +12,7 @@ the same resistance comes from half the depth and less. The force on the cart is
 guides, 0.008 of what the rollers lift beyond the weight.
 """
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -66,18 +67,22 @@ def _cart_force(scene, load, coefficient):
 
 
 def calibrated(scene, readings, engines, variants):
-    """`Calibration` by name: of each engine that compacts, and of finite elements for each of the variants."""
-    fits = {engine: calibrate(scene, readings, engine, **_options(engine)) for engine in engines}
+    """`Calibration` by name: of each engine that compacts, and of finite elements for each of the variants.
+
+    One that fails is told and left out: those before it took long.
+    """
+    tasks = {engine: (engine, scene, readings) for engine in engines}
     for name, (changes, coefficient) in variants.items() if "compaction" in engines else ():
         asked = readings if coefficient is None else readings.moved("resistance_coefficient", coefficient)
-        fits[f"compaction, {name}"] = calibrate(
-            scene.replaced(**changes), asked, "compaction", **_options("compaction")
-        )
+        tasks[f"compaction, {name}"] = "compaction", scene.replaced(**changes), asked
+    fits = {}
+    for name, (engine, changed, asked) in tasks.items():
+        options = {"increments": INCREMENTS} if engine == "compaction" else {}
+        try:
+            fits[name] = calibrate(changed, asked, engine, **options)
+        except RuntimeError as error:
+            warnings.warn(f"{name}: not calibrated: {error}", stacklevel=2)
     return fits
-
-
-def _options(engine):
-    return {"increments": INCREMENTS} if engine == "compaction" else {}
 
 
 def length_for(calibration, slope):

@@ -100,6 +100,21 @@ def test_operating_point_needs_compaction(capsys, tmp_path):
     assert (tmp_path / "operating_point.png").stat().st_size > 10_000
 
 
+def test_operating_point_tells_what_was_not_calibrated(monkeypatch):
+    def not_steady(*arguments, **options):
+        raise RuntimeError("not steady at depth 0.002 m")
+
+    monkeypatch.setattr("compact.compaction.roll", not_steady)
+    variants = {"strong": ({"mix.overrides.friction_angle": 40.0}, 0.219)}
+    with pytest.warns(UserWarning, match="not calibrated") as told:
+        _, after, _ = study("operating_point").main(engines=("column", "compaction"), variants=variants)
+    assert [row[0] for row in after] == ["column"]
+    assert [str(one.message).split(": the calibration")[0] for one in told] == [
+        "compaction: not calibrated",
+        "compaction, strong: not calibrated",
+    ]
+
+
 def test_lifts_share_the_resistance_of_one_pass(capsys, tmp_path):
     module = study("density_after_passes")
     rows = module.main(radii=(0.11,), moistures=(0.10, 0.11), counts=(1, 3), out=tmp_path)
