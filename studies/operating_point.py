@@ -8,7 +8,7 @@ the columns and, by their slopes, the finite elements, is told by the calibratio
 
 A linear layer cannot: at the pressure that the mix needs it resists with 1 to 7 % of its load, where the plant needs
 18 %. Columns that stay pressed give 17 % before any fit. In two dimensions mix heaps up before a smooth roller, so that
-the same resistance comes from half the depth and less. The force on the cart is two rollers and the friction of its
+the same resistance comes from a quarter of the depth. The force on the cart is two rollers and the friction of its
 guides, 0.008 of what the rollers lift beyond the weight.
 """
 
@@ -29,7 +29,10 @@ SLOPES, FED = (13e-6 / 1.5, 13e-6 * 1.5), (0.93, 0.955)  # what the prior allows
 INCREMENTS = 6  # of the finite elements, twice as many differ by 1 % in load and 2 % in resistance
 VARIANTS = {  # changes of the scene, and another coefficient; 43.85° is M = 1.2
     "friction angle 40°": ({"mix.overrides.friction_angle": 40.0}, None),
-    "M 1.2, coefficient 0.219": ({"mix.overrides.friction_angle": 43.85}, 0.219),
+    "M 1.2, coefficient 0.219, roller 0.5 m": (
+        {"mix.overrides.friction_angle": 43.85, "machine.roller_length": 0.5},
+        0.219,
+    ),
 }
 HEADER = (
     "engine", "K_H_1/Pa", "fed_density_ratio", "load_N", "coefficient", "cart_force_N",
