@@ -4,8 +4,9 @@
 
 A dear model D is not differentiated: the cheap one C is fitted to measured C/D, D is asked there, and so on until it
 says what the corrected C foretold (output space mapping; Bandler et al., IEEE Trans. MTT 52 (2004) 337). The correction
-r = ln D/C varies with u, r + B (u - u_last), B by Broyden's rule from the answers of D. Where D fails to answer it is
-asked half-way back to where it did, and never more than a leap away from there.
+r = ln D/C varies with u, r + B (u - u_last), B by Broyden's rule from the answers of D; near to one another they are
+averaged, since D may tremble. Where D fails to answer it is asked half-way back to where it did, and never more than a
+leap away from there.
 """
 
 from dataclasses import dataclass, replace
@@ -124,11 +125,14 @@ def _mapped(cheap, measured, start, dear, tolerance, varies):
         aim, slopes, _ = _fitted(cheap, measured, u, correction)
         if met:
             return Fit(u, there, np.log(there / measured), slopes, correction, tuple(history))
-        way = aim - u
-        longest = np.abs(way * correction.varies).max()
-        settled = longest <= leap
-        u = u + way if settled else u + way * leap / longest
+        u, settled = _leapt(u, aim, leap, correction.varies)
     raise RuntimeError(f"the calibration did not settle in {RUNS} runs: u and ln(predicted/measured) were {history}")
+
+
+def _leapt(u, aim, leap, varies):
+    """The next u on the way to an aim, and whether it is there."""
+    longest = np.abs((aim - u) * varies).max()
+    return (aim, True) if longest <= leap else (u + (aim - u) * leap / longest, False)
 
 
 def _fitted(cheap, measured, start, correction=None):
