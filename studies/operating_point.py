@@ -27,12 +27,10 @@ SCENES = Path(__file__).parent / "scenes"
 PRINTED_LOAD, PRINTED_FORCE = 9740.0, 3562.0  # N; Loveikin and Pochka 2015
 SLOPES, FED = (13e-6 / 1.5, 13e-6 * 1.5), (0.93, 0.955)  # what the prior allows: K_H one-dimensional, fed density
 INCREMENTS = 6  # of the finite elements, twice as many differ by 1 % in load and 2 % in resistance
-VARIANTS = {  # changes of the scene, and another coefficient; 43.85° is M = 1.2
+VARIANTS = {  # changes of the scene, and another coefficient
     "friction angle 40°": ({"mix.overrides.friction_angle": 40.0}, None),
-    "M 1.2, coefficient 0.219, roller 0.5 m": (
-        {"mix.overrides.friction_angle": 43.85, "machine.roller_length": 0.5},
-        0.219,
-    ),
+    "40° and roller 0.5 m": ({"mix.overrides.friction_angle": 40.0, "machine.roller_length": 0.5}, None),
+    "coefficient 0.219": ({}, 0.219),
 }
 HEADER = (
     "engine", "K_H_1/Pa", "fed_density_ratio", "load_N", "coefficient", "cart_force_N",

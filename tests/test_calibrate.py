@@ -242,7 +242,7 @@ def test_finite_elements_themselves_are_met():
     assert rolled.load * 0.6 == pytest.approx(9740, rel=1e-3)
     assert rolled.resistance / rolled.load == pytest.approx(0.15, rel=1e-3)
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=1e-4)
-    assert len(found.fit.history) < 8
+    assert len(found.fit.history) < 13
 
 
 # the readings
