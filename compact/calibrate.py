@@ -78,7 +78,8 @@ def calibrate(scene, measured, engine="column", unknowns=UNKNOWNS, **options):
     options : of the engine "compaction", such as `increments`
 
     Finite elements take minutes and meet the data to 1e-3, about what is left to go when they count as steady; of their
-    mesh nothing is told. Refits are by columns as corrected, without what only two dimensions feel.
+    mesh nothing is told. Refits are by columns as corrected, without what only two dimensions feel: fit again where a
+    roller length changes how much cohesion weighs beside the pressure.
 
     Raises SceneError for more unknowns than data, assumptions that name no number of a scene, or a scene that says
     itself what presses the roller; RuntimeError where no trial meets the data.
