@@ -1,6 +1,8 @@
 """One pass of a roller over a bed of columns: from what the columns are to what they have become, with all the sums."""
 
+import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -18,13 +20,15 @@ from compact.confined import (
     STRESS,
     Profile,
     Stack,
+    settling,
     travel,
 )
 from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive
 
-LONGEST = 1 / 32  # share of the front that any step may take, so that what is drawn has points
+LONGEST = 1 / 32  # share of the front that a step may take of a pass that is drawn, so that it has points
 DEEPEST = 1 - 1e-9  # share of the limit of indentation up to which a pass is computed
 FAR = 2.0  # indentations by which the layer may rise behind the roller
+STIFFEST = 2e5  # settling of the stress that is integrated; a step of `confined.travel` takes 6 of it
 STRAINS = {"logarithmic": LOGARITHMIC, "small": SMALL, "mass-true": MASS_TRUE}
 PLATE = Profile(0.0, 0.0)
 
@@ -62,11 +66,11 @@ class Bed:
     profile: Profile
     measure: int
 
-    @property
+    @cached_property
     def height(self):
         return float(self.stack.height.sum())
 
-    @property
+    @cached_property
     def solid(self):
         """Height [m] that grains and water fill."""
         return float(self.stack.density_ratio @ self.stack.height)
@@ -84,17 +88,30 @@ class Bed:
         y[OWN::2] = self.stack.pressure
         return y
 
+    @property
+    def settling(self):
+        """Powers of e by which the shares of the stress settle until all pores are shut, or some more."""
+        return max(settling(self.law, k) for k in self.stack.density_ratio.tolist())
+
     def edge(self, depth):
         """x [m] at which the roller is `depth` above its lowest point."""
         R, c = self.profile
-        return np.sqrt(depth * (2 * R - c * depth)) if R else depth
+        return math.sqrt(depth * (2 * R - c * depth)) if R else depth
+
+    @property
+    def elastic(self):
+        """Oedometric modulus [Pa] inside the yield limit."""
+        return self.law.K + 4 * self.law.G / 3
+
+    def stress(self, depth):
+        """Vertical stress [Pa] that is about that under the lowest generatrix."""
+        law, densest = self.law, max(max(self.stack.density_ratio.tolist()), self.solid / (self.height - depth))
+        return min(self.elastic * -math.log1p(-depth / self.height), hardening(law, densest)[0] + law.pt)
 
     def scale(self, depth, rtol):
         """Errors of y that a step may make in a pass at an indentation."""
-        law, strain = self.law, -np.log1p(-depth / self.height)
-        densest = max(float(self.stack.density_ratio.max()), self.solid / (self.height - depth))
-        stress = min((law.K + 4 * law.G / 3) * strain, hardening(law, densest)[0] + law.pt)
-        own = [stress, strain] * len(self.stack.height)
+        stress = self.stress(depth)
+        own = [stress, -math.log1p(-depth / self.height)] * len(self.stack.height)
         return rtol * np.array([stress, stress * self.edge(depth), *[stress * depth] * 3, *own])
 
     def density_ratios(self, y):
@@ -120,13 +137,13 @@ class Bed:
             )
         return path, replace(self, stack=self.stack._replace(hardened=hardened)), evaluations
 
-    def passed(self, indentation, rtol):
-        """The `Passage` of the roller at an indentation [m]."""
+    def passed(self, indentation, rtol, longest=np.inf):
+        """The `Passage` of the roller at an indentation [m]; `longest` share of the front that a step may take."""
         scale, front = self.scale(indentation, rtol), self.edge(indentation)
-        down, pressed, first = self.travelled(front, 0.0, self.rest, np.inf, scale, front * LONGEST)
+        down, pressed, first = self.travelled(front, 0.0, self.rest, np.inf, scale, front * longest)
         rise = FAR * indentation
         far = self.edge(min(rise, DEEPEST * self.profile.radius) if self.profile.curl else rise)
-        up, left, second = pressed.travelled(0.0, far, down[-1, 1:], 0.0, scale, front * LONGEST)
+        up, left, second = pressed.travelled(0.0, far, down[-1, 1:], 0.0, scale, front * longest)
         if up[-1, 0] == far:
             raise RuntimeError(
                 f"the rebound does not end: {up[-1, 1]:.6g} Pa are left {far:.6g} m behind the lowest point at an "
@@ -163,6 +180,13 @@ class Passage:
     def work(self):
         """Plastic and elastic work that the columns keep [N/m]."""
         return float(self.up[-1, 1 + PLASTIC]), float(self.up[-1, 1 + ELASTIC])
+
+    @property
+    def density_ratio(self):
+        """k after the rebound, mean over the height."""
+        y = self.up[-1, 1:]
+        heights = self.bed.heights(y)
+        return float(self.bed.density_ratios(y) @ heights / heights.sum())
 
     @property
     def columns(self):

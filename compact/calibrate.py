@@ -3,21 +3,29 @@
 K_H sets the scale of all pressures and so the load, the fed density how far the mix is pressed and so the resistance.
 Every trial is a whole contact of the scene that leaves the product at its height and density. The columns are the cheap
 model; for the finite elements they are corrected until both agree (`fitting`), and the bounds of data and assumptions
-are refitted with that correction.
+are refitted with that correction. The finite elements begin shallow, where they soon get steady, and each trial rolls
+on from the one before.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from compact import mix
-from compact.engine import roll
+from compact.engine import inputs, roll
 from compact.fitting import Fit, fit
 from compact.scene import SceneError
 
 UNKNOWNS = ("heckel_slope", "fed_density_ratio")
+SCALES = ("heckel_slope",)  # which turns all pressures alike, and leaves two dimensions as far from columns as they are
 LOOSE = mix.LOOSE
 SPREADS = ("friction_angle", "cohesion", "unloading_modulus", "poisson")  # of the mix, that decide beside the two
+SHALLOW = 0.17  # capture angle, or less, at which finite elements begin
+PLANE = 2.8  # times the load of columns, about, that they ask there
+STEADY = 1e-3  # of them, relative
+SHEARED = ("mix.overrides.friction_angle", "mix.overrides.cohesion")  # what a bow wave feels and columns hardly do
+FRESH = 1 / 3  # weight of the last exit density, whose last digits tremble, in the mean of what the depth has to mend
+LENGTHS = ("load", "resistance", "leading", "trailing", "x", "indentation", "exit_height", "spring_back", "bow_wave")
 START = 0.4  # of the way from loose to the density asked for, over what is left: k 0.98 from about 0.94
 
 
@@ -39,8 +47,8 @@ class Calibration:
     scene : with the fitted numbers in it
     heckel_slope : K_H, one-dimensional as in mix tables [1/Pa];  fed_density_ratio : k
     unknowns : names of those fitted;  names, measured : of the data
-    fit : in (ln K_H, logit of k), with misfit and sensitivity
-    rolled : the contact of each measurement by the scene's engine
+    fit : in (ln K_H, logit of k), with misfit, sensitivity and what each run of the finite elements said
+    rolled : the contact of each measurement by the engine
     refits : at every bound of data and assumptions
     """
 
@@ -63,20 +71,28 @@ class Calibration:
         return self.fit.sensitivity * np.array([[scales[name]] for name in self.unknowns])
 
 
-def calibrate(scene, measured, engine="column", unknowns=UNKNOWNS):
+def calibrate(scene, measured, engine="column", unknowns=UNKNOWNS, **options):
     """The `Calibration` of a scene to a `Measured`.
 
     engine : "column" or "compaction", of every trial;  unknowns : of UNKNOWNS, at most as many as there are data
+    options : of the engine "compaction", such as `increments`
 
-    Raises SceneError for more unknowns than data, or assumptions that name no number of a scene; RuntimeError where
-    no trial meets the data.
+    Finite elements take minutes and meet the data to 1e-3, about what is left to go when they count as steady; of their
+    mesh nothing is told. Refits are by columns as corrected, without what only two dimensions feel: fit again where a
+    roller length changes how much cohesion weighs beside the pressure.
+
+    Raises SceneError for more unknowns than data, assumptions that name no number of a scene, or a scene that says
+    itself what presses the roller; RuntimeError where no trial meets the data.
     """
+    _refuse_prescribed(scene)
     model = _Model(scene, measured, unknowns)
+    dear = _FiniteElements(options) if engine == "compaction" else None
     try:
-        met = model.met(engine)
+        met = model.met(dear=dear)
     except ValueError as error:
         raise SceneError([str(error)]) from error
     found = model.scene_at(met.unknowns)
+    readings = measured.measurements
     return Calibration(
         scene=found,
         heckel_slope=blend(found).heckel_slope,
@@ -85,7 +101,7 @@ def calibrate(scene, measured, engine="column", unknowns=UNKNOWNS):
         names=model.names,
         measured=tuple(band.value for band in model.bands),
         fit=met,
-        rolled=tuple(_contact(found, measurement, engine) for measurement in measured.measurements),
+        rolled=tuple(dear.rolled[reading] if dear else _column(found, reading) for reading in readings),
         refits=tuple(model.refits(met)),
     )
 
@@ -123,6 +139,21 @@ class _Model:
         known = {"heckel_slope": np.log(blend(self.scene).heckel_slope), "fed_density_ratio": float(logit)}
         return np.array([known[name] for name in self.unknowns])
 
+    @property
+    def shallow(self):
+        """The start, with the mix fed as dense as a small capture angle asks, and about as soft as the load does."""
+        asked, machine = self.scene.mix.density_ratio, self.scene.machine
+        pressed = SHALLOW**2 * machine.roller_radius / (2 * self.scene.product.height)
+        share = (asked * (1 - pressed) - LOOSE) / (asked - LOOSE)
+        start, places = self.start, dict(zip(self.unknowns, range(len(self.unknowns)), strict=True))
+        if "fed_density_ratio" in places:
+            i = places["fed_density_ratio"]
+            start[i] = max(start[i], np.log(share / (1 - share)))
+        if "heckel_slope" in places and "load" in self.names:
+            i = self.names.index("load")
+            start[places["heckel_slope"]] += np.log(PLANE * self.predicted(start, _column)[i] / self.bands[i].value)
+        return start
+
     def scene_at(self, u):
         """The scene with the unknowns u in it."""
         changes, asked = {}, self.scene.mix.density_ratio
@@ -133,11 +164,11 @@ class _Model:
                 changes["layer.fed_density_ratio"] = float(LOOSE + (asked - LOOSE) / (1 + np.exp(-value)))
         return self.scene.replaced(**changes)
 
-    def predicted(self, u, engine):
-        """The data as an engine predicts them for the unknowns u."""
+    def predicted(self, u, contact):
+        """The data as `contact` predicts them, of a scene and a measurement, for the unknowns u."""
         trial, length, values = self.scene_at(u), self.scene.machine.roller_length, []
         for measurement in self.measured.measurements:
-            rolled = _contact(trial, measurement, engine)
+            rolled = contact(trial, measurement)
             known = {
                 "load": rolled.load * length,
                 "resistance": abs(rolled.resistance) * length,
@@ -146,11 +177,12 @@ class _Model:
             values += [known[name] for name, _ in measurement.data]
         return np.array(values)
 
-    def met(self, engine, values=None, correction=0.0):
+    def met(self, values=None, correction=None, dear=None):
         """The `Fit` to the data, or to other values."""
         values = [band.value for band in self.bands] if values is None else values
-        dear = None if engine == "column" else lambda u: self.predicted(u, engine)
-        return fit(lambda u: self.predicted(u, "column"), values, self.start, dear, correction=correction)
+        start, ask = (self.start, None) if dear is None else (self.shallow, lambda u: self.predicted(u, dear))
+        varies = [name not in SCALES for name in self.unknowns]
+        return fit(lambda u: self.predicted(u, _column), values, start, ask, correction=correction, varies=varies)
 
     def refits(self, met):
         """The unknowns at every bound, with the correction of the columns kept."""
@@ -161,6 +193,9 @@ class _Model:
                 yield self._refit(name, bound, self, moved, met.correction)
         for key, bounds in self._assumptions().items():
             for bound in bounds:
+                if met.history and key in SHEARED:
+                    yield Refit(key, bound, reason=f"columns do not feel it; calibrate with --set {key}={bound:g}")
+                    continue
                 model = _Model(self.scene.replaced(**{key: bound}), self.measured, self.unknowns)
                 yield self._refit(key, bound, model, values, met.correction)
 
@@ -173,19 +208,72 @@ class _Model:
     @staticmethod
     def _refit(name, bound, model, values, correction):
         try:
-            met = model.met("column", values, correction)
+            met = model.met(values, correction)
         except (RuntimeError, ValueError) as error:
             return Refit(name, bound, reason=str(error))
         found = model.scene_at(met.unknowns)
         return Refit(name, bound, blend(found).heckel_slope, found.layer.fed_density_ratio)
 
 
-def _contact(scene, measurement, engine):
-    """One contact of a scene as it was measured."""
+def _as_measured(scene, measurement):
+    """Scene and speed of a measurement."""
     if measurement.exit_density_ratio is not None:
         scene = scene.replaced(**{"mix.density_ratio": measurement.exit_density_ratio})
-    mean = scene.motion.stroke / scene.motion.duration
-    return roll(scene, blend(scene), measurement.speed or mean, engine)
+    return scene, measurement.speed or scene.motion.stroke / scene.motion.duration
+
+
+def _column(scene, measurement):
+    """One contact of a scene as it was measured."""
+    scene, speed = _as_measured(scene, measurement)
+    return roll(scene, blend(scene), speed, "column")
+
+
+@dataclass(eq=False)
+class _FiniteElements:
+    """Contacts of one trial after the other by finite elements, each rolled on from the one before.
+
+    A layer of another height is rolled at the height of the first, under a roller as much larger: everything goes with
+    the height. The depth is that of the columns, for a density by as much off as the trials before have missed it.
+
+    options : of `compaction.roll`;  rolled : by measurement, the last contact, at its own height
+    before : by measurement, the same at the height of the first, the excess of exit density over that of its columns,
+    a mean that forgets, and the number of runs
+    """
+
+    options: dict
+    rolled: dict = field(default_factory=dict)
+    before: dict = field(default_factory=dict)
+
+    def __call__(self, scene, measurement):
+        from compact import compaction
+        from compact.column import feed
+
+        scene, speed = _as_measured(scene, measurement)
+        layer, roller, material = inputs(scene, blend(scene), "compaction", speed)
+        start, excess, runs = self.before.get(measurement, (None, 0.0, 0))
+        asked, height = scene.mix.density_ratio, layer.height if start is None else start.layer.height
+        fed, scale = feed(height, asked - excess, material, speed), height / layer.height
+        there = compaction.roll(
+            replace(layer, height=height),
+            replace(roller, radius=scale * roller.radius, indentation=height * fed.indentation / fed.height),
+            material,
+            speed,
+            start=start,
+            **{"steady": STEADY} | self.options,
+        )
+        found, share = there.exit_density_ratio - (asked - excess), max(FRESH, 2 / (2 + runs))
+        self.before[measurement] = there, excess + share * (found - excess), runs + 1
+        self.rolled[measurement] = replace(there, **{name: getattr(there, name) / scale for name in LENGTHS})
+        return self.rolled[measurement]
+
+
+def _refuse_prescribed(scene):
+    given = {} if scene.contact is None else scene.contact.model_dump(exclude={"speeds"}, exclude_none=True)
+    if given:
+        raise SceneError(
+            [f"contact.{name}: a calibration presses the product to its density; take {value:g} out of the scene"
+             for name, value in given.items()]
+        )  # fmt: skip
 
 
 def digest(calibration):
@@ -194,6 +282,12 @@ def digest(calibration):
     lines = ["measured"]
     for name, value, off in zip(calibration.names, calibration.measured, calibration.fit.misfit, strict=True):
         lines.append(f"  {name:<24}{value:>12.6g}  met to {abs(np.expm1(off)):.1e}")
+    runs = len(calibration.fit.history)
+    if runs:
+        ratios, scatter = np.exp(calibration.fit.correction.ratio), calibration.fit.scatter
+        lines.append(f"by {runs} runs of finite elements; over columns, and how far the last ones were off")
+        for name, ratio, off in zip(calibration.names, ratios, scatter, strict=True):
+            lines.append(f"  {name:<24}{ratio:>12.4f}  {off:.1e}")
     lines += ["calibrated", f"  {'heckel_slope':<24}{slope * 1e6:>12.4f} /MPa (one-dimensional)"]
     lines += [
         f"  {'fed_density_ratio':<24}{fed:>12.5f}",
@@ -223,5 +317,6 @@ def summary(calibration):
                 calibration.names, calibration.measured, calibration.fit.misfit, calibration.sensitivity.T, strict=True
             )
         ],
+        "runs": [{"unknowns": u, "misfit": misfit} for u, misfit in calibration.fit.history],
         "refits": [vars(refit) for refit in calibration.refits],
     }

@@ -223,7 +223,8 @@ def calibrate(
     /,
     *,
     fit: tuple[Literal["heckel_slope", "fed_density_ratio"], ...] = ("heckel_slope", "fed_density_ratio"),
-    engine: Literal["column"] = "column",
+    engine: Literal["column", "compaction"] = "column",
+    increments: int | None = None,
     out: Path | None = None,
     changes: Changes = (),
     quiet: Quiet = False,
@@ -237,7 +238,9 @@ def calibrate(
     fit
         what is fitted; at most as many as there are data
     engine
-        contact engine of every trial
+        contact engine of every trial: columns in a second, finite elements in minutes
+    increments
+        of travel per contact length, of finite elements; 6 are a part of the work of 12 and differ by 2 %
     out
         the JSON file; out/NAME OF THE SCENE-calibration.json unless given
     """
@@ -246,7 +249,8 @@ def calibrate(
     from compact.results import write_json
 
     readings = read(measured)
-    found = calibration.calibrate(_scene(scene, quiet, changes), readings, engine, fit)
+    options = {} if increments is None else {"increments": increments}
+    found = calibration.calibrate(_scene(scene, quiet, changes), readings, engine, fit, **options)
     path = out or Path("out") / f"{scene.stem}-calibration.json"
     write_json(path, calibration.summary(found))
     if not quiet:

@@ -11,12 +11,13 @@ Mass is counted in the height that grains and water fill, density ratio times he
 Several passes, and new mix on old, are columns on top of one another that share s_v and carry their state.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
 
-from compact.bed import PLATE, STRAINS, Column, bed_of
+from compact.bed import LONGEST, PLATE, STIFFEST, STRAINS, Column, bed_of
 from compact.confined import OWN, STRESS, Profile
 from compact.material import Compaction
 from compact.records import Rolled
@@ -26,13 +27,19 @@ __all__ = ["Column", "ColumnRolled", "Feed", "Oedometer", "feed", "oedometer", "
 
 RTOL = 1e-9  # error of a step of the integration, over the size of the whole pass
 LOOSER = 100.0  # times `rtol`: what this changes is the error that is reported, and `rtol` besides
-NEAR = 1e-12  # share of the deepest indentation within which the indentation wanted is found
+ROUGH = 1e-5  # `rtol` of a search, until what is wanted is met within it
+NEAR = 0.05  # share of `rtol` within which what is wanted is met; twice as much after each try, for other steps
+SEARCHED = 60  # passes of a search; 6 are usual
+PRESSED = 0.8  # of the deepest stress, a mean over the front that a search starts from
 RESISTED = 1e-3  # share of the load below which a resistance counts as none, theory.md 3.1
 
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnRolled(Rolled):
-    """A `Rolled` with what the columns know besides; its `work_residual` is rounding alone.
+    """A `Rolled` with what the columns know besides.
+
+    Its `error` is that of the arithmetic, what a looser integration changes: of the distance of columns to a layer in
+    two dimensions, or of the mix to its law, it tells nothing. Its `work_residual` is rounding alone.
 
     indentation : of the lowest generatrix below the height before the pass [m]
     exit_height : after the rebound [m];  exit_density_ratio : k then, mean over this height
@@ -114,11 +121,13 @@ def roll_over(columns, roller, material, speed, *, exit_density_ratio=None, stra
     refuse_unknown("strain", strain, STRAINS)
     refuse_nonpositive(rtol=rtol)
     there = bed_of(columns, material, material.rate_factor(speed), _profile(roller), STRAINS[strain])
+    _refuse_stiffer(there, material)
     if exit_density_ratio is None:
-        indentation, searched = _indentation(there, roller, rtol)
+        passage, searched = _pressed(there, roller, rtol)
     else:
-        indentation, searched = _depth_leaving(there, exit_density_ratio, rtol)
-    passage, looser = there.passed(indentation, rtol), there.passed(indentation, LOOSER * rtol)
+        flat, searched = _leaving(there, exit_density_ratio, rtol)
+        passage = there.passed(flat.indentation, rtol, LONGEST)
+    looser = there.passed(passage.indentation, LOOSER * rtol)
     return _rolled(passage, looser, rtol, np.sign(speed), searched)
 
 
@@ -131,19 +140,11 @@ def feed(height, exit_density_ratio, material, speed, *, rtol=RTOL):
     _refuse_other_materials(material)
     fed = Column(1.0, material.fed_density_ratio)
     there = bed_of((fed,), material, material.rate_factor(speed), PLATE, STRAINS["logarithmic"])
+    _refuse_stiffer(there, material)
 
-    def left(depth):
-        return there.passed(depth, rtol).columns[0] if depth else fed
-
-    densest = left(there.deepest).density_ratio
-    if not fed.density_ratio < exit_density_ratio < densest:
-        raise ValueError(
-            f"`exit_density_ratio` must lie between {fed.density_ratio:.6g}, as fed, and {densest:.6g}, left by a pass "
-            f"that shuts all pores, got {exit_density_ratio!r}"
-        )
-    depth = brentq(lambda depth: left(depth).density_ratio - exit_density_ratio, 0, there.deepest, xtol=NEAR)
-    scale = height / left(depth).height
-    return Feed(height=scale, indentation=scale * depth)
+    passage, _ = _leaving(there, exit_density_ratio, rtol)
+    scale = height / passage.columns[0].height
+    return Feed(height=scale, indentation=scale * passage.indentation)
 
 
 def oedometer(material, pressure, *, rate_factor=1.0, rtol=RTOL):
@@ -162,6 +163,7 @@ def oedometer(material, pressure, *, rate_factor=1.0, rtol=RTOL):
     refuse_negative(pressure=pressure)
     refuse_nonpositive(rate_factor=rate_factor, rtol=rtol)
     there = bed_of((Column(1.0, material.fed_density_ratio),), material, rate_factor, PLATE, STRAINS["logarithmic"])
+    _refuse_stiffer(there, material)
     y, scale, rows = there.rest, there.scale(there.deepest, rtol), []
     for stress in pressure.tolist():
         way = -1.0 if stress > y[STRESS] else 1.0
@@ -177,54 +179,107 @@ def _profile(roller):
     return Profile(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
 
 
-def _indentation(there, roller, rtol):
-    """Indentation [m] that meets what the roller prescribes, and the evaluations spent in search of it."""
-    if roller.indentation is not None:
-        _refuse_beyond_pores(there, "indentation", roller.indentation, there.deepest)
-        return roller.indentation, 0
-    if roller.peak_pressure is not None:
-        plate, y = replace(there, profile=PLATE), there.rest
-        scale = there.scale(there.deepest, rtol)
-        path, _, spent = plate.travelled(there.deepest, 0.0, y, float(roller.peak_pressure), scale)
-        if path[-1, 0] == 0:
-            _refuse_beyond_pores(there, "peak_pressure", roller.peak_pressure, path[-1, 1])
-        return there.deepest - path[-1, 0], spent
-
-    spent = []
-
-    def miss(depth):
-        if depth == 0:
-            return -roller.load
-        passage = there.passed(depth, rtol)
-        spent.append(passage.evaluations)
-        return passage.load - roller.load
-
-    _refuse_beyond_pores(there, "load", roller.load, miss(there.deepest) + roller.load)
-    return brentq(miss, 0, there.deepest, xtol=NEAR * there.deepest), sum(spent)
+def _pressed(there, roller, rtol):
+    """The `Passage` that meets what the roller prescribes, and the evaluations spent in search of it."""
+    name, value = roller.target
+    if name == "load":
+        return _loaded(there, value, rtol)
+    depth, spent = (value, 0) if name == "indentation" else _depth_of_peak(there, value, rtol)
+    _refuse_beyond_pores(there, "indentation", depth, there.deepest)
+    return there.passed(depth, rtol, LONGEST), spent
 
 
-def _depth_leaving(there, density_ratio, rtol):
-    """Indentation [m] that leaves a mean density ratio, whatever the profile, and the evaluations spent on it."""
-    plate, loosest, spent = replace(there, profile=PLATE), there.solid / there.height, []
+def _depth_of_peak(there, pressure, rtol):
+    """Indentation [m] at which the stress under the lowest generatrix is a peak pressure [Pa], and evaluations."""
+    plate, scale = replace(there, profile=PLATE), there.scale(there.deepest, rtol)
+    path, _, spent = plate.travelled(there.deepest, 0.0, there.rest, float(pressure), scale)
+    if path[-1, 0] == 0:
+        _refuse_beyond_pores(there, "peak_pressure", pressure, path[-1, 1])
+    return there.deepest - path[-1, 0], spent
 
-    def miss(depth):
-        passage = plate.passed(depth, rtol)
-        spent.append(passage.evaluations)
-        return _mean_density(passage.columns) - density_ratio
 
-    densest = miss(there.deepest) + density_ratio
-    if not loosest < density_ratio < densest:
+def _loaded(there, load, rtol):
+    """The `Passage` under a load [N/m], and the evaluations spent in search of it."""
+
+    def about(depth):
+        return PRESSED * there.stress(depth) * there.edge(depth) - load
+
+    start = brentq(about, 0, there.deepest, rtol=0.1) if about(there.deepest) > 0 else there.deepest
+    passage, spent = _met(there, lambda passage: math.log(passage.load / load), start, 1.0, rtol, LONGEST)
+    if passage.indentation == there.deepest:
+        _refuse_beyond_pores(there, "load", load, there.passed(there.deepest, rtol).load)
+    return passage, spent
+
+
+def _met(there, miss, start, slope, rtol, longest):
+    """The `Passage` whose `miss` is 0, or the deepest one, and the evaluations spent besides.
+
+    miss : of a passage, relative, rising with its indentation [m];  start : a guess;  slope : d miss/d ln indentation
+
+    Inverse interpolation of ln indentation through the last three passes, rough ones first: what a finer integration
+    adds to one of them, it adds to all.
+    """
+    top, tolerance, near, spent = math.log(there.deepest), max(ROUGH, rtol), NEAR * rtol, 0
+    low, high, x, tried = -math.inf, top, min(math.log(start), top), []
+    for _ in range(SEARCHED):
+        passage = there.passed(min(math.exp(x), there.deepest), tolerance, longest if tolerance == rtol else math.inf)
+        off = miss(passage)
+        if tried and tried[-1][0] == x:  # the same pass, finer
+            tried = [(place, other + off - tried[-1][1]) for place, other in tried]
+        else:
+            tried = [*tried[-2:], (x, off)]
+        out_of_reach = x == top and off < 0
+        if tolerance == rtol and (abs(off) <= near or out_of_reach):
+            return passage, spent
+        spent += passage.evaluations
+        if tolerance > rtol and (abs(off) <= tolerance or out_of_reach):
+            low, high, tolerance = -math.inf, top, rtol
+            continue
+        near *= 2 if tolerance == rtol else 1
+        low, high = (x, high) if off < 0 else (low, x)
+        x = _interpolated(tried) if len(tried) > 1 else min(x - off / slope, top)
+        if not low < x < high and x != top:
+            x = (low + high) / 2 if low > -math.inf else high - 1
+    raise RuntimeError(
+        f"no indentation found in {SEARCHED} passes; the last missed by {off:.1e} at {math.exp(x):.6g} m"
+    )
+
+
+def _interpolated(tried):
+    """Place at which a parabola through (place, miss) on its side has no miss; a line through two."""
+    shares = [math.prod(b / (b - a) for _, b in tried if b != a) for _, a in tried]
+    return sum(share * place for share, (place, _) in zip(shares, tried, strict=True))
+
+
+def _refuse_stiffer(there, material):
+    """The stress of a stiff mix settles in ever shorter steps."""
+    if not there.settling < STIFFEST:
+        limit = material.unloading_modulus * STIFFEST / there.settling
         raise ValueError(
-            f"`exit_density_ratio` must lie between {loosest:.6g}, before the pass, and {densest:.6g}, left by a pass "
-            f"as deep as can be, got {density_ratio!r}"
+            f"`unloading_modulus` must be less than {limit:.3g} Pa for this mix in columns, got "
+            f"{material.unloading_modulus!r}: it is rigid beside its yield limit; take a tenth of that, the resistance "
+            "differs by less than 1e-3"
         )
-    nominal = there.height * (1 - loosest / density_ratio)  # left without a rebound
-    return brentq(miss, nominal, there.deepest, xtol=NEAR * there.deepest), sum(spent)
 
 
-def _mean_density(columns):
-    """Density ratio of `Column`s on top of one another, mean over their height."""
-    return sum(column.density_ratio * column.height for column in columns) / sum(column.height for column in columns)
+def _leaving(there, wanted, rtol):
+    """The `Passage` of a plate, whatever the profile, that leaves a mean density ratio, and the evaluations besides."""
+    plate, loosest = replace(there, profile=PLATE), there.solid / there.height
+
+    def miss(passage):
+        return (passage.density_ratio - wanted) / (wanted - loosest)
+
+    if loosest < wanted < 1:
+        nominal = there.height * (1 - loosest / wanted)  # left without a rebound
+        rebound = (there.height - nominal) * there.stress(nominal) / there.elastic
+        passage, spent = _met(plate, miss, nominal + rebound, 1.0, rtol, np.inf)
+        if passage.indentation < there.deepest:
+            return passage, spent
+    densest = plate.passed(there.deepest, rtol).density_ratio
+    raise ValueError(
+        f"`exit_density_ratio` must lie between {loosest:.6g}, before the pass, and {densest:.6g}, left by a pass "
+        f"that shuts all pores, got {wanted!r}"
+    )
 
 
 def _refuse_beyond_pores(there, name, value, limit):
@@ -259,7 +314,7 @@ def _rolled(passage, looser, rtol, direction, searched):
         peak_pressure=passage.peak_pressure,
         indentation=float(passage.indentation),
         exit_height=sum(column.height for column in columns),
-        exit_density_ratio=_mean_density(columns),
+        exit_density_ratio=passage.density_ratio,
         columns=columns,
         plastic_work=plastic,
         mass_residual=passage.mass_residual,

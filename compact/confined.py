@@ -31,8 +31,10 @@ STAGES, ORDER = 12, 8
 A, C = np.vstack([DOP853.A, DOP853.B]), np.append(DOP853.C, 1.0)  # the last row is the step itself
 E3, E5 = DOP853.E3.copy(), DOP853.E5.copy()
 FIRST = 1 / 64  # share of the way that a first step may take
-STEPS = 20_000  # 50 are usual; a mix a thousand times stiffer to unload takes a thousand times as many
+STEPS = 40_000  # 50 are usual; a mix a thousand times stiffer to unload takes a thousand times as many
 SAFETY, SLOWEST, FASTEST = 0.9, 0.2, 10.0  # of the step control
+ROWS = 128  # of a path at first; room for all steps would cost more than most of them
+POINTS = 16  # of the trapezoids of `settling`, dense where pc may rise from next to nothing
 CUTS = 60  # of a step that meets a yield; 5 are usual
 MET = 1e-4  # share of the error allowed of s_v by which the end of a cut step may miss
 
@@ -71,15 +73,15 @@ def travel(law, stack, profile, measure, x, x_to, y, stress_to, scale, longest):
     hardened, yielding, stops = stack.hardened.copy(), np.zeros(n, np.bool_), np.empty(n)
     for i in range(n):
         stops[i] = _yield_stress(law, measure, stack, y, i, way)
-    path, counts = np.empty((STEPS, len(y) + 1)), np.zeros(2, np.int64)
-    _write(path, 0, x, y)
+    path, counts = np.empty((ROWS, len(y) + 1)), np.zeros(2, np.int64)
+    path = _written(path, 0, x, y)
     column = (law, stack, hardened, profile, measure, yielding)
     while True:
         next_one, stop = n, stress_to
         for i in range(n):
             if way * (stop - stops[i]) > 0:
                 next_one, stop = i, stops[i]
-        reached = _follow(path, counts, x_to, stop, way, longest, column, scale)
+        reached, path = _follow(path, counts, x_to, stop, way, longest, column, scale)
         if next_one == n or not reached or path[counts[0], 0] == x_to:
             return reached, path[: counts[0] + 1], hardened, counts[1]
         stops[next_one] = way * np.inf
@@ -90,7 +92,7 @@ def travel(law, stack, profile, measure, x, x_to, y, stress_to, scale, longest):
 
 @compiled
 def _follow(path, counts, x_to, stop, way, longest, column, scale):
-    """Steps added to the path, counted with the evaluations, until s_v is `stop` or x is x_to; False if too many."""
+    """Whether s_v comes to `stop` or x to x_to, and the path with the steps until then; counted with evaluations."""
     law, stack, hardened, _, measure, _ = column
     x, y = path[counts[0], 0], path[counts[0], 1:].copy()
     z, K = np.empty(len(y)), np.empty((STAGES + 1, len(y)))
@@ -98,7 +100,7 @@ def _follow(path, counts, x_to, stop, way, longest, column, scale):
     step = (x_to - x) * FIRST
     while x != x_to and way * (stop - y[STRESS]) > 0:
         if counts[0] + 1 == STEPS:
-            return False
+            return False, path
         step = np.sign(step) * min(abs(step), abs(x_to - x), longest)
         error = _step(x, step, y, z, K, column, scale)
         counts[1] += STAGES
@@ -115,17 +117,26 @@ def _follow(path, counts, x_to, stop, way, longest, column, scale):
                     k = _density_ratio(measure, stack.density_ratio[i], y[OWN + 2 * i + 1])
                     hardened[i] = max(hardened[i], k)
             counts[0] += 1
-            _write(path, counts[0], x, y)
+            path = _written(path, counts[0], x, y)
         step *= min(FASTEST, max(SLOWEST, SAFETY * max(error, 1e-20) ** (-1 / ORDER)))
-    return True
+    return True, path
 
 
 @compiled
-def _write(path, row, x, y):
-    """One by one: an assignment of slices costs seconds of compiling."""
+def _written(path, row, x, y):
+    """The path with one more row, twice as long where it was full.
+
+    One by one: an assignment of slices costs seconds of compiling.
+    """
+    if row == len(path):
+        full, path = path, np.empty((2 * row, len(y) + 1))
+        for i in range(row):
+            for m in range(len(y) + 1):
+                path[i, m] = full[i, m]
     path[row, 0] = x
     for m in range(len(y)):
         path[row, m + 1] = y[m]
+    return path
 
 
 @compiled
@@ -133,10 +144,12 @@ def _step(x, step, y, z, K, column, scale):
     """One step of Dormand and Prince from y, with K[0] there, to z, with K[STAGES] there; its error over `scale`."""
     for stage in range(1, STAGES + 1):
         for m in range(len(y)):
-            total = 0.0
-            for before in range(stage):
-                total += A[stage, before] * K[before, m]
-            z[m] = y[m] + step * total
+            z[m] = y[m]
+        for before in range(stage):
+            share = step * A[stage, before]
+            if share != 0:  # half of them are
+                for m in range(len(y)):
+                    z[m] += share * K[before, m]
         _rates(x + C[stage] * step, z, K[stage], column)
     third, fifth = 0.0, 0.0
     for m in range(len(y)):
@@ -190,6 +203,25 @@ def _rates(x, y, out, column):
     out[PLASTIC], out[ELASTIC] = yielded * rate, stored * rate
     for m in range(OWN, len(y)):
         out[m] *= rate
+
+
+@compiled
+def settling(law, k):
+    """Powers of e by which p of a given s_v settles on the way from the density ratio k to 1.
+
+        int 4 G A (1 + 9/(4 M^2))/(g B (pc + pt)) dV,    A = s_v/pc, B = (p + pt)/(pc + pt) of the rigid-plastic column
+
+    where b = 0: the slope of dp/ds_v by p, times ds_v = A H dV. An explicit step can take some six.
+    """
+    M2, total, before, rate_before = law.M**2, 0.0, k, 0.0
+    root = np.sqrt(9 + 4 * M2)
+    share = (1 + root / 3) / (1 + 3 / root)
+    for point in range(POINTS + 1):
+        ratio = k + (1 - k) * (point / POINTS) ** 3
+        rate = 1 / (hardening(law, ratio)[0] + law.pt)
+        total += (rate + rate_before) / 2 * np.log(ratio / before)
+        before, rate_before = ratio, rate
+    return 4 * law.G * share * (1 + 9 / (4 * M2)) / (1.5 + 2 * law.G / law.K) * total
 
 
 @compiled

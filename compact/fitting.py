@@ -2,19 +2,24 @@
 
     minimise |ln(predicted(u)/measured)|^2 over u
 
-A dear model D is not differentiated: the cheap one C is fitted to measured C/D, D is asked there, and so on until the
-two have moved together (output space mapping; Bandler et al., IEEE Trans. MTT 52 (2004) 337). Where C has the slopes of
-D in proportion, a few runs of D are enough; a model that is its own cheap one needs one.
+A dear model D is not differentiated: the cheap one C is fitted to measured C/D, D is asked there, and so on until it
+says what the corrected C foretold (output space mapping; Bandler et al., IEEE Trans. MTT 52 (2004) 337). The correction
+r = ln D/C varies with u, r + B (u - u_last), B by Broyden's rule from the answers of D; near to one another they are
+averaged, since D may tremble. Where D fails to answer it is asked half-way back to where it did, and never more than a
+leap away from there.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
 SLOPE_STEP = 1e-4  # of the unknowns, which are logs, for differences of the cheap model, which is smooth to 1e-8
 FITTED = 1e-10  # relative change of the unknowns at which the cheap model is fitted
-RUNS = 12  # of the dear model
+RUNS = 24  # of the dear model
+SHAKEN = 0.05  # change of the unknowns that teaches half of a slope: dear models are shaken by some 1e-3
+FRESH = 1 / 3  # weight of the last answer in the mean of those near by
+LEAP = 0.5  # change of the unknowns between two runs that the correction varies with, halved where a run has failed
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,17 +27,22 @@ class Fit:
     """Unknowns u, shape (m,), and what the model says there.
 
     predicted : of the data, shape (n,);  misfit : ln(predicted/measured), shape (n,)
-    slopes : d ln predicted/du by the cheap model, shape (n, m)
-    correction : ln of the dear model over the cheap one, shape (n,), zero where they are one
-    history : misfits of each run of the dear model
+    slopes : d ln predicted/du, shape (n, m), of the cheap model as corrected
+    correction : the `Correction` of the cheap model, None where there is no dear one
+    history : (u, ln(predicted/measured)) of each run of the dear model, the latter nan where it failed
     """
 
     unknowns: np.ndarray
     predicted: np.ndarray
     misfit: np.ndarray
     slopes: np.ndarray
-    correction: np.ndarray
+    correction: object = None
     history: tuple = ()
+
+    @property
+    def scatter(self):
+        """Largest |ln(predicted/measured)| of the runs of the dear model near u, shape (n,): how much it trembles."""
+        return np.nanmax(np.abs([misfit for _, misfit in self.history[-max(self.correction.near, 1) :]]), axis=0)
 
     @property
     def sensitivity(self):
@@ -40,12 +50,43 @@ class Fit:
         return np.linalg.pinv(self.slopes)
 
 
-def fit(cheap, measured, start, dear=None, tolerance=1e-3, correction=0.0):
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """ln of the dear model over the cheap one, r + B (u - at): shapes (n,), (n, m), (m,).
+
+    varies : 1 or 0, shape (m,), whether r may vary with an unknown;  near : runs in a row after a short way
+    """
+
+    ratio: np.ndarray
+    slope: np.ndarray
+    at: np.ndarray
+    varies: np.ndarray
+    near: int = 0
+
+    def __call__(self, u):
+        return self.ratio + self.slope @ (np.asarray(u) - self.at)
+
+    def renewed(self, ratio, u):
+        """The correction where `ratio` has been found at u.
+
+        After a long way the ratio is believed; after a short one it is averaged, and teaches little of the slope.
+        """
+        way, missed = self.varies * (u - self.at), ratio - self(u)
+        share = way @ way / (way @ way + SHAKEN**2)
+        near = self.near + 1 if share < 0.5 else 0
+        believed = self(u) + max(share, FRESH, 1 / max(near, 1)) * missed
+        change = np.outer(missed, way) / (way @ way + SHAKEN**2)
+        return replace(self, ratio=believed, slope=self.slope + change, at=u, near=near)
+
+
+def fit(cheap, measured, start, dear=None, tolerance=1e-3, correction=None, varies=None):
     """The `Fit` of u to measured numbers.
 
-    cheap, dear : callables u -> predictions > 0, shape (n,);  measured : shape (n,), > 0;  start : u, shape (m,)
-    tolerance : change of the correction at which the dear model counts as met
-    correction : ln of dear over cheap to start from, or to keep where there is no `dear`
+    cheap, dear : callables u -> predictions > 0, shape (n,);  measured : shape (n,), > 0
+    start : u, shape (m,), where a dear model is asked first
+    tolerance : of what the corrected cheap model foretold, at which the dear one counts as met
+    correction : `Correction` to keep where there is no `dear`
+    varies : of each unknown, whether the two models come apart as it changes; all unless given
 
     Raises ValueError for more unknowns than data or data that do not tell the unknowns apart; RuntimeError with the
     history if the two models do not come to agree.
@@ -57,25 +98,49 @@ def fit(cheap, measured, start, dear=None, tolerance=1e-3, correction=0.0):
     measured, start = np.asarray(measured, dtype=float), np.asarray(start, dtype=float)
     if start.size > measured.size:
         raise ValueError(f"{start.size} unknowns cannot be told from {measured.size} data; measure more or fit less")
-    correction, history = np.zeros(measured.size) + correction, []
+    if dear is not None:
+        return _mapped(cheap, measured, start, dear, tolerance, np.ones(start.size) if varies is None else varies)
+    u, slopes, predicted = _fitted(cheap, measured, start, correction)
+    return Fit(u, predicted, np.log(predicted / measured), slopes, correction)
+
+
+def _mapped(cheap, measured, start, dear, tolerance, varies):
+    """The `Fit` of the dear model."""
+    u, last, leap, settled, correction, history = start, None, LEAP, False, None, []
     for _ in range(RUNS):
-        u, slopes, predicted = _fitted(cheap, measured * np.exp(-correction), start)
-        if dear is None:
-            return Fit(u, predicted * np.exp(correction), np.log(predicted / measured) + correction, slopes, correction)
-        there = np.asarray(dear(u), dtype=float)
-        renewed = np.log(there / predicted)
-        history.append(np.log(there / measured).tolist())
-        if np.abs(renewed - correction).max() <= tolerance:
-            return Fit(u, there, np.log(there / measured), slopes, renewed, tuple(history))
-        correction, start = renewed, u
-    raise RuntimeError(f"the calibration did not settle in {RUNS} runs: ln(predicted/measured) were {history}")
+        try:
+            there = np.asarray(dear(u), dtype=float)
+        except RuntimeError as error:
+            history.append((u.tolist(), [np.nan] * measured.size))
+            if last is None:
+                raise RuntimeError(f"the calibration cannot start where it was told to: {error}") from error
+            u, leap, settled = (u + last) / 2, leap / 2, False
+            continue
+        history.append((u.tolist(), np.log(there / measured).tolist()))
+        ratio, last = np.log(there / np.asarray(cheap(u))), u
+        met = settled and np.abs(ratio - correction(u)).max() <= tolerance
+        if correction is None:  # nothing was foretold
+            correction = Correction(ratio, np.zeros((ratio.size, u.size)), u, np.array(varies, dtype=float))
+        correction = correction.renewed(ratio, u)
+        aim, slopes, _ = _fitted(cheap, measured, u, correction)
+        if met:
+            return Fit(u, there, np.log(there / measured), slopes, correction, tuple(history))
+        u, settled = _leapt(u, aim, leap, correction.varies)
+    raise RuntimeError(f"the calibration did not settle in {RUNS} runs: u and ln(predicted/measured) were {history}")
 
 
-def _fitted(cheap, measured, start):
-    """u of the least squares, slopes and predictions there."""
+def _leapt(u, aim, leap, varies):
+    """The next u on the way to an aim, and whether it is there."""
+    longest = np.abs((aim - u) * varies).max()
+    return (aim, True) if longest <= leap else (u + (aim - u) * leap / longest, False)
+
+
+def _fitted(cheap, measured, start, correction=None):
+    """u of the least squares, slopes and predictions there, of the cheap model as corrected."""
 
     def misfit(u):
-        return np.log(np.asarray(cheap(u)) / measured)
+        there = np.log(np.asarray(cheap(u)) / measured)
+        return there if correction is None else there + correction(u)
 
     def slopes(u):
         steps = SLOPE_STEP * np.eye(u.size)

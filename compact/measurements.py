@@ -14,7 +14,7 @@ A CSV has one measurement a row under the same names, and for a band the columns
 import csv
 import math
 import tomllib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 FITTED = ("load", "resistance", "resistance_coefficient")  # what a fit meets
@@ -57,6 +57,17 @@ class Measured:
 
     measurements: tuple[Measurement, ...]
     assumptions: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    def moved(self, name, value):
+        """The same with the datum `name` of every measurement that has it at another value, and its band as it was."""
+        return replace(self, measurements=tuple(_moved(m, name, value) for m in self.measurements))
+
+
+def _moved(measurement, name, value):
+    band = getattr(measurement, name)
+    if band is None:
+        return measurement
+    return replace(measurement, **{name: Band(value, min(band.low, value), max(band.high, value))})
 
 
 def read(path):

@@ -5,7 +5,8 @@ import numpy as np
 
 def _refuse_unless(holds, rule, quantities):
     for name, value in quantities.items():
-        if not np.all(holds(np.asarray(value))):  # a comparison with nan is false, so nan is refused too
+        # a comparison with nan is false, so nan is refused too; numbers are many, and arrays of them slow
+        if not (holds(value) if isinstance(value, float) else np.all(holds(np.asarray(value)))):
             raise ValueError(f"`{name}` must be {rule}, got {shown(value, holds)}")
 
 

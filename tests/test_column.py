@@ -10,7 +10,9 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, root
 
 from compact import cap
+from compact.bed import PLATE, STIFFEST, bed_of
 from compact.column import Column, feed, oedometer, roll, roll_over
+from compact.confined import LOGARITHMIC
 from compact.material import Compaction, Elastic
 from compact.mix import prior
 from compact.passes import Pass, passes
@@ -101,6 +103,25 @@ def test_stiff_mix_tends_to_the_rigid_plastic_resistance_by_the_first_power():
     resistance = np.array([rolled(mix(unloading_modulus=E)).resistance for E in moduli])
     assert np.polyfit(np.log(moduli), np.log(abs(resistance - limit)), 1)[0] == pytest.approx(-1, abs=0.02)
     assert 2 * resistance[-1] - resistance[-2] == pytest.approx(limit, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"poisson": 0.0}, {"critical_slope": 0.3}, {"tensile_strength": 0.0}, {"fed_density_ratio": 0.73}],
+    ids=str,
+)
+def test_stress_of_a_stiff_mix_settles_as_its_rate_equations_say(changes):
+    """A step of Dormand and Prince of order 8 is stable over six powers of e."""
+    material = mix(**{"unloading_modulus": 1e10} | changes)
+    there = bed_of((Column(1.0, material.fed_density_ratio),), material, 1.0, PLATE, LOGARITHMIC)
+    steps = len(there.passed(there.deepest, 1e-7).down)
+    assert steps == pytest.approx(there.settling / 6, rel=0.2)
+
+
+def test_stiffest_mix_taken_is_the_rigid_plastic_one():
+    there = bed_of((Column(1.0, FED),), MIX, 1.0, PLATE, LOGARITHMIC)
+    stiffest = mix(unloading_modulus=0.999 * MIX.unloading_modulus * STIFFEST / there.settling)
+    assert rolled(stiffest).resistance == pytest.approx(rigid_resistance(MIX, FED_HEIGHT, HEIGHT), rel=3e-5)
 
 
 @pytest.mark.parametrize("slope", [1.0, 1.2, 1.42])
@@ -603,9 +624,21 @@ def test_impossible_demands_are_refused_and_no_others(count):
 
 
 def test_a_pass_takes_so_many_evaluations():
-    assert rolled().evaluations < 2000  # below a millisecond
-    assert rolled(roller=Roller(R, peak_pressure=203e3, profile="circle")).evaluations < 3000
-    assert rolled(roller=Roller(R, load=8367.7, profile="circle")).evaluations < 15_000
+    """2000 take half a millisecond."""
+    assert rolled().evaluations < 1600
+    assert rolled(roller=Roller(R, peak_pressure=203e3, profile="circle")).evaluations < 2200
+    assert rolled(roller=Roller(R, load=8367.7, profile="circle")).evaluations < 4000
+
+
+@pytest.mark.parametrize("count", [40])
+def test_search_for_a_load_takes_few_passes(count):
+    spent = []
+    for layer, roller, material in random_scenes(count, seed=1):
+        contact = roll(layer, roller, material, SPEED)
+        found = roll(layer, replace(roller, indentation=None, load=contact.load), material, SPEED)
+        spent.append((found.evaluations - contact.evaluations) / contact.evaluations)
+    assert np.mean(spent) < 2  # in passes and their error; 6 by Brent's method
+    assert max(spent) < 4
 
 
 # refusals
@@ -669,14 +702,23 @@ def test_demand_is_refused(layer, roller, material, speed, message):
     [
         (
             lambda: feed(HEIGHT, 1.0, MIX, SPEED),
-            "`exit_density_ratio` must lie between 0.94, as fed, and 0.99.*got 1.0",
+            "`exit_density_ratio` must lie between 0.94, before the pass, and 0.99.*got 1.0",
         ),
-        (lambda: feed(HEIGHT, 0.93, MIX, SPEED), "`exit_density_ratio` must lie between 0.94, as fed, and .*got 0.93"),
+        (
+            lambda: feed(HEIGHT, 0.93, MIX, SPEED),
+            "`exit_density_ratio` must lie between 0.94, before the pass, and .*got 0.93",
+        ),
         (lambda: feed(-1.0, 0.98, MIX, SPEED), "`height` must be positive and finite, got -1.0"),
         (lambda: oedometer(MIX, -1.0), "`pressure` must be zero or positive, and finite, got .*-1.0"),
         (lambda: oedometer(MIX, [1e5, 1e7]), "`pressure` must leave pores open, got 10000000.0 Pa, which shuts them"),
         (lambda: oedometer(MIX, 1e5, rate_factor=0), "`rate_factor` must be positive and finite, got 0"),
         (lambda: rolled(strain="engineering"), "no strain 'engineering'; choose from logarithmic, small, mass-true"),
+        (
+            lambda: rolled(mix(unloading_modulus=1e12)),
+            r"`unloading_modulus` must be less than 2.91e\+11 Pa .* got 1000000",
+        ),
+        (lambda: feed(HEIGHT, 0.98, mix(unloading_modulus=1e12), SPEED), "`unloading_modulus` must be less than"),
+        (lambda: oedometer(mix(unloading_modulus=1e12), 1e5), "`unloading_modulus` must be less than"),
         (lambda: rolled(rtol=0.0), "`rtol` must be positive and finite, got 0.0"),
         (lambda: Column(0.2, 1.0), "`density_ratio` must be below 1, got 1.0"),
         (lambda: Column(0.0, 0.9), "`height` must be positive and finite, got 0.0"),
@@ -693,7 +735,7 @@ def test_wrong_input_is_refused(demand, message):
 
 
 def test_endless_integration_tells_how_far_it_came():
-    with pytest.raises(
-        RuntimeError, match=r"the integration stopped after 20000 steps at x 0\.\d+ m on the way from 0.04"
-    ):
-        rolled(mix(unloading_modulus=1e13))
+    """Behind the door that refuses it."""
+    stiff = bed_of((Column(1.0, FED),), mix(unloading_modulus=1e13), 1.0, PLATE, LOGARITHMIC)
+    with pytest.raises(RuntimeError, match=r"the integration stopped after 40000 steps at x 0\.\d+ m on the way"):
+        stiff.passed(0.05, 1e-9)

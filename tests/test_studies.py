@@ -5,6 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from compact.calibrate import calibrate
+from compact.measurements import read
+
+MEASURED = "loveikin-2015-measured.toml"
 STUDIES = Path(__file__).parent.parent / "studies"
 
 
@@ -76,8 +80,9 @@ def test_figure_of_the_formulas_is_drawn(tmp_path):
     assert len((tmp_path / "formula_against_fem.csv").read_text().splitlines()) == 1 + 2 * 4
 
 
-def test_operating_point_needs_compaction():
-    before, after = study("operating_point").main(engines=("column",))
+def test_operating_point_needs_compaction(capsys, tmp_path):
+    module = study("operating_point")
+    before, after, fits = result = module.main(engines=("column",), out=tmp_path)
     (_, _, _, load, coefficient, cart, *_), (_, slope, fed, *_) = before
     assert (load, coefficient, cart) == pytest.approx((9740, 0.178961, 3562), rel=1e-4)  # eq 1.8 is fitted to it
     assert (slope, fed) == pytest.approx((13e-6, 0.94))
@@ -85,6 +90,29 @@ def test_operating_point_needs_compaction():
     assert (load, coefficient) == pytest.approx((9740, 0.179), rel=1e-6)
     assert cart == pytest.approx(2 * 9740 * 0.179 + 0.008 * 9480, rel=1e-6)
     assert (slope, fed) == pytest.approx((13.995e-6, 0.93444), rel=1e-4)
+    length = module.length_for(fits["column"], 13e-6)
+    shorter = calibrate(
+        fits["column"].scene.replaced(**{"machine.roller_length": length}), read(module.SCENES / MEASURED)
+    )
+    assert shorter.heckel_slope == pytest.approx(13e-6, rel=0.02)  # between two lengths, by a straight line in logs
+    module.show(result)
+    assert "the prior's K_H 13/MPa asks for a roller of 1.07 m" in capsys.readouterr().out
+    assert (tmp_path / "operating_point.png").stat().st_size > 10_000
+
+
+def test_operating_point_tells_what_was_not_calibrated(monkeypatch):
+    def not_steady(*arguments, **options):
+        raise RuntimeError("not steady at depth 0.002 m")
+
+    monkeypatch.setattr("compact.compaction.roll", not_steady)
+    variants = {"strong": ({"mix.overrides.friction_angle": 40.0}, 0.219)}
+    with pytest.warns(UserWarning, match="not calibrated") as told:
+        _, after, _ = study("operating_point").main(engines=("column", "compaction"), variants=variants)
+    assert [row[0] for row in after] == ["column"]
+    assert [str(one.message).split(": the calibration")[0] for one in told] == [
+        "compaction: not calibrated",
+        "compaction, strong: not calibrated",
+    ]
 
 
 def test_lifts_share_the_resistance_of_one_pass(capsys, tmp_path):
