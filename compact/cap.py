@@ -171,32 +171,41 @@ def hardening(law, k):
 def _sweep(law, stress, density_ratio, hardened, work, strain, new_stress, new_numbers, slopes):
     """Each point in turn; the first that failed, or -1."""
     for i in range(len(strain)):
-        # elastic trial
-        exx, eyy, gamma = strain[i, 0], strain[i, 1], strain[i, 2]
-        third = (exx + eyy) / 3
-        mean = (stress[i, 0] + stress[i, 1] + stress[i, 2]) / 3
-        p = -mean - 3 * law.K * third
-        sxx = stress[i, 0] - mean + 2 * law.G * (exx - third)
-        syy = stress[i, 1] - mean + 2 * law.G * (eyy - third)
-        szz = stress[i, 2] - mean - 2 * law.G * third
-        sxy = stress[i, 3] + law.G * gamma
-        q = np.sqrt(1.5 * (sxx * sxx + syy * syy + szz * szz + 2 * sxy * sxy))
-        memory = hardened[i] if law.flat else density_ratio[i]
-
-        attempts, p, shrink, k, memory, dissipated, slope = returned(law, p, q, density_ratio[i], memory)
-        if attempts > ATTEMPTS or not np.isfinite(p + k + dissipated):
+        before = (stress[i, 0], stress[i, 1], stress[i, 2], stress[i, 3], density_ratio[i], hardened[i])
+        closed, after, dissipated, slope, (sxx, syy, sxy) = stepped(
+            law, before, strain[i, 0], strain[i, 1], strain[i, 2]
+        )
+        if not closed:
             return i
-        sxx, syy, szz, sxy = shrink * sxx, shrink * syy, shrink * szz, shrink * sxy
-        new_stress[i, 0] = sxx - p
-        new_stress[i, 1] = syy - p
-        new_stress[i, 2] = szz - p
-        new_stress[i, 3] = sxy
-        new_numbers[0, i] = k
-        new_numbers[1, i] = memory
+        for k in range(4):
+            new_stress[i, k] = after[k]
+        new_numbers[0, i] = after[4]
+        new_numbers[1, i] = after[5]
         new_numbers[2, i] = work[i] + dissipated
         if len(slopes):
             _tangent(slopes[i], slope, sxx, syy, sxy)
     return -1
+
+
+@_compiled
+def stepped(law, before, exx, eyy, gamma):
+    """One point: closed or not, (xx, yy, zz, xy, k, hardened) after, plastic work, and (B, G', R, L, S) and the stress
+    deviator (xx, yy, xy) of `_tangent`."""
+    # elastic trial
+    third = (exx + eyy) / 3
+    mean = (before[0] + before[1] + before[2]) / 3
+    p = -mean - 3 * law.K * third
+    sxx = before[0] - mean + 2 * law.G * (exx - third)
+    syy = before[1] - mean + 2 * law.G * (eyy - third)
+    szz = before[2] - mean - 2 * law.G * third
+    sxy = before[3] + law.G * gamma
+    q = np.sqrt(1.5 * (sxx * sxx + syy * syy + szz * szz + 2 * sxy * sxy))
+    memory = before[5] if law.flat else before[4]
+
+    attempts, p, shrink, k, memory, dissipated, slope = returned(law, p, q, before[4], memory)
+    closed = attempts <= ATTEMPTS and np.isfinite(p + k + dissipated)
+    sxx, syy, szz, sxy = shrink * sxx, shrink * syy, shrink * szz, shrink * sxy
+    return closed, (sxx - p, syy - p, szz - p, sxy, k, memory), dissipated, slope, (sxx, syy, sxy)
 
 
 @_compiled

@@ -12,6 +12,7 @@ fed mix, and at the rear end the mix leaves with the displacement it has.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
@@ -170,6 +171,39 @@ class Frame:
     def rows(self, values):
         """Values of the points by rows from the base up, each along x: shape (2 rows, 2 columns, ...)."""
         return values[self._rows_to_points]
+
+    def points(self, rows):
+        """What `rows` took apart, back in the order of the points."""
+        values = np.empty((self._rows_to_points.size, *rows.shape[2:]))
+        values[self._rows_to_points] = rows
+        return values
+
+    def passed(self, displacement):
+        """The displacement with that of the held rear end as in steady motion, when what leaves keeps its own."""
+        rear, weights = self._rear
+        passed = displacement.copy()
+        passed[rear, 0] = weights @ displacement[:, 0]
+        return passed
+
+    def flat_behind(self, displacement):
+        """The displacement, behind the uniform zone that at its end: a march makes rough waves there."""
+        x, y = self.nodes.T
+        behind = np.flatnonzero(x < -BEHIND * self.length)
+        place = np.array([np.full(behind.size, -BEHIND * self.length), y[behind]])
+        flat = displacement.copy()
+        flat[behind] = self.solid.basis.probes(place) @ displacement
+        return flat
+
+    @cached_property
+    def _rear(self):
+        """Nodes at the rear end that are held along x, and their displacement by that of all nodes."""
+        x = self.nodes[:, 0]
+        held = np.isin(2 * np.arange(len(x)), self.held) & (x < x.min() + 1e-9 * self.mesh.height)
+        rear = np.flatnonzero(held)
+        carry = self._carry_nodes[rear].toarray()
+        among = np.eye(rear.size) - carry[:, rear]
+        carry[:, rear] = 0.0
+        return rear, np.linalg.solve(among, carry)
 
     @property
     def exit(self):

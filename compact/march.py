@@ -64,7 +64,7 @@ class March:
 
     def __init__(self, frame, radius, *, profile="deformed", friction=0.0, torque=None, residual=1e-4):
         self.frame = frame
-        self.change = 0.0
+        self.change, self.at_once = 0.0, False
         law, height = frame.solid.law, frame.mesh.height
         penalty = PENALTY * law.unloading_modulus / min(frame.step, height / THIN)
         nodes = frame.surface
@@ -84,8 +84,19 @@ class March:
             balance = self.balancer.balanced(arrived, face, guess, drag)
         except NotBalancedError:
             balance = self._gently(arrived, guess, lowest)
-        self.change = balance.after.displacement - arrived.displacement
+        self.change, self.at_once = balance.after.displacement - arrived.displacement, False
         return self._taken(balance, lowest)
+
+    def settled(self, balance, lowest):
+        """The `Step` that goes on in a steady `Balance`, found at once."""
+        after = balance.after
+        self.change, self.at_once = after.displacement - self.frame.carried(after).displacement, True
+        return self._taken(balance, lowest)
+
+    def limit(self, name):
+        """What a number of the steps tends to, and what is left until it."""
+        values = [getattr(step, name) for step in self.steps]
+        return (values[-1], 0.0) if self.at_once else tail(values, self.window)
 
     def _gently(self, arrived, guess, lowest):
         """The same step with a softer roller, for which carried pressures soon make up, then in parts of the step."""
@@ -129,7 +140,7 @@ class March:
         """Go on where another march is, its `Condition` already on this mesh."""
         x, old = (march.frame.nodes[march.frame.surface, 0] for march in (self, other))
         pressure, shear = (np.interp(x, old, values) for values in (other.push.pressure, other.push.shear))
-        self.condition, self.steps = condition, other.steps[-1:]
+        self.condition, self.steps, self.at_once = condition, other.steps[-1:], other.at_once
         self.face = self.face.carrying(pressure, shear, other.push.creep).at(self.steps[-1].lowest)
         self.change = condition.displacement - self.frame.carried(condition).displacement
 

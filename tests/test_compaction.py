@@ -18,7 +18,7 @@ THIN = Compaction(20e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94, dry_side="ellipse")
 DEPTH = 0.03 * HEIGHT
 # reference/compaction.md 2, bonded base, parabola, small strain: a/h, P and F over those of columns
 COLUMN_LIMIT = [(5, 1.0157, 1.034), (10, 1.0052, 1.0096), (20, 1.0011, 1.0019)]
-# a small scene: 6 increments per contact length, a few seconds
+# a small scene: 8 increments per contact length, some seconds
 MIX = Compaction(60e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
 LAYER, ROLLER = Layer(0.1), Roller(0.11, 0.002, profile="deformed")
 
@@ -33,7 +33,7 @@ def over_thin(ratio, material=THIN, speed=0.2, base="bonded", increments=24, **c
 
 
 def over_small(roller=ROLLER, material=MIX, speed=0.2, **numerics):
-    return roll(LAYER, roller, material, speed, increments=6, steady=2e-3, **numerics)
+    return roll(LAYER, roller, material, speed, increments=8, **numerics)
 
 
 @pytest.fixture(scope="module")
@@ -238,7 +238,8 @@ def test_exit_density_is_met():
 
 def test_neighbour_takes_few_iterations(rolled):
     deeper = over_small(replace(ROLLER, indentation=0.0021), start=rolled)
-    assert sum(step.iterations for step in deeper.steps[1:]) < 0.7 * sum(step.iterations for step in rolled.steps)
+    assert deeper.march.at_once
+    assert deeper.steps[-1].iterations < 30
 
 
 # (f) refusals

@@ -34,7 +34,7 @@ class Nothing:
 
     def push(self, displacement):
         n = len(displacement)
-        return Push(np.full(n, np.inf), np.zeros(n), np.zeros((n, 2)), np.zeros((n, 2, 2)))
+        return Push(np.full(n, np.inf), np.zeros(n), np.zeros(n), np.zeros((n, 2)), np.zeros((n, 2, 2)))
 
 
 # reference/compaction.md 6, -e_y: e_x = -.3 e_y and .3 e_y, gamma = e_y, oedometer: (e_xx, e_yy, 2 e_xy)

@@ -1,0 +1,253 @@
+"""Steady rolling at once: the displacement under which a layer and a roller balance while the mix streams through.
+
+    R(u, pressure) = forces of the layer(states(u)) - forces of the roller = 0,    min(pressure, gap) = 0
+
+The states follow from the displacement by one sweep along the rows (`flow`; Dang Van and Maitournam 1993), from point
+to point. Newton's method solves for all at once: GMRES with the exact derivative along the rows, preconditioned by the
+stiffness with the mix upstream frozen. Where a node touches, its row keeps the gap closed; its pressure is what that
+takes. A step is cut until the residual, measured as the displacement that it makes with the mix upstream frozen, has
+shrunk: forces alone weigh the stiff, short waves too much. Where no cut helps, a share of the elastic stiffness is
+added.
+
+It needs a displacement to start from, a march that is roughly steady or a neighbour. From far it does not converge, and
+seldom under a high bow wave, where mix flows that nothing stiffens.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator, gmres
+
+from compact import cap
+from compact.equilibrium import Balance, NotBalancedError
+from compact.flow import Flow, Stream, changes
+from compact.solid import SUBSTEPS, Condition
+
+RESIDUAL = 1e-6  # of the forces of the roller
+ITERATIONS = 50
+PRODUCTS = 150  # of GMRES in one iteration; 30 to 90 are usual
+LINEAR = 1e-2  # of the residual may be left by GMRES
+CUTS = 8
+NOTHING = 1e-9  # of the modulus times a step, a force
+LITTLE = 0.1  # of what a step promises it must keep
+STIFF = 1e3  # modulus over step, against which the gap of a touching node is kept closed
+FIRST_SHARE = 1e-3  # of the elastic stiffness, where no cut of a step helps
+MOST = 1.0
+MISSES = 3  # in a row, after which it gives up
+UNITY = np.array([1.0, 0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A displacement with the pressures of the touchable nodes, and what follows.
+
+    gradients, stress : of the points;  gap, unit : of the touchable nodes, and the `Push` of a pressure of 1
+    residual : layer less roller, shape (N, 2);  size : of it and of the gaps, over the forces of the roller
+    """
+
+    displacement: np.ndarray
+    pressure: np.ndarray
+    gradients: np.ndarray
+    flow: Flow
+    stress: np.ndarray
+    unit: object
+    residual: np.ndarray
+    size: float
+
+
+class Steady:
+    """A layer in a `Frame` under a `Face` in steady motion."""
+
+    def __init__(self, frame, face, substeps=SUBSTEPS):
+        self.frame, self.solid = frame, frame.solid
+        solid = frame.solid
+        self.stream = Stream(solid.law, frame.fed.state, solid.rate_factor, solid.finite, substeps)
+        self.touchable = np.flatnonzero(np.abs(face.place[:, 0] - face.offset) < face.radius * (1 - 1e-9))
+        kept = {name: getattr(face, name)[self.touchable] for name in ("place", "weight", "carried")}
+        self.nodes, self.penalty = frame.surface[self.touchable], face.penalty
+        self.whole, self.face = face, replace(face, **kept, penalty=0.0)
+        self.one = replace(self.face, carried=np.ones(len(self.nodes)))
+        self.straight = replace(self.one, friction=0.0)
+        self.products = 0
+
+    def balanced(self, displacement, share=0.0):
+        """The `Balance` near a displacement and the pressures that the face carries.
+
+        share : of the elastic stiffness added at first, which keeps to a neighbour's solution
+
+        Raises NotBalancedError with what was reached.
+        """
+        share, misses, history = share, 0, []
+        trial = self._trial(displacement, self.face.carried)
+        for iteration in range(ITERATIONS):
+            history.append(trial.size)
+            if trial.size <= RESIDUAL:
+                return self._balance(trial, iteration)
+            length, moved = _Linear(self, trial, share).searched()
+            if moved is None:
+                share, misses = min(max(8 * share, FIRST_SHARE), MOST), misses + 1
+                if misses == MISSES:
+                    break
+                continue
+            share, misses, trial = _next_share(share, length), 0, moved
+        shown = ", ".join(f"{size:.1e}" for size in history[-6:])
+        raise NotBalancedError(f"no steady balance after {len(history)} iterations; residuals over forces were {shown}")
+
+    def _balance(self, trial, iterations):
+        numbers, points = trial.flow.numbers, self.frame.points
+        state = cap.State(
+            points(numbers[..., :4]), *(points(numbers[..., k]) for k in (4, 5)), points(trial.flow.plastic_work)
+        )
+        carried = np.zeros(len(self.whole.place))
+        carried[self.touchable] = trial.pressure
+        push = replace(self.whole, carried=carried).push(trial.displacement[self.frame.surface])
+        after = Condition(trial.displacement, state, points(trial.flow.work))
+        return Balance(after, push, trial.size, iterations)
+
+    def _trial(self, displacement, pressure):
+        displacement = self.frame.passed(displacement)
+        gradients = self.solid.gradient(displacement)
+        flow = self.stream.along(self.frame.rows(gradients))
+        stress = self.frame.points(flow.numbers[..., :4])
+        unit = self.one.push(displacement[self.nodes])
+        residual = self._assembled(_piola(gradients, stress, self.solid.finite))
+        pushed = unit.forces * pressure[:, None]
+        residual[self.nodes] -= pushed
+        open_ = np.minimum(pressure, self.penalty * unit.gap) * self.face.weight
+        size = np.hypot(np.linalg.norm(residual.ravel()[self.solid.order]), np.linalg.norm(open_))
+        size /= max(np.linalg.norm(pushed), NOTHING * self.solid.law.unloading_modulus * self.frame.step)
+        return Trial(displacement, pressure, gradients, flow, stress, unit, residual, float(size))
+
+    def _assembled(self, piola):
+        """Forces of the nodes under stresses on the reference, shape (N, 2)."""
+        solid = self.solid
+        stress = (piola * solid.area[:, None]).reshape(*solid.basis.dx.shape, 2, 2)
+        nodal = np.matmul(solid.slopes, stress.transpose(0, 1, 3, 2)).sum(axis=1)
+        nodes = solid.basis.element_dofs.T.ravel()
+        return np.stack([np.bincount(nodes, nodal[..., i].ravel(), solid.basis.N) for i in range(2)], axis=-1)
+
+    @cached_property
+    def gradient_matrix(self):
+        """Gradients of the points by the unknowns of their elements, shape (elements, points, 4, 16)."""
+        slopes = self.solid.slopes.transpose(0, 1, 3, 2)
+        matrix = np.zeros((*slopes.shape[:2], 4, 16))
+        matrix[:, :, 0:2, 0::2] = matrix[:, :, 2:4, 1::2] = slopes
+        return matrix
+
+    @cached_property
+    def elastic_blocks(self):
+        """Of the mix at rest, shape (elements, 16, 16)."""
+        rest = self.solid.at_rest()
+        return self.solid.moved(rest, rest.displacement).blocks
+
+
+class _Linear:
+    """The equations of one iteration of Newton's method, with a share of the elastic stiffness added."""
+
+    def __init__(self, steady, trial, share):
+        self.steady, self.trial, self.share = steady, trial, share
+        frame, solid, unit = steady.frame, steady.solid, trial.unit
+        self.slopes = steady.stream.derivatives(frame.rows(trial.gradients), trial.flow)
+        self.active = trial.pressure > steady.penalty * unit.gap
+        self.normal = steady.straight.push(trial.displacement[steady.nodes]).forces / steady.face.weight[:, None]
+        self.stiff = STIFF * solid.law.unloading_modulus / frame.step
+        kept = np.where(self.active, trial.pressure, 0.0)
+        closing = (self.stiff * self.active)[:, None, None] * unit.forces[:, :, None] * self.normal[:, None, :]
+        self.added = unit.stiffness * kept[:, None, None] + closing
+        self.factor = solid.factorised(self._blocks(), steady.nodes, self.added)
+
+    def searched(self):
+        """Length of the step and the `Trial` there; None where no cut of it does."""
+        steady, trial = self.steady, self.trial
+        change, pressure, start, promised = self._step()
+        length = 1.0
+        for _ in range(CUTS):
+            try:
+                moved = steady._trial(trial.displacement + length * change, trial.pressure + length * pressure)
+            except RuntimeError:
+                moved = None
+            if moved is not None and np.linalg.norm(self._local(moved)) < (1 - LITTLE * length * promised) * start:
+                return length, moved
+            length /= 2
+        return 0.0, None
+
+    def _step(self):
+        """Changes of displacement and pressures, size of the residual, and the part of it that a whole step takes."""
+        steady, trial = self.steady, self.trial
+        wanted = self._local(trial)
+        operator = LinearOperator((wanted.size,) * 2, matvec=lambda x: self.factor(self._product(x)), dtype=float)
+        found, _ = gmres(operator, wanted, rtol=LINEAR, restart=PRODUCTS, maxiter=1)
+        change = self._spread(found)
+        closed = trial.unit.gap + np.sum(self.normal * change[steady.nodes], axis=1)
+        pressure = np.where(self.active, trial.pressure - self.stiff * closed, 0.0) - trial.pressure
+        left = self.factor(self._product(found) - self._elastic(change)) - wanted
+        start = np.linalg.norm(wanted)
+        return change, pressure, start, max(1 - np.linalg.norm(left) / start, 0.0)
+
+    def _local(self, trial):
+        """The displacement that a residual makes with the mix upstream frozen."""
+        steady, unit = self.steady, trial.unit
+        residual = -trial.residual
+        wanted = np.where(self.active, trial.pressure - self.stiff * unit.gap, 0.0)
+        residual[steady.nodes] += unit.forces * (wanted - trial.pressure)[:, None]
+        return self.factor(residual.ravel()[steady.solid.order])
+
+    def _product(self, found):
+        """Forces by the free unknowns, with all that happens downstream."""
+        steady = self.steady
+        steady.products += 1
+        change = self._spread(found)
+        gradients = steady.solid.gradient(change)
+        numbers = changes(self.slopes, steady.frame.rows(gradients))
+        stress = steady.frame.points(numbers[..., :4])
+        forces = steady._assembled(self._piola_change(gradients, stress))
+        forces[steady.nodes] += np.einsum("nij,nj->ni", self.added, change[steady.nodes])
+        return forces.ravel()[steady.solid.order] + self._elastic(change)
+
+    def _spread(self, found):
+        change = np.zeros(2 * self.steady.solid.basis.N)
+        change[self.steady.solid.order] = found
+        return self.steady.frame.passed(change.reshape(-1, 2))
+
+    def _elastic(self, change):
+        if not self.share:
+            return 0.0
+        solid = self.steady.solid
+        forces = np.matmul(self.steady.elastic_blocks, change.ravel()[solid.unknowns][..., None])
+        return self.share * np.bincount(solid.unknowns.ravel(), forces.ravel(), change.size)[solid.order]
+
+    def _piola_change(self, gradients, stress):
+        trial, finite = self.trial, self.steady.solid.finite
+        change = _piola(trial.gradients, stress, finite)
+        return change + _piola(gradients - UNITY, trial.stress, True) if finite else change
+
+    def _blocks(self):
+        """Stiffness of the elements with the mix upstream frozen."""
+        steady, matrix = self.steady, self.steady.gradient_matrix
+        by_gradient = steady.frame.points(self.slopes[..., :4, 10:])
+        moduli = np.empty((len(by_gradient), 4, 4))
+        for k, gradient in enumerate(np.eye(4)):
+            moduli[:, :, k] = self._piola_change(np.broadcast_to(gradient, (len(moduli), 4)), by_gradient[:, :, k])
+        weighted = moduli.reshape(*matrix.shape[:2], 4, 4) * steady.solid.basis.dx[..., None, None]
+        count = len(matrix)
+        turned = np.matmul(weighted, matrix).reshape(count, -1, 16)
+        blocks = np.matmul(matrix.reshape(count, -1, 16).transpose(0, 2, 1), turned)
+        return blocks + self.share * steady.elastic_blocks if self.share else blocks
+
+
+def _piola(gradients, stress, finite):
+    """Stress on the reference, J sigma F^-T, (xx, xy, yx, yy); sigma itself of small strains."""
+    xx, yy, _, xy = stress.T
+    if not finite:
+        return np.stack([xx, xy, xy, yy], axis=-1)
+    Fxx, Fxy, Fyx, Fyy = (gradients + UNITY).T
+    return np.stack([xx * Fyy - xy * Fxy, xy * Fxx - xx * Fyx, xy * Fyy - yy * Fxy, yy * Fxx - xy * Fyx], axis=-1)
+
+
+def _next_share(share, length):
+    if length == 1:
+        return share / 4 if share > FIRST_SHARE / 100 else 0.0
+    if length == 0.5:
+        return share / 1.4
+    return min(max(2 * share, FIRST_SHARE / 10), MOST) if length < 0.1 else share
