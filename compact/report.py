@@ -156,6 +156,8 @@ def _tables(study, directory):
     ])  # fmt: skip
     for name, run in study.runs.items():
         yield _csv(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, _cycle_rows(run))
+    if study.scene.drive.kind == "elastic":
+        yield _csv(directory / "ringing.csv", RINGING_HEADER, [_ringing_row(run) for run in study.runs.values()])
 
 
 STEPPER_HEADER = ("time_s", "angle_rad", "angular_velocity_rad/s", "angular_acceleration_rad/s2", "angular_jerk_rad/s3")
@@ -167,6 +169,19 @@ CYCLE_HEADER = (
     "time_s", "position_m", "velocity_m/s", "acceleration_m/s2", "jerk_m/s3", "resistance_N", "drive_force_N",
     "drive_power_W", "front_reaction_N", "rear_reaction_N",
 )  # fmt: skip
+
+RINGING_HEADER = (
+    "law", "peak_force_N", "rigid_peak_force_N", "ringing", "peak_power_W", "rigid_peak_power_W", "nonuniformity",
+    "rigid_nonuniformity", "standing_s", "energy_residual", "arcs",
+)  # fmt: skip
+
+
+def _ringing_row(run):
+    rigid = run.rigid
+    return (
+        run.name, run.peak_force, rigid.peak_force, run.ringing, run.peak_power, rigid.peak_power, run.nonuniformity,
+        rigid.nonuniformity, run.standing, run.energy_residual, run.work.arcs,
+    )  # fmt: skip
 
 
 def _law_row(cycle):
@@ -299,7 +314,7 @@ def _summary(study, files):
         "contacts": [contact_numbers(study, speed, rolled) for speed, rolled in study.rolled],
         "laws": {name: _run_numbers(run) for name, run in study.runs.items()},
         "rankings": {by: [_place(place) for place in places] for by, places in study.rankings.items()},
-        "units": {name: criterion.unit for name, criterion in CRITERIA.items()},
+        "units": {name: criterion.unit for name, criterion in CRITERIA.items()} | {"standing": "s"},
         "stages": dict(study.counts),
         "files": files,
     }
@@ -311,7 +326,11 @@ def _place(place):
 
 
 def _run_numbers(run):
-    return {name: getattr(run, name) for name in CRITERIA}
+    own = [name for name in ELASTIC if hasattr(run, name)]
+    return {name: getattr(run, name) for name in (*CRITERIA, *own)}
+
+
+ELASTIC = ("ringing", "standing", "energy_residual")  # what runs of an elastic drive know besides
 
 
 def digest(study):
@@ -339,7 +358,9 @@ def _place_line(place):
     if place.reason:
         return f"  {place.rank:>2}  {place.run.name:<30}  infinite: {place.reason}"
     margin = f"+{place.margin:.2%} to the next" if np.isfinite(place.margin) else ""
-    return f"  {place.rank:>2}  {place.run.name:<30}{place.value:>10.1f}   {margin}"
+    ringing = getattr(place.run, "ringing", np.nan)
+    ringing = f"rings {ringing:.3f}   " if np.isfinite(ringing) else ""
+    return f"  {place.rank:>2}  {place.run.name:<30}{place.value:>10.1f}   {ringing}{margin}"
 
 
 def cam_digest(law, cam):

@@ -182,7 +182,10 @@ class Motion(_Table):
 class Drive(_Table):
     """What moves the carts, and the peaks the laws are ranked by."""
 
-    kind: Literal["rigid", "crank"] = Field(description="the kind of drive")
+    kind: Literal["rigid", "crank", "elastic"] = Field(description="the kind of drive")
+    stiffness: float | None = _optional("the stiffness of an elastic drive in N/m")
+    damping: float | None = _optional("the damping of an elastic drive in N s/m, 0 for none", ge=0)
+    backlash: float | None = _optional("the play of an elastic drive between pulling and pushing in m", ge=0)
     carts: int = _between(1, 4, "the number of carts on one shaft")
     angles: Numbers | None = Field(default=None, description="the crank angle of each cart in rad")
     rank_by: Ranks = Field(min_length=1, description="the quantities to rank by")

@@ -193,6 +193,17 @@ def _one_angle_per_cart(angles, carts):
         return f"needs one angle per cart, drive.carts = {carts:g}, got {len(angles)}; make the two agree"
 
 
+@_rule("drive.kind", "drive.stiffness", "drive.damping", "drive.backlash")
+def _spring_belongs_to_an_elastic_drive(kind, stiffness, damping, backlash):
+    given = {"stiffness": stiffness, "damping": damping, "backlash": backlash}
+    if kind == "elastic":
+        missing = [name for name in ("stiffness", "damping") if given[name] is None]
+        if missing:
+            return f'"elastic" needs drive.{" and drive.".join(missing)}, got none; give N/m and N s/m'
+    elif strange := [name for name, value in given.items() if value is not None]:
+        return f'"{kind}" has no {", ".join(strange)}; take it out, or choose "elastic"'
+
+
 @_rule("cam", "output.wanted")
 def _cams_wanted_are_given(cam, wanted):
     if cam is None and "cams" in wanted:

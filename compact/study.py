@@ -257,14 +257,26 @@ class Study:
         return None if rod is None else drive.Crank(self.scene.motion.stroke / 2, rod)
 
     @cached_property
+    def drive(self):
+        """What carries the laws to the cart; the machine's crank carries none but its own."""
+        table = self.scene.drive
+        if table.kind != "elastic":
+            return drive.Rigid()
+        from compact.elastic import Elastic  # compiled code, loaded for those who want it
+
+        return Elastic(table.stiffness, table.damping, table.backlash or 0.0)
+
+    def _through_rod(self, name):
+        return name == "crank" and self.scene.drive.kind == "crank" and self.scene.motion.dwell == 0
+
+    @cached_property
     def runs(self):
-        """A `Run` per law, by name; the law of the crank goes through its rod where the machine has one."""
+        """A `Run` or `ElasticRun` per law, by name; the law of the crank goes through its rod where there is one."""
         motion = self.scene.motion
         runs = {}
         for name, cycle in self.cycles.items():
             self.count("runs")
-            through_rod = name == "crank" and self.scene.drive.kind == "crank" and motion.dwell == 0
-            means = self.crank if through_rod else drive.Rigid()
+            means = self.crank if self._through_rod(name) else self.drive
             working = (motion.run_up, 1 - motion.run_down)
             runs[name] = drive.simulate(self.cart, means, cycle, self.resistance, working=working)
         return runs

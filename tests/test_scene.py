@@ -717,6 +717,26 @@ BROKEN = [
         at="[motion]",
     ),
     refused(
+        "spring of a rigid drive",
+        'kind = "rigid"',
+        'kind = "rigid"\nstiffness = 1e6',
+        'drive.kind: "rigid" has no stiffness; take it out, or choose "elastic"',
+        at='kind = "rigid"',
+    ),
+    refused(
+        "elastic drive without its numbers",
+        'kind = "rigid"',
+        'kind = "elastic"',
+        'drive.kind: "elastic" needs drive.stiffness and drive.damping, got none; give N/m and N s/m',
+    ),
+    refused(
+        "spring that is none",
+        'kind = "rigid"',
+        'kind = "elastic"\ndamping = 0.0\nstiffness = 0.0',
+        "drive.stiffness: must be positive, got 0.0; give the stiffness of an elastic drive in N/m",
+        at="stiffness = 0.0",
+    ),
+    refused(
         "two angles for one cart",
         "carts = 1",
         "angles = [0, 1.57]\ncarts = 1",

@@ -22,6 +22,7 @@ def test_every_study_has_a_test():
         "formula_against_fem",
         "operating_point",
         "density_after_passes",
+        "elastic_drive",
     }
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
 
@@ -97,3 +98,17 @@ def test_lifts_share_the_resistance_of_one_pass(capsys, tmp_path):
     assert wetter[0][4] < one  # more water presses easier
     assert "passes" in capsys.readouterr().out
     assert (tmp_path / "density_after_passes.png").stat().st_size > 10_000
+
+
+def test_elastic_drive_knocks_at_the_turn_however_stiff(capsys, tmp_path):
+    module = study("elastic_drive")
+    rows = module.main(laws=("parabolic", "septic"), stiffnesses=(1e7, 1e9), ratio=0.01, out=tmp_path)
+    module.show(rows)
+    force, inertia = 3562.0, 1000 * 4 * 0.4 / 9
+    knocked = force + inertia + (4 * force * inertia - inertia**2) ** 0.5  # undamped, in closed form
+    for row in rows[:2]:
+        assert row[2] == pytest.approx(knocked, rel=0.02)
+    assert rows[3][3] < rows[2][3] < 1.3  # the septic law leaves the turn gently
+    assert all(row[7] < 1e-6 for row in rows)
+    assert "parabolic" in capsys.readouterr().out
+    assert (tmp_path / "elastic_drive.png").stat().st_size > 10_000

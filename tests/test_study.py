@@ -69,6 +69,23 @@ def test_crank_law_goes_through_its_rod_in_a_crank_machine():
     assert not study.runs["harmonic"].state.rod_tangent.any()
 
 
+def test_elastic_drive_goes_from_the_scene_to_the_summary(tmp_path):
+    spring = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3, "motion.laws": ["cubic", "septic"]}
+    study = Study(scene(**spring, **{"output.wanted": ["tables", "reactions"]}))
+    summary = report.write(study, tmp_path / "out")
+    forces = study.resistance.force + 0.008 * (2 * study.engineering.roller_force - 10000)
+    for name, run in study.runs.items():
+        damper = np.sum(run.weights * 3e3 * run.course.stretch(*run.course.at(run.time))[1] ** 2)
+        slid = np.sum(run.weights * np.abs(run.state.velocity))
+        assert run.energy == pytest.approx(forces * slid + damper, rel=1e-4)  # samples meet again where arcs do
+        assert summary["laws"][name]["ringing"] == run.peak_force / run.rigid.peak_force > 1.2
+        assert summary["laws"][name]["energy_residual"] < 1e-6
+    with (tmp_path / "out" / "ringing.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["law"] for row in rows] == ["cubic", "septic"]
+    assert "rings 1." in report.digest(study)
+
+
 def test_power_of_the_shaft_is_that_of_the_run_through_the_rod():
     study = Study(scene("loveikin-2015-crank", **{"motion.laws": ["crank"]}))
     turn = study.turns["1"]
