@@ -239,7 +239,7 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
     if hasattr(drive, "run"):
         return drive.run(cart, cycle, resistance, working)
-    _refuse_foreign_law(drive, cycle)
+    refuse_foreign_law(drive, cycle)
     demand = Demand(cart, drive, cycle, resistance)
     time, weights, direction, state = _sampled(demand)
     joins = cycle.joins()
@@ -287,7 +287,8 @@ def _nonuniformity(motion, working):
     return float((velocity.max() - velocity.min()) / mean)
 
 
-def _refuse_foreign_law(drive, cycle):
+def refuse_foreign_law(drive, cycle):
+    """Refuse a cycle that the crank does not turn; other drives turn every one."""
     if not isinstance(drive, Crank):
         return
     psi = np.linspace(0, np.pi, 9)
