@@ -158,6 +158,9 @@ def _tables(study, directory):
         yield _csv(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, _cycle_rows(run))
     if study.scene.drive.kind == "elastic":
         yield _csv(directory / "ringing.csv", RINGING_HEADER, [_ringing_row(run) for run in study.runs.values()])
+    if study.scene.drive.kind == "motor":
+        turned = [run for run in study.runs.values() if hasattr(run, "motor_torque")]
+        yield _csv(directory / "motor.csv", MOTOR_HEADER, [_motor_row(run) for run in turned])
 
 
 STEPPER_HEADER = ("time_s", "angle_rad", "angular_velocity_rad/s", "angular_acceleration_rad/s2", "angular_jerk_rad/s3")
@@ -181,6 +184,21 @@ def _ringing_row(run):
     return (
         run.name, run.peak_force, rigid.peak_force, run.ringing, run.peak_power, rigid.peak_power, run.nonuniformity,
         rigid.nonuniformity, run.standing, run.energy_residual, run.work.arcs,
+    )  # fmt: skip
+
+
+MOTOR_HEADER = (
+    "law", "period_s", "least_speed_rad/s", "largest_speed_rad/s", "fluctuation", "peak_motor_torque_Nm",
+    "peak_motor_power_W", "work_of_a_cycle_J", "nonuniformity", "energy_residual",
+)  # fmt: skip
+
+
+def _motor_row(run):
+    torque = float(np.abs(run.motor_torque).max()) / run.load.motor.gear_ratio
+    work = float(np.sum(run.weights * run.motor_torque * run.speed))
+    return (
+        run.name, run.period, float(run.speed.min()), float(run.speed.max()), run.fluctuation, torque,
+        run.peak_motor_power, work, run.nonuniformity, run.energy_residual,
     )  # fmt: skip
 
 
@@ -314,7 +332,7 @@ def _summary(study, files):
         "contacts": [contact_numbers(study, speed, rolled) for speed, rolled in study.rolled],
         "laws": {name: _run_numbers(run) for name, run in study.runs.items()},
         "rankings": {by: [_place(place) for place in places] for by, places in study.rankings.items()},
-        "units": {name: criterion.unit for name, criterion in CRITERIA.items()} | {"standing": "s"},
+        "units": {name: criterion.unit for name, criterion in CRITERIA.items()} | OWN,
         "stages": dict(study.counts),
         "files": files,
     }
@@ -326,11 +344,17 @@ def _place(place):
 
 
 def _run_numbers(run):
-    own = [name for name in ELASTIC if hasattr(run, name)]
+    own = [name for name in OWN if hasattr(run, name)]
     return {name: getattr(run, name) for name in (*CRITERIA, *own)}
 
 
-ELASTIC = ("ringing", "standing", "energy_residual")  # what runs of an elastic drive know besides
+OWN = {  # what runs of elastic and motor drives know besides
+    "ringing": "1",
+    "standing": "s",
+    "fluctuation": "1",
+    "peak_motor_power": "W",
+    "energy_residual": "1",
+}
 
 
 def digest(study):

@@ -22,6 +22,7 @@ from compact.engine import LAYERED, fields, roll, speeds
 from compact.halfplane import galin, pressure_exponent
 from compact.measured import from_table
 from compact.motion import law
+from compact.motor import Kloss, Motor, Straight
 from compact.scene import SceneError
 
 FOLLOWERS = {
@@ -256,29 +257,42 @@ class Study:
         rod = self.scene.motion.rod_length
         return None if rod is None else drive.Crank(self.scene.motion.stroke / 2, rod)
 
-    @cached_property
-    def drive(self):
-        """What carries the laws to the cart; the machine's crank carries none but its own."""
-        table = self.scene.drive
-        if table.kind != "elastic":
-            return drive.Rigid()
-        from compact.elastic import Elastic  # compiled code, loaded for those who want it
+    @property
+    def angles(self):
+        """Crank angle of each cart ahead of the first [rad]."""
+        return self.scene.drive.angles or USUAL_ANGLES[self.scene.drive.carts]
 
-        return Elastic(table.stiffness, table.damping, table.backlash or 0.0)
+    def means(self, name):
+        """The drive that carries a law; the law of the crank goes through its rod where the machine has one.
 
-    def _through_rod(self, name):
-        return name == "crank" and self.scene.drive.kind == "crank" and self.scene.motion.dwell == 0
+        A law whose velocity jumps stays with the rigid drive, which says that its force is infinite: no motor follows.
+        """
+        table, cycle = self.scene.drive, self.cycles[name]
+        through_rod = name == "crank" and self.crank is not None and self.scene.motion.dwell == 0
+        if table.kind == "elastic":
+            from compact.elastic import Elastic  # compiled code, loaded for those who want it
+
+            return Elastic(table.stiffness, table.damping, table.backlash or 0.0)
+        rod = self.crank if through_rod and table.kind in ("crank", "motor") else drive.Rigid()
+        if table.kind != "motor" or any(join.order == 1 for join in cycle.joins()):
+            return rod
+        motor = table.motor
+        curve = (
+            Kloss(motor.torque, motor.breakdown_slip, motor.speed)
+            if motor.curve == "kloss"
+            else Straight(motor.torque, motor.speed)
+        )
+        return Motor(curve, motor.gear_ratio, motor.inertia, motor.flywheel_inertia, self.angles, rod)
 
     @cached_property
     def runs(self):
-        """A `Run` or `ElasticRun` per law, by name; the law of the crank goes through its rod where there is one."""
+        """A `Run`, `ElasticRun` or `MotorRun` per law, by name."""
         motion = self.scene.motion
+        working = (motion.run_up, 1 - motion.run_down)
         runs = {}
         for name, cycle in self.cycles.items():
             self.count("runs")
-            means = self.crank if self._through_rod(name) else self.drive
-            working = (motion.run_up, 1 - motion.run_down)
-            runs[name] = drive.simulate(self.cart, means, cycle, self.resistance, working=working)
+            runs[name] = drive.simulate(self.cart, self.means(name), cycle, self.resistance, working=working)
         return runs
 
     @cached_property
@@ -304,7 +318,7 @@ class Study:
     def turns(self):
         """A `Turn` of the shaft for 1 to 4 carts at their usual angles, and under "scene" that of the scene."""
         angles = {str(count): usual for count, usual in USUAL_ANGLES.items()}
-        angles["scene"] = self.scene.drive.angles or USUAL_ANGLES[self.scene.drive.carts]
+        angles["scene"] = self.angles
         speed = np.pi / self.scene.motion.duration
         turns = {}
         for key, ahead in angles.items():

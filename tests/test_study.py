@@ -86,6 +86,32 @@ def test_elastic_drive_goes_from_the_scene_to_the_summary(tmp_path):
     assert "rings 1." in report.digest(study)
 
 
+MOTOR = {
+    "curve": "kloss", "torque": 40.0, "speed": 157.0, "breakdown_slip": 0.15,
+    "gear_ratio": 75.0, "inertia": 0.0, "flywheel_inertia": 50.0,
+}  # fmt: skip
+
+
+def test_motor_drive_goes_from_the_scene_to_the_summary(tmp_path):
+    given = {
+        "drive.kind": "motor",
+        "drive.motor": MOTOR,
+        "drive.carts": 2,
+        "motion.laws": ["cubic", "crank", "gear-sector"],
+    }
+    study = Study(scene(**given, **{"output.wanted": ["tables", "reactions"]}))
+    summary = report.write(study, tmp_path / "out")
+    forces = study.resistance.force + 0.008 * (2 * study.engineering.roller_force - 10000)
+    assert study.runs["cubic"].energy == pytest.approx(0.8 * forces, rel=1e-6)
+    assert study.runs["crank"].state.rod_tangent.any()
+    assert summary["laws"]["gear-sector"]["peak_force"] == math.inf  # no motor follows a jump of velocity
+    with (tmp_path / "out" / "motor.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["law"] for row in rows] == ["cubic", "crank"]
+    assert float(rows[0]["work_of_a_cycle_J"]) == pytest.approx(2 * 0.8 * forces, rel=1e-6)
+    assert summary["laws"]["cubic"]["fluctuation"] == pytest.approx(float(rows[0]["fluctuation"]), rel=1e-9)
+
+
 def test_power_of_the_shaft_is_that_of_the_run_through_the_rod():
     study = Study(scene("loveikin-2015-crank", **{"motion.laws": ["crank"]}))
     turn = study.turns["1"]
