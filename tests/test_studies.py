@@ -23,6 +23,7 @@ def test_every_study_has_a_test():
         "operating_point",
         "density_after_passes",
         "elastic_drive",
+        "motor_and_flywheel",
     }
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
 
@@ -112,3 +113,17 @@ def test_elastic_drive_knocks_at_the_turn_however_stiff(capsys, tmp_path):
     assert all(row[7] < 1e-6 for row in rows)
     assert "parabolic" in capsys.readouterr().out
     assert (tmp_path / "elastic_drive.png").stat().st_size > 10_000
+
+
+def test_flywheel_steadies_the_motor_in_proportion(capsys, tmp_path):
+    module = study("motor_and_flywheel")
+    rows = module.main(laws=("cubic",), carts=(1, 4), inertias=(50.0, 500.0), out=tmp_path)
+    module.show(rows)
+    for row in rows:
+        assert row[3] * row[6] == pytest.approx(row[1] * 0.8 * 3562, rel=1e-5)  # work of a turn: that of the friction
+        assert row[9] < 1e-6
+    for light, heavy in (rows[:2], rows[2:]):
+        assert light[4] / heavy[4] == pytest.approx(10, rel=0.02)  # swing of the work over J w^2
+    assert rows[3][4] < rows[1][4]
+    assert "cubic" in capsys.readouterr().out
+    assert (tmp_path / "motor_and_flywheel.png").stat().st_size > 10_000
