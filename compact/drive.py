@@ -227,7 +227,7 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
     Parameters
     ----------
     cart : Cart
-    drive : Rigid or Crank, or a drive with an equation of motion of its own, such as `elastic.Elastic`: its `run`
+    drive : Rigid or Crank, or a drive with an equation of motion of its own, such as `elastic.ElasticDrive`: its `run`
     motion : Motion (there and back without a dwell) or Cycle
     resistance : callable(velocity, acceleration) -> N, of all rollers of the cart
     working : shares of the pass between which the speed should be even, for `nonuniformity`

@@ -34,7 +34,7 @@ JUMP = 1e-6  # of the largest acceleration: less is rounding
 
 
 @dataclass(frozen=True)
-class Elastic:
+class ElasticDrive:
     """Spring and damper between the law and the cart: stiffness k [N/m], damping c [N s/m], backlash b >= 0 [m]."""
 
     stiffness: float
@@ -51,7 +51,7 @@ class Elastic:
 
 
 def damping_ratio(cart, drive):
-    """c/(2 sqrt(k m)) of a cart on an `Elastic` drive."""
+    """c/(2 sqrt(k m)) of a cart on an `ElasticDrive` drive."""
     return drive.damping / (2 * math.sqrt(drive.stiffness * cart.mass))
 
 
@@ -62,7 +62,7 @@ def travel(
 
     Parameters
     ----------
-    cart : Cart, mass > 0;  drive : Elastic
+    cart : Cart, mass > 0;  drive : ElasticDrive
     motion : Motion (there and back without a dwell) or Cycle
     resistance : callable(velocity, acceleration) -> N; it may jump at speed 0 only, and is asked at acceleration 0
     regime : "periodic", or "rest": the first cycle of a cart that stood relaxed at the near end
@@ -88,7 +88,7 @@ class Course:
     """The cart over a time: its arcs and what gives them meaning; it ran from the state `start` to `end`."""
 
     cart: Cart
-    drive: Elastic
+    drive: ElasticDrive
     arcs: Arcs
     resistance: Resistance
     start: SpringState

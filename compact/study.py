@@ -270,9 +270,9 @@ class Study:
         table, cycle = self.scene.drive, self.cycles[name]
         through_rod = name == "crank" and self.crank is not None and self.scene.motion.dwell == 0
         if table.kind == "elastic":
-            from compact.elastic import Elastic  # compiled code, loaded for those who want it
+            from compact.elastic import ElasticDrive  # compiled code, loaded for those who want it
 
-            return Elastic(table.stiffness, table.damping, table.backlash or 0.0)
+            return ElasticDrive(table.stiffness, table.damping, table.backlash or 0.0)
         rod = self.crank if through_rod and table.kind in ("crank", "motor") else drive.Rigid()
         if table.kind != "motor" or any(join.order == 1 for join in cycle.joins()):
             return rod

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from compact.drive import simulate
-from compact.elastic import Elastic
+from compact.elastic import ElasticDrive
 from compact.scene import load_scene
 from compact.study import Study
 
@@ -31,7 +31,7 @@ def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9)
     rows, runs, motion = [], {}, study.scene.motion
     for name, cycle in study.cycles.items():
         for stiffness in stiffnesses:
-            spring = Elastic(stiffness, 2 * ratio * np.sqrt(stiffness * study.cart.mass))
+            spring = ElasticDrive(stiffness, 2 * ratio * np.sqrt(stiffness * study.cart.mass))
             working = (motion.run_up, 1 - motion.run_down)
             run = runs[name, stiffness] = simulate(study.cart, spring, cycle, study.resistance, working=working)
             rows.append((

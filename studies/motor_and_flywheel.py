@@ -76,9 +76,8 @@ def _draw(rows, runs):
 
 def show(rows):
     """Print the rows of `main`."""
-    print(
-        f"{'law':<15}{'carts':>6}{'inertia':>9}{'period s':>10}{'fluctuates':>11}{'peak W':>8}{'mean W':>8}{'cart N':>7}"
-    )
+    print(f"{'law':<15}{'carts':>6}{'inertia':>9}{'period s':>10}{'fluctuates':>11}", end="")
+    print(f"{'peak W':>8}{'mean W':>8}{'cart N':>7}")
     for name, count, inertia, period, fluctuation, peak, mean, force, *_ in rows:
         print(
             f"{name:<15}{count:>6}{inertia:>9g}{period:>10.3f}{fluctuation:>11.4f}{peak:>8.0f}{mean:>8.0f}{force:>7.0f}"

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from compact.drive import simulate
 from compact.dynamics import POINTS, Resistance, Spring, State, integrate, peaks, room
-from compact.elastic import Course, Elastic, damping_ratio, travel
+from compact.elastic import Course, ElasticDrive, damping_ratio, travel
 from compact.motion import LAWS, Cycle, law
 from compact.polynomials import Pieces, pieces
 
@@ -30,7 +30,7 @@ def published(name):
 
 
 def spring(stiffness, ratio, backlash=0.0):
-    return Elastic(stiffness, 2 * ratio * math.sqrt(stiffness * MASS), backlash)
+    return ElasticDrive(stiffness, 2 * ratio * math.sqrt(stiffness * MASS), backlash)
 
 
 def free(velocity, acceleration):
@@ -126,7 +126,7 @@ def test_harmonic_law_from_rest(stiffness, ratio):
 
 @pytest.mark.parametrize("stiffness", STIFF)
 def test_undamped_step_of_acceleration_overshoots_by_two(stiffness):
-    course = moved(Elastic(stiffness, 0.0), (0, 0, 0.15), 5.0)
+    course = moved(ElasticDrive(stiffness, 0.0), (0, 0, 0.15), 5.0)
     numbers = Spring(MASS, stiffness, 0.0, 0.0)
     assert peaks(numbers, course.arcs)[0] == pytest.approx(2 * MASS * 0.3, rel=1e-9)
 
@@ -135,7 +135,7 @@ def test_undamped_step_of_acceleration_overshoots_by_two(stiffness):
 def test_jump_of_jerk_rings_with_the_root_of_the_stiffness(stiffness):
     """y = J t^3/6: the force swings about m J t by m J sqrt(m/k)."""
     jerk, time = 0.9, 1.0
-    course = moved(Elastic(stiffness, 0.0), (0, 0, 0, jerk / 6), time)
+    course = moved(ElasticDrive(stiffness, 0.0), (0, 0, 0, jerk / 6), time)
     i, u, _ = course.places()
     t = course.arcs.start[i] + course.arcs.span[i] * u
     w = math.sqrt(stiffness / MASS)
@@ -159,7 +159,7 @@ def test_friction_holds_the_cart_until_the_spring_pulls_enough(stiffness, ratio)
 def test_cart_that_runs_against_the_spring_stops_in_time(stiffness):
     """v = v0 cos w t - F w/k sin w t, so tan(w t) = v0 k/(F w); it stays if the spring pulls less than the friction."""
     w, size, speed = math.sqrt(stiffness / MASS), 3486.0, 0.01
-    course = moved(Elastic(stiffness, 0.0), (0.0,), 10 / w, size, State(0.0, speed, 1))
+    course = moved(ElasticDrive(stiffness, 0.0), (0.0,), 10 / w, size, State(0.0, speed, 1))
     assert course.arcs.length[0] == pytest.approx(math.atan2(speed * stiffness, size * w) / w, rel=1e-9)
 
 
@@ -170,7 +170,7 @@ def test_turn_knocks_however_stiff_the_spring(stiffness):
     size, inertia, w = 3486.0, MASS * 0.2, math.sqrt(stiffness / MASS)
     start = State((size - inertia) / stiffness, 0.0, 1)
     time = math.sqrt(2 * (2 * size - inertia) / stiffness / 0.2) + 7 / w
-    course = moved(Elastic(stiffness, 0.0), (0, 0, -0.1), time, size, start)
+    course = moved(ElasticDrive(stiffness, 0.0), (0, 0, -0.1), time, size, start)
     peak = peaks(Spring(MASS, stiffness, 0.0, 0.0), course.arcs)[0]
     assert peak == pytest.approx(size + inertia + math.sqrt(4 * size * inertia - inertia**2), rel=1e-9)
 
@@ -181,7 +181,7 @@ def test_coulomb_oscillator_stands_after_whole_half_swings(stiffness, start):
     """From a stretch of `start` F/k each half swing takes 2 F/k, until no more than F/k is left."""
     size, half = 3486.0, math.pi / math.sqrt(stiffness / MASS)
     swings = math.ceil((start - 1) / 2)
-    course = moved(Elastic(stiffness, 0.0), (0.0,), 10 * half, size, State(start * size / stiffness, 0.0, 1))
+    course = moved(ElasticDrive(stiffness, 0.0), (0.0,), 10 * half, size, State(start * size / stiffness, 0.0, 1))
     assert course.arcs.slip.tolist() == [(-1) ** i for i in range(swings)] + [0]
     assert course.arcs.length[:-1] == pytest.approx(np.full(swings, half), rel=1e-9)
     assert course.end.stretch * stiffness / size == pytest.approx((-1) ** swings * (start - 2 * swings), abs=1e-9)
@@ -192,7 +192,7 @@ def test_coulomb_oscillator_stands_after_whole_half_swings(stiffness, start):
 def test_backlash_throws_the_cart_to_and_fro(stiffness):
     """Far end at V t, cart free: b/2V to the flank, half a swing on it, thrown with 2 V, b/V to the other flank."""
     pace, backlash, half = 0.1, 1e-3, math.pi / math.sqrt(stiffness / MASS)
-    course = moved(Elastic(stiffness, 0.0, backlash), (0, pace), 0.05 + 3 * half, state=State(0.0, 0.0, 0))
+    course = moved(ElasticDrive(stiffness, 0.0, backlash), (0, pace), 0.05 + 3 * half, state=State(0.0, 0.0, 0))
     changes = np.flatnonzero(np.diff(course.arcs.side)) + 1
     assert course.arcs.side[changes[:4]].tolist() == [1, 0, -1, 0]
     exact = np.cumsum([backlash / pace / 2, half, backlash / pace, half])
@@ -369,7 +369,7 @@ def test_peak_is_not_missed_between_samples():
 
 def test_spring_makes_a_jump_of_velocity_bearable():
     """Undamped, the far end starting at V against friction: F + V sqrt(k m)."""
-    run = travel(CART, Elastic(1e6, 0.0), published("gear-sector").cycle(1.0, 1.0), dry(3486.0), regime="rest")
+    run = travel(CART, ElasticDrive(1e6, 0.0), published("gear-sector").cycle(1.0, 1.0), dry(3486.0), regime="rest")
     first = run.drive_force[run.time < 0.5]
     assert np.abs(first).max() == pytest.approx(3486.0 + 0.4 / 3 * math.sqrt(1e6 * MASS), rel=1e-2)
     assert math.isinf(run.rigid.peak_force)
@@ -462,7 +462,7 @@ def test_resistance_that_drives_a_standing_cart_is_refused():
 def test_resonance_is_told():
     w = 5 * np.pi / 3.0  # the fifth harmonic of the cycle, which the cubic law excites
     with pytest.raises(RuntimeError, match=r"no periodic regime found in .*; the spring may resonate"):
-        travel(CART, Elastic(MASS * w**2, 0.0), published("cubic"), free)
+        travel(CART, ElasticDrive(MASS * w**2, 0.0), published("cubic"), free)
 
 
 def test_unknown_regime_names_the_choices():
@@ -480,7 +480,7 @@ def test_unknown_regime_names_the_choices():
 )
 def test_impossible_springs_are_refused(numbers, words):
     with pytest.raises(ValueError, match=words):
-        Elastic(*numbers)
+        ElasticDrive(*numbers)
 
 
 def test_massless_cart_is_refused():
