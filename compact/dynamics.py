@@ -306,11 +306,11 @@ def outcome(state, slip, law, trial):
 
 
 @compiled
-def integrate(spring, law, resistance, state, tolerance, longest, arcs):
+def integrate(spring, law, resistance, state, tolerance, arcs):
     """Arcs from a state through all pieces of a law: (how it ended, arcs, evaluations of F, state, time).
 
     law : position of the far end over time, `Pieces` whose joins are the only places where it is not smooth
-    tolerance : of the defect [N];  longest : of an arc [s];  arcs : `room`, filled in place
+    tolerance : of the defect [N];  arcs : `room`, filled in place
     """
     n, work = 0, 0
     for i in range(len(law.coefficients)):
@@ -321,7 +321,7 @@ def integrate(spring, law, resistance, state, tolerance, longest, arcs):
             if n == len(arcs.start) or step < SHORTEST * whole:
                 return TOO_MANY if n == len(arcs.start) else TOO_SHORT, n, work, state, time
             slip = heading(spring, resistance, state, shifted(piece, done, 1.0)[1] / whole, last)
-            h = longest_answer(spring, resistance, state, slip, min(step, longest, left))
+            h = longest_answer(spring, resistance, state, slip, min(step, left))
             y = shifted(piece, done, h / whole)
             trial = attempt(spring, resistance, state, slip, y, h, tolerance)
             work += trial.evaluations

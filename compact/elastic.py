@@ -51,13 +51,11 @@ class ElasticDrive:
 
 
 def damping_ratio(cart, drive):
-    """c/(2 sqrt(k m)) of a cart on an `ElasticDrive` drive."""
+    """c/(2 sqrt(k m)) of a cart on an `ElasticDrive`."""
     return drive.damping / (2 * math.sqrt(drive.stiffness * cart.mass))
 
 
-def travel(
-    cart, drive, motion, resistance, *, regime="periodic", working=(1 / 6, 5 / 6), tolerance=1e-8, longest=math.inf
-):
+def travel(cart, drive, motion, resistance, *, regime="periodic", working=(1 / 6, 5 / 6), tolerance=1e-8):
     """`ElasticRun` of one cycle of a cart behind a spring.
 
     Parameters
@@ -68,7 +66,6 @@ def travel(
     regime : "periodic", or "rest": the first cycle of a cart that stood relaxed at the near end
     working : shares of the pass there between which the speed should be even
     tolerance : of the resistance that the solution meets, relative to the largest force of inertia and resistance
-    longest : arc [s]
 
     Raises ValueError for a resistance that jumps at a speed other than 0, or that drives the cart from rest, and
     RuntimeError where no periodic regime is found or the cart moves too wildly to follow.
@@ -76,7 +73,7 @@ def travel(
     refuse_nonpositive(mass=cart.mass, tolerance=tolerance)
     refuse_unknown("regime", regime, REGIMES)
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
-    problem = Problem(cart, drive, cycle, resistance, tolerance, longest)
+    problem = Problem(cart, drive, cycle, resistance, tolerance)
     start = problem.at_rest if regime == "rest" else problem.periodic()
     arcs, end = problem.course(problem.law, start)
     course = Course(cart, drive, arcs, problem.resistance, start, end)

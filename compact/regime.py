@@ -60,11 +60,11 @@ class Work:
 class Problem:
     """A cart, its spring, the law as polynomials over time, and the resistance as polynomials over speed."""
 
-    def __init__(self, cart, drive, cycle, resistance, tolerance, longest):
-        self.cart, self.longest, self.work = cart, longest, Work()
+    def __init__(self, cart, drive, cycle, resistance, tolerance):
+        self.work = Work()
         self.spring = Spring(float(cart.mass), float(drive.stiffness), float(drive.damping), float(drive.backlash))
         self.law = _polynomial_law(cycle)
-        self.period, self.duration = cycle.period, cycle.there.duration
+        self.middle = cycle.there.duration / 2
         self.total = _speed_only(cart, resistance)
         velocity, acceleration = (np.abs(cycle.there.at_phase(inside(cycle.there.curve.x), k)).max() for k in (1, 2))
         self.fastest = WIDER * velocity
@@ -91,15 +91,14 @@ class Problem:
 
     @property
     def at_rest(self):
+        """State of a cart that stands relaxed."""
         return State(0.0, 0.0, 1 if self.spring.backlash == 0 else 0)
 
     def course(self, law, state):
         """(`Arcs`, end state) through the pieces of a law; the range of speeds widens as need be."""
         for _ in range(WIDENINGS):
             arcs = room(ARCS, law.coefficients.shape[1] - 1)  # memory is taken as it is filled
-            ended, n, evaluations, end, time = integrate(
-                self.spring, law, self.resistance, state, self.tolerance, self.longest, arcs
-            )
+            ended, n, evaluations, end, time = integrate(self.spring, law, self.resistance, state, self.tolerance, arcs)
             self.work.courses += 1
             self.work.arcs += n
             self.work.evaluations += evaluations
@@ -120,15 +119,14 @@ class Problem:
         Newton's method on the map over one cycle, from the middle of the way there, where the cart moves for sure;
         a step that does not help is one more cycle instead.
         """
-        late, early = _cut(self.law, self.duration / 2)
+        late, early = _cut(self.law, self.middle)
         state = self.at_rest
         for _ in range(SETTLING):
             state = self._over(early, state)
             state = self._over(late, state)
         state = self._over(early, state)
-        units = (
-            np.array([1 / self.spring.stiffness, 1 / math.sqrt(self.spring.stiffness * self.cart.mass)]) * self.scale
-        )
+        stiffness, mass = self.spring.stiffness, self.spring.mass
+        units = self.scale / np.array([stiffness, math.sqrt(stiffness * mass)])
 
         def miss(state):
             after = self._over(early, self._over(late, state))

@@ -58,7 +58,7 @@ def moved(drive, position, time, size=0.0, state=RELAXED):
     arcs = room(1000, 10)
     numbers = Spring(MASS, float(drive.stiffness), float(drive.damping), float(drive.backlash))
     far_end = Pieces(np.array([0.0, time]), scaled)
-    ended, n, _, end, _ = integrate(numbers, far_end, Resistance(side, back), state, 1e-9, math.inf, arcs)
+    ended, n, _, end, _ = integrate(numbers, far_end, Resistance(side, back), state, 1e-9, arcs)
     assert ended == 0
     kept = type(arcs)(*(column[:n].copy() for column in arcs))
     return Course(CART, drive, kept, Resistance(side, back), state, end)
@@ -106,7 +106,7 @@ def test_harmonic_law_in_the_periodic_regime(stiffness, ratio):
     run = travel(CART, drive, published("harmonic"), free)
     amplitude = MASS * 0.2 * w**2 / (stiffness - MASS * w**2 + 1j * drive.damping * w)
     force = np.real((stiffness + 1j * drive.damping * w) * amplitude * np.exp(1j * w * run.time))
-    assert run.drive_force == pytest.approx(force, abs=1e-8 * MASS * 0.2 * w**2)
+    assert np.abs(run.drive_force - force).max() < 1e-8 * MASS * 0.2 * w**2
     assert run.peak_force == pytest.approx(abs((stiffness + 1j * drive.damping * w) * amplitude), rel=1e-8)
     assert run.work.rounds <= 1  # a linear map: Newton's method is exact
 
@@ -120,8 +120,8 @@ def test_harmonic_law_from_rest(stiffness, ratio):
     exact = np.real(amplitude * np.exp(1j * w * run.time))
     exact = exact + swung(drive, run.time, -amplitude.real, -np.real(1j * w * amplitude))
     stretch, _ = run.course.stretch(*run.course.at(run.time))
-    assert stretch == pytest.approx(exact, abs=1e-8 * MASS * 0.2 * w**2 / stiffness)
-    assert run.state.position == pytest.approx(run.cycle.derivative(run.time, 0) - exact, abs=1e-12 * 0.4)
+    assert np.abs(stretch - exact).max() < 1e-8 * MASS * 0.2 * w**2 / stiffness
+    assert np.abs(run.state.position + exact - run.cycle.derivative(run.time, 0)).max() < 1e-12 * 0.4
 
 
 @pytest.mark.parametrize("stiffness", STIFF)
@@ -337,7 +337,7 @@ def test_periodic_regime_is_where_waiting_leads(resistance):
     assert run.course.end[:2] == pytest.approx(run.course.start[:2], rel=1e-8, abs=1e-12)
     from compact.regime import Problem
 
-    problem = Problem(CART, drive, motion, resistance, 1e-8, math.inf)
+    problem = Problem(CART, drive, motion, resistance, 1e-8)
     state = problem.at_rest
     for _ in range(12):
         _, state = problem.course(problem.law, state)
