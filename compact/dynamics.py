@@ -30,6 +30,7 @@ CHECKS = 16  # places on an arc where the defect is measured
 ITERATIONS = 25  # of the collocation; 1 for dry friction, 2 to 6 are usual
 SLOWEST, FASTEST, SAFETY = 0.2, 4.0, 0.9  # of the step control
 SHORTEST = 1e-13  # share of a piece of the law below which a step is no step
+BRIEF = 1e-7  # share of a piece of the law: over so short an arc a cart that does not get away stands
 SLACK = 1e-12  # share of the friction by which a standing cart may be overpulled: rounding
 NODES = np.sin(np.pi * np.arange(POINTS) / (2 * (POINTS - 1))) ** 2
 TO_COEFFICIENTS = np.linalg.inv(np.vander(NODES, increasing=True))
@@ -330,9 +331,12 @@ def integrate(spring, law, resistance, state, tolerance, arcs):
                 continue
             if slip != 0 and trial.fastest > (resistance.there if slip > 0 else resistance.back).breaks[-1]:
                 return TOO_FAST, n, work, state, time
+            stayed = state.velocity == 0 and trial.what == STOPPED and trial.until * h < SHORTEST * whole
+            if stayed and h > BRIEF * whole:  # it hardly sets off: over a shorter arc rounding hides less
+                step = h / 8
+                continue
             _keep(arcs, n, time, h, y, trial, slip, state.side)
             n += 1
-            stayed = state.velocity == 0 and trial.what == STOPPED and trial.until * h < SHORTEST * whole
             last = HELD if stayed else trial.what
             state = outcome(state, slip, y, trial)
             done = 1.0 if h == left and trial.what == NOTHING else done + trial.until * h / whole

@@ -83,6 +83,8 @@ class Problem:
             except ValueError as error:
                 raise ValueError(f"`resistance` over speed [m/s] has {error}") from None
         self.resistance = Resistance(*sides)
+        for side in sides:  # friction that is rounding is none: nothing sticks to it
+            side.coefficients[0, 0] *= abs(side.coefficients[0, 0]) > TABLE_FLOOR * self.scale
         there, back = (side.coefficients[0, 0] for side in sides)
         if there < back:
             raise ValueError(

@@ -344,6 +344,16 @@ def test_periodic_regime_is_where_waiting_leads(resistance):
     assert state[:2] == pytest.approx(run.course.start[:2], rel=1e-8, abs=1e-12)
 
 
+@pytest.mark.parametrize("size", [0.0, 1e-12])
+@pytest.mark.parametrize("name", ["septic", "modified-trapezoid", "parabolic"])
+def test_friction_that_is_rounding_holds_nothing(name, size):
+    cart, drive = replace(CART, mass=10.0), ElasticDrive(5e6, 8 * math.sqrt(5e6 * 10.0))
+    cubic = lambda velocity, acceleration: size * np.sign(velocity) + 1e5 * velocity**3  # noqa: E731
+    run = travel(cart, drive, published(name), cubic, regime="rest")
+    assert run.standing < 1e-6
+    assert run.energy_residual < 1e-6
+
+
 def test_cart_of_a_dwell_stands_still_exactly():
     run = travel(CART, spring(1e6, 0.1), published("quintic").cycle(1.0, 1.0), dry(3486.0))
     standing = run.course.arcs.slip[run.course.places()[0]] == 0
