@@ -229,6 +229,14 @@ class MotorRun(Means):
         """Weights [s] that integrate over the turn."""
         return self.turn.weights.ravel()
 
+    @property
+    def direction(self):
+        """Way of the law: +1 there, -1 back, 0 in a dwell."""
+        legs, rate = self.load.cycle.legs(), self.load.cycle.period / (2 * np.pi)
+        middle = (self.turn.breaks[:-1] + self.turn.breaks[1:]) / 2 + self.load.motor.angles[0]
+        which = np.searchsorted([leg.start for leg in legs], np.mod(middle, 2 * np.pi) * rate) - 1
+        return np.repeat(np.array([float(leg.direction) for leg in legs])[which], self.turn.angle.shape[1])
+
     @cached_property
     def period(self):
         """Time of the turn [s]."""

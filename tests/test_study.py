@@ -71,7 +71,7 @@ def test_crank_law_goes_through_its_rod_in_a_crank_machine():
 
 def test_elastic_drive_goes_from_the_scene_to_the_summary(tmp_path):
     spring = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3, "motion.laws": ["cubic", "septic"]}
-    study = Study(scene(**spring, **{"output.wanted": ["tables", "reactions"]}))
+    study = Study(scene(**spring, **{"output.wanted": ["tables", "figures", "reactions"]}))
     summary = report.write(study, tmp_path / "out")
     forces = study.resistance.force + 0.008 * (2 * study.engineering.roller_force - 10000)
     for name, run in study.runs.items():
@@ -99,11 +99,13 @@ def test_motor_drive_goes_from_the_scene_to_the_summary(tmp_path):
         "drive.carts": 2,
         "motion.laws": ["cubic", "crank", "gear-sector"],
     }
-    study = Study(scene(**given, **{"output.wanted": ["tables", "reactions"]}))
+    study = Study(scene(**given, **{"output.wanted": ["tables", "figures", "reactions"]}))
     summary = report.write(study, tmp_path / "out")
     forces = study.resistance.force + 0.008 * (2 * study.engineering.roller_force - 10000)
     assert study.runs["cubic"].energy == pytest.approx(0.8 * forces, rel=1e-6)
     assert study.runs["crank"].state.rod_tangent.any()
+    run = study.runs["cubic"]
+    assert np.all(run.direction * run.state.velocity > -1e-9)
     assert summary["laws"]["gear-sector"]["peak_force"] == math.inf  # no motor follows a jump of velocity
     with (tmp_path / "out" / "motor.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
