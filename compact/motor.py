@@ -19,7 +19,7 @@ from compact.cart import Balance, Cart, balance
 from compact.drive import CREEP, Crank, Means, Rigid, State, met_resistance, refuse_foreign_law, steady_force
 from compact.pieces import inside, largest
 from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive
-from compact.turning import Turning, turning
+from compact.shaft import Turning, turning
 
 RIGID = Rigid()
 SPEEDS = 200  # trial speeds between rest and no load, for the first guess

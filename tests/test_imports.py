@@ -20,7 +20,7 @@ LEVELS = (
         "patch",
         "plies",
         "sizing",
-        "turning",
+        "shaft",
         "follower",
         "variational",
         "results",
