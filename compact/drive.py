@@ -116,8 +116,40 @@ def met_resistance(resistance, velocity, acceleration):
     return met
 
 
+class Means:
+    """Means over a cycle, of any run with `time`, `weights` [s], `period`, `drive_force`, `drive_power`."""
+
+    @cached_property
+    def rms_force(self):
+        """Root mean square of H over the cycle [N]; infinite where the velocity jumps."""
+        return math.inf if self.impulses else math.sqrt(self._mean(self.drive_force**2))
+
+    @cached_property
+    def rms_power(self):
+        """Root mean square of H v over the cycle [W]; infinite where the velocity jumps."""
+        return math.inf if self.impulses else math.sqrt(self._mean(self.drive_power**2))
+
+    @cached_property
+    def mean_power(self):
+        """Mean of H v over the cycle [W]."""
+        return self._mean(self.drive_power)
+
+    @cached_property
+    def energy(self):
+        """Net work of the drive over the cycle [J]: what resistance and friction took."""
+        return self.mean_power * self.period
+
+    @property
+    def dynamic_factor(self):
+        """Peak force over the force that keeps the mean speed."""
+        return self.peak_force / self.steady_force if self.steady_force else math.inf
+
+    def _mean(self, values):
+        return float(np.sum(self.weights * values) / self.period)
+
+
 @dataclass(frozen=True)
-class Run:
+class Run(Means):
     """One cycle of a cart under one law, sampled; arrays of shape (n,), pieces of the motion one after another.
 
     A join appears twice, with its values before and after. `weights` [s] integrate over the cycle. `impulses` are
@@ -170,38 +202,10 @@ class Run:
         return math.inf if self.shocks else self._largest(lambda state: state.jerk)
 
     @cached_property
-    def rms_force(self):
-        """Root mean square of H over the cycle [N]; infinite where the velocity jumps."""
-        return math.inf if self.impulses else math.sqrt(self._mean(self.drive_force**2))
-
-    @cached_property
-    def rms_power(self):
-        """Root mean square of H v over the cycle [W]; infinite where the velocity jumps."""
-        return math.inf if self.impulses else math.sqrt(self._mean(self.drive_power**2))
-
-    @cached_property
-    def mean_power(self):
-        """Mean of H v over the cycle [W]."""
-        return self._mean(self.drive_power)
-
-    @cached_property
-    def energy(self):
-        """Net work of the drive over the cycle [J]: what resistance and friction took."""
-        return self.mean_power * self.period
-
-    @cached_property
     def drawn_energy(self):
         """Work given by a drive that cannot take back what the braking cart returns [J]; jumps of speed included."""
         starts = sum(_kinetic_gain(self.demand.cart.mass, join) for join in self.impulses)
         return self._mean(np.maximum(self.drive_power, 0.0)) * self.period + starts
-
-    @property
-    def dynamic_factor(self):
-        """Peak force over the force that keeps the mean speed."""
-        return self.peak_force / self.steady_force if self.steady_force else math.inf
-
-    def _mean(self, values):
-        return float(np.sum(self.weights * values) / self.period)
 
     def _largest(self, quantity):
         """Largest |quantity| of the `State` over the cycle, found on the law itself."""
@@ -218,12 +222,12 @@ def _kinetic_gain(mass, join):
 
 
 def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
-    """`Run` of one cycle with the law imposed exactly (inverse dynamics).
+    """`Run` of one cycle with the law imposed exactly (inverse dynamics), or what a drive that yields makes of it.
 
     Parameters
     ----------
     cart : Cart
-    drive : Rigid or Crank
+    drive : Rigid or Crank, or a drive with an equation of motion of its own, such as `elastic.ElasticDrive`: its `run`
     motion : Motion (there and back without a dwell) or Cycle
     resistance : callable(velocity, acceleration) -> N, of all rollers of the cart
     working : shares of the pass between which the speed should be even, for `nonuniformity`
@@ -233,7 +237,9 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
     if not 0 <= working[0] < working[1] <= 1:
         raise ValueError(f"`working` must be two shares, 0 <= first < second <= 1, got {working!r}")
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
-    _refuse_foreign_law(drive, cycle)
+    if hasattr(drive, "run"):
+        return drive.run(cart, cycle, resistance, working)
+    refuse_foreign_law(drive, cycle)
     demand = Demand(cart, drive, cycle, resistance)
     time, weights, direction, state = _sampled(demand)
     joins = cycle.joins()
@@ -243,7 +249,7 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
         weights=weights,
         direction=direction,
         state=state,
-        steady_force=_steady_force(cart, cycle.there, resistance),
+        steady_force=steady_force(cart, cycle.there, resistance),
         nonuniformity=_nonuniformity(cycle.there, working),
         impulses=tuple(join for join in joins if join.order == 1),
         shocks=tuple(join for join in joins if join.order <= 2),
@@ -266,7 +272,8 @@ def _sampled(demand):
     return time, weights, direction, State(*rest[:6], Balance(*rest[6:]))
 
 
-def _steady_force(cart, motion, resistance):
+def steady_force(cart, motion, resistance):
+    """|H| that keeps the mean speed of a motion [N]."""
     mean_velocity, none = np.array([motion.stroke / motion.duration]), np.zeros(1)
     steady = balance(cart, none, met_resistance(resistance, mean_velocity, none), 1.0)
     return abs(float(steady.drive_force[0]))
@@ -280,7 +287,8 @@ def _nonuniformity(motion, working):
     return float((velocity.max() - velocity.min()) / mean)
 
 
-def _refuse_foreign_law(drive, cycle):
+def refuse_foreign_law(drive, cycle):
+    """Refuse a cycle that the crank does not turn; other drives turn every one."""
     if not isinstance(drive, Crank):
         return
     psi = np.linspace(0, np.pi, 9)

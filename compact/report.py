@@ -224,6 +224,11 @@ def _tables(study, directory):
     ])  # fmt: skip
     for name, run in study.runs.items():
         yield _csv(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, _cycle_rows(run))
+    if study.scene.drive.kind == "elastic":
+        yield _csv(directory / "ringing.csv", RINGING_HEADER, [_ringing_row(run) for run in study.runs.values()])
+    if study.scene.drive.kind == "motor":
+        turned = [run for run in study.runs.values() if hasattr(run, "motor_torque")]
+        yield _csv(directory / "motor.csv", MOTOR_HEADER, [_motor_row(run) for run in turned])
 
 
 def _rankings(study):
@@ -242,6 +247,34 @@ CYCLE_HEADER = (
     "time_s", "position_m", "velocity_m/s", "acceleration_m/s2", "jerk_m/s3", "resistance_N", "drive_force_N",
     "drive_power_W", "front_reaction_N", "rear_reaction_N",
 )  # fmt: skip
+
+RINGING_HEADER = (
+    "law", "peak_force_N", "rigid_peak_force_N", "ringing", "peak_power_W", "rigid_peak_power_W", "nonuniformity",
+    "rigid_nonuniformity", "standing_s", "energy_residual", "arcs",
+)  # fmt: skip
+
+
+def _ringing_row(run):
+    rigid = run.rigid
+    return (
+        run.name, run.peak_force, rigid.peak_force, run.ringing, run.peak_power, rigid.peak_power, run.nonuniformity,
+        rigid.nonuniformity, run.standing, run.energy_residual, run.work.arcs,
+    )  # fmt: skip
+
+
+MOTOR_HEADER = (
+    "law", "period_s", "least_speed_rad/s", "largest_speed_rad/s", "fluctuation", "peak_motor_torque_Nm",
+    "peak_motor_power_W", "work_of_a_cycle_J", "nonuniformity", "energy_residual",
+)  # fmt: skip
+
+
+def _motor_row(run):
+    torque = float(np.abs(run.motor_torque).max()) / run.load.motor.gear_ratio
+    work = float(np.sum(run.weights * run.motor_torque * run.speed))
+    return (
+        run.name, run.period, float(run.speed.min()), float(run.speed.max()), run.fluctuation, torque,
+        run.peak_motor_power, work, run.nonuniformity, run.energy_residual,
+    )  # fmt: skip
 
 
 def _law_row(cycle):
@@ -376,7 +409,7 @@ def _summary(study, files):
         "laws": {name: _run_numbers(run) for name, run in study.runs.items()},
         "rankings": _places(study.rankings),
         "formula_rankings": _places(study.formula_rankings),
-        "units": {name: criterion.unit for name, criterion in CRITERIA.items()},
+        "units": {name: criterion.unit for name, criterion in CRITERIA.items()} | OWN,
         "stages": dict(study.counts),
         "files": files,
     }
@@ -405,7 +438,17 @@ def _place(place):
 
 
 def _run_numbers(run):
-    return {name: getattr(run, name) for name in CRITERIA}
+    own = [name for name in OWN if hasattr(run, name)]
+    return {name: getattr(run, name) for name in (*CRITERIA, *own)}
+
+
+OWN = {  # what runs of elastic and motor drives know besides
+    "ringing": "1",
+    "standing": "s",
+    "fluctuation": "1",
+    "peak_motor_power": "W",
+    "energy_residual": "1",
+}
 
 
 def digest(study):
@@ -436,7 +479,9 @@ def _place_line(place, beside=None):
         return f"  {place.rank:>2}  {place.run.name:<30}  infinite: {place.reason}"
     margin = f"+{place.margin:.2%} to the next" if np.isfinite(place.margin) else ""
     formula = f"{beside.value:>10.1f} ({beside.rank})" if beside else ""
-    return f"  {place.rank:>2}  {place.run.name:<30}{place.value:>10.1f}   {margin:<22}{formula}".rstrip()
+    ringing = getattr(place.run, "ringing", np.nan)
+    ringing = f"rings {ringing:.3f}   " if np.isfinite(ringing) else ""
+    return f"  {place.rank:>2}  {place.run.name:<30}{place.value:>10.1f}   {ringing}{margin:<22}{formula}".rstrip()
 
 
 def cam_digest(law, cam):

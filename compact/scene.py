@@ -179,12 +179,28 @@ class Motion(_Table):
     tables: Names = Field(default=(), description="CSV files of own laws, relative to the scene file")
 
 
+class Motor(_Table):
+    """The motor of a drive, and what it turns on the shaft whose one turn is a cycle."""
+
+    curve: Literal["kloss", "straight"] = Field(description="the torque over the speed")
+    torque: float = _positive("the breakdown torque (kloss) or the torque at rest (straight) in N m")
+    speed: float = _positive("the synchronous speed (kloss) or that without load (straight) in rad/s")
+    breakdown_slip: float | None = _optional("the slip at the breakdown torque", gt=0, le=1)
+    inertia: float = _nonnegative("the inertia of the rotor in kg m2")
+    gear_ratio: float = _positive("the speed of the motor over that of the shaft")
+    flywheel_inertia: float = _nonnegative("the inertia of flywheel and shaft in kg m2")
+
+
 class Drive(_Table):
     """What moves the carts, and the peaks the laws are ranked by."""
 
-    kind: Literal["rigid", "crank"] = Field(description="the kind of drive")
+    kind: Literal["rigid", "crank", "elastic", "motor"] = Field(description="the kind of drive")
+    stiffness: float | None = _optional("the stiffness of an elastic drive in N/m")
+    damping: float | None = _optional("the damping of an elastic drive in N s/m, 0 for none", ge=0)
+    backlash: float | None = _optional("the play of an elastic drive between pulling and pushing in m", ge=0)
     carts: int = _between(1, 4, "the number of carts on one shaft")
     angles: Numbers | None = Field(default=None, description="the crank angle of each cart in rad")
+    motor: Motor | None = None
     rank_by: Ranks = Field(min_length=1, description="the quantities to rank by")
 
 

@@ -196,6 +196,33 @@ def _one_angle_per_cart(angles, carts):
         return f"needs one angle per cart, drive.carts = {carts:g}, got {len(angles)}; make the two agree"
 
 
+@_rule("drive.kind", "drive.stiffness", "drive.damping", "drive.backlash")
+def _spring_belongs_to_an_elastic_drive(kind, stiffness, damping, backlash):
+    given = {"stiffness": stiffness, "damping": damping, "backlash": backlash}
+    if kind == "elastic":
+        missing = [name for name in ("stiffness", "damping") if given[name] is None]
+        if missing:
+            return f'"elastic" needs drive.{" and drive.".join(missing)}, got none; give N/m and N s/m'
+    elif strange := [name for name, value in given.items() if value is not None]:
+        return f'"{kind}" has no {", ".join(strange)}; take it out, or choose "elastic"'
+
+
+@_rule("drive.kind", "drive.motor")
+def _motor_belongs_to_a_motor_drive(kind, motor):
+    if kind == "motor" and motor is None:
+        return '"motor" needs the table [drive.motor], got none; give its curve, gear and inertias'
+    if kind != "motor" and motor is not None:
+        return f'"{kind}" has no motor; take the table [drive.motor] out, or choose "motor"'
+
+
+@_rule("drive.motor.breakdown_slip", "drive.motor.curve")
+def _slip_belongs_to_kloss(slip, curve):
+    if curve == "kloss" and slip is None:
+        return 'is missing, and drive.motor.curve is "kloss"; give the slip at the breakdown torque, such as 0.15'
+    if curve == "straight" and slip is not None:
+        return f'is for drive.motor.curve "kloss", got {slip:g} with "straight"; take it out'
+
+
 @_rule("cam", "output.wanted")
 def _cams_wanted_are_given(cam, wanted):
     if cam is None and "cams" in wanted:

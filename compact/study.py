@@ -22,9 +22,11 @@ from compact.engine import LAYERED, fields, passes, roll, speeds
 from compact.halfplane import galin, pressure_exponent
 from compact.measured import from_table
 from compact.motion import law
+from compact.motor import Kloss, Motor, Straight
 from compact.resistance import sampled
 from compact.scene import SceneError
 
+SWING = 2.0  # times the velocity of the law, which an elastic drive may reach after a jump
 SLOWEST = 1 / 50  # of the fastest, where samples of the resistance begin
 FOLLOWERS = {
     "pointed": lambda table: Pointed(),
@@ -246,14 +248,14 @@ class Study:
 
     @cached_property
     def fastest(self):
-        """Largest velocity of any law, and of the crank where there is one [m/s]."""
+        """Largest velocity of any law, and of the crank where there is one, with room for drives that swing [m/s]."""
         velocities = [cycle.there.peaks().velocity for cycle in self.cycles.values()]
         if self.crank:
             motion = self.scene.motion
             velocities.append(
                 law("crank", motion.stroke, motion.duration, rod_length=motion.rod_length).peaks().velocity
             )
-        return float(max(velocities))
+        return float(max(velocities)) * (SWING if self.scene.drive.kind in ("elastic", "motor") else 1.0)
 
     @cached_property
     def roller_load(self):
@@ -308,9 +310,36 @@ class Study:
         rod = self.scene.motion.rod_length
         return None if rod is None else drive.Crank(self.scene.motion.stroke / 2, rod)
 
+    @property
+    def angles(self):
+        """Crank angle of each cart ahead of the first [rad]."""
+        return self.scene.drive.angles or USUAL_ANGLES[self.scene.drive.carts]
+
+    def means(self, name):
+        """The drive that carries a law; the law of the crank goes through its rod where the machine has one.
+
+        A law whose velocity jumps stays with the rigid drive, which says that its force is infinite: no motor follows.
+        """
+        table, cycle = self.scene.drive, self.cycles[name]
+        through_rod = name == "crank" and self.crank is not None and self.scene.motion.dwell == 0
+        if table.kind == "elastic":
+            from compact.elastic import ElasticDrive  # compiled code, loaded for those who want it
+
+            return ElasticDrive(table.stiffness, table.damping, table.backlash or 0.0)
+        rod = self.crank if through_rod and table.kind in ("crank", "motor") else drive.Rigid()
+        if table.kind != "motor" or any(join.order == 1 for join in cycle.joins()):
+            return rod
+        motor = table.motor
+        curve = (
+            Kloss(motor.torque, motor.breakdown_slip, motor.speed)
+            if motor.curve == "kloss"
+            else Straight(motor.torque, motor.speed)
+        )
+        return Motor(curve, motor.gear_ratio, motor.inertia, motor.flywheel_inertia, self.angles, rod)
+
     @cached_property
     def runs(self):
-        """A `Run` per law, by name; the law of the crank goes through its rod where the machine has one."""
+        """A `Run`, `ElasticRun` or `MotorRun` per law, by name."""
         return self._runs(self.cart, self.resistance)
 
     @cached_property
@@ -330,13 +359,11 @@ class Study:
 
     def _runs(self, cart, resistance):
         motion = self.scene.motion
+        working = (motion.run_up, 1 - motion.run_down)
         runs = {}
         for name, cycle in self.cycles.items():
             self.count("runs")
-            through_rod = name == "crank" and self.scene.drive.kind == "crank" and motion.dwell == 0
-            means = self.crank if through_rod else drive.Rigid()
-            working = (motion.run_up, 1 - motion.run_down)
-            runs[name] = drive.simulate(cart, means, cycle, resistance, working=working)
+            runs[name] = drive.simulate(cart, self.means(name), cycle, resistance, working=working)
         return runs
 
     def _rankings(self, runs):
@@ -360,7 +387,7 @@ class Study:
     def turns(self):
         """A `Turn` of the shaft for 1 to 4 carts at their usual angles, and under "scene" that of the scene."""
         angles = {str(count): usual for count, usual in USUAL_ANGLES.items()}
-        angles["scene"] = self.scene.drive.angles or USUAL_ANGLES[self.scene.drive.carts]
+        angles["scene"] = self.angles
         speed = np.pi / self.scene.motion.duration
         turns = {}
         for key, ahead in angles.items():

@@ -12,17 +12,20 @@ ROOT = Path(__file__).parents[1]
 MODULES = {path.stem: path for path in sorted((ROOT / "compact").glob("*.py"))}
 # A module imports strictly lower levels only, so that no circle can close.
 LEVELS = (
-    ("refuse", "pieces", "measurements", "fitting", "deformation", "pressing", "equilibrium"),
-    ("records", "material", "mesh", "patch", "plies", "sizing", "follower", "variational", "results", "scene_errors"),
-    ("laws", "halfplane", "modulation", "mix", "cart", "scene_rules", "streamline", "cap"),
+    ("refuse", "pieces", "measurements", "fitting", "deformation", "pressing", "equilibrium", "ringing"),
+    (
+        *("records", "material", "mesh", "patch", "plies", "sizing", "shaft", "follower", "variational", "results"),
+        *("scene_errors", "polynomials"),
+    ),
+    ("laws", "halfplane", "modulation", "mix", "cart", "scene_rules", "streamline", "cap", "dynamics"),
     ("kernel", "compliance", "stickslip", "confined"),
     ("fields", "solid", "expected", "bed", "turning", "flow"),
     ("frame", "march", "steady"),
     ("compacted",),
     ("compaction",),
     ("motion", "contact", "spectral", "fem", "drive", "scene", "column", "resistance"),
-    ("measured", "cam", "crank", "passes", "spectral_modulation", "fem_modulation"),
-    ("engine",),
+    ("measured", "cam", "crank", "passes", "spectral_modulation", "fem_modulation", "regime"),
+    ("engine", "elastic", "motor"),
     ("study", "calibrate"),
     ("figures", "published_laws", "published_machine"),
     ("report", "published"),

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from compact.scene import LAW_NAMES, Scene, SceneError, load_scene, parse_scene, starter_scene
+from compact.scene import LAW_NAMES, Motor, Scene, SceneError, load_scene, parse_scene, starter_scene
 
 SCENES = Path(__file__).parents[1] / "studies" / "scenes"
 PUBLISHED = (SCENES / "loveikin-2015.toml").read_text("utf-8")
@@ -98,7 +98,8 @@ def test_the_starter_shows_every_key_there_is():
     keys = set(re.findall(r"^(?:# )?(\w+) = ", starter_scene(), re.MULTILINE))
     tables = [field.annotation for field in Scene.model_fields.values()]
     known = {key for table in tables for part in getattr(table, "__args__", (table,)) for key in fields_of(part)}
-    assert known - keys == {"overrides"}
+    assert known - keys == {"overrides", "motor"}
+    assert set(Motor.model_fields) <= keys
 
 
 def fields_of(table):
@@ -362,6 +363,15 @@ def refused(name, old, new, *words, at=None, also=("", "")):
     return pytest.param(text, line, words, id=name)
 
 
+MOTOR = """[drive.motor]
+curve = "kloss"
+torque = 40.0
+speed = 157.0
+breakdown_slip = 0.15
+gear_ratio = 150.0
+inertia = 0.01
+flywheel_inertia = 50.0
+"""
 BROKEN = [
     refused(
         "negative",
@@ -723,6 +733,47 @@ BROKEN = [
         'motion.rod_length: is missing, and motion.laws is ["all"], crank included and output.wanted holds '
         '"crank"; give the length of the connecting rod in m',
         at="[motion]",
+    ),
+    refused(
+        "spring of a rigid drive",
+        'kind = "rigid"',
+        'kind = "rigid"\nstiffness = 1e6',
+        'drive.kind: "rigid" has no stiffness; take it out, or choose "elastic"',
+        at='kind = "rigid"',
+    ),
+    refused(
+        "elastic drive without its numbers",
+        'kind = "rigid"',
+        'kind = "elastic"',
+        'drive.kind: "elastic" needs drive.stiffness and drive.damping, got none; give N/m and N s/m',
+    ),
+    refused(
+        "spring that is none",
+        'kind = "rigid"',
+        'kind = "elastic"\ndamping = 0.0\nstiffness = 0.0',
+        "drive.stiffness: must be positive, got 0.0; give the stiffness of an elastic drive in N/m",
+        at="stiffness = 0.0",
+    ),
+    refused(
+        "motor drive without a motor",
+        'kind = "rigid"',
+        'kind = "motor"',
+        'drive.kind: "motor" needs the table [drive.motor], got none; give its curve, gear and inertias',
+    ),
+    refused(
+        "motor of a rigid drive",
+        "[cam]",
+        MOTOR + "\n[cam]",
+        'drive.kind: "rigid" has no motor; take the table [drive.motor] out, or choose "motor"',
+        at='kind = "rigid"',
+    ),
+    refused(
+        "slip of a straight curve",
+        "[cam]",
+        MOTOR.replace("kloss", "straight") + "\n[cam]",
+        'drive.motor.breakdown_slip: is for drive.motor.curve "kloss", got 0.15 with "straight"; take it out',
+        at="breakdown_slip",
+        also=('kind = "rigid"', 'kind = "motor"'),
     ),
     refused(
         "two angles for one cart",

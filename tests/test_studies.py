@@ -26,6 +26,8 @@ def test_every_study_has_a_test():
         "formula_against_fem",
         "operating_point",
         "density_after_passes",
+        "elastic_drive",
+        "motor_and_flywheel",
     }
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
 
@@ -141,3 +143,31 @@ def test_passes_at_one_height_press_the_layer_once(capsys, tmp_path):
         solid = sum((top - bottom) * k for *key, _, _, bottom, top, k in rows if tuple(key) == done)
         assert solid == pytest.approx(0.1 * 0.98, rel=2e-3)  # but for what locked-in stress squeezes
     assert "top k" in capsys.readouterr().out
+
+
+def test_elastic_drive_knocks_at_the_turn_however_stiff(capsys, tmp_path):
+    module = study("elastic_drive")
+    rows = module.main(laws=("parabolic", "septic"), stiffnesses=(1e7, 1e9), ratio=0.01, out=tmp_path)
+    module.show(rows)
+    force, inertia = 3562.0, 1000 * 4 * 0.4 / 9
+    knocked = force + inertia + (4 * force * inertia - inertia**2) ** 0.5  # undamped, in closed form
+    for row in rows[:2]:
+        assert row[2] == pytest.approx(knocked, rel=0.02)
+    assert rows[3][3] < rows[2][3] < 1.3  # the septic law leaves the turn gently
+    assert all(row[7] < 1e-6 for row in rows)
+    assert "parabolic" in capsys.readouterr().out
+    assert (tmp_path / "elastic_drive.png").stat().st_size > 10_000
+
+
+def test_flywheel_steadies_the_motor_in_proportion(capsys, tmp_path):
+    module = study("motor_and_flywheel")
+    rows = module.main(laws=("cubic",), carts=(1, 4), inertias=(50.0, 500.0), out=tmp_path)
+    module.show(rows)
+    for row in rows:
+        assert row[3] * row[6] == pytest.approx(row[1] * 0.8 * 3562, rel=1e-5)  # work of a turn: that of the friction
+        assert row[9] < 1e-6
+    for light, heavy in (rows[:2], rows[2:]):
+        assert light[4] / heavy[4] == pytest.approx(10, rel=0.02)  # swing of the work over J w^2
+    assert rows[3][4] < rows[1][4]
+    assert "cubic" in capsys.readouterr().out
+    assert (tmp_path / "motor_and_flywheel.png").stat().st_size > 10_000

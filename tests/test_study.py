@@ -69,6 +69,51 @@ def test_crank_law_goes_through_its_rod_in_a_crank_machine():
     assert not study.runs["harmonic"].state.rod_tangent.any()
 
 
+def test_elastic_drive_goes_from_the_scene_to_the_summary(tmp_path):
+    spring = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3, "motion.laws": ["cubic", "septic"]}
+    study = Study(scene(**spring, **{"output.wanted": ["tables", "figures", "reactions"]}))
+    summary = report.write(study, tmp_path / "out")
+    forces = study.resistance.force + 0.008 * (2 * study.engineering.roller_force - 10000)
+    for name, run in study.runs.items():
+        damper = np.sum(run.weights * 3e3 * run.course.stretch(*run.course.at(run.time))[1] ** 2)
+        slid = np.sum(run.weights * np.abs(run.state.velocity))
+        assert run.energy == pytest.approx(forces * slid + damper, rel=1e-4)  # samples meet again where arcs do
+        assert summary["laws"][name]["ringing"] == run.peak_force / run.rigid.peak_force > 1.2
+        assert summary["laws"][name]["energy_residual"] < 1e-6
+    with (tmp_path / "out" / "ringing.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["law"] for row in rows] == ["cubic", "septic"]
+    assert "rings 1." in report.digest(study)
+
+
+MOTOR = {
+    "curve": "kloss", "torque": 40.0, "speed": 157.0, "breakdown_slip": 0.15,
+    "gear_ratio": 75.0, "inertia": 0.0, "flywheel_inertia": 50.0,
+}  # fmt: skip
+
+
+def test_motor_drive_goes_from_the_scene_to_the_summary(tmp_path):
+    given = {
+        "drive.kind": "motor",
+        "drive.motor": MOTOR,
+        "drive.carts": 2,
+        "motion.laws": ["cubic", "crank", "gear-sector"],
+    }
+    study = Study(scene(**given, **{"output.wanted": ["tables", "figures", "reactions"]}))
+    summary = report.write(study, tmp_path / "out")
+    forces = study.resistance.force + 0.008 * (2 * study.engineering.roller_force - 10000)
+    assert study.runs["cubic"].energy == pytest.approx(0.8 * forces, rel=1e-6)
+    assert study.runs["crank"].state.rod_tangent.any()
+    run = study.runs["cubic"]
+    assert np.all(run.direction * run.state.velocity > -1e-9)
+    assert summary["laws"]["gear-sector"]["peak_force"] == math.inf  # no motor follows a jump of velocity
+    with (tmp_path / "out" / "motor.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["law"] for row in rows] == ["cubic", "crank"]
+    assert float(rows[0]["work_of_a_cycle_J"]) == pytest.approx(2 * 0.8 * forces, rel=1e-6)
+    assert summary["laws"]["cubic"]["fluctuation"] == pytest.approx(float(rows[0]["fluctuation"]), rel=1e-9)
+
+
 def test_power_of_the_shaft_is_that_of_the_run_through_the_rod():
     study = Study(scene("loveikin-2015-crank", **{"motion.laws": ["crank"]}))
     turn = study.turns["1"]

@@ -1,0 +1,344 @@
+"""The motor drive: carts on one shaft that a motor turns at a speed of its own, with gear and flywheel.
+
+    J phi'' = g T(g phi') - sum over carts of H x'(phi),  J = J_flywheel + g^2 J_motor
+
+A turn of the shaft is a cycle of the law, x(phi) = y(T phi/2 pi): a cam, or a crank with its own law. H is the drive
+force of each cart at v = x' phi' and a = x'' phi'^2 + x' phi'' (`cart.balance`); T is the motor's torque over its
+speed, g its speed over the shaft's. Where a cart turns x' = 0, so that the jump of the friction asks no torque.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import astuple, dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from compact.cart import Balance, Cart, balance
+from compact.drive import CREEP, Crank, Means, Rigid, State, met_resistance, refuse_foreign_law, steady_force
+from compact.pieces import inside, largest
+from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive
+from compact.shaft import Turning, turning
+
+RIGID = Rigid()
+SPEEDS = 200  # trial speeds between rest and no load, for the first guess
+
+
+@dataclass(frozen=True)
+class Straight:
+    """A motor whose torque falls straight with its speed (direct current): T = stall_torque (1 - w/no_load_speed).
+
+    stall_torque [N m]; no_load_speed [rad/s]
+    """
+
+    stall_torque: float
+    no_load_speed: float
+
+    def __post_init__(self):
+        refuse_nonpositive(stall_torque=self.stall_torque, no_load_speed=self.no_load_speed)
+
+    def torque(self, speed):
+        """T [N m] at the motor's speed [rad/s]."""
+        return self.stall_torque * (1 - speed / self.no_load_speed)
+
+
+@dataclass(frozen=True)
+class Kloss:
+    """An induction motor by Kloss' formula: T = 2 T_b/(s/s_b + s_b/s), s = 1 - w/w_s.
+
+    breakdown_torque : T_b [N m];  breakdown_slip : s_b;  synchronous_speed : w_s [rad/s]
+
+    Stator resistance neglected: M. Kloss, Archiv fuer Elektrotechnik 5 (1916) 59.
+
+    >>> f"{Kloss(50.0, 0.2, 157.0).torque(0.8 * 157.0):.1f} N m"
+    '50.0 N m'
+    """
+
+    breakdown_torque: float
+    breakdown_slip: float
+    synchronous_speed: float
+
+    def __post_init__(self):
+        refuse_nonpositive(
+            breakdown_torque=self.breakdown_torque,
+            breakdown_slip=self.breakdown_slip,
+            synchronous_speed=self.synchronous_speed,
+        )
+
+    @property
+    def no_load_speed(self):
+        """w_s [rad/s]."""
+        return self.synchronous_speed
+
+    def torque(self, speed):
+        """T [N m] at the motor's speed [rad/s]; it brakes above w_s."""
+        slip = 1 - speed / self.synchronous_speed
+        return 2 * self.breakdown_torque * slip * self.breakdown_slip / (slip**2 + self.breakdown_slip**2)
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A motor drive: what turns the shaft, and what hangs on it.
+
+    curve : Straight, Kloss, or anything with `torque(speed)` and `no_load_speed`;  gear_ratio : g, motor over shaft
+    motor_inertia, flywheel_inertia : of the rotor, and on the shaft [kg m^2];  angles : of each cart ahead [rad]
+    rod : Rigid (a cam) or Crank
+    """
+
+    curve: object
+    gear_ratio: float
+    motor_inertia: float
+    flywheel_inertia: float
+    angles: tuple[float, ...] = (0.0,)
+    rod: Rigid | Crank = RIGID
+
+    def __post_init__(self):
+        refuse_nonpositive(gear_ratio=self.gear_ratio)
+        refuse_negative(motor_inertia=self.motor_inertia, flywheel_inertia=self.flywheel_inertia)
+        refuse_nonfinite(angles=self.angles)
+        if not self.angles:
+            raise ValueError("`angles` must hold one angle per cart, got none")
+
+    @property
+    def inertia(self):
+        """J on the shaft [kg m^2]."""
+        return self.flywheel_inertia + self.gear_ratio**2 * self.motor_inertia
+
+    def torque(self, speed):
+        """g T(g phi') [N m] on the shaft at its speed [rad/s]."""
+        return self.gear_ratio * self.curve.torque(self.gear_ratio * speed)
+
+    def run(self, cart, cycle, resistance, working):
+        """The periodic `MotorRun`: what `drive.simulate` asks of a drive."""
+        return revolve(cart, self, cycle, resistance, working=working)
+
+
+@dataclass(frozen=True)
+class Load:
+    """Carts alike on one shaft: what they ask at an angle; `period` is that of the law at even speed."""
+
+    cart: Cart
+    motor: Motor
+    cycle: object
+    resistance: Callable
+
+    def breaks(self):
+        """Angles in [0, 2 pi] where the law of any cart joins its pieces, ends among them."""
+        rate = 2 * np.pi / self.cycle.period
+        joins = np.concatenate([rate * (leg.start + leg.duration * leg.joined_at()) for leg in self.cycle.legs()])
+        every = np.mod(np.subtract.outer(joins, self.motor.angles).ravel(), 2 * np.pi)
+        edges = np.unique(np.append(every, [0.0, 2 * np.pi]))
+        return np.append(edges[:-1][np.diff(edges) > 1e-9], 2 * np.pi)
+
+    def at(self, angle, energy, acceleration, jerk=0.0):
+        """A `State` for each cart at angles; E = phi'^2/2, phi'' and what follows, arrays of shape (pieces, n)."""
+        turned = [np.mod(angle + ahead, 2 * np.pi) for ahead in self.motor.angles]
+        return [self._cart(angle, energy, acceleration, jerk) for angle in turned]
+
+    def _cart(self, angle, energy, acceleration, jerk):
+        x, slope, curvature, third = self.travel(angle)
+        speed = np.sqrt(2 * energy)
+        velocity, pace = slope * speed, curvature * 2 * energy + slope * acceleration
+        direction = np.sign(slope.mean(axis=-1, keepdims=True))
+        creep = CREEP * self.cycle.there.stroke / self.cycle.there.duration
+        moving = np.where(np.abs(velocity) < creep, direction * creep, velocity)
+        met = met_resistance(self.resistance, moving, pace)
+        tangent = self.motor.rod.rod_tangent(angle / (2 * np.pi) * self.cycle.period, self.cycle.period)
+        third = third * speed**3 + 3 * curvature * speed * acceleration + slope * jerk
+        return State(x, velocity, pace, third, met, tangent, balance(self.cart, pace, met, np.sign(moving), tangent))
+
+    def travel(self, angle):
+        """x and its first three derivatives by the shaft's angle [rad], within [0, 2 pi)."""
+        rate = self.cycle.period / (2 * np.pi)
+        return [self.cycle.derivative(angle * rate, order) * rate**order for order in range(4)]
+
+    def torque(self, angle, energy, acceleration):
+        """sum of H x' [N m]."""
+        states = self.at(angle, energy, acceleration)
+        return sum(state.forces.drive_force * state.velocity for state in states) / np.sqrt(2 * energy)
+
+    def residual(self, angle, energy, acceleration):
+        """J phi'' + sum of H x' - g T [N m]."""
+        driven = self.motor.torque(np.sqrt(2 * energy))
+        return self.motor.inertia * acceleration + self.torque(angle, energy, acceleration) - driven
+
+
+def revolve(cart, motor, motion, resistance, *, working=(1 / 6, 5 / 6), start_speed=None, tolerance=1e-9):
+    """`MotorRun` of one turn of carts alike on a shaft that a motor turns.
+
+    Parameters
+    ----------
+    cart : Cart;  motor : Motor;  motion : Motion or Cycle, of which a turn is one cycle
+    resistance : callable(velocity, acceleration) -> N
+    working : shares of the pass there between which the speed should be even
+    start_speed : of the shaft at the start [rad/s], for a turn that is not periodic
+    tolerance : of phi'^2, relative
+
+    Raises ValueError for a law whose velocity jumps, which no motor follows, and RuntimeError where the motor stalls.
+    """
+    cycle = motion if hasattr(motion, "legs") else motion.cycle()
+    if any(join.order == 1 for join in cycle.joins()):
+        raise ValueError(f"the velocity of '{cycle.there.name}' jumps, which no motor can follow; choose another law")
+    refuse_foreign_law(motor.rod, cycle)
+    load = Load(cart, motor, cycle, resistance)
+    guess = _first_speed(load) if start_speed is None else start_speed
+    turn = turning(load.residual, load.breaks(), guess, tolerance, periodic=start_speed is None)
+    return MotorRun(load, turn, working)
+
+
+def _first_speed(load):
+    """Highest even speed at which the motor gives, on the mean, what the carts take [rad/s]."""
+    breaks = load.breaks()
+    angle = np.concatenate([np.linspace(a, b, 18)[None, 1:-1] for a, b in pairwise(breaks)])
+    width = np.diff(breaks)[:, None]
+    for share in np.linspace(1, 0, SPEEDS, endpoint=False):
+        speed = share * load.motor.curve.no_load_speed / load.motor.gear_ratio
+        energy = np.full(angle.shape, speed**2 / 2)
+        taken = np.sum(width * load.torque(angle, energy, 0 * energy)) / angle.shape[1] / (2 * np.pi)
+        if load.motor.torque(speed) >= taken:
+            return speed
+    raise RuntimeError(
+        f"the motor stalls: the carts take {taken:g} N m on the mean at {speed:g} rad/s, it gives "
+        f"{load.motor.torque(speed):g} N m on the shaft; give a stronger motor or more gear"
+    )
+
+
+@dataclass(frozen=True)
+class MotorRun(Means):
+    """One turn of the shaft: the first cart, arrays of shape (n,), elements one after another, and the shaft."""
+
+    load: Load
+    turn: Turning
+    working: tuple[float, float]
+
+    impulses = ()
+
+    @property
+    def name(self):
+        """Name of the law."""
+        return self.load.cycle.there.name
+
+    @property
+    def time(self):
+        """Time [s]."""
+        return self.turn.time.ravel()
+
+    @property
+    def weights(self):
+        """Weights [s] that integrate over the turn."""
+        return self.turn.weights.ravel()
+
+    @property
+    def direction(self):
+        """Way of the law: +1 there, -1 back, 0 in a dwell."""
+        legs, rate = self.load.cycle.legs(), self.load.cycle.period / (2 * np.pi)
+        middle = (self.turn.breaks[:-1] + self.turn.breaks[1:]) / 2 + self.load.motor.angles[0]
+        which = np.searchsorted([leg.start for leg in legs], np.mod(middle, 2 * np.pi) * rate) - 1
+        return np.repeat(np.array([float(leg.direction) for leg in legs])[which], self.turn.angle.shape[1])
+
+    @cached_property
+    def period(self):
+        """Time of the turn [s]."""
+        return float(self.weights.sum())
+
+    @cached_property
+    def steady_force(self):
+        """Force that keeps the law's mean speed [N]."""
+        return steady_force(self.load.cart, self.load.cycle.there, self.load.resistance)
+
+    @cached_property
+    def state(self):
+        """`drive.State` of the first cart."""
+        state = self.load.at(self.turn.angle, self.turn.energy, self.turn.acceleration, self.turn.jerk)[0]
+        columns = [column.ravel() for column in state[:-1]]
+        return State(*columns, Balance(*(column.ravel() for column in astuple(state.forces))))
+
+    @property
+    def drive_force(self):
+        """H [N] of the first cart."""
+        return self.state.forces.drive_force
+
+    @property
+    def drive_power(self):
+        """H v [W] of the first cart."""
+        return self.state.drive_power
+
+    @property
+    def angle(self):
+        """phi [rad]."""
+        return self.turn.angle.ravel()
+
+    @property
+    def speed(self):
+        """phi' [rad/s] of the shaft."""
+        return self.turn.speed.ravel()
+
+    @property
+    def motor_torque(self):
+        """g T [N m] on the shaft."""
+        return self.load.motor.torque(self.speed)
+
+    @cached_property
+    def shaft_torque(self):
+        """What all carts take [N m]."""
+        return self.load.torque(self.turn.angle, self.turn.energy, self.turn.acceleration).ravel()
+
+    @property
+    def fluctuation(self):
+        """(phi'_max - phi'_min)/phi'_mean of the shaft, the mean over time."""
+        return float((self.speed.max() - self.speed.min()) * self.period / (2 * np.pi))
+
+    @property
+    def shocks(self):
+        """Jumps of the law's acceleration, as `Join`s at the even speed."""
+        return tuple(join for join in self.load.cycle.joins() if join.order == 2)
+
+    @cached_property
+    def peak_jerk(self):
+        """Largest |jerk| [m/s^3] of the first cart; infinite where the law's acceleration jumps."""
+        return math.inf if self.shocks else self._largest(lambda states: states[0].jerk)
+
+    @cached_property
+    def peak_force(self):
+        """Largest |H| [N] of the first cart."""
+        return self._largest(lambda states: states[0].forces.drive_force)
+
+    @cached_property
+    def peak_power(self):
+        """Largest |H v| [W] of the first cart."""
+        return self._largest(lambda states: states[0].drive_power)
+
+    @cached_property
+    def peak_motor_power(self):
+        """Largest |T| g phi' [W] of the motor."""
+        return float(np.abs(self.motor_torque * self.speed).max())
+
+    @cached_property
+    def drawn_energy(self):
+        """Work of a motor over the turn that cannot take any back [J]."""
+        return float(np.sum(self.weights * np.maximum(self.motor_torque * self.speed, 0.0)))
+
+    @cached_property
+    def nonuniformity(self):
+        """(v_max - v_min)/v_mean of the first cart over the working part of the law's way there."""
+        first, last = (share * self.load.cycle.there.duration / self.load.cycle.period for share in self.working)
+        angle = 2 * np.pi * np.linspace(first, last, 2001)
+        energy, acceleration, _ = self.turn.at(angle[None])
+        velocity = self.load.at(angle[None], energy, acceleration)[0].velocity
+        time = np.trapezoid(1 / np.sqrt(2 * energy[0]), angle)
+        travelled = np.diff(self.load.travel(angle[[0, -1]])[0])[0]
+        return float((velocity.max() - velocity.min()) * time / travelled)
+
+    @cached_property
+    def energy_residual(self):
+        """|work of the motor - what the carts take - gain of the shaft| over the work turned over."""
+        power = self.speed * np.array([self.motor_torque, self.shaft_torque])
+        gain = self.load.motor.inertia * (self.turn.energy[-1, -1] - self.turn.energy[0, 0])
+        return float(abs(np.sum(self.weights * (power[0] - power[1])) - gain) / np.sum(self.weights * np.abs(power[1])))
+
+    def _largest(self, quantity):
+        def size(angle):
+            return np.abs(quantity(self.load.at(angle, *self.turn.at(angle))))
+
+        return largest(size, inside(self.turn.breaks, steps=12))[0]

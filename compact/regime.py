@@ -1,0 +1,209 @@
+"""A cart on a spring over whole cycles: from rest, and the periodic regime, found directly.
+
+The periodic regime is the state that comes back after a cycle: Newton's method on the map of a state over one cycle,
+taken in the middle of the way there, where the cart surely moves. A linear drive needs one round; friction that holds
+the cart at the ends wipes out the past, and needs one or two.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from compact.cart import balance
+from compact.drive import CREEP, met_resistance
+from compact.dynamics import (
+    DONE,
+    SHORTEST,
+    TOO_FAST,
+    TOO_MANY,
+    TOO_SHORT,
+    Arcs,
+    Resistance,
+    Spring,
+    State,
+    integrate,
+    room,
+)
+from compact.pieces import EPSILON, inside
+from compact.polynomials import Pieces, integrated, pieces
+from compact.ringing import shifted
+
+ARCS = 20_000  # of a cycle; a dozen are usual, hundreds where the resistance bends with the speed
+LAW = 1e-11  # of the peak acceleration, by which polynomials may miss it
+TABLE = 1e-2  # of the tolerance, by which polynomials may miss the resistance, and not below
+TABLE_FLOOR = 1e-12  # of the largest force: closer there is only rounding
+WIDER, WIDENINGS = 2.0, 8  # of the range of speeds, where a cart overshoots it
+CLOSED = 0.1  # of the tolerance: a cycle that ends so near to where it began
+PROBE = 1e-5  # of the force scale: difference for the derivative of the map over one cycle
+SETTLING = 2  # cycles from rest before Newton's method
+ROUNDS = 40  # of Newton's method; 1 to 4 are usual
+FARTHEST = 30.0  # of the force scale, that one round may move the state: beyond, friction is another
+FAILURES = {
+    TOO_MANY: f"more than {ARCS} arcs",
+    TOO_FAST: "it gets faster without end, its resistance falls too steeply with the speed",
+    TOO_SHORT: f"steps below {SHORTEST:g} of a piece of the law; `resistance` is not smooth",
+}
+
+
+@dataclass
+class Work:
+    """What a run cost: cycles and parts of cycles integrated, arcs, evaluations of the resistance, Newton's rounds."""
+
+    courses: int = 0
+    arcs: int = 0
+    evaluations: int = 0
+    rounds: int = 0
+
+
+class Problem:
+    """A cart, its spring, the law as polynomials over time, and the resistance as polynomials over speed."""
+
+    def __init__(self, cart, drive, cycle, resistance, tolerance):
+        self.work = Work()
+        self.spring = Spring(float(cart.mass), float(drive.stiffness), float(drive.damping), float(drive.backlash))
+        self.law = _polynomial_law(cycle)
+        self.middle = cycle.there.duration / 2
+        self.total = _speed_only(cart, resistance)
+        velocity, acceleration = (np.abs(cycle.there.at_phase(inside(cycle.there.curve.x), k)).max() for k in (1, 2))
+        self.fastest = WIDER * velocity
+        impact = velocity * math.sqrt(drive.stiffness * cart.mass) if acceleration == 0 else 0.0
+        inertia = cart.mass * acceleration + impact
+        speeds = self.fastest * np.linspace(CREEP, 1, 65)
+        self.scale = max(inertia, *(np.abs(self.total(sign * speeds)).max() for sign in (1, -1)))
+        self.tolerance = tolerance * self.scale
+        self._tabulate()
+
+    def _tabulate(self):
+        sides, miss = [], max(TABLE * self.tolerance, TABLE_FLOOR * self.scale)
+        for sign in (1, -1):
+            try:
+                sides.append(pieces(lambda v, s=sign: self.total(s * v), (0, self.fastest), miss))
+            except ValueError as error:
+                raise ValueError(f"`resistance` over speed [m/s] has {error}") from None
+        self.resistance = Resistance(*sides)
+        for side in sides:  # friction that is rounding is none: nothing sticks to it
+            side.coefficients[0, 0] *= abs(side.coefficients[0, 0]) > TABLE_FLOOR * self.scale
+        there, back = (side.coefficients[0, 0] for side in sides)
+        if there < back:
+            raise ValueError(
+                f"`resistance` must not push a standing cart on, got {there:g} N at speed +0 and {back:g} N at -0"
+            )
+
+    @property
+    def at_rest(self):
+        """State of a cart that stands relaxed."""
+        return State(0.0, 0.0, 1 if self.spring.backlash == 0 else 0)
+
+    def course(self, law, state):
+        """(`Arcs`, end state) through the pieces of a law; the range of speeds widens as need be."""
+        for _ in range(WIDENINGS):
+            arcs = room(ARCS, law.coefficients.shape[1] - 1)  # memory is taken as it is filled
+            ended, n, evaluations, end, time = integrate(self.spring, law, self.resistance, state, self.tolerance, arcs)
+            self.work.courses += 1
+            self.work.arcs += n
+            self.work.evaluations += evaluations
+            if ended == DONE:
+                return Arcs(*(column[:n].copy() for column in arcs)), end
+            if ended != TOO_FAST:
+                break
+            self.fastest *= WIDER
+            self._tabulate()
+        raise RuntimeError(
+            f"the cart was followed to {time:g} s of {law.breaks[-1]:g} s in {n} arcs, speed {end.velocity:g} m/s, "
+            f"and no further: {FAILURES[ended]}"
+        )
+
+    def periodic(self):
+        """State at the start of the cycle that comes back after it.
+
+        Newton's method on the map over one cycle, from the middle of the way there, where the cart moves for sure;
+        a step that does not help is one more cycle instead.
+        """
+        late, early = _cut(self.law, self.middle)
+        state = self.at_rest
+        for _ in range(SETTLING):
+            state = self._over(early, state)
+            state = self._over(late, state)
+        state = self._over(early, state)
+        stiffness, mass = self.spring.stiffness, self.spring.mass
+        units = self.scale / np.array([stiffness, math.sqrt(stiffness * mass)])
+
+        def miss(state):
+            after = self._over(early, self._over(late, state))
+            return after, (np.array(after[:2]) - np.array(state[:2])) / units
+
+        after, residual = miss(state)
+        for _ in range(ROUNDS):
+            if np.abs(residual).max() <= CLOSED * self.tolerance / self.scale:
+                return self._over(late, after)
+            self.work.rounds += 1
+            slopes = np.empty((2, 2))
+            for j in range(2):
+                probe = _moved(state, PROBE * units * np.eye(2)[j])
+                slopes[:, j] = (miss(probe)[1] - residual) / PROBE
+            state, after, residual = self._step(miss, state, after, residual, slopes, units)
+        raise RuntimeError(
+            f"no periodic regime found in {ROUNDS} rounds: a cycle ends {np.abs(residual).max() * self.scale:g} N from "
+            "where it began; the spring may resonate, or the motion repeat after several cycles only; "
+            'give more damping, or regime "rest"'
+        )
+
+    def _step(self, miss, state, after, residual, slopes, units):
+        try:
+            move = np.linalg.solve(slopes, -residual)
+            trial = _moved(state, move * min(1.0, FARTHEST / np.abs(move).max()) * units)
+            trial_after, trial_residual = miss(trial)
+            if np.abs(trial_residual).max() < np.abs(residual).max():
+                return trial, trial_after, trial_residual
+        except (np.linalg.LinAlgError, RuntimeError):
+            pass
+        return after, *miss(after)
+
+    def _over(self, law, state):
+        return self.course(law, state)[1]
+
+
+def _moved(state, by):
+    return State(state.stretch + by[0], state.velocity + by[1], state.side)
+
+
+def _polynomial_law(cycle):
+    """Position of the far end over a cycle as `Pieces` in time, twice integrated from its acceleration."""
+    breaks, rows = [], []
+    for leg in cycle.legs():
+        bend = partial(_bend, leg)
+        bent = pieces(bend, leg.joined_at(), LAW * np.abs(bend(inside(leg.joined_at()))).max())
+        starts = bent.breaks[:-1] + EPSILON
+        speed = integrated(bent, leg.at_phase(starts, 1) * leg.duration)
+        place = integrated(speed, leg.at_phase(starts, 0))
+        breaks.append(leg.start + leg.duration * place.breaks[:-1])
+        rows.append(place.coefficients)
+    return Pieces(np.append(np.concatenate(breaks), cycle.period), np.concatenate(rows))
+
+
+def _bend(leg, phase):
+    return leg.at_phase(phase, 2) * leg.duration**2
+
+
+def _cut(law, time):
+    """The pieces of a law from `time` on, and those before."""
+    i = int(np.searchsorted(law.breaks, time, side="left"))
+    breaks, rows = law.breaks, law.coefficients
+    if breaks[i] > time:
+        u = (time - breaks[i - 1]) / (breaks[i] - breaks[i - 1])
+        halves = shifted(rows[i - 1], 0.0, u), shifted(rows[i - 1], u, 1 - u)
+        rows = np.concatenate([rows[: i - 1], halves, rows[i:]])
+        breaks = np.insert(breaks, i, time)
+    return Pieces(breaks[i:].copy(), rows[i:].copy()), Pieces(breaks[: i + 1].copy(), rows[:i].copy())
+
+
+def _speed_only(cart, resistance):
+    """Resistance and guide friction [N] over velocity [m/s], none of them 0."""
+
+    def total(velocity):
+        still = np.zeros(np.shape(velocity))
+        return balance(cart, still, met_resistance(resistance, velocity, still), np.sign(velocity)).drive_force
+
+    return total

@@ -1,0 +1,244 @@
+"""Signals of a damped oscillator under a polynomial force: their value, first fall below zero and largest value.
+
+    q(u) = sum_j p_j u^j + A g0(t) + B g1(t),  t = span u,  0 <= u <= 1
+    g0 = e^(-s t) cos(w t),  g1 = e^(-s t) sin(w t)/w,  w^2 = -bend,  or cosh and sinh for bend > 0
+
+Stretch, speed and force of a spring and any linear combination of them are such signals, and so is their derivative.
+A range of u is left out of a search when bounds of polynomial and envelope allow no find in it, so that the cost of a
+search grows with what may be found, not with the number of oscillations.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+SHORT = 1 / 8  # longest range of u that is searched by its ends; of an oscillation, in rad: OSCILLATION
+OSCILLATION = 0.5
+ROUNDING = 1e-14  # of the size of a signal: less is zero
+HALVINGS = 80  # of a range that holds a root: to rounding
+DEPTH = 200  # of the stack of ranges
+NEARLY = 1e-10  # relative: what can be larger by less is left out
+CELLS, ZOOMS = 8, 14  # of the search for a top on a short range: each zoom goes four times closer
+
+
+class Signal(NamedTuple):
+    """poly : p, lowest first;  cosine, sine : A, B;  decay, bend : s [1/s], s^2 - w0^2 [1/s^2];  span [s]."""
+
+    poly: np.ndarray
+    cosine: float
+    sine: float
+    decay: float
+    bend: float
+    span: float
+
+
+compiled = njit(error_model="numpy", cache=True)
+
+
+@compiled
+def swings(decay, bend, t):
+    """g0 and g1 at time t [s]: nothing grows that the oscillator lets fall."""
+    if bend < 0:
+        w, fall = np.sqrt(-bend), np.exp(-decay * t)
+        return fall * np.cos(w * t), fall * np.sin(w * t) / w
+    if bend > 0:
+        q = np.sqrt(bend)
+        slow, fast = np.exp(-(decay - q) * t), -np.expm1(-2 * q * t)
+        return slow * (1 - fast / 2), slow * fast / (2 * q)
+    return np.exp(-decay * t), np.exp(-decay * t) * t
+
+
+@compiled
+def value(signal, u):
+    """q(u)."""
+    total = 0.0
+    for j in range(len(signal.poly) - 1, -1, -1):
+        total = total * u + signal.poly[j]
+    if signal.cosine != 0 or signal.sine != 0:
+        g0, g1 = swings(signal.decay, signal.bend, signal.span * u)
+        total += signal.cosine * g0 + signal.sine * g1
+    return total
+
+
+@compiled
+def slope(signal):
+    """dq/du as a signal: g0' = -s g0 + bend g1, g1' = g0 - s g1."""
+    n, A, B = len(signal.poly), signal.cosine, signal.sine
+    poly = np.zeros(n)
+    for j in range(1, n):
+        poly[j - 1] = j * signal.poly[j]
+    cosine = signal.span * (B - signal.decay * A)
+    sine = signal.span * (signal.bend * A - signal.decay * B)
+    return Signal(poly, cosine, sine, signal.decay, signal.bend, signal.span)
+
+
+@compiled
+def combined(stretch, law, a, b, c, d):
+    """a e + b de/dt + c y + d dy/dt for the signal e and the polynomial y(u) of one span."""
+    rate, h = slope(stretch), stretch.span
+    poly = a * stretch.poly + b / h * rate.poly
+    for j in range(len(law)):
+        poly[j] += c * law[j]
+        if j > 0:
+            poly[j - 1] += d / h * j * law[j]
+    cosine, sine = a * stretch.cosine + b / h * rate.cosine, a * stretch.sine + b / h * rate.sine
+    return Signal(poly, cosine, sine, stretch.decay, stretch.bend, h)
+
+
+@compiled
+def shifted(poly, start, width):
+    """Coefficients of p(start + width u)."""
+    out = poly.copy()
+    n = len(out)
+    for i in range(n):
+        for j in range(n - 2, i - 1, -1):
+            out[j] += start * out[j + 1]
+    scale = 1.0
+    for j in range(n):
+        out[j] *= scale
+        scale *= width
+    return out
+
+
+@compiled
+def bounds(signal, low, high):
+    """Numbers between which q stays for low <= u <= high."""
+    about = shifted(signal.poly, (low + high) / 2, (high - low) / 2)
+    reach = envelope(signal, low, high)
+    for j in range(1, len(about)):
+        reach += abs(about[j])
+    return about[0] - reach, about[0] + reach
+
+
+@compiled
+def envelope(signal, low, high):
+    """What |A g0 + B g1| does not exceed for low <= u <= high."""
+    if signal.cosine == 0 and signal.sine == 0:
+        return 0.0
+    latest, swing = high * signal.span, np.sqrt(abs(signal.bend))
+    slowest = signal.decay - swing if signal.bend > 0 else signal.decay
+    most = np.exp(-slowest * signal.span * (low if slowest > 0 else high))
+    if swing * latest < 1:
+        return most * (abs(signal.cosine) + abs(signal.sine) * latest)
+    return (
+        most * np.hypot(signal.cosine, signal.sine / swing)
+        if signal.bend < 0
+        else (most * (abs(signal.cosine) + abs(signal.sine) / swing))
+    )
+
+
+@compiled
+def short(signal, low, high):
+    """Whether a range is so short that its ends tell where the signal turns."""
+    if high - low > SHORT:
+        return False
+    if signal.bend >= 0 or (signal.cosine == 0 and signal.sine == 0):
+        return True
+    return np.sqrt(-signal.bend) * signal.span * (high - low) <= OSCILLATION
+
+
+@compiled
+def size(signal):
+    """How large q may get within the span, roughly."""
+    return np.abs(signal.poly).sum() + envelope(signal, 0.0, 1.0)
+
+
+@compiled
+def change(signal, low, high):
+    """The place between low and high where q changes its sign, by halving."""
+    rises = value(signal, high) > 0
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        if (value(signal, middle) > 0) == rises:
+            high = middle
+        else:
+            low = middle
+        if high - low <= 2e-16 * high:
+            break
+    return (low + high) / 2
+
+
+@compiled
+def first_fall(signal):
+    """The least u at which q falls from >= 0 to below, 2.0 where it never does."""
+    rate, zero = slope(signal), ROUNDING * size(signal)
+    stack = np.empty((DEPTH, 2))
+    stack[0, 0], stack[0, 1], top = 0.0, 1.0, 1
+    while top > 0:
+        top -= 1
+        low, high = stack[top, 0], stack[top, 1]
+        if bounds(signal, low, high)[0] > 0:
+            continue
+        if short(signal, low, high) or top + 2 > DEPTH:
+            place = _fall(signal, rate, low, high, zero)
+            if place <= 1:
+                return place
+            continue
+        middle = (low + high) / 2
+        stack[top, 0], stack[top, 1], stack[top + 1, 0], stack[top + 1, 1] = middle, high, low, middle
+        top += 2
+    return 2.0
+
+
+@compiled
+def _fall(signal, rate, low, high, zero):
+    """The same on a short range, where q turns once at most."""
+    first, last = value(signal, low), value(signal, high)
+    if first < -zero and last < -zero and value(rate, low) < 0:
+        return 2.0
+    if last < -zero and first > zero:
+        return change(signal, low, high)
+    turn = change(rate, low, high)
+    here = value(signal, turn)
+    if last < -zero:  # it begins at zero, where its slope may be one of rounding: what it does next decides
+        return change(signal, turn, high) if here > zero else low if first >= -zero else 2.0
+    if here < -zero and first >= -zero and value(rate, high) > 0:
+        return change(signal, low, turn) if first > zero else low
+    return 2.0
+
+
+@compiled
+def largest_product(one, two, until):
+    """Largest |q1 q2| for 0 <= u <= until."""
+    best = 0.0
+    for i in range(CELLS + 1):
+        best = max(best, abs(value(one, until * i / CELLS) * value(two, until * i / CELLS)))
+    stack = np.empty((DEPTH, 3))
+    stack[0, 0], stack[0, 1], stack[0, 2], top = 0.0, until, _most(one, two, 0.0, until), 1
+    while top > 0:
+        top -= 1
+        low, high, most = stack[top, 0], stack[top, 1], stack[top, 2]
+        if most <= best * (1 + NEARLY):
+            continue
+        if (short(one, low, high) and short(two, low, high)) or top + 2 > DEPTH:
+            best = max(best, _top(one, two, low, high))
+            continue
+        middle = (low + high) / 2
+        left, right = _most(one, two, low, middle), _most(one, two, middle, high)
+        first = 0 if left < right else 1  # the better half lies on top of the stack
+        stack[top + first, 0], stack[top + first, 1], stack[top + first, 2] = low, middle, left
+        stack[top + 1 - first, 0], stack[top + 1 - first, 1], stack[top + 1 - first, 2] = middle, high, right
+        top += 2
+    return best
+
+
+@compiled
+def _most(one, two, low, high):
+    a, b = bounds(one, low, high), bounds(two, low, high)
+    return max(abs(a[0]), abs(a[1])) * max(abs(b[0]), abs(b[1]))
+
+
+@compiled
+def _top(one, two, low, high):
+    """Largest |q1 q2| on a short range, by zooming in on the best of CELLS + 1 places."""
+    best, place = 0.0, low
+    for _ in range(ZOOMS):
+        width = (high - low) / CELLS
+        for i in range(CELLS + 1):
+            u = low + width * i
+            here = abs(value(one, u) * value(two, u))
+            if here > best:
+                best, place = here, u
+        low, high = max(low, place - width), min(high, place + width)
+    return best

@@ -1,0 +1,83 @@
+"""How stiff must a drive be, and which laws does it spoil?
+
+Each law carries the cart through a spring of growing stiffness, at one damping ratio, in the periodic regime. Ringing
+is the peak force over that of a rigid drive. Stiffness alone does not end it: where friction stops the cart at a turn,
+the spring must first swing from pulling to pushing, the far end gathers speed meanwhile, and sets the cart off with a
+knock. For a law whose acceleration a does not vanish at the turn the knock is the same for any stiffness,
+sqrt(4 F m a - (m a)^2) above F + m a without damping. Laws that leave the turn gently have it die, slowly: with
+k^(-1/6) where the turn has a jerk, with k^(-1/4) where it has a snap only.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from compact.drive import simulate
+from compact.elastic import ElasticDrive
+from compact.scene import load_scene
+from compact.study import Study
+
+SCENES = Path(__file__).parent / "scenes"
+HEADER = (
+    "law", "stiffness_N/m", "peak_force_N", "ringing", "nonuniformity", "peak_power_W", "standing_s",
+    "energy_residual", "arcs",
+)  # fmt: skip
+LAWS = ("parabolic", "cubic", "quintic", "septic", "reversal-2", "reversal-4-free-acceleration", "combined-4")
+
+
+def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9), ratio=0.05, out=None, **changes):
+    """Rows of HEADER, SI, for each law and stiffness; `ratio` is the damping ratio c/(2 sqrt(k m))."""
+    study = Study(load_scene(SCENES / f"{scene}.toml", **{"motion.laws": list(laws), "output.wanted": [], **changes}))
+    rows, runs, motion = [], {}, study.scene.motion
+    for name, cycle in study.cycles.items():
+        for stiffness in stiffnesses:
+            spring = ElasticDrive(stiffness, 2 * ratio * np.sqrt(stiffness * study.cart.mass))
+            working = (motion.run_up, 1 - motion.run_down)
+            run = runs[name, stiffness] = simulate(study.cart, spring, cycle, study.resistance, working=working)
+            rows.append((
+                name, stiffness, run.peak_force, run.ringing, run.nonuniformity, run.peak_power, run.standing,
+                run.energy_residual, run.work.arcs,
+            ))  # fmt: skip
+    if out:
+        from compact.results import write_csv
+
+        write_csv(Path(out) / "elastic_drive.csv", HEADER, rows)
+        _draw(rows, runs).savefig(Path(out) / "elastic_drive.png", dpi=110)
+    return rows
+
+
+def _draw(rows, runs):
+    """Ringing and non-uniformity over the stiffness, a line for each law; the force of two laws over a cycle."""
+    from matplotlib.figure import Figure
+
+    from compact.figures import look
+
+    figure = Figure(figsize=(13.0, 4.0), layout="constrained")
+    panels = figure.subplots(1, 3)
+    names, stiffnesses = list(dict.fromkeys(row[0] for row in rows)), sorted({row[1] for row in rows})
+    for name in names:
+        _, stiffness, _, ringing, nonuniformity, *_ = zip(*(row for row in rows if row[0] == name), strict=True)
+        panels[0].semilogx(stiffness, ringing, marker="o", markersize=3, **look(name), label=name)
+        panels[1].semilogx(stiffness, nonuniformity, marker="o", markersize=3, **look(name), label=name)
+    panels[0].set(xlabel="stiffness k [N/m]", ylabel="ringing: peak force over that of a rigid drive [-]")
+    panels[1].set(xlabel="stiffness k [N/m]", ylabel="non-uniformity of speed, working part [-]")
+    panels[1].legend(frameon=False, fontsize=8)
+    middle = stiffnesses[len(stiffnesses) // 2]
+    for name in (names[0], names[-1]):
+        run = runs[name, middle]
+        panels[2].plot(run.time, run.drive_force / 1e3, linewidth=0.8, **look(name) | {"linestyle": "-"}, label=name)
+        panels[2].plot(run.rigid.time, run.rigid.drive_force / 1e3, linewidth=0.8, color="0.6", zorder=0)
+    panels[2].set(xlabel="time t [s]", ylabel=f"drive force H [kN], k = {middle:g} N/m (grey: rigid)")
+    panels[2].legend(frameon=False, fontsize=8)
+    return figure
+
+
+def show(rows):
+    """Print the rows of `main`."""
+    print(f"{'law':<30}{'k N/m':>8}{'peak N':>9}{'ringing':>9}{'uneven':>8}{'stands s':>10}")
+    for name, stiffness, peak, ringing, uneven, _, standing, *_ in rows:
+        print(f"{name:<30}{stiffness:>8.0e}{peak:>9.0f}{ringing:>9.3f}{uneven:>8.3f}{standing:>10.4f}")
+
+
+if __name__ == "__main__":
+    show(main(out="out/elastic_drive"))

@@ -1,0 +1,88 @@
+"""How evenly does one induction motor turn one to four carts, and what does a flywheel on its shaft save?
+
+The carts hang on one shaft at their usual angles; motor and gear grow with their number, so that each cart has the same
+share. The inertia sits on the motor's shaft, where the gear makes it count by its square. Three carts out of step even
+the load out by themselves; four at right angles do no better than two, since a cart going and one coming load the shaft
+alike. The motor is assumed, no source names one.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from compact.scene import load_scene
+from compact.study import Study
+
+SCENES = Path(__file__).parent / "scenes"
+HEADER = (
+    "law", "carts", "motor_inertia_kgm2", "period_s", "fluctuation", "peak_motor_power_W", "mean_motor_power_W",
+    "peak_force_N", "nonuniformity", "energy_residual",
+)  # fmt: skip
+SHARE = {  # of one cart in the motor; assumed: twice the mean power of a cart, turning at the published pace
+    "curve": "kloss",
+    "torque": 8.0,
+    "speed": 157.0,
+    "breakdown_slip": 0.15,
+    "gear_ratio": 145.0,
+    "flywheel_inertia": 0.0,
+}
+
+
+def main(scene="loveikin-2015", laws=("cubic", "reversal-4"), carts=(1, 2, 3, 4), inertias=(0.01, 0.1, 1.0), out=None):
+    """Rows of HEADER, SI, for each law, number of carts and inertia of the motor with its flywheel."""
+    base, rows, runs = load_scene(SCENES / f"{scene}.toml", **{"motion.laws": list(laws), "output.wanted": []}), [], {}
+    for count in carts:
+        for inertia in inertias:
+            motor = SHARE | {"torque": SHARE["torque"] * count, "inertia": inertia}
+            study = Study(base.replaced(**{"drive.kind": "motor", "drive.carts": count, "drive.motor": motor}))
+            for name, run in study.runs.items():
+                runs[name, count, inertia] = run
+                mean = float(np.sum(run.weights * run.motor_torque * run.speed)) / run.period
+                rows.append((
+                    name, count, inertia, run.period, run.fluctuation, run.peak_motor_power, mean, run.peak_force,
+                    run.nonuniformity, run.energy_residual,
+                ))  # fmt: skip
+    rows.sort(key=lambda row: laws.index(row[0]))
+    if out:
+        from compact.results import write_csv
+
+        write_csv(Path(out) / "motor_and_flywheel.csv", HEADER, rows)
+        _draw(rows, runs).savefig(Path(out) / "motor_and_flywheel.png", dpi=110)
+    return rows
+
+
+def _draw(rows, runs):
+    """Fluctuation over the inertia, and the motor's power over a turn with the least and the most of it."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.5, 3.9), layout="constrained")
+    panels, law = figure.subplots(1, 3), rows[0][0]
+    counts, inertias = sorted({row[1] for row in rows}), sorted({row[2] for row in rows})
+    for count in counts:
+        label = f"{count} cart{'s' * (count > 1)}"
+        fluctuation = [row[4] for row in rows if row[:2] == (law, count)]
+        panels[0].loglog(inertias, fluctuation, marker="o", label=label)
+        for ax, inertia in zip(panels[1:], (inertias[0], inertias[-1]), strict=True):
+            run = runs[law, count, inertia]
+            ax.plot(np.degrees(run.angle), run.motor_torque * run.speed, label=label)
+            ax.set(xlabel=f"angle of the shaft [°], motor inertia {inertia:g} kg m²", xticks=range(0, 361, 90))
+    panels[0].set(xlabel="inertia on the motor's shaft [kg m²]", ylabel=f"fluctuation of the speed [-], {law}")
+    panels[0].legend(frameon=False, fontsize=8)
+    top = 1.05 * max(line.get_ydata().max() for ax in panels[1:] for line in ax.lines)
+    for ax in panels[1:]:
+        ax.set(ylabel="motor power [W]", ylim=(0, top))
+    return figure
+
+
+def show(rows):
+    """Print the rows of `main`."""
+    print(f"{'law':<15}{'carts':>6}{'inertia':>9}{'period s':>10}{'fluctuates':>11}", end="")
+    print(f"{'peak W':>8}{'mean W':>8}{'cart N':>7}")
+    for name, count, inertia, period, fluctuation, peak, mean, force, *_ in rows:
+        print(
+            f"{name:<15}{count:>6}{inertia:>9g}{period:>10.3f}{fluctuation:>11.4f}{peak:>8.0f}{mean:>8.0f}{force:>7.0f}"
+        )
+
+
+if __name__ == "__main__":
+    show(main(out="out/motor_and_flywheel"))
