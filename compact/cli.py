@@ -167,8 +167,8 @@ def roll(
     out
         directory for the results; out/NAME OF THE SCENE-ENGINE unless given
     """
+    from compact import contact_report
     from compact import engine as engines
-    from compact import report
     from compact.results import claimed
 
     study = _study(scene, quiet, engine, changes=changes)
@@ -176,9 +176,9 @@ def roll(
     place = out or Path("out") / f"{scene.stem}-{study.scene.accuracy.engine}"
     with claimed(place, study.scene.hash, force) as directory:
         passes = engines.passes(study.scene, study.mix, speed)
-        report.write_contact(directory, study, speed, passes)
+        contact_report.write(directory, study, speed, passes)
     if not quiet:
-        print(report.contact_digest(study, speed, passes))
+        print(contact_report.digest(study, speed, passes))
         print(f"\nresults: {directory}")
 
 

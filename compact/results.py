@@ -12,6 +12,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 MARK = "scene.hash"
+FIGURE_DPI = 110
 
 
 class ResultsError(RuntimeError):
@@ -41,11 +42,12 @@ def whole_file(path, mode="w"):
 
 
 def write_csv(path, header, rows):
-    """Rows of numbers and words under a header of names with units; numbers keep 12 digits."""
+    """Write rows of numbers and words under a header of names with units, numbers with 12 digits; the path."""
     with whole_file(path) as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)
         writer.writerows([_cell(value) for value in row] for row in rows)
+    return path
 
 
 def _cell(value):
@@ -69,6 +71,13 @@ def _plain(value):
     if isinstance(value, float) and not math.isfinite(value):
         return None if math.isnan(value) else "infinite" if value > 0 else "-infinite"
     return value
+
+
+def write_figure(path, figure):
+    """Write a matplotlib figure as PNG; the path."""
+    with whole_file(path, "wb") as stream:
+        figure.savefig(stream, format="png", dpi=FIGURE_DPI)
+    return path
 
 
 def write_pvd(path, members):

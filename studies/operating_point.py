@@ -19,9 +19,9 @@ import numpy as np
 
 from compact.calibrate import blend, calibrate, digest
 from compact.engine import COMPACTING, roll
+from compact.engineering import engineering
 from compact.measurements import read
 from compact.scene import load_scene
-from compact.study import engineering
 
 SCENES = Path(__file__).parent / "scenes"
 PRINTED_LOAD, PRINTED_FORCE = 9740.0, 3562.0  # N; Loveikin and Pochka 2015

@@ -241,12 +241,13 @@ def main(
     samples=(100, 1000, 10_000, 100_000),
     settings=SETTINGS,
     speeds=20,
+    targets=TARGETS,
     plain=(5e-3, 2e-3),
     out=None,
 ):
     """All figures; `out` names a directory for speed.csv."""
     seconds, memory = commands(max(1, repeats // 3))  # first, as a child starts with the memory of its parent
-    in_a_row = speeds_in_a_row(speeds)  # next, while the peak of memory is its own
+    in_a_row = speeds_in_a_row(speeds, targets)  # next, while the peak of memory is its own
     result = {
         "formulas": formulas(points, repeats),
         "laws": laws(points, repeats),

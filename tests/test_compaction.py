@@ -212,7 +212,7 @@ def test_rate_effect_of_five_percent_a_decade(rolled):
     assert 1.03 < faster.load / rolled.load < 1.055
 
 
-@pytest.mark.parametrize("increments", [6, 12])
+@pytest.mark.parametrize("increments", [6, pytest.param(12, marks=pytest.mark.slow)])
 def test_load_is_met(increments):
     given = over_thin(10, increments=increments)
     found = over_thin(10, increments=increments, indentation=None, load=1.1 * given.load)

@@ -1,0 +1,177 @@
+"""What is said of the contact of a scene: tables over its speeds, one contact in full, and a digest in text."""
+
+import numpy as np
+
+from compact.engine import COMPACTING, FIELDED, fields
+from compact.results import write_csv, write_figure, write_json
+
+CONTACT_HEADER = (
+    "speed_m/s", "load_N/m", "resistance_N/m", "coefficient", "leading_m", "trailing_m", "peak_pressure_Pa",
+    "load_error", "resistance_error", "work_residual", "iterations", "formula_load_N/m", "formula_coefficient",
+    "exact_load_N/m",
+)  # fmt: skip
+
+
+def tables(study, directory):
+    """The contact at each speed by the scene's engine; at the end of each row what the formulas and Galin say."""
+    length = study.scene.machine.roller_length
+    beside = (
+        study.engineering.roller_force / length,
+        study.engineering.resistance_coefficient,
+        float(study.exact.load),
+    )
+    yield write_csv(directory / "contact.csv", CONTACT_HEADER, [
+        (
+            speed, rolled.load, rolled.resistance, rolled.resistance / rolled.load, rolled.leading, rolled.trailing,
+            rolled.peak_pressure, *(rolled.error or ("", "")), rolled.work_residual, len(rolled.history), *beside,
+        )
+        for speed, rolled in study.rolled
+    ])  # fmt: skip
+    study.resistance_map.save(directory / "resistance.nc", study.scene.hash)
+    yield directory / "resistance.nc"
+    if study.scene.accuracy.engine in COMPACTING:
+        yield from _passes(study.passes, directory)
+
+
+PASSES_HEADER = (
+    "speed_m/s", "pass", "load_N/m", "resistance_N/m", "coefficient", "indentation_m", "exit_height_m",
+    "exit_density_ratio", "load_error", "resistance_error", "work_residual", "mass_residual",
+)  # fmt: skip
+
+
+def _passes(passed, directory):
+    """What each pass takes and leaves, and the density over the height behind it; even ones go back, so does speed."""
+    from compact.passes import density
+
+    rows = [
+        (speed if number % 2 else -speed, number, rolled)
+        for speed, passes in passed
+        for number, rolled in enumerate(passes, start=1)
+    ]
+    yield write_csv(directory / "passes.csv", PASSES_HEADER, [
+        (
+            speed, number, r.load, r.resistance, r.resistance / r.load, r.indentation, r.exit_height,
+            r.exit_density_ratio, *(r.error or ("", "")), r.work_residual, r.mass_residual,
+        )
+        for speed, number, r in rows
+    ])  # fmt: skip
+    yield write_csv(directory / "density.csv", ("speed_m/s", "pass", "bottom_m", "top_m", "density_ratio"), [
+        (speed, number, *row) for speed, number, r in rows for row in density(r).tolist()
+    ])  # fmt: skip
+
+
+def write(directory, study, speed, passes):
+    """Write one contact, the first of its passes: pressure along it, its numbers, a picture beside Galin, its fields
+    where it has any, and what all passes take and leave where they leave a mark."""
+    from compact import figures
+
+    rolled = passes[0]
+    columns = np.column_stack([rolled.x, rolled.pressure, rolled.shear_traction]).tolist()
+    write_csv(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
+    write_json(directory / "contact.json", numbers(study, speed, passes))
+    write_figure(directory / "pressure.png", figures.contact(rolled, study.exact, speed))
+    if study.scene.accuracy.engine in COMPACTING:
+        list(_passes([(speed, passes)], directory))
+        write_figure(directory / "density.png", figures.density(passes))
+    if study.scene.accuracy.engine in FIELDED:
+        from compact.fields import write_series
+
+        layers = [(fields(rolled, study.scene.accuracy.engine), rolled)]
+        list(write_series(layers, directory))
+        write_figure(directory / "fields.png", figures.fields(layers))
+
+
+def numbers(study, speed, passes):
+    """Headline numbers of one contact: value and unit, with the engine's own relative error where it has one; where mix
+    stays pressed, what all passes take and leave besides."""
+    rolled = passes[0]
+    load_error, resistance_error = rolled.error or (None, None)
+    return (
+        {
+            "engine": study.scene.accuracy.engine,
+            "speed": {"value": speed, "unit": "m/s"},
+            "load": {"value": rolled.load, "unit": "N/m", "error": load_error},
+            "resistance": {"value": rolled.resistance, "unit": "N/m", "error": resistance_error},
+            "coefficient": {"value": rolled.resistance / rolled.load, "unit": "1"},
+            "leading": {"value": rolled.leading, "unit": "m"},
+            "trailing": {"value": rolled.trailing, "unit": "m"},
+            "peak_pressure": {"value": rolled.peak_pressure, "unit": "Pa"},
+            "indentation": {"value": getattr(rolled, "indentation", None), "unit": "m"},  # none on a half-plane
+            "creep": {"value": getattr(rolled, "creep", None), "unit": "1"},  # of a roller that sticks and slips
+            "work_residual": {"value": rolled.work_residual, "unit": "1"},
+            "iterations": len(rolled.history),
+        }
+        | {
+            name: {"value": getattr(rolled, name), "unit": unit}
+            for name, unit in COMPACTED.items()
+            if hasattr(rolled, name)
+        }
+        | ({"passes": [_pass_numbers(passed) for passed in passes]} if hasattr(rolled, "exit_height") else {})
+    )
+
+
+def _pass_numbers(passed):
+    return {name: {"value": getattr(passed, name), "unit": unit} for name, unit in PASSED.items()}
+
+
+PASSED = {
+    "load": "N/m",
+    "resistance": "N/m",
+    "indentation": "m",
+    "exit_height": "m",
+    "exit_density_ratio": "1",
+    "work_residual": "1",
+    "mass_residual": "1",
+}
+COMPACTED = {  # what engines of a layer that stays pressed know besides
+    "exit_density_ratio": "1",
+    "exit_height": "m",
+    "peak_density_ratio": "1",
+    "mass_residual": "1",
+    "yield_residual": "1",
+    "equilibrium_residual": "1",
+}
+
+
+def digest(study, speed, passes):
+    """One contact in a few lines of text, the formulas and exact theory beside it, and its passes if they are many."""
+    rolled = passes[0]
+    formulas, exact, length = study.engineering, study.exact, study.scene.machine.roller_length
+    rows = [
+        ("load [N/m]", rolled.load, formulas.roller_force / length, exact.load),
+        ("resistance/load", rolled.resistance / rolled.load, formulas.resistance_coefficient, np.nan),
+        ("contact length [m]", rolled.leading - rolled.trailing, formulas.contact_length, exact.contact_length),
+        (
+            "leading edge [m]",
+            rolled.leading,
+            study.scene.machine.roller_radius * np.sin(formulas.capture_angle),
+            exact.leading,
+        ),
+        ("peak pressure [Pa]", rolled.peak_pressure, formulas.pressure, exact.peak_pressure),
+    ]
+    lines = [
+        f"{'at ' + format(speed, 'g') + ' m/s':<20}{study.scene.accuracy.engine:>12}{'eqs 1.5-1.8':>14}{'Galin':>12}"
+    ]
+    lines += [f"{name:<20}{ours:>12.5g}{formula:>14.5g}{galin:>12.5g}" for name, ours, formula, galin in rows]
+    if rolled.error:
+        lines.append(f"error of the load {rolled.error[0]:.1e}, of the resistance {rolled.error[1]:.1e}")
+        if hasattr(rolled, "exit_density_ratio"):
+            k, height = rolled.exit_density_ratio, rolled.exit_height
+            lines.append(
+                f"density ratio {k:.4f} behind the roller, {height * 1e3:.2f} mm high; mass closes to "
+                f"{abs(rolled.mass_residual):.1e}"
+            )
+        lines.append(f"energy balance closes to {rolled.work_residual:.1e}; iterations: {len(rolled.history)}")
+    if len(passes) > 1:
+        lines += ["", "pass   load [N/m]   resistance [N/m]   height behind [mm]   density ratio"]
+        lines += [_pass_line(number, passed) for number, passed in enumerate(passes, start=1)]
+    return "\n".join(lines)
+
+
+def _pass_line(number, passed):
+    """A pass in a line; its resistance is against its travel, there or back."""
+    against = passed.resistance if number % 2 else -passed.resistance
+    return (
+        f"{number:>4}{passed.load:>13.5g}{against:>19.4g}{passed.exit_height * 1e3:>21.2f}"
+        f"{passed.exit_density_ratio:>16.4f}"
+    )

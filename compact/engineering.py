@@ -1,0 +1,79 @@
+"""The engineering formulas 1.1-1.10 of one machine and mix, with what is known of each."""
+
+from dataclasses import dataclass
+
+from compact import contact
+from compact.halfplane import pressure_exponent
+
+
+@dataclass(frozen=True)
+class Engineering:
+    """Eqs 1.1-1.10 for one machine and mix, SI; forces are of one roller unless the name says cart."""
+
+    pressure: float
+    exponent: float
+    capture_angle: float
+    roller_force: float
+    contact_length: float
+    roller_resistance: float
+    resistance_coefficient: float
+    cart_resistance: float
+    cart_power: float
+    radius_low: float
+    radius_high: float
+    rollers_needed: int
+    stroke_needed: float
+
+
+def engineering(scene, blend, pressure):
+    """`Engineering` of a scene and its mix at the peak contact pressure q [Pa]; the power is that at mean speed."""
+    machine, modulus, nu = scene.machine, blend.effective_modulus, blend.poisson
+    alpha = float(pressure_exponent(nu, blend.steel_friction))
+    phi = contact.capture_angle(pressure, modulus, nu, alpha)
+    force = contact.roller_force(
+        phi, modulus, nu, alpha, machine.roller_radius, machine.roller_length,
+        machine.pressure_nonuniformity, machine.one_sided,
+    )  # fmt: skip
+    length = contact.contact_length(phi, machine.roller_radius, alpha)
+    friction = machine.roller_friction + machine.bearing_friction
+    one = contact.roller_resistance(force, length, machine.roller_radius, alpha, friction)
+    whole = contact.cart_resistance(
+        force, one, machine.rollers, machine.weight, bearing_friction=machine.bearing_friction,
+        journal_diameter=machine.journal_diameter, rolling_arm=machine.rolling_arm,
+        wheel_diameter=machine.guide_wheel_diameter, rib_factor=machine.rib_factor,
+    )  # fmt: skip
+    needed = contact.rollers_needed(scene.product.width, machine.roller_radius, machine.feeder_sleeve, machine.overlap)
+    radius = contact.radius_range(scene.product.height)
+    return Engineering(
+        pressure=float(pressure),
+        exponent=alpha,
+        capture_angle=float(phi),
+        roller_force=float(force),
+        contact_length=float(length),
+        roller_resistance=float(one),
+        resistance_coefficient=float(one / force),
+        cart_resistance=float(whole),
+        cart_power=float(contact.cart_power(whole, scene.motion.stroke / scene.motion.duration)),
+        radius_low=float(radius.low),
+        radius_high=float(radius.high),
+        rollers_needed=int(needed),
+        stroke_needed=float(contact.stroke_needed(scene.product.width, needed, machine.overlap)),
+    )
+
+
+# unit and confidence of each field of Engineering (theory of the formulas: `contact`)
+KNOWN_BY = {
+    "pressure": ("Pa", "mix: pressure that gives the density"),
+    "exponent": ("1", "eq 1.4, exact theory"),
+    "capture_angle": ("rad", "eq 1.5, reconstructed (80 %)"),
+    "roller_force": ("N", "eq 1.6, reconstructed (65 %)"),
+    "contact_length": ("m", "eq 1.7, reconstructed (95 %)"),
+    "roller_resistance": ("N", "eq 1.8, reconstructed (60 %)"),
+    "resistance_coefficient": ("1", "eqs 1.6 and 1.8"),
+    "cart_resistance": ("N", "eq 1.9, reconstructed (60 %)"),
+    "cart_power": ("W", "eq 1.10 at mean speed"),
+    "radius_low": ("m", "eq 1.1, printed"),
+    "radius_high": ("m", "eq 1.1, printed"),
+    "rollers_needed": ("1", "eq 1.2, reconstructed (80 %)"),
+    "stroke_needed": ("m", "eq 1.3, reconstructed (80 %)"),
+}
