@@ -31,33 +31,46 @@ TOLERANCE = MappingProxyType({"spectral": "rtol", "fem": "tolerance"})  # what a
 SPEEDS = 6  # computed where the scene names none: from a twentieth of the mean speed to twice, by equal ratios
 
 
-def roll(scene, mix, speed, engine=None):
+def roll(scene, mix, speed, engine=None, near=None):
     """The contact of one roller of a scene in its first pass, at a speed [m/s], by its engine or another; a `Rolled`.
 
-    The scene's tolerance is what the engine is asked for, where it can be asked.
+    The scene's tolerance is what the engine is asked for, where it can be asked. `near` is one at another speed the
+    same way, from which "compaction" goes on; it stays as it is where the mix knows no rate.
 
     Raises ValueError for what the engine does not cover; RuntimeError, naming scene, engine and speed, where it does
     not converge or the roller would reach the base.
     """
     name = engine or scene.accuracy.engine
     layer, roller, material = inputs(scene, mix, name, speed)
+    asked = _asked(scene, name)
+    if name == "compaction" and near is not None and near.layer == layer:
+        if _same_rate(material, speed, near):
+            return replace(near, speed=speed)
+        asked["start"] = near
     with _named(scene, name, speed):
-        rolled = import_module(ENGINES[name]).roll(layer, roller, material, speed, **_asked(scene, name))
+        rolled = import_module(ENGINES[name]).roll(layer, roller, material, speed, **asked)
         _refuse_below_the_base(rolled, layer)
     return rolled
 
 
-def passes(scene, mix, speed, engine=None):
+def _same_rate(material, speed, near):
+    return material.rate_factor(speed) == material.rate_factor(near.speed)
+
+
+def passes(scene, mix, speed, engine=None, near=None):
     """The contact of each pass of a scene, there and back over the same mix, `Rolled`s; the first is that of `roll`.
 
-    Later ones keep the load or peak pressure that the scene prescribes, else the height of the first.
+    Later ones keep the load or peak pressure that the scene prescribes, else the height of the first. `near` are those
+    at another speed, which help as in `roll`.
     """
     name = engine or scene.accuracy.engine
-    if name not in COMPACTING:
-        return (roll(scene, mix, speed, name),)
+    if name not in COMPACTING or scene.layer.passes == 1:
+        return (roll(scene, mix, speed, name, near[0] if near else None),)
     from compact.passes import passes, there_and_back
 
     layer, roller, material = inputs(scene, mix, name, speed)
+    if name == "compaction" and near and near[0].layer == layer and _same_rate(material, speed, near[0]):
+        return tuple(replace(passed, speed=np.copysign(speed, passed.speed)) for passed in near)
     first, *later = there_and_back(scene.layer.passes)
     asked = _asked(scene, name)
     numerics = {"torque": asked.pop("torque")} if "torque" in asked else {}

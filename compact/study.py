@@ -132,7 +132,8 @@ class Study:
         if self.scene.accuracy.engine in LAYERED:
             for speed in speeds(self.scene):
                 self.count("rolled")
-                passed.append((speed, passes(self.scene, self.mix, speed)))
+                near = passed[-1][1] if passed else None
+                passed.append((speed, passes(self.scene, self.mix, speed, near=near)))
         return passed
 
     @property
@@ -169,7 +170,8 @@ class Study:
 
         def resistance(speed):
             self.count("resistance")
-            return of_the_cart(speed, roll(self.scene, self.mix, speed))
+            near = min(self.rolled, key=lambda rolled: abs(np.log(rolled[0] / speed)))[1]
+            return of_the_cart(speed, roll(self.scene, self.mix, speed, near=near))
 
         known = [(speed, *of_the_cart(speed, rolled)) for speed, rolled in self.rolled]
         return sampled(resistance, min(SLOWEST * self.fastest, known[0][0]), self.fastest, tolerance, known)

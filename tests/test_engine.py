@@ -9,6 +9,7 @@ import pytest
 
 from compact import engine, report, spectral
 from compact.column import oedometer
+from compact.compacted import CompactionRolled
 from compact.material import Viscoelastic
 from compact.records import Layer, Ply, Roller
 from compact.scene import SceneError, load_scene
@@ -145,6 +146,23 @@ def test_fields_are_written_as_a_series_over_the_speeds(tmp_path):
         corners = layer.points[layer.cells[0].data[:, :4]]
         area = np.ptp(corners[:, :, 0], axis=1) * np.ptp(corners[:, :, 1], axis=1)
         assert area @ layer.cell_data["dissipation"][0] / speed == pytest.approx(rolled.resistance, rel=1e-2)
+
+
+@pytest.mark.parametrize(("reference", "count"), [(None, 1), (0.1, 3)])
+def test_compaction_goes_on_from_the_speed_before_if_it_matters(monkeypatch, reference, count):
+    starts = []
+
+    def rolled(layer, roller, material, speed, start=None):
+        starts.append(start)
+        line = np.zeros(3)
+        told = {"load": 1e4, "resistance": 2e3, "leading": 0.03, "trailing": -0.01, "indentation": 0.003}
+        return CompactionRolled(**told, x=line, pressure=line, shear_traction=line, layer=layer, speed=speed)
+
+    monkeypatch.setattr("compact.compaction.roll", rolled)
+    given = {"contact.indentation": 0.003, "contact.speeds": [0.05, 0.1, 0.2], "mix.reference_speed": reference}
+    passed = study(**given, **{"accuracy.engine": "compaction"}).passes
+    assert [rolled.speed for _, (rolled,) in passed] == [0.05, 0.1, 0.2]
+    assert starts == [None, *(rolled for _, (rolled,) in passed)][:count]
 
 
 def test_series_opens_in_pyvista(tmp_path):
