@@ -53,6 +53,15 @@ def test_thin_bonded_layer_tends_to_columns(ratio, load, resistance):
     assert rolled.exit_density_ratio == pytest.approx(columns.exit_density_ratio, abs=2e-4)
 
 
+def test_distance_to_columns_falls_with_the_square_of_height_over_length():
+    beyond = []
+    for ratio in (10, 20):
+        columns = column.roll(Layer(HEIGHT), wide(ratio), THIN, 0.2, strain="small")
+        rolled = over_thin(ratio, increments=48)
+        beyond.append([rolled.load / columns.load - 1, rolled.resistance / columns.resistance - 1])
+    assert np.log2(np.divide(*beyond)) == pytest.approx(2, abs=0.15)
+
+
 def test_finite_strain_of_a_thin_layer_tends_to_logarithmic_columns():
     columns = column.roll(Layer(HEIGHT), wide(20), THIN, 0.2)
     rolled = roll(Layer(HEIGHT), wide(20), THIN, 0.2, increments=24)
