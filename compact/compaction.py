@@ -80,7 +80,8 @@ def roll(
         free roller has none
     strain : "finite", or "small" (fair up to capture angles of 12-15 degrees, reports k low by half a squared strain)
     fed : `Fed` of an earlier pass, its `exit`; without it mix free of stress at `material.fed_density_ratio`
-    start : CompactionRolled of a neighbour with the same layer and feed, from whose state the roller rolls on
+    start : CompactionRolled of a neighbour with the same layer and feed, from whose state the roller rolls on, and
+        whose mesh and error are this one's too
     exit_density_ratio : mean wanted of the mix that leaves; the indentation of the roller is then a first guess
     increments : of travel per contact length, and elements
     steady : relative change of load, resistance and exit density that may be left
@@ -94,7 +95,7 @@ def roll(
     with threadpool_limits(1):
         if start is not None:
             march = _neighbour(start, layer, roller, torque, material, speed, fed)
-            return read(target.reached(march, steady), layer, roller, material, speed)
+            return replace(read(target.reached(march, steady), layer, roller, material, speed), error=start.error)
         depth, coarse, march = target.first_depth(), None, None
         counts = [increments] if increments <= COARSE else [COARSE, increments]
         for count in counts:

@@ -161,6 +161,8 @@ def digest(study, speed, passes):
                 f"density ratio {k:.4f} behind the roller, {height * 1e3:.2f} mm high; mass closes to "
                 f"{abs(rolled.mass_residual):.1e}"
             )
+        if getattr(rolled, "over_pressed", False):
+            lines.append(f"over-pressed: the mix passes full density, {rolled.peak_density_ratio:.3f} at most")
         lines.append(f"energy balance closes to {rolled.work_residual:.1e}; iterations: {len(rolled.history)}")
     if len(passes) > 1:
         lines += ["", "pass   load [N/m]   resistance [N/m]   height behind [mm]   density ratio"]

@@ -315,9 +315,8 @@ def fields(layers):
         for ax, name in zip(row, names, strict=True):
             _field(ax, layer, name)
             _roller(ax, rolled)
-        row[0].set_ylabel("height y [mm]")
-    for ax in panels[-1]:
-        ax.set_xlabel("x from the lowest point [mm]")
+    figure.supxlabel("x from the lowest point [mm]", fontsize=10)
+    figure.supylabel("height y [mm]", fontsize=10)
     height, reach = rolled.layer.height * 1e3, REACH * 1e3 * max(r.leading - r.trailing for _, r in layers)
     ax.set(xlim=(-reach, reach), ylim=(max(0.0, height - reach), height + 0.35 * reach))  # shared by all
     return figure

@@ -211,6 +211,7 @@ def test_backwards_is_the_mirror_image():
 
 def test_without_rate_effect_speed_does_not_matter(rolled):
     faster = over_small(speed=2.0, start=rolled)
+    assert faster.error == rolled.error
     assert faster.load == pytest.approx(rolled.load, rel=3e-3)
     assert faster.resistance == pytest.approx(rolled.resistance, rel=3e-3)
 
