@@ -26,6 +26,12 @@ def wide(ratio):
 
 
 @pytest.fixture(scope="module")
+def wider():
+    """There and back at the same height, under a contact twice as long as the layer is high."""
+    return passes(LAYER, wide(2), MIX, 0.2, 2, engine="compaction", increments=6)
+
+
+@pytest.fixture(scope="module")
 def thick():
     """There and back at the same height."""
     return passes(LAYER, ROLLER, MIX, 0.2, 2, **QUICK)
@@ -57,6 +63,7 @@ def test_second_pass_over_a_thin_layer_is_that_of_columns():
     assert second.peak_pressure == pytest.approx(first.peak_pressure, rel=0.02)
 
 
+@pytest.mark.slow
 def test_top_of_a_thick_layer_flows_again(thick):
     """Two rollers in one march, where nothing is handed over, resist 803.0 and 59.4 N/m.
 
@@ -87,14 +94,16 @@ def test_two_lifts_of_columns_cost_what_each_does_alone():
 # (b) balances
 
 
-def test_no_pass_makes_or_loses_mass(thick):
-    for rolled in thick:
+def test_no_pass_makes_or_loses_mass(wider):
+    for rolled in wider:
         assert rolled.exit.solid(MIX) == pytest.approx(0.94 * 0.1, rel=5e-4)
         assert rolled.mass_residual < 5e-4
 
 
-def test_work_balances_in_every_pass(thick):
-    assert all(rolled.work_residual < 0.03 for rolled in thick)
+def test_work_balances_in_every_pass(wider):
+    first, second = wider
+    assert first.work_residual < 0.02
+    assert second.work_residual * abs(second.resistance) < 1e-3 * first.resistance
 
 
 @pytest.mark.slow
@@ -113,8 +122,8 @@ def test_lift_is_pressed_and_what_lies_below_is_hardly_pressed_more(lifts):
     assert lifts[1].exit_height == pytest.approx(0.147 + lifts[1].spring_back, rel=1e-12)
 
 
-def test_mix_that_leaves_rests_in_equilibrium(thick):
-    for rolled in thick:
+def test_mix_that_leaves_rests_in_equilibrium(wider):
+    for rolled in wider:
         state = rolled.exit.state
         assert not state.stress[:, [1, 3]].any()
         still, _ = cap.step(MIX, state, np.zeros((len(state.stress), 3)), tangent=False)

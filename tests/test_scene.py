@@ -1128,7 +1128,7 @@ def test_any_text_is_a_scene_or_refused(text):
 
 
 @given(st.integers(0, len(PUBLISHED)), st.integers(0, 40), st.text(alphabet="[]{}=\"'#.,\n\\ ax0-_e+", max_size=12))
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=200)
 def test_any_damage_to_a_scene_is_refused_or_harmless(start, length, text):
     assert made_or_refused(parse_scene, PUBLISHED[:start] + text + PUBLISHED[start + length :])
 
@@ -1145,7 +1145,7 @@ paths = st.sampled_from([*LEAVES, *Scene.model_fields, "mix.overrides", "motion.
 
 
 @given(st.dictionaries(paths | st.text(max_size=12), junk, max_size=4))
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=200)
 def test_any_change_makes_a_scene_or_is_refused(published, changes):
     assert made_or_refused(published.replaced, **changes)
 

@@ -133,6 +133,7 @@ def test_creep_tends_to_that_of_the_linear_layer():
 # (c) limits
 
 
+@pytest.mark.slow
 def test_without_friction_to_speak_of_the_creep_is_the_middle_slip(free):
     """As much of the load slips ahead as back on a roller without friction."""
     hardly = over_small(replace(FREE, friction=1e-3), start=free)
