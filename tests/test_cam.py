@@ -192,7 +192,7 @@ def test_roller_profile_is_parallel_to_the_path_of_the_centre(name):
 
 
 @pytest.mark.parametrize("name", SMOOTH)
-@pytest.mark.parametrize("dwell", [0.0, 6.0, 30.0])
+@pytest.mark.parametrize("dwell", [0.0, pytest.param(6.0, marks=pytest.mark.slow), 30.0])
 def test_roller_touches_its_cam_and_nowhere_cuts_it(name, dwell):
     """Envelope: of all points of the profile the nearest to each centre is r away (the thin lobe of dwell 30 s too)."""
     r = 0.03
