@@ -208,13 +208,17 @@ def test_both_engines_agree_across_a_jump(depth, jump, base):
     assert_engines_agree(layer, roller, SLS, 0.01)
 
 
-@pytest.mark.parametrize("jump", [20.0, 1 / 20], ids=["stiff-above", "soft-above"])
+@pytest.mark.parametrize(
+    "jump", [20.0, pytest.param(1 / 20, marks=pytest.mark.slow)], ids=["stiff-above", "soft-above"]
+)
 def test_load_is_found_across_a_jump(jump):
     layer = two_plies(0.002, jump)
     assert_engines_agree(layer, Roller(R, load=as_wide(layer, MIX, R, 0.01).load), SLS, 0.01)
 
 
-@pytest.mark.parametrize("jump", [20.0, 1 / 20], ids=["stiff-above", "soft-above"])
+@pytest.mark.parametrize(
+    "jump", [20.0, pytest.param(1 / 20, marks=pytest.mark.slow)], ids=["stiff-above", "soft-above"]
+)
 def test_peak_pressure_is_found_across_a_jump(jump):
     """The peak of a viscoelastic layer is known to half a percent at default, and load and resistance follow it."""
     layer = two_plies(0.002, jump)
