@@ -108,7 +108,7 @@ def graded(height, half_width, elements, *, interfaces=(), edge=EDGE, growth=GRO
 
     >>> mesh = graded(height=0.22, half_width=0.02, elements=10)
     >>> mesh.shape, mesh.dofs
-    ((22, 126), 22770)
+    ((16, 86), 11418)
     """
     refuse_nonpositive(height=height, half_width=half_width, elements=elements, reach=reach)
     for name, value in (("edge", edge), ("growth", growth)):
