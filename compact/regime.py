@@ -6,6 +6,7 @@ the cart at the ends wipes out the past, and needs one or two.
 """
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 
@@ -151,14 +152,12 @@ class Problem:
         )
 
     def _step(self, miss, state, after, residual, slopes, units):
-        try:
+        with suppress(np.linalg.LinAlgError, RuntimeError):  # a step that leads nowhere is none: one more cycle does
             move = np.linalg.solve(slopes, -residual)
             trial = _moved(state, move * min(1.0, FARTHEST / np.abs(move).max()) * units)
             trial_after, trial_residual = miss(trial)
             if np.abs(trial_residual).max() < np.abs(residual).max():
                 return trial, trial_after, trial_residual
-        except (np.linalg.LinAlgError, RuntimeError):
-            pass
         return after, *miss(after)
 
     def _over(self, law, state):
