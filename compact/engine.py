@@ -43,8 +43,8 @@ def roll(scene, mix, speed, engine=None, near=None):
     name = engine or scene.accuracy.engine
     layer, roller, material = inputs(scene, mix, name, speed)
     asked = _asked(scene, name)
-    if name == "compaction" and near is not None and near.layer == layer:
-        if _same_rate(material, speed, near):
+    if name == "compaction" and _helps(near, layer, speed):
+        if _same_rate(material, near, speed):
             return replace(near, speed=speed)
         asked["start"] = near
     with _named(scene, name, speed):
@@ -53,7 +53,12 @@ def roll(scene, mix, speed, engine=None, near=None):
     return rolled
 
 
-def _same_rate(material, speed, near):
+def _helps(near, layer, speed):
+    """Whether a contact at another speed is of the same layer and goes the same way."""
+    return near is not None and near.layer == layer and near.speed * speed > 0
+
+
+def _same_rate(material, near, speed):
     return material.rate_factor(speed) == material.rate_factor(near.speed)
 
 
@@ -69,8 +74,8 @@ def passes(scene, mix, speed, engine=None, near=None):
     from compact.passes import passes, there_and_back
 
     layer, roller, material = inputs(scene, mix, name, speed)
-    if name == "compaction" and near and near[0].layer == layer and _same_rate(material, speed, near[0]):
-        return tuple(replace(passed, speed=np.copysign(speed, passed.speed)) for passed in near)
+    if name == "compaction" and near and _helps(near[0], layer, speed) and _same_rate(material, near[0], speed):
+        return tuple(replace(passed, speed=float(np.copysign(speed, passed.speed))) for passed in near)
     first, *later = there_and_back(scene.layer.passes)
     asked = _asked(scene, name)
     numerics = {"torque": asked.pop("torque")} if "torque" in asked else {}

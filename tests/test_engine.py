@@ -163,6 +163,8 @@ def test_compaction_goes_on_from_the_speed_before_if_it_matters(monkeypatch, ref
     passed = study(**given, **{"accuracy.engine": "compaction"}).passes
     assert [rolled.speed for _, (rolled,) in passed] == [0.05, 0.1, 0.2]
     assert starts == [None, *(rolled for _, (rolled,) in passed)][:count]
+    back = engine.roll(study(**given).scene, study(**given).mix, -0.1, "compaction", near=passed[0][1][0])
+    assert (back.speed, starts[-1]) == (-0.1, None)  # one the other way is no help
 
 
 def test_series_opens_in_pyvista(tmp_path):

@@ -107,6 +107,11 @@ def test_work_balances_in_every_pass(wider):
 
 
 @pytest.mark.slow
+def test_work_balances_in_every_pass_over_a_thick_layer(thick):
+    assert all(rolled.work_residual < 0.03 for rolled in thick)
+
+
+@pytest.mark.slow
 def test_lift_brings_its_own_mass_and_balances(lifts):
     assert lifts[1].exit.solid(MIX) - lifts[0].exit.solid(MIX) == pytest.approx(0.94 * 0.05, rel=5e-4)
     assert all(rolled.mass_residual < 5e-4 and rolled.work_residual < 0.03 for rolled in lifts)
