@@ -6,17 +6,40 @@ The laws themselves are in `compact.laws`; `law` gives one by name. Times in s, 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
+from compact.criteria import OBJECTIVES
 from compact.laws import LAWS, Shape
+from compact.limits import CamLimits, InfeasibleError, Limits
+from compact.optimise import optimum
 from compact.pieces import graded, integral, sign_changes
-from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive, refuse_unknown
+from compact.refuse import (
+    refuse_fractional,
+    refuse_negative,
+    refuse_nonfinite,
+    refuse_nonpositive,
+    refuse_outside,
+    refuse_unknown,
+)
 
-__all__ = ["LAWS", "Cycle", "Join", "Motion", "Peaks", "law"]
+__all__ = [
+    "LAWS",
+    "OBJECTIVES",
+    "CamLimits",
+    "Cycle",
+    "InfeasibleError",
+    "Join",
+    "Limits",
+    "Motion",
+    "OptimalMotion",
+    "Peaks",
+    "law",
+    "optimise",
+]
 
 ORDERS = ("position", "velocity", "acceleration", "jerk", "snap")
 Turn = Literal["reversal", "dwell"]
@@ -192,6 +215,64 @@ class Motion:
         else:
             outside = -float(self.curve(1.0 - z, nu=order))
         return (outside, inside[0]) if z == 0 else (inside[0], outside)
+
+
+@dataclass(frozen=True)
+class OptimalMotion(Motion):
+    """A `Motion` found by `optimise`, and how: see `optimise.Optimum` for gap, refinement and steps.
+
+    value : the criterion that was made least, there and back without a dwell; `limits` : the `Limits` it keeps
+    """
+
+    value: float = np.nan
+    gap: float = np.nan
+    refinement: float = np.nan
+    steps: int = 0
+    limits: Limits = field(default_factory=Limits)
+
+
+def optimise(objective, stroke, duration, mass, resistance, limits=None, *, quantile=1.0, pieces=None, name=None):
+    """The motion law that asks least of the drive of a cart, an `OptimalMotion`.
+
+        least J of H = m a + R(v, a),  P = H v,  there and back
+
+    Parameters
+    ----------
+    objective : a name of OBJECTIVES: "peak_force" [N], "peak_power" [W], "rms_force" [N], "energy" (net work),
+        "drawn_energy" (the work where P > 0) [J]; or name -> weight >= 0 of a weighted sum
+    stroke, duration : travel [m] and time [s] of one pass, > 0
+    mass : of the cart [kg], >= 0
+    resistance : R(velocity, acceleration) [N], arrays of any shape, odd in both; guide friction may be in it. Several
+        make a law for all of them: J is the worst, or the `quantile` of them
+    limits : `Limits` that the law keeps at every instant; none but a way without turning back unless given
+    pieces : of the spline outside the constant speed; as many as `optimise.PIECES` says unless given
+    name : of the law; "least-" and the objectives unless given
+
+    Raises InfeasibleError, with what would have to give and by how much, where no law keeps the limits, RuntimeError
+    where the search does not end, ValueError for values out of range. Of several laws that do as well one is given:
+    a small weight on "rms_force" chooses the calm one.
+
+    >>> def none(velocity, acceleration): return 0 * velocity
+    >>> m = optimise("peak_force", stroke=0.4, duration=3.0, mass=1000.0, resistance=none)
+    >>> f"{m.value:.3f} N = 4 m stroke/duration^2, gap below 1e-9: {m.gap < 1e-9}"
+    '177.778 N = 4 m stroke/duration^2, gap below 1e-9: True'
+    """
+    weights = {objective: 1.0} if isinstance(objective, str) else dict(objective)
+    for one in weights:
+        refuse_unknown("objective", one, tuple(OBJECTIVES))
+    refuse_nonpositive(stroke=stroke, duration=duration, quantile=quantile)
+    refuse_negative(mass=mass, weights=list(weights.values()))
+    if not any(weights.values()):
+        raise ValueError(f"`objective` must hold a weight > 0, got {objective!r}")
+    refuse_outside(0, 1, quantile=quantile)
+    if pieces is not None:
+        refuse_fractional(pieces=pieces)
+    resistances = (resistance,) if callable(resistance) else tuple(resistance)
+    limits = limits or Limits()
+    found = optimum(limits, float(stroke), float(duration), weights, float(mass), resistances, quantile, pieces)
+    name = name or "least-" + "-and-".join(weights).replace("_", "-")
+    curve, *rest = found
+    return OptimalMotion(name, float(stroke), float(duration), curve, False, *rest, limits)
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ LEVELS = (
     ("refuse", "pieces", "measurements", "fitting", "deformation", "pressing", "equilibrium", "ringing"),
     (
         *("records", "material", "mesh", "patch", "plies", "sizing", "shaft", "follower", "variational", "results"),
-        *("scene_errors", "polynomials"),
+        *("scene_errors", "polynomials", "quadratic", "lawspace", "criteria"),
     ),
-    ("laws", "halfplane", "modulation", "mix", "cart", "scene_rules", "streamline", "cap", "dynamics"),
-    ("kernel", "compliance", "stickslip", "confined"),
+    ("laws", "halfplane", "modulation", "mix", "cart", "scene_rules", "streamline", "cap", "dynamics", "limits"),
+    ("kernel", "compliance", "stickslip", "confined", "optimise"),
     ("fields", "solid", "expected", "bed", "turning", "flow"),
     ("frame", "march", "steady"),
     ("compacted",),

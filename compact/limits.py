@@ -1,0 +1,342 @@
+"""What a motion law must keep: its share of constant speed, its continuity, and bounds that hold between all nodes.
+
+Every limit is linear in the unknowns of a `lawspace.Space`. A bound is held by Bernstein coefficients, so it holds at
+every instant. Bounds that no law can keep together are told one by one: how far each would have to give, the others
+kept, by a linear program of its own.
+
+    cam, phi = 2 pi t/period, rho = b/2 +- (x - stroke/2), + there and - back (`compact.cam`):
+    pressure angle      |dx/dphi| <= tan(angle) rho           of a pointed or a roller follower
+    radius of curvature rho + rho'' >= radius                 of a flat face
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+
+from compact.lawspace import Space, graded_breaks
+from compact.quadratic import Program, least_linear, least_quadratic
+from compact.refuse import refuse_negative, refuse_nonpositive, refuse_outside, refuse_unknown
+
+TURNS = ("reversal", "dwell")
+BOUNDED = {"velocity": (1, "m/s"), "acceleration": (2, "m/s^2"), "jerk": (3, "m/s^3"), "snap": (4, "m/s^4")}
+HALVINGS = 2  # of the pieces that a bound is held on: a parabola is then met within 1/16 of its bend
+BROKEN = 1e-9  # relative, beyond which a limit is broken
+STEADY_PIECES = 16  # of the constant speed where it may vary
+
+
+@dataclass(frozen=True)
+class CamLimits:
+    """What a cam of constant `breadth` [m] that makes the law must keep; None leaves a bound out.
+
+    pressure_angle : largest, of a pointed or a roller follower [rad], < pi/2
+    radius_of_curvature : least, of a flat-faced cam [m]
+    dwell : time standing at each end [s]
+    """
+
+    breadth: float
+    pressure_angle: float | None = None
+    radius_of_curvature: float | None = None
+    dwell: float = 0.0
+
+    def __post_init__(self):
+        refuse_nonpositive(breadth=self.breadth)
+        refuse_negative(dwell=self.dwell)
+        if self.pressure_angle is not None and not 0 < self.pressure_angle < np.pi / 2:
+            raise ValueError(f"`pressure_angle` must lie in (0, pi/2), got {self.pressure_angle!r} rad")
+        if self.radius_of_curvature is not None:
+            refuse_negative(radius_of_curvature=self.radius_of_curvature)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a law must keep; None leaves a bound out. All velocities are >= 0: the cart does not turn inside a pass.
+
+    velocity [m/s], acceleration [m/s^2], jerk [m/s^3], snap [m/s^4] : largest magnitudes
+    run_up, run_down : shares of the duration before and after the constant speed, > 0, with a sum <= 1; 1 for none
+    steady_tolerance : largest deviation there from the mean speed there, relative
+    smoothness : the derivatives up to this order are continuous, 1 to 3; a bound on jerk asks for 2, on snap for 3
+    turn : what follows at the ends, "reversal" the mirror image at once, "dwell" a stand-still
+    at_rest : orders of derivatives, from 2 to smoothness, that vanish at both ends beside the velocity
+    cam : `CamLimits` or None
+    """
+
+    velocity: float | None = None
+    acceleration: float | None = None
+    jerk: float | None = None
+    snap: float | None = None
+    run_up: float = 0.5
+    run_down: float = 0.5
+    steady_tolerance: float = 0.0
+    smoothness: int = 1
+    turn: str = "reversal"
+    at_rest: tuple[int, ...] = ()
+    cam: CamLimits | None = None
+
+    def __post_init__(self):
+        refuse_nonpositive(**{name: getattr(self, name) for name in BOUNDED if getattr(self, name) is not None})
+        refuse_nonpositive(run_up=self.run_up, run_down=self.run_down)
+        if self.run_up + self.run_down > 1 + 1e-12:
+            raise ValueError(f"`run_up` + `run_down` must not exceed 1, got {self.run_up!r} + {self.run_down!r}")
+        refuse_outside(0, 1, steady_tolerance=self.steady_tolerance)
+        refuse_unknown("turn", self.turn, TURNS)
+        if self.smoothness not in (1, 2, 3):
+            raise ValueError(f"`smoothness` must be 1, 2 or 3, got {self.smoothness!r}")
+        if not set(self.at_rest) <= set(range(2, self.continuous + 1)):
+            raise ValueError(
+                f"`at_rest` takes orders from 2 to the smoothness, {self.continuous}, got {self.at_rest!r}; "
+                "a derivative that may jump has no value at the ends: raise `smoothness`"
+            )
+
+    @property
+    def continuous(self):
+        """Order of the highest derivative that is continuous: the smoothness, or what a bound asks for."""
+        return max(self.smoothness, 2 * (self.jerk is not None), 3 * (self.snap is not None))
+
+    @property
+    def steady(self):
+        """Phases between which the speed is constant, or None."""
+        return (self.run_up, 1 - self.run_down) if self.run_up + self.run_down < 1 - 1e-12 else None
+
+    def replaced(self, **changes):
+        """New limits with some changed."""
+        return replace(self, **changes)
+
+
+class Bound(NamedTuple):
+    """rows @ c + offset <= asked, in `unit`: a bound that can give."""
+
+    name: str
+    unit: str
+    asked: float
+    rows: np.ndarray
+    offset: np.ndarray
+
+    def needed(self, unknowns):
+        """Least value that a law would keep."""
+        return float(np.max(self.rows @ unknowns + self.offset))
+
+
+class Conflict(NamedTuple):
+    """A bound that cannot be kept: `asked`, and what it would `need` to be with all others kept, in `unit`."""
+
+    name: str
+    unit: str
+    asked: float
+    needed: float
+
+    def __str__(self):
+        return f"{self.name} {self.needed:.6g} {self.unit} for {self.asked:.6g} ({self.needed / self.asked - 1:+.3g})"
+
+
+class InfeasibleError(ValueError):
+    """No law keeps all limits; `conflicts` are the bounds that would have to give, each a `Conflict`.
+
+    `alone` says that each of them by itself would do; otherwise they must give together.
+    """
+
+    def __init__(self, conflicts, alone):
+        self.conflicts, self.alone = tuple(conflicts), alone
+        way = " or ".join(map(str, conflicts)) if alone else " together with ".join(map(str, conflicts))
+        super().__init__(f"no law keeps all limits; what would do, the others kept: {way}")
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Limits on the laws of a space over a stroke [m] in a duration [s], as a `Program` on its unknowns."""
+
+    limits: Limits
+    space: Space
+    stroke: float
+    duration: float
+
+    @cached_property
+    def bounds(self):
+        """All `Bound`s."""
+        found = []
+        for name, (order, unit) in BOUNDED.items():
+            if (asked := getattr(self.limits, name)) is not None:
+                rows = self.stroke / self.duration**order * self.space.hull(order, HALVINGS)
+                rows = rows if order == 1 else np.concatenate([rows, -rows])
+                found.append(Bound(name, unit, asked, rows, np.zeros(len(rows))))
+        return found + (self._cam_bounds(self.limits.cam) if self.limits.cam else [])
+
+    def _cam_bounds(self, cam):
+        """Both told by the breadth that they need."""
+        found, radians = [], (self.duration + cam.dwell) / np.pi
+        if cam.pressure_angle is not None:
+            slope = radians / np.tan(cam.pressure_angle) * self._lifted(1)
+            rows = 2 * np.concatenate([slope - self._lifted(0), slope + self._lifted(0)])
+            offset = np.repeat([self.stroke, -self.stroke], len(slope))
+            found.append(Bound("cam breadth for its pressure angle", "m", cam.breadth, rows, offset))
+        if cam.radius_of_curvature is not None:
+            bend = self._lifted(0) + radians**2 * self._lifted(2)
+            rows, radius = 2 * np.concatenate([-bend, bend]), 2 * cam.radius_of_curvature
+            offset = radius + np.repeat([self.stroke, -self.stroke], len(bend))
+            found.append(Bound("cam breadth for its radius of curvature", "m", cam.breadth, rows, offset))
+        return found
+
+    def _lifted(self, order):
+        """Bernstein coefficients of the derivative at the degree of s itself: these can be added."""
+        rows = self.space.coefficients(order)
+        for q in range(rows.shape[1] - 1, self.space.smoothness + 2):
+            share = np.arange(1, q + 1)[:, None] / (q + 1)
+            inner = share * rows[:, :-1] + (1 - share) * rows[:, 1:]
+            rows = np.concatenate([rows[:, :1], inner, rows[:, -1:]], axis=1)
+        return self.stroke / self.duration**order * rows.reshape(-1, self.space.size)
+
+    @cached_property
+    def program(self):
+        """The `Program` of all limits."""
+        rows = [bound.rows / bound.asked for bound in self.bounds]
+        values = [1 - bound.offset / bound.asked for bound in self.bounds]
+        return self._with(rows, values)
+
+    def _with(self, rows, values):
+        hard, hard_to = self._hard
+        below = sparse.csr_array(np.concatenate([hard, *rows]))
+        return Program(*self._equal, below, np.concatenate([hard_to, *values]))
+
+    @cached_property
+    def _equal(self):
+        """The stroke, rest at the ends, continuity over the turn, and the constant speed."""
+        space, limits = self.space, self.limits
+        rows = []
+        for order in range(1, limits.continuous + 1):
+            first, last = (space.end(z, order) for z in (0, 1))
+            stands = order == 1 or order in limits.at_rest or limits.turn == "dwell"
+            rows += [first, last] if stands else [first + last]
+        if limits.steady and limits.steady_tolerance == 0:
+            rows += list(space.coefficients(2)[self._steady_pieces].reshape(-1, space.size))
+        rows = np.array([space.end(1, 0)] + [row / np.abs(row).max() for row in rows if np.any(row)])
+        return rows, np.append(1.0, np.zeros(len(rows) - 1))
+
+    @cached_property
+    def _hard(self):
+        """Rows and values of what never gives: no way back inside a pass, and the speed within its tolerance."""
+        rows, tolerance = [-self.space.hull(1, HALVINGS)], self.limits.steady_tolerance
+        if self.limits.steady and tolerance > 0:
+            pieces = self._steady_pieces
+            speed = self.space.coefficients(1)[pieces]
+            place = self.space.coefficients(0)
+            start, end = self.limits.steady
+            mean = (place[pieces[-1], -1] - place[pieces[0], 0]) / (end - start)
+            speed = np.unique(speed.reshape(-1, self.space.size), axis=0)
+            rows += [speed - (1 + tolerance) * mean, (1 - tolerance) * mean - speed]
+        rows = np.concatenate(rows)
+        return rows, np.zeros(len(rows))
+
+    @property
+    def _steady_pieces(self):
+        start, end = self.limits.steady
+        middle = (self.space.breaks[1:] + self.space.breaks[:-1]) / 2
+        return np.flatnonzero((middle > start) & (middle < end))
+
+    @cached_property
+    def calmest(self):
+        """Unknowns of the law of least rms acceleration: where a search begins.
+
+        Raises InfeasibleError where no law keeps the limits.
+        """
+        if conflicts := self._together():
+            alone = [conflict for bound in self.bounds if (conflict := self._alone(bound))]
+            raise InfeasibleError(alone or conflicts, alone=bool(alone))
+        u, weights = np.polynomial.legendre.leggauss(self.space.smoothness + 1)
+        weights = np.outer(np.diff(self.space.breaks), weights / 2).ravel()
+        rows = self.space.values(2, (u + 1) / 2) * np.sqrt(weights)[:, None]
+        return least_quadratic(rows.T @ rows, np.zeros(self.space.size), self.program)
+
+    def closed(self, unknowns):
+        """The unknowns with stroke, rest and continuity met to rounding, where a program left 1e-10."""
+        equal, equal_to, *_ = self.program
+        return unknowns + np.linalg.lstsq(equal, equal_to - equal @ unknowns, rcond=None)[0]
+
+    def _alone(self, bound):
+        """The `Conflict` of a bound that gives alone, or None where that does not suffice."""
+        others = [other for other in self.bounds if other is not bound]
+        rows = [np.column_stack([other.rows / other.asked, np.zeros(len(other.rows))]) for other in others]
+        rows.append(np.column_stack([bound.rows / bound.asked, -np.ones(len(bound.rows))]))
+        values = [1 - other.offset / other.asked for other in others] + [-bound.offset / bound.asked]
+        found = self._elastic(rows, values, [1.0])
+        return None if found is None else Conflict(bound.name, bound.unit, bound.asked, float(found[0]) * bound.asked)
+
+    def _together(self):
+        """A `Conflict` of each bound that gives where the sum of relative violations is least; none if none must."""
+        rows = []
+        for i, bound in enumerate(self.bounds):
+            give = np.zeros((len(bound.rows), len(self.bounds)))
+            give[:, i] = -1.0
+            rows.append(np.column_stack([bound.rows / bound.asked, give]))
+        values = [1 - bound.offset / bound.asked for bound in self.bounds]
+        found = self._elastic(rows, values, np.ones(len(self.bounds)))
+        if found is None:
+            raise RuntimeError("no law at all on these pieces: raise `pieces`, or lower the smoothness")
+        given = zip(self.bounds, found, strict=True)
+        return [Conflict(b.name, b.unit, b.asked, (1 + float(more)) * b.asked) for b, more in given if more > BROKEN]
+
+    def _elastic(self, rows, values, costs):
+        """The amounts by which bounds give, all >= 0, in the least of their sum; None where they cannot."""
+        extra = len(costs)
+        program = self._with([], [])
+        equal = np.column_stack([program.equal, np.zeros((len(program.equal), extra))])
+        hard = np.column_stack([program.below.toarray(), np.zeros((program.below.shape[0], extra))])
+        positive = np.column_stack([np.zeros((extra, self.space.size)), -np.eye(extra)])
+        below = sparse.csr_array(np.concatenate([hard, positive, *rows]))
+        below_to = np.concatenate([program.below_to, np.zeros(extra), *values])
+        cost = np.concatenate([np.zeros(self.space.size), costs])
+        found = least_linear(cost, Program(equal, program.equal_to, below, below_to))
+        return None if found is None else found[self.space.size :]
+
+
+def space_of(limits, pieces, halvings=0):
+    """The `Space` for some limits: `pieces` shared by run-up and run-down, crowded at their ends, then halved."""
+    k, times = limits.continuous, 2**halvings
+    if limits.steady is None:
+        return Space(graded_breaks(0.0, 1.0, times * pieces, k), k)
+    start, end = limits.steady
+    first = min(max(2, round(pieces * limits.run_up / (limits.run_up + limits.run_down))), pieces - 2)
+    inner = 1 if limits.steady_tolerance == 0 else STEADY_PIECES
+    breaks = [
+        graded_breaks(0.0, start, times * first, k)[:-1],
+        np.linspace(start, end, inner + 1)[:-1],
+        graded_breaks(end, 1.0, times * (pieces - first), k),
+    ]
+    return Space(np.concatenate(breaks), k)
+
+
+def broken(limits, motion, instants=100_001):
+    """What a `Motion` breaks: name to excess, relative to the bound; seen at so many even instants, no spline needed.
+
+    Continuity and rest are told by the order that is reached, less what was asked for.
+    """
+    time = np.linspace(0, motion.duration, instants)
+    x, v, a, *_ = travel = [motion.derivative(time, order) for order in range(5)]
+    mean = motion.stroke / motion.duration
+    excess = {
+        name: np.abs(travel[k]).max() / getattr(limits, name) - 1
+        for name, (k, _) in BOUNDED.items()
+        if getattr(limits, name)
+    }
+    excess["way back"] = -v.min() / mean
+    excess["smoothness"] = limits.continuous - motion.smoothness(limits.turn)
+    for order in limits.at_rest:
+        excess["at rest"] = max(
+            excess.get("at rest", 0.0), np.abs(travel[order][[0, -1]]).max() / np.abs(travel[order]).max()
+        )
+    if limits.steady:
+        start, end = np.array(limits.steady) * motion.duration
+        inside = (time >= start) & (time <= end)
+        even = (motion.position(end) - motion.position(start)) / (end - start)
+        excess["steady speed"] = np.abs(v[inside] / even - 1).max() - limits.steady_tolerance
+    if cam := limits.cam:
+        radians = (motion.duration + cam.dwell) / np.pi
+        ways = [(cam.breadth / 2 + sign * (x - motion.stroke / 2), sign * radians**2 * a) for sign in (1, -1)]
+        if cam.pressure_angle is not None:
+            steepest = max(np.abs(np.arctan(radians * v / rho)).max() for rho, _ in ways)
+            excess["pressure angle"] = steepest / cam.pressure_angle - 1
+        if cam.radius_of_curvature is not None:
+            least = min((rho + bend).min() for rho, bend in ways)
+            excess["radius of curvature"] = (cam.radius_of_curvature - least) / cam.breadth
+    return {name: float(value) for name, value in excess.items() if value > BROKEN}

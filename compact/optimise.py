@@ -1,0 +1,266 @@
+"""Motion laws that ask least of a drive against a resistance, by sequential linear or quadratic programs.
+
+    least  J = sum_j w_j J_j  of H = m a + R(v, a) and P = H v,  the worst over samples of R, or a quantile
+
+The law is a spline (`lawspace`) within linear limits (`limits`); `criteria` has the J_j and their tangents. A step goes
+where the tangents are least, inside a trust region; it is taken only where J itself falls, else the region shrinks.
+
+The result tells its `gap`: by how much the tangents at the result would let *any* law within the limits do better,
+relative. Where H is linear in v and a and no power is asked for, J is convex, its tangents bound it from below, and the
+gap is a duality gap: no law of the space is better by more. Elsewhere it measures how stationary the result is.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+
+from compact.criteria import OBJECTIVES, PEAKS, Nodes, state
+from compact.limits import Held, InfeasibleError, space_of
+from compact.quadratic import Program, least_linear, least_quadratic
+
+PIECES = {1: 128, 2: 64, 3: 48}  # of a law in C1, C2, C3: the doubling before gains about 1e-3, 1e-4, 1e-4
+PIECES_OF_A_CAM = 64  # its bounds are on the travel, which depends on all unknowns before it
+NODES = np.array([0.0, (1 - (3 / 7) ** 0.5) / 2, 0.5, (1 + (3 / 7) ** 0.5) / 2, 1.0])  # Lobatto's, ends included
+WEIGHTS = np.array([9.0, 49.0, 64.0, 49.0, 9.0]) / 180
+FINE = 33  # places of a piece where peaks are looked for between the nodes
+HIGHER = 1e-5  # relative, by which a peak between nodes is missed
+ROUNDS = 8  # of adding such peaks to the nodes: 2 to 4 are taken
+COARSEST = 16  # pieces to begin with, or some more, halved until there are as many as asked
+MOST = 60  # steps on one set of pieces
+STATIONARY = 1e-5  # largest gap of a result
+CLOSED = 1e-9  # fall, relative, that is no more worth a step
+SMALLEST = 1e-9  # share of the unknowns' size below which the trust region holds nothing
+TAKEN, POOR, GOOD = 0.02, 0.25, 0.75  # of the promised fall: a step is taken, the region shrinks, the region grows
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is asked: weights of criteria by name, mass [kg], samples of the resistance, limits held on a space."""
+
+    held: Held
+    weights: dict
+    mass: float
+    resistances: tuple[Callable, ...]
+    quantile: float
+
+    more: tuple[float, ...] = ()
+
+    @cached_property
+    def nodes(self):
+        """`Nodes` of every piece, and `more` phases that peaks are watched at."""
+        space, weights = self.held.space, np.outer(np.diff(self.held.space.breaks), WEIGHTS).ravel()
+        rows = (np.concatenate([space.values(k, NODES), space.rows_at(k, np.array(self.more))]) for k in (1, 2))
+        return self._nodes(*rows, np.append(weights, np.zeros(len(self.more))))
+
+    @cached_property
+    def _fine(self):
+        space = self.held.space
+        rows = (space.values(k, np.linspace(0, 1, FINE)) for k in (1, 2))
+        return self._nodes(*rows, np.repeat(np.diff(space.breaks), FINE) / FINE)
+
+    def _nodes(self, speed, change, weights):
+        mean, duration = self.held.stroke / self.held.duration, self.held.duration
+        return Nodes(mean * speed, mean / duration * change, duration * weights, mean)
+
+    def between(self, unknowns):
+        """Phases where a peak is higher between the nodes than at any of them, the highest of each piece."""
+        found, space = [], self.held.space
+        peaks = [name for name in self.weights if name in PEAKS]
+        for resistance in self.resistances if peaks else ():
+            fine, coarse = (state(nodes, unknowns, self.mass, resistance) for nodes in (self._fine, self.nodes))
+            for name in peaks:
+                values = np.abs(PEAKS[name](fine)).reshape(-1, FINE)
+                high = np.abs(PEAKS[name](coarse)).max() * (1 + HIGHER)
+                pieces = np.flatnonzero(values.max(axis=1) > high)
+                i = np.clip(values[pieces].argmax(axis=1), 1, FINE - 2)
+                left, top, right = (values[pieces, i + k] for k in (-1, 0, 1))
+                u = (i + (left - right) / (2 * (left - 2 * top + right))) / (FINE - 1)
+                found += list(space.breaks[pieces] + np.diff(space.breaks)[pieces] * u)
+        return tuple(found)
+
+    def tangents(self, unknowns):
+        """`Tangent`s of every criterion, a list for each sample of the resistance."""
+        states = [state(self.nodes, unknowns, self.mass, resistance) for resistance in self.resistances]
+        return [[OBJECTIVES[name](one) for name in self.weights] for one in states]
+
+    def kept(self, tangents):
+        """(samples that the quantile counts, those of least J; the value of the worst of them)."""
+        sums = [sum(w * t.value for w, t in zip(self.weights.values(), row, strict=True)) for row in tangents]
+        order = np.argsort(sums, kind="stable")[: max(1, int(np.ceil(self.quantile * len(sums) - 1e-9)))]
+        return order, sums[order[-1]]
+
+
+class _Model:
+    """The tangents of a task about a law as a program: changes d, the top T that is made least, parts >= 0 of it."""
+
+    def __init__(self, task, unknowns, tangents):
+        self.size = len(unknowns)
+        self.rows, self.values, self.entries, self.height = [], [], [], 0
+        self.width = self.size + 1
+        kept, worst = task.kept(tangents)
+        self.scale = abs(worst) or 1.0
+        weights = [weight / self.scale for weight in task.weights.values()]
+        for k in kept:
+            tops = [self._top(tangent, weight) for tangent, weight in zip(tangents[k], weights, strict=True)]
+            self._below(np.zeros((1, self.size)), [0.0], [(0, top, 1.0) for top in tops] + [(0, self.size, -1.0)])
+        self.curvature = self._bend(tangents, kept, worst, weights)
+        self.program = self._with_limits(task.held.program, unknowns)
+
+    def _below(self, rows, values, entries):
+        """rows d + entries of the other unknowns <= values."""
+        self.rows.append(rows)
+        self.values.append(values)
+        self.entries += [(self.height + row, column, value) for row, column, value in entries]
+        self.height += len(values)
+
+    def _new(self, count):
+        self.width += count
+        return range(self.width - count, self.width)
+
+    def _top(self, tangent, weight):
+        """A new unknown that is not less than a weighted tangent."""
+        (top,), count = self._new(1), len(tangent.values)
+        if tangent.shares is None:
+            self._below(weight * tangent.rows, -weight * tangent.values, [(i, top, -1.0) for i in range(count)])
+            return top
+        parts = self._new(count)
+        nothing = np.zeros((count, self.size))
+        self._below(weight * tangent.rows, -weight * tangent.values, [(i, part, -1.0) for i, part in enumerate(parts)])
+        self._below(nothing, np.zeros(count), [(i, part, -1.0) for i, part in enumerate(parts)])
+        shared = [(0, part, share) for part, share in zip(parts, tangent.shares, strict=True)]
+        self._below(nothing[:1], [0.0], [*shared, (0, top, -1.0)])
+        return top
+
+    def _bend(self, tangents, kept, worst, weights):
+        """Mean curvature of the samples that are near the worst."""
+        near = [k for k in kept if sum(w * t.value for w, t in zip(weights, tangents[k], strict=True)) > 1 - 1e-6]
+        bends = [
+            weight * tangent.curvature / max(len(near), 1)
+            for k in near
+            for tangent, weight in zip(tangents[k], weights, strict=True)
+            if tangent.curvature is not None
+        ]
+        return sum(bends) if bends else None
+
+    def _with_limits(self, limits, unknowns):
+        more = self.width - self.size
+        entries = np.array(self.entries).T
+        right = sparse.coo_array((entries[2], entries[:2].astype(int)), shape=(self.height, self.width))
+        left = sparse.csr_array(np.concatenate(self.rows))
+        left.resize((self.height, self.width))
+        wide = limits.below.copy()
+        wide.resize((wide.shape[0], self.width))
+        room = limits.below_to - limits.below @ unknowns
+        return Program(
+            np.column_stack([limits.equal, np.zeros((len(limits.equal), more))]),
+            limits.equal_to - limits.equal @ unknowns,
+            sparse.csr_array(sparse.vstack([wide, left + right])),
+            np.concatenate([room, *self.values]),
+        )
+
+    def least(self, radius=np.inf, curved=True):
+        """(change of the unknowns, none by more than the radius; J that the tangents promise after it)."""
+        cost = np.zeros(self.width)
+        cost[self.size] = 1.0
+        box = np.full(self.width, np.inf)
+        box[: self.size] = radius
+        if self.curvature is None or not curved:
+            found = least_linear(cost, self.program, box)
+            if found is None:
+                raise RuntimeError("HiGHS finds no law within limits that the law before kept")
+            return found[: self.size], self.scale * found[self.size]
+        curvature = np.zeros((self.width, self.width))
+        curvature[: self.size, : self.size] = self.curvature
+        found = least_quadratic(curvature, cost, self.program, box)
+        change = found[: self.size]
+        return change, self.scale * (found[self.size] + change @ self.curvature @ change / 2)
+
+
+class Optimum(NamedTuple):
+    """The curve s(z), a PPoly, and how it was found.
+
+    value : the criterion, met between the nodes to `HIGHER`
+    gap : what the tangents would let any law do better, relative
+    refinement : what the last doubling of pieces gained, relative, or nan
+    steps : convex steps taken
+    """
+
+    curve: object
+    value: float
+    gap: float
+    refinement: float
+    steps: int
+
+
+def search(task, unknowns):
+    """(unknowns, J, steps): sequential convex steps from a law within the limits to one that is stationary.
+
+    Raises RuntimeError, with the gap reached, after `MOST` steps.
+    """
+    radius, tangents = np.inf, task.tangents(unknowns)
+    value = task.kept(tangents)[1]
+    if value == 0:
+        raise ValueError("every law asks for nothing: give a mass or a resistance that the criterion meets")
+    for steps in range(MOST):
+        model = _Model(task, unknowns, tangents)
+        while True:
+            change, promised = model.least(radius)
+            if value - promised <= CLOSED * abs(value) or radius < SMALLEST * np.abs(unknowns).max():
+                return unknowns, value, steps
+            there = task.tangents(unknowns + change)
+            fall = (value - task.kept(there)[1]) / (value - promised)
+            longest = np.abs(change).max()
+            if fall < POOR:
+                radius = longest / 4
+            elif fall > GOOD and longest > 0.99 * radius:
+                radius *= 2
+            if fall > TAKEN:
+                break
+        unknowns, tangents = unknowns + change, there
+        value = task.kept(tangents)[1]
+    raise RuntimeError(f"no stationary law after {MOST} steps: {value:g} reached, {value - promised:g} less promised")
+
+
+def gap(task, unknowns):
+    """By how much the tangents would let any law within the limits do better, relative."""
+    tangents = task.tangents(unknowns)
+    value = task.kept(tangents)[1]
+    _, promised = _Model(task, unknowns, tangents).least(curved=False)
+    return max(0.0, (value - promised) / abs(value))
+
+
+def optimum(limits, stroke, duration, weights, mass, resistances, quantile=1.0, pieces=None):
+    """`Optimum` of a task: on few pieces first, which are then halved; `pieces` of run-up and run-down, see `PIECES`.
+
+    Raises `limits.InfeasibleError` where no law keeps the limits, RuntimeError where the search does not end.
+    """
+    pieces = pieces or min(PIECES[limits.continuous], PIECES_OF_A_CAM if limits.cam else np.inf)
+    rounds = max(0, int(np.log2(pieces / COARSEST)))
+    before, curve, taken = np.nan, None, 0
+    for halvings in range(rounds + 1):
+        space = space_of(limits, pieces >> rounds, halvings)
+        task = Task(Held(limits, space, stroke, duration), weights, mass, resistances, quantile)
+        try:
+            start = task.held.calmest if curve is None else space.taken_over(curve)
+        except InfeasibleError:  # finer pieces may do
+            if halvings < rounds:
+                continue
+            raise
+        unknowns, value, steps = search(task, start)
+        curve, refinement, before, taken = space.curve(unknowns), before / value - 1, value, taken + steps
+    for _ in range(ROUNDS):
+        higher = task.between(unknowns)
+        if not higher:
+            break
+        task = replace(task, more=task.more + higher)
+        unknowns, value, steps = search(task, unknowns)
+        taken += steps
+    unknowns = task.held.closed(unknowns)
+    left = gap(task, unknowns)
+    if left > STATIONARY:
+        raise RuntimeError(f"the search stopped at {value:g} after {taken} steps, not stationary: a gap of {left:.1e}")
+    return Optimum(space.curve(unknowns), value, left, refinement, taken)
