@@ -13,6 +13,7 @@ W is the resistance of the mix on the rollers' lowest points, e + r below the pi
 guide wheels' axles lie at the height of the pin: the paper does not say, and its numbers agree with that.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 
@@ -65,6 +66,22 @@ class Cart:
             )
         if not self.guide_positions[0] > self.guide_positions[1]:
             raise ValueError(f"`guide_positions` must be (front, rear) with front > rear, got {self.guide_positions}")
+
+
+@dataclass(frozen=True)
+class Opposition:
+    """What a straight push meets beside the cart's inertia: the mix and the guide wheels [N], odd in velocity.
+
+    resistance : callable(velocity, acceleration) -> N, of the mix on all rollers of the cart
+    """
+
+    cart: Cart
+    resistance: Callable
+
+    def __call__(self, velocity, acceleration):
+        """W + guide friction [N], of the common shape of velocity [m/s] and acceleration [m/s^2]."""
+        met = self.resistance(velocity, acceleration)
+        return balance(self.cart, 0.0, met, np.sign(velocity)).drive_force
 
 
 @dataclass(frozen=True)

@@ -199,7 +199,7 @@ def cam(
     Parameters
     ----------
     law
-        name of the motion law
+        name of the motion law; of one that [motion.optimise] makes least-peak-force and the like
     follower
         what runs on the cam
     out
@@ -207,7 +207,7 @@ def cam(
     """
     from compact import report
 
-    study = _study(scene, quiet, laws=(law,))
+    study = _study(scene, quiet, laws=None if law.startswith("least-") else (law,))
     path = out or Path("out") / f"cam-{law}-{follower}.csv"
     made = study.cam(law, follower)
     report.write_cam(path, made)

@@ -44,6 +44,12 @@ LAW_NAMES: tuple[str, ...] = get_args(Law)
 
 Wanted = Literal["tables", "figures", "cams", "reactions", "crank", "fields"]
 RankBy = Literal["peak_force", "peak_power", "rms_force", "rms_power", "energy", "peak_jerk"]
+Objective = Literal["peak_force", "peak_power", "rms_force", "energy", "drawn_energy"]
+MixParameter = Literal[
+    "required_pressure", "plastic_modulus", "relaxed_modulus", "unloading_modulus", "poisson", "instant_over_relaxed",
+    "relaxation_time", "pore_air_modulus", "friction_angle", "cohesion", "steel_friction", "heckel_slope",
+    "rate_exponent", "effective_modulus",
+]  # fmt: skip
 Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
 COUNT_LIMIT = 1_000_000  # beyond any machine; keeps a slip such as 0xffff... out of loops and printouts
 
@@ -52,6 +58,8 @@ Numbers = Annotated[tuple[float, ...], Strict(False)]
 Laws = Annotated[tuple[Literal[Law, "all"], ...], Strict(False)]
 Names = Annotated[tuple[str, ...], Strict(False)]
 Ranks = Annotated[tuple[RankBy, ...], Strict(False)]
+Objectives = Annotated[tuple[Objective, ...], Strict(False)]
+Spreads = Annotated[tuple[MixParameter, ...], Strict(False)]
 Outputs = Annotated[tuple[Wanted, ...], Strict(False)]
 
 
@@ -163,6 +171,23 @@ class Layer(_Table):
     passes: int = _between(1, COUNT_LIMIT, "the number of passes")
 
 
+class Optimise(_Table):
+    """Laws made for this machine: each asks least of one objective against the computed resistance, within bounds."""
+
+    objectives: Objectives = Field(min_length=1, description="what is made least, a law for each")
+    smoothness: int = _between(1, 3, "the order up to which derivatives are continuous")
+    steady_tolerance: float | None = _optional(
+        "the deviation allowed from the constant speed between run-up and run-down, 0 for none", ge=0, le=1
+    )
+    velocity: float | None = _optional("the largest velocity in m/s")
+    acceleration: float | None = _optional("the largest acceleration in m/s2")
+    jerk: float | None = _optional("the largest jerk in m/s3")
+    snap: float | None = _optional("the largest snap in m/s4")
+    pressure_angle: float | None = _optional("the largest pressure angle of the cam in rad", gt=0, lt=1.57)
+    radius_of_curvature: float | None = _optional("the least radius of curvature of a flat-faced cam in m", ge=0)
+    spread: Spreads = Field(default=(), description="the parameters of the mix whose spread the law must suit")
+
+
 class Motion(_Table):
     """The travel of the cart, and the laws to compare; `laws` may be ["all"], see `Scene.law_names`."""
 
@@ -177,6 +202,7 @@ class Motion(_Table):
     dwell: float = _nonnegative("the time standing at each end in s")
     rod_length: float | None = _optional("the length of the connecting rod in m")
     tables: Names = Field(default=(), description="CSV files of own laws, relative to the scene file")
+    optimise: Optimise | None = None
 
 
 class Motor(_Table):

@@ -170,6 +170,14 @@ def _speeds_rise(speeds):
         return f"must be positive and rise one by one, got {list(speeds)}; give speeds such as [0.05, 0.1, 0.2]"
 
 
+@_rule("motion.optimise", "cam")
+def _bounds_of_a_cam_have_a_cam(optimise, cam):
+    if optimise and cam is None:
+        given = [key for key in ("pressure_angle", "radius_of_curvature") if optimise.get(key) is not None]
+        if given:
+            return f"bounds {' and '.join(given)} of a cam, and the table [cam] is missing; give it, or take them out"
+
+
 @_rule("motion.rod_length", "motion.stroke")
 def _rod_is_longer_than_the_crank(rod, stroke):
     if rod is not None and rod <= stroke / 2:

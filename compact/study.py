@@ -16,13 +16,13 @@ import numpy as np
 
 from compact import contact, drive, mix
 from compact.cam import Cam, FlatFace, Pointed, RollerFollower
-from compact.cart import Cart
+from compact.cart import Cart, Opposition
 from compact.crank import USUAL_ANGLES, turn
 from compact.engine import LAYERED, fields, passes, roll, speeds
 from compact.engineering import KNOWN_BY, engineering
 from compact.halfplane import galin
 from compact.measured import from_table
-from compact.motion import law
+from compact.motion import CamLimits, Limits, law, optimise
 from compact.motor import Kloss, Motor, Straight
 from compact.resistance import sampled
 from compact.scene import SceneError
@@ -58,7 +58,8 @@ class Study:
     @property
     def steps(self):
         """How many counts the stages of all that the scene wants will make."""
-        laws, wanted = len(self.scene.law_names) + len(self.scene.table_paths), self.scene.output.wanted
+        wanted, made = self.scene.output.wanted, self.scene.motion.optimise
+        laws = len(self.scene.law_names) + len(self.scene.table_paths) + (len(made.objectives) if made else 0)
         rolled = len(speeds(self.scene)) if self.scene.accuracy.engine in LAYERED else 0
         figures = 3 + len({"cams", "reactions", "crank", "fields"} & set(wanted)) + 2 * (rolled > 0)
         figures = figures if "figures" in wanted else 0
@@ -179,7 +180,7 @@ class Study:
     @cached_property
     def fastest(self):
         """Largest velocity of any law, and of the crank where there is one, with room for drives that swing [m/s]."""
-        velocities = [cycle.there.peaks().velocity for cycle in self.cycles.values()]
+        velocities = [cycle.there.peaks().velocity for cycle in self.given_cycles.values()]
         if self.crank:
             motion = self.scene.motion
             velocities.append(
@@ -218,7 +219,55 @@ class Study:
 
     @cached_property
     def cycles(self):
-        """The motion laws there and back, by name; tables of the user last."""
+        """The motion laws there and back, by name; tables of the user, then laws made for the machine last."""
+        return self.given_cycles | self.optimal_cycles
+
+    @cached_property
+    def optimal_cycles(self):
+        """Laws that ask least of the drive, by name, one per objective of [motion.optimise]; rigid drive, no rod."""
+        table, motion = self.scene.motion.optimise, self.scene.motion
+        cycles = {}
+        for objective in table.objectives if table else ():
+            self.count("laws")
+            there = optimise(objective, motion.stroke, motion.duration, self.cart.mass, self.oppositions, self.limits)
+            cycles[there.name] = there.cycle(motion.dwell, motion.dwell)
+        return cycles
+
+    @cached_property
+    def limits(self):
+        """`Limits` of [motion.optimise]; no faster than the fastest of the given laws, which the resistance covers."""
+        table, motion, cam = self.scene.motion.optimise, self.scene.motion, self.scene.cam
+        steady = table.steady_tolerance is not None
+        bounds_cam = table.pressure_angle is not None or table.radius_of_curvature is not None
+        return Limits(
+            velocity=min(self.fastest, table.velocity or np.inf),
+            acceleration=table.acceleration,
+            jerk=table.jerk,
+            snap=table.snap,
+            run_up=motion.run_up if steady else 0.5,
+            run_down=motion.run_down if steady else 0.5,
+            steady_tolerance=table.steady_tolerance or 0.0,
+            smoothness=table.smoothness,
+            turn="dwell" if motion.dwell else "reversal",
+            cam=CamLimits(cam.breadth, table.pressure_angle, table.radius_of_curvature, motion.dwell)
+            if bounds_cam
+            else None,
+        )
+
+    @cached_property
+    def oppositions(self):
+        """What a push meets beside inertia: as computed, then at both ends of each spread of [motion.optimise]."""
+        found = [Opposition(self.cart, self.resistance)]
+        for name in self.scene.motion.optimise.spread:
+            known = self.mix.parameter(name)
+            for value in (known.low, known.high):
+                other = Study(self.scene.replaced(**{"motion.optimise": None, f"mix.overrides.{name}": value}))
+                found.append(Opposition(other.cart, other.resistance))
+        return tuple(found)
+
+    @cached_property
+    def given_cycles(self):
+        """The laws that the scene names there and back, by name; tables of the user last."""
         motion = self.scene.motion
         one_way = [
             law(
@@ -311,7 +360,8 @@ class Study:
         if table is None:
             raise SceneError(["cam: missing; a cam needs a table [cam] with breadth and roller_follower_radius in m"])
         self.count("cams")
-        return Cam(self.cycles[law], table.breadth, FOLLOWERS[follower](table))
+        cycle = self.given_cycles.get(law) or self.cycles[law]  # a given one waits for no optimisation
+        return Cam(cycle, table.breadth, FOLLOWERS[follower](table))
 
     @cached_property
     def turns(self):

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from compact.scene import LAW_NAMES, Motor, Scene, SceneError, load_scene, parse_scene, starter_scene
+from compact.scene import LAW_NAMES, Motor, Optimise, Scene, SceneError, load_scene, parse_scene, starter_scene
 
 SCENES = Path(__file__).parents[1] / "studies" / "scenes"
 PUBLISHED = (SCENES / "loveikin-2015.toml").read_text("utf-8")
@@ -98,8 +98,8 @@ def test_the_starter_shows_every_key_there_is():
     keys = set(re.findall(r"^(?:# )?(\w+) = ", starter_scene(), re.MULTILINE))
     tables = [field.annotation for field in Scene.model_fields.values()]
     known = {key for table in tables for part in getattr(table, "__args__", (table,)) for key in fields_of(part)}
-    assert known - keys == {"overrides", "motor"}
-    assert set(Motor.model_fields) <= keys
+    assert known - keys == {"overrides", "motor", "optimise"}
+    assert set(Motor.model_fields) | set(Optimise.model_fields) <= keys
 
 
 def fields_of(table):
