@@ -23,6 +23,7 @@ from compact.refuse import refuse_negative, refuse_nonpositive, refuse_outside, 
 TURNS = ("reversal", "dwell")
 BOUNDED = {"velocity": (1, "m/s"), "acceleration": (2, "m/s^2"), "jerk": (3, "m/s^3"), "snap": (4, "m/s^4")}
 HALVINGS = 2  # of the pieces that a bound is held on: a parabola is then met within 1/16 of its bend
+TINY = np.finfo(float).tiny
 BROKEN = 1e-9  # relative, beyond which a limit is broken
 STEADY_PIECES = 16  # of the constant speed where it may vary
 
@@ -249,9 +250,18 @@ class Held:
         return least_quadratic(rows.T @ rows, np.zeros(self.space.size), self.program)
 
     def closed(self, unknowns):
-        """The unknowns with stroke, rest and continuity met to rounding, where a program left 1e-10."""
+        """The unknowns with stroke, rest and continuity met to rounding, and all bounds, where a program left 1e-10.
+
+        What is left beyond a bound is taken back by a step as small towards the calmest law, which lies inside.
+        """
         equal, equal_to, *_ = self.program
-        return unknowns + np.linalg.lstsq(equal, equal_to - equal @ unknowns, rcond=None)[0]
+        unknowns = unknowns + np.linalg.lstsq(equal, equal_to - equal @ unknowns, rcond=None)[0]
+        for bound in self.bounds:
+            more = bound.needed(unknowns) / bound.asked - 1
+            room = 1 - bound.needed(self.calmest) / bound.asked if more > BROKEN / 2 else 0.0
+            if room > 0:
+                unknowns = unknowns + more / (more + room) * (self.calmest - unknowns)
+        return unknowns
 
     def _alone(self, bound):
         """The `Conflict` of a bound that gives alone, or None where that does not suffice."""
@@ -323,7 +333,7 @@ def broken(limits, motion, instants=100_001):
     excess["smoothness"] = limits.continuous - motion.smoothness(limits.turn)
     for order in limits.at_rest:
         excess["at rest"] = max(
-            excess.get("at rest", 0.0), np.abs(travel[order][[0, -1]]).max() / np.abs(travel[order]).max()
+            excess.get("at rest", 0.0), np.abs(travel[order][[0, -1]]).max() / max(np.abs(travel[order]).max(), TINY)
         )
     if limits.steady:
         start, end = np.array(limits.steady) * motion.duration

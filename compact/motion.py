@@ -231,7 +231,7 @@ class OptimalMotion(Motion):
     limits: Limits = field(default_factory=Limits)
 
 
-def optimise(objective, stroke, duration, mass, resistance, limits=None, *, quantile=1.0, pieces=None, name=None):
+def optimise(objective, stroke, duration, mass, resistance, limits=None, *, quantile=1.0, regret=False, pieces=None):
     """The motion law that asks least of the drive of a cart, an `OptimalMotion`.
 
         least J of H = m a + R(v, a),  P = H v,  there and back
@@ -243,10 +243,10 @@ def optimise(objective, stroke, duration, mass, resistance, limits=None, *, quan
     stroke, duration : travel [m] and time [s] of one pass, > 0
     mass : of the cart [kg], >= 0
     resistance : R(velocity, acceleration) [N], arrays of any shape, odd in both; guide friction may be in it. Several
-        make a law for all of them: J is the worst, or the `quantile` of them
+        make a law for all of them: J is the worst of them, or the `quantile`
+    regret : count J of each resistance in what the best law for it alone would ask; J is then such a ratio
     limits : `Limits` that the law keeps at every instant; none but a way without turning back unless given
     pieces : of the spline outside the constant speed; as many as `optimise.PIECES` says unless given
-    name : of the law; "least-" and the objectives unless given
 
     Raises InfeasibleError, with what would have to give and by how much, where no law keeps the limits, RuntimeError
     where the search does not end, ValueError for values out of range. Of several laws that do as well one is given:
@@ -269,9 +269,10 @@ def optimise(objective, stroke, duration, mass, resistance, limits=None, *, quan
         refuse_fractional(pieces=pieces)
     resistances = (resistance,) if callable(resistance) else tuple(resistance)
     limits = limits or Limits()
-    found = optimum(limits, float(stroke), float(duration), weights, float(mass), resistances, quantile, pieces)
-    name = name or "least-" + "-and-".join(weights).replace("_", "-")
-    curve, *rest = found
+    task = limits, float(stroke), float(duration), weights, float(mass)
+    least = tuple(optimum(*task, (one,), pieces=pieces).value for one in resistances) if regret else ()
+    curve, *rest = optimum(*task, resistances, quantile, pieces, least)
+    name = "least-" + "-and-".join(weights).replace("_", "-")
     return OptimalMotion(name, float(stroke), float(duration), curve, False, *rest, limits)
 
 

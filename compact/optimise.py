@@ -34,18 +34,24 @@ MOST = 60  # steps on one set of pieces
 STATIONARY = 1e-5  # largest gap of a result
 CLOSED = 1e-9  # fall, relative, that is no more worth a step
 SMALLEST = 1e-9  # share of the unknowns' size below which the trust region holds nothing
+NEAR = 1e-6  # of the worst sample, relative, within which others lend their curvature
 TAKEN, POOR, GOOD = 0.02, 0.25, 0.75  # of the promised fall: a step is taken, the region shrinks, the region grows
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What is asked: weights of criteria by name, mass [kg], samples of the resistance, limits held on a space."""
+    """What is asked: weights of criteria by name, mass [kg], samples of the resistance, limits held on a space.
+
+    `least` is what J of each sample is counted in, 1 for all but in a search of least regret; `more` are phases beside
+    the nodes that peaks are watched at.
+    """
 
     held: Held
     weights: dict
     mass: float
     resistances: tuple[Callable, ...]
-    quantile: float
+    quantile: float = 1.0
+    least: tuple[float, ...] = ()
 
     more: tuple[float, ...] = ()
 
@@ -87,9 +93,14 @@ class Task:
         states = [state(self.nodes, unknowns, self.mass, resistance) for resistance in self.resistances]
         return [[OBJECTIVES[name](one) for name in self.weights] for one in states]
 
+    def weights_of(self, k):
+        """Weights of the criteria against sample k."""
+        return [weight / (self.least[k] if self.least else 1.0) for weight in self.weights.values()]
+
     def kept(self, tangents):
         """(samples that the quantile counts, those of least J; the value of the worst of them)."""
-        sums = [sum(w * t.value for w, t in zip(self.weights.values(), row, strict=True)) for row in tangents]
+        weights = [self.weights_of(k) for k in range(len(tangents))]
+        sums = [sum(w * t.value for w, t in zip(*pair, strict=True)) for pair in zip(weights, tangents, strict=True)]
         order = np.argsort(sums, kind="stable")[: max(1, int(np.ceil(self.quantile * len(sums) - 1e-9)))]
         return order, sums[order[-1]]
 
@@ -103,11 +114,11 @@ class _Model:
         self.width = self.size + 1
         kept, worst = task.kept(tangents)
         self.scale = abs(worst) or 1.0
-        weights = [weight / self.scale for weight in task.weights.values()]
+        weights = {k: [weight / self.scale for weight in task.weights_of(k)] for k in kept}
         for k in kept:
-            tops = [self._top(tangent, weight) for tangent, weight in zip(tangents[k], weights, strict=True)]
+            tops = [self._top(tangent, weight) for tangent, weight in zip(tangents[k], weights[k], strict=True)]
             self._below(np.zeros((1, self.size)), [0.0], [(0, top, 1.0) for top in tops] + [(0, self.size, -1.0)])
-        self.curvature = self._bend(tangents, kept, worst, weights)
+        self.curvature = self._bend(tangents, kept, weights)
         self.program = self._with_limits(task.held.program, unknowns)
 
     def _below(self, rows, values, entries):
@@ -135,13 +146,13 @@ class _Model:
         self._below(nothing[:1], [0.0], [*shared, (0, top, -1.0)])
         return top
 
-    def _bend(self, tangents, kept, worst, weights):
-        """Mean curvature of the samples that are near the worst."""
-        near = [k for k in kept if sum(w * t.value for w, t in zip(weights, tangents[k], strict=True)) > 1 - 1e-6]
+    def _bend(self, tangents, kept, weights):
+        """Mean curvature of the samples that are about as bad as the worst."""
+        near = [k for k in kept if sum(w * t.value for w, t in zip(weights[k], tangents[k], strict=True)) > 1 - NEAR]
         bends = [
             weight * tangent.curvature / max(len(near), 1)
             for k in near
-            for tangent, weight in zip(tangents[k], weights, strict=True)
+            for tangent, weight in zip(tangents[k], weights[k], strict=True)
             if tangent.curvature is not None
         ]
         return sum(bends) if bends else None
@@ -183,7 +194,7 @@ class _Model:
 class Optimum(NamedTuple):
     """The curve s(z), a PPoly, and how it was found.
 
-    value : the criterion, met between the nodes to `HIGHER`
+    value : the criterion; peaks between the nodes are met to 3e-4, of laws without a near jump to 1e-5
     gap : what the tangents would let any law do better, relative
     refinement : what the last doubling of pieces gained, relative, or nan
     steps : convex steps taken
@@ -233,7 +244,7 @@ def gap(task, unknowns):
     return max(0.0, (value - promised) / abs(value))
 
 
-def optimum(limits, stroke, duration, weights, mass, resistances, quantile=1.0, pieces=None):
+def optimum(limits, stroke, duration, weights, mass, resistances, quantile=1.0, pieces=None, least=()):
     """`Optimum` of a task: on few pieces first, which are then halved; `pieces` of run-up and run-down, see `PIECES`.
 
     Raises `limits.InfeasibleError` where no law keeps the limits, RuntimeError where the search does not end.
@@ -243,7 +254,7 @@ def optimum(limits, stroke, duration, weights, mass, resistances, quantile=1.0, 
     before, curve, taken = np.nan, None, 0
     for halvings in range(rounds + 1):
         space = space_of(limits, pieces >> rounds, halvings)
-        task = Task(Held(limits, space, stroke, duration), weights, mass, resistances, quantile)
+        task = Task(Held(limits, space, stroke, duration), weights, mass, resistances, quantile, least)
         try:
             start = task.held.calmest if curve is None else space.taken_over(curve)
         except InfeasibleError:  # finer pieces may do

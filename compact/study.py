@@ -229,7 +229,15 @@ class Study:
         cycles = {}
         for objective in table.objectives if table else ():
             self.count("laws")
-            there = optimise(objective, motion.stroke, motion.duration, self.cart.mass, self.oppositions, self.limits)
+            there = optimise(
+                objective,
+                motion.stroke,
+                motion.duration,
+                self.cart.mass,
+                self.oppositions,
+                self.limits,
+                regret=len(self.oppositions) > 1,
+            )
             cycles[there.name] = there.cycle(motion.dwell, motion.dwell)
         return cycles
 

@@ -23,7 +23,7 @@ LEVELS = (
     ("frame", "march", "steady"),
     ("compacted",),
     ("compaction",),
-    ("motion", "contact", "spectral", "fem", "drive", "scene", "column", "resistance"),
+    ("judge", "motion", "contact", "spectral", "fem", "drive", "scene", "column", "resistance"),
     ("measured", "cam", "crank", "passes", "spectral_modulation", "fem_modulation", "regime"),
     ("engine", "engineering", "elastic", "motor"),
     ("study", "calibrate"),

@@ -1,17 +1,25 @@
 """Optimal laws: known extremals, duality gaps, limits at every instant, what conflicts, mixes of many samples."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from compact import drive
 from compact.cam import Cam, FlatFace, Pointed
+from compact.cart import Opposition
 from compact.laws import ComplexLaw
 from compact.lawspace import Space, bernstein_basis, graded_breaks, halved
-from compact.limits import broken
+from compact.limits import Held, broken, space_of
 from compact.motion import CamLimits, InfeasibleError, Limits, optimise
+from compact.optimise import Task
 from compact.quadratic import Program, least_linear, least_quadratic
+from compact.scene import load_scene
+from compact.study import Study
 
+SCENES = Path(__file__).parent.parent / "studies" / "scenes"
 TWO_THIRDS = Limits(run_up=1 / 6, run_down=1 / 6)
 MACHINE = {"stroke": 0.4, "duration": 3.0, "mass": 1000.0}
 
@@ -90,7 +98,13 @@ def test_weighted_sum_is_the_complex_law_of_its_weights():
 
 def test_steady_speed_may_be_uneven_by_its_tolerance():
     even, uneven = (
-        optimise("peak_force", **MACHINE, resistance=dry(3562.0), limits=TWO_THIRDS.replaced(steady_tolerance=share))
+        optimise(
+            "peak_force",
+            **MACHINE,
+            resistance=dry(3562.0),
+            limits=TWO_THIRDS.replaced(steady_tolerance=share),
+            pieces=32,
+        )
         for share in (0.0, 0.02)
     )
     assert uneven.value < even.value
@@ -177,7 +191,7 @@ def test_quadratic_program_without_curvature_is_the_linear_one():
         pytest.param(TWO_THIRDS.replaced(cam=CamLimits(0.9, radius_of_curvature=0.1)), id="flat-face"),
     ],
 )
-@pytest.mark.parametrize("objective", ["peak_force", "peak_power"])
+@pytest.mark.parametrize("objective", ["peak_force", pytest.param("peak_power", marks=pytest.mark.slow)])
 def test_limits_hold_at_every_instant(objective, limits):
     motion = optimise(objective, **MACHINE, resistance=dry(3562.0), limits=limits, pieces=16)
     assert broken(limits, motion, instants=100_001) == {}
@@ -231,3 +245,184 @@ def test_bounds_that_must_give_together_do_when_they_have_given():
             optimise(
                 "peak_force", **MACHINE, resistance=none, limits=limits.replaced(**(enough | {name: 0.1})), pieces=16
             )
+
+
+# ---- the published machine -------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return Study(load_scene(SCENES / "loveikin-2015.toml"))
+
+
+@pytest.mark.parametrize(
+    ("limits", "members"),
+    [
+        pytest.param(TWO_THIRDS, 10, id="free"),
+        pytest.param(TWO_THIRDS.replaced(acceleration=0.6), 9, id="acceleration"),
+        pytest.param(TWO_THIRDS.replaced(jerk=5.0), 7, id="jerk", marks=pytest.mark.slow),
+        pytest.param(TWO_THIRDS.replaced(snap=60.0), 2, id="snap", marks=pytest.mark.slow),
+    ],
+)
+@pytest.mark.parametrize("objective", ["peak_force", "peak_power"])
+def test_no_published_law_within_the_same_limits_asks_for_less(machine, objective, limits, members):
+    resistance = Opposition(machine.cart, machine.resistance)
+    motion = optimise(objective, **MACHINE, resistance=resistance, limits=limits, pieces=32)
+    rivals = [name for name, cycle in machine.cycles.items() if not broken(limits, cycle.there)]
+    run = drive.simulate(machine.cart, drive.Rigid(), motion, machine.resistance)
+    assert len(rivals) == members
+    assert getattr(run, objective) < min(getattr(machine.runs[name], objective) for name in rivals)
+    assert getattr(run, objective) == pytest.approx(motion.value, rel=3e-4)
+    assert motion.gap < 1e-6
+    assert broken(limits, motion) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("limits", [TWO_THIRDS, TWO_THIRDS.replaced(acceleration=0.6), Limits(jerk=5.0)])
+@pytest.mark.parametrize("power", [0.0, 0.2], ids=["dry", "power-law"])
+@pytest.mark.parametrize("objective", ["peak_force", "peak_power"])
+def test_ipopt_finds_no_better_law_from_20_starts(machine, objective, power, limits):
+    pytest.importorskip("casadi")
+    from compact.judge import best
+
+    push = Opposition(machine.cart, machine.resistance)
+
+    def resistance(velocity, acceleration):
+        return push(velocity, acceleration) * (np.abs(velocity) / 0.133) ** power
+
+    motion = optimise(objective, **MACHINE, resistance=resistance, limits=limits, pieces=32)
+    held = Held(limits, space_of(limits, 16, 1), MACHINE["stroke"], MACHINE["duration"])
+    least, reached = best(Task(held, {objective: 1.0}, MACHINE["mass"], (resistance,)), 20)
+    assert len(reached) >= 15
+    assert motion.value == pytest.approx(least, rel=5e-3)
+
+
+def test_ipopt_agrees():
+    pytest.importorskip("casadi")
+    from compact.judge import best
+
+    limits = TWO_THIRDS.replaced(acceleration=0.6)
+    motion = optimise("peak_power", **MACHINE, resistance=dry(3562.0), limits=limits, pieces=16)
+    held = Held(limits, space_of(limits, 16), MACHINE["stroke"], MACHINE["duration"])
+    least, _ = best(Task(held, {"peak_power": 1.0}, MACHINE["mass"], (dry(3562.0),)), 2)
+    assert motion.value == pytest.approx(least, rel=1e-3)
+
+
+def test_missing_casadi_is_told(monkeypatch):
+    import sys
+
+    from compact.judge import casadi
+
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    with pytest.raises(RuntimeError, match=r"pip install '.\[optimise\]'"):
+        casadi()
+
+
+# ---- many resistances ------------------------------------------------------------------------------------------------
+
+SPREAD = tuple(dry(force) for force in (1500.0, 3562.0, 8000.0))
+SPREAD_TASK = MACHINE | {"limits": TWO_THIRDS.replaced(acceleration=0.6), "pieces": 32}
+
+
+def power_of(motion, resistance):
+    time = np.linspace(0, motion.duration, 20_001)
+    v, a = motion.velocity(time), motion.acceleration(time)
+    return np.abs(v * (MACHINE["mass"] * a + resistance(np.maximum(v, 1e-12), a))).max()
+
+
+@pytest.fixture(scope="module")
+def alone():
+    return [optimise("peak_power", resistance=one, **SPREAD_TASK) for one in SPREAD]
+
+
+def test_law_for_all_samples_has_the_least_worst(alone):
+    motion = optimise("peak_power", resistance=SPREAD, **SPREAD_TASK)
+    worst = [max(power_of(law, one) for one in SPREAD) for law in alone]
+    assert motion.value == pytest.approx(max(power_of(motion, one) for one in SPREAD), rel=1e-4)
+    assert motion.value <= min(worst) * (1 + 1e-4)
+    assert motion.gap < 1e-6
+
+
+def test_law_of_least_regret_is_near_the_best_of_each_sample(alone):
+    motion = optimise("peak_power", resistance=SPREAD, regret=True, **SPREAD_TASK)
+
+    def regret(law):
+        return max(power_of(law, one) / best.value for one, best in zip(SPREAD, alone, strict=True))
+
+    assert motion.value == pytest.approx(regret(motion), rel=1e-4)
+    assert 1 < motion.value < min(regret(law) for law in alone)
+
+
+def test_quantile_leaves_the_worst_samples_out():
+    two_of_three = optimise("peak_power", resistance=SPREAD, quantile=0.6, **SPREAD_TASK)
+    without = optimise("peak_power", resistance=SPREAD[:2], **SPREAD_TASK)
+    assert two_of_three.value == pytest.approx(without.value, rel=1e-6)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_rms_force_over_samples_has_no_duality_gap(count):
+    samples = tuple(lambda v, a, c=c: c * v for c in (2000.0, 9000.0, 4000.0)[:count])
+    motion = optimise("rms_force", **MACHINE, resistance=samples, limits=Limits(acceleration=0.5), pieces=32)
+    assert motion.gap < 1e-6
+
+
+# ---- (e) properties --------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.floats(0.1, 10), st.floats(0.1, 10), st.floats(0.1, 10))
+def test_value_scales_with_mass_stroke_and_duration(mass, stroke, duration):
+    motion = optimise("peak_force", stroke, duration, mass, none, Limits(jerk=40 * stroke / duration**3), pieces=8)
+    scaled = unit("peak_force", limits=Limits(jerk=40.0), pieces=8).value
+    assert motion.value / (mass * stroke / duration**2) == pytest.approx(scaled, rel=1e-5)
+
+
+# ---- (f) cost --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("objective", "steps"), [("peak_force", 5), ("rms_force", 3), ("peak_power", 60)])
+def test_few_steps_are_taken(objective, steps):
+    assert optimise(objective, **MACHINE, resistance=dry(3562.0), limits=TWO_THIRDS, pieces=32).steps <= steps
+
+
+# ---- (g) refusals ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"objective": "peak_torque"}, "no objective 'peak_torque'"),
+        ({"objective": {"peak_force": -1.0}}, "`weights` must be zero or positive"),
+        ({"objective": {"peak_force": 0.0}}, "`objective` must hold a weight > 0"),
+        ({"stroke": 0.0}, "`stroke` must be positive"),
+        ({"mass": -1.0}, "`mass` must be zero or positive"),
+        ({"quantile": 1.5}, "`quantile` must be between 0 and 1"),
+        ({"pieces": 2.5}, "`pieces` must be a whole number"),
+        ({"objective": "energy"}, "every law asks for nothing"),
+    ],
+)
+def test_task_out_of_range_is_refused(options, message):
+    task = {"objective": "peak_force", "resistance": none, **MACHINE}
+    with pytest.raises(ValueError, match=message):
+        optimise(**(task | options))
+
+
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [
+        ({"velocity": -1.0}, "`velocity` must be positive"),
+        ({"run_up": 0.0}, "`run_up` must be positive"),
+        ({"run_up": 0.7}, "`run_up` . `run_down` must not exceed 1, got 0.7 . 0.5"),
+        ({"smoothness": 4}, "`smoothness` must be 1, 2 or 3, got 4"),
+        ({"at_rest": (2,)}, "`at_rest` takes orders from 2 to the smoothness, 1, got"),
+        ({"turn": "stop"}, "no turn 'stop'"),
+    ],
+)
+def test_limits_out_of_range_are_refused(limits, message):
+    with pytest.raises(ValueError, match=message):
+        Limits(**limits)
+
+
+def test_cam_limits_out_of_range_are_refused():
+    with pytest.raises(ValueError, match=r"`pressure_angle` must lie in \(0, pi/2\), got 2.0 rad"):
+        CamLimits(0.9, pressure_angle=2.0)
