@@ -15,7 +15,7 @@ from importlib import import_module
 
 _HOMES = {
     "contact": ("DryResistance", "dry_resistance"),
-    "cart": ("Balance", "Cart", "balance"),
+    "cart": ("Balance", "Cart", "Opposition", "balance"),
     "cam": ("Cam", "FlatFace", "Pointed", "RollerFollower"),
     "drive": ("Crank", "Rigid", "Run", "rank", "simulate"),
     "elastic": ("ElasticDrive", "ElasticRun", "travel"),
@@ -23,7 +23,7 @@ _HOMES = {
     "material": ("Elastic", "Viscoelastic"),
     "measured": ("from_table",),
     "mix": ("Mix", "prior"),
-    "motion": ("LAWS", "Cycle", "Motion", "law"),
+    "motion": ("LAWS", "CamLimits", "Cycle", "InfeasibleError", "Limits", "Motion", "law", "optimise"),
     "motor": ("Kloss", "Motor", "MotorRun", "Straight", "revolve"),
     "records": ("Layer", "Roller", "Rolled"),
     "resistance": ("ResistanceMap", "sampled"),

@@ -25,6 +25,7 @@ BOUNDED = {"velocity": (1, "m/s"), "acceleration": (2, "m/s^2"), "jerk": (3, "m/
 HALVINGS = 2  # of the pieces that a bound is held on: a parabola is then met within 1/16 of its bend
 TINY = np.finfo(float).tiny
 BROKEN = 1e-9  # relative, beyond which a limit is broken
+KEPT = 1e3  # cost of a bound that is to be kept while another gives
 STEADY_PIECES = 16  # of the constant speed where it may vary
 
 
@@ -241,9 +242,11 @@ class Held:
 
         Raises InfeasibleError where no law keeps the limits.
         """
-        if conflicts := self._together():
-            alone = [conflict for bound in self.bounds if (conflict := self._alone(bound))]
-            raise InfeasibleError(alone or conflicts, alone=bool(alone))
+        together = self._giving(np.ones(len(self.bounds)))
+        if together:
+            alone = [self._alone(i) for i in range(len(self.bounds))]
+            single = [conflict for conflict in alone if conflict]
+            raise InfeasibleError(single or together, alone=bool(single))
         u, weights = np.polynomial.legendre.leggauss(self.space.smoothness + 1)
         weights = np.outer(np.diff(self.space.breaks), weights / 2).ravel()
         rows = self.space.values(2, (u + 1) / 2) * np.sqrt(weights)[:, None]
@@ -263,41 +266,32 @@ class Held:
                 unknowns = unknowns + more / (more + room) * (self.calmest - unknowns)
         return unknowns
 
-    def _alone(self, bound):
-        """The `Conflict` of a bound that gives alone, or None where that does not suffice."""
-        others = [other for other in self.bounds if other is not bound]
-        rows = [np.column_stack([other.rows / other.asked, np.zeros(len(other.rows))]) for other in others]
-        rows.append(np.column_stack([bound.rows / bound.asked, -np.ones(len(bound.rows))]))
-        values = [1 - other.offset / other.asked for other in others] + [-bound.offset / bound.asked]
-        found = self._elastic(rows, values, [1.0])
-        return None if found is None else Conflict(bound.name, bound.unit, bound.asked, float(found[0]) * bound.asked)
+    def _alone(self, i):
+        """The `Conflict` of bound i that gives alone, or None where that does not suffice."""
+        costs = np.full(len(self.bounds), KEPT)
+        costs[i] = 1.0
+        given = self._giving(costs)
+        return given[0] if [conflict.name for conflict in given] == [self.bounds[i].name] else None
 
-    def _together(self):
-        """A `Conflict` of each bound that gives where the sum of relative violations is least; none if none must."""
-        rows = []
-        for i, bound in enumerate(self.bounds):
-            give = np.zeros((len(bound.rows), len(self.bounds)))
-            give[:, i] = -1.0
-            rows.append(np.column_stack([bound.rows / bound.asked, give]))
-        values = [1 - bound.offset / bound.asked for bound in self.bounds]
-        found = self._elastic(rows, values, np.ones(len(self.bounds)))
+    def _giving(self, costs):
+        """A `Conflict` of each bound that gives, where the sum of costs times relative violations is least."""
+        count, program = len(self.bounds), self._with([], [])
+        give = np.eye(count)
+        rows = [program.below.toarray(), np.zeros((count, self.space.size)), *(b.rows / b.asked for b in self.bounds)]
+        given = [np.zeros((rows[0].shape[0], count)), -give]
+        given += [np.tile(-give[i], (len(bound.rows), 1)) for i, bound in enumerate(self.bounds)]
+        values = [program.below_to, np.zeros(count), *(1 - bound.offset / bound.asked for bound in self.bounds)]
+        elastic = Program(
+            np.column_stack([program.equal, np.zeros((len(program.equal), count))]),
+            program.equal_to,
+            np.column_stack([np.concatenate(rows), np.concatenate(given)]),
+            np.concatenate(values),
+        )
+        found = least_linear(np.concatenate([np.zeros(self.space.size), costs]), elastic)
         if found is None:
             raise RuntimeError("no law at all on these pieces: raise `pieces`, or lower the smoothness")
-        given = zip(self.bounds, found, strict=True)
-        return [Conflict(b.name, b.unit, b.asked, (1 + float(more)) * b.asked) for b, more in given if more > BROKEN]
-
-    def _elastic(self, rows, values, costs):
-        """The amounts by which bounds give, all >= 0, in the least of their sum; None where they cannot."""
-        extra = len(costs)
-        program = self._with([], [])
-        equal = np.column_stack([program.equal, np.zeros((len(program.equal), extra))])
-        hard = np.column_stack([program.below.toarray(), np.zeros((program.below.shape[0], extra))])
-        positive = np.column_stack([np.zeros((extra, self.space.size)), -np.eye(extra)])
-        below = sparse.csr_array(np.concatenate([hard, positive, *rows]))
-        below_to = np.concatenate([program.below_to, np.zeros(extra), *values])
-        cost = np.concatenate([np.zeros(self.space.size), costs])
-        found = least_linear(cost, Program(equal, program.equal_to, below, below_to))
-        return None if found is None else found[self.space.size :]
+        pairs = zip(self.bounds, found[self.space.size :], strict=True)
+        return [Conflict(b.name, b.unit, b.asked, (1 + float(more)) * b.asked) for b, more in pairs if more > BROKEN]
 
 
 def space_of(limits, pieces, halvings=0):

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compact import contact, drive, mix
+from compact import contact, drive, made, mix
 from compact.cam import Cam, FlatFace, Pointed, RollerFollower
 from compact.cart import Cart, Opposition
 from compact.crank import USUAL_ANGLES, turn
@@ -22,7 +22,7 @@ from compact.engine import LAYERED, fields, passes, roll, speeds
 from compact.engineering import KNOWN_BY, engineering
 from compact.halfplane import galin
 from compact.measured import from_table
-from compact.motion import CamLimits, Limits, law, optimise
+from compact.motion import law
 from compact.motor import Kloss, Motor, Straight
 from compact.resistance import sampled
 from compact.scene import SceneError
@@ -58,8 +58,8 @@ class Study:
     @property
     def steps(self):
         """How many counts the stages of all that the scene wants will make."""
-        wanted, made = self.scene.output.wanted, self.scene.motion.optimise
-        laws = len(self.scene.law_names) + len(self.scene.table_paths) + (len(made.objectives) if made else 0)
+        wanted, optimised = self.scene.output.wanted, self.scene.motion.optimise
+        laws = len(self.scene.law_names) + len(self.scene.table_paths) + (len(optimised.objectives) if optimised else 0)
         rolled = len(speeds(self.scene)) if self.scene.accuracy.engine in LAYERED else 0
         figures = 3 + len({"cams", "reactions", "crank", "fields"} & set(wanted)) + 2 * (rolled > 0)
         figures = figures if "figures" in wanted else 0
@@ -225,52 +225,33 @@ class Study:
     @cached_property
     def optimal_cycles(self):
         """Laws that ask least of the drive, by name, one per objective of [motion.optimise]; rigid drive, no rod."""
-        table, motion = self.scene.motion.optimise, self.scene.motion
+        table, dwell = self.scene.motion.optimise, self.scene.motion.dwell
         cycles = {}
         for objective in table.objectives if table else ():
             self.count("laws")
-            there = optimise(
-                objective,
-                motion.stroke,
-                motion.duration,
-                self.cart.mass,
-                self.oppositions,
-                self.limits,
-                regret=len(self.oppositions) > 1,
-            )
-            cycles[there.name] = there.cycle(motion.dwell, motion.dwell)
+            there = made.law(self.scene, objective, self.oppositions, self.limits)
+            cycles[there.name] = there.cycle(dwell, dwell)
         return cycles
 
     @cached_property
     def limits(self):
         """`Limits` of [motion.optimise]; no faster than the fastest of the given laws, which the resistance covers."""
-        table, motion, cam = self.scene.motion.optimise, self.scene.motion, self.scene.cam
-        steady = table.steady_tolerance is not None
-        bounds_cam = table.pressure_angle is not None or table.radius_of_curvature is not None
-        return Limits(
-            velocity=min(self.fastest, table.velocity or np.inf),
-            acceleration=table.acceleration,
-            jerk=table.jerk,
-            snap=table.snap,
-            run_up=motion.run_up if steady else 0.5,
-            run_down=motion.run_down if steady else 0.5,
-            steady_tolerance=table.steady_tolerance or 0.0,
-            smoothness=table.smoothness,
-            turn="dwell" if motion.dwell else "reversal",
-            cam=CamLimits(cam.breadth, table.pressure_angle, table.radius_of_curvature, motion.dwell)
-            if bounds_cam
-            else None,
-        )
+        return made.limits(self.scene, self.fastest)
+
+    @cached_property
+    def push(self):
+        """What a straight push of the cart meets beside its inertia, an `Opposition`."""
+        return Opposition(self.cart, self.resistance)
 
     @cached_property
     def oppositions(self):
         """What a push meets beside inertia: as computed, then at both ends of each spread of [motion.optimise]."""
-        found = [Opposition(self.cart, self.resistance)]
+        found = [self.push]
         for name in self.scene.motion.optimise.spread:
             known = self.mix.parameter(name)
             for value in (known.low, known.high):
                 other = Study(self.scene.replaced(**{"motion.optimise": None, f"mix.overrides.{name}": value}))
-                found.append(Opposition(other.cart, other.resistance))
+                found.append(other.push)
         return tuple(found)
 
     @cached_property

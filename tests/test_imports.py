@@ -25,7 +25,7 @@ LEVELS = (
     ("compaction",),
     ("judge", "motion", "contact", "spectral", "fem", "drive", "scene", "column", "resistance"),
     ("measured", "cam", "crank", "passes", "spectral_modulation", "fem_modulation", "regime"),
-    ("engine", "engineering", "elastic", "motor"),
+    ("engine", "engineering", "elastic", "motor", "made"),
     ("study", "calibrate"),
     ("figures", "published_laws", "published_machine"),
     ("contact_report",),

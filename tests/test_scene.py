@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from hypothesis import given, settings
@@ -247,6 +248,26 @@ def test_a_change_may_add_a_table():
     bare = parse_scene(starter_scene())
     assert bare.replaced(**{"mix.overrides.poisson": 0.25}).mix.overrides.poisson == 0.25
     assert bare.replaced(cam={"breadth": 0.9, "roller_follower_radius": 0.03}).cam.breadth == 0.9
+
+
+def test_bounds_of_a_cam_without_a_cam_are_refused():
+    bare = parse_scene(starter_scene())
+    made = {"objectives": ["peak_force"], "smoothness": 1, "pressure_angle": 0.7}
+    with pytest.raises(SceneError, match=r"bounds pressure_angle of a cam, and the table \[cam\] is missing"):
+        bare.replaced(**{"motion.optimise": made})
+
+
+def test_optimisation_of_an_unknown_objective_is_refused():
+    with pytest.raises(SceneError, match=r"motion\.optimise\.objectives"):
+        parse_scene(starter_scene()).replaced(**{"motion.optimise": {"objectives": ["peak_noise"], "smoothness": 1}})
+
+
+def test_objectives_and_parameters_of_scenes_are_those_of_the_modules():
+    from compact.motion import OBJECTIVES as KNOWN
+    from compact.scene import MixParameter, Objective, Overrides
+
+    assert get_args(Objective) == tuple(KNOWN)
+    assert set(get_args(MixParameter)) == set(Overrides.model_fields)
 
 
 def test_changes_may_mend_a_broken_file(tmp_path):

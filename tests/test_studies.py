@@ -28,6 +28,7 @@ def test_every_study_has_a_test():
         "density_after_passes",
         "elastic_drive",
         "motor_and_flywheel",
+        "optimal_laws",
     }
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
 
@@ -172,3 +173,21 @@ def test_flywheel_steadies_the_motor_in_proportion(capsys, tmp_path):
     assert rows[3][4] < rows[1][4]
     assert "cubic" in capsys.readouterr().out
     assert (tmp_path / "motor_and_flywheel.png").stat().st_size > 10_000
+
+
+def test_laws_made_for_the_machine_save_power_at_every_end_of_the_spread(capsys, tmp_path):
+    module = study("optimal_laws")
+    gains, front = result = module.main(shares=(0.0, 2 / 3), jerks=(5.0, 50.0), out=tmp_path)
+    module.show(result)
+    assert [row[0] for row in gains] == ["peak_force"] * 3 + ["peak_power"] * 3
+    force = gains[0]
+    assert force[3] == pytest.approx(3562 + 1000 * 7.2 * 0.4 / 9, rel=1e-5)  # reversal-2 accelerates evenly
+    # 0.3 m/s2 up to 0.15 m/s, again from the steady part on for 1/6 s, then -0.6 m/s2: 0.4 m in 3 s
+    assert force[4] == pytest.approx(3562 + 1000 * 0.3, rel=1e-5)
+    assert all(row[7] > 0.02 for row in gains[3:])  # the robust law, at every end
+    assert all(row[5] < 1e-6 for row in front)
+    ((_, _, free, *_), (_, _, steady, *_), (_, _, smooth, *_), (_, _, rough, *_)) = front
+    assert free <= steady * (1 + 1e-6)
+    assert rough < smooth
+    assert "made for all" in capsys.readouterr().out
+    assert (tmp_path / "optimal_laws.png").stat().st_size > 10_000

@@ -200,6 +200,41 @@ def test_a_law_keeps_its_look_in_every_figure():
     assert look("own table")["color"] == "black"
 
 
+OPTIMISE = {"objectives": ["peak_force", "peak_power"], "smoothness": 1, "steady_tolerance": 0.0, "acceleration": 0.6}
+
+
+def test_laws_made_for_the_machine_lead_those_with_a_steady_speed():
+    laws = ["reversal-2", "reversal-3-free-acceleration", "reversal-4-free-acceleration", "combined-4"]
+    study = Study(scene(**{"motion.laws": laws, "motion.optimise": OPTIMISE}))
+    assert study.rankings["peak_force"][0].run.name == "least-peak-force"
+    assert study.rankings["peak_power"][0].run.name == "least-peak-power"
+    for objective in OPTIMISE["objectives"]:
+        made = study.cycles[f"least-{objective.replace('_', '-')}"].there
+        assert getattr(study.runs[made.name], objective) == pytest.approx(made.value, rel=1e-4)
+        assert made.limits.velocity == study.fastest
+    assert study.counts["laws"] == 6
+
+
+def test_law_made_for_the_spread_of_the_mix_costs_little_at_any_end_of_it():
+    made = OPTIMISE | {"objectives": ["peak_power"], "spread": ["required_pressure"]}
+    study = Study(scene(**{"motion.laws": ["reversal-4"], "motion.optimise": made}))
+    low, high = (study.oppositions[k].resistance.force / study.resistance.force for k in (1, 2))
+    assert low < 1 / 2.2 < 2.2 < high  # the force follows the square of the pressure
+    assert 1 < study.cycles["least-peak-power"].there.value < 1.05
+
+
+def test_cam_of_a_given_law_waits_for_no_other():
+    study = Study(scene(**{"motion.laws": ["cubic"], "motion.optimise": OPTIMISE}))
+    study.cam("cubic", "flat")
+    assert study.counts["laws"] == 1
+
+
+def test_bounds_that_no_law_keeps_are_refused_with_what_they_need():
+    study = Study(scene(**{"motion.laws": ["cubic"], "motion.optimise": OPTIMISE | {"acceleration": 0.1}}))
+    with pytest.raises(ValueError, match="what would do, the others kept: acceleration"):
+        _ = study.cycles
+
+
 def test_own_table_is_ranked_beside_the_laws(tmp_path):
     time = np.linspace(0, 3, 151)
     quintic = 0.4 * np.polyval([6, -15, 10, 0, 0, 0], time / 3)

@@ -1,0 +1,118 @@
+"""How much less can a law made for the machine ask of its drive, and what does each demand on the law cost?
+
+The published machine: laws of least peak force and least peak power with two thirds of constant speed and a bound on
+the acceleration, beside the best published law that keeps the same bounds, and both again at the ends of the mix's
+spread. Two fronts: least peak power over the share of constant speed, least peak force over the jerk. Limits: eqs
+1.1-1.10, a resistance that does not depend on speed; a rigid drive. Without the bound on acceleration least peak power
+is 479 W, of a law that brakes with 300 m/s2 at the end.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from compact.drive import Rigid, simulate
+from compact.limits import broken
+from compact.motion import Limits, law, optimise
+from compact.scene import LAW_NAMES, load_scene
+from compact.study import Study
+
+SCENES = Path(__file__).parent / "scenes"
+OBJECTIVES = ("peak_force", "peak_power")
+ACCELERATION = 0.6  # m/s2; assumed: more than all published laws of a reversal ask for
+SHARES = (0.0, 0.2, 0.4, 0.5, 0.6, 2 / 3, 0.75, 0.8)
+JERKS = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0)
+GAINS = ("objective", "resistance_N", "best_published", "published", "least", "gain", "robust", "robust_gain")
+FRONT = ("front", "bound", "least", "best_published", "published", "gap")
+
+
+def main(scene="loveikin-2015", shares=SHARES, jerks=JERKS, out=None):
+    """Rows of GAINS, at the nominal resistance and at both ends of its spread, and rows of FRONT; SI.
+
+    `least` is of the law made for the nominal resistance, `robust` of the one of least regret over the spread.
+    """
+    scene = load_scene(SCENES / f"{scene}.toml", **{"output.wanted": []})
+    table = {"objectives": list(OBJECTIVES), "smoothness": 1, "acceleration": ACCELERATION, "steady_tolerance": 0.0}
+    nominal = Study(scene.replaced(**{"motion.optimise": table}))
+    robust = Study(scene.replaced(**{"motion.optimise": table | {"spread": ["required_pressure"]}}))
+    gains = [row for objective in OBJECTIVES for row in _gains(objective, nominal, robust)]
+    front = [("share", share, *_held(nominal, "peak_power", (1 - share) / 2)) for share in shares]
+    front += [("jerk", jerk, *_held(nominal, "peak_force", scene.motion.run_up, jerk)) for jerk in jerks]
+    if out:
+        from compact.results import write_csv
+
+        write_csv(Path(out) / "optimal_laws_gains.csv", GAINS, gains)
+        write_csv(Path(out) / "optimal_laws_fronts.csv", FRONT, front)
+        _draw(nominal, front).savefig(Path(out) / "optimal_laws.png", dpi=110)
+    return gains, front
+
+
+def _gains(objective, nominal, robust):
+    name = f"least-{objective.replace('_', '-')}"
+    rivals = [cycle.there for cycle in nominal.given_cycles.values() if not broken(nominal.limits, cycle.there)]
+    for push in robust.oppositions:
+        made, suited = (_asked(objective, push, study.cycles[name].there) for study in (nominal, robust))
+        best, least = _best(objective, push, rivals)
+        yield objective, push.resistance.force, best, least, made, 1 - made / least, suited, 1 - suited / least
+
+
+def _asked(objective, push, motion):
+    return getattr(simulate(push.cart, Rigid(), motion, push.resistance), objective)
+
+
+def _best(objective, push, rivals):
+    values = {rival.name: _asked(objective, push, rival) for rival in rivals}
+    best = min(values, key=values.get, default="")
+    return best, values.get(best, np.nan)
+
+
+def _held(study, objective, run, jerk=None):
+    """Least value with run-up and run-down of such shares, the best published law within the same limits, the gap."""
+    motion = study.scene.motion
+    limits = Limits(acceleration=ACCELERATION, run_up=run, run_down=run, jerk=jerk)
+    made = optimise(objective, motion.stroke, motion.duration, study.cart.mass, study.push, limits)
+    laws = [law(name, motion.stroke, motion.duration, run, run, rod_length=motion.rod_length) for name in LAW_NAMES]
+    return made.value, *_best(objective, study.push, [one for one in laws if not broken(limits, one)]), made.gap
+
+
+def _draw(study, front):
+    """Speed and power of the laws made and of two published ones; both fronts."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.5, 7.2), layout="constrained")
+    (speed, power), panels = figure.subplots(2, 2)
+    time = np.linspace(0, study.scene.motion.duration, 3001)
+    names = {"least-peak-power": "-", "least-peak-force": "-", "reversal-4-free-acceleration": "--", "reversal-2": ":"}
+    for name, dash in names.items():
+        there = study.cycles[name].there
+        v, a = there.velocity(time), there.acceleration(time)
+        speed.plot(time, v, dash, label=name)
+        power.plot(time, (study.cart.mass * a + study.push(np.maximum(v, 1e-9), a)) * v, dash)
+    speed.set(xlabel="time t [s]", ylabel="velocity v [m/s]")
+    power.set(xlabel="time t [s]", ylabel="drive power P [W]")
+    speed.legend(frameon=False, fontsize=8, loc="lower center")
+    axes = ("share of constant speed [-]", "least peak power [W]"), ("largest jerk [m/s³]", "least peak force [N]")
+    for ax, kind, (bound, value) in zip(panels, ("share", "jerk"), axes, strict=True):
+        places, least, published = np.array([(row[1], row[2], row[4]) for row in front if row[0] == kind], float).T
+        ax.plot(places, least, "o-", label="made for the machine")
+        ax.plot(places, published, "s", markersize=4, color="0.45", label="best published law within the same bounds")
+        ax.set(xlabel=bound, ylabel=value)
+        ax.legend(frameon=False, fontsize=8)
+    return figure
+
+
+def show(result):
+    """Print what `main` found."""
+    gains, front = result
+    for objective, force, best, published, least, gain, robust, robust_gain in gains:
+        print(f"{objective:<11}at {force:6.0f} N: {published:8.2f} {best:<29}", end="")
+        print(f"{least:8.2f} made for {gains[0][1]:.0f} N ({gain:+.2%})", end="")
+        print(f"{robust:8.2f} made for all ({robust_gain:+.2%})")
+    for kind, bound, value, best, published, gap in front:
+        print(
+            f"{kind:<6}{bound:>8.3g}: {value:8.2f} made, {published:8.2f} {best or 'no published law':<30}gap {gap:.0e}"
+        )
+
+
+if __name__ == "__main__":
+    show(main(out="out/optimal_laws"))
