@@ -175,6 +175,7 @@ def test_flywheel_steadies_the_motor_in_proportion(capsys, tmp_path):
     assert (tmp_path / "motor_and_flywheel.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_laws_made_for_the_machine_save_power_at_every_end_of_the_spread(capsys, tmp_path):
     module = study("optimal_laws")
     gains, front = result = module.main(shares=(0.0, 2 / 3), jerks=(5.0, 50.0), out=tmp_path)

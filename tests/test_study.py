@@ -215,6 +215,7 @@ def test_laws_made_for_the_machine_lead_those_with_a_steady_speed():
     assert study.counts["laws"] == 6
 
 
+@pytest.mark.slow
 def test_law_made_for_the_spread_of_the_mix_costs_little_at_any_end_of_it():
     made = OPTIMISE | {"objectives": ["peak_power"], "spread": ["required_pressure"]}
     study = Study(scene(**{"motion.laws": ["reversal-4"], "motion.optimise": made}))
