@@ -189,12 +189,15 @@ def cam(
     *,
     law: str,
     follower: Literal["pointed", "roller", "flat"] = "roller",
+    cutter: float | None = None,
+    tolerance: float = 1e-6,
     out: Path | None = None,
+    changes: Changes = (),
     quiet: Quiet = False,
 ):
-    """Make the cam of constant breadth for one law: its profile as CSV, its sizes on the screen.
+    """Make the cam of constant breadth for one law: CSV of its points, SVG and DXF for the workshop, and it in motion.
 
-    The scene needs a table [cam].
+    The scene needs a table [cam]. The DXF needs the package ezdxf.
 
     Parameters
     ----------
@@ -202,18 +205,21 @@ def cam(
         name of the motion law
     follower
         what runs on the cam
+    cutter
+        radius of the cutter in m; its centre's path is given besides
+    tolerance
+        in m, within which a follower on the exported points keeps to its law
     out
-        the CSV file; out/cam-LAW-FOLLOWER.csv unless given
+        directory; out/cams unless given
     """
-    from compact import report
+    from compact import cam_files, report
 
-    study = _study(scene, quiet, laws=(law,))
-    path = out or Path("out") / f"cam-{law}-{follower}.csv"
+    study = _study(scene, quiet, laws=(law,), changes=changes)
     made = study.cam(law, follower)
-    report.write_cam(path, made)
+    written = cam_files.write(out or Path("out") / "cams", study.scene, made, cutter, tolerance)
     if not quiet:
         print(report.cam_digest(law, made))
-        print(f"\nprofile: {path}")
+        print("\n".join(f"  {path}" for path in written))
 
 
 @app.command

@@ -42,7 +42,7 @@ Law = Literal[
 ]  # fmt: skip
 LAW_NAMES: tuple[str, ...] = get_args(Law)
 
-Wanted = Literal["tables", "figures", "cams", "reactions", "crank", "fields"]
+Wanted = Literal["tables", "figures", "cams", "reactions", "crank", "fields", "report"]
 RankBy = Literal["peak_force", "peak_power", "rms_force", "rms_power", "energy", "peak_jerk"]
 Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
 COUNT_LIMIT = 1_000_000  # beyond any machine; keeps a slip such as 0xffff... out of loops and printouts
@@ -209,6 +209,7 @@ class Cam(_Table):
 
     breadth: float = _positive("the constant breadth b of the cam in m")
     roller_follower_radius: float = _positive("the radius of the roller followers in m")
+    bore: float | None = _optional("the diameter of the bore for the shaft in m")
 
 
 TOUCHES = "(at zero the roller does not touch the layer)"

@@ -46,13 +46,15 @@ def test_digest_has_the_published_force(tmp_path):
     assert "roller force                  9740 N" in done.stdout
 
 
-def test_cam_command_writes_its_profile(tmp_path):
-    done = compact("cam", SMALL, "--law", "combined-3", "--follower", "flat", "--out", tmp_path / "cam.csv")
+def test_cam_command_writes_what_the_workshop_needs(tmp_path):
+    done = compact("cam", SMALL, "--law", "combined-3", "--follower", "flat", "--out", tmp_path, "--cutter", "0.02")
     assert done.returncode == 0, done.stderr
     assert "least breadth                 0.605" in done.stdout  # 1.514 strokes of 0.4 m, D-cams
-    header, *rows = (tmp_path / "cam.csv").read_text().splitlines()
-    assert header.startswith("angle_rad,radius_m,x_m,y_m")
-    assert len(rows) >= 721
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "combined-3-flat-motion.svg", "combined-3-flat.csv", "combined-3-flat.dxf", "combined-3-flat.svg",
+    ]  # fmt: skip
+    header = (tmp_path / "combined-3-flat.csv").read_text().splitlines()[0]
+    assert header.startswith("cam_angle_deg,follower_mm,x_mm,y_mm")
 
 
 def test_roll_writes_one_contact(tmp_path):
@@ -125,6 +127,7 @@ BAD_CALLS = {
     "no argument": (("run",), 2, "SCENE"),
     "unknown law": (("cam", SMALL, "--law", "cubc"), 2, "cubic"),
     "no law": (("cam", SMALL), 2, "--law"),
+    "cutter that does not fit": (("cam", SMALL, "--law", "reversal-3", "--cutter", "0.8"), 2, "take a smaller cutter"),
     "output is a file": (("run", SMALL, "--out", SMALL), 1, "small.toml"),
     "output cannot be made": (("run", SMALL, "--out", "/proc/none/out"), 1, "/proc/none"),
 }
