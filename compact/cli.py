@@ -268,12 +268,18 @@ def calibrate(
 
 
 @app.command
-def check():
-    """Print every published number beside ours with the verdict; exit 1 if our side has changed."""
+def check(*, markdown: bool = False):
+    """Print every published number beside ours with the verdict; exit 1 if our side has changed.
+
+    Parameters
+    ----------
+    markdown
+        print them as a table of Markdown
+    """
     from compact import published
 
     rows = published.rows()
-    print(published.table(rows))
+    print(published.markdown(rows) if markdown else published.table(rows))
     changed = [row for row in rows if not row.kept]
     if changed:
         return _say(f"{len(changed)} of {len(rows)} numbers on our side have changed", COULD_NOT)

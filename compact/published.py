@@ -1,6 +1,6 @@
 """The published numbers beside ours: the table behind `compact check`.
 
-    rows() -> list of Row,  table(rows) -> str
+    rows() -> list of Row,  table(rows) -> str,  markdown(rows) -> str
 
 Sources: A and B, the papers on the third-order reversal and on its boundary conditions; C, the paper on the four-cart
 crank (Loveikin and Pochka 2015); D, the monograph on cam-driven roller forming. `data/published.csv` holds a number a
@@ -123,6 +123,15 @@ def table(rows):
             lines += textwrap.wrap(_note(row), WIDTH, initial_indent=INDENT, subsequent_indent=INDENT)
     counts = ", ".join(f"{count} {verdict}" for verdict, count in Counter(row.verdict for row in rows).most_common())
     return "\n".join([*lines[1:], "", f"{len(rows)} numbers: {counts}"])
+
+
+def markdown(rows):
+    """The rows as a table of Markdown for `docs/how_do_we_know.md`."""
+    lines = ["| source | quantity | unit | printed | ours | verdict |", "|---|---|---|---|---|---|"]
+    for row in rows:
+        cells = (row.source, row.quantity, row.unit, row.printed, f"{row.ours:.6g}", row.verdict)
+        lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+    return "\n".join(lines) + "\n"
 
 
 def _line(source, quantity, printed, ours, unit, verdict):

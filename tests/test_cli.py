@@ -25,6 +25,7 @@ def test_new_scene_runs_as_it_is(tmp_path):
     done = compact("run", "scene.toml", cwd=tmp_path / "mine")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "mine" / "out" / "scene" / "summary.json").exists()
+    assert (tmp_path / "mine" / "out" / "scene" / "report.html").exists()
     assert "laws by peak force [N]" in done.stdout
 
 
@@ -37,12 +38,12 @@ def test_new_keeps_a_scene_that_stands(tmp_path):
 
 
 def test_quiet_run_says_nothing(tmp_path):
-    done = compact("run", SMALL, "--out", tmp_path / "out", "--quiet")
+    done = compact("run", SMALL, "--out", tmp_path / "out", "--set", "output.wanted=[]", "--quiet")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 def test_digest_has_the_published_force(tmp_path):
-    done = compact("run", SMALL, "--out", tmp_path / "out")
+    done = compact("run", SMALL, "--out", tmp_path / "out", "--set", "output.wanted=[]")
     assert "roller force                  9740 N" in done.stdout
 
 
@@ -161,12 +162,13 @@ def test_impossible_angle_is_refused_with_the_remedy(tmp_path):
 
 
 def test_another_scenes_results_need_force(tmp_path):
-    assert compact("run", SMALL, "--out", tmp_path / "out").returncode == 0
+    summary_only = ("--set", "output.wanted=[]")
+    assert compact("run", SMALL, "--out", tmp_path / "out", *summary_only).returncode == 0
     (tmp_path / "slow.toml").write_text(SMALL.read_text().replace("duration = 3.0", "duration = 4.0"))
-    told = compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out")
+    told = compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out", *summary_only)
     assert told.returncode == 1
     assert "holds results of another scene" in told.stderr
-    assert compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out", "--force").returncode == 0
+    assert compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out", "--force", *summary_only).returncode == 0
 
 
 def test_interrupt_leaves_whole_files_and_no_summary(tmp_path):
