@@ -131,7 +131,11 @@ def _cutter(cut):
     if cut.cutter_radius is not None:
         yield f"cutter: radius {MM * cut.cutter_radius:g}, path of its centre dashed red"
     limit = largest_cutter(cut.cam)
-    yield "any cutter fits: there are no hollows" if np.isinf(limit) else f"cutters fit up to radius {MM * limit:.2f}"
+    yield (
+        "any cutter fits: there are no hollows"
+        if np.isinf(limit)
+        else f"cutters fit up to radius {np.floor(100 * MM * limit) / 100:.2f}"
+    )
 
 
 def key_angles(cam):

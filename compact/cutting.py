@@ -106,8 +106,8 @@ def _refuse_large_cutter(cam, cutter_radius):
     refuse_nonpositive(cutter_radius=cutter_radius)
     if cutter_radius > (limit := largest_cutter(cam)):
         raise ValueError(
-            f"`cutter_radius` must be at most {limit:.6g} m, or the cutter does not fit the hollows of the cam, "
-            f"got {cutter_radius:g} m; take a smaller cutter"
+            f"`cutter_radius` must be at most {limit * (1 - 1e-7):.8g} m, or the cutter does not fit the hollows of "
+            f"the cam, got {cutter_radius:g} m; take a smaller cutter"
         )
 
 

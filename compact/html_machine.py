@@ -8,7 +8,7 @@ from compact.html_answer import UNITS, WORDS
 from compact.page import Section, column, mark, number, paragraph, percent, picture, quantity, table
 from compact.study import FOLLOWERS
 
-ASSUMED = ("assumed", "guess", "placeholder", "changed by the caller")  # words of a remark, the first that is there
+ASSUMED = ("assumed", "guess", "changed by the caller")  # words that begin a clause of a remark
 KNOWN = ("published", "measured", "calibrated")
 
 
@@ -150,7 +150,7 @@ def moves(shifts, base):
     rows = [
         (
             escape(shift.name.split(".")[-1].replace("_", " ")), f"{_end(shift, 0)} to {_end(shift, 1)}",
-            mark("assumed", "spread of the prior") if shift.spread else "a tenth down and up",
+            mark("assumed", "spread of the prior") if shift.spread else "a tenth less, more",
             *(_moved(end, base, peak) for peak in base.least for end in (shift.low, shift.high)),
             escape(_others(shift, base)),
         )
@@ -213,20 +213,20 @@ def _value(value):
         given = value.model_dump(exclude_none=True)
         return escape(", ".join(f"{key} = {item}" for key, item in given.items()) or "none")
     if isinstance(value, tuple):
-        return escape(", ".join(str(_value(item)) for item in value))
-    return escape(str(value))
+        return ", ".join(_value(item) for item in value)
+    return f"{value:.10g}" if isinstance(value, float) else escape(str(value))
 
 
 def _remark(given, table_name, key):
-    """The comment of a key, what it says of the number's origin marked."""
-    words = given.remark(table_name, key)
+    """The comment of a key; the clause of it that tells where the number comes from is marked."""
+    clauses = [clause.strip() for clause in given.remark(table_name, key).split(";")]
     for kind, signs in (("assumed", ASSUMED), ("known", KNOWN)):
         for sign in signs:
-            if sign in words:
-                before, _, after = words.partition(sign)
-                rest = "; ".join(filter(None, (before.strip(" ;,"), after.strip(" ;:,"))))
-                return f"{mark(kind, sign)} {escape(rest)}".rstrip()
-    return escape(words)
+            told = next((clause for clause in clauses if clause.startswith(sign)), None)
+            if told is not None:
+                rest = [told.removeprefix(sign).strip(" :,"), *(clause for clause in clauses if clause != told)]
+                return f"{mark(kind, sign)} {escape('; '.join(filter(None, rest)))}".rstrip()
+    return escape("; ".join(clauses))
 
 
 def built_in(found):

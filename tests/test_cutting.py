@@ -164,8 +164,10 @@ def test_largest_cutter_touches_and_nowhere_cuts_in(name):
     one = cut(cam, cutter_radius=limit * (1 - 1e-9))
     nearest = [np.hypot(*(one.profile - centre).T).min() for centre in one.cutter_path[::7]]
     assert np.array(nearest) == pytest.approx(limit, abs=2e-9)
-    with pytest.raises(ValueError, match="does not fit the hollows"):
+    with pytest.raises(ValueError, match="does not fit the hollows") as refused:
         cut(cam, cutter_radius=limit * 1.001)
+    told = float(re.search(r"at most (\S+) m", str(refused.value))[1])
+    assert cut(cam, cutter_radius=told).cutter_radius == pytest.approx(limit, rel=1e-6)
 
 
 def test_a_larger_cutter_would_cut_in():
@@ -316,7 +318,7 @@ def test_refusals_name_the_remedy():
     ):
         cut(made("constant-velocity", Pointed()))
     with pytest.raises(
-        ValueError, match=r"`cutter_radius` must be at most 0\.1 m, .* got 0\.2 m; take a smaller cutter"
+        ValueError, match=r"`cutter_radius` must be at most 0\.09999999 m, .* got 0\.2 m; take a smaller cutter"
     ):
         cut(made("harmonic", Pointed(), breadth=0.6), cutter_radius=0.2)
     with pytest.raises(ValueError, match="`cutter_radius` must be positive and finite, got -1"):

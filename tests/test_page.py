@@ -14,10 +14,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compact import checks, html_answer, report, sensitivity
+from compact import checks, html_answer, html_machine, report, sensitivity
 from compact.html_answer import WORDS
 from compact.page import PREFIXES, column, number, page, percent, picture, quantity, table
-from compact.scene import RankBy, get_args, load_scene
+from compact.scene import RankBy, get_args, load_scene, parse_scene, starter_scene
 from compact.study import Study
 
 SCENES = Path(__file__).parent.parent / "studies" / "scenes"
@@ -147,8 +147,17 @@ def test_assumed_and_changed_values_are_marked(written):
     assert '<span class="mark assumed">assumed</span>' in row
     row = re.search(r"<code>roller_radius</code>.*?</tr>", text)[0]
     assert '<span class="mark known">published</span>' in row
+    row = re.search(r"<code>rib_factor</code>.*?</tr>", text)[0]
+    assert '<span class="mark assumed">assumed</span>' in row
     row = re.search(r"<code>moisture</code>.*?</tr>", text)[0]
     assert '<span class="mark assumed">changed by the caller</span>' in row
+
+
+def test_a_word_within_a_remark_is_no_mark():
+    told = html_machine.scene(parse_scene(starter_scene())).body
+    row = re.search(r"<code>guide_positions</code>.*?</tr>", told)[0]  # its remark: measured in the same way
+    assert "mark" not in row
+    assert '<span class="mark assumed">guess</span>' in re.search(r"<code>rib_factor</code>.*?</tr>", told)[0]
 
 
 def test_every_kind_of_ranking_has_words():
