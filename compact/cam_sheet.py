@@ -38,7 +38,7 @@ def sheet(cut, bore=None):
     _refuse_large_bore(cut, bore)
     letter = greatest / 38
     title = f"cam for the law {cam.cycle.there.name}, {_kind(cam.follower)}"
-    shapes = [*_lines(cut, bore, greatest, letter), *_breadth(cut, letter)]
+    shapes = [*_lines(cut, bore, letter), *_breadth(cut, letter)]
     left = MM * float(cut.profile[:, 0].max() + 2 * getattr(cam.follower, "radius", 0.0)) + 10 * letter
     notes = [(title,), (), *_sizes(cut, bore), (), *_angles(cam), ()]
     shapes += _rows(notes, left, greatest, letter, (0, 8, 16))
@@ -72,7 +72,7 @@ def _kind(follower):
     return "pointed followers" if isinstance(follower, Pointed) else f"rollers of radius {MM * follower.radius:g} mm"
 
 
-def _lines(cut, bore, greatest, letter):
+def _lines(cut, bore, letter):
     """Profile, cutter, path of the follower's centre, base circle, bore, centre lines."""
     cam = cut.cam
     yield Outline(MM * cut.profile, "PROFILE")

@@ -5,7 +5,7 @@ from html import escape
 import numpy as np
 
 from compact.html_answer import UNITS, WORDS
-from compact.page import Section, column, mark, number, paragraph, percent, picture, quantity, table
+from compact.page import Section, column, mark, number, paragraph, percent, picture, quantity, table, table_of
 from compact.study import FOLLOWERS
 
 ASSUMED = ("assumed", "guess", "changed by the caller")  # words that begin a clause of a remark
@@ -19,9 +19,8 @@ def ranking(study, pictures):
         for by, places in study.rankings.items()
     ]
     words = "Bars of the ranked laws, a panel for each criterion, best on top"
-    shown = picture(
-        pictures["ranking"], words, "Bars: the scene's engine. Marks: by formula, where that is another one."
-    )
+    said = "Bars: the scene's engine. Marks: by formula, where that is another one."
+    shown = picture(pictures["ranking"], words, said)
     lead = f"{len(study.cycles)} laws by {' and '.join(WORDS[by] for by in study.rankings)}."
     return Section("ranking", "Ranking", lead, shown + "".join(tables))
 
@@ -39,8 +38,7 @@ def _ranked(by, places, beside):
         columns["by formula"] = column([place and place.value for place in formula], UNITS[by])
         columns["its rank"] = [str(place.rank) if place else "–" for place in formula]
     columns["note"] = [escape(place.reason) for place in places]
-    rows = list(zip(*columns.values(), strict=True))
-    return table(tuple(columns), rows, f"Laws by {WORDS[by]}, least first", (0, 2, 3, 4, 5) if beside else (0, 2, 3))
+    return table_of(columns, f"Laws by {WORDS[by]}, least first", ("law", "note"))
 
 
 def laws(study, pictures):
@@ -58,13 +56,10 @@ def laws(study, pictures):
         "what jumps": [", ".join(names) or "nothing" for names in jumps],
     }
     words = "Velocity, acceleration and jerk of every law over the way there, a row for each family of laws"
-    shown = picture(
-        pictures["kinematics"],
-        words,
-        "Every law over the way there. The way back mirrors it, and that of a crank retraces it.",
-    )
+    said = "Every law over the way there. The way back mirrors it, and that of a crank retraces it."
+    shown = picture(pictures["kinematics"], words, said)
     caption = "Exact peaks inside the pieces, and what jumps at their joins"
-    body = shown + table(tuple(columns), list(zip(*columns.values(), strict=True)), caption, (1, 2, 3))
+    body = shown + table_of(columns, caption, ("law", "continuity", "what jumps"))
     return Section("laws", "Motion laws", "Kinematics, exact peaks, what jumps.", body)
 
 
@@ -85,8 +80,7 @@ def forces(study, pictures):
     if study.scene.drive.kind == "elastic":
         columns["ringing"] = column([run.ringing for run in runs], "1")
     shown = "".join(picture(pictures[name], *said) for name, said in PICTURES.items() if name in pictures)
-    rows, caption = list(zip(*columns.values(), strict=True)), f"One cart, {study.scene.drive.kind} drive, over a cycle"
-    body = shown + table(tuple(columns), rows, caption, range(1, len(columns)))
+    body = shown + table_of(columns, f"One cart, {study.scene.drive.kind} drive, over a cycle")
     return Section("forces", "Forces and power", "Of one cart over a cycle; guide wheels; shaft.", body)
 
 

@@ -117,6 +117,12 @@ def table(header, rows, caption, numeric=()):
     )
 
 
+def table_of(columns, caption, words=("law",)):
+    """A table of columns by their names; those that are `words` stand left."""
+    numeric = [i for i, name in enumerate(columns) if name not in words]
+    return table(tuple(columns), list(zip(*columns.values(), strict=True)), caption, numeric)
+
+
 def _class(name):
     return f' class="{name}"' if name else ""
 
