@@ -17,6 +17,7 @@ _HOMES = {
     "contact": ("DryResistance", "dry_resistance"),
     "cart": ("Balance", "Cart", "Opposition", "balance"),
     "cam": ("Cam", "FlatFace", "Pointed", "RollerFollower"),
+    "cutting": ("Cut", "cut"),
     "drive": ("Crank", "Rigid", "Run", "rank", "simulate"),
     "elastic": ("ElasticDrive", "ElasticRun", "travel"),
     "halfplane": ("galin", "hertz", "pressure_exponent"),

@@ -23,7 +23,7 @@ import numpy as np
 from compact.follower import FlatFace, Pointed, RollerFollower
 from compact.motion import Cycle
 from compact.pieces import EPSILON, inside, largest
-from compact.refuse import refuse_nonfinite, refuse_nonpositive
+from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_outside
 
 __all__ = [
     "Cam",
@@ -33,6 +33,7 @@ __all__ = [
     "RollerFollower",
     "Stepper",
     "Table",
+    "breadth_for_pressure_angle",
     "least_breadth",
     "stepper",
 ]
@@ -105,6 +106,19 @@ def least_breadth(cycle, follower):
     return LeastBreadth(stroke + 2 * base, angle, rule)
 
 
+def breadth_for_pressure_angle(cycle, follower, limit):
+    """Breadth [m] from which on the pressure angle keeps within `limit` [rad]; that of a flat face is always zero.
+
+    tan(limit) = |x'|/rho:  b = stroke + 2 max(|x'|/tan(limit) - x, 0)
+    """
+    refuse_outside(1e-3, 1.57, limit=limit)
+    stroke = cycle.there.stroke
+    if isinstance(follower, FlatFace):
+        return stroke
+    steep = np.tan(limit)
+    return stroke + 2 * max(_largest(cycle, lambda _, x, slope, second: np.abs(slope) / steep - x)[0], 0.0)
+
+
 @dataclass(frozen=True)
 class Cam:
     """The cam of a `breadth` b [m] > stroke that moves a `follower` through a `Cycle`.
@@ -152,15 +166,19 @@ class Cam:
         """Distance [m] of the contact from the follower's line of travel; of a flat face rho'."""
         return self.follower.contact(self.derivative(angle, 0), self.derivative(angle, 1))[1]
 
+    def rates(self, angle):
+        """Turn [-] and arc [m] of the profile by phi."""
+        return self.follower.rates(*(self.derivative(angle, order) for order in range(3)))
+
     def curvature(self, angle):
         """Curvature of the profile [1/m], convex > 0."""
-        turn, arc = self._rates(angle)
+        turn, arc = self.rates(angle)
         with np.errstate(divide="ignore"):
             return turn / arc
 
     def radius_of_curvature(self, angle):
         """Radius of curvature of the profile [m], convex > 0, infinite where it is straight."""
-        turn, arc = self._rates(angle)
+        turn, arc = self.rates(angle)
         with np.errstate(divide="ignore"):
             return arc / turn
 
@@ -172,6 +190,13 @@ class Cam:
     def kinks(self):
         """Angles [rad] where the velocity jumps: corners of the path of a point or of a roller's centre."""
         return tuple(_to_angle(self.cycle, join.time) for join in _velocity_jumps(self.cycle))
+
+    @cached_property
+    def joins(self):
+        """Angles [rad] in [0, 2 pi) where pieces of the law and dwells meet, rising."""
+        angles = np.unique([_to_angle(self.cycle, time) for time in self._breaks])
+        distinct = angles[np.append(True, np.diff(angles) > 1e-9)]
+        return tuple(distinct[distinct < 2 * np.pi - 1e-9].tolist())
 
     @cached_property
     def breadth_error(self):
@@ -193,6 +218,16 @@ class Cam:
 
         least = -_largest(self.cycle, depth)[0]
         return min(least, self.follower.radius_at_kink) if self._drops else least
+
+    @cached_property
+    def least_hollow_radius(self):
+        """Least radius [m] of the concave parts, which a cutter must not exceed; infinite where there are none."""
+
+        def depth(_, *travel):
+            turn, arc = self.follower.rates(*self._raised(*travel))
+            return -np.divide(arc, -turn, out=np.full_like(arc, np.inf), where=turn < 0)
+
+        return -_largest(self.cycle, depth)[0]
 
     @cached_property
     def largest_pressure_angle(self):
@@ -227,7 +262,7 @@ class Cam:
         """
         if not points >= 2:
             raise ValueError(f"`points` must be at least 2, got {points!r}")
-        joins = np.unique([_to_angle(self.cycle, time) for time in self._breaks])
+        joins = np.array(self.joins)
         grid = np.linspace(0, 2 * np.pi, points)
         angle = np.sort(np.append(grid[np.abs(grid[:, None] - joins).min(axis=1) > 1e-9], joins))
         angle = angle[np.append(True, np.diff(angle) > 1e-9)]
@@ -254,9 +289,6 @@ class Cam:
     def _raised(self, x, slope, second):
         """rho, rho', rho'' from the travel."""
         return x + (self.breadth - self.cycle.there.stroke) / 2, slope, second
-
-    def _rates(self, angle):
-        return self.follower.rates(*(self.derivative(angle, order) for order in range(3)))
 
 
 @dataclass(frozen=True)

@@ -189,12 +189,15 @@ def cam(
     *,
     law: str,
     follower: Literal["pointed", "roller", "flat"] = "roller",
+    cutter: float | None = None,
+    tolerance: float = 1e-6,
     out: Path | None = None,
+    changes: Changes = (),
     quiet: Quiet = False,
 ):
-    """Make the cam of constant breadth for one law: its profile as CSV, its sizes on the screen.
+    """Make the cam of constant breadth for one law: CSV of its points, SVG and DXF for the workshop, and it in motion.
 
-    The scene needs a table [cam].
+    The scene needs a table [cam]. The DXF needs the package ezdxf.
 
     Parameters
     ----------
@@ -202,18 +205,21 @@ def cam(
         name of the motion law; of one that [motion.optimise] makes least-peak-force and the like
     follower
         what runs on the cam
+    cutter
+        radius of the cutter in m; its centre's path is given besides
+    tolerance
+        in m, within which a follower on the exported points keeps to its law
     out
-        the CSV file; out/cam-LAW-FOLLOWER.csv unless given
+        directory; out/cams unless given
     """
-    from compact import report
+    from compact import cam_files, report
 
-    study = _study(scene, quiet, laws=None if law.startswith("least-") else (law,))
-    path = out or Path("out") / f"cam-{law}-{follower}.csv"
+    study = _study(scene, quiet, laws=None if law.startswith("least-") else (law,), changes=changes)
     made = study.cam(law, follower)
-    report.write_cam(path, made)
+    written = cam_files.write(out or Path("out") / "cams", study.scene, made, cutter, tolerance)
     if not quiet:
         print(report.cam_digest(law, made))
-        print(f"\nprofile: {path}")
+        print("\n".join(f"  {path}" for path in written))
 
 
 @app.command
@@ -262,12 +268,18 @@ def calibrate(
 
 
 @app.command
-def check():
-    """Print every published number beside ours with the verdict; exit 1 if our side has changed."""
+def check(*, markdown: bool = False):
+    """Print every published number beside ours with the verdict; exit 1 if our side has changed.
+
+    Parameters
+    ----------
+    markdown
+        print them as a table of Markdown
+    """
     from compact import published
 
     rows = published.rows()
-    print(published.table(rows))
+    print(published.markdown(rows) if markdown else published.table(rows))
     changed = [row for row in rows if not row.kept]
     if changed:
         return _say(f"{len(changed)} of {len(rows)} numbers on our side have changed", COULD_NOT)

@@ -1,6 +1,6 @@
 """The published numbers beside ours: the table behind `compact check`.
 
-    rows() -> list of Row,  table(rows) -> str
+    rows() -> list of Row,  table(rows) -> str,  markdown(rows) -> str
 
 Sources: A and B, the papers on the third-order reversal and on its boundary conditions; C, the paper on the four-cart
 crank (Loveikin and Pochka 2015); D, the monograph on cam-driven roller forming. `data/published.csv` holds a number a
@@ -31,6 +31,7 @@ from compact import published_laws, published_machine
 
 TOLERANCE = 1e-9  # relative, of ours against the expected value
 WIDTH = 120  # columns of the table
+BAR = "\\|"  # of a cell of Markdown
 INDENT = " " * 19  # of the notes below a row
 VERDICTS = ("reproduced", "rounding", "misprint", "contradiction")  # of what is printed
 
@@ -123,6 +124,25 @@ def table(rows):
             lines += textwrap.wrap(_note(row), WIDTH, initial_indent=INDENT, subsequent_indent=INDENT)
     counts = ", ".join(f"{count} {verdict}" for verdict, count in Counter(row.verdict for row in rows).most_common())
     return "\n".join([*lines[1:], "", f"{len(rows)} numbers: {counts}"])
+
+
+def markdown(rows):
+    """The rows as a table of Markdown for `docs/how_do_we_know.md`, with how far ours is off the print."""
+    header = ("source", "quantity", "unit", "printed", "ours", "off the print", "verdict")
+    cells = [
+        (row.source, row.quantity, row.unit, row.printed, f"{row.ours:.6g}", _off(row), row.verdict) for row in rows
+    ]
+    lines = [header, ("---",) * len(header), *cells]
+    return "".join(f"| {' | '.join(cell.replace('|', BAR) for cell in line)} |\n" for line in lines)
+
+
+def _off(row):
+    """Ours over the print less one, where there is a finite one; rounding is none."""
+    printed = float("nan" if not row.printed else row.printed if row.printed == "inf" else Fraction(row.printed))
+    if not (printed and math.isfinite(printed)):
+        return ""
+    off = row.ours / printed - 1
+    return f"{off:+.2g}" if abs(off) > TOLERANCE else "0"
 
 
 def _line(source, quantity, printed, ours, unit, verdict):

@@ -178,7 +178,8 @@ def _fields(study, directory):
     yield from write_series(study.fields, directory)
 
 
-def _figures(study, directory):
+def _drawings(study):
+    """What draws each figure, by its name."""
     from compact import figures
 
     wanted = study.scene.output.wanted
@@ -200,13 +201,33 @@ def _figures(study, directory):
         drawn["resistance"] = lambda: figures.resistance(study.resistance_map, study.formula_resistance)
     if "fields" in wanted:
         drawn["fields"] = lambda: figures.fields(study.fields)
-    for name, draw in drawn.items():
+    return drawn
+
+
+def _figures(study, directory):
+    for name, draw in _drawings(study).items():
         study.count("figures")
         yield write_figure(directory / f"{name}.png", draw())
 
 
+def _page(study, directory):
+    """The page; its pictures are those of the figures, where these are written."""
+    from compact import html_report
+
+    study.count("report")
+    pictures = {"pressure": html_report.pressure(study)}
+    for name, draw in _drawings(study).items():
+        if "figures" in study.scene.output.wanted:
+            pictures[name] = (directory / f"{name}.png").read_bytes()
+        else:
+            study.count("figures")
+            pictures[name] = html_report.png(draw())
+    yield html_report.write(directory / "report.html", study, pictures, _versions())
+
+
 WRITERS = {
     "tables": _tables, "reactions": _reactions, "cams": _cams, "crank": _crank, "fields": _fields, "figures": _figures,
+    "report": _page,
 }  # fmt: skip
 
 
@@ -217,7 +238,7 @@ def _summary(study, files):
         "schema": SCHEMA,
         "title": scene.title,
         "scene_hash": scene.hash,
-        "versions": {"python": platform.python_version()} | {name: version(name) for name in VERSIONED},
+        "versions": _versions(),
         "engine": scene.accuracy.engine,
         "drive_resistance": _drive_resistance(study),
         "advice": list(scene.advice),
@@ -231,6 +252,10 @@ def _summary(study, files):
         "stages": dict(study.counts),
         "files": files,
     }
+
+
+def _versions():
+    return {"python": platform.python_version()} | {name: version(name) for name in VERSIONED}
 
 
 def _drive_resistance(study):

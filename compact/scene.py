@@ -25,6 +25,7 @@ from compact.scene_errors import (
     Source,
     field_mistakes,
     key_lines,
+    key_remarks,
     syntax_sentence,
     undecodable_sentence,
     unreadable_sentence,
@@ -42,7 +43,7 @@ Law = Literal[
 ]  # fmt: skip
 LAW_NAMES: tuple[str, ...] = get_args(Law)
 
-Wanted = Literal["tables", "figures", "cams", "reactions", "crank", "fields"]
+Wanted = Literal["tables", "figures", "cams", "reactions", "crank", "fields", "report"]
 RankBy = Literal["peak_force", "peak_power", "rms_force", "rms_power", "energy", "peak_jerk"]
 Objective = Literal["peak_force", "peak_power", "rms_force", "energy", "drawn_energy"]
 MixParameter = Literal[
@@ -235,6 +236,7 @@ class Cam(_Table):
 
     breadth: float = _positive("the constant breadth b of the cam in m")
     roller_follower_radius: float = _positive("the radius of the roller followers in m")
+    bore: float | None = _optional("the diameter of the bore for the shaft in m")
 
 
 TOUCHES = "(at zero the roller does not touch the layer)"
@@ -295,6 +297,18 @@ class Scene(_Table):
         return tuple(f"{self._source.place(mistake.key)}: {mistake}" for mistake in found)
 
     @property
+    def file(self) -> str:
+        """The name of the file it was read from."""
+        return self._source.file
+
+    def remark(self, table: str, key: str) -> str:
+        """The comment behind a key of a table in the file, or that the caller has changed it."""
+        path = (*table.split("."), key)
+        if any(path[: len(change)] == change for change in self._source.changes):
+            return "changed by the caller"
+        return self._source.remarks.get(path, "")
+
+    @property
     def hash(self) -> str:
         """Fingerprint of all that decides a number: every key but `title` and `[output]`, and the tables' contents."""
         content = self.model_dump(exclude_none=True, exclude={"title", "output"})
@@ -344,7 +358,7 @@ def _parsed(text: str, file: str, changes: Mapping[str, object]) -> Scene:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: also an integer of thousands of digits
         raise SceneError([f"{file}:{syntax_sentence(error, text)}"]) from None
-    return _checked(data, Source(file, key_lines(text)), changes)
+    return _checked(data, Source(file, key_lines(text), remarks=key_remarks(text)), changes)
 
 
 def _unparsable(text: str) -> str:

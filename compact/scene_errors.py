@@ -46,11 +46,12 @@ class Mistake:
 
 @dataclass(frozen=True)
 class Source:
-    """Where a scene was read, and the line of each key; two sources always compare equal, as content alone counts."""
+    """Where a scene was read, line and comment of each key; two sources always compare equal: content alone counts."""
 
     file: str = field(default="<text>", compare=False)
     lines: Mapping[Key, int] = field(default_factory=dict, compare=False)
     changes: frozenset[Key] = field(default=frozenset(), compare=False)
+    remarks: Mapping[Key, str] = field(default_factory=dict, compare=False)
 
     @property
     def folder(self) -> Path:
@@ -285,6 +286,16 @@ def key_lines(text: str) -> dict[Key, int]:
                 _note(lines, (*path, *_parts(inline[1])), number)
         depth += len(re.findall(r"[\[{]", line)) - len(re.findall(r"[\]}]", line))
     return lines
+
+
+def key_remarks(text: str) -> dict[Key, str]:
+    """The comment behind each key of a text that is valid TOML, on its line."""
+    comments = {
+        text.count("\n", 0, token.start()) + 1: token[0].strip("# ")
+        for token in STRING_OR_COMMENT.finditer(text)
+        if token[0][0] == "#"
+    }
+    return {key: comments[line] for key, line in key_lines(text).items() if line in comments}
 
 
 def _plain(match):

@@ -62,12 +62,12 @@ class Study:
         laws = len(self.scene.law_names) + len(self.scene.table_paths) + (len(optimised.objectives) if optimised else 0)
         rolled = len(speeds(self.scene)) if self.scene.accuracy.engine in LAYERED else 0
         figures = 3 + len({"cams", "reactions", "crank", "fields"} & set(wanted)) + 2 * (rolled > 0)
-        figures = figures if "figures" in wanted else 0
+        figures = figures if {"figures", "report"} & set(wanted) else 0
         cams = 2 * laws * len(FOLLOWERS) if "cams" in wanted else 0  # made and measured
         crank = len(USUAL_ANGLES) + 1 if "crank" in wanted else 0
         beside = laws + 1 if rolled else 0  # runs and rankings by formula
         layer = beside + rolled * (1 + ("fields" in wanted)) + self.counts["resistance"]
-        return 2 + 2 * laws + cams + crank + figures + layer
+        return 2 + 2 * laws + cams + crank + figures + layer + ("report" in wanted)
 
     def count(self, stage):
         """One more run of a stage."""
@@ -202,6 +202,11 @@ class Study:
         """The cart with the reactions of its rollers."""
         return self._cart(self.roller_load)
 
+    @cached_property
+    def formula_cart(self):
+        """The cart with the reactions of its rollers by eq 1.6."""
+        return self._cart(self.engineering.roller_force)
+
     def _cart(self, roller_load):
         machine = self.scene.machine
         return Cart(
@@ -318,7 +323,7 @@ class Study:
     @cached_property
     def formula_runs(self):
         """The same runs by formula, where the scene's engine is another one."""
-        return self._runs(self._cart(self.engineering.roller_force), self.formula_resistance) if self.rolled else {}
+        return self._runs(self.formula_cart, self.formula_resistance) if self.rolled else {}
 
     @cached_property
     def formula_rankings(self):

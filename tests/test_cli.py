@@ -25,6 +25,7 @@ def test_new_scene_runs_as_it_is(tmp_path):
     done = compact("run", "scene.toml", cwd=tmp_path / "mine")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "mine" / "out" / "scene" / "summary.json").exists()
+    assert (tmp_path / "mine" / "out" / "scene" / "report.html").exists()
     assert "laws by peak force [N]" in done.stdout
 
 
@@ -37,22 +38,24 @@ def test_new_keeps_a_scene_that_stands(tmp_path):
 
 
 def test_quiet_run_says_nothing(tmp_path):
-    done = compact("run", SMALL, "--out", tmp_path / "out", "--quiet")
+    done = compact("run", SMALL, "--out", tmp_path / "out", "--set", "output.wanted=[]", "--quiet")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 def test_digest_has_the_published_force(tmp_path):
-    done = compact("run", SMALL, "--out", tmp_path / "out")
+    done = compact("run", SMALL, "--out", tmp_path / "out", "--set", "output.wanted=[]")
     assert "roller force                  9740 N" in done.stdout
 
 
-def test_cam_command_writes_its_profile(tmp_path):
-    done = compact("cam", SMALL, "--law", "combined-3", "--follower", "flat", "--out", tmp_path / "cam.csv")
+def test_cam_command_writes_what_the_workshop_needs(tmp_path):
+    done = compact("cam", SMALL, "--law", "combined-3", "--follower", "flat", "--out", tmp_path, "--cutter", "0.02")
     assert done.returncode == 0, done.stderr
     assert "least breadth                 0.605" in done.stdout  # 1.514 strokes of 0.4 m, D-cams
-    header, *rows = (tmp_path / "cam.csv").read_text().splitlines()
-    assert header.startswith("angle_rad,radius_m,x_m,y_m")
-    assert len(rows) >= 721
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "combined-3-flat-motion.svg", "combined-3-flat.csv", "combined-3-flat.dxf", "combined-3-flat.svg",
+    ]  # fmt: skip
+    header = (tmp_path / "combined-3-flat.csv").read_text().splitlines()[0]
+    assert header.startswith("cam_angle_deg,follower_mm,x_mm,y_mm")
 
 
 def test_roll_writes_one_contact(tmp_path):
@@ -125,6 +128,7 @@ BAD_CALLS = {
     "no argument": (("run",), 2, "SCENE"),
     "unknown law": (("cam", SMALL, "--law", "cubc"), 2, "cubic"),
     "no law": (("cam", SMALL), 2, "--law"),
+    "cutter that does not fit": (("cam", SMALL, "--law", "reversal-3", "--cutter", "0.8"), 2, "take a smaller cutter"),
     "output is a file": (("run", SMALL, "--out", SMALL), 1, "small.toml"),
     "output cannot be made": (("run", SMALL, "--out", "/proc/none/out"), 1, "/proc/none"),
 }
@@ -158,12 +162,13 @@ def test_impossible_angle_is_refused_with_the_remedy(tmp_path):
 
 
 def test_another_scenes_results_need_force(tmp_path):
-    assert compact("run", SMALL, "--out", tmp_path / "out").returncode == 0
+    summary_only = ("--set", "output.wanted=[]")
+    assert compact("run", SMALL, "--out", tmp_path / "out", *summary_only).returncode == 0
     (tmp_path / "slow.toml").write_text(SMALL.read_text().replace("duration = 3.0", "duration = 4.0"))
-    told = compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out")
+    told = compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out", *summary_only)
     assert told.returncode == 1
     assert "holds results of another scene" in told.stderr
-    assert compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out", "--force").returncode == 0
+    assert compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out", "--force", *summary_only).returncode == 0
 
 
 def test_interrupt_leaves_whole_files_and_no_summary(tmp_path):

@@ -360,7 +360,7 @@ def test_the_ends_of_the_advised_radii_are_within(published, height):
         ("roller_positions = [0.27, -0.27]", "roller_positions = [0.11, -0.11]"),
         ("energy_weight = 0.5", "energy_weight = 0.7"),
         ("run_up = 0.16666666666666666 ", "run_up = 0.5 "),
-        ('"figures", "cams", "reactions", "crank"]', "]"),
+        ('"figures", "cams", "reactions", "crank", "report"]', "]"),
         ("carts = 1", "angles = [0.5]\ncarts = 1"),
         ("effective_modulus = 1364535.2", "poisson = 0"),
     ],
@@ -370,7 +370,7 @@ def test_a_value_on_its_bound_is_accepted(old, new):
 
 
 def test_a_scene_without_any_crank_needs_no_rod():
-    text = edited('laws = ["all"]', 'laws = ["cubic"]', edited(', "crank"] # -; assumed: everything', "]"))
+    text = edited('laws = ["all"]', 'laws = ["cubic"]', edited(', "crank", "report"] # -; assumed: everything', "]"))
     assert parse_scene(edited("rod_length = 0.8", "", text)).motion.rod_length is None
 
 
@@ -595,8 +595,8 @@ BROKEN = [
         "unknown output",
         '"figures", "cams"',
         '"figure", "cams"',
-        "output.wanted[1]: must be one of tables, figures, cams, reactions, crank, fields, got 'figure'; did you "
-        "mean 'figures'?",
+        "output.wanted[1]: must be one of tables, figures, cams, reactions, crank, fields, report, got 'figure'; "
+        "did you mean 'figures'?",
     ),
     refused(
         "law outside a list",

@@ -1,0 +1,71 @@
+"""Built-in checks of a study: what must be zero, or unchanged, whatever the answer is."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from compact.engine import COMPACTING
+
+# Shares that may be left over. Engines close their balances to these in their own tests; a study that does not is told.
+LINEAR_WORK, COMPACTED_WORK, MASS, YIELD, EQUILIBRIUM = 1e-2, 3e-2, 5e-3, 1e-2, 1e-2
+CYCLE_WORK, BREADTH = 1e-6, 1e-9
+COMPACTED = {"mass_residual": ("mass", MASS), "yield_residual": ("stress within the cap", YIELD)}
+
+
+class Check(NamedTuple):
+    """What is checked, what is left over [-], and how much may be."""
+
+    what: str
+    left: float
+    limit: float
+
+    @property
+    def holds(self):
+        """Whether no more is left than may be."""
+        return abs(self.left) <= self.limit
+
+
+def checks(study):
+    """Every `Check` of what the study has computed."""
+    found = [*_contacts(study), *_cycles(study), *_published()]
+    if "cams" in study.scene.output.wanted:
+        found += [
+            Check(f"constant breadth of the cam, {law}", cam.breadth_error / cam.breadth, BREADTH)
+            for (law, follower), cam in study.cams.items()
+            if follower == "roller" and not cam.cycle.there.retraces
+        ]
+    return found
+
+
+def _contacts(study):
+    """Balances of work, and of a layer that stays pressed those of mass, stress and forces."""
+    allowed = COMPACTED_WORK if study.scene.accuracy.engine in COMPACTING else LINEAR_WORK
+    for speed, rolled in study.rolled:
+        at = f"at {speed:.4g} m/s"
+        if rolled.work_residual is not None:
+            yield Check(f"work of the contact {at}", rolled.work_residual, allowed)
+        for name, (words, limit) in COMPACTED.items():
+            if hasattr(rolled, name):
+                yield Check(f"{words} {at}", getattr(rolled, name), limit)
+        if hasattr(rolled, "equilibrium_residual"):
+            yield Check(f"equilibrium {at}", rolled.equilibrium_residual, EQUILIBRIUM)
+
+
+def _cycles(study):
+    """Energy of a cycle less the work of resistance and friction: what moves the mass comes back."""
+    for name, run in study.runs.items():
+        if run.impulses:
+            continue
+        left = getattr(run, "energy_residual", None)
+        if left is None:
+            force = run.state.resistance + run.state.forces.guide_friction
+            left = float(np.sum(run.weights * force * run.state.velocity)) / run.energy - 1
+        yield Check(f"work over a cycle, {name}", left, CYCLE_WORK)
+
+
+def _published():
+    """Numbers of the publications, computed afresh: how many have changed on our side."""
+    from compact import published
+
+    rows = published.rows()
+    yield Check(f"{len(rows)} published numbers, computed again: changed", sum(not row.kept for row in rows), 0.0)

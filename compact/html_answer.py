@@ -1,0 +1,193 @@
+"""What the page says first: what was asked, which law, how much it takes, and how sure that is; in plain words."""
+
+from html import escape
+
+import numpy as np
+
+from compact.engine import COMPACTING
+from compact.page import listed, paragraph, percent, quantity, strong
+
+WORDS = {
+    "peak_force": "peak drive force",
+    "peak_power": "peak drive power",
+    "rms_force": "rms drive force",
+    "rms_power": "rms drive power",
+    "energy": "energy of a cycle",
+    "peak_jerk": "peak jerk",
+}
+UNITS = {"peak_force": "N", "peak_power": "W", "rms_force": "N", "rms_power": "W", "energy": "J", "peak_jerk": "m/s^3"}
+ENGINES = {
+    "formula": "the engineering formulas 1.1–1.10",
+    "column": "columns of a layer that stays pressed",
+    "spectral": "an elastic or relaxing layer on its base, solved in Fourier space",
+    "fem": "an elastic or relaxing layer by finite elements",
+    "compaction": "a layer that stays pressed, by finite elements",
+}
+
+
+def asked(study):
+    """The question, in a paragraph."""
+    scene, laws = study.scene, len(study.cycles)
+    machine, motion = scene.machine, scene.motion
+    rollers = f"{machine.rollers} roller{'s' if machine.rollers > 1 else ''}"
+    stands = f" and stands {quantity(motion.dwell, 's')} at each end" if motion.dwell else ""
+    return paragraph(
+        f"A cart of {quantity(machine.mass, 'kg')} with {rollers} of radius {quantity(machine.roller_radius, 'm')} and "
+        f"length {quantity(machine.roller_length, 'm')} goes {quantity(motion.stroke, 'm')} there and back, "
+        f"{quantity(motion.duration, 's')} each way{stands}, and presses a product "
+        f"{quantity(scene.product.height, 'm')} high to the density ratio {scene.mix.density_ratio:g} from a mix of "
+        f"{100 * scene.mix.moisture:g} % moisture. "
+        + (
+            f"Which of {laws} motion laws asks least"
+            if laws > 1
+            else f"What does the law {next(iter(study.cycles))} ask"
+        )
+        + f" of the drive ({escape(scene.drive.kind)})? The contact is that of {escape(ENGINES[_engine(study)])}."
+    )
+
+
+def answer(study, shifts, base, found):
+    """The answer and how sure it is; shifts of a base as of `sensitivity`, `found` as of `checks`."""
+    said = [_winner(by, places) for by, places in study.rankings.items()] + _conflict(study.rankings)
+    said.append(_met(study))
+    if not study.mix.reachable:
+        said.append(f"{strong('Not reachable by rolling:')} {escape(study.mix.reachable.reason)}.")
+    sure = [_known_by_engine(study), _known_by_mix(study), *_by_formula(study), _order_holds(shifts, base)]
+    failed = [check.what for check in found if not check.holds]
+    sure.append(
+        f"{strong('Built-in checks that fail:')} {escape(', '.join(failed))}."
+        if failed
+        else f"All {len(found)} built-in checks hold: balances of energy and forces, and the published numbers."
+    )
+    sure += [escape(sentence) for sentence in study.scene.advice]
+    return (
+        f'<section class="answer" aria-label="answer">{"".join(map(paragraph, said))}</section>'
+        f'<section class="sure" aria-label="how sure"><h3>How sure is this?</h3>{listed(sure)}</section>'
+    )
+
+
+def _engine(study):
+    return study.scene.accuracy.engine
+
+
+def _winner(by, places):
+    """Who is first by a criterion, by how much, and what the last asks."""
+    first = [place for place in places if place.rank == 1]
+    if first[0].reason:
+        return f"No law has a finite {WORDS[by]}: {escape(first[0].reason)}."
+    if len(places) == 1:
+        return f"Its {WORDS[by]} is {strong(quantity(first[0].value, UNITS[by], 3))}."
+    names = " and ".join(strong(place.run.name) for place in first)
+    value = strong(quantity(first[0].value, UNITS[by], 3))
+    finite = [place for place in places if not place.reason]
+    asks = f"The law {names} asks" if len(first) == 1 else f"The laws {names} ask"
+    said = f"{asks} for the least {WORDS[by]}: {value}."
+    if finite[-1].rank > 1:
+        following, last = finite[len(first)], finite[-1]
+        said += f" The next, {escape(following.run.name)}, takes {percent(following.value / first[0].value - 1)} more"
+        if last is not following:
+            said += f", the last, {escape(last.run.name)}, {percent(last.value / first[0].value - 1)} more"
+        said += "."
+    endless = [place.run.name for place in places if place.reason]
+    return said + (f" No machine can follow {escape(' and '.join(endless))}." if endless else "")
+
+
+def _conflict(rankings):
+    """What the first by one criterion takes by another, where they differ."""
+    said = []
+    firsts = {by: [p for p in places if p.rank == 1 and not p.reason] for by, places in rankings.items()}
+    for by, first in firsts.items():
+        for other, places in rankings.items():
+            best = firsts[other]
+            if by == other or not first or not best or best[0].run.name in [p.run.name for p in first]:
+                continue
+            value = next(p.value for p in places if p.run.name == first[0].run.name)
+            if np.isfinite(value):
+                more = percent(value / best[0].value - 1)
+                said.append(
+                    f"The law {escape(first[0].run.name)} pays for its {WORDS[by]} with {more} more {WORDS[other]}."
+                )
+    return [" ".join(dict.fromkeys(said))] if said else []
+
+
+def _met(study):
+    """What the machine meets at its mean speed."""
+    mean = study.scene.motion.stroke / study.scene.motion.duration
+    force = float(np.ravel(study.resistance(np.array([mean]), np.zeros(1)))[0])
+    return (
+        f"At its mean speed of {quantity(mean, 'm/s', 3)} the cart meets {strong(quantity(force, 'N', 3))} of "
+        "resistance of the mix; "
+        f"each roller is held down by {strong(quantity(study.roller_load, 'N', 3))}."
+    )
+
+
+def _known_by_engine(study):
+    engine = _engine(study)
+    if not study.rolled:
+        return (
+            "The formulas cannot tell their own error. They are reconstructed from a damaged source, with a confidence "
+            "of 60–95 % each, and know no speed and no depth of the layer."
+        )
+    met = study.resistance_map
+    own = "does not know its own error"
+    if met.engine_error is not None:
+        own = f"puts its own error at {percent(met.engine_error)}"
+    own += ", of its arithmetic alone: columns know no second dimension," if engine == "column" else ""
+    model = (
+        "the mix stays pressed, as it does"
+        if engine in COMPACTING
+        else "the mix springs back, which leaves out most of the resistance of a mix that stays pressed"
+    )
+    return (
+        f"The engine {escape(engine)} {own}, and between its {len(met.speeds)} speeds the resistance is read to "
+        f"{percent(met.error)} of the largest. In it {model}."
+    )
+
+
+def _known_by_mix(study):
+    needed, force = study.mix.parameter("required_pressure"), study.numbers["roller_force"]
+    low, high = quantity(needed.low, "Pa", 3), quantity(needed.high, "Pa", 3)
+    said = (
+        "The mix is known from a table, not measured: the pressure that it needs is "
+        f"{quantity(needed.value, 'Pa', 3)}, but may be {low} to {high}"
+    )
+    if needed.flag == "given":
+        return f"The pressure that the mix needs, {quantity(needed.value, 'Pa', 3)}, is yours."
+    if force.low is None or force.high is None:
+        return f"{said}."
+    return (
+        f"{said}; by formula that alone makes the force on a roller {quantity(force.low, 'N', 3)} to "
+        f"{quantity(force.high, 'N', 3)}. Measure it, and give it under <code>[mix.overrides]</code>."
+    )
+
+
+def _by_formula(study):
+    """Whether the formulas agree with the engine on who is first."""
+    said = []
+    for by, places in study.formula_rankings.items():
+        ours, theirs = study.rankings[by][0], places[0]
+        if ours.reason or theirs.reason:
+            continue
+        name, also = escape(theirs.run.name), " as well" if ours.run.name == theirs.run.name else ""
+        values = f"{quantity(theirs.value, UNITS[by], 3)} for {quantity(ours.value, UNITS[by], 3)}"
+        said.append(f"By formula {name} is first by {WORDS[by]}{also}, and the least is {values}.")
+    return said
+
+
+def _order_holds(shifts, base):
+    """Which inputs change who is first."""
+    changed = {}
+    for shift in shifts:
+        for by, law in base.law.items():
+            ends = [end for end in (shift.low, shift.high) if end is not None and end.law[by] != law]
+            if ends:
+                changed.setdefault(shift.name, set()).update(f"{end.law[by]} by {WORDS[by]}" for end in ends)
+    beyond = sum((shift.low is None) + (shift.high is None) for shift in shifts)
+    if not changed:
+        return (
+            f"By formula and with a rigid drive, moving any one of {len(shifts)} inputs to either end of its spread "
+            "(a tenth where it has none) leaves the first law first"
+            + (f"; {beyond} of the ends are beyond the formulas." if beyond else ".")
+        )
+    who = "; ".join(f"{name}: {', '.join(sorted(laws))}" for name, laws in changed.items())
+    return f"By formula and with a rigid drive the first law is another where one input is at an end: {escape(who)}."

@@ -1,0 +1,108 @@
+"""What the page says of the contact: formulas and exact theory, the engine over speed, what is inside, and the mix."""
+
+from html import escape
+
+from compact.contact_report import PASSED
+from compact.engine import COMPACTING
+from compact.page import Section, mark, number, paragraph, percent, picture, quantity, table
+
+CONTACT = ("speed", "load", "error", "resistance", "error", "coefficient", "behind", "ahead", "peak pressure", "depth")
+CAPTIONS = {
+    "pressure": (
+        "Pressure along the contact of one roller, with Galin's exact pressure on a half-plane at the same peak",
+        "Dots: the engine of the scene, or the formula. Line: exact theory of a half-plane at the pressure that the "
+        "mix needs. The roller goes to the right.",
+    ),
+    "contact": (
+        "Load and resistance over load of one roller at each speed, with bars for the engine's own error",
+        "Load and resistance over load of one roller; bars are the engine's own error.",
+    ),
+    "resistance": (
+        "Resistance of the mix to one cart over its speed, by the engine and by formula 1.8",
+        "F(v): what the drive meets. Dots are computed, the line is read between them. The acceleration is not in it.",
+    ),
+    "fields": (
+        "Fields in the layer under the roller at each speed, drawn to scale on the deformed elements",
+        "What happens inside the layer; element means. The files open in ParaView.",
+    ),
+}
+
+
+def contact(study, pictures):
+    """The contact of one roller and what the cart meets."""
+    shown = [picture(pictures[name], *_captioned(name)) for name in CAPTIONS if name in pictures]
+    parts = [_numbers(study), *(_engine_tables(study) if study.rolled else [_no_speed()]), *shown]
+    lead = f"{quantity(study.roller_load, 'N', 3)} on a roller"
+    lead += (
+        f"; {quantity(study.numbers['roller_force'].value, 'N', 3)} by formula." if study.rolled else ", by formula."
+    )
+    return Section("contact", "Contact and resistance", lead, "".join(parts))
+
+
+def _captioned(name):
+    words, caption = CAPTIONS[name]
+    return words, escape(caption)
+
+
+def _no_speed():
+    return paragraph(
+        "The engine is the formulas: the resistance is dry, the same at every speed and acceleration, "
+        "F(v, a) = F sign(v)."
+    )
+
+
+def _numbers(study):
+    rows = [
+        (
+            escape(name.replace("_", " ")), quantity(n.value, n.unit), quantity(n.low, n.unit) if n.low else "",
+            quantity(n.high, n.unit) if n.high else "", escape(n.known_by),
+        )
+        for name, n in study.numbers.items()
+    ]  # fmt: skip
+    header = ("quantity", "value", "low", "high", "known by")
+    return table(header, rows, "By formula 1.1–1.10 and exact theory; low and high over the mix's spread", (1, 2, 3))
+
+
+def _engine_tables(study):
+    """The engine over speed, and what every pass leaves where it leaves a mark."""
+    rows = []
+    for speed, r in study.rolled:
+        load_error, resistance_error = r.error or (float("nan"),) * 2
+        rows.append((
+            quantity(speed, "m/s"), quantity(r.load, "N/m"), percent(load_error), quantity(r.resistance, "N/m"),
+            percent(resistance_error), number(r.resistance / r.load), quantity(-r.trailing, "m"),
+            quantity(r.leading, "m"), quantity(r.peak_pressure, "Pa"), quantity(getattr(r, "indentation", None), "m"),
+        ))  # fmt: skip
+    engine = study.scene.accuracy.engine
+    numeric = range(len(CONTACT))
+    yield table(
+        CONTACT, rows, f"One roller by the engine {engine}, per metre of its length, with its own errors", numeric
+    )
+    if engine in COMPACTING:
+        passes = [
+            (quantity(speed, "m/s"), str(count), *(quantity(getattr(r, name), unit) for name, unit in PASSED.items()))
+            for speed, rolled in study.passes
+            for count, r in enumerate(rolled, start=1)
+        ]
+        header = ("speed", "pass", *(name.replace("_", " ") for name in PASSED))
+        yield table(header, passes, "What each pass takes and leaves", range(len(header)))
+
+
+FLAGS = {"measured": "known", "given": "known", "derived": "known"}
+
+
+def mix(study):
+    """The mix with spread and origin of each parameter."""
+    rows = [
+        (
+            escape(p.name.replace("_", " ")), quantity(p.value, p.unit), quantity(p.low, p.unit),
+            quantity(p.high, p.unit), mark(FLAGS.get(p.flag, "assumed"), p.flag), escape(p.origin),
+        )
+        for p in study.mix.parameters
+    ]  # fmt: skip
+    scene = study.scene.mix
+    body = table(("parameter", "value", "low", "high", "flag", "origin"), rows, "Parameters of the mix", (1, 2, 3))
+    lead = (
+        f"{100 * scene.moisture:g} % moisture, density ratio {scene.density_ratio:g}; where each parameter comes from."
+    )
+    return Section("mix", "Mix", lead, body)

@@ -1,0 +1,358 @@
+"""The page of a study: its numbers are the study's, nothing comes from elsewhere, and a browser shows it whole."""
+
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from html import unescape
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from compact import checks, html_answer, html_machine, report, sensitivity
+from compact.html_answer import WORDS
+from compact.page import PREFIXES, column, number, page, percent, picture, quantity, table
+from compact.scene import RankBy, get_args, load_scene, parse_scene, starter_scene
+from compact.study import Study
+
+SCENES = Path(__file__).parent.parent / "studies" / "scenes"
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+LARGEST = 5_000_000  # bytes of a page
+SECTIONS = ["ranking", "contact", "laws", "forces", "cams", "sensitivity", "scene", "mix", "checks", "versions"]
+
+
+def scene(name="small", **changes):
+    return load_scene(SCENES / f"{name}.toml", **changes)
+
+
+class Reader(HTMLParser):
+    """Start tags with their attributes, and the words, of a page."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.words = [], ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data):
+        self.words += data
+
+    def all(self, name):
+        return [attributes for tag, attributes in self.tags if tag == name]
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Study, summary and page of the small scene with a layer, its cams and all that belongs to it."""
+    wanted = {"output.wanted": ["report", "cams", "reactions", "crank"], "accuracy.engine": "spectral"}
+    quick = {"contact.speeds": [0.05, 0.3], "contact.peak_pressure": 203e3, "accuracy.tolerance": 0.05}
+    plain = {"machine.profile": "circle", "machine.rolling": "frictionless", "mix.moisture": 0.11}
+    study = Study(scene(**wanted, **plain, **quick))
+    directory = tmp_path_factory.mktemp("page")
+    summary = report.write(study, directory)
+    return study, summary, directory / "report.html"
+
+
+# (a) numbers in words
+
+
+@pytest.mark.parametrize(
+    ("words", "shown"),
+    [
+        (number(0.0), "0"), (number(-0.0), "0"), (number(3739.84), "3740"), (number(-12.345678), "−12.35"),
+        (number(1e-7), "1.000 × 10⁻⁷"), (number(2.5e9, 2), "2.5 × 10⁹"), (number(float("inf")), "infinite"),
+        (number(float("nan")), "–"), (number(None), "–"), (number(True), "yes"), (number(7), "7"),
+        (quantity(203e3, "Pa"), "203 kPa"), (quantity(0.0557, "m"), "55.7 mm"), (quantity(0.22, "m"), "0.22 m"),
+        (quantity(-4.2e-6, "m"), "−4.2 µm"), (quantity(1.37e6, "Pa"), "1.37 MPa"), (quantity(0.179, "1"), "0.179"),
+        (quantity(0.6, "m/s2"), "0.6 m/s²"), (quantity(None, "N"), "–"), (quantity(float("inf"), "W"), "infinite"),
+        (percent(0.0106), "1.1 %"), (percent(1.9e-15), "0 %"), (percent(float("nan")), "–"),
+    ],
+)  # fmt: skip
+def test_numbers_are_said_as_people_say_them(words, shown):
+    assert words == shown
+
+
+def test_a_column_has_one_unit_and_enough_digits():
+    assert column([3739.8, 4207.1], "N") == ["3.740 kN", "4.207 kN"]
+    assert column([0.0, 7.3851, 0.1778], "m/s^3") == ["0.0000 m/s³", "7.3851 m/s³", "0.1778 m/s³"]
+    assert column([float("inf"), None], "N") == ["infinite", "–"]
+
+
+@given(st.floats(1e-12, 1e12), st.sampled_from(["N", "Pa", "W", "m", "s", "1"]), st.sampled_from([-1, 1]))
+def test_a_quantity_is_its_number_times_its_prefix(size, unit, sign):
+    said, *rest = quantity(sign * size, unit, 6).replace("−", "-").split(" ", 1)
+    words = rest[0] if rest else ""
+    power = re.match(r"× 10(\S+)", words)
+    exponent = int(power[1].translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))) if power else 0
+    prefix = words.split(" ")[-1].removesuffix(unit) if unit != "1" else ""
+    assert float(said) * 10.0**exponent * PREFIXES[prefix] == pytest.approx(sign * size, rel=1e-5)
+
+
+def test_what_is_not_html_is_escaped():
+    assert (
+        "<script>" not in table(("<script>",), [], "<script>") + picture(b"", "<script>") + page("<script>", "")[:300]
+    )
+    told = html_answer.asked(Study(scene(title="<b>")))
+    assert "<b>" not in told
+
+
+# the page says what the study found
+
+
+def test_answer_is_that_of_the_study(written):
+    study, _, path = written
+    words = unescape(" ".join(Reader(path.read_text("utf-8")).words.split()))
+    for by, places in study.rankings.items():
+        value = quantity(places[0].value, "N" if by == "peak_force" else "W", 3)
+        assert f"The law {places[0].run.name} asks for the least {WORDS[by]}: {value}." in words
+        formula = study.formula_rankings[by][0]
+        assert f"By formula {formula.run.name} is first by {WORDS[by]}" in words
+    assert "which leaves out most of the resistance of a mix that stays pressed" in words
+    error = percent(study.resistance_map.engine_error)
+    assert f"The engine spectral puts its own error at {error}" in words
+
+
+def test_published_force_is_said(tmp_path):
+    study = Study(scene(**{"output.wanted": []}))
+    told = html_answer.answer(study, [], sensitivity.nominal(study), [])
+    assert "each roller is held down by <strong>9.74 kN</strong>" in told
+
+
+def test_every_section_is_there_and_linked(written):
+    page = Reader(written[2].read_text("utf-8"))
+    names = [attributes["id"] for attributes in page.all("details") if "id" in attributes]
+    assert names == SECTIONS
+    assert [link["href"] for link in page.all("a")] == [f"#{name}" for name in SECTIONS]
+
+
+def test_rank_of_engine_and_formula_stand_side_by_side(written):
+    study, _, path = written
+    text = path.read_text("utf-8")
+    for by, places in study.rankings.items():
+        formula = {place.run.name: place.rank for place in study.formula_rankings[by]}
+        rows = re.findall(r'<td class="n">(\d+)</td><td>([\w-]+)</td>.*?<td class="n">(\d+)</td><td></td></tr>', text)
+        assert {(str(p.rank), p.run.name, str(formula[p.run.name])) for p in places} <= set(rows)
+
+
+def test_assumed_and_changed_values_are_marked(written):
+    text = written[2].read_text("utf-8")
+    row = re.search(r"<code>roller_length</code>.*?</tr>", text)[0]
+    assert '<span class="mark assumed">assumed</span>' in row
+    row = re.search(r"<code>roller_radius</code>.*?</tr>", text)[0]
+    assert '<span class="mark known">published</span>' in row
+    row = re.search(r"<code>rib_factor</code>.*?</tr>", text)[0]
+    assert '<span class="mark assumed">assumed</span>' in row
+    row = re.search(r"<code>moisture</code>.*?</tr>", text)[0]
+    assert '<span class="mark assumed">changed by the caller</span>' in row
+
+
+def test_a_word_within_a_remark_is_no_mark():
+    told = html_machine.scene(parse_scene(starter_scene())).body
+    row = re.search(r"<code>guide_positions</code>.*?</tr>", told)[0]  # its remark: measured in the same way
+    assert "mark" not in row
+    assert '<span class="mark assumed">guess</span>' in re.search(r"<code>rib_factor</code>.*?</tr>", told)[0]
+
+
+def test_every_kind_of_ranking_has_words():
+    assert WORDS.keys() == html_answer.UNITS.keys() == set(get_args(RankBy))
+
+
+def test_figures_are_those_of_the_files_where_these_are_written(tmp_path):
+    study = Study(scene(**{"output.wanted": ["report", "figures"], "motion.laws": ["cubic"]}))
+    report.write(study, tmp_path / "out")
+    from base64 import b64encode
+
+    text = (tmp_path / "out" / "report.html").read_text("utf-8")
+    for drawn in (tmp_path / "out").glob("*.png"):
+        assert b64encode(drawn.read_bytes()).decode() in text
+    assert study.counts["figures"] == 3
+
+
+# checks and sensitivity
+
+
+def test_checks_hold_and_count_what_was_computed(written):
+    study, _, _ = written
+    found = checks.checks(study)
+    assert all(check.holds for check in found)
+    assert sum("work of the contact" in check.what for check in found) == len(study.rolled)
+    assert sum("work over a cycle" in check.what for check in found) == len(study.runs)
+
+
+def test_a_balance_that_does_not_close_is_told():
+    study = Study(scene(**{"output.wanted": [], "motion.laws": ["cubic"]}))
+    run = study.runs["cubic"]
+    study.runs = {"cubic": replace(run, state=run.state._replace(resistance=1.001 * run.state.resistance))}
+    failed = [check for check in checks.checks(study) if not check.holds]
+    assert [check.what for check in failed] == ["work over a cycle, cubic"]
+    told = html_answer.answer(study, [], sensitivity.nominal(study), failed)
+    assert "<strong>Built-in checks that fail:</strong> work over a cycle, cubic." in told
+
+
+def test_contact_that_does_not_close_its_balance_is_told(written):
+    study, _, _ = written
+    broken = Study(study.scene.replaced(**{"output.wanted": []}))
+    (speed, (rolled,)), *others = study.passes
+    broken.passes = [(speed, (replace(rolled, work_residual=0.5),)), *others]
+    failed = [check.what for check in checks.checks(broken) if not check.holds]
+    assert failed == [f"work of the contact at {speed:.4g} m/s"]
+
+
+@pytest.mark.parametrize(
+    "key", ["machine.roller_length", "motion.duration", "machine.mass", "mix.overrides.steel_friction"]
+)
+def test_ends_are_those_of_a_scene_so_changed(key):
+    study = Study(scene(**{"output.wanted": [], "motion.laws": ["cubic", "reversal-3"]}))
+    shift = next(shift for shift in sensitivity.shifts(study) if shift.name == key)
+    for end, value in zip((shift.low, shift.high), shift.ends, strict=True):
+        exact = Study(study.scene.replaced(**{key: float(value)})).rankings
+        for by in ("peak_force", "peak_power"):
+            assert end.least[by] == pytest.approx(exact[by][0].value, rel=1e-3)
+            assert end.law[by] == exact[by][0].run.name
+
+
+def test_ends_beyond_the_formulas_are_told():
+    study = Study(scene(**{"output.wanted": [], "motion.laws": ["cubic"], "mix.overrides.effective_modulus": 0.5e6}))
+    shifts = sensitivity.shifts(study)
+    assert next(shift for shift in shifts if shift.name.endswith("required_pressure")).high is None  # sin phi > 1
+    told = html_answer.answer(study, shifts, sensitivity.nominal(study), [])
+    assert "1 of the ends are beyond the formulas" in told
+
+
+def test_input_that_turns_the_order_is_named():
+    study = Study(scene(**{"output.wanted": [], "motion.laws": ["parabolic", "quintic"]}))
+    base, shifts = sensitivity.nominal(study), sensitivity.shifts(study)
+    turned = replace(shifts[0], low=replace(shifts[0].low, law=dict.fromkeys(base.law, "another")))
+    told = html_answer.answer(study, [turned, *shifts[1:]], base, [])
+    assert "the first law is another where one input is at an end: mix.overrides.required_pressure: another by" in told
+
+
+# one file, for everybody
+
+
+def test_page_needs_nothing_else(written):
+    text = written[2].read_text("utf-8")
+    page = Reader(text)
+    assert all(image["src"].startswith("data:image/") for image in page.all("img"))
+    assert all(link["href"].startswith("data:") for link in page.all("link"))
+    assert not [attributes for attributes in page.all("script") if "src" in attributes]
+    assert "@import" not in text
+    assert "url(" not in text
+    assert "http" not in re.sub(r'src="data:[^"]*"', "", text)
+
+
+def test_every_picture_is_told_in_words(written):
+    page = Reader(written[2].read_text("utf-8"))
+    assert len(page.all("img")) >= 9
+    assert all(len(image["alt"]) > 25 for image in page.all("img"))
+    assert page.all("html")[0]["lang"] == "en"
+    assert len(page.all("h1")) == 1
+
+
+def test_words_stand_out_from_their_ground():
+    """WCAG 2.1: contrast at least 4.5."""
+    style = (Path(report.__file__).parent / "data" / "page.css").read_text("utf-8")
+    pairs = re.findall(r"color: (#[0-9a-f]{3,6}); background: (#[0-9a-f]{3,6})", style)
+    pairs += [(colour, "#fff") for colour in re.findall(r"[{ ]color: (#[0-9a-f]{3,6})", style)]
+    assert len(pairs) > 8
+    assert min(contrast(*pair) for pair in pairs) >= 4.5
+
+
+def contrast(one, other):
+    lighter, darker = sorted(map(luminance, (one, other)), reverse=True)
+    return (lighter + 0.05) / (darker + 0.05)
+
+
+def luminance(colour):
+    digits = colour[1:] if len(colour) == 7 else "".join(2 * digit for digit in colour[1:])
+    share = np.array([int(digits[i : i + 2], 16) for i in (0, 2, 4)]) / 255
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
+# cost
+
+
+def test_page_is_small_and_computes_no_run_again(written):
+    study, summary, path = written
+    assert path.stat().st_size < LARGEST
+    assert "report.html" in summary["files"]
+    assert summary["stages"]["runs"] == 2 * len(study.cycles)  # by the engine and by formula
+    assert summary["stages"]["report"] == 1
+    assert sum(summary["stages"].values()) == study.steps
+
+
+@pytest.mark.slow
+def test_page_of_the_published_machine_is_small(tmp_path):
+    report.write(Study(scene("loveikin-2015")), tmp_path / "out")
+    assert (tmp_path / "out" / "report.html").stat().st_size < LARGEST
+
+
+# in a browser
+
+PROBE = """<script>
+const told = [];
+addEventListener("error", (event) => told.push(String(event.message || event.target.src).slice(0, 200)), true);
+for (const level of ["error", "warn"]) console[level] = (...words) => told.push(words.join(" "));
+addEventListener("load", () => {
+  const shut = document.querySelectorAll("details:not([open])").length;
+  dispatchEvent(new Event("beforeprint"));
+  const still = document.querySelectorAll("details:not([open])").length;
+  setTimeout(() => parent.postMessage({
+    width: innerWidth, scroll: document.documentElement.scrollWidth, shut, still, told,
+    images: [...document.images].map((image) => image.naturalWidth),
+    boxes: [...document.querySelectorAll(".box")].map((box) => box.getBoundingClientRect().right),
+  }, "*"), 300);
+});
+</script>"""
+FRAME = """<body><pre></pre><script>
+const tell = (event) => { document.querySelector("pre").textContent += JSON.stringify(event.data) + "\\n"; };
+addEventListener("message", tell);
+</script>"""
+
+
+def browsed(text, directory):
+    """What a page tells of itself in windows of 1280 and 400 px, all sections open, by width."""
+    (directory / "page.html").write_text(text.replace("<head>", f"<head>{PROBE}", 1), encoding="utf-8")
+    frames = "".join(f'<iframe src="page.html" width="{w}" height="900" frameborder="0"></iframe>' for w in (1280, 400))
+    (directory / "frame.html").write_text(FRAME + frames, encoding="utf-8")
+    call = [
+        CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={directory / 'profile'}",
+        "--virtual-time-budget=20000", "--dump-dom", str(directory / "frame.html"),
+    ]  # fmt: skip
+    dom = subprocess.run(call, capture_output=True, text=True, check=True, timeout=300).stdout
+    lines = unescape(re.search(r"<pre>(.*?)</pre>", dom, re.DOTALL)[1]).splitlines()
+    return {told["width"]: told for told in map(json.loads, lines)}
+
+
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no chromium or google-chrome on the path")
+
+
+@needs_chromium
+def test_browser_shows_the_page_whole_on_a_screen_and_a_phone(written, tmp_path):
+    text = written[2].read_text("utf-8")
+    told = browsed(text, tmp_path)
+    assert told.keys() == {1280, 400}
+    for width, shown in told.items():
+        assert shown["told"] == []
+        assert shown["scroll"] <= width
+        assert max(shown["boxes"]) <= width
+        assert len(shown["images"]) == len(Reader(text).all("img"))
+        assert min(shown["images"]) > 0
+        assert (shown["shut"], shown["still"]) == (len(SECTIONS) + 1, 0)  # on paper every section is open
+
+
+@needs_chromium
+def test_browser_test_sees_what_is_wrong(tmp_path):
+    wide = '<div style="width: 900px">wide</div><img src="data:image/png;base64,AAAA" alt="broken">'
+    told = browsed(page("wrong", f"{wide}<script>nothing.at.all</script>"), tmp_path)
+    assert told[400]["scroll"] >= 900
+    assert told[1280]["images"] == [0]
+    assert any("nothing is not defined" in words for words in told[1280]["told"])
