@@ -150,7 +150,7 @@ class Case:
 
 
 @dataclass(frozen=True, eq=False)
-class _Contact:
+class Contact:
     surface: Surface
     roll: Roll
     patch: Patch
@@ -262,11 +262,11 @@ def _settled(case, surface, roll, terms, start=None):
     """The contact at an indentation, from another one on, with shear where the roller sticks and slips."""
     near = (None, None) if start is None else (start.patch, start.shear)
     if not case.sticks:
-        return _Contact(surface, roll, with_peaks(surface, roll, press(surface, roll, terms, near[0])))
+        return Contact(surface, roll, with_peaks(surface, roll, press(surface, roll, terms, near[0])))
     direction = np.sign(case.speed)
     asked = -direction * case.torque / case.roller.radius / case.material.youngs_modulus
     grip = Grip(case.roller.friction, asked, direction)
-    return _Contact(surface, roll, *pressed_and_sheared(surface, roll, terms, grip, *near))
+    return Contact(surface, roll, *pressed_and_sheared(surface, roll, terms, grip, *near))
 
 
 def _miss(case, contact):

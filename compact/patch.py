@@ -74,6 +74,19 @@ class Roll:
 
 
 @dataclass(frozen=True, eq=False)
+class RollAside(Roll):
+    """The same on a surface that stands aside, at `nodes` [m] by `aside` [m], shape (2, n), before it is loaded."""
+
+    nodes: np.ndarray
+    aside: np.ndarray
+
+    def touch(self, x, displacement):
+        aside = self.aside @ interpolation(self.nodes, x).T
+        normal, depth = super().touch(x, displacement + aside)
+        return normal, depth - np.sum(normal * aside, axis=0)
+
+
+@dataclass(frozen=True, eq=False)
 class Patch:
     """A contact patch: edges, pressure and traction at quadrature points, and what they do to the nodes.
 
@@ -308,3 +321,12 @@ def interpolation(nodes, x, derivative=False):
     for place, value in enumerate(values):
         N[np.arange(len(x)), 2 * element + place] = value
     return N
+
+
+def interpolated(nodes, values, x):
+    """Quadratic interpolation of values at the nodes, shape (..., n), to the points x, shape (..., q)."""
+    corners = nodes[::2]
+    element = np.clip(np.searchsorted(corners, x, side="right") - 1, 0, len(corners) - 2)
+    z = (x - corners[element]) / (corners[element + 1] - corners[element])
+    shapes = (1 - z) * (1 - 2 * z), 4 * z * (1 - z), z * (2 * z - 1)
+    return sum(values[..., 2 * element + place] * shape for place, shape in enumerate(shapes))

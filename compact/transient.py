@@ -1,0 +1,317 @@
+"""The engine "fem" through time: a roller of changing speed on an elastic or viscoelastic layer.
+
+The mesh goes with the roller, what the mix remembers stays with the mix. With s(t) the way of the roller, branch k of
+the creep function, see `streamline`, follows at every place X of the layer
+
+    theta_k dz_k/dt + z_k = w(X - s(t), t),    u = J_0 w + sum J_k z_k,
+
+w the displacement of the elastic layer as seen from the roller. During a time step w is taken linear in time at each x
+under the roller, and what fades is summed along the way s(t) itself:
+
+    z_k(X) <- exp(-dt/theta_k) z_k(X) + int exp(-(dt - t)/theta_k) [(1 - t/dt) w_old + (t/dt) w_new](X - s(t)) dt/theta_k
+
+Steady motion is met exactly by steps of any length, and v = 0 is a place like any other. What is known of z stands as a
+surface set aside, what is sought as a response: every step is one contact on the layer that was condensed once. Steps
+are of second order; their length follows from how far the forces leave their own tangent.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from compact import fem
+from compact.material import Elastic
+from compact.mesh import DEFAULT_ERROR
+from compact.patch import BeyondWindowError, Roll, RollAside, Surface, interpolated, interpolation, press
+from compact.refuse import refuse_nonfinite, refuse_nonpositive
+from compact.streamline import Creep, creep, fading, memory
+from compact.travelled import Travelled
+
+TIME_TOLERANCE = 3e-4  # of int p |x| dx/R, by which steps in time may miss the resistance
+PLACES = 40  # of the layer, and instants of the way, per half-width
+FEWEST = 4  # instants of the way in a step
+LONGEST = 0.5  # half-widths travelled in a step
+FIRST = 0.02  # of the shortest time of creep, after the law has jumped
+SHORTEST = 1e-9  # of the duration
+GROWING, SHRINKING = 2.0, 0.25  # ratio of a step to the one before, at most and at least
+SAFE = 0.9  # of the step that would meet the tolerance
+
+
+def travel(
+    layer, roller, material, motion, *, instants=(), mesh=None, tolerance=DEFAULT_ERROR, time_tolerance=TIME_TOLERANCE,
+    estimate=True,
+):  # fmt: skip
+    """A roller in any motion at a given indentation over a linear layer, a `Travelled`.
+
+    Before the motion the roller has kept its first velocity for ever: it comes in steady rolling, or has stood.
+
+    Parameters
+    ----------
+    layer : Layer, of any height and plies
+    roller : Roller without friction, every profile; over a slipping layer those whose gap is vertical
+    material : Elastic or Viscoelastic
+    motion : with `position` and `velocity` of time, and `duration` [s]; no step passes its `joins`
+    instants : times at which a step shall end [s]
+    mesh, tolerance : as of `fem.roll`
+    time_tolerance : of int p |x| dx/R, by which the steps in time may miss the resistance
+    estimate : whether to tell the error of the steps, from steps twice as long; as much work again by half
+
+    """
+    _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, instants)
+    case = fem.Case(layer, roller, material, _first_velocity(motion))
+    if case.speed == 0:  # has stood for ever: all is relaxed, at any speed
+        case = fem.Case(layer, roller, Elastic(material.youngs_modulus, material.poisson), 1.0)
+    breaks = _breaks(motion)
+    with threadpool_limits(1):  # matrices are small, threads only quarrel
+        task = fem.task_of(case, mesh, tolerance)
+
+        def marched(window):
+            start, pace = _begun(case, task, window, material, motion, time_tolerance)
+            path = _marched(pace, start, breaks, sorted({*breaks, *map(float, instants)}))
+            return path, _followed(pace, start, _every_second(path, breaks)) if estimate else None
+
+        return _travelled(*fem.widening(task, marched), material, motion)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pace:
+    """What all steps share: the elastic surface, the roller, the creep, the motion, and lengths to go by."""
+
+    surface: Surface
+    roll: Roll
+    terms: int
+    law: Creep
+    motion: object
+    half_width: float
+    tolerance: float
+
+    def way(self, begin, end, least=FEWEST):
+        """Positions at even instants from one time to another, close enough for the contact, shape (n + 1,)."""
+        rough = self.motion.position(np.linspace(begin, end, 2 * PLACES + 1))
+        count = max(least, int(np.ceil(np.abs(np.diff(rough)).sum() * PLACES / self.half_width)))
+        return self.motion.position(np.linspace(begin, end, count + 1))
+
+
+@dataclass(frozen=True, eq=False)
+class _Instant:
+    """Where the roller is, the contact it makes, w of the surface, shape (2, n), and z of the `places`, (k, 2, m)."""
+
+    time: float
+    position: float
+    contact: fem.Contact
+    displacement: np.ndarray
+    places: np.ndarray
+    retained: np.ndarray
+
+    @property
+    def moment(self):
+        """Forces on the nodes times |x|/R."""
+        surface, roll = self.contact.surface, self.contact.roll
+        return self.contact.forces * np.abs(surface.x) / roll.radius
+
+
+def _begun(case, task, window, material, motion, tolerance):
+    """The `_Instant` before the motion, and the `_Pace` of all steps."""
+    surface, law = fem.elastic_surface(case, task.mesh, window), creep(material)
+    velocity = _first_velocity(motion)
+    contact = fem.at_target(case, fem.surface_of(case, task.mesh, window), task)
+    pace = _Pace(surface, contact.roll, task.terms, law, motion, task.half_width, tolerance)
+    places, start = _places(pace), float(motion.position(np.zeros(1))[0])
+    w = _displacement(surface, contact)
+    retained = np.array([_steady(surface.x, w, time * velocity, places - start) for time in law.times])
+    return _Instant(0.0, start, contact, w, places, retained.reshape(-1, 2, len(places))), pace
+
+
+def _steady(nodes, w, length, x):
+    """z in steady motion at points x that may lie behind the mesh, shape (2, m); all of w where nothing moves."""
+    if length == 0:
+        return interpolated(nodes, w, _within(nodes, x))
+    inside = _within(nodes, x)
+    return interpolated(nodes, w @ memory(nodes, length).T, inside) * np.exp(-np.abs(inside - x) / abs(length))
+
+
+def _first_velocity(motion):
+    return float(motion.velocity(np.zeros(1))[0])
+
+
+def _places(pace):
+    """Places of the layer, close where the roller passes and as far as the mesh reaches, shape (m,)."""
+    x, size = pace.surface.x, pace.half_width / PLACES
+    way = pace.way(0.0, pace.motion.duration)
+    low, high = way.min() - 2 * pace.half_width, way.max() + 2 * pace.half_width
+    close = np.linspace(low, high, int(np.ceil((high - low) / size)) + 1)
+    ahead, behind = x[x > 2 * pace.half_width] + way.max(), x[x < -2 * pace.half_width] + way.min()
+    return np.concatenate([behind, close, ahead])
+
+
+def _within(nodes, x):
+    return np.clip(x, nodes[0], nodes[-1])
+
+
+def _displacement(surface, contact):
+    """w at the surface nodes."""
+    forces = contact.forces[:, surface.first : surface.last]
+    return np.einsum("iakb,kb->ia", surface.response, forces, optimize=True)
+
+
+def _stepped(pace, before, now, time):
+    """The `_Instant` at a later time; the one before, or None, tells where the edges go."""
+    law, x = pace.law, pace.surface.x
+    way = pace.way(now.time, time)
+    count = len(way) - 1
+    new = np.linspace(0, 1, count + 1)
+    weights = np.array([fading(count, time - now.time, each) for each in law.times]).reshape(-1, count + 1)
+    faded = np.exp(-(time - now.time) / np.array(law.times))[:, None, None] * now.retained
+    sought, known = law.instant * np.eye(len(x)), np.zeros_like(now.displacement)
+    for place, share, weight in zip(way, new, np.array(law.shares) @ weights, strict=True):
+        N = interpolation(x, _within(x, x + way[-1] - place))
+        sought += weight * share * N
+        known += weight * (1 - share) * now.displacement @ N.T
+    for share, z in zip(law.shares, faded, strict=True):
+        known += share * np.array([np.interp(x + way[-1], now.places, part) for part in z])
+    contact = _pressed(pace, sought, known, _ahead(before, now, time))
+    w = _displacement(pace.surface, contact)
+    met = np.array([
+        interpolated(x, (1 - share) * now.displacement + share * w, _within(x, now.places - place))
+        for place, share in zip(way, new, strict=True)
+    ])  # fmt: skip
+    retained = faded + np.tensordot(weights, met, axes=1)
+    return _Instant(time, float(way[-1]), contact, w, now.places, retained)
+
+
+def _pressed(pace, sought, known, start):
+    """The contact on the surface of which a part is known."""
+    response = np.einsum("ca,iakb->ickb", sought, pace.surface.response, optimize=True)
+    surface = replace(pace.surface, response=response)
+    roll = RollAside(**vars(pace.roll), nodes=surface.x, aside=known)
+    return fem.Contact(surface, roll, press(surface, roll, pace.terms, start))
+
+
+def _ahead(before, now, time):
+    """The patch from which to start, its edges gone on as before."""
+    patch = now.contact.patch
+    if before is None:
+        return patch
+    share = (time - now.time) / (now.time - before.time)
+    trailing, leading = (new + share * (new - old) for new, old in
+                         zip(patch.edges, before.contact.patch.edges, strict=True))  # fmt: skip
+    return replace(patch, trailing=trailing, leading=leading)
+
+
+def _miss(pace, before, now, later):
+    """What the resistance misses for w being taken linear in time, over the tolerance.
+
+    The mean over a step of what a parabola leaves its chord by is dt^2/12 of its second derivative; it leaves the
+    tangent of the step before by dt (dt + dt')/2 of that.
+    """
+    step, earlier = later.time - now.time, 0.0 if before is None else now.time - before.time
+    gone = 0.0 if before is None else (now.moment - before.moment) * step / earlier
+    miss = np.abs(later.moment - now.moment - gone).sum() * step / (6 * (step + earlier))
+    return miss / (pace.tolerance * np.abs(later.moment).sum())
+
+
+def _marched(pace, start, breaks, stops):
+    """All `_Instant`s, by steps of the length that the tolerance asks; `stops` holds the breaks too."""
+    path, shortest = [start], SHORTEST * pace.motion.duration
+    for end in breaks[1:]:
+        before, step = None, FIRST * min(pace.law.times, default=end)
+        while path[-1].time < end:
+            now = path[-1]
+            stop = next(each for each in stops if each > now.time + shortest)
+            time = _not_too_far(pace, now.time, min(now.time + step, stop))
+            if stop - time < shortest:
+                time = stop
+            try:
+                later = _stepped(pace, before, now, time)
+                miss = _miss(pace, before, now, later)
+            except BeyondWindowError:
+                raise
+            except RuntimeError as lost:
+                miss, reason = np.inf, lost
+            tried = time - now.time
+            if miss > 1 and tried < 2 * shortest:
+                raise RuntimeError(f"no step on from t = {now.time:.6g} s after {len(path)} steps: {reason}")
+            ratio = np.clip(SAFE / np.sqrt(max(miss, 1e-9)), SHRINKING, GROWING)
+            if miss > 1:
+                step = tried * min(ratio, SAFE)
+                continue
+            step = max(tried * ratio, step) if time == stop else tried * ratio
+            before = now
+            path.append(later)
+    return path
+
+
+def _not_too_far(pace, begin, end):
+    """The end of a step no longer than `LONGEST` half-widths of travel."""
+    while np.abs(np.diff(pace.way(begin, end))).sum() > LONGEST * pace.half_width * (1 + 1e-9):
+        end = begin + (end - begin) * 0.8
+    return end
+
+
+def _followed(pace, start, times):
+    """The `_Instant`s at given times, from the start on."""
+    path, before = [start], None
+    for time in times:
+        later = _stepped(pace, before, path[-1], time)
+        before = path[-1]
+        path.append(later)
+    return path
+
+
+def _every_second(path, breaks):
+    """Times of every second instant of each piece between breaks, and of its end."""
+    times = np.array([each.time for each in path])
+    chosen = []
+    for begin, end in pairwise(breaks):
+        piece = times[(times > begin) & (times <= end)]
+        chosen += [*piece[1:-1:2], piece[-1]]
+    return chosen
+
+
+def _breaks(motion):
+    """Times between which the motion is smooth, 0 and the duration among them."""
+    joins = {float(join.time) for join in motion.joins()} if hasattr(motion, "joins") else set()
+    starts = {float(leg.start) for leg in motion.legs()} if hasattr(motion, "legs") else set()
+    inside = sorted(time for time in joins | starts if 0 < time < motion.duration)
+    return [0.0, *inside, float(motion.duration)]
+
+
+def _travelled(path, judge, material, motion):
+    modulus = material.youngs_modulus
+    forces = modulus * np.array([each.contact.force for each in path])
+    edges = np.array([each.contact.patch.edges for each in path])
+    time = np.array([each.time for each in path])
+    error, steps = None, len(path) - 1
+    if judge is not None:
+        known = dict(zip(time.tolist(), forces[:, 0], strict=True))
+        apart = [abs(modulus * each.contact.force[0] - known[each.time]) for each in judge]
+        error = float(max(apart) / max(np.abs(forces[:, 0]).max(), 1e-3 * np.abs(forces[:, 1]).max()))
+        steps += len(judge) - 1
+    return Travelled(
+        time=time,
+        position=np.array([each.position for each in path]),
+        velocity=motion.velocity(time),
+        load=-forces[:, 1],
+        resistance=forces[:, 0],
+        leading=edges[:, 1],
+        trailing=edges[:, 0],
+        error=error,
+        steps=steps,
+    )
+
+
+def _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, instants):
+    fem.refuse_beyond_linear(layer, roller, material, 1.0, mesh, tolerance)
+    refuse_nonpositive(time_tolerance=time_tolerance, duration=motion.duration)
+    refuse_nonfinite(instants=instants)
+    if roller.indentation is None:
+        raise ValueError(f"a motion through time keeps an `indentation`, got `{roller.target[0]}`; give that instead")
+    if roller.friction > 0 and roller.rolling != "frictionless":
+        raise ValueError(
+            f"a motion through time is known without friction only, got `rolling` '{roller.rolling}' with `friction` "
+            f"{roller.friction!r}; use 'frictionless'"
+        )
+    if layer.base == "slip" and roller.profile == "deformed":
+        raise ValueError("over a slipping layer the gap must be vertical, got `profile` 'deformed'; use 'circle'")
