@@ -39,8 +39,9 @@ from compact.records import Layer, Rolled, Roller, refuse_torque
 from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_unknown
 from compact.stickslip import Grip, Shear, pressed_and_sheared
 from compact.streamline import retardation
+from compact.travelled import travel
 
-__all__ = ["FemRolled", "fields", "roll", "write_fields"]
+__all__ = ["FemRolled", "fields", "roll", "travel", "write_fields"]
 
 NARROWEST = 1e-7  # layer heights: half-width of a contact that a mesh of the layer can hold
 TERMS = 12  # of the pressure: more resolve thinner edge layers, and blur the edges once they outrun the mesh

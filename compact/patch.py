@@ -22,6 +22,7 @@ FEWER = 2  # terms left out of the second opinion on the peak pressure: its scat
 PEAK_SAMPLES = 2001
 STEP = 0.25  # of the contact length: farthest that an edge moves at once
 ITERATIONS = 40
+PATIENCE = 12  # whole steps, after which halves: they stay on one side of a kink, where an edge passes a node
 
 
 class BeyondWindowError(RuntimeError):
@@ -209,7 +210,7 @@ def _settled(surface, roll, terms, edges, displacement, slopes, history):
     """Newton for the edges, its slopes updated by the secant rule of Broyden, and found anew where steps grow."""
     patch, amplitudes = _held(surface, roll, edges, displacement, terms)
     moved = np.inf
-    for _ in range(ITERATIONS):
+    for turn in range(ITERATIONS):
         if slopes is None:
             slopes = _slopes(surface, roll, edges, displacement, terms, amplitudes)
         before, step = moved, np.linalg.solve(slopes, -amplitudes)
@@ -219,7 +220,7 @@ def _settled(surface, roll, terms, edges, displacement, slopes, history):
         history.append((*edges.tolist(), moved))
         if moved < EDGE_TOLERANCE and steady:
             return replace(patch, slopes=slopes)
-        step *= min(1.0, STEP / max(moved, STEP))
+        step *= min(1.0, STEP / max(moved, STEP)) * (1.0 if turn < PATIENCE else 0.5)
         edges, displacement, known = edges + step, patch.displacement, amplitudes
         patch, amplitudes = _held(surface, roll, edges, displacement, terms)
         secant = slopes + np.outer(amplitudes - known - slopes @ step, step) / (step @ step)

@@ -8,7 +8,7 @@ the creep function, see `streamline`, follows at every place X of the layer
 w the displacement of the elastic layer as seen from the roller. During a time step w is taken linear in time at each x
 under the roller, and what fades is summed along the way s(t) itself:
 
-    z_k(X) <- exp(-dt/theta_k) z_k(X) + int exp(-(dt - t)/theta_k) [(1 - t/dt) w_old + (t/dt) w_new](X - s(t)) dt/theta_k
+    z_k <- exp(-T/theta_k) z_k + int exp(-(T - t)/theta_k) [(1 - t/T) w_old + (t/T) w_new](X - s(t)) dt/theta_k
 
 Steady motion is met exactly by steps of any length, and v = 0 is a place like any other. What is known of z stands as a
 surface set aside, what is sought as a response: every step is one contact on the layer that was condensed once. Steps
@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from threadpoolctl import threadpool_limits
 
 from compact import fem
@@ -29,12 +30,13 @@ from compact.refuse import refuse_nonfinite, refuse_nonpositive
 from compact.streamline import Creep, creep, fading, memory
 from compact.travelled import Travelled
 
-TIME_TOLERANCE = 3e-4  # of int p |x| dx/R, by which steps in time may miss the resistance
+TIME_TOLERANCE = 1e-3  # of int p |x| dx/R, by which steps in time may miss the resistance
 PLACES = 40  # of the layer, and instants of the way, per half-width
 FEWEST = 4  # instants of the way in a step
-LONGEST = 0.5  # half-widths travelled in a step
+LONGEST = 2.0  # half-widths travelled in a step
 FIRST = 0.02  # of the shortest time of creep, after the law has jumped
-SHORTEST = 1e-9  # of the duration
+SHORTEST = 1e-3  # of the same: shorter steps would only see the mesh
+SAME = 1e-9  # of the duration: instants closer than this are one
 GROWING, SHRINKING = 2.0, 0.25  # ratio of a step to the one before, at most and at least
 SAFE = 0.9  # of the step that would meet the tolerance
 
@@ -70,7 +72,7 @@ def travel(
         def marched(window):
             start, pace = _begun(case, task, window, material, motion, time_tolerance)
             path = _marched(pace, start, breaks, sorted({*breaks, *map(float, instants)}))
-            return path, _followed(pace, start, _every_second(path, breaks)) if estimate else None
+            return path, _judged(pace, start, _every_second(path, breaks)) if estimate else None
 
         return _travelled(*fem.widening(task, marched), material, motion)
 
@@ -87,10 +89,15 @@ class _Pace:
     half_width: float
     tolerance: float
 
-    def way(self, begin, end, least=FEWEST):
+    @property
+    def quickest(self):
+        """Shortest time of creep; the duration of the motion where nothing creeps [s]."""
+        return min(self.law.times, default=self.motion.duration)
+
+    def way(self, begin, end):
         """Positions at even instants from one time to another, close enough for the contact, shape (n + 1,)."""
         rough = self.motion.position(np.linspace(begin, end, 2 * PLACES + 1))
-        count = max(least, int(np.ceil(np.abs(np.diff(rough)).sum() * PLACES / self.half_width)))
+        count = max(FEWEST, int(np.ceil(np.abs(np.diff(rough)).sum() * PLACES / self.half_width)))
         return self.motion.position(np.linspace(begin, end, count + 1))
 
 
@@ -169,8 +176,7 @@ def _stepped(pace, before, now, time):
         N = interpolation(x, _within(x, x + way[-1] - place))
         sought += weight * share * N
         known += weight * (1 - share) * now.displacement @ N.T
-    for share, z in zip(law.shares, faded, strict=True):
-        known += share * np.array([np.interp(x + way[-1], now.places, part) for part in z])
+    known += np.tensordot(law.shares, CubicSpline(now.places, faded, axis=-1)(x + way[-1]), axes=1)
     contact = _pressed(pace, sought, known, _ahead(before, now, time))
     w = _displacement(pace.surface, contact)
     met = np.array([
@@ -186,7 +192,13 @@ def _pressed(pace, sought, known, start):
     response = np.einsum("ca,iakb->ickb", sought, pace.surface.response, optimize=True)
     surface = replace(pace.surface, response=response)
     roll = RollAside(**vars(pace.roll), nodes=surface.x, aside=known)
-    return fem.Contact(surface, roll, press(surface, roll, pace.terms, start))
+    try:
+        patch = press(surface, roll, pace.terms, start)
+    except BeyondWindowError:
+        raise
+    except RuntimeError:  # edges that jump: the print of the roller nearly fits it where it turns
+        patch = press(surface, roll, pace.terms)
+    return fem.Contact(surface, roll, patch)
 
 
 def _ahead(before, now, time):
@@ -214,47 +226,51 @@ def _miss(pace, before, now, later):
 
 def _marched(pace, start, breaks, stops):
     """All `_Instant`s, by steps of the length that the tolerance asks; `stops` holds the breaks too."""
-    path, shortest = [start], SHORTEST * pace.motion.duration
+    path, shortest = [start], SHORTEST * pace.quickest
     for end in breaks[1:]:
-        before, step = None, FIRST * min(pace.law.times, default=end)
+        before, step = None, FIRST * pace.quickest
         while path[-1].time < end:
             now = path[-1]
-            stop = next(each for each in stops if each > now.time + shortest)
-            time = _not_too_far(pace, now.time, min(now.time + step, stop))
-            if stop - time < shortest:
-                time = stop
+            time = _end_of_step(pace, now.time, step, stops)
+            tried = time - now.time
             try:
                 later = _stepped(pace, before, now, time)
                 miss = _miss(pace, before, now, later)
             except BeyondWindowError:
                 raise
-            except RuntimeError as lost:
-                miss, reason = np.inf, lost
-            tried = time - now.time
-            if miss > 1 and tried < 2 * shortest:
-                raise RuntimeError(f"no step on from t = {now.time:.6g} s after {len(path)} steps: {reason}")
-            ratio = np.clip(SAFE / np.sqrt(max(miss, 1e-9)), SHRINKING, GROWING)
-            if miss > 1:
-                step = tried * min(ratio, SAFE)
+            except RuntimeError:
+                if tried < 2 * shortest:
+                    raise
+                miss = np.inf
+            ratio = np.clip(SAFE / np.sqrt(max(miss, SAME)), SHRINKING, GROWING)
+            if miss > 1 and tried > shortest:
+                step = max(tried * min(ratio, SAFE), shortest)
                 continue
-            step = max(tried * ratio, step) if time == stop else tried * ratio
+            step = max(tried * ratio, step if time in stops else shortest)
             before = now
             path.append(later)
     return path
 
 
-def _not_too_far(pace, begin, end):
-    """The end of a step no longer than `LONGEST` half-widths of travel."""
-    while np.abs(np.diff(pace.way(begin, end))).sum() > LONGEST * pace.half_width * (1 + 1e-9):
-        end = begin + (end - begin) * 0.8
-    return end
+def _end_of_step(pace, begin, step, stops):
+    """Where a step ends that is about so long, passes no stop and travels `LONGEST` half-widths at most."""
+    stop = next(each for each in stops if each > begin + SAME * stops[-1])
+    end = min(begin + step, stop)
+    while np.abs(np.diff(pace.way(begin, end))).sum() > LONGEST * pace.half_width * (1 + SAME):
+        end = begin + (end - begin) * SAFE
+    return stop if stop - end < SAME * stops[-1] else end
 
 
-def _followed(pace, start, times):
-    """The `_Instant`s at given times, from the start on."""
+def _judged(pace, start, times):
+    """The `_Instant`s at given times, from the start on; None where the contact is lost."""
     path, before = [start], None
     for time in times:
-        later = _stepped(pace, before, path[-1], time)
+        try:
+            later = _stepped(pace, before, path[-1], time)
+        except BeyondWindowError:
+            raise
+        except RuntimeError:
+            return None
         before = path[-1]
         path.append(later)
     return path
@@ -305,7 +321,10 @@ def _travelled(path, judge, material, motion):
 def _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, instants):
     fem.refuse_beyond_linear(layer, roller, material, 1.0, mesh, tolerance)
     refuse_nonpositive(time_tolerance=time_tolerance, duration=motion.duration)
-    refuse_nonfinite(instants=instants)
+    refuse_nonfinite(instants=instants, position=motion.position(np.linspace(0, motion.duration, 2 * PLACES)))
+    outside = [time for time in instants if not 0 <= time <= motion.duration]
+    if outside:
+        raise ValueError(f"`instants` must lie within the motion, 0 to {motion.duration:g} s, got {outside[0]!r}")
     if roller.indentation is None:
         raise ValueError(f"a motion through time keeps an `indentation`, got `{roller.target[0]}`; give that instead")
     if roller.friction > 0 and roller.rolling != "frictionless":
