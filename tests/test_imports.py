@@ -24,7 +24,7 @@ LEVELS = (
     ("compacted",),
     ("compaction",),
     ("motion", "contact", "spectral", "fem", "drive", "scene", "column", "resistance"),
-    ("measured", "cam", "crank", "passes", "spectral_modulation", "fem_modulation", "transient", "regime"),
+    ("memory", "measured", "cam", "crank", "passes", "spectral_modulation", "fem_modulation", "transient", "regime"),
     ("engine", "engineering", "elastic", "motor"),
     ("study", "calibrate"),
     ("figures", "published_laws", "published_machine"),
