@@ -19,15 +19,15 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from threadpoolctl import threadpool_limits
 
 from compact import fem
 from compact.material import Elastic
 from compact.mesh import DEFAULT_ERROR
-from compact.patch import BeyondWindowError, Roll, RollAside, Surface, interpolated, interpolation, press
+from compact.patch import BeyondWindowError, Roll, RollAside, Surface, interpolation, press
 from compact.refuse import refuse_nonfinite, refuse_nonpositive
-from compact.streamline import Creep, creep, fading, memory
+from compact.retained import fading_over, retained_by, steadily_retained, within
+from compact.streamline import Creep, creep
 from compact.travelled import Travelled
 
 TIME_TOLERANCE = 1e-3  # of int p |x| dx/R, by which steps in time may miss the resistance
@@ -42,8 +42,8 @@ SAFE = 0.9  # of the step that would meet the tolerance
 
 
 def travel(
-    layer, roller, material, motion, *, instants=(), mesh=None, tolerance=DEFAULT_ERROR, time_tolerance=TIME_TOLERANCE,
-    estimate=True,
+    layer, roller, material, motion, *, instants=(), frames=(), mesh=None, tolerance=DEFAULT_ERROR,
+    time_tolerance=TIME_TOLERANCE, estimate=True,
 ):  # fmt: skip
     """A roller in any motion at a given indentation over a linear layer, a `Travelled`.
 
@@ -56,12 +56,21 @@ def travel(
     material : Elastic or Viscoelastic
     motion : with `position` and `velocity` of time, and `duration` [s]; no step passes its `joins`
     instants : times at which a step shall end [s]
+    frames : times of which to keep the fields inside [s], for `Travelled.film`
     mesh, tolerance : as of `fem.roll`
     time_tolerance : of int p |x| dx/R, by which the steps in time may miss the resistance
-    estimate : whether to tell the error of the steps, from steps twice as long; as much work again by half
+    estimate : whether to tell the error of the steps, from steps twice as long; half as much work again
 
+    >>> from compact.material import Viscoelastic
+    >>> from compact.motion import law
+    >>> from compact.records import Layer, Roller
+    >>> mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
+    >>> stroke = law("quintic", stroke=0.1, duration=1.0)
+    >>> done = travel(Layer(0.22), Roller(0.11, indentation=0.003), mix, stroke)
+    >>> f"{done.resistance.max():.0f} N/m at most, within {100 * done.error:.1f} % for the steps"
+    '505 N/m at most, within 0.1 % for the steps'
     """
-    _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, instants)
+    _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, (*instants, *frames))
     case = fem.Case(layer, roller, material, _first_velocity(motion))
     if case.speed == 0:  # has stood for ever: all is relaxed, at any speed
         case = fem.Case(layer, roller, Elastic(material.youngs_modulus, material.poisson), 1.0)
@@ -71,14 +80,21 @@ def travel(
 
         def marched(window):
             start, pace = _begun(case, task, window, material, motion, time_tolerance)
-            path = _marched(pace, start, breaks, sorted({*breaks, *map(float, instants)}))
-            return path, _judged(pace, start, _every_second(path, breaks)) if estimate else None
+            path = _marched(pace, start, breaks, sorted({*breaks, *map(float, (*instants, *frames))}))
+            return (path, pace), _judged(pace, start, _every_second(path, breaks)) if estimate else None
 
-        return _travelled(*fem.widening(task, marched), material, motion)
+        (path, pace), judge = fem.widening(task, marched)
+        taken = ()
+        if len(frames):
+            from compact.filmed import filmed
+
+            velocity = _first_velocity(motion)
+            taken = filmed(layer, material, task.mesh, path, pace.way, velocity, [float(time) for time in frames])
+    return _travelled(path, judge, material, motion, taken)
 
 
 @dataclass(frozen=True, eq=False)
-class _Pace:
+class Pace:
     """What all steps share: the elastic surface, the roller, the creep, the motion, and lengths to go by."""
 
     surface: Surface
@@ -102,7 +118,7 @@ class _Pace:
 
 
 @dataclass(frozen=True, eq=False)
-class _Instant:
+class Instant:
     """Where the roller is, the contact it makes, w of the surface, shape (2, n), and z of the `places`, (k, 2, m)."""
 
     time: float
@@ -120,23 +136,15 @@ class _Instant:
 
 
 def _begun(case, task, window, material, motion, tolerance):
-    """The `_Instant` before the motion, and the `_Pace` of all steps."""
+    """The `Instant` before the motion, and the `Pace` of all steps."""
     surface, law = fem.elastic_surface(case, task.mesh, window), creep(material)
     velocity = _first_velocity(motion)
     contact = fem.at_target(case, fem.surface_of(case, task.mesh, window), task)
-    pace = _Pace(surface, contact.roll, task.terms, law, motion, task.half_width, tolerance)
+    pace = Pace(surface, contact.roll, task.terms, law, motion, task.half_width, tolerance)
     places, start = _places(pace), float(motion.position(np.zeros(1))[0])
     w = _displacement(surface, contact)
-    retained = np.array([_steady(surface.x, w, time * velocity, places - start) for time in law.times])
-    return _Instant(0.0, start, contact, w, places, retained.reshape(-1, 2, len(places))), pace
-
-
-def _steady(nodes, w, length, x):
-    """z in steady motion at points x that may lie behind the mesh, shape (2, m); all of w where nothing moves."""
-    if length == 0:
-        return interpolated(nodes, w, _within(nodes, x))
-    inside = _within(nodes, x)
-    return interpolated(nodes, w @ memory(nodes, length).T, inside) * np.exp(-np.abs(inside - x) / abs(length))
+    retained = steadily_retained(law, surface.x, w, velocity, places - start)
+    return Instant(0.0, start, contact, w, places, retained), pace
 
 
 def _first_velocity(motion):
@@ -153,10 +161,6 @@ def _places(pace):
     return np.concatenate([behind, close, ahead])
 
 
-def _within(nodes, x):
-    return np.clip(x, nodes[0], nodes[-1])
-
-
 def _displacement(surface, contact):
     """w at the surface nodes."""
     forces = contact.forces[:, surface.first : surface.last]
@@ -164,27 +168,19 @@ def _displacement(surface, contact):
 
 
 def _stepped(pace, before, now, time):
-    """The `_Instant` at a later time; the one before, or None, tells where the edges go."""
-    law, x = pace.law, pace.surface.x
-    way = pace.way(now.time, time)
-    count = len(way) - 1
-    new = np.linspace(0, 1, count + 1)
-    weights = np.array([fading(count, time - now.time, each) for each in law.times]).reshape(-1, count + 1)
-    faded = np.exp(-(time - now.time) / np.array(law.times))[:, None, None] * now.retained
-    sought, known = law.instant * np.eye(len(x)), np.zeros_like(now.displacement)
-    for place, share, weight in zip(way, new, np.array(law.shares) @ weights, strict=True):
-        N = interpolation(x, _within(x, x + way[-1] - place))
+    """The `Instant` at a later time; the one before, or None, tells where the edges go."""
+    x, step = pace.surface.x, fading_over(pace.law, pace.way(now.time, time), time - now.time)
+    end = step.way[-1]
+    sought = pace.law.instant * np.eye(len(x))
+    known = retained_by(step.shares, now.places, step.faded(now.retained), x + end)
+    for place, share, weight in zip(step.way, step.new, step.shares @ step.weights, strict=True):
+        N = interpolation(x, within(x, x + end - place))
         sought += weight * share * N
         known += weight * (1 - share) * now.displacement @ N.T
-    known += np.tensordot(law.shares, CubicSpline(now.places, faded, axis=-1)(x + way[-1]), axes=1)
     contact = _pressed(pace, sought, known, _ahead(before, now, time))
     w = _displacement(pace.surface, contact)
-    met = np.array([
-        interpolated(x, (1 - share) * now.displacement + share * w, _within(x, now.places - place))
-        for place, share in zip(way, new, strict=True)
-    ])  # fmt: skip
-    retained = faded + np.tensordot(weights, met, axes=1)
-    return _Instant(time, float(way[-1]), contact, w, now.places, retained)
+    retained = step.retained(x, now.places, now.retained, now.displacement, w)
+    return Instant(time, float(end), contact, w, now.places, retained)
 
 
 def _pressed(pace, sought, known, start):
@@ -225,7 +221,7 @@ def _miss(pace, before, now, later):
 
 
 def _marched(pace, start, breaks, stops):
-    """All `_Instant`s, by steps of the length that the tolerance asks; `stops` holds the breaks too."""
+    """All `Instant`s, by steps of the length that the tolerance asks; `stops` holds the breaks too."""
     path, shortest = [start], SHORTEST * pace.quickest
     for end in breaks[1:]:
         before, step = None, FIRST * pace.quickest
@@ -262,7 +258,7 @@ def _end_of_step(pace, begin, step, stops):
 
 
 def _judged(pace, start, times):
-    """The `_Instant`s at given times, from the start on; None where the contact is lost."""
+    """The `Instant`s at given times, from the start on; None where the contact is lost."""
     path, before = [start], None
     for time in times:
         try:
@@ -294,7 +290,7 @@ def _breaks(motion):
     return [0.0, *inside, float(motion.duration)]
 
 
-def _travelled(path, judge, material, motion):
+def _travelled(path, judge, material, motion, frames):
     modulus = material.youngs_modulus
     forces = modulus * np.array([each.contact.force for each in path])
     edges = np.array([each.contact.patch.edges for each in path])
@@ -315,6 +311,7 @@ def _travelled(path, judge, material, motion):
         trailing=edges[:, 0],
         error=error,
         steps=steps,
+        frames=frames,
     )
 
 

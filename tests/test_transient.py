@@ -1,12 +1,14 @@
 """A roller through time: steady motion, published reversals, an independent program, joins, rest, refusals."""
 
 from dataclasses import dataclass
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 from compact import compliance, fem
 from compact.material import Elastic, Viscoelastic
+from compact.mesh import RowMesh, for_error
 from compact.motion import law
 from compact.records import Layer, Ply, Roller
 from compact.streamline import creep
@@ -227,6 +229,39 @@ def test_joins_of_the_law_are_not_stepped_over():
     assert there == pytest.approx(steady, rel=3e-3)
 
 
+# the fields inside
+
+
+@pytest.mark.parametrize("speed", [0.2, -0.2])
+def test_frames_of_steady_motion_are_its_fields(speed):
+    done = travel(LAYER, pressed(), MIX, Accelerated(speed, 0.0, 0.2), frames=(0.0, 0.2), estimate=False)
+    steady = fem.fields(fem.roll(LAYER, pressed(), MIX, speed, estimate=False))
+    u, stress = steady.point_data["displacement"], steady.cell_data["stress"][0]
+    assert [time for time, _ in done.frames] == [0.0, 0.2]
+    for time, mesh in done.frames:
+        assert mesh.point_data["displacement"] == pytest.approx(u, abs=1e-3 * np.abs(u).max())
+        assert mesh.cell_data["stress"][0] == pytest.approx(stress, abs=1e-3 * np.abs(stress).max())
+        assert mesh.cell_data["position"][0] == pytest.approx(speed * time)
+
+
+def test_film_shows_the_print_that_the_roller_leaves(tmp_path):
+    """Standing, then far away for a time: what is left at the start fades with the time of creep, 0.2 s."""
+    motion = law("cubic", 0.2, 0.4).cycle(far_dwell=0.3)
+    done = travel(LAYER, pressed(), MIX, motion, frames=(0.0, 0.4, 0.6), tolerance=1e-2, estimate=False)
+    sunk = []
+    for _, mesh in done.frames:
+        x, y, _ = mesh.points.T
+        place = x + mesh.cell_data["position"][0][0]
+        at_start = np.flatnonzero((y == y.max()) & (np.abs(place) < 0.03))
+        sunk.append(-mesh.point_data["displacement"][at_start, 1].min())
+    assert sunk[0] == pytest.approx(0.003, rel=0.01)
+    assert sunk[0] > sunk[1] > sunk[2] > 0
+    series = done.film(tmp_path)
+    named = [part.attrib for part in ElementTree.parse(series).getroot().iter("DataSet")]
+    assert [float(part["timestep"]) for part in named] == [0.0, 0.4, 0.6]
+    assert all((tmp_path / part["file"]).stat().st_size > 10_000 for part in named)
+
+
 # properties
 
 
@@ -282,6 +317,19 @@ def test_refused(change, words):
     given = {"layer": LAYER, "roller": pressed(), "material": MIX, "motion": Accelerated(0.1, 0.0, 1.0)} | change
     with pytest.raises(ValueError, match=words):
         travel(**given)
+
+
+def test_film_without_frames_is_refused(tmp_path):
+    done = travel(LAYER, pressed(), MIX, Accelerated(0.1, 0.0, 0.05), estimate=False)
+    with pytest.raises(ValueError, match="no frames to film"):
+        done.film(tmp_path)
+
+
+def test_film_needs_a_mesh_of_straight_columns():
+    even = for_error(0.22, 0.018, 1e-2)
+    leaning = RowMesh(even.x + even.y[:, None] * 1e-3, even.y)
+    with pytest.raises(ValueError, match="nodes stand one above the other"):
+        travel(LAYER, pressed(), MIX, Accelerated(0.1, 0.0, 0.05), mesh=leaning, frames=(0.05,), estimate=False)
 
 
 def test_number_that_is_lost_is_not_returned():
