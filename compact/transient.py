@@ -75,21 +75,22 @@ def travel(
     if case.speed == 0:  # has stood for ever: all is relaxed, at any speed
         case = fem.Case(layer, roller, Elastic(material.youngs_modulus, material.poisson), 1.0)
     breaks = _breaks(motion)
+    instants, frames = _rounded(instants, breaks), _rounded(frames, breaks)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
         task = fem.task_of(case, mesh, tolerance)
 
         def marched(window):
             start, pace = _begun(case, task, window, material, motion, time_tolerance)
-            path = _marched(pace, start, breaks, sorted({*breaks, *map(float, (*instants, *frames))}))
+            path = _marched(pace, start, breaks, sorted({*breaks, *instants, *frames}))
             return (path, pace), _judged(pace, start, _every_second(path, breaks)) if estimate else None
 
         (path, pace), judge = fem.widening(task, marched)
         taken = ()
-        if len(frames):
+        if frames:
             from compact.filmed import filmed
 
             velocity = _first_velocity(motion)
-            taken = filmed(layer, material, task.mesh, path, pace.way, velocity, [float(time) for time in frames])
+            taken = filmed(layer, material, task.mesh, path, pace.way, velocity, frames)
     return _travelled(path, judge, material, motion, taken)
 
 
@@ -286,8 +287,18 @@ def _breaks(motion):
     """Times between which the motion is smooth, 0 and the duration among them."""
     joins = {float(join.time) for join in motion.joins()} if hasattr(motion, "joins") else set()
     starts = {float(leg.start) for leg in motion.legs()} if hasattr(motion, "legs") else set()
-    inside = sorted(time for time in joins | starts if 0 < time < motion.duration)
-    return [0.0, *inside, float(motion.duration)]
+    breaks, near = [0.0], SAME * motion.duration
+    for time in sorted(joins | starts):
+        if breaks[-1] + near < time < motion.duration - near:
+            breaks.append(time)
+    return [*breaks, float(motion.duration)]
+
+
+def _rounded(times, breaks):
+    """The times [s]; those that miss a break by rounding are there."""
+    nearest = [min(breaks, key=lambda each, time=time: abs(each - time)) for time in times]
+    near = SAME * breaks[-1]
+    return [each if abs(each - time) <= near else float(time) for time, each in zip(times, nearest, strict=True)]
 
 
 def _travelled(path, judge, material, motion, frames):

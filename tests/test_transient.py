@@ -244,6 +244,13 @@ def test_frames_of_steady_motion_are_its_fields(speed):
         assert mesh.cell_data["position"][0] == pytest.approx(speed * time)
 
 
+def test_frame_that_misses_a_join_by_rounding_is_kept():
+    motion = law("gear-sector", 0.06, 0.3).cycle()
+    done = travel(LAYER, pressed(), MIX, motion, frames=(3 * 0.1,), tolerance=1e-2, estimate=False)
+    assert 3 * 0.1 != 0.3
+    assert [time for time, _ in done.frames] == [0.3]
+
+
 def test_film_shows_the_print_that_the_roller_leaves(tmp_path):
     """Standing, then far away for a time: what is left at the start fades with the time of creep, 0.2 s."""
     motion = law("cubic", 0.2, 0.4).cycle(far_dwell=0.3)
