@@ -251,6 +251,7 @@ def test_frame_that_misses_a_join_by_rounding_is_kept():
     assert [time for time, _ in done.frames] == [0.3]
 
 
+@pytest.mark.slow
 def test_film_shows_the_print_that_the_roller_leaves(tmp_path):
     """Standing, then far away for a time: what is left at the start fades with the time of creep, 0.2 s."""
     motion = law("cubic", 0.2, 0.4).cycle(far_dwell=0.3)
