@@ -70,6 +70,7 @@ def test_columns_scale_as_the_fourth_power_of_their_half_length():
 # the fit
 
 
+@pytest.mark.slow
 def test_fit_to_a_thin_slipping_layer_finds_its_columns():
     mix, roller = Viscoelastic(0.91, 0.3, branches=((1.0, 1.0),)), Roller(100.0, indentation=0.005)
     thin = Layer(0.1, "slip")
@@ -82,7 +83,10 @@ def test_fit_to_a_thin_slipping_layer_finds_its_columns():
 
 @pytest.mark.parametrize(
     ("motion", "close"),
-    [(law("quintic", 0.4, 3.0), 0.025), (law("parabolic", 0.2, 1.0), 0.09)],
+    [
+        pytest.param(law("quintic", 0.4, 3.0), 0.025, marks=pytest.mark.slow),
+        (law("parabolic", 0.2, 1.0), 0.09),
+    ],
     ids=["another law", "four times as sudden"],
 )
 def test_other_motions_are_met_where_the_map_fails(motion, close, steady, memory):

@@ -204,7 +204,7 @@ def active_set(A, depth):
 @pytest.mark.parametrize(
     ("mix", "motion"),
     [
-        (MIX, Accelerated(0.2, -0.5, 1.0)),
+        pytest.param(MIX, Accelerated(0.2, -0.5, 1.0), marks=pytest.mark.slow),
         (MIX, Accelerated(0.2, -4.0, 0.16)),
         pytest.param(THREE, Accelerated(-0.1, 0.5, 0.6), marks=pytest.mark.slow),
         pytest.param(MIX, Accelerated(0.0, 0.5, 0.5), marks=pytest.mark.slow),
@@ -273,7 +273,7 @@ def test_film_shows_the_print_that_the_roller_leaves(tmp_path):
 # properties
 
 
-@pytest.mark.parametrize("profile", ["parabola", "deformed"])
+@pytest.mark.parametrize("profile", ["parabola", pytest.param("deformed", marks=pytest.mark.slow)])
 def test_motion_the_other_way_is_the_mirror_image(profile):
     there, back = (
         travel(LAYER, pressed(profile=profile), THREE, Accelerated(side * 0.1, side * -0.3, 0.5), estimate=False)
