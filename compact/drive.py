@@ -89,8 +89,10 @@ class Demand:
         """`State` at phases of a leg, ndarray of any shape."""
         travel = [leg.at_phase(phase, order) for order in range(4)]
         moving = self._moving(leg, travel[1])
-        met = met_resistance(self.resistance, moving, travel[2])
-        tangent = self.drive.rod_tangent(leg.start + leg.duration * phase, self.cycle.period)
+        time = leg.start + leg.duration * phase
+        remembers = hasattr(self.resistance, "of_time")
+        met = self.resistance.of_time(time) if remembers else met_resistance(self.resistance, moving, travel[2])
+        tangent = self.drive.rod_tangent(time, self.cycle.period)
         return State(*travel, met, tangent, balance(self.cart, travel[2], met, np.sign(moving), tangent))
 
     def _moving(self, leg, velocity):
@@ -229,7 +231,8 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
     cart : Cart
     drive : Rigid or Crank, or a drive with an equation of motion of its own, such as `elastic.ElasticDrive`: its `run`
     motion : Motion (there and back without a dwell) or Cycle
-    resistance : callable(velocity, acceleration) -> N, of all rollers of the cart
+    resistance : callable(velocity, acceleration) -> N, of all rollers of the cart; one that remembers, a
+        `memory.Memory`, is taken along the cycle, which the drive then has to impose
     working : shares of the pass between which the speed should be even, for `nonuniformity`
 
     Raises ValueError where the resistance is not finite, and where a crank is given another law than its own.
@@ -237,9 +240,16 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
     if not 0 <= working[0] < working[1] <= 1:
         raise ValueError(f"`working` must be two shares, 0 <= first < second <= 1, got {working!r}")
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
+    remembers = hasattr(resistance, "along")
     if hasattr(drive, "run"):
+        if remembers:
+            raise ValueError(
+                "`resistance` with a memory needs a motion that is imposed; use Rigid(), or its map `steady`"
+            )
         return drive.run(cart, cycle, resistance, working)
     refuse_foreign_law(drive, cycle)
+    if remembers:
+        resistance = resistance.along(cycle)
     demand = Demand(cart, drive, cycle, resistance)
     time, weights, direction, state = _sampled(demand)
     joins = cycle.joins()

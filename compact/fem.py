@@ -39,8 +39,9 @@ from compact.records import Layer, Rolled, Roller, refuse_torque
 from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_unknown
 from compact.stickslip import Grip, Shear, pressed_and_sheared
 from compact.streamline import retardation
+from compact.travelled import travel
 
-__all__ = ["FemRolled", "fields", "roll", "write_fields"]
+__all__ = ["FemRolled", "fields", "roll", "travel", "write_fields"]
 
 NARROWEST = 1e-7  # layer heights: half-width of a contact that a mesh of the layer can hold
 TERMS = 12  # of the pressure: more resolve thinner edge layers, and blur the edges once they outrun the mesh
@@ -150,7 +151,7 @@ class Case:
 
 
 @dataclass(frozen=True, eq=False)
-class _Contact:
+class Contact:
     surface: Surface
     roll: Roll
     patch: Patch
@@ -262,11 +263,11 @@ def _settled(case, surface, roll, terms, start=None):
     """The contact at an indentation, from another one on, with shear where the roller sticks and slips."""
     near = (None, None) if start is None else (start.patch, start.shear)
     if not case.sticks:
-        return _Contact(surface, roll, with_peaks(surface, roll, press(surface, roll, terms, near[0])))
+        return Contact(surface, roll, with_peaks(surface, roll, press(surface, roll, terms, near[0])))
     direction = np.sign(case.speed)
     asked = -direction * case.torque / case.roller.radius / case.material.youngs_modulus
     grip = Grip(case.roller.friction, asked, direction)
-    return _Contact(surface, roll, *pressed_and_sheared(surface, roll, terms, grip, *near))
+    return Contact(surface, roll, *pressed_and_sheared(surface, roll, terms, grip, *near))
 
 
 def _miss(case, contact):

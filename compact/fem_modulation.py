@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 from compact import fem
 from compact.mesh import DEFAULT_ERROR
 from compact.modulation import Modulation
-from compact.patch import Roll, interpolation
+from compact.patch import RollAside
 from compact.streamline import creep, memory
 
 TOLERANCE = DEFAULT_ERROR / 4  # derivatives feel how the edges pass the nodes: F_ss to 0.01 %, slopes and M to 1 %
@@ -112,17 +112,4 @@ class _SetAside(fem.Case):
     aside: np.ndarray | None = None
 
     def pressed(self, indentation):
-        return _RollAside(**vars(super().pressed(indentation)), nodes=self.nodes, aside=self.aside)
-
-
-@dataclass(frozen=True, eq=False)
-class _RollAside(Roll):
-    """The same of the profile, to which displacements are those without `aside`."""
-
-    nodes: np.ndarray
-    aside: np.ndarray
-
-    def touch(self, x, displacement):
-        aside = self.aside @ interpolation(self.nodes, x).T
-        normal, depth = super().touch(x, displacement + aside)
-        return normal, depth - np.sum(normal * aside, axis=0)
+        return RollAside(**vars(super().pressed(indentation)), nodes=self.nodes, aside=self.aside)

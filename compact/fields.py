@@ -24,24 +24,39 @@ def fields(rolled):
     cell data, means of the elements : stress (xx, yy, zz, xy, yz, xz) [Pa], tension positive; pressure, of all
     directions [Pa], compression positive; dissipation [W/m3]
     """
+    strain = _strain(rolled)
+    weight = _shares(rolled)
+    dissipation = abs(rolled.speed) * np.sum(weight * _dissipation(rolled, strain), axis=1)
+    return pictured(rolled, _displacement(rolled), dissipation=dissipation)
+
+
+def pictured(rolled, displacement, **cells):
+    """The meshio mesh of a layer under `forces` with a displacement of its nodes, shape (dofs, 2), and data of cells.
+
+    rolled : anything with `mesh`, `layer`, `material`, `speed` and `forces` as of a `FemRolled`
+    """
     import meshio
 
-    basis, strain = _basis(rolled), _strain(rolled)
-    weight = basis.dx / basis.dx.sum(axis=1, keepdims=True)
-    stress = np.einsum("eq,eqs->es", weight, _stress(rolled, strain))
-    dissipation = abs(rolled.speed) * np.sum(weight * _dissipation(rolled, strain), axis=1)
-    cells = {"stress": stress, "pressure": -stress[:, :3].mean(axis=1), "dissipation": dissipation}
+    basis = _basis(rolled)
+    stress = np.einsum("eq,eqs->es", _shares(rolled), _stress(rolled, _strain(rolled)))
+    cells = {"stress": stress, "pressure": -stress[:, :3].mean(axis=1)} | cells
     return meshio.Mesh(
         np.pad(basis.doflocs.T, ((0, 0), (0, 1))),
         [("quad9", basis.element_dofs.T)],
-        point_data={"displacement": np.pad(_displacement(rolled), ((0, 0), (0, 1)))},
+        point_data={"displacement": np.pad(displacement, ((0, 0), (0, 1)))},
         cell_data={name: [values] for name, values in cells.items()},
     )
 
 
+def _shares(rolled):
+    """Weights of the Gauss points in the means of the elements."""
+    basis = _basis(rolled)
+    return basis.dx / basis.dx.sum(axis=1, keepdims=True)
+
+
 def write_fields(rolled, path):
     """Write `fields` as VTU, whole or not at all."""
-    _write(fields(rolled), path)
+    write_mesh(fields(rolled), path)
 
 
 def write_series(layers, directory):
@@ -52,7 +67,7 @@ def write_series(layers, directory):
     members = []
     for layer, rolled in layers:
         path = Path(directory) / "fields" / f"speed={rolled.speed!r}.vtu"
-        _write(layer, path)
+        write_mesh(layer, path)
         members.append((rolled.speed, path))
         yield path
     series = Path(directory) / "fields.pvd"
@@ -60,7 +75,8 @@ def write_series(layers, directory):
     yield series
 
 
-def _write(layer, path):
+def write_mesh(layer, path):
+    """Write a meshio mesh as VTU, whole or not at all."""
     import meshio
 
     with whole_file(path, "wb") as stream:  # its name, since meshio opens the file itself
@@ -90,7 +106,7 @@ def _basis(rolled):
     return stiffness(rolled.mesh, rolled.material.poisson, rolled.layer).basis
 
 
-def _relaxed(rolled):
+def relaxed(rolled):
     """Displacements of the elastic layer of the relaxed modulus, shape (dofs, 2)."""
     layer = stiffness(rolled.mesh, rolled.material.poisson, rolled.layer)
     forces = np.zeros((layer.basis.N, 2))
@@ -105,7 +121,7 @@ def _strain(rolled):
     """(e_xx, e_yy, 2 e_xy, e) of the elastic layer at the Gauss points, shape (elements, points, 4)."""
     basis = _basis(rolled)
     unknowns = element_unknowns(basis)
-    return np.einsum("eqsb,eb->eqs", strain_matrix(basis), _relaxed(rolled).ravel()[unknowns], optimize=True)
+    return np.einsum("eqsb,eb->eqs", strain_matrix(basis), relaxed(rolled).ravel()[unknowns], optimize=True)
 
 
 def _stress(rolled, strain):
@@ -138,15 +154,18 @@ def _dissipation(rolled, strain):
 
 def _displacement(rolled):
     """Displacements of all nodes, each line of nodes retarded along itself, shape (dofs, 2)."""
-    law, basis, relaxed = creep(rolled.material), _basis(rolled), _relaxed(rolled)
-    x, y = basis.doflocs
-    columns = 2 * rolled.mesh.shape[1] + 1
-    lines = np.lexsort((x, np.round(y / rolled.mesh.height, 12))).reshape(-1, columns)
-    u = law.instant * relaxed
+    law, basis, elastic = creep(rolled.material), _basis(rolled), relaxed(rolled)
+    x, u = basis.doflocs[0], law.instant * elastic
     for share, time in zip(law.shares, law.times, strict=True):
-        for line in lines:
-            u[line] += share * memory(x[line], time * rolled.speed) @ relaxed[line]
+        for line in lines_of(basis, rolled.mesh):
+            u[line] += share * memory(x[line], time * rolled.speed) @ elastic[line]
     return u
+
+
+def lines_of(basis, mesh):
+    """Nodes line by line from the base up, each along x, shape (lines, n)."""
+    x, y = basis.doflocs
+    return np.lexsort((x, np.round(y / mesh.height, 12))).reshape(-1, 2 * mesh.shape[1] + 1)
 
 
 class _Streamlines:

@@ -22,6 +22,7 @@ FEWER = 2  # terms left out of the second opinion on the peak pressure: its scat
 PEAK_SAMPLES = 2001
 STEP = 0.25  # of the contact length: farthest that an edge moves at once
 ITERATIONS = 40
+PATIENCE = 12  # whole steps, after which halves: they stay on one side of a kink, where an edge passes a node
 
 
 class BeyondWindowError(RuntimeError):
@@ -71,6 +72,19 @@ class Roll:
         if self.profile == "deformed":
             return np.zeros_like(x)
         return x / self.radius if self.profile == "parabola" else x / np.sqrt(self.radius**2 - x**2)
+
+
+@dataclass(frozen=True, eq=False)
+class RollAside(Roll):
+    """The same on a surface that stands aside, at `nodes` [m] by `aside` [m], shape (2, n), before it is loaded."""
+
+    nodes: np.ndarray
+    aside: np.ndarray
+
+    def touch(self, x, displacement):
+        aside = self.aside @ interpolation(self.nodes, x).T
+        normal, depth = super().touch(x, displacement + aside)
+        return normal, depth - np.sum(normal * aside, axis=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +210,7 @@ def _settled(surface, roll, terms, edges, displacement, slopes, history):
     """Newton for the edges, its slopes updated by the secant rule of Broyden, and found anew where steps grow."""
     patch, amplitudes = _held(surface, roll, edges, displacement, terms)
     moved = np.inf
-    for _ in range(ITERATIONS):
+    for turn in range(ITERATIONS):
         if slopes is None:
             slopes = _slopes(surface, roll, edges, displacement, terms, amplitudes)
         before, step = moved, np.linalg.solve(slopes, -amplitudes)
@@ -206,7 +220,7 @@ def _settled(surface, roll, terms, edges, displacement, slopes, history):
         history.append((*edges.tolist(), moved))
         if moved < EDGE_TOLERANCE and steady:
             return replace(patch, slopes=slopes)
-        step *= min(1.0, STEP / max(moved, STEP))
+        step *= min(1.0, STEP / max(moved, STEP)) * (1.0 if turn < PATIENCE else 0.5)
         edges, displacement, known = edges + step, patch.displacement, amplitudes
         patch, amplitudes = _held(surface, roll, edges, displacement, terms)
         secant = slopes + np.outer(amplitudes - known - slopes @ step, step) / (step @ step)
@@ -308,3 +322,12 @@ def interpolation(nodes, x, derivative=False):
     for place, value in enumerate(values):
         N[np.arange(len(x)), 2 * element + place] = value
     return N
+
+
+def interpolated(nodes, values, x):
+    """Quadratic interpolation of values at the nodes, shape (..., n), to the points x, shape (..., q)."""
+    corners = nodes[::2]
+    element = np.clip(np.searchsorted(corners, x, side="right") - 1, 0, len(corners) - 2)
+    z = (x - corners[element]) / (corners[element + 1] - corners[element])
+    shapes = (1 - z) * (1 - 2 * z), 4 * z * (1 - z), z * (2 * z - 1)
+    return sum(values[..., 2 * element + place] * shape for place, shape in enumerate(shapes))

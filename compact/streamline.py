@@ -100,6 +100,19 @@ def retarded(values, x, length):
     return z
 
 
+def fading(count, interval, time):
+    """Weights of values at count + 1 even instants of an interval [s] in z at its end, from time dz/dt + z = value.
+
+    Piecewise linear between the instants, from z = 0; shape (count + 1,).
+    """
+    zeroth, first, _ = _moments(np.array(interval / count / time))
+    left = np.exp(-interval / count / time * np.arange(count)[::-1])
+    weights = np.zeros(count + 1)
+    weights[:-1] += left * (zeroth - first)
+    weights[1:] += left * first
+    return weights
+
+
 def _moments(y):
     """int_0^1 r^k y exp(-y (1 - r)) dr for k = 0, 1, 2."""
     g, w = np.polynomial.legendre.leggauss(POINTS)

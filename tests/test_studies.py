@@ -29,6 +29,7 @@ def test_every_study_has_a_test():
         "elastic_drive",
         "motor_and_flywheel",
         "optimal_laws",
+        "reversal",
     }
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
 
@@ -192,3 +193,17 @@ def test_laws_made_for_the_machine_save_power_at_every_end_of_the_spread(capsys,
     assert rough < smooth
     assert "made for all" in capsys.readouterr().out
     assert (tmp_path / "optimal_laws.png").stat().st_size > 10_000
+
+
+def test_memory_pays_near_a_reversal(capsys, tmp_path):
+    module = study("reversal")
+    rows, memory = module.main(laws=("parabolic",), samples=4, out=tmp_path)
+    module.show((rows, memory))
+    error = {model: largest for _, model, largest, *_ in rows}
+    assert error["map + memory"] < 0.02 < 0.15 < min(error["map"], error["map + a M"])
+    assert error["transient"] < 0.005
+    # over sqrt(R delta): a half-plane of Hertz would have 1 or less, columns of no height sqrt 2
+    assert 1.0 < memory.columns.half_length / (0.11 * 0.00873) ** 0.5 < 1.5
+    assert "missed" in capsys.readouterr().out
+    assert (tmp_path / "reversal.png").stat().st_size > 10_000
+    assert len((tmp_path / "reversal.csv").read_text().splitlines()) == 1 + 4

@@ -1,0 +1,344 @@
+"""The engine "fem" through time: a roller of changing speed on an elastic or viscoelastic layer.
+
+The mesh goes with the roller, what the mix remembers stays with the mix. With s(t) the way of the roller, branch k of
+the creep function, see `streamline`, follows at every place X of the layer
+
+    theta_k dz_k/dt + z_k = w(X - s(t), t),    u = J_0 w + sum J_k z_k,
+
+w the displacement of the elastic layer as seen from the roller. During a time step w is taken linear in time at each x
+under the roller, and what fades is summed along the way s(t) itself:
+
+    z_k <- exp(-T/theta_k) z_k + int exp(-(T - t)/theta_k) [(1 - t/T) w_old + (t/T) w_new](X - s(t)) dt/theta_k
+
+Steady motion is met exactly by steps of any length, and v = 0 is a place like any other. What is known of z stands as a
+surface set aside, what is sought as a response: every step is one contact on the layer that was condensed once. Steps
+are of second order; their length follows from how far the forces leave their own tangent.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from compact import fem
+from compact.material import Elastic
+from compact.mesh import DEFAULT_ERROR
+from compact.patch import BeyondWindowError, Roll, RollAside, Surface, interpolation, press
+from compact.refuse import refuse_nonfinite, refuse_nonpositive
+from compact.retained import fading_over, retained_by, steadily_retained, within
+from compact.streamline import Creep, creep
+from compact.travelled import Travelled
+
+TIME_TOLERANCE = 1e-3  # of int p |x| dx/R, by which steps in time may miss the resistance
+PLACES = 40  # of the layer, and instants of the way, per half-width
+FEWEST = 4  # instants of the way in a step
+LONGEST = 2.0  # half-widths travelled in a step
+FIRST = 0.02  # of the shortest time of creep, after the law has jumped
+SHORTEST = 1e-3  # of the same: shorter steps would only see the mesh
+SAME = 1e-9  # of the duration: instants closer than this are one
+GROWING, SHRINKING = 2.0, 0.25  # ratio of a step to the one before, at most and at least
+SAFE = 0.9  # of the step that would meet the tolerance
+
+
+def travel(
+    layer, roller, material, motion, *, instants=(), frames=(), mesh=None, tolerance=DEFAULT_ERROR,
+    time_tolerance=TIME_TOLERANCE, estimate=True,
+):  # fmt: skip
+    """A roller in any motion at a given indentation over a linear layer, a `Travelled`.
+
+    Before the motion the roller has kept its first velocity for ever: it comes in steady rolling, or has stood.
+
+    Parameters
+    ----------
+    layer : Layer, of any height and plies
+    roller : Roller without friction, every profile; over a slipping layer those whose gap is vertical
+    material : Elastic or Viscoelastic
+    motion : with `position` and `velocity` of time, and `duration` [s]; no step passes its `joins`
+    instants : times at which a step shall end [s]
+    frames : times of which to keep the fields inside [s], for `Travelled.film`
+    mesh, tolerance : as of `fem.roll`
+    time_tolerance : of int p |x| dx/R, by which the steps in time may miss the resistance
+    estimate : whether to tell the error of the steps, from steps twice as long; half as much work again
+
+    >>> from compact.material import Viscoelastic
+    >>> from compact.motion import law
+    >>> from compact.records import Layer, Roller
+    >>> mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
+    >>> stroke = law("quintic", stroke=0.1, duration=1.0)
+    >>> done = travel(Layer(0.22), Roller(0.11, indentation=0.003), mix, stroke)
+    >>> f"{done.resistance.max():.0f} N/m at most, within {100 * done.error:.1f} % for the steps"
+    '505 N/m at most, within 0.1 % for the steps'
+    """
+    _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, (*instants, *frames))
+    case = fem.Case(layer, roller, material, _first_velocity(motion))
+    if case.speed == 0:  # has stood for ever: all is relaxed, at any speed
+        case = fem.Case(layer, roller, Elastic(material.youngs_modulus, material.poisson), 1.0)
+    breaks = _breaks(motion)
+    instants, frames = _rounded(instants, breaks), _rounded(frames, breaks)
+    with threadpool_limits(1):  # matrices are small, threads only quarrel
+        task = fem.task_of(case, mesh, tolerance)
+
+        def marched(window):
+            start, pace = _begun(case, task, window, material, motion, time_tolerance)
+            path = _marched(pace, start, breaks, sorted({*breaks, *instants, *frames}))
+            return (path, pace), _judged(pace, start, _every_second(path, breaks)) if estimate else None
+
+        (path, pace), judge = fem.widening(task, marched)
+        taken = ()
+        if frames:
+            from compact.filmed import filmed
+
+            velocity = _first_velocity(motion)
+            taken = filmed(layer, material, task.mesh, path, pace.way, velocity, frames)
+    return _travelled(path, judge, material, motion, taken)
+
+
+@dataclass(frozen=True, eq=False)
+class Pace:
+    """What all steps share: the elastic surface, the roller, the creep, the motion, and lengths to go by."""
+
+    surface: Surface
+    roll: Roll
+    terms: int
+    law: Creep
+    motion: object
+    half_width: float
+    tolerance: float
+
+    @property
+    def quickest(self):
+        """Shortest time of creep; the duration of the motion where nothing creeps [s]."""
+        return min(self.law.times, default=self.motion.duration)
+
+    def way(self, begin, end):
+        """Positions at even instants from one time to another, close enough for the contact, shape (n + 1,)."""
+        rough = self.motion.position(np.linspace(begin, end, 2 * PLACES + 1))
+        count = max(FEWEST, int(np.ceil(np.abs(np.diff(rough)).sum() * PLACES / self.half_width)))
+        return self.motion.position(np.linspace(begin, end, count + 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """Where the roller is, the contact it makes, w of the surface, shape (2, n), and z of the `places`, (k, 2, m)."""
+
+    time: float
+    position: float
+    contact: fem.Contact
+    displacement: np.ndarray
+    places: np.ndarray
+    retained: np.ndarray
+
+    @property
+    def moment(self):
+        """Forces on the nodes times |x|/R."""
+        surface, roll = self.contact.surface, self.contact.roll
+        return self.contact.forces * np.abs(surface.x) / roll.radius
+
+
+def _begun(case, task, window, material, motion, tolerance):
+    """The `Instant` before the motion, and the `Pace` of all steps."""
+    surface, law = fem.elastic_surface(case, task.mesh, window), creep(material)
+    velocity = _first_velocity(motion)
+    contact = fem.at_target(case, fem.surface_of(case, task.mesh, window), task)
+    pace = Pace(surface, contact.roll, task.terms, law, motion, task.half_width, tolerance)
+    places, start = _places(pace), float(motion.position(np.zeros(1))[0])
+    w = _displacement(surface, contact)
+    retained = steadily_retained(law, surface.x, w, velocity, places - start)
+    return Instant(0.0, start, contact, w, places, retained), pace
+
+
+def _first_velocity(motion):
+    return float(motion.velocity(np.zeros(1))[0])
+
+
+def _places(pace):
+    """Places of the layer, close where the roller passes and as far as the mesh reaches, shape (m,)."""
+    x, size = pace.surface.x, pace.half_width / PLACES
+    way = pace.way(0.0, pace.motion.duration)
+    low, high = way.min() - 2 * pace.half_width, way.max() + 2 * pace.half_width
+    close = np.linspace(low, high, int(np.ceil((high - low) / size)) + 1)
+    ahead, behind = x[x > 2 * pace.half_width] + way.max(), x[x < -2 * pace.half_width] + way.min()
+    return np.concatenate([behind, close, ahead])
+
+
+def _displacement(surface, contact):
+    """w at the surface nodes."""
+    forces = contact.forces[:, surface.first : surface.last]
+    return np.einsum("iakb,kb->ia", surface.response, forces, optimize=True)
+
+
+def _stepped(pace, before, now, time):
+    """The `Instant` at a later time; the one before, or None, tells where the edges go."""
+    x, step = pace.surface.x, fading_over(pace.law, pace.way(now.time, time), time - now.time)
+    end = step.way[-1]
+    sought = pace.law.instant * np.eye(len(x))
+    known = retained_by(step.shares, now.places, step.faded(now.retained), x + end)
+    for place, share, weight in zip(step.way, step.new, step.shares @ step.weights, strict=True):
+        N = interpolation(x, within(x, x + end - place))
+        sought += weight * share * N
+        known += weight * (1 - share) * now.displacement @ N.T
+    contact = _pressed(pace, sought, known, _ahead(before, now, time))
+    w = _displacement(pace.surface, contact)
+    retained = step.retained(x, now.places, now.retained, now.displacement, w)
+    return Instant(time, float(end), contact, w, now.places, retained)
+
+
+def _pressed(pace, sought, known, start):
+    """The contact on the surface of which a part is known."""
+    response = np.einsum("ca,iakb->ickb", sought, pace.surface.response, optimize=True)
+    surface = replace(pace.surface, response=response)
+    roll = RollAside(**vars(pace.roll), nodes=surface.x, aside=known)
+    try:
+        patch = press(surface, roll, pace.terms, start)
+    except BeyondWindowError:
+        raise
+    except RuntimeError:  # edges that jump: the print of the roller nearly fits it where it turns
+        patch = press(surface, roll, pace.terms)
+    return fem.Contact(surface, roll, patch)
+
+
+def _ahead(before, now, time):
+    """The patch from which to start, its edges gone on as before."""
+    patch = now.contact.patch
+    if before is None:
+        return patch
+    share = (time - now.time) / (now.time - before.time)
+    trailing, leading = (new + share * (new - old) for new, old in
+                         zip(patch.edges, before.contact.patch.edges, strict=True))  # fmt: skip
+    return replace(patch, trailing=trailing, leading=leading)
+
+
+def _miss(pace, before, now, later):
+    """What the resistance misses for w being taken linear in time, over the tolerance.
+
+    The mean over a step of what a parabola leaves its chord by is dt^2/12 of its second derivative; it leaves the
+    tangent of the step before by dt (dt + dt')/2 of that.
+    """
+    step, earlier = later.time - now.time, 0.0 if before is None else now.time - before.time
+    gone = 0.0 if before is None else (now.moment - before.moment) * step / earlier
+    miss = np.abs(later.moment - now.moment - gone).sum() * step / (6 * (step + earlier))
+    return miss / (pace.tolerance * np.abs(later.moment).sum())
+
+
+def _marched(pace, start, breaks, stops):
+    """All `Instant`s, by steps of the length that the tolerance asks; `stops` holds the breaks too."""
+    path, shortest = [start], SHORTEST * pace.quickest
+    for end in breaks[1:]:
+        before, step = None, FIRST * pace.quickest
+        while path[-1].time < end:
+            now = path[-1]
+            time = _end_of_step(pace, now.time, step, stops)
+            tried = time - now.time
+            try:
+                later = _stepped(pace, before, now, time)
+                miss = _miss(pace, before, now, later)
+            except BeyondWindowError:
+                raise
+            except RuntimeError:
+                if tried < 2 * shortest:
+                    raise
+                miss = np.inf
+            ratio = np.clip(SAFE / np.sqrt(max(miss, SAME)), SHRINKING, GROWING)
+            if miss > 1 and tried > shortest:
+                step = max(tried * min(ratio, SAFE), shortest)
+                continue
+            step = max(tried * ratio, step if time in stops else shortest)
+            before = now
+            path.append(later)
+    return path
+
+
+def _end_of_step(pace, begin, step, stops):
+    """Where a step ends that is about so long, passes no stop and travels `LONGEST` half-widths at most."""
+    stop = next(each for each in stops if each > begin + SAME * stops[-1])
+    end = min(begin + step, stop)
+    while np.abs(np.diff(pace.way(begin, end))).sum() > LONGEST * pace.half_width * (1 + SAME):
+        end = begin + (end - begin) * SAFE
+    return stop if stop - end < SAME * stops[-1] else end
+
+
+def _judged(pace, start, times):
+    """The `Instant`s at given times, from the start on; None where the contact is lost."""
+    path, before = [start], None
+    for time in times:
+        try:
+            later = _stepped(pace, before, path[-1], time)
+        except BeyondWindowError:
+            raise
+        except RuntimeError:
+            return None
+        before = path[-1]
+        path.append(later)
+    return path
+
+
+def _every_second(path, breaks):
+    """Times of every second instant of each piece between breaks, and of its end."""
+    times = np.array([each.time for each in path])
+    chosen = []
+    for begin, end in pairwise(breaks):
+        piece = times[(times > begin) & (times <= end)]
+        chosen += [*piece[1:-1:2], piece[-1]]
+    return chosen
+
+
+def _breaks(motion):
+    """Times between which the motion is smooth, 0 and the duration among them."""
+    joins = {float(join.time) for join in motion.joins()} if hasattr(motion, "joins") else set()
+    starts = {float(leg.start) for leg in motion.legs()} if hasattr(motion, "legs") else set()
+    breaks, near = [0.0], SAME * motion.duration
+    for time in sorted(joins | starts):
+        if breaks[-1] + near < time < motion.duration - near:
+            breaks.append(time)
+    return [*breaks, float(motion.duration)]
+
+
+def _rounded(times, breaks):
+    """The times [s]; those that miss a break by rounding are there."""
+    nearest = [min(breaks, key=lambda each, time=time: abs(each - time)) for time in times]
+    near = SAME * breaks[-1]
+    return [each if abs(each - time) <= near else float(time) for time, each in zip(times, nearest, strict=True)]
+
+
+def _travelled(path, judge, material, motion, frames):
+    modulus = material.youngs_modulus
+    forces = modulus * np.array([each.contact.force for each in path])
+    edges = np.array([each.contact.patch.edges for each in path])
+    time = np.array([each.time for each in path])
+    error, steps = None, len(path) - 1
+    if judge is not None:
+        known = dict(zip(time.tolist(), forces[:, 0], strict=True))
+        apart = [abs(modulus * each.contact.force[0] - known[each.time]) for each in judge]
+        error = float(max(apart) / max(np.abs(forces[:, 0]).max(), 1e-3 * np.abs(forces[:, 1]).max()))
+        steps += len(judge) - 1
+    return Travelled(
+        time=time,
+        position=np.array([each.position for each in path]),
+        velocity=motion.velocity(time),
+        load=-forces[:, 1],
+        resistance=forces[:, 0],
+        leading=edges[:, 1],
+        trailing=edges[:, 0],
+        error=error,
+        steps=steps,
+        frames=frames,
+    )
+
+
+def _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, instants):
+    fem.refuse_beyond_linear(layer, roller, material, 1.0, mesh, tolerance)
+    refuse_nonpositive(time_tolerance=time_tolerance, duration=motion.duration)
+    refuse_nonfinite(instants=instants, position=motion.position(np.linspace(0, motion.duration, 2 * PLACES)))
+    outside = [time for time in instants if not 0 <= time <= motion.duration]
+    if outside:
+        raise ValueError(f"`instants` must lie within the motion, 0 to {motion.duration:g} s, got {outside[0]!r}")
+    if roller.indentation is None:
+        raise ValueError(f"a motion through time keeps an `indentation`, got `{roller.target[0]}`; give that instead")
+    if roller.friction > 0 and roller.rolling != "frictionless":
+        raise ValueError(
+            f"a motion through time is known without friction only, got `rolling` '{roller.rolling}' with `friction` "
+            f"{roller.friction!r}; use 'frictionless'"
+        )
+    if layer.base == "slip" and roller.profile == "deformed":
+        raise ValueError("over a slipping layer the gap must be vertical, got `profile` 'deformed'; use 'circle'")

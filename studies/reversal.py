@@ -1,0 +1,155 @@
+"""What does the resistance near a reversal cost, and how far off is it without its memory?
+
+A roller goes there and back over the linear layer of the scene, without friction. The transient by finite elements is
+the judge. Against it: the map of steady speeds, F_ss(v); the same with the added mass, F_ss + a M, which is void where
+|a| tau/|v| is not small; and the map with the memory of columns, fitted to one turn at constant deceleration, which is
+none of the laws but for the parabolic one. Errors are over the largest force of the transient, costs are seconds of
+this process: making the model, and one cycle with it.
+"""
+
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+
+from compact import fem, memory, spectral
+from compact.engine import inputs
+from compact.modulation import modulation
+from compact.motion import law
+from compact.records import Roller
+from compact.resistance import sampled
+from compact.scene import load_scene
+from compact.study import Study
+
+SCENES = Path(__file__).parent / "scenes"
+PLAIN = {"machine.rolling": "frictionless", "machine.profile": "parabola", "mix.overrides.steel_friction": 0.0}
+HEADER = ("law", "model", "largest_error", "rms_error", "making_s", "cycle_s")
+SLOWEST = 0.01  # of the fastest speed: where the map begins
+
+
+def pressed(scene):
+    """Layer, roller at the indentation that the scene's target asks at the mean speed, and material."""
+    speed = scene.motion.stroke / scene.motion.duration
+    layer, roller, material = inputs(scene, Study(scene).mix, "spectral", speed)
+    indentation = spectral.roll(layer, roller, material, speed).indentation
+    return layer, Roller(roller.radius, indentation=indentation), material
+
+
+class Turn:
+    """s = v t - a t^2/2, from a speed to the same one back."""
+
+    def __init__(self, speed, deceleration):
+        self.speed, self.deceleration, self.duration = speed, deceleration, 2 * speed / deceleration
+
+    def position(self, time):
+        return self.speed * time - self.deceleration * time**2 / 2
+
+    def velocity(self, time):
+        return self.speed - self.deceleration * time
+
+
+def timed(work):
+    """What it returns, and seconds of this process."""
+    start = process_time()
+    found = work()
+    return found, process_time() - start
+
+
+def models(contact, turn, fastest, samples):
+    """F(motion, time) and the seconds it takes to make, by name, and the fitted `Memory`."""
+
+    def resisted(speed):
+        rolled = spectral.roll(*contact, speed)
+        return rolled.resistance, max(rolled.error)
+
+    steady, mapping = timed(lambda: sampled(resisted, SLOWEST * fastest, fastest, 2e-3))
+    speeds = np.geomspace(SLOWEST * fastest, fastest, samples)
+    masses, added = timed(lambda: np.array([modulation(*contact, speed).added_mass for speed in speeds]))
+
+    def lagging(velocity, acceleration):
+        mass = np.interp(np.log(np.maximum(np.abs(velocity), speeds[0])), np.log(speeds), masses)
+        return steady(velocity) + acceleration * mass
+
+    def fitting():
+        return memory.fitted(fem.travel(*contact, turn, estimate=False), steady, *contact[1:])
+
+    remembering, fit = timed(fitting)
+
+    def remembered(motion, time):
+        dense = memory.instants(motion.position, motion.duration, remembering.columns)
+        force = remembering.over(dense, motion.position(dense), motion.velocity(dense))
+        return np.interp(time, dense, force)
+
+    made = {
+        "map": (lambda motion, time: steady(motion.velocity(time)), mapping),
+        "map + a M": (lambda motion, time: lagging(motion.velocity(time), motion.acceleration(time)), mapping + added),
+        "map + memory": (remembered, mapping + fit),
+    }
+    return made, remembering
+
+
+def main(scene="loveikin-2015", laws=("parabolic", "quintic", "septic", "reversal-4"), samples=9, out=None, **changes):
+    """(rows of HEADER, the fitted `Memory`); the first model of each law is the transient, with the error it tells."""
+    scene = load_scene(SCENES / f"{scene}.toml", **PLAIN | changes)
+    contact = pressed(scene)
+    motions = {name: law(name, scene.motion.stroke, scene.motion.duration) for name in laws}
+    fastest = max(motion.peaks().velocity for motion in motions.values())
+    mean = scene.motion.stroke / scene.motion.duration
+    made, remembering = models(
+        contact, Turn(2 * mean, 4 * mean / scene.motion.duration), max(fastest, 2 * mean), samples
+    )
+    rows, courses = [], {}
+    for name, motion in motions.items():
+        cycle = motion.cycle()
+        exact, seconds = timed(lambda cycle=cycle: fem.travel(*contact, cycle))
+        peak = np.abs(exact.resistance).max()
+        rows.append((name, "transient", exact.error, exact.error, 0.0, seconds))
+        courses[name] = [("transient", exact.time, exact.resistance)]
+        for model, (force, making) in made.items():
+            found, seconds = timed(lambda force=force, cycle=cycle, exact=exact: force(cycle, exact.time))
+            miss = (found - exact.resistance) / peak
+            mean_square = np.trapezoid(miss**2, exact.time) / cycle.duration
+            rows.append((name, model, float(np.abs(miss).max()), float(np.sqrt(mean_square)), making, seconds))
+            courses[name].append((model, exact.time, found))
+    if out:
+        from compact.results import write_csv, write_figure
+
+        write_csv(Path(out) / "reversal.csv", HEADER, rows)
+        write_figure(Path(out) / "reversal.png", figure(rows, courses))
+    return rows, remembering
+
+
+def figure(rows, courses):
+    """Force over time of the first law; error against the time that a cycle takes, of all."""
+    from matplotlib.figure import Figure
+
+    drawn = Figure(figsize=(10.5, 4.0), layout="constrained")
+    left, right = drawn.subplots(1, 2)
+    first = next(iter(courses))
+    peak = np.abs(courses[first][0][2]).max()
+    for k, (model, time, force) in enumerate(courses[first]):
+        colour = f"C{k - 1}" if k else "black"
+        left.plot(time, force, ":" if k == 3 else "-", color=colour, label=model, linewidth=1.2 + k / 2)
+        chosen = [row for row in rows if row[1] == model]
+        right.loglog([row[5] for row in chosen], [row[2] for row in chosen], "o", color=colour)
+    left.set_ylim(-1.3 * peak, 1.3 * peak)
+    left.set_xlabel("time t [s]")
+    left.set_ylabel("resistance F [N/m]")
+    left.legend(frameon=False, title=first, fontsize="small")
+    right.set_xlabel("time of a cycle once made [s]")
+    right.set_ylabel("largest error over the peak [-]")
+    return drawn
+
+
+def show(result):
+    """Print the rows of `main` and what was fitted."""
+    rows, remembering = result
+    print(f"{'law':<14}{'model':<14}{'largest':>9}{'rms':>9}{'making s':>10}{'cycle s':>10}")
+    for name, model, largest, rms, making, seconds in rows:
+        print(f"{name:<14}{model:<14}{100 * largest:>8.2f}%{100 * rms:>8.2f}%{making:>10.2f}{seconds:>10.4f}")
+    columns = remembering.columns
+    print(f"fitted: half-length {columns.half_length * 1e3:.2f} mm, {100 * remembering.error:.1f} % of the turn missed")
+
+
+if __name__ == "__main__":
+    show(main(out="out/reversal"))
