@@ -337,7 +337,7 @@ def test_more_unknowns_than_data_are_refused():
 @pytest.mark.parametrize(
     ("data", "unknowns", "message"),
     [
-        ({"load": 9740.0}, ("heckel_slope",), "`near` must have fitted heckel_slope, got heckel_slope, fed_density_ratio"),
+        ({"load": 9740.0}, ("heckel_slope",), "`near` must have fitted heckel_slope, got heckel_slope, fed"),
         (None, ("heckel_slope", "fed_density_ratio"), "`near` must have 2 measurements, got 1"),
     ],
 )
