@@ -50,6 +50,7 @@ class Calibration:
     fit : in (ln K_H, logit of k), with misfit, sensitivity and what each run of the finite elements said
     rolled : the contact of each measurement by the engine
     refits : at every bound of data and assumptions
+    elements : the finite elements as they were left, where those of a neighbour go on; None of columns
     """
 
     scene: object
@@ -61,6 +62,7 @@ class Calibration:
     fit: Fit
     rolled: tuple
     refits: tuple[Refit, ...]
+    elements: object = None
 
     @property
     def sensitivity(self):
@@ -71,10 +73,11 @@ class Calibration:
         return self.fit.sensitivity * np.array([[scales[name]] for name in self.unknowns])
 
 
-def calibrate(scene, measured, engine="column", unknowns=UNKNOWNS, **options):
+def calibrate(scene, measured, engine="column", unknowns=UNKNOWNS, near=None, **options):
     """The `Calibration` of a scene to a `Measured`.
 
     engine : "column" or "compaction", of every trial;  unknowns : of UNKNOWNS, at most as many as there are data
+    near : `Calibration` of a neighbour by finite elements, with another mix or data; those of this one go on from there
     options : of the engine "compaction", such as `increments`
 
     Finite elements take minutes and meet the data to 1e-3, about what is left to go when they count as steady; of their
@@ -85,10 +88,11 @@ def calibrate(scene, measured, engine="column", unknowns=UNKNOWNS, **options):
     itself what presses the roller; RuntimeError where no trial meets the data.
     """
     _refuse_prescribed(scene)
+    _refuse_far(near, measured, unknowns)
     model = _Model(scene, measured, unknowns)
-    dear = _FiniteElements(options) if engine == "compaction" else None
+    dear = _FiniteElements(options, before=_known(near, measured)) if engine == "compaction" else None
     try:
-        met = model.met(dear=dear)
+        met = model.met() if dear is None else model.met_by(dear, None if near is None else near.fit)
     except ValueError as error:
         raise SceneError([str(error)]) from error
     found = model.scene_at(met.unknowns)
@@ -103,7 +107,13 @@ def calibrate(scene, measured, engine="column", unknowns=UNKNOWNS, **options):
         fit=met,
         rolled=tuple(dear.rolled[reading] if dear else _column(found, reading) for reading in readings),
         refits=tuple(model.refits(met)),
+        elements=dear,
     )
+
+
+def _known(near, measured):
+    """What the finite elements of a neighbour leave for each measurement."""
+    return {} if near is None else dict(zip(measured.measurements, near.elements.before.values(), strict=True))
 
 
 def blend(scene):
@@ -177,12 +187,22 @@ class _Model:
             values += [known[name] for name, _ in measurement.data]
         return np.array(values)
 
-    def met(self, values=None, correction=None, dear=None):
-        """The `Fit` to the data, or to other values."""
+    def met(self, values=None, correction=None):
+        """The `Fit` of columns, as corrected, to the data or to other values."""
         values = [band.value for band in self.bands] if values is None else values
-        start, ask = (self.start, None) if dear is None else (self.shallow, lambda u: self.predicted(u, dear))
-        varies = [name not in SCALES for name in self.unknowns]
-        return fit(lambda u: self.predicted(u, _column), values, start, ask, correction=correction, varies=varies)
+        return fit(lambda u: self.predicted(u, _column), values, self.start, correction=correction)
+
+    def met_by(self, dear, near=None):
+        """The `Fit` of finite elements to the data, from a `Fit` near by where there is one."""
+        start, correction = (self.shallow, None) if near is None else (near.unknowns, near.correction)
+        return fit(
+            lambda u: self.predicted(u, _column),
+            [band.value for band in self.bands],
+            start,
+            lambda u: self.predicted(u, dear),
+            correction=correction,
+            varies=[name not in SCALES for name in self.unknowns],
+        )
 
     def refits(self, met):
         """The unknowns at every bound, with the correction of the columns kept."""
@@ -265,6 +285,17 @@ class _FiniteElements:
         self.before[measurement] = there, excess + share * (found - excess), runs + 1
         self.rolled[measurement] = replace(there, **{name: getattr(there, name) / scale for name in LENGTHS})
         return self.rolled[measurement]
+
+
+def _refuse_far(near, measured, unknowns):
+    if near is None:
+        return
+    if near.elements is None:
+        raise ValueError("`near` must be a calibration of finite elements, got one of columns")
+    if near.unknowns != tuple(unknowns):
+        raise ValueError(f"`near` must have fitted {', '.join(unknowns)}, got {', '.join(near.unknowns)}")
+    if len(near.rolled) != len(measured.measurements):
+        raise ValueError(f"`near` must have {len(measured.measurements)} measurements, got {len(near.rolled)}")
 
 
 def _refuse_prescribed(scene):

@@ -85,7 +85,7 @@ def fit(cheap, measured, start, dear=None, tolerance=1e-3, correction=None, vari
     cheap, dear : callables u -> predictions > 0, shape (n,);  measured : shape (n,), > 0
     start : u, shape (m,), where a dear model is asked first
     tolerance : of what the corrected cheap model foretold, at which the dear one counts as met
-    correction : `Correction` to keep where there is no `dear`
+    correction : `Correction` to keep where there is no `dear`, or whose slope is believed at first where there is one
     varies : of each unknown, whether the two models come apart as it changes; all unless given
 
     Raises ValueError for more unknowns than data or data that do not tell the unknowns apart; RuntimeError with the
@@ -99,14 +99,16 @@ def fit(cheap, measured, start, dear=None, tolerance=1e-3, correction=None, vari
     if start.size > measured.size:
         raise ValueError(f"{start.size} unknowns cannot be told from {measured.size} data; measure more or fit less")
     if dear is not None:
-        return _mapped(cheap, measured, start, dear, tolerance, np.ones(start.size) if varies is None else varies)
+        slope = np.zeros((measured.size, start.size)) if correction is None else correction.slope
+        varies = np.ones(start.size) if varies is None else np.array(varies, dtype=float)
+        return _mapped(cheap, measured, start, dear, tolerance, Correction(np.nan, slope, start, varies))
     u, slopes, predicted = _fitted(cheap, measured, start, correction)
     return Fit(u, predicted, np.log(predicted / measured), slopes, correction)
 
 
-def _mapped(cheap, measured, start, dear, tolerance, varies):
-    """The `Fit` of the dear model."""
-    u, last, leap, settled, correction, history = start, None, LEAP, False, None, []
+def _mapped(cheap, measured, start, dear, tolerance, correction):
+    """The `Fit` of the dear model, by a `Correction` of which only the slope is known."""
+    u, last, leap, settled, history = start, None, LEAP, False, []
     for _ in range(RUNS):
         try:
             there = np.asarray(dear(u), dtype=float)
@@ -117,10 +119,10 @@ def _mapped(cheap, measured, start, dear, tolerance, varies):
             u, leap, settled = (u + last) / 2, leap / 2, False
             continue
         history.append((u.tolist(), np.log(there / measured).tolist()))
-        ratio, last = np.log(there / np.asarray(cheap(u))), u
-        met = settled and np.abs(ratio - correction(u)).max() <= tolerance
-        if correction is None:  # nothing was foretold
-            correction = Correction(ratio, np.zeros((ratio.size, u.size)), u, np.array(varies, dtype=float))
+        ratio = np.log(there / np.asarray(cheap(u)))
+        if last is None:  # nothing was foretold
+            correction = replace(correction, ratio=ratio)
+        met, last = settled and np.abs(ratio - correction(u)).max() <= tolerance, u
         correction = correction.renewed(ratio, u)
         aim, slopes, _ = _fitted(cheap, measured, u, correction)
         if met:

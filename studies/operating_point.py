@@ -27,6 +27,12 @@ SCENES = Path(__file__).parent / "scenes"
 PRINTED_LOAD, PRINTED_FORCE = 9740.0, 3562.0  # N; Loveikin and Pochka 2015
 SLOPES, FED = (13e-6 / 1.5, 13e-6 * 1.5), (0.93, 0.955)  # what the prior allows: K_H one-dimensional, fed density
 INCREMENTS = 6  # of the finite elements, twice as many differ by 1 % in load and 2 % in resistance
+CALIBRATED = ", calibrated"
+WORDS = {"column": "columns", "fem": "linear layer", "compaction": "finite elements"}
+TOLD = {  # of the refits, beside their points
+    "machine.roller_length": "roller {:g} m",
+    "resistance_coefficient": "coefficient {:g}",
+}
 VARIANTS = {  # changes of the scene, and another coefficient
     "friction angle 40°": ({"mix.overrides.friction_angle": 40.0}, None),
     "40° and roller 0.5 m": ({"mix.overrides.friction_angle": 40.0, "machine.roller_length": 0.5}, None),
@@ -70,7 +76,8 @@ def _cart_force(scene, load, coefficient):
 def calibrated(scene, readings, engines, variants):
     """`Calibration` by name: of each engine that compacts, and of finite elements for each of the variants.
 
-    One that fails is told and left out: those before it took long.
+    The variants go on from the finite elements fitted first. One that fails is told and left out: those before it took
+    long.
     """
     tasks = {engine: (engine, scene, readings) for engine in engines}
     for name, (changes, coefficient) in variants.items() if "compaction" in engines else ():
@@ -78,7 +85,9 @@ def calibrated(scene, readings, engines, variants):
         tasks[f"compaction, {name}"] = "compaction", scene.replaced(**changes), asked
     fits = {}
     for name, (engine, changed, asked) in tasks.items():
-        options = {"increments": INCREMENTS} if engine == "compaction" else {}
+        options = {}
+        if engine == "compaction":
+            options = {"increments": INCREMENTS, "near": fits.get("compaction")}
         try:
             fits[name] = calibrate(changed, asked, engine, **options)
         except RuntimeError as error:
@@ -122,7 +131,7 @@ def main(
         write_csv(Path(out) / "operating_point.csv", ("calibrated", *HEADER), [
             (word, *row) for word, rows in (("no", before), ("yes", after)) for row in rows
         ])  # fmt: skip
-        pressures = {f"{name}, calibrated": fit.rolled[0] for name, fit in fits.items()}
+        pressures = {name + CALIBRATED: fit.rolled[0] for name, fit in fits.items()}
         _draw(found | pressures, fits).savefig(Path(out) / "operating_point.png", dpi=110)
     return before, after, fits
 
@@ -132,24 +141,38 @@ def _draw(contacts, fits):
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-    figure = Figure(figsize=(9.6, 4.0), layout="constrained")
+    figure = Figure(figsize=(10.4, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2)
+    names = list(dict.fromkeys(name.removesuffix(CALIBRATED) for name in contacts))
+    colours = {name: f"C{number}" for number, name in enumerate(names)}
     for name, rolled in contacts.items():
-        left.plot(rolled.x * 1e3, rolled.pressure / 1e3, "-" if "calibrated" in name else "--", label=name)
+        plain, fitted = name.removesuffix(CALIBRATED), name.endswith(CALIBRATED)
+        label = f"{_in_words(plain)}, {'calibrated' if fitted else 'prior'}"
+        left.plot(rolled.x * 1e3, rolled.pressure / 1e3, "-" if fitted else "--", color=colours[plain], label=label)
     left.axvline(0, color="0.8", linewidth=0.8, zorder=0)
-    left.set_xlabel("x from the lowest point, + along the travel [mm]")
-    left.set_ylabel("contact pressure p [kPa]")
-    left.legend(frameon=False, fontsize="x-small")
+    left.set(xlabel="x from the lowest point, + along the travel [mm]", ylabel="contact pressure p [kPa]")
+    left.set_ylim(0, 1.3 * left.get_ylim()[1])  # room for the legend
+    left.legend(frameon=False, fontsize="x-small", ncols=2, loc="upper left")
     allowed = Rectangle((SLOPES[0] * 1e6, FED[0]), np.ptp(SLOPES) * 1e6, np.ptp(FED), color="0.92", label="the prior")
     right.add_patch(allowed)
     for name, fit in fits.items():
-        (line,) = right.plot(fit.heckel_slope * 1e6, fit.fed_density_ratio, "o", label=name)
-        known = np.array([(refit.heckel_slope, refit.fed_density_ratio) for refit in fit.refits if not refit.reason])
-        right.plot(known[:, 0] * 1e6, known[:, 1], "x", color=line.get_color(), markersize=4)
-    right.set_xlabel("Heckel's slope $K_H$ [1/MPa]")
-    right.set_ylabel("density ratio of the mix as fed k [-]")
-    right.legend(frameon=False, fontsize="x-small", title="fitted; x at a bound", title_fontsize="x-small")
+        right.plot(fit.heckel_slope * 1e6, fit.fed_density_ratio, "o", color=colours[name], label=_in_words(name))
+        for refit in fit.refits:
+            at = refit.heckel_slope * 1e6, refit.fed_density_ratio
+            right.plot(*at, "x", color=colours[name], markersize=4)
+            if refit.name in TOLD and not refit.reason:
+                right.annotate(
+                    TOLD[refit.name].format(refit.value), at, (4, 3), textcoords="offset points", fontsize="x-small"
+                )
+    right.margins(x=0.12, y=0.08)
+    right.set(xlabel="Heckel's slope $K_H$ [1/MPa]", ylabel="density ratio of the mix as fed k [-]")
+    right.legend(frameon=False, fontsize="x-small", title="x with one number at its bound", title_fontsize="x-small")
     return figure
+
+
+def _in_words(name):
+    engine, *rest = name.split(", ")
+    return ", ".join([WORDS[engine], *rest])
 
 
 def show(result):

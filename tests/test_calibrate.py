@@ -218,6 +218,20 @@ def test_each_trial_rolls_on_from_the_one_before_at_its_height(doubled):
     assert found.rolled[0].indentation == pytest.approx(rollers[-1].indentation * 0.11 / rollers[-1].radius, rel=1e-12)
 
 
+def test_neighbour_begins_where_the_last_fit_ended(doubled, monkeypatch):
+    """The same again is found at once, another coefficient where it is found from afar."""
+    found, _ = doubled
+    double, moved = Double(), read(MEASURED).moved("resistance_coefficient", 0.2)
+    monkeypatch.setattr("compact.compaction.roll", double.roll)
+    again = calibrate(found.scene, read(MEASURED), "compaction", near=found, increments=6)
+    assert len(double.calls) <= 3
+    assert again.fit.history[0][0] == pytest.approx(found.fit.unknowns, abs=1e-12)
+    near, far = (calibrate(found.scene, moved, "compaction", near=known, increments=6) for known in (found, None))
+    assert len(near.fit.history) <= len(far.fit.history)
+    assert near.heckel_slope == pytest.approx(far.heckel_slope, rel=4e-3)
+    assert near.fed_density_ratio == pytest.approx(far.fed_density_ratio, abs=2e-4)
+
+
 def test_refits_leave_out_what_columns_do_not_feel(doubled):
     refits = {refit.name: refit for refit in doubled[0].refits}
     assert "columns do not feel it; calibrate with --set" in refits["mix.overrides.friction_angle"].reason
@@ -318,6 +332,25 @@ def test_a_missing_file_is_named(tmp_path):
 def test_more_unknowns_than_data_are_refused():
     with pytest.raises(SceneError, match="2 unknowns cannot be told from 1 data; measure more or fit less"):
         calibrate(load_scene(PUBLISHED), reading(load=9740.0))
+
+
+@pytest.mark.parametrize(
+    ("data", "unknowns", "message"),
+    [
+        ({"load": 9740.0}, ("heckel_slope",), "`near` must have fitted heckel_slope, got heckel_slope, fed"),
+        (None, ("heckel_slope", "fed_density_ratio"), "`near` must have 2 measurements, got 1"),
+    ],
+)
+def test_neighbour_of_another_kind_is_refused(doubled, data, unknowns, message):
+    one = reading(**(data or {"load": 9740.0}))
+    measured = one if data else Measured(one.measurements * 2)
+    with pytest.raises(ValueError, match=message):
+        calibrate(load_scene(PUBLISHED), measured, "compaction", unknowns=unknowns, near=doubled[0])
+
+
+def test_columns_are_no_neighbour_of_finite_elements(published):
+    with pytest.raises(ValueError, match="`near` must be a calibration of finite elements, got one of columns"):
+        calibrate(load_scene(PUBLISHED), read(MEASURED), "compaction", near=published)
 
 
 def test_data_that_tell_nothing_are_refused():
