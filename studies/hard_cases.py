@@ -1,8 +1,8 @@
 """Does every part hold where digits die: at the ends of Poisson's ratio, width, depth, speed, friction, stiffness?
 
 Each case is solved and held against something that does not share its method: a closed form, another engine, a
-limit, or a balance. The table has what was reached, the relative error against that, and the processor time. A case that cannot
-be solved must be refused in words; then `reached` is the refusal and there is no error.
+limit, or a balance. The table has what was reached, the relative error against that, and the processor time. A case
+that cannot be solved must be refused in words; then `reached` is the refusal and there is no error.
 """
 
 import math
