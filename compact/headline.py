@@ -1,9 +1,9 @@
 """The headline of one scene: what a sweep keeps of every point, with its errors and checks, or why there is none.
 
-    numbers = headline(scene)
-    numbers["resistance"], numbers["resistance_error"], numbers["reason"]
+    numbers, contact = headline(scene)
+    numbers["resistance"], numbers["resistance_error"]
 
-A scene that fails has nan in place of its numbers and the reason in words. The contact is that of the mean speed.
+A scene that fails has the numbers of its mix alone, and the reason in words. The contact is that of the mean speed.
 """
 
 import platform
@@ -65,10 +65,14 @@ def headline(scene, rank=False, near=None):
     """
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
+        found, contact = {}, near
         try:
-            found, contact = _computed(scene, rank, near)
+            study = Study(scene)
+            found |= _of_mix(study.mix)
+            numbers, contact = _computed(study, rank, near)
+            found |= numbers
         except Exception as error:  # a point never stops a sweep
-            found, contact = {"reason": reason(error)}, near
+            found["reason"] = reason(error)
     found["warnings"] = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))[:LONGEST]
     return found, contact if scene.accuracy.engine == "compaction" else None
 
@@ -80,19 +84,24 @@ def reason(error):
     return (told if known else f"internal error, please report it: {type(error).__name__}: {told}")[:LONGEST]
 
 
-def _computed(scene, rank, near):
-    study = Study(scene)
-    blend = study.mix
-    found = {"required_pressure": blend.required_pressure, "saturation": blend.saturation}
-    found["not_reachable"] = blend.reachable.reason
+def _of_mix(blend):
+    return {
+        "required_pressure": float(blend.required_pressure),
+        "saturation": float(blend.saturation),
+        "not_reachable": blend.reachable.reason,
+    }
+
+
+def _computed(study, rank, near):
+    """Numbers and words of the contact at the mean speed, and the contact, by formula None."""
+    scene = study.scene
+    speed = scene.motion.stroke / scene.motion.duration
     if scene.accuracy.engine == "formula":
-        contact = None
-        found |= _of_formulas(study)
+        contact, found = None, _of_formulas(study)
     else:
-        speed = scene.motion.stroke / scene.motion.duration
-        contact, *later = _rolled(scene, blend, speed, near)
-        found |= _of_contact(scene, contact, later[-1] if later else contact)
-    found["power"] = found["resistance"] * scene.motion.stroke / scene.motion.duration
+        contact, *later = _rolled(scene, study.mix, speed, near)
+        found = _of_contact(scene, contact, later[-1] if later else contact)
+    found["power"] = found["resistance"] * speed
     if rank:
         for by, (best, *_) in study.rankings.items():
             found |= {by: best.value, f"best_law_by_{by}": best.run.name}

@@ -232,6 +232,7 @@ def test_fault_of_ours_is_a_reason_too(monkeypatch):
     monkeypatch.setattr(headline, "passes", broken)
     found, _ = headline.headline(COLUMNS)
     assert found["reason"] == "internal error, please report it: TypeError: boom"
+    assert found["required_pressure"] == pytest.approx(203e3)
 
 
 def test_grouped_reasons_are_counted(tmp_path):
