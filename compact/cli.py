@@ -268,6 +268,86 @@ def calibrate(
 
 
 @app.command
+def sweep(
+    scene: ScenePath,
+    /,
+    *,
+    vary: Annotated[tuple[str, ...], Parameter(negative="")],
+    workers: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+    rank: bool = False,
+    indices: bool = False,
+    out: Path | None = None,
+    engine: Engine = None,
+    tolerance: float | None = None,
+    changes: Changes = (),
+    force: Force = False,
+    quiet: Quiet = False,
+):
+    """Compute many scenes: keys varied on grids, lists or samples of the mix's spread, into one labelled netCDF.
+
+    Parameters
+    ----------
+    vary
+        KEY=LOW:HIGH:N, KEY=A,B,C, or mix.overrides.NAME=~N for N Sobol points over its spread; as often as needed
+    workers
+        processes on this machine; as many as it has processors unless given, 1 computes in the command itself
+    scheduler
+        address of a dask scheduler, such as tcp://host:8786, whose workers compute instead
+    resume
+        go on with what an interrupted sweep has left
+    rank
+        rank the motion laws at every point too
+    indices
+        take the sample so that Sobol indices tell what the spread comes from
+    out
+        directory for the results; out/NAME OF THE SCENE-sweep unless given
+    tolerance
+        relative error asked for in place of the scene's
+    """
+    from compact import sweep_report
+    from compact import vary as varying
+    from compact.sweep import Sweep
+
+    crew = _crew(workers, scheduler)
+    asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
+    many = Sweep(
+        _scene(scene, quiet, changes, asked), [varying.read(text) for text in vary], rank=rank, indices=indices
+    )
+    directory, failed = out or Path("out") / f"{scene.stem}-sweep", 0
+
+    def step(points, failures):
+        nonlocal failed
+        failed += failures
+        bar.set_postfix_str(f"{failed} failed", refresh=False)
+        bar.update(points)
+
+    with _bar(quiet, many.size, " points") as bar:
+        table = many.run(directory, crew=crew, resume=resume, force=force, step=step)
+    sweep_report.write(directory, table)
+    if not quiet:
+        for name in many.broken:
+            print(f"compact: {name} was cut short; its points were computed again", file=sys.stderr)
+        print(f"{sweep_report.digest(table)}\n\n{many.computed} of {many.size} computed now; results: {directory}")
+    return DONE if (table["reason"] == "").any() else _say("no point has numbers", COULD_NOT)
+
+
+def _crew(workers, scheduler):
+    """Who computes: a cluster, processes, or this process."""
+    from compact.pool import Cluster, Here, Processes, cores
+
+    if workers is not None and scheduler is not None:
+        raise ValueError("give --workers or --scheduler, got both")
+    if scheduler is not None:
+        return Cluster(scheduler)
+    count = cores() if workers is None else workers
+    if count < 1:
+        raise ValueError(f"--workers must be at least 1, got {count}")
+    return Here() if count == 1 else Processes(count)
+
+
+@app.command
 def check(*, markdown: bool = False):
     """Print every published number beside ours with the verdict; exit 1 if our side has changed.
 
@@ -306,10 +386,11 @@ def _scene(path, quiet, changes=(), asked=()):
     return scene
 
 
-def _bar(quiet):
+def _bar(quiet, total=None, unit=" steps"):
     from tqdm import tqdm
 
-    return tqdm(disable=quiet or not sys.stderr.isatty(), delay=BAR_AFTER, miniters=1, unit=" steps", leave=False)
+    silent = quiet or not sys.stderr.isatty()
+    return tqdm(total=total, disable=silent, delay=BAR_AFTER, miniters=1, unit=unit, leave=False)
 
 
 def _advance(bar, study, stage):

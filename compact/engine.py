@@ -35,7 +35,8 @@ def roll(scene, mix, speed, engine=None, near=None):
     """The contact of one roller of a scene in its first pass, at a speed [m/s], by its engine or another; a `Rolled`.
 
     The scene's tolerance is what the engine is asked for, where it can be asked. `near` is one at another speed the
-    same way, from which "compaction" goes on; it stays as it is where the mix knows no rate.
+    same way or of another mix, from which "compaction" goes on over the same fed layer; at another speed alone it stays
+    as it is where the mix knows no rate.
 
     Raises ValueError for what the engine does not cover; RuntimeError, naming scene, engine and speed, where it does
     not converge or the roller would reach the base.
@@ -44,7 +45,7 @@ def roll(scene, mix, speed, engine=None, near=None):
     layer, roller, material = inputs(scene, mix, name, speed)
     asked = _asked(scene, name)
     if name == "compaction" and _helps(near, layer, speed):
-        if _same_rate(material, near, speed):
+        if _same(roller, material, near, speed):
             return replace(near, speed=speed)
         asked["start"] = near
     with _named(scene, name, speed):
@@ -54,12 +55,14 @@ def roll(scene, mix, speed, engine=None, near=None):
 
 
 def _helps(near, layer, speed):
-    """Whether a contact at another speed is of the same layer and goes the same way."""
+    """Whether a contact is of the same layer as fed and goes the same way."""
     return near is not None and near.layer == layer and near.speed * speed > 0
 
 
-def _same_rate(material, near, speed):
-    return material.rate_factor(speed) == material.rate_factor(near.speed)
+def _same(roller, material, near, speed):
+    """Whether nothing differs but the speed, to which the mix is blind."""
+    blind = material.rate_factor(speed) == material.rate_factor(near.speed)
+    return speed != near.speed and (roller, material) == (near.roller, near.material) and blind
 
 
 def passes(scene, mix, speed, engine=None, near=None):
@@ -74,7 +77,7 @@ def passes(scene, mix, speed, engine=None, near=None):
     from compact.passes import passes, there_and_back
 
     layer, roller, material = inputs(scene, mix, name, speed)
-    if name == "compaction" and near and _helps(near[0], layer, speed) and _same_rate(material, near[0], speed):
+    if name == "compaction" and near and _helps(near[0], layer, speed) and _same(roller, material, near[0], speed):
         return tuple(replace(passed, speed=float(np.copysign(speed, passed.speed))) for passed in near)
     first, *later = there_and_back(scene.layer.passes)
     asked = _asked(scene, name)

@@ -47,6 +47,16 @@ class Parameter:
     flag: str
     origin: str
 
+    def at(self, share):
+        """The value at a share of the spread, 0 to 1: by ratio where the value is in the middle by ratio, else evenly.
+
+        >>> f"{prior(0.10, 0.98).parameter('required_pressure').at(0.5) / 1e3:.0f} kPa"
+        '203 kPa'
+        """
+        if self.low > 0 and np.isclose(self.low * self.high, self.value**2, rtol=1e-9):
+            return float(self.low * (self.high / self.low) ** share)
+        return float(self.low + share * (self.high - self.low))
+
 
 @dataclass(frozen=True)
 class Reach:
@@ -257,10 +267,10 @@ def _parameter(name, value, given, published):
 
 def _table_values(moisture, density_ratio):
     """Every parameter but effective_modulus at (W, k), by name."""
-    moistures, ratios, columns = _table()
+    moistures, ratios, _ = _table()
     refuse_outside(moistures[0], moistures[-1], moisture=moisture)
     refuse_outside(ratios[0], ratios[-1], density_ratio=density_ratio)
-    values = {name: _between_nodes(name, moisture, density_ratio) for name in columns}
+    values = _between_nodes(moisture, density_ratio)
     values["bulk_density"] = bulk_density(moisture, density_ratio)
     values["saturation"] = saturation(moisture, density_ratio)
     values["heckel_slope"] = HECKEL_SLOPE * np.exp(np.interp(moisture, moistures, np.log(HECKEL_FACTOR)))
@@ -268,20 +278,33 @@ def _table_values(moisture, density_ratio):
     return values
 
 
-def _between_nodes(name, moisture, density_ratio):
-    """One column at (W, k): linear in u = -ln(1 - k), then linear in W, of the value or of its logarithm.
+def _between_nodes(moisture, density_ratio):
+    """Every column at (W, k): linear in u = -ln(1 - k), then linear in W, of the value or of its logarithm.
 
     Linear pieces pass through the nodes and are monotone where the nodes are. The required pressure is Heckel's:
     linear in u, its logarithm linear in W as that of 1/K_H.
     """
     moistures, ratios, columns = _table()
-    u, nodes = -np.log1p(-density_ratio), -np.log1p(-ratios)
-    scaled = np.log if name in LOGARITHMIC else np.asarray
-    row = [np.interp(u, nodes, scaled(column)) for column in columns[name]]
-    if name == "required_pressure":
-        return np.exp(np.interp(moisture, moistures, np.log(row)))
-    value = np.interp(moisture, moistures, row)
-    return np.exp(value) if name in LOGARITHMIC else value
+    rows = _between(-np.log1p(-ratios), _scaled(), -np.log1p(-density_ratio))
+    pressure = tuple(columns).index("required_pressure")
+    rows[pressure] = np.log(rows[pressure])
+    values = dict(zip(columns, _between(moistures, rows, moisture).tolist(), strict=True))
+    exponential = (*LOGARITHMIC, "required_pressure")
+    return {name: float(np.exp(value)) if name in exponential else value for name, value in values.items()}
+
+
+def _between(nodes, values, x):
+    """Values along the last axis, one at each node, by straight lines at x."""
+    left = min(int(np.searchsorted(nodes, x, side="right")) - 1, len(nodes) - 2)
+    share = (x - nodes[left]) / (nodes[left + 1] - nodes[left])
+    return (1 - share) * values[..., left] + share * values[..., left + 1]
+
+
+@cache
+def _scaled():
+    """The columns as they are interpolated over u, shape (columns, moistures, ratios)."""
+    _, _, columns = _table()
+    return np.array([np.log(column) if name in LOGARITHMIC else column for name, column in columns.items()])
 
 
 @cache

@@ -324,6 +324,13 @@ class Scene(_Table):
         """
         return _checked(self.model_dump(exclude_none=True), self._source, changes)
 
+    def refuse_fields(self, **changes: object) -> None:
+        """SceneError where a key to be changed is unknown or its field refuses the value, whatever the rules between
+        the keys say of the scene that results."""
+        source, mistakes = _validated(self.model_dump(exclude_none=True), self._source, changes)[1:]
+        if mistakes:
+            raise SceneError(source.report(mistakes))
+
 
 def load_scene(path: str | Path, /, **changes: object) -> Scene:
     """The scene in a TOML file, with some keys changed as by `Scene.replaced`; SceneError names all its mistakes."""
@@ -370,20 +377,27 @@ def _unparsable(text: str) -> str:
 
 
 def _checked(data: dict[str, Any], source: Source, changes: Mapping[str, object]) -> Scene:
+    scene, source, mistakes = _validated(data, source, changes)
+    mistakes += sentences((*RULES, tables_exist(source.folder)), data, refused=mistakes)
+    if mistakes:
+        raise SceneError(source.report(mistakes))
+    scene._source = source
+    return scene
+
+
+def _validated(
+    data: dict[str, Any], source: Source, changes: Mapping[str, object]
+) -> tuple[Any, Source, list[Mistake]]:
+    """The scene of changed `data`, None where a field refuses its value; where it comes from; the mistakes."""
     mistakes: list[Mistake] = []
     for path, value in changes.items():
         key = tuple(path.split("."))
         mistakes += _change(data, key, value)
         source = source.changed(key)
     try:
-        scene = Scene.model_validate(data)
+        return Scene.model_validate(data), source, mistakes
     except ValidationError as error:
-        mistakes += field_mistakes(error, Scene)
-    mistakes += sentences((*RULES, tables_exist(source.folder)), data, refused=mistakes)
-    if mistakes:
-        raise SceneError(source.report(mistakes))
-    scene._source = source
-    return scene
+        return None, source, mistakes + field_mistakes(error, Scene)
 
 
 def _change(data: dict[str, Any], key: tuple[str, ...], value: object) -> list[Mistake]:

@@ -4,7 +4,10 @@ Ratios count, seconds belong to the machine. Formulas: points per second over ar
 Layers: error against tolerance and time of the spectral and the finite-element engine; what a first speed, a further
 one and twenty cost by finite elements; and the plain direct solve that anybody would write, on the same mesh. Laws:
 position to snap at many instants against one numpy.polyval of the law's degree per derivative. Peaks: error of sampling
-a law at n instants against the roots that `peaks` solves for. Command: whole processes.
+a law at n instants against the roots that `peaks` solves for. Drive: a cart behind a spring by our arcs and by scipy's
+solvers, against the closed form of the harmonic law from rest. Map: contacts that a resistance map takes for its
+tolerance. Columns and, on demand, compaction by finite elements. Command: whole processes. One figure per question, the
+default marked.
 """
 
 import resource
@@ -15,20 +18,33 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from scipy.integrate import solve_ivp
 from scipy.sparse.linalg import splu
 from skfem import Basis, ElementQuad2, ElementVector, LinearForm, MeshQuad, asm
 from skfem.helpers import ddot, eye, sym_grad, trace
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from compact import compliance, contact, fem, spectral
-from compact.material import Viscoelastic
+from compact import column, compliance, contact, fem, spectral
+from compact.cart import Cart
+from compact.elastic import ElasticDrive, travel
+from compact.material import Compaction, Viscoelastic
 from compact.motion import law
 from compact.records import Layer, Roller
+from compact.resistance import sampled
 
 SCENE = Path(__file__).parent / "scenes" / "loveikin-2015.toml"
 LAYER, MIX = Layer(0.22), Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))  # that of the published machine
 PRESSED = Roller(0.11, indentation=0.003)
 TARGETS = ({"indentation": 0.003}, {"load": 15e3}, {"peak_pressure": 0.7e6})
+PRESSABLE = Compaction(60e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)  # fed at 0.94, a layer of 0.1 m pressed by 2 mm
+DEFAULTS = {  # methods and settings that the package takes, by question; 0.01 is the tolerance of the scenes
+    "layers": (("spectral", 1e-2), ("fem", 1e-2)),
+    "drives": (("ours", 1e-8),),
+    "maps": (("map", 1e-2),),
+    "columns": (("column", 1e-9),),
+    "compaction": (("compaction", 12),),
+}
+STRETCH, PASS = 0.4, 3.0  # stroke [m] and time of a pass [s]
 LAW_DEGREES = {"quintic": 5, "septic": 7, "reversal-4": 7, "combined-4": 7}
 
 
@@ -213,6 +229,102 @@ def plain_memory(basis, rows, mix, speed):
     return remember
 
 
+def drives(settings, stiffness=1e6, ratio=0.05):
+    """(method, tolerance, largest error of the position over the stroke, seconds, rates asked) from rest over a cycle.
+
+    The far end goes as y = (h/2) (1 - cos W t), W = pi/T, and m x'' + c (x' - y') + k (x - y) = 0 has a closed form.
+    """
+    damping, omega = 2 * ratio * np.sqrt(stiffness * CARRIED.mass), np.pi / PASS
+    time = np.linspace(0, 2 * PASS, 501)
+    exact = harmonic_response(time, np.sqrt(stiffness / CARRIED.mass), ratio, omega)
+    cycle, drive = law("harmonic", STRETCH, PASS).cycle(), ElasticDrive(stiffness, damping)
+
+    def rates(t, z):
+        far, speed = STRETCH / 2 * (1 - np.cos(omega * t)), STRETCH / 2 * omega * np.sin(omega * t)
+        return [z[1], (stiffness * (far - z[0]) + damping * (speed - z[1])) / CARRIED.mass]
+
+    def solved(method, tolerance):
+        if method == "ours":
+            run = travel(CARRIED, drive, cycle, lambda v, a: np.zeros_like(v), regime="rest", tolerance=tolerance)
+            return run.course.motion(*run.course.at(time))[0], run.work.evaluations
+        got = solve_ivp(rates, (0, 2 * PASS), [0.0, 0.0], method, time, rtol=tolerance, atol=tolerance * STRETCH)
+        return got.y[0], got.nfev
+
+    rows = []
+    for method, tolerance in settings:
+        solved(method, tolerance)  # compiles
+        (position, work), seconds = solved(method, tolerance), fastest(lambda m=method, t=tolerance: solved(m, t), 3)
+        rows.append((method, tolerance, float(np.abs(position - exact).max() / STRETCH), seconds, work))
+    return rows
+
+
+CARRIED = Cart(
+    mass=1000.0, weight=1e4, roller_positions=(0.0,), roller_reactions=(0.0,), guide_positions=(0.37, -0.37),
+    pin_position=0.65, pin_height=0.1, roller_radius=0.11, guide_wheel_diameter=0.046, guide_friction=0.0,
+)  # fmt: skip
+
+
+def harmonic_response(time, natural, ratio, omega):
+    """x(t) from rest: H = (w^2 + 2 i z w W)/(w^2 - W^2 + 2 i z w W) for the far end, and the ringing that it leaves."""
+    pull = natural**2 + 2j * ratio * natural * omega
+    H = pull / (pull - omega**2)
+    fading, ringing = ratio * natural, natural * np.sqrt(1 - ratio**2)
+    A = STRETCH / 2 * (H.real - 1)
+    B = (STRETCH / 2 * (1j * omega * H).real + fading * A) / ringing
+    steady = STRETCH / 2 * (1 - (H * np.exp(1j * omega * time)).real)
+    return steady + np.exp(-fading * time) * (A * np.cos(ringing * time) + B * np.sin(ringing * time))
+
+
+def maps(tolerances):
+    """(tolerance, largest true error over the largest force, seconds, contacts) of a map, by the spectral engine."""
+
+    def force(speed):
+        rolled = spectral.roll(LAYER, PRESSED, MIX, speed)
+        return rolled.resistance, rolled.error[1]
+
+    speeds = np.geomspace(0.002, 1.0, 60)
+    exact = np.array([force(speed)[0] for speed in speeds])
+    rows = []
+    for tolerance in tolerances:
+        start = perf_counter()
+        found = sampled(force, 0.02, 1.0, tolerance)
+        seconds = perf_counter() - start
+        rows.append((
+            "map", tolerance, float(np.abs(found(speeds) - exact).max() / exact.max()), seconds, len(found.speeds)
+        ))  # fmt: skip
+    return rows
+
+
+def columns(tolerances, repeats):
+    """(tolerance, relative error of the resistance, seconds, evaluations) of a pass pressed by columns."""
+    layer, roller = Layer(0.1), Roller(0.11, indentation=0.002, profile="circle")
+    exact = column.roll(layer, roller, PRESSABLE, 0.2, rtol=1e-13).resistance
+    rows = []
+    for rtol in tolerances:
+        found = column.roll(layer, roller, PRESSABLE, 0.2, rtol=rtol)
+        seconds = fastest(lambda r=rtol: column.roll(layer, roller, PRESSABLE, 0.2, rtol=r), repeats)
+        rows.append(("column", rtol, abs(found.resistance / exact - 1), seconds, found.evaluations))
+    return rows
+
+
+def compactions(increments, finest=18):
+    """(increments, relative error of the resistance, seconds, unknowns) by finite elements, a minute or more for each.
+
+    The judge has `finest` increments per contact length, and an error of its own of about 5e-3.
+    """
+    from compact import compaction
+
+    layer, roller = Layer(0.1), Roller(0.11, indentation=0.002, profile="deformed")
+    exact = compaction.roll(layer, roller, PRESSABLE, 0.2, increments=finest).resistance if increments else None
+    rows = []
+    for count in increments:
+        start = perf_counter()
+        found = compaction.roll(layer, roller, PRESSABLE, 0.2, increments=count)
+        seconds = perf_counter() - start
+        rows.append(("compaction", count, abs(found.resistance / exact - 1), seconds, len(found.steps)))
+    return rows
+
+
 def commands(repeats):
     """Seconds of whole processes, and the peak memory of the largest [MB]."""
     with tempfile.TemporaryDirectory() as out:
@@ -230,8 +342,15 @@ def commands(repeats):
 
 
 SETTINGS = (
-    *(("spectral", error) for error in (1e-3, 1e-4, 1e-5, 1e-6)),
+    *(("spectral", error) for error in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)),
     *(("fem", error) for error in (1e-2, 5e-3, 2e-3, 5e-4)),
+)
+
+
+METHODS = tuple(
+    (method, tolerance)
+    for method in ("ours", "RK45", "DOP853", "Radau", "LSODA")
+    for tolerance in (1e-4, 1e-6, 1e-8, 1e-10)
 )
 
 
@@ -243,9 +362,16 @@ def main(
     speeds=20,
     targets=TARGETS,
     plain=(5e-3, 2e-3),
+    methods=METHODS,
+    tolerances=(1e-1, 3e-2, 1e-2, 3e-3, 1e-3),
+    rtols=(1e-3, 1e-5, 1e-7, 1e-9, 1e-11),
+    increments=(),
     out=None,
 ):
-    """All figures; `out` names a directory for speed.csv."""
+    """All figures; `out` names a directory for speed.csv and a figure for each question.
+
+    increments : of compaction by finite elements, such as (6, 12), minutes; left out unless given
+    """
     seconds, memory = commands(max(1, repeats // 3))  # first, as a child starts with the memory of its parent
     in_a_row = speeds_in_a_row(speeds, targets)  # next, while the peak of memory is its own
     result = {
@@ -255,6 +381,10 @@ def main(
         "layers": layer_engines(settings, max(1, repeats // 2)),
         "in a row": in_a_row,
         "plain": against_plain(plain),
+        "drives": drives(methods),
+        "maps": maps(tolerances),
+        "columns": columns(rtols, repeats),
+        "compaction": compactions(increments),
         "commands": seconds,
         "memory": memory,
     }
@@ -262,6 +392,10 @@ def main(
         from compact.results import write_csv
 
         write_csv(Path(out) / "speed.csv", ("what", "value", "unit"), table(result))
+        write_csv(Path(out) / "speed_against_error.csv", AGAINST, against(result))
+        for question in DEFAULTS:
+            if result[question]:
+                draw(question, result[question]).savefig(Path(out) / f"{question}.png", dpi=110)
     return result
 
 
@@ -276,6 +410,41 @@ def table(result):
     return rows + [(name, value, "s") for name, value in result["commands"].items()]
 
 
+AGAINST = ("question", "method", "setting", "relative_error", "seconds", "work")
+
+
+def against(result):
+    """Rows of AGAINST, for every question that has a figure."""
+    return [(question, *row, *[""] * (5 - len(row))) for question in DEFAULTS for row in result[question]]
+
+
+def draw(question, rows):
+    """Seconds over the error, a line for each method, the default ringed."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5.6, 4.0), layout="constrained")
+    ax = figure.subplots()
+    for method in dict.fromkeys(row[0] for row in rows):
+        settings, errors, seconds = np.array([row[1:4] for row in rows if row[0] == method]).T
+        line = ax.loglog(np.maximum(errors, 1e-16), seconds, "o-", markersize=4, label=method)[0]
+        for setting, error, second in zip(settings, np.maximum(errors, 1e-16), seconds, strict=True):
+            ax.annotate(f"{setting:g}", (error, second), fontsize=7, xytext=(3, 3), textcoords="offset points")
+            if (method, setting) in DEFAULTS[question]:
+                ax.plot(error, second, "o", markersize=13, fillstyle="none", color=line.get_color())
+    low, high = ax.get_ylim()
+    ax.set_ylim(low / 2, 2 * high)  # so that what costs the same looks it
+    ax.set(xlabel=f"true relative error: {ERRORS[question]}", ylabel="seconds, this machine")
+    ax.legend(frameon=False, fontsize=8, title="labels: setting; ringed: default", title_fontsize=8)
+    return figure
+
+
+ERRORS = {
+    "layers": "resistance, worst of ten speeds",
+    "drives": "position over the stroke",
+    "maps": "force over its largest",
+    "columns": "resistance",
+    "compaction": "resistance, against 18 increments",
+}
 ROW = ("first speed", "further speed", "all speeds")
 
 
@@ -300,10 +469,13 @@ def show(result):
             f"plain direct solve, {unknowns} unknowns: error {theirs:.1e}, {seconds:.1f} s; fem asked {tolerance:.0e}: "
             f"error {ours:.1e}, a first speed {seconds / first:.0f} x faster, a further one {seconds / further:.0f} x"
         )
+    for question in ("drives", "maps", "columns", "compaction"):
+        for method, setting, error, seconds, work in result[question]:
+            print(f"{method:<11}{setting:<8g}: error {error:.1e}, {seconds * 1e3:9.2f} ms, work {work}")
     for name, value in result["commands"].items():
         print(f"{name:<16}{value:7.3f} s")
     print(f"peak memory     {result['memory']:7.0f} MB   (goal 300)")
 
 
 if __name__ == "__main__":
-    show(main())
+    show(main(increments=(6, 12) if "compaction" in sys.argv else (), out="out/speed_against_error"))

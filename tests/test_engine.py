@@ -156,7 +156,8 @@ def test_compaction_goes_on_from_the_speed_before_if_it_matters(monkeypatch, ref
         starts.append(start)
         line = np.zeros(3)
         told = {"load": 1e4, "resistance": 2e3, "leading": 0.03, "trailing": -0.01, "indentation": 0.003}
-        return CompactionRolled(**told, x=line, pressure=line, shear_traction=line, layer=layer, speed=speed)
+        told |= {"layer": layer, "roller": roller, "material": material, "speed": speed}
+        return CompactionRolled(**told, x=line, pressure=line, shear_traction=line)
 
     monkeypatch.setattr("compact.compaction.roll", rolled)
     given = {"contact.indentation": 0.003, "contact.speeds": [0.05, 0.1, 0.2], "mix.reference_speed": reference}
@@ -165,6 +166,9 @@ def test_compaction_goes_on_from_the_speed_before_if_it_matters(monkeypatch, ref
     assert starts == [None, *(rolled for _, (rolled,) in passed)][:count]
     back = engine.roll(study(**given).scene, study(**given).mix, -0.1, "compaction", near=passed[0][1][0])
     assert (back.speed, starts[-1]) == (-0.1, None)  # one the other way is no help
+    other = study(**given, **{"mix.overrides.heckel_slope": 14e-6})
+    engine.roll(other.scene, other.mix, 0.1, "compaction", near=passed[0][1][0])
+    assert starts[-1] is passed[0][1][0]  # of another mix, never its result
 
 
 def test_series_opens_in_pyvista(tmp_path):

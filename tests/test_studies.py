@@ -3,6 +3,7 @@
 import importlib.util
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from compact.calibrate import calibrate
@@ -30,6 +31,8 @@ def test_every_study_has_a_test():
         "motor_and_flywheel",
         "optimal_laws",
         "reversal",
+        "moisture_density",
+        "hard_cases",
     }
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
 
@@ -44,6 +47,9 @@ def test_speed_against_error_measures_every_formula_and_sampling_converges(capsy
         speeds=2,
         targets=({"indentation": 0.003}, {"load": 15e3}),
         plain=(1e-2,),
+        methods=(("ours", 1e-8), ("RK45", 1e-3), ("RK45", 1e-6)),
+        tolerances=(1e-1,),
+        rtols=(1e-5, 1e-9),
         out=tmp_path,
     )
     module.show(result)
@@ -54,6 +60,13 @@ def test_speed_against_error_measures_every_formula_and_sampling_converges(capsy
     assert [target for target, *_ in result["in a row"]] == ["indentation", "load"]
     ((_, _, ours, theirs, *_),) = result["plain"]
     assert max(ours, theirs) < 1e-2  # a layer solved without any of our own assembly, streamlines or contact
+    ours, rough, fine = (error for *_, error, _, _ in result["drives"])
+    assert ours < fine < rough < 1e-2  # all against the closed form of the harmonic law
+    ((_, _, missed, _, contacts),) = result["maps"]
+    assert missed < 0.1
+    assert contacts >= 5
+    assert result["columns"][1][2] < 1e-8
+    assert {path.stem for path in tmp_path.glob("*.png")} == {"layers", "drives", "maps", "columns"}
     assert "goal 10" in capsys.readouterr().out
     assert (tmp_path / "speed.csv").read_text().count("\n") == 1 + 10 + 4 + 6 + 1 + 3
 
@@ -160,6 +173,67 @@ def test_elastic_drive_knocks_at_the_turn_however_stiff(capsys, tmp_path):
     assert all(row[7] < 1e-6 for row in rows)
     assert "parabolic" in capsys.readouterr().out
     assert (tmp_path / "elastic_drive.png").stat().st_size > 10_000
+
+
+def test_formula_and_finite_elements_part_in_the_resistance_alone(capsys, tmp_path):
+    module = study("moisture_density")
+    table = module.main(moistures="0.08,0.10", ratios="0.94,0.98", out=tmp_path)
+    module.show(table)
+    assert (table["reason"] == "").all()
+    found = module.ratios_to(table, "fem")
+    assert np.abs(found["formula", "load"] - 1).max() < 0.08
+    assert found["formula", "resistance"].min() > 3
+    # f2 + f3 alone, whatever the mix; half-plane theory has a deep layer's load
+    assert table.sel(engine="formula").resistance_coefficient.values == pytest.approx(0.168246)
+    assert table.sel(engine="column").exit_density_ratio.values == pytest.approx(
+        np.broadcast_to([0.94, 0.98], (2, 2)), abs=1e-6
+    )
+    assert "points without numbers" in capsys.readouterr().out
+    assert (tmp_path / "moisture_density.png").stat().st_size > 10_000
+    assert module.main(moistures="0.08,0.10", ratios="0.94,0.98", out=tmp_path).identical(table)
+
+
+HELD = {  # relative error against another method, a limit or a balance, at most
+    "Poisson's ratio 0.5 - 1e-9, spectral": 1e-3,
+    "contact 0.02 layer heights wide": 1e-3,
+    "speed 1e-9 m/s": 1e-9,
+    "speed 1e9 m/s": 1e-7,
+    "friction 1, sliding, high layer": 1e-7,
+    "plies a thousand times as stiff below": 1e-3,
+    "columns pressed to a density ratio of 0.995": 1e-9,
+    "columns under the same roller again": 1e-9,
+    "speed through 0, stick and slip": 1e-8,
+    "complex law at a double root": 1e-8,
+    "dwell of no length": 1e-12,
+    "run-up of a millionth of the pass": 1e-5,
+    "cam too narrow for its follower": 0.0,
+    "non-finite speed, load, depth": 0.0,
+}
+HELD_SLOWLY = {
+    "Poisson's ratio 0.49, bonded": 1e-3,
+    "slipping base": 1e-3,
+    "contact 5 layer heights wide, finite elements": 1e-3,
+    "indentation 1e-9 m": 1e-3,
+    "spring of 1e9 N/m, dry friction, parabolic law": 0.02,
+}
+REFUSED = ("resistance that jumps between two speeds", "load beyond the height of the layer")
+
+
+def test_hard_cases_hold_or_are_refused_in_words(capsys, tmp_path):
+    module = study("hard_cases")
+    assert set(module.CASES) == {*HELD, *HELD_SLOWLY, *REFUSED}
+    rows = {row[0]: row for row in module.main([*HELD, *REFUSED], out=tmp_path)}
+    module.show(rows.values())
+    assert [name for name, most in HELD.items() if not rows[name][3] <= most] == []
+    assert all(rows[name][2].startswith("refused: ") for name in REFUSED)
+    assert "against" in capsys.readouterr().out
+    assert (tmp_path / "hard_cases.csv").read_text().count("\n") == 1 + len(rows)
+
+
+@pytest.mark.slow
+def test_hard_cases_of_finite_elements_and_stiff_drives_hold():
+    rows = study("hard_cases").main([*HELD_SLOWLY])
+    assert [row[0] for row in rows if not row[3] <= HELD_SLOWLY[row[0]]] == []
 
 
 def test_flywheel_steadies_the_motor_in_proportion(capsys, tmp_path):

@@ -1,0 +1,244 @@
+"""Does every part hold where digits die: at the ends of Poisson's ratio, width, depth, speed, friction, stiffness?
+
+Each case is solved and held against something that does not share its method: a closed form, another engine, a
+limit, or a balance. The table has what was reached, the relative error against that, and the processor time. A case
+that cannot be solved must be refused in words; then `reached` is the refusal and there is no error.
+"""
+
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+
+from compact import cam, column, engine, fem, motion, resistance, spectral
+from compact.drive import Rigid, simulate
+from compact.elastic import ElasticDrive
+from compact.halfplane import galin, hertz
+from compact.material import Elastic, Viscoelastic
+from compact.records import Layer, Roller
+from compact.scene import load_scene
+from compact.study import Study
+
+SCENE = Path(__file__).parent / "scenes" / "loveikin-2015.toml"
+HEADER = ("case", "against", "reached", "relative error", "seconds")
+LAYER, MIX = Layer(0.22), Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
+STIFF = Elastic(10e6, 0.3)
+CASES = {}
+
+
+def case(name, against):
+    """Enter a function that returns what was reached and its relative error."""
+
+    def enter(solve):
+        CASES[name] = (against, solve)
+        return solve
+
+    return enter
+
+
+def both_engines(layer, roller, material, speed=0.2):
+    """Load by the spectral engine, and how far finite elements are from it."""
+    exact = spectral.roll(layer, roller, material, speed)
+    found = fem.roll(layer, roller, material, speed, tolerance=5e-3)
+    return f"P {found.load:.6g} N/m", found.load / exact.load - 1
+
+
+@case("Poisson's ratio 0.49, bonded", "spectral engine")
+def nearly_incompressible():
+    return both_engines(LAYER, Roller(0.11, indentation=0.003), replace(MIX, poisson=0.49))
+
+
+@case("Poisson's ratio 0.5 - 1e-9, spectral", "Poisson's ratio 0.4999")
+def incompressible():
+    loads = [spectral.roll(LAYER, Roller(0.11, 0.003), Elastic(10e6, nu), 0.2).load for nu in (0.5 - 1e-9, 0.4999)]
+    return f"P {loads[0]:.6g} N/m", loads[0] / loads[1] - 1
+
+
+@case("slipping base", "spectral engine")
+def slipping_base():
+    return both_engines(Layer(0.22, "slip"), Roller(0.11, indentation=0.003), MIX)
+
+
+@case("contact 0.02 layer heights wide", "Hertz")
+def narrow():
+    half_width = 0.02 * LAYER.height
+    roller = Roller(10.0, peak_pressure=float(STIFF.contact_modulus * half_width / 20.0))
+    found = spectral.roll(LAYER, roller, STIFF, 0.2)
+    exact = hertz(radius=10.0, contact_modulus=STIFF.contact_modulus, half_width=half_width)
+    return f"a {found.leading * 1e3:.4g} mm", found.load / exact.load - 1
+
+
+@case("contact 5 layer heights wide, finite elements", "spectral engine")
+def wide():
+    half_width, radius = 5 * LAYER.height, 40.0
+    return both_engines(LAYER, Roller(radius, indentation=half_width**2 / (2 * radius)), STIFF)
+
+
+@case("indentation 1e-9 m", "spectral engine")
+def shallow():
+    return both_engines(LAYER, Roller(0.11, indentation=1e-9), STIFF)
+
+
+@case("speed 1e-9 m/s", "relaxed elastic layer")
+def slowest():
+    roller = Roller(0.11, indentation=0.003)
+    found = spectral.roll(LAYER, roller, MIX, 1e-9)
+    return f"F/P {found.resistance / found.load:.1e}", found.load / spectral.roll(LAYER, roller, STIFF, 1.0).load - 1
+
+
+@case("speed 1e9 m/s", "elastic layer of the instant modulus")
+def fastest():
+    roller = Roller(0.11, indentation=0.003)
+    found = spectral.roll(LAYER, roller, MIX, 1e9)
+    instant = spectral.roll(LAYER, roller, Elastic(20e6, 0.3), 1.0)
+    return f"F/P {found.resistance / found.load:.1e}", found.load / instant.load - 1
+
+
+@case("friction 1, sliding, high layer", "Galin")
+def frictional():
+    pressed = Roller(0.11, peak_pressure=5e4, friction=1.0, rolling="sliding")
+    found = spectral.roll(Layer(20.0), pressed, STIFF, 0.2)
+    exact = galin(radius=0.11, youngs_modulus=10e6, poisson=0.3, friction=1.0, peak_pressure=5e4)
+    return f"F/P {found.resistance / found.load:.4f}", float(found.load / exact.load - 1)
+
+
+@case("plies a thousand times as stiff below", "layer of the upper ply alone")
+def stiff_ply():
+    from compact.records import Ply
+
+    plies = (Ply(0.12, 1e3), Ply(0.10, 1.0))
+    roller = Roller(0.11, indentation=0.003)
+    found = spectral.roll(Layer(0.22, plies=plies), roller, STIFF, 0.2)
+    return f"P {found.load:.6g} N/m", found.load / spectral.roll(Layer(0.10), roller, STIFF, 0.2).load - 1
+
+
+@case("columns pressed to a density ratio of 0.995", "balance of mass")
+def pressed_shut():
+    scene = load_scene(SCENE)
+    material = engine.compaction(scene, Study(scene).mix)
+    fed = column.feed(0.22, 0.995, material, 0.2)
+    roller = Roller(1.0, indentation=fed.indentation)
+    found = column.roll(Layer(fed.height), roller, material, 0.2)
+    return f"k {found.exit_density_ratio:.6f}", found.mass_residual
+
+
+@case("columns under the same roller again", "no resistance: the mix lies already")
+def again():
+    scene = load_scene(SCENE)
+    layer, roller, material = engine.inputs(scene, Study(scene).mix, "column", 0.2)
+    roller = replace(roller, rolling="frictionless")
+    first = column.roll(layer, roller, material, 0.2)
+    height = layer.height - first.indentation
+    below = sum(part.height for part in first.columns)
+    second = column.roll_over(first.columns, replace(roller, indentation=below - height), material, -0.2)
+    return f"F {second.resistance:.1e} N/m", second.resistance / first.resistance
+
+
+@case("spring of 1e9 N/m, dry friction, parabolic law", "closed form of the knock without damping")
+def stiff_drive():
+    study = Study(load_scene(SCENE, **{"motion.laws": ["parabolic"], "output.wanted": []}))
+    cart = replace(study.cart, guide_friction=0.0)
+    force, inertia = study.resistance.force, cart.mass * 4 * 0.4 / 9
+    spring = ElasticDrive(1e9, 2 * 0.01 * math.sqrt(1e9 * cart.mass))
+    run = simulate(cart, spring, study.cycles["parabolic"], study.resistance)
+    knock = force + inertia + math.sqrt(4 * force * inertia - inertia**2)
+    return f"H {run.peak_force:.6g} N", run.peak_force / knock - 1
+
+
+@case("speed through 0, stick and slip", "balance of energy")
+def crossing():
+    study = Study(load_scene(SCENE, **{"motion.laws": ["quintic"], "output.wanted": []}))
+    run = simulate(study.cart, ElasticDrive(2e5, 1e3), study.cycles["quintic"], study.resistance)
+    return f"stands {run.standing:.4f} s", run.energy_residual
+
+
+@case("complex law at a double root", "the same weights off by 1e-9")
+def double_root():
+    peaks = [
+        motion.law("complex", 0.4, 3.0, energy_weight=0.625, acceleration_weight=0.25 + off).peaks().acceleration
+        for off in (0.0, 1e-9)
+    ]
+    return f"a {peaks[0]:.9g} m/s2", peaks[0] / peaks[1] - 1
+
+
+@case("dwell of no length", "no dwell")
+def no_dwell():
+    law = motion.law("reversal-4", 0.4, 3.0)
+    study = Study(load_scene(SCENE, **{"motion.laws": ["reversal-4"], "output.wanted": []}))
+    runs = [simulate(study.cart, Rigid(), cycle, study.resistance) for cycle in (law, law.cycle(0.0, 0.0))]
+    return f"H {runs[1].peak_force:.6g} N", runs[1].peak_force / runs[0].peak_force - 1
+
+
+@case("run-up of a millionth of the pass", "constant velocity")
+def sudden():
+    law = motion.law("reversal-4", 0.4, 3.0, 1e-6, 1e-6)
+    return f"v {law.peaks().velocity:.9g} m/s", law.peaks().velocity / (0.4 / 3.0) - 1
+
+
+@case("cam too narrow for its follower", "told to be undercut")
+def undercut():
+    made = cam.Cam(motion.law("combined-3", 0.4, 3.0).cycle(0.0, 0.0), 0.5, cam.FlatFace())
+    return f"undercut told: {bool(made.undercut)}", 1.0 - bool(made.undercut)
+
+
+@case("resistance that jumps between two speeds", "refused in words")
+def jump():
+    return resistance.sampled(lambda v: (1e3 + 1e3 * (v > 0.1), None), 0.01, 0.2, 1e-6), math.nan
+
+
+@case("load beyond the height of the layer", "refused in words")
+def through_the_base():
+    plain = {"accuracy.engine": "spectral", "machine.profile": "parabola", "machine.rolling": "frictionless"}
+    scene = load_scene(SCENE, **{"contact.load": 1e7, **plain})
+    return engine.roll(scene, Study(scene).mix, 0.2).load, math.nan
+
+
+@case("non-finite speed, load, depth", "refused in words, every one")
+def not_a_number():
+    refused, tried = 0, 0
+    for solve in (spectral.roll, fem.roll):
+        for roller, speed in ((Roller(0.11, 0.003), math.nan), (Roller(0.11, 0.003), math.inf)):
+            tried += 1
+            try:
+                solve(LAYER, roller, MIX, speed)
+            except ValueError:
+                refused += 1
+    for target in ({"load": math.nan}, {"indentation": math.inf}, {"peak_pressure": -math.inf}):
+        tried += 1
+        try:
+            Roller(0.11, **target)
+        except ValueError:
+            refused += 1
+    return f"{refused} of {tried} refused", refused / tried - 1
+
+
+def main(names=None, out=None):
+    """Rows of HEADER for all cases, or those named."""
+    rows = []
+    for name in names or CASES:
+        against, solve = CASES[name]
+        began = process_time()
+        try:
+            reached, error = solve()
+        except (ValueError, RuntimeError) as refusal:
+            reached, error = f"refused: {refusal}", math.nan
+        rows.append((name, against, str(reached), float(np.abs(error)), process_time() - began))
+    if out:
+        from compact.results import write_csv
+
+        write_csv(Path(out) / "hard_cases.csv", HEADER, rows)
+    return rows
+
+
+def show(rows):
+    """Print the rows of `main`."""
+    for name, against, reached, error, seconds in rows:
+        told = "" if math.isnan(error) else f"{error:.1e}"
+        print(f"{name:<48}{told:>9}{seconds:8.2f} s  against {against}\n    {reached[:150]}")
+
+
+if __name__ == "__main__":
+    show(main(sys.argv[1:] or None, out="out/hard_cases"))

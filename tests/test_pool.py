@@ -1,0 +1,104 @@
+"""Tasks over workers that die, fail, are interrupted; a cluster that is not there."""
+
+import os
+import signal
+import sys
+
+import pytest
+
+from compact import pool
+from compact.pool import Cluster, Here, Lost, Processes, outcomes
+
+# what workers do
+
+
+def square(number):
+    return number**2
+
+
+def dies_once(task):
+    """Killed by a signal that nothing can catch, at the first attempt."""
+    number, mark = task
+    if not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number**2
+
+
+def dies_or_squares(number):
+    if number == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number**2
+
+
+def fails(number):
+    raise RuntimeError(f"{number} does not converge")
+
+
+def threads(_):
+    return os.environ["OMP_NUM_THREADS"], signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+
+
+def collected(work, tasks, crew):
+    return dict(outcomes(work, tasks, crew))
+
+
+@pytest.mark.parametrize("crew", [Here(), Processes(2)], ids=["here", "two processes"])
+def test_every_task_has_its_outcome(crew):
+    assert collected(square, list(range(9)), crew) == {number: number**2 for number in range(9)}
+
+
+def test_task_of_a_killed_worker_is_done_by_another(tmp_path):
+    crew = Processes(2)
+    found = collected(dies_once, [(number, tmp_path / f"{number}") for number in range(4)], crew)
+    assert found == {number: number**2 for number in range(4)}
+    assert crew.deaths == 4
+
+
+def test_task_that_kills_every_worker_is_lost_alone():
+    crew = Processes(2)
+    found = collected(dies_or_squares, list(range(6)), crew)
+    assert found[3] == Lost("its worker process died 3 times, last with code -9")
+    assert [found[number] for number in (0, 1, 2, 4, 5)] == [0, 1, 4, 16, 25]
+    assert crew.deaths == 3
+
+
+def test_workers_have_one_thread_and_leave_interrupts_to_the_command():
+    before = os.environ.get("OMP_NUM_THREADS")
+    assert collected(threads, [0], Processes(1)) == {0: ("1", True)}
+    assert os.environ.get("OMP_NUM_THREADS") == before
+
+
+@pytest.mark.parametrize("crew", [Here(), Processes(1)], ids=["here", "a process"])
+def test_error_of_the_work_stops_and_is_told(crew):
+    with pytest.raises(RuntimeError, match="5 does not converge"):
+        collected(fails, [5], crew)
+
+
+def test_workers_are_gone_when_the_reader_stops():
+    crew = Processes(2)
+    coming = outcomes(square, list(range(100)), crew)
+    next(coming)
+    pids = crew.pids
+    coming.close()
+    for pid in pids:
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+
+
+def test_processes_that_cannot_begin_are_told(monkeypatch):
+    monkeypatch.setattr(pool, "_serve", "not a function")
+    with pytest.raises(RuntimeError, match="3 worker processes ended before they could begin"):
+        collected(square, [1], Processes(1))
+
+
+def test_cluster_without_dask_is_refused_in_words(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(RuntimeError, match=r"a cluster needs dask; install it with `pip install '.\[cluster\]'`"):
+        collected(square, [1], Cluster("tcp://127.0.0.1:1"))
+
+
+def test_scheduler_that_is_not_there_is_told(monkeypatch):
+    monkeypatch.setattr(pool, "SEEK", 0.2)
+    with pytest.raises(RuntimeError, match=r"no dask scheduler answers at 'tcp://127.0.0.1:1'"):
+        collected(square, [1], Cluster("tcp://127.0.0.1:1"))
