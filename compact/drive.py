@@ -144,6 +144,10 @@ class Means:
         """Peak force over the force that keeps the mean speed."""
         return self.peak_force / self.steady_force if self.steady_force else math.inf
 
+    def share(self, holds):
+        """Share of the cycle in which something holds(velocity, acceleration) of the cart, to 1 %."""
+        return self._mean(holds(self.state.velocity, self.state.acceleration))
+
     def _mean(self, values):
         return float(np.sum(self.weights * values) / self.period)
 

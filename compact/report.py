@@ -24,10 +24,14 @@ def write(study, directory, force=False):
     """
     wanted = study.scene.output.wanted
     with claimed(directory, study.scene.hash, force) as directory:
-        files = list(contact_report.tables(study, directory)) if study.rolled else []
+        files = list(contact_report.tables(study, directory)) if study.layered else []
+        kept = list(study.keep(directory, files)) if study.layered else []
         for part, writer in WRITERS.items():
             if part in wanted:
                 files += writer(study, directory)
+        if study.layered:
+            list(study.keep(directory, files))
+        files += kept
         summary = _summary(study, [str(Path(file).relative_to(directory)) for file in files])
         write_json(directory / "summary.json", summary)
     return summary
@@ -60,7 +64,7 @@ def _tables(study, directory):
 
 def _rankings(study):
     """Rankings by engine, the scene's first."""
-    beside = {"formula": study.formula_rankings} if study.rolled else {}
+    beside = {"formula": study.formula_rankings} if study.layered else {}
     return {study.scene.accuracy.engine: study.rankings} | beside
 
 
@@ -175,7 +179,7 @@ def _crank(study, directory):
 def _fields(study, directory):
     from compact.fields import write_series
 
-    yield from write_series(study.fields, directory)
+    yield from study.standing(directory, "fields.pvd", "fields/") or write_series(study.fields, directory)
 
 
 def _figures(study, directory):
@@ -195,11 +199,13 @@ def _figures(study, directory):
         drawn["cams"] = lambda: figures.cams(study.cams, list(study.cycles), "roller")
     if "crank" in wanted:
         drawn["crank"] = lambda: figures.crank(study.turns)
-    if study.rolled:
-        drawn["contact"] = lambda: figures.speeds(study.rolled)
+    if study.layered:
+        drawn["contact"] = lambda: figures.speeds(study.contacts)
         drawn["resistance"] = lambda: figures.resistance(study.resistance_map, study.formula_resistance)
-    if "fields" in wanted:
+    if "fields" in wanted and not (standing := study.standing(directory, "fields.png")):
         drawn["fields"] = lambda: figures.fields(study.fields)
+    elif "fields" in wanted:
+        yield from standing
     for name, draw in drawn.items():
         study.count("figures")
         yield write_figure(directory / f"{name}.png", draw())
@@ -223,11 +229,11 @@ def _summary(study, files):
         "advice": list(scene.advice),
         "reachable": {"by_rolling": reach.possible, "reason": reach.reason},
         "numbers": {name: asdict(number) for name, number in study.numbers.items()},
-        "contacts": [contact_report.numbers(study, *contact) for contact in study.passes],
-        "laws": {name: _run_numbers(run) for name, run in study.runs.items()},
+        "contacts": study.contacts,
+        "laws": {name: _run_numbers(study, run) for name, run in study.runs.items()},
         "rankings": _places(study.rankings),
         "formula_rankings": _places(study.formula_rankings),
-        "units": {name: criterion.unit for name, criterion in CRITERIA.items()} | OWN,
+        "units": {name: criterion.unit for name, criterion in CRITERIA.items()} | OWN | {"unsteady_share": "1"},
         "stages": dict(study.counts),
         "files": files,
     }
@@ -235,7 +241,7 @@ def _summary(study, files):
 
 def _drive_resistance(study):
     """What the drives meet, and how sure that is."""
-    if not study.rolled:
+    if not study.layered:
         return {"by": "eq 1.8"}
     met = study.resistance_map
     return {
@@ -243,6 +249,9 @@ def _drive_resistance(study):
         "speeds": met.speeds,
         "error_between_speeds": met.error,
         "error_of_the_engine": met.engine_error,
+        "added_masses": met.added_masses,
+        "relaxation_time": met.time,
+        "kept": study.kept is not None,
     }
 
 
@@ -255,9 +264,10 @@ def _place(place):
     return names | ({"reason": place.reason} if place.reason else {})
 
 
-def _run_numbers(run):
+def _run_numbers(study, run):
     own = [name for name in OWN if hasattr(run, name)]
-    return {name: getattr(run, name) for name in (*CRITERIA, *own)}
+    unsteady = {"unsteady_share": run.share(study.resistance.beyond)} if study.layered else {}
+    return {name: getattr(run, name) for name in (*CRITERIA, *own)} | unsteady
 
 
 OWN = {  # what runs of elastic and motor drives know besides
