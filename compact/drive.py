@@ -1,6 +1,6 @@
 """Drives: what a motion asks of the drive of a cart against a resistance, its peaks, and the ranking of laws.
 
-    drive force H = m a + resistance(v, a) + guide friction,  drive power = H v
+    drive force H = m a + resistance(v, a) + guide friction - end springs,  drive power = H v
 
 `resistance` is any callable of velocity [m/s] and acceleration [m/s^2] that gives the force of the mix on all rollers
 of one cart [N], odd in both. It is set-valued at rest; there the drive meets its limit from inside the motion.
@@ -91,7 +91,24 @@ class Demand:
         moving = self._moving(leg, travel[1])
         met = met_resistance(self.resistance, moving, travel[2])
         tangent = self.drive.rod_tangent(leg.start + leg.duration * phase, self.cycle.period)
-        return State(*travel, met, tangent, balance(self.cart, travel[2], met, np.sign(moving), tangent))
+        push = self._push(leg, phase, travel[0])
+        return State(*travel, met, tangent, balance(self.cart, travel[2], met, np.sign(moving), tangent, push))
+
+    def breaks(self, leg):
+        """Phases of a leg between which all is smooth, ends among them: joins of the law, and where springs are met."""
+        return leg.joined_at() if self.cart.end_springs is None else self._zones[leg.start].breaks
+
+    def _push(self, leg, phase, position):
+        springs = self.cart.end_springs
+        return 0.0 if springs is None else springs.push(position, self._zones[leg.start].at(phase))
+
+    @cached_property
+    def _zones(self):
+        zones = self.cart.end_springs.zones
+        return {
+            leg.start: zones(lambda phase, leg=leg: leg.at_phase(phase, 0), leg.joined_at())
+            for leg in self.cycle.legs()
+        }
 
     def _moving(self, leg, velocity):
         """The velocity, at rest the limit from inside the motion."""
@@ -213,9 +230,10 @@ class Run(Means):
 
     def _largest(self, quantity):
         """Largest |quantity| of the `State` over the cycle, found on the law itself."""
+        demand = self.demand
         return max(
-            largest(lambda phase, leg=leg: np.abs(quantity(self.demand.at(leg, phase))), inside(leg.joined_at()))[0]
-            for leg in self.demand.cycle.legs()
+            largest(lambda phase, leg=leg: np.abs(quantity(demand.at(leg, phase))), inside(demand.breaks(leg)))[0]
+            for leg in demand.cycle.legs()
         )
 
 
@@ -265,7 +283,7 @@ def _sampled(demand):
     nodes, unit_weights = clenshaw_curtis(POINTS)
     columns = []
     for leg in demand.cycle.legs():
-        breaks = leg.joined_at()[:, None]
+        breaks = demand.breaks(leg)[:, None]
         low, high = breaks[:-1] + EPSILON, breaks[1:] - EPSILON
         phase = np.clip(low + (high - low) * nodes, low, high)
         time, weights = leg.start + leg.duration * phase, leg.duration * np.diff(breaks, axis=0) * unit_weights

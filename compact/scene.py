@@ -191,6 +191,14 @@ class Motor(_Table):
     flywheel_inertia: float = _nonnegative("the inertia of flywheel and shaft in kg m2")
 
 
+class EndSpringTable(_Table):
+    """Springs at both ends of the stroke, which stop the cart and set it going the other way."""
+
+    stiffness: float = _nonnegative("the stiffness of one spring in N/m")
+    preload: float = _nonnegative("the force of a spring as the cart meets it in N")
+    length: float = _positive("the travel at each end over which a spring pushes in m")
+
+
 class Drive(_Table):
     """What moves the carts, and the peaks the laws are ranked by."""
 
@@ -201,6 +209,7 @@ class Drive(_Table):
     carts: int = _between(1, 4, "the number of carts on one shaft")
     angles: Numbers | None = Field(default=None, description="the crank angle of each cart in rad")
     motor: Motor | None = None
+    end_springs: EndSpringTable | None = None
     rank_by: Ranks = Field(min_length=1, description="the quantities to rank by")
 
 

@@ -215,6 +215,18 @@ def _motor_belongs_to_a_motor_drive(kind, motor):
         return f'"{kind}" has no motor; take the table [drive.motor] out, or choose "motor"'
 
 
+@_rule("drive.end_springs", "drive.kind")
+def _springs_suit_the_drive(springs, kind):
+    if springs is not None and kind == "elastic":
+        return 'is not known to drive.kind "elastic", got a table; take it out, or choose another kind'
+
+
+@_rule("drive.end_springs.length", "motion.stroke")
+def _springs_leave_each_other_room(length, stroke):
+    if length is not None and 2 * length > stroke * GUARD:
+        return f"must be at most half of motion.stroke = {stroke:g} m, got {length:g}; give shorter springs"
+
+
 @_rule("drive.motor.breakdown_slip", "drive.motor.curve")
 def _slip_belongs_to_kloss(slip, curve):
     if curve == "kloss" and slip is None:

@@ -25,6 +25,7 @@ from compact.measured import from_table
 from compact.motion import law
 from compact.motor import Kloss, Motor, Straight
 from compact.scene import SceneError
+from compact.springs import EndSprings
 
 SWING = 2.0  # times the velocity of the law, which an elastic drive may reach after a jump
 FOLLOWERS = {
@@ -238,7 +239,7 @@ class Study:
         return self._cart(self.roller_load)
 
     def _cart(self, roller_load):
-        machine = self.scene.machine
+        machine, table, stroke = self.scene.machine, self.scene.drive.end_springs, self.scene.motion.stroke
         return Cart(
             mass=machine.mass,
             weight=machine.weight,
@@ -250,6 +251,7 @@ class Study:
             roller_radius=machine.roller_radius,
             guide_wheel_diameter=machine.guide_wheel_diameter,
             guide_friction=machine.guide_friction,
+            end_springs=table and EndSprings(table.stiffness, table.preload, table.length, stroke),
         )
 
     @cached_property

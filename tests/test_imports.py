@@ -15,7 +15,7 @@ LEVELS = (
     ("refuse", "pieces", "measurements", "fitting", "deformation", "pressing", "equilibrium", "ringing"),
     (
         *("records", "material", "mesh", "patch", "plies", "sizing", "shaft", "follower", "variational", "results"),
-        *("scene_errors", "polynomials"),
+        *("scene_errors", "polynomials", "springs"),
     ),
     ("laws", "halfplane", "modulation", "mix", "cart", "scene_rules", "streamline", "cap", "dynamics"),
     ("kernel", "compliance", "stickslip", "confined"),
