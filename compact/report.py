@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compact import contact_report
+from compact import contact_report, drive_report
 from compact.cam import stepper
 from compact.drive import CRITERIA
 from compact.results import claimed, write_csv, write_figure, write_json
@@ -55,11 +55,7 @@ def _tables(study, directory):
     ])  # fmt: skip
     for name, run in study.runs.items():
         yield write_csv(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, _cycle_rows(run))
-    if study.scene.drive.kind == "elastic":
-        yield write_csv(directory / "ringing.csv", RINGING_HEADER, [_ringing_row(run) for run in study.runs.values()])
-    if study.scene.drive.kind == "motor":
-        turned = [run for run in study.runs.values() if hasattr(run, "motor_torque")]
-        yield write_csv(directory / "motor.csv", MOTOR_HEADER, [_motor_row(run) for run in turned])
+    yield from drive_report.tables(study, directory)
 
 
 def _rankings(study):
@@ -78,34 +74,6 @@ CYCLE_HEADER = (
     "time_s", "position_m", "velocity_m/s", "acceleration_m/s2", "jerk_m/s3", "resistance_N", "drive_force_N",
     "drive_power_W", "front_reaction_N", "rear_reaction_N",
 )  # fmt: skip
-
-RINGING_HEADER = (
-    "law", "peak_force_N", "rigid_peak_force_N", "ringing", "peak_power_W", "rigid_peak_power_W", "nonuniformity",
-    "rigid_nonuniformity", "standing_s", "energy_residual", "arcs",
-)  # fmt: skip
-
-
-def _ringing_row(run):
-    rigid = run.rigid
-    return (
-        run.name, run.peak_force, rigid.peak_force, run.ringing, run.peak_power, rigid.peak_power, run.nonuniformity,
-        rigid.nonuniformity, run.standing, run.energy_residual, run.work.arcs,
-    )  # fmt: skip
-
-
-MOTOR_HEADER = (
-    "law", "period_s", "least_speed_rad/s", "largest_speed_rad/s", "fluctuation", "peak_motor_torque_Nm",
-    "peak_motor_power_W", "work_of_a_cycle_J", "nonuniformity", "energy_residual",
-)  # fmt: skip
-
-
-def _motor_row(run):
-    torque = float(np.abs(run.motor_torque).max()) / run.load.motor.gear_ratio
-    work = float(np.sum(run.weights * run.motor_torque * run.speed))
-    return (
-        run.name, run.period, float(run.speed.min()), float(run.speed.max()), run.fluctuation, torque,
-        run.peak_motor_power, work, run.nonuniformity, run.energy_residual,
-    )  # fmt: skip
 
 
 def _law_row(cycle):
@@ -270,10 +238,15 @@ def _run_numbers(study, run):
     return {name: getattr(run, name) for name in (*CRITERIA, *own)} | unsteady
 
 
-OWN = {  # what runs of elastic and motor drives know besides
+OWN = {  # what runs of elastic, hydraulic and motor drives know besides
     "ringing": "1",
     "standing": "s",
     "fluctuation": "1",
+    "peak_pressure": "Pa",
+    "peak_flow": "m3/s",
+    "pump_work": "J",
+    "throttle_heat": "J",
+    "relief_heat": "J",
     "peak_motor_power": "W",
     "energy_residual": "1",
 }

@@ -21,6 +21,7 @@ from compact.crank import USUAL_ANGLES, turn
 from compact.engine import LAYERED, fields, passes, speeds
 from compact.engineering import KNOWN_BY, engineering
 from compact.halfplane import galin
+from compact.hydraulic import Hydraulic
 from compact.measured import from_table
 from compact.motion import law
 from compact.motor import Kloss, Motor, Straight
@@ -68,7 +69,7 @@ class Study:
         cams = 2 * laws * len(FOLLOWERS) if "cams" in wanted else 0  # made and measured
         crank = len(USUAL_ANGLES) + 1 if "crank" in wanted else 0
         beside = laws + 1 if self.layered else 0  # runs and rankings by formula
-        added = sum(self.counts[stage] for stage in ("resistance", "added mass", "kept"))
+        added = sum(self.counts[stage] for stage in ("resistance", "added mass", "kept", "passage"))
         layer = beside + rolled * (1 + ("fields" in wanted)) + added
         return 2 + 2 * laws + cams + crank + figures + layer
 
@@ -294,6 +295,8 @@ class Study:
             from compact.elastic import ElasticDrive  # compiled code, loaded for those who want it
 
             return ElasticDrive(table.stiffness, table.damping, table.backlash or 0.0)
+        if table.kind == "hydraulic":
+            return Hydraulic(**table.hydraulics.model_dump())
         rod = self.crank if through_rod and table.kind in ("crank", "motor") else drive.Rigid()
         if table.kind != "motor" or any(join.order == 1 for join in cycle.joins()):
             return rod

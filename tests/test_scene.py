@@ -13,7 +13,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from compact.scene import LAW_NAMES, Motor, Scene, SceneError, load_scene, parse_scene, starter_scene
+from compact.scene import (
+    LAW_NAMES,
+    EndSpringTable,
+    Hydraulics,
+    Motor,
+    Scene,
+    SceneError,
+    load_scene,
+    parse_scene,
+    starter_scene,
+)
 
 SCENES = Path(__file__).parents[1] / "studies" / "scenes"
 PUBLISHED = (SCENES / "loveikin-2015.toml").read_text("utf-8")
@@ -384,6 +394,7 @@ pump_flow = 5e-4
 valve_area = 2e-5
 discharge_coefficient = 0.62
 oil_density = 870.0
+transition_drop = 1e3
 bulk_modulus = 1.4e9
 dead_volume = 1e-4
 """

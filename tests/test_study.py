@@ -114,6 +114,31 @@ def test_motor_drive_goes_from_the_scene_to_the_summary(tmp_path):
     assert summary["laws"]["cubic"]["fluctuation"] == pytest.approx(float(rows[0]["fluctuation"]), rel=1e-9)
 
 
+HYDRAULICS = {
+    "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5, "discharge_coefficient": 0.62,
+    "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
+}  # fmt: skip
+
+
+def test_hydraulic_drive_goes_from_the_scene_to_the_summary(tmp_path):
+    springs = {"stiffness": 4e3, "preload": 200.0, "length": 0.1}
+    given = {"drive.kind": "hydraulic", "drive.hydraulics": HYDRAULICS, "drive.end_springs": springs}
+    study = Study(scene("small", **given, **{"output.wanted": ["tables", "crank"]}))
+    summary = report.write(study, tmp_path / "out")
+    rigid = Study(scene("small", **{"drive.end_springs": springs}))
+    bare = Study(scene("small"))
+    for name, told in summary["laws"].items():
+        assert told["peak_force"] == pytest.approx(rigid.runs[name].peak_force, rel=1e-12)
+        assert told["energy"] == pytest.approx(bare.runs[name].energy, rel=1e-9)
+        assert told["energy_residual"] < 1e-6
+    assert summary["laws"]["cubic"]["peak_pressure"] < bare.runs["cubic"].peak_force / 1e-3 + 2e5
+    best = study.rankings["peak_force"][0].run.name
+    passed = np.genfromtxt(tmp_path / "out" / f"passage-{best}.csv", delimiter=",", names=True)
+    assert np.abs(passed["position_m"] - passed["law_position_m"]).max() < 1e-3
+    assert f"throttles/{best}.csv" in summary["files"]
+    assert sum(summary["stages"].values()) == study.steps
+
+
 def test_power_of_the_shaft_is_that_of_the_run_through_the_rod():
     study = Study(scene("loveikin-2015-crank", **{"motion.laws": ["crank"]}))
     turn = study.turns["1"]
