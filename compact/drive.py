@@ -147,6 +147,11 @@ class Means:
         return math.inf if self.impulses else math.sqrt(self._mean(self.drive_power**2))
 
     @cached_property
+    def mean_force(self):
+        """Mean of |H| over the cycle [N]; infinite where the velocity jumps."""
+        return math.inf if self.impulses else self._mean(np.abs(self.drive_force))
+
+    @cached_property
     def mean_power(self):
         """Mean of H v over the cycle [W]."""
         return self._mean(self.drive_power)
@@ -341,6 +346,7 @@ CRITERIA = MappingProxyType(
         "peak_power": Criterion("W", _JUMP),
         "rms_force": Criterion("N", _JUMP),
         "rms_power": Criterion("W", _JUMP),
+        "mean_force": Criterion("N", _JUMP),
         "mean_power": Criterion("W"),
         "energy": Criterion("J"),
         "drawn_energy": Criterion("J"),

@@ -1,5 +1,7 @@
 """What is said of drives with a life of their own: tables of ringing, of motors, of cylinders and throttles."""
 
+import warnings
+
 import numpy as np
 
 from compact.results import write_csv
@@ -13,6 +15,7 @@ def tables(study, directory):
     if study.scene.drive.kind == "motor":
         turned = [run for run in runs if hasattr(run, "motor_torque")]
         yield write_csv(directory / "motor.csv", MOTOR_HEADER, [_motor_row(run) for run in turned])
+        yield from _run_up(study, directory)
     if study.scene.drive.kind == "hydraulic":
         yield from _hydraulics(study, directory)
 
@@ -44,6 +47,23 @@ def _motor_row(run):
         run.name, run.period, float(run.speed.min()), float(run.speed.max()), run.fluctuation, torque,
         run.peak_motor_power, work, run.nonuniformity, run.energy_residual,
     )  # fmt: skip
+
+
+def _run_up(study, directory):
+    """The start from rest under the best law; a motor that does not start says so."""
+    from compact.runup import runup
+
+    best = next((place.run for place in next(iter(study.rankings.values())) if hasattr(place.run, "load")), None)
+    if best is None:
+        return
+    study.count("run-up")
+    try:
+        start = runup(best.load.cart, best.load.motor, best.load.cycle, best.load.resistance)
+    except RuntimeError as error:
+        warnings.warn(f"no start from rest under '{best.name}': {error}", stacklevel=2)
+        return
+    table = np.column_stack([start.time, start.angle, start.speed]).tolist()
+    yield write_csv(directory / f"run-up-{best.name}.csv", ("time_s", "angle_rad", "speed_rad/s"), table)
 
 
 HYDRAULIC_HEADER = (

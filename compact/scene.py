@@ -43,7 +43,11 @@ Law = Literal[
 LAW_NAMES: tuple[str, ...] = get_args(Law)
 
 Wanted = Literal["tables", "figures", "cams", "reactions", "crank", "fields"]
-RankBy = Literal["peak_force", "peak_power", "rms_force", "rms_power", "energy", "peak_jerk"]
+# The keys of `drive.CRITERIA`, restated likewise
+RankBy = Literal[
+    "peak_force", "peak_power", "rms_force", "rms_power", "mean_force", "mean_power", "energy", "drawn_energy",
+    "peak_jerk", "dynamic_factor", "nonuniformity",
+]  # fmt: skip
 Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
 COUNT_LIMIT = 1_000_000  # beyond any machine; keeps a slip such as 0xffff... out of loops and printouts
 

@@ -69,7 +69,7 @@ class Study:
         cams = 2 * laws * len(FOLLOWERS) if "cams" in wanted else 0  # made and measured
         crank = len(USUAL_ANGLES) + 1 if "crank" in wanted else 0
         beside = laws + 1 if self.layered else 0  # runs and rankings by formula
-        added = sum(self.counts[stage] for stage in ("resistance", "added mass", "kept", "passage"))
+        added = sum(self.counts[stage] for stage in ("resistance", "added mass", "kept", "passage", "run-up"))
         layer = beside + rolled * (1 + ("fields" in wanted)) + added
         return 2 + 2 * laws + cams + crank + figures + layer
 

@@ -26,7 +26,7 @@ LEVELS = (
     ("motion", "contact", "spectral", "fem", "drive", "scene", "column", "resistance"),
     ("measured", "cam", "crank", "passes", "contacts", "spectral_modulation", "fem_modulation", "regime"),
     ("engine", "engineering", "elastic", "motor", "hydraulic"),
-    ("mapping",),
+    ("mapping", "runup"),
     ("study", "calibrate"),
     ("figures", "published_laws", "published_machine"),
     ("contact_report", "drive_report"),

@@ -6,14 +6,16 @@ import math
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from compact import report
+from compact.drive import CRITERIA
 from compact.motion import LAWS
 from compact.results import ResultsError
-from compact.scene import LAW_NAMES, SceneError, load_scene
+from compact.scene import LAW_NAMES, RankBy, SceneError, load_scene
 from compact.study import Study
 
 SCENES = Path(__file__).parent.parent / "studies" / "scenes"
@@ -54,6 +56,17 @@ def test_energy_of_a_cycle_is_the_work_of_resistance_and_friction(name):
 
 def test_laws_of_the_scene_are_those_of_the_table():
     assert tuple(LAWS) == LAW_NAMES
+
+
+def test_criteria_of_the_scene_are_those_of_the_drives():
+    assert set(get_args(RankBy)) == set(CRITERIA)
+
+
+def test_mean_force_of_a_cart_without_mass_is_its_resistance():
+    study = Study(scene(**{"machine.mass": 1e-9, "machine.weight": 1e-8, "machine.guide_friction": 0.0}))
+    force = study.resistance.force
+    assert study.runs["cubic"].mean_force == pytest.approx(force, rel=1e-9)
+    assert study.runs["gear-sector"].mean_force == math.inf
 
 
 def test_inertia_turns_the_ranking_of_the_crank_scene():
