@@ -4,6 +4,8 @@ import warnings
 
 import numpy as np
 
+from compact.drive import Demand, Rigid
+from compact.pieces import EPSILON
 from compact.results import write_csv
 
 
@@ -64,6 +66,25 @@ def _run_up(study, directory):
         return
     table = np.column_stack([start.time, start.angle, start.speed]).tolist()
     yield write_csv(directory / f"run-up-{best.name}.csv", ("time_s", "angle_rad", "speed_rad/s"), table)
+
+
+def roller_motor(study, cycle, turned):
+    """Torque [N m], power [W] and traction of the motor inside each roller, at the times of a `cam.Stepper`.
+
+        T = H R/n,  traction = T/(R P): what friction of mix on steel must at least be
+
+    H is the force of a rigid drive. That a torque takes T/R off the resistance holds at first order in the slope of the
+    contact, within 3 % by the engine "fem"; creep is left out, a driven roller by that engine tells it.
+    """
+    demand = Demand(study.cart, Rigid(), cycle, study.resistance)
+    force = np.zeros(turned.time.shape)  # a cart that dwells asks for none
+    for leg in cycle.legs():
+        phase = (turned.time - leg.start) / leg.duration
+        moves = (phase >= 0) & (phase <= 1)
+        force[moves] = demand.at(leg, np.clip(phase[moves], EPSILON, 1 - EPSILON)).forces.drive_force
+    radius, rollers = study.scene.machine.roller_radius, study.scene.machine.rollers
+    torque = force * radius / rollers
+    return torque, torque * turned.angular_velocity, torque / radius / study.roller_load
 
 
 HYDRAULIC_HEADER = (

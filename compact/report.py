@@ -65,7 +65,10 @@ def _rankings(study):
 
 
 RANKING_HEADER = ("engine", "criterion", "rank", "law", "value", "unit", "margin", "reason")
-STEPPER_HEADER = ("time_s", "angle_rad", "angular_velocity_rad/s", "angular_acceleration_rad/s2", "angular_jerk_rad/s3")
+STEPPER_HEADER = (
+    "time_s", "angle_rad", "angular_velocity_rad/s", "angular_acceleration_rad/s2", "angular_jerk_rad/s3", "torque_Nm",
+    "power_W", "traction",
+)  # fmt: skip
 LAW_HEADER = (
     "law", "peak_velocity_m/s", "peak_acceleration_m/s2", "peak_jerk_m/s3", "peak_snap_m/s4", "continuity",
     "J1_m2/s", "J2_m2/s3", "J3_m2/s5", "J4_m2/s7",
@@ -119,9 +122,8 @@ def _cams(study, directory):
     yield write_csv(directory / "cams.csv", header, rows)
     for law, cycle in study.cycles.items():
         motor = stepper(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
-        yield write_csv(
-            directory / "cams" / f"{law}-stepper.csv", STEPPER_HEADER, np.column_stack(astuple(motor)).tolist()
-        )
+        columns = (*astuple(motor), *drive_report.roller_motor(study, cycle, motor))
+        yield write_csv(directory / "cams" / f"{law}-stepper.csv", STEPPER_HEADER, np.column_stack(columns).tolist())
 
 
 def write_cam(path, cam):

@@ -212,6 +212,10 @@ def test_stepper_in_the_roller_turns_with_the_travel(written):
     assert rows["angle_rad"].max() * study.scene.machine.roller_radius == pytest.approx(0.4, rel=1e-9)
     speed = 1.2 * 0.4 / 3.0 / 0.11  # D 3.2: 6/5 of the mean speed, B eq (46)
     assert np.abs(rows["angular_velocity_rads"]).max() == pytest.approx(speed, rel=1e-9)
+    run, rollers = study.runs["reversal-3"], study.scene.machine.rollers
+    assert rollers * np.trapezoid(rows["power_W"], rows["time_s"]) == pytest.approx(run.energy, rel=5e-3)
+    assert rollers * np.abs(rows["torque_Nm"]).max() == pytest.approx(run.peak_force * 0.11, rel=1e-2)
+    assert np.abs(rows["traction"]).max() == pytest.approx(run.peak_force / rollers / study.roller_load, rel=1e-2)
 
 
 def test_two_runs_write_the_same_bytes(written, tmp_path):
