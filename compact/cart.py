@@ -5,11 +5,12 @@ rollers, the guide wheels press down on the cart from the upper rail; a wheel wh
 off and runs on the lower rail. With s = sign of velocity, H the drive force and V = H tan(beta) the vertical pull of
 an inclined rod (paper C eqs 1-9, which hold as printed only for s = +1; reconstructed here, see errata C-6 to C-8):
 
-    H = m a + W + s f (|N1| + |N2|)
+    H = m a + W - S + s f (|N1| + |N2|)
     N1 + N2 = sum R - G + V
     N1 x1 + N2 x2 = sum R x + V z - W (e + r) + s f (D/2) (N1 + N2)
 
-W is the resistance of the mix on the rollers' lowest points, e + r below the pin. The cart's centre of mass and the
+W is the resistance of the mix on the rollers' lowest points, e + r below the pin, S the push of springs at the ends of
+the stroke (`springs`), at the height of the pin. The cart's centre of mass and the
 guide wheels' axles lie at the height of the pin: the paper does not say, and its numbers agree with that.
 """
 
@@ -20,6 +21,7 @@ from itertools import product
 import numpy as np
 
 from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive
+from compact.springs import EndSprings
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,7 @@ class Cart:
     guide_positions : x of the front and the rear guide wheel [m], front > rear
     pin_position : x of the drive pin, z [m]; pin_height : e, above the rollers' axles [m]
     roller_radius : r [m]; guide_wheel_diameter : D [m]; guide_friction : f, Coulomb at the guide wheels
+    end_springs : at the ends of the stroke, or None
     """
 
     mass: float
@@ -43,6 +46,7 @@ class Cart:
     roller_radius: float
     guide_wheel_diameter: float
     guide_friction: float
+    end_springs: EndSprings | None = None
 
     def __post_init__(self):
         refuse_negative(
@@ -99,19 +103,22 @@ class Balance:
     guide_friction: np.ndarray
 
 
-def balance(cart, acceleration, resistance, direction, rod_tangent=0.0):
+def balance(cart, acceleration, resistance, direction, rod_tangent=0.0, push=0.0):
     """`Balance` of a cart in motion; all but the cart are arrays or numbers that broadcast.
 
     acceleration : a [m/s^2]; resistance : W, signed like the velocity [N]
     direction : s, sign of the velocity, 0 standing; rod_tangent : tan(beta), + where the rod rises to the drive
+    push : S [N], + along the travel
 
-    The reactions are linear in H, N_i = A_i + B_i H, so H - s f (|N1| + |N2|) = m a + W is piecewise linear and
+    The reactions are linear in H, N_i = A_i + B_i H, so H - s f (|N1| + |N2|) = m a + W - S is piecewise linear and
     rises while f (|B1| + |B2|) < 1: of the four pairs of signs one fits. Raises ValueError for a rod so steep that
     friction locks the cart, and for numbers that are not finite.
     """
-    refuse_nonfinite(acceleration=acceleration, resistance=resistance, rod_tangent=rod_tangent)
-    acceleration, resistance, direction, tangent = np.broadcast_arrays(acceleration, resistance, direction, rod_tangent)
-    needed = cart.mass * acceleration + resistance
+    refuse_nonfinite(acceleration=acceleration, resistance=resistance, rod_tangent=rod_tangent, push=push)
+    acceleration, resistance, direction, tangent, push = np.broadcast_arrays(
+        acceleration, resistance, direction, rod_tangent, push
+    )
+    needed = cart.mass * acceleration + resistance - push
     slide = direction * cart.guide_friction
     (front_0, rear_0), (front_1, rear_1) = _reactions(cart, resistance, slide, tangent)
     if np.any(np.abs(slide) * (np.abs(front_1) + np.abs(rear_1)) >= 1):

@@ -135,9 +135,12 @@ def run(
     from compact import report
 
     bar = _bar(quiet)
-    study = _study(scene, quiet, engine, tolerance, changes=changes, step=lambda stage: _advance(bar, study, stage))
-    bar.total = study.steps
     directory = out or Path("out") / scene.stem
+    study = _study(
+        scene, quiet, engine, tolerance, changes=changes, directory=directory,
+        step=lambda stage: _advance(bar, study, stage),
+    )  # fmt: skip
+    bar.total = study.steps
     with bar:
         report.write(study, directory, force)
     if not quiet:
@@ -367,12 +370,12 @@ def check(*, markdown: bool = False):
     return DONE
 
 
-def _study(path, quiet, engine=None, tolerance=None, laws=None, changes=(), step=lambda stage: None):
+def _study(path, quiet, engine=None, tolerance=None, laws=None, changes=(), step=lambda stage: None, directory=None):
     """The study of a scene file with some of its keys changed."""
     from compact.study import Study
 
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance, "motion.laws": laws}
-    return Study(_scene(path, quiet, changes, asked), step)
+    return Study(_scene(path, quiet, changes, asked), step, directory)
 
 
 def _scene(path, quiet, changes=(), asked=()):

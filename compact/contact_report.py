@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from compact.engine import COMPACTING, FIELDED, fields
+from compact.contacts import numbers, value
+from compact.engine import COMPACTING, FIELDED, fields, roll
 from compact.results import write_csv, write_figure, write_json
 
 CONTACT_HEADER = (
@@ -20,17 +21,18 @@ def tables(study, directory):
         study.engineering.resistance_coefficient,
         float(study.exact.load),
     )
-    yield write_csv(directory / "contact.csv", CONTACT_HEADER, [
-        (
-            speed, rolled.load, rolled.resistance, rolled.resistance / rolled.load, rolled.leading, rolled.trailing,
-            rolled.peak_pressure, *(rolled.error or ("", "")), rolled.work_residual, len(rolled.history), *beside,
-        )
-        for speed, rolled in study.rolled
-    ])  # fmt: skip
-    study.resistance_map.save(directory / "resistance.nc", study.scene.hash)
-    yield directory / "resistance.nc"
+    yield write_csv(directory / "contact.csv", CONTACT_HEADER, [(*_row(each), *beside) for each in study.contacts])
     if study.scene.accuracy.engine in COMPACTING:
-        yield from _passes(study.passes, directory)
+        yield from study.standing(directory, "passes.csv", "density.csv") or _passes(study.passes, directory)
+
+
+def _row(contact):
+    names = ("speed", "load", "resistance", "coefficient", "leading", "trailing", "peak_pressure")
+    errors = [value(contact, name)[1] for name in ("load", "resistance")]
+    return (
+        *(value(contact, name)[0] for name in names), *("" if error is None else error for error in errors),
+        value(contact, "work_residual")[0], contact["iterations"],
+    )  # fmt: skip
 
 
 PASSES_HEADER = (
@@ -60,6 +62,20 @@ def _passes(passed, directory):
     ])  # fmt: skip
 
 
+def pressure(study, directory):
+    """The picture of the pressure along one contact at the mean speed, or at the nearest that was computed: its path."""
+    from compact import figures
+
+    if standing := study.standing(directory, "pressure.png"):
+        return standing[0]
+    speed = study.scene.motion.stroke / study.scene.motion.duration
+    if study.layered:
+        speed, rolled = min(study.rolled, key=lambda pair: abs(np.log(pair[0] / speed)))
+    else:
+        rolled = roll(study.scene, study.mix, speed)
+    return write_figure(directory / "pressure.png", figures.contact(rolled, study.exact, speed))
+
+
 def write(directory, study, speed, passes):
     """Write one contact, the first of its passes: pressure along it, its numbers, a picture beside Galin, its fields
     where it has any, and what all passes take and leave where they leave a mark."""
@@ -68,7 +84,7 @@ def write(directory, study, speed, passes):
     rolled = passes[0]
     columns = np.column_stack([rolled.x, rolled.pressure, rolled.shear_traction]).tolist()
     write_csv(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
-    write_json(directory / "contact.json", numbers(study, speed, passes))
+    write_json(directory / "contact.json", numbers(study.scene.accuracy.engine, speed, passes))
     write_figure(directory / "pressure.png", figures.contact(rolled, study.exact, speed))
     if study.scene.accuracy.engine in COMPACTING:
         list(_passes([(speed, passes)], directory))
@@ -79,58 +95,6 @@ def write(directory, study, speed, passes):
         layers = [(fields(rolled, study.scene.accuracy.engine), rolled)]
         list(write_series(layers, directory))
         write_figure(directory / "fields.png", figures.fields(layers))
-
-
-def numbers(study, speed, passes):
-    """Headline numbers of one contact: value and unit, with the engine's own relative error where it has one; where mix
-    stays pressed, what all passes take and leave besides."""
-    rolled = passes[0]
-    load_error, resistance_error = rolled.error or (None, None)
-    return (
-        {
-            "engine": study.scene.accuracy.engine,
-            "speed": {"value": speed, "unit": "m/s"},
-            "load": {"value": rolled.load, "unit": "N/m", "error": load_error},
-            "resistance": {"value": rolled.resistance, "unit": "N/m", "error": resistance_error},
-            "coefficient": {"value": rolled.resistance / rolled.load, "unit": "1"},
-            "leading": {"value": rolled.leading, "unit": "m"},
-            "trailing": {"value": rolled.trailing, "unit": "m"},
-            "peak_pressure": {"value": rolled.peak_pressure, "unit": "Pa"},
-            "indentation": {"value": getattr(rolled, "indentation", None), "unit": "m"},  # none on a half-plane
-            "creep": {"value": getattr(rolled, "creep", None), "unit": "1"},  # of a roller that sticks and slips
-            "work_residual": {"value": rolled.work_residual, "unit": "1"},
-            "iterations": len(rolled.history),
-        }
-        | {
-            name: {"value": getattr(rolled, name), "unit": unit}
-            for name, unit in COMPACTED.items()
-            if hasattr(rolled, name)
-        }
-        | ({"passes": [_pass_numbers(passed) for passed in passes]} if hasattr(rolled, "exit_height") else {})
-    )
-
-
-def _pass_numbers(passed):
-    return {name: {"value": getattr(passed, name), "unit": unit} for name, unit in PASSED.items()}
-
-
-PASSED = {
-    "load": "N/m",
-    "resistance": "N/m",
-    "indentation": "m",
-    "exit_height": "m",
-    "exit_density_ratio": "1",
-    "work_residual": "1",
-    "mass_residual": "1",
-}
-COMPACTED = {  # what engines of a layer that stays pressed know besides
-    "exit_density_ratio": "1",
-    "exit_height": "m",
-    "peak_density_ratio": "1",
-    "mass_residual": "1",
-    "yield_residual": "1",
-    "equilibrium_residual": "1",
-}
 
 
 def digest(study, speed, passes):

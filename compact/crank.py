@@ -57,10 +57,16 @@ class Shaft:
         return tuple(self._cart_at(angle + ahead) for ahead in self.angles)
 
     def dead_centres(self):
-        """Angles of the shaft in [0, 2 pi] where a cart turns round, both ends among them."""
+        """Angles of the shaft in [0, 2 pi] where a cart turns round or meets a spring, both ends among them."""
         turns = np.concatenate([np.array([0.0, np.pi]) - ahead for ahead in self.angles])
+        if self.cart.end_springs is not None:
+            turns = np.append(turns, np.subtract.outer(self._zones.breaks, self.angles))
         edges = np.unique(np.append(np.mod(turns, 2 * np.pi), [0.0, 2 * np.pi]))
         return np.append(edges[:-1][np.diff(edges) > 1e-9], 2 * np.pi)
+
+    @cached_property
+    def _zones(self):
+        return self.cart.end_springs.zones(lambda psi: travel(self.crank, psi)[0], np.array([0.0, np.pi, 2 * np.pi]))
 
     def _cart_at(self, psi):
         direction = np.sign(np.sin(psi.mean(axis=1, keepdims=True)))
@@ -69,7 +75,13 @@ class Shaft:
         moving = direction * np.maximum(np.abs(velocity), CREEP * self.angular_speed * self.crank.radius)
         met = met_resistance(self.resistance, moving, acceleration)
         beta = self.crank.rod_angle(psi)
-        forces = balance(self.cart, acceleration, met, direction, np.tan(beta))
+        springs = self.cart.end_springs
+        push = (
+            0.0
+            if springs is None
+            else springs.push(position, self._zones.at(np.mod(psi.mean(axis=1, keepdims=True), 2 * np.pi)))
+        )
+        forces = balance(self.cart, acceleration, met, direction, np.tan(beta), push)
         rod_force = forces.drive_force / np.cos(beta)
         torque = rod_force * self.crank.radius * np.sin(psi + beta)
         power = torque * self.angular_speed

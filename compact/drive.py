@@ -1,6 +1,6 @@
 """Drives: what a motion asks of the drive of a cart against a resistance, its peaks, and the ranking of laws.
 
-    drive force H = m a + resistance(v, a) + guide friction,  drive power = H v
+    drive force H = m a + resistance(v, a) + guide friction - end springs,  drive power = H v
 
 `resistance` is any callable of velocity [m/s] and acceleration [m/s^2] that gives the force of the mix on all rollers
 of one cart [N], odd in both. It is set-valued at rest; there the drive meets its limit from inside the motion.
@@ -92,8 +92,24 @@ class Demand:
         time = leg.start + leg.duration * phase
         remembers = hasattr(self.resistance, "of_time")
         met = self.resistance.of_time(time) if remembers else met_resistance(self.resistance, moving, travel[2])
-        tangent = self.drive.rod_tangent(time, self.cycle.period)
-        return State(*travel, met, tangent, balance(self.cart, travel[2], met, np.sign(moving), tangent))
+        tangent, push = self.drive.rod_tangent(time, self.cycle.period), self._push(leg, phase, travel[0])
+        return State(*travel, met, tangent, balance(self.cart, travel[2], met, np.sign(moving), tangent, push))
+
+    def breaks(self, leg):
+        """Phases of a leg between which all is smooth, ends among them: joins of the law, and where springs are met."""
+        return leg.joined_at() if self.cart.end_springs is None else self._zones[leg.start].breaks
+
+    def _push(self, leg, phase, position):
+        springs = self.cart.end_springs
+        return 0.0 if springs is None else springs.push(position, self._zones[leg.start].at(phase))
+
+    @cached_property
+    def _zones(self):
+        zones = self.cart.end_springs.zones
+        return {
+            leg.start: zones(lambda phase, leg=leg: leg.at_phase(phase, 0), leg.joined_at())
+            for leg in self.cycle.legs()
+        }
 
     def _moving(self, leg, velocity):
         """The velocity, at rest the limit from inside the motion."""
@@ -132,6 +148,11 @@ class Means:
         return math.inf if self.impulses else math.sqrt(self._mean(self.drive_power**2))
 
     @cached_property
+    def mean_force(self):
+        """Mean of |H| over the cycle [N]; infinite where the velocity jumps."""
+        return math.inf if self.impulses else self._mean(np.abs(self.drive_force))
+
+    @cached_property
     def mean_power(self):
         """Mean of H v over the cycle [W]."""
         return self._mean(self.drive_power)
@@ -145,6 +166,10 @@ class Means:
     def dynamic_factor(self):
         """Peak force over the force that keeps the mean speed."""
         return self.peak_force / self.steady_force if self.steady_force else math.inf
+
+    def share(self, holds):
+        """Share of the cycle in which something holds(velocity, acceleration) of the cart, to 1 %."""
+        return self._mean(holds(self.state.velocity, self.state.acceleration))
 
     def _mean(self, values):
         return float(np.sum(self.weights * values) / self.period)
@@ -211,9 +236,10 @@ class Run(Means):
 
     def _largest(self, quantity):
         """Largest |quantity| of the `State` over the cycle, found on the law itself."""
+        demand = self.demand
         return max(
-            largest(lambda phase, leg=leg: np.abs(quantity(self.demand.at(leg, phase))), inside(leg.joined_at()))[0]
-            for leg in self.demand.cycle.legs()
+            largest(lambda phase, leg=leg: np.abs(quantity(demand.at(leg, phase))), inside(demand.breaks(leg)))[0]
+            for leg in demand.cycle.legs()
         )
 
 
@@ -271,7 +297,7 @@ def _sampled(demand):
     nodes, unit_weights = clenshaw_curtis(POINTS)
     columns = []
     for leg in demand.cycle.legs():
-        breaks = leg.joined_at()[:, None]
+        breaks = demand.breaks(leg)[:, None]
         low, high = breaks[:-1] + EPSILON, breaks[1:] - EPSILON
         phase = np.clip(low + (high - low) * nodes, low, high)
         time, weights = leg.start + leg.duration * phase, leg.duration * np.diff(breaks, axis=0) * unit_weights
@@ -329,6 +355,7 @@ CRITERIA = MappingProxyType(
         "peak_power": Criterion("W", _JUMP),
         "rms_force": Criterion("N", _JUMP),
         "rms_power": Criterion("W", _JUMP),
+        "mean_force": Criterion("N", _JUMP),
         "mean_power": Criterion("W"),
         "energy": Criterion("J"),
         "drawn_energy": Criterion("J"),

@@ -20,8 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from compact import ringing
 from compact.polynomials import Pieces
-from compact.ringing import Signal, combined, compiled, first_fall, largest_product, shifted, value
+from compact.ringing import Signal, combined, compiling, first_fall, largest_product, shifted, value
 
 TERMS = 30  # of a power series: to rounding up to |root| h = REACH
 REACH = 3.0  # |root| h from which the polynomial answer is well conditioned, and to which the series holds
@@ -38,6 +39,8 @@ TO_COEFFICIENTS = np.linalg.inv(np.vander(NODES, increasing=True))
 DONE, TOO_MANY, TOO_FAST, TOO_SHORT = range(4)  # how `integrate` ended
 # what ends an arc; HELD: the cart stopped before it got away
 NOTHING, STOPPED, HELD, PULLED, PUSHED, OPENED, CLOSED_AHEAD, CLOSED_BEHIND = range(8)
+
+compiled = compiling(__file__, ringing.__file__)
 
 
 class Spring(NamedTuple):

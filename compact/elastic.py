@@ -72,6 +72,8 @@ def travel(cart, drive, motion, resistance, *, regime="periodic", working=(1 / 6
     """
     refuse_nonpositive(mass=cart.mass, tolerance=tolerance)
     refuse_unknown("regime", regime, REGIMES)
+    if cart.end_springs is not None:
+        raise ValueError("`end_springs` are not known to an elastic drive; take them out, or choose another drive")
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
     problem = Problem(cart, drive, cycle, resistance, tolerance)
     start = problem.at_rest if regime == "rest" else problem.periodic()

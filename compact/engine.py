@@ -65,6 +65,27 @@ def _same(roller, material, near, speed):
     return speed != near.speed and (roller, material) == (near.roller, near.material) and blind
 
 
+def added_mass(scene, mix, speed, count=lambda stage: None):
+    """(M of one roller per unit length [kg/m], tau [s]) at a speed, see `modulation`; None where it is not known.
+
+    Layers that stay pressed remember the way and not the time: M = 0, of "compaction" where the mix knows no rate. A
+    roller that sticks and slips is given the M of one without friction, whose dF/dv is its own within about a tenth.
+    """
+    name = scene.accuracy.engine
+    layer, roller, material = inputs(scene, mix, name, speed)
+    if name in COMPACTING:
+        return (0.0, 0.0) if name == "column" or not material.rate_exponent else None
+    from compact.modulation import modulation
+
+    if name == "fem" and roller.rolling in ("free", "driven"):
+        roller = replace(roller, rolling="frictionless")
+    count("added mass")
+    asked = {TOLERANCE[name]: scene.accuracy.tolerance} | ({"estimate": False} if name == "fem" else {})
+    with _named(scene, name, speed):
+        found = modulation(layer, roller, material, speed, engine=name, **asked)
+    return found.added_mass, found.time
+
+
 def passes(scene, mix, speed, engine=None, near=None):
     """The contact of each pass of a scene, there and back over the same mix, `Rolled`s; the first is that of `roll`.
 

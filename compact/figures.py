@@ -9,6 +9,8 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
+from compact.contacts import value
+
 FAMILIES = MappingProxyType(
     {
         "rest to rest": ("Blues", ("constant-velocity", "cubic", "quintic", "septic", "complex")),
@@ -255,17 +257,17 @@ def density(passes):
     return figure
 
 
-def speeds(rolled):
+def speeds(contacts):
     """Load and resistance coefficient over the speed, bars for the engine's own error."""
     figure = Figure(figsize=(10.5, 3.6), layout="constrained")
     panels = figure.subplots(1, 2)
-    speed = np.array([v for v, _ in rolled])
-    load = np.array([r.load for _, r in rolled])
-    coefficient = np.array([r.resistance for _, r in rolled]) / load
-    errors = np.array([r.error or (0.0, 0.0) for _, r in rolled])
-    panels[0].errorbar(speed, load / 1e3, errors[:, 0] * load / 1e3, fmt="o-", color="tab:blue", markersize=4)
+    speed = np.array([value(each, "speed")[0] for each in contacts])
+    load, error = np.array([[each or 0.0 for each in value(contact, "load")] for contact in contacts]).T
+    coefficient = np.array([value(each, "coefficient")[0] for each in contacts])
+    miss = np.array([value(each, "resistance")[1] or 0.0 for each in contacts])
+    panels[0].errorbar(speed, load / 1e3, error * load / 1e3, fmt="o-", color="tab:blue", markersize=4)
     panels[0].set_ylabel("load P [kN/m]")
-    panels[1].errorbar(speed, coefficient, errors[:, 1] * np.abs(coefficient), fmt="o-", color="tab:red", markersize=4)
+    panels[1].errorbar(speed, coefficient, miss * np.abs(coefficient), fmt="o-", color="tab:red", markersize=4)
     panels[1].set_ylabel("resistance/load [-]")
     for ax, values in zip(panels, (load / 1e3, coefficient), strict=True):
         ax.set_xscale("log")

@@ -123,7 +123,7 @@ def _met(study):
 
 def _known_by_engine(study):
     engine = _engine(study)
-    if not study.rolled:
+    if not study.layered:
         return (
             "The formulas cannot tell their own error. They are reconstructed from a damaged source, with a confidence "
             "of 60–95 % each, and know no speed and no depth of the layer."

@@ -2,10 +2,11 @@
 
 from html import escape
 
-from compact.contact_report import PASSED
+from compact.contacts import PASSED, value
 from compact.engine import COMPACTING
 from compact.page import Section, mark, number, paragraph, percent, picture, quantity, table
 
+SHOWN = ("speed", "load", "resistance", "coefficient", "trailing", "leading", "peak_pressure", "indentation")
 CONTACT = ("speed", "load", "error", "resistance", "error", "coefficient", "behind", "ahead", "peak pressure", "depth")
 CAPTIONS = {
     "pressure": (
@@ -19,7 +20,7 @@ CAPTIONS = {
     ),
     "resistance": (
         "Resistance of the mix to one cart over its speed, by the engine and by formula 1.8",
-        "F(v): what the drive meets. Dots are computed, the line is read between them. The acceleration is not in it.",
+        "F(v): what the drive meets. Dots are computed, the line is read between them. It is that of steady speed; what acceleration adds is not drawn.",
     ),
     "fields": (
         "Fields in the layer under the roller at each speed, drawn to scale on the deformed elements",
@@ -31,10 +32,10 @@ CAPTIONS = {
 def contact(study, pictures):
     """The contact of one roller and what the cart meets."""
     shown = [picture(pictures[name], *_captioned(name)) for name in CAPTIONS if name in pictures]
-    parts = [_numbers(study), *(_engine_tables(study) if study.rolled else [_no_speed()]), *shown]
+    parts = [_numbers(study), *(_engine_tables(study) if study.layered else [_no_speed()]), *shown]
     lead = f"{quantity(study.roller_load, 'N', 3)} on a roller"
     lead += (
-        f"; {quantity(study.numbers['roller_force'].value, 'N', 3)} by formula." if study.rolled else ", by formula."
+        f"; {quantity(study.numbers['roller_force'].value, 'N', 3)} by formula." if study.layered else ", by formula."
     )
     return Section("contact", "Contact and resistance", lead, "".join(parts))
 
@@ -66,12 +67,15 @@ def _numbers(study):
 def _engine_tables(study):
     """The engine over speed, and what every pass leaves where it leaves a mark."""
     rows = []
-    for speed, r in study.rolled:
-        load_error, resistance_error = r.error or (float("nan"),) * 2
+    for contact in study.contacts:
+        of = {name: value(contact, name)[0] for name in SHOWN}
+        errors = (value(contact, name)[1] for name in ("load", "resistance"))
+        load_error, resistance_error = (float("nan") if error is None else error for error in errors)
         rows.append((
-            quantity(speed, "m/s"), quantity(r.load, "N/m"), percent(load_error), quantity(r.resistance, "N/m"),
-            percent(resistance_error), number(r.resistance / r.load), quantity(-r.trailing, "m"),
-            quantity(r.leading, "m"), quantity(r.peak_pressure, "Pa"), quantity(getattr(r, "indentation", None), "m"),
+            quantity(of["speed"], "m/s"), quantity(of["load"], "N/m"), percent(load_error),
+            quantity(of["resistance"], "N/m"), percent(resistance_error), number(of["coefficient"]),
+            quantity(-of["trailing"], "m"), quantity(of["leading"], "m"), quantity(of["peak_pressure"], "Pa"),
+            quantity(of["indentation"], "m"),
         ))  # fmt: skip
     engine = study.scene.accuracy.engine
     numeric = range(len(CONTACT))
@@ -80,10 +84,13 @@ def _engine_tables(study):
     )
     if engine in COMPACTING:
         passes = [
-            (quantity(speed, "m/s"), str(count), *(quantity(getattr(r, name), unit) for name, unit in PASSED.items()))
-            for speed, rolled in study.passes
-            for count, r in enumerate(rolled, start=1)
-        ]
+            (
+                quantity(value(contact, "speed")[0], "m/s"), str(count),
+                *(quantity(passed[name]["value"], unit) for name, unit in PASSED.items()),
+            )
+            for contact in study.contacts
+            for count, passed in enumerate(contact["passes"], start=1)
+        ]  # fmt: skip
         header = ("speed", "pass", *(name.replace("_", " ") for name in PASSED))
         yield table(header, passes, "What each pass takes and leaves", range(len(header)))
 

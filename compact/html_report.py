@@ -6,11 +6,8 @@ names of the figures.
 
 from html import escape
 
-import numpy as np
-
 from compact import html_contact, html_machine, sensitivity
 from compact.checks import checks
-from compact.engine import roll
 from compact.html_answer import answer, asked
 from compact.page import Section, page, paragraph, png, table
 from compact.results import whole_file
@@ -43,18 +40,6 @@ def write(path, study, pictures, versions):
     with whole_file(path) as stream:
         stream.write(page(title, "\n".join(body)))
     return path
-
-
-def pressure(study):
-    """The pressure along one contact at the mean speed, or at the nearest that was computed, as PNG."""
-    from compact import figures
-
-    mean = study.scene.motion.stroke / study.scene.motion.duration
-    if study.rolled:
-        speed, rolled = min(study.rolled, key=lambda pair: abs(np.log(pair[0] / mean)))
-    else:
-        speed, rolled = mean, roll(study.scene, study.mix, mean)
-    return png(figures.contact(rolled, study.exact, speed))
 
 
 def _versions(study, versions):

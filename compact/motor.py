@@ -128,6 +128,9 @@ class Load:
         rate = 2 * np.pi / self.cycle.period
         joins = np.concatenate([rate * (leg.start + leg.duration * leg.joined_at()) for leg in self.cycle.legs()])
         every = np.mod(np.subtract.outer(joins, self.motor.angles).ravel(), 2 * np.pi)
+        if self.cart.end_springs is not None:
+            met = np.mod(np.subtract.outer(self._zones.breaks, self.motor.angles).ravel(), 2 * np.pi)
+            every = np.append(every, met)
         edges = np.unique(np.append(every, [0.0, 2 * np.pi]))
         return np.append(edges[:-1][np.diff(edges) > 1e-9], 2 * np.pi)
 
@@ -145,8 +148,16 @@ class Load:
         moving = np.where(np.abs(velocity) < creep, direction * creep, velocity)
         met = met_resistance(self.resistance, moving, pace)
         tangent = self.motor.rod.rod_tangent(angle / (2 * np.pi) * self.cycle.period, self.cycle.period)
+        springs = self.cart.end_springs
+        push = 0.0 if springs is None else springs.push(x, self._zones.at(angle))
         third = third * speed**3 + 3 * curvature * speed * acceleration + slope * jerk
-        return State(x, velocity, pace, third, met, tangent, balance(self.cart, pace, met, np.sign(moving), tangent))
+        return State(
+            x, velocity, pace, third, met, tangent, balance(self.cart, pace, met, np.sign(moving), tangent, push)
+        )
+
+    @cached_property
+    def _zones(self):
+        return self.cart.end_springs.zones(lambda angle: self.travel(angle)[0], np.array([0.0, np.pi, 2 * np.pi]))
 
     def travel(self, angle):
         """x and its first three derivatives by the shaft's angle [rad], within [0, 2 pi)."""

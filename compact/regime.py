@@ -36,6 +36,7 @@ LAW = 1e-11  # of the peak acceleration, by which polynomials may miss it
 TABLE = 1e-2  # of the tolerance, by which polynomials may miss the resistance, and not below
 TABLE_FLOOR = 1e-12  # of the largest force: closer there is only rounding
 WIDER, WIDENINGS = 2.0, 8  # of the range of speeds, where a cart overshoots it
+HALVES = 36  # of the slowest sample of a map: the rest is rounding
 CLOSED = 0.1  # of the tolerance: a cycle that ends so near to where it began
 PROBE = 1e-5  # of the force scale: difference for the derivative of the map over one cycle
 SETTLING = 2  # cycles from rest before Newton's method
@@ -67,6 +68,7 @@ class Problem:
         self.law = _polynomial_law(cycle)
         self.middle = cycle.there.duration / 2
         self.total = _speed_only(cart, resistance)
+        self.knots = _graded(getattr(resistance, "speeds", ()))
         velocity, acceleration = (np.abs(cycle.there.at_phase(inside(cycle.there.curve.x), k)).max() for k in (1, 2))
         self.fastest = WIDER * velocity
         impact = velocity * math.sqrt(drive.stiffness * cart.mass) if acceleration == 0 else 0.0
@@ -78,9 +80,10 @@ class Problem:
 
     def _tabulate(self):
         sides, miss = [], max(TABLE * self.tolerance, TABLE_FLOOR * self.scale)
+        breaks = [0.0, *(speed for speed in self.knots if speed < self.fastest), self.fastest]
         for sign in (1, -1):
             try:
-                sides.append(pieces(lambda v, s=sign: self.total(s * v), (0, self.fastest), miss))
+                sides.append(pieces(lambda v, s=sign: self.total(s * v), breaks, miss))
             except ValueError as error:
                 raise ValueError(f"`resistance` over speed [m/s] has {error}") from None
         self.resistance = Resistance(*sides)
@@ -196,6 +199,11 @@ def _cut(law, time):
         rows = np.concatenate([rows[: i - 1], halves, rows[i:]])
         breaks = np.insert(breaks, i, time)
     return Pieces(breaks[i:].copy(), rows[i:].copy()), Pieces(breaks[: i + 1].copy(), rows[:i].copy())
+
+
+def _graded(speeds):
+    """Samples of a map, between which it is smooth, and halves of the slowest, as below it is a power of the speed."""
+    return np.concatenate([speeds[0] * 0.5 ** np.arange(HALVES, 0, -1), speeds]) if len(speeds) else speeds
 
 
 def _speed_only(cart, resistance):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compact import contact_report
+from compact import contact_report, drive_report
 from compact.cam import stepper
 from compact.drive import CRITERIA
 from compact.results import claimed, write_csv, write_figure, write_json
@@ -24,10 +24,14 @@ def write(study, directory, force=False):
     """
     wanted = study.scene.output.wanted
     with claimed(directory, study.scene.hash, force) as directory:
-        files = list(contact_report.tables(study, directory)) if study.rolled else []
+        files = list(contact_report.tables(study, directory)) if study.layered else []
+        kept = list(study.keep(directory, files)) if study.layered else []
         for part, writer in WRITERS.items():
             if part in wanted:
                 files += writer(study, directory)
+        if study.layered:
+            list(study.keep(directory, files))
+        files += kept
         summary = _summary(study, [str(Path(file).relative_to(directory)) for file in files])
         write_json(directory / "summary.json", summary)
     return summary
@@ -51,21 +55,20 @@ def _tables(study, directory):
     ])  # fmt: skip
     for name, run in study.runs.items():
         yield write_csv(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, _cycle_rows(run))
-    if study.scene.drive.kind == "elastic":
-        yield write_csv(directory / "ringing.csv", RINGING_HEADER, [_ringing_row(run) for run in study.runs.values()])
-    if study.scene.drive.kind == "motor":
-        turned = [run for run in study.runs.values() if hasattr(run, "motor_torque")]
-        yield write_csv(directory / "motor.csv", MOTOR_HEADER, [_motor_row(run) for run in turned])
+    yield from drive_report.tables(study, directory)
 
 
 def _rankings(study):
     """Rankings by engine, the scene's first."""
-    beside = {"formula": study.formula_rankings} if study.rolled else {}
+    beside = {"formula": study.formula_rankings} if study.layered else {}
     return {study.scene.accuracy.engine: study.rankings} | beside
 
 
 RANKING_HEADER = ("engine", "criterion", "rank", "law", "value", "unit", "margin", "reason")
-STEPPER_HEADER = ("time_s", "angle_rad", "angular_velocity_rad/s", "angular_acceleration_rad/s2", "angular_jerk_rad/s3")
+STEPPER_HEADER = (
+    "time_s", "angle_rad", "angular_velocity_rad/s", "angular_acceleration_rad/s2", "angular_jerk_rad/s3", "torque_Nm",
+    "power_W", "traction",
+)  # fmt: skip
 LAW_HEADER = (
     "law", "peak_velocity_m/s", "peak_acceleration_m/s2", "peak_jerk_m/s3", "peak_snap_m/s4", "continuity",
     "J1_m2/s", "J2_m2/s3", "J3_m2/s5", "J4_m2/s7",
@@ -74,34 +77,6 @@ CYCLE_HEADER = (
     "time_s", "position_m", "velocity_m/s", "acceleration_m/s2", "jerk_m/s3", "resistance_N", "drive_force_N",
     "drive_power_W", "front_reaction_N", "rear_reaction_N",
 )  # fmt: skip
-
-RINGING_HEADER = (
-    "law", "peak_force_N", "rigid_peak_force_N", "ringing", "peak_power_W", "rigid_peak_power_W", "nonuniformity",
-    "rigid_nonuniformity", "standing_s", "energy_residual", "arcs",
-)  # fmt: skip
-
-
-def _ringing_row(run):
-    rigid = run.rigid
-    return (
-        run.name, run.peak_force, rigid.peak_force, run.ringing, run.peak_power, rigid.peak_power, run.nonuniformity,
-        rigid.nonuniformity, run.standing, run.energy_residual, run.work.arcs,
-    )  # fmt: skip
-
-
-MOTOR_HEADER = (
-    "law", "period_s", "least_speed_rad/s", "largest_speed_rad/s", "fluctuation", "peak_motor_torque_Nm",
-    "peak_motor_power_W", "work_of_a_cycle_J", "nonuniformity", "energy_residual",
-)  # fmt: skip
-
-
-def _motor_row(run):
-    torque = float(np.abs(run.motor_torque).max()) / run.load.motor.gear_ratio
-    work = float(np.sum(run.weights * run.motor_torque * run.speed))
-    return (
-        run.name, run.period, float(run.speed.min()), float(run.speed.max()), run.fluctuation, torque,
-        run.peak_motor_power, work, run.nonuniformity, run.energy_residual,
-    )  # fmt: skip
 
 
 def _law_row(cycle):
@@ -147,9 +122,8 @@ def _cams(study, directory):
     yield write_csv(directory / "cams.csv", header, rows)
     for law, cycle in study.cycles.items():
         motor = stepper(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
-        yield write_csv(
-            directory / "cams" / f"{law}-stepper.csv", STEPPER_HEADER, np.column_stack(astuple(motor)).tolist()
-        )
+        columns = (*astuple(motor), *drive_report.roller_motor(study, cycle, motor))
+        yield write_csv(directory / "cams" / f"{law}-stepper.csv", STEPPER_HEADER, np.column_stack(columns).tolist())
 
 
 def write_cam(path, cam):
@@ -175,7 +149,14 @@ def _crank(study, directory):
 def _fields(study, directory):
     from compact.fields import write_series
 
-    yield from write_series(study.fields, directory)
+    standing = study.standing(directory, "fields.pvd", "fields/", "fields.png")
+    yield from standing
+    if not standing:
+        from compact import figures
+
+        yield from write_series(study.fields, directory)
+        study.count("figures")
+        yield write_figure(directory / "fields.png", figures.fields(study.fields))
 
 
 def _drawings(study):
@@ -196,11 +177,9 @@ def _drawings(study):
         drawn["cams"] = lambda: figures.cams(study.cams, list(study.cycles), "roller")
     if "crank" in wanted:
         drawn["crank"] = lambda: figures.crank(study.turns)
-    if study.rolled:
-        drawn["contact"] = lambda: figures.speeds(study.rolled)
+    if study.layered:
+        drawn["contact"] = lambda: figures.speeds(study.contacts)
         drawn["resistance"] = lambda: figures.resistance(study.resistance_map, study.formula_resistance)
-    if "fields" in wanted:
-        drawn["fields"] = lambda: figures.fields(study.fields)
     return drawn
 
 
@@ -215,13 +194,17 @@ def _page(study, directory):
     from compact import html_report
 
     study.count("report")
-    pictures = {"pressure": html_report.pressure(study)}
+    pressure = contact_report.pressure(study, directory)
+    pictures = {"pressure": pressure.read_bytes()}
+    if "fields" in study.scene.output.wanted:
+        pictures["fields"] = (directory / "fields.png").read_bytes()
     for name, draw in _drawings(study).items():
         if "figures" in study.scene.output.wanted:
             pictures[name] = (directory / f"{name}.png").read_bytes()
         else:
             study.count("figures")
             pictures[name] = html_report.png(draw())
+    yield pressure
     yield html_report.write(directory / "report.html", study, pictures, _versions())
 
 
@@ -244,11 +227,11 @@ def _summary(study, files):
         "advice": list(scene.advice),
         "reachable": {"by_rolling": reach.possible, "reason": reach.reason},
         "numbers": {name: asdict(number) for name, number in study.numbers.items()},
-        "contacts": [contact_report.numbers(study, *contact) for contact in study.passes],
-        "laws": {name: _run_numbers(run) for name, run in study.runs.items()},
+        "contacts": study.contacts,
+        "laws": {name: _run_numbers(study, run) for name, run in study.runs.items()},
         "rankings": _places(study.rankings),
         "formula_rankings": _places(study.formula_rankings),
-        "units": {name: criterion.unit for name, criterion in CRITERIA.items()} | OWN,
+        "units": {name: criterion.unit for name, criterion in CRITERIA.items()} | OWN | {"unsteady_share": "1"},
         "stages": dict(study.counts),
         "files": files,
     }
@@ -260,7 +243,7 @@ def _versions():
 
 def _drive_resistance(study):
     """What the drives meet, and how sure that is."""
-    if not study.rolled:
+    if not study.layered:
         return {"by": "eq 1.8"}
     met = study.resistance_map
     return {
@@ -268,6 +251,9 @@ def _drive_resistance(study):
         "speeds": met.speeds,
         "error_between_speeds": met.error,
         "error_of_the_engine": met.engine_error,
+        "added_masses": met.added_masses,
+        "relaxation_time": met.time,
+        "kept": study.kept is not None,
     }
 
 
@@ -280,15 +266,21 @@ def _place(place):
     return names | ({"reason": place.reason} if place.reason else {})
 
 
-def _run_numbers(run):
+def _run_numbers(study, run):
     own = [name for name in OWN if hasattr(run, name)]
-    return {name: getattr(run, name) for name in (*CRITERIA, *own)}
+    unsteady = {"unsteady_share": run.share(study.resistance.beyond)} if study.layered else {}
+    return {name: getattr(run, name) for name in (*CRITERIA, *own)} | unsteady
 
 
-OWN = {  # what runs of elastic and motor drives know besides
+OWN = {  # what runs of elastic, hydraulic and motor drives know besides
     "ringing": "1",
     "standing": "s",
     "fluctuation": "1",
+    "peak_pressure": "Pa",
+    "peak_flow": "m3/s",
+    "pump_work": "J",
+    "throttle_heat": "J",
+    "relief_heat": "J",
     "peak_motor_power": "W",
     "energy_residual": "1",
 }

@@ -8,6 +8,7 @@ A range of u is left out of a search when bounds of polynomial and envelope allo
 search grows with what may be found, not with the number of oscillations.
 """
 
+import os
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +34,24 @@ class Signal(NamedTuple):
     span: float
 
 
-compiled = njit(error_model="numpy", cache=True)
+def compiling(*sources):
+    """A decorator that compiles a function, kept on disk until one of the source files changes.
+
+    Compiled code takes over the functions it calls, while numba looks at the file of the function itself alone and
+    would keep what another module was before.
+    """
+    stamp = tuple((stat.st_mtime, stat.st_size) for stat in map(os.stat, sources))
+
+    def compile_(function):
+        made = njit(error_model="numpy", cache=True)(function)
+        if kept := getattr(getattr(made, "_cache", None), "_cache_file", None):  # none where numba does not cache
+            kept._source_stamp = stamp
+        return made
+
+    return compile_
+
+
+compiled = compiling(__file__)
 
 
 @compiled

@@ -44,7 +44,11 @@ Law = Literal[
 LAW_NAMES: tuple[str, ...] = get_args(Law)
 
 Wanted = Literal["tables", "figures", "cams", "reactions", "crank", "fields", "report"]
-RankBy = Literal["peak_force", "peak_power", "rms_force", "rms_power", "energy", "peak_jerk"]
+# The keys of `drive.CRITERIA`, restated likewise
+RankBy = Literal[
+    "peak_force", "peak_power", "rms_force", "rms_power", "mean_force", "mean_power", "energy", "drawn_energy",
+    "peak_jerk", "dynamic_factor", "nonuniformity",
+]  # fmt: skip
 Objective = Literal["peak_force", "peak_power", "rms_force", "energy", "drawn_energy"]
 MixParameter = Literal[
     "required_pressure", "plastic_modulus", "relaxed_modulus", "unloading_modulus", "poisson", "instant_over_relaxed",
@@ -218,16 +222,40 @@ class Motor(_Table):
     flywheel_inertia: float = _nonnegative("the inertia of flywheel and shaft in kg m2")
 
 
+class Hydraulics(_Table):
+    """Cylinders, throttles, pump and oil of a hydraulic drive."""
+
+    piston_area: float = _positive("the area of each piston in m2")
+    supply_pressure: float = _positive("the pressure of the relief valve in Pa")
+    pump_flow: float = _positive("the flow of the pump in m3/s")
+    valve_area: float = _positive("the area of a throttle wide open in m2")
+    discharge_coefficient: float = Field(gt=0, le=1, description="the discharge coefficient of the throttles")
+    oil_density: float = _positive("the density of the oil in kg/m3")
+    transition_drop: float = _positive("the drop of pressure in Pa below which a throttle is laminar")
+    bulk_modulus: float = _positive("the bulk modulus of the oil in Pa")
+    dead_volume: float = _positive("the volume of a cylinder with its line, the piston at its end, in m3")
+
+
+class EndSpringTable(_Table):
+    """Springs at both ends of the stroke, which stop the cart and set it going the other way."""
+
+    stiffness: float = _nonnegative("the stiffness of one spring in N/m")
+    preload: float = _nonnegative("the force of a spring as the cart meets it in N")
+    length: float = _positive("the travel at each end over which a spring pushes in m")
+
+
 class Drive(_Table):
     """What moves the carts, and the peaks the laws are ranked by."""
 
-    kind: Literal["rigid", "crank", "elastic", "motor"] = Field(description="the kind of drive")
+    kind: Literal["rigid", "crank", "elastic", "motor", "hydraulic"] = Field(description="the kind of drive")
     stiffness: float | None = _optional("the stiffness of an elastic drive in N/m")
     damping: float | None = _optional("the damping of an elastic drive in N s/m, 0 for none", ge=0)
     backlash: float | None = _optional("the play of an elastic drive between pulling and pushing in m", ge=0)
     carts: int = _between(1, 4, "the number of carts on one shaft")
     angles: Numbers | None = Field(default=None, description="the crank angle of each cart in rad")
     motor: Motor | None = None
+    hydraulics: Hydraulics | None = None
+    end_springs: EndSpringTable | None = None
     rank_by: Ranks = Field(min_length=1, description="the quantities to rank by")
 
 

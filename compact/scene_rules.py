@@ -223,6 +223,26 @@ def _motor_belongs_to_a_motor_drive(kind, motor):
         return f'"{kind}" has no motor; take the table [drive.motor] out, or choose "motor"'
 
 
+@_rule("drive.kind", "drive.hydraulics")
+def _cylinders_belong_to_a_hydraulic_drive(kind, hydraulics):
+    if kind == "hydraulic" and hydraulics is None:
+        return '"hydraulic" needs the table [drive.hydraulics], got none; give its cylinders, pump and oil'
+    if kind != "hydraulic" and hydraulics is not None:
+        return f'"{kind}" has no hydraulics; take the table [drive.hydraulics] out, or choose "hydraulic"'
+
+
+@_rule("drive.end_springs", "drive.kind")
+def _springs_suit_the_drive(springs, kind):
+    if springs is not None and kind == "elastic":
+        return 'is not known to drive.kind "elastic", got a table; take it out, or choose another kind'
+
+
+@_rule("drive.end_springs.length", "motion.stroke")
+def _springs_leave_each_other_room(length, stroke):
+    if length is not None and 2 * length > stroke * GUARD:
+        return f"must be at most half of motion.stroke = {stroke:g} m, got {length:g}; give shorter springs"
+
+
 @_rule("drive.motor.breakdown_slip", "drive.motor.curve")
 def _slip_belongs_to_kloss(slip, curve):
     if curve == "kloss" and slip is None:

@@ -14,21 +14,21 @@ from pathlib import Path
 
 import numpy as np
 
-from compact import contact, drive, made, mix
+from compact import contact, contacts, drive, made, mapping, mix
 from compact.cam import Cam, FlatFace, Pointed, RollerFollower
 from compact.cart import Cart, Opposition
 from compact.crank import USUAL_ANGLES, turn
-from compact.engine import LAYERED, fields, passes, roll, speeds
+from compact.engine import LAYERED, fields, passes, speeds
 from compact.engineering import KNOWN_BY, engineering
 from compact.halfplane import galin
+from compact.hydraulic import Hydraulic
 from compact.measured import from_table
 from compact.motion import law
 from compact.motor import Kloss, Motor, Straight
-from compact.resistance import sampled
 from compact.scene import SceneError
+from compact.springs import EndSprings
 
 SWING = 2.0  # times the velocity of the law, which an elastic drive may reach after a jump
-SLOWEST = 1 / 50  # of the fastest, where samples of the resistance begin
 FOLLOWERS = {
     "pointed": lambda table: Pointed(),
     "roller": lambda table: RollerFollower(table.roller_follower_radius),
@@ -48,26 +48,31 @@ class Number:
 
 
 class Study:
-    """The stages of one scene; each attribute is computed when first asked for, `counts` says how often."""
+    """The stages of one scene; each attribute is computed when first asked for, `counts` says how often.
 
-    def __init__(self, scene, step=lambda stage: None):
+    directory : of an earlier run, whose contacts and resistance map are taken where they fit; `kept` counts them
+    """
+
+    def __init__(self, scene, step=lambda stage: None, directory=None):
         self.scene = scene
         self.counts = Counter()
         self._step = step
+        self._directory = directory
 
     @property
     def steps(self):
         """How many counts the stages of all that the scene wants will make."""
         wanted, optimised = self.scene.output.wanted, self.scene.motion.optimise
         laws = len(self.scene.law_names) + len(self.scene.table_paths) + (len(optimised.objectives) if optimised else 0)
-        rolled = len(speeds(self.scene)) if self.scene.accuracy.engine in LAYERED else 0
-        figures = 3 + len({"cams", "reactions", "crank", "fields"} & set(wanted)) + 2 * (rolled > 0)
+        rolled = 0 if self.counts["kept"] or not self.layered else len(speeds(self.scene))
+        figures = 3 + len({"cams", "reactions", "crank"} & set(wanted)) + 2 * self.layered
         figures = figures if {"figures", "report"} & set(wanted) else 0
         cams = 2 * laws * len(FOLLOWERS) if "cams" in wanted else 0  # made and measured
         crank = len(USUAL_ANGLES) + 1 if "crank" in wanted else 0
-        beside = laws + 1 if rolled else 0  # runs and rankings by formula
-        layer = beside + rolled * (1 + ("fields" in wanted)) + self.counts["resistance"]
-        return 2 + 2 * laws + cams + crank + figures + layer + ("report" in wanted)
+        beside = laws + 1 if self.layered else 0  # runs and rankings by formula
+        fields = (rolled + 1) * ("fields" in wanted and rolled > 0)
+        added = sum(self.counts[stage] for stage in ("resistance", "added mass", "kept", "passage", "run-up"))
+        return 2 + 2 * laws + cams + crank + figures + beside + rolled + fields + added + ("report" in wanted)
 
     def count(self, stage):
         """One more run of a stage."""
@@ -126,11 +131,49 @@ class Study:
             peak_pressure=self.mix.required_pressure,
         )
 
+    @property
+    def layered(self):
+        """Whether the scene's engine is one of a layer."""
+        return self.scene.accuracy.engine in LAYERED
+
+    @cached_property
+    def key(self):
+        """Fingerprint of all that decides the contacts and the resistance map."""
+        return mapping.key(self.scene, self.mix)
+
+    @cached_property
+    def kept(self):
+        """Contacts and map of an earlier run in the directory, `mapping.Kept`, or None."""
+        found = mapping.kept(self._directory, self.key) if self._directory and self.layered else None
+        if found:
+            self.count("kept")
+        return found
+
+    def standing(self, directory, *names):
+        """Files of an earlier run that stand, all that begin with the names; [] where there is none of one name."""
+        kept = self.kept.files if self.kept else ()
+        if not all(any(file.startswith(name) for file in kept) for name in names):
+            return []
+        return [directory / file for file in kept if file.startswith(names)]
+
+    def keep(self, directory, files):
+        """Leave contacts and map for the next run, with what files there are of them; yields what is written."""
+        before = self.kept.files if self.kept else ()
+        files = sorted({*before, *(file.relative_to(directory).as_posix() for file in files)})
+        yield from mapping.save(directory, self.contacts, self.resistance_map, self.key, files)
+
+    @cached_property
+    def contacts(self):
+        """Numbers of the contact of one roller at each speed, by an engine of a layer, else none."""
+        if self.kept:
+            return self.kept.contacts
+        return [contacts.numbers(self.scene.accuracy.engine, *passed) for passed in self.passes]
+
     @cached_property
     def passes(self):
         """(speed, `Rolled`s of all passes) of one roller at each speed, by an engine of a layer, else none."""
         passed = []
-        if self.scene.accuracy.engine in LAYERED:
+        if self.layered:
             for speed in speeds(self.scene):
                 self.count("rolled")
                 near = passed[-1][1] if passed else None
@@ -154,7 +197,7 @@ class Study:
     @cached_property
     def resistance(self):
         """Resistance of the mix to one cart, by the scene's engine, as a callable of velocity and acceleration."""
-        return self.resistance_map if self.rolled else self.formula_resistance
+        return self.resistance_map if self.layered else self.formula_resistance
 
     @cached_property
     def formula_resistance(self):
@@ -164,18 +207,11 @@ class Study:
     @cached_property
     def resistance_map(self):
         """The `ResistanceMap` of one cart up to the fastest that any law moves it, from the contacts of the layer."""
-        machine, tolerance = self.scene.machine, self.scene.accuracy.tolerance
-
-        def of_the_cart(speed, rolled):
-            return machine.rollers * machine.roller_length * rolled.resistance, (rolled.error or (None, None))[1]
-
-        def resistance(speed):
-            self.count("resistance")
-            near = min(self.rolled, key=lambda rolled: abs(np.log(rolled[0] / speed)))[1]
-            return of_the_cart(speed, roll(self.scene, self.mix, speed, near=near))
-
-        known = [(speed, *of_the_cart(speed, rolled)) for speed, rolled in self.rolled]
-        return sampled(resistance, min(SLOWEST * self.fastest, known[0][0]), self.fastest, tolerance, known)
+        kept = self.kept.met if self.kept else None
+        if kept and mapping.covers(kept, self.fastest):
+            return kept
+        near = () if kept else self.rolled
+        return mapping.mapped(self.scene, self.mix, self.fastest, self.contacts, near=near, met=kept, count=self.count)
 
     @cached_property
     def fastest(self):
@@ -191,9 +227,11 @@ class Study:
     @cached_property
     def roller_load(self):
         """What holds one roller at its height [N]: by the scene's engine at the mean speed, or by eq 1.6."""
-        if not self.rolled:
+        if not self.layered:
             return self.engineering.roller_force
-        speed, load = np.array([(speed, rolled.load) for speed, rolled in self.rolled]).T
+        speed, load = np.array(
+            [[contacts.value(each, name)[0] for name in ("speed", "load")] for each in self.contacts]
+        ).T
         mean = self.scene.motion.stroke / self.scene.motion.duration
         return float(self.scene.machine.roller_length * np.interp(np.log(mean), np.log(speed), load))
 
@@ -208,7 +246,7 @@ class Study:
         return self._cart(self.engineering.roller_force)
 
     def _cart(self, roller_load):
-        machine = self.scene.machine
+        machine, table, stroke = self.scene.machine, self.scene.drive.end_springs, self.scene.motion.stroke
         return Cart(
             mass=machine.mass,
             weight=machine.weight,
@@ -220,6 +258,7 @@ class Study:
             roller_radius=machine.roller_radius,
             guide_wheel_diameter=machine.guide_wheel_diameter,
             guide_friction=machine.guide_friction,
+            end_springs=table and EndSprings(table.stiffness, table.preload, table.length, stroke),
         )
 
     @cached_property
@@ -299,6 +338,8 @@ class Study:
             from compact.elastic import ElasticDrive  # compiled code, loaded for those who want it
 
             return ElasticDrive(table.stiffness, table.damping, table.backlash or 0.0)
+        if table.kind == "hydraulic":
+            return Hydraulic(**table.hydraulics.model_dump())
         rod = self.crank if through_rod and table.kind in ("crank", "motor") else drive.Rigid()
         if table.kind != "motor" or any(join.order == 1 for join in cycle.joins()):
             return rod
@@ -323,12 +364,12 @@ class Study:
     @cached_property
     def formula_runs(self):
         """The same runs by formula, where the scene's engine is another one."""
-        return self._runs(self.formula_cart, self.formula_resistance) if self.rolled else {}
+        return self._runs(self.formula_cart, self.formula_resistance) if self.layered else {}
 
     @cached_property
     def formula_rankings(self):
         """The same rankings by formula, where the scene's engine is another one."""
-        return self._rankings(self.formula_runs) if self.rolled else {}
+        return self._rankings(self.formula_runs) if self.layered else {}
 
     def _runs(self, cart, resistance):
         motion = self.scene.motion

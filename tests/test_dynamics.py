@@ -2,6 +2,9 @@
 
 import itertools
 import math
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -502,3 +505,20 @@ def test_polynomials_meet_a_boundary_layer():
     table = pieces(lambda x: np.exp(-x / 1e-4), (0, 1), 1e-10)
     x = np.concatenate([np.logspace(-8, 0, 300), np.linspace(0, 1, 300)])
     assert table(x) == pytest.approx(np.exp(-x / 1e-4), abs=2e-10)
+
+
+def test_compiled_code_notices_that_what_it_calls_has_changed(tmp_path):
+    """Numba alone looks at the caller's file, and goes on with the old callee."""
+    start = "from compact.ringing import compiling\n"
+    (tmp_path / "callee.py").write_text(f"{start}@compiling(__file__)\ndef f(): return 1\n")
+    caller = "import callee\n@compiling(__file__, callee.__file__)\ndef g(): return 10 * callee.f()\nprint(g())\n"
+    (tmp_path / "caller.py").write_text(start + caller)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+
+    def run():
+        call = [sys.executable, "-c", "import caller"]
+        return subprocess.run(call, env=environment, capture_output=True, text=True, check=True).stdout
+
+    assert run() == "10\n"
+    (tmp_path / "callee.py").write_text(f"{start}@compiling(__file__)\ndef f(): return 22\n")
+    assert run() == "220\n"

@@ -134,6 +134,7 @@ def test_fields_are_written_as_a_series_over_the_speeds(tmp_path):
     added = len(summary["drive_resistance"]["speeds"]) - 1  # no law is as fast as the other speed
     assert summary["stages"] == {
         "contact": 1, "rolled": 2, "fields": 2, "laws": 1, "runs": 2, "rankings": 2, "figures": 6, "resistance": added,
+        "added mass": added + 1,
     }  # fmt: skip
     assert sum(summary["stages"].values()) == case.steps
     members = ElementTree.parse(tmp_path / "out" / "fields.pvd").getroot().iter("DataSet")

@@ -1,14 +1,22 @@
-"""The resistance map: closed forms, order, what it tells of itself, shape of the data, files, refusals."""
+"""The resistance map: closed forms, order, what it tells of itself, shape of data, files, what is kept, refusals."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compact import spectral
+from compact import engine, mapping, report, spectral
 from compact.material import Viscoelastic
+from compact.modulation import SLOW
 from compact.records import Layer, Roller
 from compact.resistance import MOST, ResistanceMap, load, sampled
+from compact.results import ResultsError
+from compact.scene import load_scene
+from compact.study import Study
 
 
 def relaxing(speed):
@@ -48,6 +56,54 @@ def test_resistance_without_speed_takes_five_samples_and_holds_at_rest():
 
 def test_resistance_that_vanishes_with_speed_holds_nothing_at_rest():
     assert mapped().limit == 0.0
+
+
+# contact.md e: the SLS Winkler foundation, kr = R = b = tau = 1, m = 1: v, F, M; the first two between table values
+WINKLER = np.array([
+    [0.03, 0.01868985, -0.551640], [0.1, 0.05309453, -0.323041], [0.3, 0.10107269, 0.004042],
+    [0.5, 0.11235094, 0.051034], [1.0, 0.10445711, 0.030866], [3.0, 0.06130111, 0.003842],
+])  # fmt: skip
+
+
+def foundation():
+    speeds, forces, masses = WINKLER.T
+    return ResistanceMap(speeds, forces, 0.0, added_masses=masses, time=1.0)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "acceleration", "force", "most"),
+    [(1.0, -0.03, 0.10355338, 3e-4), (1.0, 0.03, 0.10540707, 3e-4), (0.1, -0.03, 0.06090090, 0.08)],
+)
+def test_constant_acceleration_on_a_winkler_foundation(velocity, acceleration, force, most):
+    """Within the limit to second order; beyond it closer than without M."""
+    law = foundation()
+    assert law(velocity, acceleration) == pytest.approx(force, rel=most)
+    assert abs(law(velocity, acceleration) - force) < abs(law(velocity) - force) * (0.7 if most > 0.01 else 0.1)
+
+
+def test_resistance_is_odd_in_velocity_and_acceleration_together():
+    law, draw = foundation(), np.random.default_rng(2)
+    velocity, acceleration = draw.uniform(-3, 3, 500), draw.uniform(-1, 1, 500)
+    assert np.array_equal(law(-velocity, -acceleration), -law(velocity, acceleration))
+
+
+def test_acceleration_counts_up_to_its_limit_and_no_further():
+    law, velocity = foundation(), np.geomspace(1e-3, 3, 50)
+    within = law(velocity, 0.5 * SLOW * velocity) - law(velocity)
+    at_limit = law(velocity, SLOW * velocity) - law(velocity)
+    assert at_limit == pytest.approx(2 * within, rel=1e-9, abs=1e-15)
+    assert np.array_equal(law(velocity, 50.0 * velocity), law(velocity, SLOW * velocity))
+    assert law(0.0, 5.0) == 0
+    assert abs(law(1e-9, 5.0)) < 1e-8
+    assert law.beyond(velocity, SLOW * velocity * (1 + 1e-9)).all()
+    assert not law.beyond(velocity, SLOW * velocity * (1 - 1e-9)).any()
+    assert law.unsteadiness([0.0, 0.0, -2.0], [0.0, 1.0, -1.0]).tolist() == [0.0, np.inf, 0.5]
+
+
+def test_mix_that_forgets_at_once_has_a_mass_without_limit():
+    law = replace(foundation(), time=0.0)
+    assert law(0.1, 7.0) == pytest.approx(0.05309453 - 7 * 0.323041, rel=1e-12)
+    assert not law.beyond(1e-9, 1e9)
 
 
 # (b) order, and what the map tells of itself
@@ -121,25 +177,163 @@ def test_known_samples_are_not_computed_again():
 
 def test_map_is_read_as_it_was_written(tmp_path):
     law = mapped(lambda speed: (*relaxing(speed)[:1], 0.013))
+    law = replace(law, added_masses=np.cos(law.speeds), time=0.3)
     law.save(tmp_path / "map.nc", "abc")
     read = load(tmp_path / "map.nc", "abc")
-    assert np.array_equal([law.speeds, law.forces], [read.speeds, read.forces])
-    assert (read.error, read.engine_error) == (law.error, law.engine_error)
+    assert np.array_equal([law.speeds, law.forces, law.added_masses], [read.speeds, read.forces, read.added_masses])
+    assert (read.error, read.engine_error, read.time) == (law.error, law.engine_error, 0.3)
     assert [path.name for path in tmp_path.iterdir()] == ["map.nc"]
 
 
 def test_error_that_is_not_known_stays_unknown_in_the_file(tmp_path):
     mapped().save(tmp_path / "map.nc")
-    assert load(tmp_path / "map.nc").engine_error is None
+    read = load(tmp_path / "map.nc")
+    assert (read.engine_error, read.added_masses) == (None, None)
 
 
-def test_map_of_another_scene_is_refused(tmp_path):
+def test_map_under_another_key_is_refused(tmp_path):
     mapped().save(tmp_path / "map.nc", "abc")
-    with pytest.raises(ValueError, match=r"map\.nc: made of scene abc by compact .*, wanted def .*; compute it again"):
+    with pytest.raises(
+        ValueError, match=r"map\.nc: made under key abc by compact .*, wanted def and .*; compute it again"
+    ):
         load(tmp_path / "map.nc", "def")
 
 
-# (f) refusals
+def test_file_that_is_no_map_is_refused(tmp_path):
+    (tmp_path / "map.nc").write_bytes(b"CDF")
+    with pytest.raises(ValueError, match=r"map\.nc: no resistance map"):
+        load(tmp_path / "map.nc")
+    (tmp_path / "map.nc").write_bytes(b"no netCDF")
+    with pytest.raises(ValueError, match=r"map\.nc: no resistance map: .* is not a valid NetCDF 3 file; compute it"):
+        load(tmp_path / "map.nc")
+
+
+# (f) of a scene, and what the next run takes over
+
+SMALL = Path(__file__).parent.parent / "studies" / "scenes" / "small.toml"
+ROLLED = {
+    "accuracy.engine": "spectral",
+    "machine.rolling": "frictionless",
+    "machine.profile": "circle",
+    "motion.laws": ["cubic", "reversal-3"],
+}
+
+
+def of_scene(directory=None, **changes):
+    return Study(load_scene(SMALL, **ROLLED | changes), directory=directory)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Where a run has left its results."""
+    directory = tmp_path_factory.mktemp("kept") / "out"
+    report.write(of_scene(), directory)
+    return directory
+
+
+@pytest.fixture
+def left(written, tmp_path):
+    """A copy of that directory."""
+    copy = tmp_path / "out"
+    copy.mkdir()
+    for path in (path for path in written.rglob("*") if path.is_file()):
+        place = copy / path.relative_to(written)
+        place.parent.mkdir(exist_ok=True)
+        place.write_bytes(path.read_bytes())
+    return copy
+
+
+def test_mass_of_a_cart_is_that_of_all_its_rollers():
+    study = of_scene()
+    met, machine = study.resistance, study.scene.machine
+    mass, time = engine.added_mass(study.scene, study.mix, float(met.speeds[-1]))
+    assert met.added_masses[-1] == pytest.approx(machine.rollers * machine.roller_length * mass, rel=1e-12)
+    assert met.time == time == pytest.approx(study.mix.relaxation_time)
+
+
+def test_share_beyond_first_order_is_told(left):
+    """cubic: v = 6 s/T z(1-z), a = 6 s/T^2 (1-2z): |a| tau > 0.1 v where 1-2z > (T/tau)/10 z(1-z)."""
+    told = json.loads((left / "summary.json").read_text())["laws"]["cubic"]["unsteady_share"]
+    rate = SLOW * 3.0 / of_scene().mix.relaxation_time
+    first = (2 + rate - np.sqrt(4 + rate**2)) / (2 * rate)  # 1 - 2z = rate z (1 - z)
+    assert told == pytest.approx(2 * first, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("changes", "known"),
+    [
+        ({"accuracy.engine": "column"}, True),
+        ({"mix.overrides.instant_over_relaxed": 1.0}, True),
+        ({"accuracy.engine": "compaction", "contact.indentation": 0.003, "mix.reference_speed": 0.1}, False),
+    ],
+    ids=["columns", "elastic", "compaction that knows a rate"],
+)
+def test_mix_without_relaxation_has_no_mass(changes, known):
+    study = of_scene(**changes)
+    assert engine.added_mass(study.scene, study.mix, 0.1) == ((0.0, 0.0) if known else None)
+
+
+def test_next_run_rolls_nothing_and_writes_the_same(left, written):
+    study = of_scene(left)
+    summary = report.write(study, left)
+    assert study.counts["kept"] == 1
+    assert not {"rolled", "resistance", "added mass"} & set(study.counts)
+    assert summary["drive_resistance"]["kept"]
+    for path in written.rglob("*.csv"):
+        assert path.read_bytes() == (left / path.relative_to(written)).read_bytes()
+    assert json.loads((written / "summary.json").read_text())["contacts"] == summary["contacts"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "reused"),
+    [
+        ({"motion.laws": ["septic"], "machine.mass": 900.0, "drive.kind": "crank"}, True),
+        ({"mix.moisture": 0.11}, False),
+        ({"accuracy.tolerance": 0.02}, False),
+        ({"machine.roller_radius": 0.105}, False),
+        ({"contact.indentation": 0.003}, False),
+    ],
+    ids=["laws, cart and drive", "moisture", "tolerance", "radius", "depth"],
+)
+def test_map_is_kept_for_all_that_it_does_not_depend_on(written, changes, reused):
+    assert (of_scene(written, **changes).kept is not None) == reused
+
+
+def test_faster_law_adds_speeds_to_the_map(written):
+    before, study = of_scene(written).kept.met, of_scene(written, **{"motion.laws": ["septic"]})
+    met = study.resistance_map
+    assert met.speeds[-1] == pytest.approx(2.1875 * 0.4 / 3, rel=1e-9)  # D: 35/16 of the mean
+    assert study.counts["resistance"] <= 2
+    assert "rolled" not in study.counts
+    assert met(before.speeds) == pytest.approx(before.forces, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", [mapping.MAP, mapping.CONTACTS])
+@pytest.mark.parametrize("content", [b"", b"{}", None], ids=["empty", "other", "gone"])
+def test_broken_remains_are_not_taken(left, name, content):
+    (left / name).unlink() if content is None else (left / name).write_bytes(content)
+    assert of_scene(left).kept is None
+
+
+def test_other_scene_is_not_written_over_for_the_sake_of_its_map(left):
+    with pytest.raises(ResultsError, match="holds results of another scene"):
+        report.write(of_scene(left, **{"machine.mass": 900.0}), left)
+
+
+def test_density_of_a_kept_compaction_is_not_made_again(tmp_path):
+    first, again = (of_scene(tmp_path / "out", **{"accuracy.engine": "column"}) for _ in range(2))
+    report.write(first, tmp_path / "out")
+    before = (tmp_path / "out" / "density.csv").read_bytes()
+    assert {"passes.csv", "density.csv"} < set(report.write(again, tmp_path / "out")["files"])
+    assert "rolled" not in again.counts
+    (tmp_path / "out" / "density.csv").unlink()
+    once_more = of_scene(tmp_path / "out", **{"accuracy.engine": "column"})
+    report.write(once_more, tmp_path / "out")
+    assert once_more.counts["rolled"] == 6
+    assert (tmp_path / "out" / "density.csv").read_bytes() == before
+
+
+# (g) refusals
 
 
 def test_speed_beyond_the_samples_is_refused():

@@ -14,7 +14,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from compact.scene import LAW_NAMES, Motor, Optimise, Scene, SceneError, load_scene, parse_scene, starter_scene
+from compact.scene import (
+    LAW_NAMES,
+    EndSpringTable,
+    Hydraulics,
+    Motor,
+    Optimise,
+    Scene,
+    SceneError,
+    load_scene,
+    parse_scene,
+    starter_scene,
+)
 
 SCENES = Path(__file__).parents[1] / "studies" / "scenes"
 PUBLISHED = (SCENES / "loveikin-2015.toml").read_text("utf-8")
@@ -99,8 +110,9 @@ def test_the_starter_shows_every_key_there_is():
     keys = set(re.findall(r"^(?:# )?(\w+) = ", starter_scene(), re.MULTILINE))
     tables = [field.annotation for field in Scene.model_fields.values()]
     known = {key for table in tables for part in getattr(table, "__args__", (table,)) for key in fields_of(part)}
-    assert known - keys == {"overrides", "motor", "optimise"}
-    assert set(Motor.model_fields) | set(Optimise.model_fields) <= keys
+    assert known - keys == {"overrides", "motor", "optimise", "end_springs", "hydraulics"}
+    shown = (Motor, Optimise, EndSpringTable, Hydraulics)
+    assert {key for table in shown for key in table.model_fields} <= keys
 
 
 def fields_of(table):
@@ -392,6 +404,22 @@ breakdown_slip = 0.15
 gear_ratio = 150.0
 inertia = 0.01
 flywheel_inertia = 50.0
+"""
+SPRINGS = """[drive.end_springs]
+stiffness = 5000.0
+preload = 200.0
+length = 0.1
+"""
+HYDRAULICS = """[drive.hydraulics]
+piston_area = 1e-3
+supply_pressure = 8e6
+pump_flow = 5e-4
+valve_area = 2e-5
+discharge_coefficient = 0.62
+oil_density = 870.0
+transition_drop = 1e3
+bulk_modulus = 1.4e9
+dead_volume = 1e-4
 """
 BROKEN = [
     refused(
@@ -795,6 +823,34 @@ BROKEN = [
         'drive.motor.breakdown_slip: is for drive.motor.curve "kloss", got 0.15 with "straight"; take it out',
         at="breakdown_slip",
         also=('kind = "rigid"', 'kind = "motor"'),
+    ),
+    refused(
+        "springs of an elastic drive",
+        "[cam]",
+        SPRINGS + "\n[cam]",
+        'drive.end_springs: is not known to drive.kind "elastic", got a table; take it out, or choose another kind',
+        at="[drive.end_springs]",
+        also=('kind = "rigid"', 'kind = "elastic"\nstiffness = 1e6\ndamping = 3e3'),
+    ),
+    refused(
+        "springs that meet",
+        "[cam]",
+        SPRINGS.replace("0.1", "0.3") + "\n[cam]",
+        "drive.end_springs.length: must be at most half of motion.stroke = 0.4 m, got 0.3; give shorter springs",
+        at="length = 0.3",
+    ),
+    refused(
+        "hydraulic drive without its table",
+        'kind = "rigid"',
+        'kind = "hydraulic"',
+        'drive.kind: "hydraulic" needs the table [drive.hydraulics], got none; give its cylinders, pump and oil',
+    ),
+    refused(
+        "hydraulics of a rigid drive",
+        "[cam]",
+        HYDRAULICS + "\n[cam]",
+        'drive.kind: "rigid" has no hydraulics; take the table [drive.hydraulics] out, or choose "hydraulic"',
+        at='kind = "rigid"',
     ),
     refused(
         "two angles for one cart",

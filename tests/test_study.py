@@ -6,14 +6,16 @@ import math
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from compact import report
+from compact.drive import CRITERIA
 from compact.motion import LAWS
 from compact.results import ResultsError
-from compact.scene import LAW_NAMES, SceneError, load_scene
+from compact.scene import LAW_NAMES, RankBy, SceneError, load_scene
 from compact.study import Study
 
 SCENES = Path(__file__).parent.parent / "studies" / "scenes"
@@ -54,6 +56,17 @@ def test_energy_of_a_cycle_is_the_work_of_resistance_and_friction(name):
 
 def test_laws_of_the_scene_are_those_of_the_table():
     assert tuple(LAWS) == LAW_NAMES
+
+
+def test_criteria_of_the_scene_are_those_of_the_drives():
+    assert set(get_args(RankBy)) == set(CRITERIA)
+
+
+def test_mean_force_of_a_cart_without_mass_is_its_resistance():
+    study = Study(scene(**{"machine.mass": 1e-9, "machine.weight": 1e-8, "machine.guide_friction": 0.0}))
+    force = study.resistance.force
+    assert study.runs["cubic"].mean_force == pytest.approx(force, rel=1e-9)
+    assert study.runs["gear-sector"].mean_force == math.inf
 
 
 def test_inertia_turns_the_ranking_of_the_crank_scene():
@@ -112,6 +125,31 @@ def test_motor_drive_goes_from_the_scene_to_the_summary(tmp_path):
     assert [row["law"] for row in rows] == ["cubic", "crank"]
     assert float(rows[0]["work_of_a_cycle_J"]) == pytest.approx(2 * 0.8 * forces, rel=1e-6)
     assert summary["laws"]["cubic"]["fluctuation"] == pytest.approx(float(rows[0]["fluctuation"]), rel=1e-9)
+
+
+HYDRAULICS = {
+    "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5, "discharge_coefficient": 0.62,
+    "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
+}  # fmt: skip
+
+
+def test_hydraulic_drive_goes_from_the_scene_to_the_summary(tmp_path):
+    springs = {"stiffness": 4e3, "preload": 200.0, "length": 0.1}
+    given = {"drive.kind": "hydraulic", "drive.hydraulics": HYDRAULICS, "drive.end_springs": springs}
+    study = Study(scene("small", **given, **{"output.wanted": ["tables", "crank"]}))
+    summary = report.write(study, tmp_path / "out")
+    rigid = Study(scene("small", **{"drive.end_springs": springs}))
+    bare = Study(scene("small"))
+    for name, told in summary["laws"].items():
+        assert told["peak_force"] == pytest.approx(rigid.runs[name].peak_force, rel=1e-12)
+        assert told["energy"] == pytest.approx(bare.runs[name].energy, rel=1e-9)
+        assert told["energy_residual"] < 1e-6
+    assert summary["laws"]["cubic"]["peak_pressure"] < bare.runs["cubic"].peak_force / 1e-3 + 2e5
+    best = study.rankings["peak_force"][0].run.name
+    passed = np.genfromtxt(tmp_path / "out" / f"passage-{best}.csv", delimiter=",", names=True)
+    assert np.abs(passed["position_m"] - passed["law_position_m"]).max() < 1e-3
+    assert f"throttles/{best}.csv" in summary["files"]
+    assert sum(summary["stages"].values()) == study.steps
 
 
 def test_power_of_the_shaft_is_that_of_the_run_through_the_rod():
@@ -174,6 +212,10 @@ def test_stepper_in_the_roller_turns_with_the_travel(written):
     assert rows["angle_rad"].max() * study.scene.machine.roller_radius == pytest.approx(0.4, rel=1e-9)
     speed = 1.2 * 0.4 / 3.0 / 0.11  # D 3.2: 6/5 of the mean speed, B eq (46)
     assert np.abs(rows["angular_velocity_rads"]).max() == pytest.approx(speed, rel=1e-9)
+    run, rollers = study.runs["reversal-3"], study.scene.machine.rollers
+    assert rollers * np.trapezoid(rows["power_W"], rows["time_s"]) == pytest.approx(run.energy, rel=5e-3)
+    assert rollers * np.abs(rows["torque_Nm"]).max() == pytest.approx(run.peak_force * 0.11, rel=1e-2)
+    assert np.abs(rows["traction"]).max() == pytest.approx(run.peak_force / rollers / study.roller_load, rel=1e-2)
 
 
 def test_two_runs_write_the_same_bytes(written, tmp_path):
