@@ -41,7 +41,7 @@ def fields(rolled):
 
 def write_fields(rolled, path):
     """Write `fields` as VTU, whole or not at all."""
-    _write(fields(rolled), path)
+    write_mesh(fields(rolled), path)
 
 
 def write_series(layers, directory):
@@ -52,7 +52,7 @@ def write_series(layers, directory):
     members = []
     for layer, rolled in layers:
         path = Path(directory) / "fields" / f"speed={rolled.speed!r}.vtu"
-        _write(layer, path)
+        write_mesh(layer, path)
         members.append((rolled.speed, path))
         yield path
     series = Path(directory) / "fields.pvd"
@@ -60,7 +60,8 @@ def write_series(layers, directory):
     yield series
 
 
-def _write(layer, path):
+def write_mesh(layer, path):
+    """Write a meshio mesh as VTU, whole or not at all."""
     import meshio
 
     with whole_file(path, "wb") as stream:  # its name, since meshio opens the file itself

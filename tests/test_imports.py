@@ -20,7 +20,7 @@ LEVELS = (
     ("laws", "halfplane", "modulation", "mix", "cart", "scene_rules", "streamline", "cap", "dynamics"),
     ("kernel", "compliance", "stickslip", "confined"),
     ("fields", "solid", "expected", "bed", "turning", "flow"),
-    ("frame", "march", "steady"),
+    ("frame", "march", "steady", "travelled"),
     ("compacted",),
     ("compaction",),
     ("motion", "contact", "spectral", "fem", "drive", "scene", "column", "resistance"),
