@@ -251,6 +251,23 @@ class Cycle:
         """Time of the whole cycle [s]."""
         return 2 * self.there.duration + self.far_dwell + self.near_dwell
 
+    @property
+    def duration(self):
+        """The period [s], as of one pass."""
+        return self.period
+
+    def position(self, time):
+        """Travel x [m] at time [s], periodic."""
+        return self.derivative(time, 0)
+
+    def velocity(self, time):
+        """Velocity [m/s] at time [s], periodic."""
+        return self.derivative(time, 1)
+
+    def acceleration(self, time):
+        """Acceleration [m/s^2] at time [s], periodic."""
+        return self.derivative(time, 2)
+
     def legs(self):
         """The `Leg`s in order of time; dwells of zero length are left out."""
         duration, stroke = self.there.duration, self.there.stroke
