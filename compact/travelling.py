@@ -8,8 +8,13 @@ whole elements. Mix that knows no rate answers the path alone, not the time it t
 the mean |v| of each step. A roller that stands waits without effect.
 
 Steps are half elements, as far as the points of an element lie apart, which is how the mix steps in the balance that
-`compaction` solves at once; where the motion turns they begin at the 16th part of an element. The error told is the
-change from steps twice as long, on the same mesh.
+`compaction` solves at once; after a turn they begin at the 16th part of an element. The error told is the change from
+steps twice as long, on the same mesh. Besides, the forces rise and fall a little within each element, as its nodes meet
+the roller: on 6 elements a contact by 1.3 % of the resistance and 0.3 % of the load to either side of their mean.
+
+Envelope: 2 mm deep in 0.1 m, 6 elements a contact, mean load and resistance within 0.5 % of steady rolling after three
+heights of travel; 0.2 s of processor time a step, 30 s there and back over 0.1 m, without the error half of it less. A
+layer that slips, or a roller that turns with friction, is refused.
 
 Feed
     Between two strokes the roller is taken off, and fresh mix spread on a flat layer of rows as they lie in the middle
@@ -114,12 +119,12 @@ def travel(
 
 @dataclass(eq=False)
 class _Done:
-    """What strokes have given: (stroke, time, `Stand`) of each step, `Fed` of each stroke, frames and iterations."""
+    """What strokes have given: (stroke, time, `Stand`) of each step, `Fed` of each stroke, frames, and the `Trip`s."""
 
     steps: list
     left: list
     frames: list
-    iterations: int = 0
+    trips: list
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +144,7 @@ class _Job:
 
     def done(self, every, instants=()):
         """The `_Done` of all strokes, in steps or in `every` second one."""
-        done, trip = _Done([], [], []), None
+        done, trip = _Done([], [], [], []), None
         for stroke in range(self.way.count):
             times, places = self.way.steps(stroke, self.element, every)
             rates = [self.material.rate_factor(speed) for speed in np.diff(places) / np.diff(times)]
@@ -154,7 +159,6 @@ class _Job:
                 if k in wanted:
                     done.frames.append((float(time), trip.fields))
             done.left.append(trip.left)
-            done.iterations += trip.iterations
         return done
 
     def _begun(self, done, place, rate, every):
@@ -163,8 +167,9 @@ class _Job:
         height = self.layer.height if fed is None else fed.height
         mesh = {"element": self.element, "length": self.length, "finite": self.finite}
         trip = Trip(self.way, self.roller, self.material, height, fed=fed, place=place, **mesh)
-        if done.steps:
-            trip.given, trip.kept = done.steps[-1][-1].given, done.steps[-1][-1].kept
+        if done.trips:
+            trip.given, trip.kept = done.trips[-1].given, done.trips[-1].kept
+        done.trips.append(trip)
         if self.start is not None and not done.left:
             trip.take_over(self.start.march)
         else:
@@ -182,7 +187,7 @@ def _result(way, done, rough):
         stroke=np.array(stroke) + 1,
         left=tuple(done.left),
         frames=tuple(done.frames),
-        iterations=done.iterations,
+        iterations=sum(trip.iterations for trip in done.trips),
         error=None if rough is None else _error(done, rough),
         steps=len(done.steps) + (len(rough.steps) if rough else 0),
         **numbers,

@@ -111,7 +111,7 @@ def over_an_element(values):
 
 @pytest.mark.slow
 def test_roller_from_rest_gets_as_steady_as_the_engine_of_steady_rolling(steady):
-    told = over_small(law("constant-velocity", 0.3, 1.5))
+    told = over_small(law("constant-velocity", 0.25, 1.25), estimate=False)
     assert over_an_element(told.load)[-10:] == pytest.approx(steady.load, rel=5e-3)
     assert over_an_element(told.resistance)[-10:] == pytest.approx(steady.resistance, rel=5e-3)
     assert told.resistance[-10:] == pytest.approx(steady.resistance, rel=0.02)  # at each step
@@ -127,7 +127,7 @@ def test_roller_that_comes_steadily_goes_on_so(cruising, steady):
 
 @pytest.mark.slow
 def test_feed_between_strokes_goes_as_passes_do():
-    told = over_small(Repeated(there_and_back(0.35), 2), feed=0.05, estimate=False)
+    told = over_small(Repeated(there_and_back(0.25), 2), feed=0.05, estimate=False)
     stages = Pass(), Pass(lift=0.05, height=told.lowest[-1], forward=False)
     for stroke, rolled in enumerate(passes(LAYER, ROLLER, MIX, 0.2, stages, engine="compaction", increments=6), 1):
         last = np.flatnonzero(told.stroke == stroke)[-6:]
@@ -188,7 +188,7 @@ def test_rate_raises_the_forces_as_columns_say():
     rated = replace(THIN, rate_exponent=0.025, reference_speed=0.2)
     slow, fast = (over_thin(law("constant-velocity", WIDE_LENGTH, WIDE_LENGTH / speed), rated) for speed in (0.2, 2.0))
     usual, quick = (column.roll(Layer(HEIGHT), WIDE, rated, speed) for speed in (0.2, 2.0))
-    assert fast.load[-1] / slow.load[-1] == pytest.approx(quick.load / usual.load, rel=2e-3)
+    assert fast.load[-1] / slow.load[-1] == pytest.approx(quick.load / usual.load, rel=5e-3)
     assert fast.resistance[-1] / slow.resistance[-1] == pytest.approx(quick.resistance / usual.resistance, rel=5e-3)
 
 
@@ -242,7 +242,7 @@ def test_frames_are_those_asked_for(thin, tmp_path):
 
 
 def test_steps_take_few_iterations(thin):
-    assert thin.iterations < 10 * len(thin.time)
+    assert thin.iterations < 8 * len(thin.time)
 
 
 # (g) refusals
