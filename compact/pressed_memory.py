@@ -20,6 +20,7 @@ from scipy.optimize import least_squares
 from compact.refuse import refuse_negative, refuse_nonpositive
 
 FIRST = 0.05, 1.0  # guesses of l and r, of the contact in front
+FEWEST = 10  # steps of a way back that tells two lengths
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,8 @@ def released(z):
 def fitted(travelled):
     """The `PressedMemory` of the first turn of a `CompactionTravelled`, by least squares over the way back.
 
-    F_again is the mean over the second half of that way, which should be some contacts long.
+    F_again is the mean over the second half of that way, which should be some contacts long; the last contact length of
+    it is left out, where a roller from rest comes back to the pit it began in.
     """
     there, back = (travelled.stroke == number for number in (1, 2))
     if not back.any():
@@ -65,9 +67,15 @@ def fitted(travelled):
     if travelled.lowest[back][0] != travelled.lowest[there][-1]:
         raise ValueError("a `travelled` roller must go back over what it pressed, got mix fed at its turn")
     sign = np.sign(travelled.position[there][-1] - travelled.position[there][0])
-    turning, contact = sign * travelled.resistance[there][-1], travelled.leading[there][-1]
+    turning = float(sign * travelled.resistance[there][-1])
+    contact = max(travelled.leading[there][-1], -travelled.trailing[there][-1])
     distance = np.abs(travelled.position[back] - travelled.position[there][-1])
-    forces = sign * travelled.resistance[back]
+    counts = distance <= distance[-1] - contact
+    distance, forces = distance[counts], sign * travelled.resistance[back][counts]
+    if len(distance) < FEWEST:
+        raise ValueError(
+            f"a `travelled` roller must go back farther than its contact, got {len(distance)} steps beyond"
+        )
     again = max(-float(np.mean(forces[distance > distance[-1] / 2])), 0.0)
 
     def missed(logs):

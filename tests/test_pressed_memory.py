@@ -32,6 +32,7 @@ def made(again=50.0, fed=0.0):
         position=np.concatenate([[0.0, 0.1], 0.1 - back]),
         lowest=np.repeat([0.09, 0.09 + fed], [2, len(back)]),
         leading=np.full(2 + len(back), 0.02),
+        trailing=np.full(2 + len(back), -0.002),
         resistance=np.concatenate([[0.0, 800.0], PressedMemory(800.0, again, 1e-3, 5e-3).resistance(back)]),
     )
 
@@ -48,6 +49,13 @@ def test_fit_refuses_what_has_not_turned_or_was_fed():
         fitted(once)
     with pytest.raises(ValueError, match="must go back over what it pressed"):
         fitted(made(fed=0.05))
+
+
+def test_fit_refuses_a_way_back_shorter_than_the_contact():
+    short = made()
+    short.leading = np.full_like(short.leading, 0.2)
+    with pytest.raises(ValueError, match="must go back farther than its contact, got 0 steps"):
+        fitted(short)
 
 
 def test_memory_refuses_what_it_cannot_be():

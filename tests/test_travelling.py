@@ -10,6 +10,7 @@ from compact.compaction import roll
 from compact.material import Compaction
 from compact.motion import law
 from compact.passes import Pass, passes
+from compact.pressed_memory import fitted
 from compact.records import Layer, Ply, Roller
 from compact.travelling import travel
 
@@ -127,12 +128,14 @@ def test_roller_that_comes_steadily_goes_on_so(cruising, steady):
 
 @pytest.mark.slow
 def test_feed_between_strokes_goes_as_passes_do():
-    told = over_small(Repeated(there_and_back(0.25), 2), feed=0.05, estimate=False)
-    stages = Pass(), Pass(lift=0.05, height=told.lowest[-1], forward=False)
-    for stroke, rolled in enumerate(passes(LAYER, ROLLER, MIX, 0.2, stages, engine="compaction", increments=6), 1):
-        last = np.flatnonzero(told.stroke == stroke)[-6:]
+    told = over_thin(Repeated(there_and_back(2 * WIDE_LENGTH), 2), increments=8, feed=HEIGHT)
+    stages = Pass(), Pass(lift=HEIGHT, height=told.lowest[-1], forward=False)
+    for stroke, rolled in enumerate(
+        passes(Layer(HEIGHT), WIDE, THIN, 0.2, stages, engine="compaction", increments=8), 1
+    ):
+        last = np.flatnonzero(told.stroke == stroke)[-4:]
         assert told.load[last].mean() == pytest.approx(rolled.load, rel=5e-3)
-        assert told.resistance[last].mean() == pytest.approx(rolled.resistance, rel=5e-3)
+        assert told.resistance[last].mean() == pytest.approx(rolled.resistance, rel=0.01)
         assert told.density_ratio[stroke - 1] == pytest.approx(rolled.exit_density_ratio, abs=2e-4)
 
 
@@ -168,7 +171,7 @@ def test_work_given_is_work_kept(thin):
 def test_dwell_changes_nothing():
     motion = law("quintic", WIDE_LENGTH, 1.0)
     at_once, waiting = (over_thin(motion.cycle(far_dwell=dwell)) for dwell in (0.0, 3.0))
-    assert waiting.resistance == pytest.approx(at_once.resistance, rel=1e-9)
+    assert waiting.resistance == pytest.approx(at_once.resistance, rel=1e-7)
     assert waiting.time[-1] == pytest.approx(at_once.time[-1] + 3.0)
 
 
@@ -180,8 +183,8 @@ def test_mix_without_rate_knows_the_path_alone():
         over_thin(there_and_back(WIDE_LENGTH, name, T)) for name, T in (("quintic", 50.0), ("parabolic", 0.1))
     )
     assert slow.position == pytest.approx(fast.position, abs=1e-12)
-    assert slow.resistance == pytest.approx(fast.resistance, rel=1e-9)
-    assert slow.load == pytest.approx(fast.load, rel=1e-9)
+    assert slow.resistance == pytest.approx(fast.resistance, rel=1e-7)
+    assert slow.load == pytest.approx(fast.load, rel=1e-7)
 
 
 def test_rate_raises_the_forces_as_columns_say():
@@ -219,6 +222,22 @@ def test_way_back_over_pressed_mix_is_nearly_free(cruising, steady):
     back = cruising.resistance[(cruising.stroke == 2) & (cruising.position < 4 * LENGTH)]
     assert (back < 0).all()
     assert np.abs(back).max() < 0.1 * steady.resistance
+
+
+@pytest.mark.slow
+def test_turn_is_forgotten_within_a_small_part_of_the_contact(cruising):
+    memory = fitted(cruising)
+    assert memory.release == pytest.approx(LENGTH / 28, rel=0.15)
+    assert memory.error < 0.06
+
+
+def test_memory_of_a_thin_layer_is_about_that_of_even_pressure(thin):
+    """l = p h R/(M a), p of F = p a^2/2R; the pressure of the mix falls towards the edge."""
+    memory, stiffness = fitted(thin), THIN.unloading_modulus * 0.7 / (1.3 * 0.4)
+    even = 2 * WIDE.radius * memory.turning / WIDE_LENGTH**2
+    length = even * HEIGHT * WIDE.radius / (stiffness * WIDE_LENGTH)
+    assert memory.release == pytest.approx(length, rel=0.35)
+    assert memory.error < 0.04
 
 
 @pytest.mark.slow
