@@ -13,7 +13,7 @@ steps twice as long, on the same mesh. Besides, the forces rise and fall a littl
 the roller: on 6 elements a contact by 1.3 % of the resistance and 0.3 % of the load to either side of their mean.
 
 Envelope: 2 mm deep in 0.1 m, 6 elements a contact, mean load and resistance within 0.5 % of steady rolling after three
-heights of travel; 0.2 s of processor time a step, 30 s there and back over 0.1 m, without the error half of it less. A
+heights of travel; 0.4 s of processor time a step, 65 s there and back over 0.12 m, half as much again with the error. A
 layer that slips, or a roller that turns with friction, is refused.
 
 Feed
