@@ -62,7 +62,7 @@ def read(march, layer, roller, material, speed):
     law, way = frame.solid.law, 1.0 if speed > 0 else -1.0
     x, pressure, shear, trailing, leading = _contact(march)
     _refuse_skid(march)
-    leaving, length = _leaving(march)
+    leaving, length = left(frame, condition, frame.exit)
     return CompactionRolled(
         load=last.load,
         resistance=way * last.resistance,
@@ -101,10 +101,14 @@ def fields(rolled):
     cell data, means of the elements : stress (xx, yy, zz, xy, yz, xz) [Pa], tension positive; pressure, of all
     directions [Pa], compression positive; density_ratio; plastic_work [J/m3]
     """
+    return drawn(rolled.march.frame, rolled.march.condition, 1.0 if rolled.speed > 0 else -1.0)
+
+
+def drawn(frame, condition, way=1.0):
+    """The meshio mesh of `fields`, mirrored where the way is -1."""
     import meshio
 
-    frame, condition = rolled.march.frame, rolled.march.condition
-    mirror = np.array([1.0 if rolled.speed > 0 else -1.0, 1.0])
+    mirror = np.array([way, 1.0])
     state, count = condition.state, frame.solid.basis.nelems
     stress = np.zeros((count, 6))
     stress[:, :4] = state.stress.reshape(count, -1, 4).mean(axis=1) * [1, 1, 1, mirror[0]]
@@ -155,19 +159,18 @@ def _contact(march):
     )
 
 
-def _leaving(march):
-    """The mix that leaves as the next `Fed`, and its length over that as it was fed.
+def left(frame, condition, column):
+    """The mix of a column of points as the next `Fed`, and its length over that as it was fed.
 
     Far behind the roller the layer is the same all along x: no stress is left on horizontal planes, and what is bonded
     is as long as it was fed. A layer that slips keeps the force along x that it has, none.
     """
-    frame, condition = march.frame, march.condition
-    state = cap.State(*(frame.rows(getattr(condition.state, name))[:, frame.exit] for name in STATE))
-    stretch = frame.rows(np.log1p(frame.solid.gradient(condition.displacement)[:, 0]))[:, frame.exit]
-    area = frame.row_heights * frame.rows(_volume(march))[:, frame.exit]
-    left = area @ stretch / area.sum() if frame.slips else 0.0
-    rest, volume = _at_rest(frame.solid, state, left - stretch)
-    return Fed(area * volume * np.exp(-left), rest), float(np.exp(left))
+    state = cap.State(*(frame.rows(getattr(condition.state, name))[:, column] for name in STATE))
+    stretch = frame.rows(np.log1p(frame.solid.gradient(condition.displacement)[:, 0]))[:, column]
+    area = frame.row_heights * frame.rows(_volume(frame.solid, condition.displacement))[:, column]
+    mean = area @ stretch / area.sum() if frame.slips else 0.0
+    rest, volume = _at_rest(frame.solid, state, mean - stretch)
+    return Fed(area * volume * np.exp(-mean), rest), float(np.exp(mean))
 
 
 def _at_rest(solid, state, stretch):
@@ -188,10 +191,9 @@ def _at_rest(solid, state, stretch):
     raise RuntimeError(f"the mix that leaves bears {np.abs(rest.stress[:, [1, 3]]).max():.3g} Pa on horizontal planes")
 
 
-def _volume(march):
+def _volume(solid, displacement):
     """J of the points; of linear kinematics 1 plus the change of area."""
-    solid = march.frame.solid
-    gradient = solid.gradient(march.condition.displacement)
+    gradient = solid.gradient(displacement)
     if solid.finite:
         return (1 + gradient[:, 0]) * (1 + gradient[:, 3]) - gradient[:, 1] * gradient[:, 2]
     return 1 + gradient[:, 0] + gradient[:, 3]

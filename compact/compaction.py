@@ -88,7 +88,7 @@ def roll(
 
     Raises RuntimeError with the step reached where no balance is found or the roller does not get steady.
     """
-    _refuse(layer, roller, material, speed, strain, exit_density_ratio, fed)
+    refuse_scene(layer, roller, material, speed, strain, exit_density_ratio, fed)
     refuse_torque(roller, torque)
     refuse_nonpositive(increments=increments, steady=steady)
     target = _Target(layer, roller, material, exit_density_ratio, fed)
@@ -307,7 +307,7 @@ def _fed_mean(material, fed):
     return material.fed_density_ratio if fed is None else fed.density_ratio
 
 
-def _refuse(layer, roller, material, speed, strain, exit_density_ratio, fed):
+def refuse_scene(layer, roller, material, speed, strain, exit_density_ratio, fed):
     refuse_nonfinite(speed=speed)
     if speed == 0:
         raise ValueError("`speed` must not be 0, got 0: the resistance is set-valued there; say which way it goes")

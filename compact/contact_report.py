@@ -63,7 +63,7 @@ def _passes(passed, directory):
 
 
 def pressure(study, directory):
-    """The picture of the pressure along one contact at the mean speed, or at the nearest that was computed: its path."""
+    """Path of the picture of the pressure along one contact, at the mean speed or the nearest that was computed."""
     from compact import figures
 
     if standing := study.standing(directory, "pressure.png"):

@@ -34,10 +34,19 @@ EXIT = 0.3  # layer heights behind the uniform zone, where the mix is read that 
 
 def rolling_mesh(height, length, step):
     """The `RowMesh` of a layer under a roller at x = 0 whose contact is about `length` long, uniform near it."""
-    ahead, behind = (int(np.ceil(share * length / step)) for share in (AHEAD, BEHIND))
+    return _uniform_between(height, -int(np.ceil(BEHIND * length / step)), int(np.ceil(AHEAD * length / step)), step)
+
+
+def stroke_mesh(height, length, step, count):
+    """The same for a roller that travels from x = 0 by `count` steps and back, uniform all along its way."""
+    ahead = int(np.ceil(AHEAD * length / step))
+    return _uniform_between(height, -ahead, count + ahead, step)
+
+
+def _uniform_between(height, first, last, step):
+    """The `RowMesh` of elements as long as a step from `first` to `last` of them, growing outwards and downwards."""
     outward = _growing(REACH * height, step, height)
-    right, left = (ahead * step + outward), -(behind * step + outward)
-    x = np.concatenate([left[::-1], np.arange(-behind, ahead + 1) * step, right])
+    x = np.concatenate([first * step - outward[::-1], np.arange(first, last + 1) * step, last * step + outward])
     depth = _growing(height, min(step, height / ROWS), height, exact=True)
     y = np.concatenate([height - depth[::-1], [height]])
     y[0] = 0.0

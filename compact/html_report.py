@@ -9,7 +9,7 @@ from html import escape
 from compact import html_contact, html_machine, sensitivity
 from compact.checks import checks
 from compact.html_answer import answer, asked
-from compact.page import Section, page, paragraph, png, table
+from compact.page import Section, page, paragraph, table
 from compact.results import whole_file
 
 

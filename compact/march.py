@@ -169,10 +169,8 @@ class March:
         return step
 
     def forces(self):
-        """Load and resistance [N/m]; where pressure is vertical it resists on the slope of the roller."""
-        normal = self.face.weight * self.push.pressure
-        x, y = self.push.forces.sum(axis=0)
-        return float(-y), float(x + np.sum(normal * self.face.slope()))
+        """Load and resistance [N/m]."""
+        return self.face.forces(self.push)
 
     @property
     def places(self):

@@ -76,6 +76,11 @@ class Face:
         inside = np.abs(x) < self.radius
         return x / self.radius if self.profile == "parabola" else np.where(inside, self._steepness(x), 0.0)
 
+    def forces(self, push):
+        """Load and resistance of a `Push` [N/m]; where pressure is vertical it resists on the slope of the roller."""
+        x, y = push.forces.sum(axis=0)
+        return float(-y), float(x + np.sum(self.weight * push.pressure * self.slope()))
+
     def tangent(self, displacement):
         """Which way friction pulls the mix, unit vectors, shape (n, 2)."""
         if self.profile != "deformed":

@@ -192,6 +192,7 @@ def _figures(study, directory):
 def _page(study, directory):
     """The page; its pictures are those of the figures, where these are written."""
     from compact import html_report
+    from compact.page import png
 
     study.count("report")
     pressure = contact_report.pressure(study, directory)
@@ -203,7 +204,7 @@ def _page(study, directory):
             pictures[name] = (directory / f"{name}.png").read_bytes()
         else:
             study.count("figures")
-            pictures[name] = html_report.png(draw())
+            pictures[name] = png(draw())
     yield pressure
     yield html_report.write(directory / "report.html", study, pictures, _versions())
 
