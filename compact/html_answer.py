@@ -4,6 +4,7 @@ from html import escape
 
 import numpy as np
 
+from compact.drive import CRITERIA
 from compact.engine import COMPACTING
 from compact.page import listed, paragraph, percent, quantity, strong
 
@@ -13,9 +14,13 @@ WORDS = {
     "rms_force": "rms drive force",
     "rms_power": "rms drive power",
     "energy": "energy of a cycle",
+    "mean_force": "mean drive force",
+    "mean_power": "mean drive power",
+    "drawn_energy": "energy drawn in a cycle",
     "peak_jerk": "peak jerk",
+    "dynamic_factor": "peak force over that of steady motion",
+    "nonuniformity": "unevenness of speed over the working part",
 }
-UNITS = {"peak_force": "N", "peak_power": "W", "rms_force": "N", "rms_power": "W", "energy": "J", "peak_jerk": "m/s^3"}
 ENGINES = {
     "formula": "the engineering formulas 1.1–1.10",
     "column": "columns of a layer that stays pressed",
@@ -76,9 +81,9 @@ def _winner(by, places):
     if first[0].reason:
         return f"No law has a finite {WORDS[by]}: {escape(first[0].reason)}."
     if len(places) == 1:
-        return f"Its {WORDS[by]} is {strong(quantity(first[0].value, UNITS[by], 3))}."
+        return f"Its {WORDS[by]} is {strong(quantity(first[0].value, CRITERIA[by].unit, 3))}."
     names = " and ".join(strong(place.run.name) for place in first)
-    value = strong(quantity(first[0].value, UNITS[by], 3))
+    value = strong(quantity(first[0].value, CRITERIA[by].unit, 3))
     finite = [place for place in places if not place.reason]
     asks = f"The law {names} asks" if len(first) == 1 else f"The laws {names} ask"
     said = f"{asks} for the least {WORDS[by]}: {value}."
@@ -169,7 +174,7 @@ def _by_formula(study):
         if ours.reason or theirs.reason:
             continue
         name, also = escape(theirs.run.name), " as well" if ours.run.name == theirs.run.name else ""
-        values = f"{quantity(theirs.value, UNITS[by], 3)} for {quantity(ours.value, UNITS[by], 3)}"
+        values = f"{quantity(theirs.value, CRITERIA[by].unit, 3)} for {quantity(ours.value, CRITERIA[by].unit, 3)}"
         said.append(f"By formula {name} is first by {WORDS[by]}{also}, and the least is {values}.")
     return said
 

@@ -20,8 +20,8 @@ CAPTIONS = {
     ),
     "resistance": (
         "Resistance of the mix to one cart over its speed, by the engine and by formula 1.8",
-        "F(v): what the drive meets. Dots are computed, the line is read between them. It is that of steady speed; what "
-        "acceleration adds is not drawn.",
+        "F(v): what the drive meets. Dots are computed, the line is read between them. It is that of steady "
+        "speed; what acceleration adds is not drawn.",
     ),
     "fields": (
         "Fields in the layer under the roller at each speed, drawn to scale on the deformed elements",

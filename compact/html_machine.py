@@ -4,7 +4,8 @@ from html import escape
 
 import numpy as np
 
-from compact.html_answer import UNITS, WORDS
+from compact.drive import CRITERIA
+from compact.html_answer import WORDS
 from compact.page import Section, column, mark, number, paragraph, percent, picture, quantity, table, table_of
 from compact.study import FOLLOWERS
 
@@ -31,11 +32,11 @@ def _ranked(by, places, beside):
     columns = {
         "rank": [str(place.rank) for place in places],
         "law": [escape(place.run.name) for place in places],
-        WORDS[by]: column([place.value for place in places], UNITS[by]),
+        WORDS[by]: column([place.value for place in places], CRITERIA[by].unit),
         "to the next": [percent(place.margin) for place in places],
     }
     if beside:
-        columns["by formula"] = column([place and place.value for place in formula], UNITS[by])
+        columns["by formula"] = column([place and place.value for place in formula], CRITERIA[by].unit)
         columns["its rank"] = [str(place.rank) if place else "–" for place in formula]
     columns["note"] = [escape(place.reason) for place in places]
     return table_of(columns, f"Laws by {WORDS[by]}, least first", ("law", "note"))
@@ -152,7 +153,9 @@ def moves(shifts, base):
     ]  # fmt: skip
     ends = [f"{by.removeprefix('peak_')}, {end} end" for by in base.least for end in ("low", "high")]
     header = ("input", "moved from", "which is", *ends, "first law")
-    now = ", ".join(f"{WORDS[by]} {quantity(v, UNITS[by])} ({escape(base.law[by])})" for by, v in base.least.items())
+    now = ", ".join(
+        f"{WORDS[by]} {quantity(v, CRITERIA[by].unit)} ({escape(base.law[by])})" for by, v in base.least.items()
+    )
     said = paragraph(
         "One input after another is moved to its low and its high end, by formula and with a rigid drive. The numbers "
         f"are what becomes of the least peak over all laws; as the scene is, that is {now}."

@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from compact import checks, html_answer, html_machine, report, sensitivity
+from compact.drive import CRITERIA
 from compact.html_answer import WORDS
 from compact.page import PREFIXES, column, number, page, percent, picture, quantity, table
 from compact.scene import RankBy, get_args, load_scene, parse_scene, starter_scene
@@ -161,7 +162,7 @@ def test_a_word_within_a_remark_is_no_mark():
 
 
 def test_every_kind_of_ranking_has_words():
-    assert WORDS.keys() == html_answer.UNITS.keys() == set(get_args(RankBy))
+    assert WORDS.keys() == CRITERIA.keys() == set(get_args(RankBy))
 
 
 def test_figures_are_those_of_the_files_where_these_are_written(tmp_path):
