@@ -29,12 +29,12 @@ from compact.mesh import RowMesh
 from compact.records import SAME_HEIGHT, refuse_torque
 from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_unknown
 from compact.steady import Steady
-from compact.turning import TurningFace
+from compact.stiffening import stiffened
 
 __all__ = ["CompactionRolled", "roll"]
 
 INCREMENTS = 12  # per contact length sqrt(2 R depth) of the fed mix
-COARSE = 6  # of the first march
+COARSE = 4  # of the first march
 STEADY = 5e-3  # of load, resistance and exit density, what their tails have still to go
 RESISTED = 1e-2  # of the load, below which a resistance, as of a second pass, counts as that much
 ROUGHLY = 2e-2  # the same on the coarse mesh and on the way to a target
@@ -102,6 +102,8 @@ def roll(
             coarse = march
             frame = _frame(layer, roller, material, speed, strain, fed, depth, count)
             march = _march(frame, roller, torque, coarse)
+            if coarse is None:
+                march = _soft_start(march, layer, roller, torque, material, speed, depth)
             rough = count < increments and target.quantity is not None
             target.reached(march, max(steady, ROUGHLY) if rough else steady, depth)
             depth = layer.height - march.steps[-1].lowest
@@ -123,6 +125,22 @@ def _march(frame, roller, torque, coarse=None):
     if coarse is not None:
         march.take_over(coarse, transferred(coarse.condition, coarse.frame, frame))
     return march
+
+
+def _soft_start(march, layer, roller, torque, material, speed, depth):
+    """The march steady, found by stiffening soft mix, or as it was where that does not get through."""
+    frame = march.frame
+
+    def march_of(share):
+        softer = replace(material, unloading_modulus=share * material.unloading_modulus)
+        finite, rate = frame.solid.finite, frame.solid.rate_factor
+        on = Frame(frame.mesh, softer, layer.base, frame.length, fed=frame.given, finite=finite, rate_factor=rate)
+        return _march(on, roller, torque)
+
+    try:
+        return stiffened(march_of, layer.height - depth)
+    except RuntimeError:
+        return march
 
 
 def _neighbour(start, layer, roller, torque, material, speed, fed):
@@ -234,8 +252,6 @@ def _at_once(march, lowest):
     """Whether the steady balance is found at once, from where the march is; it goes on there. Not of rollers that turn,
     whose shear remembers the step before."""
     frame, displacement = march.frame, march.condition.displacement
-    if isinstance(march.face, TurningFace):
-        return False
     try:
         steady = Steady(frame, march.face.at(lowest))
         if march.at_once:
