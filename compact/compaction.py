@@ -43,9 +43,6 @@ LONGEST = 12.0  # layer heights or contact lengths of travel after which a march
 TARGETS = 12  # changes of depth
 SPREAD = 1.5  # contact lengths in front, down to which the first guess of a depth sees its strain
 LARGEST_CHANGE = 1.4  # of the depth at once
-STEEP = 0.32  # capture angle beyond which the roller goes deeper at first
-DEEPER = 1 / 3  # of the depth
-FILLING = 1.15  # layer heights of travel at that depth
 SETTLING = 0.25  # of the drag, once the roller has come to its height
 UNBALANCED = 1e-2  # of the forces, what drag may still hold when the roller is called steady
 PARTS = (1, 2)  # of the way to a neighbour
@@ -178,6 +175,7 @@ class _Target:
     def __init__(self, layer, roller, material, exit_density_ratio, fed):
         self.height, self.roller, self.law = layer.height, roller, material
         self.fed_mean = _fed_mean(material, fed)
+        self.deepest = layer.height * (1 - self.fed_mean)
         self.densest = self.fed_mean if fed is None else float(fed.state.density_ratio.max())
         self.quantity, self.value = None, None
         if exit_density_ratio is not None:
@@ -215,8 +213,11 @@ class _Target:
                 return march
             slope = self._slope(logs, misses)
             depth *= float(np.clip(np.exp(-misses[-1] / slope), 1 / LARGEST_CHANGE, LARGEST_CHANGE))
+            if depth >= self.deepest:
+                break
         reached = ", ".join(f"{np.exp(log):.4g} m: {miss:+.2e}" for log, miss in zip(logs, misses, strict=True))
-        raise RuntimeError(f"`{self.quantity}` {self.value:g} not met; depth and log of value over target: {reached}")
+        beyond = f" above {self.deepest:.4g} m, where the mix would be full" if depth >= self.deepest else ""
+        raise RuntimeError(f"`{self.quantity}` {self.value:g} not met{beyond}; depth and log of value over target: {reached}")
 
     def _asked(self, march, depth):
         if self.quantity is None:
@@ -249,8 +250,7 @@ def _steady_at(march, lowest, steady):
 
 
 def _at_once(march, lowest):
-    """Whether the steady balance is found at once, from where the march is; it goes on there. Not of rollers that turn,
-    whose shear remembers the step before."""
+    """Whether the steady balance is found at once, from where the march is; it goes on there."""
     frame, displacement = march.frame, march.condition.displacement
     try:
         steady = Steady(frame, march.face.at(lowest))
@@ -265,10 +265,7 @@ def _at_once(march, lowest):
 
 
 def _until_steady(march, lowest, steady):
-    """March on, down to the height first, until the tails have no more than `steady` to go; the last step without drag.
-
-    A steep march that begins goes deeper before it comes to the height.
-    """
+    """March on, down to the height first, until the tails have no more than `steady` to go; the last step without drag."""
     start = march.steps[-1].lowest if march.steps else march.frame.mesh.height
     way = _way_down(march, start, lowest)
     begun, way_out = len(march.steps), int(march.frame.way_out / march.frame.step)
@@ -290,15 +287,7 @@ def _until_steady(march, lowest, steady):
 
 def _way_down(march, start, lowest):
     """Heights of the lowest generatrix, step by step, until it is where it stays."""
-    if march.steps:
-        return np.linspace(start, lowest, march.window + 1)[1:]
-    ramp, depth = 2 * march.window, start - lowest
-    if np.arccos(max(1 - depth / march.face.radius, 0.0)) < STEEP:
-        return np.linspace(start, lowest, ramp + 1)[1:]
-    deepest = lowest - DEEPER * depth
-    filling = np.full(int(FILLING * march.frame.mesh.height / march.frame.step), deepest)
-    down, up = np.linspace(start, deepest, ramp + 1)[1:], np.linspace(deepest, lowest, march.window + 1)[1:]
-    return np.concatenate([down, filling, up])
+    return np.linspace(start, lowest, march.window * (1 if march.steps else 2) + 1)[1:]
 
 
 def _left(march, begun):
@@ -342,6 +331,11 @@ def _refuse(layer, roller, material, speed, strain, exit_density_ratio, fed):
             f"`exit_density_ratio` must lie between that of the fed mix {mean:.6g} and 1, got {exit_density_ratio!r}"
         )
     depth = roller.indentation
+    if depth is not None and roller.profile != "parabola" and depth >= roller.radius:
+        raise ValueError(
+            f"`indentation` must be less than the roller's `radius` {roller.radius!r} m, or its axle would be below the "
+            f"mix in front, got {depth!r}"
+        )
     if depth is not None and depth >= layer.height * (1 - mean):
         raise ValueError(
             f"`indentation` {depth!r} m would press mix fed at {mean:.6g} and {layer.height!r} m beyond full density; "

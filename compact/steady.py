@@ -25,13 +25,14 @@ from compact.flow import Flow, Stream, changes
 from compact.solid import SUBSTEPS, Condition
 
 RESIDUAL = 1e-6  # of the forces of the roller
-ITERATIONS = 40
+ITERATIONS = 30
 PRODUCTS = 150  # of GMRES in one iteration; 30 to 90 are usual
 LINEAR = 3e-2  # of the residual may be left by GMRES
 CUTS = 8
 NOTHING = 1e-9  # of the modulus times a step, a force
 LITTLE = 0.1  # of what a step promises it must keep
-SKIN = 0.1  # of the fed mix's yield pressure, that a node half in contact bears
+SKIN = 0.1  # of the fed mix's yield pressure, that a node half in contact bears while the balance is sought
+SHARP = 3e-3  # the same once it is found: nodes that touch are then within 1e-6 of the depth
 STIFF = 1e3  # modulus over step, against which the gap of a touching node is kept closed
 FIRST_SHARE = 1e-3  # of the elastic stiffness, where no cut of a step helps
 MOST = 1.0
@@ -75,7 +76,8 @@ class Steady:
         self.one = one.starting(np.zeros((len(self.nodes), 2))).at(face.lowest)
         self.came = frame.from_upstream(self.nodes)
         yields = solid.law.yield_pressure(float(frame.fed.state.hardened[-1])) * solid.rate_factor
-        self.closing, self.skin = yields * 2 * face.radius / frame.step**2, SKIN * yields
+        self.closing, self.yields = yields * 2 * face.radius / frame.step**2, yields
+        self.skin = SKIN * yields
         self.products = 0
 
     def balanced(self, displacement, share=0.0, residual=None):
@@ -86,12 +88,15 @@ class Steady:
 
         Raises NotBalancedError with what was reached.
         """
-        misses, history = 0, []
+        misses, history, smooth = 0, [], None
         trial = self._trial(displacement, self.carried)
         for iteration in range(ITERATIONS):
             history.append(trial.size)
             if trial.size <= (residual or RESIDUAL):
-                return self._balance(trial, iteration)
+                if residual or smooth:
+                    return self._balance(trial, iteration)
+                smooth, self.skin = trial, SHARP * self.yields
+                trial = self._trial(trial.displacement, trial.pressure)
             length, moved = _Linear(self, trial, share).searched()
             if moved is None:
                 share, misses = min(max(8 * share, FIRST_SHARE), MOST), misses + 1
@@ -99,6 +104,8 @@ class Steady:
                     break
                 continue
             share, misses, trial = _next_share(share, length), 0, moved
+        if smooth:  # the edges of the contact do not come to rest at one node
+            return self._balance(smooth, iteration)
         shown = ", ".join(f"{size:.1e}" for size in history[-6:])
         raise NotBalancedError(f"no steady balance after {len(history)} iterations; residuals over forces were {shown}")
 

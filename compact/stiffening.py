@@ -16,6 +16,7 @@ from compact.steady import Steady
 from compact.turning import STICKING, TurningFace
 
 SOFTEST = 13.0  # yield pressures of the fed mix
+SOFTER = 4  # times half as soft, where that is not found from rest
 FIRST = 1.5  # ratio of the first two shares
 SHORTEST = 5e-3  # of the logarithm of the share, a step below which it gives up
 QUICK, SLOW = 8, 14  # iterations within which a step may grow, and beyond which it shrinks
@@ -30,8 +31,9 @@ def stiffened(march_of, lowest):
 
     Raises RuntimeError with the share reached.
     """
-    share = _softest(march_of(1.0).frame)
-    here, there, step = _settled(march_of(share), None, lowest, share), None, np.log(FIRST)
+    share, there, step = _softest(march_of(1.0).frame), None, np.log(FIRST)
+    here = _from_rest(march_of, share, lowest)
+    share = here[1]
     while share < 1:
         ahead = min(share * np.exp(step), 1.0)
         march = march_of(ahead)
@@ -46,6 +48,16 @@ def stiffened(march_of, lowest):
         step *= 1.4 if iterations < QUICK else 1 / 1.3 if iterations > SLOW else 1.0
         here, there, share = (march, ahead), here, ahead
     return march
+
+
+def _from_rest(march_of, share, lowest):
+    """The first march and its share, softer where it must be."""
+    for _ in range(SOFTER):
+        try:
+            return _settled(march_of(share), None, lowest, share)
+        except RuntimeError as error:
+            reason, share = error, share / 2
+    raise RuntimeError(f"not found even with {2 * share:.2g} of the unloading modulus: {reason}")
 
 
 def _softest(frame):
