@@ -43,6 +43,7 @@ LONGEST = 12.0  # layer heights or contact lengths of travel after which a march
 TARGETS = 12  # changes of depth
 SPREAD = 1.5  # contact lengths in front, down to which the first guess of a depth sees its strain
 LARGEST_CHANGE = 1.4  # of the depth at once
+NEARLY_FULL = 0.98  # of the depth at which the mix would leave full, the deepest that is tried
 SETTLING = 0.25  # of the drag, once the roller has come to its height
 UNBALANCED = 1e-2  # of the forces, what drag may still hold when the roller is called steady
 PARTS = (1, 2)  # of the way to a neighbour
@@ -175,7 +176,7 @@ class _Target:
     def __init__(self, layer, roller, material, exit_density_ratio, fed):
         self.height, self.roller, self.law = layer.height, roller, material
         self.fed_mean = _fed_mean(material, fed)
-        self.deepest = layer.height * (1 - self.fed_mean)
+        self.deepest = NEARLY_FULL * layer.height * (1 - self.fed_mean)
         self.densest = self.fed_mean if fed is None else float(fed.state.density_ratio.max())
         self.quantity, self.value = None, None
         if exit_density_ratio is not None:
@@ -188,7 +189,7 @@ class _Target:
         """The indentation, or one that is about right."""
         if self.roller.indentation is not None:
             return self.roller.indentation
-        depths = np.geomspace(1e-5, 0.2, 100) * self.height
+        depths = np.geomspace(1e-5 * self.height, min(0.2 * self.height, 0.9 * self.deepest), 100)
         length = np.sqrt(2 * self.roller.radius * depths)
         strain = depths / np.minimum(self.height, SPREAD * length)
         peak = 1.15 * self.law.yield_pressure(self.densest / (1 - strain))
@@ -212,11 +213,12 @@ class _Target:
             if abs(misses[-1]) < TARGET and not rough:
                 return march
             slope = self._slope(logs, misses)
-            depth *= float(np.clip(np.exp(-misses[-1] / slope), 1 / LARGEST_CHANGE, LARGEST_CHANGE))
-            if depth >= self.deepest:
+            if depth == self.deepest and misses[-1] < 0:
                 break
+            change = float(np.clip(np.exp(-misses[-1] / slope), 1 / LARGEST_CHANGE, LARGEST_CHANGE))
+            depth = min(depth * change, self.deepest)
         reached = ", ".join(f"{np.exp(log):.4g} m: {miss:+.2e}" for log, miss in zip(logs, misses, strict=True))
-        beyond = f" above {self.deepest:.4g} m, where the mix would be full" if depth >= self.deepest else ""
+        beyond = f" down to {self.deepest:.4g} m, where the mix is nearly full" if depth == self.deepest else ""
         raise RuntimeError(f"`{self.quantity}` {self.value:g} not met{beyond}; depth and log of value over target: {reached}")
 
     def _asked(self, march, depth):

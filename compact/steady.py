@@ -68,12 +68,12 @@ class Steady:
         self.frame, self.solid = frame, frame.solid
         solid = frame.solid
         self.stream = Stream(solid.law, frame.fed.state, solid.rate_factor, solid.finite, substeps)
+        face = face.at(face.lowest, -frame.step).starting(np.zeros_like(face.place)).at(face.lowest)
         self.touchable = np.flatnonzero(np.abs(face.place[:, 0] - face.offset) < face.radius * (1 - 1e-9))
         kept = {name: getattr(face, name)[self.touchable] for name in ("place", "weight", "carried")}
         self.nodes = frame.surface[self.touchable]
         self.whole, self.carried = face, kept.pop("carried")
-        one = replace(face, **kept, penalty=0.0, carried=np.ones(len(self.nodes))).at(face.lowest, -frame.step)
-        self.one = one.starting(np.zeros((len(self.nodes), 2))).at(face.lowest)
+        self.one = replace(face, **kept, penalty=0.0, carried=np.ones(len(self.nodes)))
         self.came = frame.from_upstream(self.nodes)
         yields = solid.law.yield_pressure(float(frame.fed.state.hardened[-1])) * solid.rate_factor
         self.closing, self.yields = yields * 2 * face.radius / frame.step**2, yields
@@ -121,12 +121,12 @@ class Steady:
     def _push(self, trial):
         """Of all surface nodes; the pressure of those that do not touch is none."""
         touching = trial.pressure > self.closing * trial.unit.gap
-        carried, friction = np.zeros((2, len(self.whole.place)))
+        carried, surface = np.zeros(len(self.whole.place)), self.frame.surface
         carried[self.touchable] = np.where(touching, trial.pressure, 0.0)
-        friction[self.touchable] = trial.face.friction
-        face = replace(self.whole, carried=carried, friction=friction, penalty=0.0)
-        push = face.pressed(trial.displacement[self.frame.surface])
-        return push if trial.slip is None else replace(push, creep=trial.slip.creep)
+        here, before = trial.displacement[surface], self.frame.from_upstream(surface) @ trial.displacement
+        face, slip = self.whole.at_once(here, before, carried)
+        push = replace(face, carried=carried, penalty=0.0).pressed(here)
+        return push if slip is None else replace(push, creep=slip.creep)
 
     def _trial(self, displacement, pressure):
         displacement = self.frame.passed(displacement)

@@ -21,7 +21,7 @@ LEVELS = (
     ("kernel", "compliance", "stickslip", "confined"),
     ("fields", "solid", "expected", "bed", "turning", "flow"),
     ("frame", "march", "steady"),
-    ("compacted",),
+    ("compacted", "stiffening"),
     ("compaction",),
     ("motion", "contact", "spectral", "fem", "drive", "scene", "column", "resistance"),
     ("measured", "cam", "crank", "passes", "spectral_modulation", "fem_modulation", "regime"),
