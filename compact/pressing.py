@@ -73,7 +73,7 @@ class Face:
         return self._normal_to_circle(displacement) if self.profile == "deformed" else self._vertical(displacement)
 
     def at_once(self, displacement, before, pressure):
-        """The same face with the friction of steady motion, and a `Slip` where that follows from the motion."""
+        """The same face with the friction of steady motion, and the `Slip` where that follows from the motion."""
         return self, None
 
     def slope(self):

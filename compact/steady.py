@@ -1,16 +1,16 @@
 """Steady rolling at once: the displacement under which a layer and a roller balance while the mix streams through.
 
-    R(u, pressure) = forces of the layer(states(u)) - forces of the roller = 0,    min(pressure, gap) = 0
+    R(u, pressure) = forces of the layer(states(u)) - forces of the roller = 0,    pressure gap = skin, nearly 0
 
 The states follow from the displacement by one sweep along the rows (`flow`; Dang Van and Maitournam 1993), from point
 to point. Newton's method solves for all at once: GMRES with the exact derivative along the rows, preconditioned by the
-stiffness with the mix upstream frozen. Where a node touches, its row keeps the gap closed; its pressure is what that
-takes. A step is cut until the residual, measured as the displacement that it makes with the mix upstream frozen, has
-shrunk: forces alone weigh the stiff, short waves too much. Where no cut helps, a share of the elastic stiffness is
-added.
+stiffness with the mix upstream frozen. A skin on the roller rounds the corner between touching and not, at which
+nodes would go to and fro; it is thinned once the balance is found. The shear of a roller that turns follows from the
+slip of the motion and one creep (`turning.Slip`). A step is cut until the residual, measured as the displacement that
+it makes with the mix upstream frozen, has shrunk: forces alone weigh the stiff, short waves too much. Where no cut
+helps, a share of the elastic stiffness is added.
 
-It needs a displacement to start from, a march that is roughly steady or a neighbour. From far it does not converge, and
-seldom under a high bow wave, where mix flows that nothing stiffens.
+It needs a displacement to start from: a neighbour, a march that is roughly steady, or mix as soft as in `stiffening`.
 """
 
 from dataclasses import dataclass, replace
@@ -45,7 +45,8 @@ class Trial:
     """A displacement with the pressures of the touchable nodes, and what follows.
 
     gradients, stress : of the points;  face, slip : of the touchable nodes;  unit : `Push` of pressures of 1
-    open_ : by which contact and pressure miss one another [Pa];  residual : layer less roller, shape (N, 2);  size : of it and of the gaps, over the forces of the roller
+    open_ : by which pressures and gaps of nodes miss the skin [Pa]
+    residual : layer less roller, shape (N, 2);  size : of it and of the gaps, over the forces of the roller
     """
 
     displacement: np.ndarray

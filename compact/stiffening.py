@@ -2,10 +2,10 @@
 
     R(u, share E_u) = 0,    share from SOFTEST yield pressures over E_u to 1
 
-A soft layer under the roller is found from rest, like any contact. As its modulus of unloading rises, the mix keeps more
-of what it was pressed to, and the bow wave grows to its height; the strain that is not elastic changes ever less. Each
-balance is foreseen along the line through the last two, over the logarithm of the share. Nothing is marched, and no
-wave must fill.
+A soft layer under the roller is found from rest, like any contact. As its modulus of unloading rises, the mix keeps
+more of what it was pressed to, and the bow wave grows to its height; the strain that is not elastic changes ever less.
+Each balance is foreseen along the line through the last two, over the logarithm of the share. Nothing is marched, and
+no wave must fill.
 """
 
 from dataclasses import replace

@@ -9,7 +9,8 @@ the roller's surface, + ahead, while the roller goes its way. Coulomb's law has 
 the shear stays with the roller from one increment to the next, and when it changes no more, nodes that stick do not
 slip at all and nodes that slip are at their bound, whatever the stiffness. No shear rises with the creep, so that one
 creep makes their sum what the torque asks; it follows from the displacement and couples all nodes that stick. Beyond
-what friction can hold all of them are at their bounds.
+what friction can hold all of them are at their bounds. Where the steady motion is found at once shear has no memory at
+all: it falls with the slip between its bounds, over a slip that is small (`Slip`).
 """
 
 from dataclasses import dataclass, replace
@@ -27,7 +28,7 @@ STIFFNESS = 1.0  # against slip over the penalty of the gap; a fifth or five tim
 class Slip:
     """Of the mix along a roller in steady motion, and what it does to the friction of the nodes.
 
-        slip = (arc - arc before)/way + 1 + creep,    friction = - grip phi(slip/STICKING),    phi = x (3 - x^2)/2
+        slip = (arc - arc before)/way + 1 + creep,    friction = - grip phi(slip/sticking),    phi = x (3 - x^2)/2
 
     creep : with which weight pressure friction sums to the pull;  falls : minus d friction/d slip, shape (n,)
     here, before : d slip by the displacement of the node and by that with which it came, shape (n, 2)
@@ -53,6 +54,7 @@ class TurningFace(Face):
 
     grip : Coulomb's coefficient;  pull : sum of weight shear that is asked, + along the travel [N/m]
     sheared : shears that the roller carries on [Pa];  creep : of the increment before
+    sticking : slip over the way at which shear is at its bound, where the steady motion is found at once
     arcs, left : of the nodes, and where the lowest generatrix was, when the increment began [m]
     """
 
@@ -94,6 +96,7 @@ class TurningFace(Face):
         )
 
     def at_once(self, displacement, before, pressure):
+        """The same face with the friction of nodes displaced by (n, 2) that came displaced by `before`; the `Slip`."""
         way = self.offset - self.left
         came = replace(self, offset=self.left)
         slip = (self._arcs(displacement) - came._arcs(before)) / way + 1

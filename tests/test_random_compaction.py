@@ -53,16 +53,16 @@ def demanded(seed):
     return (layer, roller, material), asked, kind
 
 
-class Inside(Exception):
+class PassedError(Exception):
     """The demand has passed the door."""
 
 
 @pytest.mark.parametrize("seed", range(200))
 def test_impossible_demands_and_no_others_are_refused_at_the_door(seed, monkeypatch):
     def solving(*given):
-        raise Inside
+        raise PassedError
 
     monkeypatch.setattr(compaction, "_march", solving)
     scene, asked, impossible = demanded(seed)
-    with pytest.raises(ValueError if impossible else Inside):
+    with pytest.raises(ValueError if impossible else PassedError):
         roll(*scene, 0.13, **asked)
