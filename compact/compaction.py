@@ -98,7 +98,7 @@ def roll(
             coarse = march
             frame = _frame(layer, roller, material, speed, strain, fed, depth, count)
             march = _march(frame, roller, torque, coarse)
-            if coarse is None:
+            if coarse is None or (coarse.at_once and not _at_once(march, layer.height - depth)):
                 march = _soft_start(march, layer, roller, torque, material, speed, depth)
             rough = count < increments and target.quantity is not None
             target.reached(march, max(steady, ROUGHLY) if rough else steady, depth)
