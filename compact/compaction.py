@@ -9,8 +9,9 @@ or parameter) is solved at once from the last solution, on its mesh stretched as
 Envelope: frictionless, sliding, free and driven rollers, bonded and slipping bases; `march.at_once` of the result tells
 which way ended it, and on coarse meshes the two differ by 4 to 6 % in resistance. Solved at once: 2 mm in a layer of
 0.1 m, capture angle 11 degrees, free with friction 0.3, in 31 s of processor time on 12 increments; 7 mm in 0.18 m
-of the prior's mix, 16 degrees, free with friction 0.33, under a bow wave of 9 mm, in 32 s on 4. There is no promise
-that a scene converges: the way through the soft mix crawls in some, and then the march is long.
+of the prior's mix, 16 degrees, free with friction 0.33, under a bow wave of 9 mm, in 32 s on 4 and 110 s on 6, where
+the resistance is 3.5 % higher. There is no promise that a scene converges: the way through the soft mix crawls in some,
+and then the march is long.
 Mix is refused that would have to leave with k >= 1.
 """
 
