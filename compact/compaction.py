@@ -1,19 +1,18 @@
 """The engine "compaction": a rigid roller that presses a layer of mix for good, in plane strain and finite strain.
 
-The roller marches (`march`) until load, resistance and exit density are roughly steady, and from there the steady
-balance is solved at once (`steady`), first on a coarse mesh, whose solution starts the finer one. Where that does not
-converge the roller marches on until the tails say that it is steady. A prescribed load, peak pressure or exit density
-is met by moving the roller up or down. A neighbour (another depth, speed or parameter) is solved at once from the last
-solution, on its mesh stretched as the contact is.
+On a coarse mesh the steady balance of a layer so soft that it hardly yields is found from rest and stiffened to the one
+asked for (`stiffening`); that starts the finer mesh, where the balance is solved at once (`steady`). Where either does
+not converge the roller marches (`march`) until the tails of load, resistance and exit density say that it is steady. A
+prescribed load, peak pressure or exit density is met by moving the roller up or down. A neighbour (another depth, speed
+or parameter) is solved at once from the last solution, on its mesh stretched as the contact is.
 
-Envelope: frictionless, sliding, free and driven rollers, bonded and slipping bases; rollers that stick and slip are
-marched to the end. Solved at once: 2 mm in a layer of 0.1 m, capture angle 11 degrees, in 22 s of processor time,
-neighbours within 5 % of depth in 6 s, within 10 % in 16 s; from there 18 increments instead of 12 change load and
-resistance by 0.5 %; 6 mm in a layer of 0.23 m of soft mix, 19 degrees, on 6 increments in 54 s. Capture angles up to
-about 18 degrees get steady within two layer heights of travel. Beyond, the bow wave fills over several, by what the
-roller does not press under; there the roller goes deeper for a while, which fills it sooner, and as a rule only the
-march gets steady: `march.at_once` of the result tells. On 6 increments at 6 mm its resistance is 4 % below that of the
-balance at once. Mix is refused that would have to leave with k >= 1.
+Envelope: frictionless, sliding, free and driven rollers, bonded and slipping bases; `march.at_once` of the result tells
+which way ended it, and on coarse meshes the two differ by 4 to 6 % in resistance. Solved at once: 2 mm in a layer of
+0.1 m, capture angle 11 degrees, free with friction 0.3, in 31 s of processor time on 12 increments; 7 mm in 0.18 m
+of the prior's mix, 16 degrees, free with friction 0.33, under a bow wave of 9 mm, in 32 s on 4 and 110 s on 6, where
+the resistance is 3.5 % higher. There is no promise that a scene converges: the way through the soft mix crawls in some,
+and then the march is long.
+Mix is refused that would have to leave with k >= 1.
 """
 
 from dataclasses import replace
@@ -29,12 +28,12 @@ from compact.mesh import RowMesh
 from compact.records import SAME_HEIGHT, refuse_torque
 from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_unknown
 from compact.steady import Steady
-from compact.turning import TurningFace
+from compact.stiffening import stiffened
 
 __all__ = ["CompactionRolled", "roll"]
 
 INCREMENTS = 12  # per contact length sqrt(2 R depth) of the fed mix
-COARSE = 6  # of the first march
+COARSE = 4  # of the first march
 STEADY = 5e-3  # of load, resistance and exit density, what their tails have still to go
 RESISTED = 1e-2  # of the load, below which a resistance, as of a second pass, counts as that much
 ROUGHLY = 2e-2  # the same on the coarse mesh and on the way to a target
@@ -43,9 +42,7 @@ LONGEST = 12.0  # layer heights or contact lengths of travel after which a march
 TARGETS = 12  # changes of depth
 SPREAD = 1.5  # contact lengths in front, down to which the first guess of a depth sees its strain
 LARGEST_CHANGE = 1.4  # of the depth at once
-STEEP = 0.32  # capture angle beyond which the roller goes deeper at first
-DEEPER = 1 / 3  # of the depth
-FILLING = 1.15  # layer heights of travel at that depth
+NEARLY_FULL = 0.98  # of the depth at which the mix would leave full, the deepest that is tried
 SETTLING = 0.25  # of the drag, once the roller has come to its height
 UNBALANCED = 1e-2  # of the forces, what drag may still hold when the roller is called steady
 PARTS = (1, 2)  # of the way to a neighbour
@@ -102,6 +99,8 @@ def roll(
             coarse = march
             frame = _frame(layer, roller, material, speed, strain, fed, depth, count)
             march = _march(frame, roller, torque, coarse)
+            if coarse is None or (coarse.at_once and not _at_once(march, layer.height - depth)):
+                march = _soft_start(march, layer, roller, torque, material, speed, depth)
             rough = count < increments and target.quantity is not None
             target.reached(march, max(steady, ROUGHLY) if rough else steady, depth)
             depth = layer.height - march.steps[-1].lowest
@@ -123,6 +122,22 @@ def _march(frame, roller, torque, coarse=None):
     if coarse is not None:
         march.take_over(coarse, transferred(coarse.condition, coarse.frame, frame))
     return march
+
+
+def _soft_start(march, layer, roller, torque, material, speed, depth):
+    """The march steady, found by stiffening soft mix, or as it was where that does not get through."""
+    frame = march.frame
+
+    def march_of(share):
+        softer = replace(material, unloading_modulus=share * material.unloading_modulus)
+        finite, rate = frame.solid.finite, frame.solid.rate_factor
+        on = Frame(frame.mesh, softer, layer.base, frame.length, fed=frame.given, finite=finite, rate_factor=rate)
+        return _march(on, roller, torque)
+
+    try:
+        return stiffened(march_of, layer.height - depth)
+    except RuntimeError:
+        return march
 
 
 def _neighbour(start, layer, roller, torque, material, speed, fed):
@@ -160,6 +175,7 @@ class _Target:
     def __init__(self, layer, roller, material, exit_density_ratio, fed):
         self.height, self.roller, self.law = layer.height, roller, material
         self.fed_mean = _fed_mean(material, fed)
+        self.deepest = NEARLY_FULL * layer.height * (1 - self.fed_mean)
         self.densest = self.fed_mean if fed is None else float(fed.state.density_ratio.max())
         self.quantity, self.value = None, None
         if exit_density_ratio is not None:
@@ -172,7 +188,7 @@ class _Target:
         """The indentation, or one that is about right."""
         if self.roller.indentation is not None:
             return self.roller.indentation
-        depths = np.geomspace(1e-5, 0.2, 100) * self.height
+        depths = np.geomspace(1e-5 * self.height, min(0.2 * self.height, 0.9 * self.deepest), 100)
         length = np.sqrt(2 * self.roller.radius * depths)
         strain = depths / np.minimum(self.height, SPREAD * length)
         peak = 1.15 * self.law.yield_pressure(self.densest / (1 - strain))
@@ -196,9 +212,15 @@ class _Target:
             if abs(misses[-1]) < TARGET and not rough:
                 return march
             slope = self._slope(logs, misses)
-            depth *= float(np.clip(np.exp(-misses[-1] / slope), 1 / LARGEST_CHANGE, LARGEST_CHANGE))
+            if depth == self.deepest and misses[-1] < 0:
+                break
+            change = float(np.clip(np.exp(-misses[-1] / slope), 1 / LARGEST_CHANGE, LARGEST_CHANGE))
+            depth = min(depth * change, self.deepest)
         reached = ", ".join(f"{np.exp(log):.4g} m: {miss:+.2e}" for log, miss in zip(logs, misses, strict=True))
-        raise RuntimeError(f"`{self.quantity}` {self.value:g} not met; depth and log of value over target: {reached}")
+        beyond = f" down to {self.deepest:.4g} m, where the mix is nearly full" if depth == self.deepest else ""
+        raise RuntimeError(
+            f"`{self.quantity}` {self.value:g} not met{beyond}; depth and log of value over target: {reached}"
+        )
 
     def _asked(self, march, depth):
         if self.quantity is None:
@@ -231,11 +253,8 @@ def _steady_at(march, lowest, steady):
 
 
 def _at_once(march, lowest):
-    """Whether the steady balance is found at once, from where the march is; it goes on there. Not of rollers that turn,
-    whose shear remembers the step before."""
+    """Whether the steady balance is found at once, from where the march is; it goes on there."""
     frame, displacement = march.frame, march.condition.displacement
-    if isinstance(march.face, TurningFace):
-        return False
     try:
         steady = Steady(frame, march.face.at(lowest))
         if march.at_once:
@@ -249,10 +268,7 @@ def _at_once(march, lowest):
 
 
 def _until_steady(march, lowest, steady):
-    """March on, down to the height first, until the tails have no more than `steady` to go; the last step without drag.
-
-    A steep march that begins goes deeper before it comes to the height.
-    """
+    """March on, first to the height, until the tails have no more than `steady` to go; the last step without drag."""
     start = march.steps[-1].lowest if march.steps else march.frame.mesh.height
     way = _way_down(march, start, lowest)
     begun, way_out = len(march.steps), int(march.frame.way_out / march.frame.step)
@@ -274,15 +290,7 @@ def _until_steady(march, lowest, steady):
 
 def _way_down(march, start, lowest):
     """Heights of the lowest generatrix, step by step, until it is where it stays."""
-    if march.steps:
-        return np.linspace(start, lowest, march.window + 1)[1:]
-    ramp, depth = 2 * march.window, start - lowest
-    if np.arccos(max(1 - depth / march.face.radius, 0.0)) < STEEP:
-        return np.linspace(start, lowest, ramp + 1)[1:]
-    deepest = lowest - DEEPER * depth
-    filling = np.full(int(FILLING * march.frame.mesh.height / march.frame.step), deepest)
-    down, up = np.linspace(start, deepest, ramp + 1)[1:], np.linspace(deepest, lowest, march.window + 1)[1:]
-    return np.concatenate([down, filling, up])
+    return np.linspace(start, lowest, march.window * (1 if march.steps else 2) + 1)[1:]
 
 
 def _left(march, begun):
@@ -326,6 +334,11 @@ def refuse_scene(layer, roller, material, speed, strain, exit_density_ratio, fed
             f"`exit_density_ratio` must lie between that of the fed mix {mean:.6g} and 1, got {exit_density_ratio!r}"
         )
     depth = roller.indentation
+    if depth is not None and roller.profile != "parabola" and depth >= roller.radius:
+        raise ValueError(
+            f"`indentation` must be less than the roller's `radius` {roller.radius!r} m, or its axle would be below "
+            f"the mix in front, got {depth!r}"
+        )
     if depth is not None and depth >= layer.height * (1 - mean):
         raise ValueError(
             f"`indentation` {depth!r} m would press mix fed at {mean:.6g} and {layer.height!r} m beyond full density; "

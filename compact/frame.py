@@ -177,6 +177,10 @@ class Frame:
         numbers = (self._carried_points(getattr(condition.state, name), getattr(fed, name)) for name in STATE[1:])
         return Condition(displacement, cap.State(stress, *numbers), self._carried_points(condition.work, 0.0))
 
+    def from_upstream(self, nodes):
+        """Displacements with which the mix comes to some nodes, by those of all nodes, shape (n, N)."""
+        return self._carry_nodes[nodes]
+
     def rows(self, values):
         """Values of the points by rows from the base up, each along x: shape (2 rows, 2 columns, ...)."""
         return values[self._rows_to_points]

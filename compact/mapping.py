@@ -19,7 +19,14 @@ from compact.resistance import ResistanceMap, sampled
 
 SLOWEST = 1 / 50  # of the fastest, where samples of the resistance begin
 MAP, CONTACTS = "resistance.nc", "contacts.json"
-LASTING = ("passes.csv", "density.csv", "pressure.png", "fields.pvd", "fields.png", "fields/")  # files that contacts alone decide
+LASTING = (
+    "passes.csv",
+    "density.csv",
+    "pressure.png",
+    "fields.pvd",
+    "fields.png",
+    "fields/",
+)  # files that contacts alone decide
 VERSIONED = ("compact", "numpy", "scipy", "scikit-fem")
 BESIDE = {  # what of the machine no engine of a layer looks at
     *("mass", "weight", "roller_positions", "guide_positions", "pin_position", "pin_height", "guide_wheel_diameter"),

@@ -38,7 +38,7 @@ class Face:
     """The roller and the surface nodes it may touch.
 
     place, weight : of the nodes on the reference [m], shape (n, 2), (n,);  carried : their pressures [Pa]
-    radius, profile, friction : of the roller, friction the traction on the mix along +x over pressure
+    radius, profile, friction : of the roller, friction the traction on the mix along +x over pressure, one or of each
     lowest : height of its lowest generatrix, at x = `offset` [m];  penalty : [Pa/m]
     """
 
@@ -49,7 +49,7 @@ class Face:
     penalty: float
     carried: np.ndarray
     profile: str = "deformed"
-    friction: float = 0.0
+    friction: np.ndarray | float = 0.0
     offset: float = 0.0
 
     def at(self, lowest, offset=0.0):
@@ -66,7 +66,15 @@ class Face:
 
     def push(self, displacement):
         """The `Push` on nodes displaced by (n, 2)."""
+        return self.pressed(displacement)
+
+    def pressed(self, displacement):
+        """The same of the pressures and their friction alone."""
         return self._normal_to_circle(displacement) if self.profile == "deformed" else self._vertical(displacement)
+
+    def at_once(self, displacement, before, pressure):
+        """The same face with the friction of steady motion, and the `Slip` where that follows from the motion."""
+        return self, None
 
     def slope(self):
         """dy/dx of the roller under the nodes, by which a vertical pressure resists; 0 where it is normal to it."""
@@ -103,11 +111,11 @@ class Face:
         below = n[:, 1] < 0  # the far side of the roller touches nothing
         gap = np.where(below, distance - self.radius, np.inf)
         pressure = self._pressure(gap)
-        pushed = n + self.friction * t
+        pushed = n + np.reshape(self.friction, (-1, 1)) * t
         # the roller's normal turns as the node slides along it
         stiffness = self._rising(pressure)[:, None, None] * pushed[:, :, None] * n[:, None, :]
         turning = (self.weight * pressure / distance)[:, None, None]
-        stiffness -= turning * (t - self.friction * n)[:, :, None] * t[:, None, :]
+        stiffness -= turning * (t - np.reshape(self.friction, (-1, 1)) * n)[:, :, None] * t[:, None, :]
         return Push(gap, pressure, self.friction * pressure, (self.weight * pressure)[:, None] * pushed, stiffness)
 
     def _vertical(self, displacement):
@@ -117,8 +125,8 @@ class Face:
         rise = x**2 / (2 * self.radius) if self.profile == "parabola" else np.where(inside, circle, np.inf)
         gap = self.lowest + rise - self.place[:, 1] - displacement[:, 1]
         pressure = self._pressure(gap)
-        pushed = np.array([self.friction, -1.0])
-        stiffness = self._rising(pressure)[:, None, None] * pushed[:, None] * np.array([0.0, -1.0])
+        pushed = np.stack([np.broadcast_to(self.friction, x.shape), np.full_like(x, -1.0)], axis=-1)
+        stiffness = self._rising(pressure)[:, None, None] * pushed[:, :, None] * np.array([0.0, -1.0])
         return Push(gap, pressure, self.friction * pressure, (self.weight * pressure)[:, None] * pushed, stiffness)
 
     def _pressure(self, gap):

@@ -1,16 +1,16 @@
 """Steady rolling at once: the displacement under which a layer and a roller balance while the mix streams through.
 
-    R(u, pressure) = forces of the layer(states(u)) - forces of the roller = 0,    min(pressure, gap) = 0
+    R(u, pressure) = forces of the layer(states(u)) - forces of the roller = 0,    pressure gap = skin, nearly 0
 
 The states follow from the displacement by one sweep along the rows (`flow`; Dang Van and Maitournam 1993), from point
 to point. Newton's method solves for all at once: GMRES with the exact derivative along the rows, preconditioned by the
-stiffness with the mix upstream frozen. Where a node touches, its row keeps the gap closed; its pressure is what that
-takes. A step is cut until the residual, measured as the displacement that it makes with the mix upstream frozen, has
-shrunk: forces alone weigh the stiff, short waves too much. Where no cut helps, a share of the elastic stiffness is
-added.
+stiffness with the mix upstream frozen. A skin on the roller rounds the corner between touching and not, at which
+nodes would go to and fro; it is thinned once the balance is found. The shear of a roller that turns follows from the
+slip of the motion and one creep (`turning.Slip`). A step is cut until the residual, measured as the displacement that
+it makes with the mix upstream frozen, has shrunk: forces alone weigh the stiff, short waves too much. Where no cut
+helps, a share of the elastic stiffness is added.
 
-It needs a displacement to start from, a march that is roughly steady or a neighbour. From far it does not converge, and
-seldom under a high bow wave, where mix flows that nothing stiffens.
+It needs a displacement to start from: a neighbour, a march that is roughly steady, or mix as soft as in `stiffening`.
 """
 
 from dataclasses import dataclass, replace
@@ -25,12 +25,14 @@ from compact.flow import Flow, Stream, changes
 from compact.solid import SUBSTEPS, Condition
 
 RESIDUAL = 1e-6  # of the forces of the roller
-ITERATIONS = 50
+ITERATIONS = 30
 PRODUCTS = 150  # of GMRES in one iteration; 30 to 90 are usual
-LINEAR = 1e-2  # of the residual may be left by GMRES
+LINEAR = 3e-2  # of the residual may be left by GMRES
 CUTS = 8
 NOTHING = 1e-9  # of the modulus times a step, a force
 LITTLE = 0.1  # of what a step promises it must keep
+SKIN = 0.1  # of the fed mix's yield pressure, that a node half in contact bears while the balance is sought
+SHARP = 3e-3  # the same once it is found: nodes that touch are then within 1e-6 of the depth
 STIFF = 1e3  # modulus over step, against which the gap of a touching node is kept closed
 FIRST_SHARE = 1e-3  # of the elastic stiffness, where no cut of a step helps
 MOST = 1.0
@@ -42,7 +44,8 @@ UNITY = np.array([1.0, 0.0, 0.0, 1.0])
 class Trial:
     """A displacement with the pressures of the touchable nodes, and what follows.
 
-    gradients, stress : of the points;  gap, unit : of the touchable nodes, and the `Push` of a pressure of 1
+    gradients, stress : of the points;  face, slip : of the touchable nodes;  unit : `Push` of pressures of 1
+    open_ : by which pressures and gaps of nodes miss the skin [Pa]
     residual : layer less roller, shape (N, 2);  size : of it and of the gaps, over the forces of the roller
     """
 
@@ -51,7 +54,10 @@ class Trial:
     gradients: np.ndarray
     flow: Flow
     stress: np.ndarray
+    face: object
+    slip: object
     unit: object
+    open_: np.ndarray
     residual: np.ndarray
     size: float
 
@@ -63,27 +69,35 @@ class Steady:
         self.frame, self.solid = frame, frame.solid
         solid = frame.solid
         self.stream = Stream(solid.law, frame.fed.state, solid.rate_factor, solid.finite, substeps)
+        face = face.at(face.lowest, -frame.step).starting(np.zeros_like(face.place)).at(face.lowest)
         self.touchable = np.flatnonzero(np.abs(face.place[:, 0] - face.offset) < face.radius * (1 - 1e-9))
         kept = {name: getattr(face, name)[self.touchable] for name in ("place", "weight", "carried")}
-        self.nodes, self.penalty = frame.surface[self.touchable], face.penalty
-        self.whole, self.face = face, replace(face, **kept, penalty=0.0)
-        self.one = replace(self.face, carried=np.ones(len(self.nodes)))
-        self.straight = replace(self.one, friction=0.0)
+        self.nodes = frame.surface[self.touchable]
+        self.whole, self.carried = face, kept.pop("carried")
+        self.one = replace(face, **kept, penalty=0.0, carried=np.ones(len(self.nodes)))
+        self.came = frame.from_upstream(self.nodes)
+        yields = solid.law.yield_pressure(float(frame.fed.state.hardened[-1])) * solid.rate_factor
+        self.closing, self.yields = yields * 2 * face.radius / frame.step**2, yields
+        self.skin = SKIN * yields
         self.products = 0
 
-    def balanced(self, displacement, share=0.0):
+    def balanced(self, displacement, share=0.0, residual=None):
         """The `Balance` near a displacement and the pressures that the face carries.
 
         share : of the elastic stiffness added at first, which keeps to a neighbour's solution
+        residual : of the forces of the roller that may be left, RESIDUAL
 
         Raises NotBalancedError with what was reached.
         """
-        share, misses, history = share, 0, []
-        trial = self._trial(displacement, self.face.carried)
+        misses, history, smooth = 0, [], None
+        trial = self._trial(displacement, self.carried)
         for iteration in range(ITERATIONS):
             history.append(trial.size)
-            if trial.size <= RESIDUAL:
-                return self._balance(trial, iteration)
+            if trial.size <= (residual or RESIDUAL):
+                if residual or smooth:
+                    return self._balance(trial, iteration)
+                smooth, self.skin = trial, SHARP * self.yields
+                trial = self._trial(trial.displacement, trial.pressure)
             length, moved = _Linear(self, trial, share).searched()
             if moved is None:
                 share, misses = min(max(8 * share, FIRST_SHARE), MOST), misses + 1
@@ -91,6 +105,8 @@ class Steady:
                     break
                 continue
             share, misses, trial = _next_share(share, length), 0, moved
+        if smooth:  # the edges of the contact do not come to rest at one node
+            return self._balance(smooth, iteration)
         shown = ", ".join(f"{size:.1e}" for size in history[-6:])
         raise NotBalancedError(f"no steady balance after {len(history)} iterations; residuals over forces were {shown}")
 
@@ -99,25 +115,35 @@ class Steady:
         state = cap.State(
             points(numbers[..., :4]), *(points(numbers[..., k]) for k in (4, 5)), points(trial.flow.plastic_work)
         )
-        carried = np.zeros(len(self.whole.place))
-        carried[self.touchable] = trial.pressure
-        push = replace(self.whole, carried=carried).push(trial.displacement[self.frame.surface])
+        push = self._push(trial)
         after = Condition(trial.displacement, state, points(trial.flow.work))
         return Balance(after, push, trial.size, iterations)
+
+    def _push(self, trial):
+        """Of all surface nodes; the pressure of those that do not touch is none."""
+        touching = trial.pressure > self.closing * trial.unit.gap
+        carried, surface = np.zeros(len(self.whole.place)), self.frame.surface
+        carried[self.touchable] = np.where(touching, trial.pressure, 0.0)
+        here, before = trial.displacement[surface], self.frame.from_upstream(surface) @ trial.displacement
+        face, slip = self.whole.at_once(here, before, carried)
+        push = replace(face, carried=carried, penalty=0.0).pressed(here)
+        return push if slip is None else replace(push, creep=slip.creep)
 
     def _trial(self, displacement, pressure):
         displacement = self.frame.passed(displacement)
         gradients = self.solid.gradient(displacement)
         flow = self.stream.along(self.frame.rows(gradients))
         stress = self.frame.points(flow.numbers[..., :4])
-        unit = self.one.push(displacement[self.nodes])
+        face, slip = self.one.at_once(displacement[self.nodes], self.came @ displacement, pressure)
+        unit = face.pressed(displacement[self.nodes])
         residual = self._assembled(_piola(gradients, stress, self.solid.finite))
         pushed = unit.forces * pressure[:, None]
         residual[self.nodes] -= pushed
-        open_ = np.minimum(pressure, self.penalty * unit.gap) * self.face.weight
-        size = np.hypot(np.linalg.norm(residual.ravel()[self.solid.order]), np.linalg.norm(open_))
+        closed = self.closing * unit.gap
+        open_ = (pressure + closed - np.hypot(pressure - closed, 2 * self.skin)) / 2
+        size = np.hypot(np.linalg.norm(residual.ravel()[self.solid.order]), np.linalg.norm(open_ * face.weight))
         size /= max(np.linalg.norm(pushed), NOTHING * self.solid.law.unloading_modulus * self.frame.step)
-        return Trial(displacement, pressure, gradients, flow, stress, unit, residual, float(size))
+        return Trial(displacement, pressure, gradients, flow, stress, face, slip, unit, open_, residual, float(size))
 
     def _assembled(self, piola):
         """Forces of the nodes under stresses on the reference, shape (N, 2)."""
@@ -149,12 +175,18 @@ class _Linear:
         self.steady, self.trial, self.share = steady, trial, share
         frame, solid, unit = steady.frame, steady.solid, trial.unit
         self.slopes = steady.stream.derivatives(frame.rows(trial.gradients), trial.flow)
-        self.active = trial.pressure > steady.penalty * unit.gap
-        self.normal = steady.straight.push(trial.displacement[steady.nodes]).forces / steady.face.weight[:, None]
-        self.stiff = STIFF * solid.law.unloading_modulus / frame.step
-        kept = np.where(self.active, trial.pressure, 0.0)
-        closing = (self.stiff * self.active)[:, None, None] * unit.forces[:, :, None] * self.normal[:, None, :]
-        self.added = unit.stiffness * kept[:, None, None] + closing
+        here, face = trial.displacement[steady.nodes], trial.face
+        self.normal = replace(face, friction=0.0).pressed(here).forces / face.weight[:, None]
+        self.pulled = (face.weight * trial.pressure)[:, None] * face.tangent(here)
+        stiffest = STIFF * solid.law.unloading_modulus / frame.step
+        apart = trial.pressure - steady.closing * unit.gap
+        apart = apart / np.hypot(apart, 2 * steady.skin)
+        self.free = np.maximum(1 - apart, 2 * steady.closing / stiffest)  # 0 where a node touches, 2 where it does not
+        self.near = (1 + apart) * steady.closing
+        self.stiff = self.near / self.free
+        self.rest = self._apart(trial) - 2 * trial.open_
+        closing = self.stiff[:, None, None] * unit.forces[:, :, None] * self.normal[:, None, :]
+        self.added = unit.stiffness * trial.pressure[:, None, None] + closing
         self.factor = solid.factorised(self._blocks(), steady.nodes, self.added)
 
     def searched(self):
@@ -179,19 +211,32 @@ class _Linear:
         operator = LinearOperator((wanted.size,) * 2, matvec=lambda x: self.factor(self._product(x)), dtype=float)
         found, _ = gmres(operator, wanted, rtol=LINEAR, restart=PRODUCTS, maxiter=1)
         change = self._spread(found)
-        closed = trial.unit.gap + np.sum(self.normal * change[steady.nodes], axis=1)
-        pressure = np.where(self.active, trial.pressure - self.stiff * closed, 0.0) - trial.pressure
+        pressure = self._missing(trial) - self.stiff * np.sum(self.normal * change[steady.nodes], axis=1)
         left = self.factor(self._product(found) - self._elastic(change)) - wanted
         start = np.linalg.norm(wanted)
         return change, pressure, start, max(1 - np.linalg.norm(left) / start, 0.0)
 
     def _local(self, trial):
         """The displacement that a residual makes with the mix upstream frozen."""
-        steady, unit = self.steady, trial.unit
+        nodes, missing = self.steady.nodes, self._missing(trial)
         residual = -trial.residual
-        wanted = np.where(self.active, trial.pressure - self.stiff * unit.gap, 0.0)
-        residual[steady.nodes] += unit.forces * (wanted - trial.pressure)[:, None]
-        return self.factor(residual.ravel()[steady.solid.order])
+        residual[nodes] += trial.unit.forces * missing[:, None]
+        if trial.slip is not None:
+            still = np.zeros((len(nodes), 2))
+            residual[nodes] += self.pulled * self._gripped(missing, still, still)[:, None]
+        return self.factor(residual.ravel()[self.steady.solid.order])
+
+    def _missing(self, trial):
+        """Pressure by which contact would be closed where it is open, as if nodes stayed as near to it."""
+        return (self.rest - self._apart(trial)) / self.free
+
+    def _apart(self, trial):
+        return self.free * trial.pressure + self.near * trial.unit.gap
+
+    def _gripped(self, pressure, displacement, before):
+        """Changes of friction with those of the pressure, and of displacements of the nodes."""
+        trial = self.trial
+        return trial.slip.change(trial.face, trial.pressure, pressure, displacement, before)
 
     def _product(self, found):
         """Forces by the free unknowns, with all that happens downstream."""
@@ -202,7 +247,11 @@ class _Linear:
         numbers = changes(self.slopes, steady.frame.rows(gradients))
         stress = steady.frame.points(numbers[..., :4])
         forces = steady._assembled(self._piola_change(gradients, stress))
-        forces[steady.nodes] += np.einsum("nij,nj->ni", self.added, change[steady.nodes])
+        here = change[steady.nodes]
+        forces[steady.nodes] += np.einsum("nij,nj->ni", self.added, here)
+        if self.trial.slip is not None:
+            pressure = -self.stiff * np.sum(self.normal * here, axis=1)
+            forces[steady.nodes] -= self.pulled * self._gripped(pressure, here, steady.came @ change)[:, None]
         return forces.ravel()[steady.solid.order] + self._elastic(change)
 
     def _spread(self, found):

@@ -9,16 +9,43 @@ the roller's surface, + ahead, while the roller goes its way. Coulomb's law has 
 the shear stays with the roller from one increment to the next, and when it changes no more, nodes that stick do not
 slip at all and nodes that slip are at their bound, whatever the stiffness. No shear rises with the creep, so that one
 creep makes their sum what the torque asks; it follows from the displacement and couples all nodes that stick. Beyond
-what friction can hold all of them are at their bounds.
+what friction can hold all of them are at their bounds. Where the steady motion is found at once shear has no memory at
+all: it falls with the slip between its bounds, over a slip that is small (`Slip`).
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import brentq
 
 from compact.pressing import Face
 
+STICKING = 1e-3  # of the way, slip up to which shear rises to its bound where the steady motion is found at once
 STIFFNESS = 1.0  # against slip over the penalty of the gap; a fifth or five times of it give the same steady motion
+
+
+@dataclass(frozen=True, eq=False)
+class Slip:
+    """Of the mix along a roller in steady motion, and what it does to the friction of the nodes.
+
+        slip = (arc - arc before)/way + 1 + creep,    friction = - grip phi(slip/sticking),    phi = x (3 - x^2)/2
+
+    creep : with which weight pressure friction sums to the pull;  falls : minus d friction/d slip, shape (n,)
+    here, before : d slip by the displacement of the node and by that with which it came, shape (n, 2)
+    """
+
+    creep: float
+    falls: np.ndarray
+    here: np.ndarray
+    before: np.ndarray
+
+    def change(self, face, pressure, more, displacement, before):
+        """Of the friction of a face's nodes with those of pressure, displacement and displacement before."""
+        slip = np.sum(self.here * displacement, axis=1) + np.sum(self.before * before, axis=1)
+        held = face.weight * pressure * self.falls
+        lost = face.weight @ (more * face.friction) - held @ slip
+        creep = lost / held.sum() if held.any() else 0.0
+        return -self.falls * (slip + creep)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +54,7 @@ class TurningFace(Face):
 
     grip : Coulomb's coefficient;  pull : sum of weight shear that is asked, + along the travel [N/m]
     sheared : shears that the roller carries on [Pa];  creep : of the increment before
+    sticking : slip over the way at which shear is at its bound, where the steady motion is found at once
     arcs, left : of the nodes, and where the lowest generatrix was, when the increment began [m]
     """
 
@@ -36,6 +64,7 @@ class TurningFace(Face):
     creep: float = 0.0
     arcs: np.ndarray | float = 0.0
     left: float = 0.0
+    sticking: float = STICKING
 
     def carrying(self, pressure, shear, creep):
         creep = self.creep if creep is None else creep
@@ -45,7 +74,7 @@ class TurningFace(Face):
         return replace(self, arcs=self._arcs(displacement), left=self.offset)
 
     def push(self, displacement):
-        pressed = super().push(displacement)
+        pressed = self.pressed(displacement)
         bound, way = self.grip * pressed.pressure, self.offset - self.left
         stiffness = STIFFNESS * self.penalty
         rolling = self.sheared - stiffness * (self._arcs(displacement) - self.arcs + way)  # without creep
@@ -65,6 +94,22 @@ class TurningFace(Face):
             creep=creep,
             coupling=self._coupling(t, falls, sticks),
         )
+
+    def at_once(self, displacement, before, pressure):
+        """The same face with the friction of nodes displaced by (n, 2) that came displaced by `before`; the `Slip`."""
+        way = self.offset - self.left
+        came = replace(self, offset=self.left)
+        slip = (self._arcs(displacement) - came._arcs(before)) / way + 1
+        bound = self.grip * np.maximum(pressure, 0.0) * self.weight
+        creep = _root(slip, bound, self.pull, self.sticking)
+        x = np.clip((slip + creep) / self.sticking, -1, 1)
+        gradients = []
+        for face, where, sign in ((self, displacement, 1), (came, before, -1)):
+            _, t, _, growing = face._axes(where)
+            gradients.append(sign * growing[:, None] * t / way)
+        falls = self.grip * 1.5 * (1 - x * x) / self.sticking
+        friction = -self.grip * x * (3 - x * x) / 2
+        return replace(self, friction=friction), Slip(creep, falls, *gradients)
 
     def _creep(self, rolling, bound, fall):
         """With which the shears, `rolling` without it, sum to the pull; they are lines between their bounds."""
@@ -98,3 +143,19 @@ class TurningFace(Face):
         if self.profile != "deformed":
             return x - self.offset
         return self.radius * np.arctan2(x - self.offset, self.lowest + self.radius - y)
+
+
+def _root(slip, bound, pull, sticking):
+    """The creep with which - bound phi((slip + creep)/sticking) sums to the pull, or that of the bounds beyond."""
+
+    def excess(creep):
+        x = np.clip((slip + creep) / sticking, -1, 1)
+        return -bound @ (x * (3 - x * x) / 2) - pull
+
+    touching = bound > 1e-9 * bound.max()
+    if not touching.any():
+        return 0.0
+    low, high = -slip[touching].max() - sticking, -slip[touching].min() + sticking
+    if excess(low) * excess(high) >= 0:
+        return low if excess(low) <= 0 else high
+    return float(brentq(excess, low, high, xtol=1e-14))

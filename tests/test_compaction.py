@@ -237,7 +237,10 @@ def test_steep_roller_gets_steady_and_balances():
 
 
 def test_march_that_does_not_get_steady_says_how_far_it_got(monkeypatch):
+    """Where neither the soft start nor the balance at once is found."""
     monkeypatch.setattr("compact.compaction.LONGEST", 0.5)
+    monkeypatch.setattr("compact.stiffening.SHORTEST", 10.0)
+    monkeypatch.setattr("compact.steady.ITERATIONS", 1)
     with pytest.raises(RuntimeError, match=r"not steady at depth 0.002 m after 0.04.* m of travel .* held by drag"):
         over_small()
 

@@ -22,7 +22,7 @@ LEVELS = (
     ("kernel", "compliance", "stickslip", "confined", "optimise", "reroll", "retained", "store"),
     ("fields", "solid", "expected", "bed", "turning", "flow"),
     ("frame", "march", "steady", "travelled", "filmed"),
-    ("compacted",),
+    ("compacted", "stiffening"),
     ("compaction", "trip"),
     ("travelling",),
     ("judge", "motion", "contact", "spectral", "fem", "drive", "scene", "column", "resistance"),

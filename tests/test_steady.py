@@ -14,6 +14,7 @@ from compact.material import Compaction
 from compact.records import Layer, Roller
 from compact.solid import Solid
 from compact.steady import Steady
+from compact.stiffening import stiffened
 
 MIX = Compaction(60e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
 LENGTH = np.sqrt(2 * 0.11 * 0.002)
@@ -126,3 +127,25 @@ def test_far_from_a_balance_it_says_what_it_reached():
     face = March(frame, 0.11).face.at(0.09)
     with pytest.raises(NotBalancedError, match=r"no steady balance after \d+ iterations; residuals over forces were"):
         Steady(frame, face).balanced(np.zeros_like(frame.nodes))
+
+
+# (c) from soft mix
+
+
+def soft_march(share):
+    mix = replace(MIX, unloading_modulus=share * MIX.unloading_modulus)
+    return March(Frame(rolling_mesh(0.1, LENGTH, LENGTH / 4), mix, "bonded", LENGTH), 0.11)
+
+
+def test_softest_mix_that_is_not_found_from_rest_is_told(monkeypatch):
+    monkeypatch.setattr("compact.steady.ITERATIONS", 1)
+    with pytest.raises(RuntimeError, match=r"not found even with 0\.\d+ of the unloading modulus: no steady balance"):
+        stiffened(soft_march, 0.098)
+
+
+def test_stiffening_that_stops_tells_how_far_it_came(monkeypatch):
+    monkeypatch.setattr("compact.steady.ITERATIONS", 12)
+    monkeypatch.setattr("compact.stiffening.FIRST", 1e4)
+    monkeypatch.setattr("compact.stiffening.SHORTEST", 20.0)
+    with pytest.raises(RuntimeError, match=r"found up to 0\.0\d+ of the unloading modulus, then: no steady balance"):
+        stiffened(soft_march, 0.098)

@@ -1,0 +1,80 @@
+"""Random scenes of rolling a compacting layer: which are refused at the door, and that the others balance.
+
+W 8-12 %, exit density .92-.985, fed density k/(1 + depth/h0), R .08-.2 m, depth 1-6 % of the product's height, friction
+0-.45 of a free roller; the mix is the prior's at that W and k.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from compact import compaction
+from compact.compaction import roll
+from compact.material import Compaction
+from compact.mix import LOOSE, prior
+from compact.records import Layer, Roller
+
+IMPOSSIBLE = ("too deep", "too dense", "too loose", "below its axle")
+
+
+def random_scene(seed):
+    """(layer, roller, material) of a product .16-.28 m high."""
+    draw = np.random.default_rng(seed)
+    moisture, k, radius = draw.uniform(0.08, 0.12), draw.uniform(0.92, 0.985), draw.uniform(0.08, 0.2)
+    height = draw.uniform(0.16, 0.28)
+    depth, friction = height * draw.uniform(0.01, 0.06), draw.uniform(0, 0.45)
+    mix = prior(moisture, k)
+    angle = np.radians(mix.friction_angle)
+    slope = float(np.sqrt(3) * np.sin(angle))
+    isotropic = mix.heckel_slope * (1 + np.sqrt(1 + 4 * slope**2 / 9)) / 2
+    strength = float(mix.cohesion / np.tan(angle))
+    fed = k / (1 + depth / height)
+    material = Compaction(mix.unloading_modulus, mix.poisson, isotropic, LOOSE, slope, strength, fed)
+    return Layer(height + depth), Roller(radius, depth, friction, "free", "deformed"), material
+
+
+def demanded(seed):
+    """A scene, what is asked for besides, and whether it is impossible, as a fifth are."""
+    layer, roller, material = random_scene(seed)
+    draw = np.random.default_rng([seed, 1])
+    full, asked = layer.height * (1 - material.fed_density_ratio), {}
+    kind = draw.choice(IMPOSSIBLE) if draw.uniform() < 0.2 else None
+    if kind == "too deep":
+        roller = replace(roller, indentation=full * draw.uniform(1, 1.5))
+    elif kind == "below its axle":
+        roller = replace(roller, radius=roller.indentation * draw.uniform(0.2, 1))
+    elif kind == "too dense":
+        asked["exit_density_ratio"] = draw.uniform(1, 1.05)
+    elif kind == "too loose":
+        asked["exit_density_ratio"] = material.fed_density_ratio * draw.uniform(0.95, 1)
+    elif draw.uniform() < 0.3:
+        asked["exit_density_ratio"] = draw.uniform(material.fed_density_ratio, 1)
+    return (layer, roller, material), asked, kind
+
+
+class PassedError(Exception):
+    """The demand has passed the door."""
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_impossible_demands_and_no_others_are_refused_at_the_door(seed, monkeypatch):
+    def solving(*given):
+        raise PassedError
+
+    monkeypatch.setattr(compaction, "_march", solving)
+    scene, asked, impossible = demanded(seed)
+    with pytest.raises(ValueError if impossible else PassedError):
+        roll(*scene, 0.13, **asked)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2, 3])
+def test_free_roller_over_the_priors_mix_is_found_at_once(seed):
+    """Capture angles of 16 and 11 degrees; others of these scenes are not found within minutes."""
+    rolled = roll(*random_scene(seed), 0.13, increments=4)
+    assert rolled.march.at_once
+    assert rolled.mass_residual < 2e-3
+    assert rolled.work_residual < 0.02
+    assert rolled.equilibrium_residual < 1e-6
+    assert abs(rolled.march.face.weight @ rolled.march.push.shear) < 1e-9 * rolled.load
