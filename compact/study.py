@@ -6,27 +6,21 @@
 `report.write` puts the results of a study into a directory; `compact run` is a thin door to it.
 """
 
-import csv
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
-from compact import contact, contacts, drive, made, mapping, mix
+from compact import contact, contacts, drive, machine, made, mapping, mix
 from compact.cam import Cam, FlatFace, Pointed, RollerFollower
-from compact.cart import Cart, Opposition
+from compact.cart import Opposition
 from compact.crank import USUAL_ANGLES, turn
 from compact.engine import LAYERED, fields, passes, speeds
 from compact.engineering import KNOWN_BY, engineering
 from compact.halfplane import galin
-from compact.hydraulic import Hydraulic
-from compact.measured import from_table
 from compact.motion import law
-from compact.motor import Kloss, Motor, Straight
 from compact.scene import SceneError
-from compact.springs import EndSprings
 
 SWING = 2.0  # times the velocity of the law, which an elastic drive may reach after a jump
 FOLLOWERS = {
@@ -238,28 +232,12 @@ class Study:
     @cached_property
     def cart(self):
         """The cart with the reactions of its rollers."""
-        return self._cart(self.roller_load)
+        return machine.cart(self.scene, self.roller_load)
 
     @cached_property
     def formula_cart(self):
         """The cart with the reactions of its rollers by eq 1.6."""
-        return self._cart(self.engineering.roller_force)
-
-    def _cart(self, roller_load):
-        machine, table, stroke = self.scene.machine, self.scene.drive.end_springs, self.scene.motion.stroke
-        return Cart(
-            mass=machine.mass,
-            weight=machine.weight,
-            roller_positions=machine.roller_positions,
-            roller_reactions=(roller_load,) * machine.rollers,
-            guide_positions=machine.guide_positions,
-            pin_position=machine.pin_position,
-            pin_height=machine.pin_height,
-            roller_radius=machine.roller_radius,
-            guide_wheel_diameter=machine.guide_wheel_diameter,
-            guide_friction=machine.guide_friction,
-            end_springs=table and EndSprings(table.stiffness, table.preload, table.length, stroke),
-        )
+        return machine.cart(self.scene, self.engineering.roller_force)
 
     @cached_property
     def cycles(self):
@@ -301,55 +279,21 @@ class Study:
     @cached_property
     def given_cycles(self):
         """The laws that the scene names there and back, by name; tables of the user last."""
-        motion = self.scene.motion
-        one_way = [
-            law(
-                name, motion.stroke, motion.duration, motion.run_up, motion.run_down,
-                motion.energy_weight, motion.acceleration_weight, motion.rod_length,
-            )
-            for name in self.scene.law_names
-        ]  # fmt: skip
-        one_way += [_tabled(path) for path in self.scene.table_paths]
-        cycles = {}
-        for there in one_way:
+        cycles, dwell = {}, self.scene.motion.dwell
+        for there in machine.laws(self.scene):
             self.count("laws")
-            cycles[there.name] = there.cycle(motion.dwell, motion.dwell)
+            cycles[there.name] = there.cycle(dwell, dwell)
         return cycles
 
-    @cached_property
+    @property
     def crank(self):
-        """The crank of the machine, its radius half the stroke; None where the scene gives no rod."""
-        rod = self.scene.motion.rod_length
-        return None if rod is None else drive.Crank(self.scene.motion.stroke / 2, rod)
+        """The crank of the machine, None where it has none."""
+        return machine.crank(self.scene)
 
     @property
     def angles(self):
         """Crank angle of each cart ahead of the first [rad]."""
-        return self.scene.drive.angles or USUAL_ANGLES[self.scene.drive.carts]
-
-    def means(self, name):
-        """The drive that carries a law; the law of the crank goes through its rod where the machine has one.
-
-        A law whose velocity jumps stays with the rigid drive, which says that its force is infinite: no motor follows.
-        """
-        table, cycle = self.scene.drive, self.cycles[name]
-        through_rod = name == "crank" and self.crank is not None and self.scene.motion.dwell == 0
-        if table.kind == "elastic":
-            from compact.elastic import ElasticDrive  # compiled code, loaded for those who want it
-
-            return ElasticDrive(table.stiffness, table.damping, table.backlash or 0.0)
-        if table.kind == "hydraulic":
-            return Hydraulic(**table.hydraulics.model_dump())
-        rod = self.crank if through_rod and table.kind in ("crank", "motor") else drive.Rigid()
-        if table.kind != "motor" or any(join.order == 1 for join in cycle.joins()):
-            return rod
-        motor = table.motor
-        curve = (
-            Kloss(motor.torque, motor.breakdown_slip, motor.speed)
-            if motor.curve == "kloss"
-            else Straight(motor.torque, motor.speed)
-        )
-        return Motor(curve, motor.gear_ratio, motor.inertia, motor.flywheel_inertia, self.angles, rod)
+        return machine.angles(self.scene)
 
     @cached_property
     def runs(self):
@@ -377,7 +321,7 @@ class Study:
         runs = {}
         for name, cycle in self.cycles.items():
             self.count("runs")
-            runs[name] = drive.simulate(cart, self.means(name), cycle, resistance, working=working)
+            runs[name] = drive.simulate(cart, machine.means(self.scene, cycle), cycle, resistance, working=working)
         return runs
 
     def _rankings(self, runs):
@@ -409,22 +353,3 @@ class Study:
             self.count("crank")
             turns[key] = turn(self.cart, self.crank, speed, self.resistance, ahead)
         return turns
-
-
-def _tabled(path):
-    try:
-        with Path(path).open(encoding="utf-8", newline="") as stream:
-            rows = [row for row in csv.reader(stream) if row and not row[0].lstrip().startswith("#")]
-        body = rows[1:] if rows and not _is_number(rows[0][0]) else rows
-        time, position = np.array([[float(cell) for cell in row[:2]] for row in body]).T
-        return from_table(time, position, name=path.stem)
-    except (OSError, ValueError, IndexError) as error:
-        raise SceneError([f"{path}: not a table of time [s] and travel [m]: {error}; give two columns"]) from None
-
-
-def _is_number(cell):
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True

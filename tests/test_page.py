@@ -8,6 +8,7 @@ from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -18,7 +19,8 @@ from compact import checks, html_answer, html_machine, report, sensitivity
 from compact.drive import CRITERIA
 from compact.html_answer import WORDS
 from compact.page import PREFIXES, column, number, page, percent, picture, quantity, table
-from compact.scene import RankBy, get_args, load_scene, parse_scene, starter_scene
+from compact.scene import load_scene, parse_scene, starter_scene
+from compact.scene_tables import RankBy
 from compact.study import Study
 
 SCENES = Path(__file__).parent.parent / "studies" / "scenes"

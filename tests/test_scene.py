@@ -14,18 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from compact.scene import (
-    LAW_NAMES,
-    EndSpringTable,
-    Hydraulics,
-    Motor,
-    Optimise,
-    Scene,
-    SceneError,
-    load_scene,
-    parse_scene,
-    starter_scene,
-)
+from compact.scene import LAW_NAMES, Scene, SceneError, load_scene, parse_scene, starter_scene
+from compact.scene_tables import EndSpringTable, Hydraulics, Motor, Optimise
 
 SCENES = Path(__file__).parents[1] / "studies" / "scenes"
 PUBLISHED = (SCENES / "loveikin-2015.toml").read_text("utf-8")
@@ -276,7 +266,7 @@ def test_optimisation_of_an_unknown_objective_is_refused():
 
 def test_objectives_and_parameters_of_scenes_are_those_of_the_modules():
     from compact.motion import OBJECTIVES as KNOWN
-    from compact.scene import MixParameter, Objective, Overrides
+    from compact.scene_tables import MixParameter, Objective, Overrides
 
     assert get_args(Objective) == tuple(KNOWN)
     assert set(get_args(MixParameter)) == set(Overrides.model_fields)

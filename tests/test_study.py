@@ -15,7 +15,8 @@ from compact import report
 from compact.drive import CRITERIA
 from compact.motion import LAWS
 from compact.results import ResultsError
-from compact.scene import LAW_NAMES, RankBy, SceneError, load_scene
+from compact.scene import LAW_NAMES, SceneError, load_scene
+from compact.scene_tables import RankBy
 from compact.study import Study
 
 SCENES = Path(__file__).parent.parent / "studies" / "scenes"
