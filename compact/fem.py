@@ -14,13 +14,14 @@ pressure of viscoelastic ones, 1.5 and 0.5 %.
 """
 
 from dataclasses import dataclass, replace
+from importlib import import_module
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from compact.compliance import condensed
 from compact.expected import WIDTH_STEP, as_wide, half_width_met, shared_half_width
-from compact.fields import fields, work_left, write_fields
+from compact.fields import work_left, write_mesh
 from compact.halfplane import pressure_exponent
 from compact.material import Compaction, Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh, for_error
@@ -110,9 +111,7 @@ def roll(layer, roller, material, speed, *, torque=None, mesh=None, tolerance=DE
     'load 15.09 kN/m, edge 13.85 mm'
     """
     if isinstance(material, Compaction) and mesh is None:
-        from compact import compaction
-
-        return compaction.roll(layer, roller, material, speed, torque=torque)
+        return import_module("compact.compaction").roll(layer, roller, material, speed, torque=torque)
     refuse_beyond_linear(layer, roller, material, speed, mesh, tolerance)
     refuse_torque(roller, torque)
     case = Case(layer, roller, material, speed, torque or 0.0)
@@ -122,6 +121,16 @@ def roll(layer, roller, material, speed, *, torque=None, mesh=None, tolerance=DE
         rolled = _rolled(case, task.mesh, contact)
         rolled = replace(rolled, work_residual=_work_residual(case, rolled, contact))
         return replace(rolled, error=_error(case, task, rolled, contact)) if estimate else rolled
+
+
+def fields(rolled):
+    """What happens inside the layer, a meshio mesh: `fields.fields`; of mix that stays pressed `compacted.fields`."""
+    return import_module("compact.fields" if isinstance(rolled, FemRolled) else "compact.compacted").fields(rolled)
+
+
+def write_fields(rolled, path):
+    """Write `fields` as VTU, whole or not at all."""
+    write_mesh(fields(rolled), path)
 
 
 @dataclass(frozen=True)

@@ -54,11 +54,6 @@ def _shares(rolled):
     return basis.dx / basis.dx.sum(axis=1, keepdims=True)
 
 
-def write_fields(rolled, path):
-    """Write `fields` as VTU, whole or not at all."""
-    write_mesh(fields(rolled), path)
-
-
 def write_series(layers, directory):
     """Write contacts, pairs of `fields` and `FemRolled`, as fields/speed=V.vtu and as fields.pvd, their series over V.
 

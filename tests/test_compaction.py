@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from compact import column, compaction, fem
-from compact.compacted import fields, read
+from compact.compacted import read
 from compact.compaction import roll
+from compact.fem import fields
 from compact.frame import Frame, rolling_mesh, transferred
 from compact.march import March, tail
 from compact.material import Compaction
