@@ -14,7 +14,8 @@ from compact.frame import Fed
 from compact.records import Layer, Rolled, Roller
 from compact.solid import STATE
 
-ITERATIONS = 100  # of the mix that leaves, towards its rest; one where it does not yield on the way
+ITERATIONS = 100  # of the mix that leaves, towards its rest; two where it does not yield on the way
+SHARE = 1e-4  # of the elastic stiffness, added to that of mix that flows
 FREE = 1e-9  # of the unloading modulus, what horizontal planes may still bear then
 
 
@@ -180,14 +181,20 @@ def _at_rest(solid, state, stretch):
     """
     strain = np.zeros((len(stretch), 3))
     strain[:, 0] = stretch
-    law = solid.law
+    law, before = solid.law, np.full(len(stretch), np.inf)
     two_shear, _, shear, lame = law.unloading_modulus * moduli(law.poisson)
+    elastic = np.diag([two_shear + lame, shear])
     for _ in range(ITERATIONS):
-        rest, _ = cap.step(law, state, strain, solid.rate_factor, tangent=False)
-        if np.abs(rest.stress[:, [1, 3]]).max() < FREE * law.unloading_modulus:
+        rest, slopes = cap.step(law, state, strain, solid.rate_factor)
+        borne = rest.stress[:, [1, 3]]
+        size = np.abs(borne).max(axis=1)
+        if size.max() < FREE * law.unloading_modulus:
             rest.stress[:, [1, 3]] = 0.0
             return rest, np.exp(strain[:, 0] + strain[:, 1])
-        strain[:, 1:] -= rest.stress[:, [1, 3]] / [two_shear + lame, shear]
+        slopes = slopes[:, 1:, 1:] + SHARE * elastic
+        slopes[size >= before] = elastic  # sure but slow, where a step by the tangent has gone too far
+        strain[:, 1:] -= np.linalg.solve(slopes, borne[..., None])[..., 0]
+        before = size
     raise RuntimeError(f"the mix that leaves bears {np.abs(rest.stress[:, [1, 3]]).max():.3g} Pa on horizontal planes")
 
 

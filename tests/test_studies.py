@@ -31,6 +31,7 @@ def test_every_study_has_a_test():
         "motor_and_flywheel",
         "optimal_laws",
         "reversal",
+        "way_back",
         "moisture_density",
         "hard_cases",
     }
@@ -281,3 +282,16 @@ def test_memory_pays_near_a_reversal(capsys, tmp_path):
     assert "missed" in capsys.readouterr().out
     assert (tmp_path / "reversal.png").stat().st_size > 10_000
     assert len((tmp_path / "reversal.csv").read_text().splitlines()) == 1 + 4
+
+
+@pytest.mark.slow
+def test_pressed_mix_asks_little_of_the_way_back(capsys, tmp_path):
+    module = study("way_back")
+    done, memory = module.main(stroke=0.08, increments=4, out=tmp_path)
+    module.show((done, memory))
+    there, back = (done.resistance[done.stroke == number] for number in (1, 2))
+    assert -back[len(back) // 4 :].min() < 0.25 * there.max()  # it has not come far enough to be steady
+    assert memory.release < 2e-3
+    assert "way back" in capsys.readouterr().out
+    assert (tmp_path / "way_back.png").stat().st_size > 10_000
+    assert (tmp_path / "film.pvd").is_file()

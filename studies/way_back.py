@@ -1,0 +1,98 @@
+"""What does a roller meet on the way back over mix that it has just pressed?
+
+A roller without friction goes there and back along a law over compacting mix, by finite elements that stay with the
+mix. On the way there the resistance grows until the bow wave is full; going back it is gone within a small part of the
+contact, and pressed mix asks for a few per cent of it. The memory of columns is fitted to the turn. The layer is
+shallower than that of the scene: three heights of travel fill the bow wave.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from compact.calibrate import blend
+from compact.engine import compaction
+from compact.motion import law
+from compact.pressed_memory import fitted
+from compact.records import Layer, Roller
+from compact.scene import load_scene
+from compact.travelling import travel
+
+SCENES = Path(__file__).parent / "scenes"
+CALIBRATED = {"mix.overrides.heckel_slope": 13.995e-6, "layer.fed_density_ratio": 0.93444}  # to 9740 N and 0.179
+HEADER = ("stroke", "time_s", "position_m", "load_N/m", "resistance_N/m")
+SHOWN = (0.6, 1.0, 1.4)  # of the time of one stroke, in the film
+
+
+def main(scene="loveikin-2015", height=0.1, indentation=0.002, stroke=0.12, increments=6, name="quintic", out=None):
+    """(`CompactionTravelled`, its `PressedMemory`)."""
+    scene = load_scene(SCENES / f"{scene}.toml", **CALIBRATED)
+    roller = Roller(scene.machine.roller_radius, indentation, profile="deformed")
+    cycle = law(name, stroke, scene.motion.duration).cycle()
+    instants = tuple(share * scene.motion.duration for share in SHOWN)
+    mix = compaction(scene, blend(scene))
+    done = travel(Layer(height), roller, mix, cycle, increments=increments, instants=instants, estimate=False)
+    memory = fitted(done)
+    if out:
+        from compact.results import write_csv
+
+        rows = np.column_stack([done.stroke, done.time, done.position, done.load, done.resistance]).tolist()
+        write_csv(Path(out) / "way_back.csv", HEADER, rows)
+        done.film(Path(out))
+        _draw(done, memory, roller.radius).savefig(Path(out) / "way_back.png", dpi=100)
+    return done, memory
+
+
+def _draw(done, memory, radius):
+    """Resistance over the way, and the density at three instants."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.5, 5.2), layout="constrained")
+    grid = figure.add_gridspec(len(done.frames), 2, width_ratios=(1.0, 1.35))
+    left = figure.add_subplot(grid[:, 0])
+    for number, label, color in ((1, "there", "C0"), (2, "back", "C1")):
+        of = done.stroke == number
+        left.plot(done.position[of] * 1e3, done.resistance[of] / 1e3, color=color, label=label)
+    turn = done.position[done.stroke == 1][-1]
+    distance = np.linspace(0, turn, 400)
+    left.plot((turn - distance) * 1e3, memory.resistance(distance) / 1e3, "k:", label="memory of columns, fitted")
+    left.axhline(0, color="0.8", linewidth=0.8, zorder=0)
+    left.set(xlabel="position of the roller [mm]", ylabel="resistance, + against the way there [kN/m]")
+    left.legend(frameon=False, fontsize=8)
+    panels = [figure.add_subplot(grid[row, 1]) for row in range(len(done.frames))]
+    for ax, (time, mesh) in zip(panels, done.frames, strict=True):
+        shades = _density(ax, mesh)
+        place = float(np.interp(time, done.time, done.position))
+        lowest = float(np.interp(time, done.time, done.lowest))
+        angle = np.linspace(-0.7, 0.7, 100)
+        ax.plot((place + radius * np.sin(angle)) * 1e3, (lowest + radius - radius * np.cos(angle)) * 1e3, "k-", lw=0.8)
+        ax.set(ylabel="y [mm]", xlim=(-40, turn * 1e3 + 40), ylim=(lowest * 500, lowest * 1e3 + 14), aspect="equal")
+        ax.set_title(f"t = {time:.2g} s, {'there' if time <= done.time[done.stroke == 1][-1] else 'back'}", fontsize=9)
+    panels[-1].set_xlabel("x [mm]")
+    figure.colorbar(shades, ax=panels, label="density ratio k [-]", shrink=0.8)
+    return figure
+
+
+def _density(ax, mesh):
+    """The density ratio on the elements where they lie."""
+    from matplotlib.collections import PolyCollection
+
+    places = (mesh.points + mesh.point_data["displacement"])[:, :2] * 1e3
+    shades = PolyCollection(places[mesh.cells[0].data[:, :4]], array=mesh.cell_data["density_ratio"][0], cmap="viridis")
+    shades.set_clim(0.93, 1.0)
+    ax.add_collection(shades)
+    return shades
+
+
+def show(result):
+    """Print what the way there and the way back ask."""
+    done, memory = result
+    there, back = (done.resistance[done.stroke == number] for number in (1, 2))
+    print(f"largest resistance there {there.max():.0f} N/m, where it turns {memory.turning:.0f} N/m")
+    print(f"way back {memory.again:.1f} N/m, {memory.again / memory.turning:.1%}; largest {-back.min():.0f} N/m")
+    print(f"gone within {memory.release * 1e3:.2f} mm; memory misses {memory.error:.1%} of the turning force")
+    print(f"work balance {done.work_residual:.2%}, {done.steps} steps, {done.iterations} iterations")
+
+
+if __name__ == "__main__":
+    show(main(out="out/way_back"))
