@@ -67,7 +67,9 @@ def _draw(done, memory, radius):
         angle = np.linspace(-0.7, 0.7, 100)
         ax.plot((place + radius * np.sin(angle)) * 1e3, (lowest + radius - radius * np.cos(angle)) * 1e3, "k-", lw=0.8)
         ax.set(ylabel="y [mm]", xlim=(-40, turn * 1e3 + 40), ylim=(lowest * 500, lowest * 1e3 + 14), aspect="equal")
-        ax.set_title(f"t = {time:.2g} s, {'there' if time <= done.time[done.stroke == 1][-1] else 'back'}", fontsize=9)
+        after = time - done.time[done.stroke == 1][-1]
+        way = "turns" if abs(after) < 1e-9 * time else "there" if after < 0 else "back"
+        ax.set_title(f"t = {time:.2g} s, {way}", fontsize=9)
     panels[-1].set_xlabel("x [mm]")
     figure.colorbar(shades, ax=panels, label="density ratio k [-]", shrink=0.8)
     return figure
@@ -78,7 +80,9 @@ def _density(ax, mesh):
     from matplotlib.collections import PolyCollection
 
     places = (mesh.points + mesh.point_data["displacement"])[:, :2] * 1e3
-    shades = PolyCollection(places[mesh.cells[0].data[:, :4]], array=mesh.cell_data["density_ratio"][0], cmap="viridis")
+    shades = PolyCollection(
+        places[mesh.cells[0].data[:, :4]], array=mesh.cell_data["density_ratio"][0], cmap="viridis", edgecolors="face"
+    )
     shades.set_clim(0.93, 1.0)
     ax.add_collection(shades)
     return shades
