@@ -273,7 +273,7 @@ def test_laws_made_for_the_machine_save_power_at_every_end_of_the_spread(capsys,
 def test_dry_resistance_leaves_the_order_of_peak_forces_to_the_accelerations(capsys, tmp_path):
     module = study("rank_laws")
     laws = ["cubic", "parabolic", "reversal-2"]
-    asked = {"engines": ("formula", "column"), "drives": ("rigid",), "samples": 4, "out": tmp_path}
+    asked = {"engines": ("formula", "column"), "drives": ("rigid",), "samples": 2, "out": tmp_path}
     rows, spreads = result = module.main(**asked, **{"motion.laws": laws})
     module.show(result)
     places = {(row[0], row[4]): row for row in rows if row[2] == "peak_force"}
@@ -284,11 +284,11 @@ def test_dry_resistance_leaves_the_order_of_peak_forces_to_the_accelerations(cap
         assert found == pytest.approx(by_formula, rel=3e-4)
         assert [places[engine, law][3] for law in ("parabolic", "cubic", "reversal-2")] == [1, 2, 3]
     assert all(row[10] for row in places.values())  # margins of 2 %, by maps that err by 1e-8
-    for engine, _, by, _, stays, tau, least, largest, mixes in spreads:
-        assert largest > 1.3 * least
+    for _, _, by, _, stays, tau, least, largest, mixes in spreads:
+        assert largest > 1.1 * least
         if by == "peak_force":  # m a + F is in the order of a for any F
-            assert (engine, stays, tau, mixes) == (engine, 1.0, pytest.approx(1.0), 4)
-    assert "stays first in 100% of 4 mixes" in capsys.readouterr().out
+            assert (stays, tau, mixes) == (1.0, pytest.approx(1.0), 2)
+    assert "stays first in 100% of 2 mixes" in capsys.readouterr().out
     assert (tmp_path / "rank_laws.png").stat().st_size > 10_000
     assert len((tmp_path / "rank_laws.csv").read_text().splitlines()) == 1 + len(rows)
 
