@@ -21,7 +21,7 @@ from scipy.stats import kendalltau
 from compact import compaction, vary
 from compact.drive import CRITERIA, rank, simulate
 from compact.engine import inputs
-from compact.resistance import sampled
+from compact.resistance import ResistanceMap
 from compact.scene import load_scene
 from compact.study import Study
 
@@ -100,18 +100,21 @@ def ranked(base, engine, drives, directory):
 
 
 def compacting(study, increments=4):
-    """(cart, `ResistanceMap`) by finite elements that compact, on a mesh a third as fine as the engine's own."""
+    """(cart, `ResistanceMap`) by finite elements that compact, on a mesh a third as fine as the engine's own.
+
+    Three speeds do: the rate enters with a small power of the speed, and the middle one tells what a line misses.
+    """
     scene, rolls = study.scene, []
-
-    def force(speed):
-        layer, roller, material = inputs(scene, study.mix, "compaction", speed)
+    speeds = study.fastest * np.array([1 / 10, 1 / 3, 1])
+    for speed in speeds:
+        layer, roller, material = inputs(scene, study.mix, "compaction", float(speed))
         near = rolls[-1] if rolls else None
-        rolls.append(compaction.roll(layer, roller, material, speed, increments=increments, start=near))
-        return scene.machine.rollers * scene.machine.roller_length * rolls[-1].resistance, COARSE
-
-    met = sampled(force, study.fastest / 50, study.fastest, scene.accuracy.tolerance)
-    load = scene.machine.roller_length * np.mean([rolled.load for rolled in rolls])
-    return replace(study.formula_cart, roller_reactions=(float(load),) * scene.machine.rollers), met
+        rolls.append(compaction.roll(layer, roller, material, float(speed), increments=increments, start=near))
+    load, force = scene.machine.roller_length * np.array([[rolled.load, rolled.resistance] for rolled in rolls]).T
+    force = scene.machine.rollers * force
+    miss = abs(np.interp(np.log(speeds[1]), np.log(speeds[::2]), force[::2]) / force[1] - 1)
+    cart = replace(study.formula_cart, roller_reactions=(float(load.mean()),) * scene.machine.rollers)
+    return cart, ResistanceMap(speeds, force, float(miss), COARSE)
 
 
 def runs(study, cart, resistance):
