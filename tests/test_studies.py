@@ -34,6 +34,7 @@ def test_every_study_has_a_test():
         "way_back",
         "moisture_density",
         "hard_cases",
+        "rank_laws",
     }
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
 
@@ -268,6 +269,44 @@ def test_laws_made_for_the_machine_save_power_at_every_end_of_the_spread(capsys,
     assert rough < smooth
     assert "made for all" in capsys.readouterr().out
     assert (tmp_path / "optimal_laws.png").stat().st_size > 10_000
+
+
+def test_dry_resistance_leaves_the_order_of_peak_forces_to_the_accelerations(capsys, tmp_path):
+    module = study("rank_laws")
+    laws = ["cubic", "parabolic", "reversal-2"]
+    asked = {"engines": ("formula", "column"), "drives": ("rigid",), "samples": 2, "out": tmp_path}
+    rows, spreads = result = module.main(**asked, **{"motion.laws": laws})
+    module.show(result)
+    places = {(row[0], row[4]): row for row in rows if row[2] == "peak_force"}
+    # 1000 kg times 4, 6 and 7.2 strokes over 9 s2; the friction is what either engine resists with
+    for engine in ("formula", "column"):
+        by_formula = [3562 + 1000 * c * 0.4 / 9 for c in (4, 6, 7.2)]
+        found = [places[engine, law][5] for law in ("parabolic", "cubic", "reversal-2")]
+        assert found == pytest.approx(by_formula, rel=3e-4)
+        assert [places[engine, law][3] for law in ("parabolic", "cubic", "reversal-2")] == [1, 2, 3]
+    assert all(row[10] for row in places.values())  # margins of 2 %, by maps that err by 1e-8
+    for _, _, by, _, stays, tau, least, largest, mixes in spreads:
+        assert largest > 1.1 * least
+        if by == "peak_force":  # m a + F is in the order of a for any F
+            assert (stays, tau, mixes) == (1.0, pytest.approx(1.0), 2)
+    assert "stays first in 100% of 2 mixes" in capsys.readouterr().out
+    assert (tmp_path / "rank_laws.png").stat().st_size > 10_000
+    assert len((tmp_path / "rank_laws.csv").read_text().splitlines()) == 1 + len(rows)
+
+
+def test_place_is_sure_only_beyond_the_error_of_the_map():
+    module = study("rank_laws")
+    scene = module.load_scene(module.SCENES / "loveikin-2015.toml", **{"motion.laws": ["parabolic", "cubic"]})
+    for error, sure in ((0.005, True), (0.02, False)):  # of 3562 N; 88.9 N lie between the two
+        runs = {way: _pushed(module, scene, 1 + way * error) for way in (0, -1, 1)}
+        first, last = module.places("peak_force", runs[0], (runs[-1], runs[1]), error)
+        assert (first[1], first[7]) == ("parabolic", sure)
+        assert last[7]  # nothing behind it
+
+
+def _pushed(module, scene, share):
+    met = module.Study(scene)
+    return module.runs(met, met.cart, type(met.resistance)(share * met.resistance.force))
 
 
 def test_memory_pays_near_a_reversal(capsys, tmp_path):

@@ -1,0 +1,251 @@
+"""Which law asks least of the drive, do finite elements say what the formula says, and how sure is the order?
+
+Every law, by every engine, against every drive. A place is sure where no law behind it can pass, each at its own worst:
+one law is run with the resistance less its error, the other with the resistance and its error. The error is that of the
+map and of the engine, not that of the model: for that the engines stand side by side, and formula and columns are
+ranked again over a sample of the prior's spread, with nothing calibrated. The calibrated columns resist as the formula
+does, so they repeat its order; an order can change only where the resistance knows the speed.
+
+Limits: the resistance is that of a steady motion at the speed of the moment, which the turns are not (`reversal`). The
+linear layer resists with a seventh of what the plant needs, and its roller is smooth. Finite elements that compact
+press by 3 mm under a smooth roller, with a rate of the mix, on a coarse mesh: two minutes of processor time. Spring,
+its damping and motor are assumed, no source names one. A hydraulic drive imposes the law: its forces are rigid ones.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import kendalltau
+
+from compact import compaction, vary
+from compact.drive import CRITERIA, rank, simulate
+from compact.engine import inputs
+from compact.resistance import ResistanceMap
+from compact.scene import load_scene
+from compact.study import Study
+
+SCENES = Path(__file__).parent / "scenes"
+SMOOTH = {"machine.rolling": "frictionless"}
+ENGINES = {  # what they change of the scene
+    "formula": {},
+    "column": {"mix.overrides.heckel_slope": 13.995e-6, "layer.fed_density_ratio": 0.93444},  # to 9740 N and 0.179
+    "fem": SMOOTH,
+    "fem, half tolerance": SMOOTH | {"accuracy.tolerance": 0.005},
+    "compaction": SMOOTH | {"contact.indentation": 0.003, "mix.reference_speed": 0.2},
+}
+COARSE = 0.05  # relative error of the resistance on the coarse mesh of `compacting`, assumed: it tells none
+CHEAP, SPREAD = ("formula", "column"), ("rigid", "elastic")  # engines and drives of the spread; a motor may stall
+MOTOR = {  # as in `motor_and_flywheel`, of one cart
+    "curve": "kloss",
+    "torque": 8.0,
+    "speed": 157.0,
+    "breakdown_slip": 0.15,
+    "gear_ratio": 145.0,
+    "inertia": 0.1,
+    "flywheel_inertia": 0.0,
+}
+STIFFNESS, DAMPING = 1e6, 3162.0  # N/m and N s/m: a damping ratio of 0.05 with the cart of 1000 kg
+DRIVES = {
+    "rigid": {"drive.kind": "rigid"},
+    "elastic": {"drive.kind": "elastic", "drive.stiffness": STIFFNESS, "drive.damping": DAMPING},
+    "motor": {"drive.kind": "motor", "drive.motor": MOTOR},
+}
+REFUSED = {("compaction", "elastic"), ("compaction", "motor")}  # v^0.02 at a turn is a jump; motor untried
+SHOWN = ("peak_force", "peak_power")
+HEADER = ("engine", "drive", "criterion", "rank", "law", "value", "margin", "low", "high", "error", "sure")
+SPREAD_HEADER = (
+    "engine", "drive", "criterion", "first", "stays_first", "kendall_tau", "least_resistance_N",
+    "largest_resistance_N", "mixes",
+)  # fmt: skip
+
+
+def main(scene="loveikin-2015", engines=tuple(ENGINES), drives=tuple(DRIVES), samples=32, out=None, **changes):
+    """(rows of HEADER, rows of SPREAD_HEADER), SI; the maps are kept in `out` for the next run."""
+    rows, spreads = [], []
+    for engine in engines:
+        asked = {"output.wanted": [], "accuracy.engine": engine.split(",")[0], **changes, **ENGINES[engine]}
+        base = load_scene(SCENES / f"{scene}.toml", **asked)
+        able = [name for name in drives if (engine, name) not in REFUSED]
+        rows += ranked(base, engine, able, out and Path(out) / engine.replace(", ", "-").replace(" ", "-"))
+        if engine in CHEAP:
+            spreads += spread(base, [drive for drive in drives if drive in SPREAD], samples)
+    if out:
+        from compact.results import write_csv
+
+        write_csv(Path(out) / "rank_laws.csv", HEADER, rows)
+        write_csv(Path(out) / "rank_laws_spread.csv", SPREAD_HEADER, spreads)
+        _draw(rows, spreads).savefig(Path(out) / "rank_laws.png", dpi=100)
+    return rows, spreads
+
+
+def ranked(base, engine, drives, directory):
+    """Rows of HEADER by one engine, every law against every drive; the map is that of a drive that swings, if any."""
+    swings = next((name for name in drives if name != "rigid"), "rigid")
+    fastest = Study(base.replaced(**DRIVES[swings]), directory=directory)
+    if engine == "compaction":
+        cart, resistance = compacting(fastest)
+    else:
+        cart, resistance = fastest.cart, fastest.resistance
+        if fastest.layered and directory:
+            directory.mkdir(parents=True, exist_ok=True)
+            list(fastest.keep(directory, []))
+    error = resistance.error + resistance.engine_error if fastest.layered else 0.0
+    rows = []
+    for name in drives:
+        study = Study(base.replaced(**DRIVES[name]))
+        carried = runs(study, cart, resistance)
+        moved = [runs(study, cart, _scaled(resistance, 1 + way * error)) for way in (-1, 1)] if error else []
+        for by in CRITERIA:
+            rows += [(engine, name, by, *place) for place in places(by, carried, moved, error)]
+    return rows
+
+
+def compacting(study, increments=4):
+    """(cart, `ResistanceMap`) by finite elements that compact, on a mesh a third as fine as the engine's own.
+
+    Three speeds do: the rate enters with a small power of the speed, and the middle one tells what a line misses.
+    """
+    scene, rolls = study.scene, []
+    speeds = study.fastest * np.array([1 / 10, 1 / 3, 1])
+    for speed in speeds:
+        layer, roller, material = inputs(scene, study.mix, "compaction", float(speed))
+        near = rolls[-1] if rolls else None
+        rolls.append(compaction.roll(layer, roller, material, float(speed), increments=increments, start=near))
+    load, force = scene.machine.roller_length * np.array([[rolled.load, rolled.resistance] for rolled in rolls]).T
+    force = scene.machine.rollers * force
+    miss = abs(np.interp(np.log(speeds[1]), np.log(speeds[::2]), force[::2]) / force[1] - 1)
+    cart = replace(study.formula_cart, roller_reactions=(float(load.mean()),) * scene.machine.rollers)
+    return cart, ResistanceMap(speeds, force, float(miss), COARSE)
+
+
+def runs(study, cart, resistance):
+    """Law -> its run with a cart and a resistance, by the drive of the study."""
+    working = (study.scene.motion.run_up, 1 - study.scene.motion.run_down)
+    return {
+        name: simulate(cart, study.means(name), cycle, resistance, working=working)
+        for name, cycle in study.cycles.items()
+    }
+
+
+def _scaled(met, share):
+    """A resistance map times a number."""
+    masses = met.added_masses
+    return replace(met, forces=share * met.forces, added_masses=None if masses is None else share * masses)
+
+
+def places(by, runs, moved, error):
+    """(rank, law, value, margin, low, high, error, sure) in order of a criterion."""
+    ends = {name: [getattr(some[name], by) for some in (runs, *moved)] for name in runs}
+    ordered = rank(runs.values(), by)
+    for place in ordered:
+        low, high = min(ends[place.run.name]), max(ends[place.run.name])
+        behind = [min(ends[other.run.name]) for other in ordered if other.rank > place.rank]
+        sure = high < min(behind, default=np.inf)
+        yield place.rank, place.run.name, place.value, place.margin, low, high, error, sure
+
+
+def spread(base, drives, samples):
+    """Rows of SPREAD_HEADER: over the prior's spread of all that the engine looks at of the mix, nothing calibrated."""
+    base = base.replaced(**{"drive.rank_by": list(SHOWN)})
+    given = base.mix.overrides.model_dump(exclude_none=True)
+    prior = base.replaced(**{f"mix.overrides.{name}": None for name in given})
+    design = vary.design(prior, [vary.read(f"mix.overrides=~{samples}")])
+    mixes = [vary.scene_at(prior, *design.point(number))[0] for number in range(samples)]
+    return [row for drive in drives for row in _survival(base, mixes, drive)]
+
+
+def _survival(base, mixes, drive):
+    studies = [Study(scene.replaced(**DRIVES[drive])) for scene in (base, *mixes)]
+    nominal, *others = [study.rankings for study in studies]
+    forces = [
+        float(study.resistance(study.scene.motion.stroke / study.scene.motion.duration, 0.0)) for study in studies[1:]
+    ]
+    for by in SHOWN:
+        best, value = _firsts(nominal[by]), _values(nominal[by])
+        stays = np.mean([best == _firsts(other[by]) for other in others])
+        tau = np.mean([_tau(value, _values(other[by])) for other in others])
+        yield base.accuracy.engine, drive, by, "/".join(sorted(best)), stays, tau, min(forces), max(forces), len(mixes)
+
+
+def _firsts(places):
+    return {place.run.name for place in places if place.rank == 1}
+
+
+def _values(places):
+    return {place.run.name: place.value for place in places if np.isfinite(place.value)}
+
+
+def _tau(one, other):
+    """Kendall's tau between two rankings of the same laws [-]."""
+    return kendalltau(list(one.values()), [other[law] for law in one]).statistic
+
+
+def agreement(rows, engine, other, drive="rigid"):
+    """Kendall's tau between the orders by two engines, by criterion of SHOWN."""
+    found = {}
+    for by in SHOWN:
+        one, beside = (_finite(rows, name, drive, by) for name in (engine, other))
+        found[by] = _tau(one, beside)
+    return found
+
+
+def _finite(rows, *key):
+    """Law -> value by engine, drive and criterion, where it is finite."""
+    return {row[4]: row[5] for row in rows if row[:3] == key and np.isfinite(row[5])}
+
+
+def _draw(rows, spreads, most=8):
+    """What each law asks above the least, by engine; and the share of the prior's mixes in which the first stays."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.5, 4.2), layout="constrained")
+    panels = figure.subplots(1, len(SHOWN) + 1, width_ratios=[3] * len(SHOWN) + [2])
+    engines = [name for name in dict.fromkeys(row[0] for row in rows) if "," not in name]
+    for ax, by in zip(panels, SHOWN, strict=False):
+        values = {engine: _excess(rows, engine, by) for engine in engines}
+        laws = sorted(values[engines[0]], key=lambda law: min(values[engine][law] for engine in engines))[:most]
+        laws.sort(key=lambda law: values[engines[0]][law])
+        for engine, marker in zip(engines, "so^D", strict=False):
+            ax.plot([values[engine][law] for law in laws], range(len(laws)), marker, mfc="none", label=engine)
+        ax.set_yticks(range(len(laws)), laws, fontsize=8)
+        ax.invert_yaxis()
+        ax.set(xlabel=f"{by.replace('_', ' ')} above the least [%]")
+        ax.grid(axis="y", color="0.92")
+    panels[0].legend(frameon=False, fontsize=8)
+    for row, (_, _, _, first, stays, tau, *_) in enumerate(spreads):
+        panels[-1].barh(row, 100 * stays, color="0.8")
+        panels[-1].text(2, row, f"{first.split('/')[0]}, τ = {tau:.2f}", va="center", fontsize=7)
+    told = [f"{engine}, {drive}\n{by.replace('_', ' ')}" for engine, drive, by, *_ in spreads]
+    panels[-1].set_yticks(range(len(told)), told, fontsize=7)
+    panels[-1].set(xlabel="mixes where the first stays [%]", xlim=(0, 100))
+    panels[-1].invert_yaxis()
+    return figure
+
+
+def _excess(rows, engine, by):
+    """Law -> what it asks above the least [%], rigid drive."""
+    found = _finite(rows, engine, "rigid", by)
+    return {law: 100 * (value / min(found.values()) - 1) for law, value in found.items()}
+
+
+def show(result, best=3):
+    """Print the best places of `main`, and what the spread leaves of them."""
+    rows, spreads = result
+    print(f"{'engine':<21}{'drive':<9}{'criterion':<12}{'':>2} {'law':<30}{'value':>8}{'margin':>8}{'error':>8}  sure")
+    for engine, drive, by, place, law, value, margin, _, _, error, sure in rows:
+        if by in SHOWN and place <= best:
+            print(f"{engine:<21}{drive:<9}{by:<12}{place:>2} {law:<30}{value:>8.0f}", end="")
+            print(f"{margin:>8.2%}{error:>8.2%}  {'sure' if sure else '-'}")
+    for engine, drive, by, first, stays, tau, low, high, mixes in spreads:
+        print(f"{engine}, {drive}, {by}: {first} stays first in {stays:.0%} of {mixes} mixes, ", end="")
+        print(f"Kendall's tau {tau:.3f}; the cart meets {low:.0f} to {high:.0f} N")
+    engines = list(dict.fromkeys(row[0] for row in rows))
+    for engine in engines[1:]:
+        other = engine.split(",")[0] if "," in engine else engines[0]
+        found = ", ".join(f"{by} {tau:.3f}" for by, tau in agreement(rows, engine, other).items())
+        print(f"{engine} beside {other}: Kendall's tau {found}")
+
+
+if __name__ == "__main__":
+    show(main(out="out/rank_laws"))
