@@ -507,6 +507,7 @@ def test_polynomials_meet_a_boundary_layer():
     assert table(x) == pytest.approx(np.exp(-x / 1e-4), abs=2e-10)
 
 
+@pytest.mark.slow
 def test_compiled_code_notices_that_what_it_calls_has_changed(tmp_path):
     """Numba alone looks at the caller's file, and goes on with the old callee."""
     start = "from compact.ringing import compiling\n"

@@ -50,6 +50,7 @@ def test_even_throttles_make_an_even_speed(inlet, outlet):
     assert moved.outlet_pressure[-1] == pytest.approx(resistances[1] * speed**2, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_pump_of_little_flow_sets_the_mean_speed():
     """x = (Q t - V p/K)/A, give or take what the cart swings on its oil, v/w, w^2 = A^2 K/(V m)."""
     press = replace(PRESS, pump_flow=5e-5)
@@ -127,6 +128,7 @@ def test_force_is_that_of_the_rigid_drive():
     assert (made.peak_force, made.peak_power, made.rms_power) == (rigid.peak_force, rigid.peak_power, rigid.rms_power)
 
 
+@pytest.mark.slow
 def test_end_springs_take_the_pressure_of_the_start():
     springs = replace(CART, end_springs=EndSprings(4e3, 300.0, 0.08, stroke=0.4))
     bare, sprung = (simulate(cart, PRESS, published("harmonic", 1.4), dry) for cart in (CART, springs))

@@ -201,7 +201,15 @@ def assert_engines_agree(layer, roller, material, speed, load=5e-4, resistance=5
 
 
 @pytest.mark.parametrize("jump", [20.0, 1 / 20], ids=["stiff-above", "soft-above"])
-@pytest.mark.parametrize(("depth", "base"), [(0.2, "bonded"), (0.2, "slip"), (1.0, "bonded"), (7.0, "slip")])
+@pytest.mark.parametrize(
+    ("depth", "base"),
+    [
+        (0.2, "bonded"),
+        pytest.param(0.2, "slip", marks=pytest.mark.slow),
+        pytest.param(1.0, "bonded", marks=pytest.mark.slow),
+        (7.0, "slip"),
+    ],
+)
 def test_both_engines_agree_across_a_jump(depth, jump, base):
     layer, half_width = two_plies(depth * 0.01, jump, base), 0.01
     roller = Roller(R, indentation=as_wide(layer, MIX, R, half_width).indentation)
@@ -216,6 +224,7 @@ def test_load_is_found_across_a_jump(jump):
     assert_engines_agree(layer, Roller(R, load=as_wide(layer, MIX, R, 0.01).load), SLS, 0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "jump", [20.0, pytest.param(1 / 20, marks=pytest.mark.slow)], ids=["stiff-above", "soft-above"]
 )
@@ -226,7 +235,7 @@ def test_peak_pressure_is_found_across_a_jump(jump):
     assert_engines_agree(layer, roller, SLS, 0.01, load=5e-3, resistance=1e-2)
 
 
-@pytest.mark.parametrize("base", ["bonded", "slip"])
+@pytest.mark.parametrize("base", ["bonded", pytest.param("slip", marks=pytest.mark.slow)])
 def test_sliding_across_a_jump(base):
     """At one load: how deep a dragged layer that slips lies depends on what holds it, and the engines differ there."""
     layer = two_plies(0.005, 1 / 20, base)
@@ -237,11 +246,13 @@ def test_sliding_across_a_jump(base):
     assert rolled.work_residual < 5e-3
 
 
+@pytest.mark.slow
 def test_a_hard_sheet_between_soft_plies():
     layer = Layer(H, plies=(Ply(0.2, 1.0), Ply(0.001, 50.0), Ply(0.019, 1.0)))
     assert_engines_agree(layer, PRESSED, SLS, 0.01)
 
 
+@pytest.mark.slow
 def test_a_hard_crust_makes_two_peaks():
     """A plate on a soft bed is bent to the roller's curvature and pressed most towards the edges of the contact."""
     layer = two_plies(0.003, 20.0)

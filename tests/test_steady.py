@@ -99,6 +99,7 @@ def test_steady_balance_is_found_at_once(solved):
     assert solved.yield_residual < 1e-9
 
 
+@pytest.mark.slow
 def test_two_ways_of_coming_there_end_in_one_balance(solved):
     """From 5 % deeper and back again."""
     shallow = Roller(0.11, 0.002, profile="deformed")

@@ -39,6 +39,7 @@ def test_every_study_has_a_test():
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
 
 
+@pytest.mark.slow
 def test_speed_against_error_measures_every_formula_and_sampling_converges(capsys, tmp_path):
     module = study("speed_against_error")
     result = module.main(

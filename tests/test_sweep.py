@@ -292,6 +292,7 @@ def test_bands_contain_the_calibrated_operating_point(tmp_path):
     assert low < slope < high
 
 
+@pytest.mark.slow
 def test_heckel_slope_explains_the_resistance_of_columns(tmp_path):
     table, _ = swept(tmp_path, varied=["mix.overrides=~64"], indices=True)
     names, found = maps.of_table(table, "resistance")

@@ -288,6 +288,7 @@ def test_refuses(changes, words):
         travel(**given)
 
 
+@pytest.mark.slow
 def test_refuses_a_start_elsewhere(steady):
     with pytest.raises(ValueError, match="`start` must have rolled over the same `layer`"):
         travel(Layer(0.2), ROLLER, MIX, law("quintic", 0.1, 1.0), start=steady)

@@ -229,6 +229,7 @@ def test_deep_free_rollers_get_steady(friction):
     assert rolled.equilibrium_residual < 1e-3
 
 
+@pytest.mark.slow
 def test_both_ways_mirror_each_other():
     roller = Roller(2.0, 0.002, GRIP, "driven", "circle")
     numerics = {"torque": 500.0, "strain": "small", "increments": 6}
