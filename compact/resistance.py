@@ -9,7 +9,7 @@ fails new ones are put on both sides of it. At rest the resistance is set-valued
 
 First order in the acceleration holds while |a| tau/|v| is below SLOW (`modulation`), so never at a turn; `beyond` says
 where. There the second term is held at what it is at the limit: continuous, and gone at rest. That repairs little: on a
-Winkler foundation (operating point's contact, Eg/Er 1.5, tau 0.1 s, five laws) the largest miss of a pass of 3 s is
+Winkler foundation (operating point's contact, Eg/Er 1.5, tau 0.1 s, four laws) the largest miss of a pass of 3 s is
 0.16-0.41 of the peak force without M, 0.14-0.39 with it; in 0.6 s, where most is beyond, both miss 0.8-1.6. M without a
 limit misses half as much by root mean square in 3 s, and 1.4-50 peak forces in 0.6 s. Beside a turn, and for a few tau
 after the acceleration jumps, history decides, of which |a| tau/|v| knows nothing.
