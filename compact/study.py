@@ -295,6 +295,10 @@ class Study:
         """Crank angle of each cart ahead of the first [rad]."""
         return machine.angles(self.scene)
 
+    def means(self, name):
+        """The drive that carries a law."""
+        return machine.means(self.scene, self.cycles[name])
+
     @cached_property
     def runs(self):
         """A `Run`, `ElasticRun` or `MotorRun` per law, by name."""
@@ -321,7 +325,7 @@ class Study:
         runs = {}
         for name, cycle in self.cycles.items():
             self.count("runs")
-            runs[name] = drive.simulate(cart, machine.means(self.scene, cycle), cycle, resistance, working=working)
+            runs[name] = drive.simulate(cart, self.means(name), cycle, resistance, working=working)
         return runs
 
     def _rankings(self, runs):

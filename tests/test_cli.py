@@ -171,11 +171,17 @@ def test_another_scenes_results_need_force(tmp_path):
     assert compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out", "--force", *summary_only).returncode == 0
 
 
+def heed_interrupts():
+    """A shell lets what it starts in the background ignore them."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_interrupt_leaves_whole_files_and_no_summary(tmp_path):
     scene = tmp_path / "scene.toml"
     shutil.copy(ROOT / "studies" / "scenes" / "loveikin-2015.toml", scene)
     call = [sys.executable, "-m", "compact.cli", "run", str(scene), "--out", str(tmp_path / "out")]
-    with subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "preexec_fn": heed_interrupts}
+    with subprocess.Popen(call, **pipes) as process:
         while not list((tmp_path / "out" / "cycles").glob("*.csv")) and process.poll() is None:
             time.sleep(0.01)
         process.send_signal(signal.SIGINT)

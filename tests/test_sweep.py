@@ -325,12 +325,18 @@ def told(capsys, *arguments):
     return code, "".join(capsys.readouterr())
 
 
+def heed_interrupts():
+    """A shell lets what it starts in the background ignore them."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_interrupt_of_the_command_keeps_whole_points_and_resume_needs_the_rest(tmp_path, capsys):
     grid = ("--vary", "mix.moisture=0.08:0.12:12", "--vary", "mix.density_ratio=0.96:0.99:25")
     given = (SCENES / "loveikin-2015.toml", "--engine", "column", "--out", tmp_path / "out", *grid)
     call = [sys.executable, "-m", "compact.cli", "sweep", *map(str, given), "--workers", "2"]
     points = tmp_path / "out" / "points"
-    with subprocess.Popen(call, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
+    alone = {"start_new_session": True, "preexec_fn": heed_interrupts}
+    with subprocess.Popen(call, stderr=subprocess.PIPE, text=True, **alone) as process:
         while len(list(points.glob("*.points"))) < 2 and process.poll() is None:
             time.sleep(0.01)
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the command and to its workers
