@@ -130,7 +130,8 @@ class Face:
         return Push(gap, pressure, self.friction * pressure, (self.weight * pressure)[:, None] * pushed, stiffness)
 
     def _pressure(self, gap):
-        return np.maximum(self.carried - self.penalty * gap, 0.0)
+        relieved = np.multiply(self.penalty, gap, out=np.full_like(gap, np.inf), where=np.isfinite(gap))
+        return np.maximum(self.carried - relieved, 0.0)
 
     def _rising(self, pressure):
         """Minus the derivative of the nodal force by the gap."""
