@@ -1,6 +1,5 @@
 """The command from outside: exit codes 0 done, 1 could not, 2 bad input; no traceback; nothing half-written."""
 
-import os
 import re
 import shutil
 import signal
