@@ -5,6 +5,7 @@
 The laws themselves are in `compact.laws`; `law` gives one by name. Times in s, travel in m, counted from the near end.
 """
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -170,15 +171,14 @@ class Motion:
         `turn` says what follows at the ends: "reversal" the way back at once, "dwell" a stand-still.
         """
         refuse_unknown("turn", turn, TURNS)
-        found = []
-        grid = graded(self.curve.x)
-        for k in range(1, 5):
+        found, places = [], self.curve.x
+        grid, sides = graded(places), [self._sides(k, turn) for k in range(1, 6)]
+        for k, (here, next_one) in enumerate(itertools.pairwise(sides), start=1):
             smallest = JUMP_TOLERANCE * max(1.0, np.abs(self.curve(grid, nu=k)).max())
-            for z in self.curve.x:
-                before, after = self._sides(z, k, turn)
-                drift = SIDE_STEPS * np.finfo(float).eps * np.abs(self._sides(z, k + 1, turn)).max()
-                if abs(after - before) > smallest + drift:
-                    found.append(Join(float(z * self.duration), k, self._scale(k) * before, self._scale(k) * after))
+            drift = SIDE_STEPS * np.finfo(float).eps * np.abs(next_one).max(axis=0)
+            for i in np.flatnonzero(np.abs(here[1] - here[0]) > smallest + drift):
+                before, after = (self._scale(k) * here[:, i]).tolist()
+                found.append(Join(float(places[i] * self.duration), k, before, after))
         return tuple(sorted(found, key=lambda join: join.time))
 
     def smoothness(self, turn: Turn = "reversal"):
@@ -202,19 +202,18 @@ class Motion:
     def _scale(self, order):
         return self.stroke / self.duration**order
 
-    def _sides(self, z, order, turn):
-        """Value of s^(k) just before and just after phase z."""
-        neighbours = np.nextafter(z, [-1.0, 2.0])
-        inside = [float(self.curve(side, nu=order)) for side in neighbours if 0 <= side <= 1]
-        if len(inside) == 2:
-            return inside
+    def _sides(self, order, turn):
+        """Values of s^(k) just before and just after each place where pieces meet, ends among them, shape (2, n)."""
+        places = self.curve.x
+        before = self.curve(np.nextafter(places[1:], -1.0), nu=order)
+        after = self.curve(np.nextafter(places[:-1], 2.0), nu=order)
         if turn == "dwell":
-            outside = 0.0
+            outside = np.zeros(2)
         elif self.retraces:
-            outside = (-1) ** order * inside[0]
+            outside = (-1) ** order * np.array([after[0], before[-1]])
         else:
-            outside = -float(self.curve(1.0 - z, nu=order))
-        return (outside, inside[0]) if z == 0 else (inside[0], outside)
+            outside = -self.curve(1.0 - places[[0, -1]], nu=order)
+        return np.array([[outside[0], *before], [*after, outside[1]]])
 
 
 @dataclass(frozen=True)
@@ -384,7 +383,7 @@ class Cycle:
             first, last = turns if leg.direction > 0 else turns[::-1]
             inner = [join for join in leg.motion.joins(first) if join.time < leg.duration]
             # a reversal belongs to the pass that it begins
-            outer = [join for join in leg.motion.joins("dwell") if join.time == leg.duration and last == "dwell"]
+            outer = [join for join in leg.motion.joins("dwell") if join.time == leg.duration] if last == "dwell" else []
             joins += [replace(join, time=leg.start + join.time) for join in inner + outer]
         return tuple(joins)
 

@@ -49,7 +49,7 @@ def sign_changes(function, breaks):
     values = function(grid)
     change = np.flatnonzero(values[:-1] * values[1:] < 0)
     low, high, sign = grid[change], grid[change + 1], np.sign(values[change])
-    for _ in range(60):
+    for _ in range(60 if change.size else 0):
         middle = (low + high) / 2
         left = np.sign(function(middle)) == sign
         low, high = np.where(left, middle, low), np.where(left, high, middle)

@@ -307,7 +307,9 @@ def test_rate_equations_give_the_published_paths(name):
 
 
 @SIDES
-@pytest.mark.parametrize("name", PATHS)
+@pytest.mark.parametrize(
+    "name", [name for name in PATHS if not name.startswith("log")]
+)  # log: other strains of the oedometer
 def test_small_steps_go_where_the_rate_equations_lead(name, dry_side):
     strain = np.array(PATHS[name][0])
     stress, density_ratio = followed(MIX, strain)

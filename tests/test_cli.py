@@ -1,6 +1,5 @@
 """The command from outside: exit codes 0 done, 1 could not, 2 bad input; no traceback; nothing half-written."""
 
-import os
 import re
 import shutil
 import signal
@@ -8,19 +7,43 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
+
+from compact import cli
 
 ROOT = Path(__file__).parent.parent
 SMALL = ROOT / "studies" / "scenes" / "small.toml"
 
 
-def compact(*arguments, cwd=None, **environment):
+class Told(NamedTuple):
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def compact(monkeypatch, capsys):
+    """The command, called in this process: a warning fails it, and what it lets pass fails the test."""
+
+    def called(*arguments, cwd="."):
+        monkeypatch.chdir(cwd)
+        monkeypatch.setattr("sys.argv", ["compact", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return Told(ended.value.code, *capsys.readouterr())
+
+    return called
+
+
+def compact_alone(*arguments):
+    """The command in a process of its own, as a shell starts it."""
     call = [sys.executable, "-m", "compact.cli", *map(str, arguments)]
-    return subprocess.run(call, capture_output=True, text=True, cwd=cwd, env=os.environ | environment, check=False)
+    return subprocess.run(call, capture_output=True, text=True, check=False)
 
 
-def test_new_scene_runs_as_it_is(tmp_path):
+def test_new_scene_runs_as_it_is(compact, tmp_path):
     assert compact("new", tmp_path / "mine").returncode == 0
     done = compact("run", "scene.toml", cwd=tmp_path / "mine")
     assert done.returncode == 0, done.stderr
@@ -31,23 +54,23 @@ def test_new_scene_runs_as_it_is(tmp_path):
 
 def test_new_keeps_a_scene_that_stands(tmp_path):
     (tmp_path / "scene.toml").write_text("mine")
-    told = compact("new", tmp_path)
+    told = compact_alone("new", tmp_path)
     assert told.returncode == 1
     assert "exists already; give another directory" in told.stderr
     assert (tmp_path / "scene.toml").read_text() == "mine"
 
 
 def test_quiet_run_says_nothing(tmp_path):
-    done = compact("run", SMALL, "--out", tmp_path / "out", "--set", "output.wanted=[]", "--quiet")
+    done = compact_alone("run", SMALL, "--out", tmp_path / "out", "--set", "output.wanted=[]", "--quiet")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
-def test_digest_has_the_published_force(tmp_path):
+def test_digest_has_the_published_force(compact, tmp_path):
     done = compact("run", SMALL, "--out", tmp_path / "out", "--set", "output.wanted=[]")
     assert "roller force                  9740 N" in done.stdout
 
 
-def test_cam_command_writes_what_the_workshop_needs(tmp_path):
+def test_cam_command_writes_what_the_workshop_needs(compact, tmp_path):
     done = compact("cam", SMALL, "--law", "combined-3", "--follower", "flat", "--out", tmp_path, "--cutter", "0.02")
     assert done.returncode == 0, done.stderr
     assert "least breadth                 0.605" in done.stdout  # 1.514 strokes of 0.4 m, D-cams
@@ -58,7 +81,7 @@ def test_cam_command_writes_what_the_workshop_needs(tmp_path):
     assert header.startswith("cam_angle_deg,follower_mm,x_mm,y_mm")
 
 
-def test_roll_writes_one_contact(tmp_path):
+def test_roll_writes_one_contact(compact, tmp_path):
     plain = ("--set", "machine.profile=circle", "--set", "machine.rolling=frictionless")
     done = compact("roll", SMALL, "--engine", "spectral", *plain, "--speed", "0.2", "--out", tmp_path / "contact")
     assert done.returncode == 0, done.stderr
@@ -68,7 +91,7 @@ def test_roll_writes_one_contact(tmp_path):
     }  # fmt: skip
 
 
-def test_roll_by_finite_elements_writes_the_fields_of_a_free_roller(tmp_path):
+def test_roll_by_finite_elements_writes_the_fields_of_a_free_roller(compact, tmp_path):
     done = compact("roll", SMALL, "--engine", "fem", "--out", tmp_path / "contact")
     assert done.returncode == 0, done.stderr
     assert {path.name for path in (tmp_path / "contact").iterdir()} == {
@@ -79,7 +102,7 @@ def test_roll_by_finite_elements_writes_the_fields_of_a_free_roller(tmp_path):
     assert re.search(r"energy balance closes to \d\.\de-\d\d; iterations: \d+\n", done.stdout)
 
 
-def test_contact_that_does_not_settle_tells_how_it_ended_and_leaves_nothing(tmp_path):
+def test_contact_that_does_not_settle_tells_how_it_ended_and_leaves_nothing(compact, tmp_path):
     deep = ("--engine", "fem", "--set", "contact.indentation=0.1")
     told = compact("roll", SMALL, *deep, "--out", tmp_path / "contact")
     assert told.returncode == 1
@@ -88,19 +111,19 @@ def test_contact_that_does_not_settle_tells_how_it_ended_and_leaves_nothing(tmp_
     assert list((tmp_path / "contact").iterdir()) == []
 
 
-def test_refused_run_does_not_lock_its_directory(tmp_path):
+def test_refused_run_does_not_lock_its_directory(compact, tmp_path):
     assert compact("run", SMALL, "--engine", "spectral", "--out", tmp_path / "out").returncode == 2
     assert compact("run", SMALL, "--set", "output.wanted=[]", "--out", tmp_path / "out").returncode == 0
 
 
-def test_each_engine_has_its_own_place_for_a_contact(tmp_path):
+def test_each_engine_has_its_own_place_for_a_contact(compact, tmp_path):
     plain = ("--set", "machine.profile=circle", "--set", "machine.rolling=frictionless")
     for engine in ("formula", "spectral"):
         assert compact("roll", SMALL, "--engine", engine, *plain, cwd=tmp_path).returncode == 0
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"small-formula", "small-spectral"}
 
 
-def test_check_finds_our_side_unchanged():
+def test_check_finds_our_side_unchanged(compact):
     done = compact("check")
     assert done.returncode == 0
     assert "our side is unchanged" in done.stdout
@@ -135,14 +158,14 @@ BAD_CALLS = {
 
 
 @pytest.mark.parametrize(("arguments", "code", "words"), BAD_CALLS.values(), ids=BAD_CALLS)
-def test_bad_calls_end_in_a_sentence(arguments, code, words, tmp_path):
+def test_bad_calls_end_in_a_sentence(compact, arguments, code, words, tmp_path):
     told = compact(*arguments, cwd=tmp_path)
     assert told.returncode == code, told.stderr
     assert words in " ".join((told.stdout + told.stderr).replace("│", " ").split())
     assert "Traceback" not in told.stdout + told.stderr
 
 
-def test_mistakes_of_a_scene_are_told_together_with_lines(tmp_path):
+def test_mistakes_of_a_scene_are_told_together_with_lines(compact, tmp_path):
     text = SMALL.read_text().replace("roller_radius = 0.11 ", "roller_radius = -0.11 ").replace("mass =", "mas =")
     (tmp_path / "bad.toml").write_text(text)
     told = compact("run", "bad.toml", cwd=tmp_path)
@@ -153,7 +176,7 @@ def test_mistakes_of_a_scene_are_told_together_with_lines(tmp_path):
     assert "Traceback" not in told.stderr
 
 
-def test_impossible_angle_is_refused_with_the_remedy(tmp_path):
+def test_impossible_angle_is_refused_with_the_remedy(compact, tmp_path):
     text = SMALL.read_text().replace("effective_modulus = 1364535.2", "effective_modulus = 1000.0")
     (tmp_path / "soft.toml").write_text(text)
     told = compact("run", "soft.toml", cwd=tmp_path)
@@ -161,7 +184,7 @@ def test_impossible_angle_is_refused_with_the_remedy(tmp_path):
     assert "lower `pressure` or raise `youngs_modulus`: sin phi would be" in told.stderr
 
 
-def test_another_scenes_results_need_force(tmp_path):
+def test_another_scenes_results_need_force(compact, tmp_path):
     summary_only = ("--set", "output.wanted=[]")
     assert compact("run", SMALL, "--out", tmp_path / "out", *summary_only).returncode == 0
     (tmp_path / "slow.toml").write_text(SMALL.read_text().replace("duration = 3.0", "duration = 4.0"))
@@ -201,15 +224,12 @@ def test_reader_that_closes_early_is_no_error(tmp_path):
     assert (told.returncode, told.stderr) == (0, "")
 
 
-def test_internal_error_is_a_sentence(tmp_path):
-    script = (
-        "import sys, compact.scene as scene\n"
-        "def broken(*_, **__): raise TypeError('boom')\n"
-        "scene.load_scene = broken\n"
-        f"sys.argv = ['compact', 'run', {str(SMALL)!r}]\n"
-        "from compact.cli import main; main()"
-    )
-    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path, check=False)
+def test_internal_error_is_a_sentence(compact, monkeypatch):
+    def broken(*_, **__):
+        raise TypeError("boom")
+
+    monkeypatch.setattr("compact.scene.load_scene", broken)
+    told = compact("run", SMALL)
     assert told.returncode == 1
     assert "internal error, please report it: TypeError: boom" in told.stderr
     assert "Traceback" not in told.stderr

@@ -42,6 +42,11 @@ def rolled():
     return over_small()
 
 
+@pytest.fixture(scope="module")
+def thin():
+    return over_thin(10, increments=12)
+
+
 # (a) the limit of columns
 
 
@@ -254,20 +259,33 @@ def test_roller_that_touches_nothing_bears_nothing():
 # (f) properties
 
 
-def test_backwards_is_the_mirror_image():
-    there, back = over_thin(10, increments=12), over_thin(10, speed=-0.2, increments=12)
-    assert (back.load, back.resistance, back.leading) == (there.load, -there.resistance, there.leading)
-    assert back.x == pytest.approx(-there.x[::-1])
+def test_backwards_is_the_mirror_image(thin):
+    back = over_thin(10, speed=-0.2, increments=12)
+    assert (back.load, back.resistance, back.leading) == (thin.load, -thin.resistance, thin.leading)
+    assert back.x == pytest.approx(-thin.x[::-1])
 
 
-def test_without_rate_effect_speed_does_not_matter(rolled):
+def test_without_rate_effect_speed_does_not_matter(thin):
+    faster = over_thin(10, speed=2.0, increments=12)
+    assert (faster.load, faster.resistance) == pytest.approx((thin.load, thin.resistance), rel=1e-9)
+
+
+def test_rate_effect_of_five_percent_a_decade(thin):
+    mix = replace(THIN, rate_exponent=np.log10(1.05), reference_speed=0.2)
+    faster = over_thin(10, mix, speed=2.0, increments=12)
+    assert 1.03 < faster.load / thin.load < 1.055
+
+
+@pytest.mark.slow
+def test_speed_does_not_matter_from_a_neighbour_on(rolled):
     faster = over_small(speed=2.0, start=rolled)
     assert faster.error == rolled.error
     assert faster.load == pytest.approx(rolled.load, rel=3e-3)
     assert faster.resistance == pytest.approx(rolled.resistance, rel=3e-3)
 
 
-def test_rate_effect_of_five_percent_a_decade(rolled):
+@pytest.mark.slow
+def test_rate_effect_of_five_percent_a_decade_from_a_neighbour_on(rolled):
     mix = replace(MIX, rate_exponent=np.log10(1.05), reference_speed=0.2)
     faster = over_small(material=mix, speed=2.0, start=rolled)
     assert 1.03 < faster.load / rolled.load < 1.055

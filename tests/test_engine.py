@@ -116,7 +116,8 @@ def test_formula_scene_rolls_no_layer():
 
 
 def test_run_tabulates_resistance_over_speed_beside_the_formulas(tmp_path):
-    case = study(**CASE_G, **{"accuracy.engine": "spectral", "contact.speeds": [0.03, 0.3]})
+    wanted = {"contact.speeds": [0.03, 0.3], "output.wanted": ["tables"]}
+    case = study(**CASE_G, **wanted, **{"accuracy.engine": "spectral"})
     summary = report.write(case, tmp_path / "out")
     table = np.genfromtxt(tmp_path / "out" / "contact.csv", delimiter=",", names=True)
     assert table["resistance_Nm"] == pytest.approx([289.42, 392.89], rel=1e-4)

@@ -1,5 +1,6 @@
 """The engine "fem" against closed forms, published tables and a spectral twin; its order, its energy, its limits."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -371,7 +372,13 @@ CORNERS = {
 }
 
 
-@pytest.mark.parametrize(("layer", "roller", "mix", "speed"), CORNERS.values(), ids=CORNERS)
+BETWEEN = ("De 1e-3", "De 1e-2", "De 1e2", "De 1e3")  # corners that lie between others
+
+
+@pytest.mark.parametrize(
+    ("layer", "roller", "mix", "speed"),
+    [pytest.param(*corner, id=name, marks=[pytest.mark.slow] * (name in BETWEEN)) for name, corner in CORNERS.items()],
+)
 def test_hard_corner_is_that_of_the_spectral_engine(layer, roller, mix, speed):
     rolled, judge = roll(layer, roller, mix, speed), spectral.roll(layer, roller, mix, speed)
     assert rolled.load == pytest.approx(judge.load, rel=5e-4)
@@ -454,9 +461,17 @@ def test_reaction_of_the_base_is_the_load():
     assert SLS.youngs_modulus * reaction[0] == pytest.approx(-rolled.resistance, rel=1e-6)
 
 
-@pytest.mark.parametrize("profile", ["parabola", "circle", "deformed"])
-@pytest.mark.parametrize("base", ["bonded", "slip"])
-@pytest.mark.parametrize("torque", [0.0, 700.0, -700.0], ids=["free", "driven", "braked"])
+TURNED = itertools.product(["parabola", "circle", "deformed"], ["bonded", "slip"], [0.0, 700.0, -700.0])
+DAILY = (  # every profile on every base, every torque on either base
+    ("parabola", "bonded", 0.0), ("circle", "bonded", 700.0), ("deformed", "bonded", -700.0),
+    ("parabola", "slip", 700.0), ("circle", "slip", -700.0), ("deformed", "slip", 0.0),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("profile", "base", "torque"),
+    [pytest.param(*case, marks=[pytest.mark.slow] * (case not in DAILY)) for case in TURNED],
+)
 def test_energy_of_stick_and_slip_is_balanced(profile, base, torque):
     roller = Roller(0.11, 0.006, friction=0.3, rolling="driven", profile=profile)
     rolled = roll(Layer(0.22, base), roller, SLS, 0.03, torque=torque)

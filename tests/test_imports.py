@@ -4,6 +4,7 @@ import ast
 import os
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -68,6 +69,7 @@ def at_start_up(tree):
             yield from at_start_up(node)
 
 
+@cache
 def tree_of(module):
     return ast.parse(MODULES[module].read_text(encoding="utf-8"))
 

@@ -77,9 +77,9 @@ def test_clean_table_converges_at_the_order_of_the_quintic_spline():
 
 @pytest.fixture(scope="module", params=["exact ends", "noisy ends"])
 def trials(request):
-    """Errors and reported standard errors over 200 tables, by order of derivative, at the phases INSIDE."""
+    """Errors and reported standard errors over 80 tables, by order of derivative, at the phases INSIDE."""
     exact = law("quintic", STROKE, DURATION)
-    motions = [noisy_quintic(seed, 61, request.param) for seed in range(200)]
+    motions = [noisy_quintic(seed, 61, request.param) for seed in range(80)]
     errors = [[m.derivative(INSIDE, k) - exact.derivative(INSIDE, k) for k in range(4)] for m in motions]
     reported = [[m.standard_error(INSIDE, k) for k in range(4)] for m in motions]
     return np.array(errors), np.array(reported), np.array([m.scatter for m in motions])

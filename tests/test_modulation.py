@@ -226,7 +226,7 @@ def travelled(roller, speed, acceleration, steps=16, times=8.0):
 @pytest.mark.parametrize(
     ("roller", "speed"),
     [
-        (pressed(profile="deformed"), 0.05),
+        pytest.param(pressed(profile="deformed"), 0.05, marks=pytest.mark.slow),
         (pressed(profile="deformed", friction=0.3, rolling="sliding"), 0.3),
         pytest.param(DEEP, 0.05, marks=pytest.mark.slow),
     ],

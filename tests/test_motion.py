@@ -472,7 +472,7 @@ NODES, WEIGHTS = legendre.leggauss(64)
 
 @pytest.mark.parametrize("order", range(4))
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8)
 @given(data=st.data())
 def test_each_derivative_is_the_derivative_of_the_one_before(name, order, data):
     motion = data.draw(motions((name,)))
@@ -488,14 +488,14 @@ def test_each_derivative_is_the_derivative_of_the_one_before(name, order, data):
     assert abs(ends[1] - ends[0] - integral) <= 1e-11 * size
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60)
 @given(motions())
 def test_every_law_runs_from_end_to_end(motion):
     ends = motion.position(np.array([0.0, motion.duration])) / motion.stroke
     assert ends == pytest.approx([0.0, 1.0], abs=1e-13)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60)
 @given(motions())
 def test_travel_is_continuous_where_pieces_meet(motion):
     z = motion.curve.x[1:-1]
@@ -503,7 +503,7 @@ def test_travel_is_continuous_where_pieces_meet(motion):
     assert before == pytest.approx(after, abs=1e-13)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40)
 @given(motions())
 def test_peaks_are_the_largest_values(motion):
     breaks = motion.curve.x
@@ -514,7 +514,7 @@ def test_peaks_are_the_largest_values(motion):
     assert peaks[:3] == pytest.approx(sampled[:3], rel=1e-2, abs=1e-12 * max(peaks))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40)
 @given(st.sampled_from(NAMES), st.floats(0.0, 0.5), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
 @example("complex", 0.0, 1.0, 1 - 1e-5)
 def test_peak_velocity_is_at_least_the_mean(name, run, share, split):
@@ -523,7 +523,7 @@ def test_peak_velocity_is_at_least_the_mean(name, run, share, split):
     assert motion.peaks().velocity >= 0.4 / 3.0 * (1 - 1e-12)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25)
 @given(motions(), st.integers(1, 4))
 def test_peaks_and_criteria_scale_with_stroke_and_time(motion, order):
     twin = Motion(motion.name, 1.0, 1.0, motion.curve, motion.retraces)
@@ -533,7 +533,7 @@ def test_peaks_and_criteria_scale_with_stroke_and_time(motion, order):
     assert motion.smoothness() == twin.smoothness()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25)
 @given(motions(), st.floats(0, 5), st.floats(0, 5))
 @example(law("cubic", 0.4, 3.0), 1e-310, 5e-324)
 def test_cycle_stays_between_its_ends(motion, far, near):

@@ -241,7 +241,7 @@ def test_hash_of_a_scene_knows_its_passes():
 
 
 def test_results_tell_of_every_pass(tmp_path):
-    case = study(**{"contact": {"speeds": [0.1, 0.2]}})
+    case = study(**{"contact": {"speeds": [0.1, 0.2]}, "output.wanted": ["tables"]})
     contacts = report.write(case, tmp_path / "out")["contacts"]
     assert [len(contact["passes"]) for contact in contacts] == [3, 3]
     assert contacts[0]["passes"][0]["load"]["value"] == contacts[0]["load"]["value"]

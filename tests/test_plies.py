@@ -66,7 +66,7 @@ def fourier_modes(wave_number, layer, poisson):
     ],
     ids=["one", "stiff-above", "soft-above", "three"],
 )
-@pytest.mark.parametrize("zeta", [1e-3, 0.1, 1.0, 3.7, 12.0])
+@pytest.mark.parametrize("zeta", [1e-3, 1.0, 12.0])
 def test_symbols_are_those_of_the_fourier_mode(zeta, plies, poisson, base):
     layer = Layer(1.0, base, plies)
     with mpmath.workdps(60):
@@ -200,14 +200,15 @@ def assert_engines_agree(layer, roller, material, speed, load=5e-4, resistance=5
     assert rolled.error[1] < 2 * resistance
 
 
-@pytest.mark.parametrize("jump", [20.0, 1 / 20], ids=["stiff-above", "soft-above"])
+DAILY = ((0.2, "bonded", 20.0), (0.2, "bonded", 1 / 20), (7.0, "slip", 20.0))
+
+
 @pytest.mark.parametrize(
-    ("depth", "base"),
+    ("depth", "base", "jump"),
     [
-        (0.2, "bonded"),
-        pytest.param(0.2, "slip", marks=pytest.mark.slow),
-        pytest.param(1.0, "bonded", marks=pytest.mark.slow),
-        (7.0, "slip"),
+        pytest.param(depth, base, jump, marks=[pytest.mark.slow] * ((depth, base, jump) not in DAILY))
+        for depth, base in ((0.2, "bonded"), (0.2, "slip"), (1.0, "bonded"), (7.0, "slip"))
+        for jump in (20.0, 1 / 20)
     ],
 )
 def test_both_engines_agree_across_a_jump(depth, jump, base):
@@ -319,7 +320,7 @@ def test_speeds_on_plies_share_one_factorisation():
     layer = two_plies(0.01, 20.0)
     compliance.stiffness.cache_clear()
     compliance.condensed.cache_clear()
-    for speed in (0.003, 0.03, -0.3):
+    for speed in (0.003, -0.3):
         fem.roll(layer, PRESSED, SLS, speed)
     assert compliance.stiffness.cache_info().misses == 2  # the mesh and its coarser one
 

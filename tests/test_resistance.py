@@ -216,6 +216,7 @@ ROLLED = {
     "machine.rolling": "frictionless",
     "machine.profile": "circle",
     "motion.laws": ["cubic", "reversal-3"],
+    "output.wanted": ["tables"],
 }
 
 

@@ -90,7 +90,7 @@ def test_layer_that_folds_over_is_refused():
 
 @pytest.fixture(scope="module")
 def solved():
-    return roll(Layer(0.1), Roller(0.11, 0.002, profile="deformed"), MIX, 0.2, increments=6)
+    return roll(Layer(0.1), Roller(0.11, 0.002, profile="deformed"), MIX, 0.2, increments=4)
 
 
 def test_steady_balance_is_found_at_once(solved):

@@ -1,5 +1,6 @@
 """A roller through time: steady motion, published reversals, an independent program, joins, rest, refusals."""
 
+import itertools
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
@@ -69,8 +70,16 @@ def test_roller_that_stands_meets_the_relaxed_layer():
     assert np.abs(done.resistance).max() < 1e-5 * relaxed.load
 
 
-@pytest.mark.parametrize("profile", ["parabola", "circle", "deformed"])
-@pytest.mark.parametrize("speed", [0.003, 0.2, -3.0])
+DAILY = (("parabola", 0.2), ("parabola", -3.0), ("circle", 0.003), ("deformed", 0.003), ("deformed", -3.0))
+
+
+@pytest.mark.parametrize(
+    ("profile", "speed"),
+    [
+        pytest.param(*case, marks=[pytest.mark.slow] * (case not in DAILY))
+        for case in itertools.product(["parabola", "circle", "deformed"], [0.003, 0.2, -3.0])
+    ],
+)
 def test_constant_speed_is_steady_rolling(profile, speed):
     steady = fem.roll(LAYER, pressed(profile=profile), MIX, speed, estimate=False)
     done = travel(
@@ -142,8 +151,8 @@ def test_reversal_on_a_winkler_foundation():
     [
         (0.1, -0.03, 0.06090090),
         (1.0, -0.3, 0.09690354),
-        (1.0, -0.03, 0.10355338),
-        (1.0, 0.03, 0.10540707),
+        pytest.param(1.0, -0.03, 0.10355338, marks=pytest.mark.slow),
+        pytest.param(1.0, 0.03, 0.10540707, marks=pytest.mark.slow),
         (3.0, -0.9, 0.05820110),
     ],
 )
