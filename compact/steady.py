@@ -25,7 +25,7 @@ from compact.flow import Flow, Stream, changes
 from compact.solid import SUBSTEPS, Condition
 
 RESIDUAL = 1e-6  # of the forces of the roller
-ITERATIONS = 30
+ITERATIONS = 60
 PRODUCTS = 150  # of GMRES in one iteration; 30 to 90 are usual
 LINEAR = 3e-2  # of the residual may be left by GMRES
 CUTS = 8
