@@ -22,9 +22,11 @@ def limits(scene, fastest):
 
 def _cam(scene):
     table = scene.motion.optimise
-    if table.pressure_angle is None and table.radius_of_curvature is None:
+    asked = table.pressure_angle, table.radius_of_curvature, table.profile_radius
+    if asked == (None, None, None):
         return None
-    return CamLimits(scene.cam.breadth, table.pressure_angle, table.radius_of_curvature, scene.motion.dwell)
+    angle, flat, profile = asked
+    return CamLimits(scene.cam.breadth, angle, flat, scene.motion.dwell, profile, scene.cam.roller_follower_radius)
 
 
 def law(scene, objective, pushes, limits):

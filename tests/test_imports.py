@@ -12,10 +12,21 @@ ROOT = Path(__file__).parents[1]
 MODULES = {path.stem: path for path in sorted((ROOT / "compact").glob("*.py"))}
 # A module imports strictly lower levels only, so that no circle can close.
 LEVELS = (
-    ("refuse", "pieces", "measurements", "fitting", "deformation", "pressing", "equilibrium", "ringing", "pool"),
+    (
+        "refuse",
+        "pieces",
+        "measurements",
+        "fitting",
+        "deformation",
+        "pressing",
+        "equilibrium",
+        "ringing",
+        "pool",
+        "criteria",
+    ),
     (
         *("records", "material", "mesh", "patch", "plies", "sizing", "shaft", "follower", "variational", "results"),
-        *("scene_errors", "polynomials", "quadratic", "lawspace", "criteria", "drawing", "page", "sobol", "springs"),
+        *("scene_errors", "polynomials", "quadratic", "lawspace", "pitch", "drawing", "page", "sobol", "springs"),
         *("pressed_memory", "strokes"),
     ),
     ("laws", "halfplane", "modulation", "mix", "cart", "scene_rules", "streamline", "cap", "dynamics", "limits"),
