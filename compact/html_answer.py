@@ -53,7 +53,8 @@ def asked(study):
 
 def answer(study, shifts, found):
     """The answer and how sure it is; `shifts` as of `sensitivity`, `found` as of `checks`."""
-    said = [_winner(by, places) for by, places in study.rankings.items()] + _conflict(study.rankings)
+    said = [_winner(by, places) for by, places in study.rankings.items()]
+    said += _endless(study.rankings) + _conflict(study.rankings)
     said.append(_met(study))
     if not study.mix.reachable:
         said.append(f"{strong('Not reachable by rolling:')} {escape(study.mix.reachable.reason)}.")
@@ -93,8 +94,15 @@ def _winner(by, places):
         if last is not following:
             said += f", the last, {escape(last.run.name)}, {percent(last.value / first[0].value - 1)} more"
         said += "."
-    endless = [place.run.name for place in places if place.reason]
-    return said + (f" No machine can follow {escape(' and '.join(endless))}." if endless else "")
+    return said
+
+
+def _endless(rankings):
+    """The laws that have no finite peak, each reason once for all criteria."""
+    reasons = {}
+    for place in (place for places in rankings.values() for place in places if place.reason):
+        reasons.setdefault(place.reason, {})[place.run.name] = None
+    return [f"No machine can follow {escape(' and '.join(names))}: {escape(why)}." for why, names in reasons.items()]
 
 
 def _conflict(rankings):

@@ -21,7 +21,7 @@ def ranking(study, pictures):
         for by, places in study.rankings.items()
     ]
     words = "Bars of the ranked laws, a panel for each criterion, best on top"
-    said = "Bars: the scene's engine. Marks: by formula, where that is another one."
+    said = "Bars: the scene's engine. Marks: by formula." if study.layered else "By formula."
     shown = picture(pictures["ranking"], words, said)
     lead = f"{len(study.cycles)} laws by {' and '.join(WORDS[by] for by in study.rankings)}."
     return Section("ranking", "Ranking", lead, shown + "".join(tables))

@@ -43,12 +43,11 @@ def law(scene, objective, study):
 
     Raises RuntimeError where it never wants to go slower.
     """
-    motion = scene.motion
+    motion, method = scene.motion, scene.motion.optimise.method
     for _ in range(REACHES):
         limits, pushes = study.limits, study.oppositions
-        made = optimise(
-            objective, motion.stroke, motion.duration, study.cart.mass, pushes, limits, regret=len(pushes) > 1
-        )
+        task = objective, motion.stroke, motion.duration, study.cart.mass, pushes, limits
+        made = optimise(*task, regret=len(pushes) > 1, method=method)
         if limits.velocity in (None, motion.optimise.velocity) or made.peaks().velocity < NEAR * limits.velocity:
             return made
         study.reach(FARTHER * limits.velocity)

@@ -13,6 +13,7 @@ gap is a duality gap: no law of the space is better by more. Elsewhere it measur
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -113,6 +114,10 @@ class Task:
             crowding = (pitch.excess if self.weights else pitch.tangent)(self.nodes, unknowns)
             found = [[*of_sample, crowding] for of_sample in found]
         return found
+
+    def value(self, unknowns):
+        """J of a law."""
+        return self.kept(self.tangents(unknowns))[1]
 
     def weights_of(self, k):
         """Weights of the criteria against sample k."""
@@ -255,7 +260,10 @@ def search(task, unknowns):
                 break
         unknowns, tangents = unknowns + change, there
         value = task.kept(tangents)[1]
-    raise RuntimeError(f"no stationary law after {MOST} steps: {value:g} reached, {value - promised:g} less promised")
+    raise RuntimeError(
+        f"no stationary law after {MOST} steps: {value:g} reached, {value - promised:g} less promised; `method` casadi "
+        "may find one"
+    )
 
 
 def gap(task, unknowns):
@@ -298,7 +306,7 @@ def _priced(task, unknowns):
     """(unknowns, J, steps, task) of a `search` at a price that makes no law worth a profile too curved."""
     if task.held.pitch is None:
         return *search(task, unknowns), task
-    value = task.kept(replace(task, price=0.0).tangents(unknowns))[1]
+    value = replace(task, price=0.0).value(unknowns)
     for price in np.geomspace(PRICE, DEAREST, 5):
         task = replace(task, price=price * abs(value))
         found = search(task, unknowns)
@@ -307,8 +315,22 @@ def _priced(task, unknowns):
     raise RuntimeError(f"the profile of the cam is too curved for any price up to {task.price:g}")
 
 
-def optimum(limits, stroke, duration, weights, mass, resistances, quantile=1.0, pieces=None, least=()):
+def _by_ipopt(task, unknowns):
+    """(unknowns, J, iterations, task) by casadi's IPOPT, J as of `search`."""
+    from compact.judge import descent
+
+    unknowns, _, taken = descent(task, unknowns)
+    value = replace(task, price=0.0).value(unknowns)
+    return unknowns, value, taken, replace(task, price=PRICE * abs(value))
+
+
+METHODS = MappingProxyType({"steps": _priced, "casadi": _by_ipopt})
+
+
+def optimum(limits, stroke, duration, weights, mass, resistances, quantile=1.0, pieces=None, least=(), method="steps"):
     """`Optimum` of a task: on few pieces first, which are then halved; `pieces` of run-up and run-down, see `PIECES`.
+
+    method : of METHODS; of "casadi" the gap is told, and not asked to be small: it follows the resistance by a spline
 
     Raises `limits.InfeasibleError` where no law keeps the limits, RuntimeError where the search does not end.
     """
@@ -326,17 +348,17 @@ def optimum(limits, stroke, duration, weights, mass, resistances, quantile=1.0, 
             if halvings < rounds:
                 continue
             raise
-        unknowns, value, steps, task = _priced(task, start)
+        unknowns, value, steps, task = METHODS[method](task, start)
         curve, refinement, before, taken = space.curve(unknowns), before / value - 1, value, taken + steps
     for _ in range(ROUNDS):
         higher = task.between(unknowns)
         if not higher:
             break
         task = replace(task, more=task.more + higher)
-        unknowns, value, steps, task = _priced(task, unknowns)
+        unknowns, value, steps, task = METHODS[method](task, unknowns)
         taken += steps
     unknowns = task.held.closed(unknowns)
     left = gap(task, unknowns)
-    if left > STATIONARY:
+    if left > STATIONARY and method == "steps":
         raise RuntimeError(f"the search stopped at {value:g} after {taken} steps, not stationary: a gap of {left:.1e}")
     return Optimum(space.curve(unknowns), value, left, refinement, taken)

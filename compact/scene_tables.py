@@ -170,6 +170,9 @@ class Optimise(Table):
         ge=0,
     )
     spread: Spreads = Field(default=(), description="the parameters of the mix whose spread the law must suit")
+    method: Literal["steps", "casadi"] = Field(
+        default="steps", description="sequential convex steps, or IPOPT by casadi (the extra optimise)"
+    )
 
 
 class Motion(Table):

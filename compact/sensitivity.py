@@ -8,8 +8,8 @@ tenth down and up, the fed density a tenth of the way that it is pressed. Each e
                          end would cost what the study itself does
     formula              by formula
 
-What is rolled anew is the resistance at steady speed. A `Shift` says by what it is, and what its `base` is: the scene as
-it is, by the same means. Peaks are those of the samples of a cycle, right to 1e-3.
+What is rolled anew is the resistance at steady speed. A `Shift` says by what it is, and what its `base` is: the scene
+as it is, by the same means. Peaks are those of the samples of a cycle, right to 1e-3.
 """
 
 from dataclasses import dataclass, replace

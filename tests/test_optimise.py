@@ -375,15 +375,40 @@ def test_ipopt_finds_no_better_law_from_20_starts(machine, objective, power, lim
     assert motion.value == pytest.approx(least, rel=5e-3)
 
 
-def test_ipopt_agrees():
-    pytest.importorskip("casadi")
-    from compact.judge import best
+def falling(velocity, acceleration):
+    """A resistance that depends on both: it falls at speed, and lags behind."""
+    return 3000 * np.tanh(velocity / 0.02) - 600 * velocity + 30 * velocity * acceleration
 
-    limits = TWO_THIRDS.replaced(acceleration=0.6)
-    motion = optimise("peak_power", **MACHINE, resistance=dry(3562.0), limits=limits, pieces=16)
-    held = Held(limits, space_of(limits, 16), MACHINE["stroke"], MACHINE["duration"])
-    least, _ = best(Task(held, {"peak_power": 1.0}, MACHINE["mass"], (dry(3562.0),)), 2)
-    assert motion.value == pytest.approx(least, rel=1e-3)
+
+@pytest.mark.parametrize(
+    ("objective", "resistance", "cam"),
+    [
+        pytest.param("peak_power", dry(3562.0), None, id="peak_power-dry"),
+        pytest.param("rms_force", falling, ROLLER, id="rms_force-falling-roller"),
+        pytest.param("drawn_energy", falling, None, id="drawn_energy-falling", marks=pytest.mark.slow),
+        pytest.param("peak_power", falling, ROLLER, id="peak_power-falling-roller", marks=pytest.mark.slow),
+        pytest.param("peak_force", dry(3562.0), ROLLER, id="peak_force-dry-roller", marks=pytest.mark.slow),
+        pytest.param(
+            {"peak_power": 1.0, "rms_force": 0.1}, falling, ROLLER, id="both-falling-roller", marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_casadi_finds_the_same(objective, resistance, cam):
+    pytest.importorskip("casadi")
+    limits = TWO_THIRDS.replaced(acceleration=0.6, cam=cam)
+    task = {"resistance": resistance, "limits": limits, "pieces": 16} | MACHINE
+    ours, theirs = (optimise(objective, **task, method=method) for method in ("steps", "casadi"))
+    assert theirs.value == pytest.approx(ours.value, rel=1e-4)
+    assert broken(limits, theirs) == {}
+
+
+def test_casadi_minds_all_resistances_and_no_quantile():
+    pytest.importorskip("casadi")
+    task = {"resistance": SPREAD, "limits": TWO_THIRDS, "pieces": 16} | MACHINE
+    ours, theirs = (optimise("rms_force", **task, method=method) for method in ("steps", "casadi"))
+    assert theirs.value == pytest.approx(ours.value, rel=1e-6)
+    with pytest.raises(ValueError, match=r"IPOPT is asked for the worst resistance only, got `quantile` 0.5"):
+        optimise("rms_force", **task, quantile=0.5, method="casadi")
 
 
 def test_missing_casadi_is_told(monkeypatch):
@@ -394,6 +419,8 @@ def test_missing_casadi_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
     with pytest.raises(RuntimeError, match=r"pip install '.\[optimise\]'"):
         casadi()
+    with pytest.raises(RuntimeError, match=r"pip install '.\[optimise\]'"):
+        unit("peak_power", method="casadi")
 
 
 # ---- many resistances ------------------------------------------------------------------------------------------------
@@ -476,6 +503,7 @@ def test_few_steps_are_taken(objective, steps):
         ({"mass": -1.0}, "`mass` must be zero or positive"),
         ({"quantile": 1.5}, "`quantile` must be between 0 and 1"),
         ({"pieces": 2.5}, "`pieces` must be a whole number"),
+        ({"method": "guess"}, "no method 'guess'; choose from steps, casadi"),
         ({"objective": "energy"}, "every law asks for nothing"),
     ],
 )
