@@ -178,6 +178,35 @@ def test_figures_are_those_of_the_files_where_these_are_written(tmp_path):
     assert study.counts["figures"] == 3
 
 
+def test_resistance_is_drawn_over_speed_and_acceleration(written):
+    from compact import figures
+
+    study, _, _ = written
+    met = study.resistance_map
+    ax, beside = figures.resistance(met, study.formula_resistance, 0.2).axes
+    lines = {line.get_label(): line.get_xydata() for line in ax.lines}
+    for acceleration in (-0.2, -0.1, 0.1, 0.2):
+        speed, force = lines[f"a = {acceleration:+.2g} m/s²"].T
+        drawn = np.isfinite(force)
+        assert force[drawn] == pytest.approx(met(speed[drawn], acceleration) / 1e3)
+        assert np.array_equal(~drawn, met.beyond(speed, acceleration))  # dotted there, by a line of its own
+    speed, mass = beside.lines[0].get_xydata().T
+    inside = speed > met.speeds[0]
+    assert np.interp(met.speeds[1:-1], speed[inside], mass[inside]) == pytest.approx(
+        met.added_masses[1:-1], abs=1e-3 * np.abs(met.added_masses).max()
+    )
+
+
+def test_number_and_unit_stay_on_one_line():
+    shown = page("", "<p>takes 1.1 % more, 3.74 kN, 0.6 m/s², 7 laws, 10 % moisture</p>")
+    assert "1.1\u00a0% more, 3.74\u00a0kN, 0.6\u00a0m/s², 7 laws, 10\u00a0% moisture" in shown
+
+
+def test_law_that_no_machine_follows_is_named_once():
+    study = Study(scene(**{"output.wanted": [], "motion.laws": ["cubic", "constant-velocity"]}))
+    assert html_answer.answer(study, [], []).count("No machine can follow constant-velocity") == 1
+
+
 # checks and sensitivity
 
 

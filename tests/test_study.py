@@ -302,6 +302,21 @@ def test_law_made_for_the_spread_of_the_mix_costs_little_at_any_end_of_it():
     assert 1 < study.cycles["least-peak-power"].there.value < 1.05
 
 
+def test_cam_for_a_roller_is_cut_as_the_scene_asks():
+    free, held = (
+        Study(
+            scene(
+                **{"motion.laws": ["cubic"], "motion.optimise": {"objectives": ["peak_power"], "smoothness": 1} | asked}
+            )
+        )
+        for asked in ({}, {"profile_radius": 0.12})
+    )
+    assert free.cam("least-peak-power", "roller").undercut
+    cam = held.cam("least-peak-power", "roller")
+    assert not cam.undercut
+    assert min(cam.least_radius_of_curvature, cam.least_hollow_radius) == pytest.approx(0.12, rel=1e-4)
+
+
 def test_cam_of_a_given_law_waits_for_no_other():
     study = Study(scene(**{"motion.laws": ["cubic"], "motion.optimise": OPTIMISE}))
     study.cam("cubic", "flat")
