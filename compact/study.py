@@ -268,8 +268,9 @@ class Study:
     def reach(self, speed):
         """Carry the resistance on to a speed [m/s]; what is known of it stays."""
         self.fastest, met = speed * self.swing, self.resistance_map
+        near = () if self.kept else self.rolled
         self.resistance_map = mapping.mapped(
-            self.scene, self.mix, self.fastest, self.contacts, met=met, count=self.count
+            self.scene, self.mix, self.fastest, self.contacts, near=near, met=met, count=self.count
         )
         for stale in ("resistance", "push", "oppositions"):
             self.__dict__.pop(stale, None)
