@@ -4,6 +4,7 @@ import numpy as np
 
 from compact.cam import FlatFace, Pointed, Table, breadth_for_pressure_angle
 from compact.cutting import largest_cutter
+from compact.dimensions import Distance, Radius
 from compact.drawing import Circle, Drawing, Line, Outline, Words
 
 MM = 1e3  # millimetres in a metre
@@ -38,7 +39,7 @@ def sheet(cut, bore=None):
     _refuse_large_bore(cut, bore)
     letter = greatest / 38
     title = f"cam for the law {cam.cycle.there.name}, {_kind(cam.follower)}"
-    shapes = [*_lines(cut, bore, letter), *_breadth(cut, letter)]
+    shapes = [*_lines(cut, bore, letter), *_dimensions(cut, bore, letter)]
     left = MM * float(cut.profile[:, 0].max() + 2 * getattr(cam.follower, "radius", 0.0)) + 10 * letter
     notes = [(title,), (), *_sizes(cut, bore), (), *_angles(cam), ()]
     shapes += _rows(notes, left, greatest, letter, (0, 8, 16))
@@ -93,15 +94,19 @@ def _lines(cut, bore, letter):
     yield Words((high[0], 0.3 * letter), "0°", letter, "DIMENSIONS")
 
 
-def _breadth(cut, letter):
-    """The breadth as a dimension below the cam, between the two followers at 0° and 180°."""
-    right, left = MM * float(cut.cam.radius(0.0)), -MM * float(cut.cam.radius(np.pi))
+def _dimensions(cut, bore, letter):
+    """Breadth, base circle, largest radius, bore and roller, as dimensions."""
+    cam, (radius, _) = cut.cam, cut.polar
+    right, left = MM * float(cam.radius(0.0)), -MM * float(cam.radius(np.pi))
     below = MM * cut.profile[:, 1].min() - 6 * letter
-    yield Line((left, below), (right, below), "DIMENSIONS")
-    for end in (left, right):
-        yield Line((end, 0.0), (end, below - letter / 2), "DIMENSIONS")
-        yield Line((end - letter / 3, below - letter / 3), (end + letter / 3, below + letter / 3), "DIMENSIONS")
-    yield Words(((left + right) / 2 - 4 * letter, below + letter / 2), f"b = {right - left:.3f}", letter, "DIMENSIONS")
+    yield Distance((left, 0.0), (right, 0.0), below, letter, "b = ")
+    yield Radius((0.0, 0.0), MM * float(radius.min()), np.radians(-110), letter)
+    ends = sorted([(0.0, 0.0), tuple((MM * cut.profile[radius.argmax()]).tolist())])  # words from left to right
+    yield Distance(*ends, 4 * letter, letter, "R")
+    if bore is not None:
+        yield Radius((0.0, 0.0), MM * bore / 2, np.radians(-45), letter, twice=True)
+    if not isinstance(cam.follower, FlatFace | Pointed):
+        yield Radius((right, 0.0), MM * cam.follower.radius, np.radians(60), letter)
 
 
 def _sizes(cut, bore):

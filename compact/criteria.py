@@ -16,11 +16,12 @@ SECANT = 1e-4  # share of the mean speed, and of that over the duration, by whic
 
 
 class Nodes(NamedTuple):
-    """Where a law is looked at: v [m/s] and a [m/s^2] by the unknowns, rows of shape (nodes, unknowns).
+    """Where a law is looked at: x [m], v [m/s] and a [m/s^2] by the unknowns, rows of shape (nodes, unknowns).
 
     `weights` [s] integrate over one pass; `mean` is the mean speed [m/s].
     """
 
+    place: np.ndarray
     speed: np.ndarray
     change: np.ndarray
     weights: np.ndarray

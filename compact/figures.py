@@ -24,6 +24,8 @@ FAMILIES = MappingProxyType(
         "machines and tables": ("Greys", ("crank", "gear-sector")),
     }
 )
+FAR = 2.0  # times what is drawn: a line there would press the rest together
+HURRY = 1e-3  # of the acceleration at 1 m/s: small against what is slow
 LEAST_SPAN = 0.02  # of a value, shown to each side of it
 DASHES = ("-", "--", ":", "-.", (0, (8, 2, 1, 2, 1, 2)))
 SYMBOLS = {
@@ -278,20 +280,52 @@ def speeds(contacts):
     return figure
 
 
-def resistance(met, formula):
-    """Resistance of one cart over speed: the samples, what is read between them, and eq 1.8."""
-    figure = Figure(figsize=(7.2, 3.8), layout="constrained")
-    ax = figure.subplots()
+def resistance(met, formula, acceleration):
+    """Resistance of one cart over speed, steady and at some accelerations up to one [m/s2], beside what it adds, M(v).
+
+    Dotted where the motion is too unsteady for first order in its acceleration (`ResistanceMap.beyond`).
+    """
+    known = met.added_masses is not None and np.any(met.added_masses)
+    figure = Figure(figsize=(7.2 + 3.6 * known, 4.0), layout="constrained")
+    ax, *beside = figure.subplots(1, 1 + known, squeeze=False, width_ratios=[2, 1][: 1 + known])[0]
     speed = np.linspace(0, met.speeds[-1], 801)[1:]
-    ax.plot(speed, met(speed) / 1e3, color="tab:red", label="resistance map")
-    ax.plot(met.speeds, met.forces / 1e3, "o", color="tab:red", markersize=4, label="computed")
-    ax.axhline(formula.force / 1e3, color="0.4", linestyle="--", label="eq 1.8")
-    ax.set_xlabel("speed v [m/s]")
-    ax.set_ylabel("resistance of the mix to one cart [kN]")
-    ax.set_xlim(0, 1.02 * met.speeds[-1])
-    ax.set_ylim(min(0.0, 1.1 * met.forces.min() / 1e3), None)
-    ax.legend(frameon=False)
+    for share, color in zip((-1, -0.5, 0.5, 1), colormaps["coolwarm"]((0.0, 0.2, 0.8, 1.0)), strict=True):
+        if known:
+            _hurried(ax, met, speed, share * acceleration, color)
+    ax.plot(speed, met(speed) / 1e3, color="black", label="steady speed, a = 0")
+    ax.plot(met.speeds, met.forces / 1e3, "o", color="black", markersize=4, label="computed")
+    _formula(ax, formula.force / 1e3)
+    ax.set_ylabel("resistance of the mix to one cart F [kN]")
+    ax.legend(frameon=False, fontsize=8)
+    for panel in beside:
+        small = speed * HURRY * acceleration  # a M(v) is not held back there
+        panel.plot(speed, (met(speed, small) - met(speed)) / small, color="black")
+        panel.plot(met.speeds, met.added_masses, "o", color="black", markersize=4)
+        panel.axhline(0, color="0.8", linewidth=0.8, zorder=0)
+        panel.set_ylabel("what acceleration adds, M [N per m/s²]")
+    for panel in (ax, *beside):
+        panel.set_xlabel("speed v [m/s]")
+        panel.set_xlim(0, 1.02 * met.speeds[-1])
     return figure
+
+
+def _formula(ax, force):
+    """Eq 1.8 as a line, or where it is far above what is drawn, in words at the top."""
+    low, high = ax.get_ylim()
+    low, high = min(0.0, low), max(0.0, 1.05 * high)
+    if force <= FAR * high:
+        ax.axhline(force, color="0.4", linestyle="--", label="eq 1.8")
+        high = max(high, 1.05 * force)
+    else:
+        ax.plot([], [], color="0.4", linestyle="--", label=f"eq 1.8: {force:.3g} kN, above")
+    ax.set_ylim(low, high)
+
+
+def _hurried(ax, met, speed, acceleration, color):
+    """F(v, a) at one acceleration, dotted where that is beyond first order."""
+    force, beyond = met(speed, acceleration) / 1e3, met.beyond(speed, acceleration)
+    ax.plot(speed, np.where(beyond, np.nan, force), color=color, label=f"a = {acceleration:+.2g} m/s²")
+    ax.plot(speed, np.where(beyond, force, np.nan), color=color, linestyle=":")
 
 
 FIELDS = {

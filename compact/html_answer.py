@@ -51,13 +51,14 @@ def asked(study):
     )
 
 
-def answer(study, shifts, base, found):
-    """The answer and how sure it is; shifts of a base as of `sensitivity`, `found` as of `checks`."""
-    said = [_winner(by, places) for by, places in study.rankings.items()] + _conflict(study.rankings)
+def answer(study, shifts, found):
+    """The answer and how sure it is; `shifts` as of `sensitivity`, `found` as of `checks`."""
+    said = [_winner(by, places) for by, places in study.rankings.items()]
+    said += _endless(study.rankings) + _conflict(study.rankings)
     said.append(_met(study))
     if not study.mix.reachable:
         said.append(f"{strong('Not reachable by rolling:')} {escape(study.mix.reachable.reason)}.")
-    sure = [_known_by_engine(study), _known_by_mix(study), *_by_formula(study), _order_holds(shifts, base)]
+    sure = [_known_by_engine(study), _known_by_mix(study), *_by_formula(study), _order_holds(shifts)]
     failed = [check.what for check in found if not check.holds]
     sure.append(
         f"{strong('Built-in checks that fail:')} {escape(', '.join(failed))}."
@@ -93,8 +94,15 @@ def _winner(by, places):
         if last is not following:
             said += f", the last, {escape(last.run.name)}, {percent(last.value / first[0].value - 1)} more"
         said += "."
-    endless = [place.run.name for place in places if place.reason]
-    return said + (f" No machine can follow {escape(' and '.join(endless))}." if endless else "")
+    return said
+
+
+def _endless(rankings):
+    """The laws that have no finite peak, each reason once for all criteria."""
+    reasons = {}
+    for place in (place for places in rankings.values() for place in places if place.reason):
+        reasons.setdefault(place.reason, {})[place.run.name] = None
+    return [f"No machine can follow {escape(' and '.join(names))}: {escape(why)}." for why, names in reasons.items()]
 
 
 def _conflict(rankings):
@@ -179,20 +187,28 @@ def _by_formula(study):
     return said
 
 
-def _order_holds(shifts, base):
+def means(shifts):
+    """By what the ends of inputs were computed, in words."""
+    found = dict.fromkeys("formula" if shift.by == "formula" else f"the engine {shift.by}" for shift in shifts)
+    return f"By {' or '.join(found) or 'formula'}"
+
+
+def _order_holds(shifts):
     """Which inputs change who is first."""
     changed = {}
     for shift in shifts:
-        for by, law in base.law.items():
+        for by, law in shift.base.law.items():
             ends = [end for end in (shift.low, shift.high) if end is not None and end.law[by] != law]
             if ends:
                 changed.setdefault(shift.name, set()).update(f"{end.law[by]} by {WORDS[by]}" for end in ends)
     beyond = sum((shift.low is None) + (shift.high is None) for shift in shifts)
     if not changed:
         return (
-            f"By formula and with a rigid drive, moving any one of {len(shifts)} inputs to either end of its spread "
-            "(a tenth where it has none) leaves the first law first"
-            + (f"; {beyond} of the ends are beyond the formulas." if beyond else ".")
+            f"{means(shifts)} and with a rigid drive, moving any one of {len(shifts)} inputs to either end of its "
+            "spread (a tenth where it has none) leaves the first law first"
+            + (f"; {beyond} of the ends are beyond reach." if beyond else ".")
         )
     who = "; ".join(f"{name}: {', '.join(sorted(laws))}" for name, laws in changed.items())
-    return f"By formula and with a rigid drive the first law is another where one input is at an end: {escape(who)}."
+    return (
+        f"{means(shifts)} and with a rigid drive the first law is another where one input is at an end: {escape(who)}."
+    )

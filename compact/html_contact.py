@@ -19,9 +19,10 @@ CAPTIONS = {
         "Load and resistance over load of one roller; bars are the engine's own error.",
     ),
     "resistance": (
-        "Resistance of the mix to one cart over its speed, by the engine and by formula 1.8",
-        "F(v): what the drive meets. Dots are computed, the line is read between them. It is that of steady "
-        "speed; what acceleration adds is not drawn.",
+        "Resistance of the mix to one cart over its speed, at steady speed and with acceleration, and by formula 1.8",
+        "F(v, a): what the drive meets. Dots are computed, lines are read between them. Colours: at accelerations up "
+        "to what the laws usually reach, F(v) + a M(v), where the engine tells M; dotted where the motion is too "
+        "unsteady for that.",
     ),
     "fields": (
         "Fields in the layer under the roller at each speed, drawn to scale on the deformed elements",

@@ -5,8 +5,9 @@ from html import escape
 import numpy as np
 
 from compact.drive import CRITERIA
-from compact.html_answer import WORDS
-from compact.page import Section, column, mark, number, paragraph, percent, picture, quantity, table, table_of
+from compact.html_answer import WORDS, means
+from compact.page import ROUNDING, Section, column, mark, number, paragraph, percent, picture, quantity, table, table_of
+from compact.sensitivity import PRIOR
 from compact.study import FOLLOWERS
 
 ASSUMED = ("assumed", "guess", "changed by the caller")  # words that begin a clause of a remark
@@ -20,7 +21,7 @@ def ranking(study, pictures):
         for by, places in study.rankings.items()
     ]
     words = "Bars of the ranked laws, a panel for each criterion, best on top"
-    said = "Bars: the scene's engine. Marks: by formula, where that is another one."
+    said = "Bars: the scene's engine. Marks: by formula." if study.layered else "By formula."
     shown = picture(pictures["ranking"], words, said)
     lead = f"{len(study.cycles)} laws by {' and '.join(WORDS[by] for by in study.rankings)}."
     return Section("ranking", "Ranking", lead, shown + "".join(tables))
@@ -140,28 +141,46 @@ def _to_cut(study):
     )
 
 
-def moves(shifts, base):
+def moves(shifts):
     """What moves the answer."""
+    peaks = list(shifts[0].base.least)
     rows = [
         (
             escape(shift.name.split(".")[-1].replace("_", " ")), f"{_end(shift, 0)} to {_end(shift, 1)}",
-            mark("assumed", "spread of the prior") if shift.spread else "a tenth less, more",
-            *(_moved(end, base, peak) for peak in base.least for end in (shift.low, shift.high)),
-            escape(_others(shift, base)),
+            mark("assumed", shift.how) if shift.how == PRIOR else shift.how, escape(shift.by),
+            *(_moved(end, shift.base, peak) for peak in peaks for end in (shift.low, shift.high)),
+            escape(_others(shift)),
         )
         for shift in shifts
     ]  # fmt: skip
-    ends = [f"{by.removeprefix('peak_')}, {end} end" for by in base.least for end in ("low", "high")]
-    header = ("input", "moved from", "which is", *ends, "first law")
-    now = ", ".join(
+    ends = [f"{by.removeprefix('peak_')}, {end} end" for by in peaks for end in ("low", "high")]
+    header = ("input", "moved from", "which is", "by", *ends, "first law")
+    now = "; ".join(f"by {by}, {_as_it_is(base)}" for by, base in {each.by: each.base for each in shifts}.items())
+    said = paragraph(
+        f"One input after another is moved to its low and its high end, with a rigid drive. {_who(shifts)} The numbers "
+        f"are what becomes of the least peak over all laws; as the scene is, that is, {now}."
+    )
+    body = said + table(header, rows, "What moves the answer", (1, 4, 5, 6, 7))
+    return Section("sensitivity", "Sensitivity", f"What moves the answer, one input at a time. {means(shifts)}.", body)
+
+
+def _who(shifts):
+    """By what, and what that leaves out."""
+    by = {shift.by for shift in shifts}
+    if by == {"formula"}:
+        return "All is by formula, which knows no speed."
+    if "formula" in by:
+        return (
+            "What leaves the layer alone is by the engine's own map; for the rest formulas stand, as the engine would "
+            "take too long."
+        )
+    return f"All is by the engine {escape(by.pop())}, rolled anew for each end, at steady speed."
+
+
+def _as_it_is(base):
+    return ", ".join(
         f"{WORDS[by]} {quantity(v, CRITERIA[by].unit)} ({escape(base.law[by])})" for by, v in base.least.items()
     )
-    said = paragraph(
-        "One input after another is moved to its low and its high end, by formula and with a rigid drive. The numbers "
-        f"are what becomes of the least peak over all laws; as the scene is, that is {now}."
-    )
-    body = said + table(header, rows, "What moves the answer, by formula", (1, 3, 4, 5, 6))
-    return Section("sensitivity", "Sensitivity", "What moves the answer, one input at a time.", body)
 
 
 def _end(shift, which):
@@ -171,15 +190,15 @@ def _end(shift, which):
 def _moved(end, base, peak):
     """Change of a least peak at an end."""
     if end is None:
-        return "beyond the formulas"
+        return "beyond reach"
     change = end.least[peak] / base.least[peak] - 1
-    return f"{'+' if change > 0 else ''}{percent(change)}"
+    return f"{'+' if change > ROUNDING else ''}{percent(change)}"
 
 
-def _others(shift, base):
+def _others(shift):
     """Laws that are first at an end, where they are not first as the scene is."""
-    found = {end.law[by] for end in (shift.low, shift.high) if end for by in base.law} - set(base.law.values())
-    return ", ".join(sorted(found)) or "the same"
+    found = {end.law[by] for end in (shift.low, shift.high) if end for by in shift.base.law}
+    return ", ".join(sorted(found - set(shift.base.law.values()))) or "the same"
 
 
 def scene(given):

@@ -16,7 +16,7 @@ from compact.results import whole_file
 def write(path, study, pictures, versions):
     """Write the page of a study; `versions` of packages by name. Returns the path."""
     title = study.scene.title or "untitled scene"
-    shifts, base = sensitivity.shifts(study), sensitivity.nominal(study)
+    shifts = sensitivity.shifts(study)
     found = checks(study)
     parts = [
         html_machine.ranking(study, pictures),
@@ -24,7 +24,7 @@ def write(path, study, pictures, versions):
         html_machine.laws(study, pictures),
         html_machine.forces(study, pictures),
         html_machine.cams(study, pictures),
-        html_machine.moves(shifts, base),
+        html_machine.moves(shifts),
         html_machine.scene(study.scene),
         html_contact.mix(study),
         html_machine.built_in(found),
@@ -33,7 +33,7 @@ def write(path, study, pictures, versions):
     parts = [part for part in parts if part is not None]
     body = [
         f"<header><h1>{escape(title)}</h1>{asked(study)}</header>",
-        answer(study, shifts, base, found),
+        answer(study, shifts, found),
         f'<nav aria-label="details">{" ".join(part.link() for part in parts)}</nav>',
         *(part.html() for part in parts),
     ]

@@ -7,6 +7,9 @@ kept, by a linear program of its own.
     cam, phi = 2 pi t/period, rho = b/2 +- (x - stroke/2), + there and - back (`compact.cam`):
     pressure angle      |dx/dphi| <= tan(angle) rho           of a pointed or a roller follower
     radius of curvature rho + rho'' >= radius                 of a flat face
+
+That of a roller's cam is not linear: `pitch` has it, and here is only what keeps its flanks apart, w the speed of the
+roller's centre along its path: rho^2/w > r all round, that is cos(pressure angle) > r/rho at least.
 """
 
 from dataclasses import dataclass, replace
@@ -17,6 +20,7 @@ import numpy as np
 from scipy import sparse
 
 from compact.lawspace import Space, graded_breaks
+from compact.pitch import Pitch
 from compact.quadratic import Program, least_linear, least_quadratic
 from compact.refuse import refuse_negative, refuse_nonpositive, refuse_outside, refuse_unknown
 
@@ -36,12 +40,16 @@ class CamLimits:
     pressure_angle : largest, of a pointed or a roller follower [rad], < pi/2
     radius_of_curvature : least, of a flat-faced cam [m]
     dwell : time standing at each end [s]
+    profile_radius : least radius of curvature of the profile for a roller [m], convex or hollow; 0 for no undercut
+    roller_radius : of that roller [m]
     """
 
     breadth: float
     pressure_angle: float | None = None
     radius_of_curvature: float | None = None
     dwell: float = 0.0
+    profile_radius: float | None = None
+    roller_radius: float | None = None
 
     def __post_init__(self):
         refuse_nonpositive(breadth=self.breadth)
@@ -50,6 +58,11 @@ class CamLimits:
             raise ValueError(f"`pressure_angle` must lie in (0, pi/2), got {self.pressure_angle!r} rad")
         if self.radius_of_curvature is not None:
             refuse_negative(radius_of_curvature=self.radius_of_curvature)
+        if self.profile_radius is not None:
+            if self.roller_radius is None:
+                raise ValueError("`profile_radius` is of a cam for a roller: give the `roller_radius` as well")
+            refuse_negative(profile_radius=self.profile_radius)
+            refuse_nonpositive(roller_radius=self.roller_radius)
 
 
 @dataclass(frozen=True)
@@ -165,14 +178,28 @@ class Held:
                 found.append(Bound(name, unit, asked, rows, np.zeros(len(rows))))
         return found + (self._cam_bounds(self.limits.cam) if self.limits.cam else [])
 
+    def asking(self, profile_radius):
+        """The same limits with another bound on the profile of a roller's cam [m]."""
+        cam = replace(self.limits.cam, profile_radius=profile_radius)
+        return replace(self, limits=self.limits.replaced(cam=cam))
+
+    @cached_property
+    def pitch(self):
+        """The `Pitch` of a roller's cam whose profile is bounded, else None."""
+        return _pitch(self.limits.cam, self.stroke, self.duration) if self.limits.cam else None
+
     def _cam_bounds(self, cam):
-        """Both told by the breadth that they need."""
+        """All told by the breadth that they need."""
         found, radians = [], (self.duration + cam.dwell) / np.pi
-        if cam.pressure_angle is not None:
-            slope = radians / np.tan(cam.pressure_angle) * self._lifted(1)
-            rows = 2 * np.concatenate([slope - self._lifted(0), slope + self._lifted(0)])
-            offset = np.repeat([self.stroke, -self.stroke], len(slope))
-            found.append(Bound("cam breadth for its pressure angle", "m", cam.breadth, rows, offset))
+        angles = {"cam breadth for its pressure angle": cam.pressure_angle}
+        if self.pitch:
+            angles["cam breadth that keeps its flanks apart"] = _parting(self.pitch)
+        for name, angle in angles.items():
+            if angle is not None:
+                slope = radians / np.tan(angle) * self._lifted(1)
+                rows = 2 * np.concatenate([slope - self._lifted(0), slope + self._lifted(0)])
+                offset = np.repeat([self.stroke, -self.stroke], len(slope))
+                found.append(Bound(name, "m", cam.breadth, rows, offset))
         if cam.radius_of_curvature is not None:
             bend = self._lifted(0) + radians**2 * self._lifted(2)
             rows, radius = 2 * np.concatenate([-bend, bend]), 2 * cam.radius_of_curvature
@@ -294,6 +321,22 @@ class Held:
         return [Conflict(b.name, b.unit, b.asked, (1 + float(more)) * b.asked) for b, more in pairs if more > BROKEN]
 
 
+def _pitch(cam, stroke, duration):
+    """The `Pitch` of `CamLimits`, or None; ValueError for a cam too narrow to have its axis inside."""
+    if cam.profile_radius is None:
+        return None
+    least = stroke + 2 * cam.roller_radius
+    if cam.breadth <= least:
+        raise ValueError(f"`breadth` must exceed {least:g} m, the stroke and both rollers, got {cam.breadth:g} m")
+    seconds = (duration + cam.dwell) / np.pi
+    return Pitch(cam.breadth, stroke, cam.roller_radius, cam.profile_radius, seconds, cam.dwell > 0)
+
+
+def _parting(pitch):
+    """Pressure angle [rad] up to which flanks cannot cross: rho^2/w = rho cos(angle) >= r."""
+    return np.arccos(2 * pitch.roller_radius / (pitch.breadth - pitch.stroke))
+
+
 def space_of(limits, pieces, halvings=0):
     """The `Space` for some limits: `pieces` shared by run-up and run-down, crowded at their ends, then halved."""
     k, times = limits.continuous, 2**halvings
@@ -343,4 +386,8 @@ def broken(limits, motion, instants=100_001):
         if cam.radius_of_curvature is not None:
             least = min((rho + bend).min() for rho, bend in ways)
             excess["radius of curvature"] = (cam.radius_of_curvature - least) / cam.breadth
+        if pitch := _pitch(cam, motion.stroke, motion.duration):
+            steepest = max(np.arctan(radians * v / rho).max() for rho, _ in ways)
+            excess["flanks apart"] = steepest / _parting(pitch) - 1
+            excess["profile radius"] = pitch.crowding(x, v, a).max() - 1
     return {name: float(value) for name, value in excess.items() if value > BROKEN}

@@ -16,7 +16,7 @@ import numpy as np
 from compact.criteria import OBJECTIVES
 from compact.laws import LAWS, Shape
 from compact.limits import CamLimits, InfeasibleError, Limits
-from compact.optimise import optimum
+from compact.optimise import METHODS, optimum
 from compact.pieces import graded, integral, sign_changes
 from compact.refuse import (
     refuse_fractional,
@@ -230,7 +230,19 @@ class OptimalMotion(Motion):
     limits: Limits = field(default_factory=Limits)
 
 
-def optimise(objective, stroke, duration, mass, resistance, limits=None, *, quantile=1.0, regret=False, pieces=None):
+def optimise(
+    objective,
+    stroke,
+    duration,
+    mass,
+    resistance,
+    limits=None,
+    *,
+    quantile=1.0,
+    regret=False,
+    pieces=None,
+    method="steps",
+):
     """The motion law that asks least of the drive of a cart, an `OptimalMotion`.
 
         least J of H = m a + R(v, a),  P = H v,  there and back
@@ -246,6 +258,7 @@ def optimise(objective, stroke, duration, mass, resistance, limits=None, *, quan
     regret : count J of each resistance in what the best law for it alone would ask; J is then such a ratio
     limits : `Limits` that the law keeps at every instant; none but a way without turning back unless given
     pieces : of the spline outside the constant speed; as many as `optimise.PIECES` says unless given
+    method : "steps", sequential convex programs, or "casadi", IPOPT on the same spline (extra `optimise`)
 
     Raises InfeasibleError, with what would have to give and by how much, where no law keeps the limits, RuntimeError
     where the search does not end, ValueError for values out of range. Of several laws that do as well one is given:
@@ -269,8 +282,10 @@ def optimise(objective, stroke, duration, mass, resistance, limits=None, *, quan
     resistances = (resistance,) if callable(resistance) else tuple(resistance)
     limits = limits or Limits()
     task = limits, float(stroke), float(duration), weights, float(mass)
-    least = tuple(optimum(*task, (one,), pieces=pieces).value for one in resistances) if regret else ()
-    curve, *rest = optimum(*task, resistances, quantile, pieces, least)
+    refuse_unknown("method", method, tuple(METHODS))
+    how = {"pieces": pieces, "method": method}
+    least = tuple(optimum(*task, (one,), **how).value for one in resistances) if regret else ()
+    curve, *rest = optimum(*task, resistances, quantile, least=least, **how)
     name = "least-" + "-and-".join(weights).replace("_", "-")
     return OptimalMotion(name, float(stroke), float(duration), curve, False, *rest, limits)
 

@@ -13,17 +13,20 @@ gap is a duality gap: no law of the space is better by more. Elsewhere it measur
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 
 from compact.criteria import OBJECTIVES, PEAKS, Nodes, state
-from compact.limits import Held, InfeasibleError, space_of
+from compact.limits import Conflict, Held, InfeasibleError, space_of
+from compact.pitch import MARGIN
 from compact.quadratic import Program, least_linear, least_quadratic
 
 PIECES = {1: 128, 2: 64, 3: 48}  # of a law in C1, C2, C3: the doubling before gains about 1e-3, 1e-4, 1e-4
 PIECES_OF_A_CAM = 64  # its bounds are on the travel, which depends on all unknowns before it
+PIECES_OF_A_PROFILE = 48  # of a roller's cam, which takes steps where others take none; the doubling gains 1e-3
 NODES = np.array([0.0, (1 - (3 / 7) ** 0.5) / 2, 0.5, (1 + (3 / 7) ** 0.5) / 2, 1.0])  # Lobatto's, ends included
 WEIGHTS = np.array([9.0, 49.0, 64.0, 49.0, 9.0]) / 180
 FINE = 33  # places of a piece where peaks are looked for between the nodes
@@ -35,6 +38,9 @@ STATIONARY = 1e-5  # largest gap of a result
 CLOSED = 1e-9  # fall, relative, that is no more worth a step
 SMALLEST = 1e-9  # share of the unknowns' size below which the trust region holds nothing
 NEAR = 1e-6  # of the worst sample, relative, within which others lend their curvature
+PRICE = 10.0  # of a curvature twice the allowed, in J of the first law; ten times that while it does not suffice
+LITTLE = 1e-4  # relative, of a radius that is no more worth a search
+DEAREST = 1e5  # times J
 TAKEN, POOR, GOOD = 0.02, 0.25, 0.75  # of the promised fall: a step is taken, the region shrinks, the region grows
 
 
@@ -52,50 +58,71 @@ class Task:
     resistances: tuple[Callable, ...]
     quantile: float = 1.0
     least: tuple[float, ...] = ()
-
     more: tuple[float, ...] = ()
+    price: float = 1.0
 
     @cached_property
     def nodes(self):
         """`Nodes` of every piece, and `more` phases that peaks are watched at."""
         space, weights = self.held.space, np.outer(np.diff(self.held.space.breaks), WEIGHTS).ravel()
-        rows = (np.concatenate([space.values(k, NODES), space.rows_at(k, np.array(self.more))]) for k in (1, 2))
+        rows = (np.concatenate([space.values(k, NODES), space.rows_at(k, np.array(self.more))]) for k in range(3))
         return self._nodes(*rows, np.append(weights, np.zeros(len(self.more))))
 
     @cached_property
     def _fine(self):
         space = self.held.space
-        rows = (space.values(k, np.linspace(0, 1, FINE)) for k in (1, 2))
+        rows = (space.values(k, np.linspace(0, 1, FINE)) for k in range(3))
         return self._nodes(*rows, np.repeat(np.diff(space.breaks), FINE) / FINE)
 
-    def _nodes(self, speed, change, weights):
-        mean, duration = self.held.stroke / self.held.duration, self.held.duration
-        return Nodes(mean * speed, mean / duration * change, duration * weights, mean)
+    def _nodes(self, place, speed, change, weights):
+        held, mean = self.held, self.held.stroke / self.held.duration
+        return Nodes(held.stroke * place, mean * speed, mean / held.duration * change, held.duration * weights, mean)
 
     def between(self, unknowns):
-        """Phases where a peak is higher between the nodes than at any of them, the highest of each piece."""
+        """Phases where a peak is higher between the nodes than at any of them, the highest of each piece.
+
+        A peak is that of the parabola through three of the `FINE` places.
+        """
         found, space = [], self.held.space
-        peaks = [name for name in self.weights if name in PEAKS]
-        for resistance in self.resistances if peaks else ():
-            fine, coarse = (state(nodes, unknowns, self.mass, resistance) for nodes in (self._fine, self.nodes))
-            for name in peaks:
-                values = np.abs(PEAKS[name](fine)).reshape(-1, FINE)
-                high = np.abs(PEAKS[name](coarse)).max() * (1 + HIGHER)
-                pieces = np.flatnonzero(values.max(axis=1) > high)
-                i = np.clip(values[pieces].argmax(axis=1), 1, FINE - 2)
-                left, top, right = (values[pieces, i + k] for k in (-1, 0, 1))
-                u = (i + (left - right) / (2 * (left - 2 * top + right))) / (FINE - 1)
-                found += list(space.breaks[pieces] + np.diff(space.breaks)[pieces] * u)
+        watched = (self._watched(nodes, unknowns) for nodes in (self._fine, self.nodes))
+        for (fine, least), (coarse, _) in zip(*watched, strict=True):
+            values = fine.reshape(-1, FINE)
+            left, top, right = values[:, :-2], values[:, 1:-1], values[:, 2:]
+            bend, tilt = 2 * top - left - right, right - left
+            bend[(top < left) | (top < right) | (bend <= 0)] = np.inf
+            tops = np.where(np.isfinite(bend), top + tilt**2 / (8 * bend), 0.0)
+            pieces, i = np.arange(len(tops)), tops.argmax(axis=1)
+            high = tops[pieces, i] > max(coarse.max(), least) * (1 + HIGHER)
+            u = (i + 1 + (tilt / (2 * bend))[pieces, i]) / (FINE - 1)
+            found += list((space.breaks[:-1] + np.diff(space.breaks) * u)[high])
         return tuple(found)
+
+    def _watched(self, nodes, unknowns):
+        """(values of shape (nodes,), least that counts) of what peaks are looked for in."""
+        peaks = [PEAKS[name] for name in self.weights if name in PEAKS]
+        for resistance in self.resistances if peaks else ():
+            here = state(nodes, unknowns, self.mass, resistance)
+            yield from ((np.abs(peak(here)), 0.0) for peak in peaks)
+        if self.held.pitch:
+            yield from ((row, 1 - MARGIN) for row in self.held.pitch.crowded(nodes, unknowns))
 
     def tangents(self, unknowns):
         """`Tangent`s of every criterion, a list for each sample of the resistance."""
         states = [state(self.nodes, unknowns, self.mass, resistance) for resistance in self.resistances]
-        return [[OBJECTIVES[name](one) for name in self.weights] for one in states]
+        found = [[OBJECTIVES[name](one) for name in self.weights] for one in states]
+        if pitch := self.held.pitch:
+            crowding = (pitch.excess if self.weights else pitch.tangent)(self.nodes, unknowns)
+            found = [[*of_sample, crowding] for of_sample in found]
+        return found
+
+    def value(self, unknowns):
+        """J of a law."""
+        return self.kept(self.tangents(unknowns))[1]
 
     def weights_of(self, k):
         """Weights of the criteria against sample k."""
-        return [weight / (self.least[k] if self.least else 1.0) for weight in self.weights.values()]
+        weights = [weight / (self.least[k] if self.least else 1.0) for weight in self.weights.values()]
+        return [*weights, self.price] if self.held.pitch else weights
 
     def kept(self, tangents):
         """(samples that the quantile counts, those of least J; the value of the worst of them)."""
@@ -233,7 +260,10 @@ def search(task, unknowns):
                 break
         unknowns, tangents = unknowns + change, there
         value = task.kept(tangents)[1]
-    raise RuntimeError(f"no stationary law after {MOST} steps: {value:g} reached, {value - promised:g} less promised")
+    raise RuntimeError(
+        f"no stationary law after {MOST} steps: {value:g} reached, {value - promised:g} less promised; `method` casadi "
+        "may find one"
+    )
 
 
 def gap(task, unknowns):
@@ -244,12 +274,67 @@ def gap(task, unknowns):
     return max(0.0, (value - promised) / abs(value))
 
 
-def optimum(limits, stroke, duration, weights, mass, resistances, quantile=1.0, pieces=None, least=()):
+def _pieces(limits):
+    if limits.cam is None:
+        return PIECES[limits.continuous]
+    of_cam = PIECES_OF_A_CAM if limits.cam.profile_radius is None else PIECES_OF_A_PROFILE
+    return min(PIECES[limits.continuous], of_cam)
+
+
+def _uncrowded(task, unknowns):
+    """Unknowns of a law within the limits whose cam keeps the bound on its profile, from one that need not.
+
+    Raises `limits.InfeasibleError` where the search for the least crowding finds none.
+    """
+    asked, most = task.held.limits.cam.profile_radius, -np.inf
+    if task.held.pitch.crowded(task.nodes, unknowns).max() <= 1 - MARGIN:
+        return unknowns
+    task = replace(task, weights={})
+    for _ in range(ROUNDS):
+        unknowns, *_ = search(task, unknowns)
+        before, most = most, task.held.pitch.reached(task.nodes, unknowns)
+        if most >= asked:
+            return unknowns
+        higher = task.between(unknowns)
+        if most <= 0 or (not higher and abs(most - before) <= LITTLE * most):
+            break
+        task = replace(task, more=task.more + higher, held=task.held.asking(most))  # it weighs convex parts and hollows
+    raise InfeasibleError([Conflict("least radius of curvature of the roller's cam", "m", asked, most)], alone=True)
+
+
+def _priced(task, unknowns):
+    """(unknowns, J, steps, task) of a `search` at a price that makes no law worth a profile too curved."""
+    if task.held.pitch is None:
+        return *search(task, unknowns), task
+    value = replace(task, price=0.0).value(unknowns)
+    for price in np.geomspace(PRICE, DEAREST, 5):
+        task = replace(task, price=price * abs(value))
+        found = search(task, unknowns)
+        if task.held.pitch.crowded(task.nodes, found[0]).max() <= 1 - MARGIN / 2:
+            return *found, task
+    raise RuntimeError(f"the profile of the cam is too curved for any price up to {task.price:g}")
+
+
+def _by_ipopt(task, unknowns):
+    """(unknowns, J, iterations, task) by casadi's IPOPT, J as of `search`."""
+    from compact.judge import descent
+
+    unknowns, _, taken = descent(task, unknowns)
+    value = replace(task, price=0.0).value(unknowns)
+    return unknowns, value, taken, replace(task, price=PRICE * abs(value))
+
+
+METHODS = MappingProxyType({"steps": _priced, "casadi": _by_ipopt})
+
+
+def optimum(limits, stroke, duration, weights, mass, resistances, quantile=1.0, pieces=None, least=(), method="steps"):
     """`Optimum` of a task: on few pieces first, which are then halved; `pieces` of run-up and run-down, see `PIECES`.
+
+    method : of METHODS; of "casadi" the gap is told, and not asked to be small: it follows the resistance by a spline
 
     Raises `limits.InfeasibleError` where no law keeps the limits, RuntimeError where the search does not end.
     """
-    pieces = pieces or min(PIECES[limits.continuous], PIECES_OF_A_CAM if limits.cam else np.inf)
+    pieces = pieces or _pieces(limits)
     rounds = max(0, int(np.log2(pieces / COARSEST)))
     before, curve, taken = np.nan, None, 0
     for halvings in range(rounds + 1):
@@ -257,21 +342,23 @@ def optimum(limits, stroke, duration, weights, mass, resistances, quantile=1.0, 
         task = Task(Held(limits, space, stroke, duration), weights, mass, resistances, quantile, least)
         try:
             start = task.held.calmest if curve is None else space.taken_over(curve)
+            if task.held.pitch:
+                start = _uncrowded(task, start)
         except InfeasibleError:  # finer pieces may do
             if halvings < rounds:
                 continue
             raise
-        unknowns, value, steps = search(task, start)
+        unknowns, value, steps, task = METHODS[method](task, start)
         curve, refinement, before, taken = space.curve(unknowns), before / value - 1, value, taken + steps
     for _ in range(ROUNDS):
         higher = task.between(unknowns)
         if not higher:
             break
         task = replace(task, more=task.more + higher)
-        unknowns, value, steps = search(task, unknowns)
+        unknowns, value, steps, task = METHODS[method](task, unknowns)
         taken += steps
     unknowns = task.held.closed(unknowns)
     left = gap(task, unknowns)
-    if left > STATIONARY:
+    if left > STATIONARY and method == "steps":
         raise RuntimeError(f"the search stopped at {value:g} after {taken} steps, not stationary: a gap of {left:.1e}")
     return Optimum(space.curve(unknowns), value, left, refinement, taken)

@@ -4,6 +4,7 @@ Each function gives a piece of HTML as text; what is not HTML already is escaped
 """
 
 import math
+import re
 from base64 import b64encode
 from html import escape
 from importlib.resources import files
@@ -17,6 +18,7 @@ PREFIXES = {"G": 1e9, "M": 1e6, "k": 1e3, "": 1.0, "m": 1e-3, "µ": 1e-6}
 PREFIXED = {  # units that take a prefix, and those prefixes
     "N": "Mk", "N/m": "Mk", "Pa": "GMk", "W": "Mk", "J": "Mk", "m": "mµ", "s": "mµ", "Nm": "k",
 }  # fmt: skip
+UNIT_AFTER = re.compile(r"(?<=\d) (?=(?:%|[GMkmµ]?(?:N|W|J|Pa|m|s|g|rad|Nm))(?:[/²³<,.;: )]|$))")
 UNITS = {"1": "", "-": "", "m/s2": "m/s²", "m/s^3": "m/s³", "kg/m3": "kg/m³"}
 
 
@@ -162,7 +164,8 @@ class Section(NamedTuple):
 
 
 def page(title, body):
-    """The whole page."""
+    """The whole page; a number and its unit stay on one line."""
+    body = UNIT_AFTER.sub("\u00a0", body)
     style, script = (files("compact").joinpath(f"data/{name}").read_text("utf-8") for name in ("page.css", "page.js"))
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'

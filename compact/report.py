@@ -179,8 +179,15 @@ def _drawings(study):
         drawn["crank"] = lambda: figures.crank(study.turns)
     if study.layered:
         drawn["contact"] = lambda: figures.speeds(study.contacts)
-        drawn["resistance"] = lambda: figures.resistance(study.resistance_map, study.formula_resistance)
+        drawn["resistance"] = lambda: figures.resistance(
+            study.resistance_map, study.formula_resistance, _usual_acceleration(study)
+        )
     return drawn
+
+
+def _usual_acceleration(study):
+    """Median of the peaks of all laws [m/s2]."""
+    return float(np.median([cycle.there.peaks().acceleration for cycle in study.cycles.values()]))
 
 
 def _figures(study, directory):

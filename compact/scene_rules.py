@@ -173,7 +173,8 @@ def _speeds_rise(speeds):
 @_rule("motion.optimise", "cam")
 def _bounds_of_a_cam_have_a_cam(optimise, cam):
     if optimise and cam is None:
-        given = [key for key in ("pressure_angle", "radius_of_curvature") if optimise.get(key) is not None]
+        bounds = "pressure_angle", "radius_of_curvature", "profile_radius"
+        given = [key for key in bounds if optimise.get(key) is not None]
         if given:
             return f"bounds {' and '.join(given)} of a cam, and the table [cam] is missing; give it, or take them out"
 

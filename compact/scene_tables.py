@@ -165,7 +165,14 @@ class Optimise(Table):
     snap: float | None = _optional("the largest snap in m/s4")
     pressure_angle: float | None = _optional("the largest pressure angle of the cam in rad", gt=0, lt=1.57)
     radius_of_curvature: float | None = _optional("the least radius of curvature of a flat-faced cam in m", ge=0)
+    profile_radius: float | None = _optional(
+        "the least radius of curvature of the profile of a cam for rollers in m, convex or hollow; 0 for no undercut",
+        ge=0,
+    )
     spread: Spreads = Field(default=(), description="the parameters of the mix whose spread the law must suit")
+    method: Literal["steps", "casadi"] = Field(
+        default="steps", description="sequential convex steps, or IPOPT by casadi (the extra optimise)"
+    )
 
 
 class Motion(Table):

@@ -216,7 +216,12 @@ class Study:
             velocities.append(
                 law("crank", motion.stroke, motion.duration, rod_length=motion.rod_length).peaks().velocity
             )
-        return float(max(velocities)) * (SWING if self.scene.drive.kind in ("elastic", "motor") else 1.0)
+        return float(max(velocities)) * self.swing
+
+    @property
+    def swing(self):
+        """Times the velocity of a law that its drive may reach."""
+        return SWING if self.scene.drive.kind in ("elastic", "motor") else 1.0
 
     @cached_property
     def roller_load(self):
@@ -251,14 +256,24 @@ class Study:
         cycles = {}
         for objective in table.objectives if table else ():
             self.count("laws")
-            there = made.law(self.scene, objective, self.oppositions, self.limits)
+            there = made.law(self.scene, objective, self)
             cycles[there.name] = there.cycle(dwell, dwell)
         return cycles
 
-    @cached_property
+    @property
     def limits(self):
-        """`Limits` of [motion.optimise]; no faster than the fastest of the given laws, which the resistance covers."""
-        return made.limits(self.scene, self.fastest)
+        """`Limits` of [motion.optimise]; no faster than the resistance map reaches, where there is one."""
+        return made.limits(self.scene, self.fastest / self.swing if self.layered else np.inf)
+
+    def reach(self, speed):
+        """Carry the resistance on to a speed [m/s]; what is known of it stays."""
+        self.fastest, met = speed * self.swing, self.resistance_map
+        near = () if self.kept else self.rolled
+        self.resistance_map = mapping.mapped(
+            self.scene, self.mix, self.fastest, self.contacts, near=near, met=met, count=self.count
+        )
+        for stale in ("resistance", "push", "oppositions"):
+            self.__dict__.pop(stale, None)
 
     @cached_property
     def push(self):
@@ -273,6 +288,7 @@ class Study:
             known = self.mix.parameter(name)
             for value in (known.low, known.high):
                 other = Study(self.scene.replaced(**{"motion.optimise": None, f"mix.overrides.{name}": value}))
+                other.fastest = self.fastest
                 found.append(other.push)
         return tuple(found)
 

@@ -3,7 +3,7 @@
 import csv
 import re
 import sys
-from io import StringIO
+from io import BytesIO, StringIO
 from xml.etree import ElementTree
 
 import numpy as np
@@ -258,6 +258,30 @@ def test_dxf_opens_elsewhere_and_its_outline_closes_and_keeps_the_law(files):
     assert cutter.closed
     (bore,) = document.modelspace().query('CIRCLE[layer=="BORE"]')
     assert bore.dxf.radius == 30
+
+
+def test_dimensions_measure_the_cam_and_are_drawn(files):
+    ezdxf = pytest.importorskip("ezdxf", reason="the extra `report` is not installed")
+    from ezdxf.addons.drawing import Frontend, RenderContext
+    from ezdxf.addons.drawing.matplotlib import MatplotlibBackend
+    from matplotlib.figure import Figure
+
+    _, cam, (table, drawing, _, text) = files
+    document = ezdxf.read(StringIO(text))
+    entities = document.modelspace().query('DIMENSION[layer=="DIMENSIONS"]')
+    radius = [float(row["radius_mm"]) for row in csv.DictReader(StringIO(table))]
+    sizes = {"b = 900": 1e3 * cam.breadth, "R220": min(radius), "R620": max(radius), "Ø60": 60.0, "R30": 30.0}
+    assert [entity.get_measurement() for entity in entities] == pytest.approx(list(sizes.values()), abs=1e-6)
+    parts = [part for entity in entities for part in entity.virtual_entities()]
+    assert [part.text.replace("%%c", "Ø") for part in parts if part.dxftype() == "MTEXT"] == list(sizes)
+    assert all(f">{words}</text>" in drawing for words in sizes)
+    figure = Figure(figsize=(12, 7))
+    Frontend(RenderContext(document), MatplotlibBackend(figure.add_axes([0, 0, 1, 1]))).draw_layout(
+        document.modelspace()
+    )
+    held = BytesIO()
+    figure.savefig(held)  # a dimension that cannot be drawn raises
+    assert len(held.getvalue()) > 10_000
 
 
 SIZES = (

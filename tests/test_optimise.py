@@ -1,5 +1,6 @@
 """Optimal laws: known extremals, duality gaps, limits at every instant, what conflicts, mixes of many samples."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,19 +9,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from compact import drive
-from compact.cam import Cam, FlatFace, Pointed
+from compact.cam import Cam, FlatFace, Pointed, RollerFollower
 from compact.cart import Opposition
 from compact.laws import ComplexLaw
 from compact.lawspace import Space, bernstein_basis, graded_breaks, halved
 from compact.limits import Held, broken, space_of
-from compact.motion import CamLimits, InfeasibleError, Limits, optimise
+from compact.motion import CamLimits, InfeasibleError, Limits, law, optimise
 from compact.optimise import Task
+from compact.pitch import Pitch
 from compact.quadratic import Program, least_linear, least_quadratic
 from compact.scene import load_scene
 from compact.study import Study
 
 SCENES = Path(__file__).parent.parent / "studies" / "scenes"
 TWO_THIRDS = Limits(run_up=1 / 6, run_down=1 / 6)
+ROLLER = CamLimits(0.9, profile_radius=0.24, roller_radius=0.03)
 MACHINE = {"stroke": 0.4, "duration": 3.0, "mass": 1000.0}
 
 
@@ -114,6 +117,50 @@ def test_steady_speed_may_be_uneven_by_its_tolerance():
     assert np.abs(uneven.velocity(time) / mean - 1).max() == pytest.approx(0.02, rel=1e-6)
 
 
+def pitch_of(stroke=0.4, duration=3.0, breadth=0.9, roller=0.03, profile=0.1, stands=False):
+    return Pitch(breadth, stroke, roller, profile, duration / np.pi, stands)
+
+
+@pytest.mark.parametrize(("name", "curvature"), [
+    # rho = b/2 - (s/2) cos(phi): a limacon; and rho = base + c phi: the spiral of Archimedes
+    ("harmonic", lambda phi: (0.45**2 + 2 * 0.2**2 - 3 * 0.45 * 0.2 * np.cos(phi))
+        / (0.45**2 + 0.2**2 - 2 * 0.45 * 0.2 * np.cos(phi)) ** 1.5),
+    ("constant-velocity", lambda phi: ((0.25 + 0.4 / np.pi * phi) ** 2 + 2 * (0.4 / np.pi) ** 2)
+        / ((0.25 + 0.4 / np.pi * phi) ** 2 + (0.4 / np.pi) ** 2) ** 1.5),
+])  # fmt: skip
+def test_curvature_of_the_rollers_path_is_known(name, curvature):
+    phi = np.linspace(0, np.pi, 401)
+    there, _ = pitch_of().curvature(*(law(name, 0.4, 3.0).at_phase(phi / np.pi, k) for k in range(3)))
+    assert there == pytest.approx(curvature(phi), rel=1e-12)
+
+
+def test_path_that_is_a_circle_is_as_curved_everywhere():
+    """A centre 0.2 m off the axis on a circle of radius 0.45 m: rho = e cos + (a^2 - e^2 sin^2)^(1/2), derived here."""
+    phi, a, e = np.linspace(0, np.pi, 101), 0.45, -0.2
+    root = np.sqrt(a**2 - e**2 * np.sin(phi) ** 2)
+    rho = e * np.cos(phi) + root
+    slope = -e * np.sin(phi) - e**2 * np.sin(phi) * np.cos(phi) / root
+    bend = -e * np.cos(phi) - e**2 * np.cos(2 * phi) / root - (e**2 * np.sin(phi) * np.cos(phi)) ** 2 / root**3
+    pitch = pitch_of(duration=np.pi)  # the cam turns by one radian in a second
+    travel = rho - 0.25, slope, bend
+    assert pitch.curvature(*travel)[0] == pytest.approx(1 / a, rel=1e-12)
+    assert pitch.crowding(*travel)[0] == pytest.approx((0.03 + 0.1) / a, rel=1e-12)
+
+
+@pytest.mark.parametrize("stands", [False, True])
+def test_slope_of_the_crowding_is_its_difference_quotient(stands):
+    space = Space(graded_breaks(0.0, 1.0, 8, 1), 1)
+    held = Held(Limits(), space, 0.4, 3.0)
+    task = Task(held, {"peak_force": 1.0}, 1000.0, (none,))
+    unknowns, change = held.calmest, np.random.default_rng(3).normal(size=space.size)
+    pitch, step = pitch_of(stands=stands), 1e-6
+    near = pitch.tangent(task.nodes, unknowns)
+    ahead, behind = (pitch.crowded(task.nodes, unknowns + way * step * change).ravel() for way in (1, -1))
+    size = np.abs(near.rows @ change).max()
+    assert near.rows @ change == pytest.approx((ahead - behind) / (2 * step), abs=1e-7 * size)
+    assert near.value == pitch.crowded(task.nodes, unknowns).max()
+
+
 # ---- splines and programs -------------------------------------------------------------------------------------------
 
 
@@ -189,6 +236,11 @@ def test_quadratic_program_without_curvature_is_the_linear_one():
         pytest.param(Limits(run_up=0.1, run_down=0.25, jerk=8.0, steady_tolerance=0.01), id="askew-tolerance"),
         pytest.param(TWO_THIRDS.replaced(cam=CamLimits(0.6, pressure_angle=0.85)), id="pressure-angle"),
         pytest.param(TWO_THIRDS.replaced(cam=CamLimits(0.9, radius_of_curvature=0.1)), id="flat-face"),
+        pytest.param(TWO_THIRDS.replaced(cam=ROLLER), id="roller"),
+        pytest.param(
+            Limits(jerk=8.0, turn="dwell", cam=CamLimits(0.9, 0.6, None, 0.5, profile_radius=0.2, roller_radius=0.03)),
+            id="roller-dwell",
+        ),
     ],
 )
 @pytest.mark.parametrize("objective", ["peak_force", pytest.param("peak_power", marks=pytest.mark.slow)])
@@ -203,10 +255,12 @@ def test_limits_hold_at_every_instant(objective, limits):
     [
         (CamLimits(0.6, pressure_angle=0.85), Pointed(), "largest_pressure_angle", 1),
         (CamLimits(0.9, radius_of_curvature=0.1), FlatFace(), "least_radius_of_curvature", -1),
+        (ROLLER, RollerFollower(0.03), "least_radius_of_curvature", -1),
+        (ROLLER, RollerFollower(0.03), "least_hollow_radius", -1),
     ],
 )
 def test_cam_of_the_law_keeps_its_limits(limits, follower, quantity, sign):
-    asked = limits.pressure_angle or limits.radius_of_curvature
+    asked = limits.pressure_angle or limits.radius_of_curvature or limits.profile_radius
     free, held = (
         optimise("peak_power", **MACHINE, resistance=dry(3562.0), limits=TWO_THIRDS.replaced(cam=cam), pieces=16)
         for cam in (None, limits)
@@ -245,6 +299,30 @@ def test_bounds_that_must_give_together_do_when_they_have_given():
             optimise(
                 "peak_force", **MACHINE, resistance=none, limits=limits.replaced(**(enough | {name: 0.1})), pieces=16
             )
+
+
+def test_radius_that_no_profile_has_is_told_with_the_one_that_does():
+    limits = TWO_THIRDS.replaced(cam=ROLLER)
+
+    def asked(radius):
+        cam = replace(ROLLER, profile_radius=radius)
+        return optimise("peak_force", **MACHINE, resistance=none, limits=limits.replaced(cam=cam), pieces=8)
+
+    with pytest.raises(InfeasibleError, match="least radius of curvature of the roller's cam") as told:
+        asked(0.4)
+    (conflict,) = told.value.conflicts
+    assert (conflict.asked, told.value.alone) == (0.4, True)
+    assert asked(conflict.needed * (1 - 1e-4)).gap < 1e-5
+    with pytest.raises(InfeasibleError):
+        asked(conflict.needed * (1 + 1e-3))
+
+
+def test_dwell_asks_a_radius_of_the_base_circle():
+    """Where the cart stands the profile is a circle about the axis: (breadth - stroke)/2 - r, here 0.22 m."""
+    cam = CamLimits(0.9, dwell=0.5, profile_radius=0.23, roller_radius=0.03)
+    with pytest.raises(InfeasibleError) as told:
+        optimise("peak_force", **MACHINE, resistance=none, limits=Limits(turn="dwell", jerk=20.0, cam=cam), pieces=16)
+    assert told.value.conflicts[0].needed == pytest.approx(0.22, rel=1e-4)
 
 
 # ---- the published machine -------------------------------------------------------------------------------------------
@@ -297,15 +375,40 @@ def test_ipopt_finds_no_better_law_from_20_starts(machine, objective, power, lim
     assert motion.value == pytest.approx(least, rel=5e-3)
 
 
-def test_ipopt_agrees():
-    pytest.importorskip("casadi")
-    from compact.judge import best
+def falling(velocity, acceleration):
+    """A resistance that depends on both: it falls at speed, and lags behind."""
+    return 3000 * np.tanh(velocity / 0.02) - 600 * velocity + 30 * velocity * acceleration
 
-    limits = TWO_THIRDS.replaced(acceleration=0.6)
-    motion = optimise("peak_power", **MACHINE, resistance=dry(3562.0), limits=limits, pieces=16)
-    held = Held(limits, space_of(limits, 16), MACHINE["stroke"], MACHINE["duration"])
-    least, _ = best(Task(held, {"peak_power": 1.0}, MACHINE["mass"], (dry(3562.0),)), 2)
-    assert motion.value == pytest.approx(least, rel=1e-3)
+
+@pytest.mark.parametrize(
+    ("objective", "resistance", "cam"),
+    [
+        pytest.param("peak_power", dry(3562.0), None, id="peak_power-dry"),
+        pytest.param("rms_force", falling, ROLLER, id="rms_force-falling-roller"),
+        pytest.param("drawn_energy", falling, None, id="drawn_energy-falling", marks=pytest.mark.slow),
+        pytest.param("peak_power", falling, ROLLER, id="peak_power-falling-roller", marks=pytest.mark.slow),
+        pytest.param("peak_force", dry(3562.0), ROLLER, id="peak_force-dry-roller", marks=pytest.mark.slow),
+        pytest.param(
+            {"peak_power": 1.0, "rms_force": 0.1}, falling, ROLLER, id="both-falling-roller", marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_casadi_finds_the_same(objective, resistance, cam):
+    pytest.importorskip("casadi")
+    limits = TWO_THIRDS.replaced(acceleration=0.6, cam=cam)
+    task = {"resistance": resistance, "limits": limits, "pieces": 16} | MACHINE
+    ours, theirs = (optimise(objective, **task, method=method) for method in ("steps", "casadi"))
+    assert theirs.value == pytest.approx(ours.value, rel=1e-4)
+    assert broken(limits, theirs) == {}
+
+
+def test_casadi_minds_all_resistances_and_no_quantile():
+    pytest.importorskip("casadi")
+    task = {"resistance": SPREAD, "limits": TWO_THIRDS, "pieces": 16} | MACHINE
+    ours, theirs = (optimise("rms_force", **task, method=method) for method in ("steps", "casadi"))
+    assert theirs.value == pytest.approx(ours.value, rel=1e-6)
+    with pytest.raises(ValueError, match=r"IPOPT is asked for the worst resistance only, got `quantile` 0.5"):
+        optimise("rms_force", **task, quantile=0.5, method="casadi")
 
 
 def test_missing_casadi_is_told(monkeypatch):
@@ -316,6 +419,8 @@ def test_missing_casadi_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
     with pytest.raises(RuntimeError, match=r"pip install '.\[optimise\]'"):
         casadi()
+    with pytest.raises(RuntimeError, match=r"pip install '.\[optimise\]'"):
+        unit("peak_power", method="casadi")
 
 
 # ---- many resistances ------------------------------------------------------------------------------------------------
@@ -398,6 +503,7 @@ def test_few_steps_are_taken(objective, steps):
         ({"mass": -1.0}, "`mass` must be zero or positive"),
         ({"quantile": 1.5}, "`quantile` must be between 0 and 1"),
         ({"pieces": 2.5}, "`pieces` must be a whole number"),
+        ({"method": "guess"}, "no method 'guess'; choose from steps, casadi"),
         ({"objective": "energy"}, "every law asks for nothing"),
     ],
 )
@@ -426,3 +532,17 @@ def test_limits_out_of_range_are_refused(limits, message):
 def test_cam_limits_out_of_range_are_refused():
     with pytest.raises(ValueError, match=r"`pressure_angle` must lie in \(0, pi/2\), got 2.0 rad"):
         CamLimits(0.9, pressure_angle=2.0)
+
+
+@pytest.mark.parametrize(
+    ("cam", "message"),
+    [
+        ({"profile_radius": 0.1}, "`profile_radius` is of a cam for a roller: give the `roller_radius` as well"),
+        ({"profile_radius": -0.1, "roller_radius": 0.03}, "`profile_radius` must be zero or positive"),
+        ({"profile_radius": 0.1, "roller_radius": 0.0}, "`roller_radius` must be positive"),
+        ({"profile_radius": 0.1, "roller_radius": 0.3}, r"`breadth` must exceed 1 m, the stroke and both rollers"),
+    ],
+)
+def test_limits_of_a_rollers_cam_out_of_range_are_refused(cam, message):
+    with pytest.raises(ValueError, match=message):
+        optimise("peak_force", **MACHINE, resistance=none, limits=Limits(cam=CamLimits(0.9, **cam)), pieces=16)

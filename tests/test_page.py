@@ -124,7 +124,7 @@ def test_answer_is_that_of_the_study(written):
 
 def test_published_force_is_said(tmp_path):
     study = Study(scene(**{"output.wanted": []}))
-    told = html_answer.answer(study, [], sensitivity.nominal(study), [])
+    told = html_answer.answer(study, [], [])
     assert "each roller is held down by <strong>9.74 kN</strong>" in told
 
 
@@ -178,6 +178,35 @@ def test_figures_are_those_of_the_files_where_these_are_written(tmp_path):
     assert study.counts["figures"] == 3
 
 
+def test_resistance_is_drawn_over_speed_and_acceleration(written):
+    from compact import figures
+
+    study, _, _ = written
+    met = study.resistance_map
+    ax, beside = figures.resistance(met, study.formula_resistance, 0.2).axes
+    lines = {line.get_label(): line.get_xydata() for line in ax.lines}
+    for acceleration in (-0.2, -0.1, 0.1, 0.2):
+        speed, force = lines[f"a = {acceleration:+.2g} m/s²"].T
+        drawn = np.isfinite(force)
+        assert force[drawn] == pytest.approx(met(speed[drawn], acceleration) / 1e3)
+        assert np.array_equal(~drawn, met.beyond(speed, acceleration))  # dotted there, by a line of its own
+    speed, mass = beside.lines[0].get_xydata().T
+    inside = speed > met.speeds[0]
+    assert np.interp(met.speeds[1:-1], speed[inside], mass[inside]) == pytest.approx(
+        met.added_masses[1:-1], abs=1e-3 * np.abs(met.added_masses).max()
+    )
+
+
+def test_number_and_unit_stay_on_one_line():
+    shown = page("", "<p>takes 1.1 % more, 3.74 kN, 0.6 m/s², 7 laws, 10 % moisture</p>")
+    assert "1.1\u00a0% more, 3.74\u00a0kN, 0.6\u00a0m/s², 7 laws, 10\u00a0% moisture" in shown
+
+
+def test_law_that_no_machine_follows_is_named_once():
+    study = Study(scene(**{"output.wanted": [], "motion.laws": ["cubic", "constant-velocity"]}))
+    assert html_answer.answer(study, [], []).count("No machine can follow constant-velocity") == 1
+
+
 # checks and sensitivity
 
 
@@ -195,7 +224,7 @@ def test_a_balance_that_does_not_close_is_told():
     study.runs = {"cubic": replace(run, state=run.state._replace(resistance=1.001 * run.state.resistance))}
     failed = [check for check in checks.checks(study) if not check.holds]
     assert [check.what for check in failed] == ["work over a cycle, cubic"]
-    told = html_answer.answer(study, [], sensitivity.nominal(study), failed)
+    told = html_answer.answer(study, [], failed)
     assert "<strong>Built-in checks that fail:</strong> work over a cycle, cubic." in told
 
 
@@ -221,19 +250,58 @@ def test_ends_are_those_of_a_scene_so_changed(key):
             assert end.law[by] == exact[by][0].run.name
 
 
+LAYERS = {
+    "column": {"accuracy.engine": "column", "machine.rolling": "frictionless"},
+    "spectral": {"accuracy.engine": "spectral", "machine.rolling": "frictionless", "machine.profile": "circle"},
+}
+
+
+@pytest.mark.parametrize(("engine", "keys"), [
+    ("column", ("mix.overrides.heckel_slope", "layer.fed_density_ratio", "machine.mass", "motion.duration")),
+    ("spectral", ("mix.overrides.instant_over_relaxed",)),
+])  # fmt: skip
+def test_ends_by_an_engine_are_those_of_a_scene_so_changed(engine, keys):
+    quick = {"output.wanted": [], "motion.laws": ["cubic", "reversal-3"], "contact.speeds": [0.02, 0.06, 0.13]}
+    study = Study(scene(**LAYERS[engine], **quick, **{"contact.indentation": 4e-3}))
+    shifts = {shift.name: shift for shift in sensitivity.shifts(study)}
+    assert {shift.by for shift in shifts.values()} == {engine}
+    assert "machine.bearing_friction" not in shifts  # the formulas alone know it
+    for key in keys:
+        for end, value in zip((shifts[key].low, shifts[key].high), shifts[key].ends, strict=True):
+            exact = Study(study.scene.replaced(**{key: float(value)}))
+            met = exact.resistance_map
+            exact.resistance = replace(met, added_masses=None)  # steady
+            for by in ("peak_force", "peak_power"):
+                assert end.least[by] == pytest.approx(exact.rankings[by][0].value, rel=5e-3)
+                assert end.law[by] == exact.rankings[by][0].run.name
+
+
+def test_costly_engine_moves_only_what_its_map_knows():
+    study = Study(scene(**LAYERS["spectral"], **{"output.wanted": [], "motion.laws": ["cubic", "reversal-3"]}))
+    study.resistance_map = study.resistance  # of the spectral engine, as if finite elements had made it
+    study.scene = study.scene.replaced(**{"accuracy.engine": "fem"})
+    shifts = {shift.name: shift for shift in sensitivity.shifts(study)}
+    assert {name for name, shift in shifts.items() if shift.by == "fem"} == {"machine.mass", "machine.guide_friction"}
+    assert shifts["machine.mass"].base.least["peak_force"] == pytest.approx(
+        min(run.peak_force for run in study.runs.values()), rel=1e-3
+    )
+    told = html_machine.moves(list(shifts.values())).body
+    assert "What leaves the layer alone is by the engine's own map; for the rest formulas stand" in told
+
+
 def test_ends_beyond_the_formulas_are_told():
     study = Study(scene(**{"output.wanted": [], "motion.laws": ["cubic"], "mix.overrides.effective_modulus": 0.5e6}))
     shifts = sensitivity.shifts(study)
     assert next(shift for shift in shifts if shift.name.endswith("required_pressure")).high is None  # sin phi > 1
-    told = html_answer.answer(study, shifts, sensitivity.nominal(study), [])
-    assert "1 of the ends are beyond the formulas" in told
+    told = html_answer.answer(study, shifts, [])
+    assert "1 of the ends are beyond reach" in told
 
 
 def test_input_that_turns_the_order_is_named():
     study = Study(scene(**{"output.wanted": [], "motion.laws": ["parabolic", "quintic"]}))
-    base, shifts = sensitivity.nominal(study), sensitivity.shifts(study)
-    turned = replace(shifts[0], low=replace(shifts[0].low, law=dict.fromkeys(base.law, "another")))
-    told = html_answer.answer(study, [turned, *shifts[1:]], base, [])
+    shifts = sensitivity.shifts(study)
+    turned = replace(shifts[0], low=replace(shifts[0].low, law=dict.fromkeys(shifts[0].base.law, "another")))
+    told = html_answer.answer(study, [turned, *shifts[1:]], [])
     assert "the first law is another where one input is at an end: mix.overrides.required_pressure: another by" in told
 
 

@@ -254,8 +254,43 @@ def test_laws_made_for_the_machine_lead_those_with_a_steady_speed():
     for objective in OPTIMISE["objectives"]:
         made = study.cycles[f"least-{objective.replace('_', '-')}"].there
         assert getattr(study.runs[made.name], objective) == pytest.approx(made.value, rel=1e-4)
-        assert made.limits.velocity == study.fastest
+        assert made.limits.velocity is None  # the formulas know no speed
     assert study.counts["laws"] == 6
+
+
+RESTLESS = {"objectives": ["peak_force"], "smoothness": 1}
+COLUMN = {"accuracy.engine": "column", "motion.laws": ["reversal-4"], "machine.rolling": "frictionless"}
+SPECTRAL = COLUMN | {
+    "accuracy.engine": "spectral", "accuracy.tolerance": 0.05, "machine.profile": "circle",
+    "contact.speeds": [0.05, 0.3], "contact.peak_pressure": 203e3,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "layer", [pytest.param(COLUMN, id="column"), pytest.param(SPECTRAL, id="spectral", marks=pytest.mark.slow)]
+)
+def test_map_reaches_as_fast_as_the_law_that_is_made_wants_to_go(layer):
+    study = Study(scene(**layer, **{"motion.optimise": RESTLESS}))
+    given = study.fastest
+    there = study.optimal_cycles["least-peak-force"].there
+    assert given < there.peaks().velocity < 0.999 * there.limits.velocity
+    assert there.limits.velocity == study.fastest == pytest.approx(study.resistance_map.speeds[-1])
+    assert study.runs["least-peak-force"].peak_force == pytest.approx(there.value, rel=1e-3)
+
+
+def test_bound_of_the_scene_on_the_velocity_is_kept():
+    given = Study(scene(**COLUMN)).fastest
+    held = Study(scene(**COLUMN, **{"motion.optimise": RESTLESS | {"velocity": given}}))
+    assert held.optimal_cycles["least-peak-force"].there.peaks().velocity == pytest.approx(given)
+    assert held.fastest == given  # nothing is computed beyond it
+
+
+def test_law_that_wants_ever_more_speed_is_refused(monkeypatch):
+    monkeypatch.setattr("compact.made.NEAR", 0.0)
+    study = Study(scene(**COLUMN, **{"motion.optimise": RESTLESS}))
+    monkeypatch.setattr("compact.made.REACHES", 2)
+    with pytest.raises(RuntimeError, match=r"least peak force wants to go as fast as .* m/s and faster; bound its"):
+        _ = study.optimal_cycles
 
 
 @pytest.mark.slow
@@ -265,6 +300,21 @@ def test_law_made_for_the_spread_of_the_mix_costs_little_at_any_end_of_it():
     low, high = (study.oppositions[k].resistance.force / study.resistance.force for k in (1, 2))
     assert low < 1 / 2.2 < 2.2 < high  # the force follows the square of the pressure
     assert 1 < study.cycles["least-peak-power"].there.value < 1.05
+
+
+def test_cam_for_a_roller_is_cut_as_the_scene_asks():
+    free, held = (
+        Study(
+            scene(
+                **{"motion.laws": ["cubic"], "motion.optimise": {"objectives": ["peak_power"], "smoothness": 1} | asked}
+            )
+        )
+        for asked in ({}, {"profile_radius": 0.12})
+    )
+    assert free.cam("least-peak-power", "roller").undercut
+    cam = held.cam("least-peak-power", "roller")
+    assert not cam.undercut
+    assert min(cam.least_radius_of_curvature, cam.least_hollow_radius) == pytest.approx(0.12, rel=1e-4)
 
 
 def test_cam_of_a_given_law_waits_for_no_other():
