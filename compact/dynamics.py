@@ -20,16 +20,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from compact import ringing
+from compact import oscillator, ringing
+from compact.oscillator import TERMS, reach, respond
 from compact.polynomials import Pieces
 from compact.ringing import Signal, combined, compiling, first_fall, largest_product, shifted, value
 
-TERMS = 30  # of a power series: to rounding up to |root| h = REACH
-REACH = 3.0  # |root| h from which the polynomial answer is well conditioned, and to which the series holds
 POINTS = 7  # of the collocation, so that the defect falls with the 7th power of the step
 CHECKS = 16  # places on an arc where the defect is measured
 ITERATIONS = 25  # of the collocation; 1 for dry friction, 2 to 6 are usual
 SLOWEST, FASTEST, SAFETY = 0.2, 4.0, 0.9  # of the step control
+# where an arc that fails passes a knot of the resistance the next one ends a share past it, unless that is LATE times
+# as far as the defect allows; a knot is passed that lies AT a share from where the arc starts, or farther
+PAST, LATE, AT = 1 + 1e-3, 4.0, 1e-6
 SHORTEST = 1e-13  # share of a piece of the law below which a step is no step
 BRIEF = 1e-7  # share of a piece of the law: over so short an arc a cart that does not get away stands
 SLACK = 1e-12  # share of the friction by which a standing cart may be overpulled: rounding
@@ -40,7 +42,7 @@ DONE, TOO_MANY, TOO_FAST, TOO_SHORT = range(4)  # how `integrate` ended
 # what ends an arc; HELD: the cart stopped before it got away
 NOTHING, STOPPED, HELD, PULLED, PUSHED, OPENED, CLOSED_AHEAD, CLOSED_BEHIND = range(8)
 
-compiled = compiling(__file__, ringing.__file__)
+compiled = compiling(__file__, oscillator.__file__, ringing.__file__)
 
 
 class Spring(NamedTuple):
@@ -53,10 +55,11 @@ class Spring(NamedTuple):
 
 
 class Resistance(NamedTuple):
-    """F [N] over |v| [m/s] on the way there and on the way back, `Pieces` from 0."""
+    """F [N] over |v| [m/s] on the way there and on the way back, `Pieces` from 0; knots: |v| where F is not smooth."""
 
     there: Pieces
     back: Pieces
+    knots: np.ndarray
 
 
 class State(NamedTuple):
@@ -113,46 +116,6 @@ def direction(resistance, pull):
     most, least = met(resistance, 1, 0.0)[0], met(resistance, -1, 0.0)[0]
     slack = SLACK * (most - least)
     return 1 if pull > most + slack else -1 if pull < least - slack else 0
-
-
-@compiled
-def roots(mass, damping, stiffness):
-    """Decay s, bend s^2 - w0^2, and the smaller and larger |root| of the oscillator."""
-    decay, square = damping / (2 * mass), stiffness / mass
-    bend = decay**2 - square
-    if bend <= 0:
-        return decay, bend, np.sqrt(square), np.sqrt(square)
-    fast = abs(decay) + np.sqrt(bend)
-    return decay, bend, square / fast, fast
-
-
-@compiled
-def respond(mass, damping, stiffness, force, stretch, rate, h):
-    """Stretch as a `Signal` over h [s] from its start value and rate under force(u), a polynomial [N].
-
-    h is within what `reach` gives.
-    """
-    decay, bend, slow, _ = roots(mass, damping, stiffness)
-    poly, n = np.zeros(TERMS), len(force)
-    if slow * h >= REACH:
-        for j in range(n - 1, -1, -1):
-            later = damping / h * (j + 1) * poly[j + 1] + mass / h**2 * (j + 1) * (j + 2) * poly[j + 2]
-            poly[j] = (force[j] - later) / stiffness
-        cosine = stretch - poly[0]
-        return Signal(poly, cosine, rate - poly[1] / h + decay * cosine, decay, bend, h)
-    poly[0], poly[1] = stretch, rate * h
-    for j in range(TERMS - 2):
-        pushed = force[j] * h**2 / mass if j < n else 0.0
-        held = 2 * decay * h * (j + 1) * poly[j + 1] + stiffness / mass * h**2 * poly[j]
-        poly[j + 2] = (pushed - held) / ((j + 1) * (j + 2))
-    return Signal(poly, 0.0, 0.0, decay, bend, h)
-
-
-@compiled
-def reach(mass, damping, stiffness, h):
-    """h, or less where neither of the two answers of `respond` holds for it."""
-    _, _, slow, fast = roots(mass, damping, stiffness)
-    return h if slow * h >= REACH or fast * h <= REACH else REACH / fast
 
 
 @compiled
@@ -278,8 +241,7 @@ def longest_answer(spring, resistance, state, slip, h):
 def attempt(spring, resistance, state, slip, law, h, tolerance):
     """The `Trial` of an arc of h [s] under law(u)."""
     if slip == 0:
-        poly = np.zeros(TERMS)
-        poly[: len(law)] = law
+        poly = law.copy()
         poly[0] = state.stretch
         stretch = Signal(poly, 0.0, 0.0, 0.0, 0.0, h)
         until, what = event(spring, resistance, 0, state.side, law, stretch)
@@ -292,8 +254,26 @@ def attempt(spring, resistance, state, slip, law, h, tolerance):
     worst, fastest = defect(resistance, state, slip, speed, rest, until)
     pace = SAFETY * (tolerance / max(worst, 1e-300)) ** (1 / POINTS)
     kept = worst <= tolerance
-    step = h * (min(FASTEST, max(1.0, pace)) if kept else max(SLOWEST, pace))
-    return Trial(kept, step, stretch, until, what, evaluations + CHECKS, fastest)
+    if kept:
+        step = min(FASTEST, max(1.0, pace))
+    else:
+        to_knot = PAST * min(passed(resistance.knots, slip, state.velocity, speed), until)
+        step = to_knot if to_knot < min(1.0, LATE * pace) else max(SLOWEST, pace)
+    return Trial(kept, h * step, stretch, until, what, evaluations + CHECKS, fastest)
+
+
+@compiled
+def passed(knots, slip, velocity, speed):
+    """The u at which a speed first passes a knot beyond the one where it starts, 2.0 where it passes none."""
+    start, first = slip * velocity, 2.0
+    above = np.searchsorted(knots, start * (1 + AT), side="right")
+    below = np.searchsorted(knots, start * (1 - AT), side="left") - 1
+    for k, way in ((above, slip), (below, -slip)):
+        if 0 <= k < len(knots):
+            left = Signal(-way * speed.poly, -way * speed.cosine, -way * speed.sine, *speed[3:])
+            left.poly[0] += way * slip * knots[k]
+            first = min(first, first_fall(left))
+    return first
 
 
 @compiled
@@ -316,20 +296,21 @@ def integrate(spring, law, resistance, state, tolerance, arcs):
     law : position of the far end over time, `Pieces` whose joins are the only places where it is not smooth
     tolerance : of the defect [N];  arcs : `room`, filled in place
     """
-    n, work = 0, 0
+    n, work, step = 0, 0, np.inf
     for i in range(len(law.coefficients)):
         begin, whole, piece = law.breaks[i], law.breaks[i + 1] - law.breaks[i], law.coefficients[i]
-        done, step, last = 0.0, whole, NOTHING
+        done, last = 0.0, NOTHING
         while done < 1:
             time, left = begin + done * whole, (1 - done) * whole
             if n == len(arcs.start) or step < SHORTEST * whole:
                 return TOO_MANY if n == len(arcs.start) else TOO_SHORT, n, work, state, time
             slip = heading(spring, resistance, state, shifted(piece, done, 1.0)[1] / whole, last)
-            h = longest_answer(spring, resistance, state, slip, min(step, left))
+            h = longest_answer(spring, resistance, state, slip, left if slip == 0 else min(step, left))
             y = shifted(piece, done, h / whole)
             trial = attempt(spring, resistance, state, slip, y, h, tolerance)
             work += trial.evaluations
-            step = trial.step
+            if slip != 0:  # after a stand it goes on with steps as before
+                step = trial.step
             if not trial.kept:
                 continue
             if slip != 0 and trial.fastest > (resistance.there if slip > 0 else resistance.back).breaks[-1]:
@@ -340,7 +321,7 @@ def integrate(spring, law, resistance, state, tolerance, arcs):
                 continue
             _keep(arcs, n, time, h, y, trial, slip, state.side)
             n += 1
-            last = HELD if stayed else trial.what
+            last, step = (HELD, np.inf) if stayed else (trial.what, step)
             state = outcome(state, slip, y, trial)
             done = 1.0 if h == left and trial.what == NOTHING else done + trial.until * h / whole
     return DONE, n, work, state, law.breaks[-1]
@@ -349,7 +330,8 @@ def integrate(spring, law, resistance, state, tolerance, arcs):
 @compiled
 def _keep(arcs, n, start, span, law, trial, slip, side):
     arcs.start[n], arcs.span[n], arcs.length[n] = start, span, trial.until * span
-    arcs.law[n], arcs.stretch[n] = law, trial.stretch.poly
+    arcs.law[n], arcs.stretch[n] = law, 0.0
+    arcs.stretch[n, : len(trial.stretch.poly)] = trial.stretch.poly
     arcs.ring[n, 0], arcs.ring[n, 1] = trial.stretch.cosine, trial.stretch.sine
     arcs.ring[n, 2], arcs.ring[n, 3] = trial.stretch.decay, trial.stretch.bend
     arcs.slip[n], arcs.side[n] = slip, side

@@ -152,7 +152,7 @@ class Course:
         pace = self.far_end(i, u, 1)
         velocity = np.where(slip != 0, pace - rate, 0.0)
         force = self.force(i, u)
-        there, back = ((table(slip * velocity), _rise(table, slip * velocity)) for table in self.resistance)
+        there, back = ((table(slip * velocity), _rise(table, slip * velocity)) for table in self.resistance[:2])
         resisted = np.where(slip > 0, there[0], np.where(slip < 0, back[0], force))
         acceleration = np.where(slip != 0, (force - resisted) / mass, 0.0)
         rise = np.where(slip > 0, there[1], -back[1])

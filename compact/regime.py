@@ -36,7 +36,8 @@ LAW = 1e-11  # of the peak acceleration, by which polynomials may miss it
 TABLE = 1e-2  # of the tolerance, by which polynomials may miss the resistance, and not below
 TABLE_FLOOR = 1e-12  # of the largest force: closer there is only rounding
 WIDER, WIDENINGS = 2.0, 8  # of the range of speeds, where a cart overshoots it
-HALVES = 36  # of the slowest sample of a map: the rest is rounding
+CREEPING = 1e-6  # of the fastest: slower is as good as standing
+AT_ONCE = 1e-3  # of the largest force: what rises by more within the creep, such as v^0.02, holds a standing cart
 CLOSED = 0.1  # of the tolerance: a cycle that ends so near to where it began
 PROBE = 1e-5  # of the force scale: difference for the derivative of the map over one cycle
 SETTLING = 2  # cycles from rest before Newton's method
@@ -68,9 +69,9 @@ class Problem:
         self.law = _polynomial_law(cycle)
         self.middle = cycle.there.duration / 2
         self.total = _speed_only(cart, resistance)
-        self.knots = _graded(getattr(resistance, "speeds", ()))
+        self.knots = getattr(resistance, "speeds", ())
         velocity, acceleration = (np.abs(cycle.there.at_phase(inside(cycle.there.curve.x), k)).max() for k in (1, 2))
-        self.fastest = WIDER * velocity
+        self.fastest, self.creep = WIDER * velocity, CREEPING * velocity
         impact = velocity * math.sqrt(drive.stiffness * cart.mass) if acceleration == 0 else 0.0
         inertia = cart.mass * acceleration + impact
         speeds = self.fastest * np.linspace(CREEP, 1, 65)
@@ -79,21 +80,42 @@ class Problem:
         self._tabulate()
 
     def _tabulate(self):
-        sides, miss = [], max(TABLE * self.tolerance, TABLE_FLOOR * self.scale)
-        breaks = [0.0, *(speed for speed in self.knots if speed < self.fastest), self.fastest]
-        for sign in (1, -1):
-            try:
-                sides.append(pieces(lambda v, s=sign: self.total(s * v), breaks, miss))
-            except ValueError as error:
-                raise ValueError(f"`resistance` over speed [m/s] has {error}") from None
-        self.resistance = Resistance(*sides)
-        for side in sides:  # friction that is rounding is none: nothing sticks to it
-            side.coefficients[0, 0] *= abs(side.coefficients[0, 0]) > TABLE_FLOOR * self.scale
-        there, back = (side.coefficients[0, 0] for side in sides)
-        if there < back:
+        knots = np.array([speed for speed in self.knots if self.creep < speed < self.fastest])
+        octaves = self.creep * 2.0 ** np.arange(math.log2(min([*knots, self.fastest]) / self.creep))
+        there, back = (self._side(sign, np.concatenate([octaves, knots, [self.fastest]])) for sign in (1, -1))
+        self.resistance = Resistance(there, back, np.append(self.creep, knots))
+        most, least = there.coefficients[0, 0], back.coefficients[0, 0]
+        if most < least:
             raise ValueError(
-                f"`resistance` must not push a standing cart on, got {there:g} N at speed +0 and {back:g} N at -0"
+                f"`resistance` must not push a standing cart on, got {most:g} N at speed +0 and {least:g} N at -0"
             )
+
+    def _side(self, sign, breaks):
+        """F over |v| on one way: from the creep on as near as asked, and below it as `_crept`."""
+        miss = max(TABLE * self.tolerance, TABLE_FLOOR * self.scale)
+        try:
+            side = pieces(lambda v: self.total(sign * v), breaks, miss)
+        except ValueError as error:
+            raise ValueError(f"`resistance` over speed [m/s] has {error}") from None
+        below = np.zeros((1, side.coefficients.shape[1]))
+        below[0, :2] = self._crept(sign, side.coefficients[0, 0])
+        return Pieces(np.append(0.0, side.breaks), np.concatenate([below, side.coefficients]))
+
+    def _crept(self, sign, force):
+        """(F, its rise) from rest to the creep, where F is `force`: what it rises by at once holds the cart.
+
+        Friction that is rounding is none: nothing sticks to it.
+        """
+        rest = float(self.total(sign * np.array([CREEP * self.creep]))[0])
+        rest *= abs(rest) > TABLE_FLOOR * self.scale
+        if abs(force - rest) <= AT_ONCE * self.scale:
+            return rest, force - rest
+        if sign * force < sign * rest:
+            raise ValueError(
+                f"`resistance` over speed [m/s] has a jump at 0, from {rest:g} N to {force:g} N at {self.creep:g} m/s, "
+                "by which it falls; give a function without jumps"
+            )
+        return force, 0.0
 
     @property
     def at_rest(self):
@@ -199,11 +221,6 @@ def _cut(law, time):
         rows = np.concatenate([rows[: i - 1], halves, rows[i:]])
         breaks = np.insert(breaks, i, time)
     return Pieces(breaks[i:].copy(), rows[i:].copy()), Pieces(breaks[: i + 1].copy(), rows[:i].copy())
-
-
-def _graded(speeds):
-    """Samples of a map, between which it is smooth, and halves of the slowest, as below it is a power of the speed."""
-    return np.concatenate([speeds[0] * 0.5 ** np.arange(HALVES, 0, -1), speeds]) if len(speeds) else speeds
 
 
 def _speed_only(cart, resistance):

@@ -180,6 +180,8 @@ def change(signal, low, high):
 @compiled
 def first_fall(signal):
     """The least u at which q falls from >= 0 to below, 2.0 where it never does."""
+    if signal.poly[0] - (np.abs(signal.poly[1:]).sum() + envelope(signal, 0.0, 1.0)) > 0:
+        return 2.0
     rate, zero = slope(signal), ROUNDING * size(signal)
     stack = np.empty((DEPTH, 2))
     stack[0, 0], stack[0, 1], top = 0.0, 1.0, 1

@@ -61,10 +61,10 @@ def moved(drive, position, time, size=0.0, state=RELAXED):
     arcs = room(1000, 10)
     numbers = Spring(MASS, float(drive.stiffness), float(drive.damping), float(drive.backlash))
     far_end = Pieces(np.array([0.0, time]), scaled)
-    ended, n, _, end, _ = integrate(numbers, far_end, Resistance(side, back), state, 1e-9, arcs)
+    ended, n, _, end, _ = integrate(numbers, far_end, Resistance(side, back, np.empty(0)), state, 1e-9, arcs)
     assert ended == 0
     kept = type(arcs)(*(column[:n].copy() for column in arcs))
-    return Course(CART, drive, kept, Resistance(side, back), state, end)
+    return Course(CART, drive, kept, Resistance(side, back, np.empty(0)), state, end)
 
 
 def roots(drive):

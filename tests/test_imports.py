@@ -16,7 +16,7 @@ LEVELS = (
     (
         *("records", "material", "mesh", "patch", "plies", "sizing", "shaft", "follower", "variational", "results"),
         *("scene_errors", "polynomials", "quadratic", "lawspace", "criteria", "drawing", "page", "sobol", "springs"),
-        *("pressed_memory", "strokes"),
+        *("pressed_memory", "strokes", "oscillator"),
     ),
     ("laws", "halfplane", "modulation", "mix", "cart", "scene_rules", "streamline", "cap", "dynamics", "limits"),
     ("kernel", "compliance", "stickslip", "confined", "optimise", "reroll", "retained", "store", "scene_tables"),
