@@ -25,13 +25,13 @@ from compact.oscillator import TERMS, reach, respond
 from compact.polynomials import Pieces
 from compact.ringing import Signal, combined, compiling, first_fall, largest_product, shifted, value
 
-POINTS = 7  # of the collocation, so that the defect falls with the 7th power of the step
+POINTS = 9  # of the collocation, so that the defect falls with the 9th power of the step
 CHECKS = 16  # places on an arc where the defect is measured
 ITERATIONS = 25  # of the collocation; 1 for dry friction, 2 to 6 are usual
 SLOWEST, FASTEST, SAFETY = 0.2, 4.0, 0.9  # of the step control
 # where an arc that fails passes a knot of the resistance the next one ends a share past it, unless that is LATE times
-# as far as the defect allows; a knot is passed that lies AT a share from where the arc starts, or farther
-PAST, LATE, AT = 1 + 1e-3, 4.0, 1e-6
+# as far as the defect allows, or NEAR the end; a knot is passed that lies AT a share from where the arc starts, or more
+PAST, LATE, NEAR, AT = 1 + 1e-3, 4.0, 0.9, 1e-6
 SHORTEST = 1e-13  # share of a piece of the law below which a step is no step
 BRIEF = 1e-7  # share of a piece of the law: over so short an arc a cart that does not get away stands
 SLACK = 1e-12  # share of the friction by which a standing cart may be overpulled: rounding
@@ -148,13 +148,11 @@ def slide(spring, resistance, state, slip, law, h, tolerance):
             moved = max(moved, abs(there[i] - before[i]))
             if not abs(there[i]) < np.inf:
                 return stretch, rest, False, (iteration + 1) * POINTS
-        if moved <= tolerance / 10:
-            return stretch, rest, True, (iteration + 1) * POINTS
         before[:] = there
-        rest[:] = 0.0
-        for j in range(POINTS):
-            for i in range(POINTS):
-                rest[j] += TO_COEFFICIENTS[j, i] * there[i]
+        rest[:POINTS] = TO_COEFFICIENTS @ there
+        if moved <= tolerance / 10:  # what is left falls by as much again
+            stretch = respond(spring.mass, spring.damping + rise, stiffness, force + rest, state.stretch, rate, h)
+            return stretch, rest, True, (iteration + 1) * POINTS
     return stretch, rest, False, ITERATIONS * POINTS
 
 
@@ -258,7 +256,7 @@ def attempt(spring, resistance, state, slip, law, h, tolerance):
         step = min(FASTEST, max(1.0, pace))
     else:
         to_knot = PAST * min(passed(resistance.knots, slip, state.velocity, speed), until)
-        step = to_knot if to_knot < min(1.0, LATE * pace) else max(SLOWEST, pace)
+        step = to_knot if to_knot < min(NEAR, LATE * pace) else max(SLOWEST, pace)
     return Trial(kept, h * step, stretch, until, what, evaluations + CHECKS, fastest)
 
 

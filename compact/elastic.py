@@ -76,8 +76,12 @@ def travel(cart, drive, motion, resistance, *, regime="periodic", working=(1 / 6
         raise ValueError("`end_springs` are not known to an elastic drive; take them out, or choose another drive")
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
     problem = Problem(cart, drive, cycle, resistance, tolerance)
-    start = problem.at_rest if regime == "rest" else problem.periodic()
-    arcs, end = problem.course(problem.law, start)
+    if regime == "rest":
+        start = problem.at_rest
+        arcs, end = problem.course(problem.law, start)
+    else:
+        arcs, start = problem.periodic()
+        end = start
     course = Course(cart, drive, arcs, problem.resistance, start, end)
     return ElasticRun(cycle, resistance, working, course, problem.work)
 

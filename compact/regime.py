@@ -9,6 +9,7 @@ import math
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,7 +41,7 @@ CREEPING = 1e-6  # of the fastest: slower is as good as standing
 AT_ONCE = 1e-3  # of the largest force: what rises by more within the creep, such as v^0.02, holds a standing cart
 CLOSED = 0.1  # of the tolerance: a cycle that ends so near to where it began
 PROBE = 1e-5  # of the force scale: difference for the derivative of the map over one cycle
-SETTLING = 2  # cycles from rest before Newton's method
+FORGOTTEN = 0.03  # of a residual, that one more cycle leaves: as good as Newton's method, which takes three for a round
 ROUNDS = 40  # of Newton's method; 1 to 4 are usual
 FARTHEST = 30.0  # of the force scale, that one round may move the state: beyond, friction is another
 FAILURES = {
@@ -58,6 +59,16 @@ class Work:
     arcs: int = 0
     evaluations: int = 0
     rounds: int = 0
+
+
+class Turn(NamedTuple):
+    """A cycle from the middle of the way there: its arcs in order, the states at its end and in the middle again, and
+    how far the latter lies from the one it left from, in units of force. The arcs meet there as near as that."""
+
+    arcs: Arcs
+    end: State
+    after: State
+    residual: np.ndarray
 
 
 class Problem:
@@ -142,51 +153,61 @@ class Problem:
         )
 
     def periodic(self):
-        """State at the start of the cycle that comes back after it.
+        """(`Arcs`, state at the start) of the cycle that comes back after it.
 
         Newton's method on the map over one cycle, from the middle of the way there, where the cart moves for sure;
-        a step that does not help is one more cycle instead.
+        while a cycle wipes out nearly all of the past, or a step does not help, it is one more cycle instead.
         """
         late, early = _cut(self.law, self.middle)
-        state = self.at_rest
-        for _ in range(SETTLING):
-            state = self._over(early, state)
-            state = self._over(late, state)
-        state = self._over(early, state)
+        state = self._steady(early)
         stiffness, mass = self.spring.stiffness, self.spring.mass
         units = self.scale / np.array([stiffness, math.sqrt(stiffness * mass)])
 
         def miss(state):
-            after = self._over(early, self._over(late, state))
-            return after, (np.array(after[:2]) - np.array(state[:2])) / units
+            second, end = self.course(late, state)
+            first, after = self.course(early, end)
+            arcs = Arcs(*(np.concatenate(halves) for halves in zip(first, second, strict=True)))
+            return Turn(arcs, end, after, (np.array(after[:2]) - np.array(state[:2])) / units)
 
-        after, residual = miss(state)
+        turn, before = miss(state), np.inf
         for _ in range(ROUNDS):
-            if np.abs(residual).max() <= CLOSED * self.tolerance / self.scale:
-                return self._over(late, after)
+            left = np.abs(turn.residual).max()
+            if left <= CLOSED * self.tolerance / self.scale and turn.after.side == state.side:
+                return turn.arcs, turn.end
+            if left <= FORGOTTEN * before:
+                state, turn, before = turn.after, miss(turn.after), left
+                continue
             self.work.rounds += 1
             slopes = np.empty((2, 2))
             for j in range(2):
                 probe = _moved(state, PROBE * units * np.eye(2)[j])
-                slopes[:, j] = (miss(probe)[1] - residual) / PROBE
-            state, after, residual = self._step(miss, state, after, residual, slopes, units)
+                slopes[:, j] = (miss(probe).residual - turn.residual) / PROBE
+            state, turn = self._step(miss, state, turn, slopes, units)
+            before = 0.0
         raise RuntimeError(
-            f"no periodic regime found in {ROUNDS} rounds: a cycle ends {np.abs(residual).max() * self.scale:g} N from "
-            "where it began; the spring may resonate, or the motion repeat after several cycles only; "
+            f"no periodic regime found in {ROUNDS} rounds: a cycle ends {np.abs(turn.residual).max() * self.scale:g} N "
+            "from where it began; the spring may resonate, or the motion repeat after several cycles only; "
             'give more damping, or regime "rest"'
         )
 
-    def _step(self, miss, state, after, residual, slopes, units):
-        with suppress(np.linalg.LinAlgError, RuntimeError):  # a step that leads nowhere is none: one more cycle does
-            move = np.linalg.solve(slopes, -residual)
-            trial = _moved(state, move * min(1.0, FARTHEST / np.abs(move).max()) * units)
-            trial_after, trial_residual = miss(trial)
-            if np.abs(trial_residual).max() < np.abs(residual).max():
-                return trial, trial_after, trial_residual
-        return after, *miss(after)
+    def _steady(self, early):
+        """State at the end of the early part of a cart that follows the law without swinging."""
+        width, row = np.diff(early.breaks)[-1], early.coefficients[-1]
+        powers = np.arange(len(row))
+        pace, bend = row @ powers / width, row @ (powers * (powers - 1)) / width**2
+        resisted = float(self.total(np.array([pace]))[0])
+        pull = self.spring.mass * bend + resisted
+        side = 1 if self.spring.backlash == 0 else int(np.sign(pull))
+        return State(pull / self.spring.stiffness + side * self.spring.backlash / 2, pace, side)
 
-    def _over(self, law, state):
-        return self.course(law, state)[1]
+    def _step(self, miss, state, turn, slopes, units):
+        with suppress(np.linalg.LinAlgError, RuntimeError):  # a step that leads nowhere is none: one more cycle does
+            move = np.linalg.solve(slopes, -turn.residual)
+            trial = _moved(state, move * min(1.0, FARTHEST / np.abs(move).max()) * units)
+            tried = miss(trial)
+            if np.abs(tried.residual).max() < np.abs(turn.residual).max():
+                return trial, tried
+        return turn.after, miss(turn.after)
 
 
 def _moved(state, by):

@@ -164,16 +164,21 @@ def size(signal):
 
 @compiled
 def change(signal, low, high):
-    """The place between low and high where q changes its sign, by halving."""
-    rises = value(signal, high) > 0
+    """The place between low and high where q changes its sign, low where it does not: Illinois' rule, to rounding."""
+    at_low, at_high = value(signal, low), value(signal, high)
+    if (at_low > 0) == (at_high > 0):
+        return low
     for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        if (value(signal, middle) > 0) == rises:
-            high = middle
+        place = high - at_high * (high - low) / (at_high - at_low)
+        if not low < place < high:
+            place = (low + high) / 2
+        here = value(signal, place)
+        if here == 0 or high - low <= 2e-16 * high:
+            return place
+        if (here > 0) == (at_high > 0):
+            high, at_high, at_low = place, here, at_low / 2
         else:
-            low = middle
-        if high - low <= 2e-16 * high:
-            break
+            low, at_low, at_high = place, here, at_high / 2
     return (low + high) / 2
 
 
