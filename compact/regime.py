@@ -15,22 +15,12 @@ import numpy as np
 
 from compact.cart import balance
 from compact.drive import CREEP, met_resistance
-from compact.dynamics import (
-    DONE,
-    SHORTEST,
-    TOO_FAST,
-    TOO_MANY,
-    TOO_SHORT,
-    Arcs,
-    Resistance,
-    Spring,
-    State,
-    integrate,
-    room,
-)
+from compact.dynamics import DONE, SHORTEST, TOO_FAST, TOO_MANY, TOO_SHORT, Arcs, integrate, room
 from compact.pieces import EPSILON, inside
 from compact.polynomials import Pieces, integrated, pieces
+from compact.resisted import NONE, Resistance
 from compact.ringing import shifted
+from compact.suspended import AT_NEAR, FAR, NEAR, Ends, Spring, State
 
 ARCS = 20_000  # of a cycle; a dozen are usual, hundreds where the resistance bends with the speed
 LAW = 1e-11  # of the peak acceleration, by which polynomials may miss it
@@ -76,10 +66,10 @@ class Problem:
 
     def __init__(self, cart, drive, cycle, resistance, tolerance):
         self.work = Work()
-        self.spring = Spring(float(cart.mass), float(drive.stiffness), float(drive.damping), float(drive.backlash))
+        self.spring = _spring(cart, drive)
         self.law = _polynomial_law(cycle)
         self.middle = cycle.there.duration / 2
-        self.total = _speed_only(cart, resistance)
+        self.total = _total(cart, resistance)
         self.knots = getattr(resistance, "speeds", ())
         velocity, acceleration = (np.abs(cycle.there.at_phase(inside(cycle.there.curve.x), k)).max() for k in (1, 2))
         self.fastest, self.creep = WIDER * velocity, CREEPING * velocity
@@ -88,18 +78,42 @@ class Problem:
         speeds = self.fastest * np.linspace(CREEP, 1, 65)
         self.scale = max(inertia, *(np.abs(self.total(sign * speeds)).max() for sign in (1, -1)))
         self.tolerance = tolerance * self.scale
+        self.pace, self.hurry = getattr(resistance, "pace", np.inf), inertia / cart.mass
+        if np.abs(self._added(speeds)).max() * self.hurry <= TABLE_FLOOR * self.scale:
+            self.pace = 0.0
         self._tabulate()
 
     def _tabulate(self):
         knots = np.array([speed for speed in self.knots if self.creep < speed < self.fastest])
         octaves = self.creep * 2.0 ** np.arange(math.log2(min([*knots, self.fastest]) / self.creep))
-        there, back = (self._side(sign, np.concatenate([octaves, knots, [self.fastest]])) for sign in (1, -1))
-        self.resistance = Resistance(there, back, np.append(self.creep, knots))
+        breaks = np.concatenate([octaves, knots, [self.fastest]])
+        there, back = (self._side(sign, breaks) for sign in (1, -1))
+        added = self._added_masses(breaks) if self.pace else NONE
+        self.resistance = Resistance(there, back, np.append(self.creep, knots), added, float(self.pace))
         most, least = there.coefficients[0, 0], back.coefficients[0, 0]
         if most < least:
             raise ValueError(
                 f"`resistance` must not push a standing cart on, got {most:g} N at speed +0 and {least:g} N at -0"
             )
+
+    def _added(self, speed):
+        """M [kg] at speeds > 0, by which the resistance follows the acceleration; below the slowest sample as there."""
+        speed = np.maximum(speed, min(self.knots, default=0.0))
+        acceleration = np.minimum(self.hurry, self.pace * speed) / 2
+        return (self.total(speed, acceleration) - self.total(speed)) / acceleration
+
+    def _added_masses(self, breaks):
+        miss = max(TABLE * self.tolerance, TABLE_FLOOR * self.scale) / self.hurry
+        masses = pieces(self._added, breaks, miss)
+        least = min(masses.coefficients[:, 0].min(), float(masses(masses.breaks[-1])))
+        if self.spring.mass + least <= 0:
+            raise ValueError(
+                f"`mass` must exceed what the resistance lags by, got {self.spring.mass:g} kg, a lag of {-least:g} kg; "
+                "take the resistance without its added masses"
+            )
+        still = np.zeros((1, masses.coefficients.shape[1]))
+        still[0, 0] = masses.coefficients[0, 0]
+        return Pieces(np.append(0.0, masses.breaks), np.concatenate([still, masses.coefficients]))
 
     def _side(self, sign, breaks):
         """F over |v| on one way: from the creep on as near as asked, and below it as `_crept`."""
@@ -130,8 +144,14 @@ class Problem:
 
     @property
     def at_rest(self):
-        """State of a cart that stands relaxed."""
-        return State(0.0, 0.0, 1 if self.spring.backlash == 0 else 0)
+        """State of a cart that stands at the near end, drive and end spring in balance."""
+        ends, stiffness, slack = self.spring.ends, self.spring.stiffness, self.spring.backlash / 2
+        if ends.length == 0:
+            return State(0.0, 0.0, 1 if slack == 0 else 0, 0)
+        pushed = ends.preload + ends.stiffness * ends.length
+        given = (pushed + stiffness * slack) / (stiffness + ends.stiffness)  # by the drive, to the end spring
+        side = 1 if slack == 0 else -1
+        return State(-given, 0.0, side, NEAR) if given < ends.length else State(-ends.length, 0.0, side, AT_NEAR)
 
     def course(self, law, state):
         """(`Arcs`, end state) through the pieces of a law; the range of speeds widens as need be."""
@@ -172,7 +192,7 @@ class Problem:
         turn, before = miss(state), np.inf
         for _ in range(ROUNDS):
             left = np.abs(turn.residual).max()
-            if left <= CLOSED * self.tolerance / self.scale and turn.after.side == state.side:
+            if left <= CLOSED * self.tolerance / self.scale and turn.after[2:] == state[2:]:
                 return turn.arcs, turn.end
             if left <= FORGOTTEN * before:
                 state, turn, before = turn.after, miss(turn.after), left
@@ -198,7 +218,10 @@ class Problem:
         resisted = float(self.total(np.array([pace]))[0])
         pull = self.spring.mass * bend + resisted
         side = 1 if self.spring.backlash == 0 else int(np.sign(pull))
-        return State(pull / self.spring.stiffness + side * self.spring.backlash / 2, pace, side)
+        stretch, ends = pull / self.spring.stiffness + side * self.spring.backlash / 2, self.spring.ends
+        place = row.sum() - stretch
+        zone = NEAR if place < ends.length else FAR if place > ends.stroke - ends.length > 0 else 0
+        return State(stretch, pace, side, zone)
 
     def _step(self, miss, state, turn, slopes, units):
         with suppress(np.linalg.LinAlgError, RuntimeError):  # a step that leads nowhere is none: one more cycle does
@@ -211,7 +234,7 @@ class Problem:
 
 
 def _moved(state, by):
-    return State(state.stretch + by[0], state.velocity + by[1], state.side)
+    return State(state.stretch + by[0], state.velocity + by[1], state.side, state.zone)
 
 
 def _polynomial_law(cycle):
@@ -244,11 +267,17 @@ def _cut(law, time):
     return Pieces(breaks[i:].copy(), rows[i:].copy()), Pieces(breaks[: i + 1].copy(), rows[:i].copy())
 
 
-def _speed_only(cart, resistance):
-    """Resistance and guide friction [N] over velocity [m/s], none of them 0."""
+def _total(cart, resistance):
+    """Resistance and guide friction [N] over velocity [m/s], none of them 0, and acceleration [m/s^2]."""
 
-    def total(velocity):
-        still = np.zeros(np.shape(velocity))
-        return balance(cart, still, met_resistance(resistance, velocity, still), np.sign(velocity)).drive_force
+    def total(velocity, acceleration=0.0):
+        acceleration = np.broadcast_to(acceleration, np.shape(velocity))
+        return balance(cart, 0.0, met_resistance(resistance, velocity, acceleration), np.sign(velocity)).drive_force
 
     return total
+
+
+def _spring(cart, drive):
+    ends, numbers = cart.end_springs, (cart.mass, drive.stiffness, drive.damping, drive.backlash)
+    given = (0.0,) * 4 if ends is None else (ends.stiffness, ends.preload, ends.length, ends.stroke)
+    return Spring(*map(float, numbers), Ends(*map(float, given)))

@@ -105,6 +105,18 @@ def combined(stretch, law, a, b, c, d):
 
 
 @compiled
+def scaled(signal, by):
+    """A signal times a number."""
+    return Signal(by * signal.poly, by * signal.cosine, by * signal.sine, signal.decay, signal.bend, signal.span)
+
+
+@compiled
+def sum_of(one, two):
+    """Sum of two signals of the same oscillator."""
+    return Signal(one.poly + two.poly, one.cosine + two.cosine, one.sine + two.sine, one.decay, one.bend, one.span)
+
+
+@compiled
 def shifted(poly, start, width):
     """Coefficients of p(start + width u)."""
     out = poly.copy()
