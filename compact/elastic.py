@@ -4,11 +4,12 @@
 
 y is the law, x the cart, H the drive force, + towards the far end; with a backlash b the spring pulls from a stretch of
 b/2 and pushes from -b/2, o = +-b/2, and is slack between, while the damper acts throughout (as in gear dynamics:
-Kahraman and Singh, J. Sound Vib. 142 (1990) 49). The resistance W of the mix is taken at first order in the
-acceleration, F(v) + a M(v), as a map gives it. It and the friction of the guide wheels jump at rest and hold the cart
-there, as does the plate of a preloaded end spring (`dynamics`). A resistance that vanishes with a small power of the
-speed, such as v^0.02 of a mix that compacts, holds like dry friction: a millionth of the fastest speed is as good as
-standing, and what the mix resists there is what holds.
+Kahraman and Singh, J. Sound Vib. 142 (1990) 49). The resistance W of the mix is that of the steady speed, or follows
+the acceleration at first order, F(v) + a M(v), as a map gives it; while a cart swings the map holds the second term
+most of the time, and following it through costs several times as much. W and the friction of the guide wheels jump at
+rest and hold the cart there, as does the plate of a preloaded end spring (`dynamics`). A resistance that vanishes with
+a small power of the speed, such as v^0.02 of a mix that compacts, holds like dry friction: a millionth of the fastest
+speed is as good as standing, and what the mix resists there is what holds.
 
 Two regimes: from rest, and the periodic one, whose state is found by Newton's method on the map over one cycle.
 """
@@ -34,11 +35,15 @@ JUMP = 1e-6  # of the largest acceleration: less is rounding
 
 @dataclass(frozen=True)
 class ElasticDrive:
-    """Spring and damper between the law and the cart: stiffness k [N/m], damping c [N s/m], backlash b >= 0 [m]."""
+    """Spring and damper between the law and the cart: stiffness k [N/m], damping c [N s/m], backlash b >= 0 [m].
+
+    first_order : whether the resistance follows the acceleration, F + a M, or is that of the steady speed
+    """
 
     stiffness: float
     damping: float
     backlash: float = 0.0
+    first_order: bool = False
 
     def __post_init__(self):
         refuse_nonpositive(stiffness=self.stiffness)
@@ -61,8 +66,8 @@ def travel(cart, drive, motion, resistance, *, regime="periodic", working=(1 / 6
     ----------
     cart : Cart, mass > 0;  drive : ElasticDrive
     motion : Motion (there and back without a dwell) or Cycle
-    resistance : callable(velocity, acceleration) -> N, at first order in the acceleration; it may jump at speed 0 only.
-        A `ResistanceMap` tells its samples, `speeds`, and the `pace` |a|/|v| up to which that order holds
+    resistance : callable(velocity, acceleration) -> N, linear in the acceleration; it may jump at speed 0 only.
+        A `ResistanceMap` tells its samples, `speeds`, and the `pace` |a|/|v| up to which it is linear
     regime : "periodic", or "rest": the first cycle of a cart that stood at the near end, its springs in balance
     working : shares of the pass there between which the speed should be even
     tolerance : of the resistance that the solution meets, relative to the largest force of inertia and resistance
@@ -81,7 +86,7 @@ def travel(cart, drive, motion, resistance, *, regime="periodic", working=(1 / 6
         arcs, start = problem.periodic()
         end = start
     course = Course(problem.spring, arcs, problem.resistance, start, end)
-    return ElasticRun(cart, cycle, resistance, working, course, problem.work)
+    return ElasticRun(cart, cycle, resistance, working, course, problem.work, drive.first_order)
 
 
 @dataclass(frozen=True)
@@ -98,6 +103,7 @@ class ElasticRun(Means):
     working: tuple[float, float]
     course: Course
     work: Work
+    first_order: bool
 
     impulses = ()  # a spring softens every jump of the law's velocity
 
@@ -147,7 +153,7 @@ class ElasticRun(Means):
         still, moves = np.zeros(force.shape), slip != 0
         way = np.where(moves, slip, np.sign(force + push))
         creep = way * CREEP * self.cycle.there.stroke / self.cycle.there.duration
-        mix = met_resistance(self.met, np.where(velocity != 0, velocity, creep), acceleration)
+        mix = met_resistance(self.met, np.where(velocity != 0, velocity, creep), self.first_order * acceleration)
         limit = balance(self.cart, still, mix, way).drive_force
         share = np.divide(mix, limit, out=np.zeros(mix.shape), where=limit != 0)
         mix = np.where(moves, mix, (force + push) * share)

@@ -78,9 +78,8 @@ class Problem:
         speeds = self.fastest * np.linspace(CREEP, 1, 65)
         self.scale = max(inertia, *(np.abs(self.total(sign * speeds)).max() for sign in (1, -1)))
         self.tolerance = tolerance * self.scale
-        self.pace, self.hurry = getattr(resistance, "pace", np.inf), inertia / cart.mass
-        if np.abs(self._added(speeds)).max() * self.hurry <= TABLE_FLOOR * self.scale:
-            self.pace = 0.0
+        self.hurry = inertia / cart.mass
+        self.pace = getattr(resistance, "pace", np.inf) if drive.first_order else 0.0
         self._tabulate()
 
     def _tabulate(self):

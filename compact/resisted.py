@@ -60,9 +60,9 @@ def opposed(resistance, slip, velocity, acceleration):
         return force, rise, 0.0
     mass, grows = looked_up(resistance.added, slip * velocity)
     most = np.inf if resistance.pace == np.inf else resistance.pace * slip * velocity
-    if abs(acceleration) <= most:
+    if abs(acceleration) < most:
         return force + mass * acceleration, rise + slip * grows * acceleration, mass
-    sign = 1.0 if acceleration > 0 else -1.0
+    sign = np.sign(acceleration) if acceleration != 0 else float(slip)  # a cart sets off with its slip
     return force + sign * mass * most, rise + sign * slip * (resistance.pace * mass + grows * most), 0.0
 
 
@@ -75,4 +75,4 @@ def accelerated(resistance, slip, velocity, mass, force):
     added = looked_up(resistance.added, slip * velocity)[0]
     a = push / (mass + added)
     most = np.inf if resistance.pace == np.inf else resistance.pace * slip * velocity
-    return a if abs(a) <= most else (push - np.sign(push) * added * most) / mass
+    return a if abs(a) < most else (push - np.sign(push) * added * most) / mass

@@ -213,7 +213,7 @@ def test_backlash_throws_the_cart_to_and_fro(stiffness):
 @pytest.mark.parametrize("stiffness", STIFF)
 def test_added_mass_moves_with_the_cart(stiffness, ratio):
     """As the harmonic law of a cart of m + M."""
-    drive, w, mass = spring(stiffness, ratio), np.pi / 3.0, MASS + 400.0
+    drive, w, mass = replace(spring(stiffness, ratio), first_order=True), np.pi / 3.0, MASS + 400.0
     run = travel(CART, drive, published("harmonic"), lambda velocity, acceleration: 400.0 * acceleration)
     amplitude = mass * 0.2 * w**2 / (stiffness - mass * w**2 + 1j * drive.damping * w)
     assert run.peak_force == pytest.approx(abs((stiffness + 1j * drive.damping * w) * amplitude), rel=1e-8)
@@ -240,6 +240,16 @@ def test_cart_that_a_power_of_the_speed_brakes_stops_in_time(exponent):
     assert arcs.start[-1] == pytest.approx(time, abs=1e-6)
     assert -end.stretch == pytest.approx(MASS * speed ** (2 - exponent) / size / (2 - exponent), rel=1e-5)
     assert arcs.slip.tolist() == [1] * (len(arcs.start) - 1) + [0]
+
+
+@pytest.mark.parametrize("name", ["complex", "quintic", "parabolic"])
+def test_work_is_accounted_for_while_a_lag_is_held(name):
+    speeds = np.geomspace(0.2 / 30, 0.6, 12)
+    lags = -800.0 / (1 + (speeds / 0.06) ** 2)
+    met = ResistanceMap(speeds, 6e4 * speeds / (1 + (speeds / 0.06) ** 2), 1e-3, None, lags, time=0.1)
+    run = travel(CART_OF_C, replace(spring(1e6, 0.05), first_order=True), published(name), met)
+    assert run.energy_residual < 1e-6
+    assert run.work.arcs < 3000
 
 
 @pytest.mark.parametrize("name", GENTLE)
@@ -361,7 +371,7 @@ def test_general_solver_agrees_with_a_map_and_its_added_mass():
     speeds = np.geomspace(0.2 / 30, 0.6, 12)
     forces, lags = 6e4 * speeds / (1 + (speeds / 0.06) ** 2), -600.0 / (1 + (speeds / 0.06) ** 2)
     met = ResistanceMap(speeds, forces, 1e-3, None, lags, time=0.1)
-    drive, cycle = spring(2e5, 0.1), published("harmonic").cycle()
+    drive, cycle = replace(spring(2e5, 0.1), first_order=True), published("harmonic").cycle()
     run = travel(CART, drive, cycle, met, regime="rest")
 
     def acceleration(pull, v):  # of m a + R(v, a) = pull, by halving
@@ -581,6 +591,11 @@ def test_unknown_regime_names_the_choices():
 def test_impossible_springs_are_refused(numbers, words):
     with pytest.raises(ValueError, match=words):
         ElasticDrive(*numbers)
+
+
+def test_lag_that_outweighs_the_cart_is_refused():
+    with pytest.raises(ValueError, match=r"`mass` must exceed what the resistance lags by, got 1000 kg, a lag of 1500"):
+        travel(CART, ElasticDrive(1e6, 1e3, first_order=True), published("cubic"), lambda v, a: np.sign(v) - 1500 * a)
 
 
 def test_massless_cart_is_refused():

@@ -16,7 +16,7 @@ LEVELS = (
     (
         *("records", "material", "mesh", "patch", "plies", "sizing", "shaft", "follower", "variational", "results"),
         *("scene_errors", "polynomials", "quadratic", "lawspace", "criteria", "drawing", "page", "sobol", "springs"),
-        *("pressed_memory", "strokes", "oscillator"),
+        *("pressed_memory", "strokes", "oscillator", "ranking"),
     ),
     ("laws", "halfplane", "modulation", "mix", "cart", "scene_rules", "streamline", "cap", "resisted", "limits"),
     (
@@ -31,7 +31,7 @@ LEVELS = (
         "scene_tables",
         "suspended",
     ),
-    ("fields", "solid", "expected", "bed", "turning", "flow", "dynamics"),
+    ("fields", "solid", "expected", "bed", "turning", "flow", "dynamics", "scene_tables"),
     ("frame", "march", "steady", "travelled", "filmed", "course"),
     ("compacted", "stiffening"),
     ("compaction", "trip"),
