@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from compact import drive
+from compact.ranking import TIE
 from compact.study import Study
 
 TENTH = 0.1
@@ -95,6 +96,6 @@ def _end(study, changes):
         run = drive.simulate(end.formula_cart, drive.Rigid(), cycle, end.formula_resistance)
         for peak, quantity in PEAKS.items():
             largest = np.inf if run.impulses else float(np.abs(getattr(run, quantity)).max())
-            if largest < least[peak] * (1 - drive.TIE):
+            if largest < least[peak] * (1 - TIE):
                 least[peak], law[peak] = largest, name
     return End(least, law)
