@@ -1,4 +1,4 @@
-"""Drives: what a motion asks of the drive of a cart against a resistance, its peaks, and the ranking of laws.
+"""Drives: what a motion asks of the drive of a cart against a resistance, and its peaks; `ranking` puts laws in order.
 
     drive force H = m a + resistance(v, a) + guide friction - end springs,  drive power = H v
 
@@ -10,18 +10,18 @@ import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from functools import cached_property
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from compact.cart import Balance, Cart, balance
 from compact.pieces import EPSILON, clenshaw_curtis, inside, largest
-from compact.refuse import refuse_nonpositive, refuse_unknown
+from compact.ranking import CRITERIA as CRITERIA
+from compact.ranking import rank as rank
+from compact.refuse import refuse_nonpositive
 
 POINTS = 129  # per piece of a motion, at Chebyshev's points: integrals of smooth laws to rounding
 CREEP = 1e-12  # share of the mean velocity that stands for "just moving" at rest
-TIE = 1e-9  # two values closer than this share a rank
 
 
 @dataclass(frozen=True)
@@ -166,6 +166,11 @@ class Means:
     def dynamic_factor(self):
         """Peak force over the force that keeps the mean speed."""
         return self.peak_force / self.steady_force if self.steady_force else math.inf
+
+    @property
+    def ringing(self):
+        """Peak force over that of a drive that imposes the law: 1 where this one does."""
+        return 1.0
 
     def share(self, holds):
         """Share of the cycle in which something holds(velocity, acceleration) of the cart, to 1 %."""
@@ -338,66 +343,3 @@ def refuse_foreign_law(drive, cycle):
     if cycle.period > 2 * cycle.there.duration:
         dwells = cycle.period - 2 * cycle.there.duration
         raise ValueError(f"a crank does not stop, got dwells of {dwells:g} s in all; use Rigid(), or no dwells")
-
-
-@dataclass(frozen=True)
-class Criterion:
-    """What laws may be ranked by: name, unit, and why it may be infinite."""
-
-    unit: str
-    infinite_because: str = ""
-
-
-_JUMP = "the velocity jumps: an infinite force for no time"
-CRITERIA = MappingProxyType(
-    {
-        "peak_force": Criterion("N", _JUMP),
-        "peak_power": Criterion("W", _JUMP),
-        "rms_force": Criterion("N", _JUMP),
-        "rms_power": Criterion("W", _JUMP),
-        "mean_force": Criterion("N", _JUMP),
-        "mean_power": Criterion("W"),
-        "energy": Criterion("J"),
-        "drawn_energy": Criterion("J"),
-        "peak_jerk": Criterion("m/s^3", "the acceleration jumps"),
-        "dynamic_factor": Criterion("1", _JUMP),
-        "nonuniformity": Criterion("1"),
-    }
-)
-
-
-@dataclass(frozen=True)
-class Ranked:
-    """A run's place: `rank` from 1, shared by ties; `margin` to the next worse value, relative; why it is infinite."""
-
-    rank: int
-    run: Run
-    value: float
-    margin: float
-    reason: str
-
-
-def rank(runs, by="peak_force"):
-    """Runs in order of a criterion, least first, as a list of `Ranked`; ties share a rank, infinite values come last.
-
-    The margin of the last finite value is infinite where worse ones follow, nan where none does.
-    """
-    refuse_unknown("criterion", by, tuple(CRITERIA))
-    ordered = sorted(((getattr(run, by), run) for run in runs), key=lambda pair: pair[0])
-    places = []
-    for i, (value, run) in enumerate(ordered):
-        tied = bool(places) and _tie(value, places[-1].value)
-        worse = [other for other, _ in ordered[i:] if not _tie(value, other)]
-        margin = (worse[0] - value) / value if worse and 0 < value < math.inf else math.nan
-        place = places[-1].rank if tied else i + 1
-        reason = _why_infinite(by, run) if value == math.inf else ""
-        places.append(Ranked(place, run, value, margin, reason))
-    return places
-
-
-def _why_infinite(by, run):
-    return CRITERIA[by].infinite_because if run.shocks else "no force keeps the mean speed"
-
-
-def _tie(a, b):
-    return a == b or (math.isfinite(a - b) and abs(a - b) <= TIE * max(abs(a), abs(b)))

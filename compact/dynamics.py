@@ -1,75 +1,68 @@
 """The equation of motion of a cart behind a spring, with dry friction, solved arc by arc without small steps.
 
-    m x'' = k (e - o) + c e' - F(x'),   e = y(t) - x
+    m x'' = k (e - o) + c e' + S(x) - R(x', x''),   e = y(t) - x
 
-y(t) is the imposed motion of the far end, e the stretch, o the half of the backlash that is taken up. F jumps at
-speed 0 and is set-valued there: the cart stands while the spring pulls less than F(0+) and more than F(0-). In e,
+y(t) is the imposed motion of the far end, e the stretch, o the half of the backlash that is taken up, S the push of
+end springs (`suspended`). R jumps at speed 0 and is set-valued there: the cart stands while it is pulled less than
+R(0+) and more than R(0-). With K e - n y + g for the springs, in e,
 
-    m e'' + (c + d) e' + k e = m y'' + k o + F0 + d (y' - v0) + r(t),   r = F(v) - F0 - d (v - v0)
+    (m + M) e'' + (c + d) e' + K e = (m + M) y'' + n y - g + R0 + d (y' - v0) - M a0 + r(t)
+    r = R(v, a) - R0 - d (v - v0) - M (a - a0),   d = dR/dv, M = dR/da at the start of the arc
 
 is a linear oscillator under a force that is a polynomial wherever y is one and r is made one by collocation, and a
-polynomial force is answered exactly: by a polynomial and a free oscillation, or, over a time too short for that to be
-well conditioned, by a power series. So an arc lasts as long as the law, the sign of the speed and r allow, however
-stiff the spring: for dry friction of one size it is a whole piece of the law. An arc ends where the speed gets zero,
-where the spring overcomes the friction of a standing cart, or where the backlash opens or closes: at roots of signals
-(`ringing`), found to rounding. What r misses of the true resistance anywhere is the defect: the arcs solve exactly the
-equation with a resistance that differs by less than the tolerance.
+polynomial force is answered exactly (`oscillator`). So an arc lasts as long as the law, the sign of the speed and r
+allow, however stiff the spring: for dry friction of one size it is a whole piece of the law. An arc ends where the
+speed gets zero, where a standing cart is pulled off, where the backlash opens or closes, or where the cart meets or
+leaves an end spring: at roots of signals (`ringing`), found to rounding. What r misses of the true resistance anywhere
+is the defect: the arcs solve exactly the equation with a resistance that differs by less than the tolerance.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from compact import ringing
-from compact.polynomials import Pieces
-from compact.ringing import Signal, combined, compiling, first_fall, largest_product, shifted, value
+from compact import oscillator, resisted, ringing, suspended
+from compact.oscillator import TERMS, reach, respond
+from compact.resisted import accelerated, opposed
+from compact.ringing import (
+    Signal,
+    combined,
+    compiling,
+    first_fall,
+    largest_product,
+    scaled,
+    shifted,
+    slope,
+    sum_of,
+    value,
+)
+from compact.suspended import AT_FAR, AT_NEAR, FAR, NEAR, State, direction, engaged, hold, limits
 
-TERMS = 30  # of a power series: to rounding up to |root| h = REACH
-REACH = 3.0  # |root| h from which the polynomial answer is well conditioned, and to which the series holds
-POINTS = 7  # of the collocation, so that the defect falls with the 7th power of the step
+POINTS = 9  # of the collocation, so that the defect falls with the 9th power of the step
 CHECKS = 16  # places on an arc where the defect is measured
 ITERATIONS = 25  # of the collocation; 1 for dry friction, 2 to 6 are usual
 SLOWEST, FASTEST, SAFETY = 0.2, 4.0, 0.9  # of the step control
+# where an arc that fails passes a knot of the resistance the next one ends a share past it, unless that is LATE times
+# as far as the defect allows, or ALMOST the whole; a knot is passed that lies AT a share from the start, or farther
+PAST, LATE, ALMOST, AT = 1 + 1e-3, 4.0, 0.9, 1e-6
+EARLY = 1e-2  # of an arc: where it starts on the verge of what a M may be, that is no knot ahead
 SHORTEST = 1e-13  # share of a piece of the law below which a step is no step
 BRIEF = 1e-7  # share of a piece of the law: over so short an arc a cart that does not get away stands
-SLACK = 1e-12  # share of the friction by which a standing cart may be overpulled: rounding
+STILL = 1e-7  # of the fastest: so slow a cart does not bounce off the plate of an end spring any more
 NODES = np.sin(np.pi * np.arange(POINTS) / (2 * (POINTS - 1))) ** 2
 TO_COEFFICIENTS = np.linalg.inv(np.vander(NODES, increasing=True))
 
 DONE, TOO_MANY, TOO_FAST, TOO_SHORT = range(4)  # how `integrate` ended
 # what ends an arc; HELD: the cart stopped before it got away
-NOTHING, STOPPED, HELD, PULLED, PUSHED, OPENED, CLOSED_AHEAD, CLOSED_BEHIND = range(8)
+NOTHING, STOPPED, HELD, PULLED, PUSHED, OPENED, CLOSED_AHEAD, CLOSED_BEHIND, LEFT, MET_NEAR, MET_FAR = range(11)
 
-compiled = compiling(__file__, ringing.__file__)
-
-
-class Spring(NamedTuple):
-    """mass [kg], stiffness [N/m], damping [N s/m], backlash: play between the flanks [m]."""
-
-    mass: float
-    stiffness: float
-    damping: float
-    backlash: float
-
-
-class Resistance(NamedTuple):
-    """F [N] over |v| [m/s] on the way there and on the way back, `Pieces` from 0."""
-
-    there: Pieces
-    back: Pieces
-
-
-class State(NamedTuple):
-    """stretch e [m], velocity x' [m/s], side: +1 and -1 on a flank, 0 in the backlash; always +1 without one."""
-
-    stretch: float
-    velocity: float
-    side: int
+compiled = compiling(__file__, *(module.__file__ for module in (oscillator, resisted, ringing, suspended)))
 
 
 class Arcs(NamedTuple):
     """One arc a row. At u = (t - start)/span, t <= start + length, the stretch is the `Signal` of stretch and ring,
-    and the far end stands at sum_j law[j] u^j; slip: direction of the motion, 0 standing; side: of the backlash."""
+    and the far end stands at sum_j law[j] u^j; slip: direction of the motion, 0 standing; side of the backlash; zone
+    of the end springs."""
 
     start: np.ndarray
     span: np.ndarray
@@ -79,6 +72,7 @@ class Arcs(NamedTuple):
     ring: np.ndarray
     slip: np.ndarray
     side: np.ndarray
+    zone: np.ndarray
 
 
 def room(count, degree):
@@ -87,156 +81,129 @@ def room(count, degree):
     kind = np.empty(count, np.int64)
     return Arcs(
         one, one.copy(), one.copy(), np.empty((count, degree + 1)), np.empty((count, TERMS)), np.empty((count, 4)),
-        kind, kind.copy(),
+        kind, kind.copy(), kind.copy(),
     )  # fmt: skip
 
 
-@compiled
-def met(resistance, slip, velocity):
-    """F and dF/dv at a velocity, seen from the side of `slip`; beyond the ends of its table it goes on straight."""
-    pieces, speed = (resistance.there, velocity) if slip > 0 else (resistance.back, -velocity)
-    breaks = pieces.breaks
-    i = min(max(np.searchsorted(breaks, speed, side="right") - 1, 0), len(breaks) - 2)
-    width = breaks[i + 1] - breaks[i]
-    p = pieces.coefficients[i]
-    u, force, rise = (speed - breaks[i]) / width, 0.0, 0.0
-    inside = min(max(u, 0.0), 1.0)
-    for j in range(len(p) - 1, -1, -1):
-        rise = rise * inside + force
-        force = force * inside + p[j]
-    return force + rise * (u - inside), slip * rise / width
+class Line(NamedTuple):
+    """R near the start of an arc: R0 + rise (v - v0) + added (a - a0); velocity v0, acceleration a0."""
+
+    force: float
+    rise: float
+    added: float
+    velocity: float
+    acceleration: float
 
 
 @compiled
-def direction(resistance, pull):
-    """Which way a standing cart goes under a pull [N]: 0 where the friction holds it."""
-    most, least = met(resistance, 1, 0.0)[0], met(resistance, -1, 0.0)[0]
-    slack = SLACK * (most - least)
-    return 1 if pull > most + slack else -1 if pull < least - slack else 0
+def lined(spring, resistance, state, slip, place, pace):
+    """The `Line` of a cart that moves, with the far end at a place [m] and a pace [m/s]."""
+    held = hold(spring, state.side, state.zone)
+    pull = held.stiffness * state.stretch - held.along * place + held.constant
+    pull += spring.damping * (pace - state.velocity)
+    a = accelerated(resistance, slip, state.velocity, spring.mass, pull)
+    force, rise, added = opposed(resistance, slip, state.velocity, a)
+    return Line(force, rise, added, state.velocity, a)
 
 
 @compiled
-def roots(mass, damping, stiffness):
-    """Decay s, bend s^2 - w0^2, and the smaller and larger |root| of the oscillator."""
-    decay, square = damping / (2 * mass), stiffness / mass
-    bend = decay**2 - square
-    if bend <= 0:
-        return decay, bend, np.sqrt(square), np.sqrt(square)
-    fast = abs(decay) + np.sqrt(bend)
-    return decay, bend, square / fast, fast
+def rest_of(resistance, slip, line, velocity, acceleration):
+    """r [N]: what R has beside its `Line`."""
+    force = opposed(resistance, slip, velocity, acceleration)[0]
+    straight = line.rise * (velocity - line.velocity) + line.added * (acceleration - line.acceleration)
+    return force - line.force - straight
 
 
 @compiled
-def respond(mass, damping, stiffness, force, stretch, rate, h):
-    """Stretch as a `Signal` over h [s] from its start value and rate under force(u), a polynomial [N].
-
-    h is within what `reach` gives.
-    """
-    decay, bend, slow, _ = roots(mass, damping, stiffness)
-    poly, n = np.zeros(TERMS), len(force)
-    if slow * h >= REACH:
-        for j in range(n - 1, -1, -1):
-            later = damping / h * (j + 1) * poly[j + 1] + mass / h**2 * (j + 1) * (j + 2) * poly[j + 2]
-            poly[j] = (force[j] - later) / stiffness
-        cosine = stretch - poly[0]
-        return Signal(poly, cosine, rate - poly[1] / h + decay * cosine, decay, bend, h)
-    poly[0], poly[1] = stretch, rate * h
-    for j in range(TERMS - 2):
-        pushed = force[j] * h**2 / mass if j < n else 0.0
-        held = 2 * decay * h * (j + 1) * poly[j + 1] + stiffness / mass * h**2 * poly[j]
-        poly[j + 2] = (pushed - held) / ((j + 1) * (j + 2))
-    return Signal(poly, 0.0, 0.0, decay, bend, h)
-
-
-@compiled
-def reach(mass, damping, stiffness, h):
-    """h, or less where neither of the two answers of `respond` holds for it."""
-    _, _, slow, fast = roots(mass, damping, stiffness)
-    return h if slow * h >= REACH or fast * h <= REACH else REACH / fast
-
-
-@compiled
-def engaged(spring, side):
-    """Stiffness and offset o of the spring on a side of the backlash."""
-    return (0.0, 0.0) if side == 0 else (spring.stiffness, side * spring.backlash / 2)
-
-
-@compiled
-def slide(spring, resistance, state, slip, law, h, tolerance):
+def slide(spring, resistance, state, slip, line, law, h, tolerance):
     """(stretch, coefficients of r, converged?, evaluations) of a cart that moves, over one trial arc."""
-    stiffness, offset = engaged(spring, state.side)
-    first, rise = met(resistance, slip, state.velocity)
-    n = len(law)
-    force = np.zeros(n)
+    held = hold(spring, state.side, state.zone)
+    mass, damping, n = spring.mass + line.added, spring.damping + line.rise, len(law)
+    force = held.along * law
     for j in range(n):
         if j + 2 < n:
-            force[j] += spring.mass / h**2 * (j + 1) * (j + 2) * law[j + 2]
+            force[j] += mass / h**2 * (j + 1) * (j + 2) * law[j + 2]
         if j + 1 < n:
-            force[j] += rise / h * (j + 1) * law[j + 1]
-    force[0] += stiffness * offset + first - rise * state.velocity
+            force[j] += line.rise / h * (j + 1) * law[j + 1]
+    force[0] += line.force - held.constant - line.rise * line.velocity - line.added * line.acceleration
     rest, there, before = np.zeros(n), np.zeros(POINTS), np.zeros(POINTS)
     rate = law[1] / h - state.velocity
+    stretch = respond(mass, damping, held.stiffness, force, state.stretch, rate, h)
     for iteration in range(ITERATIONS):
-        stretch = respond(spring.mass, spring.damping + rise, stiffness, force + rest, state.stretch, rate, h)
         speed, moved = combined(stretch, law, 0.0, -1.0, 0.0, 1.0), 0.0
+        change = slope(speed)
         for i in range(POINTS):
-            velocity = value(speed, NODES[i])
-            there[i] = met(resistance, slip, velocity)[0] - first - rise * (velocity - state.velocity)
+            acceleration = value(change, NODES[i]) / h if resistance.pace > 0 else 0.0
+            there[i] = rest_of(resistance, slip, line, value(speed, NODES[i]), acceleration)
             moved = max(moved, abs(there[i] - before[i]))
             if not abs(there[i]) < np.inf:
                 return stretch, rest, False, (iteration + 1) * POINTS
-        if moved <= tolerance / 10:
-            return stretch, rest, True, (iteration + 1) * POINTS
         before[:] = there
-        rest[:] = 0.0
-        for j in range(POINTS):
-            for i in range(POINTS):
-                rest[j] += TO_COEFFICIENTS[j, i] * there[i]
+        rest[:POINTS] = TO_COEFFICIENTS @ there
+        stretch = respond(mass, damping, held.stiffness, force + rest, state.stretch, rate, h)
+        if moved <= tolerance / 10:  # what is left falls by as much again
+            return stretch, rest, True, (iteration + 1) * POINTS
     return stretch, rest, False, ITERATIONS * POINTS
 
 
 @compiled
-def defect(resistance, state, slip, speed, rest, until):
-    """Largest |F(v) - F0 - d (v - v0) - r| [N] up to u = until, and the largest |v| met."""
-    first, rise = met(resistance, slip, state.velocity)
-    worst, fastest = 0.0, 0.0
+def defect(resistance, slip, line, speed, rest, until):
+    """Largest |R - its `Line` - r| [N] up to u = until, and the largest |v| met."""
+    worst, fastest, change = 0.0, 0.0, slope(speed)
     for i in range(CHECKS + 1):
         u = until * i / CHECKS
         velocity, r = value(speed, u), 0.0
         for j in range(POINTS - 1, -1, -1):
             r = r * u + rest[j]
         if slip * velocity > 0:
-            worst = max(worst, abs(met(resistance, slip, velocity)[0] - first - rise * (velocity - state.velocity) - r))
+            acceleration = value(change, u) / speed.span if resistance.pace > 0 else 0.0
+            worst = max(worst, abs(rest_of(resistance, slip, line, velocity, acceleration) - r))
         fastest = max(fastest, abs(velocity))
     return worst, fastest
 
 
 @compiled
-def event(spring, resistance, slip, side, law, stretch):
+def event(spring, resistance, slip, state, law, stretch):
     """(u, what) of the first event on an arc; (1, NOTHING) where there is none."""
-    stiffness, offset = engaged(spring, side)
-    first, what = 1.0, NOTHING
     if slip != 0:
-        u = first_fall(combined(stretch, law, 0.0, -slip, 0.0, slip))
-        if u <= first:
-            first, what = u, STOPPED
+        first, what = earlier(1.0, NOTHING, combined(stretch, law, 0.0, -slip, 0.0, slip), STOPPED)
+        if spring.ends.length > 0:
+            first, what = _at_plate(spring.ends, state.zone, law, stretch, first, what)
     else:
-        for way, name in ((1, PULLED), (-1, PUSHED)):
-            spare = combined(stretch, law, -way * stiffness, -way * spring.damping, 0.0, 0.0)
-            spare.poly[0] += way * (met(resistance, way, 0.0)[0] + stiffness * offset)
-            u = first_fall(spare)
-            if u <= first:
-                first, what = u, name
+        first, what = 1.0, NOTHING
+        held, most = hold(spring, state.side, state.zone), limits(spring, resistance, state.zone)
+        for way, limit, name in ((1, most[0], PULLED), (-1, most[1], PUSHED)):
+            spare = combined(stretch, law, -way * held.stiffness, -way * spring.damping, way * held.along, 0.0)
+            spare.poly[0] += way * (limit - held.constant)
+            first, what = earlier(first, what, spare, name)
     if spring.backlash > 0:
         for way, name in ((1, CLOSED_AHEAD), (-1, CLOSED_BEHIND)):
-            if side == -way:
+            if state.side == -way:
                 continue
-            on = 1.0 if side == way else -1.0
+            on = 1.0 if state.side == way else -1.0
             play = combined(stretch, law, on * way, 0.0, 0.0, 0.0)
             play.poly[0] -= on * spring.backlash / 2
-            u = first_fall(play)
-            if u < first:
-                first, what = u, (OPENED if side == way else name)
+            first, what = earlier(first, what, play, OPENED if state.side == way else name)
+    return first, what
+
+
+@compiled
+def earlier(first, what, signal, name):
+    """(u, what) of a signal's first fall below zero where it comes before the first event so far."""
+    u = first_fall(signal)
+    return (u, name) if u < first or (u == first and what == NOTHING) else (first, what)
+
+
+@compiled
+def _at_plate(ends, zone, law, stretch, first, what):
+    """The first event, or where the cart meets or leaves an end spring before it."""
+    for end, begins, name in ((NEAR, ends.length, MET_NEAR), (FAR, ends.stroke - ends.length, MET_FAR)):
+        if zone == -end:
+            continue
+        on = -end if zone == end else end
+        apart = combined(stretch, law, -on, 0.0, on, 0.0)
+        apart.poly[0] -= on * begins
+        first, what = earlier(first, what, apart, LEFT if zone == end else name)
     return first, what
 
 
@@ -253,60 +220,91 @@ class Trial(NamedTuple):
 
 
 @compiled
-def heading(spring, resistance, state, pace, last):
-    """Direction of the arc that begins in a state, with the far end at `pace` [m/s] and after what ended the last."""
+def heading(spring, resistance, state, place, pace, last):
+    """Direction of the arc that begins in a state, the far end at a place [m] and a pace [m/s], after what ended the
+    last."""
     if state.velocity != 0:
         return 1 if state.velocity > 0 else -1
     if last in (PULLED, PUSHED):
         return 1 if last == PULLED else -1
     if last == HELD:
         return 0
-    stiffness, offset = engaged(spring, state.side)
-    return direction(resistance, stiffness * (state.stretch - offset) + spring.damping * pace)
+    held = hold(spring, state.side, state.zone)
+    pull = held.stiffness * state.stretch - held.along * place + held.constant + spring.damping * pace
+    return direction(spring, resistance, state.zone, pull)
 
 
 @compiled
-def longest_answer(spring, resistance, state, slip, h):
-    """h [s], or less where no answer of `respond` holds for it."""
-    if slip == 0:
-        return h
-    rise = met(resistance, slip, state.velocity)[1]
-    return reach(spring.mass, spring.damping + rise, engaged(spring, state.side)[0], h)
-
-
-@compiled
-def attempt(spring, resistance, state, slip, law, h, tolerance):
+def attempt(spring, resistance, state, slip, line, law, h, tolerance):
     """The `Trial` of an arc of h [s] under law(u)."""
     if slip == 0:
-        poly = np.zeros(TERMS)
-        poly[: len(law)] = law
+        poly = law.copy()
         poly[0] = state.stretch
         stretch = Signal(poly, 0.0, 0.0, 0.0, 0.0, h)
-        until, what = event(spring, resistance, 0, state.side, law, stretch)
+        until, what = event(spring, resistance, 0, state, law, stretch)
         return Trial(True, np.inf, stretch, until, what, 0, 0.0)
-    stretch, rest, converged, evaluations = slide(spring, resistance, state, slip, law, h, tolerance)
+    stretch, rest, converged, evaluations = slide(spring, resistance, state, slip, line, law, h, tolerance)
     if not converged:
         return Trial(False, h / 2, stretch, 0.0, NOTHING, evaluations, 0.0)
-    until, what = event(spring, resistance, slip, state.side, law, stretch)
+    until, what = event(spring, resistance, slip, state, law, stretch)
     speed = combined(stretch, law, 0.0, -1.0, 0.0, 1.0)
-    worst, fastest = defect(resistance, state, slip, speed, rest, until)
+    worst, fastest = defect(resistance, slip, line, speed, rest, until)
     pace = SAFETY * (tolerance / max(worst, 1e-300)) ** (1 / POINTS)
     kept = worst <= tolerance
-    step = h * (min(FASTEST, max(1.0, pace)) if kept else max(SLOWEST, pace))
-    return Trial(kept, step, stretch, until, what, evaluations + CHECKS, fastest)
+    if kept:
+        step = min(FASTEST, max(1.0, pace))
+    else:
+        to_knot = PAST * min(passed(resistance, slip, line, speed), until)
+        step = to_knot if to_knot < min(ALMOST, LATE * pace) else max(SLOWEST, pace)
+    return Trial(kept, h * step, stretch, until, what, evaluations + CHECKS, fastest)
 
 
 @compiled
-def outcome(state, slip, law, trial):
+def passed(resistance, slip, line, speed):
+    """The u at which a motion first passes a knot of R beyond the one where it starts, 2.0 where it passes none."""
+    knots, start, first = resistance.knots, slip * line.velocity, 2.0
+    above = np.searchsorted(knots, start * (1 + AT), side="right")
+    below = np.searchsorted(knots, start * (1 - AT), side="left") - 1
+    for k, way in ((above, slip), (below, -slip)):
+        if 0 <= k < len(knots):
+            left = scaled(speed, -way)
+            left.poly[0] += way * slip * knots[k]
+            first = min(first, first_fall(left))
+    if 0 < resistance.pace < np.inf:
+        change, inside = slope(speed), line.added != 0
+        for sign in (1.0, -1.0):
+            if inside or sign * line.acceleration > 0:
+                spare = sum_of(scaled(speed, slip * resistance.pace), scaled(change, -sign / speed.span))
+                u = first_fall(spare if inside else scaled(spare, -1.0))
+                first = min(first, u if u > EARLY else 2.0)
+    return first
+
+
+@compiled
+def outcome(spring, resistance, state, slip, law, trial):
     """The `State` at the end of an arc."""
-    stretch, velocity, side = value(trial.stretch, trial.until), 0.0, state.side
+    stretch, velocity, side, zone = value(trial.stretch, trial.until), 0.0, state.side, state.zone
     if slip != 0 and trial.what != STOPPED:
         velocity = value(combined(trial.stretch, law, 0.0, -1.0, 0.0, 1.0), trial.until)
     if trial.what == OPENED:
         side = 0
     elif trial.what in (CLOSED_AHEAD, CLOSED_BEHIND):
         side = 1 if trial.what == CLOSED_AHEAD else -1
-    return State(stretch, velocity, side)
+    elif trial.what in (PULLED, PUSHED) and zone in (AT_NEAR, AT_FAR):
+        pressed = (zone == AT_NEAR) == (trial.what == PUSHED)
+        zone = (NEAR if zone == AT_NEAR else FAR) if pressed else 0
+    elif trial.what in (LEFT, MET_NEAR, MET_FAR):
+        plate = AT_NEAR if trial.what == MET_NEAR or zone == NEAR else AT_FAR
+        if abs(velocity) <= STILL * resistance.there.breaks[-1]:
+            held = hold(spring, side, plate)
+            pace = value(slope(Signal(law, 0.0, 0.0, 0.0, 0.0, 1.0)), trial.until) / trial.stretch.span
+            if (
+                direction(spring, resistance, plate, held.stiffness * stretch + held.constant + spring.damping * pace)
+                == 0
+            ):
+                return State(stretch, 0.0, side, plate)
+        zone = 0 if trial.what == LEFT else (NEAR if trial.what == MET_NEAR else FAR)
+    return State(stretch, velocity, side, zone)
 
 
 @compiled
@@ -316,20 +314,27 @@ def integrate(spring, law, resistance, state, tolerance, arcs):
     law : position of the far end over time, `Pieces` whose joins are the only places where it is not smooth
     tolerance : of the defect [N];  arcs : `room`, filled in place
     """
-    n, work = 0, 0
+    n, work, step = 0, 0, np.inf
     for i in range(len(law.coefficients)):
         begin, whole, piece = law.breaks[i], law.breaks[i + 1] - law.breaks[i], law.coefficients[i]
-        done, step, last = 0.0, whole, NOTHING
+        done, last = 0.0, NOTHING
         while done < 1:
             time, left = begin + done * whole, (1 - done) * whole
             if n == len(arcs.start) or step < SHORTEST * whole:
                 return TOO_MANY if n == len(arcs.start) else TOO_SHORT, n, work, state, time
-            slip = heading(spring, resistance, state, shifted(piece, done, 1.0)[1] / whole, last)
-            h = longest_answer(spring, resistance, state, slip, min(step, left))
+            here = shifted(piece, done, 1.0)
+            pace = here[1] / whole
+            slip = heading(spring, resistance, state, here[0], pace, last)
+            line = lined(spring, resistance, state, slip or 1, here[0], pace)
+            h = left if slip == 0 else min(step, left)
+            if slip != 0:
+                stiffness = hold(spring, state.side, state.zone).stiffness
+                h = reach(spring.mass + line.added, spring.damping + line.rise, stiffness, h)
             y = shifted(piece, done, h / whole)
-            trial = attempt(spring, resistance, state, slip, y, h, tolerance)
+            trial = attempt(spring, resistance, state, slip, line, y, h, tolerance)
             work += trial.evaluations
-            step = trial.step
+            if slip != 0:  # after a stand it goes on with steps as before
+                step = trial.step
             if not trial.kept:
                 continue
             if slip != 0 and trial.fastest > (resistance.there if slip > 0 else resistance.back).breaks[-1]:
@@ -338,21 +343,22 @@ def integrate(spring, law, resistance, state, tolerance, arcs):
             if stayed and h > BRIEF * whole:  # it hardly sets off: over a shorter arc rounding hides less
                 step = h / 8
                 continue
-            _keep(arcs, n, time, h, y, trial, slip, state.side)
+            _keep(arcs, n, time, h, y, trial, slip, state)
             n += 1
-            last = HELD if stayed else trial.what
-            state = outcome(state, slip, y, trial)
+            last, step = (HELD, np.inf) if stayed else (trial.what, step)
+            state = outcome(spring, resistance, state, slip, y, trial)
             done = 1.0 if h == left and trial.what == NOTHING else done + trial.until * h / whole
     return DONE, n, work, state, law.breaks[-1]
 
 
 @compiled
-def _keep(arcs, n, start, span, law, trial, slip, side):
+def _keep(arcs, n, start, span, law, trial, slip, state):
     arcs.start[n], arcs.span[n], arcs.length[n] = start, span, trial.until * span
-    arcs.law[n], arcs.stretch[n] = law, trial.stretch.poly
+    arcs.law[n], arcs.stretch[n] = law, 0.0
+    arcs.stretch[n, : len(trial.stretch.poly)] = trial.stretch.poly
     arcs.ring[n, 0], arcs.ring[n, 1] = trial.stretch.cosine, trial.stretch.sine
     arcs.ring[n, 2], arcs.ring[n, 3] = trial.stretch.decay, trial.stretch.bend
-    arcs.slip[n], arcs.side[n] = slip, side
+    arcs.slip[n], arcs.side[n], arcs.zone[n] = slip, state.side, state.zone
 
 
 @compiled

@@ -20,6 +20,7 @@ WORDS = {
     "peak_jerk": "peak jerk",
     "dynamic_factor": "peak force over that of steady motion",
     "nonuniformity": "unevenness of speed over the working part",
+    "ringing": "peak drive force over that of an imposed law",
 }
 ENGINES = {
     "formula": "the engineering formulas 1.1–1.10",

@@ -10,8 +10,9 @@ oil yields,
 
     (V/K) p_in' = Q_in - A v,   (V/K) p_out' = A v - Q_out,   m v' = A (p_in - p_out) - W(v) - guides + end springs,
 
-V the volume of a cylinder and its line, K the bulk modulus. The resistance is that at acceleration 0; it may hold the
-cart, which then stands until the pressures get over it. Leakage, inertia of oil and changes of Cd are left out.
+V the volume of a cylinder and its line, K the bulk modulus. W may follow the acceleration, F(v) + v' M(v), which makes
+the cart as much heavier; it may hold the cart, which then stands until the pressures get over it. Leakage, inertia of
+oil and changes of Cd are left out.
 """
 
 from collections.abc import Callable
@@ -30,6 +31,7 @@ from compact.refuse import refuse_nonpositive
 NEAR = 1e-6  # of the open area, by which polynomials may miss that of a throttle
 RTOL = 1e-8  # of the forward motion
 PROBE = 1e-7  # difference for derivatives, over the scale of the state
+SECANTS, BALANCED = 20, 1e-12  # of the balance at an instant; left over, of the force
 TURNS = 200  # standing and moving in turn, within a piece
 ENERGIES = ("pump", "relief", "inlet_heat", "outlet_heat", "compression", "resistance_work")
 
@@ -214,7 +216,7 @@ def passage(cart, hydraulic, stroke, areas, resistance, pressures=(0.0, 0.0), *,
     ----------
     cart : Cart, mass > 0;  hydraulic : Hydraulic;  stroke : [m], of the cylinders
     areas : (inlet, outlet) [m2] over time [s], `Pieces`; the motion lasts as long as they do
-    resistance : callable(velocity, acceleration) -> N, asked at acceleration 0
+    resistance : callable(velocity, acceleration) -> N, in m a + resistance rising with the acceleration
     pressures : (inlet, outlet) to begin with [Pa]
 
     Raises RuntimeError where the motion cannot be followed.
@@ -282,10 +284,11 @@ class _Plant:
         swept = plant.piston_area * velocity if way else 0.0
         squeezed = np.array([filled - swept, swept - emptied])
         volume = plant.dead_volume + plant.piston_area * np.array([x, self.stroke - x])
-        resisted = self._resisted(x, velocity, way) if way else 0.0
         force = plant.piston_area * (inlet - outlet)
+        acceleration = self._accelerated(x, velocity, way, force) if way else 0.0
+        resisted = force - self.cart.mass * acceleration
         return np.array([
-            velocity if way else 0.0, (force - resisted) / self.cart.mass if way else 0.0,
+            velocity if way else 0.0, acceleration,
             *(plant.bulk_modulus / volume * squeezed), line * plant.pump_flow, line * (plant.pump_flow - filled),
             (line - inlet) * filled, outlet * emptied, squeezed @ [inlet, outlet],
             (resisted + self._push(x)) * velocity if way else 0.0,
@@ -300,10 +303,28 @@ class _Plant:
             slopes[:, k] = (self._rates(time, probe, way) - now) / (PROBE * scale[k])
         return slopes
 
-    def _resisted(self, position, velocity, way):
+    def _accelerated(self, position, velocity, way, force):
+        """The acceleration that balances a force [N], by secants: two where the resistance is linear in it.
+
+        Raises RuntimeError where there is none, as where a lag of the mix outweighs the cart.
+        """
+        tried, left = 0.0, force - self._resisted(position, velocity, way)
+        next_one = left / self.cart.mass
+        for _ in range(SECANTS):
+            before, tried = tried, next_one
+            last, left = left, force - self._resisted(position, velocity, way, tried) - self.cart.mass * tried
+            if abs(left) <= BALANCED * (abs(force) + abs(last)):
+                return tried
+            next_one = tried - left * (tried - before) / (left - last)
+        raise RuntimeError(
+            f"no acceleration balances {force:g} N at {velocity:g} m/s, {left:g} N are left at {tried:g} m/s^2; "
+            "does the resistance fall with the acceleration by more than the cart's mass?"
+        )
+
+    def _resisted(self, position, velocity, way, acceleration=0.0):
         """W + guides - end springs [N] of a cart that goes one way."""
         moving = np.array([way * max(way * velocity, CREEP)])
-        met = met_resistance(self.resistance, moving, np.zeros(1))
+        met = met_resistance(self.resistance, moving, np.array([acceleration]))
         return float(balance(self.cart, 0.0, met, way, push=self._push(position)).drive_force[0])
 
     def _push(self, position):

@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from compact.cart import Balance, Cart, balance
-from compact.drive import CREEP, Crank, Means, Rigid, State, met_resistance, refuse_foreign_law, steady_force
+from compact.drive import CREEP, Crank, Means, Rigid, State, met_resistance, refuse_foreign_law, simulate, steady_force
 from compact.pieces import inside, largest
 from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive
 from compact.shaft import Turning, turning
@@ -314,6 +314,12 @@ class MotorRun(Means):
     def peak_force(self):
         """Largest |H| [N] of the first cart."""
         return self._largest(lambda states: states[0].forces.drive_force)
+
+    @cached_property
+    def ringing(self):
+        """Peak force of the first cart over that of a drive that turns evenly, in the law's own time."""
+        load = self.load
+        return self.peak_force / simulate(load.cart, load.motor.rod, load.cycle, load.resistance).peak_force
 
     @cached_property
     def peak_power(self):

@@ -15,6 +15,8 @@ NARROWEST = 1e-12  # share of the range: a function that is not met on such a pi
 MOST = 20_000  # pieces of a round: a function that asks for more is noise
 NODES = np.sin(np.pi * np.arange(DEGREE + 1) / (2 * DEGREE)) ** 2  # Chebyshev's, ends included
 BETWEEN = (NODES[1:] + NODES[:-1]) / 2
+EVERYWHERE = np.concatenate([NODES, BETWEEN])
+BETWEEN_POWERS = np.vander(BETWEEN, DEGREE + 1, increasing=True).T
 # values at the nodes to Chebyshev's coefficients, and those to powers of u: two steps, since one would lose digits
 TO_CHEBYSHEV = np.linalg.inv(chebyshev.chebvander(2 * NODES - 1, DEGREE))
 TO_POWERS = np.column_stack(
@@ -59,10 +61,10 @@ def pieces(function, breaks, tolerance):
     done = []
     while low.size:
         width, inset = (high - low)[:, None], EPSILON * span
-        ask = [np.clip(low[:, None] + width * u, low[:, None] + inset, high[:, None] - inset) for u in (NODES, BETWEEN)]
-        coefficients = function(ask[0]) @ TO_CHEBYSHEV.T @ TO_POWERS.T
-        between = np.broadcast_to(BETWEEN, ask[1].shape)
-        miss = np.abs(horner(coefficients[:, None, :], between) - function(ask[1])).max(axis=1)
+        asked = np.clip(low[:, None] + width * EVERYWHERE, low[:, None] + inset, high[:, None] - inset)
+        at_nodes, between = np.split(function(asked), [DEGREE + 1], axis=1)
+        coefficients = at_nodes @ TO_CHEBYSHEV.T @ TO_POWERS.T
+        miss = np.abs(coefficients @ BETWEEN_POWERS - between).max(axis=1)
         met = miss <= tolerance
         done += zip(low[met], high[met], coefficients[met], strict=True)
         if np.any(~met & (high - low < NARROWEST * span)):

@@ -9,37 +9,29 @@ import math
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from compact.cart import balance
 from compact.drive import CREEP, met_resistance
-from compact.dynamics import (
-    DONE,
-    SHORTEST,
-    TOO_FAST,
-    TOO_MANY,
-    TOO_SHORT,
-    Arcs,
-    Resistance,
-    Spring,
-    State,
-    integrate,
-    room,
-)
+from compact.dynamics import DONE, SHORTEST, TOO_FAST, TOO_MANY, TOO_SHORT, Arcs, integrate, room
 from compact.pieces import EPSILON, inside
 from compact.polynomials import Pieces, integrated, pieces
+from compact.resisted import NONE, Resistance
 from compact.ringing import shifted
+from compact.suspended import AT_NEAR, FAR, NEAR, Ends, Spring, State
 
 ARCS = 20_000  # of a cycle; a dozen are usual, hundreds where the resistance bends with the speed
 LAW = 1e-11  # of the peak acceleration, by which polynomials may miss it
 TABLE = 1e-2  # of the tolerance, by which polynomials may miss the resistance, and not below
 TABLE_FLOOR = 1e-12  # of the largest force: closer there is only rounding
 WIDER, WIDENINGS = 2.0, 8  # of the range of speeds, where a cart overshoots it
-HALVES = 36  # of the slowest sample of a map: the rest is rounding
+CREEPING = 1e-6  # of the fastest: slower is as good as standing
+AT_ONCE = 1e-3  # of the largest force: what rises by more within the creep, such as v^0.02, holds a standing cart
 CLOSED = 0.1  # of the tolerance: a cycle that ends so near to where it began
 PROBE = 1e-5  # of the force scale: difference for the derivative of the map over one cycle
-SETTLING = 2  # cycles from rest before Newton's method
+FORGOTTEN = 0.03  # of a residual, that one more cycle leaves: as good as Newton's method, which takes three for a round
 ROUNDS = 40  # of Newton's method; 1 to 4 are usual
 FARTHEST = 30.0  # of the force scale, that one round may move the state: beyond, friction is another
 FAILURES = {
@@ -59,46 +51,106 @@ class Work:
     rounds: int = 0
 
 
+class Turn(NamedTuple):
+    """A cycle from the middle of the way there: its arcs in order, the states at its end and in the middle again, and
+    how far the latter lies from the one it left from, in units of force. The arcs meet there as near as that."""
+
+    arcs: Arcs
+    end: State
+    after: State
+    residual: np.ndarray
+
+
 class Problem:
     """A cart, its spring, the law as polynomials over time, and the resistance as polynomials over speed."""
 
     def __init__(self, cart, drive, cycle, resistance, tolerance):
         self.work = Work()
-        self.spring = Spring(float(cart.mass), float(drive.stiffness), float(drive.damping), float(drive.backlash))
+        self.spring = _spring(cart, drive)
         self.law = _polynomial_law(cycle)
         self.middle = cycle.there.duration / 2
-        self.total = _speed_only(cart, resistance)
-        self.knots = _graded(getattr(resistance, "speeds", ()))
+        self.total = _total(cart, resistance)
+        self.knots = getattr(resistance, "speeds", ())
         velocity, acceleration = (np.abs(cycle.there.at_phase(inside(cycle.there.curve.x), k)).max() for k in (1, 2))
-        self.fastest = WIDER * velocity
+        self.fastest, self.creep = WIDER * velocity, CREEPING * velocity
         impact = velocity * math.sqrt(drive.stiffness * cart.mass) if acceleration == 0 else 0.0
         inertia = cart.mass * acceleration + impact
         speeds = self.fastest * np.linspace(CREEP, 1, 65)
         self.scale = max(inertia, *(np.abs(self.total(sign * speeds)).max() for sign in (1, -1)))
         self.tolerance = tolerance * self.scale
+        self.hurry = inertia / cart.mass
+        self.pace = getattr(resistance, "pace", np.inf) if drive.first_order else 0.0
         self._tabulate()
 
     def _tabulate(self):
-        sides, miss = [], max(TABLE * self.tolerance, TABLE_FLOOR * self.scale)
-        breaks = [0.0, *(speed for speed in self.knots if speed < self.fastest), self.fastest]
-        for sign in (1, -1):
-            try:
-                sides.append(pieces(lambda v, s=sign: self.total(s * v), breaks, miss))
-            except ValueError as error:
-                raise ValueError(f"`resistance` over speed [m/s] has {error}") from None
-        self.resistance = Resistance(*sides)
-        for side in sides:  # friction that is rounding is none: nothing sticks to it
-            side.coefficients[0, 0] *= abs(side.coefficients[0, 0]) > TABLE_FLOOR * self.scale
-        there, back = (side.coefficients[0, 0] for side in sides)
-        if there < back:
+        knots = np.array([speed for speed in self.knots if self.creep < speed < self.fastest])
+        octaves = self.creep * 2.0 ** np.arange(math.log2(min([*knots, self.fastest]) / self.creep))
+        breaks = np.concatenate([octaves, knots, [self.fastest]])
+        there, back = (self._side(sign, breaks) for sign in (1, -1))
+        added = self._added_masses(breaks) if self.pace else NONE
+        self.resistance = Resistance(there, back, np.append(self.creep, knots), added, float(self.pace))
+        most, least = there.coefficients[0, 0], back.coefficients[0, 0]
+        if most < least:
             raise ValueError(
-                f"`resistance` must not push a standing cart on, got {there:g} N at speed +0 and {back:g} N at -0"
+                f"`resistance` must not push a standing cart on, got {most:g} N at speed +0 and {least:g} N at -0"
             )
+
+    def _added(self, speed):
+        """M [kg] at speeds > 0, by which the resistance follows the acceleration; below the slowest sample as there."""
+        speed = np.maximum(speed, min(self.knots, default=0.0))
+        acceleration = np.minimum(self.hurry, self.pace * speed) / 2
+        return (self.total(speed, acceleration) - self.total(speed)) / acceleration
+
+    def _added_masses(self, breaks):
+        miss = max(TABLE * self.tolerance, TABLE_FLOOR * self.scale) / self.hurry
+        masses = pieces(self._added, breaks, miss)
+        least = min(masses.coefficients[:, 0].min(), float(masses(masses.breaks[-1])))
+        if self.spring.mass + least <= 0:
+            raise ValueError(
+                f"`mass` must exceed what the resistance lags by, got {self.spring.mass:g} kg, a lag of {-least:g} kg; "
+                "take the resistance without its added masses"
+            )
+        still = np.zeros((1, masses.coefficients.shape[1]))
+        still[0, 0] = masses.coefficients[0, 0]
+        return Pieces(np.append(0.0, masses.breaks), np.concatenate([still, masses.coefficients]))
+
+    def _side(self, sign, breaks):
+        """F over |v| on one way: from the creep on as near as asked, and below it as `_crept`."""
+        miss = max(TABLE * self.tolerance, TABLE_FLOOR * self.scale)
+        try:
+            side = pieces(lambda v: self.total(sign * v), breaks, miss)
+        except ValueError as error:
+            raise ValueError(f"`resistance` over speed [m/s] has {error}") from None
+        below = np.zeros((1, side.coefficients.shape[1]))
+        below[0, :2] = self._crept(sign, side.coefficients[0, 0])
+        return Pieces(np.append(0.0, side.breaks), np.concatenate([below, side.coefficients]))
+
+    def _crept(self, sign, force):
+        """(F, its rise) from rest to the creep, where F is `force`: what it rises by at once holds the cart.
+
+        Friction that is rounding is none: nothing sticks to it.
+        """
+        rest = float(self.total(sign * np.array([CREEP * self.creep]))[0])
+        rest *= abs(rest) > TABLE_FLOOR * self.scale
+        if abs(force - rest) <= AT_ONCE * self.scale:
+            return rest, force - rest
+        if sign * force < sign * rest:
+            raise ValueError(
+                f"`resistance` over speed [m/s] has a jump at 0, from {rest:g} N to {force:g} N at {self.creep:g} m/s, "
+                "by which it falls; give a function without jumps"
+            )
+        return force, 0.0
 
     @property
     def at_rest(self):
-        """State of a cart that stands relaxed."""
-        return State(0.0, 0.0, 1 if self.spring.backlash == 0 else 0)
+        """State of a cart that stands at the near end, drive and end spring in balance."""
+        ends, stiffness, slack = self.spring.ends, self.spring.stiffness, self.spring.backlash / 2
+        if ends.length == 0:
+            return State(0.0, 0.0, 1 if slack == 0 else 0, 0)
+        pushed = ends.preload + ends.stiffness * ends.length
+        given = (pushed + stiffness * slack) / (stiffness + ends.stiffness)  # by the drive, to the end spring
+        side = 1 if slack == 0 else -1
+        return State(-given, 0.0, side, NEAR) if given < ends.length else State(-ends.length, 0.0, side, AT_NEAR)
 
     def course(self, law, state):
         """(`Arcs`, end state) through the pieces of a law; the range of speeds widens as need be."""
@@ -120,55 +172,68 @@ class Problem:
         )
 
     def periodic(self):
-        """State at the start of the cycle that comes back after it.
+        """(`Arcs`, state at the start) of the cycle that comes back after it.
 
         Newton's method on the map over one cycle, from the middle of the way there, where the cart moves for sure;
-        a step that does not help is one more cycle instead.
+        while a cycle wipes out nearly all of the past, or a step does not help, it is one more cycle instead.
         """
         late, early = _cut(self.law, self.middle)
-        state = self.at_rest
-        for _ in range(SETTLING):
-            state = self._over(early, state)
-            state = self._over(late, state)
-        state = self._over(early, state)
+        state = self._steady(early)
         stiffness, mass = self.spring.stiffness, self.spring.mass
         units = self.scale / np.array([stiffness, math.sqrt(stiffness * mass)])
 
         def miss(state):
-            after = self._over(early, self._over(late, state))
-            return after, (np.array(after[:2]) - np.array(state[:2])) / units
+            second, end = self.course(late, state)
+            first, after = self.course(early, end)
+            arcs = Arcs(*(np.concatenate(halves) for halves in zip(first, second, strict=True)))
+            return Turn(arcs, end, after, (np.array(after[:2]) - np.array(state[:2])) / units)
 
-        after, residual = miss(state)
+        turn, before = miss(state), np.inf
         for _ in range(ROUNDS):
-            if np.abs(residual).max() <= CLOSED * self.tolerance / self.scale:
-                return self._over(late, after)
+            left = np.abs(turn.residual).max()
+            if left <= CLOSED * self.tolerance / self.scale and turn.after[2:] == state[2:]:
+                return turn.arcs, turn.end
+            if left <= FORGOTTEN * before:
+                state, turn, before = turn.after, miss(turn.after), left
+                continue
             self.work.rounds += 1
             slopes = np.empty((2, 2))
             for j in range(2):
                 probe = _moved(state, PROBE * units * np.eye(2)[j])
-                slopes[:, j] = (miss(probe)[1] - residual) / PROBE
-            state, after, residual = self._step(miss, state, after, residual, slopes, units)
+                slopes[:, j] = (miss(probe).residual - turn.residual) / PROBE
+            state, turn = self._step(miss, state, turn, slopes, units)
+            before = 0.0
         raise RuntimeError(
-            f"no periodic regime found in {ROUNDS} rounds: a cycle ends {np.abs(residual).max() * self.scale:g} N from "
-            "where it began; the spring may resonate, or the motion repeat after several cycles only; "
+            f"no periodic regime found in {ROUNDS} rounds: a cycle ends {np.abs(turn.residual).max() * self.scale:g} N "
+            "from where it began; the spring may resonate, or the motion repeat after several cycles only; "
             'give more damping, or regime "rest"'
         )
 
-    def _step(self, miss, state, after, residual, slopes, units):
-        with suppress(np.linalg.LinAlgError, RuntimeError):  # a step that leads nowhere is none: one more cycle does
-            move = np.linalg.solve(slopes, -residual)
-            trial = _moved(state, move * min(1.0, FARTHEST / np.abs(move).max()) * units)
-            trial_after, trial_residual = miss(trial)
-            if np.abs(trial_residual).max() < np.abs(residual).max():
-                return trial, trial_after, trial_residual
-        return after, *miss(after)
+    def _steady(self, early):
+        """State at the end of the early part of a cart that follows the law without swinging."""
+        width, row = np.diff(early.breaks)[-1], early.coefficients[-1]
+        powers = np.arange(len(row))
+        pace, bend = row @ powers / width, row @ (powers * (powers - 1)) / width**2
+        resisted = float(self.total(np.array([pace]))[0])
+        pull = self.spring.mass * bend + resisted
+        side = 1 if self.spring.backlash == 0 else int(np.sign(pull))
+        stretch, ends = pull / self.spring.stiffness + side * self.spring.backlash / 2, self.spring.ends
+        place = row.sum() - stretch
+        zone = NEAR if place < ends.length else FAR if place > ends.stroke - ends.length > 0 else 0
+        return State(stretch, pace, side, zone)
 
-    def _over(self, law, state):
-        return self.course(law, state)[1]
+    def _step(self, miss, state, turn, slopes, units):
+        with suppress(np.linalg.LinAlgError, RuntimeError):  # a step that leads nowhere is none: one more cycle does
+            move = np.linalg.solve(slopes, -turn.residual)
+            trial = _moved(state, move * min(1.0, FARTHEST / np.abs(move).max()) * units)
+            tried = miss(trial)
+            if np.abs(tried.residual).max() < np.abs(turn.residual).max():
+                return trial, tried
+        return turn.after, miss(turn.after)
 
 
 def _moved(state, by):
-    return State(state.stretch + by[0], state.velocity + by[1], state.side)
+    return State(state.stretch + by[0], state.velocity + by[1], state.side, state.zone)
 
 
 def _polynomial_law(cycle):
@@ -201,16 +266,17 @@ def _cut(law, time):
     return Pieces(breaks[i:].copy(), rows[i:].copy()), Pieces(breaks[: i + 1].copy(), rows[:i].copy())
 
 
-def _graded(speeds):
-    """Samples of a map, between which it is smooth, and halves of the slowest, as below it is a power of the speed."""
-    return np.concatenate([speeds[0] * 0.5 ** np.arange(HALVES, 0, -1), speeds]) if len(speeds) else speeds
+def _total(cart, resistance):
+    """Resistance and guide friction [N] over velocity [m/s], none of them 0, and acceleration [m/s^2]."""
 
-
-def _speed_only(cart, resistance):
-    """Resistance and guide friction [N] over velocity [m/s], none of them 0."""
-
-    def total(velocity):
-        still = np.zeros(np.shape(velocity))
-        return balance(cart, still, met_resistance(resistance, velocity, still), np.sign(velocity)).drive_force
+    def total(velocity, acceleration=0.0):
+        acceleration = np.broadcast_to(acceleration, np.shape(velocity))
+        return balance(cart, 0.0, met_resistance(resistance, velocity, acceleration), np.sign(velocity)).drive_force
 
     return total
+
+
+def _spring(cart, drive):
+    ends, numbers = cart.end_springs, (cart.mass, drive.stiffness, drive.damping, drive.backlash)
+    given = (0.0,) * 4 if ends is None else (ends.stiffness, ends.preload, ends.length, ends.stroke)
+    return Spring(*map(float, numbers), Ends(*map(float, given)))

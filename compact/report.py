@@ -281,7 +281,6 @@ def _run_numbers(study, run):
 
 
 OWN = {  # what runs of elastic, hydraulic and motor drives know besides
-    "ringing": "1",
     "standing": "s",
     "fluctuation": "1",
     "peak_pressure": "Pa",
@@ -322,7 +321,7 @@ def _place_line(place, beside=None):
         return f"  {place.rank:>2}  {place.run.name:<30}  infinite: {place.reason}"
     margin = f"+{place.margin:.2%} to the next" if np.isfinite(place.margin) else ""
     formula = f"{beside.value:>10.1f} ({beside.rank})" if beside else ""
-    ringing = getattr(place.run, "ringing", np.nan)
+    ringing = place.run.ringing if hasattr(place.run, "rigid") else np.nan
     ringing = f"rings {ringing:.3f}   " if np.isfinite(ringing) else ""
     return f"  {place.rank:>2}  {place.run.name:<30}{place.value:>10.1f}   {ringing}{margin:<22}{formula}".rstrip()
 

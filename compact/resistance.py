@@ -79,9 +79,14 @@ class ResistanceMap:
         if self.added_masses is None:
             return force
         if self.time:
-            most = SLOW / self.time * speed
+            most = self.pace * speed
             acceleration = np.clip(acceleration, -most, most)
         return force + acceleration * sampled[:, 1]
+
+    @property
+    def pace(self):
+        """A/|v| [1/s], up to which the second term follows the acceleration; infinite where nothing is remembered."""
+        return SLOW / self.time if self.time else np.inf
 
     def unsteadiness(self, velocity, acceleration):
         """|a| tau/|v| [-]; infinite at a turn, 0 where the cart stands."""

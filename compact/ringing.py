@@ -105,6 +105,18 @@ def combined(stretch, law, a, b, c, d):
 
 
 @compiled
+def scaled(signal, by):
+    """A signal times a number."""
+    return Signal(by * signal.poly, by * signal.cosine, by * signal.sine, signal.decay, signal.bend, signal.span)
+
+
+@compiled
+def sum_of(one, two):
+    """Sum of two signals of the same oscillator."""
+    return Signal(one.poly + two.poly, one.cosine + two.cosine, one.sine + two.sine, one.decay, one.bend, one.span)
+
+
+@compiled
 def shifted(poly, start, width):
     """Coefficients of p(start + width u)."""
     out = poly.copy()
@@ -164,22 +176,29 @@ def size(signal):
 
 @compiled
 def change(signal, low, high):
-    """The place between low and high where q changes its sign, by halving."""
-    rises = value(signal, high) > 0
+    """The place between low and high where q changes its sign, low where it does not: Illinois' rule, to rounding."""
+    at_low, at_high = value(signal, low), value(signal, high)
+    if (at_low > 0) == (at_high > 0):
+        return low
     for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        if (value(signal, middle) > 0) == rises:
-            high = middle
+        place = high - at_high * (high - low) / (at_high - at_low)
+        if not low < place < high:
+            place = (low + high) / 2
+        here = value(signal, place)
+        if here == 0 or high - low <= 2e-16 * high:
+            return place
+        if (here > 0) == (at_high > 0):
+            high, at_high, at_low = place, here, at_low / 2
         else:
-            low = middle
-        if high - low <= 2e-16 * high:
-            break
+            low, at_low, at_high = place, here, at_high / 2
     return (low + high) / 2
 
 
 @compiled
 def first_fall(signal):
     """The least u at which q falls from >= 0 to below, 2.0 where it never does."""
+    if signal.poly[0] - (np.abs(signal.poly[1:]).sum() + envelope(signal, 0.0, 1.0)) > 0:
+        return 2.0
     rate, zero = slope(signal), ROUNDING * size(signal)
     stack = np.empty((DEPTH, 2))
     stack[0, 0], stack[0, 1], top = 0.0, 1.0, 1

@@ -232,12 +232,6 @@ def _cylinders_belong_to_a_hydraulic_drive(kind, hydraulics):
         return f'"{kind}" has no hydraulics; take the table [drive.hydraulics] out, or choose "hydraulic"'
 
 
-@_rule("drive.end_springs", "drive.kind")
-def _springs_suit_the_drive(springs, kind):
-    if springs is not None and kind == "elastic":
-        return 'is not known to drive.kind "elastic", got a table; take it out, or choose another kind'
-
-
 @_rule("drive.end_springs.length", "motion.stroke")
 def _springs_leave_each_other_room(length, stroke):
     if length is not None and 2 * length > stroke * GUARD:

@@ -22,7 +22,7 @@ Wanted = Literal["tables", "figures", "cams", "reactions", "crank", "fields", "r
 # The keys of `drive.CRITERIA`, restated likewise
 RankBy = Literal[
     "peak_force", "peak_power", "rms_force", "rms_power", "mean_force", "mean_power", "energy", "drawn_energy",
-    "peak_jerk", "dynamic_factor", "nonuniformity",
+    "peak_jerk", "dynamic_factor", "nonuniformity", "ringing",
 ]  # fmt: skip
 Objective = Literal["peak_force", "peak_power", "rms_force", "energy", "drawn_energy"]
 MixParameter = Literal[

@@ -51,7 +51,7 @@ DRIVES = {
     "elastic": {"drive.kind": "elastic", "drive.stiffness": STIFFNESS, "drive.damping": DAMPING},
     "motor": {"drive.kind": "motor", "drive.motor": MOTOR},
 }
-REFUSED = {("compaction", "elastic"), ("compaction", "motor")}  # v^0.02 at a turn is a jump; motor untried
+REFUSED = {("compaction", "elastic"), ("compaction", "motor")}  # untried
 SHOWN = ("peak_force", "peak_power")
 HEADER = ("engine", "drive", "criterion", "rank", "law", "value", "margin", "low", "high", "error", "sure")
 SPREAD_HEADER = (

@@ -420,6 +420,12 @@ def test_infinite_values_come_last_with_the_reason():
     assert math.isnan(found[-1].margin)
 
 
+def test_what_is_no_number_comes_after_the_infinite():
+    found = rank(runs(jump=math.nan, good=1.0, shock=math.inf))
+    assert [place.run.name for place in found] == ["good", "shock", "jump"]
+    assert [bool(place.reason) for place in found] == [False, True, True]
+
+
 def test_empty_list_ranks_to_an_empty_list():
     assert rank([]) == []
 

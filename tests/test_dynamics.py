@@ -14,11 +14,16 @@ from hypothesis import strategies as st
 from published import CART_OF_C
 from scipy.integrate import solve_ivp
 
+from compact.course import Course
 from compact.drive import simulate
-from compact.dynamics import POINTS, Resistance, Spring, State, integrate, peaks, room
-from compact.elastic import Course, ElasticDrive, damping_ratio, travel
+from compact.dynamics import POINTS, integrate, peaks, room
+from compact.elastic import ElasticDrive, damping_ratio, travel
 from compact.motion import LAWS, Cycle, law
 from compact.polynomials import Pieces, pieces
+from compact.regime import Problem
+from compact.resistance import ResistanceMap
+from compact.resisted import Resistance
+from compact.suspended import Spring, State
 
 CART = replace(CART_OF_C, guide_friction=0.0)
 MASS = CART.mass
@@ -61,10 +66,10 @@ def moved(drive, position, time, size=0.0, state=RELAXED):
     arcs = room(1000, 10)
     numbers = Spring(MASS, float(drive.stiffness), float(drive.damping), float(drive.backlash))
     far_end = Pieces(np.array([0.0, time]), scaled)
-    ended, n, _, end, _ = integrate(numbers, far_end, Resistance(side, back), state, 1e-9, arcs)
+    ended, n, _, end, _ = integrate(numbers, far_end, Resistance(side, back, np.empty(0)), state, 1e-9, arcs)
     assert ended == 0
     kept = type(arcs)(*(column[:n].copy() for column in arcs))
-    return Course(CART, drive, kept, Resistance(side, back), state, end)
+    return Course(numbers, kept, Resistance(side, back, np.empty(0)), state, end)
 
 
 def roots(drive):
@@ -204,6 +209,75 @@ def test_backlash_throws_the_cart_to_and_fro(stiffness):
     assert velocity == pytest.approx([2 * pace], rel=1e-9)
 
 
+@pytest.mark.parametrize("ratio", [0.05, 0.7])
+@pytest.mark.parametrize("stiffness", STIFF)
+def test_added_mass_moves_with_the_cart(stiffness, ratio):
+    """As the harmonic law of a cart of m + M."""
+    drive, w, mass = replace(spring(stiffness, ratio), first_order=True), np.pi / 3.0, MASS + 400.0
+    run = travel(CART, drive, published("harmonic"), lambda velocity, acceleration: 400.0 * acceleration)
+    amplitude = mass * 0.2 * w**2 / (stiffness - mass * w**2 + 1j * drive.damping * w)
+    assert run.peak_force == pytest.approx(abs((stiffness + 1j * drive.damping * w) * amplitude), rel=1e-8)
+    assert run.state.resistance == pytest.approx(400.0 * run.state.acceleration, abs=1e-6)
+    assert run.energy_residual < 1e-6
+
+
+def power(exponent, size=3486.0):
+    """A map of a mix that resists with a power of the speed."""
+    speeds = np.geomspace(0.2 / 30, 0.6, 9)
+    return ResistanceMap(speeds, size * (speeds / 0.2) ** exponent, 1e-3)
+
+
+@pytest.mark.parametrize("exponent", [0.02, 0.1])
+def test_cart_that_a_power_of_the_speed_brakes_stops_in_time(exponent):
+    """m v' = -C v^n: after m v^(1-n)/(C (1-n)), m v^(2-n)/(C (2-n)) on."""
+    drive, speed, met = ElasticDrive(1e-6, 0.0), 0.005, power(exponent)  # below all samples
+    size = 3486.0 / 0.2**exponent
+    time = MASS * speed ** (1 - exponent) / size / (1 - exponent)
+    problem = Problem(CART, drive, published("cubic").cycle(), met, 1e-8)
+    still = Pieces(np.array([0.0, 2 * time]), np.zeros((1, 11)))
+    arcs, end = problem.course(still, State(0.0, speed, 1))
+    assert end.velocity == 0
+    assert arcs.start[-1] == pytest.approx(time, abs=1e-6)
+    assert -end.stretch == pytest.approx(MASS * speed ** (2 - exponent) / size / (2 - exponent), rel=1e-5)
+    assert arcs.slip.tolist() == [1] * (len(arcs.start) - 1) + [0]
+
+
+@pytest.mark.parametrize("name", ["complex", "quintic", "parabolic"])
+def test_work_is_accounted_for_while_a_lag_is_held(name):
+    speeds = np.geomspace(0.2 / 30, 0.6, 12)
+    lags = -800.0 / (1 + (speeds / 0.06) ** 2)
+    met = ResistanceMap(speeds, 6e4 * speeds / (1 + (speeds / 0.06) ** 2), 1e-3, None, lags, time=0.1)
+    run = travel(CART_OF_C, replace(spring(1e6, 0.05), first_order=True), published(name), met)
+    assert run.energy_residual < 1e-6
+    assert run.work.arcs < 3000
+
+
+@pytest.mark.parametrize("name", GENTLE)
+def test_small_power_of_the_speed_holds_without_chattering(name):
+    run = travel(CART_OF_C, spring(1e6, 0.05), published(name), power(0.02))
+    turns = np.count_nonzero(np.diff(np.abs(run.course.arcs.slip)) == -1)
+    assert run.standing > 0.1
+    assert turns <= 12  # stops of a cycle: two turns, and knocks that swing
+    assert run.work.arcs < 1500
+    assert run.energy_residual < 1e-6
+
+
+def test_ever_smaller_powers_end_as_dry_friction():
+    drive, motion = spring(1e6, 0.05), published("cubic")
+    exact = travel(CART, drive, motion, dry(3486.0)).peak_force
+    errors = [abs(travel(CART, drive, motion, power(n)).peak_force / exact - 1) for n in (1e-2, 1e-3, 1e-4)]
+    assert errors[2] < 1e-3
+    assert errors[0] / errors[1] == pytest.approx(10, rel=0.3)
+
+
+@pytest.mark.parametrize("exponent", [0.02, 0.3, 0.96])
+def test_creep_is_as_good_as_standing(exponent, monkeypatch):
+    drive, motion = spring(1e6, 0.05), published("cubic")
+    one = travel(CART, drive, motion, power(exponent)).peak_force
+    monkeypatch.setattr("compact.regime.CREEPING", 1e-5)  # ten times as much
+    assert travel(CART, drive, motion, power(exponent)).peak_force == pytest.approx(one, rel=1e-5)
+
+
 # order
 
 
@@ -292,6 +366,31 @@ def test_general_solver_agrees_with_stick_and_slip(name):
             assert velocity == pytest.approx([plain.v], abs=1e-7)
 
 
+def test_general_solver_agrees_with_a_map_and_its_added_mass():
+    """A relaxing mix: F falls again, M is a lag that is held where |a| tau/|v| is not small."""
+    speeds = np.geomspace(0.2 / 30, 0.6, 12)
+    forces, lags = 6e4 * speeds / (1 + (speeds / 0.06) ** 2), -600.0 / (1 + (speeds / 0.06) ** 2)
+    met = ResistanceMap(speeds, forces, 1e-3, None, lags, time=0.1)
+    drive, cycle = replace(spring(2e5, 0.1), first_order=True), published("harmonic").cycle()
+    run = travel(CART, drive, cycle, met, regime="rest")
+
+    def acceleration(pull, v):  # of m a + R(v, a) = pull, by halving
+        low, high = -1e2, 1e2
+        for _ in range(60):
+            middle = (low + high) / 2
+            low, high = (middle, high) if MASS * middle + float(met(v, middle)) < pull else (low, middle)
+        return low
+
+    def rates(t, z):
+        pull = drive.stiffness * (float(cycle.derivative(t, 0)) - z[0])
+        return [z[1], acceleration(pull + drive.damping * (float(cycle.derivative(t, 1)) - z[1]), z[1])]
+
+    got = solve_ivp(rates, (0, 2.0), [0.0, 0.0], "DOP853", rtol=1e-8, atol=1e-11, t_eval=[0.5, 1.2, 2.0])
+    position, velocity, *_ = run.course.motion(*run.course.at(got.t))
+    assert position == pytest.approx(got.y[0], abs=1e-7)
+    assert velocity == pytest.approx(got.y[1], abs=2e-6)
+
+
 # hard cases
 
 
@@ -338,8 +437,6 @@ def test_periodic_regime_is_where_waiting_leads(resistance):
     drive, motion = spring(1e5, 0.1), published("cubic").cycle(0.3, 0.3)
     run = travel(CART, drive, motion, resistance)
     assert run.course.end[:2] == pytest.approx(run.course.start[:2], rel=1e-8, abs=1e-12)
-    from compact.regime import Problem
-
     problem = Problem(CART, drive, motion, resistance, 1e-8)
     state = problem.at_rest
     for _ in range(12):
@@ -494,6 +591,11 @@ def test_unknown_regime_names_the_choices():
 def test_impossible_springs_are_refused(numbers, words):
     with pytest.raises(ValueError, match=words):
         ElasticDrive(*numbers)
+
+
+def test_lag_that_outweighs_the_cart_is_refused():
+    with pytest.raises(ValueError, match=r"`mass` must exceed what the resistance lags by, got 1000 kg, a lag of 1500"):
+        travel(CART, ElasticDrive(1e6, 1e3, first_order=True), published("cubic"), lambda v, a: np.sign(v) - 1500 * a)
 
 
 def test_massless_cart_is_refused():

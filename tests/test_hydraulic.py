@@ -50,6 +50,16 @@ def test_even_throttles_make_an_even_speed(inlet, outlet):
     assert moved.outlet_pressure[-1] == pytest.approx(resistances[1] * speed**2, rel=1e-4)
 
 
+def test_added_mass_moves_with_the_cart():
+    """W = F + 400 kg v' is a cart that is 400 kg heavier."""
+    areas = even(1e-6, 0.3), even(2e-5, 0.3)
+    lagging = passage(CART, PRESS, 0.4, areas, lambda v, a: dry(v, a) + 400.0 * a)
+    heavier = passage(replace(CART, mass=CART.mass + 400.0), PRESS, 0.4, areas, dry)
+    assert lagging.position[-1] == pytest.approx(heavier.position[-1], rel=1e-6)
+    assert lagging.velocity[-1] == pytest.approx(heavier.velocity[-1], rel=1e-4)
+    assert lagging.residual < 1e-6
+
+
 @pytest.mark.slow
 def test_pump_of_little_flow_sets_the_mean_speed():
     """x = (Q t - V p/K)/A, give or take what the cart swings on its oil, v/w, w^2 = A^2 K/(V m)."""
@@ -184,3 +194,8 @@ def test_drive_with_too_little_says_what(changes, name, lack):
 def test_impossible_hydraulics_are_refused(field):
     with pytest.raises(ValueError, match=f"`{field}` must be positive"):
         replace(PRESS, **{field: 0.0})
+
+
+def test_lag_that_outweighs_the_cart_is_told():
+    with pytest.raises(RuntimeError, match="no acceleration balances"):
+        passage(CART, PRESS, 0.4, (even(1e-6), even(2e-5)), lambda v, a: dry(v, a) - 2e3 * a + 1e6 * a**3)

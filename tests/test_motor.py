@@ -125,6 +125,8 @@ def test_heavy_flywheel_turns_evenly(name):
     assert run.nonuniformity == pytest.approx(even.nonuniformity, rel=1e-4, abs=1e-6)
     assert run.peak_jerk == pytest.approx(even.peak_jerk, rel=1e-3)
     assert run.drawn_energy == pytest.approx(run.energy, rel=1e-6)
+    law_itself = simulate(CART_OF_C, Rigid(), published(name), dry(SIZE))
+    assert run.ringing == pytest.approx(even.peak_force / law_itself.peak_force, rel=1e-6)
 
 
 def test_crank_at_even_speed_is_the_turn_of_the_shaft():

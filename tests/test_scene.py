@@ -815,14 +815,6 @@ BROKEN = [
         also=('kind = "rigid"', 'kind = "motor"'),
     ),
     refused(
-        "springs of an elastic drive",
-        "[cam]",
-        SPRINGS + "\n[cam]",
-        'drive.end_springs: is not known to drive.kind "elastic", got a table; take it out, or choose another kind',
-        at="[drive.end_springs]",
-        also=('kind = "rigid"', 'kind = "elastic"\nstiffness = 1e6\ndamping = 3e3'),
-    ),
-    refused(
         "springs that meet",
         "[cam]",
         SPRINGS.replace("0.1", "0.3") + "\n[cam]",

@@ -8,12 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from published import CART_OF_C
 
+from compact.course import Course
 from compact.crank import USUAL_ANGLES, turn
 from compact.drive import Crank, Rigid, simulate
-from compact.elastic import ElasticDrive
+from compact.dynamics import DONE, integrate, room
+from compact.elastic import ElasticDrive, travel
 from compact.motion import LAWS, law
 from compact.motor import Kloss, Motor
+from compact.polynomials import Pieces
+from compact.resisted import Resistance
 from compact.springs import EndSprings
+from compact.suspended import AT_NEAR, NEAR, Ends, Spring, State
 
 CART = replace(CART_OF_C, guide_friction=0.0)
 SIZE = 3486.0
@@ -96,6 +101,78 @@ def test_crankshaft_gives_no_work_to_springs():
     assert alone.peak_power == pytest.approx(even.peak_power, rel=1e-6)
 
 
+# behind an elastic drive
+
+
+def thrown(stiffness, preload, push, size, speed, time):
+    """`Course` of a cart at its near spring, going in, that hardly more than a constant push holds."""
+    weak = 1.0 if push else 1e-9  # N/m, pressed so far that its force is even to a millionth
+    numbers = Spring(CART.mass, weak, 0.0, 0.0, Ends(stiffness, preload, 0.08, 0.4))
+    stretch = -push / weak
+    far_end = Pieces(np.array([0.0, time]), np.array([[0.08 + stretch] + [0.0] * 10]))
+    side = Pieces(np.array([0.0, 10.0]), np.array([[size] + [0.0] * 8]))
+    back = Pieces(side.breaks, -side.coefficients)
+    arcs, start = room(2000, 10), State(stretch, -speed, 1, NEAR)
+    resistance = Resistance(side, back, np.empty(0))
+    ended, n, _, end, _ = integrate(numbers, far_end, resistance, start, 1e-9, arcs)
+    assert ended == DONE
+    return Course(numbers, type(arcs)(*(column[:n].copy() for column in arcs)), resistance, start, end)
+
+
+@pytest.mark.parametrize("preload", [0.0, 50.0, 3000.0])
+def test_thrown_cart_leaves_its_spring_in_time(preload):
+    """z'' = -(P + p z)/m: it is back after 2/w atan(v p/(w P)), as fast as it came."""
+    stiffness, speed = 4e5, 0.2
+    w = np.sqrt(stiffness / CART.mass)
+    course = thrown(stiffness, preload, 0.0, 0.0, speed, 0.2)
+    assert course.arcs.zone.tolist() == [NEAR, NEAR, 0]
+    away = course.arcs.start[2:]
+    assert away == pytest.approx(2 / w * np.arctan2(speed * stiffness, w * preload), rel=1e-9)
+    assert course.motion(*course.at(away))[1] == pytest.approx([speed], rel=1e-9)
+
+
+def test_pushed_cart_comes_to_stand_at_the_plate_of_its_spring():
+    """F < h < P - F: each bounce takes the same share of the speed, all together a time, and then the plate holds."""
+    preload, push, size, speed, mass = 3000.0, 1200.0, 800.0, 0.05, CART.mass
+    spare = preload - push
+    into, out, away, back = np.array([spare + size, spare - size, push + size, push - size]) / mass
+    left, again = speed * np.sqrt(out / into), speed * np.sqrt(out / into * back / away)
+    time = (speed / into + left / out + left / away + again / back) / (1 - again / speed)
+    course = thrown(0.0, preload, push, size, speed, 2 * time)
+    assert course.end[2:] == (1, AT_NEAR)
+    assert course.end.velocity == 0
+    assert course.arcs.start[-1] == pytest.approx(time, rel=1e-5)
+    assert course.motion(np.array([len(course.arcs.start) - 1]), np.zeros(1))[0] == pytest.approx([0.08], abs=1e-9)
+    assert len(course.arcs.start) < 200
+
+
+@pytest.mark.parametrize("stiffness", [1e5, 1e9])
+def test_harmonic_cart_on_tuned_springs_asks_nothing_of_an_elastic_drive(stiffness):
+    tuned = CART.mass * (np.pi / 3.0) ** 2
+    drive = ElasticDrive(stiffness, 0.1 * np.sqrt(stiffness * CART.mass))
+    run = travel(sprung(tuned, 0.0, 0.2), drive, published("harmonic"), lambda v, a: 0.0 * v)
+    assert run.peak_force < 1e-7 * CART.mass * 0.2 * (np.pi / 3) ** 2
+
+
+@pytest.mark.parametrize("regime", ["rest", "periodic"])
+@pytest.mark.parametrize("stiffness", [2e4, 1e6, 1e8])
+@pytest.mark.parametrize("name", ["cubic", "reversal-4", "parabolic", "constant-velocity"])
+def test_elastic_drive_accounts_for_the_work_of_springs(name, stiffness, regime):
+    drive = ElasticDrive(stiffness, 0.1 * np.sqrt(stiffness * CART.mass), 1e-3 if stiffness == 1e6 else 0.0)
+    run = travel(sprung(stiffness=2e4), drive, published(name), dry, regime=regime)
+    assert run.energy_residual < 1e-6
+    assert {-1, 0, 1} & set(run.course.arcs.zone.tolist())
+    if regime == "periodic":
+        lost = run.course.spring.damping * run.course.stretch(*run.course.places()[:2])[1] ** 2
+        assert run.energy == pytest.approx(np.sum(run.weights * (lost + SIZE * np.abs(run.state.velocity))), rel=1e-6)
+
+
+def test_stiff_elastic_drive_meets_the_springs_of_the_rigid_one():
+    drive = ElasticDrive(1e9, 1.4 * np.sqrt(1e9 * CART.mass))
+    run = travel(sprung(preload=0.0), drive, published("septic"), lambda v, a: 0.0 * v)
+    assert run.peak_force == pytest.approx(run.rigid.peak_force, rel=1e-3)
+
+
 # properties
 
 
@@ -108,11 +185,6 @@ def test_any_springs_do_no_work_over_a_cycle(name, stiffness, preload, length):
 
 
 # refusals
-
-
-def test_springs_behind_an_elastic_drive_are_refused():
-    with pytest.raises(ValueError, match="`end_springs` are not known to an elastic drive"):
-        simulate(sprung(), ElasticDrive(1e6, 3e3), published("cubic"), dry)
 
 
 @pytest.mark.parametrize(
