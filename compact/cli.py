@@ -123,7 +123,7 @@ def run(
     force: Force = False,
     quiet: Quiet = False,
 ):
-    """Do the main job: resistance, every law, forces, ranking, cams, tables and figures.
+    """Do the main job: resistance by every engine, every law, forces, ranking, cams, tables and figures.
 
     Parameters
     ----------
@@ -133,6 +133,7 @@ def run(
         relative error asked for in place of the scene's
     """
     from compact import report
+    from compact.pool import cores, crew
 
     bar = _bar(quiet)
     directory = out or Path("out") / scene.stem
@@ -141,8 +142,9 @@ def run(
         step=lambda stage: _advance(bar, study, stage),
     )  # fmt: skip
     bar.total = study.steps
+    helpers = crew(min(cores(), len(study.scene.beside_engines))) if study.scene.beside else None
     with bar:
-        report.write(study, directory, force)
+        report.write(study, directory, force, helpers)
     if not quiet:
         print(report.digest(study))
         print(f"\nresults: {directory}")
@@ -311,9 +313,10 @@ def sweep(
     """
     from compact import sweep_report
     from compact import vary as varying
+    from compact.pool import crew
     from compact.sweep import Sweep
 
-    crew = _crew(workers, scheduler)
+    workforce = crew(workers, scheduler)
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
     many = Sweep(
         _scene(scene, quiet, changes, asked), [varying.read(text) for text in vary], rank=rank, indices=indices
@@ -327,27 +330,13 @@ def sweep(
         bar.update(points)
 
     with _bar(quiet, many.size, " points") as bar:
-        table = many.run(directory, crew=crew, resume=resume, force=force, step=step)
+        table = many.run(directory, crew=workforce, resume=resume, force=force, step=step)
     sweep_report.write(directory, table)
     if not quiet:
         for name in many.broken:
             print(f"compact: {name} was cut short; its points were computed again", file=sys.stderr)
         print(f"{sweep_report.digest(table)}\n\n{many.computed} of {many.size} computed now; results: {directory}")
     return DONE if (table["reason"] == "").any() else _say("no point has numbers", COULD_NOT)
-
-
-def _crew(workers, scheduler):
-    """Who computes: a cluster, processes, or this process."""
-    from compact.pool import Cluster, Here, Processes, cores
-
-    if workers is not None and scheduler is not None:
-        raise ValueError("give --workers or --scheduler, got both")
-    if scheduler is not None:
-        return Cluster(scheduler)
-    count = cores() if workers is None else workers
-    if count < 1:
-        raise ValueError(f"--workers must be at least 1, got {count}")
-    return Here() if count == 1 else Processes(count)
 
 
 @app.command

@@ -1,4 +1,4 @@
-"""Figures of a study: kinematics, drive force and power, ranking, cams, reactions, crankshaft.
+"""Figures of a study: kinematics, drive force and power, cams, reactions, crankshaft, contact and fields.
 
 Each function draws one figure from finished results and returns it; a law keeps its colour and dash in all of them.
 """
@@ -33,14 +33,6 @@ SYMBOLS = {
     "jerk": "jerk [m/s³]",
     "drive_force": "drive force along the motion [kN]",
     "drive_power": "drive power [W]",
-}
-QUANTITIES = {
-    "peak_force": ("peak drive force", "kN", 1e-3),
-    "peak_power": ("peak drive power", "W", 1.0),
-    "rms_force": ("rms drive force", "kN", 1e-3),
-    "rms_power": ("rms drive power", "W", 1.0),
-    "energy": ("energy of a cycle", "J", 1.0),
-    "peak_jerk": ("peak jerk", "m/s³", 1.0),
 }
 
 
@@ -121,37 +113,6 @@ def drive(runs):
             _line(row[0], name, run.time, run.direction * run.drive_force / 1e3, run.impulses)
             _line(row[1], name, run.time, run.drive_power, run.impulses)
     _legends(axes)
-    return figure
-
-
-def ranking(rankings, formula_rankings):
-    """Bars of the ranked laws, best on top, a panel per criterion; infinite ones are named, not drawn.
-
-    A mark beside each bar is the value by formula, where that is another one.
-    """
-    most = max(len(places) for places in rankings.values())
-    figure = Figure(figsize=(6.4 * len(rankings), 0.30 * most + 1.2), layout="constrained")
-    for ax, (by, places) in zip(figure.subplots(1, len(rankings), squeeze=False)[0], rankings.items(), strict=True):
-        title, unit, factor = QUANTITIES[by]
-        finite = [place.value * factor for place in places if not place.reason]
-        for row, place in enumerate(places):
-            if place.reason:
-                ax.text(0, row, f" infinite: {place.reason.split(':')[0]}", va="center", fontsize=8, color="0.35")
-                continue
-            value = place.value * factor
-            ax.barh(row, value, color=look(place.run.name)["color"], height=0.72)
-            ax.text(value, row, f"  {value:#.4g}".rstrip("."), va="center", fontsize=8)
-        beside = {place.run.name: place.value * factor for place in formula_rankings.get(by, ()) if not place.reason}
-        marked = [(beside[place.run.name], row) for row, place in enumerate(places) if place.run.name in beside]
-        if marked:
-            ax.plot(*zip(*marked, strict=True), "|", color="black", markersize=9, label="by formula")
-            ax.legend(frameon=False, fontsize=8, loc="lower right")
-            finite += beside.values()
-        ax.set_yticks(range(len(places)), [f"{place.run.name}  {place.rank}" for place in places], fontsize=8)
-        ax.set_xlim(0, 1.15 * max(finite, default=1.0))
-        ax.set_ylim(len(places) - 0.4, -0.6)
-        ax.set_xlabel(f"{title} [{unit}]")
-        ax.spines[["top", "right"]].set_visible(False)
     return figure
 
 
@@ -275,22 +236,6 @@ def speeds(contacts):
         low, high = ax.get_ylim()
         least = LEAST_SPAN * np.abs(values).max()  # so that what is constant looks it
         ax.set_ylim(min(low, values.min() - least), max(high, values.max() + least))
-    return figure
-
-
-def resistance(met, formula):
-    """Resistance of one cart over speed: the samples, what is read between them, and eq 1.8."""
-    figure = Figure(figsize=(7.2, 3.8), layout="constrained")
-    ax = figure.subplots()
-    speed = np.linspace(0, met.speeds[-1], 801)[1:]
-    ax.plot(speed, met(speed) / 1e3, color="tab:red", label="resistance map")
-    ax.plot(met.speeds, met.forces / 1e3, "o", color="tab:red", markersize=4, label="computed")
-    ax.axhline(formula.force / 1e3, color="0.4", linestyle="--", label="eq 1.8")
-    ax.set_xlabel("speed v [m/s]")
-    ax.set_ylabel("resistance of the mix to one cart [kN]")
-    ax.set_xlim(0, 1.02 * met.speeds[-1])
-    ax.set_ylim(min(0.0, 1.1 * met.forces.min() / 1e3), None)
-    ax.legend(frameon=False)
     return figure
 
 

@@ -88,11 +88,11 @@ def _reached(study, key, value):
 
 
 def _end(study, changes):
-    end = Study(study.scene.replaced(**changes))
+    end = Study(study.scene.by("formula").replaced(**changes))
     cycles = end.cycles if any(key.startswith("motion.") for key in changes) else study.cycles  # costly, so kept
     least, law = dict.fromkeys(PEAKS, np.inf), dict.fromkeys(PEAKS, "")
     for name, cycle in cycles.items():
-        run = drive.simulate(end.formula_cart, drive.Rigid(), cycle, end.formula_resistance)
+        run = drive.simulate(end.cart, drive.Rigid(), cycle, end.resistance)
         for peak, quantity in PEAKS.items():
             largest = np.inf if run.impulses else float(np.abs(getattr(run, quantity)).max())
             if largest < least[peak] * (1 - drive.TIE):

@@ -166,8 +166,17 @@ def _series(n1, n2, lead):
     for k in range(lead, SERIES_TERMS):
         coefficients[2 * k + 1] = h / math.factorial(2 * k + 1)
         before, h = h, n1 * h - n2 * before
-    series = Polynomial(coefficients)
-    return lambda z, nu: series.deriv(nu)(z - 0.5) if nu else series(z - 0.5)
+    return _Series(Polynomial(coefficients))
+
+
+@dataclass(frozen=True)
+class _Series:
+    """Odd mode of a power series about the middle of the pass; like all modes it goes to other processes."""
+
+    of: Polynomial
+
+    def __call__(self, z, nu):
+        return self.of.deriv(nu)(z - 0.5) if nu else self.of(z - 0.5)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ LEVELS = (
     (
         *("records", "material", "mesh", "patch", "plies", "sizing", "shaft", "follower", "variational", "results"),
         *("scene_errors", "polynomials", "quadratic", "lawspace", "criteria", "drawing", "page", "sobol", "springs"),
-        *("pressed_memory", "strokes"),
+        *("pressed_memory", "strokes", "ordering"),
     ),
     ("laws", "halfplane", "modulation", "mix", "cart", "scene_rules", "streamline", "cap", "dynamics", "limits"),
     ("kernel", "compliance", "stickslip", "confined", "optimise", "reroll", "retained", "store", "scene_tables"),
@@ -31,7 +31,8 @@ LEVELS = (
     ("mapping", "runup", "machine"),
     ("study", "calibrate", "cam_sheet"),
     ("figures", "published_laws", "published_machine", "cam_files", "sensitivity", "headline"),
-    ("contact_report", "drive_report", "published", "maps", "sweep"),
+    ("contact_report", "drive_report", "published", "maps", "sweep", "order_figures"),
+    ("beside_report",),
     ("checks", "html_answer", "html_contact", "sweep_report"),
     ("html_machine",),
     ("html_report",),
@@ -42,7 +43,7 @@ LEVELS = (
 LEVEL = {module: level for level, modules in enumerate(LEVELS) for module in modules}
 # They meet in a study, through plain callables.
 SIBLINGS = ("contact", "drive", "motion", "mix", "material", "mesh")
-DRAWING = ("figures", "maps")
+DRAWING = ("figures", "order_figures", "maps")
 HEAVY = ("numpy", "scipy", "matplotlib", "pydantic")
 
 
