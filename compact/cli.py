@@ -369,9 +369,9 @@ def _study(path, quiet, engine=None, tolerance=None, laws=None, changes=(), step
 
 def _scene(path, quiet, changes=(), asked=()):
     """The scene of a file with some of its keys changed; its advice is told."""
-    from compact.scene import load_scene
+    from compact.scene import load_scene, read_change
 
-    asked = dict(asked) | dict(_change(change) for change in changes)
+    asked = dict(asked) | dict(map(read_change, changes))
     scene = load_scene(path, **{key: value for key, value in asked.items() if value is not None})
     for sentence in scene.advice if not quiet else ():
         print(f"compact: advice: {sentence}", file=sys.stderr)
@@ -389,19 +389,6 @@ def _advance(bar, study, stage):
     bar.set_description(stage, refresh=False)
     bar.total = study.steps  # speeds may be added on the way
     bar.update()
-
-
-def _change(text):
-    """Key path and value of KEY=VALUE; the value is read as in a scene, or as a bare word."""
-    import tomllib
-
-    key, equals, value = text.partition("=")
-    if not (key and equals):
-        raise ValueError(f"--set takes KEY=VALUE, such as mix.moisture=0.11, got {text!r}")
-    try:
-        return key.strip(), tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return key.strip(), value.strip()
 
 
 if __name__ == "__main__":

@@ -12,12 +12,12 @@ from compact.figures import look
 PANELS = 2  # in a row
 SHOWN = 4  # criteria, those that the scene names first
 UNITS = {"peak_force": ("kN", 1e-3), "rms_force": ("kN", 1e-3), "mean_force": ("kN", 1e-3), "peak_jerk": ("m/s³", 1.0)}
-ENGINE_LOOKS = {  # colour and mark of an engine
-    "formula": ("0.35", "|"),
-    "column": ("tab:green", "o"),
-    "spectral": ("tab:blue", "s"),
-    "fem": ("tab:red", "D"),
-    "compaction": ("tab:purple", "^"),
+ENGINE_LOOKS = {  # colour, mark and dash of an engine
+    "formula": ("0.35", "|", ":"),
+    "column": ("tab:green", "o", "--"),
+    "spectral": ("tab:blue", "s", "-."),
+    "fem": ("tab:red", "D", "-"),
+    "compaction": ("tab:purple", "^", "-"),
 }
 
 
@@ -43,6 +43,9 @@ def ranking(order, beside):
         _marks(ax, by, places, beside.get(by, {}))
     for ax in panels[len(order) :]:
         ax.set_axis_off()
+    handles, labels = panels[0].get_legend_handles_labels()
+    if labels:
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=9)
     return figure
 
 
@@ -56,13 +59,17 @@ def _bars(ax, by, places):
         value, error = place.value * factor, (place.error or 0.0) * factor
         error = error if np.isfinite(error) else 0.0
         ax.barh(row, value, color=look(place.law)["color"], height=0.72, xerr=error or None, ecolor="0.4")
-        ax.text(value + error, row, f"  {value:#.4g}".rstrip("."), va="center", fontsize=8)
     finite = [place.value * factor for place in places if not place.reason]
-    ax.set_yticks(range(len(places)), [f"{place.law}  {place.rank}" for place in places], fontsize=8)
+    ax.set_yticks(range(len(places)), [f"{place.rank}  {place.law}  {_said(place, factor)}" for place in places])
+    ax.tick_params(axis="y", labelsize=8)
     ax.set_xlim(0, 1.15 * max(finite, default=1.0) or 1.0)
     ax.set_ylim(len(places) - 0.4, -0.6)
     ax.set_xlabel(f"{words} [{unit}]")
     ax.spines[["top", "right"]].set_visible(False)
+
+
+def _said(place, factor):
+    return "" if place.reason else f"{place.value * factor:#.4g}".rstrip(".")
 
 
 def _marks(ax, by, places, beside):
@@ -72,11 +79,9 @@ def _marks(ax, by, places, beside):
         found = [(order[place.law].value * factor, row) for row, place in enumerate(places) if place.law in order]
         found = [mark for mark in found if np.isfinite(mark[0])]
         if found:
-            color, mark = ENGINE_LOOKS[engine]
+            color, mark, _ = ENGINE_LOOKS[engine]
             ax.plot(*zip(*found, strict=True), mark, color=color, mfc="none", markersize=6, label=f"by {engine}")
             ax.set_xlim(0, max(ax.get_xlim()[1], 1.05 * max(value for value, _ in found)))
-    if ax.lines:
-        ax.legend(frameon=False, fontsize=8, loc="lower right")
 
 
 def engines(orders, most=12):
@@ -96,7 +101,7 @@ def engines(orders, most=12):
         laws = sorted(excess[ours], key=lambda law: min(found[law][0] for found in excess.values() if law in found))
         laws = sorted(laws[:most], key=lambda law: excess[ours][law][0])
         for engine, found in excess.items():
-            color, mark = ENGINE_LOOKS[engine]
+            color, mark, _ = ENGINE_LOOKS[engine]
             value, error = np.array([found.get(law, (np.nan, 0.0)) for law in laws]).T
             ax.errorbar(value, range(len(laws)), xerr=error, fmt=mark, color=color, mfc="none", label=engine, lw=0.8)
         ax.set_yticks(range(len(laws)), laws, fontsize=8)
@@ -126,9 +131,9 @@ def resistance(resistances):
     ax = figure.subplots()
     ours, met = next(iter(resistances.items()))
     for engine, force in resistances.items():
-        color, fastest = ENGINE_LOOKS[engine][0], getattr(force, "speeds", met.speeds)[-1]
+        (color, _, dash), fastest = ENGINE_LOOKS[engine], getattr(force, "speeds", met.speeds)[-1]
         speed = np.linspace(0, min(fastest, met.speeds[-1]), 801)[1:]
-        ax.plot(speed, force(speed, 0.0) / 1e3, "-" if engine == ours else "--", color=color, label=engine)
+        ax.plot(speed, force(speed, 0.0) / 1e3, dash, color=color, label=engine)
     ax.plot(met.speeds, met.forces / 1e3, "o", color=ENGINE_LOOKS[ours][0], markersize=4, label="computed")
     ax.set_xlabel("speed v [m/s]")
     ax.set_ylabel("resistance of the mix to one cart [kN]")

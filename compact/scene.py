@@ -46,7 +46,7 @@ from compact.scene_tables import (
     Table,
 )
 
-__all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "starter_scene"]
+__all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "read_change", "starter_scene"]
 
 
 class Scene(Table):
@@ -146,6 +146,17 @@ def load_scene(path: str | Path, /, **changes: object) -> Scene:
 def parse_scene(text: str, file: str = "<text>") -> Scene:
     """The scene in a TOML text; `file` is the name mistakes are reported under, and tables are looked for beside it."""
     return _parsed(text, file, {})
+
+
+def read_change(text: str) -> tuple[str, object]:
+    """Key path and value of "KEY=VALUE"; the value is read as in a scene, or as a bare word."""
+    key, equals, value = text.partition("=")
+    if not (key and equals):
+        raise ValueError(f"--set takes KEY=VALUE, such as mix.moisture=0.11, got {text!r}")
+    try:
+        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return key.strip(), value.strip()
 
 
 def starter_scene() -> str:

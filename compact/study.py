@@ -197,12 +197,9 @@ class Study:
 
     @cached_property
     def resistance(self):
-        """Resistance of the mix to one cart, by the scene's engine, as a callable of velocity and acceleration."""
-        return self.resistance_map if self.layered else self.formula_resistance
-
-    @property
-    def formula_resistance(self):
-        """The same by eq 1.8, which knows no speed."""
+        """Resistance of the mix to one cart, a callable of velocity and acceleration; by eq 1.8 it knows no speed."""
+        if self.layered:
+            return self.resistance_map
         return contact.dry_resistance(self.scene.machine.rollers * self.engineering.roller_resistance)
 
     @property
