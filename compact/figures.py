@@ -24,6 +24,7 @@ FAMILIES = MappingProxyType(
         "machines and tables": ("Greys", ("crank", "gear-sector")),
     }
 )
+CROP = 3.0  # times the median of the peaks, beyond which a figure of drives does not reach
 LEAST_SPAN = 0.02  # of a value, shown to each side of it
 DASHES = ("-", "--", ":", "-.", (0, (8, 2, 1, 2, 1, 2)))
 SYMBOLS = {
@@ -112,8 +113,18 @@ def drive(runs):
             run = runs[name]
             _line(row[0], name, run.time, run.direction * run.drive_force / 1e3, run.impulses)
             _line(row[1], name, run.time, run.drive_power, run.impulses)
+    for column, of in zip(axes.T, ("peak_force", "peak_power"), strict=True):
+        _cropped(column[0], [getattr(run, of) for run in runs.values()], 1e-3 if of == "peak_force" else 1.0)
     _legends(axes)
     return figure
+
+
+def _cropped(ax, peaks, factor):
+    """Leave out of an axis what a few laws ask many times over, as behind a spring those whose velocity jumps."""
+    finite = [peak * factor for peak in peaks if np.isfinite(peak)]
+    most = CROP * np.median(finite) if finite else np.inf
+    low, high = ax.get_ylim()
+    ax.set_ylim(max(low, -most), min(high, most))
 
 
 def reactions(runs, names):

@@ -192,21 +192,20 @@ def _known_by_mix(study):
 
 
 def _by_engines_beside(study):
-    """Whether the engines beside agree on who is first, and on the order."""
-    said = []
+    """Whether the engines beside agree on who is first, and on the order; a sentence for each."""
+    said = {name: [] for name in study.beside}
     for _, kind, engine, also, by, found, first, other in agreements(study) if study.beside else []:
-        if kind != also or by not in _first_few(study.places[kind]) or not study.beside:
+        if kind != also or by not in _first_few(study.places[kind]):
             continue
         ours, theirs = (places(study)[name][kind][by][0] for name in (_engine(study), engine))
         who = "first as well" if first == other else "first"
         values = f"{quantity(theirs.value, CRITERIA[by].unit, 3)} for {quantity(ours.value, CRITERIA[by].unit, 3)}"
-        drive = f" with a {kind} drive" if len(study.places) > 1 else ""
-        said.append(
-            f"By {escape(engine)} {escape(theirs.law)} is {who} by {WORDS[by]}{drive}, and the least is {values}; "
-            f"{found.swaps} of {found.pairs} pairs of laws are the other way round, {found.sure} of them beyond the "
-            "errors."
+        drive = f", {kind} drive" if len(study.places) > 1 else ""
+        said[engine].append(
+            f"{escape(theirs.law)} is {who} by {WORDS[by]}{drive} ({values}; of {found.pairs} pairs of laws "
+            f"{found.swaps} are the other way round, {found.sure} beyond the errors)"
         )
-    return said
+    return [f"By {escape(engine)} {'; '.join(sentences)}." for engine, sentences in said.items()]
 
 
 def _order_holds(shifts, base):
