@@ -123,7 +123,7 @@ def run(
     force: Force = False,
     quiet: Quiet = False,
 ):
-    """Do the main job: resistance, every law, forces, ranking, cams, tables and figures.
+    """Do the main job: resistance by every engine, every law, forces, ranking, cams, tables and figures.
 
     Parameters
     ----------
@@ -133,6 +133,7 @@ def run(
         relative error asked for in place of the scene's
     """
     from compact import report
+    from compact.pool import cores, crew
 
     bar = _bar(quiet)
     directory = out or Path("out") / scene.stem
@@ -141,8 +142,9 @@ def run(
         step=lambda stage: _advance(bar, study, stage),
     )  # fmt: skip
     bar.total = study.steps
+    helpers = crew(min(cores(), len(study.scene.beside_engines))) if study.scene.beside else None
     with bar:
-        report.write(study, directory, force)
+        report.write(study, directory, force, helpers)
     if not quiet:
         print(report.digest(study))
         print(f"\nresults: {directory}")
@@ -311,9 +313,10 @@ def sweep(
     """
     from compact import sweep_report
     from compact import vary as varying
+    from compact.pool import crew
     from compact.sweep import Sweep
 
-    crew = _crew(workers, scheduler)
+    workforce = crew(workers, scheduler)
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
     many = Sweep(
         _scene(scene, quiet, changes, asked), [varying.read(text) for text in vary], rank=rank, indices=indices
@@ -327,27 +330,13 @@ def sweep(
         bar.update(points)
 
     with _bar(quiet, many.size, " points") as bar:
-        table = many.run(directory, crew=crew, resume=resume, force=force, step=step)
+        table = many.run(directory, crew=workforce, resume=resume, force=force, step=step)
     sweep_report.write(directory, table)
     if not quiet:
         for name in many.broken:
             print(f"compact: {name} was cut short; its points were computed again", file=sys.stderr)
         print(f"{sweep_report.digest(table)}\n\n{many.computed} of {many.size} computed now; results: {directory}")
     return DONE if (table["reason"] == "").any() else _say("no point has numbers", COULD_NOT)
-
-
-def _crew(workers, scheduler):
-    """Who computes: a cluster, processes, or this process."""
-    from compact.pool import Cluster, Here, Processes, cores
-
-    if workers is not None and scheduler is not None:
-        raise ValueError("give --workers or --scheduler, got both")
-    if scheduler is not None:
-        return Cluster(scheduler)
-    count = cores() if workers is None else workers
-    if count < 1:
-        raise ValueError(f"--workers must be at least 1, got {count}")
-    return Here() if count == 1 else Processes(count)
 
 
 @app.command
@@ -380,9 +369,9 @@ def _study(path, quiet, engine=None, tolerance=None, laws=None, changes=(), step
 
 def _scene(path, quiet, changes=(), asked=()):
     """The scene of a file with some of its keys changed; its advice is told."""
-    from compact.scene import load_scene
+    from compact.scene import load_scene, read_change
 
-    asked = dict(asked) | dict(_change(change) for change in changes)
+    asked = dict(asked) | dict(map(read_change, changes))
     scene = load_scene(path, **{key: value for key, value in asked.items() if value is not None})
     for sentence in scene.advice if not quiet else ():
         print(f"compact: advice: {sentence}", file=sys.stderr)
@@ -400,19 +389,6 @@ def _advance(bar, study, stage):
     bar.set_description(stage, refresh=False)
     bar.total = study.steps  # speeds may be added on the way
     bar.update()
-
-
-def _change(text):
-    """Key path and value of KEY=VALUE; the value is read as in a scene, or as a bare word."""
-    import tomllib
-
-    key, equals, value = text.partition("=")
-    if not (key and equals):
-        raise ValueError(f"--set takes KEY=VALUE, such as mix.moisture=0.11, got {text!r}")
-    try:
-        return key.strip(), tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return key.strip(), value.strip()
 
 
 if __name__ == "__main__":

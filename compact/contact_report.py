@@ -6,11 +6,11 @@ from compact.contacts import numbers, value
 from compact.engine import COMPACTING, FIELDED, fields, roll
 from compact.results import write_csv, write_figure, write_json
 
-CONTACT_HEADER = (
+ENGINE_HEADER = (
     "speed_m/s", "load_N/m", "resistance_N/m", "coefficient", "leading_m", "trailing_m", "peak_pressure_Pa",
-    "load_error", "resistance_error", "work_residual", "iterations", "formula_load_N/m", "formula_coefficient",
-    "exact_load_N/m",
+    "load_error", "resistance_error", "work_residual", "iterations",
 )  # fmt: skip
+CONTACT_HEADER = (*ENGINE_HEADER, "formula_load_N/m", "formula_coefficient", "exact_load_N/m")
 
 
 def tables(study, directory):
@@ -21,12 +21,13 @@ def tables(study, directory):
         study.engineering.resistance_coefficient,
         float(study.exact.load),
     )
-    yield write_csv(directory / "contact.csv", CONTACT_HEADER, [(*_row(each), *beside) for each in study.contacts])
+    yield write_csv(directory / "contact.csv", CONTACT_HEADER, [(*row(each), *beside) for each in study.contacts])
     if study.scene.accuracy.engine in COMPACTING:
         yield from study.standing(directory, "passes.csv", "density.csv") or _passes(study.passes, directory)
 
 
-def _row(contact):
+def row(contact):
+    """One contact in the columns of ENGINE_HEADER."""
     names = ("speed", "load", "resistance", "coefficient", "leading", "trailing", "peak_pressure")
     errors = [value(contact, name)[1] for name in ("load", "resistance")]
     return (

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from compact import contact
 from compact.halfplane import pressure_exponent
 
@@ -77,3 +79,42 @@ KNOWN_BY = {
     "rollers_needed": ("1", "eq 1.2, reconstructed (80 %)"),
     "stroke_needed": ("m", "eq 1.3, reconstructed (80 %)"),
 }
+
+
+@dataclass(frozen=True)
+class Number:
+    """A headline number: value, unit, how it is known, and its spread from `low` to `high` where that is known."""
+
+    value: float
+    unit: str
+    known_by: str
+    low: float | None = None
+    high: float | None = None
+
+
+def numbers(scene, blend, said, exact):
+    """Headline `Number`s by name: an `Engineering`, and Galin's exact contact beside it at the same peak pressure.
+
+    The spread is that of the required pressure, where the formulas still hold.
+    """
+    needed = blend.parameter("required_pressure")
+    ends = [_reached(scene, blend, pressure) for pressure in (needed.low, needed.high)]
+    found = {}
+    for name, (unit, known_by) in KNOWN_BY.items():
+        low, high = (None if end is None else getattr(end, name) for end in ends)
+        value = getattr(said, name)
+        spread = {} if low == value == high else {"low": low, "high": high}
+        found[name] = Number(value, unit, known_by, **spread)
+    known_by = "Galin, exact for a half-plane"
+    return found | {
+        "exact_capture_angle": Number(float(np.arcsin(exact.leading / exact.radius)), "rad", known_by),
+        "exact_roller_force": Number(float(exact.load * scene.machine.roller_length), "N", known_by),
+        "exact_contact_length": Number(float(exact.contact_length), "m", known_by),
+    }
+
+
+def _reached(scene, blend, pressure):
+    try:
+        return engineering(scene, blend, pressure)
+    except ValueError:  # beyond the formulas: no such angle
+        return None

@@ -1,4 +1,4 @@
-"""Figures of a study: kinematics, drive force and power, ranking, cams, reactions, crankshaft.
+"""Figures of a study: kinematics, drive force and power, cams, reactions, crankshaft, contact and fields.
 
 Each function draws one figure from finished results and returns it; a law keeps its colour and dash in all of them.
 """
@@ -24,8 +24,8 @@ FAMILIES = MappingProxyType(
         "machines and tables": ("Greys", ("crank", "gear-sector")),
     }
 )
-FAR = 2.0  # times what is drawn: a line there would press the rest together
 HURRY = 1e-3  # of the acceleration at 1 m/s: small against what is slow
+CROP = 3.0  # times the median of the peaks, beyond which a figure of drives does not reach
 LEAST_SPAN = 0.02  # of a value, shown to each side of it
 DASHES = ("-", "--", ":", "-.", (0, (8, 2, 1, 2, 1, 2)))
 SYMBOLS = {
@@ -35,14 +35,6 @@ SYMBOLS = {
     "jerk": "jerk [m/s³]",
     "drive_force": "drive force along the motion [kN]",
     "drive_power": "drive power [W]",
-}
-QUANTITIES = {
-    "peak_force": ("peak drive force", "kN", 1e-3),
-    "peak_power": ("peak drive power", "W", 1.0),
-    "rms_force": ("rms drive force", "kN", 1e-3),
-    "rms_power": ("rms drive power", "W", 1.0),
-    "energy": ("energy of a cycle", "J", 1.0),
-    "peak_jerk": ("peak jerk", "m/s³", 1.0),
 }
 
 
@@ -122,39 +114,18 @@ def drive(runs):
             run = runs[name]
             _line(row[0], name, run.time, run.direction * run.drive_force / 1e3, run.impulses)
             _line(row[1], name, run.time, run.drive_power, run.impulses)
+    for column, of in zip(axes.T, ("peak_force", "peak_power"), strict=True):
+        _cropped(column[0], [getattr(run, of) for run in runs.values()], 1e-3 if of == "peak_force" else 1.0)
     _legends(axes)
     return figure
 
 
-def ranking(rankings, formula_rankings):
-    """Bars of the ranked laws, best on top, a panel per criterion; infinite ones are named, not drawn.
-
-    A mark beside each bar is the value by formula, where that is another one.
-    """
-    most = max(len(places) for places in rankings.values())
-    figure = Figure(figsize=(6.4 * len(rankings), 0.30 * most + 1.2), layout="constrained")
-    for ax, (by, places) in zip(figure.subplots(1, len(rankings), squeeze=False)[0], rankings.items(), strict=True):
-        title, unit, factor = QUANTITIES[by]
-        finite = [place.value * factor for place in places if not place.reason]
-        for row, place in enumerate(places):
-            if place.reason:
-                ax.text(0, row, f" infinite: {place.reason.split(':')[0]}", va="center", fontsize=8, color="0.35")
-                continue
-            value = place.value * factor
-            ax.barh(row, value, color=look(place.run.name)["color"], height=0.72)
-            ax.text(value, row, f"  {value:#.4g}".rstrip("."), va="center", fontsize=8)
-        beside = {place.run.name: place.value * factor for place in formula_rankings.get(by, ()) if not place.reason}
-        marked = [(beside[place.run.name], row) for row, place in enumerate(places) if place.run.name in beside]
-        if marked:
-            ax.plot(*zip(*marked, strict=True), "|", color="black", markersize=9, label="by formula")
-            ax.legend(frameon=False, fontsize=8, loc="lower right")
-            finite += beside.values()
-        ax.set_yticks(range(len(places)), [f"{place.run.name}  {place.rank}" for place in places], fontsize=8)
-        ax.set_xlim(0, 1.15 * max(finite, default=1.0))
-        ax.set_ylim(len(places) - 0.4, -0.6)
-        ax.set_xlabel(f"{title} [{unit}]")
-        ax.spines[["top", "right"]].set_visible(False)
-    return figure
+def _cropped(ax, peaks, factor):
+    """Leave out of an axis what a few laws ask many times over, as behind a spring those whose velocity jumps."""
+    finite = [peak * factor for peak in peaks if np.isfinite(peak)]
+    most = CROP * np.median(finite) if finite else np.inf
+    low, high = ax.get_ylim()
+    ax.set_ylim(max(low, -most), min(high, most))
 
 
 def reactions(runs, names):
@@ -280,7 +251,7 @@ def speeds(contacts):
     return figure
 
 
-def resistance(met, formula, acceleration):
+def resistance(met, acceleration):
     """Resistance of one cart over speed, steady and at some accelerations up to one [m/s2], beside what it adds, M(v).
 
     Dotted where the motion is too unsteady for first order in its acceleration (`ResistanceMap.beyond`).
@@ -294,7 +265,8 @@ def resistance(met, formula, acceleration):
             _hurried(ax, met, speed, share * acceleration, color)
     ax.plot(speed, met(speed) / 1e3, color="black", label="steady speed, a = 0")
     ax.plot(met.speeds, met.forces / 1e3, "o", color="black", markersize=4, label="computed")
-    _formula(ax, formula.force / 1e3)
+    low, high = ax.get_ylim()
+    ax.set_ylim(min(0.0, low), max(0.0, 1.05 * high))
     ax.set_ylabel("resistance of the mix to one cart F [kN]")
     ax.legend(frameon=False, fontsize=8)
     for panel in beside:
@@ -307,18 +279,6 @@ def resistance(met, formula, acceleration):
         panel.set_xlabel("speed v [m/s]")
         panel.set_xlim(0, 1.02 * met.speeds[-1])
     return figure
-
-
-def _formula(ax, force):
-    """Eq 1.8 as a line, or where it is far above what is drawn, in words at the top."""
-    low, high = ax.get_ylim()
-    low, high = min(0.0, low), max(0.0, 1.05 * high)
-    if force <= FAR * high:
-        ax.axhline(force, color="0.4", linestyle="--", label="eq 1.8")
-        high = max(high, 1.05 * force)
-    else:
-        ax.plot([], [], color="0.4", linestyle="--", label=f"eq 1.8: {force:.3g} kN, above")
-    ax.set_ylim(low, high)
 
 
 def _hurried(ax, met, speed, acceleration, color):

@@ -4,6 +4,7 @@ from html import escape
 
 import numpy as np
 
+from compact.beside_report import agreements, places
 from compact.drive import CRITERIA
 from compact.engine import COMPACTING
 from compact.page import listed, paragraph, percent, quantity, strong
@@ -22,6 +23,7 @@ WORDS = {
     "nonuniformity": "unevenness of speed over the working part",
     "ringing": "peak drive force over that of an imposed law",
 }
+SAID = 2  # criteria in the answer, those that the scene names first
 ENGINES = {
     "formula": "the engineering formulas 1.1–1.10",
     "column": "columns of a layer that stays pressed",
@@ -54,12 +56,20 @@ def asked(study):
 
 def answer(study, shifts, found):
     """The answer and how sure it is; `shifts` as of `sensitivity`, `found` as of `checks`."""
-    said = [_winner(by, places) for by, places in study.rankings.items()]
-    said += _endless(study.rankings) + _conflict(study.rankings)
+    orders = _first_few(study.places[study.scene.drive.kind])
+    said = [_winner(by, order) for by, order in orders.items()] + _endless(orders) + _conflict(orders)
+    rigid = _first_few(study.places.get("rigid", {}) if study.scene.drive.kind != "rigid" else {})
+    said += [f"With a rigid drive: {_winner(by, order)}" for by, order in rigid.items()]
     said.append(_met(study))
     if not study.mix.reachable:
         said.append(f"{strong('Not reachable by rolling:')} {escape(study.mix.reachable.reason)}.")
-    sure = [_known_by_engine(study), _known_by_mix(study), *_by_formula(study), _order_holds(shifts)]
+    sure = [
+        _known_by_engine(study),
+        *_first_is_sure(orders),
+        _known_by_mix(study),
+        *_by_engines_beside(study),
+        _order_holds(shifts),
+    ]
     failed = [check.what for check in found if not check.holds]
     sure.append(
         f"{strong('Built-in checks that fail:')} {escape(', '.join(failed))}."
@@ -73,6 +83,11 @@ def answer(study, shifts, found):
     )
 
 
+def _first_few(orders):
+    """The orders by the criteria that the scene names first; the others stand in the tables."""
+    return dict(list(orders.items())[:SAID])
+
+
 def _engine(study):
     return study.scene.accuracy.engine
 
@@ -84,43 +99,41 @@ def _winner(by, places):
         return f"No law has a finite {WORDS[by]}: {escape(first[0].reason)}."
     if len(places) == 1:
         return f"Its {WORDS[by]} is {strong(quantity(first[0].value, CRITERIA[by].unit, 3))}."
-    names = " and ".join(strong(place.run.name) for place in first)
+    names = " and ".join(strong(place.law) for place in first)
     value = strong(quantity(first[0].value, CRITERIA[by].unit, 3))
     finite = [place for place in places if not place.reason]
     asks = f"The law {names} asks" if len(first) == 1 else f"The laws {names} ask"
     said = f"{asks} for the least {WORDS[by]}: {value}."
     if finite[-1].rank > 1:
         following, last = finite[len(first)], finite[-1]
-        said += f" The next, {escape(following.run.name)}, takes {percent(following.value / first[0].value - 1)} more"
+        said += f" The next, {escape(following.law)}, takes {percent(following.value / first[0].value - 1)} more"
         if last is not following:
-            said += f", the last, {escape(last.run.name)}, {percent(last.value / first[0].value - 1)} more"
+            said += f", the last, {escape(last.law)}, {percent(last.value / first[0].value - 1)} more"
         said += "."
     return said
 
 
-def _endless(rankings):
+def _endless(orders):
     """The laws that have no finite peak, each reason once for all criteria."""
     reasons = {}
-    for place in (place for places in rankings.values() for place in places if place.reason):
-        reasons.setdefault(place.reason, {})[place.run.name] = None
+    for place in (place for order in orders.values() for place in order if place.reason):
+        reasons.setdefault(place.reason, {})[place.law] = None
     return [f"No machine can follow {escape(' and '.join(names))}: {escape(why)}." for why, names in reasons.items()]
 
 
-def _conflict(rankings):
+def _conflict(orders):
     """What the first by one criterion takes by another, where they differ."""
     said = []
-    firsts = {by: [p for p in places if p.rank == 1 and not p.reason] for by, places in rankings.items()}
+    firsts = {by: [p for p in order if p.rank == 1 and not p.reason] for by, order in orders.items()}
     for by, first in firsts.items():
-        for other, places in rankings.items():
+        for other, order in orders.items():
             best = firsts[other]
-            if by == other or not first or not best or best[0].run.name in [p.run.name for p in first]:
+            if by == other or not first or not best or best[0].law in [p.law for p in first]:
                 continue
-            value = next(p.value for p in places if p.run.name == first[0].run.name)
+            value = next(p.value for p in order if p.law == first[0].law)
             if np.isfinite(value):
                 more = percent(value / best[0].value - 1)
-                said.append(
-                    f"The law {escape(first[0].run.name)} pays for its {WORDS[by]} with {more} more {WORDS[other]}."
-                )
+                said.append(f"The law {escape(first[0].law)} pays for its {WORDS[by]} with {more} more {WORDS[other]}.")
     return [" ".join(dict.fromkeys(said))] if said else []
 
 
@@ -158,6 +171,17 @@ def _known_by_engine(study):
     )
 
 
+def _first_is_sure(orders):
+    """Whether the error of the resistance leaves the first law first."""
+    for by, order in orders.items():
+        first = [place for place in order if place.rank == 1]
+        if first[0].sure is None or first[0].reason or len(first) == len(order):
+            continue
+        moved = quantity(max(place.error for place in first), CRITERIA[by].unit, 2)
+        told = "does not reach the next" if all(place.sure for place in first) else "may put another law first"
+        yield f"The error of the resistance moves the least {WORDS[by]} by {moved}: it {told}."
+
+
 def _known_by_mix(study):
     needed, force = study.mix.parameter("required_pressure"), study.numbers["roller_force"]
     low, high = quantity(needed.low, "Pa", 3), quantity(needed.high, "Pa", 3)
@@ -175,17 +199,21 @@ def _known_by_mix(study):
     )
 
 
-def _by_formula(study):
-    """Whether the formulas agree with the engine on who is first."""
-    said = []
-    for by, places in study.formula_rankings.items():
-        ours, theirs = study.rankings[by][0], places[0]
-        if ours.reason or theirs.reason:
+def _by_engines_beside(study):
+    """Whether the engines beside agree on who is first, and on the order; a sentence for each."""
+    said = {name: [] for name in study.beside}
+    for _, kind, engine, also, by, found, first, other in agreements(study) if study.beside else []:
+        if kind != also or by not in _first_few(study.places[kind]):
             continue
-        name, also = escape(theirs.run.name), " as well" if ours.run.name == theirs.run.name else ""
+        ours, theirs = (places(study)[name][kind][by][0] for name in (_engine(study), engine))
+        who = "first as well" if first == other else "first"
         values = f"{quantity(theirs.value, CRITERIA[by].unit, 3)} for {quantity(ours.value, CRITERIA[by].unit, 3)}"
-        said.append(f"By formula {name} is first by {WORDS[by]}{also}, and the least is {values}.")
-    return said
+        drive = f", {kind} drive" if len(study.places) > 1 else ""
+        said[engine].append(
+            f"{escape(theirs.law)} is {who} by {WORDS[by]}{drive} ({values}; of {found.pairs} pairs of laws "
+            f"{found.swaps} are the other way round, {found.sure} beyond the errors)"
+        )
+    return [f"By {escape(engine)} {'; '.join(sentences)}." for engine, sentences in said.items()]
 
 
 def means(shifts):

@@ -19,10 +19,14 @@ CAPTIONS = {
         "Load and resistance over load of one roller; bars are the engine's own error.",
     ),
     "resistance": (
-        "Resistance of the mix to one cart over its speed, at steady speed and with acceleration, and by formula 1.8",
+        "Resistance of the mix to one cart over its speed, at steady speed and with acceleration",
         "F(v, a): what the drive meets. Dots are computed, lines are read between them. Colours: at accelerations up "
         "to what the laws usually reach, F(v) + a M(v), where the engine tells M; dotted where the motion is too "
         "unsteady for that.",
+    ),
+    "resistances": (
+        "Resistance of the mix to one cart over its speed, by each engine",
+        "At steady speed, by the engine of the scene and by those beside it.",
     ),
     "fields": (
         "Fields in the layer under the roller at each speed, drawn to scale on the deformed elements",

@@ -4,6 +4,7 @@ from html import escape
 
 import numpy as np
 
+from compact.beside_report import agreements, beside
 from compact.drive import CRITERIA
 from compact.html_answer import WORDS, means
 from compact.page import ROUNDING, Section, column, mark, number, paragraph, percent, picture, quantity, table, table_of
@@ -15,32 +16,62 @@ KNOWN = ("published", "measured", "calibrated")
 
 
 def ranking(study, pictures):
-    """The laws by each criterion, by the scene's engine and by formula."""
+    """The laws by each criterion and drive, by the scene's engine and by those beside, and how far these agree."""
+    shown = [picture(pictures[name], *said) for name, said in ORDERS.items() if name in pictures]
     tables = [
-        _ranked(by, places, {p.run.name: p for p in study.formula_rankings.get(by, ())})
-        for by, places in study.rankings.items()
+        _ranked(kind, by, order, beside(study, kind, by))
+        for kind, orders in study.places.items()
+        for by, order in orders.items()
     ]
-    words = "Bars of the ranked laws, a panel for each criterion, best on top"
-    said = "Bars: the scene's engine. Marks: by formula." if study.layered else "By formula."
-    shown = picture(pictures["ranking"], words, said)
     lead = f"{len(study.cycles)} laws by {' and '.join(WORDS[by] for by in study.rankings)}."
-    return Section("ranking", "Ranking", lead, shown + "".join(tables))
+    return Section("ranking", "Ranking", lead, "".join([*shown, _agreed(study), *tables]))
 
 
-def _ranked(by, places, beside):
-    """A table of places; with those by formula, by name, beside them where there are any."""
-    formula = [beside.get(place.run.name) for place in places]
+ORDERS = {
+    "ranking": (
+        "Bars of the ranked laws, a panel for each criterion, best on top",
+        "Bars: the scene's engine and drive, and what the error of the resistance moves them. Marks: other engines.",
+    ),
+    "engines": (
+        "What each law asks above the least, by every engine and drive",
+        "Above the least of each engine, with its error. Laws that are best by any engine.",
+    ),
+}
+
+
+def _ranked(kind, by, places, beside):
+    """A table of places; with those by other engines, their ranks in brackets."""
+    unit = CRITERIA[by].unit
     columns = {
         "rank": [str(place.rank) for place in places],
-        "law": [escape(place.run.name) for place in places],
-        WORDS[by]: column([place.value for place in places], CRITERIA[by].unit),
+        "law": [escape(place.law) for place in places],
+        WORDS[by]: column([place.value for place in places], unit),
         "to the next": [percent(place.margin) for place in places],
     }
-    if beside:
-        columns["by formula"] = column([place and place.value for place in formula], CRITERIA[by].unit)
-        columns["its rank"] = [str(place.rank) if place else "–" for place in formula]
+    if places[0].error is not None:
+        columns["error"] = column([place.error for place in places], unit, 2)
+        columns["place"] = ["sure" if place.sure else "in doubt" for place in places]
+    for engine, order in beside.items():
+        others = [order.get(place.law) for place in places]
+        values = column([other and other.value for other in others], unit)
+        columns[f"by {engine}"] = [
+            f"{value} ({other.rank})" if other else value for value, other in zip(values, others, strict=True)
+        ]
     columns["note"] = [escape(place.reason) for place in places]
-    return table_of(columns, f"Laws by {WORDS[by]}, least first", ("law", "note"))
+    return table_of(columns, f"Laws by {WORDS[by]}, {kind} drive, least first", ("law", "place", "note"))
+
+
+def _agreed(study):
+    """How far the orders by engine and drive agree."""
+    rows = [
+        (
+            escape(WORDS[by]), f"{escape(engine)}, {kind}", f"{escape(other)}, {also}", escape(one), escape(first),
+            f"{found.swaps} of {found.pairs}", str(found.sure), number(found.tau, 3),
+        )
+        for engine, kind, other, also, by, found, one, first in agreements(study)
+    ]  # fmt: skip
+    header = ("by", "order of", "beside", "first", "its first", "pairs swapped", "beyond the errors", "Kendall's tau")
+    return table(header, rows, "Whether the orders agree", (5, 6, 7)) if rows else ""
 
 
 def laws(study, pictures):

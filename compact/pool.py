@@ -33,6 +33,19 @@ def cores():
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def crew(workers=None, scheduler=None):
+    """Who computes: the dask cluster of a scheduler, so many processes, by default one for each processor, or for one
+    this process itself."""
+    if workers is not None and scheduler is not None:
+        raise ValueError("give --workers or --scheduler, got both")
+    if scheduler is not None:
+        return Cluster(scheduler)
+    count = cores() if workers is None else workers
+    if count < 1:
+        raise ValueError(f"--workers must be at least 1, got {count}")
+    return Here() if count == 1 else Processes(count)
+
+
 def outcomes(work, tasks, crew):
     """(number of the task, outcome), as they come; the crew is dismissed at the end, however it comes."""
     waiting = deque(range(len(tasks)))
@@ -45,6 +58,34 @@ def outcomes(work, tasks, crew):
             for number, outcome in crew.finished():
                 pending -= 1
                 yield number, outcome
+
+
+@contextmanager
+def begun(work, tasks, crew):
+    """Begin tasks, task by name, while the caller goes on; gives what waits for them: wait(step) -> outcome by name.
+
+    `step` is called as each comes in. Raises RuntimeError for one that is `Lost`.
+    """
+    waiting, found = deque(tasks), {}
+
+    def give():
+        while waiting and crew.free:
+            name = waiting.popleft()
+            crew.give(name, work, tasks[name])
+
+    def wait(step):
+        while len(found) < len(tasks):
+            for name, outcome in crew.finished():
+                if isinstance(outcome, Lost):
+                    raise RuntimeError(f"{name}: {outcome.reason}")
+                found[name] = outcome
+                step()
+            give()
+        return found
+
+    with crew:
+        give()
+        yield wait
 
 
 class Here:

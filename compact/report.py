@@ -7,23 +7,26 @@ from pathlib import Path
 
 import numpy as np
 
-from compact import contact_report, drive_report
+from compact import beside_report, contact_report, drive_report
 from compact.cam import stepper
 from compact.drive import CRITERIA
-from compact.results import claimed, write_csv, write_figure, write_json
+from compact.pool import Here
+from compact.results import claimed, write_columns, write_csv, write_figure, write_json
 
-SCHEMA = 1  # of summary.json; raised when a name in it changes its meaning
+SCHEMA = 2  # of summary.json; raised when a name in it changes its meaning
 CAM_POINTS = 721
 VERSIONED = ("compact", "numpy", "scipy")
 
 
-def write(study, directory, force=False):
+def write(study, directory, force=False, crew=None):
     """Write the results of a study into a directory; returns the content of summary.json, which comes last.
+
+    crew : of `pool`, that answers by the engines beside meanwhile; without it this process does
 
     Raises ResultsError where a file cannot be written or another scene's results stand.
     """
     wanted = study.scene.output.wanted
-    with claimed(directory, study.scene.hash, force) as directory:
+    with claimed(directory, study.scene.hash, force) as directory, study.helped(crew or Here()):
         files = list(contact_report.tables(study, directory)) if study.layered else []
         kept = list(study.keep(directory, files)) if study.layered else []
         for part, writer in WRITERS.items():
@@ -31,7 +34,7 @@ def write(study, directory, force=False):
                 files += writer(study, directory)
         if study.layered:
             list(study.keep(directory, files))
-        files += kept
+        files += [*kept, *beside_report.keep(study, directory)]
         summary = _summary(study, [str(Path(file).relative_to(directory)) for file in files])
         write_json(directory / "summary.json", summary)
     return summary
@@ -49,22 +52,12 @@ def _tables(study, directory):
         (name, join.time, join.quantity, join.before, join.after)
         for name, cycle in study.cycles.items() for join in cycle.joins()
     ])  # fmt: skip
-    yield write_csv(directory / "ranking.csv", RANKING_HEADER, [
-        (engine, by, p.rank, p.run.name, p.value, CRITERIA[by].unit, p.margin, p.reason)
-        for engine, rankings in _rankings(study).items() for by, places in rankings.items() for p in places
-    ])  # fmt: skip
     for name, run in study.runs.items():
-        yield write_csv(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, _cycle_rows(run))
+        yield write_columns(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, _cycle_columns(run))
     yield from drive_report.tables(study, directory)
+    yield from beside_report.tables(study, directory)
 
 
-def _rankings(study):
-    """Rankings by engine, the scene's first."""
-    beside = {"formula": study.formula_rankings} if study.layered else {}
-    return {study.scene.accuracy.engine: study.rankings} | beside
-
-
-RANKING_HEADER = ("engine", "criterion", "rank", "law", "value", "unit", "margin", "reason")
 STEPPER_HEADER = (
     "time_s", "angle_rad", "angular_velocity_rad/s", "angular_acceleration_rad/s2", "angular_jerk_rad/s3", "torque_Nm",
     "power_W", "traction",
@@ -87,12 +80,11 @@ def _law_row(cycle):
     return (cycle.there.name, peaks.velocity, peaks.acceleration, peaks.jerk, peaks.snap, continuity, *criteria)
 
 
-def _cycle_rows(run):
-    columns = (
+def _cycle_columns(run):
+    return (
         run.time, *run.state[:5], run.drive_force, run.drive_power,
         run.state.forces.front_reaction, run.state.forces.rear_reaction,
     )  # fmt: skip
-    return np.column_stack(columns).tolist()
 
 
 def _reactions(study, directory):
@@ -123,7 +115,7 @@ def _cams(study, directory):
     for law, cycle in study.cycles.items():
         motor = stepper(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
         columns = (*astuple(motor), *drive_report.roller_motor(study, cycle, motor))
-        yield write_csv(directory / "cams" / f"{law}-stepper.csv", STEPPER_HEADER, np.column_stack(columns).tolist())
+        yield write_columns(directory / "cams" / f"{law}-stepper.csv", STEPPER_HEADER, columns)
 
 
 def write_cam(path, cam):
@@ -160,15 +152,11 @@ def _fields(study, directory):
 
 
 def _drawings(study):
-    """What draws each figure, by its name."""
-    from compact import figures
+    """What draws each figure, by its name; those that wait for the engines beside come last."""
+    from compact import figures, order_figures
 
-    wanted = study.scene.output.wanted
-    drawn = {
-        "kinematics": lambda: figures.kinematics(study.runs),
-        "drive": lambda: figures.drive(study.runs),
-        "ranking": lambda: figures.ranking(study.rankings, study.formula_rankings),
-    }
+    wanted, kind = study.scene.output.wanted, study.scene.drive.kind
+    drawn = {"kinematics": lambda: figures.kinematics(study.runs), "drive": lambda: figures.drive(study.runs)}
     if "reactions" in wanted:
         best = next(iter(study.rankings.values()))[0].run.name
         names = dict.fromkeys([best, *(name for name, run in study.runs.items() if run.state.rod_tangent.any())])
@@ -179,9 +167,12 @@ def _drawings(study):
         drawn["crank"] = lambda: figures.crank(study.turns)
     if study.layered:
         drawn["contact"] = lambda: figures.speeds(study.contacts)
-        drawn["resistance"] = lambda: figures.resistance(
-            study.resistance_map, study.formula_resistance, _usual_acceleration(study)
-        )
+        drawn["resistance"] = lambda: figures.resistance(study.resistance_map, _usual_acceleration(study))
+        drawn["resistances"] = lambda: order_figures.resistance(beside_report.resistances(study))
+        drawn["engines"] = lambda: order_figures.engines(beside_report.places(study))
+    drawn["ranking"] = lambda: order_figures.ranking(
+        study.places[kind], {by: beside_report.beside(study, kind, by) for by in study.rankings}
+    )
     return drawn
 
 
@@ -216,8 +207,8 @@ def _page(study, directory):
     yield html_report.write(directory / "report.html", study, pictures, _versions())
 
 
-WRITERS = {
-    "tables": _tables, "reactions": _reactions, "cams": _cams, "crank": _crank, "fields": _fields, "figures": _figures,
+WRITERS = {  # in this order: what waits for the engines beside comes last
+    "reactions": _reactions, "cams": _cams, "crank": _crank, "fields": _fields, "figures": _figures, "tables": _tables,
     "report": _page,
 }  # fmt: skip
 
@@ -237,8 +228,9 @@ def _summary(study, files):
         "numbers": {name: asdict(number) for name, number in study.numbers.items()},
         "contacts": study.contacts,
         "laws": {name: _run_numbers(study, run) for name, run in study.runs.items()},
-        "rankings": _places(study.rankings),
-        "formula_rankings": _places(study.formula_rankings),
+        "rankings": beside_report.ordered(study.places[scene.drive.kind]),
+        "rigid_rankings": beside_report.ordered(study.places.get("rigid", {})),
+        "beside": beside_report.summary(study),
         "units": {name: criterion.unit for name, criterion in CRITERIA.items()} | OWN | {"unsteady_share": "1"},
         "stages": dict(study.counts),
         "files": files,
@@ -265,19 +257,12 @@ def _drive_resistance(study):
     }
 
 
-def _places(rankings):
-    return {by: [_place(place) for place in places] for by, places in rankings.items()}
-
-
-def _place(place):
-    names = {"rank": place.rank, "law": place.run.name, "value": place.value, "margin": place.margin}
-    return names | ({"reason": place.reason} if place.reason else {})
-
-
 def _run_numbers(study, run):
+    """Criteria of a run, how far the error of the resistance moves each, and what else it knows."""
     own = [name for name in OWN if hasattr(run, name)]
     unsteady = {"unsteady_share": run.share(study.resistance.beyond)} if study.layered else {}
-    return {name: getattr(run, name) for name in (*CRITERIA, *own)} | unsteady
+    errors = {"errors": {by: beside_report.moved(study, run, by) for by in CRITERIA}}
+    return {name: getattr(run, name) for name in (*CRITERIA, *own)} | unsteady | errors
 
 
 OWN = {  # what runs of elastic, hydraulic and motor drives know besides
@@ -300,13 +285,19 @@ def digest(study):
     lines += [_number_line(name, numbers[name]) for name in DIGEST]
     if not study.mix.reachable:
         lines.append(f"  {study.mix.reachable.reason}")
-    for by, places in study.rankings.items():
-        beside = {place.run.name: place for place in study.formula_rankings.get(by, ())}
-        lines += ["", f"laws by {by.replace('_', ' ')} [{CRITERIA[by].unit}]" + ("; by formula" if beside else "")]
-        lines += [_place_line(place, beside.get(place.run.name)) for place in places]
+    engine = study.scene.accuracy.engine
+    for kind, orders in study.places.items():
+        for by, order in list(orders.items())[:TOLD]:
+            beside = beside_report.beside(study, kind, by)
+            lines += ["", f"laws by {by.replace('_', ' ')} [{CRITERIA[by].unit}], {engine}, {kind} drive"]
+            lines += [f"{'':>66}{''.join(f'{name:>18}' for name in beside)}".rstrip()] * bool(beside)
+            runs = study.runs if kind == study.scene.drive.kind else {}
+            lines += [_place_line(place, runs.get(place.law), beside) for place in order]
+    lines += ["", *beside_report.lines(study, list(study.rankings)[:TOLD])]
     return "\n".join(lines)
 
 
+TOLD = 2  # criteria in the digest, those that the scene names first
 DIGEST = ("capture_angle", "contact_length", "roller_force", "resistance_coefficient", "cart_resistance", "cart_power")
 
 
@@ -315,15 +306,17 @@ def _number_line(name, number):
     return f"  {name.replace('_', ' '):<24}{number.value:>10.4g} {number.unit:<4}{spread}"
 
 
-def _place_line(place, beside=None):
-    """A law's place, and in brackets that by formula."""
+def _place_line(place, run, beside):
+    """A law's place, "?" where the error may move it, how its run rings, and in brackets the places by engines."""
     if place.reason:
-        return f"  {place.rank:>2}  {place.run.name:<30}  infinite: {place.reason}"
+        return f"  {place.rank:>2}  {place.law:<30}  infinite: {place.reason}"
     margin = f"+{place.margin:.2%} to the next" if np.isfinite(place.margin) else ""
-    formula = f"{beside.value:>10.1f} ({beside.rank})" if beside else ""
-    ringing = place.run.ringing if hasattr(place.run, "rigid") else np.nan
+    doubt = "" if place.sure in (True, None) else " ?"
+    others = [order.get(place.law) for order in beside.values()]
+    ringing = getattr(run, "ringing", np.nan)
     ringing = f"rings {ringing:.3f}   " if np.isfinite(ringing) else ""
-    return f"  {place.rank:>2}  {place.run.name:<30}{place.value:>10.1f}   {ringing}{margin:<22}{formula}".rstrip()
+    told = "".join(f"{other.value:>13.1f} ({other.rank:>2})" if other else f"{'':>18}" for other in others)
+    return f"  {place.rank:>2}  {place.law:<30}{place.value:>10.1f}   {ringing}{margin + doubt:<22}{told}".rstrip()
 
 
 def cam_digest(law, cam):

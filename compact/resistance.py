@@ -15,7 +15,7 @@ limit misses half as much by root mean square in 3 s, and 1.4-50 peak forces in 
 after the acceleration jumps, history decides, of which |a| tau/|v| knows nothing.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
 from io import BytesIO
@@ -121,6 +121,11 @@ class ResistanceMap:
                 f"the resistance was computed up to {self.speeds[-1]:g} m/s, got {np.max(speed):g} m/s; "
                 "sample it over the speeds of the motion"
             )
+
+    def scaled(self, share):
+        """The map of a resistance that is so many times as large."""
+        masses = None if self.added_masses is None else share * self.added_masses
+        return replace(self, forces=share * self.forces, added_masses=masses)
 
     def save(self, path, key=""):
         """Write the map as netCDF, with the key of all it depends on and the versions that made it; whole or not."""

@@ -10,7 +10,7 @@ mistakes of one file together.
 
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
@@ -33,6 +33,7 @@ from compact.scene_rules import ADVICE, RULES, sentences, tables_exist
 from compact.scene_tables import (
     LAW_NAMES,
     Accuracy,
+    Beside,
     Cam,
     Contact,
     Drive,
@@ -45,7 +46,7 @@ from compact.scene_tables import (
     Table,
 )
 
-__all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "starter_scene"]
+__all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "read_change", "starter_scene"]
 
 
 class Scene(Table):
@@ -61,6 +62,7 @@ class Scene(Table):
     cam: Cam | None = None
     contact: Contact | None = None
     accuracy: Accuracy
+    beside: Beside | None = None
     output: Output
     _source: Source = PrivateAttr(default=Source())
 
@@ -73,6 +75,22 @@ class Scene(Table):
     def table_paths(self) -> tuple[Path, ...]:
         """Where the laws given as tables lie."""
         return tuple(self._source.folder / name for name in self.motion.tables)
+
+    @property
+    def beside_engines(self) -> tuple[str, ...]:
+        """The engines that answer beside that of [accuracy]; the formulas beside every engine of a layer."""
+        given = {} if self.beside is None else self.beside.model_dump(exclude_none=True)
+        return tuple(dict.fromkeys(([] if self.accuracy.engine == "formula" else ["formula"]) + list(given)))
+
+    def by(self, engine: str) -> "Scene":
+        """The scene as an engine beside it is given it, for the numbers alone."""
+        given = None if self.beside is None else getattr(self.beside, engine)
+        changes = {"accuracy.engine": engine, "beside": None, "output.wanted": ()}
+        if engine == "formula":  # sees a layer of one ply, once
+            changes |= {"layer.plies": None, "layer.passes": 1}
+        for table, keys in (given.model_dump(exclude_none=True) if given else {}).items():
+            changes |= {f"{table}.{key}": value for key, value in _flat(keys)}
+        return self.replaced(**changes)
 
     @property
     def advice(self) -> tuple[str, ...]:
@@ -130,6 +148,17 @@ def parse_scene(text: str, file: str = "<text>") -> Scene:
     return _parsed(text, file, {})
 
 
+def read_change(text: str) -> tuple[str, object]:
+    """Key path and value of "KEY=VALUE"; the value is read as in a scene, or as a bare word."""
+    key, equals, value = text.partition("=")
+    if not (key and equals):
+        raise ValueError(f"--set takes KEY=VALUE, such as mix.moisture=0.11, got {text!r}")
+    try:
+        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return key.strip(), value.strip()
+
+
 def starter_scene() -> str:
     """The text of the commented scene that `compact new` writes."""
     return (files("compact") / "data" / "new.toml").read_text("utf-8")
@@ -160,13 +189,36 @@ def _unparsable(text: str) -> str:
     return ""
 
 
+def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, object]]:
+    """(key path, value) of nested tables."""
+    for key, value in keys.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
 def _checked(data: dict[str, Any], source: Source, changes: Mapping[str, object]) -> Scene:
     scene, source, mistakes = _validated(data, source, changes)
     mistakes += sentences((*RULES, tables_exist(source.folder)), data, refused=mistakes)
+    if not mistakes:
+        scene._source = source
+        mistakes = [
+            Mistake(("beside", engine), said) for engine in scene.beside_engines for said in _refused(scene, engine)
+        ]
     if mistakes:
         raise SceneError(source.report(mistakes))
-    scene._source = source
     return scene
+
+
+def _refused(scene: Scene, engine: str) -> Iterator[str]:
+    """What an engine beside is given and cannot take."""
+    if scene.beside is None:
+        return
+    try:
+        scene.by(engine)
+    except SceneError as error:
+        yield from (f"with it {said.split(': ', 1)[1]}" for said in error.mistakes)
 
 
 def _validated(

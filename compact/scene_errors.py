@@ -140,6 +140,7 @@ TYPE_WORDS = {
     "string_type": "a text in quotes",
     "string_unicode": "a text in quotes",
     "tuple_type": "a list",
+    "dict_type": "a table",
 }
 
 

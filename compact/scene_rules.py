@@ -264,6 +264,12 @@ def _fields_wanted_are_computed(wanted, engine):
         )
 
 
+@_rule("beside", "accuracy.engine")
+def _engines_beside_are_others(beside, engine):
+    if engine in (beside or {}):
+        return f'holds "{engine}", which is accuracy.engine itself; take it out, or choose another accuracy.engine'
+
+
 @_rule("cam.breadth", "motion.stroke")
 def _cam_is_broader_than_the_stroke(breadth, stroke):
     if breadth is not None and breadth <= stroke:

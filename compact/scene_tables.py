@@ -41,6 +41,7 @@ Ranks = Annotated[tuple[RankBy, ...], Strict(False)]
 Objectives = Annotated[tuple[Objective, ...], Strict(False)]
 Spreads = Annotated[tuple[MixParameter, ...], Strict(False)]
 Outputs = Annotated[tuple[Wanted, ...], Strict(False)]
+Keys = dict[str, Any]
 
 
 def _positive(meaning: str) -> Any:
@@ -266,6 +267,26 @@ class Accuracy(Table):
 
     tolerance: float = Field(gt=0, lt=0.5, description="the relative error asked for, 0.01 for 1 %")
     engine: Engine = Field(description="the contact engine")
+
+
+class Given(Table):
+    """What an engine beside is given in place of the scene's; keys that are not here stay the scene's."""
+
+    machine: Keys | None = Field(default=None, description="keys of [machine]")
+    mix: Keys | None = Field(default=None, description="keys of [mix]")
+    layer: Keys | None = Field(default=None, description="keys of [layer]")
+    contact: Keys | None = Field(default=None, description="keys of [contact]")
+    accuracy: Keys | None = Field(default=None, description="keys of [accuracy]")
+
+
+class Beside(Table):
+    """Engines that answer beside that of [accuracy], a table for each; the formulas do beside every one of a layer."""
+
+    formula: Given | None = None
+    column: Given | None = None
+    spectral: Given | None = None
+    fem: Given | None = None
+    compaction: Given | None = None
 
 
 class Output(Table):

@@ -140,10 +140,10 @@ class _Asked:
 
     def end(self, by, changes):
         """The `End` of a changed scene."""
-        end = Study(self.study.scene.replaced(**changes))
+        end = Study(self.study.scene.by(by).replaced(**changes))
         cycles = self._stretched(end) if "motion.duration" in changes else self.study.cycles
         if by == "formula":
-            return _least(end.formula_cart, end.formula_resistance, cycles)
+            return _least(end.cart, end.resistance, cycles)
         load, resistance = self._layer(end, changes)
         return _least(machine.cart(end.scene, load), resistance, cycles)
 

@@ -6,7 +6,10 @@
 `report.write` puts the results of a study into a directory; `compact run` is a thin door to it.
 """
 
+import warnings
 from collections import Counter
+from collections.abc import Callable
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,11 +20,14 @@ from compact.cam import Cam, FlatFace, Pointed, RollerFollower
 from compact.cart import Opposition
 from compact.crank import USUAL_ANGLES, turn
 from compact.engine import LAYERED, fields, passes, speeds
-from compact.engineering import KNOWN_BY, engineering
+from compact.engineering import engineering, numbers
 from compact.halfplane import galin
 from compact.motion import law
-from compact.scene import SceneError
+from compact.ordering import places
+from compact.pool import Here, begun
+from compact.scene import Scene, SceneError
 
+BESIDE = "beside"  # directory of the maps of engines beside the scene's
 SWING = 2.0  # times the velocity of the law, which an elastic drive may reach after a jump
 FOLLOWERS = {
     "pointed": lambda table: Pointed(),
@@ -31,14 +37,37 @@ FOLLOWERS = {
 
 
 @dataclass(frozen=True)
-class Number:
-    """A headline number: value, unit, how it is known, and its spread from `low` to `high` where that is known."""
+class Aside:
+    """What an engine beside the scene's answers: contacts, the resistance of a cart, and the order of the laws.
 
-    value: float
-    unit: str
-    known_by: str
-    low: float | None = None
-    high: float | None = None
+    resistance : callable of velocity and acceleration -> N;  error : of it, relative, None where it is not known
+    places : lists of `Place` by drive and criterion;  key : under which contacts and map are kept
+    """
+
+    scene: Scene
+    contacts: list
+    resistance: Callable
+    error: float | None
+    roller_load: float
+    places: dict
+    key: str
+    counts: Counter
+    warned: tuple[str, ...]
+
+
+def answered(asked):
+    """The `Aside` of (scene, given laws, all laws, directory of an earlier run), to be had in another process."""
+    scene, given, cycles, directory = asked
+    study = Study(scene, directory=directory)
+    study.given_cycles, study.cycles = given, cycles
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        places = study.places
+    told = tuple(dict.fromkeys(str(warning.message) for warning in warned))
+    return Aside(
+        scene, study.contacts, study.resistance, study.resistance_error, study.roller_load, places, study.key,
+        study.counts, told,
+    )  # fmt: skip
 
 
 class Study:
@@ -52,6 +81,7 @@ class Study:
         self.counts = Counter()
         self._step = step
         self._directory = directory
+        self._answers = None
 
     @property
     def steps(self):
@@ -59,14 +89,15 @@ class Study:
         wanted, optimised = self.scene.output.wanted, self.scene.motion.optimise
         laws = len(self.scene.law_names) + len(self.scene.table_paths) + (len(optimised.objectives) if optimised else 0)
         rolled = 0 if self.counts["kept"] or not self.layered else len(speeds(self.scene))
-        figures = 3 + len({"cams", "reactions", "crank"} & set(wanted)) + 2 * self.layered
+        figures = 3 + len({"cams", "reactions", "crank"} & set(wanted)) + 4 * self.layered
         figures = figures if {"figures", "report"} & set(wanted) else 0
         cams = 2 * laws * len(FOLLOWERS) if "cams" in wanted else 0  # made and measured
         crank = len(USUAL_ANGLES) + 1 if "crank" in wanted else 0
-        beside = laws + 1 if self.layered else 0  # runs and rankings by formula
         fields = (rolled + 1) * ("fields" in wanted and rolled > 0)
+        beside = len(self.scene.beside_engines)
         added = sum(self.counts[stage] for stage in ("resistance", "added mass", "kept", "passage", "run-up"))
-        return 2 + 2 * laws + cams + crank + figures + beside + rolled + fields + added + ("report" in wanted)
+        counted = 2 + 2 * laws + laws * self.layered + cams + crank + figures + beside + rolled + fields + added
+        return counted + ("report" in wanted)
 
     def count(self, stage):
         """One more run of a stage."""
@@ -87,32 +118,8 @@ class Study:
 
     @cached_property
     def numbers(self):
-        """Headline `Number`s by name; the spread is that of the required pressure, where the formulas still hold."""
-        needed = self.mix.parameter("required_pressure")
-        ends = [self._engineering_at(pressure) for pressure in (needed.low, needed.high)]
-        numbers = {}
-        for name, (unit, known_by) in KNOWN_BY.items():
-            low, high = (None if end is None else getattr(end, name) for end in ends)
-            value = getattr(self.engineering, name)
-            spread = {} if low == value == high else {"low": low, "high": high}
-            numbers[name] = Number(value, unit, known_by, **spread)
-        return numbers | self._exact_numbers
-
-    def _engineering_at(self, pressure):
-        try:
-            return engineering(self.scene, self.mix, pressure)
-        except ValueError:  # beyond the formulas: no such angle
-            return None
-
-    @property
-    def _exact_numbers(self):
-        """What exact theory says beside eqs 1.5-1.7 at the same peak pressure."""
-        length, known_by = self.scene.machine.roller_length, "Galin, exact for a half-plane"
-        return {
-            "exact_capture_angle": Number(float(np.arcsin(self.exact.leading / self.exact.radius)), "rad", known_by),
-            "exact_roller_force": Number(float(self.exact.load * length), "N", known_by),
-            "exact_contact_length": Number(float(self.exact.contact_length), "m", known_by),
-        }
+        """Headline `Number`s of the formulas and of exact theory, by name."""
+        return numbers(self.scene, self.mix, self.engineering, self.exact)
 
     @cached_property
     def exact(self):
@@ -190,13 +197,17 @@ class Study:
 
     @cached_property
     def resistance(self):
-        """Resistance of the mix to one cart, by the scene's engine, as a callable of velocity and acceleration."""
-        return self.resistance_map if self.layered else self.formula_resistance
-
-    @cached_property
-    def formula_resistance(self):
-        """The same by eq 1.8, which knows no speed."""
+        """Resistance of the mix to one cart, a callable of velocity and acceleration; by eq 1.8 it knows no speed."""
+        if self.layered:
+            return self.resistance_map
         return contact.dry_resistance(self.scene.machine.rollers * self.engineering.roller_resistance)
+
+    @property
+    def resistance_error(self):
+        """Relative error of the resistance, between the speeds and of the engine; None where it is not known."""
+        if not self.layered or self.resistance_map.engine_error is None:
+            return None
+        return self.resistance_map.error + self.resistance_map.engine_error
 
     @cached_property
     def resistance_map(self):
@@ -238,11 +249,6 @@ class Study:
     def cart(self):
         """The cart with the reactions of its rollers."""
         return machine.cart(self.scene, self.roller_load)
-
-    @cached_property
-    def formula_cart(self):
-        """The cart with the reactions of its rollers by eq 1.6."""
-        return machine.cart(self.scene, self.engineering.roller_force)
 
     @cached_property
     def cycles(self):
@@ -318,35 +324,65 @@ class Study:
     @cached_property
     def runs(self):
         """A `Run`, `ElasticRun` or `MotorRun` per law, by name."""
-        return self._runs(self.cart, self.resistance)
+        return dict(self._runs(self.resistance, able=nullcontext()))
+
+    @cached_property
+    def heavier_runs(self):
+        """The same against a resistance greater by its own error, None where that is not known; no run of a law that
+        the drive cannot carry then."""
+        if self.resistance_error is None:
+            return None
+        heavier = self.resistance_map.scaled(1 + self.resistance_error)
+        return dict(self._runs(heavier, able=suppress(RuntimeError)))
+
+    def _runs(self, resistance, able):
+        motion = self.scene.motion
+        working = (motion.run_up, 1 - motion.run_down)
+        for name, cycle in self.cycles.items():
+            self.count("runs")
+            with able:
+                yield name, drive.simulate(self.cart, self.means(name), cycle, resistance, working=working)
 
     @cached_property
     def rankings(self):
         """Lists of `Ranked` by criterion, those the scene names."""
-        return self._rankings(self.runs)
-
-    @cached_property
-    def formula_runs(self):
-        """The same runs by formula, where the scene's engine is another one."""
-        return self._runs(self.formula_cart, self.formula_resistance) if self.layered else {}
-
-    @cached_property
-    def formula_rankings(self):
-        """The same rankings by formula, where the scene's engine is another one."""
-        return self._rankings(self.formula_runs) if self.layered else {}
-
-    def _runs(self, cart, resistance):
-        motion = self.scene.motion
-        working = (motion.run_up, 1 - motion.run_down)
-        runs = {}
-        for name, cycle in self.cycles.items():
-            self.count("runs")
-            runs[name] = drive.simulate(cart, self.means(name), cycle, resistance, working=working)
-        return runs
-
-    def _rankings(self, runs):
         self.count("rankings")
-        return {by: drive.rank(runs.values(), by) for by in self.scene.drive.rank_by}
+        return {by: drive.rank(self.runs.values(), by) for by in self.scene.drive.rank_by}
+
+    @cached_property
+    def places(self):
+        """Lists of `Place` by drive and criterion: the scene's drive, and beside an elastic one a rigid one."""
+        told = {self.scene.drive.kind: (self.rankings, self.heavier_runs)}
+        if self.scene.drive.kind == "elastic":
+            rigid, heavier = (_rigid(runs) for runs in (self.runs, self.heavier_runs))
+            told["rigid"] = ({by: drive.rank(rigid.values(), by) for by in self.rankings}, heavier)
+        return {
+            kind: {by: places(ranked, by, heavier) for by, ranked in rankings.items()}
+            for kind, (rankings, heavier) in told.items()
+        }
+
+    @contextmanager
+    def helped(self, crew):
+        """Let a crew of `pool` answer by the engines beside from now on, while this process goes its own way."""
+        directory = self._directory and self._directory / BESIDE
+        asked = {
+            name: (self.scene.by(name), self.given_cycles, self.cycles, directory and directory / name)
+            for name in self.scene.beside_engines
+        }
+        with begun(answered, asked, crew) as self._answers:
+            yield
+
+    @cached_property
+    def beside(self):
+        """An `Aside` of each engine beside the scene's, by name."""
+        if self._answers is None:
+            with self.helped(Here()):
+                return self.beside
+        found = self._answers(lambda: self.count("beside"))
+        for name, aside in found.items():
+            for words in aside.warned:
+                warnings.warn(f"{name}: {words}", stacklevel=2)
+        return {name: found[name] for name in self.scene.beside_engines}
 
     @cached_property
     def cams(self):
@@ -373,3 +409,8 @@ class Study:
             self.count("crank")
             turns[key] = turn(self.cart, self.crank, speed, self.resistance, ahead)
         return turns
+
+
+def _rigid(runs):
+    """Runs of the drive that imposes each law on the cart itself, of elastic ones; None of none."""
+    return runs and {name: run.rigid for name, run in runs.items()}

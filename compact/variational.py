@@ -11,7 +11,7 @@ J_1, J_2 and J_3, whose equation x^(6) - n1 x^(4) + n2 x'' = 0 has exponential s
 
 import math
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -166,8 +166,19 @@ def _series(n1, n2, lead):
     for k in range(lead, SERIES_TERMS):
         coefficients[2 * k + 1] = h / math.factorial(2 * k + 1)
         before, h = h, n1 * h - n2 * before
-    derivative = cache(Polynomial(coefficients).deriv)
-    return lambda z, nu: derivative(nu)(z - 0.5)
+    of = Polynomial(coefficients)
+    return _Series((of, *(of.deriv(nu) for nu in range(1, of.degree() + 1))))
+
+
+@dataclass(frozen=True)
+class _Series:
+    """Odd mode of a power series about the middle of the pass, by its derivatives; like all modes it goes to other
+    processes."""
+
+    derivatives: tuple
+
+    def __call__(self, z, nu):
+        return self.derivatives[nu](z - 0.5)
 
 
 @dataclass(frozen=True)

@@ -8,17 +8,16 @@ does, so they repeat its order; an order can change only where the resistance kn
 
 Limits: the resistance is that of a steady motion at the speed of the moment, which the turns are not (`reversal`). The
 linear layer resists with a seventh of what the plant needs, and its roller is smooth. Finite elements that compact
-press by 3 mm under a smooth roller, with a rate of the mix, on a coarse mesh: two minutes of processor time. Spring,
+press by 3 mm under a smooth roller, with a rate of the mix, at three speeds: most of the time of all. Spring,
 its damping and motor are assumed, no source names one. A hydraulic drive imposes the law: its forces are rigid ones.
 """
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import kendalltau
 
-from compact import compaction, vary
+from compact import compaction, machine, vary
 from compact.drive import CRITERIA, rank, simulate
 from compact.engine import inputs
 from compact.resistance import ResistanceMap
@@ -34,7 +33,10 @@ ENGINES = {  # what they change of the scene
     "fem, half tolerance": SMOOTH | {"accuracy.tolerance": 0.005},
     "compaction": SMOOTH | {"contact.indentation": 0.003, "mix.reference_speed": 0.2},
 }
-COARSE = 0.05  # relative error of the resistance on the coarse mesh of `compacting`, assumed: it tells none
+INCREMENTS = 4  # of elements that compact, a third of the engine's own
+# Relative error of their resistance. On 6 increments the engine tells 0.0195, half of the change from these 4 (five
+# minutes of processor time at the slowest speed): that change, and what it tells of the rest.
+COARSE = 3 * 0.0195
 CHEAP, SPREAD = ("formula", "column"), ("rigid", "elastic")  # engines and drives of the spread; a motor may stall
 MOTOR = {  # as in `motor_and_flywheel`, of one cart
     "curve": "kloss",
@@ -95,13 +97,13 @@ def ranked(base, engine, drives, directory):
     for name in drives:
         study = Study(base.replaced(**DRIVES[name]))
         carried = runs(study, cart, resistance)
-        moved = [runs(study, cart, _scaled(resistance, 1 + way * error)) for way in (-1, 1)] if error else []
+        moved = [runs(study, cart, resistance.scaled(1 + way * error)) for way in (-1, 1)] if error else []
         for by in CRITERIA:
             rows += [(engine, name, by, *place) for place in places(by, carried, moved, error)]
     return rows
 
 
-def compacting(study, increments=4):
+def compacting(study, increments=INCREMENTS):
     """(cart, `ResistanceMap`) by finite elements that compact, on a mesh a third as fine as the engine's own.
 
     Three speeds do: the rate enters with a small power of the speed, and the middle one tells what a line misses.
@@ -115,7 +117,7 @@ def compacting(study, increments=4):
     load, force = scene.machine.roller_length * np.array([[rolled.load, rolled.resistance] for rolled in rolls]).T
     force = scene.machine.rollers * force
     miss = abs(np.interp(np.log(speeds[1]), np.log(speeds[::2]), force[::2]) / force[1] - 1)
-    cart = replace(study.formula_cart, roller_reactions=(float(load.mean()),) * scene.machine.rollers)
+    cart = machine.cart(scene, float(load.mean()))
     return cart, ResistanceMap(speeds, force, float(miss), COARSE)
 
 
@@ -126,12 +128,6 @@ def runs(study, cart, resistance):
         name: simulate(cart, study.means(name), cycle, resistance, working=working)
         for name, cycle in study.cycles.items()
     }
-
-
-def _scaled(met, share):
-    """A resistance map times a number."""
-    masses = met.added_masses
-    return replace(met, forces=share * met.forces, added_masses=None if masses is None else share * masses)
 
 
 def places(by, runs, moved, error):

@@ -28,7 +28,7 @@ LEVELS = (
     (
         *("records", "material", "mesh", "patch", "plies", "sizing", "shaft", "follower", "variational", "results"),
         *("scene_errors", "polynomials", "quadratic", "lawspace", "pitch", "drawing", "page", "sobol", "springs"),
-        *("pressed_memory", "strokes", "oscillator", "ranking"),
+        *("pressed_memory", "strokes", "oscillator", "ranking", "ordering"),
     ),
     (
         *("laws", "halfplane", "dimensions", "modulation", "mix", "cart", "scene_rules", "streamline", "cap"),
@@ -49,7 +49,8 @@ LEVELS = (
     ("mapping", "runup", "machine"),
     ("study", "calibrate", "cam_sheet"),
     ("figures", "published_laws", "published_machine", "cam_files", "sensitivity", "headline"),
-    ("contact_report", "drive_report", "published", "maps", "sweep"),
+    ("contact_report", "drive_report", "published", "maps", "sweep", "order_figures"),
+    ("beside_report",),
     ("checks", "html_answer", "html_contact", "sweep_report"),
     ("html_machine",),
     ("html_report",),
@@ -60,7 +61,7 @@ LEVELS = (
 LEVEL = {module: level for level, modules in enumerate(LEVELS) for module in modules}
 # They meet in a study, through plain callables.
 SIBLINGS = ("contact", "drive", "motion", "mix", "material", "mesh")
-DRAWING = ("figures", "maps")
+DRAWING = ("figures", "order_figures", "maps")
 HEAVY = ("numpy", "scipy", "matplotlib", "pydantic")
 
 

@@ -1,0 +1,143 @@
+"""Figures of the order of the laws: bars of a ranking, what engines say side by side, and what each resists.
+
+Each function draws one figure and returns it; an engine keeps its colour and mark in all of them.
+"""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from compact.drive import CRITERIA
+from compact.figures import look
+
+PANELS = 2  # in a row
+SHOWN = 4  # criteria, those that the scene names first
+UNITS = {"peak_force": ("kN", 1e-3), "rms_force": ("kN", 1e-3), "mean_force": ("kN", 1e-3), "peak_jerk": ("m/s³", 1.0)}
+ENGINE_LOOKS = {  # colour, mark and dash of an engine
+    "formula": ("0.35", "|", ":"),
+    "column": ("tab:green", "o", "--"),
+    "spectral": ("tab:blue", "s", "-."),
+    "fem": ("tab:red", "D", "-"),
+    "compaction": ("tab:purple", "^", "-"),
+}
+
+
+def quantity(by):
+    """(words, unit, factor to it) of a criterion."""
+    unit, factor = UNITS.get(by, (CRITERIA[by].unit, 1.0))
+    return by.replace("_", " "), unit, factor
+
+
+def ranking(order, beside):
+    """Bars of the ranked laws, best on top, a panel for each of the first criteria; infinite ones are named.
+
+    order : lists of `ordering.Place` by criterion;  beside : criterion -> engine -> law -> `Place`, marks on the bars
+    """
+    order = dict(list(order.items())[:SHOWN])
+    most = max(len(places) for places in order.values())
+    columns = min(PANELS, len(order))
+    rows = -(-len(order) // columns)
+    figure = Figure(figsize=(6.4 * columns, (0.30 * most + 1.2) * rows), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for ax, (by, places) in zip(panels, order.items(), strict=False):
+        _bars(ax, by, places)
+        _marks(ax, by, places, beside.get(by, {}))
+    for ax in panels[len(order) :]:
+        ax.set_axis_off()
+    handles, labels = panels[0].get_legend_handles_labels()
+    if labels:
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=9)
+    return figure
+
+
+def _bars(ax, by, places):
+    """A bar with its error and its value for each place, in its order."""
+    words, unit, factor = quantity(by)
+    for row, place in enumerate(places):
+        if place.reason:
+            ax.text(0, row, f" infinite: {place.reason.split(':')[0]}", va="center", fontsize=8, color="0.35")
+            continue
+        value, error = place.value * factor, (place.error or 0.0) * factor
+        error = error if np.isfinite(error) else 0.0
+        ax.barh(row, value, color=look(place.law)["color"], height=0.72, xerr=error or None, ecolor="0.4")
+    finite = [place.value * factor for place in places if not place.reason]
+    ax.set_yticks(range(len(places)), [f"{place.rank}  {place.law}  {_said(place, factor)}" for place in places])
+    ax.tick_params(axis="y", labelsize=8)
+    ax.set_xlim(0, 1.15 * max(finite, default=1.0) or 1.0)
+    ax.set_ylim(len(places) - 0.4, -0.6)
+    ax.set_xlabel(f"{words} [{unit}]")
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def _said(place, factor):
+    return "" if place.reason else f"{place.value * factor:#.4g}".rstrip(".")
+
+
+def _marks(ax, by, places, beside):
+    """The values by other engines beside the bars."""
+    factor = quantity(by)[2]
+    for engine, order in beside.items():
+        found = [(order[place.law].value * factor, row) for row, place in enumerate(places) if place.law in order]
+        found = [mark for mark in found if np.isfinite(mark[0])]
+        if found:
+            color, mark, _ = ENGINE_LOOKS[engine]
+            ax.plot(*zip(*found, strict=True), mark, color=color, mfc="none", markersize=6, label=f"by {engine}")
+            ax.set_xlim(0, max(ax.get_xlim()[1], 1.05 * max(value for value, _ in found)))
+
+
+def engines(orders, most=12):
+    """What the laws ask above the least, a mark with its error for each engine, panels for drives and criteria.
+
+    orders : lists of `ordering.Place` by engine, drive and criterion; laws are those that are best by any engine, in
+    the order of the first engine
+    """
+    ours = next(iter(orders))
+    shown = [(kind, by) for kind, found in orders[ours].items() for by in list(found)[:PANELS]]
+    columns = min(PANELS, len(shown))
+    rows = -(-len(shown) // columns)
+    figure = Figure(figsize=(5.6 * columns, (0.28 * most + 1.0) * rows + 0.3), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for ax, (kind, by) in zip(panels, shown, strict=False):
+        excess = {engine: _excess(found[kind][by]) for engine, found in orders.items()}
+        laws = sorted(excess[ours], key=lambda law: min(found[law][0] for found in excess.values() if law in found))
+        laws = sorted(laws[:most], key=lambda law: excess[ours][law][0])
+        for engine, found in excess.items():
+            color, mark, _ = ENGINE_LOOKS[engine]
+            value, error = np.array([found.get(law, (np.nan, 0.0)) for law in laws]).T
+            ax.errorbar(value, range(len(laws)), xerr=error, fmt=mark, color=color, mfc="none", label=engine, lw=0.8)
+        ax.set_yticks(range(len(laws)), laws, fontsize=8)
+        ax.invert_yaxis()
+        ax.set_xlabel(f"{by.replace('_', ' ')} above the least [%], {kind} drive")
+        ax.grid(axis="y", color="0.92")
+    for ax in panels[len(shown) :]:
+        ax.set_axis_off()
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(orders), frameon=False)
+    return figure
+
+
+def _excess(order):
+    """Law -> (what it asks above the least, the error of that) [%], of finite places."""
+    finite = [place for place in order if not place.reason]
+    least = min((place.value for place in finite), default=1.0) or 1.0
+    errors = [place.error if place.error and np.isfinite(place.error) else 0.0 for place in finite]
+    return {
+        place.law: (100 * (place.value / least - 1), 100 * error / least)
+        for place, error in zip(finite, errors, strict=True)
+    }
+
+
+def resistance(resistances):
+    """Resistance of one cart over speed by each engine, callables by name; of the first, a map, its samples too."""
+    figure = Figure(figsize=(7.2, 3.8), layout="constrained")
+    ax = figure.subplots()
+    ours, met = next(iter(resistances.items()))
+    for engine, force in resistances.items():
+        (color, _, dash), fastest = ENGINE_LOOKS[engine], getattr(force, "speeds", met.speeds)[-1]
+        speed = np.linspace(0, min(fastest, met.speeds[-1]), 801)[1:]
+        ax.plot(speed, force(speed, 0.0) / 1e3, dash, color=color, label=engine)
+    ax.plot(met.speeds, met.forces / 1e3, "o", color=ENGINE_LOOKS[ours][0], markersize=4, label="computed")
+    ax.set_xlabel("speed v [m/s]")
+    ax.set_ylabel("resistance of the mix to one cart [kN]")
+    ax.set_xlim(0, 1.02 * met.speeds[-1])
+    ax.set_ylim(min(0.0, 1.1 * met.forces.min() / 1e3), None)
+    ax.legend(frameon=False)
+    return figure
