@@ -33,7 +33,7 @@ from compact.store import Store
 
 LINE = 8  # neighbours of the engine "compaction" from one cold start to the next
 # Points in one task: a tenth of a second of work or more, which is all that a killed worker loses.
-CHUNK = {"formula": 100, "column": 25, "spectral": 5, "fem": 1, "compaction": LINE}
+CHUNK = {"formula": 100, "column": 100, "spectral": 5, "fem": 1, "compaction": LINE}
 SLOW = ("spectral", "fem", "compaction")
 _ONE_AT_A_TIME = threading.Lock()  # in threads of a cluster: BLAS threads and warnings belong to the whole process
 POINTS = "points"  # where the points are kept, under the directory of the results
