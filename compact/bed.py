@@ -140,16 +140,20 @@ class Bed:
     def passed(self, indentation, rtol, longest=np.inf):
         """The `Passage` of the roller at an indentation [m]; `longest` share of the front that a step may take."""
         scale, front = self.scale(indentation, rtol), self.edge(indentation)
-        down, pressed, first = self.travelled(front, 0.0, self.rest, np.inf, scale, front * longest)
+        down, pressed, evaluations = self.travelled(front, 0.0, self.rest, np.inf, scale, front * longest)
+        return pressed.released(down, indentation, scale, evaluations, front * longest)
+
+    def released(self, down, indentation, scale, evaluations, longest=np.inf):
+        """The `Passage` from the lowest point on, after `down` and its evaluations; `longest` step [m]."""
         rise = FAR * indentation
         far = self.edge(min(rise, DEEPEST * self.profile.radius) if self.profile.curl else rise)
-        up, left, second = pressed.travelled(0.0, far, down[-1, 1:], 0.0, scale, front * longest)
+        up, left, more = self.travelled(0.0, far, down[-1, 1:], 0.0, scale, longest)
         if up[-1, 0] == far:
             raise RuntimeError(
                 f"the rebound does not end: {up[-1, 1]:.6g} Pa are left {far:.6g} m behind the lowest point at an "
                 f"indentation of {indentation:.6g} m"
             )
-        return Passage(left, indentation, down, up, first + second)
+        return Passage(left, indentation, down, up, evaluations + more)
 
 
 @dataclass(frozen=True)

@@ -204,25 +204,33 @@ def _loaded(there, load, rtol):
     def about(depth):
         return PRESSED * there.stress(depth) * there.edge(depth) - load
 
+    def passed(depth, tolerance):
+        return there.passed(depth, tolerance, LONGEST if tolerance == rtol else math.inf)
+
+    def miss(passage):
+        return math.log(passage.load / load)
+
     start = brentq(about, 0, there.deepest, rtol=0.1) if about(there.deepest) > 0 else there.deepest
-    passage, spent = _met(there, lambda passage: math.log(passage.load / load), start, 1.0, rtol, LONGEST)
+    passage, spent = _met(passed, miss, start, 1.0, there.deepest, (max(ROUGH, rtol), rtol))
     if passage.indentation == there.deepest:
         _refuse_beyond_pores(there, "load", load, there.passed(there.deepest, rtol).load)
     return passage, spent
 
 
-def _met(there, miss, start, slope, rtol, longest):
+def _met(passed, miss, start, slope, deepest, tolerances):
     """The `Passage` whose `miss` is 0, or the deepest one, and the evaluations spent besides.
 
-    miss : of a passage, relative, rising with its indentation [m];  start : a guess;  slope : d miss/d ln indentation
+    passed : the `Passage` at an indentation [m], integrated to a tolerance;  tolerances : of the search, and of its end
+    miss : of a passage, relative, rising with its indentation;  start : a guess;  slope : d miss/d ln indentation
 
     Inverse interpolation of ln indentation through the last three passes, rough ones first: what a finer integration
     adds to one of them, it adds to all.
     """
-    top, tolerance, near, spent = math.log(there.deepest), max(ROUGH, rtol), NEAR * rtol, 0
+    tolerance, rtol = tolerances
+    top, near, spent = math.log(deepest), NEAR * rtol, 0
     low, high, x, tried = -math.inf, top, min(math.log(start), top), []
     for _ in range(SEARCHED):
-        passage = there.passed(min(math.exp(x), there.deepest), tolerance, longest if tolerance == rtol else math.inf)
+        passage = passed(min(math.exp(x), deepest), tolerance)
         off = miss(passage)
         if tried and tried[-1][0] == x:  # the same pass, finer
             tried = [(place, other + off - tried[-1][1]) for place, other in tried]
@@ -263,18 +271,28 @@ def _refuse_stiffer(there, material):
 
 
 def _leaving(there, wanted, rtol):
-    """The `Passage` of a plate, whatever the profile, that leaves a mean density ratio, and the evaluations besides."""
+    """The `Passage` of a plate, whatever the profile, that leaves a mean density ratio, and the evaluations besides.
+
+    A plate goes the same way to any depth, so the search goes on from where the mix would stay without a rebound.
+    """
     plate, loosest = replace(there, profile=PLATE), there.solid / there.height
 
     def miss(passage):
         return (passage.density_ratio - wanted) / (wanted - loosest)
 
     if loosest < wanted < 1:
-        nominal = there.height * (1 - loosest / wanted)  # left without a rebound
-        rebound = (there.height - nominal) * there.stress(nominal) / there.elastic
-        passage, spent = _met(plate, miss, nominal + rebound, 1.0, rtol, np.inf)
+        nominal = there.height * (1 - loosest / wanted)
+        scale = plate.scale(nominal, rtol)
+        path, pressed, spent = plate.travelled(nominal, 0.0, plate.rest, np.inf, scale)
+
+        def passed(depth, _):
+            down, deeper, evaluations = pressed.travelled(depth - nominal, 0.0, path[-1, 1:], np.inf, scale)
+            return deeper.released(down, depth, scale, evaluations)
+
+        start = nominal + (there.height - nominal) * there.stress(nominal) / there.elastic
+        passage, searched = _met(passed, miss, start, wanted / loosest, there.deepest, (rtol, rtol))
         if passage.indentation < there.deepest:
-            return passage, spent
+            return passage, spent + searched
     densest = plate.passed(there.deepest, rtol).density_ratio
     raise ValueError(
         f"`exit_density_ratio` must lie between {loosest:.6g}, before the pass, and {densest:.6g}, left by a pass "

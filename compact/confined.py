@@ -144,12 +144,10 @@ def _step(x, step, y, z, K, column, scale):
     """One step of Dormand and Prince from y, with K[0] there, to z, with K[STAGES] there; its error over `scale`."""
     for stage in range(1, STAGES + 1):
         for m in range(len(y)):
-            z[m] = y[m]
-        for before in range(stage):
-            share = step * A[stage, before]
-            if share != 0:  # half of them are
-                for m in range(len(y)):
-                    z[m] += share * K[before, m]
+            slope = 0.0
+            for before in range(stage):
+                slope += A[stage, before] * K[before, m]
+            z[m] = y[m] + step * slope
         _rates(x + C[stage] * step, z, K[stage], column)
     third, fifth = 0.0, 0.0
     for m in range(len(y)):

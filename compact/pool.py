@@ -46,15 +46,19 @@ def crew(workers=None, scheduler=None):
     return Here() if count == 1 else Processes(count)
 
 
-def outcomes(work, tasks, crew):
-    """(number of the task, outcome), as they come; the crew is dismissed at the end, however it comes."""
-    waiting = deque(range(len(tasks)))
-    pending = len(waiting)
+def outcomes(work, tasks, crew, meanwhile=lambda: None):
+    """(number of the task, outcome), as they come; the crew is dismissed at the end, however it comes.
+
+    meanwhile : called once, here, when the first tasks are given and workers have still to start
+    """
+    waiting, pending = deque(enumerate(tasks)), len(tasks)
     with crew:
         while pending:
             while waiting and crew.free:
-                number = waiting.popleft()
-                crew.give(number, work, tasks[number])
+                number, task = waiting.popleft()
+                crew.give(number, work, task)
+            if pending == len(tasks):
+                meanwhile()
             for number, outcome in crew.finished():
                 pending -= 1
                 yield number, outcome

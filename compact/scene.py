@@ -10,7 +10,7 @@ mistakes of one file together.
 
 import json
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
@@ -29,7 +29,7 @@ from compact.scene_errors import (
     undecodable_sentence,
     unreadable_sentence,
 )
-from compact.scene_rules import ADVICE, RULES, sentences, tables_exist
+from compact.scene_rules import ADVICE, RULES, Rule, sentences, tables_exist
 from compact.scene_tables import (
     LAW_NAMES,
     Accuracy,
@@ -64,7 +64,7 @@ class Scene(Table):
     accuracy: Accuracy
     beside: Beside | None = None
     output: Output
-    _source: Source = PrivateAttr(default=Source())
+    _source: Source = PrivateAttr(default_factory=Source)
 
     @property
     def law_names(self) -> tuple[str, ...]:
@@ -124,7 +124,9 @@ class Scene(Table):
 
         scene.replaced(**{"mix.moisture": 0.11, "mix.overrides.effective_modulus": None})
         """
-        return _checked(self.model_dump(exclude_none=True), self._source, changes)
+        keys = [tuple(key.split(".")) for key in changes]
+        rules = [rule for rule in _rules(self._source) if rule.involves(keys)]  # the others hold as they did
+        return _checked(self.model_dump(exclude_none=True), self._source, changes, rules)
 
     def refuse_fields(self, **changes: object) -> None:
         """SceneError where a key to be changed is unknown or its field refuses the value, whatever the rules between
@@ -178,7 +180,8 @@ def _parsed(text: str, file: str, changes: Mapping[str, object]) -> Scene:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: also an integer of thousands of digits
         raise SceneError([f"{file}:{syntax_sentence(error, text)}"]) from None
-    return _checked(data, Source(file, key_lines(text), remarks=key_remarks(text)), changes)
+    source = Source(file, key_lines(text), remarks=key_remarks(text))
+    return _checked(data, source, changes, _rules(source))
 
 
 def _unparsable(text: str) -> str:
@@ -198,9 +201,13 @@ def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, objec
             yield f"{above}{key}", value
 
 
-def _checked(data: dict[str, Any], source: Source, changes: Mapping[str, object]) -> Scene:
+def _rules(source: Source) -> tuple[Rule, ...]:
+    return (*RULES, tables_exist(source))
+
+
+def _checked(data: dict[str, Any], source: Source, changes: Mapping[str, object], rules: Iterable[Rule]) -> Scene:
     scene, source, mistakes = _validated(data, source, changes)
-    mistakes += sentences((*RULES, tables_exist(source.folder)), data, refused=mistakes)
+    mistakes += sentences(rules, data, refused=mistakes)
     if not mistakes:
         scene._source = source
         mistakes = [

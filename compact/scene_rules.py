@@ -7,11 +7,11 @@ comes as None.
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
-from compact.scene_errors import Mistake
+from compact.scene_errors import Key, Mistake, Source
 
 GUARD = 1 + 1e-9  # the published machine stands exactly on 2R + B_T = stroke, in decimal fractions
 TURNED = ("fem", "compaction")  # engines of a roller that sticks and slips under a torque
@@ -24,6 +24,15 @@ class Rule:
     keys: tuple[str, ...]
     broken: Callable[..., str | None]
 
+    @cached_property
+    def paths(self) -> tuple[Key, ...]:
+        """The key paths, part by part."""
+        return tuple(tuple(key.split(".")) for key in self.keys)
+
+    def involves(self, keys: Iterable[Key]) -> bool:
+        """Whether one of its keys is among these, in one of them, or around one."""
+        return any(path[: len(key)] == key[: len(path)] for key in keys for path in self.paths)
+
 
 RULES: list[Rule] = []
 ADVICE: list[Rule] = []
@@ -34,17 +43,16 @@ def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[
     out = {mistake.key for mistake in refused}
     found = []
     for rule in rules:
-        paths = [tuple(key.split(".")) for key in rule.keys]
-        if any(_overlap(path, bad) for path in paths for bad in out):
+        if rule.involves(out):
             continue
-        if sentence := rule.broken(*(_value(data, path) for path in paths)):
-            found.append(Mistake(paths[0], sentence))
+        if sentence := rule.broken(*(_value(data, path) for path in rule.paths)):
+            found.append(Mistake(rule.paths[0], sentence))
     return found
 
 
-def tables_exist(folder: Path) -> Rule:
-    """The rule that every table named is a file under the scene's folder."""
-    return Rule(("motion.tables",), lambda tables: _missing(tables or (), folder))
+def tables_exist(source: Source) -> Rule:
+    """The rule that every table named is a file under the folder of the scene."""
+    return Rule(("motion.tables",), lambda tables: _missing(tables or (), source.folder))
 
 
 def _rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Callable[..., str | None]], Callable[..., str | None]]:
@@ -325,11 +333,6 @@ def _is_file(path):
         return path.is_file()
     except OSError:  # a name too long for the file system
         return False
-
-
-def _overlap(key, other):
-    shorter = min(len(key), len(other))
-    return key[:shorter] == other[:shorter]
 
 
 def _value(data, parts):

@@ -18,7 +18,6 @@ import threading
 from contextlib import closing
 from dataclasses import dataclass
 from hashlib import sha256
-from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -33,7 +32,7 @@ from compact.store import Store
 
 LINE = 8  # neighbours of the engine "compaction" from one cold start to the next
 # Points in one task: a tenth of a second of work or more, which is all that a killed worker loses.
-CHUNK = {"formula": 100, "column": 25, "spectral": 5, "fem": 1, "compaction": LINE}
+CHUNK = {"formula": 100, "column": 100, "spectral": 5, "fem": 1, "compaction": LINE}
 SLOW = ("spectral", "fem", "compaction")
 _ONE_AT_A_TIME = threading.Lock()  # in threads of a cluster: BLAS threads and warnings belong to the whole process
 POINTS = "points"  # where the points are kept, under the directory of the results
@@ -116,7 +115,7 @@ class Sweep:
             points = {key: known[key] for key, *_ in keyed if key in known}
             step(len(points), _failures(points))
             tasks = self._tasks(keyed, points)
-            with closing(outcomes(compute, tasks, crew)) as coming:
+            with closing(outcomes(compute, tasks, crew, meanwhile=_bring_netcdf)) as coming:
                 for number, outcome in coming:
                     points |= self._kept(store, tasks[number], outcome, points, step)
             table = self._table([points[key] for key, *_ in keyed])
@@ -238,15 +237,17 @@ def _meaning(key):
     return info.description or key
 
 
+def _bring_netcdf():
+    """Import all that `write` needs, a second or two, while the workers start and import what they need."""
+    import xarray
+
+    xarray.Dataset().to_netcdf(engine="h5netcdf")
+
+
 def write(path, table):
     """The table as netCDF, whole or not."""
-    from tempfile import TemporaryDirectory
-
-    with TemporaryDirectory() as aside:
-        table.to_netcdf(Path(aside) / "sweep.nc", engine="h5netcdf")
-        content = (Path(aside) / "sweep.nc").read_bytes()
     with whole_file(path, "wb") as stream:
-        stream.write(content)
+        stream.write(table.to_netcdf(engine="h5netcdf"))
 
 
 def read(path):

@@ -48,6 +48,12 @@ def test_every_task_has_its_outcome(crew):
     assert collected(square, list(range(9)), crew) == {number: number**2 for number in range(9)}
 
 
+def test_what_passes_the_time_is_done_once_when_tasks_are_given():
+    crew, free = Here(), []
+    assert len(list(outcomes(square, [1, 2, 3], crew, meanwhile=lambda: free.append(crew.free)))) == 3
+    assert free == [False]
+
+
 def test_task_of_a_killed_worker_is_done_by_another(tmp_path):
     crew = Processes(2)
     found = collected(dies_once, [(number, tmp_path / f"{number}") for number in range(4)], crew)

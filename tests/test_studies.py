@@ -22,6 +22,7 @@ def study(name):
 
 def test_every_study_has_a_test():
     tested = {
+        "speed_against_plain",
         "speed_against_error",
         "formula_ranking",
         "formula_against_fem",
@@ -40,38 +41,45 @@ def test_every_study_has_a_test():
 
 
 @pytest.mark.slow
-def test_speed_against_error_measures_every_formula_and_sampling_converges(capsys, tmp_path):
-    module = study("speed_against_error")
+def test_formulas_laws_and_layers_are_timed_beside_the_plain_thing(capsys, tmp_path):
+    module = study("speed_against_plain")
+    targets = ({"indentation": 0.003}, {"load": 15e3})
     result = module.main(
-        points=1000,
-        repeats=1,
-        samples=(101, 1001),
-        settings=[("spectral", 1e-4), ("fem", 3e-3)],
-        speeds=2,
-        targets=({"indentation": 0.003}, {"load": 15e3}),
-        plain=(1e-2,),
-        methods=(("ours", 1e-8), ("RK45", 1e-3), ("RK45", 1e-6)),
-        tolerances=(1e-1,),
-        rtols=(1e-5, 1e-9),
-        out=tmp_path,
+        points=1000, repeats=1, samples=(101, 1001), speeds=2, targets=targets, tolerances=(1e-2,), out=tmp_path
     )
     module.show(result)
     assert list(result["formulas"]) == [f"1.{i}" for i in range(1, 11)]
     (_, coarse, _), (_, fine, _) = result["peaks"]
-    assert all(error <= tolerance for _, tolerance, error, _ in result["layers"])
     assert fine < coarse / 20  # a smooth top: the error of sampling falls with the square of the step
     assert [target for target, *_ in result["in a row"]] == ["indentation", "load"]
     ((_, _, ours, theirs, *_),) = result["plain"]
     assert max(ours, theirs) < 1e-2  # a layer solved without any of our own assembly, streamlines or contact
-    ours, rough, fine = (error for *_, error, _, _ in result["drives"])
-    assert ours < fine < rough < 1e-2  # all against the closed form of the harmonic law
-    ((_, _, missed, _, contacts),) = result["maps"]
-    assert missed < 0.1
-    assert contacts >= 5
-    assert result["columns"][1][2] < 1e-8
-    assert {path.stem for path in tmp_path.glob("*.png")} == {"layers", "drives", "maps", "columns"}
     assert "goal 10" in capsys.readouterr().out
     assert (tmp_path / "speed.csv").read_text().count("\n") == 1 + 10 + 4 + 6 + 1 + 3
+
+
+@pytest.mark.slow
+def test_errors_fall_as_settings_promise_and_defaults_are_marked(capsys, tmp_path):
+    module = study("speed_against_error")
+    answers = module.main(
+        layers=(("spectral", 1e-2), ("spectral", 1e-4), ("fem", 3e-3)),
+        drives=(("ours", 1e-8), ("RK45", 1e-3), ("RK45", 1e-6)),
+        maps=(("map", 1e-1),),
+        columns=(("column", 1e-5), ("column", 1e-9)),
+        repeats=1,
+        out=tmp_path,
+    )
+    module.show(answers)
+    assert all(error <= tolerance for _, tolerance, error, *_ in answers["layers"])
+    ours, rough, fine = (error for _, _, error, *_ in answers["drives"])
+    assert ours < fine < rough < 1e-2  # all against the closed form of the harmonic law
+    ((_, _, missed, _, contacts),) = answers["maps"]
+    assert missed < 0.1
+    assert contacts >= 5
+    assert answers["columns"][1][2] < 1e-8
+    assert capsys.readouterr().out.count("default") == 3
+    assert {path.stem for path in tmp_path.glob("*.png")} == {*module.QUICK}
+    assert (tmp_path / "speed_against_error.csv").read_text().count("\n") == 1 + 3 + 3 + 1 + 2
 
 
 def test_formula_ranking_scales_the_resistance_with_the_mix():
