@@ -25,7 +25,7 @@ from compact.flow import Flow, Stream, changes
 from compact.solid import SUBSTEPS, Condition
 
 RESIDUAL = 1e-6  # of the forces of the roller
-ITERATIONS = 60
+ITERATIONS = 60  # twice as many where the balance is not one on the way to another
 PRODUCTS = 150  # of GMRES in one iteration; 30 to 90 are usual
 LINEAR = 3e-2  # of the residual may be left by GMRES
 CUTS = 8
@@ -91,7 +91,7 @@ class Steady:
         """
         misses, history, smooth = 0, [], None
         trial = self._trial(displacement, self.carried)
-        for iteration in range(ITERATIONS):
+        for iteration in range(ITERATIONS if residual else 2 * ITERATIONS):
             history.append(trial.size)
             if trial.size <= (residual or RESIDUAL):
                 if residual or smooth:

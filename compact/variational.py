@@ -166,18 +166,19 @@ def _series(n1, n2, lead):
     for k in range(lead, SERIES_TERMS):
         coefficients[2 * k + 1] = h / math.factorial(2 * k + 1)
         before, h = h, n1 * h - n2 * before
-    of = Polynomial(coefficients)
-    return _Series((of, *(of.deriv(nu) for nu in range(1, of.degree() + 1))))
+    return _Series([Polynomial(coefficients)])
 
 
 @dataclass(frozen=True)
 class _Series:
-    """Odd mode of a power series about the middle of the pass, by its derivatives; like all modes it goes to other
-    processes."""
+    """Odd mode of a power series about the middle of the pass, and those of its derivatives that were asked for; like
+    all modes it goes to other processes."""
 
-    derivatives: tuple
+    derivatives: list
 
     def __call__(self, z, nu):
+        while len(self.derivatives) <= nu:
+            self.derivatives.append(self.derivatives[-1].deriv())
         return self.derivatives[nu](z - 0.5)
 
 

@@ -132,14 +132,21 @@ def test_half_the_elements_and_half_the_travel_change_little():
 def test_independent_march_of_small_strain_is_met(depth, load, coefficient, density):
     """Nine-node elements of 6 mm, one implicit step each, whose error its author puts at 4 % of the resistance.
 
-    Ours lies above it in load by 2.5 and 3.5 %, in resistance by 4.1 and 2.8 %, and moves by .4 % on 12 increments.
+    Ours, marched likewise, lies above it in load by 3.9 and 3.3 %, in resistance by .7 and 2.5 %. Solved at once, where
+    no error of steps is left, the same mesh resists by 3.3 % more, and at 9.4 mm by 1.2 % more again on 12 increments.
     """
-    roller = Roller(0.11, depth, profile="circle")
-    rolled = roll(Layer(HEIGHT), roller, MIX, 0.2, strain="small", increments=6)
-    assert rolled.load == pytest.approx(load, rel=0.04)
-    assert rolled.resistance / rolled.load == pytest.approx(coefficient, rel=0.02)
-    assert rolled.resistance == pytest.approx(load * coefficient, rel=0.045)
-    assert rolled.peak_density_ratio == pytest.approx(density, abs=0.01)
+    layer, roller = Layer(HEIGHT), Roller(0.11, depth, profile="circle")
+    frame = compaction._frame(layer, roller, MIX, 0.2, "small", None, depth, 6)
+    march = compaction._march(frame, roller, None)
+    compaction._until_steady(march, HEIGHT - depth, compaction.STEADY)
+    marched = read(march, layer, roller, MIX, 0.2)
+    assert marched.load == pytest.approx(load, rel=0.04)
+    assert marched.resistance == pytest.approx(load * coefficient, rel=0.03)
+    assert marched.peak_density_ratio == pytest.approx(density, abs=0.01)
+    rolled = roll(layer, roller, MIX, 0.2, strain="small", increments=6)
+    assert rolled.march.at_once
+    assert rolled.load == pytest.approx(marched.load, rel=0.015)
+    assert rolled.resistance == pytest.approx(marched.resistance, rel=0.04)
 
 
 # (d) balances
@@ -315,6 +322,7 @@ def test_exit_density_is_met():
 # (g) cost
 
 
+@pytest.mark.slow
 def test_neighbour_takes_few_iterations(rolled):
     deeper = over_small(replace(ROLLER, indentation=0.0021), start=rolled)
     assert deeper.march.at_once

@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from published import CART_OF_C
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from compact.course import Course
 from compact.drive import simulate
@@ -374,12 +375,8 @@ def test_general_solver_agrees_with_a_map_and_its_added_mass():
     drive, cycle = replace(spring(2e5, 0.1), first_order=True), published("harmonic").cycle()
     run = travel(CART, drive, cycle, met, regime="rest")
 
-    def acceleration(pull, v):  # of m a + R(v, a) = pull, by halving
-        low, high = -1e2, 1e2
-        for _ in range(60):
-            middle = (low + high) / 2
-            low, high = (middle, high) if MASS * middle + float(met(v, middle)) < pull else (low, middle)
-        return low
+    def acceleration(pull, v):
+        return brentq(lambda a: MASS * a + float(met(v, a)) - pull, -1e2, 1e2, xtol=1e-13)
 
     def rates(t, z):
         pull = drive.stiffness * (float(cycle.derivative(t, 0)) - z[0])

@@ -288,7 +288,8 @@ def held(task):
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-@pytest.mark.parametrize("engine", ["column", pytest.param("spectral", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["column", "spectral"])
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no such file tells the memory here")
 def test_memory_of_a_worker_is_flat_over_a_thousand_points(engine):
     grid = [vary.read("mix.moisture=0.08:0.12:25"), vary.read("mix.density_ratio=0.94:0.98:40")]

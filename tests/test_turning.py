@@ -178,9 +178,10 @@ def test_with_much_friction_all_but_the_ends_sticks():
 
 @pytest.mark.slow
 def test_roller_braked_to_its_limit_slides():
+    """The limit is what friction holds normal to the roller, 2.6 % more here than its coefficient times the load."""
     sliding = over_small(Roller(R, 0.002, 0.15, "sliding", "deformed"))
-    torque = -0.98 * 0.15 * R * sliding.load
-    braked = over_small(replace(FREE, friction=0.15, rolling="driven"), torque=torque)
+    held = sliding.march.face.weight @ sliding.march.push.shear
+    braked = over_small(replace(FREE, friction=0.15, rolling="driven"), torque=-0.999 * R * held)
     assert braked.load == pytest.approx(sliding.load, rel=5e-3)
     assert braked.resistance == pytest.approx(sliding.resistance, rel=0.04)
     assert braked.exit_density_ratio == pytest.approx(sliding.exit_density_ratio, abs=3e-4)
@@ -189,6 +190,7 @@ def test_roller_braked_to_its_limit_slides():
 # (d) what the free roller does
 
 
+@pytest.mark.slow
 def test_coulomb_holds_at_every_node(free):
     rates, shares = slip(free)
     slips = np.abs(shares) > 1 - 1e-9
@@ -197,6 +199,7 @@ def test_coulomb_holds_at_every_node(free):
     assert 0.2 < slips.mean() < 0.8
 
 
+@pytest.mark.slow
 def test_free_roller_is_not_pulled_by_its_shear(free):
     march = free.march
     assert abs(march.face.weight @ march.push.shear) < 1e-9 * free.load
