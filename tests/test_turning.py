@@ -181,9 +181,9 @@ def test_roller_braked_to_its_limit_slides():
     """The limit is what friction holds normal to the roller, 2.6 % more here than its coefficient times the load."""
     sliding = over_small(Roller(R, 0.002, 0.15, "sliding", "deformed"))
     held = sliding.march.face.weight @ sliding.march.push.shear
-    braked = over_small(replace(FREE, friction=0.15, rolling="driven"), torque=-0.999 * R * held)
+    braked = over_small(replace(FREE, friction=0.15, rolling="driven"), torque=-0.99 * R * held)
     assert braked.load == pytest.approx(sliding.load, rel=5e-3)
-    assert braked.resistance == pytest.approx(sliding.resistance, rel=0.04)
+    assert braked.resistance == pytest.approx(sliding.resistance, rel=0.02)
     assert braked.exit_density_ratio == pytest.approx(sliding.exit_density_ratio, abs=3e-4)
 
 
