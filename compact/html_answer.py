@@ -200,20 +200,18 @@ def _known_by_mix(study):
 
 
 def _by_engines_beside(study):
-    """Whether the engines beside agree on who is first, and on the order; a sentence for each."""
-    said = {name: [] for name in study.beside}
+    """Whether the engines beside agree on who is first behind the scene's drive; the orders stand in the tables."""
+    own, said = study.scene.drive.kind, {name: [] for name in study.beside}
     for _, kind, engine, also, by, found, first, other in agreements(study) if study.beside else []:
-        if kind != also or by not in _first_few(study.places[kind]):
+        if not kind == also == own or by not in _first_few(study.places[own]):
             continue
-        ours, theirs = (places(study)[name][kind][by][0] for name in (_engine(study), engine))
+        theirs = places(study)[engine][own][by][0]
         who = "first as well" if first == other else "first"
-        values = f"{quantity(theirs.value, CRITERIA[by].unit, 3)} for {quantity(ours.value, CRITERIA[by].unit, 3)}"
-        drive = f", {kind} drive" if len(study.places) > 1 else ""
         said[engine].append(
-            f"{escape(theirs.law)} is {who} by {WORDS[by]}{drive} ({values}; of {found.pairs} pairs of laws "
-            f"{found.swaps} are the other way round, {found.sure} beyond the errors)"
+            f"{escape(theirs.law)} is {who} by {WORDS[by]} ({quantity(theirs.value, CRITERIA[by].unit, 3)}; "
+            f"{found.sure} of {found.pairs} pairs of laws turn round beyond the errors)"
         )
-    return [f"By {escape(engine)} {'; '.join(sentences)}." for engine, sentences in said.items()]
+    return [f"By {escape(engine)} {', '.join(sentences)}." for engine, sentences in said.items()]
 
 
 def means(shifts):
