@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from interrupts import heed_interrupts
 
 from compact import report
 from compact.beside_report import agreements
@@ -152,7 +153,8 @@ def test_scene_of_every_engine_gives_each_what_it_covers():
 
 def test_interrupted_job_leaves_whole_files_and_no_process(tmp_path):
     call = [sys.executable, "-m", "compact.cli", "run", str(ENGINES), "--out", str(tmp_path / "out")]
-    job = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    alone = {"start_new_session": True, "preexec_fn": heed_interrupts}
+    job = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, **alone)
     until = time.monotonic() + 120
     while len(children(job.pid)) < 3 and time.monotonic() < until:  # a tracker of resources, two that compute
         time.sleep(0.1)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from interrupts import heed_interrupts
 
 from compact import cli
 
@@ -192,11 +193,6 @@ def test_another_scenes_results_need_force(compact, tmp_path):
     assert told.returncode == 1
     assert "holds results of another scene" in told.stderr
     assert compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out", "--force", *summary_only).returncode == 0
-
-
-def heed_interrupts():
-    """A shell lets what it starts in the background ignore them."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def test_interrupt_leaves_whole_files_and_no_summary(tmp_path):

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
+from interrupts import heed_interrupts
 
 from compact import cli, headline, maps, sweep, sweep_report, vary
 from compact.pool import Cluster, Here, Lost, Processes, outcomes
@@ -344,11 +345,6 @@ def told(capsys, *arguments):
     """Exit code and words of `compact sweep`, in this process."""
     code = cli._told(["sweep", *map(str, arguments)])
     return code, "".join(capsys.readouterr())
-
-
-def heed_interrupts():
-    """A shell lets what it starts in the background ignore them."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def test_interrupt_of_the_command_keeps_whole_points_and_resume_needs_the_rest(tmp_path, capsys):
