@@ -2,8 +2,9 @@
 
 A roller without friction goes there and back along a law over compacting mix, by finite elements that stay with the
 mix. On the way there the resistance grows until the bow wave is full; going back it is gone within a small part of the
-contact, and pressed mix asks for a few per cent of it. The memory of columns is fitted to the turn. The layer is
-shallower than that of the scene: three heights of travel fill the bow wave.
+contact, and pressed mix asks for a few per cent of it, until at the very end the roller is back in the dent that it
+pressed at first and meets its wall. The memory of columns is fitted to the turn. The layer is shallower than that of
+the scene: three heights of travel fill the bow wave.
 """
 
 from pathlib import Path

@@ -338,8 +338,10 @@ def test_pressed_mix_asks_little_of_the_way_back(capsys, tmp_path):
     done, memory = module.main(stroke=0.08, increments=4, out=tmp_path)
     module.show((done, memory))
     there = done.resistance[done.stroke == 1]
-    back = done.resistance[(done.stroke == 2) & (done.position > 0.01)]  # not where it began, in mix not rolled
-    assert -back[len(back) // 4 :].min() < 0.25 * there.max()  # it has not come far enough to be steady
+    *back, end = done.resistance[done.stroke == 2]
+    assert -min(back[len(back) // 4 :]) < 0.25 * there.max()  # it has not come far enough to be steady
+    assert done.position[-1] == pytest.approx(0, abs=1e-9)
+    assert min(back) > end > -0.5 * there.max()  # back in the dent that it pressed at first, against its wall
     assert memory.release < 2e-3
     assert "way back" in capsys.readouterr().out
     assert (tmp_path / "way_back.png").stat().st_size > 10_000
