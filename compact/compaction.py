@@ -102,9 +102,23 @@ def roll(
             if coarse is None or (coarse.at_once and not _at_once(march, layer.height - depth)):
                 march = _soft_start(march, layer, roller, torque, material, speed, depth)
             rough = count < increments and target.quantity is not None
-            target.reached(march, max(steady, ROUGHLY) if rough else steady, depth)
+            try:
+                target.reached(march, max(steady, ROUGHLY) if rough else steady, depth)
+            except RuntimeError as error:
+                raise RuntimeError(f"{error}{_heaping(frame.length, depth, target.fed_mean)}") from error
             depth = layer.height - march.steps[-1].lowest
         return _with_error(read(march, layer, roller, material, speed), coarse)
+
+
+def _heaping(length, depth, fed_mean):
+    """What to say of a depth for which the mix that feels the roller has too few voids; "" where it has enough."""
+    voids = SPREAD * length * (1 - fed_mean)
+    if depth < voids:
+        return ""
+    return (
+        f"; down to {SPREAD:g} contact lengths the mix has voids for {voids:.2g} m of that depth, so it is likely to "
+        "heap up in front: press less deep, feed denser or in lifts, or take a larger roller"
+    )
 
 
 def _frame(layer, roller, material, speed, strain, fed, depth, count):

@@ -14,9 +14,7 @@ from compact.quadratic import least_linear
 
 SAMPLES, FEWER, SHARES = 400, 120, 41  # of the resistance over the speed; over both where the acceleration counts
 FASTEST = 4.0  # times the mean speed, up to which a resistance without a limit of speed is asked
-WIDE = (
-    0.999  # of 1, up to which the share u = a/(a^2 + A^2)^(1/2) is asked; A is twice the mean speed over the duration
-)
+WIDE = 0.999  # up to which the share u = a/(a^2 + A^2)^(1/2) is asked; A is twice the mean speed over the duration
 SAME = 1e-12  # relative: a resistance that differs by less at another acceleration does not depend on it
 AGAIN = 3  # starts, after that of a search
 CORNERS = 6  # of the set of laws, of which a start is a mean

@@ -98,21 +98,11 @@ def test_fem_rolls_over_mix_that_stays_pressed_too():
 # (b) order
 
 
-def finer(rolled, increments):
-    """The same contact with more increments, solved at once from a coarser mesh."""
-    depth = rolled.indentation
-    frame = compaction._frame(LAYER, ROLLER, MIX, 0.2, "finite", None, depth, increments)
-    march = compaction._march(frame, ROLLER, None, rolled.march)
-    assert compaction._at_once(march, LAYER.height - depth)
-    return read(march, LAYER, ROLLER, MIX, 0.2)
-
-
 @pytest.mark.slow
 def test_half_the_elements_and_half_the_travel_change_little():
     """12 increments, the default, are within 1 % of 24 and .002 of its density; 6 resist by 1.4 % less than 12."""
-    first = roll(LAYER, ROLLER, MIX, 0.2, increments=6)
-    second = finer(first, 12)
-    for coarse, fine, allowed in ((first, second, 0.02), (second, finer(second, 24), 0.01)):
+    first, second, third = (roll(LAYER, ROLLER, MIX, 0.2, increments=increments) for increments in (6, 12, 24))
+    for coarse, fine, allowed in ((first, second, 0.02), (second, third, 0.01)):
         assert coarse.load == pytest.approx(fine.load, rel=0.01)
         assert coarse.resistance == pytest.approx(fine.resistance, rel=allowed)
         deep = fine.exit.y < fine.exit_height - 0.005
@@ -256,6 +246,8 @@ def test_march_that_does_not_get_steady_says_how_far_it_got(monkeypatch):
     monkeypatch.setattr("compact.steady.ITERATIONS", 1)
     with pytest.raises(RuntimeError, match=r"not steady at depth 0.002 m after 0.04.* m of travel .* held by drag"):
         over_small()
+    with pytest.raises(RuntimeError, match=r"has voids for 0.0027 m of that depth, so it is likely to heap up"):
+        over_small(replace(ROLLER, indentation=0.004))
 
 
 def test_roller_that_touches_nothing_bears_nothing():
