@@ -111,11 +111,14 @@ class Steady:
         raise NotBalancedError(f"no steady balance after {len(history)} iterations; residuals over forces were {shown}")
 
     def _balance(self, trial, iterations):
+        push = self._push(trial)
+        deepest = np.delete(push.gap, self.touchable).min(initial=0.0)
+        if deepest < 0:
+            raise NotBalancedError(f"mix from beyond the roller is carried {-deepest:.2g} m into it")
         numbers, points = trial.flow.numbers, self.frame.points
         state = cap.State(
             points(numbers[..., :4]), *(points(numbers[..., k]) for k in (4, 5)), points(trial.flow.plastic_work)
         )
-        push = self._push(trial)
         after = Condition(trial.displacement, state, points(trial.flow.work))
         return Balance(after, push, trial.size, iterations)
 
