@@ -147,7 +147,7 @@ def inputs(scene, mix, engine, speed):
     else:
         target = target or {"peak_pressure": mix.required_pressure}
         plies = (Ply(ply.thickness, ply.stiffness) for ply in scene.layer.plies or ())
-        layer, material = Layer(scene.product.height, scene.layer.base, tuple(plies)), _linear(mix, engine)
+        layer, material = Layer(scene.lift, scene.layer.base, tuple(plies)), _linear(mix, engine)
     roller = Roller(
         scene.machine.roller_radius,
         friction=mix.steel_friction,
@@ -199,10 +199,10 @@ def compaction(scene, mix):
 
 def _fed(scene, material, target, speed):
     """The layer as fed, and what presses it: h_in = h0 k_out/k_in, or where nothing is prescribed as much mix and
-    indentation as leave the product its height and density after the rebound."""
+    indentation as leave the lift its height and density after the rebound."""
     from compact.column import feed
 
-    height, density_ratio = scene.product.height, scene.mix.density_ratio
+    height, density_ratio = scene.lift, scene.mix.density_ratio
     if target:
         return Layer(height * density_ratio / material.fed_density_ratio, scene.layer.base), target
     fed = feed(height, density_ratio, material, speed)

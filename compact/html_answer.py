@@ -38,13 +38,14 @@ def asked(study):
     scene, laws = study.scene, len(study.cycles)
     machine, motion = scene.machine, scene.motion
     rollers = f"{machine.rollers} roller{'s' if machine.rollers > 1 else ''}"
+    lifts = f", in lifts of {quantity(scene.lift, 'm')}," if scene.layer.lift else ""
     stands = f" and stands {quantity(motion.dwell, 's')} at each end" if motion.dwell else ""
     return paragraph(
         f"A cart of {quantity(machine.mass, 'kg')} with {rollers} of radius {quantity(machine.roller_radius, 'm')} and "
         f"length {quantity(machine.roller_length, 'm')} goes {quantity(motion.stroke, 'm')} there and back, "
         f"{quantity(motion.duration, 's')} each way{stands}, and presses a product "
-        f"{quantity(scene.product.height, 'm')} high to the density ratio {scene.mix.density_ratio:g} from a mix of "
-        f"{100 * scene.mix.moisture:g} % moisture. "
+        f"{quantity(scene.product.height, 'm')} high{lifts} to the density ratio {scene.mix.density_ratio:g} from a "
+        f"mix of {100 * scene.mix.moisture:g} % moisture. "
         + (
             f"Which of {laws} motion laws asks least"
             if laws > 1

@@ -77,6 +77,11 @@ class Scene(Table):
         return tuple(self._source.folder / name for name in self.motion.tables)
 
     @property
+    def lift(self) -> float:
+        """Height of what is pressed at a time [m], when pressed: a lift of the product, or all of it."""
+        return self.layer.lift or self.product.height
+
+    @property
     def beside_engines(self) -> tuple[str, ...]:
         """The engines that answer beside that of [accuracy]; the formulas beside every engine of a layer."""
         given = {} if self.beside is None else self.beside.model_dump(exclude_none=True)

@@ -109,11 +109,21 @@ def _fed_mix_is_looser(fed, ratio):
         return f"must be below mix.density_ratio = {ratio:g}, got {fed:g}; give the looser state before the first pass"
 
 
-@_rule("layer.plies", "product.height")
-def _plies_fill_the_layer(plies, height):
-    total = sum(ply["thickness"] for ply in plies or ())
-    if plies and abs(total - height) > (GUARD - 1) * height:
-        return f"must be product.height = {height:g} m thick together, got {total:.9g}; change one thickness"
+@_rule("layer.lift", "product.height")
+def _lift_is_of_the_product(lift, height):
+    if lift is not None and lift > height:
+        return f"must be at most product.height = {height:g} m, got {lift:g}; without it the product is one lift"
+
+
+@_rule("layer.plies", "product.height", "layer.lift")
+def _plies_fill_the_layer(plies, height, lift):
+    total, (key, asked) = sum(ply["thickness"] for ply in plies or ()), _pressed(height, lift)
+    if plies and abs(total - asked) > (GUARD - 1) * asked:
+        return f"must be {key} = {asked:g} m thick together, got {total:.9g}; change one thickness"
+
+
+def _pressed(height, lift):
+    return ("product.height", height) if lift is None else ("layer.lift", lift)
 
 
 @_rule("layer.plies", "accuracy.engine")
@@ -138,10 +148,11 @@ def _one_target(indentation, load, pressure):
         return f"only one of indentation, load and peak_pressure can be prescribed, got {given}; take the others out"
 
 
-@_rule("contact.indentation", "product.height")
-def _roller_stays_above_the_base(indentation, height):
-    if indentation is not None and indentation >= height:
-        return f"must be below product.height = {height:g} m, got {indentation:g}; the base of the mould lies there"
+@_rule("contact.indentation", "product.height", "layer.lift")
+def _roller_stays_above_the_base(indentation, height, lift):
+    key, most = _pressed(height, lift)
+    if indentation is not None and indentation >= most:
+        return f"must be below {key} = {most:g} m, got {indentation:g}; the base lies there"
 
 
 @_rule("machine.roller_torque", "machine.rolling")

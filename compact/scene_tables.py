@@ -147,6 +147,7 @@ class Layer(Table):
     """The layer under the roller; without `plies` it is the same all through."""
 
     base: Base = Field(description="how the layer lies on its base")
+    lift: float | None = _optional("the height in m, when pressed, of one lift of the product; without it it is one")
     plies: Plies | None = Field(default=None, min_length=1, description="the plies from the base upwards, as tables")
     fed_density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio of the mix as fed")
     passes: int = _between(1, COUNT_LIMIT, "the number of passes")

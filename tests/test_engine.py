@@ -281,3 +281,17 @@ def test_prescribed_load_meets_mix_of_the_nominal_height():
     assert rolled.load * case.scene.machine.roller_length == pytest.approx(9740, rel=1e-9)
     layer, *_ = engine.inputs(case.scene, case.mix, "column", 0.2)
     assert layer.height == pytest.approx(0.22 * 0.98 / 0.94)
+
+
+@pytest.mark.parametrize(("name", "height"), [("spectral", 0.06), ("column", 0.06 * 0.98 / 0.94)])
+def test_a_product_in_lifts_is_rolled_a_lift_at_a_time(name, height):
+    case = study(**{"layer.lift": 0.06, "contact.indentation": 2.5e-3})
+    layer, *_ = engine.inputs(case.scene, case.mix, name, 0.2)
+    assert layer.height == pytest.approx(height)
+
+
+def test_a_lift_leaves_with_its_height_and_density():
+    case = study(**{"layer.lift": 0.06, "accuracy.engine": "column"})
+    rolled = engine.roll(case.scene, case.mix, 0.2)
+    assert rolled.exit_height == pytest.approx(0.06, rel=1e-6)
+    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=1e-6)
