@@ -9,12 +9,12 @@ R(0+) and more than R(0-). With K e - n y + g for the springs, in e,
     (m + M) e'' + (c + d) e' + K e = (m + M) y'' + n y - g + R0 + d (y' - v0) - M a0 + r(t)
     r = R(v, a) - R0 - d (v - v0) - M (a - a0),   d = dR/dv, M = dR/da at the start of the arc
 
-is a linear oscillator under a force that is a polynomial wherever y is one and r is made one by collocation, and a
+is a linear oscillator under a force that is a polynomial wherever y is one and r is made one (`sliding`), and a
 polynomial force is answered exactly (`oscillator`). So an arc lasts as long as the law, the sign of the speed and r
 allow, however stiff the spring: for dry friction of one size it is a whole piece of the law. An arc ends where the
-speed gets zero, where a standing cart is pulled off, where the backlash opens or closes, or where the cart meets or
-leaves an end spring: at roots of signals (`ringing`), found to rounding. What r misses of the true resistance anywhere
-is the defect: the arcs solve exactly the equation with a resistance that differs by less than the tolerance.
+speed gets zero or R bends, where a standing cart is pulled off, where the backlash opens or closes, or where the cart
+meets or leaves an end spring: at roots of signals (`ringing`), found to rounding. What r misses of the true resistance
+anywhere is the defect: the arcs solve exactly the equation with a resistance that differs by less than the tolerance.
 """
 
 from typing import NamedTuple

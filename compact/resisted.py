@@ -14,9 +14,9 @@ from compact import ringing
 from compact.polynomials import Pieces
 from compact.ringing import compiling
 
-AT = 1e-6  # of a speed: so near a knot a motion is at it
+AT = 1e-6  # of a speed, or of an arc: so near a knot a motion is at it
 FARTHER = 0.5  # of a piece of a table, for which it goes on as it is beyond a knot
-EITHER = 2
+EITHER = 2  # neither 0 nor a sign
 NONE = Pieces(np.array([0.0, 1.0]), np.zeros((1, 1)))
 
 compiled = compiling(__file__, ringing.__file__)
