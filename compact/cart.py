@@ -123,6 +123,9 @@ def balance(cart, acceleration, resistance, direction, rod_tangent=0.0, push=0.0
     (front_0, rear_0), (front_1, rear_1) = _reactions(cart, resistance, slide, tangent)
     if np.any(np.abs(slide) * (np.abs(front_1) + np.abs(rear_1)) >= 1):
         raise ValueError(f"the rod is too steep: `guide_friction` {cart.guide_friction!r} locks the cart")
+    if not tangent.any():  # the drive pulls along the rails and moves no reaction
+        friction = slide * (np.abs(front_0) + np.abs(rear_0))
+        return Balance(needed + friction, front_0, rear_0, friction)
     force, gap = np.zeros(needed.shape), np.full(needed.shape, np.inf)
     for front_sign, rear_sign in product((1, -1), repeat=2):
         offset, slope = front_sign * front_0 + rear_sign * rear_0, front_sign * front_1 + rear_sign * rear_1

@@ -9,54 +9,33 @@ R(0+) and more than R(0-). With K e - n y + g for the springs, in e,
     (m + M) e'' + (c + d) e' + K e = (m + M) y'' + n y - g + R0 + d (y' - v0) - M a0 + r(t)
     r = R(v, a) - R0 - d (v - v0) - M (a - a0),   d = dR/dv, M = dR/da at the start of the arc
 
-is a linear oscillator under a force that is a polynomial wherever y is one and r is made one by collocation, and a
+is a linear oscillator under a force that is a polynomial wherever y is one and r is made one (`sliding`), and a
 polynomial force is answered exactly (`oscillator`). So an arc lasts as long as the law, the sign of the speed and r
 allow, however stiff the spring: for dry friction of one size it is a whole piece of the law. An arc ends where the
-speed gets zero, where a standing cart is pulled off, where the backlash opens or closes, or where the cart meets or
-leaves an end spring: at roots of signals (`ringing`), found to rounding. What r misses of the true resistance anywhere
-is the defect: the arcs solve exactly the equation with a resistance that differs by less than the tolerance.
+speed gets zero or R bends, where a standing cart is pulled off, where the backlash opens or closes, or where the cart
+meets or leaves an end spring: at roots of signals (`ringing`), found to rounding. What r misses of the true resistance
+anywhere is the defect: the arcs solve exactly the equation with a resistance that differs by less than the tolerance.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from compact import oscillator, resisted, ringing, suspended
-from compact.oscillator import TERMS, reach, respond
-from compact.resisted import accelerated, opposed
-from compact.ringing import (
-    Signal,
-    combined,
-    compiling,
-    first_fall,
-    largest_product,
-    scaled,
-    shifted,
-    slope,
-    sum_of,
-    value,
-)
+from compact import oscillator, resisted, ringing, sliding, suspended
+from compact.oscillator import TERMS, reach
+from compact.ringing import Signal, combined, compiling, first_fall, largest_product, shifted, slope, value
+from compact.sliding import AHEAD, CHECKS, SLOWEST, defect, lined, pace_of, passed, slide, stretched
 from compact.suspended import AT_FAR, AT_NEAR, FAR, NEAR, State, direction, engaged, hold, limits
 
-POINTS = 9  # of the collocation, so that the defect falls with the 9th power of the step
-CHECKS = 16  # places on an arc where the defect is measured
-ITERATIONS = 25  # of the collocation; 1 for dry friction, 2 to 6 are usual
-SLOWEST, FASTEST, SAFETY = 0.2, 4.0, 0.9  # of the step control
-# where an arc that fails passes a knot of the resistance the next one ends a share past it, unless that is LATE times
-# as far as the defect allows, or ALMOST the whole; a knot is passed that lies AT a share from the start, or farther
-PAST, LATE, ALMOST, AT = 1 + 1e-3, 4.0, 0.9, 1e-6
-EARLY = 1e-2  # of an arc: where it starts on the verge of what a M may be, that is no knot ahead
 SHORTEST = 1e-13  # share of a piece of the law below which a step is no step
 BRIEF = 1e-7  # share of a piece of the law: over so short an arc a cart that does not get away stands
 STILL = 1e-7  # of the fastest: so slow a cart does not bounce off the plate of an end spring any more
-NODES = np.sin(np.pi * np.arange(POINTS) / (2 * (POINTS - 1))) ** 2
-TO_COEFFICIENTS = np.linalg.inv(np.vander(NODES, increasing=True))
 
 DONE, TOO_MANY, TOO_FAST, TOO_SHORT = range(4)  # how `integrate` ended
-# what ends an arc; HELD: the cart stopped before it got away
-NOTHING, STOPPED, HELD, PULLED, PUSHED, OPENED, CLOSED_AHEAD, CLOSED_BEHIND, LEFT, MET_NEAR, MET_FAR = range(11)
+# what ends an arc; HELD: the cart stopped before it got away; PASSED: its resistance is another from there
+NOTHING, STOPPED, HELD, PULLED, PUSHED, OPENED, CLOSED_AHEAD, CLOSED_BEHIND, LEFT, MET_NEAR, MET_FAR, PASSED = range(12)
 
-compiled = compiling(__file__, *(module.__file__ for module in (oscillator, resisted, ringing, suspended)))
+compiled = compiling(__file__, *(module.__file__ for module in (oscillator, resisted, ringing, sliding, suspended)))
 
 
 class Arcs(NamedTuple):
@@ -83,83 +62,6 @@ def room(count, degree):
         one, one.copy(), one.copy(), np.empty((count, degree + 1)), np.empty((count, TERMS)), np.empty((count, 4)),
         kind, kind.copy(), kind.copy(),
     )  # fmt: skip
-
-
-class Line(NamedTuple):
-    """R near the start of an arc: R0 + rise (v - v0) + added (a - a0); velocity v0, acceleration a0."""
-
-    force: float
-    rise: float
-    added: float
-    velocity: float
-    acceleration: float
-
-
-@compiled
-def lined(spring, resistance, state, slip, place, pace):
-    """The `Line` of a cart that moves, with the far end at a place [m] and a pace [m/s]."""
-    held = hold(spring, state.side, state.zone)
-    pull = held.stiffness * state.stretch - held.along * place + held.constant
-    pull += spring.damping * (pace - state.velocity)
-    a = accelerated(resistance, slip, state.velocity, spring.mass, pull)
-    force, rise, added = opposed(resistance, slip, state.velocity, a)
-    return Line(force, rise, added, state.velocity, a)
-
-
-@compiled
-def rest_of(resistance, slip, line, velocity, acceleration):
-    """r [N]: what R has beside its `Line`."""
-    force = opposed(resistance, slip, velocity, acceleration)[0]
-    straight = line.rise * (velocity - line.velocity) + line.added * (acceleration - line.acceleration)
-    return force - line.force - straight
-
-
-@compiled
-def slide(spring, resistance, state, slip, line, law, h, tolerance):
-    """(stretch, coefficients of r, converged?, evaluations) of a cart that moves, over one trial arc."""
-    held = hold(spring, state.side, state.zone)
-    mass, damping, n = spring.mass + line.added, spring.damping + line.rise, len(law)
-    force = held.along * law
-    for j in range(n):
-        if j + 2 < n:
-            force[j] += mass / h**2 * (j + 1) * (j + 2) * law[j + 2]
-        if j + 1 < n:
-            force[j] += line.rise / h * (j + 1) * law[j + 1]
-    force[0] += line.force - held.constant - line.rise * line.velocity - line.added * line.acceleration
-    rest, there, before = np.zeros(n), np.zeros(POINTS), np.zeros(POINTS)
-    rate = law[1] / h - state.velocity
-    stretch = respond(mass, damping, held.stiffness, force, state.stretch, rate, h)
-    for iteration in range(ITERATIONS):
-        speed, moved = combined(stretch, law, 0.0, -1.0, 0.0, 1.0), 0.0
-        change = slope(speed)
-        for i in range(POINTS):
-            acceleration = value(change, NODES[i]) / h if resistance.pace > 0 else 0.0
-            there[i] = rest_of(resistance, slip, line, value(speed, NODES[i]), acceleration)
-            moved = max(moved, abs(there[i] - before[i]))
-            if not abs(there[i]) < np.inf:
-                return stretch, rest, False, (iteration + 1) * POINTS
-        before[:] = there
-        rest[:POINTS] = TO_COEFFICIENTS @ there
-        stretch = respond(mass, damping, held.stiffness, force + rest, state.stretch, rate, h)
-        if moved <= tolerance / 10:  # what is left falls by as much again
-            return stretch, rest, True, (iteration + 1) * POINTS
-    return stretch, rest, False, ITERATIONS * POINTS
-
-
-@compiled
-def defect(resistance, slip, line, speed, rest, until):
-    """Largest |R - its `Line` - r| [N] up to u = until, and the largest |v| met."""
-    worst, fastest, change = 0.0, 0.0, slope(speed)
-    for i in range(CHECKS + 1):
-        u = until * i / CHECKS
-        velocity, r = value(speed, u), 0.0
-        for j in range(POINTS - 1, -1, -1):
-            r = r * u + rest[j]
-        if slip * velocity > 0:
-            acceleration = value(change, u) / speed.span if resistance.pace > 0 else 0.0
-            worst = max(worst, abs(rest_of(resistance, slip, line, velocity, acceleration) - r))
-        fastest = max(fastest, abs(velocity))
-    return worst, fastest
 
 
 @compiled
@@ -208,15 +110,55 @@ def _at_plate(ends, zone, law, stretch, first, what):
 
 
 class Trial(NamedTuple):
-    """An arc that was tried: whether to keep it, the step to try next [s], its stretch, where and by what it ends."""
+    """An arc that was tried: whether to keep it, the step to try next [s], far end and stretch over u, where and by
+    what it ends."""
 
     kept: bool
     step: float
+    law: np.ndarray
     stretch: Signal
     until: float
     what: int
     evaluations: int
     fastest: float
+
+
+@compiled
+def attempt(spring, resistance, state, slip, line, law, h, tolerance):
+    """The `Trial` of an arc of at most h [s] under law(u) of a cart that slides."""
+    law, stretch, rest, converged, evaluations = slide(spring, resistance, state, slip, line, law, h, tolerance)
+    span = stretch.span
+    if not converged:
+        return Trial(False, span / 2, law, stretch, 0.0, NOTHING, evaluations, 0.0)
+    until, what = event(spring, resistance, slip, state, law, stretch)
+    speed = combined(stretch, law, 0.0, -1.0, 0.0, 1.0)
+    worst, fastest = defect(resistance, slip, line, speed, rest, until)
+    evaluations += CHECKS
+    leaves = passed(resistance, slip, line, speed) if worst > tolerance else 2.0
+    if leaves < until:
+        until, what = leaves, PASSED
+        worst, fastest = defect(resistance, slip, line, speed, rest, until)
+        evaluations += CHECKS
+    pace = pace_of(worst, tolerance)
+    if worst > tolerance:
+        step = span * min(max(pace, SLOWEST), AHEAD * until)
+    elif what == STOPPED:
+        step = span
+    elif what == PASSED or span < h:  # it was the resistance that ended it, and not the step
+        step = h
+    else:
+        step = span * stretched(pace, abs(value(speed, 0.0)), abs(value(speed, until)))
+    return Trial(worst <= tolerance, step, law, stretch, until, what, evaluations, fastest)
+
+
+@compiled
+def stand(spring, resistance, state, law, h):
+    """The `Trial` of an arc of h [s] under law(u) of a cart that stands."""
+    poly = law.copy()
+    poly[0] = state.stretch
+    stretch = Signal(poly, 0.0, 0.0, 0.0, 0.0, h)
+    until, what = event(spring, resistance, 0, state, law, stretch)
+    return Trial(True, np.inf, law, stretch, until, what, 0, 0.0)
 
 
 @compiled
@@ -235,57 +177,11 @@ def heading(spring, resistance, state, place, pace, last):
 
 
 @compiled
-def attempt(spring, resistance, state, slip, line, law, h, tolerance):
-    """The `Trial` of an arc of h [s] under law(u)."""
-    if slip == 0:
-        poly = law.copy()
-        poly[0] = state.stretch
-        stretch = Signal(poly, 0.0, 0.0, 0.0, 0.0, h)
-        until, what = event(spring, resistance, 0, state, law, stretch)
-        return Trial(True, np.inf, stretch, until, what, 0, 0.0)
-    stretch, rest, converged, evaluations = slide(spring, resistance, state, slip, line, law, h, tolerance)
-    if not converged:
-        return Trial(False, h / 2, stretch, 0.0, NOTHING, evaluations, 0.0)
-    until, what = event(spring, resistance, slip, state, law, stretch)
-    speed = combined(stretch, law, 0.0, -1.0, 0.0, 1.0)
-    worst, fastest = defect(resistance, slip, line, speed, rest, until)
-    pace = SAFETY * (tolerance / max(worst, 1e-300)) ** (1 / POINTS)
-    kept = worst <= tolerance
-    if kept:
-        step = min(FASTEST, max(1.0, pace))
-    else:
-        to_knot = PAST * min(passed(resistance, slip, line, speed), until)
-        step = to_knot if to_knot < min(ALMOST, LATE * pace) else max(SLOWEST, pace)
-    return Trial(kept, h * step, stretch, until, what, evaluations + CHECKS, fastest)
-
-
-@compiled
-def passed(resistance, slip, line, speed):
-    """The u at which a motion first passes a knot of R beyond the one where it starts, 2.0 where it passes none."""
-    knots, start, first = resistance.knots, slip * line.velocity, 2.0
-    above = np.searchsorted(knots, start * (1 + AT), side="right")
-    below = np.searchsorted(knots, start * (1 - AT), side="left") - 1
-    for k, way in ((above, slip), (below, -slip)):
-        if 0 <= k < len(knots):
-            left = scaled(speed, -way)
-            left.poly[0] += way * slip * knots[k]
-            first = min(first, first_fall(left))
-    if 0 < resistance.pace < np.inf:
-        change, inside = slope(speed), line.added != 0
-        for sign in (1.0, -1.0):
-            if inside or sign * line.acceleration > 0:
-                spare = sum_of(scaled(speed, slip * resistance.pace), scaled(change, -sign / speed.span))
-                u = first_fall(spare if inside else scaled(spare, -1.0))
-                first = min(first, u if u > EARLY else 2.0)
-    return first
-
-
-@compiled
-def outcome(spring, resistance, state, slip, law, trial):
+def outcome(spring, resistance, state, slip, trial):
     """The `State` at the end of an arc."""
     stretch, velocity, side, zone = value(trial.stretch, trial.until), 0.0, state.side, state.zone
     if slip != 0 and trial.what != STOPPED:
-        velocity = value(combined(trial.stretch, law, 0.0, -1.0, 0.0, 1.0), trial.until)
+        velocity = value(combined(trial.stretch, trial.law, 0.0, -1.0, 0.0, 1.0), trial.until)
     if trial.what == OPENED:
         side = 0
     elif trial.what in (CLOSED_AHEAD, CLOSED_BEHIND):
@@ -297,7 +193,7 @@ def outcome(spring, resistance, state, slip, law, trial):
         plate = AT_NEAR if trial.what == MET_NEAR or zone == NEAR else AT_FAR
         if abs(velocity) <= STILL * resistance.there.breaks[-1]:
             held = hold(spring, side, plate)
-            pace = value(slope(Signal(law, 0.0, 0.0, 0.0, 0.0, 1.0)), trial.until) / trial.stretch.span
+            pace = value(slope(Signal(trial.law, 0.0, 0.0, 0.0, 0.0, 1.0)), trial.until) / trial.stretch.span
             if (
                 direction(spring, resistance, plate, held.stiffness * stretch + held.constant + spring.damping * pace)
                 == 0
@@ -331,30 +227,34 @@ def integrate(spring, law, resistance, state, tolerance, arcs):
                 stiffness = hold(spring, state.side, state.zone).stiffness
                 h = reach(spring.mass + line.added, spring.damping + line.rise, stiffness, h)
             y = shifted(piece, done, h / whole)
-            trial = attempt(spring, resistance, state, slip, line, y, h, tolerance)
-            work += trial.evaluations
-            if slip != 0:  # after a stand it goes on with steps as before
+            if slip == 0:
+                trial = stand(spring, resistance, state, y, h)
+            else:  # after a stand it goes on with steps as before
+                trial = attempt(spring, resistance, state, slip, line, y, h, tolerance)
                 step = trial.step
+            work += trial.evaluations
+            span = trial.stretch.span
             if not trial.kept:
                 continue
             if slip != 0 and trial.fastest > (resistance.there if slip > 0 else resistance.back).breaks[-1]:
                 return TOO_FAST, n, work, state, time
-            stayed = state.velocity == 0 and trial.what == STOPPED and trial.until * h < SHORTEST * whole
-            if stayed and h > BRIEF * whole:  # it hardly sets off: over a shorter arc rounding hides less
-                step = h / 8
+            stayed = state.velocity == 0 and trial.what == STOPPED and trial.until * span < SHORTEST * whole
+            if stayed and span > BRIEF * whole:  # it hardly sets off: over a shorter arc rounding hides less
+                step = span / 8
                 continue
-            _keep(arcs, n, time, h, y, trial, slip, state)
+            _keep(arcs, n, time, trial, slip, state)
             n += 1
             last, step = (HELD, np.inf) if stayed else (trial.what, step)
-            state = outcome(spring, resistance, state, slip, y, trial)
-            done = 1.0 if h == left and trial.what == NOTHING else done + trial.until * h / whole
+            state = outcome(spring, resistance, state, slip, trial)
+            done = 1.0 if span == left and trial.what == NOTHING else done + trial.until * span / whole
     return DONE, n, work, state, law.breaks[-1]
 
 
 @compiled
-def _keep(arcs, n, start, span, law, trial, slip, state):
+def _keep(arcs, n, start, trial, slip, state):
+    span = trial.stretch.span
     arcs.start[n], arcs.span[n], arcs.length[n] = start, span, trial.until * span
-    arcs.law[n], arcs.stretch[n] = law, 0.0
+    arcs.law[n], arcs.stretch[n] = trial.law, 0.0
     arcs.stretch[n, : len(trial.stretch.poly)] = trial.stretch.poly
     arcs.ring[n, 0], arcs.ring[n, 1] = trial.stretch.cosine, trial.stretch.sine
     arcs.ring[n, 2], arcs.ring[n, 3] = trial.stretch.decay, trial.stretch.bend

@@ -65,7 +65,7 @@ def means(scene, cycle):
     if table.kind == "elastic":
         from compact.elastic import ElasticDrive  # compiled code, loaded for those who want it
 
-        return ElasticDrive(table.stiffness, table.damping, table.backlash or 0.0)
+        return ElasticDrive(table.stiffness, table.damping, table.backlash or 0.0, bool(table.first_order))
     if table.kind == "hydraulic":
         return Hydraulic(**table.hydraulics.model_dump())
     through_rod = cycle.there.name == "crank" and rod is not None and scene.motion.dwell == 0

@@ -30,6 +30,7 @@ WIDER, WIDENINGS = 2.0, 8  # of the range of speeds, where a cart overshoots it
 CREEPING = 1e-6  # of the fastest: slower is as good as standing
 AT_ONCE = 1e-3  # of the largest force: what rises by more within the creep, such as v^0.02, holds a standing cart
 CLOSED = 0.1  # of the tolerance: a cycle that ends so near to where it began
+ROUGHLY = 1e2  # times the tolerance, of a first cycle
 PROBE = 1e-5  # of the force scale: difference for the derivative of the map over one cycle
 FORGOTTEN = 0.03  # of a residual, that one more cycle leaves: as good as Newton's method, which takes three for a round
 ROUNDS = 40  # of Newton's method; 1 to 4 are usual
@@ -52,13 +53,19 @@ class Work:
 
 
 class Turn(NamedTuple):
-    """A cycle from the middle of the way there: its arcs in order, the states at its end and in the middle again, and
-    how far the latter lies from the one it left from, in units of force. The arcs meet there as near as that."""
+    """A cycle from the middle of the way there: the arcs before and after that, the states at its end and in the middle
+    again, and how far it is from closed, in units of force. The arcs meet as near as that."""
 
-    arcs: Arcs
+    first: Arcs
+    second: Arcs
     end: State
     after: State
     residual: np.ndarray
+
+    @property
+    def arcs(self):
+        """All arcs, from the start of the cycle."""
+        return Arcs(*map(np.concatenate, zip(self.first, self.second, strict=True)))
 
 
 class Problem:
@@ -71,7 +78,8 @@ class Problem:
         self.middle = cycle.there.duration / 2
         self.total = _total(cart, resistance)
         self.knots = getattr(resistance, "speeds", ())
-        velocity, acceleration = (np.abs(cycle.there.at_phase(inside(cycle.there.curve.x), k)).max() for k in (1, 2))
+        phases = inside(cycle.there.curve.x)
+        velocity, acceleration = (np.abs(cycle.there.at_phase(phases, k)).max() for k in (1, 2))
         self.fastest, self.creep = WIDER * velocity, CREEPING * velocity
         impact = velocity * math.sqrt(drive.stiffness * cart.mass) if acceleration == 0 else 0.0
         inertia = cart.mass * acceleration + impact
@@ -152,11 +160,14 @@ class Problem:
         side = 1 if slack == 0 else -1
         return State(-given, 0.0, side, NEAR) if given < ends.length else State(-ends.length, 0.0, side, AT_NEAR)
 
-    def course(self, law, state):
-        """(`Arcs`, end state) through the pieces of a law; the range of speeds widens as need be."""
+    def course(self, law, state, roughly=1.0):
+        """(`Arcs`, end state) through the pieces of a law, to so many times the tolerance; the range of speeds widens
+        as need be."""
         for _ in range(WIDENINGS):
             arcs = room(ARCS, law.coefficients.shape[1] - 1)  # memory is taken as it is filled
-            ended, n, evaluations, end, time = integrate(self.spring, law, self.resistance, state, self.tolerance, arcs)
+            ended, n, evaluations, end, time = integrate(
+                self.spring, law, self.resistance, state, roughly * self.tolerance, arcs
+            )
             self.work.courses += 1
             self.work.arcs += n
             self.work.evaluations += evaluations
@@ -174,27 +185,34 @@ class Problem:
     def periodic(self):
         """(`Arcs`, state at the start) of the cycle that comes back after it.
 
-        Newton's method on the map over one cycle, from the middle of the way there, where the cart moves for sure;
-        while a cycle wipes out nearly all of the past, or a step does not help, it is one more cycle instead.
+        Newton's method on the map over one cycle, from the middle of the way there, where the cart surely moves, after
+        a rough one; while a cycle wipes out nearly all of the past, or a step does not help, it is one more instead.
         """
         late, early = _cut(self.law, self.middle)
-        state = self._steady(early)
+        state = self.course(early, self.course(late, self._steady(early), ROUGHLY)[1], ROUGHLY)[1]
         stiffness, mass = self.spring.stiffness, self.spring.mass
         units = self.scale / np.array([stiffness, math.sqrt(stiffness * mass)])
 
-        def miss(state):
+        def miss(state, last=None):
             second, end = self.course(late, state)
+            if last is not None and end[2:] == last.end[2:] and close(short := away(end, last.end)):
+                return last._replace(second=second, residual=short)  # the rest of the cycle is known
             first, after = self.course(early, end)
-            arcs = Arcs(*(np.concatenate(halves) for halves in zip(first, second, strict=True)))
-            return Turn(arcs, end, after, (np.array(after[:2]) - np.array(state[:2])) / units)
+            return Turn(first, second, end, after, away(after, state))
+
+        def away(one, other):
+            return (np.array(one[:2]) - np.array(other[:2])) / units
+
+        def close(residual):
+            return np.abs(residual).max() <= CLOSED * self.tolerance / self.scale
 
         turn, before = miss(state), np.inf
         for _ in range(ROUNDS):
             left = np.abs(turn.residual).max()
-            if left <= CLOSED * self.tolerance / self.scale and turn.after[2:] == state[2:]:
+            if close(turn.residual) and turn.after[2:] == state[2:]:
                 return turn.arcs, turn.end
             if left <= FORGOTTEN * before:
-                state, turn, before = turn.after, miss(turn.after), left
+                state, turn, before = turn.after, miss(turn.after, turn), left
                 continue
             self.work.rounds += 1
             slopes = np.empty((2, 2))

@@ -14,6 +14,9 @@ from compact import ringing
 from compact.polynomials import Pieces
 from compact.ringing import compiling
 
+AT = 1e-6  # of a speed, or of an arc: so near a knot a motion is at it
+FARTHER = 0.5  # of a piece of a table, for which it goes on as it is beyond a knot
+EITHER = 2  # neither 0 nor a sign
 NONE = Pieces(np.array([0.0, 1.0]), np.zeros((1, 1)))
 
 compiled = compiling(__file__, ringing.__file__)
@@ -30,40 +33,80 @@ class Resistance(NamedTuple):
     pace: float = 0.0
 
 
+class Section(NamedTuple):
+    """Where R is smooth, to be taken beyond as it is within: |v| from low to high [m/s]; held: the sign with which the
+    second term stays as it is at A |v|, 0 where it follows the acceleration, EITHER as a motion has it."""
+
+    low: float
+    high: float
+    held: int
+
+
+WHOLE = Section(0.0, np.inf, EITHER)
+
+
 @compiled
-def looked_up(table, speed):
-    """Value and slope of `Pieces`; beyond their ends they go on straight."""
-    breaks = table.breaks
-    i = min(max(np.searchsorted(breaks, speed, side="right") - 1, 0), len(breaks) - 2)
+def section(resistance, slip, velocity, acceleration):
+    """The `Section` into which a motion goes."""
+    knots, speed = resistance.knots, slip * velocity
+    k = np.searchsorted(knots, speed * (1 + AT if slip * acceleration > 0 else 1 - AT), side="right")
+    held = which(resistance.pace, slip, speed, acceleration) if resistance.pace > 0 else 0
+    return Section(knots[k - 1] if k > 0 else 0.0, knots[k] if k < len(knots) else np.inf, held)
+
+
+@compiled
+def which(pace, slip, speed, acceleration):
+    """0 while the second term follows the acceleration, else the sign with which it does not."""
+    if pace == np.inf or abs(acceleration) < pace * speed:
+        return 0
+    return slip if acceleration == 0 else 1 if acceleration > 0 else -1  # a cart sets off with its slip
+
+
+@compiled
+def looked_up(table, speed, within):
+    """Value and slope of `Pieces` as they are within a `Section`.
+
+    Beyond it the outermost piece goes on for a while, and then straight: from below as from rest to the section, so
+    that rounding in a narrow piece does not grow. Beyond their ends the pieces go on straight at once.
+    """
+    breaks, rows = table.breaks, table.coefficients
+    i, end = 0, len(breaks) - 1
+    while end - i > 1:
+        middle = (i + end) // 2
+        if breaks[middle] <= max(speed, within.low) and breaks[middle] < within.high:
+            i = middle
+        else:
+            end = middle
     width = breaks[i + 1] - breaks[i]
-    p = table.coefficients[i]
     u, found, slope = (speed - breaks[i]) / width, 0.0, 0.0
-    inside = min(max(u, 0.0), 1.0)
-    for j in range(len(p) - 1, -1, -1):
+    inside = min(max(u, -FARTHER if within.low > 0 else 0.0), 1 + FARTHER if within.high < np.inf else 1.0)
+    for j in range(rows.shape[1] - 1, -1, -1):
         slope = slope * inside + found
-        found = found * inside + p[j]
+        found = found * inside + rows[i, j]
+    if u < inside and within.low > 0:
+        slope = (rows[i, 0] - rows[0, 0]) / within.low * width
     return found + slope * (u - inside), slope / width
 
 
 @compiled
 def met(resistance, slip, velocity):
     """F and dF/dv at a velocity, seen from the side of `slip`."""
-    force, rise = looked_up(resistance.there if slip > 0 else resistance.back, slip * velocity)
+    force, rise = looked_up(resistance.there if slip > 0 else resistance.back, slip * velocity, WHOLE)
     return force, slip * rise
 
 
 @compiled
-def opposed(resistance, slip, velocity, acceleration):
-    """R, dR/dv and dR/da, seen from the side of `slip`."""
-    force, rise = met(resistance, slip, velocity)
-    if resistance.pace == 0:
-        return force, rise, 0.0
-    mass, grows = looked_up(resistance.added, slip * velocity)
-    most = np.inf if resistance.pace == np.inf else resistance.pace * slip * velocity
-    if abs(acceleration) < most:
-        return force + mass * acceleration, rise + slip * grows * acceleration, mass
-    sign = np.sign(acceleration) if acceleration != 0 else float(slip)  # a cart sets off with its slip
-    return force + sign * mass * most, rise + sign * slip * (resistance.pace * mass + grows * most), 0.0
+def opposed(table, added, pace, slip, velocity, acceleration, within):
+    """R, dR/dv and dR/da by the table of F on the side of `slip`, as within a `Section`."""
+    speed = slip * velocity
+    force, rise = looked_up(table, speed, within)
+    if pace == 0:
+        return force, slip * rise, 0.0
+    mass, grows = looked_up(added, speed, within)
+    held = which(pace, slip, speed, acceleration) if within.held == EITHER else within.held
+    if held == 0:
+        return force + mass * acceleration, slip * (rise + grows * acceleration), mass
+    return force + held * mass * pace * speed, slip * (rise + held * pace * (mass + grows * speed)), 0.0
 
 
 @compiled
@@ -72,7 +115,7 @@ def accelerated(resistance, slip, velocity, mass, force):
     push = force - met(resistance, slip, velocity)[0]
     if resistance.pace == 0:
         return push / mass
-    added = looked_up(resistance.added, slip * velocity)[0]
+    added = looked_up(resistance.added, slip * velocity, WHOLE)[0]
     a = push / (mass + added)
     most = np.inf if resistance.pace == np.inf else resistance.pace * slip * velocity
     return a if abs(a) < most else (push - np.sign(push) * added * most) / mass

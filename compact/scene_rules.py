@@ -224,9 +224,9 @@ def _one_angle_per_cart(angles, carts):
         return f"needs one angle per cart, drive.carts = {carts:g}, got {len(angles)}; make the two agree"
 
 
-@_rule("drive.kind", "drive.stiffness", "drive.damping", "drive.backlash")
-def _spring_belongs_to_an_elastic_drive(kind, stiffness, damping, backlash):
-    given = {"stiffness": stiffness, "damping": damping, "backlash": backlash}
+@_rule("drive.kind", "drive.stiffness", "drive.damping", "drive.backlash", "drive.first_order")
+def _spring_belongs_to_an_elastic_drive(kind, stiffness, damping, backlash, first_order):
+    given = {"stiffness": stiffness, "damping": damping, "backlash": backlash, "first_order": first_order}
     if kind == "elastic":
         missing = [name for name in ("stiffness", "damping") if given[name] is None]
         if missing:

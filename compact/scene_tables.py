@@ -235,6 +235,10 @@ class Drive(Table):
     stiffness: float | None = _optional("the stiffness of an elastic drive in N/m")
     damping: float | None = _optional("the damping of an elastic drive in N s/m, 0 for none", ge=0)
     backlash: float | None = _optional("the play of an elastic drive between pulling and pushing in m", ge=0)
+    first_order: bool | None = Field(
+        default=None,
+        description="true where the resistance behind an elastic drive follows the acceleration, F + a M, else false",
+    )
     carts: int = _between(1, 4, "the number of carts on one shaft")
     angles: Numbers | None = Field(default=None, description="the crank angle of each cart in rad")
     motor: Motor | None = None

@@ -17,13 +17,14 @@ from scipy.optimize import brentq
 
 from compact.course import Course
 from compact.drive import simulate
-from compact.dynamics import POINTS, integrate, peaks, room
+from compact.dynamics import integrate, peaks, room
 from compact.elastic import ElasticDrive, damping_ratio, travel
 from compact.motion import LAWS, Cycle, law
 from compact.polynomials import Pieces, pieces
 from compact.regime import Problem
 from compact.resistance import ResistanceMap
 from compact.resisted import Resistance
+from compact.sliding import POINTS
 from compact.suspended import Spring, State
 
 CART = replace(CART_OF_C, guide_friction=0.0)

@@ -782,6 +782,21 @@ BROKEN = [
         at='kind = "rigid"',
     ),
     refused(
+        "resistance at first order of a rigid drive",
+        'kind = "rigid"',
+        'kind = "rigid"\nfirst_order = true',
+        'drive.kind: "rigid" has no first_order; take it out, or choose "elastic"',
+        at='kind = "rigid"',
+    ),
+    refused(
+        "resistance at an order that is none",
+        'kind = "rigid"',
+        'kind = "elastic"\nstiffness = 1e6\ndamping = 0.0\nfirst_order = 1',
+        "drive.first_order: must be true or false, got 1; give true where the resistance behind an elastic drive "
+        "follows the acceleration, F + a M, else false",
+        at="first_order = 1",
+    ),
+    refused(
         "elastic drive without its numbers",
         'kind = "rigid"',
         'kind = "elastic"',

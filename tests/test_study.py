@@ -100,6 +100,29 @@ def test_elastic_drive_goes_from_the_scene_to_the_summary(tmp_path):
     assert "rings 1." in report.digest(study)
 
 
+@pytest.mark.parametrize("followed", [True, False], ids=["first-order", "steady"])
+def test_mix_behind_the_elastic_drive_of_a_scene_resists_acceleration_if_asked(followed):
+    given = {
+        "drive.kind": "elastic",
+        "drive.stiffness": 1e6,
+        "drive.damping": 3e3,
+        "drive.first_order": followed,
+        "motion.laws": ["cubic"],
+        "accuracy.engine": "spectral",
+        "accuracy.tolerance": 0.05,
+        "machine.profile": "circle",
+        "machine.rolling": "frictionless",
+        "mix.overrides.relaxation_time": 0.005,
+    }
+    study = Study(scene(**given))
+    state, met = study.runs["cubic"].state, study.resistance
+    moves = state.velocity != 0
+    velocity, acceleration = state.velocity[moves], state.acceleration[moves]
+    added = met(velocity, acceleration) - met(velocity)
+    assert np.abs(added).max() > 1.0
+    assert state.resistance[moves] - met(velocity) == pytest.approx(followed * added, abs=1e-6)
+
+
 MOTOR = {
     "curve": "kloss", "torque": 40.0, "speed": 157.0, "breakdown_slip": 0.15,
     "gear_ratio": 75.0, "inertia": 0.0, "flywheel_inertia": 50.0,
