@@ -1,7 +1,9 @@
 """Random scenes of rolling a compacting layer: which are refused at the door, and that the others balance.
 
-W 8-12 %, exit density .92-.985, fed density k/(1 + depth/h0), R .08-.2 m, depth 1-6 % of the product's height, friction
-0-.45 of a free roller; the mix is the prior's at that W and k.
+W 8-12 %, exit density .92-.985, fed density k/(1 + depth/h0), R .08-.2 m, depth 1-6 % of the height when pressed,
+friction 0-.45 of a free roller; the mix is the prior's at that W and k. Products of .16-.28 m are far higher than the
+contact is long, and only where the mix that feels the roller has voids for the depth is there a balance without a wave
+as high as the roller; lifts of .04-.08 m balance.
 """
 
 from dataclasses import replace
@@ -18,11 +20,14 @@ from compact.records import Layer, Roller
 IMPOSSIBLE = ("too deep", "too dense", "too loose", "below its axle")
 
 
-def random_scene(seed):
-    """(layer, roller, material) of a product .16-.28 m high."""
+WHOLE, LIFT = (0.16, 0.28), (0.04, 0.08)  # m, when pressed
+
+
+def random_scene(seed, heights=WHOLE):
+    """(layer, roller, material) of a product or a lift."""
     draw = np.random.default_rng(seed)
     moisture, k, radius = draw.uniform(0.08, 0.12), draw.uniform(0.92, 0.985), draw.uniform(0.08, 0.2)
-    height = draw.uniform(0.16, 0.28)
+    height = draw.uniform(*heights)
     depth, friction = height * draw.uniform(0.01, 0.06), draw.uniform(0, 0.45)
     mix = prior(moisture, k)
     angle = np.radians(mix.friction_angle)
@@ -68,13 +73,36 @@ def test_impossible_demands_and_no_others_are_refused_at_the_door(seed, monkeypa
         roll(*scene, 0.13, **asked)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [2, 3])
-def test_free_roller_over_the_priors_mix_is_found_at_once(seed):
-    """Capture angles of 16 and 11 degrees; others of these scenes are not found within minutes."""
-    rolled = roll(*random_scene(seed), 0.13, increments=4)
+def refuse_unbalanced(rolled):
     assert rolled.march.at_once
     assert rolled.mass_residual < 2e-3
-    assert rolled.work_residual < 0.02
     assert rolled.equilibrium_residual < 1e-6
+    assert rolled.yield_residual < 1e-9
     assert abs(rolled.march.face.weight @ rolled.march.push.shear) < 1e-9 * rolled.load
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2, 3, 25])
+def test_free_roller_over_the_priors_mix_is_found_at_once(seed):
+    """Capture angles of 16, 11 and 11 degrees; of the first 40 whole products others are not found within minutes."""
+    rolled = roll(*random_scene(seed), 0.13, increments=4)
+    refuse_unbalanced(rolled)
+    assert rolled.work_residual < 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(40))
+def test_a_lift_is_rolled_at_once(seed):
+    """Work is met to 7 % on so coarse a mesh."""
+    rolled = roll(*random_scene(seed, LIFT), 0.13, increments=4)
+    refuse_unbalanced(rolled)
+    assert rolled.work_residual < 0.07
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 3, 11])
+def test_a_lift_is_rolled_at_once_by_default(seed):
+    rolled = roll(*random_scene(seed, LIFT), 0.13)
+    refuse_unbalanced(rolled)
+    assert rolled.work_residual < 0.02
+    assert max(rolled.error) < 0.05
