@@ -62,13 +62,18 @@ class Columns:
         """Time in which a free column recovers, at the latest [s]."""
         return self.times.max() * (1 + self.shares.sum())
 
+    @property
+    def spacing(self):
+        """From column to column [m]."""
+        return self.half_length / COLUMNS
+
     def resistance(self, time, position, speed=0.0):
         """m(t) [m2] at instants, shape (n,), of a roller at positions [m] that had a steady speed, or stood, before."""
         return rolled(self.imprint(position.min(), position.max(), position[0], speed), time, position)
 
     def imprint(self, low, high, start, speed=0.0):
         """The `Imprint` for ways from `low` to `high` of a roller at `start` [m] that had a steady speed, or stood."""
-        spacing, reach = self.half_length / COLUMNS, BESIDE * self.half_length
+        spacing, reach = self.spacing, BESIDE * self.half_length
         place = np.arange(low - reach, high + reach + spacing, spacing)
         w, z = self._before(place - start, speed)
         return Imprint(self.radius, self.half_length, self.shares, self.times, float(place[0]), spacing, w, z)

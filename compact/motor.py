@@ -153,8 +153,10 @@ class Load:
         direction = np.sign(slope.mean(axis=-1, keepdims=True))
         creep = CREEP * self.cycle.there.stroke / self.cycle.there.duration
         moving = np.where(np.abs(velocity) < creep, direction * creep, velocity)
-        met = met_resistance(self.resistance, moving, pace) if self.recalled is None else (
-            self.recalled.met(which, angle, moving)
+        met = (
+            met_resistance(self.resistance, moving, pace)
+            if self.recalled is None
+            else (self.recalled.met(which, angle, moving))
         )
         tangent = self.motor.rod.rod_tangent(angle / (2 * np.pi) * self.cycle.period, self.cycle.period)
         springs = self.cart.end_springs
@@ -195,8 +197,8 @@ def revolve(cart, motor, motion, resistance, *, working=(1 / 6, 5 / 6), start_sp
     start_speed : of the shaft at the start [rad/s], for a turn that is not periodic
     tolerance : of phi'^2, relative
 
-    Raises ValueError for a law whose velocity jumps, which no motor follows, and for a turn that is not periodic against
-    a memory; RuntimeError where the motor stalls.
+    Raises ValueError for a law whose velocity jumps, which no motor follows, and for a memory in a turn that is not
+    periodic; RuntimeError where the motor stalls.
     """
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
     if any(join.order == 1 for join in cycle.joins()):
@@ -213,7 +215,7 @@ def revolve(cart, motor, motion, resistance, *, working=(1 / 6, 5 / 6), start_sp
         return MotorRun(load, turned(None), working)
     if start_speed is not None:
         raise ValueError(
-            "`resistance` with a memory is for periodic turns, got a `start_speed`; leave it out, or give its map `steady`"
+            "`resistance` with a memory is for periodic turns, got a `start_speed`; leave it out or give its `steady`"
         )
     turn, known = recalled(resistance, cycle, motor.angles, turned, tolerance)
     return MotorRun(replace(load, recalled=known), turn, working)

@@ -17,7 +17,8 @@ from compact.memory import Memory, instants
 
 ROUNDS = 60  # of turn and columns; 3 to 12 are usual
 CLOSE = 10.0  # times the tolerance of the turn: so well the force closes, over its largest value
-DEGREE, STRIDE = 5, 16  # of the spline, and instants from knot to knot
+DEGREE, STRIDE = 5, 8  # of the spline, and instants from knot to knot
+LEAST = 1e-300  # N: a force that is none
 COMPARED = 2001  # angles at which two rounds are compared
 
 
@@ -56,9 +57,11 @@ def recalled(memory, cycle, angles, turned, tolerance):
     angle, position = 2 * np.pi * time / period, cycle.position(time / period * cycle.period)
     everywhere = np.linspace(0, 2 * np.pi, COMPARED)
     for _ in range(ROUNDS):
-        found, misfit = zip(*(_force(memory, _times(turn, angle - ahead), position, angle) for ahead in angles), strict=True)
+        found, misfit = zip(
+            *(_force(memory, _times(turn, angle - ahead), position, angle) for ahead in angles), strict=True
+        )
         values = np.array([force(everywhere) for force in found])
-        largest = np.abs(values).max()
+        largest = max(np.abs(values).max(), LEAST)
         if before is not None:
             changes.append(float(np.abs(values - before).max() / largest))
         before, known = values, Recalled(memory, found, max(misfit), changes)
@@ -88,4 +91,4 @@ def _force(memory, time, position, angle):
     inner = angle[STRIDE:-STRIDE:STRIDE]
     knots = np.concatenate([np.full(DEGREE + 1, angle[0]), inner, np.full(DEGREE + 1, angle[-1])])
     spline = make_lsq_spline(angle, force, knots, DEGREE)
-    return spline, float(np.abs(spline(angle) - force).max() / np.abs(force).max())
+    return spline, float(np.abs(spline(angle) - force).max() / max(np.abs(force).max(), LEAST))

@@ -1,6 +1,6 @@
 """A cart behind a spring against a resistance that remembers: the equation of motion and the columns, side by side.
 
-    m x'' = pull - T(G(v) + D(t)),    G = F_ss(v) - k m_ss(v),    D = k m(t),    T(W) = W + friction of the guides under W
+    m x'' = pull - T(G(v) + D(t)),    G = F_ss(v) - k m_ss(v),    D = k m(t),    T(W) = W + guide friction under W
 
 `memory.Columns` give m(t) from the way of the cart, and m acts back on the cart, most stiffly while it turns: to go
 round and round over a whole cycle, the motion under the last D and then D of that motion, fails for springs that are
@@ -26,18 +26,18 @@ from compact.dynamics import DONE, TOO_FAST, Arcs, integrate, room
 from compact.imprint import copied, pressed
 from compact.memory import instants
 from compact.polynomials import Pieces, pieces
-from compact.regime import ARCS, CLOSED, FAILURES, TABLE, WIDER, WIDENINGS, Problem, Work
+from compact.regime import ARCS, CLOSED, FAILURES, TABLE, WIDENINGS, WIDER, Problem, Work
 from compact.resisted import BACK, MIX, THERE, Resistance, looked_up
 from compact.ringing import compiling, shifted
 
 TRIALS = 30  # of the force at the end of a window; 2 or 3 are usual
 MET = 0.1  # of the tolerance by which a cycle has to close: so well the force is met
-SEAMS = 20  # rounds of the columns of the periodic regime; 2 or 3 are usual
+SEAMS = 60  # rounds of the columns of the periodic regime; 2 or 3 are usual, dozens near a resonance
 ROOM = 4.0  # times the largest force over the stiffness: how far beyond the stroke there are columns
 SHORT = 1e-9  # of a cycle: so near to a join of the law there is no instant
 AWAY, UNMET = 10, 11  # how `march` may end beside `integrate`
 MORE_FAILURES = FAILURES | {
-    AWAY: f"it swings farther than {ROOM:g} times what its largest force stretches the spring",
+    AWAY: "it swings much farther than its largest force stretches the spring; give more damping",
     UNMET: f"{TRIALS} trials do not meet the force of the mix; the spring may be too soft for so light a cart",
 }
 
@@ -86,12 +86,13 @@ def given_at(guides, mix, velocity, force):
 
 class Track(NamedTuple):
     """A cart on its way: what does not change within a march.  stiffness : k of the memory;  close : to which D is
-    met [N];  mix : G over |v|"""
+    met [N];  trials : of a window, at most;  mix : G over |v|"""
 
     guides: Guides
     mix: Pieces
     stiffness: float
     close: float
+    trials: int
 
 
 @compiled
@@ -109,7 +110,7 @@ def march(spring, law, resistance, track, columns, state, tolerance, arcs, place
         low, high = columns.first, columns.first + columns.spacing * (len(columns.w) - 1)
         begun, free, end = given_at(track.guides, track.mix, state.velocity, force), _after(arcs, n), state
         guess, last_guess, last_miss, found = force + rise * span, 0.0, 0.0, 0.0
-        for trial in range(TRIALS):
+        for trial in range(track.trials):
             given = np.empty((3, 2))
             given[:, 0] = begun
             given[:, 1] = (given_at(track.guides, track.mix, end.velocity, guess) - begun) / span
@@ -162,7 +163,8 @@ class RememberingProblem(Problem):
         self.law = _windows(self.law, np.append(instants(cycle.position, cycle.period, memory.columns), self.middle))
         way = self.law(self.law.breaks)
         largest = max(self.scale, np.abs(memory.steady(self.fastest * np.linspace(CREEP, 1, 65))).max())
-        swing = ROOM * largest / drive.stiffness + drive.backlash
+        spacing = memory.columns.spacing
+        swing = np.ceil((ROOM * largest / drive.stiffness + drive.backlash) / spacing) * spacing
         self.columns = memory.columns.imprint(way.min() - swing, way.max() + swing, way[0] - self.at_rest.stretch)
         at = int(np.searchsorted(self.law.breaks, self.middle))
         self.begun, self.places = None, {True: way[at:], False: way[: at + 1]}
@@ -178,7 +180,8 @@ class RememberingProblem(Problem):
         begun, places = self.begun[0] if late else self.columns, np.empty(len(law.breaks))
         if late:
             self.begun = begun, state
-        track = Track(self.guides, self.mix, float(self.memory.stiffness), MET * CLOSED * self.tolerance)
+        close = MET * CLOSED * self.tolerance
+        track = Track(self.guides, self.mix, float(self.memory.stiffness), close, TRIALS)
         for _ in range(WIDENINGS):
             arcs, columns = room(ARCS + len(places), law.coefficients.shape[1] - 1), copied(begun)
             ended, n, evaluations, trials, end, time = march(
