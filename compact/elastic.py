@@ -6,7 +6,8 @@ y is the law, x the cart, H the drive force, + towards the far end; with a backl
 b/2 and pushes from -b/2, o = +-b/2, and is slack between, while the damper acts throughout (as in gear dynamics:
 Kahraman and Singh, J. Sound Vib. 142 (1990) 49). The resistance W of the mix is that of the steady speed, or follows
 the acceleration at first order, F(v) + a M(v), as a map gives it; while a cart swings the map holds the second term
-most of the time, and following it through costs several times as much. W and the friction of the guide wheels jump at
+most of the time, and following it through costs several times as much. What remembers, a `memory.Memory`, is solved
+together with the cart (`sprung_memory`). W and the friction of the guide wheels jump at
 rest and hold the cart there, as does the plate of a preloaded end spring (`dynamics`). A resistance that vanishes with
 a small power of the speed, such as v^0.02 of a mix that compacts, holds like dry friction: a millionth of the fastest
 speed is as good as standing, and what the mix resists there is what holds.

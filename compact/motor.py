@@ -4,7 +4,8 @@
 
 A turn of the shaft is a cycle of the law, x(phi) = y(T phi/2 pi): a cam, or a crank with its own law. H is the drive
 force of each cart at v = x' phi' and a = x'' phi'^2 + x' phi'' (`cart.balance`); T is the motor's torque over its
-speed, g its speed over the shaft's. Where a cart turns x' = 0, so that the jump of the friction asks no torque.
+speed, g its speed over the shaft's. Where a cart turns x' = 0, so that the jump of the friction asks no torque. What a
+mix remembers is found with the turn (`shaft_memory`).
 """
 
 import math

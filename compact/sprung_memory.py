@@ -3,8 +3,8 @@
     m x'' = pull - T(G(v) + D(t)),    G = F_ss(v) - k m_ss(v),    D = k m(t),    T(W) = W + guide friction under W
 
 `memory.Columns` give m(t) from the way of the cart, and m acts back on the cart, most stiffly while it turns: to go
-round and round over a whole cycle, the motion under the last D and then D of that motion, fails for springs that are
-soft beside the columns, where the cart swings. It is done over one window after another, each as short as an instant of
+round and round over a whole cycle, the motion under the last D and then D of that motion, need not converge for springs
+that are soft beside the columns, on which a cart swings. It is done over one window after another, each an instant of
 the columns. D is straight over a window; its value at the end is found by secants, each trial with the arcs of
 `dynamics` and so with stops, sticking and the limits of a standing cart exact: T gives the force of time against either
 way. What a cart does to m within a window is as weak as the square of the window, so that two or three trials do. Of

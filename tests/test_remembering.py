@@ -173,11 +173,11 @@ def test_even_shaft_is_the_rigid_drive(memory):
 
 def test_slow_motion_is_quasi_steady(memory):
     misses = []
-    for duration in (1.0, 12.0):
+    for duration in (1.0, 6.0):
         run = travel(SMOOTH, spring(1e6, 0.7), cycle("septic", duration), memory)
         misses.append(np.abs(run.state.resistance - memory.steady(run.state.velocity)).max() / LARGEST)
     assert misses[0] > 0.3
-    assert misses[1] < 0.03
+    assert misses[1] < 0.06
 
 
 # balances and the periodic regime
