@@ -263,7 +263,7 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
     drive : Rigid or Crank, or a drive with an equation of motion of its own, such as `elastic.ElasticDrive`: its `run`
     motion : Motion (there and back without a dwell) or Cycle
     resistance : callable(velocity, acceleration) -> N, of all rollers of the cart; one that remembers, a
-        `memory.Memory`, is taken along the cycle, which the drive then has to impose
+        `memory.Memory`, is taken along the cycle that the drive imposes, or makes
     working : shares of the pass between which the speed should be even, for `nonuniformity`
 
     Raises ValueError where the resistance is not finite, and where a crank is given another law than its own.
@@ -271,15 +271,10 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
     if not 0 <= working[0] < working[1] <= 1:
         raise ValueError(f"`working` must be two shares, 0 <= first < second <= 1, got {working!r}")
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
-    remembers = hasattr(resistance, "along")
     if hasattr(drive, "run"):
-        if remembers:
-            raise ValueError(
-                "`resistance` with a memory needs a motion that is imposed; use Rigid(), or its map `steady`"
-            )
         return drive.run(cart, cycle, resistance, working)
     refuse_foreign_law(drive, cycle)
-    if remembers:
+    if hasattr(resistance, "along"):
         resistance = resistance.along(cycle)
     demand = Demand(cart, drive, cycle, resistance)
     time, weights, direction, state = _sampled(demand)

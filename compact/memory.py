@@ -22,6 +22,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
 
+from compact.imprint import Imprint, rolled
 from compact.refuse import refuse_nonpositive
 from compact.resistance import ResistanceMap, sampled
 
@@ -61,17 +62,21 @@ class Columns:
         """Time in which a free column recovers, at the latest [s]."""
         return self.times.max() * (1 + self.shares.sum())
 
+    @property
+    def spacing(self):
+        """From column to column [m]."""
+        return self.half_length / COLUMNS
+
     def resistance(self, time, position, speed=0.0):
         """m(t) [m2] at instants, shape (n,), of a roller at positions [m] that had a steady speed, or stood, before."""
-        spacing = self.half_length / COLUMNS
-        reach = BESIDE * self.half_length
-        place = np.arange(position.min() - reach, position.max() + reach + spacing, spacing)
-        w, z = self._before(place - position[0], speed)
-        found = np.empty(len(time))
-        for k, (step, at) in enumerate(zip(np.diff(time, prepend=time[0]), position, strict=True)):
-            w, z, pressure = self._stepped(w, z, self._depth(place - at), step)
-            found[k] = pressure @ (place - at) * spacing / self.radius
-        return found
+        return rolled(self.imprint(position.min(), position.max(), position[0], speed), time, position)
+
+    def imprint(self, low, high, start, speed=0.0):
+        """The `Imprint` for ways from `low` to `high` of a roller at `start` [m] that had a steady speed, or stood."""
+        spacing, reach = self.spacing, BESIDE * self.half_length
+        place = np.arange(low - reach, high + reach + spacing, spacing)
+        w, z = self._before(place - start, speed)
+        return Imprint(self.radius, self.half_length, self.shares, self.times, float(place[0]), spacing, w, z)
 
     def steady(self, speed):
         """m_ss [m2] at a speed [m/s] > 0."""
@@ -142,17 +147,46 @@ class Memory:
         b, R = self.columns.half_length, self.columns.radius
         return m - self.shape(velocity / b) * b**4 / R**2
 
+    @property
+    def prompt(self):
+        """What goes with the speed alone: F without k m, a `Prompt`."""
+        return Prompt(self)
+
+    def scaled(self, share):
+        """The memory of a resistance that is so many times as large."""
+        return replace(self, steady=self.steady.scaled(share), stiffness=share * self.stiffness)
+
+    def settled(self, imprint, time, position):
+        """Let the `Imprint` go along a cycle, from its start to its end, until all before is forgotten."""
+        turns = 1 + int(np.ceil(FORGETTING * self.columns.slowest / (time[-1] - time[0])))
+        times = np.append(time[0], (time[1:] + (time[-1] - time[0]) * np.arange(turns)[:, None]).ravel())
+        return rolled(imprint, times, np.append(position[0], np.tile(position[1:], turns)))[1 - len(time) :]
+
     def along(self, motion):
         """The `Remembered` force over a motion; over a cycle with the memory of all the cycles before."""
         time = instants(motion.position, motion.duration, self.columns)
         position, velocity = motion.position(time), motion.velocity(time)
         if not hasattr(motion, "legs"):
             return Remembered(self, time, self.over(time, position, velocity))
-        turns = 1 + int(np.ceil(FORGETTING * self.columns.slowest / motion.duration))
-        times = (time[:-1] + motion.duration * np.arange(turns)[:, None]).ravel()
-        m = self.columns.resistance(times, np.tile(position[:-1], turns))[1 - len(time) :]
-        lacking = self.lacking(np.append(m, m[0]), velocity)
+        m = self.settled(self.columns.imprint(position.min(), position.max(), position[0]), time, position)
+        lacking = self.lacking(np.append(m[-1], m), velocity)
         return Remembered(self, time, self.steady(velocity) + self.stiffness * lacking)
+
+
+@dataclass(frozen=True, eq=False)
+class Prompt:
+    """F_ss - k m_ss of a `Memory` over velocities; `speeds`: where its cubics join."""
+
+    memory: Memory
+
+    def __call__(self, velocity, acceleration=0.0):
+        memory = self.memory
+        return memory.steady(velocity) + memory.stiffness * memory.lacking(0.0, velocity)
+
+    @property
+    def speeds(self):
+        columns, steady = self.memory.shape.speeds * self.memory.columns.half_length, self.memory.steady
+        return np.union1d(columns, getattr(steady, "speeds", ()))
 
 
 @dataclass(frozen=True, eq=False)

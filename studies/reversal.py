@@ -5,26 +5,37 @@ the judge. Against it: the map of steady speeds, F_ss(v); the same with the adde
 |a| tau/|v| is not small; and the map with the memory of columns, fitted to one turn at constant deceleration, which is
 none of the laws but for the parabolic one. Errors are over the largest force of the transient, costs are seconds of
 this process: making the model, and one cycle with it.
+
+Behind a drive that yields, a spring or a motor, the cart makes its own motion against each model. The judge goes that
+same way: errors are those of the force along it, on the way back and its turns.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from time import process_time
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from compact import fem, memory, spectral
+from compact.drive import simulate
+from compact.elastic import ElasticDrive
 from compact.engine import inputs
 from compact.modulation import modulation
 from compact.motion import law
+from compact.motor import Motor, Straight
 from compact.records import Roller
 from compact.resistance import sampled
 from compact.scene import load_scene
-from compact.study import Study
+from compact.study import SWING, Study
 
 SCENES = Path(__file__).parent / "scenes"
 PLAIN = {"machine.rolling": "frictionless", "machine.profile": "parabola", "mix.overrides.steel_friction": 0.0}
 HEADER = ("law", "model", "largest_error", "rms_error", "making_s", "cycle_s")
+DRIVEN = ("drive", "model", "peak_force_N", "energy_J", "largest_error", "rms_error", "run_s")
 SLOWEST = 0.01  # of the fastest speed: where the map begins
+STIFFNESS, RATIO = 1e6, 0.05  # of the spring [N/m], and its damping ratio
+MOTOR = Motor(Straight(16.0, 160.0), 100.0, 0.02, 0.0)  # assumed: turns at the published pace, power to spare
 
 
 def pressed(scene):
@@ -56,7 +67,7 @@ def timed(work):
 
 
 def models(contact, turn, fastest, samples):
-    """F(motion, time) and the seconds it takes to make, by name, and the fitted `Memory`."""
+    """F(motion, time) and the seconds it takes to make, by name, the fitted `Memory` and the map with its M."""
 
     def resisted(speed):
         rolled = spectral.roll(*contact, speed)
@@ -85,19 +96,50 @@ def models(contact, turn, fastest, samples):
         "map + a M": (lambda motion, time: lagging(motion.velocity(time), motion.acceleration(time)), mapping + added),
         "map + memory": (remembered, mapping + fit),
     }
-    return made, remembering
+    time = max(time for _, time in contact[2].branches)
+    lag = replace(steady, added_masses=np.interp(np.log(steady.speeds), np.log(speeds), masses), time=time)
+    return made, remembering, lag
+
+
+class Made:
+    """The motion that a cart made, of a run."""
+
+    def __init__(self, run):
+        time, first = np.unique(run.time, return_index=True)
+        self.position = CubicHermiteSpline(time, run.state.position[first], run.state.velocity[first])
+        self.velocity, self.duration = self.position.derivative(), float(time[-1])
+
+
+def driven(study, contact, cycle, remembering, lag):
+    """Rows of DRIVEN of one law: each drive against each model of the resistance."""
+    share = study.scene.machine.rollers * study.scene.machine.roller_length
+    damping = 2 * RATIO * np.sqrt(STIFFNESS * study.cart.mass)
+    rows = []
+    for kind in ("elastic", "motor"):
+        for model, met in (("map", remembering.steady), ("map + a M", lag), ("map + memory", remembering)):
+            drive = ElasticDrive(STIFFNESS, damping, first_order=met is lag) if kind == "elastic" else MOTOR
+            run, seconds = timed(lambda drive=drive, met=met: simulate(study.cart, drive, cycle, met.scaled(share)))
+            exact = fem.travel(*contact, Made(run), estimate=False)
+            back = exact.time > exact.time[-1] / 2
+            miss = share * exact.resistance - np.interp(exact.time, run.time, run.state.resistance)
+            miss = miss[back] / (share * np.abs(exact.resistance).max())
+            mean_square = np.trapezoid(miss**2, exact.time[back]) / np.ptp(exact.time[back])
+            rows.append((
+                kind, model, run.peak_force, run.energy, float(np.abs(miss).max()), float(np.sqrt(mean_square)), seconds
+            ))  # fmt: skip
+    return rows
 
 
 def main(scene="loveikin-2015", laws=("parabolic", "quintic", "septic", "reversal-4"), samples=9, out=None, **changes):
-    """(rows of HEADER, the fitted `Memory`); the first model of each law is the transient, with the error it tells."""
+    """(rows of HEADER, the fitted `Memory`, rows of DRIVEN of the first law); the first model of each law is the
+    transient, with the error it tells."""
     scene = load_scene(SCENES / f"{scene}.toml", **PLAIN | changes)
     contact = pressed(scene)
     motions = {name: law(name, scene.motion.stroke, scene.motion.duration) for name in laws}
     fastest = max(motion.peaks().velocity for motion in motions.values())
     mean = scene.motion.stroke / scene.motion.duration
-    made, remembering = models(
-        contact, Turn(2 * mean, 4 * mean / scene.motion.duration), max(fastest, 2 * mean), samples
-    )
+    turn, fastest = Turn(2 * mean, 4 * mean / scene.motion.duration), SWING * max(fastest, 2 * mean)
+    made, remembering, lag = models(contact, turn, fastest, samples)
     rows, courses = [], {}
     for name, motion in motions.items():
         cycle = motion.cycle()
@@ -111,12 +153,14 @@ def main(scene="loveikin-2015", laws=("parabolic", "quintic", "septic", "reversa
             mean_square = np.trapezoid(miss**2, exact.time) / cycle.duration
             rows.append((name, model, float(np.abs(miss).max()), float(np.sqrt(mean_square)), making, seconds))
             courses[name].append((model, exact.time, found))
+    behind = driven(Study(scene), contact, next(iter(motions.values())).cycle(), remembering, lag)
     if out:
         from compact.results import write_csv, write_figure
 
         write_csv(Path(out) / "reversal.csv", HEADER, rows)
+        write_csv(Path(out) / "reversal_driven.csv", DRIVEN, behind)
         write_figure(Path(out) / "reversal.png", figure(rows, courses))
-    return rows, remembering
+    return rows, remembering, behind
 
 
 def figure(rows, courses):
@@ -143,10 +187,13 @@ def figure(rows, courses):
 
 def show(result):
     """Print the rows of `main` and what was fitted."""
-    rows, remembering = result
+    rows, remembering, behind = result
     print(f"{'law':<14}{'model':<14}{'largest':>9}{'rms':>9}{'making s':>10}{'cycle s':>10}")
     for name, model, largest, rms, making, seconds in rows:
         print(f"{name:<14}{model:<14}{100 * largest:>8.2f}%{100 * rms:>8.2f}%{making:>10.2f}{seconds:>10.4f}")
+    print(f"{'drive':<14}{'model':<14}{'largest':>9}{'rms':>9}{'peak N':>10}{'run s':>10}")
+    for drive, model, peak, _, largest, rms, seconds in behind:
+        print(f"{drive:<14}{model:<14}{100 * largest:>8.2f}%{100 * rms:>8.2f}%{peak:>10.1f}{seconds:>10.4f}")
     columns = remembering.columns
     print(f"fitted: half-length {columns.half_length * 1e3:.2f} mm, {100 * remembering.error:.1f} % of the turn missed")
 

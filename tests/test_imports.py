@@ -32,7 +32,7 @@ LEVELS = (
     ),
     (
         *("laws", "halfplane", "dimensions", "modulation", "mix", "cart", "scene_rules", "streamline", "cap"),
-        *("resisted", "limits"),
+        *("resisted", "limits", "imprint"),
     ),
     (
         *("kernel", "compliance", "stickslip", "confined", "judge", "reroll", "retained", "store", "scene_tables"),
@@ -45,6 +45,7 @@ LEVELS = (
     ("travelling",),
     ("motion", "contact", "spectral", "fem", "drive", "scene", "column", "resistance"),
     ("memory", "measured", "cam", "crank", "passes", "spectral_modulation", "fem_modulation", "transient", "regime"),
+    ("sprung_memory", "shaft_memory"),
     ("contacts", "engine", "engineering", "elastic", "motor", "hydraulic", "made", "cutting", "cam_motion", "vary"),
     ("mapping", "runup", "machine"),
     ("study", "calibrate", "cam_sheet"),

@@ -320,11 +320,14 @@ def _pushed(module, scene, share):
 
 def test_memory_pays_near_a_reversal(capsys, tmp_path):
     module = study("reversal")
-    rows, memory = module.main(laws=("parabolic",), samples=4, out=tmp_path)
-    module.show((rows, memory))
+    rows, memory, behind = module.main(laws=("parabolic",), samples=4, out=tmp_path)
+    module.show((rows, memory, behind))
     error = {model: largest for _, model, largest, *_ in rows}
     assert error["map + memory"] < 0.02 < 0.15 < min(error["map"], error["map + a M"])
     assert error["transient"] < 0.005
+    missed = {(drive, model): largest for drive, model, _, _, largest, *_ in behind}
+    for drive in ("elastic", "motor"):
+        assert missed[drive, "map + memory"] < 0.03 < 0.15 < min(missed[drive, "map"], missed[drive, "map + a M"])
     # over sqrt(R delta): a half-plane of Hertz would have 1 or less, columns of no height sqrt 2
     assert 1.0 < memory.columns.half_length / (0.11 * 0.00873) ** 0.5 < 1.5
     assert "missed" in capsys.readouterr().out
