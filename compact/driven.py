@@ -18,7 +18,7 @@ from compact.scene_rules import TURNED
 
 STEP = 0.3  # of `spent`, at most: creep is straight in it on a half-plane, and nearly so on layers
 ROOM = 1.15  # times the traction asked, so far samples reach: T/(R pull) is 1.03 by "fem", 0.87 by "compaction"
-LEAST = 0.1  # share of friction that is always sampled
+LEAST = 0.1  # share of friction, so far samples reach at least: near none they would tell their rounding
 
 
 def driven(scene, mix, load, found, asked, near=(), count=lambda stage: None):
@@ -35,7 +35,7 @@ def driven(scene, mix, load, found, asked, near=(), count=lambda stage: None):
         return plain
     least = scene.machine.roller_length * min(value(contact, "load")[0] for contact in found)
     shares = [ROOM * pull / (friction * least) for pull in asked]
-    sides = [_steps(min(shares[0], 0.0)), _steps(max(shares[1], LEAST))]
+    sides = [_steps(min(shares[0], -LEAST) if shares[0] < 0 else 0.0), _steps(max(shares[1], LEAST))]
     if scene.accuracy.engine in COMPACTING:
         mean = scene.motion.stroke / scene.motion.duration
         found = [min(found, key=lambda contact: abs(np.log(value(contact, "speed")[0] / mean)))]

@@ -154,13 +154,14 @@ def _roller_motors(study):
     motors = study.roller_motors
     columns = {
         "law": [escape(law) for law in motors],
-        "torque": column([motor.peak_torque for motor in motors.values()], "N m"),
+        "torque": column([motor.peak_torque for motor in motors.values()], "N\N{NO-BREAK SPACE}m"),
         "power": column([motor.peak_power for motor in motors.values()], "W"),
         "share of friction": [percent(motor.share) for motor in motors.values()],
     }
     if any(motor.roller.tells_creep for motor in motors.values()):
         columns["creep"] = [percent(motor.peak_creep) for motor in motors.values()]
-    columns["lack"] = [escape(motor.lack) for motor in motors.values()]
+    if any(motor.lack for motor in motors.values()):
+        columns["lack"] = [escape(motor.lack) for motor in motors.values()]
     caption = "Instead of a cam: the motor inside each roller at its peaks, and what friction must hold"
     return table_of(columns, caption, words=("law", "lack"))
 

@@ -178,7 +178,7 @@ def test_carter_rolls_on_a_thick_layer():
 # by the engine of a scene
 
 
-SPEEDS = (0.06, 0.13, 0.3)
+SPEEDS = (0.1, 0.2, 0.3)
 
 
 @pytest.fixture(scope="module")
@@ -194,7 +194,7 @@ def by_fem():
     return study
 
 
-@pytest.mark.parametrize("time", [0.8, 1.5, 2.2, 5.0])
+@pytest.mark.parametrize("time", [0.8, 5.1])
 def test_engine_rolls_as_the_motors_were_told(by_fem, time):
     motors, scene = by_fem.roller_motors["septic"], by_fem.scene
     (velocity,), answer = motors.over(np.array([time]))
@@ -227,6 +227,18 @@ def test_a_roller_is_sampled_as_far_as_laws_ask(by_fem):
     assert least < 0 < largest
     assert motors.lack == ""
     assert 0.2 < motors.share < 0.9
+
+
+def test_samples_end_where_friction_does(by_fem):
+    found = by_fem.contacts[:1]
+    load = by_fem.scene.machine.roller_length * found[0]["load"]["value"]
+    roller = driving.driven(by_fem.scene, by_fem.mix, load, found, (-1e9, 1e9))
+    shares = roller.torques[0] / (by_fem.mix.steel_friction * R * roller.loads[0])
+    assert shares[[0, -1]] == pytest.approx([-HELD, HELD], abs=5e-3)
+    assert np.diff(spent(shares)) == pytest.approx(0.3, abs=0.02)
+    beyond = roller(np.array([0.1]), np.array([1.2 * roller.pulls[0, -1]]))
+    assert np.isnan(beyond.creep).all()
+    assert beyond.share == pytest.approx(1.2 * HELD, rel=0.01)
 
 
 def test_what_the_engine_does_not_solve_is_warned_of_and_left_out(by_fem, monkeypatch):
