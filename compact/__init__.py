@@ -15,6 +15,7 @@ from importlib import import_module
 
 _HOMES = {
     "contact": ("DryResistance", "dry_resistance"),
+    "belt": ("Belt",),
     "cart": ("Balance", "Cart", "Opposition", "balance"),
     "cam": ("Cam", "FlatFace", "Pointed", "RollerFollower"),
     "cutting": ("Cut", "cut"),
@@ -29,6 +30,7 @@ _HOMES = {
     "records": ("Layer", "Roller", "Rolled"),
     "resistance": ("ResistanceMap", "sampled"),
     "results": ("ResultsError",),
+    "roller_motor": ("Driven", "FirstOrder", "RollerMotor"),
     "scene": ("Scene", "SceneError", "load_scene", "parse_scene"),
     "study": ("Study",),
     "variational": ("ComplexLaw", "minimiser"),

@@ -4,9 +4,7 @@ import warnings
 
 import numpy as np
 
-from compact.drive import Demand, Rigid
-from compact.pieces import EPSILON
-from compact.results import write_csv
+from compact.results import write_columns, write_csv
 
 
 def tables(study, directory):
@@ -38,16 +36,16 @@ def _ringing_row(run):
 
 MOTOR_HEADER = (
     "law", "period_s", "least_speed_rad/s", "largest_speed_rad/s", "fluctuation", "peak_motor_torque_Nm",
-    "peak_motor_power_W", "work_of_a_cycle_J", "nonuniformity", "energy_residual",
+    "peak_motor_power_W", "work_of_a_cycle_J", "nonuniformity", "energy_residual", "belt_creep", "belt_loss_J",
 )  # fmt: skip
 
 
 def _motor_row(run):
     torque = float(np.abs(run.motor_torque).max()) / run.load.motor.gear_ratio
-    work = float(np.sum(run.weights * run.motor_torque * run.speed))
+    work = float(np.sum(run.weights * run.motor_power))
     return (
         run.name, run.period, float(run.speed.min()), float(run.speed.max()), run.fluctuation, torque,
-        run.peak_motor_power, work, run.nonuniformity, run.energy_residual,
+        run.peak_motor_power, work, run.nonuniformity, run.energy_residual, run.belt_creep, run.belt_loss,
     )  # fmt: skip
 
 
@@ -68,23 +66,35 @@ def _run_up(study, directory):
     yield write_csv(directory / f"run-up-{best.name}.csv", ("time_s", "angle_rad", "speed_rad/s"), table)
 
 
-def roller_motor(study, cycle, turned):
-    """Torque [N m], power [W] and traction of the motor inside each roller, at the times of a `cam.Stepper`.
+TURN_HEADER = ("torque_Nm", "power_W", "traction")
+CREEP_HEADER = ("creep", "angle_with_creep_rad", "angular_velocity_with_creep_rad/s")
+MOTOR_NUMBERS = {"peak_torque": "Nm", "peak_power": "W", "peak_creep": "", "share": "", "lack": ""}
+DRIVEN_HEADER = ("speed_m/s", "torque_Nm", "pull_N", "creep", "load_N")
 
-        T = H R/n,  traction = T/(R P): what friction of mix on steel must at least be
 
-    H is the force of a rigid drive. That a torque takes T/R off the resistance holds at first order in the slope of the
-    contact, within 3 % by the engine "fem"; creep is left out, a driven roller by that engine tells it.
-    """
-    demand = Demand(study.cart, Rigid(), cycle, study.resistance)
-    force = np.zeros(turned.time.shape)  # a cart that dwells asks for none
-    for leg in cycle.legs():
-        phase = (turned.time - leg.start) / leg.duration
-        moves = (phase >= 0) & (phase <= 1)
-        force[moves] = demand.at(leg, np.clip(phase[moves], EPSILON, 1 - EPSILON)).forces.drive_force
-    radius, rollers = study.scene.machine.roller_radius, study.scene.machine.rollers
-    torque = force * radius / rollers
-    return torque, torque * turned.angular_velocity, torque / radius / study.roller_load
+def roller_motor(motor, time):
+    """Header and columns that a `RollerMotor` adds to the turn of a roller at times [s]; creep where it is told."""
+    _, answer = motor.over(time)
+    columns = answer.torque, motor.power(time), answer.traction
+    if not motor.roller.tells_creep:
+        return TURN_HEADER, columns
+    return TURN_HEADER + CREEP_HEADER, (*columns, answer.creep, motor.angle(time), motor.angular_velocity(time))
+
+
+def roller_motor_numbers(study):
+    """What each law asks of the motors in the rollers, by its name and that of the number."""
+    return {law: {name: getattr(motor, name) for name in MOTOR_NUMBERS} for law, motor in study.roller_motors.items()}
+
+
+def roller_motors(study, directory):
+    """Tables of what all laws ask of the motors in the rollers, and of how a roller answers; yields their paths."""
+    header = ("law", *(f"{name}_{unit}" if unit else name for name, unit in MOTOR_NUMBERS.items()))
+    rows = [(law, *numbers.values()) for law, numbers in roller_motor_numbers(study).items()]
+    yield write_csv(directory / "roller-motors.csv", header, rows)
+    roller = next(iter(study.roller_motors.values())).roller
+    if roller.tells_creep:
+        sampled = np.broadcast_arrays(roller.speeds[:, None], roller.torques, roller.pulls, roller.creeps, roller.loads)
+        yield write_columns(directory / "driven-roller.csv", DRIVEN_HEADER, [column.ravel() for column in sampled])
 
 
 HYDRAULIC_HEADER = (

@@ -133,7 +133,7 @@ def cams(study, pictures):
     words = "Profiles of the cams for roller followers, a panel for each law, undercut ones red"
     shown = picture(pictures["cams"], words, "Dashed: the path of the roller's centre.")
     caption = f"Cams {quantity(study.scene.cam.breadth, 'm')} broad; red where that is not broad enough"
-    body = _to_cut(study) + shown + table(header, rows, caption, range(1, len(header)))
+    body = _to_cut(study) + shown + table(header, rows, caption, range(1, len(header))) + _roller_motors(study)
     return Section(
         "cams", "Cams", f"{len(study.cycles)} laws for {len(FOLLOWERS)} followers; one drawn to be cut.", body
     )
@@ -147,6 +147,23 @@ def _cam_row(law, cams):
     angle = f"{np.degrees(roller.largest_pressure_angle):.1f}°"
     radius, width = roller.least_radius_of_curvature, flat.largest_contact_offset
     return escape(law), *told, quantity(radius, "m"), angle, quantity(width, "m")
+
+
+def _roller_motors(study):
+    """What each law asks of motors inside the rollers, where these and no cam drive the cart."""
+    motors = study.roller_motors
+    columns = {
+        "law": [escape(law) for law in motors],
+        "torque": column([motor.peak_torque for motor in motors.values()], "N\N{NO-BREAK SPACE}m"),
+        "power": column([motor.peak_power for motor in motors.values()], "W"),
+        "share of friction": [percent(motor.share) for motor in motors.values()],
+    }
+    if any(motor.roller.tells_creep for motor in motors.values()):
+        columns["creep"] = [percent(motor.peak_creep) for motor in motors.values()]
+    if any(motor.lack for motor in motors.values()):
+        columns["lack"] = [escape(motor.lack) for motor in motors.values()]
+    caption = "Instead of a cam: the motor inside each roller at its peaks, and what friction must hold"
+    return table_of(columns, caption, words=("law", "lack"))
 
 
 def _to_cut(study):

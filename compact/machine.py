@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from compact.belt import Belt
 from compact.cart import Cart
 from compact.crank import USUAL_ANGLES
 from compact.drive import Crank, Rigid
@@ -78,7 +79,8 @@ def means(scene, cycle):
         if motor.curve == "kloss"
         else Straight(motor.torque, motor.speed)
     )
-    return Motor(curve, motor.gear_ratio, motor.inertia, motor.flywheel_inertia, angles(scene), linked)
+    belt = motor.belt and Belt(**motor.belt.model_dump())
+    return Motor(curve, motor.gear_ratio, motor.inertia, motor.flywheel_inertia, angles(scene), linked, belt)
 
 
 def _tabled(path):

@@ -5,7 +5,8 @@
 A turn of the shaft is a cycle of the law, x(phi) = y(T phi/2 pi): a cam, or a crank with its own law. H is the drive
 force of each cart at v = x' phi' and a = x'' phi'^2 + x' phi'' (`cart.balance`); T is the motor's torque over its
 speed, g its speed over the shaft's. Where a cart turns x' = 0, so that the jump of the friction asks no torque. What a
-mix remembers is found with the turn (`shaft_memory`).
+mix remembers is found with the turn (`shaft_memory`). Behind a belt (`belt`) the motor runs ahead of g phi' by what the
+belt creeps under T - J_motor g phi'', its load.
 """
 
 import math
@@ -16,6 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from compact.belt import Belt
 from compact.cart import Balance, Cart, balance
 from compact.drive import CREEP, Crank, Means, Rigid, State, met_resistance, refuse_foreign_law, simulate, steady_force
 from compact.pieces import inside, largest
@@ -85,7 +87,7 @@ class Motor:
 
     curve : Straight, Kloss, or anything with `torque(speed)` and `no_load_speed`;  gear_ratio : g, motor over shaft
     motor_inertia, flywheel_inertia : of the rotor, and on the shaft [kg m^2];  angles : of each cart ahead [rad]
-    rod : Rigid (a cam) or Crank
+    rod : Rigid (a cam) or Crank;  belt : between motor and gear, or None; g holds the ratio of its pulleys
     """
 
     curve: object
@@ -94,6 +96,7 @@ class Motor:
     flywheel_inertia: float
     angles: tuple[float, ...] = (0.0,)
     rod: Rigid | Crank = RIGID
+    belt: Belt | None = None
 
     def __post_init__(self):
         refuse_nonpositive(gear_ratio=self.gear_ratio)
@@ -107,9 +110,24 @@ class Motor:
         """J on the shaft [kg m^2]."""
         return self.flywheel_inertia + self.gear_ratio**2 * self.motor_inertia
 
-    def torque(self, speed):
-        """g T(g phi') [N m] on the shaft at its speed [rad/s]."""
-        return self.gear_ratio * self.curve.torque(self.gear_ratio * speed)
+    def torque(self, speed, acceleration=0.0):
+        """g T [N m] on the shaft at its speed [rad/s] and acceleration [rad/s^2], which moves a belt alone."""
+        return self.gear_ratio * self.curve.torque(self.speed(speed, acceleration))
+
+    def speed(self, speed, acceleration=0.0):
+        """Of the motor [rad/s] at those of the shaft: g phi' without a belt."""
+        geared = self.gear_ratio * speed
+        if self.belt is None:
+            return geared
+        return self.belt.motor_speed(lambda own: self.curve.torque(own) - self._spins_up(acceleration), geared)
+
+    def belt_torque(self, speed, acceleration):
+        """What the motor puts on the belt, or straight on the gear [N m]."""
+        return self.torque(speed, acceleration) / self.gear_ratio - self._spins_up(acceleration)
+
+    def _spins_up(self, acceleration):
+        """What the rotor takes for itself [N m]."""
+        return self.motor_inertia * self.gear_ratio * acceleration
 
     def run(self, cart, cycle, resistance, working):
         """The periodic `MotorRun`: what `drive.simulate` asks of a drive."""
@@ -183,7 +201,7 @@ class Load:
 
     def residual(self, angle, energy, acceleration):
         """J phi'' + sum of H x' - g T [N m]."""
-        driven = self.motor.torque(np.sqrt(2 * energy))
+        driven = self.motor.torque(np.sqrt(2 * energy), acceleration)
         return self.motor.inertia * acceleration + self.torque(angle, energy, acceleration) - driven
 
 
@@ -199,7 +217,7 @@ def revolve(cart, motor, motion, resistance, *, working=(1 / 6, 5 / 6), start_sp
     tolerance : of phi'^2, relative
 
     Raises ValueError for a law whose velocity jumps, which no motor follows, and for a memory in a turn that is not
-    periodic; RuntimeError where the motor stalls.
+    periodic; RuntimeError where the motor stalls or its belt slips.
     """
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
     if any(join.order == 1 for join in cycle.joins()):
@@ -213,13 +231,16 @@ def revolve(cart, motor, motion, resistance, *, working=(1 / 6, 5 / 6), start_sp
         return turning(under.residual, under.breaks(), guess, tolerance, periodic=start_speed is None)
 
     if not hasattr(resistance, "along"):
-        return MotorRun(load, turned(None), working)
-    if start_speed is not None:
+        run = MotorRun(load, turned(None), working)
+    elif start_speed is not None:
         raise ValueError(
             "`resistance` with a memory is for periodic turns, got a `start_speed`; leave it out or give its `steady`"
         )
-    turn, known = recalled(resistance, cycle, motor.angles, turned, tolerance)
-    return MotorRun(replace(load, recalled=known), turn, working)
+    else:
+        turn, known = recalled(resistance, cycle, motor.angles, turned, tolerance)
+        run = MotorRun(replace(load, recalled=known), turn, working)
+    run.refuse_slip()
+    return run
 
 
 def _first_speed(load):
@@ -312,7 +333,38 @@ class MotorRun(Means):
     @property
     def motor_torque(self):
         """g T [N m] on the shaft."""
-        return self.load.motor.torque(self.speed)
+        return self.load.motor.torque(self.speed, self.turn.acceleration.ravel())
+
+    @property
+    def motor_power(self):
+        """T w [W] of the motor, w its own speed."""
+        motor = self.load.motor
+        return self.motor_torque / motor.gear_ratio * motor.speed(self.speed, self.turn.acceleration.ravel())
+
+    @cached_property
+    def belt_torque(self):
+        """On the motor's pulley [N m]."""
+        return self.load.motor.belt_torque(self.speed, self.turn.acceleration.ravel())
+
+    @property
+    def belt_creep(self):
+        """Largest |creep| of the belt; 0 without one."""
+        belt = self.load.motor.belt
+        return 0.0 if belt is None else float(np.abs(self.belt_torque).max() / belt.creep_torque)
+
+    @property
+    def belt_loss(self):
+        """What the motor gives over the turn and the shaft does not get [J]."""
+        return float(np.sum(self.weights * (self.motor_power - self.motor_torque * self.speed)))
+
+    def refuse_slip(self):
+        """RuntimeError, with the preload that would hold, where a belt slips."""
+        belt, asked = self.load.motor.belt, float(np.abs(self.belt_torque).max())
+        if belt is not None and asked > belt.holds:
+            raise RuntimeError(
+                f"the belt slips under '{self.name}': {asked:.4g} N m on the motor's pulley, it holds "
+                f"{belt.holds:.4g}; give a preload of at least {belt.needed_preload(asked):.4g} N, or more wrap"
+            )
 
     @cached_property
     def shaft_torque(self):
@@ -352,13 +404,13 @@ class MotorRun(Means):
 
     @cached_property
     def peak_motor_power(self):
-        """Largest |T| g phi' [W] of the motor."""
-        return float(np.abs(self.motor_torque * self.speed).max())
+        """Largest |T w| [W] of the motor."""
+        return float(np.abs(self.motor_power).max())
 
     @cached_property
     def drawn_energy(self):
         """Work of a motor over the turn that cannot take any back [J]."""
-        return float(np.sum(self.weights * np.maximum(self.motor_torque * self.speed, 0.0)))
+        return float(np.sum(self.weights * np.maximum(self.motor_power, 0.0)))
 
     @cached_property
     def nonuniformity(self):
@@ -373,7 +425,7 @@ class MotorRun(Means):
 
     @cached_property
     def energy_residual(self):
-        """|work of the motor - what the carts take - gain of the shaft| over the work turned over."""
+        """|work on the shaft - what the carts take - gain of the shaft| over the work turned over."""
         power = self.speed * np.array([self.motor_torque, self.shaft_torque])
         gain = self.load.motor.inertia * (self.turn.energy[-1, -1] - self.turn.energy[0, 0])
         return float(abs(np.sum(self.weights * (power[0] - power[1])) - gain) / np.sum(self.weights * np.abs(power[1])))

@@ -59,8 +59,7 @@ def _tables(study, directory):
 
 
 STEPPER_HEADER = (
-    "time_s", "angle_rad", "angular_velocity_rad/s", "angular_acceleration_rad/s2", "angular_jerk_rad/s3", "torque_Nm",
-    "power_W", "traction",
+    "time_s", "angle_rad", "angular_velocity_rad/s", "angular_acceleration_rad/s2", "angular_jerk_rad/s3",
 )  # fmt: skip
 LAW_HEADER = (
     "law", "peak_velocity_m/s", "peak_acceleration_m/s2", "peak_jerk_m/s3", "peak_snap_m/s4", "continuity",
@@ -113,9 +112,11 @@ def _cams(study, directory):
         yield write_cam(directory / "cams" / f"{law}-{follower}.csv", cam)
     yield write_csv(directory / "cams.csv", header, rows)
     for law, cycle in study.cycles.items():
-        motor = stepper(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
-        columns = (*astuple(motor), *drive_report.roller_motor(study, cycle, motor))
-        yield write_columns(directory / "cams" / f"{law}-stepper.csv", STEPPER_HEADER, columns)
+        turned = stepper(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
+        header, columns = drive_report.roller_motor(study.roller_motors[law], turned.time)
+        path = directory / "cams" / f"{law}-stepper.csv"
+        yield write_columns(path, STEPPER_HEADER + header, (*astuple(turned), *columns))
+    yield from drive_report.roller_motors(study, directory)
 
 
 def write_cam(path, cam):
@@ -230,6 +231,7 @@ def _summary(study, files):
         "laws": {name: _run_numbers(study, run) for name, run in study.runs.items()},
         "rankings": beside_report.ordered(study.places[scene.drive.kind]),
         "rigid_rankings": beside_report.ordered(study.places.get("rigid", {})),
+        "roller_motors": drive_report.roller_motor_numbers(study) if "cams" in scene.output.wanted else {},
         "beside": beside_report.summary(study),
         "units": {name: criterion.unit for name, criterion in CRITERIA.items()} | OWN | {"unsteady_share": "1"},
         "stages": dict(study.counts),

@@ -30,7 +30,7 @@ class RunUp:
     """A start; arrays of shape (n,): time [s], angle of the shaft from the start [rad], its speed [rad/s].
 
     turns : whole ones until the periodic regime, `periodic`, is reached
-    motor_work, taken : of the motor and by the carts [J];  residual : of the balance of work, over the motor's
+    motor_work, taken : of the motor on the shaft and by the carts [J];  residual : of their balance, over the former
     """
 
     time: np.ndarray
@@ -48,8 +48,8 @@ def runup(cart, motor, motion, resistance, *, near=NEAR):
 
     cart, motor, motion, resistance : as of `motor.revolve`
 
-    Raises ValueError for a resistance with a memory, and RuntimeError where the motor does not start, stalls on its
-    way, or takes more than 2000 turns.
+    Raises ValueError for a resistance with a memory, and RuntimeError where the motor does not start, stalls or slips
+    its belt on its way, or takes more than 2000 turns.
     """
     refuse_nonpositive(near=near)
     if hasattr(resistance, "along"):
@@ -62,6 +62,7 @@ def runup(cart, motor, motion, resistance, *, near=NEAR):
         for stretch in [breaks] if turn else _graded(done[0][1][0], breaks):
             turned = turning(load.residual, stretch, done[-1][2][-1], TOLERANCE, periodic=False)
             run = MotorRun(load, turned, periodic.working)
+            run.refuse_slip()
             power = run.speed * np.array([run.motor_torque, run.shaft_torque])
             works = works + power @ run.weights
             done.append((done[-1][0][-1] + run.time, 2 * np.pi * turn + run.angle, run.speed))

@@ -265,6 +265,15 @@ def _slip_belongs_to_kloss(slip, curve):
         return f'is for drive.motor.curve "kloss", got {slip:g} with "straight"; take it out'
 
 
+@_rule("drive.motor.belt.stiffness", "drive.motor.belt.preload")
+def _belt_creeps_little(stiffness, preload):
+    if stiffness is not None and preload is not None and 20 * preload > stiffness * GUARD:
+        return (
+            f"must be at least 20*drive.motor.belt.preload = {20 * preload:g} N, so that the belt stretches by 5 % at "
+            f"most, got {stiffness:g}; give a stiffer belt"
+        )
+
+
 @_rule("cam", "output.wanted")
 def _cams_wanted_are_given(cam, wanted):
     if cam is None and "cams" in wanted:

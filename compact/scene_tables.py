@@ -194,6 +194,16 @@ class Motion(Table):
     optimise: Optimise | None = None
 
 
+class BeltTable(Table):
+    """The flat belt between a motor and the gear of its shaft."""
+
+    pulley_radius: float = _positive("the radius of the motor's pulley in m")
+    stiffness: float = _positive("the force in N that would stretch the belt by its length, E A")
+    preload: float = _positive("the tension of both runs at rest in N")
+    friction: float = Field(gt=0, le=2, description="the friction of belt on pulley, of a V-belt that of the wedge")
+    wrap: float = Field(gt=0, lt=6.283, description="the angle of wrap of the smaller pulley in rad")
+
+
 class Motor(Table):
     """The motor of a drive, and what it turns on the shaft whose one turn is a cycle."""
 
@@ -202,8 +212,9 @@ class Motor(Table):
     speed: float = _positive("the synchronous speed (kloss) or that without load (straight) in rad/s")
     breakdown_slip: float | None = _optional("the slip at the breakdown torque", gt=0, le=1)
     inertia: float = _nonnegative("the inertia of the rotor in kg m2")
-    gear_ratio: float = _positive("the speed of the motor over that of the shaft")
+    gear_ratio: float = _positive("the speed of the motor over that of the shaft, pulleys of a belt included")
     flywheel_inertia: float = _nonnegative("the inertia of flywheel and shaft in kg m2")
+    belt: BeltTable | None = None
 
 
 class Hydraulics(Table):

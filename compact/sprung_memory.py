@@ -27,7 +27,7 @@ from compact.imprint import copied, pressed
 from compact.memory import instants
 from compact.polynomials import Pieces, pieces
 from compact.regime import ARCS, CLOSED, FAILURES, TABLE, WIDENINGS, WIDER, Problem, Work
-from compact.resisted import BACK, MIX, THERE, Resistance, looked_up
+from compact.resisted import BACK, MIX, THERE, WHOLE, Resistance, looked_up
 from compact.ringing import compiling, shifted
 
 TRIALS = 30  # of the force at the end of a window; 2 or 3 are usual
@@ -79,7 +79,7 @@ def given_at(guides, mix, velocity, force):
     rows = np.empty(3)
     rows[MIX] = force
     for row, way in ((THERE, 1.0), (BACK, -1.0)):
-        met = way * looked_up(mix, max(way * velocity, 0.0))[0]
+        met = way * looked_up(mix, max(way * velocity, 0.0), WHOLE)[0]
         rows[row] = pushed(guides, row, met + force) - pushed(guides, row, met)
     return rows
 
@@ -156,6 +156,8 @@ class MemoryWork(Work):
 class RememberingProblem(Problem):
     """A `Problem` of `regime` whose mix remembers: its courses take the columns along."""
 
+    remembers = True
+
     def __init__(self, cart, drive, cycle, memory, tolerance):
         self.memory, self.guides = memory, guides_of(cart)
         super().__init__(cart, replace(drive, first_order=False), cycle, memory.prompt, tolerance)
@@ -173,7 +175,7 @@ class RememberingProblem(Problem):
         super()._tabulate()
         self.mix = pieces(self.memory.prompt, self.resistance.there.breaks[1:], TABLE * self.tolerance)
 
-    def course(self, law, state):
+    def course(self, law, state, roughly=1.0):
         """(`Arcs`, end state) through windows, from the columns of the middle where it begins there, else from those
         that the last course left; the range of speeds widens as need be."""
         late = bool(law.breaks[0] > 0)
@@ -185,7 +187,7 @@ class RememberingProblem(Problem):
         for _ in range(WIDENINGS):
             arcs, columns = room(ARCS + len(places), law.coefficients.shape[1] - 1), copied(begun)
             ended, n, evaluations, trials, end, time = march(
-                self.spring, law, self.resistance, track, columns, state, self.tolerance, arcs, places
+                self.spring, law, self.resistance, track, columns, state, roughly * self.tolerance, arcs, places
             )
             self.work.courses += 1
             self.work.arcs += n

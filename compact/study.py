@@ -19,12 +19,14 @@ from compact import contact, contacts, drive, machine, made, mapping, mix
 from compact.cam import Cam, FlatFace, Pointed, RollerFollower
 from compact.cart import Opposition
 from compact.crank import USUAL_ANGLES, turn
+from compact.driven import driven
 from compact.engine import LAYERED, fields, passes, speeds
 from compact.engineering import engineering, numbers
 from compact.halfplane import galin
 from compact.motion import law
 from compact.ordering import places
 from compact.pool import Here, begun
+from compact.roller_motor import RollerMotor, pulls
 from compact.scene import Scene, SceneError
 
 BESIDE = "beside"  # directory of the maps of engines beside the scene's
@@ -95,7 +97,7 @@ class Study:
         crank = len(USUAL_ANGLES) + 1 if "crank" in wanted else 0
         fields = (rolled + 1) * ("fields" in wanted and rolled > 0)
         beside = len(self.scene.beside_engines)
-        added = sum(self.counts[stage] for stage in ("resistance", "added mass", "kept", "passage", "run-up"))
+        added = sum(self.counts[stage] for stage in ("resistance", "added mass", "kept", "passage", "run-up", "driven"))
         counted = 2 + 2 * laws + laws * self.layered + cams + crank + figures + beside + rolled + fields + added
         return counted + ("report" in wanted)
 
@@ -342,6 +344,20 @@ class Study:
             self.count("runs")
             with able:
                 yield name, drive.simulate(self.cart, self.means(name), cycle, resistance, working=working)
+
+    @cached_property
+    def roller_motors(self):
+        """A `RollerMotor` per law, by name: the same cart, driven by motors in its rollers and by nothing else."""
+        rollers = self.scene.machine.rollers
+        demands = {
+            name: drive.Demand(self.cart, drive.Rigid(), cycle, self.resistance) for name, cycle in self.cycles.items()
+        }
+        asked = np.transpose([pulls(demand, rollers) for demand in demands.values()])
+        near = () if self.kept or not self.layered else self.rolled
+        answer = driven(
+            self.scene, self.mix, self.roller_load, self.contacts, (asked.min(), asked.max()), near, self.count
+        )
+        return {name: RollerMotor(demand, answer, rollers) for name, demand in demands.items()}
 
     @cached_property
     def rankings(self):

@@ -28,7 +28,7 @@ LEVELS = (
     (
         *("records", "material", "mesh", "patch", "plies", "sizing", "shaft", "follower", "variational", "results"),
         *("scene_errors", "polynomials", "quadratic", "lawspace", "pitch", "drawing", "page", "sobol", "springs"),
-        *("pressed_memory", "strokes", "oscillator", "ranking", "ordering"),
+        *("pressed_memory", "strokes", "oscillator", "ranking", "ordering", "belt"),
     ),
     (
         *("laws", "halfplane", "dimensions", "modulation", "mix", "cart", "scene_rules", "streamline", "cap"),
@@ -46,8 +46,11 @@ LEVELS = (
     ("motion", "contact", "spectral", "fem", "drive", "scene", "column", "resistance"),
     ("memory", "measured", "cam", "crank", "passes", "spectral_modulation", "fem_modulation", "transient", "regime"),
     ("sprung_memory", "shaft_memory"),
-    ("contacts", "engine", "engineering", "elastic", "motor", "hydraulic", "made", "cutting", "cam_motion", "vary"),
-    ("mapping", "runup", "machine"),
+    (
+        *("contacts", "engine", "engineering", "elastic", "motor", "hydraulic", "made", "cutting", "cam_motion"),
+        *("vary", "roller_motor"),
+    ),
+    ("mapping", "runup", "machine", "driven"),
     ("study", "calibrate", "cam_sheet"),
     ("figures", "published_laws", "published_machine", "cam_files", "sensitivity", "headline"),
     ("contact_report", "drive_report", "published", "maps", "sweep", "order_figures"),

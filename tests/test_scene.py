@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from compact.scene import LAW_NAMES, Scene, SceneError, load_scene, parse_scene, starter_scene
-from compact.scene_tables import EndSpringTable, Hydraulics, Motor, Optimise
+from compact.scene_tables import BeltTable, EndSpringTable, Hydraulics, Motor, Optimise
 
 SCENES = Path(__file__).parents[1] / "studies" / "scenes"
 PUBLISHED = (SCENES / "loveikin-2015.toml").read_text("utf-8")
@@ -102,8 +102,8 @@ def test_the_starter_shows_every_key_there_is():
     known = {key for table in tables for part in getattr(table, "__args__", (table,)) for key in fields_of(part)}
     beside = {"formula", "column", "spectral", "fem", "compaction"}
     assert known - keys == {"overrides", "motor", "optimise", "end_springs", "hydraulics"} | beside
-    shown = (Motor, Optimise, EndSpringTable, Hydraulics)
-    assert {key for table in shown for key in table.model_fields} <= keys
+    shown = (Motor, BeltTable, Optimise, EndSpringTable, Hydraulics)
+    assert {key for table in shown for key in table.model_fields} - keys == {"belt"}
 
 
 def fields_of(table):
@@ -395,6 +395,13 @@ breakdown_slip = 0.15
 gear_ratio = 150.0
 inertia = 0.01
 flywheel_inertia = 50.0
+"""
+BELT = """[drive.motor.belt]
+pulley_radius = 0.1
+stiffness = 50000.0
+preload = 500.0
+friction = 0.4
+wrap = 3.0
 """
 SPRINGS = """[drive.end_springs]
 stiffness = 5000.0
@@ -828,6 +835,14 @@ BROKEN = [
         MOTOR.replace("kloss", "straight") + "\n[cam]",
         'drive.motor.breakdown_slip: is for drive.motor.curve "kloss", got 0.15 with "straight"; take it out',
         at="breakdown_slip",
+        also=('kind = "rigid"', 'kind = "motor"'),
+    ),
+    refused(
+        "belt too soft for its preload",
+        "[cam]",
+        MOTOR + BELT.replace("50000.0", "9000.0") + "\n[cam]",
+        "drive.motor.belt.stiffness: must be at least 20*drive.motor.belt.preload = 10000 N",
+        at="stiffness = 9000.0",
         also=('kind = "rigid"', 'kind = "motor"'),
     ),
     refused(

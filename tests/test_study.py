@@ -151,6 +151,22 @@ def test_motor_drive_goes_from_the_scene_to_the_summary(tmp_path):
     assert summary["laws"]["cubic"]["fluctuation"] == pytest.approx(float(rows[0]["fluctuation"]), rel=1e-9)
 
 
+BELT = {"pulley_radius": 0.1, "stiffness": 50e3, "preload": 500.0, "friction": 0.4, "wrap": 3.0}
+
+
+def test_belt_goes_from_the_scene_to_the_tables(tmp_path):
+    given = {"drive.kind": "motor", "drive.motor": MOTOR | {"belt": BELT}, "motion.laws": ["cubic"]}
+    study = Study(scene("small", **given, **{"output.wanted": ["tables"]}))
+    report.write(study, tmp_path / "out")
+    row = np.genfromtxt(tmp_path / "out" / "motor.csv", delimiter=",", names=True)
+    assert row["belt_creep"] == pytest.approx(study.runs["cubic"].belt_creep, rel=1e-9)
+    assert row["belt_creep"] > 1e-3
+    assert row["work_of_a_cycle_J"] == pytest.approx(study.runs["cubic"].energy + row["belt_loss_J"], rel=1e-6)
+    weak = Study(scene("small", **given, **{"drive.motor.belt.preload": 50.0}))
+    with pytest.raises(RuntimeError, match=r"the belt slips under 'cubic'.* give a preload of at least"):
+        _ = weak.runs
+
+
 HYDRAULICS = {
     "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5, "discharge_coefficient": 0.62,
     "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
@@ -240,6 +256,20 @@ def test_stepper_in_the_roller_turns_with_the_travel(written):
     assert rollers * np.trapezoid(rows["power_W"], rows["time_s"]) == pytest.approx(run.energy, rel=5e-3)
     assert rollers * np.abs(rows["torque_Nm"]).max() == pytest.approx(run.peak_force * 0.11, rel=1e-2)
     assert np.abs(rows["traction"]).max() == pytest.approx(run.peak_force / rollers / study.roller_load, rel=1e-2)
+
+
+def test_motors_in_the_rollers_are_told_in_the_table_and_the_summary(written):
+    study, summary, directory = written
+    with (directory / "roller-motors.csv").open(newline="") as stream:
+        rows = {row["law"]: row for row in csv.DictReader(stream)}
+    assert list(rows) == list(study.cycles)
+    for law, told in summary["roller_motors"].items():
+        assert told["peak_torque"] == study.roller_motors[law].peak_torque
+        assert float(rows[law]["peak_torque_Nm"]) == pytest.approx(told["peak_torque"], rel=1e-9)
+        assert told["peak_torque"] == pytest.approx(study.runs[law].peak_force * 0.11 / 2, rel=1e-3)
+        assert told["lack"] == rows[law]["lack"]
+        assert math.isnan(float(rows[law]["peak_creep"]))  # the formulas tell none
+    assert not (directory / "driven-roller.csv").exists()
 
 
 def test_two_runs_write_the_same_bytes(written, tmp_path):
