@@ -20,6 +20,7 @@ from compact.motion import law
 from compact.motor import Motor, Straight, revolve
 from compact.polynomials import Pieces
 from compact.resistance import ResistanceMap
+from compact.resisted import MIX
 from compact.runup import runup
 
 SMOOTH = replace(CART_OF_C, guide_friction=0.0)
@@ -200,6 +201,8 @@ def test_energy_of_the_motor_drive_closes(memory):
 def test_periodic_regime_remembers_its_own_cycles(memory):
     run = travel(CART_OF_C, spring(1e6, 0.05), cycle(), memory)
     starts, arcs = np.unique(run.course.arcs.start, return_index=True)
+    windows = np.diff(run.course.arcs.given[arcs, MIX, 1], prepend=np.nan) != 0  # within one, D is straight
+    starts, arcs = starts[windows], arcs[windows]
     position = run.course.motion(arcs, 0.0 * arcs)[0]
     time = np.concatenate([starts + turn * run.period for turn in range(4)])
     beyond = 100 * memory.columns.spacing  # columns at the same places
