@@ -138,7 +138,7 @@ def _refuse_skid(march):
     """A torque beyond what friction holds slips all over, and nothing tells how fast."""
     if march.push.creep is None:
         return
-    asked = abs(march.face.pull) / (march.face.grip * (march.face.weight @ march.push.pressure))
+    asked = march.face.asked(march.push)
     if asked >= 1:
         raise RuntimeError(f"the roller skids: {asked:.3g} times the friction limit asked")
 

@@ -67,6 +67,10 @@ class Roll:
         drop = x**2 / (2 * R) if self.profile == "parabola" else x**2 / (R + np.sqrt(np.maximum(R**2 - x**2, 0)))
         return np.array([np.zeros_like(x), -np.ones_like(x)]), self.indentation - drop
 
+    def over(self, nodes, aside):
+        """The same on a surface that stands aside, at `nodes` by `aside`, shape (2, n), before it is loaded."""
+        return RollAside(**vars(self), nodes=nodes, aside=aside)
+
     def slope(self, x):
         """dy/dx of the profile, by which a vertical pressure pushes along x; zero where it is normal to the circle."""
         if self.profile == "deformed":
@@ -85,6 +89,9 @@ class RollAside(Roll):
         aside = self.aside @ interpolation(self.nodes, x).T
         normal, depth = super().touch(x, displacement + aside)
         return normal, depth - np.sum(normal * aside, axis=0)
+
+    def over(self, nodes, aside):
+        return replace(self, aside=self.aside + aside)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,8 @@ class Push:
     """What the roller does to the nodes: gap [m], pressure and shear on the reference [Pa], shape (n,), forces, shape
     (n, 2), and minus their derivatives by the displacement, shape (n, 2, 2).
 
-    creep : of a roller that turns, else None;  coupling : column and row, shape (n, 2) each, of what the creep adds to
-    the derivatives, or None
+    creep, ahead : of a roller that turns, creep and way [m] by which its surface turns more than it travels, else None
+    coupling : column and row, shape (n, 2) each, of what the creep adds to the derivatives, or None
     """
 
     gap: np.ndarray
@@ -30,6 +30,7 @@ class Push:
     forces: np.ndarray
     stiffness: np.ndarray
     creep: float | None = None
+    ahead: float | None = None
     coupling: tuple | None = None
 
 
@@ -59,6 +60,10 @@ class Face:
     def carrying(self, pressure, shear, creep):
         """The same face with the pressures, and where it turns the shears and the creep, of the increment before."""
         return replace(self, carried=pressure)
+
+    def missed(self, push):
+        """By how much the tractions of a push miss those carried, at most [Pa]."""
+        return np.abs(push.pressure - self.carried).max()
 
     def starting(self, displacement):
         """The same face where an increment begins, the nodes displaced by (n, 2)."""

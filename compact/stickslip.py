@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from compact.patch import Roll, interpolation, press, quadrature, with_peaks
+from compact.patch import interpolation, press, quadrature, with_peaks
 
 TURNS = 60  # of pressure and shear
 TURN_TOLERANCE = 1e-7  # of the largest displacement, about 1e-6 of the peak pressure
@@ -25,13 +25,26 @@ NEAR_EDGE = 0.5  # of the distance to the next node: what is nearer to an edge s
 AT_BOUND = 1e-9  # share by which a sticking traction may pass f p
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Grip:
-    """Friction f, int q dx `asked` [m of relaxed modulus], and the `direction` of travel, 1 along +x or -1."""
+    """Friction f, int q dx `asked` [m of relaxed modulus], and the `direction` of travel, 1 along +x or -1.
+
+    Where the motion is not steady the slip has a rate besides, and is one itself, v s as above:
+
+        v s = v (1 + creep - t.(e_x + du/dx)) + rate t.(u - before),    the last at the nodes
+
+    velocity : v;  rate : one over a step in time;  aside, before : displacement of the surface nodes besides that by
+    pressure and shear, and all of it before the step, seen from the roller, shape (2, n)
+    In steady motion v s is s with the sign of the travel, and the creep has no unit.
+    """
 
     friction: float
     asked: float
     direction: float
+    velocity: float | None = None
+    rate: float = 0.0
+    aside: np.ndarray | float = 0.0
+    before: np.ndarray | float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,20 +71,6 @@ class Shear:
         return _shapes(self.x, x) @ self.traction[1:-1]
 
 
-@dataclass(frozen=True, eq=False)
-class DrawnRoll(Roll):
-    """A `Roll` on a surface that shear tractions have displaced already: `drawn` of its nodes, shape (2, n)."""
-
-    nodes: np.ndarray | None = None
-    drawn: np.ndarray | None = None
-
-    def touch(self, x, displacement):
-        """As of `Roll`, for the displacement that the pressure alone has to make."""
-        drawn = self.drawn @ interpolation(self.nodes, x).T
-        normal, depth = super().touch(x, displacement + drawn)
-        return normal, depth - np.sum(normal * drawn, axis=0)
-
-
 def pressed_and_sheared(surface, roll, terms, grip, patch=None, shear=None):
     """The `Patch`, with its peaks, and the `Shear` that belong together, from others near them on; terms as of `press`.
 
@@ -81,7 +80,7 @@ def pressed_and_sheared(surface, roll, terms, grip, patch=None, shear=None):
     drawn = np.zeros((2, len(surface.x))) if shear is None else shear.displacement
     nodes, share, before, changes, history = None, 1.0, None, [], ()
     for turn in range(TURNS):
-        under = DrawnRoll(**vars(roll), nodes=surface.x, drawn=drawn)
+        under = roll.over(surface.x, drawn)
         patch = press(surface, under, terms, patch)
         history += patch.history
         shear = stick_and_slip(surface, patch, grip, nodes)
@@ -106,11 +105,14 @@ def stick_and_slip(surface, patch, grip, nodes=None):
         raise RuntimeError(f"the roller skids: {abs(grip.asked) / (bound @ share):.3g} times the friction limit asked")
     response = np.einsum("iakb,kbj->iaj", surface.response, hats, optimize=True)
     upstream = slice(1, None) if grip.direction > 0 else slice(0, -1)  # of the intervals, the one before each node
-    slope = (np.diff(interpolation(surface.x, x), axis=0) / np.diff(x)[:, None])[upstream]
+    at_nodes, velocity = interpolation(surface.x, x), grip.direction if grip.velocity is None else grip.velocity
+    slope = (np.diff(at_nodes, axis=0) / np.diff(x)[:, None])[upstream]
+    rising = grip.rate * at_nodes[1:-1]  # at the nodes: means would not see tractions that alternate
     tangent = _tangent(patch, ((x[1:] + x[:-1]) / 2)[upstream])
-    A = -grip.direction * sum(part[:, None] * (slope @ response[i]) for i, part in enumerate(tangent))
-    moved = sum(part * (slope @ patch.displacement[i]) for i, part in enumerate(tangent))
-    b = grip.direction * (1 - tangent[0] - moved)
+    A = sum(part[:, None] * ((rising - velocity * slope) @ response[i]) for i, part in enumerate(tangent))
+    u, risen = (patch.displacement + given for given in (grip.aside, grip.aside - grip.before))
+    moved = sum(part * (rising @ risen[i] - velocity * (slope @ u[i])) for i, part in enumerate(tangent))
+    b = velocity * (1 - tangent[0]) + moved
     q, creep, sticks = _exchanged(A, b, bound, share, grip.asked)
     return Shear(
         x=x,

@@ -14,6 +14,7 @@ from compact.pieces import graded
 
 TURNING = np.cumsum([1 / 16] * 4 + [1 / 8] * 2 + [1 / 4] * 2)  # ends of the steps after a turn, in elements
 STEP = 1 / 2  # of an element
+NEAR = 1e-9  # of the duration, or of the span: instants and places closer than this are one
 SAME = 1e-9  # of an element, or of a stroke: what has not left its place
 ROUNDING = 1e-12  # of all travel: a move that has no sign
 ZOOM, ZOOMS = 20, 8  # cells, and zooms in on a turn: to 1e-8 of the grid it was found on
@@ -74,6 +75,28 @@ def strokes(motion):
     ]
     times = np.array([0.0, *turns, motion.duration])
     return Strokes(motion, times, motion.position(times))
+
+
+def smooth_pieces(motion, turns=False):
+    """Times between which a motion is smooth, and if asked goes one way; 0 and its duration are among them."""
+    joins = {float(join.time) for join in motion.joins()} if hasattr(motion, "joins") else set()
+    starts = {float(leg.start) for leg in motion.legs()} if hasattr(motion, "legs") else set()
+    breaks, near = [0.0], NEAR * motion.duration
+    for time in sorted(joins | starts):
+        if breaks[-1] + near < time < motion.duration - near:
+            breaks.append(time)
+    breaks.append(float(motion.duration))
+    return _with_turns(motion, breaks) if turns else breaks
+
+
+def _with_turns(motion, breaks):
+    """The breaks and the times of turns at other places than those of the breaks next to them."""
+    way = strokes(motion)
+    for time, place in zip(way.times[1:-1], way.places[1:-1], strict=True):
+        k = int(np.searchsorted(breaks, time))
+        if np.abs(motion.position(np.array(breaks[max(k - 1, 0) : k + 1])) - place).min() > NEAR * way.span:
+            breaks.insert(k, float(time))
+    return breaks
 
 
 def _parts(distance, every):

@@ -13,6 +13,10 @@ under the roller, and what fades is summed along the way s(t) itself:
 Steady motion is met exactly by steps of any length, and v = 0 is a place like any other. What is known of z stands as a
 surface set aside, what is sought as a response: every step is one contact on the layer that was condensed once. Steps
 are of second order; their length follows from how far the forces leave their own tangent.
+
+A roller that turns with friction sticks and slips by Coulomb's law on the slip at the end of a step (`stickslip.Grip`),
+du/dt taken as seen from the roller: exact in steady motion too, of first order else. Where it turns back nothing jumps.
+The traction of a roller that slides, and a torque, turn round at once where it turns; there the time stands twice.
 """
 
 from dataclasses import dataclass, replace
@@ -24,10 +28,13 @@ from threadpoolctl import threadpool_limits
 from compact import fem
 from compact.material import Elastic
 from compact.mesh import DEFAULT_ERROR
-from compact.patch import BeyondWindowError, Roll, RollAside, Surface, interpolation, press
+from compact.patch import BeyondWindowError, Surface, interpolation, press
+from compact.records import refuse_torque
 from compact.refuse import refuse_nonfinite, refuse_nonpositive
 from compact.retained import fading_over, retained_by, steadily_retained, within
+from compact.stickslip import Grip, pressed_and_sheared
 from compact.streamline import Creep, creep
+from compact.strokes import smooth_pieces
 from compact.travelled import Travelled
 
 TIME_TOLERANCE = 1e-3  # of int p |x| dx/R, by which steps in time may miss the resistance
@@ -42,7 +49,7 @@ SAFE = 0.9  # of the step that would meet the tolerance
 
 
 def travel(
-    layer, roller, material, motion, *, instants=(), frames=(), mesh=None, tolerance=DEFAULT_ERROR,
+    layer, roller, material, motion, *, torque=None, instants=(), frames=(), mesh=None, tolerance=DEFAULT_ERROR,
     time_tolerance=TIME_TOLERANCE, estimate=True,
 ):  # fmt: skip
     """A roller in any motion at a given indentation over a linear layer, a `Travelled`.
@@ -52,9 +59,12 @@ def travel(
     Parameters
     ----------
     layer : Layer, of any height and plies
-    roller : Roller without friction, every profile; over a slipping layer those whose gap is vertical
+    roller : Roller, every profile; "sliding" with the traction f p on the mix along the travel, "free" or "driven",
+        which stick and slip. Over a slipping layer without friction, and with a gap that is vertical
     material : Elastic or Viscoelastic
     motion : with `position` and `velocity` of time, and `duration` [s]; no step passes its `joins`
+    torque : on a roller that is free or driven, per unit length, + turning it the way it travels [N]; without it a
+        free roller has none
     instants : times at which a step shall end [s]
     frames : times of which to keep the fields inside [s], for `Travelled.film`
     mesh, tolerance : as of `fem.roll`
@@ -71,18 +81,19 @@ def travel(
     '505 N/m at most, within 0.1 % for the steps'
     """
     _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, (*instants, *frames))
-    case = fem.Case(layer, roller, material, _first_velocity(motion))
-    if case.speed == 0:  # has stood for ever: all is relaxed, at any speed
-        case = fem.Case(layer, roller, Elastic(material.youngs_modulus, material.poisson), 1.0)
-    breaks = _breaks(motion)
+    refuse_torque(roller, torque)
+    case = fem.Case(layer, roller, material, float(np.sign(_first_velocity(motion))), torque or 0.0)
+    drags = roller.friction > 0 and roller.rolling != "frictionless"
+    breaks = smooth_pieces(motion, turns=drags)
     instants, frames = _rounded(instants, breaks), _rounded(frames, breaks)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
-        task = fem.task_of(case, mesh, tolerance)
+        first = _before(case, motion)
+        task = fem.task_of(first, mesh, tolerance)
 
         def marched(window):
-            start, pace = _begun(case, task, window, material, motion, time_tolerance)
+            start, pace = _begun(case, first, task, window, motion, time_tolerance)
             path = _marched(pace, start, breaks, sorted({*breaks, *instants, *frames}))
-            return (path, pace), _judged(pace, start, _every_second(path, breaks)) if estimate else None
+            return (path, pace), _judged(pace, start, breaks, _every_second(path, breaks)) if estimate else None
 
         (path, pace), judge = fem.widening(task, marched)
         taken = ()
@@ -91,20 +102,38 @@ def travel(
 
             velocity = _first_velocity(motion)
             taken = filmed(layer, material, task.mesh, path, pace.way, velocity, frames)
-    return _travelled(path, judge, material, motion, taken)
+    return _travelled(path, judge, case, motion, taken)
 
 
 @dataclass(frozen=True, eq=False)
 class Pace:
-    """What all steps share: the elastic surface, the roller, the creep, the motion, and lengths to go by."""
+    """What all steps share: the elastic surface, the case, the creep, the motion, and lengths to go by.
+
+    The speed of the case is 1 or -1 for the way of the roller, 0 as long as it has stood.
+    """
 
     surface: Surface
-    roll: Roll
+    case: fem.Case
     terms: int
     law: Creep
     motion: object
     half_width: float
     tolerance: float
+
+    @property
+    def roll(self):
+        return self.case.pressed(self.case.roller.indentation)
+
+    @property
+    def set_valued(self):
+        """Whether the roller drags or is turned one way or the other, and at rest anything between."""
+        return bool(self.case.friction or (self.case.sticks and self.case.torque))
+
+    def grip(self, velocity, interval, aside, before):
+        """The `Grip` of a roller that turns, on a surface that stands aside and stood elsewhere an interval before."""
+        case, direction = self.case, self.case.speed or 1.0
+        asked = -direction * case.torque / case.roller.radius / case.material.youngs_modulus
+        return Grip(case.roller.friction, asked, direction, velocity, 1 / interval, aside, before)
 
     @property
     def quickest(self):
@@ -120,7 +149,8 @@ class Pace:
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """Where the roller is, the contact it makes, w of the surface, shape (2, n), and z of the `places`, (k, 2, m)."""
+    """Where the roller is and its angle, the contact it makes, w of the surface, shape (2, n), and z of the `places`,
+    (k, 2, m)."""
 
     time: float
     position: float
@@ -128,6 +158,7 @@ class Instant:
     displacement: np.ndarray
     places: np.ndarray
     retained: np.ndarray
+    angle: float = 0.0
 
     @property
     def moment(self):
@@ -136,15 +167,22 @@ class Instant:
         return self.contact.forces * np.abs(surface.x) / roll.radius
 
 
-def _begun(case, task, window, material, motion, tolerance):
+def _before(case, motion):
+    """The `Case` before the motion: at its first velocity, or, relaxed and without traction, where the roller stood."""
+    if case.speed:
+        return replace(case, speed=_first_velocity(motion))
+    material, roller = case.material, replace(case.roller, rolling="frictionless")
+    return fem.Case(case.layer, roller, Elastic(material.youngs_modulus, material.poisson), 1.0)
+
+
+def _begun(case, first, task, window, motion, tolerance):
     """The `Instant` before the motion, and the `Pace` of all steps."""
-    surface, law = fem.elastic_surface(case, task.mesh, window), creep(material)
-    velocity = _first_velocity(motion)
-    contact = fem.at_target(case, fem.surface_of(case, task.mesh, window), task)
-    pace = Pace(surface, contact.roll, task.terms, law, motion, task.half_width, tolerance)
+    surface, law = fem.elastic_surface(replace(case, speed=case.speed or 1.0), task.mesh, window), creep(case.material)
+    contact = fem.at_target(first, fem.surface_of(first, task.mesh, window), task)
+    pace = Pace(surface, case, task.terms, law, motion, task.half_width, tolerance)
     places, start = _places(pace), float(motion.position(np.zeros(1))[0])
     w = _displacement(surface, contact)
-    retained = steadily_retained(law, surface.x, w, velocity, places - start)
+    retained = steadily_retained(law, surface.x, w, _first_velocity(motion), places - start)
     return Instant(0.0, start, contact, w, places, retained), pace
 
 
@@ -171,42 +209,69 @@ def _displacement(surface, contact):
 def _stepped(pace, before, now, time):
     """The `Instant` at a later time; the one before, or None, tells where the edges go."""
     x, step = pace.surface.x, fading_over(pace.law, pace.way(now.time, time), time - now.time)
-    end = step.way[-1]
+    end, interval = step.way[-1], time - now.time
     sought = pace.law.instant * np.eye(len(x))
     known = retained_by(step.shares, now.places, step.faded(now.retained), x + end)
     for place, share, weight in zip(step.way, step.new, step.shares @ step.weights, strict=True):
         N = interpolation(x, within(x, x + end - place))
         sought += weight * share * N
         known += weight * (1 - share) * now.displacement @ N.T
-    contact = _pressed(pace, sought, known, _ahead(before, now, time))
+    grip = pace.grip((end - now.position) / interval, interval, known, _shown(pace, now)) if pace.case.sticks else None
+    contact = _pressed(pace, sought, known, _ahead(before, now, time), grip)
     w = _displacement(pace.surface, contact)
     retained = step.retained(x, now.places, now.retained, now.displacement, w)
-    return Instant(time, float(end), contact, w, now.places, retained)
+    angle = now.angle + (end - now.position + interval * _ahead_of_way(contact, grip)) / pace.case.roller.radius
+    return Instant(time, float(end), contact, w, now.places, retained, float(angle))
 
 
-def _pressed(pace, sought, known, start):
-    """The contact on the surface of which a part is known."""
+def _at_once(pace, now):
+    """The `Instant` again with the drag or the torque of the way to come; nothing fades meanwhile."""
+    x, law = pace.surface.x, pace.law
+    known = retained_by(law.shares, now.places, now.retained, x + now.position)
+    grip = pace.grip(0.0, 1.0, known, _shown(pace, now)) if pace.case.sticks else None
+    contact = _pressed(pace, law.instant * np.eye(len(x)), known, now.contact, grip)
+    angle = now.angle + _ahead_of_way(contact, grip) / pace.case.roller.radius
+    return replace(now, contact=contact, displacement=_displacement(pace.surface, contact), angle=angle)
+
+
+def _shown(pace, now):
+    """u at the surface nodes, shape (2, n)."""
+    kept = retained_by(pace.law.shares, now.places, now.retained, pace.surface.x + now.position)
+    return pace.law.instant * now.displacement + kept
+
+
+def _ahead_of_way(contact, grip):
+    """How much faster along +x the surface of the roller turns than it travels [m/s]."""
+    return 0.0 if grip is None else contact.shear.creep * grip.direction
+
+
+def _pressed(pace, sought, known, start, grip=None):
+    """The contact on the surface of which a part is known, from another one on."""
     response = np.einsum("ca,iakb->ickb", sought, pace.surface.response, optimize=True)
     surface = replace(pace.surface, response=response)
-    roll = RollAside(**vars(pace.roll), nodes=surface.x, aside=known)
-    try:
-        patch = press(surface, roll, pace.terms, start)
-    except BeyondWindowError:
-        raise
-    except RuntimeError:  # edges that jump: the print of the roller nearly fits it where it turns
-        patch = press(surface, roll, pace.terms)
-    return fem.Contact(surface, roll, patch)
+    roll = pace.roll.over(surface.x, known)
+    # anew where edges jump: the print of the roller nearly fits it where it turns
+    for patch, shear in ((start.patch, start.shear), (None, None)):
+        try:
+            if grip is None:
+                return fem.Contact(surface, roll, press(surface, roll, pace.terms, patch))
+            return fem.Contact(surface, roll, *pressed_and_sheared(surface, roll, pace.terms, grip, patch, shear))
+        except BeyondWindowError:
+            raise
+        except RuntimeError as unsettled:
+            reason = unsettled
+    raise reason
 
 
 def _ahead(before, now, time):
-    """The patch from which to start, its edges gone on as before."""
+    """The contact from which to start, its edges gone on as before."""
     patch = now.contact.patch
     if before is None:
-        return patch
+        return now.contact
     share = (time - now.time) / (now.time - before.time)
     trailing, leading = (new + share * (new - old) for new, old in
                          zip(patch.edges, before.contact.patch.edges, strict=True))  # fmt: skip
-    return replace(patch, trailing=trailing, leading=leading)
+    return replace(now.contact, patch=replace(patch, trailing=trailing, leading=leading))
 
 
 def _miss(pace, before, now, later):
@@ -224,7 +289,8 @@ def _miss(pace, before, now, later):
 def _marched(pace, start, breaks, stops):
     """All `Instant`s, by steps of the length that the tolerance asks; `stops` holds the breaks too."""
     path, shortest = [start], SHORTEST * pace.quickest
-    for end in breaks[1:]:
+    for begin, end in pairwise(breaks):
+        pace = _turned(pace, path, begin, end)
         before, step = None, FIRST * pace.quickest
         while path[-1].time < end:
             now = path[-1]
@@ -249,6 +315,17 @@ def _marched(pace, start, breaks, stops):
     return path
 
 
+def _turned(pace, path, begin, end):
+    """The `Pace` of a piece of the motion; if drag or torque turn round the path has the instant before it twice."""
+    way = float(np.sign(np.diff(pace.motion.position(np.array([begin, end])))[0])) or pace.case.speed
+    if way == pace.case.speed:
+        return pace
+    pace = replace(pace, case=replace(pace.case, speed=way))
+    if pace.set_valued:
+        path.append(_at_once(pace, path[-1]))
+    return pace
+
+
 def _end_of_step(pace, begin, step, stops):
     """Where a step ends that is about so long, passes no stop and travels `LONGEST` half-widths at most."""
     stop = next(each for each in stops if each > begin + SAME * stops[-1])
@@ -258,40 +335,32 @@ def _end_of_step(pace, begin, step, stops):
     return stop if stop - end < SAME * stops[-1] else end
 
 
-def _judged(pace, start, times):
+def _judged(pace, start, breaks, times):
     """The `Instant`s at given times, from the start on; None where the contact is lost."""
-    path, before = [start], None
-    for time in times:
-        try:
-            later = _stepped(pace, before, path[-1], time)
-        except BeyondWindowError:
-            raise
-        except RuntimeError:
-            return None
-        before = path[-1]
-        path.append(later)
+    path = [start]
+    for begin, end in pairwise(breaks):
+        pace, before = _turned(pace, path, begin, end), None
+        for time in times:
+            if begin < time <= end:
+                try:
+                    later = _stepped(pace, before, path[-1], time)
+                except BeyondWindowError:
+                    raise
+                except RuntimeError:
+                    return None
+                before = path[-1]
+                path.append(later)
     return path
 
 
 def _every_second(path, breaks):
     """Times of every second instant of each piece between breaks, and of its end."""
-    times = np.array([each.time for each in path])
+    times = np.unique([each.time for each in path])
     chosen = []
     for begin, end in pairwise(breaks):
         piece = times[(times > begin) & (times <= end)]
         chosen += [*piece[1:-1:2], piece[-1]]
     return chosen
-
-
-def _breaks(motion):
-    """Times between which the motion is smooth, 0 and the duration among them."""
-    joins = {float(join.time) for join in motion.joins()} if hasattr(motion, "joins") else set()
-    starts = {float(leg.start) for leg in motion.legs()} if hasattr(motion, "legs") else set()
-    breaks, near = [0.0], SAME * motion.duration
-    for time in sorted(joins | starts):
-        if breaks[-1] + near < time < motion.duration - near:
-            breaks.append(time)
-    return [*breaks, float(motion.duration)]
 
 
 def _rounded(times, breaks):
@@ -301,8 +370,8 @@ def _rounded(times, breaks):
     return [each if abs(each - time) <= near else float(time) for time, each in zip(times, nearest, strict=True)]
 
 
-def _travelled(path, judge, material, motion, frames):
-    modulus = material.youngs_modulus
+def _travelled(path, judge, case, motion, frames):
+    modulus = case.material.youngs_modulus
     forces = modulus * np.array([each.contact.force for each in path])
     edges = np.array([each.contact.patch.edges for each in path])
     time = np.array([each.time for each in path])
@@ -323,6 +392,7 @@ def _travelled(path, judge, material, motion, frames):
         error=error,
         steps=steps,
         frames=frames,
+        angle=np.array([each.angle for each in path]) if case.sticks else None,
     )
 
 
@@ -335,10 +405,10 @@ def _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, in
         raise ValueError(f"`instants` must lie within the motion, 0 to {motion.duration:g} s, got {outside[0]!r}")
     if roller.indentation is None:
         raise ValueError(f"a motion through time keeps an `indentation`, got `{roller.target[0]}`; give that instead")
-    if roller.friction > 0 and roller.rolling != "frictionless":
+    if layer.base == "slip" and roller.friction > 0 and roller.rolling != "frictionless":
         raise ValueError(
-            f"a motion through time is known without friction only, got `rolling` '{roller.rolling}' with `friction` "
-            f"{roller.friction!r}; use 'frictionless'"
+            f"over a slipping layer, which nothing holds along x where the motion turns, a roller is known in time "
+            f"without friction only, got `rolling` '{roller.rolling}' with `friction` {roller.friction!r}"
         )
     if layer.base == "slip" and roller.profile == "deformed":
         raise ValueError("over a slipping layer the gap must be vertical, got `profile` 'deformed'; use 'circle'")

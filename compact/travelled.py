@@ -22,6 +22,7 @@ class Travelled:
     resistance : minus the x-force of the mix on the roller [N/m], + against a motion along +x; the x axis stays
     leading, trailing : contact edges [m] from the lowest point, the one at larger and the one at smaller x,
         whichever way the roller goes
+    angle : by which a roller with friction that turns has turned [rad], + as it rolls along +x, or None
     error : estimated error of the resistance from the time steps, the largest over the largest |resistance|, or None
     steps : number of time steps solved, those of the estimate too
     frames : (time, meshio mesh of the fields) of each instant that was asked for
@@ -39,6 +40,7 @@ class Travelled:
     error: float | None = None
     steps: int = 0
     frames: tuple = ()
+    angle: np.ndarray | None = None
 
     def __post_init__(self):
         for name in ("load", "resistance"):
@@ -65,7 +67,8 @@ def travel(layer, roller, material, motion, **accuracy):
 
     layer, roller, material : as of `fem.roll`, the roller with an `indentation`
     motion : with `position` and `velocity` of time [s], arrays, and `duration` [s]: a `Motion`, a `Cycle` or one's own
-    accuracy : what the engine takes, `transient.travel` for linear layers, `travelling.travel` for mix that compacts
+    accuracy : what the engine takes, a `torque` too: `transient.travel` for linear layers, `travelling.travel` for mix
+        that compacts
 
     >>> from compact.material import Viscoelastic
     >>> from compact.motion import law

@@ -15,6 +15,7 @@ from compact.frame import Frame, stroke_mesh, transferred
 from compact.march import PENALTY, SOFTER, THIN
 from compact.pressing import Face
 from compact.strokes import SAME, STEP
+from compact.turning import TurningFace
 
 PRESSING = 6  # steps of a roller that comes down
 RESIDUAL = 1e-4  # of the nodal forces
@@ -32,7 +33,9 @@ class Stand:
     resistance: float
     leading: float
     trailing: float
+    angle: float
     given: float
+    rubbed: float
     kept: float
 
 
@@ -41,29 +44,36 @@ class Trip:
 
     way : `Strokes`;  element, length : of the mesh along x, and about that of the contact [m]
     fed : what lies there, a `Fed` or None for fresh mix of a `height`;  place : x of the roller [m]
+    torque : on a roller that turns, + the way it travels [N]
     """
 
-    def __init__(self, way, roller, law, height, *, element, length, finite, fed, place):
+    def __init__(self, way, roller, law, height, *, torque, element, length, finite, fed, place):
         self.low, self.span, self.element = way.low, way.span, element
+        self.turns = roller.rolling in ("free", "driven") and roller.friction > 0
+        # along +x: traction over pressure where all slides, sum of the tractions where the roller turns
         self.friction = roller.friction if roller.rolling == "sliding" else 0.0
+        self.pull = -(torque or 0.0) / roller.radius
         mesh = stroke_mesh(height, length, element, round(way.span / element))
         self.frame = frame = Frame(mesh, law, "bonded", length, fed=fed, finite=finite)
         nodes = frame.nodes[frame.surface] + [way.low, 0.0]
         penalty = PENALTY * law.unloading_modulus / min(element, height / THIN)
-        given = roller.radius, height, penalty, np.zeros(len(nodes)), roller.profile
-        self.face = Face(nodes, frame.weights, *given, offset=float(place))
+        given = {"profile": roller.profile, "offset": float(place)}
+        given |= {"grip": roller.friction, "sheared": np.zeros(len(nodes))} if self.turns else {}
+        kind = TurningFace if self.turns else Face
+        self.face = kind(nodes, frame.weights, roller.radius, height, penalty, np.zeros(len(nodes)), **given)
         self.balancer = Balancer(frame.solid, frame.surface, RESIDUAL)
         self.condition, self.past, self.iterations = frame.at_rest(), [], 0
-        self.push = self.face.push(self.condition.displacement[frame.surface])
-        self.given = self.kept = 0.0
+        self.push = self.face.pressed(self.condition.displacement[frame.surface])
+        self.angle, self.given, self.rubbed, self.kept = 0.0, 0.0, 0.0, 0.0
 
     def take_over(self, march):
         """Be at `low` as a steady `March` is, which has x = 0 under the roller."""
         frame = self.frame
         x, old = frame.nodes[frame.surface, 0], march.frame.nodes[march.frame.surface, 0]
-        pressure = np.interp(x, old, march.push.pressure, left=0.0, right=0.0)
+        pressure, shear = (np.interp(x, old, of, left=0.0, right=0.0) for of in (march.push.pressure, march.push.shear))
         self.condition = transferred(march.condition, march.frame, frame)
-        self.face = replace(self.face, lowest=march.steps[-1].lowest, carried=pressure, friction=self.friction)
+        face = self._facing(1.0).carrying(pressure, shear, march.push.creep)
+        self.face = replace(face, lowest=march.steps[-1].lowest).starting(self.condition.displacement[frame.surface])
         self.push = self.face.push(self.condition.displacement[frame.surface])
 
     def press(self, lowest, rate_factor, every=1):
@@ -73,18 +83,40 @@ class Trip:
 
     def go(self, x, lowest, rate_factor):
         """Step to a place and a height, pc being larger by the rate factor meanwhile."""
+        self._go(x, lowest, rate_factor, np.sign(x - self.face.offset))
+
+    def turn_round(self, sign, rate_factor):
+        """Take the friction and the torque of a way along `sign` x before it is gone."""
+        self._go(self.face.offset, self.face.lowest, rate_factor, sign)
+
+    def _go(self, x, lowest, rate_factor, sign):
         way, before = x - self.face.offset, self.face.forces(self.push)
-        pressures, change = self._foreseen(way)
-        face = replace(self.face, carried=pressures, offset=x, lowest=lowest, friction=np.sign(way) * self.friction)
+        tractions, change = self._foreseen(way)
+        face = self._facing(sign).carrying(*tractions, self.push.creep)
+        face = face.starting(self.condition.displacement[self.frame.surface]).at(lowest, x)
         self.frame.solid.rate_factor = rate_factor
         balance = self._balanced(face, self.condition.displacement + change)
-        change = balance.after.displacement - self.condition.displacement
-        load, resistance = np.add(before, face.forces(balance.push)) / 2
-        self.given += resistance * way - load * (lowest - self.face.lowest) - self._rubbed(face, balance, change, way)
+        self._refuse_skid(face, balance.push)
+        push, change = balance.push, balance.after.displacement - self.condition.displacement
+        turned = way + push.ahead if self.turns else 0.0
+        load, resistance = np.add(before, face.forces(push)) / 2
+        rubbed = self._rubbed(face, balance, change, way, turned)
+        self.angle += turned / face.radius
+        self.given += resistance * way - load * (lowest - self.face.lowest) - sign * self.pull * turned - rubbed
+        self.rubbed += rubbed
         self.kept += self.frame.solid.area @ (balance.after.work - self.condition.work)
-        self.past = [*self.past[1 - round(1 / STEP) :], (x, way, balance.push.pressure, change)]
-        self.condition, self.push, self.iterations = balance.after, balance.push, self.iterations + balance.iterations
-        self.face = replace(face, carried=balance.push.pressure)
+        self.past = [*self.past[1 - round(1 / STEP) :], (x, way, (push.pressure, push.shear), change)]
+        self.condition, self.push, self.iterations = balance.after, push, self.iterations + balance.iterations
+        self.face = face.carrying(push.pressure, push.shear, push.creep)
+
+    def _facing(self, sign):
+        """The face of a roller that goes along `sign` x, or comes down for 0."""
+        return replace(self.face, **({"pull": sign * self.pull} if self.turns else {"friction": sign * self.friction}))
+
+    @property
+    def set_valued(self):
+        """Whether the roller drags or is turned one way or the other, and at rest anything between."""
+        return bool(self.friction or self.pull)
 
     @property
     def stand(self):
@@ -95,7 +127,8 @@ class Trip:
             first, last = touching[[0, -1]]
             edges = float(x[last] + x[last + 1]) / 2, float(x[first - 1] + x[first]) / 2
         forces = self.face.forces(self.push)
-        return Stand(self.face.offset, self.face.lowest, *forces, *edges, self.given, self.kept)
+        works = self.given, self.rubbed, self.kept
+        return Stand(self.face.offset, self.face.lowest, *forces, *edges, self.angle, *works)
 
     @property
     def left(self):
@@ -111,15 +144,16 @@ class Trip:
         return mesh
 
     def _foreseen(self, way):
-        """Pressures and change of the displacement in a step: as one element before, or as the pressures were last."""
+        """Tractions and change of the displacement in a step: as one element before, or as the tractions were last."""
         x, sign = self.face.offset + way, np.sign(way)
-        shift, pressure, change = way, self.face.carried, np.zeros_like(self.condition.displacement)
+        shift, tractions = way, (self.push.pressure, self.push.shear)
+        change = np.zeros_like(self.condition.displacement)
         for place, gone, pressed, moved in self.past:
             if way and abs(x - place - sign * self.element) + abs(way - gone) < SAME * self.element:
-                shift, pressure, change = sign * self.element, pressed, self._moved[sign] @ moved
+                shift, tractions, change = sign * self.element, pressed, self._moved[sign] @ moved
         change.ravel()[self.frame.held] = 0.0
         nodes = self.face.place[:, 0]
-        return np.interp(nodes - shift, nodes, pressure), change
+        return [np.interp(nodes - shift, nodes, traction) for traction in tractions], change
 
     @cached_property
     def _moved(self):
@@ -134,10 +168,10 @@ class Trip:
         for _ in range(GIVEN_ON):
             balance = self._pressed(face, guess)
             iterations += balance.iterations
-            pressure = balance.push.pressure
-            if np.abs(pressure - face.carried).max() <= ENTERED * pressure.max():
+            push = balance.push
+            if face.missed(push) <= ENTERED * push.pressure.max():
                 break
-            face, guess = replace(face, carried=pressure), balance.after.displacement
+            face, guess = face.carrying(push.pressure, push.shear, push.creep), balance.after.displacement
         return replace(balance, iterations=iterations)
 
     def _pressed(self, face, guess):
@@ -156,9 +190,16 @@ class Trip:
                 f"{face.lowest:.6g} m: {reason}; reached: load {load:.6g} N/m, resistance {resistance:.6g} N/m"
             ) from reason
 
-    def _rubbed(self, face, balance, change, way):
-        """Work that slip of the mix along a roller that does not turn takes [J/m]."""
+    def _refuse_skid(self, face, push):
+        """A torque beyond what friction holds slips all over, and nothing tells how fast."""
+        if self.turns and face.pull and face.asked(push) >= 1:
+            raise RuntimeError(
+                f"the roller skids at {face.offset:.6g} m: {face.asked(push):.3g} times the friction limit asked"
+            )
+
+    def _rubbed(self, face, balance, change, way, turned):
+        """Work that slip of the mix along the roller takes, whose surface has `turned` back under its axle [J/m]."""
         surface = self.frame.surface
         slip = np.array([way, 0.0]) - change[surface]
-        along = np.sum(face.tangent(balance.after.displacement[surface]) * slip, axis=1)
+        along = np.sum(face.tangent(balance.after.displacement[surface]) * slip, axis=1) - turned
         return face.weight * (self.push.shear + balance.push.shear) / 2 @ along

@@ -70,6 +70,9 @@ class TurningFace(Face):
         creep = self.creep if creep is None else creep
         return replace(self, carried=pressure, sheared=shear, creep=creep)
 
+    def missed(self, push):
+        return max(super().missed(push), np.abs(push.shear - self.sheared).max())
+
     def starting(self, displacement):
         return replace(self, arcs=self._arcs(displacement), left=self.offset)
 
@@ -78,8 +81,8 @@ class TurningFace(Face):
         bound, way = self.grip * pressed.pressure, self.offset - self.left
         stiffness = STIFFNESS * self.penalty
         rolling = self.sheared - stiffness * (self._arcs(displacement) - self.arcs + way)  # without creep
-        creep = self._creep(rolling, bound, stiffness * way)
-        tried = rolling - stiffness * way * creep
+        ahead = self._ahead(rolling, bound, stiffness)
+        tried = rolling - stiffness * ahead
         shear, sticks = np.clip(tried, -bound, bound), np.abs(tried) < bound
         n, t, turning, growing = self._axes(displacement)
         # minus the derivatives of the nodal shear by the displacement, the creep as it is
@@ -91,9 +94,14 @@ class TurningFace(Face):
             shear=shear,
             forces=pressed.forces + (self.weight * shear)[:, None] * t,
             stiffness=pressed.stiffness + t[:, :, None] * falls[:, None, :] + turned,
-            creep=creep,
+            creep=ahead / way if way else self.creep,
+            ahead=ahead,
             coupling=self._coupling(t, falls, sticks),
         )
+
+    def asked(self, push):
+        """Share of what friction can hold that the pull asks; from 1 on the roller skids."""
+        return abs(self.pull) / (self.grip * (self.weight @ push.pressure))
 
     def at_once(self, displacement, before, pressure):
         """The same face with the friction of nodes displaced by (n, 2) that came displaced by `before`; the `Slip`."""
@@ -111,14 +119,14 @@ class TurningFace(Face):
         friction = -self.grip * x * (3 - x * x) / 2
         return replace(self, friction=friction), Slip(creep, falls, *gradients)
 
-    def _creep(self, rolling, bound, fall):
-        """With which the shears, `rolling` without it, sum to the pull; they are lines between their bounds."""
+    def _ahead(self, rolling, bound, stiffness):
+        """creep way, with which the shears, `rolling` without it, sum to the pull; they are lines between bounds."""
         touching = bound > 0
         if not touching.any():
-            return self.creep
+            return self.creep * (self.offset - self.left)
         rolling, bound, weight = rolling[touching], bound[touching], self.weight[touching]
-        ends = np.sort(np.concatenate([rolling - bound, rolling + bound])) / fall
-        sums = np.clip(rolling - fall * ends[:, None], -bound, bound) @ weight
+        ends = np.sort(np.concatenate([rolling - bound, rolling + bound])) / stiffness
+        sums = np.clip(rolling - stiffness * ends[:, None], -bound, bound) @ weight
         return float(np.interp(self.pull, sums[::-1], ends[::-1]))
 
     def _coupling(self, t, falls, sticks):

@@ -1,10 +1,10 @@
 """What does a roller meet on the way back over mix that it has just pressed?
 
-A roller without friction goes there and back along a law over compacting mix, by finite elements that stay with the
-mix. On the way there the resistance grows until the bow wave is full; going back it is gone within a small part of the
-contact, and pressed mix asks for a few per cent of it, until at the very end the roller is back in the dent that it
-pressed at first and meets its wall. The memory of columns is fitted to the turn. The layer is shallower than that of
-the scene: three heights of travel fill the bow wave.
+A roller, at first without friction, goes there and back along a law over compacting mix, by finite elements that stay
+with the mix. On the way there the resistance grows until the bow wave is full; going back it is gone within a small
+part of the contact, and pressed mix asks for a few per cent of it, until at the very end the roller is back in the dent
+that it pressed at first and meets its wall. The memory of columns is fitted to the turn. The layer is shallower than
+that of the scene: three heights of travel fill the bow wave. A free roller with friction is asked the same.
 """
 
 from pathlib import Path
@@ -25,10 +25,20 @@ HEADER = ("stroke", "time_s", "position_m", "load_N/m", "resistance_N/m")
 SHOWN = (0.6, 1.0, 1.4)  # of the time of one stroke, in the film
 
 
-def main(scene="loveikin-2015", height=0.1, indentation=0.002, stroke=0.12, increments=6, name="quintic", out=None):
-    """(`CompactionTravelled`, its `PressedMemory`)."""
+def main(
+    scene="loveikin-2015",
+    height=0.1,
+    indentation=0.002,
+    stroke=0.12,
+    increments=6,
+    name="quintic",
+    friction=0.0,
+    out=None,
+):
+    """(`CompactionTravelled`, its `PressedMemory`), the roller free where it has friction."""
     scene = load_scene(SCENES / f"{scene}.toml", **CALIBRATED)
-    roller = Roller(scene.machine.roller_radius, indentation, profile="deformed")
+    turning = {"friction": friction, "rolling": "free"} if friction else {}
+    roller = Roller(scene.machine.roller_radius, indentation, profile="deformed", **turning)
     cycle = law(name, stroke, scene.motion.duration).cycle()
     instants = tuple(share * scene.motion.duration for share in SHOWN)
     mix = compaction(scene, blend(scene))

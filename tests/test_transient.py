@@ -1,13 +1,13 @@
 """A roller through time: steady motion, published reversals, an independent program, joins, rest, refusals."""
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from compact import compliance, fem
+from compact import compliance, fem, transient
 from compact.material import Elastic, Viscoelastic
 from compact.mesh import RowMesh, for_error
 from compact.motion import law
@@ -70,6 +70,66 @@ def test_roller_that_stands_meets_the_relaxed_layer():
     assert np.abs(done.resistance).max() < 1e-5 * relaxed.load
 
 
+@pytest.mark.parametrize(("rolling", "torque"), [("sliding", None), ("free", None), ("driven", 30.0)])
+@pytest.mark.parametrize("mix", [Elastic(10e6, 0.3), MIX], ids=["elastic", "viscoelastic"])
+def test_roller_with_friction_goes_on_in_steady_motion(rolling, torque, mix):
+    roller = pressed(friction=0.3, rolling=rolling)
+    steady = fem.roll(LAYER, roller, mix, 0.2, torque=torque, estimate=False)
+    done = travel(LAYER, roller, mix, Accelerated(0.2, 0.0, 0.5), torque=torque, estimate=False)
+    assert done.load == pytest.approx(steady.load, rel=1e-5)
+    assert done.resistance == pytest.approx(steady.resistance, abs=1e-5 * steady.load)
+    if torque is None and rolling == "sliding":
+        assert done.angle is None
+    else:
+        assert R * done.angle[-1] / 0.1 - 1 == pytest.approx(steady.creep, rel=1e-5)
+
+
+def test_drag_over_an_elastic_layer_turns_round_at_once():
+    """It remembers nothing: every instant is steady rolling one way or the other."""
+    mix, roller = Elastic(10e6, 0.3), pressed(friction=0.3, rolling="sliding")
+    steady = fem.roll(LAYER, roller, mix, 1.0, estimate=False)
+    done = travel(LAYER, roller, mix, law("harmonic", 0.1, 1.0).cycle(), estimate=False)
+    turn = int(np.flatnonzero(np.diff(done.time) == 0)[-1])
+    assert done.time[turn] == pytest.approx(1.0)
+    assert done.resistance[1 : turn + 1] == pytest.approx(steady.resistance, rel=1e-6)
+    assert done.resistance[turn + 1 :] == pytest.approx(-steady.resistance, rel=1e-6)
+    assert done.load == pytest.approx(np.where(done.time > 0, steady.load, done.load), rel=1e-6)
+
+
+def test_free_roller_from_rest_gets_as_steady_as_on_an_elastic_layer_both_ways():
+    mix, roller = Elastic(10e6, 0.3), pressed(friction=0.3, rolling="free")
+    steady = fem.roll(LAYER, roller, mix, 1.0, estimate=False)
+    done = travel(LAYER, roller, mix, law("harmonic", 0.1, 1.0).cycle(), estimate=False)
+    there, back = (int(np.argmin(np.abs(done.time - time))) for time in (1.0, 2.0))
+    assert done.load[[there, back]] == pytest.approx(steady.load, rel=1e-4)
+    assert done.resistance[there] == pytest.approx(steady.resistance, abs=1e-5 * steady.load)
+    assert done.resistance[back] == pytest.approx(-steady.resistance, abs=1e-5 * steady.load)
+    way = np.diff(done.position[there - 3 : there + 1])
+    assert R * np.diff(done.angle[there - 3 : there + 1]) / way - 1 == pytest.approx(steady.creep, rel=0.01)
+
+
+def test_torque_put_on_a_pressed_roller_makes_mindlins_shear():
+    """Half of the friction limit at once: q = f p(x; a) - f (c/a) p(x; c), c = a sqrt(1 - 1/2), before the roller goes.
+
+    R. D. Mindlin 1949, J. Appl. Mech. 16; Johnson 1985, eq (7.28). Poisson's ratio .49, lest pressure moves mix along.
+    """
+    mix, roller, motion = Elastic(10e6, 0.49), pressed(friction=0.3, rolling="driven"), law("quintic", 0.1, 1.0)
+    torque = 0.5 * 0.3 * fem.roll(LAYER, pressed(), mix, 1.0, estimate=False).load * R
+    case = fem.Case(LAYER, roller, mix, 0.0, torque)
+    first = transient._before(case, motion)
+    task = fem.task_of(first, None, 1e-3)
+    start, pace = transient._begun(case, first, task, fem.WINDOW * task.half_width, motion, 1e-3)
+    contact = transient._at_once(replace(pace, case=replace(case, speed=1.0)), start).contact
+    patch, shear = contact.patch, contact.shear
+    x, a = shear.x - np.mean(patch.edges), (patch.leading - patch.trailing) / 2
+    peak, c = 0.3 * patch.pressure.max(), a * np.sqrt(0.5)
+    whole, stuck = (np.sqrt(np.maximum(1 - (x / half) ** 2, 0)) for half in (a, c))
+    miss = np.abs(shear.traction + peak * (whole - c / a * stuck)) / peak
+    assert np.mean(miss) < 3e-3
+    assert np.max(miss) < 0.03  # at the one node where sticking ends
+    assert shear.sum[0] == pytest.approx(-torque / R / 10e6, rel=2e-3)
+
+
 DAILY = (("parabola", 0.2), ("parabola", -3.0), ("circle", 0.003), ("deformed", 0.003), ("deformed", -3.0))
 
 
@@ -121,6 +181,23 @@ def test_error_falls_with_the_square_of_the_steps():
     assert np.all(errors[1:] < errors[:-1] / 2)
     for error, (done, _, _) in zip(errors, coarse, strict=True):
         assert error < done.error < 10 * error
+
+
+@pytest.mark.parametrize(
+    ("rolling", "least"),
+    [("sliding", 3.5), pytest.param("free", 1.7, marks=pytest.mark.slow)],
+)
+def test_halving_the_step_halves_the_error_with_friction_too(rolling, least):
+    """Sliding it quarters it; the slip of a roller that turns is known at the ends of steps."""
+    roller, motion = pressed(friction=0.3, rolling=rolling), law("quintic", 0.03, 0.25).cycle()
+    forces = []
+    for count in (20, 40, 80):
+        instants = np.linspace(0, 0.5, count + 1)
+        done = travel(LAYER, roller, MIX, motion, instants=instants, time_tolerance=10.0, estimate=False)
+        at = [np.flatnonzero(np.abs(done.time - time) < 1e-9)[-1] for time in np.linspace(0, 0.5, 21)[1:]]
+        forces.append(done.resistance[at])
+    changes = [np.abs(fine - coarse).max() for coarse, fine in itertools.pairwise(forces)]
+    assert changes[0] > least * changes[1]
 
 
 # published numbers: tables of reference/contact.md e
@@ -303,6 +380,17 @@ def test_work_of_the_roller_is_what_the_layer_keeps():
     assert work.min() > -1e-3 * work[-1]
 
 
+def test_free_roller_turns_back_without_a_jump():
+    """What changes in the 2 ms after it is what relaxes anyway; drag would jump by 60 % of the load."""
+    roller, motion = pressed(friction=0.3, rolling="free"), law("quintic", 0.05, 0.5).cycle()
+    done = travel(LAYER, roller, MIX, motion, estimate=False)
+    assert (np.diff(done.time) > 0).all()
+    turn = int(np.argmin(np.abs(done.time - 0.5)))
+    assert done.load[turn + 1] == pytest.approx(done.load[turn], rel=2e-3)
+    assert done.resistance[turn + 1] == pytest.approx(done.resistance[turn], abs=5e-4 * done.load[turn])
+    assert R * done.angle[turn] == pytest.approx(0.05, rel=0.1)  # less the creep
+
+
 # cost
 
 
@@ -321,7 +409,12 @@ def test_stiffness_is_factorised_once_for_all_steps(monkeypatch):
     ("change", "words"),
     [
         ({"roller": Roller(R, load=1e4)}, "keeps an `indentation`, got `load`"),
-        ({"roller": pressed(friction=0.3, rolling="free")}, "without friction only, got `rolling` 'free'"),
+        ({"roller": pressed(friction=0.3, rolling="driven")}, "`torque` must be given for a 'driven' roller"),
+        ({"torque": 10.0}, "`torque` needs a roller that is 'free' or 'driven'"),
+        (
+            {"layer": Layer(0.22, "slip"), "roller": pressed(friction=0.3, rolling="free")},
+            "without friction only, got `rolling` 'free'",
+        ),
         ({"roller": pressed(profile="deformed"), "layer": Layer(0.22, "slip")}, "gap must be vertical"),
         ({"time_tolerance": 0.0}, "`time_tolerance` must be positive"),
         ({"instants": (np.nan,)}, "`instants` must be finite"),

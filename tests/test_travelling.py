@@ -12,7 +12,9 @@ from compact.motion import law
 from compact.passes import Pass, passes
 from compact.pressed_memory import fitted
 from compact.records import Layer, Ply, Roller
+from compact.strokes import strokes
 from compact.travelling import travel
+from compact.trip import ENTERED, Trip
 
 # a small scene: 2 mm deep in 100 mm, the contact 21 mm long
 MIX = Compaction(60e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
@@ -139,7 +141,87 @@ def test_feed_between_strokes_goes_as_passes_do():
         assert told.density_ratio[stroke - 1] == pytest.approx(rolled.exit_density_ratio, abs=2e-4)
 
 
+def friction_free(friction=0.3, rolling="free"):
+    return replace(WIDE, friction=friction, rolling=rolling)
+
+
+@pytest.mark.parametrize("torque", [0.0, 2000.0], ids=["free", "driven"])
+def test_roller_that_turns_gets_as_steady_as_the_engine_of_steady_rolling(torque):
+    """Load, resistance and creep, in units of what friction makes: f times the contact over the radius."""
+    told = over_thin(law("quintic", 2 * WIDE_LENGTH, 2.0), roller=friction_free(), increments=8, torque=torque)
+    steady = roll(Layer(HEIGHT), friction_free(), THIN, 0.2, torque=torque, increments=8)
+    assert over_an_element(told.load)[-6:] == pytest.approx(steady.load, rel=2e-3)
+    # friction's share of the resistance is the torque's, 60 of 72 N/m less
+    assert over_an_element(told.resistance)[-6:] == pytest.approx(steady.resistance, abs=5e-3 * 72)
+    creep = WIDE.radius * np.diff(told.angle[-9:]) / np.diff(told.position[-9:]) - 1
+    assert over_an_element(creep)[-6:] == pytest.approx(steady.creep, abs=0.01 * 0.3 * WIDE_LENGTH / WIDE.radius)
+    assert told.work_residual < 5e-3
+
+
+@pytest.mark.slow
+def test_free_roller_on_a_high_layer_goes_on_as_steady_rolling():
+    """Where friction moves the mix: creep of -0.069, 2 % of the load off."""
+    roller = replace(ROLLER, friction=0.3, rolling="free")
+    steady = roll(LAYER, roller, MIX, 0.2, increments=8)
+    told = travel(LAYER, roller, MIX, law("quintic", 2.5 * LENGTH, 1.0), start=steady, increments=8, estimate=False)
+    assert over_an_element(told.load)[-6:] == pytest.approx(steady.load, rel=5e-3)
+    assert over_an_element(told.resistance)[-6:] == pytest.approx(steady.resistance, rel=6e-3)
+    creep = roller.radius * np.diff(told.angle[-9:]) / np.diff(told.position[-9:]) - 1
+    assert over_an_element(creep)[-6:] == pytest.approx(steady.creep, rel=0.02)
+
+
 # (b) order and balance
+
+
+@pytest.fixture(scope="module")
+def gripping():
+    """The `Trip` of a free roller there and back, and of each step (stroke, push, slip of the nodes, stand)."""
+    roller, way = friction_free(), strokes(there_and_back(WIDE_LENGTH))
+    mesh = {"element": WIDE_LENGTH / 8, "length": WIDE_LENGTH, "finite": True}
+    trip = Trip(way, roller, THIN, HEIGHT, fed=None, place=0.0, torque=None, **mesh)
+    trip.press(HEIGHT - DEPTH, 1.0)
+    steps = []
+    for stroke in (0, 1):
+        for place in way.steps(stroke, WIDE_LENGTH / 8)[1][1:]:
+            before, left_at = trip.condition.displacement[trip.frame.surface], trip.face.offset
+            trip.go(place, trip.face.lowest, 1.0)
+            arc = trip.face._arcs(trip.condition.displacement[trip.frame.surface])
+            came = replace(trip.face, offset=left_at)._arcs(before)
+            steps.append((stroke, trip.push, arc - came + place - left_at + trip.push.ahead, trip.stand))
+    return trip, steps
+
+
+def test_free_roller_has_no_torque_and_keeps_to_coulombs_law(gripping):
+    trip, steps = gripping
+    weight = trip.face.weight
+    for _, push, slip, stand in steps:
+        assert abs(weight @ push.shear) < 1e-12 * stand.load
+        assert (np.abs(push.shear) <= 0.3 * push.pressure * (1 + 1e-12)).all()
+        slides = np.abs(push.shear) > 0.3 * push.pressure * (1 - 1e-9)
+        assert np.where(slides, push.shear * slip, 0.0).max() <= 0.0  # against the slip
+        # what sticks slips by no more than what the pressures may miss makes
+        sticks = ~slides & (push.pressure > 0)
+        assert np.abs(slip[sticks]).max() <= 1.01 * ENTERED * push.pressure.max() / trip.face.penalty
+
+
+def test_slip_takes_work_and_all_work_is_accounted_for(gripping):
+    _, steps = gripping
+    rubbed, given, kept = (
+        np.array([getattr(step[-1], name) for step in steps]) for name in ("rubbed", "given", "kept")
+    )
+    assert np.diff(rubbed).min() > -1e-3 * rubbed[-1]
+    assert rubbed[-1] > 0
+    assert np.abs(given - kept).max() < 5e-3 * given.max()
+
+
+def test_friction_of_a_free_roller_turns_back_without_a_jump(gripping):
+    _, steps = gripping
+    k = next(i for i, step in enumerate(steps) if step[0] == 1)
+    (_, before, _, there), (_, after, _, back) = steps[k - 1], steps[k]
+    change = np.abs(after.shear - before.shear).max()
+    assert change < 0.2 * np.abs(before.shear).max()
+    assert back.load == pytest.approx(there.load, rel=0.1)
+    assert (back.angle - there.angle) * WIDE.radius == pytest.approx(back.position - there.position, rel=1e-3)
 
 
 @pytest.mark.slow
@@ -248,6 +330,42 @@ def test_strokes_with_feed_repeat_themselves():
     assert told.work_residual < 0.02
 
 
+def test_friction_that_vanishes_is_none():
+    motion = there_and_back(WIDE_LENGTH / 2)
+    slightly, smooth = over_thin(motion, roller=friction_free(1e-7)), over_thin(motion)
+    assert slightly.load == pytest.approx(smooth.load, rel=1e-5)
+    assert slightly.resistance == pytest.approx(smooth.resistance, abs=1e-5 * smooth.resistance.max())
+
+
+@pytest.mark.slow
+def test_free_roller_knows_the_path_alone():
+    slow, fast = (
+        over_thin(there_and_back(WIDE_LENGTH, name, T), roller=friction_free())
+        for name, T in (("quintic", 50.0), ("parabolic", 0.1))
+    )
+    assert slow.resistance == pytest.approx(fast.resistance, abs=1e-7 * fast.resistance.max())
+    assert slow.angle == pytest.approx(fast.angle, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_free_roller_the_other_way_is_the_mirror_image():
+    motion = there_and_back(WIDE_LENGTH)
+    there, mirrored = (over_thin(each, roller=friction_free()) for each in (motion, Mirrored(motion)))
+    assert mirrored.load == pytest.approx(there.load, rel=1e-3)
+    assert mirrored.resistance == pytest.approx(-there.resistance, abs=1e-3 * there.resistance.max())
+    assert mirrored.angle == pytest.approx(-there.angle, abs=1e-6)
+
+
+def test_drag_of_a_sliding_roller_turns_round_where_it_stands():
+    told = over_thin(there_and_back(WIDE_LENGTH), roller=friction_free(rolling="sliding"))
+    before, after = np.flatnonzero(np.abs(told.time - 2.0) < 1e-2)[:2]
+    assert told.position[before] == told.position[after]
+    jump = told.resistance[before] - told.resistance[after]
+    assert jump == pytest.approx(0.3 * (told.load[before] + told.load[after]), rel=1e-2)
+    assert told.load[after] == pytest.approx(told.load[before], rel=0.05)
+    assert told.work_residual < 0.02
+
+
 # (f) cost and fields
 
 
@@ -273,7 +391,8 @@ def test_steps_take_few_iterations(thin):
         ({"roller": Roller(0.11, load=5e3)}, "give its `indentation`, got its load"),
         ({"layer": Layer(0.1, "slip")}, "`base` must be 'bonded'"),
         ({"layer": Layer(0.1, plies=(Ply(0.05, 1.0), Ply(0.05, 2.0)))}, "`plies` are for linear layers"),
-        ({"roller": replace(ROLLER, friction=0.3, rolling="free")}, "`rolling` must be 'frictionless' or 'sliding'"),
+        ({"roller": replace(ROLLER, friction=0.3, rolling="driven")}, "`torque` must be given for a 'driven' roller"),
+        ({"torque": 10.0}, "`torque` needs a roller that is 'free' or 'driven'"),
         ({"material": "mix"}, "`material` must be Compaction, got str"),
         ({"feed": -0.01}, "`feed` must be zero or positive"),
         ({"feed": 0.02}, "`feed` must be more than 0.03333 m"),
@@ -286,6 +405,11 @@ def test_refuses(changes, words):
     given = {"layer": LAYER, "roller": ROLLER, "material": MIX, "motion": law("quintic", 0.1, 1.0)} | changes
     with pytest.raises(ValueError, match=words):
         travel(**given)
+
+
+def test_torque_beyond_the_friction_limit_skids():
+    with pytest.raises(RuntimeError, match=r"the roller skids at .*times the friction limit asked"):
+        over_thin(law("quintic", WIDE_LENGTH / 4, 1.0), roller=friction_free(1e-3), torque=60.0 * WIDE.radius)
 
 
 @pytest.mark.slow
