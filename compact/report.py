@@ -157,8 +157,7 @@ def _fields(study, directory):
 
 def _pictures(study, errands):
     """What waits for each figure, as bytes of PNG, by its name; those that wait for the engines beside come last."""
-    wanted, kind = study.scene.output.wanted, study.scene.drive.kind
-    pictures = {}
+    wanted, places, pictures = study.scene.output.wanted, study.places[study.scene.drive.kind], {}
 
     def draw(name, *task):
         drawing = errands.send(f"{name}.png", drawn, task)
@@ -179,8 +178,8 @@ def _pictures(study, errands):
         draw("resistance", "figures:resistance", study.resistance_map, _usual_acceleration(study))
         draw("resistances", "order_figures:resistance", beside_report.resistances(study))
         draw("engines", "order_figures:engines", beside_report.places(study))
-    beside = {by: beside_report.beside(study, kind, by) for by in study.rankings}
-    draw("ranking", "order_figures:ranking", study.places[kind], beside)
+    beside = {by: beside_report.beside(study, study.scene.drive.kind, by) for by in places}
+    draw("ranking", "order_figures:ranking", places, beside)
     return pictures
 
 

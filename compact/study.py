@@ -377,8 +377,10 @@ class Study:
                 asked = self.scene.by(name), self.given_cycles, self.cycles, directory and directory / name
                 self._answers[name] = errands.send(name, answered, asked)
             self._errands = errands
-            yield errands
-            self._errands = None
+            try:
+                yield errands
+            finally:
+                self._errands = None
 
     @cached_property
     def beside(self):
