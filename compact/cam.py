@@ -253,6 +253,10 @@ class Cam:
 
     def least_breadth(self):
         """`LeastBreadth` of this cycle and follower."""
+        return self._least_breadth
+
+    @cached_property
+    def _least_breadth(self):
         return least_breadth(self.cycle, self.follower)
 
     def table(self, points):

@@ -142,7 +142,7 @@ def run(
         step=lambda stage: _advance(bar, study, stage),
     )  # fmt: skip
     bar.total = study.steps
-    helpers = crew(min(cores(), len(study.scene.beside_engines))) if study.scene.beside else None
+    helpers = crew(min(cores(), 1 + len(study.scene.beside_engines))) if study.scene.beside else None  # 1 to draw
     with bar:
         report.write(study, directory, force, helpers)
     if not quiet:

@@ -65,10 +65,10 @@ def _passes(passed, directory):
 
 def pressure(study, directory):
     """Path of the picture of the pressure along one contact, at the mean speed or the nearest that was computed."""
-    from compact import figures
-
     if standing := study.standing(directory, "pressure.png"):
         return standing[0]
+    from compact import figures
+
     speed = study.scene.motion.stroke / study.scene.motion.duration
     if study.layered:
         speed, rolled = min(study.rolled, key=lambda pair: abs(np.log(pair[0] / speed)))

@@ -221,17 +221,21 @@ class Run(Means):
     @cached_property
     def peak_force(self):
         """Largest |H| [N]; infinite where the velocity jumps."""
-        return math.inf if self.impulses else self._largest(lambda state: state.forces.drive_force)
+        return (
+            math.inf
+            if self.impulses
+            else self._largest(lambda leg, phase: self.demand.at(leg, phase).forces.drive_force)
+        )
 
     @cached_property
     def peak_power(self):
         """Largest |H v| [W]; infinite where the velocity jumps."""
-        return math.inf if self.impulses else self._largest(lambda state: state.drive_power)
+        return math.inf if self.impulses else self._largest(lambda leg, phase: self.demand.at(leg, phase).drive_power)
 
     @cached_property
     def peak_jerk(self):
         """Largest |jerk| [m/s^3]; infinite where velocity or acceleration jumps."""
-        return math.inf if self.shocks else self._largest(lambda state: state.jerk)
+        return math.inf if self.shocks else self._largest(lambda leg, phase: leg.at_phase(phase, 3))
 
     @cached_property
     def drawn_energy(self):
@@ -240,11 +244,10 @@ class Run(Means):
         return self._mean(np.maximum(self.drive_power, 0.0)) * self.period + starts
 
     def _largest(self, quantity):
-        """Largest |quantity| of the `State` over the cycle, found on the law itself."""
-        demand = self.demand
+        """Largest |quantity(leg, phase)| over the cycle, found on the law itself."""
         return max(
-            largest(lambda phase, leg=leg: np.abs(quantity(demand.at(leg, phase))), inside(demand.breaks(leg)))[0]
-            for leg in demand.cycle.legs()
+            largest(lambda phase, leg=leg: np.abs(quantity(leg, phase)), inside(self.demand.breaks(leg)))[0]
+            for leg in self.demand.cycle.legs()
         )
 
 

@@ -27,6 +27,7 @@ FAMILIES = MappingProxyType(
 HURRY = 1e-3  # of the acceleration at 1 m/s: small against what is slow
 CROP = 3.0  # times the median of the peaks, beyond which a figure of drives does not reach
 LEAST_SPAN = 0.02  # of a value, shown to each side of it
+TITLED = 1.0  # height of a title over its panel; without it every label is measured to find one
 DASHES = ("-", "--", ":", "-.", (0, (8, 2, 1, 2, 1, 2)))
 SYMBOLS = {
     "position": "travel x [m]",
@@ -56,10 +57,11 @@ def _families(names):
     return {family: members for family, members in groups.items() if members}
 
 
-def _grid(families, columns, width=4.2, height=2.3):
-    figure, axes = _panels(len(families), len(columns), width, height, legend=2.6, sharey="col")
+def _grid(families, columns, width=3.6):
+    size = (width, 2.0)
+    figure, axes = panels(len(families), len(columns), size, right=2.6, top=0.35, sharex=True, sharey="col")
     for ax, column in zip(axes[0], columns, strict=True):
-        ax.set_title(SYMBOLS[column], fontsize=11)
+        ax.set_title(SYMBOLS[column], fontsize=11, y=TITLED)
     for ax in axes.ravel():
         ax.axhline(0, color="0.8", linewidth=0.8, zorder=0)
         ax.margins(x=0)
@@ -71,14 +73,23 @@ def _grid(families, columns, width=4.2, height=2.3):
     return figure, axes
 
 
-def _panels(rows, columns, width, height, legend=0.2, **shared):
-    """A grid of panels of one size [inch] with room for labels; constrained layout would take twice the time."""
-    wide, high = columns * width + 0.35 + legend, rows * height + 0.9
+def panels(rows, columns, size, *, left=0.8, right=0.2, bottom=0.55, top=0.15, gaps=(0.8, 0.3), **shared):
+    """A figure with a grid of panels: their size, the margins and the gaps across and along, all in inches.
+
+    Constrained layout would find the margins itself, and take as much time again as the whole figure.
+    """
+    across, along = (count * (each + gap) - gap for count, each, gap in zip((columns, rows), size, gaps, strict=True))
+    wide, high = across + left + right, along + bottom + top
     figure = Figure(figsize=(wide, high))
-    axes = figure.subplots(rows, columns, squeeze=False, sharex=True, **shared)
-    margins = {"left": 0.85 / wide, "right": 1 - legend / wide, "bottom": 0.55 / high, "top": 1 - 0.35 / high}
-    figure.subplots_adjust(**margins, wspace=0.8 / width, hspace=0.16)
+    axes = figure.subplots(rows, columns, squeeze=False, **shared)
+    margins = {"left": left / wide, "right": 1 - right / wide, "bottom": bottom / high, "top": 1 - top / high}
+    figure.subplots_adjust(**margins, wspace=gaps[0] / size[0], hspace=gaps[1] / size[1])
     return figure, axes
+
+
+def legend_below(figure, ax, columns):
+    """The legend of one panel under all of them, in columns."""
+    figure.legend(*ax.get_legend_handles_labels(), loc="lower center", ncols=columns, frameon=False)
 
 
 def _line(ax, name, time, values, impulsive):
@@ -108,7 +119,7 @@ def kinematics(runs):
 def drive(runs):
     """Drive force, + along the motion, and power of every law over the cycle there and back."""
     families = _families(runs)
-    figure, axes = _grid(families, ("drive_force", "drive_power"), width=5.2)
+    figure, axes = _grid(families, ("drive_force", "drive_power"), width=4.6)
     for row, members in zip(axes, families.values(), strict=True):
         for name in members:
             run = runs[name]
@@ -130,8 +141,7 @@ def _cropped(ax, peaks, factor):
 
 def reactions(runs, names):
     """Guide-wheel reactions over the cycle for the laws named; below zero the wheel runs on the lower rail."""
-    figure = Figure(figsize=(5.4 * len(names) + 0.6, 3.6), layout="constrained")
-    axes = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
+    figure, (axes,) = panels(1, len(names), (5.2, 2.5), bottom=0.85, top=0.3, gaps=(0.3, 0.0), sharey=True)
     for ax, name in zip(axes, names, strict=True):
         run = runs[name]
         front, rear = run.state.forces.front_reaction / 1e3, run.state.forces.rear_reaction / 1e3
@@ -140,11 +150,11 @@ def reactions(runs, names):
         if min(front.min(), rear.min()) < 0:
             ax.axhspan(min(front.min(), rear.min()), 0, color="0.92", zorder=0, label="lifted off: on the lower rail")
         ax.axhline(0, color="0.6", linewidth=0.8)
-        ax.set_title(name)
+        ax.set_title(name, y=TITLED)
         ax.set_xlabel("time t [s]")
         ax.margins(x=0)
     axes[0].set_ylabel("reaction of the guide wheel [kN]")
-    figure.legend(*axes[-1].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+    legend_below(figure, axes[-1], columns=3)
     return figure
 
 
@@ -152,7 +162,7 @@ def cams(cams, names, follower):
     """Profiles of the cams of one kind of follower, a panel per law, with the path of the roller's centre."""
     columns = min(7, len(names))
     rows = -(-len(names) // columns)
-    figure, axes = _panels(rows, columns, 2.1, 2.4, sharey=True)
+    figure, axes = panels(rows, columns, (1.6, 1.8), top=0.45, gaps=(0.45, 0.5), sharex=True, sharey=True)
     axes = axes.ravel()
     phi = np.linspace(0, 2 * np.pi, 2001)
     for ax in axes[len(names) :]:
@@ -164,7 +174,7 @@ def cams(cams, names, follower):
         ax.plot(*cam.profile(phi), color=color, linewidth=1.6)
         ax.plot(radius * np.cos(phi), radius * np.sin(phi), color="0.6", linewidth=0.7, linestyle="--")
         ax.plot(0, 0, "k+", markersize=6)
-        ax.set_title(name + ("\nundercut" if cam.undercut else "\n"), fontsize=8)
+        ax.set_title(name + ("\nundercut" if cam.undercut else "\n"), fontsize=8, y=TITLED)
         ax.set_aspect("equal")
         ax.tick_params(labelsize=7)
     figure.supxlabel("x [m]", fontsize=9)
@@ -174,21 +184,20 @@ def cams(cams, names, follower):
 
 def crank(turns):
     """Torque and power of the shaft over a turn for 1 to 4 carts; dashed the means."""
-    figure = Figure(figsize=(10.5, 3.8), layout="constrained")
-    panels = figure.subplots(1, 2)
+    figure, (both,) = panels(1, 2, (4.4, 2.9), bottom=0.85)
     shafts = [key for key in turns if key.isdigit()]
     for key, color in zip(shafts, colormaps["viridis"](np.linspace(0, 0.85, len(shafts))), strict=True):
         turn = turns[key]
         label = f"{key} cart{'s' if key != '1' else ''}"
-        for ax, values in zip(panels, (turn.torque, turn.power), strict=True):
+        for ax, values in zip(both, (turn.torque, turn.power), strict=True):
             ax.plot(np.degrees(turn.angle), values / 1e3, color=color, label=label)
             ax.axhline(turn.mean(values) / 1e3, color=color, linestyle="--", linewidth=0.8)
-    for ax, title in zip(panels, ("torque of the shaft [kN m]", "power of the shaft [kW]"), strict=True):
+    for ax, title in zip(both, ("torque of the shaft [kN m]", "power of the shaft [kW]"), strict=True):
         ax.set_xlabel("angle of the shaft [°]")
         ax.set_ylabel(title)
         ax.set_xticks(range(0, 361, 45))
         ax.margins(x=0)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+    legend_below(figure, both[0], columns=4)
     return figure
 
 
@@ -197,8 +206,7 @@ def contact(rolled, exact, speed):
 
     Seen along the travel, whichever way the speed points.
     """
-    figure = Figure(figsize=(7.2, 3.8), layout="constrained")
-    ax = figure.subplots()
+    figure, ((ax,),) = panels(1, 1, (6.2, 3.1))
     half_plane = np.linspace(float(exact.trailing), float(exact.leading), 401)
     ax.plot(half_plane * 1e3, exact.pressure(half_plane) / 1e3, color="0.5", label="Galin, half-plane")
     along, shear = np.sign(speed) * rolled.x * 1e3, np.sign(speed) * rolled.shear_traction / 1e3
@@ -217,8 +225,7 @@ def density(passes):
     """Density ratio over the height of the mix behind each pass; rows as the engine has them."""
     from compact.passes import density
 
-    figure = Figure(figsize=(5.4, 4.2), layout="constrained")
-    ax = figure.subplots()
+    figure, ((ax,),) = panels(1, 1, (4.4, 3.5))
     for number, rolled in enumerate(passes, start=1):
         bottom, top, ratio = density(rolled).T
         edges = np.append(bottom, top[-1]) * 1e3
@@ -232,17 +239,16 @@ def density(passes):
 
 def speeds(contacts):
     """Load and resistance coefficient over the speed, bars for the engine's own error."""
-    figure = Figure(figsize=(10.5, 3.6), layout="constrained")
-    panels = figure.subplots(1, 2)
+    figure, (both,) = panels(1, 2, (4.4, 2.9))
     speed = np.array([value(each, "speed")[0] for each in contacts])
     load, error = np.array([[each or 0.0 for each in value(contact, "load")] for contact in contacts]).T
     coefficient = np.array([value(each, "coefficient")[0] for each in contacts])
     miss = np.array([value(each, "resistance")[1] or 0.0 for each in contacts])
-    panels[0].errorbar(speed, load / 1e3, error * load / 1e3, fmt="o-", color="tab:blue", markersize=4)
-    panels[0].set_ylabel("load P [kN/m]")
-    panels[1].errorbar(speed, coefficient, miss * np.abs(coefficient), fmt="o-", color="tab:red", markersize=4)
-    panels[1].set_ylabel("resistance/load [-]")
-    for ax, values in zip(panels, (load / 1e3, coefficient), strict=True):
+    both[0].errorbar(speed, load / 1e3, error * load / 1e3, fmt="o-", color="tab:blue", markersize=4)
+    both[0].set_ylabel("load P [kN/m]")
+    both[1].errorbar(speed, coefficient, miss * np.abs(coefficient), fmt="o-", color="tab:red", markersize=4)
+    both[1].set_ylabel("resistance/load [-]")
+    for ax, values in zip(both, (load / 1e3, coefficient), strict=True):
         ax.set_xscale("log")
         ax.set_xlabel("speed v [m/s]")
         low, high = ax.get_ylim()
@@ -257,8 +263,8 @@ def resistance(met, acceleration):
     Dotted where the motion is too unsteady for first order in its acceleration (`ResistanceMap.beyond`).
     """
     known = met.added_masses is not None and np.any(met.added_masses)
-    figure = Figure(figsize=(7.2 + 3.6 * known, 4.0), layout="constrained")
-    ax, *beside = figure.subplots(1, 1 + known, squeeze=False, width_ratios=[2, 1][: 1 + known])[0]
+    ratios, width = ([4 / 3, 2 / 3], 4.7) if known else ([1], 6.2)
+    figure, ((ax, *beside),) = panels(1, 1 + known, (width, 3.4), width_ratios=ratios)
     speed = np.linspace(0, met.speeds[-1], 801)[1:]
     for share, color in zip((-1, -0.5, 0.5, 1), colormaps["coolwarm"]((0.0, 0.2, 0.8, 1.0)), strict=True):
         if known:
@@ -305,14 +311,15 @@ def fields(layers):
     driver it ends the whole process. The files themselves open in pyvista and ParaView.
     """
     names = [name for name in FIELDS if name in layers[0][0].cell_data]
-    figure = Figure(figsize=(5.5 * len(names), 3.0 * len(layers) + 0.4), layout="constrained")
-    panels = figure.subplots(len(layers), len(names), squeeze=False, sharex=True, sharey=True)
-    for row, (layer, rolled) in zip(panels, layers, strict=True):
+    figure, axes = panels(len(layers), len(names), (5.0, 2.7), gaps=(0.3, 0.15), sharex=True, sharey=True)
+    for row, (layer, rolled) in zip(axes, layers, strict=True):
         for ax, name in zip(row, names, strict=True):
             _field(ax, layer, name)
             _roller(ax, rolled)
-    figure.supxlabel("x from the lowest point [mm]", fontsize=10)
-    figure.supylabel("height y [mm]", fontsize=10)
+    for ax in axes[-1]:
+        ax.set_xlabel("x from the lowest point [mm]")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("height y [mm]")
     height, reach = rolled.layer.height * 1e3, REACH * 1e3 * max(r.leading - r.trailing for _, r in layers)
     ax.set(xlim=(-reach, reach), ylim=(max(0.0, height - reach), height + 0.35 * reach))  # shared by all
     return figure

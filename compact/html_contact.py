@@ -37,7 +37,7 @@ CAPTIONS = {
 
 def contact(study, pictures):
     """The contact of one roller and what the cart meets."""
-    shown = [picture(pictures[name], *_captioned(name)) for name in CAPTIONS if name in pictures]
+    shown = [picture(pictures[name](), *_captioned(name)) for name in CAPTIONS if name in pictures]
     parts = [_numbers(study), *(_engine_tables(study) if study.layered else [_no_speed()]), *shown]
     lead = f"{quantity(study.roller_load, 'N', 3)} on a roller"
     lead += (

@@ -17,7 +17,7 @@ KNOWN = ("published", "measured", "calibrated")
 
 def ranking(study, pictures):
     """The laws by each criterion and drive, by the scene's engine and by those beside, and how far these agree."""
-    shown = [picture(pictures[name], *said) for name, said in ORDERS.items() if name in pictures]
+    shown = [picture(pictures[name](), *said) for name, said in ORDERS.items() if name in pictures]
     tables = [
         _ranked(kind, by, order, beside(study, kind, by))
         for kind, orders in study.places.items()
@@ -90,7 +90,7 @@ def laws(study, pictures):
     }
     words = "Velocity, acceleration and jerk of every law over the way there, a row for each family of laws"
     said = "Every law over the way there. The way back mirrors it, and that of a crank retraces it."
-    shown = picture(pictures["kinematics"], words, said)
+    shown = picture(pictures["kinematics"](), words, said)
     caption = "Exact peaks inside the pieces, and what jumps at their joins"
     body = shown + table_of(columns, caption, ("law", "continuity", "what jumps"))
     return Section("laws", "Motion laws", "Kinematics, exact peaks, what jumps.", body)
@@ -112,7 +112,7 @@ def forces(study, pictures):
     columns["unevenness of speed"] = [percent(run.nonuniformity) for run in runs]
     if study.scene.drive.kind == "elastic":
         columns["ringing"] = column([run.ringing for run in runs], "1")
-    shown = "".join(picture(pictures[name], *said) for name, said in PICTURES.items() if name in pictures)
+    shown = "".join(picture(pictures[name](), *said) for name, said in PICTURES.items() if name in pictures)
     body = shown + table_of(columns, f"One cart, {study.scene.drive.kind} drive, over a cycle")
     return Section("forces", "Forces and power", "Of one cart over a cycle; guide wheels; shaft.", body)
 
@@ -131,7 +131,7 @@ def cams(study, pictures):
     kinds = [f"least breadth, {follower}" for follower in FOLLOWERS]
     header = ("law", *kinds, "least radius, roller", "pressure angle, roller", "half-width, flat")
     words = "Profiles of the cams for roller followers, a panel for each law, undercut ones red"
-    shown = picture(pictures["cams"], words, "Dashed: the path of the roller's centre.")
+    shown = picture(pictures["cams"](), words, "Dashed: the path of the roller's centre.")
     caption = f"Cams {quantity(study.scene.cam.breadth, 'm')} broad; red where that is not broad enough"
     body = _to_cut(study) + shown + table(header, rows, caption, range(1, len(header))) + _roller_motors(study)
     return Section(

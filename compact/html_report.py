@@ -1,7 +1,7 @@
 """The page `report.html` of a study: the answer in plain words, how sure it is, and behind it all that was computed.
 
-One file that needs no network. What a scene does not want is not computed for it. Pictures come as bytes of PNG by the
-names of the figures.
+One file that needs no network. What a scene does not want is not computed for it. Pictures come by the names of the
+figures, each as what gives its bytes of PNG, which may still be drawn in another process.
 """
 
 from html import escape

@@ -3,13 +3,15 @@
 Each function draws one figure and returns it; an engine keeps its colour and mark in all of them.
 """
 
+import itertools
+
 import numpy as np
-from matplotlib.figure import Figure
 
 from compact.drive import CRITERIA
-from compact.figures import look
+from compact.figures import legend_below, look, panels
 
 PANELS = 2  # in a row
+LETTER = 0.061  # width of a letter of 8 points [inch]
 SHOWN = 4  # criteria, those that the scene names first
 UNITS = {"peak_force": ("kN", 1e-3), "rms_force": ("kN", 1e-3), "mean_force": ("kN", 1e-3), "peak_jerk": ("m/s³", 1.0)}
 ENGINE_LOOKS = {  # colour, mark and dash of an engine
@@ -36,40 +38,44 @@ def ranking(order, beside):
     most = max(len(places) for places in order.values())
     columns = min(PANELS, len(order))
     rows = -(-len(order) // columns)
-    figure = Figure(figsize=(6.4 * columns, (0.30 * most + 1.2) * rows), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for ax, (by, places) in zip(panels, order.items(), strict=False):
-        _bars(ax, by, places)
+    named = {by: [f"{place.rank}  {place.law}  {_said(by, place)}" for place in places] for by, places in order.items()}
+    room = _room(itertools.chain(*named.values()))
+    size, margins = (4.0, 0.29 * most + 0.2), {"left": room, "bottom": 0.85, "gaps": (room, 0.6)}
+    figure, axes = panels(rows, columns, size, **margins)
+    for ax, (by, places) in zip(axes.ravel(), order.items(), strict=False):
+        _bars(ax, by, places, named[by])
         _marks(ax, by, places, beside.get(by, {}))
-    for ax in panels[len(order) :]:
+    for ax in axes.ravel()[len(order) :]:
         ax.set_axis_off()
-    handles, labels = panels[0].get_legend_handles_labels()
-    if labels:
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=9)
+    legend_below(figure, axes[0, 0], columns=len(ENGINE_LOOKS))
     return figure
 
 
-def _bars(ax, by, places):
-    """A bar with its error and its value for each place, in its order."""
+def _bars(ax, by, places, named):
+    """A bar with its error and its name for each place, in its order."""
     words, unit, factor = quantity(by)
     for row, place in enumerate(places):
         if place.reason:
             ax.text(0, row, f" infinite: {place.reason.split(':')[0]}", va="center", fontsize=8, color="0.35")
-            continue
-        value, error = place.value * factor, (place.error or 0.0) * factor
-        error = error if np.isfinite(error) else 0.0
-        ax.barh(row, value, color=look(place.law)["color"], height=0.72, xerr=error or None, ecolor="0.4")
-    finite = [place.value * factor for place in places if not place.reason]
-    ax.set_yticks(range(len(places)), [f"{place.rank}  {place.law}  {_said(place, factor)}" for place in places])
-    ax.tick_params(axis="y", labelsize=8)
+    rows = [row for row, place in enumerate(places) if not place.reason]
+    finite = np.array([places[row].value * factor for row in rows])
+    errors = np.nan_to_num([(places[row].error or 0.0) * factor for row in rows], posinf=0.0)
+    colors = [look(places[row].law)["color"] for row in rows]
+    ax.barh(rows, finite, color=colors, height=0.72, xerr=np.where(errors, errors, np.nan), ecolor="0.4")
+    ax.set_yticks(range(len(places)), named, fontsize=8)
     ax.set_xlim(0, 1.15 * max(finite, default=1.0) or 1.0)
     ax.set_ylim(len(places) - 0.4, -0.6)
     ax.set_xlabel(f"{words} [{unit}]")
     ax.spines[["top", "right"]].set_visible(False)
 
 
-def _said(place, factor):
-    return "" if place.reason else f"{place.value * factor:#.4g}".rstrip(".")
+def _said(by, place):
+    return "" if place.reason else f"{place.value * quantity(by)[2]:#.4g}".rstrip(".")
+
+
+def _room(names):
+    """Inches that the longest of the names beside an axis takes."""
+    return 0.3 + LETTER * max(map(len, names))
 
 
 def _marks(ax, by, places, beside):
@@ -94,9 +100,10 @@ def engines(orders, most=12):
     shown = [(kind, by) for kind, found in orders[ours].items() for by in list(found)[:PANELS]]
     columns = min(PANELS, len(shown))
     rows = -(-len(shown) // columns)
-    figure = Figure(figsize=(5.6 * columns, (0.28 * most + 1.0) * rows + 0.3), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for ax, (kind, by) in zip(panels, shown, strict=False):
+    room = _room(place.law for kind, by in shown for place in orders[ours][kind][by])
+    size, margins = (3.9, 0.28 * most + 0.4), {"left": room, "bottom": 0.85, "gaps": (room, 0.6)}
+    figure, axes = panels(rows, columns, size, **margins)
+    for ax, (kind, by) in zip(axes.ravel(), shown, strict=False):
         excess = {engine: _excess(found[kind][by]) for engine, found in orders.items()}
         laws = sorted(excess[ours], key=lambda law: min(found[law][0] for found in excess.values() if law in found))
         laws = sorted(laws[:most], key=lambda law: excess[ours][law][0])
@@ -108,9 +115,9 @@ def engines(orders, most=12):
         ax.invert_yaxis()
         ax.set_xlabel(f"{by.replace('_', ' ')} above the least [%], {kind} drive")
         ax.grid(axis="y", color="0.92")
-    for ax in panels[len(shown) :]:
+    for ax in axes.ravel()[len(shown) :]:
         ax.set_axis_off()
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(orders), frameon=False)
+    legend_below(figure, axes[0, 0], columns=len(orders))
     return figure
 
 
@@ -127,8 +134,7 @@ def _excess(order):
 
 def resistance(resistances):
     """Resistance of one cart over speed by each engine, callables by name; of the first, a map, its samples too."""
-    figure = Figure(figsize=(7.2, 3.8), layout="constrained")
-    ax = figure.subplots()
+    figure, ((ax,),) = panels(1, 1, (6.2, 3.1))
     ours, met = next(iter(resistances.items()))
     for engine, force in resistances.items():
         (color, _, dash), fastest = ENGINE_LOOKS[engine], getattr(force, "speeds", met.speeds)[-1]

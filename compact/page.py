@@ -8,10 +8,8 @@ import re
 from base64 import b64encode
 from html import escape
 from importlib.resources import files
-from io import BytesIO
 from typing import NamedTuple
 
-FIGURE_DPI = 110
 DIGITS = 4  # of a number on the page; the files have twelve
 ROUNDING = 1e-9  # a share below it is shown as none
 PREFIXES = {"G": 1e9, "M": 1e6, "k": 1e3, "": 1.0, "m": 1e-3, "µ": 1e-6}
@@ -136,13 +134,6 @@ def picture(data, words, caption="", kind="png"):
     told = f"<figcaption>{caption}</figcaption>" if caption else ""
     box = f'<div class="box" tabindex="0" role="region" aria-label="{escape(words)}">'
     return f'<figure>{box}<img src="{source}" alt="{escape(words)}"></div>{told}</figure>'
-
-
-def png(figure):
-    """A matplotlib figure as bytes of PNG."""
-    held = BytesIO()
-    figure.savefig(held, format="png", dpi=FIGURE_DPI)
-    return held.getvalue()
 
 
 class Section(NamedTuple):

@@ -31,7 +31,8 @@ def largest(function, grid):
     left, middle, right = value[:, :-2], value[:, 1:-1], value[:, 2:]
     with np.errstate(invalid="ignore"):  # a function may be -inf where it does not apply
         bend = 2 * middle - left - right  # more than a smooth top can rise between the samples
-    rows, columns = np.nonzero((middle >= left) & (middle >= right) & (middle + bend >= value[best]))
+    rises = (middle + bend >= value[best]) & (bend > EPSILON * np.abs(value[best]))  # a plateau has as many tops
+    rows, columns = np.nonzero((middle >= left) & (middle >= right) & rises)  # as samples, and none rises
     low, high = grid[rows, columns, None], grid[rows, columns + 2, None]
     tops = [(float(value[best]), float(grid[best]))]
     for _ in range(ZOOMS if rows.size else 0):

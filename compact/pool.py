@@ -13,6 +13,7 @@ import signal
 from collections import deque
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import connection, get_context
 
 ATTEMPTS = 3
@@ -64,32 +65,48 @@ def outcomes(work, tasks, crew, meanwhile=lambda: None):
                 yield number, outcome
 
 
-@contextmanager
-def begun(work, tasks, crew):
-    """Begin tasks, task by name, while the caller goes on; gives what waits for them: wait(step) -> outcome by name.
+class Errands:
+    """Tasks for a crew of this machine while the caller goes on, done in the order in which they are sent.
 
-    `step` is called as each comes in. Raises RuntimeError for one that is `Lost`.
+        with Errands(crew) as errands:
+            answer = errands.send("name", work, task)
+            ...
+            answer()  # waits for the outcome
+
+    Who waits has the crew busy; who does not calls `turn` now and then, so that none of it is idle.
     """
-    waiting, found = deque(tasks), {}
 
-    def give():
-        while waiting and crew.free:
-            name = waiting.popleft()
-            crew.give(name, work, tasks[name])
+    def __init__(self, crew):
+        self._crew, self._waiting, self._found = crew, deque(), {}
 
-    def wait(step):
-        while len(found) < len(tasks):
-            for name, outcome in crew.finished():
-                if isinstance(outcome, Lost):
-                    raise RuntimeError(f"{name}: {outcome.reason}")
-                found[name] = outcome
-                step()
-            give()
-        return found
+    def __enter__(self):
+        self._crew.__enter__()
+        return self
 
-    with crew:
-        give()
-        yield wait
+    def __exit__(self, *how):
+        self._crew.__exit__(*how)
+
+    def send(self, name, work, task):
+        """What waits for the outcome of a task, and gives it; raises RuntimeError for one that is `Lost`."""
+        self._waiting.append((name, work, task))
+        self.turn()
+        return partial(self._outcome, name)
+
+    def turn(self):
+        """Take what is done, and give what waits to those who are free."""
+        self._take(timeout=0)
+
+    def _take(self, timeout=None):
+        self._found.update(self._crew.finished(timeout))
+        while self._waiting and self._crew.free:
+            self._crew.give(*self._waiting.popleft())
+
+    def _outcome(self, name):
+        while name not in self._found:
+            self._take()
+        if isinstance(self._found[name], Lost):
+            raise RuntimeError(f"{name}: {self._found[name].reason}")
+        return self._found[name]
 
 
 class Here:
@@ -111,7 +128,10 @@ class Here:
     def give(self, number, work, task):
         self._given.append((number, work, task))
 
-    def finished(self):
+    def finished(self, timeout=None):
+        """The outcome of what was given; none where that would take more than no time."""
+        if timeout is not None:
+            return []
         number, work, task = self._given.pop()
         return [(number, work(task))]
 
@@ -145,11 +165,11 @@ class Processes:
     def give(self, number, work, task):
         next(worker for worker in self._workers if worker.task is None).take(number, work, task, attempt=1)
 
-    def finished(self):
-        """The outcomes that have come in, at least one."""
-        told = []
-        while not told:
-            ready = connection.wait([worker.pipe for worker in self._workers])
+    def finished(self, timeout=None):
+        """The outcomes that have come in, at least one; fewer where none comes in the seconds given."""
+        told, ready = [], True
+        while ready and not told:
+            ready = connection.wait([worker.pipe for worker in self._workers], timeout)
             for i, worker in enumerate(self._workers):
                 if worker.pipe in ready:
                     told += self._heard(i, worker)

@@ -2,8 +2,10 @@
 
 import platform
 from dataclasses import asdict, astuple
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from pkgutil import resolve_name
 
 import numpy as np
 
@@ -11,7 +13,7 @@ from compact import beside_report, contact_report, drive_report
 from compact.cam import stepper
 from compact.drive import CRITERIA
 from compact.pool import Here
-from compact.results import claimed, write_columns, write_csv, write_figure, write_json
+from compact.results import claimed, png, write_bytes, write_columns, write_csv, write_figure, write_json
 
 SCHEMA = 2  # of summary.json; raised when a name in it changes its meaning
 CAM_POINTS = 721
@@ -21,17 +23,19 @@ VERSIONED = ("compact", "numpy", "scipy")
 def write(study, directory, force=False, crew=None):
     """Write the results of a study into a directory; returns the content of summary.json, which comes last.
 
-    crew : of `pool`, that answers by the engines beside meanwhile; without it this process does
+    crew : of `pool`, that answers by the engines beside and draws meanwhile; without it this process does
 
     Raises ResultsError where a file cannot be written or another scene's results stand.
     """
     wanted = study.scene.output.wanted
-    with claimed(directory, study.scene.hash, force) as directory, study.helped(crew or Here()):
+    with claimed(directory, study.scene.hash, force) as directory, study.helped(crew or Here()) as errands:
         files = list(contact_report.tables(study, directory)) if study.layered else []
         kept = list(study.keep(directory, files)) if study.layered else []
-        for part, writer in WRITERS.items():
-            if part in wanted:
-                files += writer(study, directory)
+        for writer in [FIRST[part] for part in FIRST if part in wanted]:
+            files += writer(study, directory)
+        pictures = _pictures(study, errands) if {"figures", "report"} & set(wanted) else {}
+        for writer in [LAST[part] for part in LAST if part in wanted]:
+            files += writer(study, directory, pictures)
         if study.layered:
             list(study.keep(directory, files))
         files += [*kept, *beside_report.keep(study, directory)]
@@ -40,7 +44,7 @@ def write(study, directory, force=False, crew=None):
     return summary
 
 
-def _tables(study, directory):
+def _tables(study, directory, _):
     yield write_csv(directory / "engineering.csv", ("quantity", "value", "unit", "low", "high", "known_by"), [
         (name, n.value, n.unit, n.low, n.high, n.known_by) for name, n in study.numbers.items()
     ])  # fmt: skip
@@ -152,29 +156,38 @@ def _fields(study, directory):
         yield write_figure(directory / "fields.png", figures.fields(study.fields))
 
 
-def _drawings(study):
-    """What draws each figure, by its name; those that wait for the engines beside come last."""
-    from compact import figures, order_figures
+def _pictures(study, errands):
+    """What waits for each figure, as bytes of PNG, by its name; those that wait for the engines beside come last."""
+    wanted, places, pictures = study.scene.output.wanted, study.places[study.scene.drive.kind], {}
 
-    wanted, kind = study.scene.output.wanted, study.scene.drive.kind
-    drawn = {"kinematics": lambda: figures.kinematics(study.runs), "drive": lambda: figures.drive(study.runs)}
+    def draw(name, *task):
+        drawing = errands.send(f"{name}.png", drawn, task)
+        pictures[name] = cache(lambda: (drawing(), study.count("figures"))[0])
+
+    draw("kinematics", "figures:kinematics", study.runs)
+    draw("drive", "figures:drive", study.runs)
     if "reactions" in wanted:
         best = next(iter(study.rankings.values()))[0].run.name
         names = dict.fromkeys([best, *(name for name, run in study.runs.items() if run.state.rod_tangent.any())])
-        drawn["reactions"] = lambda: figures.reactions(study.runs, list(names))
+        draw("reactions", "figures:reactions", study.runs, list(names))
     if "cams" in wanted:
-        drawn["cams"] = lambda: figures.cams(study.cams, list(study.cycles), "roller")
+        draw("cams", "figures:cams", study.cams, list(study.cycles), "roller")
     if "crank" in wanted:
-        drawn["crank"] = lambda: figures.crank(study.turns)
+        draw("crank", "figures:crank", study.turns)
     if study.layered:
-        drawn["contact"] = lambda: figures.speeds(study.contacts)
-        drawn["resistance"] = lambda: figures.resistance(study.resistance_map, _usual_acceleration(study))
-        drawn["resistances"] = lambda: order_figures.resistance(beside_report.resistances(study))
-        drawn["engines"] = lambda: order_figures.engines(beside_report.places(study))
-    drawn["ranking"] = lambda: order_figures.ranking(
-        study.places[kind], {by: beside_report.beside(study, kind, by) for by in study.rankings}
-    )
-    return drawn
+        draw("contact", "figures:speeds", study.contacts)
+        draw("resistance", "figures:resistance", study.resistance_map, _usual_acceleration(study))
+        draw("resistances", "order_figures:resistance", beside_report.resistances(study))
+        draw("engines", "order_figures:engines", beside_report.places(study))
+    beside = {by: beside_report.beside(study, study.scene.drive.kind, by) for by in places}
+    draw("ranking", "order_figures:ranking", places, beside)
+    return pictures
+
+
+def drawn(task):
+    """PNG of a figure, to be had in another process: (what draws it, such as "figures:cams", *what it is given)."""
+    draw, *given = task
+    return png(resolve_name(f"compact.{draw}")(*given))
 
 
 def _usual_acceleration(study):
@@ -182,36 +195,26 @@ def _usual_acceleration(study):
     return float(np.median([cycle.there.peaks().acceleration for cycle in study.cycles.values()]))
 
 
-def _figures(study, directory):
-    for name, draw in _drawings(study).items():
-        study.count("figures")
-        yield write_figure(directory / f"{name}.png", draw())
-
-
-def _page(study, directory):
-    """The page; its pictures are those of the figures, where these are written."""
+def _page(study, directory, pictures):
+    """The page; its pictures are those of the figures."""
     from compact import html_report
-    from compact.page import png
 
     study.count("report")
     pressure = contact_report.pressure(study, directory)
-    pictures = {"pressure": pressure.read_bytes()}
+    pictures = {"pressure": pressure.read_bytes, **pictures}
     if "fields" in study.scene.output.wanted:
-        pictures["fields"] = (directory / "fields.png").read_bytes()
-    for name, draw in _drawings(study).items():
-        if "figures" in study.scene.output.wanted:
-            pictures[name] = (directory / f"{name}.png").read_bytes()
-        else:
-            study.count("figures")
-            pictures[name] = png(draw())
+        pictures["fields"] = (directory / "fields.png").read_bytes
     yield pressure
     yield html_report.write(directory / "report.html", study, pictures, _versions())
 
 
-WRITERS = {  # in this order: what waits for the engines beside comes last
-    "reactions": _reactions, "cams": _cams, "crank": _crank, "fields": _fields, "figures": _figures, "tables": _tables,
-    "report": _page,
-}  # fmt: skip
+def _figures(study, directory, pictures):
+    for name, picture in pictures.items():
+        yield write_bytes(directory / f"{name}.png", picture())
+
+
+FIRST = {"reactions": _reactions, "cams": _cams, "crank": _crank, "fields": _fields}
+LAST = {"tables": _tables, "report": _page, "figures": _figures}  # which wait for the engines beside, and for figures
 
 
 def _summary(study, files):

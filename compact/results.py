@@ -8,6 +8,7 @@ import json
 import math
 import os
 from contextlib import contextmanager, suppress
+from io import BytesIO
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -82,11 +83,23 @@ def _plain(value):
     return value
 
 
+def write_bytes(path, content):
+    """Write bytes as they are; the path."""
+    with whole_file(path, "wb") as stream:
+        stream.write(content)
+    return path
+
+
 def write_figure(path, figure):
     """Write a matplotlib figure as PNG; the path."""
-    with whole_file(path, "wb") as stream:
-        figure.savefig(stream, format="png", dpi=FIGURE_DPI)
-    return path
+    return write_bytes(path, png(figure))
+
+
+def png(figure):
+    """A matplotlib figure as bytes of PNG."""
+    held = BytesIO()
+    figure.savefig(held, format="png", dpi=FIGURE_DPI)
+    return held.getvalue()
 
 
 def write_pvd(path, members):

@@ -25,7 +25,7 @@ from compact.engineering import engineering, numbers
 from compact.halfplane import galin
 from compact.motion import law
 from compact.ordering import places
-from compact.pool import Here, begun
+from compact.pool import Errands, Here
 from compact.roller_motor import RollerMotor, pulls
 from compact.scene import Scene, SceneError
 
@@ -84,6 +84,7 @@ class Study:
         self._step = step
         self._directory = directory
         self._answers = None
+        self._errands = None
 
     @property
     def steps(self):
@@ -105,6 +106,8 @@ class Study:
         """One more run of a stage."""
         self.counts[stage] += 1
         self._step(stage)
+        if self._errands:
+            self._errands.turn()
 
     @cached_property
     def mix(self):
@@ -379,14 +382,21 @@ class Study:
 
     @contextmanager
     def helped(self, crew):
-        """Let a crew of `pool` answer by the engines beside from now on, while this process goes its own way."""
+        """Let a crew of `pool` answer by the engines beside, and run what `Errands` it is given, which these are.
+
+        This process goes its own way meanwhile.
+        """
         directory = self._directory and self._directory / BESIDE
-        asked = {
-            name: (self.scene.by(name), self.given_cycles, self.cycles, directory and directory / name)
-            for name in self.scene.beside_engines
-        }
-        with begun(answered, asked, crew) as self._answers:
-            yield
+        with Errands(crew) as errands:
+            self._answers = {}
+            for name in self.scene.beside_engines:
+                asked = self.scene.by(name), self.given_cycles, self.cycles, directory and directory / name
+                self._answers[name] = errands.send(name, answered, asked)
+            self._errands = errands
+            try:
+                yield errands
+            finally:
+                self._errands = None
 
     @cached_property
     def beside(self):
@@ -394,11 +404,13 @@ class Study:
         if self._answers is None:
             with self.helped(Here()):
                 return self.beside
-        found = self._answers(lambda: self.count("beside"))
-        for name, aside in found.items():
-            for words in aside.warned:
+        found = {}
+        for name, answer in self._answers.items():
+            found[name] = answer()
+            self.count("beside")
+            for words in found[name].warned:
                 warnings.warn(f"{name}: {words}", stacklevel=2)
-        return {name: found[name] for name in self.scene.beside_engines}
+        return found
 
     @cached_property
     def cams(self):

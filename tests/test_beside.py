@@ -126,8 +126,11 @@ def test_all_files_of_the_summary_stand_and_steps_are_counted(written):
 
 def test_kept_contacts_are_taken_by_every_engine(written):
     _, summary, directory = written
+    drawn = {path.name: path.read_bytes() for path in directory.glob("*.png")}
     again = Study(scene(), directory=directory)
     kept = report.write(again, directory)
+    assert {"ranking.png", "kinematics.png"} < set(drawn)  # by other processes before, by this one now
+    assert drawn == {path.name: path.read_bytes() for path in directory.glob("*.png")}
     for stages in (kept["stages"], kept["beside"]["column"]["stages"]):
         assert stages["kept"] == 1
         assert not {"rolled", "resistance", "added mass"} & set(stages)

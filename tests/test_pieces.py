@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compact.pieces import clenshaw_curtis, graded, inside, integral, largest, sign_changes
+from compact.pieces import ZOOM, clenshaw_curtis, graded, inside, integral, largest, sign_changes
 
 BREAKS = np.array([0.0, 0.3, 1.0])
 
@@ -53,6 +53,18 @@ def test_larger_of_two_close_tops_wins():
     value, place = largest(lambda z: np.sin(20 * np.pi * z) + 1e-6 * z, inside(BREAKS))
     assert place == pytest.approx(0.925, abs=1e-4)
     assert value == pytest.approx(1 + 0.925e-6, rel=1e-12)
+
+
+def test_plateau_is_searched_at_its_edges_only():
+    asked = []
+
+    def plateau(z):
+        asked.append(z.size)
+        return np.minimum(np.sin(np.pi * z), 0.5)
+
+    grid = inside(np.array([0.0, 1.0]))
+    assert largest(plateau, grid)[0] == 0.5
+    assert max(asked[1:]) == 2 * (ZOOM + 1)
 
 
 def test_jump_at_a_join_keeps_both_sides():

@@ -3,11 +3,12 @@
 import os
 import signal
 import sys
+import time
 
 import pytest
 
 from compact import pool
-from compact.pool import Cluster, Here, Lost, Processes, outcomes
+from compact.pool import Cluster, Errands, Here, Lost, Processes, outcomes
 
 # what workers do
 
@@ -96,6 +97,42 @@ def test_processes_that_cannot_begin_are_told(monkeypatch):
     monkeypatch.setattr(pool, "_serve", "not a function")
     with pytest.raises(RuntimeError, match="3 worker processes ended before they could begin"):
         collected(square, [1], Processes(1))
+
+
+@pytest.mark.parametrize("crew", [Here(), Processes(2)], ids=["here", "two processes"])
+def test_errands_are_answered_in_any_order_and_again(crew):
+    with Errands(crew) as errands:
+        answers = [errands.send(f"square of {number}", square, number) for number in range(5)]
+        assert [answer() for answer in reversed(answers)] == [16, 9, 4, 1, 0]
+        assert answers[2]() == 4
+
+
+def test_errands_are_run_while_nobody_waits(tmp_path):
+    marks = [tmp_path / f"{number}" for number in range(4)]
+    with Errands(Processes(1)) as errands:
+        for mark in marks:
+            errands.send(mark.name, type(mark).touch, mark)
+        for _ in range(3000):  # half a minute at most
+            errands.turn()
+            if all(mark.exists() for mark in marks):
+                break
+            time.sleep(0.01)
+        assert all(mark.exists() for mark in marks)
+
+
+def test_errand_of_a_killed_worker_is_run_by_another(tmp_path):
+    with Errands(Processes(1)) as errands:
+        assert errands.send("once", dies_once, (7, tmp_path / "mark"))() == 49
+
+
+def test_errand_that_kills_every_worker_is_told():
+    with Errands(Processes(1)) as errands, pytest.raises(RuntimeError, match="third: its worker process died 3 times"):
+        errands.send("third", dies_or_squares, 3)()
+
+
+def test_failed_errand_is_told():
+    with Errands(Processes(1)) as errands, pytest.raises(RuntimeError, match="5 does not converge"):
+        errands.send("fifth", fails, 5)()
 
 
 def test_cluster_without_dask_is_refused_in_words(monkeypatch):

@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -171,6 +172,23 @@ HYDRAULICS = {
     "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5, "discharge_coefficient": 0.62,
     "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
 }  # fmt: skip
+
+
+DRIVES = {
+    "rigid": {},
+    "elastic": {"drive.stiffness": 1e6, "drive.damping": 3e3},
+    "motor": {"drive.motor": MOTOR, "drive.carts": 2},
+    "hydraulic": {"drive.hydraulics": HYDRAULICS},
+}
+
+
+@pytest.mark.parametrize("kind", DRIVES)
+def test_runs_of_every_drive_can_be_drawn_in_another_process(kind):
+    study = Study(scene(**{"drive.kind": kind, "motion.laws": ["cubic", "crank"]}, **DRIVES[kind]))
+    there = pickle.loads(pickle.dumps(study.runs))
+    for name, run in study.runs.items():
+        assert there[name].peak_force == run.peak_force
+        assert np.array_equal(there[name].drive_power, run.drive_power)
 
 
 def test_hydraulic_drive_goes_from_the_scene_to_the_summary(tmp_path):
