@@ -314,8 +314,9 @@ def digest(calibration):
         for name, ratio, off in zip(calibration.names, ratios, scatter, strict=True):
             lines.append(f"  {name:<24}{ratio:>12.4f}  {off:.1e}")
     if calibration.coarse:
-        first = calibration.coarse
-        lines.append(f"on {COARSE} increments K_H {first.heckel_slope * 1e6:.4f} /MPa, fed {first.fed_density_ratio:.5f}")
+        there = calibration.coarse
+        found = f"K_H {there.heckel_slope * 1e6:.4f} /MPa, fed {there.fed_density_ratio:.5f}"
+        lines.append(f"on {COARSE} increments {found}")
     lines += ["calibrated", f"  {'heckel_slope':<24}{slope * 1e6:>12.4f} /MPa (one-dimensional)"]
     lines += [
         f"  {'fed_density_ratio':<24}{fed:>12.5f}",
