@@ -162,7 +162,7 @@ def _draw(contacts, fits):
         for refit in fit.refits:
             at = refit.heckel_slope * 1e6, refit.fed_density_ratio
             right.plot(*at, "x", color=colours[name], markersize=4)
-            if refit.name in TOLD and not refit.reason:
+            if refit.name in TOLD and not refit.reason and name in WORDS:  # not of variants too
                 right.annotate(
                     TOLD[refit.name].format(refit.value), at, (4, 3), textcoords="offset points", fontsize="x-small"
                 )

@@ -269,6 +269,17 @@ def test_finite_elements_themselves_are_met():
     assert again.load == pytest.approx(rolled.load, rel=1e-9)
 
 
+@pytest.mark.slow
+def test_published_point_is_met_by_finite_elements():
+    """K_H, fed density and depth as fitted on 4 increments, under the free roller of the scene."""
+    mix = {"mix.overrides.heckel_slope": 24.962e-6, "layer.fed_density_ratio": 0.968738}
+    rolled = pressed(load_scene(PUBLISHED, **mix), 2.75134e-3)
+    assert rolled.march.at_once
+    assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
+    assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-3)
+    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-5)
+
+
 def pressed(scene, depth):
     """A contact of a scene by finite elements on 4 increments, from rest."""
     layer, roller, material = inputs(scene, blend(scene), "compaction", 0.4 / 3)
