@@ -3,8 +3,8 @@
 K_H sets the scale of all pressures and so the load, the fed density how far the mix is pressed and so the resistance.
 Every trial is a whole contact of the scene that leaves the product at its height and density. The columns are the cheap
 model; for the finite elements they are corrected until both agree (`fitting`), and the bounds of data and assumptions
-are refitted with that correction. The finite elements begin shallow, where they soon get steady, and each trial rolls
-on from the one before.
+are refitted with that correction. The finite elements begin shallow and on a coarse mesh, whose fit begins that on the
+mesh asked for. Each trial is rolled from rest, so that the scene alone gives its numbers again.
 """
 
 from dataclasses import dataclass, field, replace
@@ -17,15 +17,14 @@ from compact.fitting import Fit, fit
 from compact.scene import SceneError
 
 UNKNOWNS = ("heckel_slope", "fed_density_ratio")
-SCALES = ("heckel_slope",)  # which turns all pressures alike, and leaves two dimensions as far from columns as they are
+SHAKEN = 2e-3  # change of the unknowns that teaches half of a slope; what is solved at once does not tremble
 LOOSE = mix.LOOSE
 SPREADS = ("friction_angle", "cohesion", "unloading_modulus", "poisson")  # of the mix, that decide beside the two
 SHALLOW = 0.17  # capture angle, or less, at which finite elements begin
 PLANE = 2.8  # times the load of columns, about, that they ask there
-STEADY = 1e-3  # of them, relative
+COARSE = 4  # increments of the first fit
+STEADY = 1e-3  # of the two forces, where finite elements must march
 SHEARED = ("mix.overrides.friction_angle", "mix.overrides.cohesion")  # what a bow wave feels and columns hardly do
-FRESH = 1 / 3  # weight of the last exit density, whose last digits tremble, in the mean of what the depth has to mend
-LENGTHS = ("load", "resistance", "leading", "trailing", "x", "indentation", "exit_height", "spring_back", "bow_wave")
 START = 0.4  # of the way from loose to the density asked for, over what is left: k 0.98 from about 0.94
 
 
@@ -50,7 +49,8 @@ class Calibration:
     fit : in (ln K_H, logit of k), with misfit, sensitivity and what each run of the finite elements said
     rolled : the contact of each measurement by the engine
     refits : at every bound of data and assumptions
-    elements : the finite elements as they were left, where those of a neighbour go on; None of columns
+    elements : the finite elements, whose exit densities a neighbour knows; None of columns
+    coarse : the `Calibration` on COARSE increments that finite elements began from, if any
     """
 
     scene: object
@@ -63,6 +63,7 @@ class Calibration:
     rolled: tuple
     refits: tuple[Refit, ...]
     elements: object = None
+    coarse: object = None
 
     @property
     def sensitivity(self):
@@ -77,12 +78,12 @@ def calibrate(scene, measured, engine="column", unknowns=UNKNOWNS, near=None, **
     """The `Calibration` of a scene to a `Measured`.
 
     engine : "column" or "compaction", of every trial;  unknowns : of UNKNOWNS, at most as many as there are data
-    near : `Calibration` of a neighbour by finite elements, with another mix or data; those of this one go on from there
-    options : of the engine "compaction", such as `increments`
+    near : `Calibration` of a neighbour by finite elements, with another mix, mesh or data, where this one begins
+    options : of the engine "compaction", such as `increments`; without `near` as few as COARSE are fitted before more
 
-    Finite elements take minutes and meet the data to 1e-3, about what is left to go when they count as steady; of their
-    mesh nothing is told. Refits are by columns as corrected, without what only two dimensions feel: fit again where a
-    roller length changes how much cohesion weighs beside the pressure.
+    Finite elements take minutes and meet the data to 1e-3; what their mesh does is told by the coarse fit. Refits are
+    by columns as corrected, without what only two dimensions feel: fit again where a roller length changes how much
+    cohesion weighs beside the pressure.
 
     Raises SceneError for more unknowns than data, assumptions that name no number of a scene, or a scene that says
     itself what presses the roller; RuntimeError where no trial meets the data.
@@ -90,7 +91,10 @@ def calibrate(scene, measured, engine="column", unknowns=UNKNOWNS, near=None, **
     _refuse_prescribed(scene)
     _refuse_far(near, measured, unknowns)
     model = _Model(scene, measured, unknowns)
-    dear = _FiniteElements(options, before=_known(near, measured)) if engine == "compaction" else None
+    coarse = None
+    if engine == "compaction" and near is None and options.get("increments") != COARSE:
+        near = coarse = calibrate(scene, measured, engine, unknowns, **options | {"increments": COARSE})
+    dear = _FiniteElements(options, _known(near, measured)) if engine == "compaction" else None
     try:
         met = model.met() if dear is None else model.met_by(dear, None if near is None else near.fit)
     except ValueError as error:
@@ -108,12 +112,13 @@ def calibrate(scene, measured, engine="column", unknowns=UNKNOWNS, near=None, **
         rolled=tuple(dear.rolled[reading] if dear else _column(found, reading) for reading in readings),
         refits=tuple(model.refits(met)),
         elements=dear,
+        coarse=coarse,
     )
 
 
 def _known(near, measured):
-    """What the finite elements of a neighbour leave for each measurement."""
-    return {} if near is None else dict(zip(measured.measurements, near.elements.before.values(), strict=True))
+    """By how much the finite elements of a neighbour leave each measurement denser than columns."""
+    return {} if near is None else dict(zip(measured.measurements, near.elements.excess.values(), strict=True))
 
 
 def blend(scene):
@@ -201,7 +206,7 @@ class _Model:
             start,
             lambda u: self.predicted(u, dear),
             correction=correction,
-            varies=[name not in SCALES for name in self.unknowns],
+            shaken=SHAKEN,
         )
 
     def refits(self, met):
@@ -250,19 +255,17 @@ def _column(scene, measurement):
 
 @dataclass(eq=False)
 class _FiniteElements:
-    """Contacts of one trial after the other by finite elements, each rolled on from the one before.
+    """Contacts of one trial after the other by finite elements, each from rest.
 
-    A layer of another height is rolled at the height of the first, under a roller as much larger: everything goes with
-    the height. The depth is that of the columns, for a density by as much off as the trials before have missed it.
+    The depth is that of the columns, for a density by as much off as the trial before has missed it.
 
-    options : of `compaction.roll`;  rolled : by measurement, the last contact, at its own height
-    before : by measurement, the same at the height of the first, the excess of exit density over that of its columns,
-    a mean that forgets, and the number of runs
+    options : of `compaction.roll`
+    excess : by measurement, of the last exit density over that of its columns;  rolled : the last contact
     """
 
     options: dict
+    excess: dict
     rolled: dict = field(default_factory=dict)
-    before: dict = field(default_factory=dict)
 
     def __call__(self, scene, measurement):
         from compact import compaction
@@ -270,21 +273,12 @@ class _FiniteElements:
 
         scene, speed = _as_measured(scene, measurement)
         layer, roller, material = inputs(scene, blend(scene), "compaction", speed)
-        start, excess, runs = self.before.get(measurement, (None, 0.0, 0))
-        asked, height = scene.mix.density_ratio, layer.height if start is None else start.layer.height
-        fed, scale = feed(height, asked - excess, material, speed), height / layer.height
-        there = compaction.roll(
-            replace(layer, height=height),
-            replace(roller, radius=scale * roller.radius, indentation=height * fed.indentation / fed.height),
-            material,
-            speed,
-            start=start,
-            **{"steady": STEADY} | self.options,
-        )
-        found, share = there.exit_density_ratio - (asked - excess), max(FRESH, 2 / (2 + runs))
-        self.before[measurement] = there, excess + share * (found - excess), runs + 1
-        self.rolled[measurement] = replace(there, **{name: getattr(there, name) / scale for name in LENGTHS})
-        return self.rolled[measurement]
+        asked = scene.mix.density_ratio - self.excess.get(measurement, 0.0)
+        fed = feed(layer.height, asked, material, speed)
+        roller = replace(roller, indentation=layer.height * fed.indentation / fed.height)
+        there = compaction.roll(layer, roller, material, speed, **{"steady": STEADY} | self.options)
+        self.excess[measurement], self.rolled[measurement] = there.exit_density_ratio - asked, there
+        return there
 
 
 def _refuse_far(near, measured, unknowns):
@@ -319,6 +313,10 @@ def digest(calibration):
         lines.append(f"by {runs} runs of finite elements; over columns, and how far the last ones were off")
         for name, ratio, off in zip(calibration.names, ratios, scatter, strict=True):
             lines.append(f"  {name:<24}{ratio:>12.4f}  {off:.1e}")
+    if calibration.coarse:
+        there = calibration.coarse
+        found = f"K_H {there.heckel_slope * 1e6:.4f} /MPa, fed {there.fed_density_ratio:.5f}"
+        lines.append(f"on {COARSE} increments {found}")
     lines += ["calibrated", f"  {'heckel_slope':<24}{slope * 1e6:>12.4f} /MPa (one-dimensional)"]
     lines += [
         f"  {'fed_density_ratio':<24}{fed:>12.5f}",

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 SLOPE_STEP = 1e-4  # of the unknowns, which are logs, for differences of the cheap model, which is smooth to 1e-8
 FITTED = 1e-10  # relative change of the unknowns at which the cheap model is fitted
 RUNS = 24  # of the dear model
-SHAKEN = 0.05  # change of the unknowns that teaches half of a slope: dear models are shaken by some 1e-3
+SHAKEN = 0.05  # change of the unknowns that teaches half of a slope, of dear models that are shaken by some 1e-3
 FRESH = 1 / 3  # weight of the last answer in the mean of those near by
 LEAP = 0.5  # change of the unknowns between two runs that the correction varies with, halved where a run has failed
 
@@ -55,6 +55,7 @@ class Correction:
     """ln of the dear model over the cheap one, r + B (u - at): shapes (n,), (n, m), (m,).
 
     varies : 1 or 0, shape (m,), whether r may vary with an unknown;  near : runs in a row after a short way
+    shaken : change of the unknowns that teaches half of a slope
     """
 
     ratio: np.ndarray
@@ -62,6 +63,7 @@ class Correction:
     at: np.ndarray
     varies: np.ndarray
     near: int = 0
+    shaken: float = SHAKEN
 
     def __call__(self, u):
         return self.ratio + self.slope @ (np.asarray(u) - self.at)
@@ -72,14 +74,14 @@ class Correction:
         After a long way the ratio is believed; after a short one it is averaged, and teaches little of the slope.
         """
         way, missed = self.varies * (u - self.at), ratio - self(u)
-        share = way @ way / (way @ way + SHAKEN**2)
+        share = way @ way / (way @ way + self.shaken**2)
         near = self.near + 1 if share < 0.5 else 0
         believed = self(u) + max(share, FRESH, 1 / max(near, 1)) * missed
-        change = np.outer(missed, way) / (way @ way + SHAKEN**2)
+        change = np.outer(missed, way) / (way @ way + self.shaken**2)
         return replace(self, ratio=believed, slope=self.slope + change, at=u, near=near)
 
 
-def fit(cheap, measured, start, dear=None, tolerance=1e-3, correction=None, varies=None):
+def fit(cheap, measured, start, dear=None, tolerance=1e-3, correction=None, varies=None, shaken=SHAKEN):
     """The `Fit` of u to measured numbers.
 
     cheap, dear : callables u -> predictions > 0, shape (n,);  measured : shape (n,), > 0
@@ -87,6 +89,7 @@ def fit(cheap, measured, start, dear=None, tolerance=1e-3, correction=None, vari
     tolerance : of what the corrected cheap model foretold, at which the dear one counts as met
     correction : `Correction` to keep where there is no `dear`, or whose slope is believed at first where there is one
     varies : of each unknown, whether the two models come apart as it changes; all unless given
+    shaken : change of the unknowns that teaches half of a slope; SHAKEN is for dear models that tremble by 1e-3
 
     Raises ValueError for more unknowns than data or data that do not tell the unknowns apart; RuntimeError with the
     history if the two models do not come to agree.
@@ -101,7 +104,7 @@ def fit(cheap, measured, start, dear=None, tolerance=1e-3, correction=None, vari
     if dear is not None:
         slope = np.zeros((measured.size, start.size)) if correction is None else correction.slope
         varies = np.ones(start.size) if varies is None else np.array(varies, dtype=float)
-        return _mapped(cheap, measured, start, dear, tolerance, Correction(np.nan, slope, start, varies))
+        return _mapped(cheap, measured, start, dear, tolerance, Correction(np.nan, slope, start, varies, 0, shaken))
     u, slopes, predicted = _fitted(cheap, measured, start, correction)
     return Fit(u, predicted, np.log(predicted / measured), slopes, correction)
 
