@@ -20,7 +20,7 @@ SOFTER = 4  # times half as soft, where that is not found from rest
 FIRST = 1.5  # ratio of the first two shares
 SHORTEST = 5e-3  # of the logarithm of the share, a step below which it gives up
 QUICK, SLOW = 8, 14  # iterations within which a step may grow, and beyond which it shrinks
-ROUGH = 3e-3  # residual on the way
+ROUGH = 3e-3  # residual on the way, and where it ends before the last balance
 SHARPER = 0.85  # power of the share by which slip that is taken for sticking gets less
 
 
@@ -47,6 +47,8 @@ def stiffened(march_of, lowest):
         iterations = march.steps[-1].iterations
         step *= 1.4 if iterations < QUICK else 1 / 1.3 if iterations > SLOW else 1.0
         here, there, share = (march, ahead), here, ahead
+    march = here[0]
+    march.settled(Steady(march.frame, march.face.at(lowest)).balanced(march.condition.displacement), lowest)
     return march
 
 
@@ -87,7 +89,7 @@ def _settled(march, foreseen, lowest, share):
     face = march.face.at(lowest)
     if isinstance(face, TurningFace):
         face = replace(face, sticking=STICKING * share**-SHARPER)
-    march.settled(Steady(march.frame, face).balanced(displacement, residual=ROUGH if share < 1 else None), lowest)
+    march.settled(Steady(march.frame, face).balanced(displacement, residual=ROUGH), lowest)
     return march, share
 
 
