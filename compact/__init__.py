@@ -26,13 +26,14 @@ _HOMES = {
     "measured": ("from_table",),
     "mix": ("Mix", "prior"),
     "motion": ("LAWS", "CamLimits", "Cycle", "InfeasibleError", "Limits", "Motion", "law", "optimise"),
-    "motor": ("Kloss", "Motor", "MotorRun", "Straight", "revolve"),
+    "motor": ("Motor", "MotorRun", "revolve"),
     "records": ("Layer", "Roller", "Rolled"),
     "resistance": ("ResistanceMap", "sampled"),
     "results": ("ResultsError",),
     "roller_motor": ("Driven", "FirstOrder", "RollerMotor"),
     "scene": ("Scene", "SceneError", "load_scene", "parse_scene"),
     "study": ("Study",),
+    "torque": ("Kloss", "Straight"),
     "variational": ("ComplexLaw", "minimiser"),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}

@@ -12,9 +12,10 @@ from compact.drive import Crank, Rigid
 from compact.hydraulic import Hydraulic
 from compact.measured import from_table
 from compact.motion import law
-from compact.motor import Kloss, Motor, Straight
+from compact.motor import Motor
 from compact.scene import SceneError
 from compact.springs import EndSprings
+from compact.torque import Kloss, Straight
 
 
 def cart(scene, roller_load):

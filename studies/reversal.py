@@ -23,11 +23,12 @@ from compact.elastic import ElasticDrive
 from compact.engine import inputs
 from compact.modulation import modulation
 from compact.motion import law
-from compact.motor import Motor, Straight
+from compact.motor import Motor
 from compact.records import Roller
 from compact.resistance import sampled
 from compact.scene import load_scene
 from compact.study import SWING, Study
+from compact.torque import Straight
 
 SCENES = Path(__file__).parent / "scenes"
 PLAIN = {"machine.rolling": "frictionless", "machine.profile": "parabola", "mix.overrides.steel_friction": 0.0}

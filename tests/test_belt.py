@@ -10,8 +10,9 @@ from scipy.integrate import solve_ivp
 
 from compact.belt import Belt
 from compact.motion import law
-from compact.motor import Kloss, Motor, Straight, revolve
+from compact.motor import Motor, revolve
 from compact.runup import runup
+from compact.torque import Kloss, Straight
 
 CART = replace(CART_OF_C, guide_friction=0.0)
 KLOSS = Kloss(breakdown_torque=40.0, breakdown_slip=0.15, synchronous_speed=157.0)

@@ -28,7 +28,7 @@ LEVELS = (
     (
         *("records", "material", "mesh", "patch", "plies", "sizing", "shaft", "follower", "variational", "results"),
         *("scene_errors", "polynomials", "quadratic", "lawspace", "pitch", "drawing", "page", "sobol", "springs"),
-        *("pressed_memory", "strokes", "oscillator", "ranking", "ordering", "belt"),
+        *("pressed_memory", "strokes", "oscillator", "ranking", "ordering", "belt", "torque"),
     ),
     (
         *("laws", "halfplane", "dimensions", "modulation", "mix", "cart", "scene_rules", "streamline", "cap"),

@@ -13,7 +13,8 @@ from scipy.integrate import solve_ivp
 from compact.crank import USUAL_ANGLES, turn
 from compact.drive import Crank, Rigid, simulate
 from compact.motion import law
-from compact.motor import Kloss, Motor, Straight, revolve
+from compact.motor import Motor, revolve
+from compact.torque import Kloss, Straight
 
 CART = replace(CART_OF_C, guide_friction=0.0)
 KINDS = ("cubic", "septic", "complex", "reversal-4", "crank", "parabolic", "modified-trapezoid")  # one of each kind

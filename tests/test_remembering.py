@@ -17,11 +17,12 @@ from compact.hydraulic import Hydraulic, passage
 from compact.imprint import rolled
 from compact.memory import Columns, Memory, _shape
 from compact.motion import law
-from compact.motor import Motor, Straight, revolve
+from compact.motor import Motor, revolve
 from compact.polynomials import Pieces
 from compact.resistance import ResistanceMap
 from compact.resisted import MIX
 from compact.runup import runup
+from compact.torque import Straight
 
 SMOOTH = replace(CART_OF_C, guide_friction=0.0)
 MASS = SMOOTH.mass

@@ -8,8 +8,9 @@ from published import CART_OF_C
 
 from compact.crank import USUAL_ANGLES
 from compact.motion import law
-from compact.motor import Kloss, Motor, Straight
+from compact.motor import Motor
 from compact.runup import runup
+from compact.torque import Kloss, Straight
 
 CART = replace(CART_OF_C, guide_friction=0.0)
 KLOSS = Kloss(breakdown_torque=40.0, breakdown_slip=0.15, synchronous_speed=157.0)

@@ -14,11 +14,12 @@ from compact.drive import Crank, Rigid, simulate
 from compact.dynamics import DONE, integrate, room
 from compact.elastic import ElasticDrive, travel
 from compact.motion import LAWS, law
-from compact.motor import Kloss, Motor
+from compact.motor import Motor
 from compact.polynomials import Pieces
 from compact.resisted import Resistance
 from compact.springs import EndSprings
 from compact.suspended import AT_NEAR, NEAR, Ends, Spring, State
+from compact.torque import Kloss
 
 CART = replace(CART_OF_C, guide_friction=0.0)
 SIZE = 3486.0
