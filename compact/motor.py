@@ -23,7 +23,6 @@ from compact.drive import CREEP, Crank, Means, Rigid, State, met_resistance, ref
 from compact.pieces import inside, largest
 from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive
 from compact.shaft import Turning, turning
-from compact.shaft_memory import Recalled, recalled
 
 RIGID = Rigid()
 SPEEDS = 200  # trial speeds between rest and no load, for the first guess
@@ -86,14 +85,14 @@ class Motor:
 class Load:
     """Carts alike on one shaft: what they ask at an angle; `period` is that of the law at even speed.
 
-    recalled : what the mix remembers over the turn, of a resistance with a memory
+    recalled : `shaft_memory.Recalled` of a resistance with a memory, what the mix remembers over the turn
     """
 
     cart: Cart
     motor: Motor
     cycle: object
     resistance: Callable
-    recalled: Recalled | None = None
+    recalled: object = None
 
     def breaks(self):
         """Angles in [0, 2 pi] where the law of any cart joins its pieces, ends among them."""
@@ -185,6 +184,8 @@ def revolve(cart, motor, motion, resistance, *, working=(1 / 6, 5 / 6), start_sp
             "`resistance` with a memory is for periodic turns, got a `start_speed`; leave it out or give its `steady`"
         )
     else:
+        from compact.shaft_memory import recalled
+
         turn, known = recalled(resistance, cycle, motor.angles, turned, tolerance)
         run = MotorRun(replace(load, recalled=known), turn, working)
     run.refuse_slip()
