@@ -6,10 +6,10 @@ the two printed forces (Heckel's slope and the density of the mix as fed), and e
 1.5-1.7. The finite elements are fitted again with what nobody measured at the end of its range (VARIANTS); what moves
 the columns and, by their slopes, the finite elements, is told by the calibration.
 
-A linear layer cannot: at the pressure that the mix needs it resists with 1 to 7 % of its load, where the plant needs
-18 %. Columns that stay pressed give 17 % before any fit. In two dimensions mix heaps up before the roller, so that the
-same resistance comes from a quarter of the depth. The force on the cart is two rollers and the friction of its
-guides, 0.008 of what the rollers lift beyond the weight.
+A linear layer cannot: at the pressure that the mix needs it resists with 1 to 7 % of its load, where the plant needs 18
+%. Columns that stay pressed give 17 % before any fit. In two dimensions mix heaps up before the roller, so that the
+same resistance comes from a quarter of the depth; only in lifts do they meet both forces inside the prior. The force on
+the cart is two rollers and the friction of its guides, 0.008 of what the rollers lift beyond the weight.
 """
 
 import time
@@ -38,6 +38,7 @@ VARIANTS = {  # changes of the scene, and another coefficient
     "friction angle 40°": ({"mix.overrides.friction_angle": 40.0}, None),
     "roller 0.6 m": ({"machine.roller_length": 0.6}, None),
     "coefficient 0.219": ({}, 0.219),
+    "lifts of 0.06 m": ({"layer.lift": 0.06}, None),
     "smooth roller": ({"machine.rolling": "frictionless"}, None),
 }
 HEADER = (
@@ -78,8 +79,8 @@ def _cart_force(scene, load, coefficient):
 def calibrated(scene, readings, engines, variants):
     """`Calibration` by name: of each engine that compacts, and of finite elements for each of the variants.
 
-    The variants begin where the finite elements fitted first have ended. One that fails is told and left out: those
-    before it took long.
+    The variants begin where the finite elements fitted first have ended, but for another lift, far from there. One
+    that fails is told and left out: those  before it took long.
     """
     tasks = {engine: (engine, scene, readings) for engine in engines}
     for name, (changes, coefficient) in variants.items() if "compaction" in engines else ():
@@ -89,7 +90,8 @@ def calibrated(scene, readings, engines, variants):
     for name, (engine, changed, asked) in tasks.items():
         options = {}
         if engine == "compaction":
-            options = {"increments": INCREMENTS, "near": fits.get("compaction")}
+            near = fits.get("compaction") if changed.lift == scene.lift else None
+            options = {"increments": INCREMENTS, "near": near}
         try:
             fits[name] = calibrate(changed, asked, engine, **options)
         except RuntimeError as error:
