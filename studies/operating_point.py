@@ -6,8 +6,8 @@ the two printed forces (Heckel's slope and the density of the mix as fed), and e
 1.5-1.7. The finite elements are fitted again with what nobody measured at the end of its range (VARIANTS); what moves
 the columns and, by their slopes, the finite elements, is told by the calibration.
 
-A linear layer cannot: at the pressure that the mix needs it resists with 1 to 7 % of its load, where the plant needs 18
-%. Columns that stay pressed give 17 % before any fit. In two dimensions mix heaps up before the roller, so that the
+A linear layer cannot: at the pressure that the mix needs it resists with 1 to 7 % of its load, where the plant needs
+18 %. Columns that stay pressed give 17 % before any fit. In two dimensions mix heaps up before the roller, so that the
 same resistance comes from a quarter of the depth; only in lifts do they meet both forces inside the prior. The force on
 the cart is two rollers and the friction of its guides, 0.008 of what the rollers lift beyond the weight.
 """
@@ -80,7 +80,7 @@ def calibrated(scene, readings, engines, variants):
     """`Calibration` by name: of each engine that compacts, and of finite elements for each of the variants.
 
     The variants begin where the finite elements fitted first have ended, but for another lift, far from there. One
-    that fails is told and left out: those  before it took long.
+    that fails is told and left out: those before it took long.
     """
     tasks = {engine: (engine, scene, readings) for engine in engines}
     for name, (changes, coefficient) in variants.items() if "compaction" in engines else ():
