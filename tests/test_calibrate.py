@@ -280,6 +280,17 @@ def test_published_point_is_met_by_finite_elements():
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-5)
 
 
+@pytest.mark.slow
+def test_published_point_is_met_by_finite_elements_in_lifts():
+    """K_H, fed density and depth as fitted on 4 increments; the prior has 8.7-19.5/MPa and .93-.955."""
+    mix = {"layer.lift": 0.06, "mix.overrides.heckel_slope": 15.2537e-6, "layer.fed_density_ratio": 0.932172}
+    rolled = pressed(load_scene(PUBLISHED, **mix), 3.224946e-3)
+    assert rolled.march.at_once
+    assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
+    assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-3)
+    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=5e-5)
+
+
 def pressed(scene, depth):
     """A contact of a scene by finite elements on 4 increments, from rest."""
     layer, roller, material = inputs(scene, blend(scene), "compaction", 0.4 / 3)
