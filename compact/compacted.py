@@ -14,7 +14,8 @@ from compact.frame import Fed
 from compact.records import Layer, Rolled, Roller
 from compact.solid import STATE
 
-ITERATIONS = 200  # of the mix that leaves, towards its rest: one as a rule, a dozen where it yields on the way
+ITERATIONS = 2100  # of the mix that leaves, towards its rest: one as a rule, hundreds where it yields on the way
+SURE = 2000  # of them as if it were elastic, which always come nearer; then by its own slope, which may overshoot
 ELASTIC = 1e-4  # of the elastic stiffness, beside that of mix which yields and may have none
 FREE = 1e-9  # of the unloading modulus, what horizontal planes may still bear then
 
@@ -183,13 +184,14 @@ def _at_rest(solid, state, stretch):
     strain[:, 0] = stretch
     law = solid.law
     two_shear, _, shear, lame = law.unloading_modulus * moduli(law.poisson)
-    beside = ELASTIC * np.diag([two_shear + lame, shear])
-    for _ in range(ITERATIONS):
+    elastic = np.diag([two_shear + lame, shear])
+    for iteration in range(ITERATIONS):
         rest, slopes = cap.step(law, state, strain, solid.rate_factor)
         if np.abs(rest.stress[:, [1, 3]]).max() < FREE * law.unloading_modulus:
             rest.stress[:, [1, 3]] = 0.0
             return rest, np.exp(strain[:, 0] + strain[:, 1])
-        strain[:, 1:] -= np.linalg.solve(slopes[:, 1:, 1:] + beside, rest.stress[:, [1, 3], None])[..., 0]
+        slope = elastic if iteration < SURE else slopes[:, 1:, 1:] + ELASTIC * elastic
+        strain[:, 1:] -= np.linalg.solve(slope, rest.stress[:, [1, 3], None])[..., 0]
     raise RuntimeError(f"the mix that leaves bears {np.abs(rest.stress[:, [1, 3]]).max():.3g} Pa on horizontal planes")
 
 
