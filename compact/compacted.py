@@ -186,11 +186,11 @@ def _at_rest(solid, state, stretch):
     two_shear, _, shear, lame = law.unloading_modulus * moduli(law.poisson)
     elastic = np.diag([two_shear + lame, shear])
     for iteration in range(ITERATIONS):
-        rest, slopes = cap.step(law, state, strain, solid.rate_factor)
+        rest, slopes = cap.step(law, state, strain, solid.rate_factor, tangent=iteration >= SURE)
         if np.abs(rest.stress[:, [1, 3]]).max() < FREE * law.unloading_modulus:
             rest.stress[:, [1, 3]] = 0.0
             return rest, np.exp(strain[:, 0] + strain[:, 1])
-        slope = elastic if iteration < SURE else slopes[:, 1:, 1:] + ELASTIC * elastic
+        slope = elastic if slopes is None else slopes[:, 1:, 1:] + ELASTIC * elastic
         strain[:, 1:] -= np.linalg.solve(slope, rest.stress[:, [1, 3], None])[..., 0]
     raise RuntimeError(f"the mix that leaves bears {np.abs(rest.stress[:, [1, 3]]).max():.3g} Pa on horizontal planes")
 

@@ -1,18 +1,21 @@
 """The engine "compaction" against columns, balances, and itself: passes, targets, restarts, both ways."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from compact import column, compaction, fem
+from compact import cap, column, compacted, compaction, fem
 from compact.compacted import read
 from compact.compaction import roll
+from compact.equilibrium import NotBalancedError
 from compact.fem import fields
 from compact.frame import Frame, rolling_mesh, transferred
 from compact.march import March, tail
 from compact.material import Compaction
 from compact.records import Layer, Ply, Roller
+from compact.steady import Steady
 
 HEIGHT = 0.22 * 0.98 / 0.94
 THIN = Compaction(20e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94, dry_side="ellipse")
@@ -248,6 +251,24 @@ def test_march_that_does_not_get_steady_says_how_far_it_got(monkeypatch):
         over_small()
     with pytest.raises(RuntimeError, match=r"has voids for 0.0027 m of that depth, so it is likely to heap up"):
         over_small(replace(ROLLER, indentation=0.004))
+
+
+def test_mix_carried_into_the_roller_from_beyond_is_no_balance(rolled):
+    """The balance moved along by a radius, as a wave may carry it: what was in front of the roller is under it."""
+    march = rolled.march
+    steady = Steady(march.frame, march.face.at(LAYER.height - 0.002))
+    trial = steady._trial(march.condition.displacement - [ROLLER.radius, 0.0], march.face.carried[steady.touchable])
+    with pytest.raises(NotBalancedError, match=r"mix from beyond the roller is carried 0\.0\d+ m into it"):
+        steady._balance(trial, 1)
+
+
+def test_mix_that_yields_as_it_leaves_comes_to_rest():
+    """Stretched back by half its length it yields all the way; as if elastic it bears 4 kPa after 2000 iterations."""
+    state = cap.State(np.array([[-81e3, -165e3, -114e3, 41e3]]), *np.array([[0.975], [0.975], [1e5]]))
+    solid = SimpleNamespace(law=replace(MIX, unloading_modulus=120e6), rate_factor=1.0)
+    rest, volume = compacted._at_rest(solid, state, np.array([0.47]))
+    assert np.abs(rest.stress[:, [1, 3]]).max() == 0
+    assert volume[0] > 1
 
 
 def test_roller_that_touches_nothing_bears_nothing():
