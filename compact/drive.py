@@ -221,11 +221,9 @@ class Run(Means):
     @cached_property
     def peak_force(self):
         """Largest |H| [N]; infinite where the velocity jumps."""
-        return (
-            math.inf
-            if self.impulses
-            else self._largest(lambda leg, phase: self.demand.at(leg, phase).forces.drive_force)
-        )
+        if self.impulses:
+            return math.inf
+        return self._largest(lambda leg, phase: self.demand.at(leg, phase).forces.drive_force)
 
     @cached_property
     def peak_power(self):
