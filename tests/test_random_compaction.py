@@ -18,8 +18,6 @@ from compact.mix import LOOSE, prior
 from compact.records import Layer, Roller
 
 IMPOSSIBLE = ("too deep", "too dense", "too loose", "below its axle")
-
-
 WHOLE, LIFT = (0.16, 0.28), (0.04, 0.08)  # m, when pressed
 
 
