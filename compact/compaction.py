@@ -99,7 +99,7 @@ def roll(
             coarse = march
             frame = _frame(layer, roller, material, speed, strain, fed, depth, count)
             march = _march(frame, roller, torque, coarse)
-            if coarse is None or (coarse.at_once and not _at_once(march, layer.height - depth)):
+            if coarse is None:
                 march = _soft_start(march, layer, roller, torque, material, speed, depth)
             rough = count < increments and target.quantity is not None
             try:
@@ -155,12 +155,13 @@ def _soft_start(march, layer, roller, torque, material, speed, depth):
 
 
 def _neighbour(start, layer, roller, torque, material, speed, fed):
-    """The march of a neighbour, solved at once in as few parts of the change of depth as do, or near its start."""
+    """The march of a neighbour, solved at once in as few parts of the change of depth as do where its start was, or
+    near its start."""
     old = start.march
     if layer != start.layer or fed is not old.frame.given:
         raise ValueError("`start` must have rolled over the same `layer` and the same `fed` mix")
     depth = roller.indentation or start.indentation
-    for parts in PARTS:
+    for parts in PARTS if old.at_once else ():
         march = old
         for there in np.geomspace(start.indentation, depth, parts + 1)[1:]:
             march = _stretched(march, layer, roller, torque, material, speed, there)
@@ -168,7 +169,9 @@ def _neighbour(start, layer, roller, torque, material, speed, fed):
                 break
         else:
             return march
-    return _stretched(old, layer, roller, torque, material, speed, depth)
+    march = _stretched(old, layer, roller, torque, material, speed, depth)
+    march.sought = layer.height - depth
+    return march
 
 
 def _stretched(old, layer, roller, torque, material, speed, depth):
@@ -257,8 +260,8 @@ class _Target:
 
 
 def _steady_at(march, lowest, steady):
-    """The march steady at a height: solved at once where it is a neighbour or roughly there, or else marched to."""
-    if march.steps and _at_once(march, lowest):
+    """The march steady at a height: solved at once, from a neighbour or from roughly there, or else marched to."""
+    if march.at_once and _at_once(march, lowest):
         return march
     _until_steady(march, lowest, max(steady, ROUGHLY))
     if not _at_once(march, lowest) and steady < ROUGHLY:
@@ -267,7 +270,9 @@ def _steady_at(march, lowest, steady):
 
 
 def _at_once(march, lowest):
-    """Whether the steady balance is found at once, from where the march is; it goes on there."""
+    """Whether the steady balance is found at once from where the march is, which goes on there; not sought twice."""
+    if march.sought == lowest:
+        return False
     frame, displacement = march.frame, march.condition.displacement
     try:
         steady = Steady(frame, march.face.at(lowest))
@@ -277,39 +282,50 @@ def _at_once(march, lowest):
             balance = steady.balanced(frame.flat_behind(displacement))
         march.settled(balance, lowest)
     except RuntimeError:  # not balanced, or the layer folds over
+        march.sought = lowest
         return False
     return True
 
 
 def _until_steady(march, lowest, steady):
     """March on, first to the height, until the tails have no more than `steady` to go; the last step without drag."""
-    start = march.steps[-1].lowest if march.steps else march.frame.mesh.height
-    way = _way_down(march, start, lowest)
-    begun, way_out = len(march.steps), int(march.frame.way_out / march.frame.step)
+    stayed, way_out = _stayed(march, lowest), int(march.frame.way_out / march.frame.step)
+    way = [] if stayed else _way_down(march, lowest)
+    arrives = len(march.steps) + len(way) - stayed
     reach, calm = LONGEST * max(march.frame.mesh.height, march.frame.length), 0
-    for k in range(1, int(reach / march.frame.step) + 1):
-        step = march.advance(way[min(k, len(way)) - 1], DRAG if k <= len(way) + march.window else SETTLING * DRAG)
-        settled = k - len(way) >= way_out + 3 * march.window and step.residual < UNBALANCED
-        calm = calm + 1 if settled and _left(march, begun + len(way)) < steady else 0
+    for k in range(int(reach / march.frame.step)):
+        there = len(march.steps) + 1 - arrives
+        drag = DRAG if there <= march.window else SETTLING * DRAG
+        step = march.advance(way[k] if k < len(way) else lowest, drag)
+        settled = there >= way_out + 3 * march.window and step.residual < UNBALANCED
+        calm = calm + 1 if settled and _left(march, arrives) < steady else 0
         if calm > march.window:  # a tail that turns round is still for a moment only
             march.advance(lowest, drag=0.0)
             return march
     reached = [(round(s.travel, 4), s.load, s.resistance, s.wave) for s in march.steps[-3:]]
     raise RuntimeError(
         f"not steady at depth {march.frame.mesh.height - lowest:.4g} m after {march.steps[-1].travel:.3g} m of travel "
-        f"and {len(march.steps)} steps: {_left(march, begun):.2g} of load, resistance or exit density left to go, "
+        f"and {len(march.steps)} steps: {_left(march, arrives):.2g} of load, resistance or exit density left to go, "
         f"{step.residual:.2g} of the forces held by drag; (travel, load, resistance, bow wave) were {reached}"
     )
 
 
-def _way_down(march, start, lowest):
+def _stayed(march, lowest):
+    """Steps of the march at this height so far, but for the one that it took over."""
+    heights = np.array([step.lowest for step in march.steps[1:]])
+    return int(np.argmax(np.append(heights[::-1] != lowest, True)))
+
+
+def _way_down(march, lowest):
     """Heights of the lowest generatrix, step by step, until it is where it stays."""
+    start = march.steps[-1].lowest if march.steps else march.frame.mesh.height
     return np.linspace(start, lowest, march.window * (1 if march.steps else 2) + 1)[1:]
 
 
-def _left(march, begun):
-    """What the tails of load, resistance and exit density have still to go, relative."""
-    steps, last = march.steps[begun:], march.steps[-1]
+def _left(march, arrives):
+    """What the tails of load, resistance and exit density have still to go, relative, since the roller is there."""
+    last = march.steps[-1]
+    steps = march.steps[arrives:] or [last]
     counted = max(abs(last.resistance), RESISTED * last.load)
     scale = {"load": last.load, "resistance": counted, "exit_density_ratio": 1.0}
     return max(tail([getattr(s, name) for s in steps], march.window)[1] / scale[name] for name in scale)

@@ -60,11 +60,15 @@ def tail(values, window):
 
 
 class March:
-    """A roller on its way through a `Frame`: one `advance` after the other, each a balanced increment."""
+    """A roller on its way through a `Frame`: one `advance` after the other, each a balanced increment.
+
+    at_once : its last step is a steady balance, found at once
+    sought : height of the lowest generatrix [m] where such a balance was sought in vain, or None
+    """
 
     def __init__(self, frame, radius, *, profile="deformed", friction=0.0, torque=None, residual=1e-4):
         self.frame = frame
-        self.change, self.at_once = 0.0, False
+        self.change, self.at_once, self.sought = 0.0, False, None
         law, height = frame.solid.law, frame.mesh.height
         penalty = PENALTY * law.unloading_modulus / min(frame.step, height / THIN)
         nodes = frame.surface
@@ -140,7 +144,8 @@ class March:
         """Go on where another march is, its `Condition` already on this mesh."""
         x, old = (march.frame.nodes[march.frame.surface, 0] for march in (self, other))
         pressure, shear = (np.interp(x, old, values) for values in (other.push.pressure, other.push.shear))
-        self.condition, self.steps, self.at_once = condition, other.steps[-1:], other.at_once
+        self.condition, self.steps = condition, other.steps[-1:]
+        self.at_once, self.sought = other.at_once, other.sought
         self.face = self.face.carrying(pressure, shear, other.push.creep).at(self.steps[-1].lowest)
         self.change = condition.displacement - self.frame.carried(condition).displacement
 

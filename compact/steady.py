@@ -26,6 +26,7 @@ from compact.solid import SUBSTEPS, Condition
 
 RESIDUAL = 1e-6  # of the forces of the roller
 ITERATIONS = 60  # twice as many where the balance is not one on the way to another
+PATIENCE = 20  # iterations, after which less than the forces of the roller must be left of such a one
 PRODUCTS = 150  # of GMRES in one iteration; 30 to 90 are usual
 LINEAR = 3e-2  # of the residual may be left by GMRES
 CUTS = 8
@@ -98,6 +99,8 @@ class Steady:
                     return self._balance(trial, iteration)
                 smooth, self.skin = trial, SHARP * self.yields
                 trial = self._trial(trial.displacement, trial.pressure)
+            if iteration == PATIENCE and trial.size > 1 and not residual:
+                break
             length, moved = _Linear(self, trial, share).searched()
             if moved is None:
                 share, misses = min(max(8 * share, FIRST_SHARE), MOST), misses + 1
