@@ -3,8 +3,9 @@
 Two rollers of the published machine, one pass that leaves the product its height and density. Formulas, columns and the
 linear layer first say what the prior gives, before anything is fitted; then the engines that compact are calibrated to
 the two printed forces (Heckel's slope and the density of the mix as fed), and edges and pressures stand beside eqs
-1.5-1.7. The finite elements are fitted again with what nobody measured at the end of its range (VARIANTS); what moves
-the columns and, by their slopes, the finite elements, is told by the calibration.
+1.5-1.7. The finite elements press a lift, whose height is assumed, and are fitted again, on a coarse mesh, with what
+nobody measured at the end of its range and with the whole product in one pass (VARIANTS); what moves the columns and,
+by their slopes, the finite elements, is told by the calibration.
 
 A linear layer cannot: at the pressure that the mix needs it resists with 1 to 7 % of its load, where the plant needs
 18 %. Columns that stay pressed give 17 % before any fit. In two dimensions mix heaps up before the roller, so that the
@@ -27,19 +28,21 @@ from compact.scene import load_scene
 SCENES = Path(__file__).parent / "scenes"
 PRINTED_LOAD, PRINTED_FORCE = 9740.0, 3562.0  # N; Loveikin and Pochka 2015
 SLOPES, FED = (13e-6 / 1.5, 13e-6 * 1.5), (0.93, 0.955)  # what the prior allows: K_H one-dimensional, fed density
-INCREMENTS = 4  # of the finite elements, a contact of which takes a minute; 6 take four, docs/compaction.md has theirs
 CALIBRATED = ", calibrated"
 WORDS = {"column": "columns", "fem": "linear layer", "compaction": "finite elements"}
 TOLD = {  # of the refits, beside their points
     "machine.roller_length": "roller {:g} m",
     "resistance_coefficient": "coefficient {:g}",
 }
-VARIANTS = {  # changes of the scene, and another coefficient
-    "friction angle 40°": ({"mix.overrides.friction_angle": 40.0}, None),
-    "roller 0.6 m": ({"machine.roller_length": 0.6}, None),
-    "coefficient 0.219": ({}, 0.219),
-    "lifts of 0.06 m": ({"layer.lift": 0.06}, None),
-    "smooth roller": ({"machine.rolling": "frictionless"}, None),
+LIFTS = {"layer.lift": 0.06}  # m, pressed at a time; no source has one
+COARSE = 4  # increments of what only moves the fit
+VARIANTS = {  # of the finite elements: changes of the scene, another coefficient, increments; each begins at the first
+    "lifts": (LIFTS, None, 12),
+    "lifts, friction angle 40°": (LIFTS | {"mix.overrides.friction_angle": 40.0}, None, COARSE),
+    "lifts, roller 0.6 m": (LIFTS | {"machine.roller_length": 0.6}, None, COARSE),
+    "lifts, coefficient 0.219": (LIFTS, 0.219, COARSE),
+    "lifts, smooth roller": (LIFTS | {"machine.rolling": "frictionless"}, None, COARSE),
+    "whole product": ({}, None, COARSE),
 }
 HEADER = (
     "engine", "K_H_1/Pa", "fed_density_ratio", "load_N", "coefficient", "cart_force_N",
@@ -77,25 +80,22 @@ def _cart_force(scene, load, coefficient):
 
 
 def calibrated(scene, readings, engines, variants):
-    """`Calibration` by name: of each engine that compacts, and of finite elements for each of the variants.
+    """`Calibration` by name: of columns, and of finite elements for each of the variants.
 
-    The variants begin where the finite elements fitted first have ended, but for another lift, far from there. One
-    that fails is told and left out: those before it took long.
+    A variant begins where the first one has ended, but for another height, far from there. One that fails is told and
+    left out: those before it took long.
     """
-    tasks = {engine: (engine, scene, readings) for engine in engines}
-    for name, (changes, coefficient) in variants.items() if "compaction" in engines else ():
+    fits, first = {"column": calibrate(scene, readings)} if "column" in engines else {}, None
+    for name, (changes, coefficient, increments) in variants.items() if "compaction" in engines else ():
+        changed = scene.replaced(**changes)
         asked = readings if coefficient is None else readings.moved("resistance_coefficient", coefficient)
-        tasks[f"compaction, {name}"] = "compaction", scene.replaced(**changes), asked
-    fits = {}
-    for name, (engine, changed, asked) in tasks.items():
-        options = {}
-        if engine == "compaction":
-            near = fits.get("compaction") if changed.lift == scene.lift else None
-            options = {"increments": INCREMENTS, "near": near}
+        near = first if first and first.scene.lift == changed.lift else None
         try:
-            fits[name] = calibrate(changed, asked, engine, **options)
+            fit = calibrate(changed, asked, "compaction", increments=increments, near=near)
         except RuntimeError as error:
             warnings.warn(f"{name}: not calibrated: {error}", stacklevel=2)
+            continue
+        fits[f"compaction, {name}"], first = fit, first or fit
     return fits
 
 
@@ -127,7 +127,7 @@ def main(
     speed = scene.motion.stroke / scene.motion.duration
     found = {engine: roll(scene, blend(scene), speed, engine) for engine in engines if engine != "compaction"}
     before = [of_formulas(scene)] + [of_contact(engine, scene, rolled) for engine, rolled in found.items()]
-    fits = calibrated(scene, readings, [engine for engine in engines if engine in COMPACTING], variants)
+    fits = calibrated(scene, readings, engines, variants)
     after = [of_contact(name, fit.scene, fit.rolled[0]) for name, fit in fits.items()]
     if out:
         from compact.results import write_csv
@@ -164,7 +164,7 @@ def _draw(contacts, fits):
         for refit in fit.refits:
             at = refit.heckel_slope * 1e6, refit.fed_density_ratio
             right.plot(*at, "x", color=colours[name], markersize=4)
-            if refit.name in TOLD and not refit.reason and name in WORDS:  # not of variants too
+            if refit.name in TOLD and not refit.reason and name == "column":  # not of all others too
                 right.annotate(
                     TOLD[refit.name].format(refit.value), at, (4, 3), textcoords="offset points", fontsize="x-small"
                 )

@@ -134,13 +134,13 @@ def test_operating_point_tells_what_was_not_calibrated(monkeypatch):
         raise RuntimeError("not steady at depth 0.002 m")
 
     monkeypatch.setattr("compact.compaction.roll", not_steady)
-    variants = {"strong": ({"mix.overrides.friction_angle": 40.0}, 0.219)}
+    variants = {"plain": ({}, None, 4), "strong": ({"mix.overrides.friction_angle": 40.0}, 0.219, 4)}
     with pytest.warns(UserWarning, match="not calibrated") as told:
         _, after, _ = study("operating_point").main(engines=("column", "compaction"), variants=variants)
     assert [row[0] for row in after] == ["column"]
     assert [str(one.message).split(": the calibration")[0] for one in told] == [
-        "compaction: not calibrated",
-        "compaction, strong: not calibrated",
+        "plain: not calibrated",
+        "strong: not calibrated",
     ]
 
 
