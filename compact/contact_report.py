@@ -128,11 +128,22 @@ def digest(study, speed, passes):
             )
         if getattr(rolled, "over_pressed", False):
             lines.append(f"over-pressed: the mix passes full density, {rolled.peak_density_ratio:.3f} at most")
-        lines.append(f"energy balance closes to {rolled.work_residual:.1e}; iterations: {len(rolled.history)}")
+        lines.append(f"energy balance closes to {rolled.work_residual:.1e}; {_effort(rolled)}")
     if len(passes) > 1:
         lines += ["", "pass   load [N/m]   resistance [N/m]   height behind [mm]   density ratio"]
         lines += [_pass_line(number, passed) for number, passed in enumerate(passes, start=1)]
     return "\n".join(lines)
+
+
+def _effort(rolled):
+    """What an engine went through, in words."""
+    if hasattr(rolled, "evaluations"):
+        return f"evaluations: {rolled.evaluations}"
+    march = getattr(rolled, "march", None)
+    if march is None:
+        return f"iterations: {len(rolled.history)}"
+    how = "balance found at once" if march.at_once else f"marched {len(rolled.steps)} steps"
+    return f"forces to {rolled.equilibrium_residual:.1e}; {how}; bow wave {rolled.bow_wave * 1e3:.2f} mm"
 
 
 def _pass_line(number, passed):
