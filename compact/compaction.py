@@ -3,8 +3,8 @@
 On a coarse mesh the steady balance of a layer so soft that it hardly yields is found from rest and stiffened to the one
 asked for (`stiffening`); that starts the finer mesh, where the balance is solved at once (`steady`) if it is near
 enough. Where either does not converge the roller marches on (`march`) until the tails of load, resistance and exit
-density say that it is steady. A prescribed load, peak pressure or exit density is met by moving the roller up or down. A
-neighbour (another depth, speed or parameter) starts from the last solution, on its mesh stretched as the contact is.
+density say that it is steady. A prescribed load, peak pressure or exit density is met by moving the roller up or down.
+A neighbour (another depth, speed or parameter) starts from the last solution, its mesh stretched as the contact is.
 
 Envelope: frictionless, sliding, free and driven rollers, bonded and slipping bases; `march.at_once` of the result tells
 which way ended it. A march has an error of its steps: on coarse meshes it resists by 4 to 6 % less, on 12 increments it
@@ -38,6 +38,7 @@ RESISTED = 1e-2  # of the load, below which a resistance, as of a second pass, c
 ROUGHLY = 2e-2  # the same on the coarse mesh and on the way to a target
 TARGET = 1e-3  # of a prescribed load, peak pressure or exit density
 LONGEST = 12.0  # layer heights or contact lengths of travel after which a march that is not steady gives up
+DENSITY = 1e-4  # the same of a density ratio that a march must meet, whose columns of points scatter as much
 TARGETS = 12  # changes of depth
 SPREAD = 1.5  # contact lengths in front, down to which the first guess of a depth sees its strain
 LARGEST_CHANGE = 1.4  # of the depth at once
@@ -98,11 +99,10 @@ def roll(
             coarse = march
             frame = _frame(layer, roller, material, speed, strain, fed, depth, count)
             march = _march(frame, roller, torque, coarse)
-            if coarse is None:
-                march = _soft_start(march, layer, roller, torque, material, speed, depth)
+            softly = _soft_start(layer, roller, torque, material) if coarse is None else None
             rough = count < increments and target.quantity is not None
             try:
-                target.reached(march, max(steady, ROUGHLY) if rough else steady, depth)
+                march = target.reached(march, max(steady, ROUGHLY) if rough else steady, depth, softly)
             except RuntimeError as error:
                 raise RuntimeError(f"{error}{_heaping(frame.length, depth, target.fed_mean)}") from error
             depth = layer.height - march.steps[-1].lowest
@@ -137,20 +137,19 @@ def _march(frame, roller, torque, coarse=None):
     return march
 
 
-def _soft_start(march, layer, roller, torque, material, speed, depth):
-    """The march steady, found by stiffening soft mix, or as it was where that does not get through."""
-    frame = march.frame
+def _soft_start(layer, roller, torque, material):
+    """What finds the steady march on a frame with the lowest generatrix at a height, by stiffening soft mix."""
 
-    def march_of(share):
-        softer = replace(material, unloading_modulus=share * material.unloading_modulus)
-        finite, rate = frame.solid.finite, frame.solid.rate_factor
-        on = Frame(frame.mesh, softer, layer.base, frame.length, fed=frame.given, finite=finite, rate_factor=rate)
-        return _march(on, roller, torque)
+    def softly(frame, lowest):
+        def march_of(share):
+            softer = replace(material, unloading_modulus=share * material.unloading_modulus)
+            finite, rate = frame.solid.finite, frame.solid.rate_factor
+            on = Frame(frame.mesh, softer, layer.base, frame.length, fed=frame.given, finite=finite, rate_factor=rate)
+            return _march(on, roller, torque)
 
-    try:
-        return stiffened(march_of, layer.height - depth)
-    except RuntimeError:
-        return march
+        return stiffened(march_of, lowest)
+
+    return softly
 
 
 def _neighbour(start, layer, roller, torque, material, speed, fed):
@@ -214,18 +213,20 @@ class _Target:
         elastic = self.law.unloading_modulus / (1 - self.law.poisson**2) / 4
         return float(np.interp(self.value, np.minimum(0.7 * peak * length, elastic * depths), depths))
 
-    def reached(self, march, steady, depth=None):
-        """The march rolled on until it is steady with the target met; the same march."""
+    def reached(self, march, steady, depth=None, softly=None):
+        """The march rolled on until it is steady with the target met, or another one on its frame."""
         depth = self._asked(march, depth)
         if self.quantity is None:
-            return _steady_at(march, self.height - depth, steady)
+            return _steady_at(march, self.height - depth, steady, softly)
         logs, misses = [], []
         for _ in range(TARGETS):
-            rough = not misses or abs(misses[-1]) > 10 * TARGET
-            _steady_at(march, self.height - depth, max(steady, ROUGHLY) if rough else min(steady, TARGET / 2))
+            rough, left = not misses or abs(misses[-1]) > 10 * TARGET, steady
+            if self.quantity != "exit_density_ratio":
+                left = max(steady, ROUGHLY) if rough else min(steady, TARGET / 2)
+            march = _steady_at(march, self.height - depth, left, softly)
             logs.append(np.log(depth))
             misses.append(self._miss(march))
-            if abs(misses[-1]) < TARGET and not rough:
+            if self._met(march, misses[-1], rough):
                 return march
             slope = self._slope(logs, misses)
             if depth == self.deepest and misses[-1] < 0:
@@ -251,17 +252,28 @@ class _Target:
             return float(np.log(max(limit - self.fed_mean, 1e-6) / (self.value - self.fed_mean)))
         return float(np.log(limit / self.value))
 
-    @staticmethod
-    def _slope(logs, misses):
+    def _met(self, march, miss, rough):
+        if self.quantity == "exit_density_ratio" and not march.at_once:
+            return abs(np.expm1(miss)) * (self.value - self.fed_mean) < DENSITY
+        return abs(miss) < TARGET and not rough
+
+    def _slope(self, logs, misses):
         if len(logs) == 1 or logs[-1] == logs[-2]:
             return 1.0
-        return float(np.clip((misses[-1] - misses[-2]) / (logs[-1] - logs[-2]), 0.3, 3.0))
+        low, high = (0.8, 1.25) if self.quantity == "exit_density_ratio" else (0.3, 3.0)
+        return float(np.clip((misses[-1] - misses[-2]) / (logs[-1] - logs[-2]), low, high))
 
 
-def _steady_at(march, lowest, steady):
-    """The march steady at a height: solved at once, from a neighbour or from roughly there, or else marched to."""
+def _steady_at(march, lowest, steady, softly=None):
+    """The march steady at a height: solved at once from a neighbour, `softly` where nothing was marched yet, or from
+    roughly there; or else marched to."""
     if march.at_once and _at_once(march, lowest):
         return march
+    if softly and (march.at_once or not march.steps):
+        try:
+            return softly(march.frame, lowest)
+        except RuntimeError:  # the way through soft mix ends
+            pass
     _until_steady(march, lowest, max(steady, ROUGHLY))
     if not _at_once(march, lowest) and steady < ROUGHLY:
         _until_steady(march, lowest, steady)

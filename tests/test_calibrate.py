@@ -11,7 +11,7 @@ from compact import cli, column
 from compact import compaction as finite_elements
 from compact.calibrate import blend, calibrate, digest
 from compact.compacted import CompactionRolled
-from compact.engine import compaction, inputs
+from compact.engine import compaction, inputs, roll
 from compact.fitting import fit
 from compact.measurements import Band, Measured, Measurement, read
 from compact.scene import SceneError, load_scene
@@ -280,15 +280,29 @@ def test_published_point_is_met_by_finite_elements():
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-5)
 
 
+LIFT = {"layer.lift": 0.06}
+
+
 @pytest.mark.slow
 def test_published_point_is_met_by_finite_elements_in_lifts():
     """K_H, fed density and depth as fitted on 4 increments; the prior has 8.7-19.5/MPa and .93-.955."""
-    mix = {"layer.lift": 0.06, "mix.overrides.heckel_slope": 15.2537e-6, "layer.fed_density_ratio": 0.932172}
+    mix = LIFT | {"mix.overrides.heckel_slope": 15.2537e-6, "layer.fed_density_ratio": 0.932172}
     rolled = pressed(load_scene(PUBLISHED, **mix), 3.224946e-3)
     assert rolled.march.at_once
     assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
     assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-3)
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=5e-5)
+
+
+@pytest.mark.slow
+def test_scene_calibrated_in_lifts_gives_the_published_point_at_default_settings():
+    """As fitted on 12 increments; a march meets the density to 1e-4, which is 0.2 % of the load."""
+    mix = LIFT | {"mix.overrides.heckel_slope": 14.9605e-6, "layer.fed_density_ratio": 0.935763}
+    scene = load_scene(PUBLISHED, **mix)
+    rolled = roll(scene, blend(scene), 0.4 / 3, "compaction")
+    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-4)
+    assert rolled.load * 1.164 == pytest.approx(9740, rel=3e-3)
+    assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=3e-3)
 
 
 def pressed(scene, depth):
