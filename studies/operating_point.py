@@ -145,22 +145,21 @@ def _draw(contacts, fits):
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-    figure = Figure(figsize=(10.4, 4.4), layout="constrained")
+    figure = Figure(figsize=(10.4, 5.6), layout="constrained")
     left, right = figure.subplots(1, 2)
     names = list(dict.fromkeys(name.removesuffix(CALIBRATED) for name in contacts))
     colours = {name: f"C{number}" for number, name in enumerate(names)}
     for name, rolled in contacts.items():
         plain, fitted = name.removesuffix(CALIBRATED), name.endswith(CALIBRATED)
-        label = f"{_in_words(plain)}, {'calibrated' if fitted else 'prior'}"
+        label = _in_words(plain) if fitted else f"{_in_words(plain)}, not calibrated"
         left.plot(rolled.x * 1e3, rolled.pressure / 1e3, "-" if fitted else "--", color=colours[plain], label=label)
     left.axvline(0, color="0.8", linewidth=0.8, zorder=0)
     left.set(xlabel="x from the lowest point, + along the travel [mm]", ylabel="contact pressure p [kPa]")
-    left.set_ylim(0, 1.3 * left.get_ylim()[1])  # room for the legend
-    left.legend(frameon=False, fontsize="x-small", ncols=2, loc="upper left")
+    left.set_ylim(bottom=0)
     allowed = Rectangle((SLOPES[0] * 1e6, FED[0]), np.ptp(SLOPES) * 1e6, np.ptp(FED), color="0.92", label="the prior")
     right.add_patch(allowed)
     for name, fit in fits.items():
-        right.plot(fit.heckel_slope * 1e6, fit.fed_density_ratio, "o", color=colours[name], label=_in_words(name))
+        right.plot(fit.heckel_slope * 1e6, fit.fed_density_ratio, "o", color=colours[name])
         for refit in fit.refits:
             at = refit.heckel_slope * 1e6, refit.fed_density_ratio
             right.plot(*at, "x", color=colours[name], markersize=4)
@@ -168,9 +167,10 @@ def _draw(contacts, fits):
                 right.annotate(
                     TOLD[refit.name].format(refit.value), at, (4, 3), textcoords="offset points", fontsize="x-small"
                 )
+    right.plot([], [], "x", color="0.4", markersize=4, label="one number at its bound")
     right.margins(x=0.12, y=0.08)
     right.set(xlabel="Heckel's slope $K_H$ [1/MPa]", ylabel="density ratio of the mix as fed k [-]")
-    right.legend(frameon=False, fontsize="x-small", title="x with one number at its bound", title_fontsize="x-small")
+    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize="small")
     return figure
 
 
