@@ -79,7 +79,8 @@ def roll(
     fed : `Fed` of an earlier pass, its `exit`; without it mix free of stress at `material.fed_density_ratio`
     start : CompactionRolled of a neighbour with the same layer and feed, from whose state the roller rolls on, and
         whose mesh and error are this one's too
-    exit_density_ratio : mean wanted of the mix that leaves; the indentation of the roller is then a first guess
+    exit_density_ratio : mean wanted of the mix that leaves, met by a march to 1e-4; the indentation of the roller is
+        then a first guess
     increments : of travel per contact length, and elements
     steady : relative change of load, resistance and exit density that may be left
 
@@ -91,7 +92,8 @@ def roll(
     target = _Target(layer, roller, material, exit_density_ratio, fed)
     with threadpool_limits(1):
         if start is not None:
-            march = _neighbour(start, layer, roller, torque, material, speed, fed)
+            depth = roller.indentation if target.quantity is None else start.indentation
+            march = _neighbour(start, layer, roller, torque, material, speed, fed, depth)
             return replace(read(target.reached(march, steady), layer, roller, material, speed), error=start.error)
         depth, coarse, march = target.first_depth(), None, None
         counts = [increments] if increments <= COARSE else [COARSE, increments]
@@ -152,13 +154,12 @@ def _soft_start(layer, roller, torque, material):
     return softly
 
 
-def _neighbour(start, layer, roller, torque, material, speed, fed):
-    """The march of a neighbour, solved at once in as few parts of the change of depth as do where its start was, or
-    near its start."""
+def _neighbour(start, layer, roller, torque, material, speed, fed, depth):
+    """The march of a neighbour at a depth: where its start was solved at once so is it, in as few parts of the change
+    of depth as do; else near its start."""
     old = start.march
     if layer != start.layer or fed is not old.frame.given:
         raise ValueError("`start` must have rolled over the same `layer` and the same `fed` mix")
-    depth = roller.indentation or start.indentation
     for parts in PARTS if old.at_once else ():
         march = old
         for there in np.geomspace(start.indentation, depth, parts + 1)[1:]:

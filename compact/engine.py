@@ -28,6 +28,7 @@ COMPACTING = ("column", "compaction")  # engines of a layer that stays pressed
 LAYERED = ("column", "spectral", "fem", "compaction")  # engines of a layer, whose resistance depends on speed
 FIELDED = MappingProxyType({"fem": "compact.fields", "compaction": "compact.compacted"})  # who tells what is inside
 TOLERANCE = MappingProxyType({"spectral": "rtol", "fem": "tolerance"})  # what an engine calls its wanted error
+REBOUND = 5e-5  # of the layer's height as fed, which follows from that of the product; speed moves its rebound by less
 SPEEDS = 6  # computed where the scene names none: from a twentieth of the mean speed to twice, by equal ratios
 
 
@@ -47,7 +48,7 @@ def roll(scene, mix, speed, engine=None, near=None):
     if name == "compaction" and _helps(near, layer, speed):
         if _same(roller, material, near, speed):
             return replace(near, speed=speed)
-        asked["start"] = near
+        asked["start"], layer = near, near.layer
     with _named(scene, name, speed):
         rolled = import_module(ENGINES[name]).roll(layer, roller, material, speed, **asked)
         _refuse_below_the_base(rolled, layer)
@@ -55,8 +56,10 @@ def roll(scene, mix, speed, engine=None, near=None):
 
 
 def _helps(near, layer, speed):
-    """Whether a contact is of the same layer as fed and goes the same way."""
-    return near is not None and near.layer == layer and near.speed * speed > 0
+    """Whether a contact is of the same layer as fed, but for what the speed does to its rebound, and goes that way."""
+    if near is None or near.speed * speed <= 0:
+        return False
+    return replace(near.layer, height=layer.height) == layer and abs(near.layer.height / layer.height - 1) < REBOUND
 
 
 def _same(roller, material, near, speed):
