@@ -91,9 +91,10 @@ def test_free_roller_over_the_priors_mix_is_found_at_once(seed):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(40))
 def test_lifts_get_steady_at_default_settings(seed):
+    """Half the change from 4 increments is told, and of a march no less than what its steps make, 0.25/12."""
     rolled = roll(*random_scene(seed, LIFT), 0.13)
     refuse_unbalanced(rolled)
-    assert 0 < rolled.error[0] < 0.06
+    assert (0 if rolled.march.at_once else 0.02) < rolled.error[0] < 0.06
 
 
 @pytest.mark.slow
