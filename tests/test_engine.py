@@ -173,6 +173,28 @@ def test_compaction_goes_on_from_the_speed_before_if_it_matters(monkeypatch, ref
     assert starts[-1] is passed[0][1][0]  # of another mix, never its result
 
 
+def test_speed_that_moves_the_rebound_starts_from_the_last_contact_and_its_layer(monkeypatch):
+    """The fed height follows from the product's by the rebound; of another product nothing is taken."""
+    asked = []
+
+    def rolled(layer, roller, material, speed, start=None, exit_density_ratio=None):
+        asked.append((layer, start, exit_density_ratio))
+        told = {"load": 1e4, "resistance": 2e3, "leading": 0.03, "trailing": -0.01, "indentation": 0.003}
+        line = np.zeros(3)
+        return CompactionRolled(**told, layer=layer, speed=speed, x=line, pressure=line, shear_traction=line)
+
+    monkeypatch.setattr("compact.compaction.roll", rolled)
+    given = {"mix.reference_speed": 0.2}
+    case = study(**given)
+    last = engine.roll(case.scene, case.mix, 0.2, "compaction")
+    assert engine.inputs(case.scene, case.mix, "compaction", 0.05)[0] != last.layer
+    engine.roll(case.scene, case.mix, 0.05, "compaction", near=last)
+    assert asked[-1] == (last.layer, last, case.scene.mix.density_ratio)
+    higher = study(**given, **{"product.height": 0.2201})
+    engine.roll(higher.scene, higher.mix, 0.05, "compaction", near=last)
+    assert asked[-1][1] is None
+
+
 def test_series_opens_in_pyvista(tmp_path):
     pyvista = pytest.importorskip("pyvista")
     case = study(**CASE_G, **{"accuracy.engine": "fem", "contact.speeds": [0.3], "output.wanted": ["fields"]})
