@@ -10,11 +10,12 @@ q^2/E' together: no calibration should rest on either alone.
 
 import warnings
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 
 from compact.halfplane import LineContact, galin, hertz, pressure_exponent
-from compact.records import Rolled
+from compact.records import Rolled, Rolling
 from compact.refuse import (
     refuse_fractional,
     refuse_negative,
@@ -37,8 +38,10 @@ __all__ = [
     "contact_length",
     "dry_resistance",
     "galin",
+    "guide_coefficient",
     "hertz",
     "pressure_exponent",
+    "pressure_for_load",
     "radius_range",
     "roll",
     "roller_force",
@@ -47,7 +50,6 @@ __all__ = [
     "stroke_needed",
 ]
 
-TRACTION = {"frictionless": 0, "free": 0, "sliding": 1, "driven": -1}  # of the mix, along the travel
 SAMPLES = 201  # points along the contact, crowded to its edges where the pressure is steep
 HALF_PLANE = 0.5  # half-width over height where a bonded layer (nu = 0.3) carries 17 % more than the half-plane
 
@@ -73,21 +75,20 @@ class DryResistance:
 
 @dataclass(frozen=True, kw_only=True)
 class EngineeringRolled(Rolled):
-    """A `Rolled` from exact Galin theory, with the engineering values at the same peak pressure q beside it.
+    """A `Rolled` by the formulas (1.4)-(1.8): load (1.6), resistance (1.8), edges by (1.5) and (1.7).
 
     capture_angle, exponent : phi of (1.5) [rad], alpha of (1.4) [-]
-    contact_length : l of (1.7) [m]; the exact one is leading - trailing
-    engineering_load : F of (1.6) per unit length, two-sided [N/m]; the exact one is load
-    mean_pressure : engineering_load / contact_length [Pa]
-    engineering_resistance : F_p of (1.8) per unit length with f2 = f3 = 0, the part of the mix [N/m]; unsigned
+    contact_length : l of (1.7) [m]
+    mean_pressure : load / contact_length [Pa]
+
+    The pressure has the exponent of (1.4) and the prescribed peak between the edges. Its integral is not exactly the
+    load (1.6): the two are 6 % apart at the published machine. Exact contact theory is `galin`.
     """
 
     capture_angle: float
     exponent: float
     contact_length: float
     mean_pressure: float
-    engineering_load: float
-    engineering_resistance: float
 
 
 def capture_angle(pressure, youngs_modulus, poisson, exponent):
@@ -157,6 +158,26 @@ def roller_force(capture_angle, youngs_modulus, poisson, exponent, radius, lengt
     rest = 1 - alpha
     below = 20.32 * (1 - np.square(poisson)) * (rest * rest * rest) * (1 if one_sided else alpha)
     return nonuniformity * length * np.asarray(youngs_modulus) * radius * np.square(np.sin(capture_angle)) / below
+
+
+def pressure_for_load(force, youngs_modulus, poisson, exponent, radius, length, nonuniformity=1.0, one_sided=False):
+    """Peak pressure q [Pa] at which one roller carries a normal force.
+
+        F ~ sin^2(phi) ~ q^2                                                                  (1.5), (1.6)
+
+    Parameters
+    ----------
+    force : F of (1.6) [N], > 0
+    youngs_modulus, poisson, exponent, radius, length, nonuniformity, one_sided : as of `roller_force`
+
+    >>> f"{pressure_for_load(17721.0, 0.75e6, 0.3, 0.4683, 0.11, 1.164) / 1e3:.1f} kPa"
+    '203.0 kPa'
+    """
+    refuse_nonpositive(force=force, youngs_modulus=youngs_modulus)
+    trial = 1e-3 * np.asarray(youngs_modulus)  # a pressure that has a capture angle
+    angle = capture_angle(trial, youngs_modulus, poisson, exponent)
+    carried = roller_force(angle, youngs_modulus, poisson, exponent, radius, length, nonuniformity, one_sided)
+    return trial * np.sqrt(force / carried)
 
 
 def contact_length(capture_angle, radius, exponent):
@@ -256,13 +277,40 @@ def cart_resistance(
     >>> f"{cart_resistance(17721.0, 3358.0, 2, 1e4, bearing_friction=0.05, rib_factor=1.5, **wheels):.0f} N"
     '8375 N'
     """
-    refuse_negative(force=force, roller_resistance=roller_resistance, weight=weight, bearing_friction=bearing_friction)
-    refuse_negative(rolling_arm=rolling_arm, rib_factor=rib_factor)
-    refuse_nonpositive(journal_diameter=journal_diameter, wheel_diameter=wheel_diameter)
+    refuse_negative(force=force, roller_resistance=roller_resistance, weight=weight)
     refuse_fractional(rollers=rollers)
-    arm = bearing_friction * np.asarray(journal_diameter) + 2 * np.asarray(rolling_arm)
-    guide = np.abs(rollers * np.asarray(force) - weight) * arm / wheel_diameter * rib_factor
+    coefficient = guide_coefficient(
+        bearing_friction=bearing_friction, journal_diameter=journal_diameter, rolling_arm=rolling_arm,
+        wheel_diameter=wheel_diameter, rib_factor=rib_factor,
+    )  # fmt: skip
+    guide = np.abs(rollers * np.asarray(force) - weight) * coefficient
     return guide + rollers * np.asarray(roller_resistance)
+
+
+def guide_coefficient(*, bearing_friction, journal_diameter, rolling_arm, wheel_diameter, rib_factor):
+    """Friction force of the guide wheels over the load on them [-], as eq 1.9 has it.
+
+        mu = (f3 d + 2 f4)/D f5
+
+    Parameters
+    ----------
+    bearing_friction : f3, bush on journal [-], >= 0
+    journal_diameter, wheel_diameter : d, D of the guide wheels [m], > 0
+    rolling_arm : f4, of the guide wheels [m], >= 0
+    rib_factor : f5, friction of the wheel's rib [-], >= 0
+
+    References
+    ----------
+    D, eq (1.9).
+
+    >>> wheels = {"journal_diameter": 0.02, "rolling_arm": 5e-4, "wheel_diameter": 0.046}
+    >>> f"{guide_coefficient(bearing_friction=0.05, rib_factor=1.5, **wheels):.4f}"
+    '0.0652'
+    """
+    refuse_negative(bearing_friction=bearing_friction, rolling_arm=rolling_arm, rib_factor=rib_factor)
+    refuse_nonpositive(journal_diameter=journal_diameter, wheel_diameter=wheel_diameter)
+    arm = bearing_friction * np.asarray(journal_diameter) + 2 * np.asarray(rolling_arm)
+    return arm / wheel_diameter * rib_factor
 
 
 def cart_power(resistance, velocity):
@@ -300,17 +348,13 @@ def dry_resistance(force):
     return DryResistance(force)
 
 
-def roll(layer, roller, material, speed):
-    """One roller over a homogeneous half-plane by closed form, an `EngineeringRolled`: the engine "formula".
+def roll(layer, roller, material, speed, *, rolling_friction=0.0, nonuniformity=1.0, one_sided=False):
+    """One roller by the engineering formulas (1.4)-(1.8), an `EngineeringRolled`: the engine "formula".
 
-        resistance = P (f + centroid/R) sign(speed)
-
-    Pressure, edges and load are Galin's, exact for the given peak pressure or load, with the traction f p on the mix
-    along the travel for a "sliding" roller, -f p for a "driven" one (full slip both) and none for "frictionless" and
-    "free". The centroid lies (2/3)(1 - 2 alpha) l behind the lowest point for f > 0, ahead for f < 0, and so takes a
-    little of f back. (1.4)-(1.8) stand beside it, at the same peak pressure, as fields of their own; they take
-    `roller.friction` except for "frictionless". For speed < 0 leading and trailing stay + ahead, while x,
-    shear_traction and resistance keep the fixed axis x.
+    The formulas have one roller: pressed at q, with the friction of mix on roller in the exponent alpha, whatever its
+    condition `rolling` is. The resistance has the sign of the speed. For speed < 0 leading and trailing stay + ahead,
+    while x, shear_traction and resistance keep the fixed axis x. The shear traction is that behind alpha, friction
+    times pressure, backwards on the mix.
 
     Parameters
     ----------
@@ -319,53 +363,51 @@ def roll(layer, roller, material, speed):
     material : anything with `youngs_modulus`, the secant modulus of the contact [Pa], and `poisson`; what it may know
         of time is not used
     speed : of the roller along x [m/s], not 0
+    rolling_friction : f2 + f3 of (1.8) [-], >= 0; 0 for the share of the mix alone
+    nonuniformity, one_sided : k2 and the rival reading of (1.6), as of `roller_force`
+
+    References
+    ----------
+    D, eqs (1.4)-(1.8).
 
     >>> from compact.material import Elastic
     >>> from compact.records import Layer, Roller
-    >>> roller = Roller(0.11, load=8368.0, friction=0.35, rolling="sliding")
-    >>> rolled = roll(Layer(0.22), roller, Elastic(0.75e6, 0.3), speed=0.16)
-    >>> f"resistance {rolled.resistance:.0f} N/m, capture angle {np.degrees(rolled.capture_angle):.1f} deg"
-    'resistance 2686 N/m, capture angle 19.9 deg'
+    >>> roller = Roller(0.11, peak_pressure=0.203e6, friction=0.35, rolling="free")
+    >>> rolled = roll(Layer(0.22), roller, Elastic(0.75e6, 0.3), speed=0.16, rolling_friction=0.17)
+    >>> f"{rolled.load:.0f} N/m, resistance {rolled.resistance:.0f} N/m, angle {np.degrees(rolled.capture_angle):.1f}"
+    '15224 N/m, resistance 2885 N/m, angle 29.3'
     """
     _refuse_beyond_formula(layer, roller, material, speed)
     R, E, nu = roller.radius, material.youngs_modulus, material.poisson
-    friction = TRACTION[roller.rolling] * roller.friction
-    target = {"load": roller.load} if roller.load is not None else {"peak_pressure": roller.peak_pressure}
-    exact = galin(radius=R, youngs_modulus=E, poisson=nu, friction=friction, **target)
-    _warn_of_layer(exact, layer)
-    ahead = exact.trailing + exact.contact_length * np.square(np.sin(np.linspace(0, np.pi / 2, SAMPLES)))
-    ahead[-1] = exact.leading
-    pressure = exact.pressure(ahead)
+    alpha, shape = pressure_exponent(nu, roller.friction), (nonuniformity, one_sided)
+    pressure = roller.peak_pressure or pressure_for_load(roller.load, E, nu, alpha, R, 1.0, *shape)
+    phi = capture_angle(pressure, E, nu, alpha)
+    load, length = roller_force(phi, E, nu, alpha, R, 1.0, *shape), contact_length(phi, R, alpha)
+    leading = R * np.sin(phi)
+    touched = LineContact(
+        exponent=1 - alpha, radius=R, contact_modulus=E / (1 - nu**2), contact_length=length, load=load,
+        peak_pressure=pressure, leading=leading, trailing=leading - length, centroid=(2 / 3) * (1 - 2 * alpha) * length,
+    )  # fmt: skip
+    _warn_of_layer(touched, layer)
+    ahead = touched.trailing + length * np.square(np.sin(np.linspace(0, np.pi / 2, SAMPLES)))
+    ahead[-1] = leading
+    sampled = touched.pressure(ahead)
     direction = np.sign(speed)
     forth = slice(None, None, int(direction))  # x ascends, whichever way the roller goes
     return EngineeringRolled(
-        load=exact.load,
-        resistance=direction * exact.load * (friction + exact.centroid / R),
-        leading=exact.leading,
-        trailing=exact.trailing,
+        load=load,
+        resistance=direction * roller_resistance(load, length, R, alpha, rolling_friction),
+        leading=leading,
+        trailing=touched.trailing,
         x=(direction * ahead)[forth],
-        pressure=pressure[forth],
-        shear_traction=(direction * friction * pressure)[forth],
-        peak_pressure=exact.peak_pressure,
-        **_engineering_values(exact.peak_pressure, roller, material),
+        pressure=sampled[forth],
+        shear_traction=(-direction * roller.friction * sampled)[forth],
+        peak_pressure=pressure,
+        capture_angle=phi,
+        exponent=alpha,
+        contact_length=length,
+        mean_pressure=load / length,
     )
-
-
-def _engineering_values(pressure, roller, material):
-    """(1.4)-(1.8) for a roller of unit length, by the field names of `EngineeringRolled`."""
-    R, E, nu = roller.radius, material.youngs_modulus, material.poisson
-    alpha = pressure_exponent(nu, 0.0 if roller.rolling == "frictionless" else roller.friction)
-    phi = capture_angle(pressure, E, nu, alpha)
-    length = contact_length(phi, R, alpha)
-    force = roller_force(phi, E, nu, alpha, R, length=1.0)
-    return {
-        "exponent": alpha,
-        "capture_angle": phi,
-        "contact_length": length,
-        "engineering_load": force,
-        "mean_pressure": force / length,
-        "engineering_resistance": roller_resistance(force, length, R, alpha, friction=0.0),
-    }
 
 
 def _warn_of_layer(exact, layer):
@@ -390,7 +432,7 @@ def _refuse_beyond_formula(layer, roller, material, speed):
         )
     if roller.profile != "parabola":
         raise ValueError(f"the formula engine needs `profile` 'parabola', got {roller.profile!r}; use fem")
-    refuse_unknown("rolling", roller.rolling, TRACTION)
+    refuse_unknown("rolling", roller.rolling, get_args(Rolling))
     for name in ("youngs_modulus", "poisson"):
         if not hasattr(material, name):
             got = type(material).__name__

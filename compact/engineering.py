@@ -20,6 +20,7 @@ class Engineering:
     roller_resistance: float
     resistance_coefficient: float
     cart_resistance: float
+    guide_coefficient: float
     cart_power: float
     radius_low: float
     radius_high: float
@@ -55,7 +56,16 @@ def engineering(scene, blend, pressure):
         roller_resistance=float(one),
         resistance_coefficient=float(one / force),
         cart_resistance=float(whole),
-        cart_power=float(contact.cart_power(whole, scene.motion.stroke / scene.motion.duration)),
+        guide_coefficient=float(
+            contact.guide_coefficient(
+                bearing_friction=machine.bearing_friction,
+                journal_diameter=machine.journal_diameter,
+                rolling_arm=machine.rolling_arm,
+                wheel_diameter=machine.guide_wheel_diameter,
+                rib_factor=machine.rib_factor,
+            )
+        ),
+        cart_power=float(contact.cart_power(whole, scene.mean_speed)),
         radius_low=float(radius.low),
         radius_high=float(radius.high),
         rollers_needed=int(needed),
@@ -63,16 +73,34 @@ def engineering(scene, blend, pressure):
     )
 
 
+def pressure(scene, blend):
+    """Peak contact pressure q [Pa] of the formulas: prescribed, under a prescribed load, or as the density requires.
+
+    A prescribed indentation has no meaning on their half-plane and leaves the required pressure.
+    """
+    machine, modulus, nu = scene.machine, blend.effective_modulus, blend.poisson
+    if "load" in scene.target:
+        alpha = pressure_exponent(nu, blend.steel_friction)
+        return float(
+            contact.pressure_for_load(
+                scene.target["load"], modulus, nu, alpha, machine.roller_radius, machine.roller_length,
+                machine.pressure_nonuniformity, machine.one_sided,
+            )
+        )  # fmt: skip
+    return scene.target.get("peak_pressure", blend.required_pressure)
+
+
 # unit and confidence of each field of Engineering (theory of the formulas: `contact`)
 KNOWN_BY = {
-    "pressure": ("Pa", "mix: pressure that gives the density"),
+    "pressure": ("Pa", "prescribed, or the pressure that the density requires"),
     "exponent": ("1", "eq 1.4, exact theory"),
     "capture_angle": ("rad", "eq 1.5, reconstructed (80 %)"),
     "roller_force": ("N", "eq 1.6, reconstructed (65 %)"),
     "contact_length": ("m", "eq 1.7, reconstructed (95 %)"),
     "roller_resistance": ("N", "eq 1.8, reconstructed (60 %)"),
     "resistance_coefficient": ("1", "eqs 1.6 and 1.8"),
-    "cart_resistance": ("N", "eq 1.9, reconstructed (60 %)"),
+    "cart_resistance": ("N", "eq 1.9, reconstructed (60 %); its guide friction is not that of the drives"),
+    "guide_coefficient": ("1", "eq 1.9: (f3 d + 2 f4) f5/D, guide friction over the load of the guide wheels"),
     "cart_power": ("W", "eq 1.10 at mean speed"),
     "radius_low": ("m", "eq 1.1, printed"),
     "radius_high": ("m", "eq 1.1, printed"),
@@ -95,10 +123,11 @@ class Number:
 def numbers(scene, blend, said, exact):
     """Headline `Number`s by name: an `Engineering`, and Galin's exact contact beside it at the same peak pressure.
 
-    The spread is that of the required pressure, where the formulas still hold.
+    The spread is that of the required pressure, where the formulas still hold; none if the contact is prescribed.
     """
     needed = blend.parameter("required_pressure")
-    ends = [_reached(scene, blend, pressure) for pressure in (needed.low, needed.high)]
+    required = () if {"load", "peak_pressure"} & set(scene.target) else (needed.low, needed.high)
+    ends = [_reached(scene, blend, pressure) for pressure in required] or [None, None]
     found = {}
     for name, (unit, known_by) in KNOWN_BY.items():
         low, high = (None if end is None else getattr(end, name) for end in ends)

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from compact.engine import roll
+from compact.halfplane import galin
 from compact.scene import load_scene
 from compact.study import Study
 
@@ -45,6 +46,15 @@ def of_contact(rolled, radius):
     return np.arcsin(rolled.leading / radius), length, rolled.load, rolled.resistance / rolled.load
 
 
+def of_half_plane(mix, radius):
+    """The same of a frictionless elastic half-plane at the required pressure, which has no resistance."""
+    exact = galin(
+        radius=radius, youngs_modulus=mix.effective_modulus, poisson=mix.poisson, friction=0.0,
+        peak_pressure=mix.required_pressure,
+    )  # fmt: skip
+    return np.arcsin(exact.leading / radius), exact.contact_length, exact.load, 0.0
+
+
 def main(
     scene="loveikin-2015",
     moistures=(0.08, 0.10, 0.12),
@@ -58,10 +68,10 @@ def main(
     rows = []
     for moisture, ratio, radius in itertools.product(moistures, density_ratios, radii):
         case = base.replaced(**{"mix.moisture": moisture, "mix.density_ratio": ratio, "machine.roller_radius": radius})
-        study, speed = Study(case), case.motion.stroke / case.motion.duration
-        found = {"1.5-1.8": of_formulas(study), "galin": of_contact(roll(case, study.mix, speed, "formula"), radius)}
+        study = Study(case)
+        found = {"1.5-1.8": of_formulas(study), "galin": of_half_plane(study.mix, radius)}
         for engine in engines:
-            found[engine] = of_contact(roll(case, study.mix, speed, engine), radius)
+            found[engine] = of_contact(roll(case, study.mix, case.mean_speed, engine), radius)
         rows += [(moisture, ratio, radius, engine, *map(float, values)) for engine, values in found.items()]
     if out:
         from compact.results import whole_file, write_csv
