@@ -85,7 +85,8 @@ def keep(study, directory):
     """Leave contacts and maps of the engines beside for the next run; yields what is written."""
     for name, aside in study.beside.items():
         if aside.contacts:
-            yield from mapping.save(directory / BESIDE / name, aside.contacts, aside.resistance, aside.key, [])
+            found = aside.contacts, aside.held, aside.second_pass, aside.resistance
+            yield from mapping.save(directory / BESIDE / name, *found, aside.key, [])
 
 
 def summary(study):
@@ -94,6 +95,7 @@ def summary(study):
     return {
         name: {
             "contacts": aside.contacts,
+            "held": aside.held and aside.held.numbers(),
             "resistance_error": aside.error,
             "roller_load": {"value": aside.roller_load, "unit": "N"},
             "rankings": {kind: ordered(order) for kind, order in aside.places.items()},

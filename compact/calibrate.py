@@ -244,7 +244,7 @@ def _as_measured(scene, measurement):
     """Scene and speed of a measurement."""
     if measurement.exit_density_ratio is not None:
         scene = scene.replaced(**{"mix.density_ratio": measurement.exit_density_ratio})
-    return scene, measurement.speed or scene.motion.stroke / scene.motion.duration
+    return scene, measurement.speed or scene.mean_speed
 
 
 def _column(scene, measurement):
@@ -293,8 +293,7 @@ def _refuse_far(near, measured, unknowns):
 
 
 def _refuse_prescribed(scene):
-    given = {} if scene.contact is None else scene.contact.model_dump(exclude={"speeds"}, exclude_none=True)
-    if given:
+    if given := scene.target:
         raise SceneError(
             [f"contact.{name}: a calibration presses the product to its density; take {value:g} out of the scene"
              for name, value in given.items()]

@@ -34,6 +34,8 @@ class Cart:
     pin_position : x of the drive pin, z [m]; pin_height : e, above the rollers' axles [m]
     roller_radius : r [m]; guide_wheel_diameter : D [m]; guide_friction : f, Coulomb at the guide wheels
     end_springs : at the ends of the stroke, or None
+    return_load_ratio : of the roller reactions at negative velocities over R [-]; below 1 if the return stroke rolls
+        over compacted mix
     """
 
     mass: float
@@ -47,9 +49,11 @@ class Cart:
     guide_wheel_diameter: float
     guide_friction: float
     end_springs: EndSprings | None = None
+    return_load_ratio: float = 1.0
 
     def __post_init__(self):
         refuse_negative(
+            return_load_ratio=self.return_load_ratio,
             mass=self.mass,
             weight=self.weight,
             roller_reactions=self.roller_reactions,
@@ -120,7 +124,7 @@ def balance(cart, acceleration, resistance, direction, rod_tangent=0.0, push=0.0
     )
     needed = cart.mass * acceleration + resistance - push
     slide = direction * cart.guide_friction
-    (front_0, rear_0), (front_1, rear_1) = _reactions(cart, resistance, slide, tangent)
+    (front_0, rear_0), (front_1, rear_1) = _reactions(cart, resistance, direction, tangent)
     if np.any(np.abs(slide) * (np.abs(front_1) + np.abs(rear_1)) >= 1):
         raise ValueError(f"the rod is too steep: `guide_friction` {cart.guide_friction!r} locks the cart")
     if not tangent.any():  # the drive pulls along the rails and moves no reaction
@@ -137,14 +141,21 @@ def balance(cart, acceleration, resistance, direction, rod_tangent=0.0, push=0.0
     return Balance(force, front, rear, slide * (np.abs(front) + np.abs(rear)))
 
 
-def _reactions(cart, resistance, slide, tangent):
+def _reactions(cart, resistance, direction, tangent):
     """(A1, A2), (B1, B2) of N_i = A_i + B_i H from the sum of vertical forces and of moments about the pin's height."""
     front, rear = cart.guide_positions
-    lift = np.sum(cart.roller_reactions) - cart.weight
-    lever = slide * cart.guide_wheel_diameter / 2
-    moment = np.dot(cart.roller_reactions, cart.roller_positions) - resistance * (cart.pin_height + cart.roller_radius)
+    share = _load_share(cart, direction)
+    lift = share * np.sum(cart.roller_reactions) - cart.weight
+    lever = direction * cart.guide_friction * cart.guide_wheel_diameter / 2
+    moment = share * np.dot(cart.roller_reactions, cart.roller_positions)
+    moment = moment - resistance * (cart.pin_height + cart.roller_radius)
     constant = _share(lift, moment + lever * lift, front, rear)
     return constant, _share(tangent, cart.pin_position * tangent + lever * tangent, front, rear)
+
+
+def _load_share(cart, direction):
+    """Roller reactions over those of the way out [-], of the shape of the direction."""
+    return np.where(np.asarray(direction) < 0, cart.return_load_ratio, 1.0)
 
 
 def _share(total, moment, front, rear):
@@ -154,7 +165,7 @@ def _share(total, moment, front, rear):
 
 def moment_residual(cart, forces, resistance, direction, rod_tangent=0.0):
     """What is left of the moments about the pin [N m], written out wheel by wheel: zero for a `Balance`."""
-    rollers = np.dot(cart.roller_reactions, cart.roller_positions)
+    rollers = _load_share(cart, direction) * np.dot(cart.roller_reactions, cart.roller_positions)
     mix = -np.asarray(resistance) * (cart.pin_height + cart.roller_radius)
     rod = cart.pin_position * forces.drive_force * rod_tangent
     guides = 0.0

@@ -173,14 +173,13 @@ def roll(
         directory for the results; out/NAME OF THE SCENE-ENGINE unless given
     """
     from compact import contact_report
-    from compact import engine as engines
     from compact.results import claimed
 
     study = _study(scene, quiet, engine, changes=changes)
-    speed = speed if speed is not None else study.scene.motion.stroke / study.scene.motion.duration
+    speed = speed if speed is not None else study.scene.mean_speed
     place = out or Path("out") / f"{scene.stem}-{study.scene.accuracy.engine}"
     with claimed(place, study.scene.hash, force) as directory:
-        passes = engines.passes(study.scene, study.mix, speed)
+        passes = study.passes_at(speed)
         contact_report.write(directory, study, speed, passes)
     if not quiet:
         print(contact_report.digest(study, speed, passes))

@@ -69,7 +69,7 @@ def pressure(study, directory):
         return standing[0]
     from compact import figures
 
-    speed = study.scene.motion.stroke / study.scene.motion.duration
+    speed = study.scene.mean_speed
     if study.layered:
         speed, rolled = min(study.rolled, key=lambda pair: abs(np.log(pair[0] / speed)))
     else:
@@ -129,10 +129,65 @@ def digest(study, speed, passes):
         if getattr(rolled, "over_pressed", False):
             lines.append(f"over-pressed: the mix passes full density, {rolled.peak_density_ratio:.3f} at most")
         lines.append(f"energy balance closes to {rolled.work_residual:.1e}; {_effort(rolled)}")
+    if study.held is not None:
+        lines.append(held_sentence(study))
     if len(passes) > 1:
         lines += ["", "pass   load [N/m]   resistance [N/m]   height behind [mm]   density ratio"]
         lines += [_pass_line(number, passed) for number, passed in enumerate(passes, start=1)]
     return "\n".join(lines)
+
+
+def held_sentence(study):
+    """The quantity of the contact that is kept over speed, in a sentence of text; "" for the formulas."""
+    held = study.held
+    if held is None:
+        return ""
+    kept = {
+        "height": f"the height of the roller, {held.value * 1e3:.4g} mm deep",
+        "load": f"the load, {held.value * study.scene.machine.roller_length:.4g} N on a roller",
+        "peak_pressure": f"the peak pressure, {held.value / 1e3:.4g} kPa",
+    }
+    return f"kept at every speed: {kept[held.name]}, found at {held.speed:.4g} m/s for {_target(study)}"
+
+
+def _target(study):
+    """The target that the contact meets at the mean speed."""
+    for name, given in study.scene.target.items():
+        return {
+            "indentation": f"the prescribed indentation of {given * 1e3:.4g} mm",
+            "load": f"the prescribed load of {given:.4g} N on a roller",
+            "peak_pressure": f"the prescribed peak pressure of {given / 1e3:.4g} kPa",
+        }[name]
+    if study.scene.accuracy.engine in COMPACTING:
+        return f"the density ratio {study.scene.mix.density_ratio:g} of the product"
+    return f"the peak pressure of {study.mix.required_pressure / 1e3:.4g} kPa that the density requires"
+
+
+def return_sentence(study):
+    """The mix under the return stroke, in a sentence of text, with the energy of a cycle where both are computed."""
+    if not study.cycle_energies:
+        why = "a linear layer recovers" if study.layered else "the formulas state no other"
+        return f"return stroke: over fresh mix, the same resistance as on the way out ({why})"
+    load, resistance = study.second_pass
+    fresh, compacted = (study.cycle_energies[over] for over in ("fresh", "compacted"))
+    law = next(iter(study.rankings.values()))[0].run.name
+    return (
+        f"return stroke: over {study.scene.layer.return_stroke} mix; over the compacted mix it takes {load:.1%} of the "
+        f"load and {resistance:.1%} of the resistance; energy of a cycle under {law}: {fresh:.4g} J over fresh mix, "
+        f"{compacted:.4g} J over compacted mix"
+    )
+
+
+def guide_sentence(study):
+    """The forces that the drive overcomes at the mean speed, in a sentence of text, and why eq 1.9 has another."""
+    steady, machine, formula = study.steady, study.scene.machine, study.engineering
+    force, guides = (float(each[0]) for each in (steady.drive_force, steady.guide_friction))
+    return (
+        f"drive force at the mean speed: {force:.4g} N, of which {guides:.3g} N at the guide wheels (guide_friction "
+        f"{machine.guide_friction:g}); eq 1.9 gives {formula.cart_resistance:.4g} N, its guide wheels with the "
+        f"coefficient {formula.guide_coefficient:.3g} from journal, rolling arm and rib: a comparison, not used by the "
+        "drives"
+    )
 
 
 def _effort(rolled):

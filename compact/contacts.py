@@ -62,18 +62,22 @@ def value(contact, name):
     return contact[name]["value"], contact[name].get("error")
 
 
-def save(path, contacts, key, files):
-    """Write the numbers of contacts as JSON, with the key of all they depend on and the files that say more of them."""
-    write_json(path, {"key": key, "contacts": contacts, "files": files})
+def save(path, contacts, more, key, files):
+    """Write the numbers of contacts as JSON, with more that was found of them, the key of all they depend on and the
+    files that describe them."""
+    write_json(path, {"key": key, "contacts": contacts, "more": more, "files": files})
 
 
 def load(path, key):
-    """(numbers of contacts, files that say more) of a file; ValueError where it has another key or is no such file."""
+    """(numbers of contacts, more that was found, files that describe them) of a file.
+
+    Raises ValueError where it has another key or is no such file.
+    """
     try:
-        held = json.loads(path.read_text(encoding="utf-8"))
-        made, contacts, files = held["key"], held["contacts"], held["files"]
+        content = json.loads(path.read_text(encoding="utf-8"))
+        made, contacts, more, files = (content[name] for name in ("key", "contacts", "more", "files"))
     except (KeyError, TypeError, ValueError) as wrong:
         raise ValueError(f"{path}: no contacts: {wrong}; compute them again") from None
     if made != key:
         raise ValueError(f"{path}: made under key {made}, wanted {key}; compute them again")
-    return contacts, files
+    return contacts, more, files

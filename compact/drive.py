@@ -311,9 +311,13 @@ def _sampled(demand):
 
 def steady_force(cart, motion, resistance):
     """|H| that keeps the mean speed of a motion [N]."""
-    mean_velocity, none = np.array([motion.stroke / motion.duration]), np.zeros(1)
-    steady = balance(cart, none, met_resistance(resistance, mean_velocity, none), 1.0)
-    return abs(float(steady.drive_force[0]))
+    return abs(float(steady_balance(cart, motion.stroke / motion.duration, resistance).drive_force[0]))
+
+
+def steady_balance(cart, speed, resistance):
+    """Forces on a cart at a constant speed > 0 [m/s], a `Balance` of arrays of shape (1,)."""
+    none = np.zeros(1)
+    return balance(cart, none, met_resistance(resistance, np.array([speed]), none), 1.0)
 
 
 def _nonuniformity(motion, working):

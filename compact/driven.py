@@ -37,7 +37,7 @@ def driven(scene, mix, load, found, asked, near=(), count=lambda stage: None):
     shares = [ROOM * pull / (friction * least) for pull in asked]
     sides = [_steps(min(shares[0], -LEAST) if shares[0] < 0 else 0.0), _steps(max(shares[1], LEAST))]
     if scene.accuracy.engine in COMPACTING:
-        mean = scene.motion.stroke / scene.motion.duration
+        mean = scene.mean_speed
         found = [min(found, key=lambda contact: abs(np.log(value(contact, "speed")[0] / mean)))]
     try:
         curves = [_curve(scene, mix, contact, sides, dict(near), count) for contact in found]
@@ -79,7 +79,7 @@ def _curve(scene, mix, contact, sides, near, count):
 def _roller(scene, mix, speed, indentation, count):
     """rolled(torque per length [N], near): the driven roller of a scene at a speed and a height, by its engine."""
     engine = scene.accuracy.engine
-    layer, roller, material = inputs(scene, mix, engine, speed)
+    layer, roller, material = inputs(scene, mix, engine, scene.mean_speed)
     roller = replace(roller, rolling="driven", indentation=indentation, load=None, peak_pressure=None)
     roll = import_module(ENGINES[engine]).roll
 

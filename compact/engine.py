@@ -1,10 +1,15 @@
 """From a scene to one contact: the layer, the roller and the material of the scene, and the engines by name.
 
 Every engine is a module with `roll(layer, roller, material, speed) -> Rolled`; it is imported when it is asked for.
+
+The rollers run in fixed guides, so that a resistance over speed needs a statement of what is kept while the speed
+changes. `Held` is that statement. The target of the scene (a prescribed indentation, load or peak pressure, else the
+required pressure of a linear layer or the density of a compacted product) is met at the mean speed of a pass; from
+that contact the height of the roller, its load or its peak pressure is kept at every other speed.
 """
 
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib import import_module
 from types import MappingProxyType
 
@@ -29,22 +34,79 @@ LAYERED = ("column", "spectral", "fem", "compaction")  # engines of a layer, who
 FIELDED = MappingProxyType({"fem": "compact.fields", "compaction": "compact.compacted"})  # who tells what is inside
 TOLERANCE = MappingProxyType({"spectral": "rtol", "fem": "tolerance"})  # what an engine calls its wanted error
 REBOUND = 5e-5  # of the layer's height as fed, which follows from that of the product; speed moves its rebound by less
-SPEEDS = 6  # computed where the scene names none: from a twentieth of the mean speed to twice, by equal ratios
+SPEEDS = tuple(2.0**power for power in range(-4, 2))  # of the mean speed: computed where the scene names none
+TARGETS = MappingProxyType({"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"})  # of a roller
+TARGET_UNITS = MappingProxyType({"height": "m", "load": "N/m", "peak_pressure": "Pa"})
 
 
-def roll(scene, mix, speed, engine=None, near=None):
+@dataclass(frozen=True)
+class Held:
+    """Quantity of the contact that is kept while the speed of the roller changes.
+
+    Parameters
+    ----------
+    name : "height" of the lowest generatrix, "load" or "peak_pressure"
+    value : indentation [m], load per unit roller length [N/m] or peak pressure [Pa]
+    speed : mean speed of a pass [m/s], at which the value meets the target of the scene
+    """
+
+    name: str
+    value: float
+    speed: float
+
+    @property
+    def target(self) -> dict[str, float]:
+        """The value as a keyword of `Roller`."""
+        return {TARGETS[self.name]: self.value}
+
+    def numbers(self) -> dict:
+        """The quantity with its units, for summary.json."""
+        return {
+            "quantity": self.name,
+            TARGETS[self.name]: {"value": self.value, "unit": TARGET_UNITS[self.name]},
+            "found_at": {"value": self.speed, "unit": "m/s"},
+        }
+
+
+def held_quantity(scene) -> str:
+    """Name of the quantity that a scene keeps over speed: as `[contact] held` says, else a prescribed load or peak
+    pressure, else the height."""
+    if scene.contact is not None and scene.contact.held is not None:
+        return scene.contact.held
+    return next((name for name in ("load", "peak_pressure") if name in _prescribed(scene)), "height")
+
+
+def held(scene, mix, engine=None, reference=None) -> Held | None:
+    """The `Held` of a scene; None if it has to be read from a `reference` and none is given.
+
+    Parameters
+    ----------
+    scene, mix : of one study
+    engine : name of an engine of LAYERED; that of the scene by default
+    reference : `Rolled` at the mean speed of a pass, with the target of the scene met there, or None
+    """
+    name, speed = held_quantity(scene), scene.mean_speed
+    roller = inputs(scene, mix, engine or scene.accuracy.engine, speed)[1]
+    given, value = roller.target
+    if given == TARGETS[name] and not _density_wanted(scene, engine or scene.accuracy.engine):
+        return Held(name, value, speed)
+    return reference and Held(name, float(getattr(reference, TARGETS[name])), speed)
+
+
+def roll(scene, mix, speed, engine=None, near=None, held=None):
     """The contact of one roller of a scene in its first pass, at a speed [m/s], by its engine or another; a `Rolled`.
 
-    The scene's tolerance is what the engine is asked for, where it can be asked. `near` is one at another speed the
-    same way or of another mix, from which "compaction" goes on over the same fed layer; at another speed alone it stays
-    as it is where the mix knows no rate.
+    The scene's tolerance is passed to engines that take one. `near` is a contact at another speed the same way or of
+    another mix, which "compaction" takes as its initial guess over the same fed layer; if nothing but the speed differs
+    and the mix has no rate, it is returned with the new speed. `held` is kept in place of the scene's target; without
+    it the target of the scene is met at this speed.
 
     Raises ValueError for what the engine does not cover; RuntimeError, naming scene, engine and speed, where it does
     not converge or the roller would reach the base.
     """
     name = engine or scene.accuracy.engine
-    layer, roller, material = inputs(scene, mix, name, speed)
-    asked = _asked(scene, name)
+    layer, roller, material = inputs(scene, mix, name, speed, held)
+    asked = _asked(scene, name, held)
     if name == "compaction" and _helps(near, layer, speed):
         if _same(roller, material, near, speed):
             return replace(near, speed=speed)
@@ -63,19 +125,24 @@ def _helps(near, layer, speed):
 
 
 def _same(roller, material, near, speed):
-    """Whether nothing differs but the speed, to which the mix is blind."""
+    """Whether nothing differs but the speed, and the mix has no rate."""
+    if speed == near.speed or material != near.material:
+        return False
+    as_found = replace(near.roller, indentation=near.indentation, load=None, peak_pressure=None)
     blind = material.rate_factor(speed) == material.rate_factor(near.speed)
-    return speed != near.speed and (roller, material) == (near.roller, near.material) and blind
+    return blind and roller in (near.roller, as_found)
 
 
-def added_mass(scene, mix, speed, count=lambda stage: None):
+def added_mass(scene, mix, speed, held, count=lambda stage: None):
     """(M of one roller per unit length [kg/m], tau [s]) at a speed, see `modulation`; None where it is not known.
+
+    M belongs to the quantity `held`, which is kept while the speed changes.
 
     Layers that stay pressed remember the way and not the time: M = 0, of "compaction" where the mix knows no rate. A
     roller that sticks and slips is given the M of one without friction, whose dF/dv is its own within about a tenth.
     """
     name = scene.accuracy.engine
-    layer, roller, material = inputs(scene, mix, name, speed)
+    layer, roller, material = inputs(scene, mix, name, speed, held)
     if name in COMPACTING:
         return (0.0, 0.0) if name == "column" or not material.rate_exponent else None
     from compact.modulation import modulation
@@ -89,26 +156,27 @@ def added_mass(scene, mix, speed, count=lambda stage: None):
     return found.added_mass, found.time
 
 
-def passes(scene, mix, speed, engine=None, near=None):
+def passes(scene, mix, speed, engine=None, near=None, held=None, count=None, first=None):
     """The contact of each pass of a scene, there and back over the same mix, `Rolled`s; the first is that of `roll`.
 
-    Later ones keep the load or peak pressure that the scene prescribes, else the height of the first. `near` are those
-    at another speed, which help as in `roll`.
+    Later ones keep the load or peak pressure that the scene prescribes or holds, else the height of the first. `near`
+    are those at another speed, used as in `roll`; `held` as in `roll`; `count` of passes in place of the scene's;
+    `first` is the contact of the first pass, if that is known.
     """
-    name = engine or scene.accuracy.engine
-    if name not in COMPACTING or scene.layer.passes == 1:
-        return (roll(scene, mix, speed, name, near[0] if near else None),)
+    name, count = engine or scene.accuracy.engine, count or scene.layer.passes
+    if name not in COMPACTING or count == 1:
+        return (roll(scene, mix, speed, name, near[0] if near else None, held),)
     from compact.passes import passes, there_and_back
 
-    layer, roller, material = inputs(scene, mix, name, speed)
+    layer, roller, material = inputs(scene, mix, name, speed, held)
     if name == "compaction" and near and _helps(near[0], layer, speed) and _same(roller, material, near[0], speed):
         return tuple(replace(passed, speed=float(np.copysign(speed, passed.speed))) for passed in near)
-    first, *later = there_and_back(scene.layer.passes)
-    asked = _asked(scene, name)
+    out, *later = there_and_back(count)
+    asked = _asked(scene, name, held)
     numerics = {"torque": asked.pop("torque")} if "torque" in asked else {}
-    stages = (replace(first, **asked), *later)
+    stages = (replace(out, **asked), *later)
     with _named(scene, name, speed):
-        return passes(layer, roller, material, speed, stages, engine=name, **numerics)
+        return passes(layer, roller, material, speed, stages, engine=name, first=first, **numerics)
 
 
 @contextmanager
@@ -120,15 +188,27 @@ def _named(scene, engine, speed):
         raise RuntimeError(f"{scene.title or 'untitled scene'}, {engine} at {speed:g} m/s: {error}") from error
 
 
-def _asked(scene, engine):
-    """What an engine takes besides: the wanted error; those of TURNED the torque per unit roller length [N];
-    "compaction" the density asked for, where nothing else is prescribed."""
+def _asked(scene, engine, held):
+    """Further arguments of an engine.
+
+    The tolerance; for "formula" the factors of eqs 1.6 and 1.8; for those of TURNED the torque per unit roller length
+    [N]; for "compaction" the density of the product, if nothing is prescribed or held.
+    """
     asked = {TOLERANCE[engine]: scene.accuracy.tolerance} if engine in TOLERANCE else {}
+    if engine == "formula":
+        machine = scene.machine
+        asked["rolling_friction"] = machine.roller_friction + machine.bearing_friction
+        asked |= {"nonuniformity": machine.pressure_nonuniformity, "one_sided": machine.one_sided}
     if engine in TURNED and scene.machine.roller_torque is not None:
         asked["torque"] = scene.machine.roller_torque / scene.machine.roller_length
-    if engine == "compaction" and not _prescribed(scene):
+    if held is None and _density_wanted(scene, engine):
         asked["exit_density_ratio"] = scene.mix.density_ratio
     return asked
+
+
+def _density_wanted(scene, engine):
+    """The density of the product is a target of its own; columns give the indentation that leaves it in closed form."""
+    return engine == "compaction" and not _prescribed(scene)
 
 
 def _refuse_below_the_base(rolled, layer):
@@ -141,12 +221,15 @@ def _refuse_below_the_base(rolled, layer):
         )
 
 
-def inputs(scene, mix, engine, speed):
-    """(Layer, Roller, material) of a scene; the formula engine sees the relaxed layer and the parabola."""
+def inputs(scene, mix, engine, speed, held=None):
+    """(Layer, Roller, material) of a scene; the formula engine sees the relaxed layer and the parabola.
+
+    The roller is given what is `held`, if that is given, else the target of the scene.
+    """
     target = _prescribed(scene)
     if engine in COMPACTING:
         material = compaction(scene, mix)
-        layer, target = _fed(scene, material, target, speed)
+        layer, target = _fed(scene, material, target, held.speed if held else speed)
     else:
         target = target or {"peak_pressure": mix.required_pressure}
         plies = (Ply(ply.thickness, ply.stiffness) for ply in scene.layer.plies or ())
@@ -156,14 +239,14 @@ def inputs(scene, mix, engine, speed):
         friction=mix.steel_friction,
         rolling=scene.machine.rolling,
         profile="parabola" if engine == "formula" else scene.machine.profile,
-        **target,
+        **(held.target if held else target),
     )
     return layer, roller, material
 
 
 def _prescribed(scene):
-    """What `[contact]` prescribes, per unit roller length; nothing without it."""
-    given = {} if scene.contact is None else scene.contact.model_dump(exclude={"speeds"}, exclude_none=True)
+    """The target of `[contact]`, per unit roller length; empty without one."""
+    given = scene.target
     if "load" in given:
         given["load"] /= scene.machine.roller_length
     return given
@@ -221,5 +304,4 @@ def speeds(scene):
     """Speeds [m/s] at which the contact of a scene is computed, rising."""
     if scene.contact is not None and scene.contact.speeds is not None:
         return scene.contact.speeds
-    mean = scene.motion.stroke / scene.motion.duration
-    return tuple(float(speed) for speed in mean * np.geomspace(1 / 20, 2, SPEEDS))
+    return tuple(scene.mean_speed * share for share in SPEEDS)

@@ -95,7 +95,7 @@ def _of_mix(blend):
 def _computed(study, rank, near):
     """Numbers and words of the contact at the mean speed, and the contact, by formula None."""
     scene = study.scene
-    speed = scene.motion.stroke / scene.motion.duration
+    speed = scene.mean_speed
     if scene.accuracy.engine == "formula":
         contact, found = None, _of_formulas(study)
     else:

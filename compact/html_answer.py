@@ -5,9 +5,10 @@ from html import escape
 import numpy as np
 
 from compact.beside_report import agreements, places
+from compact.contact_report import guide_sentence, return_sentence
 from compact.drive import CRITERIA
 from compact.engine import COMPACTING
-from compact.page import listed, paragraph, percent, quantity, strong
+from compact.page import listed, paragraph, percent, quantity, sentence, strong
 
 WORDS = {
     "peak_force": "peak drive force",
@@ -140,12 +141,13 @@ def _conflict(orders):
 
 def _met(study):
     """What the machine meets at its mean speed."""
-    mean = study.scene.motion.stroke / study.scene.motion.duration
+    mean = study.scene.mean_speed
     force = float(np.ravel(study.resistance(np.array([mean]), np.zeros(1)))[0])
     return (
         f"At its mean speed of {quantity(mean, 'm/s', 3)} the cart meets {strong(quantity(force, 'N', 3))} of "
         "resistance of the mix; "
-        f"each roller is held down by {strong(quantity(study.roller_load, 'N', 3))}."
+        f"each roller is held down by {strong(quantity(study.roller_load, 'N', 3))}. "
+        f"{sentence(guide_sentence(study))} {sentence(return_sentence(study))}"
     )
 
 

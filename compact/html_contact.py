@@ -2,9 +2,10 @@
 
 from html import escape
 
+from compact.contact_report import held_sentence
 from compact.contacts import PASSED, value
 from compact.engine import COMPACTING
-from compact.page import Section, mark, number, paragraph, percent, picture, quantity, table
+from compact.page import Section, mark, number, paragraph, percent, picture, quantity, sentence, table
 
 SHOWN = ("speed", "load", "resistance", "coefficient", "trailing", "leading", "peak_pressure", "indentation")
 CONTACT = ("speed", "load", "error", "resistance", "error", "coefficient", "behind", "ahead", "peak pressure", "depth")
@@ -38,7 +39,8 @@ CAPTIONS = {
 def contact(study, pictures):
     """The contact of one roller and what the cart meets."""
     shown = [picture(pictures[name](), *_captioned(name)) for name in CAPTIONS if name in pictures]
-    parts = [_numbers(study), *(_engine_tables(study) if study.layered else [_no_speed()]), *shown]
+    kept = [paragraph(sentence(held_sentence(study)))] if study.held else []
+    parts = [_numbers(study), *kept, *(_engine_tables(study) if study.layered else [_no_speed()]), *shown]
     lead = f"{quantity(study.roller_load, 'N', 3)} on a roller"
     lead += (
         f"; {quantity(study.numbers['roller_force'].value, 'N', 3)} by formula." if study.layered else ", by formula."

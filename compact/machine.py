@@ -18,8 +18,8 @@ from compact.springs import EndSprings
 from compact.torque import Kloss, Straight
 
 
-def cart(scene, roller_load):
-    """The `Cart` whose rollers are held at their height by a load [N] each."""
+def cart(scene, roller_load, return_load_ratio=1.0):
+    """The `Cart` whose rollers are held at their height by a load [N] each, times a ratio on the return stroke."""
     machine, table = scene.machine, scene.drive.end_springs
     return Cart(
         mass=machine.mass,
@@ -33,6 +33,7 @@ def cart(scene, roller_load):
         guide_wheel_diameter=machine.guide_wheel_diameter,
         guide_friction=machine.guide_friction,
         end_springs=table and EndSprings(table.stiffness, table.preload, table.length, scene.motion.stroke),
+        return_load_ratio=return_load_ratio,
     )
 
 

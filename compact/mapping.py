@@ -6,7 +6,7 @@ versions. Cart, laws, drive and output are not in the key. Where a law is faster
 
 import json
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from importlib.metadata import version
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from compact import contacts, resistance
 from compact.contacts import value
-from compact.engine import added_mass, roll, speeds
+from compact.engine import Held, added_mass, roll, speeds
 from compact.resistance import ResistanceMap, sampled
 
 SLOWEST = 1 / 50  # of the fastest, where samples of the resistance begin
@@ -37,9 +37,12 @@ BESIDE = {  # what of the machine no engine of a layer looks at
 
 @dataclass(frozen=True)
 class Kept:
-    """What an earlier run has left: numbers of its contacts, its map, and files that need not be made again."""
+    """What an earlier run has left: numbers of its contacts, what they hold over speed, its map, and files that need
+    not be made again."""
 
     contacts: list
+    held: Held
+    second_pass: tuple[float, float] | None
     met: ResistanceMap
     files: tuple[str, ...]
 
@@ -62,26 +65,31 @@ def key(scene, mix):
 def kept(directory, wanted):
     """`Kept` of a results directory under a key; None where there is none, or one under another key."""
     try:
-        found, files = contacts.load(directory / CONTACTS, wanted)
+        found, more, files = contacts.load(directory / CONTACTS, wanted)
         met = resistance.load(directory / MAP, wanted)
     except (OSError, ValueError):
         return None
-    return Kept(found, met, tuple(name for name in files if (directory / name).is_file()))
+    second = more["second_pass"] and tuple(more["second_pass"])
+    return Kept(found, Held(**more["held"]), second, met, tuple(name for name in files if (directory / name).is_file()))
 
 
-def save(directory, found, met, wanted, files):
-    """Keep contacts and map under a key, and those of the files that last; yields what is written."""
+def save(directory, found, held, second_pass, met, wanted, files):
+    """Keep contacts, what they hold, the ratios of a second pass and the map under a key, and those of the files that
+    last; yields what is written."""
     (directory / CONTACTS).unlink(missing_ok=True)  # it vouches for the files, so it goes first and comes last
     met.save(directory / MAP, wanted)
-    contacts.save(directory / CONTACTS, found, wanted, [name for name in files if name.startswith(LASTING)])
+    more = {"held": asdict(held), "second_pass": second_pass}
+    contacts.save(directory / CONTACTS, found, more, wanted, [name for name in files if name.startswith(LASTING)])
     yield directory / MAP
     yield directory / CONTACTS
 
 
-def mapped(scene, mix, fastest, found, *, near=(), met=None, count=lambda stage: None):
+def mapped(scene, mix, fastest, found, held, *, return_ratio=1.0, near=(), met=None, count=lambda stage: None):
     """The `ResistanceMap` of one cart up to its fastest [m/s], by the scene's engine.
 
-    found : numbers of contacts that are there;  near : (speed, `Rolled`) from which others go on
+    found : numbers of contacts that are there;  held : kept at every speed, a `Held`
+    return_ratio : resistance of the return stroke over that of the way out [-]
+    near : (speed, `Rolled`) from which others go on
     met : a map whose samples are there too;  count : called with the stage of each solution
     """
     near = list(near)
@@ -90,7 +98,7 @@ def mapped(scene, mix, fastest, found, *, near=(), met=None, count=lambda stage:
     def force(speed):
         count("resistance")
         start = min(near, key=lambda rolled: abs(np.log(rolled[0] / speed)))[1] if near else None
-        rolled = roll(scene, mix, speed, near=start)
+        rolled = roll(scene, mix, speed, near=start, held=held)
         near.append((speed, rolled))
         return whole * rolled.resistance, (rolled.error or (None, None))[1]
 
@@ -101,7 +109,9 @@ def mapped(scene, mix, fastest, found, *, near=(), met=None, count=lambda stage:
             (float(speed), float(each), met.engine_error) for speed, each in zip(met.speeds, met.forces, strict=True)
         ]
     least = min(SLOWEST * fastest, known[0][0])
-    return _with_masses(scene, mix, sampled(force, least, fastest, scene.accuracy.tolerance, known), whole, count)
+    met = sampled(force, least, fastest, scene.accuracy.tolerance, known)
+    met = replace(met, return_ratio=return_ratio)
+    return _with_masses(scene, mix, met, held, whole, count)
 
 
 def covers(met, fastest):
@@ -109,10 +119,10 @@ def covers(met, fastest):
     return fastest <= met.speeds[-1] * (1 + resistance.ROUNDING)
 
 
-def _with_masses(scene, mix, met, whole, count):
+def _with_masses(scene, mix, met, held, whole, count):
     """The map with M at its speeds; without it where the engine cannot tell."""
     try:
-        found = [added_mass(scene, mix, float(speed), count) for speed in met.speeds]
+        found = [added_mass(scene, mix, float(speed), held, count) for speed in met.speeds]
     except RuntimeError as error:
         warnings.warn(f"acceleration is left out of the resistance: {error}", stacklevel=2)
         return met

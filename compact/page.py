@@ -83,6 +83,11 @@ def percent(share, digits=2):
     return "–" if not math.isfinite(share) else f"{number(100 * share if abs(share) > ROUNDING else 0.0, digits)} %"
 
 
+def sentence(line):
+    """A line of the digest as a sentence of the page."""
+    return f"{escape(line[0].upper() + line[1:])}."
+
+
 def paragraph(html):
     """A paragraph of HTML."""
     return f"<p>{html}</p>"

@@ -67,7 +67,7 @@ def there_and_back(count):
     return tuple(Pass(forward=number % 2 == 0) for number in range(count))
 
 
-def passes(layer, roller, material, speed, stages, *, engine="column", **numerics):
+def passes(layer, roller, material, speed, stages, *, engine="column", first=None, **numerics):
     """One result of the engine for each pass, a tuple of `ColumnRolled` or `CompactionRolled`.
 
     Parameters
@@ -78,6 +78,7 @@ def passes(layer, roller, material, speed, stages, *, engine="column", **numeric
     speed : of passes forward along x [m/s], not 0
     stages : of `Pass`, one or more, or their number, there and back
     engine : "column" or "compaction"
+    first : result of the first pass, if that is known
     numerics : as the engine's `roll` has them
 
     >>> from compact.records import Roller
@@ -99,8 +100,11 @@ def passes(layer, roller, material, speed, stages, *, engine="column", **numeric
         height, asked = bed.layer.height, dict(numerics)
         if stage.exit_density_ratio is not None:
             asked["exit_density_ratio"] = stage.exit_density_ratio
-        pressed = _told(stage, roller, height, lowest, number)
-        done.append(bed.rolled(pressed, speed if stage.forward else -speed, **asked))
+        if number == 1 and first is not None:
+            done.append(first)
+        else:
+            pressed = _told(stage, roller, height, lowest, number)
+            done.append(bed.rolled(pressed, speed if stage.forward else -speed, **asked))
         lowest = height - done[-1].indentation
         bed = bed.left(done[-1])
     return tuple(done)

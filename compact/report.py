@@ -6,11 +6,13 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from pkgutil import resolve_name
+from textwrap import wrap
 
 import numpy as np
 
 from compact import beside_report, contact_report, drive_report
 from compact.cam import stepper
+from compact.contact_report import guide_sentence, held_sentence, return_sentence
 from compact.drive import CRITERIA
 from compact.pool import Here
 from compact.results import claimed, png, write_bytes, write_columns, write_csv, write_figure, write_json
@@ -227,6 +229,9 @@ def _summary(study, files):
         "versions": _versions(),
         "engine": scene.accuracy.engine,
         "drive_resistance": _drive_resistance(study),
+        "held": study.held and study.held.numbers(),
+        "return_stroke": _return_stroke(study),
+        "steady_forces": _steady_forces(study),
         "advice": list(scene.advice),
         "reachable": {"by_rolling": reach.possible, "reason": reach.reason},
         "numbers": {name: asdict(number) for name, number in study.numbers.items()},
@@ -262,6 +267,27 @@ def _drive_resistance(study):
     }
 
 
+def _return_stroke(study):
+    """The mix under the return stroke, the ratios of a second pass to the first, and the energy of a cycle."""
+    load, resistance = study.second_pass or (None, None)
+    return {
+        "over": study.scene.layer.return_stroke,
+        "second_pass_load": {"value": load, "unit": "1"},
+        "second_pass_resistance": {"value": resistance, "unit": "1"},
+        "energy": {over: {"value": energy, "unit": "J"} for over, energy in study.cycle_energies.items()},
+    }
+
+
+def _steady_forces(study):
+    """The forces on one cart at constant mean speed [N]: of the drive, of the mix, at the guide wheels."""
+    force, guides = (float(each[0]) for each in (study.steady.drive_force, study.steady.guide_friction))
+    return {
+        "drive_force": {"value": force, "unit": "N"},
+        "resistance": {"value": force - guides, "unit": "N"},
+        "guide_friction": {"value": guides, "unit": "N"},
+    }
+
+
 def _run_numbers(study, run):
     """Criteria of a run, how far the error of the resistance moves each, and what else it knows."""
     own = [name for name in OWN if hasattr(run, name)]
@@ -288,6 +314,8 @@ def digest(study):
     numbers = study.numbers
     lines = [study.scene.title or "untitled scene", ""]
     lines += [_number_line(name, numbers[name]) for name in DIGEST]
+    facts = (held_sentence(study), return_sentence(study), guide_sentence(study))
+    lines += ["", *(f"  {line}" for fact in facts for line in wrap(fact, WIDTH))]
     if not study.mix.reachable:
         lines.append(f"  {study.mix.reachable.reason}")
     engine = study.scene.accuracy.engine
@@ -302,8 +330,9 @@ def digest(study):
     return "\n".join(lines)
 
 
+WIDTH = 116  # characters of a line of text
 TOLD = 2  # criteria in the digest, those that the scene names first
-DIGEST = ("capture_angle", "contact_length", "roller_force", "resistance_coefficient", "cart_resistance", "cart_power")
+DIGEST = ("capture_angle", "contact_length", "roller_force", "resistance_coefficient")
 
 
 def _number_line(name, number):

@@ -2,7 +2,8 @@
 
     F(v, a) = F(v) + a' M(v),    a' = a while |a| <= A, else A sign(a),    A = SLOW |v|/tau
 
-F and M over ln |v| by cubics, F monotone where the samples are; F is odd in v, M even. Below the slowest sample F
+F and M over ln |v| by cubics, F monotone where the samples are; F is odd in v, M even. If the return stroke, v < 0,
+rolls over compacted mix, both are smaller there by a constant ratio. Below the slowest sample F
 follows the power law v^n that it has there, 0 <= n <= 1: n = 1 for a layer that relaxes, 0 for one that resists at any
 speed alike; M stays as it is. The map tells its own error: each sample is predicted by the others, and where that
 fails new ones are put on both sides of it. At rest the resistance is set-valued; the call returns the middle, 0.
@@ -44,6 +45,7 @@ class ResistanceMap:
     engine_error : largest relative error that the engine told of a sample, or None
     added_masses : M at the speeds [kg], shape (n,), or None where it is not known and left out
     time : tau, the longest relaxation time [s], 0 of a mix that forgets at once
+    return_ratio : resistance of the return stroke, v < 0, over that of the way out [-]
     """
 
     speeds: np.ndarray
@@ -52,6 +54,7 @@ class ResistanceMap:
     engine_error: float | None = None
     added_masses: np.ndarray | None = None
     time: float = 0.0
+    return_ratio: float = 1.0
 
     def __call__(self, velocity, acceleration=0.0):
         """F [N], of the common shape of velocity and acceleration.
@@ -76,12 +79,12 @@ class ResistanceMap:
         if self.exponent and np.min(speed) < slowest:
             force = force * np.minimum(speed / slowest, 1.0) ** self.exponent
         force = np.sign(velocity) * force
-        if self.added_masses is None:
-            return force
-        if self.time:
-            most = self.pace * speed
-            acceleration = np.clip(acceleration, -most, most)
-        return force + acceleration * sampled[:, 1]
+        if self.added_masses is not None:
+            if self.time:
+                most = self.pace * speed
+                acceleration = np.clip(acceleration, -most, most)
+            force = force + acceleration * sampled[:, 1]
+        return force if self.return_ratio == 1 else np.where(velocity < 0, self.return_ratio, 1.0) * force
 
     @property
     def pace(self):
@@ -144,6 +147,7 @@ class ResistanceMap:
                 variable[:], variable.units = values, unit
             content.key, content.versions = key, _versions()
             content.error, content.time = np.float64(self.error), np.float64(self.time)
+            content.return_ratio = np.float64(self.return_ratio)
             content.engine_error = np.float64(np.nan if self.engine_error is None else self.engine_error)
             content.flush()
             written = held.getvalue()
@@ -158,7 +162,9 @@ def load(path, key=""):
     try:
         with netcdf_file(path, "r", mmap=False) as content:
             made = content.key.decode(), content.versions.decode()
-            error, told, time = (float(each) for each in (content.error, content.engine_error, content.time))
+            error, told, time, ratio = (
+                float(each) for each in (content.error, content.engine_error, content.time, content.return_ratio)
+            )
             columns = {name: np.array(variable[:], dtype=float) for name, variable in content.variables.items()}
             speeds, forces = columns["speed"], columns["resistance"]
     except (AttributeError, LookupError, TypeError) as wrong:
@@ -169,7 +175,7 @@ def load(path, key=""):
             "compute it again"
         )
     engine_error = None if np.isnan(told) else told
-    return ResistanceMap(speeds, forces, error, engine_error, columns.get("added_mass"), time)
+    return ResistanceMap(speeds, forces, error, engine_error, columns.get("added_mass"), time, ratio)
 
 
 def _versions():

@@ -82,6 +82,16 @@ class Scene(Table):
         return self.layer.lift or self.product.height
 
     @property
+    def target(self) -> dict[str, float]:
+        """The indentation [m], load on one roller [N] or peak pressure [Pa] that `[contact]` prescribes; else empty."""
+        return {} if self.contact is None else self.contact.model_dump(exclude={"speeds", "held"}, exclude_none=True)
+
+    @property
+    def mean_speed(self) -> float:
+        """Mean speed of the cart in one pass [m/s], dwells left out: stroke over duration."""
+        return self.motion.stroke / self.motion.duration
+
+    @property
     def beside_engines(self) -> tuple[str, ...]:
         """The engines that answer beside that of [accuracy]; the formulas beside every engine of a layer."""
         given = {} if self.beside is None else self.beside.model_dump(exclude_none=True)
@@ -91,8 +101,10 @@ class Scene(Table):
         """The scene as an engine beside it is given it, for the numbers alone."""
         given = None if self.beside is None else getattr(self.beside, engine)
         changes = {"accuracy.engine": engine, "beside": None, "output.wanted": ()}
-        if engine == "formula":  # sees a layer of one ply, once
-            changes |= {"layer.plies": None, "layer.passes": 1}
+        if engine == "formula":  # one ply, one pass, the same resistance on both strokes
+            changes |= {"layer.plies": None, "layer.passes": 1, "layer.return_stroke": "fresh"}
+            if "indentation" in self.target:  # undefined on a half-plane; the required pressure takes its place
+                changes["contact.indentation"] = None
         for table, keys in (given.model_dump(exclude_none=True) if given else {}).items():
             changes |= {f"{table}.{key}": value for key, value in _flat(keys)}
         return self.replaced(**changes)

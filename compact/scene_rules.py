@@ -148,6 +148,15 @@ def _one_target(indentation, load, pressure):
         return f"only one of indentation, load and peak_pressure can be prescribed, got {given}; take the others out"
 
 
+@_rule("contact.indentation", "accuracy.engine")
+def _half_plane_has_no_indentation(indentation, engine):
+    if indentation is not None and engine == "formula":
+        return (
+            f'is undefined on the half-plane of accuracy.engine = "formula", got {indentation:g}; give contact.load or '
+            "contact.peak_pressure, or choose an engine of a layer"
+        )
+
+
 @_rule("contact.indentation", "product.height", "layer.lift")
 def _roller_stays_above_the_base(indentation, height, lift):
     key, most = _pressed(height, lift)
@@ -172,6 +181,15 @@ def _engine_knows_passes(passes, engine):
         return (
             f'more than 1 is for engines of mix that stays pressed, not accuracy.engine = "{engine}", got {passes:g}; '
             'choose "column" or "compaction", or give 1'
+        )
+
+
+@_rule("layer.return_stroke", "accuracy.engine")
+def _engine_compacts_the_return_stroke(over, engine):
+    if over == "compacted" and engine not in ("column", "compaction"):
+        return (
+            f'"compacted" is for engines of irreversible compaction, not accuracy.engine = "{engine}"; choose "column" '
+            'or "compaction", or give "fresh"'
         )
 
 

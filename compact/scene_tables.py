@@ -31,6 +31,7 @@ MixParameter = Literal[
     "rate_exponent", "effective_modulus",
 ]  # fmt: skip
 Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
+HeldQuantity = Literal["height", "load", "peak_pressure"]
 COUNT_LIMIT = 1_000_000  # beyond any machine; keeps a slip such as 0xffff... out of loops and printouts
 
 # TOML has lists only: these alone are taken leniently, and kept as tuples
@@ -151,6 +152,9 @@ class Layer(Table):
     plies: Plies | None = Field(default=None, min_length=1, description="the plies from the base upwards, as tables")
     fed_density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio of the mix as fed")
     passes: int = _between(1, COUNT_LIMIT, "the number of passes")
+    return_stroke: Literal["fresh", "compacted"] = Field(
+        default="fresh", description="the mix under the return stroke: fresh as on the way out, or compacted by it"
+    )
 
 
 class Optimise(Table):
@@ -275,6 +279,11 @@ class Contact(Table):
     indentation: float | None = _optional(f"the depth of the roller below the undisturbed surface in m {TOUCHES}")
     load: float | None = _optional(f"the normal force on one roller in N {TOUCHES}")
     peak_pressure: float | None = _optional(f"the largest contact pressure in Pa {TOUCHES}")
+    held: HeldQuantity | None = Field(
+        default=None,
+        description="the quantity kept while the speed changes; by default a prescribed load or peak pressure, else "
+        "the height of the roller",
+    )
     speeds: Numbers | None = Field(default=None, description="the speeds in m/s at which to compute the contact")
 
 

@@ -145,7 +145,7 @@ class _Asked:
         if by == "formula":
             return _least(end.cart, end.resistance, cycles)
         load, resistance = self._layer(end, changes)
-        return _least(machine.cart(end.scene, load), resistance, cycles)
+        return _least(machine.cart(end.scene, load, end.return_ratios[0]), resistance, cycles)
 
     def _stretched(self, end):
         """The laws in the duration of a changed scene; those made for the machine keep their shape."""
@@ -169,11 +169,12 @@ class _Asked:
 def _rolled(study, fastest):
     """(force on a roller at the mean speed, resistance over speed) of a study by its engine."""
     places = [speed for speed in speeds(study.scene) if speed < fastest] + [fastest]
-    rolled = [roll(study.scene, study.mix, speed) for speed in places]
-    length, motion = study.scene.machine.roller_length, study.scene.motion
-    load = length * np.interp(np.log(motion.stroke / motion.duration), np.log(places), [each.load for each in rolled])
+    rolled = [roll(study.scene, study.mix, speed, held=study.held) for speed in places]
+    length = study.scene.machine.roller_length
+    load = length * np.interp(np.log(study.scene.mean_speed), np.log(places), [each.load for each in rolled])
     forces = study.scene.machine.rollers * length * np.array([each.resistance for each in rolled])
-    return float(load), ResistanceMap(np.array(places), forces, error=np.nan)
+    ratio = study.return_ratios[1]
+    return float(load), ResistanceMap(np.array(places), forces, error=np.nan, return_ratio=ratio)
 
 
 def _least(cart, resistance, cycles):

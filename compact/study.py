@@ -10,7 +10,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,9 +19,10 @@ from compact import contact, contacts, drive, machine, made, mapping, mix
 from compact.cam import Cam, FlatFace, Pointed, RollerFollower
 from compact.cart import Opposition
 from compact.crank import USUAL_ANGLES, turn
+from compact.drive import steady_balance
 from compact.driven import driven
-from compact.engine import LAYERED, fields, passes, speeds
-from compact.engineering import engineering, numbers
+from compact.engine import COMPACTING, LAYERED, Held, fields, held, passes, speeds
+from compact.engineering import engineering, numbers, pressure
 from compact.halfplane import galin
 from compact.motion import law
 from compact.ordering import places
@@ -29,6 +30,7 @@ from compact.pool import Errands, Here
 from compact.roller_motor import RollerMotor, pulls
 from compact.scene import Scene, SceneError
 
+ADDED = ("resistance", "added mass", "kept", "second pass", "passage", "run-up", "driven")  # counted as they come
 BESIDE = "beside"  # directory of the maps of engines beside the scene's
 SWING = 2.0  # times the velocity of the law, which an elastic drive may reach after a jump
 FOLLOWERS = {
@@ -48,6 +50,8 @@ class Aside:
 
     scene: Scene
     contacts: list
+    held: Held | None
+    second_pass: tuple[float, float] | None
     resistance: Callable
     error: float | None
     roller_load: float
@@ -65,10 +69,11 @@ def answered(asked):
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         places = study.places
+        second_pass = study.second_pass
     told = tuple(dict.fromkeys(str(warning.message) for warning in warned))
     return Aside(
-        scene, study.contacts, study.resistance, study.resistance_error, study.roller_load, places, study.key,
-        study.counts, told,
+        scene, study.contacts, study.held, second_pass, study.resistance, study.resistance_error, study.roller_load,
+        places, study.key, study.counts, told,
     )  # fmt: skip
 
 
@@ -91,16 +96,22 @@ class Study:
         """How many counts the stages of all that the scene wants will make."""
         wanted, optimised = self.scene.output.wanted, self.scene.motion.optimise
         laws = len(self.scene.law_names) + len(self.scene.table_paths) + (len(optimised.objectives) if optimised else 0)
-        rolled = 0 if self.counts["kept"] or not self.layered else len(speeds(self.scene))
+        rolled = 0 if self.counts["kept"] or not self.layered else len(self._speeds)
         figures = 3 + len({"cams", "reactions", "crank"} & set(wanted)) + 4 * self.layered
         figures = figures if {"figures", "report"} & set(wanted) else 0
         cams = 2 * laws * len(FOLLOWERS) if "cams" in wanted else 0  # made and measured
         crank = len(USUAL_ANGLES) + 1 if "crank" in wanted else 0
         fields = (rolled + 1) * ("fields" in wanted and rolled > 0)
         beside = len(self.scene.beside_engines)
-        added = sum(self.counts[stage] for stage in ("resistance", "added mass", "kept", "passage", "run-up", "driven"))
+        added = sum(self.counts[stage] for stage in ADDED)
         counted = 2 + 2 * laws + laws * self.layered + cams + crank + figures + beside + rolled + fields + added
         return counted + ("report" in wanted)
+
+    @property
+    def _speeds(self):
+        """Speeds [m/s] of all contacts: those of the scene, and the mean speed if a contact there is required."""
+        required = self.scene.accuracy.engine in COMPACTING or held(self.scene, self.mix) is None
+        return {*speeds(self.scene), *([self.scene.mean_speed] if required else [])}
 
     def count(self, stage):
         """One more run of a stage."""
@@ -117,9 +128,20 @@ class Study:
 
     @cached_property
     def engineering(self):
-        """Eqs 1.1-1.10 at the pressure that the density needs."""
+        """Eqs 1.1-1.10 at the pressure that is prescribed, or that the density requires."""
         self.count("contact")
-        return engineering(self.scene, self.mix, self.mix.required_pressure)
+        try:
+            return engineering(self.scene, self.mix, pressure(self.scene, self.mix))
+        except ValueError as error:
+            if not (self.layered and self.scene.target):
+                raise
+            reason, required = error, self.mix.required_pressure
+        warnings.warn(
+            f"the formulas do not reach the prescribed contact ({reason}); they are shown at {required / 1e3:.4g} kPa, "
+            "as the density requires",
+            stacklevel=2,
+        )
+        return engineering(self.scene, self.mix, required)
 
     @cached_property
     def numbers(self):
@@ -128,13 +150,13 @@ class Study:
 
     @cached_property
     def exact(self):
-        """Galin's exact contact at the same peak pressure, with the friction of a driven roller as in 1.5-1.8."""
+        """Galin's exact contact at the peak pressure of the formulas, with the traction of a driven roller."""
         return galin(
             radius=self.scene.machine.roller_radius,
             youngs_modulus=self.mix.effective_modulus,
             poisson=self.mix.poisson,
             friction=-self.mix.steel_friction,
-            peak_pressure=self.mix.required_pressure,
+            peak_pressure=self.engineering.pressure,
         )
 
     @property
@@ -166,7 +188,9 @@ class Study:
         """Leave contacts and map for the next run, with what files there are of them; yields what is written."""
         before = self.kept.files if self.kept else ()
         files = sorted({*before, *(file.relative_to(directory).as_posix() for file in files)})
-        yield from mapping.save(directory, self.contacts, self.resistance_map, self.key, files)
+        yield from mapping.save(
+            directory, self.contacts, self.held, self.second_pass, self.resistance_map, self.key, files
+        )
 
     @cached_property
     def contacts(self):
@@ -176,15 +200,39 @@ class Study:
         return [contacts.numbers(self.scene.accuracy.engine, *passed) for passed in self.passes]
 
     @cached_property
+    def reference(self):
+        """`Rolled`s of all passes of one roller at the mean speed, where the target of the scene is met."""
+        self.count("rolled")
+        return passes(self.scene, self.mix, self.scene.mean_speed)
+
+    @cached_property
+    def held(self):
+        """`Held` over speed by an engine of a layer, else None."""
+        if not self.layered:
+            return None
+        if self.kept:
+            return self.kept.held
+        return held(self.scene, self.mix) or held(self.scene, self.mix, reference=self.reference[0])
+
+    @cached_property
     def passes(self):
         """(speed, `Rolled`s of all passes) of one roller at each speed, by an engine of a layer, else none."""
         passed = []
-        if self.layered:
-            for speed in speeds(self.scene):
-                self.count("rolled")
-                near = passed[-1][1] if passed else None
-                passed.append((speed, passes(self.scene, self.mix, speed, near=near)))
+        for speed in speeds(self.scene) if self.layered else ():
+            passed.append((speed, self.passes_at(speed, near=passed[-1][1] if passed else None)))
         return passed
+
+    def passes_at(self, speed, near=None):
+        """`Rolled`s of all passes of one roller at a speed [m/s].
+
+        The target of the scene is met at the mean speed, and at every speed by the formulas; at other speeds what is
+        held is kept. `near` are passes at another speed, an initial guess.
+        """
+        if speed == self.scene.mean_speed:
+            return self.reference
+        kept, near = self.held, near or self.__dict__.get("reference")
+        self.count("rolled")
+        return passes(self.scene, self.mix, speed, near=near, held=kept)
 
     @property
     def rolled(self):
@@ -220,8 +268,15 @@ class Study:
         kept = self.kept.met if self.kept else None
         if kept and mapping.covers(kept, self.fastest):
             return kept
-        near = () if kept else self.rolled
-        return mapping.mapped(self.scene, self.mix, self.fastest, self.contacts, near=near, met=kept, count=self.count)
+        return self._mapped(kept)
+
+    def _mapped(self, met):
+        """The `ResistanceMap` of one cart from the contacts and the samples of another map, or None."""
+        near = () if self.kept else self.rolled
+        return mapping.mapped(
+            self.scene, self.mix, self.fastest, self.contacts, self.held,
+            return_ratio=self.return_ratios[1], near=near, met=met, count=self.count,
+        )  # fmt: skip
 
     @cached_property
     def fastest(self):
@@ -247,13 +302,62 @@ class Study:
         speed, load = np.array(
             [[contacts.value(each, name)[0] for name in ("speed", "load")] for each in self.contacts]
         ).T
-        mean = self.scene.motion.stroke / self.scene.motion.duration
+        mean = self.scene.mean_speed
         return float(self.scene.machine.roller_length * np.interp(np.log(mean), np.log(speed), load))
+
+    @cached_property
+    def second_pass(self):
+        """(load, resistance) of a pass back over the compacted mix over those of the first, at the mean speed [-].
+
+        None for engines without irreversible compaction: a linear layer recovers, and the formulas state one stroke.
+        """
+        if self.scene.accuracy.engine not in COMPACTING:
+            return None
+        if self.kept:
+            return self.kept.second_pass
+        first = self.reference[0]
+        self.count("second pass")
+        try:
+            back = passes(self.scene, self.mix, self.scene.mean_speed, count=2, first=first)[1]
+        except RuntimeError as error:
+            if self.scene.layer.return_stroke == "compacted":
+                raise
+            warnings.warn(f"the return stroke over compacted mix is left out: {error}", stacklevel=2)
+            return None
+        return back.load / first.load, max(-back.resistance / first.resistance, 0.0)
+
+    @property
+    def return_ratios(self):
+        """(load, resistance) of the return stroke over those of the way out [-], over the mix that the scene states."""
+        return self.second_pass if self.scene.layer.return_stroke == "compacted" else (1.0, 1.0)
 
     @cached_property
     def cart(self):
         """The cart with the reactions of its rollers."""
-        return machine.cart(self.scene, self.roller_load)
+        return machine.cart(self.scene, self.roller_load, self.return_ratios[0])
+
+    @cached_property
+    def steady(self):
+        """Forces on the cart at constant mean speed, a `Balance` of arrays of shape (1,)."""
+        return steady_balance(self.cart, self.scene.mean_speed, self.resistance)
+
+    @cached_property
+    def cycle_energies(self):
+        """Energy of a cycle [J] by the mix under the return stroke, "fresh" and "compacted"; {} without a second pass.
+
+        The drive is rigid; the law is the first by the first criterion of the scene.
+        """
+        if self.second_pass is None:
+            return {}
+        cycle = self.cycles[next(iter(self.rankings.values()))[0].run.name]
+        ratios = {"fresh": (1.0, 1.0), "compacted": self.second_pass}
+        return {
+            over: drive.simulate(
+                machine.cart(self.scene, self.roller_load, load), drive.Rigid(), cycle,
+                replace(self.resistance_map, return_ratio=resistance),
+            ).energy
+            for over, (load, resistance) in ratios.items()
+        }  # fmt: skip
 
     @cached_property
     def cycles(self):
@@ -279,10 +383,7 @@ class Study:
     def reach(self, speed):
         """Carry the resistance on to a speed [m/s]; what is known of it stays."""
         self.fastest, met = speed * self.swing, self.resistance_map
-        near = () if self.kept else self.rolled
-        self.resistance_map = mapping.mapped(
-            self.scene, self.mix, self.fastest, self.contacts, near=near, met=met, count=self.count
-        )
+        self.resistance_map = self._mapped(met)
         for stale in ("resistance", "push", "oppositions"):
             self.__dict__.pop(stale, None)
 

@@ -121,7 +121,7 @@ def test_all_files_of_the_summary_stand_and_steps_are_counted(written):
     assert found == {*summary["files"], "summary.json", "scene.hash"}
     assert "engines.png" in found
     assert sum(summary["stages"].values()) == study.steps
-    assert summary["beside"]["column"]["stages"]["rolled"] == 2
+    assert summary["beside"]["column"]["stages"]["rolled"] == 3  # two speeds, and the mean one for the return stroke
 
 
 def test_kept_contacts_are_taken_by_every_engine(written):

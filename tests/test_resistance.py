@@ -247,7 +247,7 @@ def left(written, tmp_path):
 def test_mass_of_a_cart_is_that_of_all_its_rollers():
     study = of_scene()
     met, machine = study.resistance, study.scene.machine
-    mass, time = engine.added_mass(study.scene, study.mix, float(met.speeds[-1]))
+    mass, time = engine.added_mass(study.scene, study.mix, float(met.speeds[-1]), study.held)
     assert met.added_masses[-1] == pytest.approx(machine.rollers * machine.roller_length * mass, rel=1e-12)
     assert met.time == time == pytest.approx(study.mix.relaxation_time)
 
@@ -271,7 +271,7 @@ def test_share_beyond_first_order_is_told(left):
 )
 def test_mix_without_relaxation_has_no_mass(changes, known):
     study = of_scene(**changes)
-    assert engine.added_mass(study.scene, study.mix, 0.1) == ((0.0, 0.0) if known else None)
+    assert engine.added_mass(study.scene, study.mix, 0.1, study.held) == ((0.0, 0.0) if known else None)
 
 
 def test_next_run_rolls_nothing_and_writes_the_same(left, written):
