@@ -13,6 +13,7 @@ import numpy as np
 from compact.material import Compaction, Elastic, Viscoelastic
 from compact.mix import LOOSE
 from compact.records import Layer, Ply, Roller
+from compact.refuse import NotFiniteError, refuse_nonfinite
 from compact.scene_rules import TURNED
 
 ENGINES = MappingProxyType(
@@ -114,10 +115,15 @@ def passes(scene, mix, speed, engine=None, near=None):
 @contextmanager
 def _named(scene, engine, speed):
     """What does not converge says which scene, engine and speed."""
+    case = f"{scene.title or 'untitled scene'}, {engine} at {speed:g} m/s"
     try:
         yield
+    except NotFiniteError as error:  # a quantity of the iteration, as what enters is finite
+        raise RuntimeError(
+            f"{case}: the iteration diverged, a stress or strain is no longer finite; press less, or feed denser mix"
+        ) from error
     except RuntimeError as error:
-        raise RuntimeError(f"{scene.title or 'untitled scene'}, {engine} at {speed:g} m/s: {error}") from error
+        raise RuntimeError(f"{case}: {error}") from error
 
 
 def _asked(scene, engine):
@@ -143,6 +149,7 @@ def _refuse_below_the_base(rolled, layer):
 
 def inputs(scene, mix, engine, speed):
     """(Layer, Roller, material) of a scene; the formula engine sees the relaxed layer and the parabola."""
+    refuse_nonfinite(speed=speed)
     target = _prescribed(scene)
     if engine in COMPACTING:
         material = compaction(scene, mix)

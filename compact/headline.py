@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from compact.engine import passes
+from compact.failures import is_numeric, memory_sentence, numeric_sentence
 from compact.scene import SceneError
 from compact.study import Study
 
@@ -65,6 +66,7 @@ def headline(scene, rank=False, near=None):
     """
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
+        warnings.simplefilter("error", RuntimeWarning)  # a number that numpy warns of is no result
         found, contact = {}, near
         try:
             study = Study(scene)
@@ -79,6 +81,10 @@ def headline(scene, rank=False, near=None):
 
 def reason(error):
     """Why a scene has no numbers, in words; what is none of our refusals is named as such."""
+    if isinstance(error, MemoryError):
+        return memory_sentence(error)[:LONGEST]
+    if is_numeric(error):
+        return numeric_sentence(error)[:LONGEST]
     told = "; ".join(error.mistakes) if isinstance(error, SceneError) else str(error)
     known = isinstance(error, ValueError | RuntimeError) and told
     return (told if known else f"internal error, please report it: {type(error).__name__}: {told}")[:LONGEST]

@@ -64,6 +64,7 @@ def answered(asked):
     study.given_cycles, study.cycles = given, cycles
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
+        warnings.simplefilter("error", RuntimeWarning)  # a number that numpy warns of is no result
         places = study.places
     told = tuple(dict.fromkeys(str(warning.message) for warning in warned))
     return Aside(
