@@ -10,11 +10,11 @@ from types import MappingProxyType
 
 import numpy as np
 
+from compact.capabilities import TURNED, adapt
 from compact.material import Compaction, Elastic, Viscoelastic
 from compact.mix import LOOSE
 from compact.records import Layer, Ply, Roller
 from compact.refuse import NotFiniteError, refuse_nonfinite
-from compact.scene_rules import TURNED
 
 ENGINES = MappingProxyType(
     {
@@ -148,8 +148,10 @@ def _refuse_below_the_base(rolled, layer):
 
 
 def inputs(scene, mix, engine, speed):
-    """(Layer, Roller, material) of a scene; the formula engine sees the relaxed layer and the parabola."""
+    """(Layer, Roller, material) of a scene as `capabilities.adapt` gives it to an engine; the formula engine sees the
+    relaxed layer."""
     refuse_nonfinite(speed=speed)
+    scene, _ = adapt(scene, engine)
     target = _prescribed(scene)
     if engine in COMPACTING:
         material = compaction(scene, mix)
@@ -162,7 +164,7 @@ def inputs(scene, mix, engine, speed):
         scene.machine.roller_radius,
         friction=mix.steel_friction,
         rolling=scene.machine.rolling,
-        profile="parabola" if engine == "formula" else scene.machine.profile,
+        profile=scene.machine.profile,
         **target,
     )
     return layer, roller, material

@@ -7,6 +7,8 @@ import numpy as np
 from compact import contact
 from compact.halfplane import pressure_exponent
 
+REFERENCE = 1e-3  # [-], pressure over modulus at which the factor of load over pressure squared is computed
+
 
 @dataclass(frozen=True)
 class Engineering:
@@ -27,8 +29,28 @@ class Engineering:
     stroke_needed: float
 
 
-def engineering(scene, blend, pressure):
-    """`Engineering` of a scene and its mix at the peak contact pressure q [Pa]; the power is that at mean speed."""
+def peak_pressure(scene, blend):
+    """Peak contact pressure q [Pa] of the formulas: as `[contact]` prescribes it or the load, else as the mix needs.
+
+    By eqs 1.5 and 1.6 the load is proportional to q^2. Raises ValueError for a prescribed depth if the formulas are the
+    engine of the scene; beside another engine they are at the pressure that the mix needs.
+    """
+    given = scene.contact
+    if given is None:
+        return blend.required_pressure
+    if given.load is not None:
+        reference = REFERENCE * blend.effective_modulus
+        return reference * np.sqrt(given.load / _force(scene, blend, reference)[2])
+    if given.indentation is not None and scene.accuracy.engine == "formula":
+        raise ValueError(
+            f"contact.indentation: the engine formula has no depth, as it diverges on a half-plane, got "
+            f"{given.indentation!r}; give contact.load or contact.peak_pressure, or choose another accuracy.engine"
+        )
+    return given.peak_pressure or blend.required_pressure
+
+
+def _force(scene, blend, pressure):
+    """Exponent [-], capture angle [rad] and force on one roller [N] by eqs 1.4 to 1.6."""
     machine, modulus, nu = scene.machine, blend.effective_modulus, blend.poisson
     alpha = float(pressure_exponent(nu, blend.steel_friction))
     phi = contact.capture_angle(pressure, modulus, nu, alpha)
@@ -36,6 +58,13 @@ def engineering(scene, blend, pressure):
         phi, modulus, nu, alpha, machine.roller_radius, machine.roller_length,
         machine.pressure_nonuniformity, machine.one_sided,
     )  # fmt: skip
+    return alpha, phi, force
+
+
+def engineering(scene, blend, pressure):
+    """`Engineering` of a scene and its mix at the peak contact pressure q [Pa]; the power is that at mean speed."""
+    machine = scene.machine
+    alpha, phi, force = _force(scene, blend, pressure)
     length = contact.contact_length(phi, machine.roller_radius, alpha)
     friction = machine.roller_friction + machine.bearing_friction
     one = contact.roller_resistance(force, length, machine.roller_radius, alpha, friction)
@@ -63,6 +92,7 @@ def engineering(scene, blend, pressure):
     )
 
 
+PRESCRIBED = "contact: as prescribed, or the pressure of the load that is"
 # unit and confidence of each field of Engineering (theory of the formulas: `contact`)
 KNOWN_BY = {
     "pressure": ("Pa", "mix: pressure that gives the density"),
@@ -95,14 +125,16 @@ class Number:
 def numbers(scene, blend, said, exact):
     """Headline `Number`s by name: an `Engineering`, and Galin's exact contact beside it at the same peak pressure.
 
-    The spread is that of the required pressure, where the formulas still hold.
+    The spread is that of the required pressure, where the formulas still hold; none if load or pressure is prescribed.
     """
-    needed = blend.parameter("required_pressure")
-    ends = [_reached(scene, blend, pressure) for pressure in (needed.low, needed.high)]
+    needed, given = blend.parameter("required_pressure"), scene.contact
+    prescribed = given is not None and (given.load or given.peak_pressure)
+    ends = [None if prescribed else _reached(scene, blend, pressure) for pressure in (needed.low, needed.high)]
     found = {}
     for name, (unit, known_by) in KNOWN_BY.items():
         low, high = (None if end is None else getattr(end, name) for end in ends)
         value = getattr(said, name)
+        known_by = PRESCRIBED if prescribed and name == "pressure" else known_by
         spread = {} if low == value == high else {"low": low, "high": high}
         found[name] = Number(value, unit, known_by, **spread)
     known_by = "Galin, exact for a half-plane"

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from compact.capabilities import adapt
 from compact.engine import passes
 from compact.failures import is_numeric, memory_sentence, numeric_sentence
 from compact.scene import SceneError
@@ -41,6 +42,7 @@ NUMBERS = {
 WORDS = {
     "not_reachable": "why rolling does not reach the density; empty where it does",
     "warnings": "what was warned of on the way",
+    "replaced": "keys that the scene leaves open and the engine replaced by the nearest it takes",
     "reason": "why there are no numbers; empty where there are",
 }
 VERSIONED = ("compact", "numpy", "scipy", "numba", "scikit-fem")
@@ -75,6 +77,7 @@ def headline(scene, rank=False, near=None):
             found |= numbers
         except Exception as error:  # a point never stops a sweep
             found["reason"] = reason(error)
+    found["replaced"] = "; ".join(adapt(scene, scene.accuracy.engine)[1])
     found["warnings"] = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))[:LONGEST]
     return found, contact if scene.accuracy.engine == "compaction" else None
 

@@ -228,6 +228,7 @@ def _summary(study, files):
         "engine": scene.accuracy.engine,
         "drive_resistance": _drive_resistance(study),
         "advice": list(scene.advice),
+        "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
         "reachable": {"by_rolling": reach.possible, "reason": reach.reason},
         "numbers": {name: asdict(number) for name, number in study.numbers.items()},
         "contacts": study.contacts,
@@ -290,6 +291,7 @@ def digest(study):
     lines += [_number_line(name, numbers[name]) for name in DIGEST]
     if not study.mix.reachable:
         lines.append(f"  {study.mix.reachable.reason}")
+    lines += [f"  {sentence}" for sentences in study.scene.replacements.values() for sentence in sentences]
     engine = study.scene.accuracy.engine
     for kind, orders in study.places.items():
         for by, order in list(orders.items())[:TOLD]:

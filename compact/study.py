@@ -21,7 +21,7 @@ from compact.cart import Opposition
 from compact.crank import USUAL_ANGLES, turn
 from compact.driven import driven
 from compact.engine import LAYERED, fields, passes, speeds
-from compact.engineering import engineering, numbers
+from compact.engineering import engineering, numbers, peak_pressure
 from compact.halfplane import galin
 from compact.motion import law
 from compact.ordering import places
@@ -118,9 +118,9 @@ class Study:
 
     @cached_property
     def engineering(self):
-        """Eqs 1.1-1.10 at the pressure that the density needs."""
+        """Eqs 1.1-1.10 at the load or pressure that is prescribed, else at the pressure that the density needs."""
         self.count("contact")
-        return engineering(self.scene, self.mix, self.mix.required_pressure)
+        return engineering(self.scene, self.mix, peak_pressure(self.scene, self.mix))
 
     @cached_property
     def numbers(self):
@@ -135,7 +135,7 @@ class Study:
             youngs_modulus=self.mix.effective_modulus,
             poisson=self.mix.poisson,
             friction=-self.mix.steel_friction,
-            peak_pressure=self.mix.required_pressure,
+            peak_pressure=self.engineering.pressure,
         )
 
     @property

@@ -16,6 +16,7 @@ LEVELS = (
     (
         "refuse",
         "failures",
+        "capabilities",
         "pieces",
         "measurements",
         "fitting",
