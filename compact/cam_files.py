@@ -11,7 +11,7 @@ from compact.results import whole_file, write_csv
 def write(directory, scene, cam, cutter_radius=None, tolerance=1e-6):
     """Write a `Cam` of a scene for a cutter [m] to a tolerance [m]; the paths, the DXF last.
 
-    Raises ValueError where it cannot be cut so, RuntimeError without the package ezdxf when the rest is written.
+    Raises ValueError where it cannot be cut so.
     """
     made = cut(cam, cutter_radius, tolerance)
     drawing = cam_sheet.sheet(made, scene.cam.bore)

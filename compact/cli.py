@@ -11,7 +11,8 @@ from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
-from compact.results import ResultsError
+from compact.failures import is_numeric, memory_sentence, numeric_sentence
+from compact.results import ResultsError, default_directory
 
 DONE, COULD_NOT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 BAR_AFTER = 2.0  # seconds before a progress bar shows
@@ -56,13 +57,21 @@ def main():
 
 def _told(arguments):
     try:
-        return app(arguments, exit_on_error=False, print_error=True, result_action="return_value") or DONE
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)  # a number that numpy warns of is no result
+            return app(arguments, exit_on_error=False, print_error=True, result_action="return_value") or DONE
     except CycloptsError:  # printed by cyclopts, with the nearest option
         return BAD_INPUT
+    except MemoryError as error:
+        return _say(memory_sentence(error), COULD_NOT)
+    except (RuntimeWarning, ArithmeticError, ValueError) as error:  # SceneError and the refusals of the formulas
+        if not is_numeric(error):
+            return _say(error, BAD_INPUT)
+        if os.environ.get("COMPACT_TRACEBACK"):
+            raise
+        return _say(f"{numeric_sentence(error)} (COMPACT_TRACEBACK=1 shows where)", COULD_NOT)
     except RuntimeError as error:  # ResultsError, or an engine that did not converge
         return _say(error, COULD_NOT)
-    except ValueError as error:  # SceneError and the refusals of the formulas
-        return _say(error, BAD_INPUT)
     except KeyboardInterrupt:
         return _say("interrupted; every file already written is whole", INTERRUPTED)
     except BrokenPipeError:
@@ -128,7 +137,7 @@ def run(
     Parameters
     ----------
     out
-        directory for the results; out/NAME OF THE SCENE unless given
+        directory for the results; out/NAME unless given, NAME that of the scene file, or of the folder of a scene.toml
     tolerance
         relative error asked for in place of the scene's
     """
@@ -136,7 +145,7 @@ def run(
     from compact.pool import cores, crew
 
     bar = _bar(quiet)
-    directory = out or Path("out") / scene.stem
+    directory = out or default_directory(scene)
     study = _study(
         scene, quiet, engine, tolerance, changes=changes, directory=directory,
         step=lambda stage: _advance(bar, study, stage),
@@ -170,14 +179,14 @@ def roll(
     speed
         of the cart in m/s; its mean speed unless given
     out
-        directory for the results; out/NAME OF THE SCENE-ENGINE unless given
+        directory for the results; out/NAME-ENGINE unless given, NAME as of `compact run`
     """
     from compact import contact_report
     from compact.results import claimed
 
     study = _study(scene, quiet, engine, changes=changes)
     speed = speed if speed is not None else study.scene.mean_speed
-    place = out or Path("out") / f"{scene.stem}-{study.scene.accuracy.engine}"
+    place = out or default_directory(scene, study.scene.accuracy.engine)
     with claimed(place, study.scene.hash, force) as directory:
         passes = study.passes_at(speed)
         contact_report.write(directory, study, speed, passes)
@@ -201,7 +210,7 @@ def cam(
 ):
     """Make the cam of constant breadth for one law: CSV of its points, SVG and DXF for the workshop, and it in motion.
 
-    The scene needs a table [cam]. The DXF needs the package ezdxf.
+    The scene needs a table [cam].
 
     Parameters
     ----------
@@ -214,13 +223,13 @@ def cam(
     tolerance
         in m, within which a follower on the exported points keeps to its law
     out
-        directory; out/cams unless given
+        directory; out/NAME-cams unless given, NAME as of `compact run`
     """
     from compact import cam_files, report
 
     study = _study(scene, quiet, laws=None if law.startswith("least-") else (law,), changes=changes)
     made = study.cam(law, follower)
-    written = cam_files.write(out or Path("out") / "cams", study.scene, made, cutter, tolerance)
+    written = cam_files.write(out or default_directory(scene, "cams"), study.scene, made, cutter, tolerance)
     if not quiet:
         print(report.cam_digest(law, made))
         print("\n".join(f"  {path}" for path in written))
@@ -252,7 +261,7 @@ def calibrate(
     increments
         of travel per contact length, of finite elements; 6 are a part of the work of 12 and differ by 2 %
     out
-        the JSON file; out/NAME OF THE SCENE-calibration.json unless given
+        the JSON file; out/NAME-calibration.json unless given, NAME as of `compact run`
     """
     from compact import calibrate as calibration
     from compact.measurements import read
@@ -261,7 +270,7 @@ def calibrate(
     readings = read(measured)
     options = {} if increments is None else {"increments": increments}
     found = calibration.calibrate(_scene(scene, quiet, changes), readings, engine, fit, **options)
-    path = out or Path("out") / f"{scene.stem}-calibration.json"
+    path = out or default_directory(scene, "calibration.json")
     write_json(path, calibration.summary(found))
     if not quiet:
         print(calibration.digest(found))
@@ -306,7 +315,7 @@ def sweep(
     indices
         take the sample so that Sobol indices tell what the spread comes from
     out
-        directory for the results; out/NAME OF THE SCENE-sweep unless given
+        directory for the results; out/NAME-sweep unless given, NAME as of `compact run`
     tolerance
         relative error asked for in place of the scene's
     """
@@ -320,7 +329,7 @@ def sweep(
     many = Sweep(
         _scene(scene, quiet, changes, asked), [varying.read(text) for text in vary], rank=rank, indices=indices
     )
-    directory, failed = out or Path("out") / f"{scene.stem}-sweep", 0
+    directory, failed = out or default_directory(scene, "sweep"), 0
 
     def step(points, failures):
         nonlocal failed

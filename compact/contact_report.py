@@ -85,7 +85,9 @@ def write(directory, study, speed, passes):
     rolled = passes[0]
     columns = np.column_stack([rolled.x, rolled.pressure, rolled.shear_traction]).tolist()
     write_csv(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
-    write_json(directory / "contact.json", numbers(study.scene.accuracy.engine, speed, passes))
+    engine = study.scene.accuracy.engine
+    replaced = {"replaced": list(study.scene.replacements[engine])}
+    write_json(directory / "contact.json", numbers(engine, speed, passes) | replaced)
     write_figure(directory / "pressure.png", figures.contact(rolled, study.exact, speed))
     if study.scene.accuracy.engine in COMPACTING:
         list(_passes([(speed, passes)], directory))
@@ -131,6 +133,7 @@ def digest(study, speed, passes):
         lines.append(f"energy balance closes to {rolled.work_residual:.1e}; {_effort(rolled)}")
     if study.held is not None:
         lines.append(held_sentence(study))
+    lines += study.scene.replacements[study.scene.accuracy.engine]
     if len(passes) > 1:
         lines += ["", "pass   load [N/m]   resistance [N/m]   height behind [mm]   density ratio"]
         lines += [_pass_line(number, passed) for number, passed in enumerate(passes, start=1)]

@@ -11,10 +11,10 @@ from importlib import import_module
 
 import numpy as np
 
+from compact.capabilities import TURNED
 from compact.contacts import value
 from compact.engine import COMPACTING, ENGINES, TOLERANCE, inputs
 from compact.roller_motor import HELD, Driven, FirstOrder, spent
-from compact.scene_rules import TURNED
 
 STEP = 0.3  # of `spent`, at most: creep is straight in it on a half-plane, and nearly so on layers
 ROOM = 1.15  # times the traction asked, so far samples reach: T/(R pull) is 1.03 by "fem", 0.87 by "compaction"

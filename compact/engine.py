@@ -15,10 +15,11 @@ from types import MappingProxyType
 
 import numpy as np
 
+from compact.capabilities import TURNED, adapt
 from compact.material import Compaction, Elastic, Viscoelastic
 from compact.mix import LOOSE
 from compact.records import Layer, Ply, Roller
-from compact.scene_rules import TURNED
+from compact.refuse import NotFiniteError, refuse_nonfinite
 
 ENGINES = MappingProxyType(
     {
@@ -182,10 +183,15 @@ def passes(scene, mix, speed, engine=None, near=None, held=None, count=None, fir
 @contextmanager
 def _named(scene, engine, speed):
     """What does not converge says which scene, engine and speed."""
+    case = f"{scene.title or 'untitled scene'}, {engine} at {speed:g} m/s"
     try:
         yield
+    except NotFiniteError as error:  # a quantity of the iteration, as what enters is finite
+        raise RuntimeError(
+            f"{case}: the iteration diverged, a stress or strain is no longer finite; press less, or feed denser mix"
+        ) from error
     except RuntimeError as error:
-        raise RuntimeError(f"{scene.title or 'untitled scene'}, {engine} at {speed:g} m/s: {error}") from error
+        raise RuntimeError(f"{case}: {error}") from error
 
 
 def _asked(scene, engine, held):
@@ -222,10 +228,13 @@ def _refuse_below_the_base(rolled, layer):
 
 
 def inputs(scene, mix, engine, speed, held=None):
-    """(Layer, Roller, material) of a scene; the formula engine sees the relaxed layer and the parabola.
+    """(Layer, Roller, material) of a scene as `capabilities.adapt` gives it to an engine; the formula engine sees the
+    relaxed layer.
 
     The roller is given what is `held`, if that is given, else the target of the scene.
     """
+    refuse_nonfinite(speed=speed)
+    scene, _ = adapt(scene, engine)
     target = _prescribed(scene)
     if engine in COMPACTING:
         material = compaction(scene, mix)
@@ -238,7 +247,7 @@ def inputs(scene, mix, engine, speed, held=None):
         scene.machine.roller_radius,
         friction=mix.steel_friction,
         rolling=scene.machine.rolling,
-        profile="parabola" if engine == "formula" else scene.machine.profile,
+        profile=scene.machine.profile,
         **(held.target if held else target),
     )
     return layer, roller, material

@@ -28,8 +28,31 @@ class Engineering:
     stroke_needed: float
 
 
-def engineering(scene, blend, pressure):
-    """`Engineering` of a scene and its mix at the peak contact pressure q [Pa]; the power is that at mean speed."""
+def peak_pressure(scene, blend):
+    """Peak contact pressure q [Pa] of the formulas: as `[contact]` prescribes it or the load, else as the mix needs.
+
+    By eqs 1.5 and 1.6 the load is proportional to q^2. Raises ValueError for a prescribed depth if the formulas are the
+    engine of the scene; beside another engine they are at the pressure that the mix needs.
+    """
+    given, machine = scene.target, scene.machine
+    if "load" in given:
+        alpha = pressure_exponent(blend.poisson, blend.steel_friction)
+        return float(
+            contact.pressure_for_load(
+                given["load"], blend.effective_modulus, blend.poisson, alpha, machine.roller_radius,
+                machine.roller_length, machine.pressure_nonuniformity, machine.one_sided,
+            )
+        )  # fmt: skip
+    if "indentation" in given and scene.accuracy.engine == "formula":
+        raise ValueError(
+            f"contact.indentation: the engine formula has no depth, as it diverges on a half-plane, got "
+            f"{given['indentation']!r}; give contact.load or contact.peak_pressure, or choose another accuracy.engine"
+        )
+    return given.get("peak_pressure", blend.required_pressure)
+
+
+def _force(scene, blend, pressure):
+    """Exponent [-], capture angle [rad] and force on one roller [N] by eqs 1.4 to 1.6."""
     machine, modulus, nu = scene.machine, blend.effective_modulus, blend.poisson
     alpha = float(pressure_exponent(nu, blend.steel_friction))
     phi = contact.capture_angle(pressure, modulus, nu, alpha)
@@ -37,6 +60,13 @@ def engineering(scene, blend, pressure):
         phi, modulus, nu, alpha, machine.roller_radius, machine.roller_length,
         machine.pressure_nonuniformity, machine.one_sided,
     )  # fmt: skip
+    return alpha, phi, force
+
+
+def engineering(scene, blend, pressure):
+    """`Engineering` of a scene and its mix at the peak contact pressure q [Pa]; the power is that at mean speed."""
+    machine = scene.machine
+    alpha, phi, force = _force(scene, blend, pressure)
     length = contact.contact_length(phi, machine.roller_radius, alpha)
     friction = machine.roller_friction + machine.bearing_friction
     one = contact.roller_resistance(force, length, machine.roller_radius, alpha, friction)
@@ -73,26 +103,10 @@ def engineering(scene, blend, pressure):
     )
 
 
-def pressure(scene, blend):
-    """Peak contact pressure q [Pa] of the formulas: prescribed, under a prescribed load, or as the density requires.
-
-    A prescribed indentation has no meaning on their half-plane and leaves the required pressure.
-    """
-    machine, modulus, nu = scene.machine, blend.effective_modulus, blend.poisson
-    if "load" in scene.target:
-        alpha = pressure_exponent(nu, blend.steel_friction)
-        return float(
-            contact.pressure_for_load(
-                scene.target["load"], modulus, nu, alpha, machine.roller_radius, machine.roller_length,
-                machine.pressure_nonuniformity, machine.one_sided,
-            )
-        )  # fmt: skip
-    return scene.target.get("peak_pressure", blend.required_pressure)
-
-
+PRESCRIBED = "contact: as prescribed, or the pressure of the load that is"
 # unit and confidence of each field of Engineering (theory of the formulas: `contact`)
 KNOWN_BY = {
-    "pressure": ("Pa", "prescribed, or the pressure that the density requires"),
+    "pressure": ("Pa", "mix: pressure that the density requires"),
     "exponent": ("1", "eq 1.4, exact theory"),
     "capture_angle": ("rad", "eq 1.5, reconstructed (80 %)"),
     "roller_force": ("N", "eq 1.6, reconstructed (65 %)"),
@@ -123,15 +137,17 @@ class Number:
 def numbers(scene, blend, said, exact):
     """Headline `Number`s by name: an `Engineering`, and Galin's exact contact beside it at the same peak pressure.
 
-    The spread is that of the required pressure, where the formulas still hold; none if the contact is prescribed.
+    The spread is that of the required pressure, where the formulas still hold; none if load or pressure is prescribed.
     """
     needed = blend.parameter("required_pressure")
-    required = () if {"load", "peak_pressure"} & set(scene.target) else (needed.low, needed.high)
+    prescribed = {"load", "peak_pressure"} & set(scene.target)
+    required = () if prescribed else (needed.low, needed.high)
     ends = [_reached(scene, blend, pressure) for pressure in required] or [None, None]
     found = {}
     for name, (unit, known_by) in KNOWN_BY.items():
         low, high = (None if end is None else getattr(end, name) for end in ends)
         value = getattr(said, name)
+        known_by = PRESCRIBED if prescribed and name == "pressure" else known_by
         spread = {} if low == value == high else {"low": low, "high": high}
         found[name] = Number(value, unit, known_by, **spread)
     known_by = "Galin, exact for a half-plane"

@@ -16,7 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from compact.capabilities import adapt
 from compact.engine import passes
+from compact.failures import is_numeric, memory_sentence, numeric_sentence
 from compact.scene import SceneError
 from compact.study import Study
 
@@ -40,6 +42,7 @@ NUMBERS = {
 WORDS = {
     "not_reachable": "why rolling does not reach the density; empty where it does",
     "warnings": "what was warned of on the way",
+    "replaced": "keys that the scene leaves open and the engine replaced by the nearest it takes",
     "reason": "why there are no numbers; empty where there are",
 }
 VERSIONED = ("compact", "numpy", "scipy", "numba", "scikit-fem")
@@ -65,6 +68,7 @@ def headline(scene, rank=False, near=None):
     """
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
+        warnings.simplefilter("error", RuntimeWarning)  # a number that numpy warns of is no result
         found, contact = {}, near
         try:
             study = Study(scene)
@@ -73,12 +77,17 @@ def headline(scene, rank=False, near=None):
             found |= numbers
         except Exception as error:  # a point never stops a sweep
             found["reason"] = reason(error)
+    found["replaced"] = "; ".join(adapt(scene, scene.accuracy.engine)[1])
     found["warnings"] = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))[:LONGEST]
     return found, contact if scene.accuracy.engine == "compaction" else None
 
 
 def reason(error):
     """Why a scene has no numbers, in words; what is none of our refusals is named as such."""
+    if isinstance(error, MemoryError):
+        return memory_sentence(error)[:LONGEST]
+    if is_numeric(error):
+        return numeric_sentence(error)[:LONGEST]
     told = "; ".join(error.mistakes) if isinstance(error, SceneError) else str(error)
     known = isinstance(error, ValueError | RuntimeError) and told
     return (told if known else f"internal error, please report it: {type(error).__name__}: {told}")[:LONGEST]

@@ -78,6 +78,7 @@ def answer(study, shifts, found):
         if failed
         else f"All {len(found)} built-in checks hold: balances of energy and forces, and the published numbers."
     )
+    sure += [f"{escape(sentence)}." for told in study.scene.replacements.values() for sentence in told]
     sure += [escape(sentence) for sentence in study.scene.advice]
     return (
         f'<section class="answer" aria-label="answer">{"".join(map(paragraph, said))}</section>'

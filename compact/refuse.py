@@ -3,6 +3,10 @@
 import numpy as np
 
 
+class NotFiniteError(ValueError):
+    """A quantity holds nan or an infinity."""
+
+
 def _refuse_unless(holds, rule, quantities):
     for name, value in quantities.items():
         # a comparison with nan is false, so nan is refused too; numbers are many, and arrays of them slow
@@ -31,7 +35,10 @@ def refuse_negative(**quantities):
 
 def refuse_nonfinite(**quantities):
     """Refuse any quantity that holds nan or an infinity."""
-    _refuse_unless(np.isfinite, "finite", quantities)
+    try:
+        _refuse_unless(np.isfinite, "finite", quantities)
+    except ValueError as error:
+        raise NotFiniteError(str(error)) from None
 
 
 def refuse_outside(low, high, **quantities):

@@ -233,6 +233,7 @@ def _summary(study, files):
         "return_stroke": _return_stroke(study),
         "steady_forces": _steady_forces(study),
         "advice": list(scene.advice),
+        "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
         "reachable": {"by_rolling": reach.possible, "reason": reach.reason},
         "numbers": {name: asdict(number) for name, number in study.numbers.items()},
         "contacts": study.contacts,
@@ -318,6 +319,7 @@ def digest(study):
     lines += ["", *(f"  {line}" for fact in facts for line in wrap(fact, WIDTH))]
     if not study.mix.reachable:
         lines.append(f"  {study.mix.reachable.reason}")
+    lines += [f"  {sentence}" for sentences in study.scene.replacements.values() for sentence in sentences]
     engine = study.scene.accuracy.engine
     for kind, orders in study.places.items():
         for by, order in list(orders.items())[:TOLD]:

@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 
 MARK = "scene.hash"
 FIGURE_DPI = 110
+GENERIC_STEM = "scene"  # of the file that `compact new` writes into a folder of the user's name
 
 
 class ResultsError(RuntimeError):
@@ -40,6 +41,19 @@ def whole_file(path, mode="w"):
     finally:
         with suppress(OSError):  # of a path that cannot be there is nothing to remove
             aside.unlink(missing_ok=True)
+
+
+def default_directory(scene_path, suffix=""):
+    """Directory for the results of a scene file if the caller names none: `out/NAME` or `out/NAME-SUFFIX`.
+
+    NAME is the name of the file without its ending. For a file `scene.toml` NAME is the name of its folder, so that
+    `a/scene.toml` and `b/scene.toml` have separate results.
+    """
+    path = Path(scene_path)
+    name = path.stem
+    if name == GENERIC_STEM:
+        name = path.resolve().parent.name or name  # the root of the file system has no name
+    return Path("out") / (f"{name}-{suffix}" if suffix else name)
 
 
 def write_csv(path, header, rows):

@@ -18,6 +18,7 @@ from typing import Any
 
 from pydantic import Field, PrivateAttr, ValidationError
 
+from compact.capabilities import LIMITS, adapt, replaced
 from compact.scene_errors import (
     Mistake,
     SceneError,
@@ -101,13 +102,35 @@ class Scene(Table):
         """The scene as an engine beside it is given it, for the numbers alone."""
         given = None if self.beside is None else getattr(self.beside, engine)
         changes = {"accuracy.engine": engine, "beside": None, "output.wanted": ()}
-        if engine == "formula":  # one ply, one pass, the same resistance on both strokes
-            changes |= {"layer.plies": None, "layer.passes": 1, "layer.return_stroke": "fresh"}
-            if "indentation" in self.target:  # undefined on a half-plane; the required pressure takes its place
-                changes["contact.indentation"] = None
+        if engine == "formula":  # compared with every engine, whatever the scene sets for that engine
+            changes |= {limit.key: limit.taken[0] for limit in LIMITS[engine] if not limit.fixed}
         for table, keys in (given.model_dump(exclude_none=True) if given else {}).items():
             changes |= {f"{table}.{key}": value for key, value in _flat(keys)}
         return self.replaced(**changes)
+
+    def is_set(self, key: str) -> bool:
+        """True if the scene file, or a change by the caller, sets a key such as "machine.profile"."""
+        part: Any = self
+        for name in key.split("."):
+            if part is None or name not in part.model_fields_set:
+                return False
+            part = getattr(part, name)
+        return True
+
+    @property
+    def replacements(self) -> dict[str, tuple[str, ...]]:
+        """Sentences on the keys that each engine of the scene is given in place of the scene's, by engine."""
+        engines = {self.accuracy.engine: self} | {name: self.by(name) for name in self.beside_engines}
+        return {name: (*self._left_out(name), *adapt(scene, name)[1]) for name, scene in engines.items()}
+
+    def _left_out(self, engine: str) -> Iterator[str]:
+        """Sentences on the keys that the formulas do not take where they only answer beside another engine."""
+        if engine == "formula" != self.accuracy.engine:
+            for limit in LIMITS[engine]:
+                table, key = limit.key.split(".")
+                value = getattr(getattr(self, table), key, None)
+                if not limit.fixed and value not in limit.taken:
+                    yield replaced(engine, limit, value)
 
     @property
     def advice(self) -> tuple[str, ...]:
@@ -125,6 +148,8 @@ class Scene(Table):
         path = (*table.split("."), key)
         if any(path[: len(change)] == change for change in self._source.changes):
             return "changed by the caller"
+        if not self.is_set(".".join(path)):
+            return "default"
         return self._source.remarks.get(path, "")
 
     @property
@@ -143,14 +168,18 @@ class Scene(Table):
         """
         keys = [tuple(key.split(".")) for key in changes]
         rules = [rule for rule in _rules(self._source) if rule.involves(keys)]  # the others hold as they did
-        return _checked(self.model_dump(exclude_none=True), self._source, changes, rules)
+        return _checked(self._given(), self._source, changes, rules)
 
     def refuse_fields(self, **changes: object) -> None:
         """SceneError where a key to be changed is unknown or its field refuses the value, whatever the rules between
         the keys say of the scene that results."""
-        source, mistakes = _validated(self.model_dump(exclude_none=True), self._source, changes)[1:]
+        source, mistakes = _validated(self._given(), self._source, changes)[1:]
         if mistakes:
             raise SceneError(source.report(mistakes))
+
+    def _given(self) -> dict[str, Any]:
+        """The keys that the scene sets, as nested tables."""
+        return self.model_dump(exclude_none=True, exclude_unset=True)
 
 
 def load_scene(path: str | Path, /, **changes: object) -> Scene:

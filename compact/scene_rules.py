@@ -11,10 +11,10 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
+from compact.capabilities import TURNED, refusals
 from compact.scene_errors import Key, Mistake, Source
 
 GUARD = 1 + 1e-9  # the published machine stands exactly on 2R + B_T = stroke, in decimal fractions
-TURNED = ("fem", "compaction")  # engines of a roller that sticks and slips under a torque
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,10 @@ def _rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Callable[..., str |
         return broken
 
     return enter
+
+
+for _keys, _broken in refusals():
+    _rule(*_keys)(_broken)
 
 
 @_rule("machine.roller_positions", "machine.rollers")
@@ -126,12 +130,6 @@ def _pressed(height, lift):
     return ("product.height", height) if lift is None else ("layer.lift", lift)
 
 
-@_rule("layer.plies", "accuracy.engine")
-def _engine_knows_plies(plies, engine):
-    if plies and engine not in ("spectral", "fem"):
-        return f'no plies in accuracy.engine "{engine}", got {len(plies)}; choose "spectral" or "fem", or take them out'
-
-
 @_rule("motion.energy_weight", "motion.acceleration_weight")
 def _weights_leave_a_share(energy, acceleration):
     if energy + acceleration > GUARD:
@@ -148,15 +146,6 @@ def _one_target(indentation, load, pressure):
         return f"only one of indentation, load and peak_pressure can be prescribed, got {given}; take the others out"
 
 
-@_rule("contact.indentation", "accuracy.engine")
-def _half_plane_has_no_indentation(indentation, engine):
-    if indentation is not None and engine == "formula":
-        return (
-            f'is undefined on the half-plane of accuracy.engine = "formula", got {indentation:g}; give contact.load or '
-            "contact.peak_pressure, or choose an engine of a layer"
-        )
-
-
 @_rule("contact.indentation", "product.height", "layer.lift")
 def _roller_stays_above_the_base(indentation, height, lift):
     key, most = _pressed(height, lift)
@@ -166,30 +155,13 @@ def _roller_stays_above_the_base(indentation, height, lift):
 
 @_rule("machine.roller_torque", "machine.rolling")
 def _torque_turns_a_roller(torque, rolling):
+    rolling = rolling or "free"  # the default
     if torque is not None and rolling not in ("free", "driven"):
         return f'is for machine.rolling "free" or "driven", got {torque:g} with "{rolling}"; take it out'
     if torque is not None and torque > 0 and rolling == "free":
         return (
             f'must not be positive for a "free" roller, which bearings only brake, got {torque:g}; give {-torque:g}, '
             'or machine.rolling = "driven"'
-        )
-
-
-@_rule("layer.passes", "accuracy.engine")
-def _engine_knows_passes(passes, engine):
-    if passes > 1 and engine not in ("column", "compaction"):
-        return (
-            f'more than 1 is for engines of mix that stays pressed, not accuracy.engine = "{engine}", got {passes:g}; '
-            'choose "column" or "compaction", or give 1'
-        )
-
-
-@_rule("layer.return_stroke", "accuracy.engine")
-def _engine_compacts_the_return_stroke(over, engine):
-    if over == "compacted" and engine not in ("column", "compaction"):
-        return (
-            f'"compacted" is for engines of irreversible compaction, not accuracy.engine = "{engine}"; choose "column" '
-            'or "compaction", or give "fresh"'
         )
 
 
@@ -351,11 +323,15 @@ def _weight_suits_the_mass(weight, mass):
         return f"weight / mass is {weight / mass:g} m/s2, expected 9.5 to 10.5; is one of the two in other units?"
 
 
-@_rule("machine.rolling", "machine.roller_torque", "accuracy.engine", into=ADVICE)
-def _torque_is_heeded(rolling, torque, engine):
+@_rule("machine.rolling", "accuracy.engine", into=ADVICE)
+def _driven_roller_may_stick(rolling, engine):
     if engine not in TURNED and rolling == "driven":
         return f'the engine "{engine}" lets a driven roller slip all over, whatever its torque; "fem" lets it stick'
-    if engine not in TURNED and torque:
+
+
+@_rule("machine.roller_torque", "machine.rolling", "accuracy.engine", into=ADVICE)
+def _torque_is_heeded(torque, rolling, engine):
+    if engine not in TURNED and torque and rolling != "driven":
         return f'the engine "{engine}" takes no account of machine.roller_torque; "fem" and "compaction" do'
 
 

@@ -1,5 +1,8 @@
 """The tables of a scene: every key with its type, its bounds and what it means; SI units, no default for a number.
 
+`machine.rolling` and `machine.profile` have defaults, which each engine may replace by the nearest it takes
+(`capabilities`); a scene that sets them has its values or is refused.
+
 Rules between the keys are in `scene_rules`; `scene` reads files into these tables and reports mistakes.
 """
 
@@ -92,11 +95,11 @@ class Machine(Table):
     overlap: float = _nonnegative("the overlap b_n of neighbouring rollers' strips in m (eqs 1.2, 1.3)")
     pressure_nonuniformity: float = _positive("the factor k2 for uneven pressure along the arc, 1 for even (eq 1.6)")
     one_sided: bool = Field(description="true for contact on the front half only (rival reading of eq 1.6), else false")
-    rolling: Rolling = Field(description="how the roller turns")
+    rolling: Rolling = Field(default="free", description="how the roller turns")
     roller_torque: float | None = Field(
         default=None, description="the torque on one roller in N m, + driving it the way it travels, - braking it"
     )
-    profile: Profile = Field(description="where the gap is measured; 'deformed' unless you know better")
+    profile: Profile = Field(default="deformed", description="where the gap is measured")
 
 
 class Product(Table):

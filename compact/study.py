@@ -22,7 +22,7 @@ from compact.crank import USUAL_ANGLES, turn
 from compact.drive import steady_balance
 from compact.driven import driven
 from compact.engine import COMPACTING, LAYERED, Held, fields, held, passes, speeds
-from compact.engineering import engineering, numbers, pressure
+from compact.engineering import engineering, numbers, peak_pressure
 from compact.halfplane import galin
 from compact.motion import law
 from compact.ordering import places
@@ -68,6 +68,7 @@ def answered(asked):
     study.given_cycles, study.cycles = given, cycles
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
+        warnings.simplefilter("error", RuntimeWarning)  # a number that numpy warns of is no result
         places = study.places
         second_pass = study.second_pass
     told = tuple(dict.fromkeys(str(warning.message) for warning in warned))
@@ -131,7 +132,7 @@ class Study:
         """Eqs 1.1-1.10 at the pressure that is prescribed, or that the density requires."""
         self.count("contact")
         try:
-            return engineering(self.scene, self.mix, pressure(self.scene, self.mix))
+            return engineering(self.scene, self.mix, peak_pressure(self.scene, self.mix))
         except ValueError as error:
             if not (self.layered and self.scene.target):
                 raise

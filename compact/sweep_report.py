@@ -73,7 +73,7 @@ def digest(table):
     beyond = (table["not_reachable"] != "").values.sum()
     if beyond:
         lines.append(f"  not reachable by rolling: {beyond} points, as not_reachable says")
-    for name, words in (("reason", "without numbers"), ("warnings", "warned")):
+    for name, words in (("reason", "without numbers"), ("warnings", "warned"), ("replaced", "replaced")):
         lines += [f"  {words}: {said}" for said in _grouped(table[name].values.ravel())]
     for quantity in _explained(table):
         names, found = of_table(table, quantity)

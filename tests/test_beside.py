@@ -215,5 +215,7 @@ def test_what_an_engine_beside_cannot_take_is_refused(beside, words):
 
 def test_engine_beside_that_does_not_cover_the_scene_is_told():
     lacking = {"beside": {"spectral": {}}, "accuracy.engine": "fem", "machine.profile": "deformed"}
-    with pytest.raises(ValueError, match="the spectral engine needs `profile` 'parabola' or 'circle'"):
-        _ = Study(scene(**lacking)).beside
+    with pytest.raises(
+        SceneError, match=r'beside\.spectral: with it machine\.profile: the engine "spectral" takes no "d'
+    ):
+        scene(**lacking)

@@ -1,5 +1,6 @@
 """The command from outside: exit codes 0 done, 1 could not, 2 bad input; no traceback; nothing half-written."""
 
+import math
 import re
 import shutil
 import signal
@@ -9,10 +10,12 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 from interrupts import heed_interrupts
 
 from compact import cli
+from compact.results import default_directory
 
 ROOT = Path(__file__).parent.parent
 SMALL = ROOT / "studies" / "scenes" / "small.toml"
@@ -48,8 +51,8 @@ def test_new_scene_runs_as_it_is(compact, tmp_path):
     assert compact("new", tmp_path / "mine").returncode == 0
     done = compact("run", "scene.toml", cwd=tmp_path / "mine")
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "mine" / "out" / "scene" / "summary.json").exists()
-    assert (tmp_path / "mine" / "out" / "scene" / "report.html").exists()
+    assert (tmp_path / "mine" / "out" / "mine" / "summary.json").exists()
+    assert (tmp_path / "mine" / "out" / "mine" / "report.html").exists()
     assert "laws by peak force [N]" in done.stdout
 
 
@@ -113,7 +116,8 @@ def test_contact_that_does_not_settle_tells_how_it_ended_and_leaves_nothing(comp
 
 
 def test_refused_run_does_not_lock_its_directory(compact, tmp_path):
-    assert compact("run", SMALL, "--engine", "spectral", "--out", tmp_path / "out").returncode == 2
+    refused = ("--engine", "fem", "--set", "contact.indentation=0.1")
+    assert compact("run", SMALL, *refused, "--out", tmp_path / "out").returncode == 1
     assert compact("run", SMALL, "--set", "output.wanted=[]", "--out", tmp_path / "out").returncode == 0
 
 
@@ -141,7 +145,11 @@ BAD_CALLS = {
         2,
         'machine.roller_torque: is missing, and the engine "compaction" rolls',
     ),
-    "engine that does not cover it": (("roll", SMALL, "--engine", "spectral"), 2, "got 'deformed'; use fem"),
+    "engine that does not cover it": (
+        ("roll", SMALL, "--engine", "spectral", "--set", "machine.profile=deformed"),
+        2,
+        'machine.profile: the engine "spectral" takes no "deformed"',
+    ),
     "change without a value": (("run", SMALL, "--set", "mix.moisture"), 2, "--set takes KEY=VALUE"),
     "change of an unknown key": (("run", SMALL, "--set", "mix.moistur=0.1"), 2, "moisture"),
     "change out of range": (("run", SMALL, "--set", "mix.moisture=0.5"), 2, "mix.moisture"),
@@ -240,3 +248,76 @@ def test_help_loads_neither_numpy_nor_the_scene():
     )
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert told.stdout.strip().endswith("[]")
+
+
+# where results go, and errors of arithmetic
+
+
+def test_scenes_of_one_name_in_two_folders_have_results_of_their_own(compact, tmp_path):
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "scene.toml").write_text(SMALL.read_text().replace("height = 0.22 ", "height = 0.2199 "))
+        done = compact("run", f"{folder}/scene.toml", "--set", "output.wanted=[]", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert f"results: out/{folder}" in done.stdout
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"a", "b"}
+
+
+@pytest.mark.parametrize(
+    ("path", "suffix", "directory"),
+    [
+        ("mine/scene.toml", "", "out/mine"),
+        ("mine/scene.toml", "sweep", "out/mine-sweep"),
+        ("mine/other.toml", "", "out/other"),
+        ("mine/other.toml", "calibration.json", "out/other-calibration.json"),
+        ("/scene.toml", "", "out/scene"),
+    ],
+)
+def test_default_directory_has_the_name_of_the_scene_or_of_its_folder(path, suffix, directory):
+    assert default_directory(path, suffix) == Path(directory)
+
+
+def test_default_directory_of_a_scene_in_the_current_folder_has_its_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert default_directory("scene.toml") == Path("out") / tmp_path.name
+
+
+def test_cams_of_two_scenes_go_to_two_places(compact, tmp_path):
+    assert compact("cam", SMALL, "--law", "cubic", "--quiet", cwd=tmp_path).returncode == 0
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["small-cams"]
+
+
+def test_the_package_runs_as_a_module():
+    told = subprocess.run([sys.executable, "-m", "compact", "--help"], capture_output=True, text=True, check=False)
+    assert told.returncode == 0
+    assert "Usage: compact COMMAND" in told.stdout
+
+
+@pytest.mark.parametrize(
+    ("compute", "meaning"),
+    [
+        (lambda: np.sqrt(np.array([-1.0])), "an operation has no result"),
+        (lambda: np.exp(np.array([1e4])), "a number exceeds the range of floating-point numbers"),
+        (lambda: np.array([1.0]) / 0, "a number is divided by zero"),
+        (lambda: 1 / 0, "a number is divided by zero"),
+        (lambda: math.exp(1e4), "the computation failed"),
+        (lambda: 1e200**2, "a number exceeds the range of floating-point numbers"),
+        (lambda: np.linalg.inv(np.zeros((2, 2))), "an equation has no finite solution"),
+    ],
+)
+def test_errors_of_arithmetic_are_a_sentence_with_a_remedy(compact, monkeypatch, compute, meaning):
+    monkeypatch.setattr("compact.scene.load_scene", lambda *_, **__: compute())
+    told = compact("run", SMALL)
+    assert told.returncode == 1
+    assert re.match(rf"compact: the computation failed in cli: .*{meaning}|compact: {meaning} in cli", told.stderr)
+    assert "check their units" in told.stderr
+    assert not re.search("encountered|internal error|Traceback|Singular", told.stderr)
+
+
+def test_a_failed_allocation_is_a_sentence(compact, monkeypatch):
+    def too_large(*_, **__):
+        raise MemoryError
+
+    monkeypatch.setattr("compact.scene.load_scene", too_large)
+    told = compact("run", SMALL)
+    assert (told.returncode, told.stderr.startswith("compact: not enough memory in cli; lower")) == (1, True)

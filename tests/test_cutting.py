@@ -2,10 +2,10 @@
 
 import csv
 import re
-import sys
 from io import BytesIO, StringIO
 from xml.etree import ElementTree
 
+import ezdxf
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,7 +15,6 @@ from compact import cam_files, cam_sheet
 from compact.cam import Cam, FlatFace, Pointed, RollerFollower, breadth_for_pressure_angle
 from compact.cam_motion import FRAMES, moving
 from compact.cutting import cut, largest_cutter
-from compact.drawing import Circle, Drawing
 from compact.motion import LAWS, Cycle, law
 from compact.reroll import rerolled
 from compact.scene import parse_scene, starter_scene
@@ -244,7 +243,6 @@ def test_drawing_is_true_to_scale_and_keeps_the_law(files):
 
 
 def test_dxf_opens_elsewhere_and_its_outline_closes_and_keeps_the_law(files):
-    ezdxf = pytest.importorskip("ezdxf", reason="the extra `report` is not installed")
     _, cam, (*_, text) = files
     document = ezdxf.read(StringIO(text))
     assert not document.audit().has_errors
@@ -261,7 +259,6 @@ def test_dxf_opens_elsewhere_and_its_outline_closes_and_keeps_the_law(files):
 
 
 def test_dimensions_measure_the_cam_and_are_drawn(files):
-    ezdxf = pytest.importorskip("ezdxf", reason="the extra `report` is not installed")
     from ezdxf.addons.drawing import Frontend, RenderContext
     from ezdxf.addons.drawing.matplotlib import MatplotlibBackend
     from matplotlib.figure import Figure
@@ -368,9 +365,3 @@ def test_polygon_that_cannot_keep_the_tolerance_is_no_result(monkeypatch):
     monkeypatch.setattr("compact.cutting.rerolled", lambda profile, follower, angle: np.zeros(angle.size))
     with pytest.raises(RuntimeError, match=r"\d+ points leave the follower 0\.65 m off its law, .* 1e-06 m; make"):
         cut(made("cubic", FlatFace()))
-
-
-def test_dxf_without_its_package_names_the_remedy(monkeypatch):
-    monkeypatch.setitem(sys.modules, "ezdxf", None)
-    with pytest.raises(RuntimeError, match=r"a DXF drawing needs the package ezdxf; install it by pip install"):
-        Drawing("", (Circle((0, 0), 1, "BORE"),)).dxf()

@@ -236,10 +236,10 @@ def test_contact_tables_that_cannot_be_are_refused(changes, words):
         load_scene(SMALL, **changes)
 
 
-def test_what_the_engine_does_not_cover_is_refused_with_its_words():
-    case = study(**{"accuracy.engine": "spectral"})
-    with pytest.raises(ValueError, match="needs `profile` 'parabola' or 'circle', got 'deformed'; use fem"):
-        engine.roll(case.scene, case.mix, 0.1)
+def test_what_the_scene_sets_and_the_engine_does_not_take_is_refused():
+    words = 'machine.profile: the engine "spectral" takes no "deformed", as its gap is measured on the undeformed'
+    with pytest.raises(SceneError, match=words):
+        study(**{"accuracy.engine": "spectral", "machine.profile": "deformed"})
 
 
 @pytest.mark.parametrize(

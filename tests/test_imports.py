@@ -15,6 +15,8 @@ MODULES = {path.stem: path for path in sorted((ROOT / "compact").glob("*.py"))}
 LEVELS = (
     (
         "refuse",
+        "failures",
+        "capabilities",
         "pieces",
         "measurements",
         "fitting",
@@ -60,7 +62,7 @@ LEVELS = (
     ("html_report",),
     ("report",),
     ("cli",),
-    ("__init__",),
+    ("__init__", "__main__"),
 )
 LEVEL = {module: level for level, modules in enumerate(LEVELS) for module in modules}
 # They meet in a study, through plain callables.

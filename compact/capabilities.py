@@ -1,0 +1,152 @@
+"""Values of scene keys that each contact engine takes, and the nearest replacement for the others: one table.
+
+A key that the scene file leaves open has a default. If an engine does not take the default, the engine is given the
+nearest value it takes, and the results say so. A key that the scene sets stays as it is, and an engine that does not
+take its value refuses the scene. A `fixed` limit has no alternative (a formula for a half-plane has one gap), so the
+engine replaces the value in both cases.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+TURNED = ("fem", "compaction")  # engines of a roller that sticks and slips under a torque
+
+NAMES = {  # of values, in the sentences about replacements
+    ("machine.rolling", "frictionless"): "frictionless roller",
+    ("machine.rolling", "sliding"): "sliding roller",
+    ("machine.rolling", "free"): "free roller",
+    ("machine.rolling", "driven"): "driven roller",
+    ("machine.profile", "parabola"): "vertical gap to the parabola",
+    ("machine.profile", "circle"): "vertical gap to the circle",
+    ("machine.profile", "deformed"): "gap on the deformed surface",
+    ("layer.passes", 1): "one pass",
+    ("layer.plies", None): "layer of one ply",
+    ("contact.indentation", None): "pressure that the mix needs",
+    ("layer.return_stroke", "fresh"): "fresh mix under the return stroke",
+    ("layer.return_stroke", "compacted"): "compacted mix under the return stroke",
+}
+KINDS = {  # words for values that have no name of their own
+    "layer.passes": "{:g} passes",
+    "layer.plies": "{} plies",
+    "contact.indentation": "prescribed depth of {:g} m",
+}
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Values of one key that an engine takes.
+
+    taken : the values, the nearest replacement of all others first
+    why : reason why the engine takes no other
+    smooth : values that the engine takes only of mix without friction on the roller
+    fixed : True if the engine replaces the value even of a key that the scene sets
+    late : True if a value is refused only when the contact is computed, since a scene is rolled by several engines
+    """
+
+    key: str
+    taken: tuple
+    why: str
+    smooth: tuple = ()
+    fixed: bool = False
+    late: bool = False
+
+    def takes(self, value: object, friction: float | None) -> bool:
+        """True if the engine takes a value; `friction` of the mix on the roller [-], None for that of the prior."""
+        return value in self.taken or (value in self.smooth and friction == 0)
+
+
+_ONE_MODULUS = Limit("layer.plies", (None,), "it has one modulus for the whole layer")
+_ONE_PASS = Limit("layer.passes", (1,), "an elastic layer keeps no trace of a pass")
+_FRESH = Limit("layer.return_stroke", ("fresh",), "it compacts no mix that the return stroke could roll over")
+_ONE_MIX = Limit("layer.plies", (None,), "its layer is of one mix")
+
+LIMITS: dict[str, tuple[Limit, ...]] = {
+    "formula": (
+        Limit("machine.profile", ("parabola",), "half-plane theory has no other gap", fixed=True),
+        Limit("contact.indentation", (None,), "the depth of a contact on a half-plane is not defined", late=True),
+        _ONE_MODULUS,
+        _ONE_PASS,
+        _FRESH,
+    ),
+    "column": (
+        Limit("machine.profile", ("circle", "parabola"), "columns move vertically only", fixed=True),
+        Limit("machine.rolling", ("frictionless", "free"), "columns carry no shear", smooth=("sliding", "driven")),
+        Limit("layer.base", ("bonded",), "mix on a slipping base moves sideways, which no column does"),
+        _ONE_MIX,
+    ),
+    "spectral": (
+        Limit("machine.profile", ("circle", "parabola"), "its gap is measured on the undeformed surface"),
+        Limit(
+            "machine.rolling",
+            ("frictionless", "sliding", "driven"),
+            "its rollers have no friction or slip everywhere",
+            smooth=("free",),
+        ),
+        _ONE_PASS,
+        _FRESH,
+    ),
+    "fem": (_ONE_PASS, _FRESH),
+    "compaction": (_ONE_MIX,),
+}
+
+
+def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
+    """The scene as an engine is given it, and a sentence for each key that was replaced.
+
+    Parameters
+    ----------
+    scene : Scene
+    engine : name of a contact engine
+
+    Returns
+    -------
+    scene : Scene, unchecked; for the engine alone
+    sentences : such as "spectral: frictionless roller in place of the free roller, as ..."
+    """
+    friction, sentences = scene.mix.overrides.steel_friction, []
+    for limit in LIMITS[engine]:
+        table, key = limit.key.split(".")
+        value = getattr(getattr(scene, table), key, None)
+        if limit.takes(value, friction) or (scene.is_set(limit.key) and not limit.fixed):
+            continue
+        sentences.append(replaced(engine, limit, value))
+        part = getattr(scene, table).model_copy(update={key: limit.taken[0]})
+        scene = scene.model_copy(update={table: part})
+    return scene, tuple(sentences)
+
+
+def replaced(engine: str, limit: Limit, value: object) -> str:
+    """Sentence on a value that an engine does not take."""
+    return f"{engine}: {_name(limit.key, limit.taken[0])} in place of the {_name(limit.key, value)}, as {limit.why}"
+
+
+def _name(key, value):
+    if isinstance(value, tuple):  # plies
+        return KINDS[key].format(len(value))
+    return NAMES.get((key, value)) or KINDS[key].format(value)
+
+
+def refusals() -> Iterator[tuple[tuple[str, ...], Callable[..., str | None]]]:
+    """(keys, rule) for each limit of a scene by itself; the value is None for a key that is not set."""
+    for engine, limits in LIMITS.items():
+        for limit in limits:
+            if not limit.fixed and not limit.late:
+                yield (limit.key, "accuracy.engine", "mix.overrides.steel_friction"), _refusal(engine, limit)
+
+
+def _refusal(engine, limit):
+    def broken(value, chosen, friction):
+        if chosen != engine or value is None or limit.takes(value, friction):
+            return None
+        taken = " or ".join(f'"{each}"' if isinstance(each, str) else f"{each}" for each in limit.taken if each)
+        able = " or ".join(f'"{name}"' for name in LIMITS if _able(name, limit.key, value, friction))
+        got = f'"{value}"' if isinstance(value, str) else _name(limit.key, value)
+        remedy = f"give {taken}, or take the key out" if taken else "take the key out"
+        return f'the engine "{engine}" takes no {got}, as {limit.why}; {remedy}, or choose accuracy.engine = {able}'
+
+    return broken
+
+
+def _able(engine, key, value, friction):
+    return all(limit.takes(value, friction) for limit in LIMITS[engine] if limit.key == key)
