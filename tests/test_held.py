@@ -143,7 +143,7 @@ def test_one_contact_by_formula_is_that_of_the_main_job(prescribed):
 
 def test_formulas_refuse_an_indentation():
     case = study(**{"contact.indentation": 0.003})
-    with pytest.raises(ValueError, match="`indentation` is undefined on a half-plane.*give `load`"):
+    with pytest.raises(ValueError, match=r"`indentation` is undefined on a half-plane.*give `load`"):
         case.passes_at(case.scene.mean_speed)
 
 
@@ -204,7 +204,7 @@ def test_every_drive_meets_the_resistance_of_the_return_stroke(kind):
 
 @pytest.mark.parametrize("name", ["formula", "spectral", "fem"])
 def test_a_return_stroke_over_compacted_mix_needs_an_engine_that_compacts(name):
-    with pytest.raises(SceneError, match="layer.return_stroke: the engine .* takes no .*compacts no mix"):
+    with pytest.raises(SceneError, match=r"layer.return_stroke: the engine .* takes no .*compacts no mix"):
         study(**PLAIN | {"accuracy.engine": name, "layer.return_stroke": "compacted"})
 
 
