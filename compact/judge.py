@@ -41,7 +41,7 @@ def starts(task, count, seed=0):
 
 
 def best(task, count, seed=0):
-    """(least criterion, all that were reached, rising) of an `optimise.Task` by IPOPT from so many starts.
+    """(least criterion, all that were reached, rising) of a `sequential_programming.Task` by IPOPT from so many starts.
 
     Raises RuntimeError without casadi, and where no start leads to a law.
     """
@@ -65,7 +65,7 @@ def descent(task, unknowns):
 
 
 class _Program:
-    """An `optimise.Task` as IPOPT sees it: unknowns of the law, then tops, parts >= 0, and J, all over their sizes."""
+    """The `sequential_programming.Task` for IPOPT: unknowns of the law, then tops, parts >= 0, and J, all scaled."""
 
     def __init__(self, task):
         if task.quantile < 1:

@@ -16,7 +16,6 @@ import numpy as np
 from compact.criteria import OBJECTIVES
 from compact.laws import LAWS, Shape
 from compact.limits import CamLimits, InfeasibleError, Limits
-from compact.optimise import METHODS, optimum
 from compact.pieces import graded, integral, sign_changes
 from compact.refuse import (
     refuse_fractional,
@@ -26,6 +25,7 @@ from compact.refuse import (
     refuse_outside,
     refuse_unknown,
 )
+from compact.sequential_programming import METHODS, optimum
 
 __all__ = [
     "LAWS",
@@ -218,7 +218,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class OptimalMotion(Motion):
-    """A `Motion` found by `optimise`, and how: see `optimise.Optimum` for gap, refinement and steps.
+    """A `Motion` found by `optimise`, and how: see `sequential_programming.Optimum` for gap, refinement and steps.
 
     value : the criterion that was made least, there and back without a dwell; `limits` : the `Limits` it keeps
     """
@@ -257,7 +257,7 @@ def optimise(
         make a law for all of them: J is the worst of them, or the `quantile`
     regret : count J of each resistance in what the best law for it alone would ask; J is then such a ratio
     limits : `Limits` that the law keeps at every instant; none but a way without turning back unless given
-    pieces : of the spline outside the constant speed; as many as `optimise.PIECES` says unless given
+    pieces : of the spline outside the constant speed; as many as `sequential_programming.PIECES` says unless given
     method : "steps", sequential convex programs, or "casadi", IPOPT on the same spline (extra `optimise`)
 
     Raises InfeasibleError, with what would have to give and by how much, where no law keeps the limits, RuntimeError

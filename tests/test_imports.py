@@ -1,11 +1,13 @@
-"""Which way imports run: no arrow up, no circle, nothing heavy before it is needed."""
+"""Which way imports run: no arrow up, no circle, nothing heavy before it is needed, no name for two things."""
 
 import ast
 import os
+import re
 import subprocess
 import sys
 from functools import cache
 from pathlib import Path
+from pkgutil import resolve_name
 
 import pytest
 
@@ -40,7 +42,7 @@ LEVELS = (
         *("kernel", "compliance", "stickslip", "confined", "judge", "reroll", "retained", "store", "scene_tables"),
         "suspended",
     ),
-    ("fields", "solid", "expected", "bed", "turning", "flow", "optimise", "sliding"),
+    ("fields", "solid", "expected", "bed", "turning", "flow", "sequential_programming", "sliding"),
     ("frame", "march", "steady", "travelled", "filmed", "dynamics"),
     ("compacted", "stiffening", "course"),
     ("compaction", "trip"),
@@ -162,6 +164,72 @@ def test_start_up_loads_nothing_heavy(module):
         [sys.executable, "-c", script], cwd=ROOT, env=environment, capture_output=True, text=True, check=True
     )
     assert done.stdout.split() == []
+
+
+# names
+
+
+def exported(tree):
+    """Names of `__all__`, and keys of the table of lazy names of the package."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", None) in ("__all__", "_HOMES"):
+            value = node.value.values if isinstance(node.value, ast.Dict) else [node.value]
+            yield from (leaf.value for one in value for leaf in ast.walk(one) if isinstance(leaf, ast.Constant))
+
+
+PACKAGES = sorted((ROOT / "compact").rglob("__init__.py"))
+
+
+@pytest.mark.parametrize("door", PACKAGES, ids=lambda door: door.parent.name)
+def test_no_package_exports_the_name_of_a_module_of_its_own(door):
+    """Import of the module would put it in place of what the package exports."""
+    modules = {path.stem for path in [*door.parent.glob("*.py"), *door.parent.glob("*/__init__.py")]}
+    names = set(exported(ast.parse(door.read_text(encoding="utf-8"))))
+    assert names & modules == set()
+    assert names or door.parent.name != "compact"
+
+
+IMPORT_ALL = """
+import importlib, pkgutil, sys
+import compact
+
+def exported():
+    doors = [compact, *(importlib.import_module(f"compact.{door}") for door in sys.argv[1:])]
+    return {f"{door.__name__}.{name}": getattr(door, name) for door in doors for name in door.__all__}
+
+before = exported()
+for module in pkgutil.iter_modules(compact.__path__):
+    importlib.import_module(f"compact.{module.name}")
+after = exported()
+print(len(after), *(name for name in after if after[name] is not before[name] or type(after[name]) is type(sys)))
+"""
+
+
+def test_import_of_every_module_leaves_every_exported_name_the_same_object():
+    doors = [module for module in MODULES if module != "__init__" and list(exported(tree_of(module)))]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    call = [sys.executable, "-c", IMPORT_ALL, *doors]
+    done = subprocess.run(call, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    count, *moved = done.stdout.split()
+    assert moved == []
+    assert int(count) > 100
+
+
+def lazy(tree):
+    """Names of ours that are imported by a string: "compact.fem", and "figures:drive" of what draws."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            if re.fullmatch(r"compact(\.[a-z_]+)+", node.value):
+                yield node.value
+            elif re.fullmatch(r"[a-z_]+:[a-z_]+", node.value) and node.value.partition(":")[0] in MODULES:
+                yield f"compact.{node.value}"
+
+
+def test_names_imported_by_a_string_are_there():
+    names = {name for module in MODULES for name in lazy(tree_of(module))}
+    assert {"compact.fem", "compact.transient", "compact.figures:drive"} <= names
+    for name in names:
+        resolve_name(name)
 
 
 # the reader of imports itself

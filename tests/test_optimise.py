@@ -15,10 +15,10 @@ from compact.laws import ComplexLaw
 from compact.lawspace import Space, bernstein_basis, graded_breaks, halved
 from compact.limits import Held, broken, space_of
 from compact.motion import CamLimits, InfeasibleError, Limits, law, optimise
-from compact.optimise import Task
 from compact.pitch import Pitch
 from compact.quadratic import Program, least_linear, least_quadratic
 from compact.scene import load_scene
+from compact.sequential_programming import Task
 from compact.study import Study
 
 SCENES = Path(__file__).parent.parent / "studies" / "scenes"
