@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from compact import cap
-from compact.equilibrium import Balance, NotBalancedError
+from compact.equilibrium import Balance, NotBalancedError, unbalanced
 from compact.flow import Flow, Stream, changes
 from compact.solid import SUBSTEPS, Condition
 
@@ -110,8 +110,7 @@ class Steady:
             share, misses, trial = _next_share(share, length), 0, moved
         if smooth:  # the edges of the contact do not come to rest at one node
             return self._balance(smooth, iteration)
-        shown = ", ".join(f"{size:.1e}" for size in history[-6:])
-        raise NotBalancedError(f"no steady balance after {len(history)} iterations; residuals over forces were {shown}")
+        raise NotBalancedError(f"no steady balance: {unbalanced(history)}")
 
     def _balance(self, trial, iterations):
         push = self._push(trial)
@@ -136,6 +135,14 @@ class Steady:
         return push if slip is None else replace(push, creep=slip.creep)
 
     def _trial(self, displacement, pressure):
+        """The `Trial` of a displacement and pressures; raises NotBalancedError where elements fold over."""
+        try:
+            with np.errstate(invalid="raise", divide="raise", over="raise"):
+                return self._evaluated(displacement, pressure)
+        except (FloatingPointError, RuntimeError) as error:  # of numpy, and of the streamlines
+            raise NotBalancedError("no steady balance: elements of the layer fold over") from error
+
+    def _evaluated(self, displacement, pressure):
         displacement = self.frame.passed(displacement)
         gradients = self.solid.gradient(displacement)
         flow = self.stream.along(self.frame.rows(gradients))
