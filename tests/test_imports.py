@@ -21,6 +21,7 @@ LEVELS = (
         "deformation",
         "pressing",
         "equilibrium",
+        "heaping",
         "ringing",
         "pool",
         "criteria",
