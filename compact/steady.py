@@ -64,10 +64,10 @@ class Trial:
 
 
 class Steady:
-    """A layer in a `Frame` under a `Face` in steady motion."""
+    """A layer in a `Frame` under a `Face` in steady motion; `progress` is called with a line after each iteration."""
 
-    def __init__(self, frame, face, substeps=SUBSTEPS):
-        self.frame, self.solid = frame, frame.solid
+    def __init__(self, frame, face, substeps=SUBSTEPS, progress=None):
+        self.frame, self.solid, self.progress = frame, frame.solid, progress
         solid = frame.solid
         self.stream = Stream(solid.law, frame.fed.state, solid.rate_factor, solid.finite, substeps)
         face = face.at(face.lowest, -frame.step).starting(np.zeros_like(face.place)).at(face.lowest)
@@ -94,6 +94,11 @@ class Steady:
         trial = self._trial(displacement, self.carried)
         for iteration in range(ITERATIONS if residual else 2 * ITERATIONS):
             history.append(trial.size)
+            if self.progress is not None:
+                self.progress(
+                    f"{round(self.frame.length / self.frame.step)} increments a contact, direct solution, iteration "
+                    f"{iteration + 1}: {trial.size:.1e} of the forces unbalanced"
+                )
             if trial.size <= (residual or RESIDUAL):
                 if residual or smooth:
                     return self._balance(trial, iteration)
