@@ -11,9 +11,11 @@ which way ended it. A march has an error of its steps: on coarse meshes it resis
 bears 1 to 2 % more than on 24. Solved at once: 2 mm in a layer of 0.1 m, capture angle 11 degrees, free with friction
 0.3, in 31 s of processor time on 12 increments. Lifts of 0.04 to 0.08 m of the prior's mix all get steady, most by a
 march, in some 50 s. Over a layer that is high beside the contact mix may heap up without end: then it raises.
-Mix is refused that would have to leave with k >= 1.
+Mix is refused that would have to leave with k >= 1. A depth for which loose mix has no voids by the estimate of
+`heaping` is refused before anything is solved, and a march whose bow wave grows too high ends with the same error.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -21,15 +23,16 @@ from threadpoolctl import threadpool_limits
 
 from compact.compacted import CompactionRolled, read
 from compact.frame import Frame, rolling_mesh, transferred
+from compact.heaping import STEEPEST, Heaping, HeapingError, refuse_heaping, remedies
 from compact.march import DRAG, March, tail
 from compact.material import Compaction
 from compact.mesh import RowMesh
 from compact.records import SAME_HEIGHT, refuse_torque
-from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_unknown
+from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_outside, refuse_unknown
 from compact.steady import Steady
 from compact.stiffening import stiffened
 
-__all__ = ["CompactionRolled", "roll"]
+__all__ = ["CompactionRolled", "HeapingError", "roll"]
 
 INCREMENTS = 12  # per contact length sqrt(2 R depth) of the fed mix
 COARSE = 4  # of the first march
@@ -45,6 +48,8 @@ LARGEST_CHANGE = 1.4  # of the depth at once
 NEARLY_FULL = 0.98  # of the depth at which the mix would leave full, the deepest that is tried
 SETTLING = 0.25  # of the drag, once the roller has come to its height
 UNBALANCED = 1e-2  # of the forces, what drag may still hold when the roller is called steady
+HIGH = 0.5  # [-], of the highest bow wave, from which a march stops by what its wave tends to
+HIGHER = 2.0  # [-], of the highest bow wave, what it must tend to then
 PARTS = (1, 2)  # of the way to a neighbour
 SHARE = 0.03  # of the elastic stiffness, at first on that way; with .01 and .1 it is not found 5 % deeper
 STEPPED = 0.25  # over the increments, the error of a march at least: six lifts bear 0.8 to 1.9 % less on 24 than on 12
@@ -64,6 +69,8 @@ def roll(
     exit_density_ratio=None,
     increments=INCREMENTS,
     steady=STEADY,
+    steepest: float | None = STEEPEST,
+    progress: Callable[[str], None] | None = None,
 ):
     """One roller in steady motion over a layer of compacting mix, a `CompactionRolled`.
 
@@ -84,17 +91,29 @@ def roll(
         then a first guess
     increments : of travel per contact length, and elements
     steady : relative change of load, resistance and exit density that may be left
+    steepest : contact angle [rad], up to pi/2, beyond which a bow wave counts as one that grows without end. The
+        estimate of `heaping` refuses depths and loads that would need more, and a march stops there. None does neither.
+    progress : called with a line of text after each iteration of the direct solution and each step of a march
 
-    Raises RuntimeError with the step reached where no balance is found or the roller does not get steady.
+    Raises HeapingError, a RuntimeError, where the mix has no voids for the depth by that estimate, or where the bow
+    wave of a march grows beyond `steepest`; RuntimeError with the step reached where no balance is found or the roller
+    does not get steady.
     """
     refuse_scene(layer, roller, material, speed, strain, exit_density_ratio, fed)
     refuse_torque(roller, torque)
     refuse_nonpositive(increments=increments, steady=steady)
+    if steepest is not None:
+        refuse_nonpositive(steepest=steepest)
+        refuse_outside(0.0, np.pi / 2, steepest=steepest)
     target = _Target(layer, roller, material, exit_density_ratio, fed)
+    heaping = _heaping(layer, roller, material, speed, strain, fed, steepest)
+    if heaping is not None:
+        refuse_heaping(heaping, *target.prescribed)
+    watch = {"highest": np.inf if heaping is None else heaping.highest, "progress": progress}
     with threadpool_limits(1):
         if start is not None:
             depth = roller.indentation if target.quantity is None else start.indentation
-            march = _neighbour(start, layer, roller, torque, material, speed, fed, depth)
+            march = _neighbour(start, layer, roller, torque, material, speed, fed, depth, watch)
             rolled = read(target.reached(march, steady), layer, roller, material, speed)
             return replace(rolled, error=start.error and tuple(max(error, _stepped(rolled)) for error in start.error))
         depth, coarse, march = target.first_depth(), None, None
@@ -102,26 +121,33 @@ def roll(
         for count in counts:
             coarse = march
             frame = _frame(layer, roller, material, speed, strain, fed, depth, count)
-            march = _march(frame, roller, torque, coarse)
-            softly = _soft_start(layer, roller, torque, material) if coarse is None else None
+            march = _march(frame, roller, torque, watch, coarse)
+            softly = _soft_start(layer, roller, torque, material, watch) if coarse is None else None
             rough = count < increments and target.quantity is not None
             try:
                 march = target.reached(march, max(steady, ROUGHLY) if rough else steady, depth, softly)
             except RuntimeError as error:
-                raise RuntimeError(f"{error}{_heaping(frame.length, depth, target.fed_mean)}") from error
+                raise type(error)(f"{error}{_advice(heaping, target)}") from error
             depth = layer.height - march.steps[-1].lowest
         return _with_error(read(march, layer, roller, material, speed), coarse)
 
 
-def _heaping(length, depth, fed_mean):
-    """What to say of a depth for which the mix that feels the roller has too few voids; "" where it has enough."""
-    voids = SPREAD * length * (1 - fed_mean)
-    if depth < voids:
+def _heaping(layer, roller, material, speed, strain, fed, steepest):
+    """The `Heaping` of a scene; None where the estimate does not apply.
+
+    In small strain no wave rises, and mix on a base that slips may leave longer instead of denser.
+    """
+    if steepest is None or strain == "small" or layer.base == "slip":
+        return None
+    return Heaping(layer.height, roller.radius, material, steepest, material.rate_factor(speed), fed)
+
+
+def _advice(heaping, target):
+    """Clause with remedies for a depth at which the roller does not get steady; "" for a load or a pressure."""
+    name, _, depth = target.prescribed
+    if heaping is None or depth is None:
         return ""
-    return (
-        f"; down to {SPREAD:g} contact lengths the mix has voids for {voids:.2g} m of that depth, so it is likely to "
-        "heap up in front: press less deep, feed denser or in lifts, or take a larger roller"
-    )
+    return f"; {remedies(heaping, depth, for_density=name == 'exit_density_ratio')}"
 
 
 def _frame(layer, roller, material, speed, strain, fed, depth, count):
@@ -131,17 +157,17 @@ def _frame(layer, roller, material, speed, strain, fed, depth, count):
     return Frame(mesh, material, layer.base, length, fed=fed, finite=strain == "finite", rate_factor=rate)
 
 
-def _march(frame, roller, torque, coarse=None):
+def _march(frame, roller, torque, watch=None, coarse=None):
     turns = roller.rolling in ("free", "driven") and roller.friction > 0
     friction = 0.0 if roller.rolling == "frictionless" else roller.friction
     torque = (torque or 0.0) if turns else None
-    march = March(frame, roller.radius, profile=roller.profile, friction=friction, torque=torque)
+    march = March(frame, roller.radius, profile=roller.profile, friction=friction, torque=torque, **(watch or {}))
     if coarse is not None:
         march.take_over(coarse, transferred(coarse.condition, coarse.frame, frame))
     return march
 
 
-def _soft_start(layer, roller, torque, material):
+def _soft_start(layer, roller, torque, material, watch):
     """What finds the steady march on a frame with the lowest generatrix at a height, by stiffening soft mix."""
 
     def softly(frame, lowest):
@@ -149,14 +175,14 @@ def _soft_start(layer, roller, torque, material):
             softer = replace(material, unloading_modulus=share * material.unloading_modulus)
             finite, rate = frame.solid.finite, frame.solid.rate_factor
             on = Frame(frame.mesh, softer, layer.base, frame.length, fed=frame.given, finite=finite, rate_factor=rate)
-            return _march(on, roller, torque)
+            return _march(on, roller, torque, watch)
 
         return stiffened(march_of, lowest)
 
     return softly
 
 
-def _neighbour(start, layer, roller, torque, material, speed, fed, depth):
+def _neighbour(start, layer, roller, torque, material, speed, fed, depth, watch):
     """The march of a neighbour at a depth: where its start was solved at once so is it, in as few parts of the change
     of depth as do; else near its start."""
     old = start.march
@@ -165,23 +191,23 @@ def _neighbour(start, layer, roller, torque, material, speed, fed, depth):
     for parts in PARTS if old.at_once else ():
         march = old
         for there in np.geomspace(start.indentation, depth, parts + 1)[1:]:
-            march = _stretched(march, layer, roller, torque, material, speed, there)
+            march = _stretched(march, layer, roller, torque, material, speed, there, watch)
             if not _at_once(march, layer.height - there):
                 break
         else:
             return march
-    march = _stretched(old, layer, roller, torque, material, speed, depth)
+    march = _stretched(old, layer, roller, torque, material, speed, depth, watch)
     march.sought = layer.height - depth
     return march
 
 
-def _stretched(old, layer, roller, torque, material, speed, depth):
+def _stretched(old, layer, roller, torque, material, speed, depth, watch):
     """The march of another roller, on the mesh and with the motion of the old one stretched as its contact is."""
     stretch = float(np.sqrt(depth / (layer.height - old.steps[-1].lowest)))
     mesh = RowMesh(stretch * old.frame.mesh.x, old.frame.mesh.y)
     finite, rate, fed = old.frame.solid.finite, material.rate_factor(speed), old.frame.given
     frame = Frame(mesh, material, layer.base, stretch * old.frame.length, fed=fed, finite=finite, rate_factor=rate)
-    march = _march(frame, roller, torque)
+    march = _march(frame, roller, torque, watch)
     march.take_over(old, replace(old.condition, displacement=stretch * old.condition.displacement))
     march.face = march.face.carrying(old.push.pressure, old.push.shear, old.push.creep)
     return march
@@ -201,6 +227,15 @@ class _Target:
         elif roller.indentation is None:
             self.quantity = "load" if roller.load is not None else "peak_pressure"
             self.value = getattr(roller, self.quantity)
+
+    @property
+    def prescribed(self):
+        """Name and value of what is prescribed, and the depth [m] that it requires, None for a load or a pressure."""
+        if self.quantity is None:
+            return "indentation", self.roller.indentation, self.roller.indentation
+        if self.quantity == "exit_density_ratio":
+            return self.quantity, self.value, self.height * (1 - self.fed_mean / self.value)
+        return self.quantity, self.value, None
 
     def first_depth(self):
         """The indentation, or one that is about right."""
@@ -222,6 +257,7 @@ class _Target:
         if self.quantity is None:
             return _steady_at(march, self.height - depth, steady, softly)
         logs, misses = [], []
+        unit = {"load": " N/m", "peak_pressure": " Pa"}.get(self.quantity, "")
         for _ in range(TARGETS):
             rough, left = not misses or abs(misses[-1]) > 10 * TARGET, steady
             if self.quantity != "exit_density_ratio":
@@ -236,11 +272,19 @@ class _Target:
                 break
             change = float(np.clip(np.exp(-misses[-1] / slope), 1 / LARGEST_CHANGE, LARGEST_CHANGE))
             depth = min(depth * change, self.deepest)
-        reached = ", ".join(f"{np.exp(log):.4g} m: {miss:+.2e}" for log, miss in zip(logs, misses, strict=True))
-        beyond = f" down to {self.deepest:.4g} m, where the mix is nearly full" if depth == self.deepest else ""
+        nearest = int(np.argmin(np.abs(misses)))
+        beyond = f" down to {1e3 * self.deepest:.4g} mm, where the mix is nearly full" if depth == self.deepest else ""
         raise RuntimeError(
-            f"`{self.quantity}` {self.value:g} not met{beyond}; depth and log of value over target: {reached}"
+            f"`{self.quantity}` {self.value:g}{unit} not met{beyond} after {len(logs)} depths from "
+            f"{1e3 * np.exp(min(logs)):.4g} to {1e3 * np.exp(max(logs)):.4g} mm; the nearest was "
+            f"{self._found(misses[nearest]):.5g}{unit} at {1e3 * np.exp(logs[nearest]):.4g} mm"
         )
+
+    def _found(self, miss):
+        """Value of what is prescribed that a miss belongs to."""
+        if self.quantity == "exit_density_ratio":
+            return self.fed_mean + np.exp(miss) * (self.value - self.fed_mean)
+        return self.value * np.exp(miss)
 
     def _asked(self, march, depth):
         if self.quantity is None:
@@ -289,7 +333,7 @@ def _at_once(march, lowest):
         return False
     frame, displacement = march.frame, march.condition.displacement
     try:
-        steady = Steady(frame, march.face.at(lowest))
+        steady = Steady(frame, march.face.at(lowest), progress=march.progress)
         if march.at_once:
             balance = steady.balanced(displacement, SHARE)
         else:
@@ -311,16 +355,40 @@ def _until_steady(march, lowest, steady):
         there = len(march.steps) + 1 - arrives
         drag = DRAG if there <= march.window else SETTLING * DRAG
         step = march.advance(way[k] if k < len(way) else lowest, drag)
+        if k >= len(way):
+            _refuse_high_wave(march, arrives)
         settled = there >= way_out + 3 * march.window and step.residual < UNBALANCED
         calm = calm + 1 if settled and _left(march, arrives) < steady else 0
         if calm > march.window:  # a tail that turns round is still for a moment only
             march.advance(lowest, drag=0.0)
             return march
-    reached = [(round(s.travel, 4), s.load, s.resistance, s.wave) for s in march.steps[-3:]]
     raise RuntimeError(
-        f"not steady at depth {march.frame.mesh.height - lowest:.4g} m after {march.steps[-1].travel:.3g} m of travel "
-        f"and {len(march.steps)} steps: {_left(march, arrives):.2g} of load, resistance or exit density left to go, "
-        f"{step.residual:.2g} of the forces held by drag; (travel, load, resistance, bow wave) were {reached}"
+        f"not steady at depth {1e3 * (march.frame.mesh.height - lowest):.4g} mm after {march.steps[-1].travel:.3g} m "
+        f"of travel and {len(march.steps)} steps: {_percent(_left(march, arrives))} of load, resistance or exit "
+        f"density left to go, {_percent(step.residual)} of the forces held by drag; {_state(step)}"
+    )
+
+
+def _percent(share):
+    return f"{100 * share:.2g} %" if share < 10 else "far more than all"
+
+
+def _state(step):
+    return f"load {step.load:.0f} N/m, resistance {step.resistance:.0f} N/m, bow wave {1e3 * step.wave:.3g} mm high"
+
+
+def _refuse_high_wave(march, arrives):
+    """Stop a march whose bow wave is as high as the roller may be steep, or will be."""
+    step, depth = march.steps[-1], march.frame.mesh.height - march.steps[-1].lowest
+    room = march.highest - depth
+    limit, left = tail([s.wave for s in march.steps[arrives:]], march.window)
+    if step.wave < room and not (step.wave > HIGH * room and HIGHER * room < limit and left < np.inf):
+        return
+    way = "has grown to" if step.wave >= room else f"tends to {1e3 * limit:.3g} mm, beyond"
+    raise HeapingError(
+        f"the mix heaps up in front of the roller at depth {1e3 * depth:.4g} mm: after {step.travel:.3g} m of travel "
+        f"the bow wave {way} the {1e3 * room:.3g} mm at which the contact is too steep to press the mix down; "
+        f"{_state(step)}"
     )
 
 

@@ -25,7 +25,12 @@ FIRST_SHARE = 0.005  # of the elastic stiffness
 
 
 class NotBalancedError(RuntimeError):
-    """An increment found no balance; the residuals reached are in its message."""
+    """An increment found no balance; the smallest residual reached is in its message."""
+
+
+def unbalanced(sizes):
+    """Clause of a message about the forces that stay unbalanced after the iterations of the residuals `sizes`."""
+    return f"after {len(sizes)} iterations {min(sizes):.1e} of the forces stay unbalanced"
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +59,11 @@ class Balancer:
         drag : share of the elastic stiffness that resists departures from the displacement foreseen
         face : `Face` or anything whose `push` answers displacements of the nodes
 
-        Raises NotBalancedError with the residuals reached.
+        The search starts from the displacement before where elements fold over in the one foreseen.
+
+        Raises NotBalancedError with the smallest residual reached.
         """
-        trial, share, history = _Trial(self, before, face, displacement, drag, displacement), 0.0, []
+        trial, share, history = self._first(before, face, displacement, drag), 0.0, []
         for iteration in range(ITERATIONS):
             history.append(trial.size)
             if trial.size <= self.residual:
@@ -77,14 +84,26 @@ class Balancer:
             elif length == 1:
                 share = share / 4 if share > FIRST_SHARE / 20 else 0.0
             trial = moved or trial
-        shown = ", ".join(f"{value:.1e}" for value in history[-8:])
-        raise NotBalancedError(f"no balance after {len(history)} iterations; residuals over forces were {shown}")
+        raise NotBalancedError(f"no balance: {unbalanced(history)}")
+
+    def _first(self, before, face, foreseen, drag):
+        """The `_Trial` at the displacement foreseen, or before the increment where elements fold over there."""
+        held, start = self.solid.held, before.displacement.copy()
+        start.ravel()[held] = foreseen.ravel()[held]
+        for displacement in (foreseen, start):
+            trial = _tried(self, before, face, displacement, drag, foreseen)
+            if trial is not None:
+                return trial
+        raise NotBalancedError("no balance: elements of the layer fold over before the first iteration")
 
     def _factorise(self, trial, share):
         blocks = trial.stiffness()
         if share + trial.drag:
             blocks = blocks + (share + trial.drag) * self.elastic_blocks
-        self.factor = self.solid.factorised(blocks, self.nodes, trial.push.stiffness)
+        try:
+            self.factor = self.solid.factorised(blocks, self.nodes, trial.push.stiffness)
+        except RuntimeError as error:
+            raise NotBalancedError(f"no balance: {error}") from error
         if trial.push.coupling is not None:
             self.factor = _coupled(self.factor, *(self._free(part) for part in trial.push.coupling))
         self.factorised += 1
@@ -136,11 +155,16 @@ class _Trial:
         """The trial a step further, or None where elements would fold over or the mix does not follow."""
         displacement = self.motion.after.displacement.copy()
         displacement.ravel()[self.balancer.solid.order] += length * direction
-        try:
-            with np.errstate(invalid="raise", divide="raise", over="raise"):
-                return _Trial(self.balancer, self.before, self.face, displacement, self.drag, self.foreseen)
-        except (FloatingPointError, RuntimeError, ValueError):
-            return None
+        return _tried(self.balancer, self.before, self.face, displacement, self.drag, self.foreseen)
+
+
+def _tried(*given):
+    """The `_Trial` of these arguments, or None where elements fold over or the mix does not follow."""
+    try:
+        with np.errstate(invalid="raise", divide="raise", over="raise"):
+            return _Trial(*given)
+    except (FloatingPointError, RuntimeError, ValueError):
+        return None
 
 
 def _coupled(factor, column, row):

@@ -63,11 +63,24 @@ class March:
     """A roller on its way through a `Frame`: one `advance` after the other, each a balanced increment.
 
     at_once : its last step is a steady balance, found at once
+    highest : height above the lowest generatrix [m] that the bow wave may reach
+    progress : called with a line of text after each step
     sought : height of the lowest generatrix [m] where such a balance was sought in vain, or None
     """
 
-    def __init__(self, frame, radius, *, profile="deformed", friction=0.0, torque=None, residual=1e-4):
-        self.frame = frame
+    def __init__(
+        self,
+        frame,
+        radius,
+        *,
+        profile="deformed",
+        friction=0.0,
+        torque=None,
+        residual=1e-4,
+        highest=np.inf,
+        progress=None,
+    ):
+        self.frame, self.highest, self.progress = frame, highest, progress
         self.change, self.at_once, self.sought = 0.0, False, None
         law, height = frame.solid.law, frame.mesh.height
         penalty = PENALTY * law.unloading_modulus / min(frame.step, height / THIN)
@@ -124,11 +137,12 @@ class March:
                 return replace(balance, iterations=iterations)
             except NotBalancedError as error:
                 reason = error
-        reached = (
-            f"load {self.steps[-1].load:.6g} N/m at travel {self.steps[-1].travel:.4g} m" if self.steps else "none"
-        )
+        depth, reached = 1e3 * (self.frame.mesh.height - lowest), "the roller has not moved yet"
+        if self.steps:
+            last = self.steps[-1]
+            reached = f"at travel {last.travel:.3g} m load {last.load:.0f} N/m, bow wave {1e3 * last.wave:.3g} mm high"
         raise RuntimeError(
-            f"step {len(self.steps) + 1} of the march, lowest generatrix {lowest:.6g} m: {reason}; reached: {reached}"
+            f"step {len(self.steps) + 1} of the march at depth {depth:.4g} mm finds {reason}; reached: {reached}"
         )
 
     def _starting(self, face, arrived):
@@ -171,6 +185,12 @@ class March:
             float(self.places[:, 1].max() - self.frame.mesh.height),
         )
         self.steps += (step,)
+        if self.progress is not None:
+            self.progress(
+                f"{round(self.frame.length / self.frame.step)} increments a contact, step {len(self.steps)}: "
+                f"travel {step.travel:.3g} m, bow wave {1e3 * step.wave:.3g} mm, {step.residual:.1e} of the forces "
+                "unbalanced"
+            )
         return step
 
     def forces(self):

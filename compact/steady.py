@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from compact import cap
-from compact.equilibrium import Balance, NotBalancedError
+from compact.equilibrium import Balance, NotBalancedError, unbalanced
 from compact.flow import Flow, Stream, changes
 from compact.solid import SUBSTEPS, Condition
 
@@ -64,10 +64,10 @@ class Trial:
 
 
 class Steady:
-    """A layer in a `Frame` under a `Face` in steady motion."""
+    """A layer in a `Frame` under a `Face` in steady motion; `progress` is called with a line after each iteration."""
 
-    def __init__(self, frame, face, substeps=SUBSTEPS):
-        self.frame, self.solid = frame, frame.solid
+    def __init__(self, frame, face, substeps=SUBSTEPS, progress=None):
+        self.frame, self.solid, self.progress = frame, frame.solid, progress
         solid = frame.solid
         self.stream = Stream(solid.law, frame.fed.state, solid.rate_factor, solid.finite, substeps)
         face = face.at(face.lowest, -frame.step).starting(np.zeros_like(face.place)).at(face.lowest)
@@ -94,6 +94,11 @@ class Steady:
         trial = self._trial(displacement, self.carried)
         for iteration in range(ITERATIONS if residual else 2 * ITERATIONS):
             history.append(trial.size)
+            if self.progress is not None:
+                self.progress(
+                    f"{round(self.frame.length / self.frame.step)} increments a contact, direct solution, iteration "
+                    f"{iteration + 1}: {trial.size:.1e} of the forces unbalanced"
+                )
             if trial.size <= (residual or RESIDUAL):
                 if residual or smooth:
                     return self._balance(trial, iteration)
@@ -110,8 +115,7 @@ class Steady:
             share, misses, trial = _next_share(share, length), 0, moved
         if smooth:  # the edges of the contact do not come to rest at one node
             return self._balance(smooth, iteration)
-        shown = ", ".join(f"{size:.1e}" for size in history[-6:])
-        raise NotBalancedError(f"no steady balance after {len(history)} iterations; residuals over forces were {shown}")
+        raise NotBalancedError(f"no steady balance: {unbalanced(history)}")
 
     def _balance(self, trial, iterations):
         push = self._push(trial)
@@ -136,6 +140,14 @@ class Steady:
         return push if slip is None else replace(push, creep=slip.creep)
 
     def _trial(self, displacement, pressure):
+        """The `Trial` of a displacement and pressures; raises NotBalancedError where elements fold over."""
+        try:
+            with np.errstate(invalid="raise", divide="raise", over="raise"):
+                return self._evaluated(displacement, pressure)
+        except (FloatingPointError, RuntimeError) as error:  # of numpy, and of the streamlines
+            raise NotBalancedError("no steady balance: elements of the layer fold over") from error
+
+    def _evaluated(self, displacement, pressure):
         displacement = self.frame.passed(displacement)
         gradients = self.solid.gradient(displacement)
         flow = self.stream.along(self.frame.rows(gradients))

@@ -48,7 +48,10 @@ def stiffened(march_of, lowest):
         step *= 1.4 if iterations < QUICK else 1 / 1.3 if iterations > SLOW else 1.0
         here, there, share = (march, ahead), here, ahead
     march = here[0]
-    march.settled(Steady(march.frame, march.face.at(lowest)).balanced(march.condition.displacement), lowest)
+    march.settled(
+        Steady(march.frame, march.face.at(lowest), progress=march.progress).balanced(march.condition.displacement),
+        lowest,
+    )
     return march
 
 
@@ -89,7 +92,7 @@ def _settled(march, foreseen, lowest, share):
     face = march.face.at(lowest)
     if isinstance(face, TurningFace):
         face = replace(face, sticking=STICKING * share**-SHARPER)
-    march.settled(Steady(march.frame, face).balanced(displacement, residual=ROUGH), lowest)
+    march.settled(Steady(march.frame, face, progress=march.progress).balanced(displacement, residual=ROUGH), lowest)
     return march, share
 
 
@@ -98,5 +101,6 @@ def _without_grip(march, lowest):
     still = march.condition.displacement
     if not isinstance(march.face, TurningFace):
         return still, march.face.carried, None, None
-    found = Steady(march.frame, replace(march.face, grip=0.0, pull=0.0).at(lowest)).balanced(still, residual=ROUGH)
+    face = replace(march.face, grip=0.0, pull=0.0).at(lowest)
+    found = Steady(march.frame, face, progress=march.progress).balanced(still, residual=ROUGH)
     return found.after.displacement, found.push.pressure, found.push.shear, 0.0

@@ -1,5 +1,6 @@
 """The engine "compaction" against columns, balances, and itself: passes, targets, restarts, both ways."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -247,10 +248,13 @@ def test_march_that_does_not_get_steady_says_how_far_it_got(monkeypatch):
     monkeypatch.setattr("compact.compaction.LONGEST", 0.5)
     monkeypatch.setattr("compact.stiffening.SHORTEST", 10.0)
     monkeypatch.setattr("compact.steady.ITERATIONS", 1)
-    with pytest.raises(RuntimeError, match=r"not steady at depth 0.002 m after 0.04.* m of travel .* held by drag"):
+    with pytest.raises(RuntimeError, match=r"not steady at depth 2 mm after 0.04.* m of travel .* by drag; .*") as told:
         over_small()
-    with pytest.raises(RuntimeError, match=r"has voids for 0.0027 m of that depth, so it is likely to heap up"):
-        over_small(replace(ROLLER, indentation=0.004))
+    assert re.search(r"load \d+ N/m, resistance \d+ N/m, bow wave \S+ mm high; press less deep", str(told.value))
+    with pytest.raises(
+        RuntimeError, match=r"mm high; feed it in lifts of at most 0.065 m .*; or press at most 4.67 mm"
+    ):
+        over_small(replace(ROLLER, indentation=0.0055))
 
 
 def test_mix_carried_into_the_roller_from_beyond_is_no_balance(rolled):
@@ -342,7 +346,29 @@ def test_neighbour_takes_few_iterations(rolled):
     assert deeper.steps[-1].iterations < 30
 
 
+def test_progress_is_told_and_may_be_interrupted():
+    lines, given = [], (Layer(HEIGHT), wide(10), THIN, 0.2)
+    roll(*given, strain="small", increments=4, progress=lines.append)
+    told = r"4 increments a contact, direct solution, iteration 1: \S+ of the forces unbalanced"
+    assert re.fullmatch(told, lines[0])
+    assert re.match(r"4 increments a contact, step \d+: travel \S+ m, bow wave \S+ mm, ", lines[-1])
+
+    def interrupted(line):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        roll(*given, strain="small", increments=4, progress=interrupted)
+
+
 # (h) refusals
+
+
+def test_load_that_is_not_met_says_what_came_nearest(monkeypatch):
+    monkeypatch.setattr("compact.compaction.TARGETS", 2)
+    monkeypatch.setattr("compact.compaction.TARGET", 1e-9)
+    message = r"`load` 400000 N/m not met after 2 depths from \S+ to \S+ mm; the nearest was \S+ N/m at \S+ mm$"
+    with pytest.raises(RuntimeError, match=message):
+        over_thin(10, increments=4, indentation=None, load=4e5)
 
 
 @pytest.mark.parametrize(

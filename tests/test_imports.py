@@ -25,6 +25,7 @@ LEVELS = (
         "deformation",
         "pressing",
         "equilibrium",
+        "heaping",
         "ringing",
         "pool",
         "criteria",

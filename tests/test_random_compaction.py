@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from compact import compaction
-from compact.compaction import roll
+from compact.compaction import HeapingError, roll
 from compact.material import Compaction
 from compact.mix import LOOSE, prior
 from compact.records import Layer, Roller
@@ -61,14 +61,63 @@ class PassedError(Exception):
 
 
 @pytest.mark.parametrize("seed", range(80))
-def test_impossible_demands_and_no_others_are_refused_at_the_door(seed, monkeypatch):
-    def solving(*given):
-        raise PassedError
-
-    monkeypatch.setattr(compaction, "_march", solving)
+def test_impossible_demands_and_no_others_are_refused_at_the_door(seed, solving):
     scene, asked, impossible = demanded(seed)
     with pytest.raises(ValueError if impossible else PassedError):
-        roll(*scene, 0.13, **asked)
+        roll(*scene, 0.13, **asked, steepest=None)
+
+
+@pytest.fixture
+def solving(monkeypatch):
+    """What passes the door ends with a PassedError."""
+
+    def reached(*given):
+        raise PassedError
+
+    monkeypatch.setattr(compaction, "_march", reached)
+
+
+def calibrated(height, depth, heckel_slope, fed):
+    """A published scene with the mix fitted to it, (layer, roller, material)."""
+    slope = float(np.sqrt(3) * np.sin(np.radians(35)))
+    isotropic = heckel_slope * (1 + np.sqrt(1 + 4 * slope**2 / 9)) / 2
+    material = Compaction(120e6, 0.3, isotropic, LOOSE, slope, 10e3 / np.tan(np.radians(35)), fed)
+    return Layer(height * 0.98 / fed), Roller(0.11, depth, 0.35, "free", "deformed"), material
+
+
+FOUND = {
+    **{f"lift {seed}": random_scene(seed, LIFT) for seed in range(40)},
+    **{f"product {seed}": random_scene(seed) for seed in (2, 3, 11, 25)},
+    "steep": (Layer(0.23), Roller(0.11, 0.009), Compaction(120e6, 0.3, 28e-6, LOOSE, 1.2, 14e3, 0.935)),
+    "published lift": calibrated(0.06, 0.003, 14.96e-6, 0.93576),
+    "published lift of 40 mm": calibrated(0.04, 0.0033, 11.7e-6, 0.905),
+    "published product": calibrated(0.22, 0.00275, 24.95e-6, 0.9687),
+}
+# whole products that the estimate refuses, of those that the finite elements do not find within minutes
+HOPELESS = (0, 1, 6, 8, 9, 16, 20, 22, 23, 26, 27, 30, 34, 37, 39)
+
+
+@pytest.mark.parametrize("scene", FOUND)
+def test_estimate_refuses_no_scene_with_a_computed_steady_state(scene, solving):
+    with pytest.raises(PassedError):
+        roll(*FOUND[scene], 0.13)
+
+
+@pytest.mark.parametrize("seed", HOPELESS)
+def test_estimate_refuses_whole_products_that_heap_up(seed, solving):
+    with pytest.raises(HeapingError, match=r"heaps up in front of the roller \(an estimate\); feed it in lifts of"):
+        roll(*random_scene(seed), 0.13)
+
+
+@pytest.mark.slow
+def test_march_stops_early_where_mix_heaps_up(monkeypatch):
+    """The estimate refuses this one too; without the limit of the wave the march goes 12 heights, five times as far."""
+    monkeypatch.setattr(compaction, "refuse_heaping", lambda *given: None)
+    travelled = []
+    with pytest.raises(HeapingError, match=r"bow wave (has grown|tends) to .* too steep to press the mix down"):
+        roll(*random_scene(0), 0.13, increments=4, progress=travelled.append)
+    travel = float(travelled[-1].split("travel ")[1].split(" m")[0])
+    assert travel < 2.4 * random_scene(0)[0].height
 
 
 def refuse_unbalanced(rolled, work=0.02):

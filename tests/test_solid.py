@@ -185,5 +185,24 @@ def test_what_finds_no_balance_says_how_far_it_got():
     guess = solid.at_rest().displacement
     guess[:, 1] = -0.4 * solid.basis.doflocs[1] ** 2
     balancer = Balancer(solid, np.array([20]), residual=1e-30)
-    with pytest.raises(NotBalancedError, match=r"no balance after .* iterations; residuals over forces were"):
+    with pytest.raises(NotBalancedError, match=r"no balance: after \d+ iterations \S+ of the forces stay unbalanced"):
         balancer.balanced(solid.at_rest(), Nothing(), guess)
+
+
+def test_fold_in_the_foreseen_displacement_is_no_start():
+    """The start is then the displacement before the increment, from which the balance is found."""
+    solid = Solid(SQUARE, MIX, held=np.arange(8))
+    folded = solid.at_rest().displacement
+    folded[20] = [2.0, 0.0]  # beyond the far side of the mesh
+    with np.errstate(all="ignore"), pytest.raises(ValueError, match="`strain` must be finite"):
+        solid.moved(solid.at_rest(), folded)
+    balance = Balancer(solid, np.array([20])).balanced(solid.at_rest(), Nothing(), folded)
+    assert np.abs(balance.after.displacement).max() == 0
+
+
+def test_held_nodes_that_fold_the_layer_over_are_refused_in_words():
+    solid = Solid(SQUARE, MIX, held=[40, 41])
+    folded = solid.at_rest().displacement
+    folded[20] = [2.0, 0.0]
+    with pytest.raises(NotBalancedError, match="elements of the layer fold over before the first iteration"):
+        Balancer(solid, np.array([19])).balanced(solid.at_rest(), Nothing(), folded)

@@ -127,8 +127,17 @@ def test_far_from_a_balance_it_says_what_it_reached(monkeypatch):
     monkeypatch.setattr("compact.steady.ITERATIONS", 5)
     frame = layer()
     face = March(frame, 0.11).face.at(0.09)
-    with pytest.raises(NotBalancedError, match=r"no steady balance after \d+ iterations; residuals over forces were"):
+    with pytest.raises(NotBalancedError, match=r"no steady balance: after \d+ iterations \S+ of the forces stay"):
         Steady(frame, face).balanced(np.zeros_like(frame.nodes))
+
+
+@pytest.mark.parametrize("way", [(1.0, 0.0), (0.0, 0.25)], ids=["folded over", "above the axle"])
+def test_layer_far_out_of_place_is_refused_in_words(way):
+    frame = layer()
+    moved = waved(frame)
+    moved[frame.surface[::2]] = way
+    with pytest.raises(NotBalancedError, match="no steady balance: elements of the layer fold over"):
+        Steady(frame, March(frame, 0.11).face.at(0.098)).balanced(moved)
 
 
 # (c) from soft mix
