@@ -27,7 +27,7 @@ from compact.course import Course
 from compact.drive import CREEP, Means, Rigid, State, met_resistance, simulate, steady_force
 from compact.dynamics import peaks
 from compact.motion import Cycle, Join
-from compact.refuse import refuse_negative, refuse_nonpositive, refuse_unknown
+from compact.refuse import refuse_negative, refuse_nonpositive, refuse_unknown, require_opposing
 from compact.regime import Problem, Work
 from compact.sprung_memory import RememberingProblem
 
@@ -75,12 +75,13 @@ def travel(cart, drive, motion, resistance, *, regime="periodic", working=(1 / 6
     working : shares of the pass there between which the speed should be even
     tolerance : of the resistance that the solution meets, relative to the largest force of inertia and resistance
 
-    Raises ValueError for a resistance that jumps at a speed other than 0, or that drives the cart from rest, and
+    Raises ValueError for a resistance that does not oppose the motion, or jumps at a speed other than 0, and
     RuntimeError where no periodic regime is found or the cart moves too wildly to follow.
     """
     refuse_nonpositive(mass=cart.mass, tolerance=tolerance)
     refuse_unknown("regime", regime, REGIMES)
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
+    require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
     kind = RememberingProblem if hasattr(resistance, "along") else Problem
     problem = kind(cart, drive, cycle, resistance, tolerance)
     if regime == "rest":

@@ -134,6 +134,11 @@ class Memory:
     shape: ResistanceMap
     error: float | None = None
 
+    @property
+    def odd(self):
+        """Whether F_ss changes its sign with the velocity by construction."""
+        return getattr(self.steady, "odd", False)
+
     def __call__(self, velocity, acceleration=0.0):
         return self.steady(velocity, acceleration)
 

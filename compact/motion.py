@@ -25,6 +25,7 @@ from compact.refuse import (
     refuse_nonpositive,
     refuse_outside,
     refuse_unknown,
+    require_opposing,
 )
 
 __all__ = [
@@ -253,7 +254,8 @@ def optimise(
         "drawn_energy" (the work where P > 0) [J]; or name -> weight >= 0 of a weighted sum
     stroke, duration : travel [m] and time [s] of one pass, > 0
     mass : of the cart [kg], >= 0
-    resistance : R(velocity, acceleration) [N], arrays of any shape, odd in both; guide friction may be in it. Several
+    resistance : R(velocity, acceleration) [N], arrays of any shape, of the way there alone, where velocity > 0: the
+        way back mirrors it; guide friction may be in it. Several
         make a law for all of them: J is the worst of them, or the `quantile`
     regret : count J of each resistance in what the best law for it alone would ask; J is then such a ratio
     limits : `Limits` that the law keeps at every instant; none but a way without turning back unless given
@@ -280,6 +282,8 @@ def optimise(
     if pieces is not None:
         refuse_fractional(pieces=pieces)
     resistances = (resistance,) if callable(resistance) else tuple(resistance)
+    for one in resistances:
+        require_opposing(one, stroke / duration, ways=(1.0,))
     limits = limits or Limits()
     task = limits, float(stroke), float(duration), weights, float(mass)
     refuse_unknown("method", method, tuple(METHODS))

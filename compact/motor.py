@@ -21,7 +21,7 @@ from compact.belt import Belt
 from compact.cart import Balance, Cart, balance
 from compact.drive import CREEP, Crank, Means, Rigid, State, met_resistance, refuse_foreign_law, simulate, steady_force
 from compact.pieces import inside, largest
-from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive
+from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive, require_opposing
 from compact.shaft import Turning, turning
 
 RIGID = Rigid()
@@ -163,13 +163,14 @@ def revolve(cart, motor, motion, resistance, *, working=(1 / 6, 5 / 6), start_sp
     start_speed : of the shaft at the start [rad/s], for a turn that is not periodic
     tolerance : of phi'^2, relative
 
-    Raises ValueError for a law whose velocity jumps, which no motor follows, and for a memory in a turn that is not
-    periodic; RuntimeError where the motor stalls or its belt slips.
+    Raises ValueError for a law whose velocity jumps, which no motor follows, for a resistance that does not oppose the
+    motion, and for a memory in a turn that is not periodic; RuntimeError where the motor stalls or its belt slips.
     """
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
     if any(join.order == 1 for join in cycle.joins()):
         raise ValueError(f"the velocity of '{cycle.there.name}' jumps, which no motor can follow; choose another law")
     refuse_foreign_law(motor.rod, cycle)
+    require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
     load = Load(cart, motor, cycle, resistance)
     guess = _first_speed(load) if start_speed is None else start_speed
 

@@ -53,6 +53,8 @@ class ResistanceMap:
     added_masses: np.ndarray | None = None
     time: float = 0.0
 
+    odd = True  # with either sign: a driven roller pulls its cart
+
     def __call__(self, velocity, acceleration=0.0):
         """F [N], of the common shape of velocity and acceleration.
 

@@ -586,9 +586,15 @@ def test_resistance_that_jumps_at_a_speed_is_refused():
         )
 
 
-def test_resistance_that_drives_a_standing_cart_is_refused():
+def test_constant_force_on_both_strokes_is_refused():
+    with pytest.raises(ValueError, match=r"`resistance` must oppose the motion, got 3486 N at velocity -0\.133"):
+        travel(CART, spring(1e6, 0.1), published("cubic"), lambda velocity, acceleration: 3486.0, regime="rest")
+
+
+def test_map_that_drives_a_standing_cart_is_refused():
+    pulling = ResistanceMap(np.array([0.1, 0.3, 0.9]), np.full(3, -10.0), 1e-3)
     with pytest.raises(ValueError, match=r"`resistance` must not push a standing cart on, got -10 N at speed \+0"):
-        travel(CART, spring(1e6, 0.1), published("cubic"), dry(-10.0))
+        travel(CART, spring(1e6, 0.1), published("cubic"), pulling)
 
 
 def test_resonance_is_told():
