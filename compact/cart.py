@@ -86,6 +86,11 @@ class Opposition:
     cart: Cart
     resistance: Callable
 
+    @property
+    def odd(self):
+        """Whether the resistance of the mix changes its sign with the velocity by construction."""
+        return getattr(self.resistance, "odd", False)
+
     def __call__(self, velocity, acceleration):
         """W + guide friction [N], of the common shape of velocity [m/s] and acceleration [m/s^2]."""
         met = self.resistance(velocity, acceleration)

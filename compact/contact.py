@@ -339,7 +339,12 @@ def cart_power(resistance, velocity):
 
 
 def dry_resistance(force):
-    """A callable resistance(velocity, acceleration) = force sign(velocity) [N], force >= 0 [N]: a `DryResistance`.
+    """Constant resistance of `force` [N] >= 0 that opposes the motion either way (dry friction), a `DryResistance`.
+
+        R(v, a) = force sign(v)
+
+    It is the resistance to give `simulate`, `elastic.travel` and the other drives for a machine of which one force is
+    known. A plain constant, `lambda v, a: 3486.0`, would push the cart on its way back and is refused.
 
     >>> resistance = dry_resistance(3486.0)
     >>> [float(resistance(v, 0.0)) for v in (-0.2, 0.0, 0.2)]

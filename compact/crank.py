@@ -12,7 +12,7 @@ import numpy as np
 from compact.cart import Balance, Cart, balance
 from compact.drive import CREEP, POINTS, Crank, met_resistance
 from compact.pieces import clenshaw_curtis, inside, largest
-from compact.refuse import refuse_nonfinite, refuse_nonpositive
+from compact.refuse import refuse_nonfinite, refuse_nonpositive, require_opposing
 
 # Phases of the published machines: 1, 2 carts at 90 degrees, 3 at 120, 4 at 90 (paper C).
 USUAL_ANGLES = {
@@ -134,10 +134,12 @@ def turn(cart, crank, angular_speed, resistance, angles=(0.0,)):
     angles : crank angle of each cart ahead of the shaft's [rad]
 
     Samples hold both sides of every dead centre, where the resistance changes sign, and integrate exactly between.
-    Raises ValueError for numbers that are not finite and a rod that friction locks.
+    Raises ValueError for numbers that are not finite, a resistance that does not oppose the motion, and a rod that
+    friction locks.
     """
     refuse_nonpositive(angular_speed=angular_speed)
     refuse_nonfinite(angles=angles)
+    require_opposing(resistance, angular_speed * crank.radius)
     shaft = Shaft(cart, crank, angular_speed, resistance, tuple(angles))
     edges = shaft.dead_centres()
     nodes, unit_weights = clenshaw_curtis(POINTS)

@@ -18,7 +18,7 @@ from compact.cart import Balance, Cart, balance
 from compact.pieces import EPSILON, clenshaw_curtis, inside, largest
 from compact.ranking import CRITERIA as CRITERIA
 from compact.ranking import rank as rank
-from compact.refuse import refuse_nonpositive
+from compact.refuse import refuse_nonpositive, require_opposing
 
 POINTS = 129  # per piece of a motion, at Chebyshev's points: integrals of smooth laws to rounding
 CREEP = 1e-12  # share of the mean velocity that stands for "just moving" at rest
@@ -263,11 +263,13 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
     cart : Cart
     drive : Rigid or Crank, or a drive with an equation of motion of its own, such as `elastic.ElasticDrive`: its `run`
     motion : Motion (there and back without a dwell) or Cycle
-    resistance : callable(velocity, acceleration) -> N, of all rollers of the cart; one that remembers, a
+    resistance : callable(velocity, acceleration) -> N, of all rollers of the cart, that changes its sign with the
+        velocity; `contact.dry_resistance` makes one of a constant force. One that remembers, a
         `memory.Memory`, is taken along the cycle that the drive imposes, or makes
     working : shares of the pass between which the speed should be even, for `nonuniformity`
 
-    Raises ValueError where the resistance is not finite, and where a crank is given another law than its own.
+    Raises ValueError where the resistance is not finite or does not oppose the motion, and where a crank is given
+    another law than its own.
     """
     if not 0 <= working[0] < working[1] <= 1:
         raise ValueError(f"`working` must be two shares, 0 <= first < second <= 1, got {working!r}")
@@ -275,6 +277,7 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
     if hasattr(drive, "run"):
         return drive.run(cart, cycle, resistance, working)
     refuse_foreign_law(drive, cycle)
+    require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
     if hasattr(resistance, "along"):
         resistance = resistance.along(cycle)
     demand = Demand(cart, drive, cycle, resistance)

@@ -41,10 +41,9 @@ MOTOR_HEADER = (
 
 
 def _motor_row(run):
-    torque = float(np.abs(run.motor_torque).max()) / run.load.motor.gear_ratio
     work = float(np.sum(run.weights * run.motor_power))
     return (
-        run.name, run.period, float(run.speed.min()), float(run.speed.max()), run.fluctuation, torque,
+        run.name, run.period, run.least_speed, run.largest_speed, run.fluctuation, run.peak_motor_torque,
         run.peak_motor_power, work, run.nonuniformity, run.energy_residual, run.belt_creep, run.belt_loss,
     )  # fmt: skip
 

@@ -24,6 +24,8 @@ from compact.refuse import (
     refuse_nonpositive,
     refuse_outside,
     refuse_unknown,
+    require_at_most,
+    require_opposing,
 )
 from compact.sequential_programming import METHODS, optimum
 
@@ -46,6 +48,7 @@ ORDERS = ("position", "velocity", "acceleration", "jerk", "snap")
 Turn = Literal["reversal", "dwell"]
 # A jump smaller than this share of the derivative's own size is rounding.
 JUMP_TOLERANCE = 1e-9
+MOST_PIECES = 1024  # [-], of an optimal law: its dense programs take 0.1 GB then, four times as much at twice as many
 SIDE_STEPS = 8  # roundings of phase by which the two sides of a join may lie apart
 TURNS = ("reversal", "dwell")
 
@@ -253,7 +256,8 @@ def optimise(
         "drawn_energy" (the work where P > 0) [J]; or name -> weight >= 0 of a weighted sum
     stroke, duration : travel [m] and time [s] of one pass, > 0
     mass : of the cart [kg], >= 0
-    resistance : R(velocity, acceleration) [N], arrays of any shape, odd in both; guide friction may be in it. Several
+    resistance : R(velocity, acceleration) [N], arrays of any shape, of the way there alone, where velocity > 0: the
+        way back mirrors it; guide friction may be in it. Several
         make a law for all of them: J is the worst of them, or the `quantile`
     regret : count J of each resistance in what the best law for it alone would ask; J is then such a ratio
     limits : `Limits` that the law keeps at every instant; none but a way without turning back unless given
@@ -279,7 +283,10 @@ def optimise(
     refuse_outside(0, 1, quantile=quantile)
     if pieces is not None:
         refuse_fractional(pieces=pieces)
+        require_at_most(MOST_PIECES, "finer ones change no law by a machine's tolerance", pieces=pieces)
     resistances = (resistance,) if callable(resistance) else tuple(resistance)
+    for one in resistances:
+        require_opposing(one, stroke / duration, ways=(1.0,))
     limits = limits or Limits()
     task = limits, float(stroke), float(duration), weights, float(mass)
     refuse_unknown("method", method, tuple(METHODS))

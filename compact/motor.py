@@ -21,7 +21,7 @@ from compact.belt import Belt
 from compact.cart import Balance, Cart, balance
 from compact.drive import CREEP, Crank, Means, Rigid, State, met_resistance, refuse_foreign_law, simulate, steady_force
 from compact.pieces import inside, largest
-from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive
+from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive, require_opposing
 from compact.shaft import Turning, turning
 
 RIGID = Rigid()
@@ -67,6 +67,10 @@ class Motor:
         if self.belt is None:
             return geared
         return self.belt.motor_speed(lambda own: self.curve.torque(own) - self._spins_up(acceleration), geared)
+
+    def power(self, speed, acceleration):
+        """T w [W] of the motor, w its own speed, at speed [rad/s] and acceleration [rad/s^2] of the shaft."""
+        return self.torque(speed, acceleration) / self.gear_ratio * self.speed(speed, acceleration)
 
     def belt_torque(self, speed, acceleration):
         """What the motor puts on the belt, or straight on the gear [N m]."""
@@ -163,13 +167,14 @@ def revolve(cart, motor, motion, resistance, *, working=(1 / 6, 5 / 6), start_sp
     start_speed : of the shaft at the start [rad/s], for a turn that is not periodic
     tolerance : of phi'^2, relative
 
-    Raises ValueError for a law whose velocity jumps, which no motor follows, and for a memory in a turn that is not
-    periodic; RuntimeError where the motor stalls or its belt slips.
+    Raises ValueError for a law whose velocity jumps, which no motor follows, for a resistance that does not oppose the
+    motion, and for a memory in a turn that is not periodic; RuntimeError where the motor stalls or its belt slips.
     """
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
     if any(join.order == 1 for join in cycle.joins()):
         raise ValueError(f"the velocity of '{cycle.there.name}' jumps, which no motor can follow; choose another law")
     refuse_foreign_law(motor.rod, cycle)
+    require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
     load = Load(cart, motor, cycle, resistance)
     guess = _first_speed(load) if start_speed is None else start_speed
 
@@ -280,6 +285,16 @@ class MotorRun(Means):
         return self.turn.speed.ravel()
 
     @property
+    def least_speed(self):
+        """Least phi' [rad/s] over the turn."""
+        return math.sqrt(2 * self.turn.energy_range[0])
+
+    @property
+    def largest_speed(self):
+        """Largest phi' [rad/s] over the turn."""
+        return math.sqrt(2 * self.turn.energy_range[1])
+
+    @property
     def motor_torque(self):
         """g T [N m] on the shaft."""
         return self.load.motor.torque(self.speed, self.turn.acceleration.ravel())
@@ -287,19 +302,29 @@ class MotorRun(Means):
     @property
     def motor_power(self):
         """T w [W] of the motor, w its own speed."""
-        motor = self.load.motor
-        return self.motor_torque / motor.gear_ratio * motor.speed(self.speed, self.turn.acceleration.ravel())
+        return self.load.motor.power(self.speed, self.turn.acceleration.ravel())
 
     @cached_property
     def belt_torque(self):
         """On the motor's pulley [N m]."""
         return self.load.motor.belt_torque(self.speed, self.turn.acceleration.ravel())
 
+    @cached_property
+    def peak_motor_torque(self):
+        """Largest |T| [N m] of the motor."""
+        motor = self.load.motor
+        return self._largest_of_shaft(motor.torque) / motor.gear_ratio
+
+    @cached_property
+    def peak_belt_torque(self):
+        """Largest torque on the motor's pulley, or straight on the gear [N m]."""
+        return self._largest_of_shaft(self.load.motor.belt_torque)
+
     @property
     def belt_creep(self):
         """Largest |creep| of the belt; 0 without one."""
         belt = self.load.motor.belt
-        return 0.0 if belt is None else float(np.abs(self.belt_torque).max() / belt.creep_torque)
+        return 0.0 if belt is None else self.peak_belt_torque / belt.creep_torque
 
     @property
     def belt_loss(self):
@@ -308,8 +333,8 @@ class MotorRun(Means):
 
     def refuse_slip(self):
         """RuntimeError, with the preload that would hold, where a belt slips."""
-        belt, asked = self.load.motor.belt, float(np.abs(self.belt_torque).max())
-        if belt is not None and asked > belt.holds:
+        belt = self.load.motor.belt
+        if belt is not None and (asked := self.peak_belt_torque) > belt.holds:
             raise RuntimeError(
                 f"the belt slips under '{self.name}': {asked:.4g} N m on the motor's pulley, it holds "
                 f"{belt.holds:.4g}; give a preload of at least {belt.needed_preload(asked):.4g} N, or more wrap"
@@ -323,7 +348,7 @@ class MotorRun(Means):
     @property
     def fluctuation(self):
         """(phi'_max - phi'_min)/phi'_mean of the shaft, the mean over time."""
-        return float((self.speed.max() - self.speed.min()) * self.period / (2 * np.pi))
+        return (self.largest_speed - self.least_speed) * self.period / (2 * math.pi)
 
     @property
     def shocks(self):
@@ -354,7 +379,7 @@ class MotorRun(Means):
     @cached_property
     def peak_motor_power(self):
         """Largest |T w| [W] of the motor."""
-        return float(np.abs(self.motor_power).max())
+        return self._largest_of_shaft(self.load.motor.power)
 
     @cached_property
     def drawn_energy(self):
@@ -380,7 +405,17 @@ class MotorRun(Means):
         return float(abs(np.sum(self.weights * (power[0] - power[1])) - gain) / np.sum(self.weights * np.abs(power[1])))
 
     def _largest(self, quantity):
-        def size(angle):
-            return np.abs(quantity(self.load.at(angle, *self.turn.at(angle))))
+        """Largest |quantity| of the carts' `State`s over the turn, found on the solution itself."""
+        return self._top(lambda angle: quantity(self.load.at(angle, *self.turn.at(angle))))
 
-        return largest(size, inside(self.turn.breaks, steps=12))[0]
+    def _largest_of_shaft(self, quantity):
+        """Largest |quantity(speed, acceleration)| of the shaft over the turn, found on the solution itself."""
+
+        def over(angle):
+            energy, acceleration, _ = self.turn.at(angle)
+            return quantity(np.sqrt(2 * energy), acceleration)
+
+        return self._top(over)
+
+    def _top(self, over):
+        return largest(lambda angle: np.abs(over(angle)), inside(self.turn.breaks, steps=12))[0]

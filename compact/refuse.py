@@ -2,6 +2,9 @@
 
 import numpy as np
 
+OPPOSING_SPEEDS = np.array([1.0, 0.5, 0.1, 0.01])  # [-], of a speed that a run reaches; slower is next to standing
+OPPOSING_ROUNDING = 1e-9  # [-], of the largest force: a wrong sign below it is rounding
+
 
 class NotFiniteError(ValueError):
     """A quantity holds nan or an infinity."""
@@ -58,6 +61,46 @@ def refuse_unless(holds, value, rule):
     """Refuse with `rule` and the value, or the first element of it, where `holds` is not true throughout."""
     if not np.all(holds):
         raise ValueError(f"{rule} {shown(value, lambda _: holds)}")
+
+
+def require_at_most(limit, remedy, **counts):
+    """Require counts that a user gives to be at most `limit`, before anything of that size is made."""
+    for name, count in counts.items():
+        if count > limit:
+            raise ValueError(f"`{name}` must be at most {limit}, got {count}; {remedy}")
+
+
+def require_opposing(resistance, speed, *, ways=(1.0, -1.0)):
+    """Require a resistance that opposes the motion at speeds up to `speed` [m/s].
+
+        v R(v, 0) >= 0
+
+    Parameters
+    ----------
+    resistance : callable(velocity, acceleration) -> N. A resistance whose attribute `odd` is true changes its sign
+        with the velocity by construction; it is accepted with either sign, as a driven roller pulls its cart
+    speed : a speed that the run reaches [m/s], > 0
+    ways : signs of the velocities that the run reaches
+
+    Raises ValueError with the first velocity at which the resistance would push the cart on.
+
+    >>> require_opposing(lambda velocity, acceleration: 3500.0, 0.1)
+    Traceback (most recent call last):
+    ValueError: `resistance` must oppose the motion, got 3500 N at velocity -0.1 m/s: it would push the cart on; \
+give a function that changes its sign with the velocity, for a constant force `compact.dry_resistance(3500)`
+    """
+    if getattr(resistance, "odd", False):
+        return
+    velocity = np.outer(ways, speed * OPPOSING_SPEEDS).ravel()
+    force = np.broadcast_to(np.asarray(resistance(velocity, np.zeros(velocity.shape)), float), velocity.shape)
+    pushes = np.sign(velocity) * force < -OPPOSING_ROUNDING * np.abs(force).max()
+    if pushes.any():
+        v, pushed = velocity[pushes][0], force[pushes][0]
+        raise ValueError(
+            f"`resistance` must oppose the motion, got {pushed:g} N at velocity {v:g} m/s: it would push the cart on; "
+            "give a function that changes its sign with the velocity, for a constant force "
+            f"`compact.dry_resistance({abs(pushed):g})`"
+        )
 
 
 def refuse_unknown(kind, name, choices):

@@ -56,6 +56,8 @@ class ResistanceMap:
     time: float = 0.0
     return_ratio: float = 1.0
 
+    odd = True  # with either sign: a driven roller pulls its cart
+
     def __call__(self, velocity, acceleration=0.0):
         """F [N], of the common shape of velocity and acceleration.
 

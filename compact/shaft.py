@@ -9,6 +9,7 @@ Chebyshev coefficients of E are below the tolerance.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -24,9 +25,12 @@ SLOPES = np.linalg.solve(
 INTEGRALS = np.linalg.inv(SLOPES[1:, 1:])  # of values at the nodes after the first, from the start
 TO_CHEBYSHEV = np.linalg.inv(chebyshev.chebvander(2 * NODES - 1, ORDER))
 INSET = 1e-13  # rad by which the ends of an element are asked from inside
+ROUNDING = 1e-15  # [-], of the largest coefficient of E on an element
+REAL = 1e-6  # [-], of half an element, imaginary part of a root that rounding leaves of a double one
 ITERATIONS = 60  # of Newton's method; 4 to 8 are usual
 LEAST = 0.2  # of E, that one step leaves
 PROBE = 1e-7  # relative difference for derivatives
+MOST_ELEMENTS = 20_000  # [-]; dozens are usual, and twice as many with each halving of a torque that is noise
 HALVINGS = 30  # of elements; 2 to 5 are usual, more where a steep motor meets little inertia
 
 
@@ -64,6 +68,20 @@ class Turning:
         starts = np.concatenate([[0.0], np.cumsum(within[:-1, -1])])
         return starts[:, None] + within
 
+    @cached_property
+    def energy_range(self):
+        """Least and largest E over the turn [1/s^2], at the ends of elements and at the roots of its derivative."""
+        coefficients = self.energy @ TO_CHEBYSHEV.T
+        size = np.abs(coefficients).max(axis=1)
+        found = [self.energy[:, 0], self.energy[:, -1]]
+        for row, most in zip(coefficients, size, strict=True):
+            kept = np.flatnonzero(np.abs(row) > ROUNDING * most)[-1] + 1  # beyond, coefficients are rounding
+            roots = chebyshev.chebroots(chebyshev.chebder(row[:kept])) if kept > 2 else np.empty(0)
+            places = roots[np.abs(roots.imag) <= REAL].real
+            found.append(chebyshev.chebval(places[np.abs(places) <= 1], row))
+        every = np.concatenate(found)
+        return float(every.min()), float(every.max())
+
     def at(self, angle):
         """E, phi'' and the third derivative at angles in [0, 2 pi] of any shape."""
         i = np.clip(np.searchsorted(self.breaks, angle, side="right") - 1, 0, len(self.angle) - 1)
@@ -94,6 +112,8 @@ def turning(residual, breaks, speed, tolerance=1e-9, periodic=True):
         if not rough.any():
             return Turning(breaks, angle, energy, energy @ SLOPES.T / width, iterations)
         halves = (breaks[:-1] + breaks[1:])[rough] / 2
+        if len(breaks) + len(halves) > MOST_ELEMENTS:
+            break
         coarse = Turning(breaks, angle, energy, energy, iterations)
         breaks = np.sort(np.append(breaks, halves))
         fine = breaks[:-1, None] + np.diff(breaks)[:, None] * NODES

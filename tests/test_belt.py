@@ -112,7 +112,8 @@ def test_belt_takes_the_work_that_its_creep_does():
     # what the stretching belt dissipates; the rotor keeps nothing over a turn, but for the rate of its creep
     assert run.belt_loss == pytest.approx(np.sum(run.weights * run.belt_torque * (own - 150.0 * run.speed)), rel=0.02)
     assert run.belt_loss > 0
-    assert run.belt_creep == pytest.approx(np.abs(creep).max(), rel=1e-14)
+    assert run.belt_creep == pytest.approx(np.abs(creep).max(), rel=2e-4)
+    assert run.belt_creep >= np.abs(creep).max()  # between the nodes
     assert run.peak_motor_power > np.abs(run.motor_torque * run.speed).max()
 
 

@@ -12,9 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from published import CART_OF_C
 
+from compact.contact import dry_resistance
 from compact.crank import turn
 from compact.drive import CRITERIA, POINTS, Crank, Rigid, rank, simulate
+from compact.elastic import ElasticDrive
+from compact.hydraulic import Hydraulic
 from compact.motion import LAWS, Cycle, law
+from compact.motor import Motor
+from compact.resistance import ResistanceMap
+from compact.torque import Straight
 
 CART = CART_OF_C
 GUIDE = 0.008 * (2 * 9740.0 - 10e3)  # friction of the published guides while both wheels press
@@ -379,7 +385,7 @@ def test_dwells_stretch_the_cycle_and_cost_nothing(far, near):
 
 
 def test_resistance_is_asked_once_a_leg():
-    """And once for the steady force."""
+    """And once for the steady force, and once to see that it opposes the motion."""
     sizes = []
 
     def resistance(velocity, acceleration):
@@ -387,7 +393,7 @@ def test_resistance_is_asked_once_a_leg():
         return 100 * np.sign(velocity)
 
     simulate(CART, Rigid(), published("reversal-4"), resistance)
-    assert sorted(sizes) == [1, 3 * POINTS, 3 * POINTS]
+    assert sorted(sizes) == [1, 8, 3 * POINTS, 3 * POINTS]
 
 
 # ranking
@@ -496,11 +502,53 @@ def test_rank_counts_those_who_are_better(values):
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf], ids=str)
 def test_resistance_that_is_not_finite_is_refused_in_words(bad):
     def resistance(velocity, acceleration):
-        return np.where(velocity > 0.15, bad, 100.0)
+        return np.where(velocity > 0.15, bad, 100.0 * np.sign(velocity))
 
     words = rf"`resistance` must be finite, got {bad} at velocity 0\.15\d* m/s and acceleration -?\d\S* m/s\^2"
     with pytest.raises(ValueError, match=words):
         simulate(CART, Rigid(), published("cubic"), resistance)
+
+
+DRIVES = {
+    "rigid": Rigid(),
+    "elastic": ElasticDrive(1e6, 3e3),
+    "motor": Motor(Straight(60.0, 20.0), 15.0, 0.01, 10.0),
+    "hydraulic": Hydraulic(2e-3, 6.3e6, 1.2e-3, 8e-5, 0.62, 870.0, 2e4, 1.4e9, 4e-4),
+}
+WRONG_WAY = {
+    "constant": (lambda velocity, acceleration: 3500.0, r"got 3500 N at velocity -0\.133333 m/s"),
+    "array": (lambda velocity, acceleration: 3500.0 + 0 * velocity, r"got 3500 N at velocity -0\.133333 m/s"),
+    "even": (lambda velocity, acceleration: 2e4 * np.abs(velocity), r"got 2666\.67 N at velocity -0\.133333 m/s"),
+    "sign": (lambda velocity, acceleration: -3500.0 * np.sign(velocity), r"got -3500 N at velocity 0\.133333 m/s"),
+    "slow": (
+        lambda velocity, acceleration: 50 * np.sign(velocity) * (np.abs(velocity) - 0.01),
+        r"got -0\.433333 N at velocity 0\.00133333 m/s",
+    ),
+}
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("wrong", WRONG_WAY)
+def test_resistance_that_does_not_oppose_the_motion_is_refused(drive, wrong):
+    resistance, words = WRONG_WAY[wrong]
+    with pytest.raises(ValueError, match=rf"`resistance` must oppose the motion, {words}: .*`compact.dry_resistance\("):
+        simulate(CART, DRIVES[drive], published("quintic"), resistance)
+
+
+def test_crank_refuses_a_resistance_that_does_not_oppose_the_motion():
+    with pytest.raises(ValueError, match="`resistance` must oppose the motion, got 3500 N at velocity -"):
+        turn(CART, Crank(0.2, 0.8), 1.0, lambda velocity, acceleration: 3500.0)
+
+
+def test_constant_resistance_works_against_both_strokes():
+    run = simulate(CART, Rigid(), published("cubic"), dry_resistance(3500.0))
+    assert run.mean_power == pytest.approx(0.8 / 6 * (3500 + GUIDE), rel=1e-12)
+
+
+def test_map_of_a_driven_roller_may_pull_its_cart():
+    pulling = ResistanceMap(np.array([0.1, 0.2, 0.3]), np.array([-90.0, -80.0, -70.0]), 1e-3)
+    run = simulate(CART, Rigid(), published("cubic"), pulling)
+    assert run.mean_power < 0.8 / 6 * GUIDE
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import itertools
 import math
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -476,6 +477,34 @@ def test_friction_that_is_rounding_holds_nothing(name, size):
     assert run.energy_residual < 1e-6
 
 
+# laws whose velocity jumps, behind an undamped spring: mass, stiffness, dry friction, dwell
+UNDAMPED = {
+    "heavy spring": ("gear-sector", 50.0, 6.66e4, 3486.0, 0.0),
+    "with a dwell": ("gear-sector", 50.0, 6.66e4, 3486.0, 0.5),
+    "slow to close": ("gear-sector", 119.3, 5.78e5, 1036.0, 0.0),
+    "double root": ("constant-velocity", 18.54, 1.619e4, 255.2, 0.0),
+}
+
+
+@pytest.mark.parametrize("name", UNDAMPED)
+def test_undamped_cart_that_sets_off_from_rest_peaks_at_friction_and_impact(name):
+    """It swings about F/k at the pace V of the far end, and just comes to rest once in each: F + V sqrt(k m)."""
+    law_name, mass, stiffness, size, dwell = UNDAMPED[name]
+    cart = replace(CART, mass=mass)
+    run = travel(cart, ElasticDrive(stiffness, 0.0), published(law_name).cycle(dwell, dwell), dry(size))
+    assert run.peak_force == pytest.approx(size + 0.4 / 3 * math.sqrt(stiffness * mass), rel=1e-8)
+    assert run.course.end[:2] == pytest.approx(run.course.start[:2], rel=1e-8)
+    assert run.energy_residual < 1e-6
+    assert run.work.rounds < 25
+
+
+def test_undamped_cart_near_a_resonance_closes_relative_to_its_swing():
+    cart = replace(CART, mass=66.6873805120988)
+    run = travel(cart, ElasticDrive(5953.296791504955, 0.0), published("reversal-2"), free)
+    assert run.energy_residual < 1e-6
+    assert run.work.rounds <= 2
+
+
 def test_cart_of_a_dwell_stands_still_exactly():
     run = travel(CART, spring(1e6, 0.1), published("quintic").cycle(1.0, 1.0), dry(3486.0))
     standing = run.course.arcs.slip[run.course.places()[0]] == 0
@@ -586,9 +615,15 @@ def test_resistance_that_jumps_at_a_speed_is_refused():
         )
 
 
-def test_resistance_that_drives_a_standing_cart_is_refused():
+def test_constant_force_on_both_strokes_is_refused():
+    with pytest.raises(ValueError, match=r"`resistance` must oppose the motion, got 3486 N at velocity -0\.133"):
+        travel(CART, spring(1e6, 0.1), published("cubic"), lambda velocity, acceleration: 3486.0, regime="rest")
+
+
+def test_map_that_drives_a_standing_cart_is_refused():
+    pulling = ResistanceMap(np.array([0.1, 0.3, 0.9]), np.full(3, -10.0), 1e-3)
     with pytest.raises(ValueError, match=r"`resistance` must not push a standing cart on, got -10 N at speed \+0"):
-        travel(CART, spring(1e6, 0.1), published("cubic"), dry(-10.0))
+        travel(CART, spring(1e6, 0.1), published("cubic"), pulling)
 
 
 def test_resonance_is_told():
@@ -618,6 +653,27 @@ def test_impossible_springs_are_refused(numbers, words):
 def test_lag_that_outweighs_the_cart_is_refused():
     with pytest.raises(ValueError, match=r"`mass` must exceed what the resistance lags by, got 1000 kg, a lag of 1500"):
         travel(CART, ElasticDrive(1e6, 1e3, first_order=True), published("cubic"), lambda v, a: np.sign(v) - 1500 * a)
+
+
+@pytest.mark.parametrize("name", ["quintic", "gear-sector"])
+def test_oscillations_that_fit_no_memory_are_refused_before_they_are_sampled(name):
+    words = (
+        r"`stiffness` 1e\+15 N/m with a `damping` of 0 N s/m makes the cart swing 9.5e\+05 times in a cycle: .*rigid"
+    )
+    with pytest.raises(ValueError, match=words) as refusal:
+        travel(CART, ElasticDrive(1e15, 0.0), published(name), dry(3486.0))
+    damping = float(re.search(r"a damping of (\S+) N s/m or more", str(refusal.value)).group(1))
+    assert travel(CART, ElasticDrive(1e15, damping), published("quintic"), dry(3486.0)).energy_residual < 1e-6
+
+
+def test_samples_are_counted_before_they_are_made():
+    for run in (travel(CART, spring(1e9, ratio), published("parabolic"), dry(3486.0)) for ratio in (0.0, 0.05)):
+        assert len(run.time) <= run.course.sample_count <= 1.2 * len(run.time)
+
+
+def test_dwell_whose_oscillations_fit_no_memory_is_refused():
+    with pytest.raises(ValueError, match=r"`stiffness` 1e\+06 N/m .* makes the cart swing \S+ times in a cycle"):
+        travel(CART, ElasticDrive(1e6, 0.0), published("parabolic").cycle(600.0, 600.0), free, regime="rest")
 
 
 def test_massless_cart_is_refused():

@@ -1,5 +1,6 @@
 """A shaft that a motor turns: closed forms, an independent solution, limits, balances, refusals."""
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 
@@ -242,3 +243,42 @@ def test_law_that_jumps_is_refused(name):
 def test_impossible_motors_are_refused(make, words):
     with pytest.raises(ValueError, match=words):
         make()
+
+
+def test_torque_that_is_noise_is_refused_within_bounds():
+    """Elements are halved until they resolve the torque: of noise there would be no end."""
+    rng = np.random.default_rng(2)
+
+    class Noisy(Even):
+        def torque(self, speed):
+            return self.size * (1 + 1e-3 * rng.standard_normal(np.shape(speed)))
+
+    with pytest.raises(RuntimeError, match=r"no balance of the shaft|not resolved by \d{1,5} elements; is the torque"):
+        revolve(CART, Motor(Noisy(90.0), 2.0, 0.5, 7.0), published("cubic"), dry(300.0), start_speed=5.0)
+
+
+@pytest.mark.parametrize("name", ["cubic", "parabolic", "crank"])
+@pytest.mark.parametrize("curve", [KLOSS, Straight(60.0, 157.0)], ids=["kloss", "straight"])
+def test_extremes_of_the_shaft_are_found_between_the_nodes(name, curve):
+    """Against a hundred times as many samples of the same solution."""
+    run = revolve(CART, Motor(curve, 50.0, 0.05, 10.0, angles=(0.3,)), published(name), dry(SIZE))
+    angle = np.concatenate([np.linspace(a, b, 1701) for a, b in itertools.pairwise(run.turn.breaks)])
+    energy, acceleration, _ = run.turn.at(angle)
+    speed, motor = np.sqrt(2 * energy), run.load.motor
+    fluctuation = (speed.max() - speed.min()) * run.period / (2 * np.pi)
+    nodes = (run.speed.max() - run.speed.min()) * run.period / (2 * np.pi)
+    assert run.fluctuation == pytest.approx(fluctuation, rel=1e-6)
+    assert run.fluctuation >= fluctuation * (1 - 1e-12)
+    assert nodes <= run.fluctuation
+    assert run.peak_motor_torque == pytest.approx(np.abs(motor.torque(speed)).max() / 50.0, rel=1e-6)
+    assert run.peak_motor_torque * (1 + 1e-12) >= np.abs(motor.torque(speed)).max() / 50.0
+    assert run.peak_motor_power == pytest.approx(np.abs(motor.power(speed, acceleration)).max(), rel=1e-6)
+    assert (run.least_speed, run.largest_speed) == pytest.approx((speed.min(), speed.max()), rel=1e-7)
+
+
+def test_fluctuation_of_an_even_torque_without_load_is_that_of_the_energy():
+    """(J + m x'^2) phi'^2 is kept by a cart without resistance: phi' swings between 1 and sqrt(J/(J + m x'^2))."""
+    run = revolve(CART, Motor(Even(0.0), 1.0, 0.0, 4.0), published("quintic"), free, start_speed=5.0)
+    fastest = 15 / 8 * 0.4 / np.pi  # x' by the angle, in the middle of the way: half a turn is a pass
+    assert run.largest_speed == pytest.approx(5.0, rel=1e-12)
+    assert run.least_speed == pytest.approx(5.0 * math.sqrt(4 / (4 + CART.mass * fastest**2)), rel=1e-9)

@@ -375,6 +375,25 @@ def test_ipopt_finds_no_better_law_from_20_starts(machine, objective, power, lim
     assert motion.value == pytest.approx(least, rel=5e-3)
 
 
+def test_resistance_that_drives_the_cart_is_refused():
+    with pytest.raises(ValueError, match=r"`resistance` must oppose the motion, got -3562 N at velocity 1 m/s"):
+        unit("peak_force", lambda velocity, acceleration: -3562.0 + 0 * velocity)
+
+
+def test_way_there_alone_decides_a_law():
+    """So a constant gives the law of dry friction, whose way back mirrors the way there."""
+    one, other = (
+        unit("peak_force", resistance, pieces=16)
+        for resistance in (dry(1.0), lambda velocity, acceleration: 1.0 + 0 * velocity)
+    )
+    assert one.value == other.value
+
+
+def test_pieces_that_fit_no_memory_are_refused():
+    with pytest.raises(ValueError, match=r"`pieces` must be at most 1024, got 1000000000; finer ones"):
+        unit("peak_force", pieces=1_000_000_000)
+
+
 def falling(velocity, acceleration):
     """A resistance that depends on both: it falls at speed, and lags behind."""
     return 3000 * np.tanh(velocity / 0.02) - 600 * velocity + 30 * velocity * acceleration
