@@ -91,7 +91,7 @@ def _room(names):
     return 0.3 + LETTER * max(map(len, names))
 
 
-def _dodges(count):
+def dodges(count):
     """Heights of the marks of engines in a row, so that none hides another."""
     return np.linspace(-SPREAD / 2, SPREAD / 2, count) if count > 1 else np.zeros(count)
 
@@ -99,7 +99,7 @@ def _dodges(count):
 def _marks(ax, by, places, beside):
     """The values by other engines beside the bars."""
     factor = quantity(by)[2]
-    for (engine, order), dodge in zip(beside.items(), _dodges(len(beside)), strict=True):
+    for (engine, order), dodge in zip(beside.items(), dodges(len(beside)), strict=True):
         found = [(order[place.law].value * factor, row) for row, place in enumerate(places) if place.law in order]
         found = [mark for mark in found if np.isfinite(mark[0])]
         if found:
@@ -125,7 +125,7 @@ def engines(orders, most=12):
         excess = {engine: _excess(found[kind][by]) for engine, found in orders.items()}
         laws = sorted(excess[ours], key=lambda law: min(found[law][0] for found in excess.values() if law in found))
         laws = sorted(laws[:most], key=lambda law: excess[ours][law][0])
-        for (engine, found), dodge in zip(excess.items(), _dodges(len(excess)), strict=True):
+        for (engine, found), dodge in zip(excess.items(), dodges(len(excess)), strict=True):
             color, mark, _ = ENGINE_LOOKS[engine]
             value, error = np.array([found.get(law, (np.nan, 0.0)) for law in laws]).T
             drawn = {"color": color, "mfc": "white", "markersize": 4, "lw": 0.8, "capsize": 2}
