@@ -104,8 +104,12 @@ def digest(study, speed, passes):
     """One contact in a few lines of text, the formulas and exact theory beside it, and its passes if they are many."""
     rolled = passes[0]
     formulas, exact, length = study.engineering, study.exact, study.scene.machine.roller_length
+    resistance = rolled.resistance, formulas.roller_resistance / length
     rows = [
         ("load [N/m]", rolled.load, formulas.roller_force / length, exact.load),
+        ("  a roller [N]", rolled.load * length, formulas.roller_force, exact.load * length),
+        ("resistance [N/m]", *resistance, np.nan),
+        ("  a roller [N]", *(length * each for each in resistance), np.nan),
         ("resistance/load", rolled.resistance / rolled.load, formulas.resistance_coefficient, np.nan),
         ("contact length [m]", rolled.leading - rolled.trailing, formulas.contact_length, exact.contact_length),
         (
@@ -119,7 +123,10 @@ def digest(study, speed, passes):
     lines = [
         f"{'at ' + format(speed, 'g') + ' m/s':<20}{study.scene.accuracy.engine:>12}{'eqs 1.5-1.8':>14}{'Galin':>12}"
     ]
-    lines += [f"{name:<20}{ours:>12.5g}{formula:>14.5g}{galin:>12.5g}" for name, ours, formula, galin in rows]
+    lines += [
+        f"{name:<20}{_cell(ours):>12}{_cell(formula):>14}{_cell(galin):>12}" for name, ours, formula, galin in rows
+    ]
+    lines.append(f"a roller is {length:g} m long, the cart has {study.scene.machine.rollers}")
     if rolled.error:
         lines.append(f"error of the load {rolled.error[0]:.1e}, of the resistance {rolled.error[1]:.1e}")
         if hasattr(rolled, "exit_density_ratio"):
@@ -191,6 +198,10 @@ def guide_sentence(study):
         f"coefficient {formula.guide_coefficient:.3g} from journal, rolling arm and rib: a comparison, not used by the "
         "drives"
     )
+
+
+def _cell(value):
+    return f"{value:.5g}" if np.isfinite(value) else "-"
 
 
 def _effort(rolled):

@@ -7,6 +7,8 @@ import numpy as np
 from compact import contact
 from compact.halfplane import pressure_exponent
 
+ROUNDING = 1e-6  # of a tenth of a millimetre, by which a length may exceed a whole number of them
+
 
 @dataclass(frozen=True)
 class Engineering:
@@ -101,6 +103,35 @@ def engineering(scene, blend, pressure):
         rollers_needed=int(needed),
         stroke_needed=float(contact.stroke_needed(scene.product.width, needed, machine.overlap)),
     )
+
+
+def coverage(scene, said):
+    """Sentence on rollers that are too few for the product by eqs 1.2 and 1.3, with the remedy; empty if enough.
+
+    With n rollers the product is covered if the field of each, 2R + B_T - b_n, is B/n at least, and the stroke is
+    B/n + b_n.
+
+    Parameters
+    ----------
+    scene : Scene
+    said : Engineering of it
+    """
+    machine, width = scene.machine, scene.product.width
+    if machine.rollers >= said.rollers_needed:
+        return ""
+    stroke = float(contact.stroke_needed(width, machine.rollers, machine.overlap))
+    sleeve = _rounded_up(stroke - 2 * machine.roller_radius)
+    stroke = _rounded_up(2 * machine.roller_radius + sleeve)  # which rounding must not make too short
+    return (
+        f"eq 1.2: the product, {width:g} m wide, needs {said.rollers_needed} rollers, the scene has {machine.rollers}; "
+        f"set machine.rollers to {said.rollers_needed}, or machine.feeder_sleeve to {sleeve:.4f} m and motion.stroke "
+        f"to {stroke:.4f} m; all forces here are those of {machine.rollers}"
+    )
+
+
+def _rounded_up(length):
+    """A length up to the next tenth of a millimetre [m]."""
+    return np.ceil(1e4 * length - ROUNDING) / 1e4
 
 
 PRESCRIBED = "contact: as prescribed, or the pressure of the load that is"

@@ -5,6 +5,7 @@ from html import escape
 from compact.contact_report import held_sentence
 from compact.contacts import PASSED, value
 from compact.engine import COMPACTING
+from compact.engineering import coverage
 from compact.page import Section, mark, number, paragraph, percent, picture, quantity, sentence, table
 
 SHOWN = ("speed", "load", "resistance", "coefficient", "trailing", "leading", "peak_pressure", "indentation")
@@ -12,8 +13,8 @@ CONTACT = ("speed", "load", "error", "resistance", "error", "coefficient", "behi
 CAPTIONS = {
     "pressure": (
         "Pressure along the contact of one roller, with Galin's exact pressure on a half-plane at the same peak",
-        "Dots: the engine of the scene, or the formula. Line: exact theory of a half-plane at the pressure that the "
-        "mix needs. The roller goes to the right.",
+        "Dots and crosses: the engine of the scene, or the formula. Line: exact theory of a half-plane at the pressure "
+        "that the mix needs. The roller goes to the right.",
     ),
     "contact": (
         "Load and resistance over load of one roller at each speed, with bars for the engine's own error",
@@ -31,7 +32,8 @@ CAPTIONS = {
     ),
     "fields": (
         "Fields in the layer under the roller at each speed, drawn to scale on the deformed elements",
-        "What happens inside the layer; element means. The files open in ParaView.",
+        "What happens inside the layer down to its base; element means, one colour scale of each field for all "
+        "speeds. The files open in ParaView.",
     ),
 }
 
@@ -69,7 +71,9 @@ def _numbers(study):
         for name, n in study.numbers.items()
     ]  # fmt: skip
     header = ("quantity", "value", "low", "high", "known by")
-    return table(header, rows, "By formula 1.1–1.10 and exact theory; low and high over the mix's spread", (1, 2, 3))
+    caption = "By formula 1.1–1.10 and exact theory; low and high over the mix's spread"
+    short = coverage(study.scene, study.engineering)
+    return table(header, rows, caption, (1, 2, 3)) + (paragraph(escape(f"{short}.")) if short else "")
 
 
 def _engine_tables(study):

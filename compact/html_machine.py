@@ -9,7 +9,7 @@ from compact.drive import CRITERIA
 from compact.html_answer import WORDS, means
 from compact.page import ROUNDING, Section, column, mark, number, paragraph, percent, picture, quantity, table, table_of
 from compact.sensitivity import PRIOR
-from compact.study import FOLLOWERS
+from compact.study import FOLLOWERS, YIELDING
 
 ASSUMED = ("assumed", "guess", "changed by the caller")  # words that begin a clause of a remark
 KNOWN = ("published", "measured", "calibrated")
@@ -30,11 +30,13 @@ def ranking(study, pictures):
 ORDERS = {
     "ranking": (
         "Bars of the ranked laws, a panel for each criterion, best on top",
-        "Bars: the scene's engine and drive, and what the error of the resistance moves them. Marks: other engines.",
+        "Bars: the scene's engine and drive, and what the error of the resistance moves them. Marks: other engines, "
+        "their heights within a row only keep them apart.",
     ),
     "engines": (
         "What each law asks above the least, by every engine and drive",
-        "Above the least of each engine, with its error. Laws that are best by any engine.",
+        "Above the least of each engine, with its error. Laws that are best by any engine, each in a row of its own; "
+        "the heights within a row only keep the marks apart.",
     ),
 }
 
@@ -90,6 +92,8 @@ def laws(study, pictures):
     }
     words = "Velocity, acceleration and jerk of every law over the way there, a row for each family of laws"
     said = "Every law over the way there. The way back mirrors it, and that of a crank retraces it."
+    if study.scene.drive.kind in YIELDING:
+        said += " The drive yields: the motion that the cart makes of a law is in the files cycles/LAW.csv."
     shown = picture(pictures["kinematics"](), words, said)
     caption = "Exact peaks inside the pieces, and what jumps at their joins"
     body = shown + table_of(columns, caption, ("law", "continuity", "what jumps"))
@@ -97,7 +101,10 @@ def laws(study, pictures):
 
 
 PICTURES = {
-    "drive": ("Drive force and power of every law over a cycle", "What each law asks of the drive, there and back."),
+    "drive": (
+        "Drive force and power of every law over a cycle",
+        "What each law asks of the drive, there and back. A peak beyond the scale is named in its panel.",
+    ),
     "reactions": ("Reactions of the guide wheels over a cycle", "Below zero a wheel runs on the other rail."),
     "crank": ("Torque and power of the shaft over a turn for one to four carts", "Dashed: the means over a turn."),
 }
@@ -130,9 +137,11 @@ def cams(study, pictures):
     rows = [_cam_row(law, {follower: study.cams[law, follower] for follower in FOLLOWERS}) for law in study.cycles]
     kinds = [f"least breadth, {follower}" for follower in FOLLOWERS]
     header = ("law", *kinds, "least radius, roller", "pressure angle, roller", "half-width, flat")
-    words = "Profiles of the cams for roller followers, a panel for each law, undercut ones red"
-    shown = picture(pictures["cams"](), words, "Dashed: the path of the roller's centre.")
-    caption = f"Cams {quantity(study.scene.cam.breadth, 'm')} broad; red where that is not broad enough"
+    words = "Profiles of the cams for roller followers, a panel for each law, undercut ones shaded"
+    shown = picture(
+        pictures["cams"](), words, "Dashed: the path of the roller's centre. Shaded: undercut, so it cannot be cut."
+    )
+    caption = f"Cams {quantity(study.scene.cam.breadth, 'm')} broad; marked where that is not broad enough"
     body = _to_cut(study) + shown + table(header, rows, caption, range(1, len(header))) + _roller_motors(study)
     return Section(
         "cams", "Cams", f"{len(study.cycles)} laws for {len(FOLLOWERS)} followers; one drawn to be cut.", body

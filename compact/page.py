@@ -17,6 +17,8 @@ PREFIXED = {  # units that take a prefix, and those prefixes
     "N": "Mk", "N/m": "Mk", "Pa": "GMk", "W": "Mk", "J": "Mk", "m": "mµ", "s": "mµ", "Nm": "k",
 }  # fmt: skip
 UNIT_AFTER = re.compile(r"(?<=\d) (?=(?:%|[GMkmµ]?(?:N|W|J|Pa|m|s|g|rad|Nm))(?:[/²³<,.;: )]|$))")
+WIDE = 880  # pixels of a picture, above which a narrow screen cannot show all of it legibly
+SCROLL = "This figure is wider than the screen: scroll it sideways."
 UNITS = {"1": "", "-": "", "m/s2": "m/s²", "m/s^3": "m/s³", "kg/m3": "kg/m³"}
 
 
@@ -133,12 +135,23 @@ def _class(name):
 
 
 def picture(data, words, caption="", kind="png"):
-    """A picture inside the page; `words` say what it shows, `caption` (HTML) what to see in it."""
+    """A picture inside the page; `words` say what it shows, `caption` (HTML) what to see in it.
+
+    One of more than WIDE pixels keeps its letters legible on a narrow screen, where it scrolls sideways and says so.
+    """
     coded = b64encode(data).decode("ascii")
     source = f"data:image/{'svg+xml' if kind == 'svg' else kind};base64,{coded}"
     told = f"<figcaption>{caption}</figcaption>" if caption else ""
     box = f'<div class="box" tabindex="0" role="region" aria-label="{escape(words)}">'
-    return f'<figure>{box}<img src="{source}" alt="{escape(words)}"></div>{told}</figure>'
+    wide = kind == "svg" or _pixels(data) > WIDE
+    scroll = f'<p class="scroll">{SCROLL}</p>' if wide else ""
+    image = f'<img src="{source}" alt="{escape(words)}">'
+    return f"<figure{_class('wide' * wide)}>{scroll}{box}{image}</div>{told}</figure>"
+
+
+def _pixels(png):
+    """Width of a PNG."""
+    return int.from_bytes(png[16:20], "big")
 
 
 class Section(NamedTuple):

@@ -14,8 +14,10 @@ from compact import beside_report, contact_report, drive_report
 from compact.cam import stepper
 from compact.contact_report import guide_sentence, held_sentence, return_sentence
 from compact.drive import CRITERIA
+from compact.engineering import coverage
 from compact.pool import Here
 from compact.results import claimed, png, write_bytes, write_columns, write_csv, write_figure, write_json
+from compact.study import YIELDING
 
 SCHEMA = 2  # of summary.json; raised when a name in it changes its meaning
 CAM_POINTS = 721
@@ -166,7 +168,7 @@ def _pictures(study, errands):
         drawing = errands.send(f"{name}.png", drawn, task)
         pictures[name] = cache(lambda: (drawing(), study.count("figures"))[0])
 
-    draw("kinematics", "figures:kinematics", study.runs)
+    draw("kinematics", "figures:kinematics", study.cycles)
     draw("drive", "figures:drive", study.runs)
     if "reactions" in wanted:
         best = next(iter(study.rankings.values()))[0].run.name
@@ -315,6 +317,8 @@ def digest(study):
     numbers = study.numbers
     lines = [study.scene.title or "untitled scene", ""]
     lines += [_number_line(name, numbers[name]) for name in DIGEST]
+    if short := coverage(study.scene, study.engineering):
+        lines.append(f"  {short}")
     facts = (held_sentence(study), return_sentence(study), guide_sentence(study))
     lines += ["", *(f"  {line}" for fact in facts for line in wrap(fact, WIDTH))]
     if not study.mix.reachable:
@@ -326,7 +330,7 @@ def digest(study):
             beside = beside_report.beside(study, kind, by)
             lines += ["", f"laws by {by.replace('_', ' ')} [{CRITERIA[by].unit}], {engine}, {kind} drive"]
             lines += [f"{'':>66}{''.join(f'{name:>18}' for name in beside)}".rstrip()] * bool(beside)
-            runs = study.runs if kind == study.scene.drive.kind else {}
+            runs = study.runs if kind == study.scene.drive.kind and kind in YIELDING else {}
             lines += [_place_line(place, runs.get(place.law), beside) for place in order]
     lines += ["", *beside_report.lines(study, list(study.rankings)[:TOLD])]
     return "\n".join(lines)

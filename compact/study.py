@@ -33,6 +33,7 @@ from compact.scene import Scene, SceneError
 ADDED = ("resistance", "added mass", "kept", "second pass", "passage", "run-up", "driven")  # counted as they come
 BESIDE = "beside"  # directory of the maps of engines beside the scene's
 SWING = 2.0  # times the velocity of the law, which an elastic drive may reach after a jump
+YIELDING = ("elastic", "motor")  # drives whose cart does not keep to the law
 FOLLOWERS = {
     "pointed": lambda table: Pointed(),
     "roller": lambda table: RollerFollower(table.roller_follower_radius),
@@ -293,7 +294,7 @@ class Study:
     @property
     def swing(self):
         """Times the velocity of a law that its drive may reach."""
-        return SWING if self.scene.drive.kind in ("elastic", "motor") else 1.0
+        return SWING if self.scene.drive.kind in YIELDING else 1.0
 
     @cached_property
     def roller_load(self):

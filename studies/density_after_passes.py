@@ -103,13 +103,18 @@ def _draw(rows):
     """Largest load and resistance over the number of passes, a line for each roller and mix."""
     from matplotlib.figure import Figure
 
+    from compact.figures import PALETTE
+
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True)
     moistures = sorted({row[1] for row in rows})
     radii = sorted({row[0] for row in rows})
     for (radius, moisture), group in itertools.groupby(rows, key=lambda row: row[:2]):
         _, _, counts, loads, resistances, _ = np.array(list(group)).T
-        look = {"color": f"C{moistures.index(moisture)}", "linestyle": ("-", "--", ":")[radii.index(radius) % 3]}
+        look = {
+            "color": PALETTE[moistures.index(moisture) % len(PALETTE)],
+            "linestyle": ("-", "--", ":")[radii.index(radius) % 3],
+        }
         label = f"R {radius * 1e3:.0f} mm, W {moisture:.0%}"
         panels[0].plot(counts, loads / 1e3, **look, label=label)
         if radius == radii[0]:  # the resistance does not know the radius
@@ -125,6 +130,8 @@ def draw_profiles(rows):
     """Density over the depth after each pass; all of it, and the top, where passes differ."""
     from matplotlib.figure import Figure
 
+    from compact.figures import PALETTE
+
     figure = Figure(figsize=(9.0, 4.4), layout="constrained")
     panels = figure.subplots(1, 2)
     for (engine, number), group in itertools.groupby(rows, key=lambda row: row[:2]):
@@ -132,7 +139,7 @@ def draw_profiles(rows):
         depth = (top[-1] - np.array([*bottom, top[-1]])) * 1e3
         for ax in panels:
             if engine == "compaction":
-                look = {"color": f"C{number - 1}", "label": f"finite elements, pass {number}"}
+                look = {"color": PALETTE[(number - 1) % len(PALETTE)], "label": f"finite elements, pass {number}"}
                 ax.stairs(ratio[::-1], depth[::-1], orientation="horizontal", baseline=None, **look)
             elif number == 1:  # the same after all
                 ax.plot([ratio[0]] * 2, depth[[0, -1]], "k--", label="columns, every pass")

@@ -92,15 +92,27 @@ def figure(rows):
     """Relative differences to the spectral engine, a panel per quantity, a colour per engine."""
     from matplotlib.figure import Figure
 
+    from compact.figures import PALETTE
+    from compact.order_figures import ENGINE_LOOKS
+
     drawn = Figure(figsize=(12, 3.8), layout="constrained")
     panels = drawn.subplots(1, 3)
     found = differences(rows)
-    for engine, mark in (("1.5-1.8", "s"), ("galin", "o"), ("fem", "x")):
+    looks = {"1.5-1.8": ENGINE_LOOKS["formula"][:2], "galin": (PALETTE[4], "+"), "fem": ENGINE_LOOKS["fem"][:2]}
+    for engine, (color, mark) in looks.items():
         chosen = [row for row in found if row[3] == engine]
         if not chosen:
             continue
         for ax, column in zip(panels, (4, 5, 6), strict=True):
-            ax.plot(range(len(chosen)), [100 * row[column] for row in chosen], mark, label=engine, markersize=5)
+            ax.plot(
+                range(len(chosen)),
+                [100 * row[column] for row in chosen],
+                mark,
+                color=color,
+                mfc="none",
+                label=engine,
+                markersize=5,
+            )
     names = [f"{row[0]:g} {row[1]:g} {row[2]:g}" for row in found if row[3] == "galin"]
     for ax, title in zip(panels, ("capture angle φ", "contact length l", "load P"), strict=True):
         ax.set_title(title, fontsize=10)

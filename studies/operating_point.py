@@ -13,6 +13,7 @@ same resistance comes from a quarter of the depth; only in lifts do they meet bo
 the cart is two rollers and the friction of its guides, 0.008 of what the rollers lift beyond the weight.
 """
 
+import itertools
 import time
 import warnings
 from pathlib import Path
@@ -145,10 +146,12 @@ def _draw(contacts, fits):
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
+    from compact.figures import PALETTE
+
     figure = Figure(figsize=(10.4, 5.6), layout="constrained")
     left, right = figure.subplots(1, 2)
     names = list(dict.fromkeys(name.removesuffix(CALIBRATED) for name in contacts))
-    colours = {name: f"C{number}" for number, name in enumerate(names)}
+    colours = dict(zip(names, itertools.cycle(PALETTE)))
     for name, rolled in contacts.items():
         plain, fitted = name.removesuffix(CALIBRATED), name.endswith(CALIBRATED)
         label = _in_words(plain) if fitted else f"{_in_words(plain)}, not calibrated"

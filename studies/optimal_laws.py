@@ -79,15 +79,18 @@ def _draw(study, front):
     """Speed and power of the laws made and of two published ones; both fronts."""
     from matplotlib.figure import Figure
 
+    from compact.figures import PALETTE, look
+
     figure = Figure(figsize=(12.5, 7.2), layout="constrained")
     (speed, power), panels = figure.subplots(2, 2)
     time = np.linspace(0, study.scene.motion.duration, 3001)
-    names = {"least-peak-power": "-", "least-peak-force": "-", "reversal-4-free-acceleration": "--", "reversal-2": ":"}
-    for name, dash in names.items():
+    looks = {"least-peak-power": {"color": PALETTE[0]}, "least-peak-force": {"color": PALETTE[4]}}
+    looks |= {name: look(name) for name in ("reversal-4-free-acceleration", "reversal-2")}
+    for name, drawn in looks.items():
         there = study.cycles[name].there
         v, a = there.velocity(time), there.acceleration(time)
-        speed.plot(time, v, dash, label=name)
-        power.plot(time, (study.cart.mass * a + study.push(np.maximum(v, 1e-9), a)) * v, dash)
+        speed.plot(time, v, **drawn, label=name)
+        power.plot(time, (study.cart.mass * a + study.push(np.maximum(v, 1e-9), a)) * v, **drawn)
     speed.set(xlabel="time t [s]", ylabel="velocity v [m/s]")
     power.set(xlabel="time t [s]", ylabel="drive power P [W]")
     speed.legend(frameon=False, fontsize=8, loc="lower center")

@@ -190,23 +190,33 @@ def _finite(rows, *key):
 
 
 def _draw(rows, spreads, most=8):
-    """What each law asks above the least, by engine; and the share of the prior's mixes in which the first stays."""
+    """What each law asks above the least with its error, by engine; and the share of mixes in which the first stays."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(12.5, 4.2), layout="constrained")
+    from compact.order_figures import ENGINE_LOOKS, dodges
+
+    figure = Figure(figsize=(12.5, 4.6), layout="constrained")
     panels = figure.subplots(1, len(SHOWN) + 1, width_ratios=[3] * len(SHOWN) + [2])
     engines = [name for name in dict.fromkeys(row[0] for row in rows) if "," not in name]
     for ax, by in zip(panels, SHOWN, strict=False):
         values = {engine: _excess(rows, engine, by) for engine in engines}
-        laws = sorted(values[engines[0]], key=lambda law: min(values[engine][law] for engine in engines))[:most]
-        laws.sort(key=lambda law: values[engines[0]][law])
-        for engine, marker in zip(engines, "so^D", strict=False):
-            ax.plot([values[engine][law] for law in laws], range(len(laws)), marker, mfc="none", label=engine)
+        laws = sorted(values[engines[0]], key=lambda law: min(values[engine][law][0] for engine in engines))[:most]
+        laws.sort(key=lambda law: values[engines[0]][law][0])
+        for engine, dodge in zip(engines, dodges(len(engines)), strict=True):
+            value, below, above = np.transpose([values[engine][law] for law in laws])
+            color, mark, _ = ENGINE_LOOKS[engine]
+            error = np.where((below > 0) | (above > 0), [below, above], np.nan)  # no whisker of none
+            drawn = {"color": color, "mfc": "white", "markersize": 5, "linewidth": 1.0, "capsize": 2.5}
+            ax.errorbar(value, np.arange(len(laws)) + dodge, xerr=error, fmt=mark, label=engine, **drawn)
         ax.set_yticks(range(len(laws)), laws, fontsize=8)
-        ax.invert_yaxis()
-        ax.set(xlabel=f"{by.replace('_', ' ')} above the least [%]")
-        ax.grid(axis="y", color="0.92")
-    panels[0].legend(frameon=False, fontsize=8)
+        ax.set_ylim(len(laws) - 0.5, -0.5)
+        ax.set(xlabel=f"{by.replace('_', ' ')} above the least [%], rigid drive")
+        ax.set_yticks(np.arange(len(laws) - 1) + 0.5, minor=True)
+        ax.grid(axis="y", which="minor", color="0.92")
+        ax.tick_params(axis="y", which="minor", length=0)
+    said = {"title": "whiskers: the error of the resistance, of its map and of the engine", "title_fontsize": 8}
+    handles = panels[0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=len(engines), frameon=False, fontsize=8, **said)
     for row, (_, _, _, first, stays, tau, *_) in enumerate(spreads):
         panels[-1].barh(row, 100 * stays, color="0.8")
         panels[-1].text(2, row, f"{first.split('/')[0]}, τ = {tau:.2f}", va="center", fontsize=7)
@@ -218,9 +228,17 @@ def _draw(rows, spreads, most=8):
 
 
 def _excess(rows, engine, by):
-    """Law -> what it asks above the least [%], rigid drive."""
-    found = _finite(rows, engine, "rigid", by)
-    return {law: 100 * (value / min(found.values()) - 1) for law, value in found.items()}
+    """Law -> (what it asks above the least, how much less and how much more its error makes of that) [%], rigid drive.
+
+    The least is that without the error, so that the error of all laws together shows too.
+    """
+    found = {row[4]: (row[5], row[7], row[8]) for row in rows if row[:3] == (engine, "rigid", by)}
+    found = {law: ends for law, ends in found.items() if np.isfinite(ends).all()}
+    least = min(value for value, _, _ in found.values())
+    return {
+        law: (100 * (value / least - 1), 100 * (value - low) / least, 100 * (high - value) / least)
+        for law, (value, low, high) in found.items()
+    }
 
 
 def show(result, best=3):

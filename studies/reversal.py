@@ -168,12 +168,14 @@ def figure(rows, courses):
     """Force over time of the first law; error against the time that a cycle takes, of all."""
     from matplotlib.figure import Figure
 
+    from compact.figures import PALETTE
+
     drawn = Figure(figsize=(10.5, 4.0), layout="constrained")
     left, right = drawn.subplots(1, 2)
     first = next(iter(courses))
     peak = np.abs(courses[first][0][2]).max()
     for k, (model, time, force) in enumerate(courses[first]):
-        colour = f"C{k - 1}" if k else "black"
+        colour = PALETTE[k - 1] if k else "black"
         left.plot(time, force, ":" if k == 3 else "-", color=colour, label=model, linewidth=1.2 + k / 2)
         chosen = [row for row in rows if row[1] == model]
         right.loglog([row[5] for row in chosen], [row[2] for row in chosen], "o", color=colour)

@@ -4,13 +4,19 @@ A roller, at first without friction, goes there and back along a law over compac
 with the mix. On the way there the resistance grows until the bow wave is full; going back it is gone within a small
 part of the contact, and pressed mix asks for a few per cent of it, until at the very end the roller is back in the dent
 that it pressed at first and meets its wall. The memory of columns is fitted to the turn. The layer is shallower than
-that of the scene: three heights of travel fill the bow wave. A free roller with friction is asked the same.
+that of the scene. A free roller with friction is asked the same.
+
+Limits: the resistance still rises where the roller turns, since its bow wave takes three heights of travel to fill. At
+0.12 m it is 13 % below that of steady rolling, drawn beside it, and at 0.28 m 3 %. The teeth are an artefact of the
+mesh, one for each element that the roller meets: 1.3 % to either side with 6 elements a contact, half as much with 12.
+The mean over an element, drawn over the teeth, is 1.3 % higher with 12.
 """
 
 from pathlib import Path
 
 import numpy as np
 
+from compact import compaction as rolling
 from compact.calibrate import blend
 from compact.engine import compaction
 from compact.motion import law
@@ -50,26 +56,47 @@ def main(
         rows = np.column_stack([done.stroke, done.time, done.position, done.load, done.resistance]).tolist()
         write_csv(Path(out) / "way_back.csv", HEADER, rows)
         done.film(Path(out))
-        _draw(done, memory, roller.radius).savefig(Path(out) / "way_back.png", dpi=100)
+        steady = rolling.roll(Layer(height), roller, mix, stroke / scene.motion.duration, increments=increments)
+        _draw(done, memory, roller.radius, increments, steady).savefig(Path(out) / "way_back.png", dpi=100)
     return done, memory
 
 
-def _draw(done, memory, radius):
-    """Resistance over the way, and the density at three instants."""
+def over_an_element(position, resistance, element):
+    """(position [m], mean of the resistance over an element about it [N/m]), which knows no teeth of the mesh."""
+    order = np.argsort(position)
+    x, force = np.asarray(position)[order], np.asarray(resistance)[order]
+    work = np.concatenate([[0.0], np.cumsum(np.diff(x) * (force[1:] + force[:-1]) / 2)])
+    inside = x[(x >= x[0] + element / 2) & (x <= x[-1] - element / 2)]
+    ahead, behind = (np.interp(inside + side * element / 2, x, work) for side in (1, -1))
+    return inside, (ahead - behind) / element
+
+
+def _draw(done, memory, radius, increments, steady):
+    """Resistance over the way beside that of steady rolling, and the density at three instants."""
     from matplotlib.figure import Figure
+
+    from compact.figures import PALETTE
 
     figure = Figure(figsize=(10.5, 5.2), layout="constrained")
     grid = figure.add_gridspec(len(done.frames), 2, width_ratios=(1.0, 1.35))
     left = figure.add_subplot(grid[:, 0])
-    for number, label, color in ((1, "there", "C0"), (2, "back", "C1")):
+    element = 2 * np.median(np.abs(np.diff(done.position)))  # travelled in two steps
+    for number, label, color in ((1, "there", PALETTE[0]), (2, "back", PALETTE[1])):
         of = done.stroke == number
-        left.plot(done.position[of] * 1e3, done.resistance[of] / 1e3, color=color, label=label)
+        teeth = f"teeth of the mesh, {increments} elements a contact" if number == 1 else None
+        left.plot(done.position[of] * 1e3, done.resistance[of] / 1e3, color="0.6", linewidth=0.8, label=teeth)
+        place, mean = over_an_element(done.position[of], done.resistance[of], element)
+        left.plot(place * 1e3, mean / 1e3, color=color, linewidth=2, label=f"{label}, mean over an element")
+    left.axhline(steady.resistance / 1e3, color=PALETTE[2], linestyle="--", label="steady rolling, bow wave full")
     turn = done.position[done.stroke == 1][-1]
     distance = np.linspace(0, turn, 400)
-    left.plot((turn - distance) * 1e3, memory.resistance(distance) / 1e3, "k:", label="memory of columns, fitted")
+    left.plot(
+        (turn - distance) * 1e3, memory.resistance(distance) / 1e3, "k:", label="memory of columns, fitted to the turn"
+    )
     left.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     left.set(xlabel="position of the roller [mm]", ylabel="resistance, + against the way there [kN/m]")
-    left.legend(frameon=False, fontsize=8)
+    left.set_ylim(top=1.05e-3 * steady.resistance)
+    left.legend(frameon=False, fontsize=8, loc="center", bbox_to_anchor=(0.52, 0.47))
     panels = [figure.add_subplot(grid[row, 1]) for row in range(len(done.frames))]
     for ax, (time, mesh) in zip(panels, done.frames, strict=True):
         shades = _density(ax, mesh)
@@ -77,7 +104,8 @@ def _draw(done, memory, radius):
         lowest = float(np.interp(time, done.time, done.lowest))
         angle = np.linspace(-0.7, 0.7, 100)
         ax.plot((place + radius * np.sin(angle)) * 1e3, (lowest + radius - radius * np.cos(angle)) * 1e3, "k-", lw=0.8)
-        ax.set(ylabel="y [mm]", xlim=(-40, turn * 1e3 + 40), ylim=(lowest * 500, lowest * 1e3 + 14), aspect="equal")
+        ax.set(ylabel="y [mm]", xlim=(-40, turn * 1e3 + 40), ylim=(-4, lowest * 1e3 + 14), aspect="equal")
+        ax.axhspan(-4, 0, facecolor="0.85", edgecolor="0.4", hatch="////", linewidth=0)  # the base
         after = time - done.time[done.stroke == 1][-1]
         way = "turns" if abs(after) < 1e-9 * time else "there" if after < 0 else "back"
         ax.set_title(f"t = {time:.2g} s, {way}", fontsize=9)
@@ -92,7 +120,7 @@ def _density(ax, mesh):
 
     places = (mesh.points + mesh.point_data["displacement"])[:, :2] * 1e3
     shades = PolyCollection(
-        places[mesh.cells[0].data[:, :4]], array=mesh.cell_data["density_ratio"][0], cmap="viridis", edgecolors="face"
+        places[mesh.cells[0].data[:, :4]], array=mesh.cell_data["density_ratio"][0], cmap="cividis", edgecolors="face"
     )
     shades.set_clim(0.93, 1.0)
     ax.add_collection(shades)

@@ -180,6 +180,16 @@ def test_figures_are_those_of_the_files_where_these_are_written(tmp_path):
     assert study.counts["figures"] == 3
 
 
+@pytest.mark.parametrize(("pixels", "wide"), [(600, False), (1700, True)])
+def test_only_wide_pictures_scroll_on_a_narrow_screen_and_say_so(pixels, wide):
+    from matplotlib.figure import Figure
+
+    from compact.results import FIGURE_DPI, png
+
+    text = picture(png(Figure(figsize=(pixels / FIGURE_DPI, 1))), "a picture")
+    assert ("scroll it sideways" in text) == ('<figure class="wide">' in text) == wide
+
+
 def test_resistance_is_drawn_over_speed_and_acceleration(written):
     from compact import figures
 

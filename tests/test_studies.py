@@ -349,3 +349,30 @@ def test_pressed_mix_asks_little_of_the_way_back(capsys, tmp_path):
     assert "way back" in capsys.readouterr().out
     assert (tmp_path / "way_back.png").stat().st_size > 10_000
     assert (tmp_path / "film.pvd").is_file()
+
+
+def test_the_mean_over_an_element_knows_no_teeth_of_the_mesh():
+    element = 0.004
+    x = np.arange(0, 0.12, element / 8)
+    teeth = 9 * np.sin(2 * np.pi * x / element)
+    place, mean = study("way_back").over_an_element(x[::-1], (300 + 4000 * x + teeth)[::-1], element)
+    assert mean == pytest.approx(300 + 4000 * place, rel=1e-12)
+    assert place[0] == pytest.approx(element / 2)
+    assert place[-1] > 0.115
+
+
+def test_ranking_draws_the_error_of_every_engine_that_has_one():
+    rows = [
+        (engine, "rigid", by, i, law, value, 0.1, value * (1 - error), value * (1 + error), error, True)
+        for engine, error in (("formula", 0.0), ("compaction", 0.06))
+        for by in ("peak_force", "peak_power")
+        for i, (law, value) in enumerate({"cubic": 500.0, "quintic": 550.0}.items(), start=1)
+    ]
+    module = study("rank_laws")
+    figure = module._draw(rows, [("formula", "rigid", "peak_force", "cubic", 1.0, 1.0, 1.0, 2.0, 4)])
+    for ax in figure.axes[:2]:
+        formula, compaction = ax.containers
+        assert not any(len(bar) for bar in formula.lines[2][0].get_segments())
+        ends = np.array(compaction.lines[2][0].get_segments())[:, :, 0]
+        assert ends == pytest.approx(np.array([[-6.0, 6.0], [10 - 6.6, 10 + 6.6]]))
+        assert np.abs(formula.lines[0].get_ydata() - compaction.lines[0].get_ydata()).min() > 0.2

@@ -4,6 +4,7 @@ import csv
 import json
 import math
 import pickle
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,8 +13,9 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from compact import report
+from compact import contact_report, engine, report
 from compact.drive import CRITERIA
+from compact.engineering import coverage
 from compact.motion import LAWS
 from compact.results import ResultsError
 from compact.scene import LAW_NAMES, SceneError, load_scene
@@ -447,3 +449,39 @@ def test_formula_scene_loads_no_heavy_module(tmp_path):
     assert "scipy" in loaded
     for heavy in ("skfem", "meshio", "pyvista", "numba", "matplotlib", "vtk"):
         assert f"'{heavy}'" not in loaded
+
+
+# what a study says in text
+
+
+def test_too_few_rollers_are_told_with_a_remedy_that_is_enough():
+    study = Study(scene())
+    assert study.engineering.rollers_needed == 3
+    said = coverage(study.scene, study.engineering)
+    assert said.startswith(
+        "eq 1.2: the product, 1.164 m wide, needs 3 rollers, the scene has 2; set machine.rollers to 3"
+    )
+    sleeve, stroke = (float(re.search(rf"{key} to ([\d.]+) m", said)[1]) for key in ("feeder_sleeve", "stroke"))
+    assert stroke == pytest.approx(1.164 / 2 + 0.012)  # eq 1.3 with two
+    longer = {"machine.feeder_sleeve": sleeve, "motion.stroke": stroke}
+    for change in ({"machine.rollers": 3, "machine.roller_positions": [0.3, 0.0, -0.3]}, longer):
+        mended = Study(scene(**change))
+        assert mended.engineering.rollers_needed == mended.scene.machine.rollers
+        assert coverage(mended.scene, mended.engineering) == ""
+    assert said in report.digest(Study(scene("small")))
+
+
+def test_rigid_drives_are_not_said_to_ring():
+    assert "rings" not in report.digest(Study(scene("small")))
+
+
+def test_one_contact_is_told_by_metre_and_by_roller():
+    study = Study(scene())
+    rolled = engine.passes(study.scene, study.mix, 0.1)
+    lines = contact_report.digest(study, 0.1, rolled).splitlines()
+    load, force, resistance, pull = ([float(n) for n in line[20:].split() if n != "-"] for line in lines[1:5])
+    length = study.scene.machine.roller_length
+    assert force == pytest.approx([length * each for each in load], rel=1e-4)
+    assert pull == pytest.approx([length * each for each in resistance], rel=1e-4)
+    assert force[1] == pytest.approx(9740, rel=1e-4)
+    assert "a roller is 1.164 m long, the cart has 2" in lines
