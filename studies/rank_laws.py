@@ -7,9 +7,12 @@ ranked again over a sample of the prior's spread, with nothing calibrated. The c
 does, so they repeat its order; an order can change only where the resistance knows the speed.
 
 Limits: the resistance is that of a steady motion at the speed of the moment, which the turns are not (`reversal`). The
-linear layer resists with a seventh of what the plant needs, and its roller is smooth. Finite elements that compact
-press by 3 mm under a smooth roller, with a rate of the mix, at three speeds: most of the time of all. Spring,
-its damping and motor are assumed, no source names one. A hydraulic drive imposes the law: its forces are rigid ones.
+linear layer resists with a seventh of what the plant needs. Finite elements that compact press by 3 mm under a smooth
+roller, with a rate of the mix, at three speeds: most of the time of all. Spring, its damping and motor are assumed, no
+source names one. A hydraulic drive imposes the law: its forces are rigid ones.
+
+`markdown` makes the table of the README. Each row names the roller, the gap and the quantity that is kept over speed,
+so that a row of an engine is the main job of the scene with that engine unless the row says otherwise.
 """
 
 from pathlib import Path
@@ -18,6 +21,7 @@ import numpy as np
 from scipy.stats import kendalltau
 
 from compact import compaction, machine, vary
+from compact.capabilities import adapt
 from compact.drive import CRITERIA, rank, simulate
 from compact.engine import inputs
 from compact.resistance import ResistanceMap
@@ -29,8 +33,8 @@ SMOOTH = {"machine.rolling": "frictionless"}
 ENGINES = {  # what they change of the scene
     "formula": {},
     "column": {"mix.overrides.heckel_slope": 13.995e-6, "layer.fed_density_ratio": 0.93444},  # to 9740 N and 0.179
-    "fem": SMOOTH,
-    "fem, half tolerance": SMOOTH | {"accuracy.tolerance": 0.005},
+    "fem": {},
+    "fem, half tolerance": {"accuracy.tolerance": 0.005},
     "compaction": SMOOTH | {"contact.indentation": 0.003, "mix.reference_speed": 0.2},
 }
 INCREMENTS = 4  # of elements that compact, a third of the engine's own
@@ -54,7 +58,17 @@ DRIVES = {
     "motor": {"drive.kind": "motor", "drive.motor": MOTOR},
 }
 SHOWN = ("peak_force", "peak_power")
-HEADER = ("engine", "drive", "criterion", "rank", "law", "value", "margin", "low", "high", "error", "sure")
+HEADER = (
+    "engine", "drive", "criterion", "rank", "law", "value", "margin", "low", "high", "error", "sure", "roller", "gap",
+    "held",
+)  # fmt: skip
+TITLES = {  # of the rows of the README's table
+    "formula": "formula",
+    "column": "columns, calibrated",
+    "fem": "linear layer, `fem`",
+    "compaction": "`compaction`, 3 mm, rate of the mix, coarse mesh",
+}
+MARKDOWN = ("resistance by", "roller, gap; kept over speed", "drive", "least peak force", "least peak power")
 SPREAD_HEADER = (
     "engine", "drive", "criterion", "first", "stays_first", "kendall_tau", "least_resistance_N",
     "largest_resistance_N", "mixes",
@@ -91,14 +105,23 @@ def ranked(base, engine, drives, directory):
             directory.mkdir(parents=True, exist_ok=True)
             list(fastest.keep(directory, []))
     error = resistance.error + resistance.engine_error if fastest.layered else 0.0
+    contact = condition(fastest)
     rows = []
     for name in drives:
         study = Study(base.replaced(**DRIVES[name]))
         carried = runs(study, cart, resistance)
         moved = [runs(study, cart, resistance.scaled(1 + way * error)) for way in (-1, 1)] if error else []
         for by in CRITERIA:
-            rows += [(engine, name, by, *place) for place in places(by, carried, moved, error)]
+            rows += [(engine, name, by, *place, *contact) for place in places(by, carried, moved, error)]
     return rows
+
+
+def condition(study):
+    """Roller, gap and quantity kept over speed, as the engine of a study has them; empty for the formulas."""
+    if not study.layered:
+        return "", "", ""
+    machine = adapt(study.scene, study.scene.accuracy.engine)[0].machine
+    return machine.rolling, machine.profile, study.held.name
 
 
 def compacting(study, increments=INCREMENTS):
@@ -241,6 +264,26 @@ def _excess(rows, engine, by):
     }
 
 
+def markdown(rows):
+    """Lines of the README's table: the first law by force and by power, by engine and drive."""
+    lines = [f"| {' | '.join(MARKDOWN)} |", "|" + "---|" * len(MARKDOWN)]
+    for engine, title in TITLES.items():
+        drives = dict.fromkeys(row[1] for row in rows if row[0] == engine)
+        for number, drive in enumerate(drives):
+            first = {row[2]: row for row in reversed(rows) if row[:2] == (engine, drive) and row[3] == 1}
+            roller, gap, held = first[SHOWN[0]][11:]
+            contact = f"{roller}, {gap}; {held}" if held else "-"
+            cells = [_first_cell(first[by], CRITERIA[by].unit) for by in SHOWN]
+            lines.append(f"| {' | '.join(['' if number else title, '' if number else contact, drive, *cells])} |")
+    return lines
+
+
+def _first_cell(row, unit):
+    """Law, value and margin to the next law of a first place; * if the error can change it."""
+    doubt = "" if row[10] else " *"
+    return f"{row[4]}, {row[5]:.0f} {unit} ({100 * row[6]:.2g} %){doubt}"
+
+
 def show(result, best=3):
     """Print the best places of `main`, and what the spread leaves of them."""
     rows, spreads = result
@@ -260,4 +303,6 @@ def show(result, best=3):
 
 
 if __name__ == "__main__":
-    show(main(out="out/rank_laws"))
+    result = main(out="out/rank_laws")
+    show(result)
+    print("\n".join(markdown(result[0])))
