@@ -318,12 +318,13 @@ def digest(study):
     lines = [study.scene.title or "untitled scene", ""]
     lines += [_number_line(name, numbers[name]) for name in DIGEST]
     if short := coverage(study.scene, study.engineering):
-        lines.append(f"  {short}")
+        lines += [f"  {line}" for line in wrap(short, WIDTH)]
     facts = (held_sentence(study), return_sentence(study), guide_sentence(study))
     lines += ["", *(f"  {line}" for fact in facts for line in wrap(fact, WIDTH))]
     if not study.mix.reachable:
         lines.append(f"  {study.mix.reachable.reason}")
-    lines += [f"  {sentence}" for sentences in study.scene.replacements.values() for sentence in sentences]
+    replaced = [sentence for sentences in study.scene.replacements.values() for sentence in sentences]
+    lines += [f"  {line}" for sentence in replaced for line in wrap(sentence, WIDTH)]
     engine = study.scene.accuracy.engine
     for kind, orders in study.places.items():
         for by, order in list(orders.items())[:TOLD]:
