@@ -9,17 +9,26 @@ import numpy as np
 
 from compact.cap import constants, hardening
 from compact.confined import (
+    COLLAPSED,
     DRAG,
     ELASTIC,
+    EVALUATIONS,
     LOGARITHMIC,
     MASS_TRUE,
     OWN,
+    PAUSED,
     PLASTIC,
     PUSH,
+    REACHED,
+    ROW,
     SMALL,
     STRESS,
+    TOO_MANY,
+    TRIED,
+    UNCUT,
     Profile,
     Stack,
+    begun,
     settling,
     travel,
 )
@@ -31,6 +40,13 @@ FAR = 2.0  # indentations by which the layer may rise behind the roller
 STIFFEST = 2e5  # settling of the stress that is integrated; a step of `confined.travel` takes 6 of it
 STRAINS = {"logarithmic": LOGARITHMIC, "small": SMALL, "mass-true": MASS_TRUE}
 PLATE = Profile(0.0, 0.0)
+ROWS = 128  # of a path at first; room for all steps would cost more than most of them
+SLICE = 20_000  # steps tried in one compiled call, over the number of columns: a tenth of a second or less
+FAILURES = {
+    TOO_MANY: "it would take more",
+    COLLAPSED: "shorter steps do not move it",
+    UNCUT: "the stress at which a column yields is not met",
+}
 
 
 @dataclass(frozen=True)
@@ -78,8 +94,12 @@ class Bed:
     @property
     def deepest(self):
         """Indentation [m] short of which all pores are shut, or the circle is buried to its axis."""
-        room = self.height - self.solid
-        return DEEPEST * (min(room, self.profile.radius) if self.profile.curl else room)
+        return DEEPEST * (self.profile.radius if self.buried else self.height - self.solid)
+
+    @property
+    def buried(self):
+        """Whether the circle is buried to its axis before all pores are shut."""
+        return bool(self.profile.curl) and self.profile.radius < self.height - self.solid
 
     @property
     def rest(self):
@@ -98,10 +118,25 @@ class Bed:
         R, c = self.profile
         return math.sqrt(depth * (2 * R - c * depth)) if R else depth
 
+    def front(self, depth):
+        """u of `confined.travel` there [m]."""
+        R, c = self.profile
+        return 2 * R * math.sqrt(depth / (2 * R - c * depth)) if R else depth
+
+    def places(self, u):
+        """x [m] of some u of `confined.travel`."""
+        R, c = self.profile
+        return u / (1 + c * (u / (2 * R)) ** 2) if R else u
+
     @property
     def elastic(self):
         """Oedometric modulus [Pa] inside the yield limit."""
         return self.law.K + 4 * self.law.G / 3
+
+    @property
+    def slack(self):
+        """Elastic strain of volume that a release may take back beyond rest, at most: mix in tension sideways."""
+        return (self.law.pt + max(0.0, float(self.stack.pressure.max()))) / self.law.K
 
     def stress(self, depth):
         """Vertical stress [Pa] that is about that under the lowest generatrix."""
@@ -126,32 +161,41 @@ class Bed:
         strain = y[OWN + 1 :: 2] + self.elastic_strains(y)
         return self.stack.height * (np.exp(-strain) if self.measure == LOGARITHMIC else 1 - strain)
 
-    def travelled(self, x, x_to, y, stress_to, scale, longest=np.inf):
+    def travelled(self, u, u_to, y, stress_to, scale, longest=np.inf):
         """Path of `confined.travel`, this bed with what pc remembers then, and the number of evaluations."""
-        way = (self.law, self.stack, self.profile, self.measure, x, x_to, y, stress_to, scale, longest)
-        reached, path, hardened, evaluations = travel(*way)
-        if not reached:
+        path, journey, ended = np.empty((ROWS, len(y) + 1)), begun(self.stack), PAUSED
+        path[0, 0], path[0, 1:] = u, y
+        given = self.law, self.stack, self.profile, self.measure, u_to, stress_to, scale, longest, journey
+        most = max(SLICE // len(self.stack.height), 1)
+        while ended == PAUSED:  # an interrupt gets in between two calls
+            ended = travel(*given, path, most)
+            if ended == PAUSED and journey.counts[ROW] + 1 == len(path):
+                path = np.concatenate([path, np.empty_like(path)])
+        path = path[: journey.counts[ROW] + 1]
+        if ended != REACHED:
+            x, x_to, x_from = (float(self.places(place)) for place in (path[-1, 0], u_to, u))
             raise RuntimeError(
-                f"the integration stopped after {len(path)} steps at x {path[-1, 0]:.6g} m on the way from {x:.6g} to "
-                f"{x_to:.6g} m, vertical stress {path[-1, 1]:.6g} Pa"
+                f"the integration stopped after {journey.counts[TRIED]} steps at x {x:.6g} m on the way from "
+                f"{x_from:.6g} to {x_to:.6g} m, vertical stress {path[-1, 1]:.6g} Pa: {FAILURES[ended]}"
             )
-        return path, replace(self, stack=self.stack._replace(hardened=hardened)), evaluations
+        left = replace(self, stack=self.stack._replace(hardened=journey.hardened))
+        return path, left, int(journey.counts[EVALUATIONS])
 
     def passed(self, indentation, rtol, longest=np.inf):
         """The `Passage` of the roller at an indentation [m]; `longest` share of the front that a step may take."""
-        scale, front = self.scale(indentation, rtol), self.edge(indentation)
+        scale, front = self.scale(indentation, rtol), self.front(indentation)
         down, pressed, evaluations = self.travelled(front, 0.0, self.rest, np.inf, scale, front * longest)
         return pressed.released(down, indentation, scale, evaluations, front * longest)
 
     def released(self, down, indentation, scale, evaluations, longest=np.inf):
-        """The `Passage` from the lowest point on, after `down` and its evaluations; `longest` step [m]."""
+        """The `Passage` from the lowest point on, after `down` and its evaluations; `longest` step over u [m]."""
         rise = FAR * indentation
-        far = self.edge(min(rise, DEEPEST * self.profile.radius) if self.profile.curl else rise)
+        far = self.front(min(rise, self.profile.radius) if self.profile.curl else rise)
         up, left, more = self.travelled(0.0, far, down[-1, 1:], 0.0, scale, longest)
-        if up[-1, 0] == far:
+        if up[-1, 1 + STRESS] > 0:
             raise RuntimeError(
-                f"the rebound does not end: {up[-1, 1]:.6g} Pa are left {far:.6g} m behind the lowest point at an "
-                f"indentation of {indentation:.6g} m"
+                f"the rebound does not end: {up[-1, 1]:.6g} Pa are left {self.places(far):.6g} m behind the lowest "
+                f"point at an indentation of {indentation:.6g} m"
             )
         return Passage(left, indentation, down, up, evaluations + more)
 
@@ -168,7 +212,7 @@ class Passage:
 
     @property
     def load(self):
-        """P [N/m]; x shrinks on the way down."""
+        """P [N/m]; u shrinks on the way down."""
         return float(self.up[-1, 1 + PUSH] - 2 * self.down[-1, 1 + PUSH])
 
     @property

@@ -16,6 +16,7 @@ from compact.results import ResultsError, default_directory
 
 DONE, COULD_NOT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 BAR_AFTER = 2.0  # seconds before a progress bar shows
+STOPPED = "interrupted; every file already written is whole"
 LONGEST, KEPT = 1000, 400  # characters of a message; of a longer one, kept of its beginning and of its end
 
 # options that several commands share
@@ -73,10 +74,12 @@ def _told(arguments):
     except RuntimeError as error:  # ResultsError, or an engine that did not converge
         return _say(error, COULD_NOT)
     except KeyboardInterrupt:
-        return _say("interrupted; every file already written is whole", INTERRUPTED)
+        return _say(STOPPED, INTERRUPTED)
     except BrokenPipeError:
         raise
     except Exception as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # came in while compiled code made its result
+            return _say(STOPPED, INTERRUPTED)
         if os.environ.get("COMPACT_TRACEBACK"):
             raise
         return _say(

@@ -29,6 +29,9 @@ RTOL = 1e-9  # error of a step of the integration, over the size of the whole pa
 LOOSER = 100.0  # times `rtol`: what this changes is the error that is reported, and `rtol` besides
 ROUGH = 1e-5  # `rtol` of a search, until what is wanted is met within it
 NEAR = 0.05  # share of `rtol` within which what is wanted is met; twice as much after each try, for other steps
+ENOUGH = 1.0  # the same share where the first pass is likely to meet it
+TARGET = 10.0  # times `rtol`, relative, within which what is prescribed is met in the end
+LEAST_RISE = 1e-2  # of a density ratio, to which its miss is relative at least
 SEARCHED = 60  # passes of a search; 6 are usual
 PRESSED = 0.8  # of the deepest stress, a mean over the front that a search starts from
 RESISTED = 1e-3  # share of the load below which a resistance counts as none, theory.md 3.1
@@ -125,8 +128,7 @@ def roll_over(columns, roller, material, speed, *, exit_density_ratio=None, stra
     if exit_density_ratio is None:
         passage, searched = _pressed(there, roller, rtol)
     else:
-        flat, searched = _leaving(there, exit_density_ratio, rtol)
-        passage = there.passed(flat.indentation, rtol, LONGEST)
+        passage, searched = _dense(there, exit_density_ratio, rtol)
     looser = there.passed(passage.indentation, LOOSER * rtol)
     return _rolled(passage, looser, rtol, np.sign(speed), searched)
 
@@ -184,18 +186,40 @@ def _pressed(there, roller, rtol):
     name, value = roller.target
     if name == "load":
         return _loaded(there, value, rtol)
-    depth, spent = (value, 0) if name == "indentation" else _depth_of_peak(there, value, rtol)
-    _refuse_beyond_pores(there, "indentation", depth, there.deepest)
-    return there.passed(depth, rtol, LONGEST), spent
+    if name == "peak_pressure":
+        return _peaked(there, value, rtol)
+    if not value < there.deepest:
+        _refuse_beyond(there, "indentation", value, there.deepest)
+    return there.passed(value, rtol, LONGEST), 0
 
 
-def _depth_of_peak(there, pressure, rtol):
-    """Indentation [m] at which the stress under the lowest generatrix is a peak pressure [Pa], and evaluations."""
+def _peaked(there, pressure, rtol):
+    """The `Passage` with a peak pressure [Pa], and the evaluations spent in search of it.
+
+    The stress under the lowest generatrix is that under a plate.
+    """
     plate, scale = replace(there, profile=PLATE), there.scale(there.deepest, rtol)
     path, _, spent = plate.travelled(there.deepest, 0.0, there.rest, float(pressure), scale)
-    if path[-1, 0] == 0:
-        _refuse_beyond_pores(there, "peak_pressure", pressure, path[-1, 1])
-    return there.deepest - path[-1, 0], spent
+    if path[-1, 1 + STRESS] < pressure:
+        _refuse_beyond(there, "peak_pressure", pressure, path[-1, 1 + STRESS])
+
+    def miss(passage):
+        return passage.peak_pressure / pressure - 1
+
+    depth = there.deepest - path[-1, 0]
+    passage, searched = _met(_passes(there, rtol), miss, depth, 1.0, there.deepest, rtol=rtol, near=ENOUGH)
+    if passage is None:
+        _refuse_beyond(there, "peak_pressure", pressure, path[-1, 1 + STRESS])
+    return passage, spent + searched
+
+
+def _passes(there, rtol):
+    """passed(indentation, tolerance) of `_met`: with points for a picture where the tolerance is the last."""
+
+    def passed(depth, tolerance):
+        return there.passed(depth, tolerance, math.inf if tolerance > rtol else LONGEST)
+
+    return passed
 
 
 def _loaded(there, load, rtol):
@@ -204,52 +228,58 @@ def _loaded(there, load, rtol):
     def about(depth):
         return PRESSED * there.stress(depth) * there.edge(depth) - load
 
-    def passed(depth, tolerance):
-        return there.passed(depth, tolerance, LONGEST if tolerance == rtol else math.inf)
-
     def miss(passage):
         return math.log(passage.load / load)
 
     start = brentq(about, 0, there.deepest, rtol=0.1) if about(there.deepest) > 0 else there.deepest
-    passage, spent = _met(passed, miss, start, 1.0, there.deepest, (max(ROUGH, rtol), rtol))
-    if passage.indentation == there.deepest:
-        _refuse_beyond_pores(there, "load", load, there.passed(there.deepest, rtol).load)
+    passage, spent = _met(_passes(there, rtol), miss, start, 1.0, there.deepest, rtol=rtol, rough=max(ROUGH, rtol))
+    if passage is None:
+        _refuse_beyond(there, "load", load, there.passed(there.deepest, rtol).load)
     return passage, spent
 
 
-def _met(passed, miss, start, slope, deepest, tolerances):
-    """The `Passage` whose `miss` is 0, or the deepest one, and the evaluations spent besides.
+def _met(passed, miss, start, slope, deepest, *, rtol, rough=None, shallowest=0.0, near=NEAR):
+    """The `Passage` whose `miss` is 0, None where the deepest one falls short, and the evaluations spent besides.
 
-    passed : the `Passage` at an indentation [m], integrated to a tolerance;  tolerances : of the search, and of its end
+
+    passed : the `Passage` at an indentation [m], integrated to a tolerance: `rough` in the search, `rtol` at its end
     miss : of a passage, relative, rising with its indentation;  start : a guess;  slope : d miss/d ln indentation
+    shallowest : indentation with a miss < 0 [m], or 0;  near : share of `rtol` that the miss may be at first
 
     Inverse interpolation of ln indentation through the last three passes, rough ones first: what a finer integration
     adds to one of them, it adds to all.
     """
-    tolerance, rtol = tolerances
-    top, near, spent = math.log(deepest), NEAR * rtol, 0
-    low, high, x, tried = -math.inf, top, min(math.log(start), top), []
+    tolerance = rough or rtol
+    bottom, top = math.log(shallowest) if shallowest else -math.inf, math.log(deepest)
+    low, high, x, tried, topped = bottom, top, math.log(start), [], False
+    near, spent = near * rtol, 0
     for _ in range(SEARCHED):
-        passage = passed(min(math.exp(x), deepest), tolerance)
+        limited = x >= top  # the deepest pass is tried itself
+        x = min(x, top)
+        passage = passed(deepest if limited else math.exp(x), tolerance)
         off = miss(passage)
+        topped = topped or limited
+        if tolerance == rtol:
+            if abs(off) <= near:
+                return passage, spent
+            near = min(2 * near, TARGET * rtol)
+        spent += passage.evaluations
+        if limited and off < 0 and tolerance == rtol:
+            return None, spent
         if tried and tried[-1][0] == x:  # the same pass, finer
             tried = [(place, other + off - tried[-1][1]) for place, other in tried]
         else:
             tried = [*tried[-2:], (x, off)]
-        out_of_reach = x == top and off < 0
-        if tolerance == rtol and (abs(off) <= near or out_of_reach):
-            return passage, spent
-        spent += passage.evaluations
-        if tolerance > rtol and (abs(off) <= tolerance or out_of_reach):
-            low, high, tolerance = -math.inf, top, rtol
+        if tolerance > rtol and (abs(off) <= tolerance or (limited and off < 0)):
+            low, high, topped, tolerance = bottom, top, False, rtol
             continue
-        near *= 2 if tolerance == rtol else 1
         low, high = (x, high) if off < 0 else (low, x)
-        x = _interpolated(tried) if len(tried) > 1 else min(x - off / slope, top)
-        if not low < x < high and x != top:
+        x = _interpolated(tried) if len(tried) > 1 else x - off / slope
+        if not (low < x < high or (x >= top and not topped)):
             x = (low + high) / 2 if low > -math.inf else high - 1
+            x = x if topped or off > 0 else top
     raise RuntimeError(
-        f"no indentation found in {SEARCHED} passes; the last missed by {off:.1e} at {math.exp(x):.6g} m"
+        f"no indentation found in {SEARCHED} passes; the last missed by {off:.1e} at {passage.indentation:.6g} m"
     )
 
 
@@ -270,48 +300,68 @@ def _refuse_stiffer(there, material):
         )
 
 
+def _dense(there, wanted, rtol):
+    """The `Passage` that leaves a mean density ratio, and the evaluations spent in search of it."""
+
+    def miss(passage):
+        return passage.density_ratio / wanted - 1
+
+    flat, spent = _leaving(there, wanted, rtol)
+    depth = flat.indentation
+    passage, searched = _met(
+        _passes(there, rtol), miss, depth, depth / there.height, there.deepest, rtol=rtol, near=ENOUGH
+    )
+    return passage or flat, spent + flat.evaluations + searched
+
+
 def _leaving(there, wanted, rtol):
     """The `Passage` of a plate, whatever the profile, that leaves a mean density ratio, and the evaluations besides.
 
-    A plate goes the same way to any depth, so the search goes on from where the mix would stay without a rebound.
+    A plate goes the same way to any depth: the search goes on from an indentation that is not too deep. That is the one
+    without a rebound, or less where the mix may be under tension sideways.
     """
     plate, loosest = replace(there, profile=PLATE), there.solid / there.height
 
     def miss(passage):
-        return (passage.density_ratio - wanted) / (wanted - loosest)
+        return (passage.density_ratio - wanted) / max(wanted - loosest, LEAST_RISE)
 
-    if loosest < wanted < 1:
-        nominal = there.height * (1 - loosest / wanted)
-        scale = plate.scale(nominal, rtol)
-        path, pressed, spent = plate.travelled(nominal, 0.0, plate.rest, np.inf, scale)
+    nominal = there.height * (1 - loosest / wanted)
+    if 0 < nominal < there.deepest:
+        shallowest = max(there.height * (1 - loosest / wanted * math.exp(there.slack)), 0.0)
+        y, pressed, spent = there.rest, plate, 0
+        if shallowest:
+            path, pressed, spent = plate.travelled(shallowest, 0.0, y, np.inf, plate.scale(shallowest, rtol))
+            y = path[-1, 1:]
 
         def passed(depth, _):
-            down, deeper, evaluations = pressed.travelled(depth - nominal, 0.0, path[-1, 1:], np.inf, scale)
+            scale = plate.scale(depth, rtol)
+            down, deeper, evaluations = pressed.travelled(depth - shallowest, 0.0, y, np.inf, scale)
             return deeper.released(down, depth, scale, evaluations)
 
         start = nominal + (there.height - nominal) * there.stress(nominal) / there.elastic
-        passage, searched = _met(passed, miss, start, wanted / loosest, there.deepest, (rtol, rtol))
-        if passage.indentation < there.deepest:
-            return passage, spent + searched
+        flat, found = _met(passed, miss, start, wanted / loosest, there.deepest, rtol=rtol, shallowest=shallowest)
+        if flat is not None:
+            return flat, spent + found
     densest = plate.passed(there.deepest, rtol).density_ratio
+    reason = "with the circle buried to its axis" if there.buried else "that shuts all pores"
     raise ValueError(
         f"`exit_density_ratio` must lie between {loosest:.6g}, before the pass, and {densest:.6g}, left by a pass "
-        f"that shuts all pores, got {wanted!r}"
+        f"{reason}, got {wanted!r}"
     )
 
 
-def _refuse_beyond_pores(there, name, value, limit):
-    if not value < limit:
-        full = f"grains and water alone fill the {there.solid:.6g} m that are left of {there.height:.6g} m"
-        buried = "the circle is buried to its axis"
-        reason = full if there.height - there.deepest < (1 + 1e-6) * there.solid else buried
-        raise ValueError(f"`{name}` must be less than {limit:.6g}, where {reason}, got {value!r}")
+def _refuse_beyond(there, name, value, limit):
+    """Refuse what is prescribed beyond its limit, that at the deepest indentation."""
+    full = f"grains and water alone fill the {there.solid:.6g} m that are left of {there.height:.6g} m"
+    reason = "the circle is buried to its axis" if there.buried else full
+    raise ValueError(f"`{name}` must be less than {limit:.6g}, where {reason}, got {value!r}")
 
 
 def _rolled(passage, looser, rtol, direction, searched):
     """The pass as seen from the fixed axis x."""
     down, up = passage.down[::-1], passage.up[::-1]
     x, pressure = np.concatenate([-up[:, 0], down[1:, 0]]), np.concatenate([up[:, 1], down[1:, 1]])
+    x = passage.bed.places(x)
     forth = slice(None, None, int(direction))  # x ascends, whichever way the roller goes
     load, resistance, (plastic, elastic) = passage.load, passage.resistance, passage.work
     counted = max(abs(resistance), RESISTED * load)

@@ -11,8 +11,14 @@ de the strain of the column and w >= 0 the flow. Per unit of s_v, with b = P - 3
     dp/ds_v = (3/2)(h - 2G b Q)/B,   w/ds_v = (3/2)(P + 2G Q/K)/B,   B = g h + 2G b^2,
 
 and inside the limit dp/ds_v = 3/(2g). The strains change the heights h_i of the columns, whose sum follows the roller:
-ds_v/dx = -gap'/sum (de/ds_v) h_i, x the distance from the lowest point. This is integrated in x, the work and the
-forces with it, by the method of Dormand and Prince of order 8; each yield and the end of the rebound are met exactly.
+ds_v = -dgap/sum (de/ds_v) h_i. The gap of a circle rises ever more steeply with the distance x from the lowest point,
+without bound where its side is upright. The path is therefore integrated over the tangent of half the angle, u = 2 R t:
+
+    q = 1/(1 + c u^2/(4 R^2)),   x = u q,   gap = u^2 q/(2R),   dx/du = q (2q - 1),   dgap/du = u q^2/R,
+
+c = 1 for the circle, whose side is upright at u = 2R, and c = 0 for the parabola, where u is x. The work and the forces
+are integrated with the stress by the method of Dormand and Prince of order 8; each yield and the end of the rebound are
+met exactly.
 
 References
 ----------
@@ -31,14 +37,16 @@ STAGES, ORDER = 12, 8
 A, C = np.vstack([DOP853.A, DOP853.B]), np.append(DOP853.C, 1.0)  # the last row is the step itself
 E3, E5 = DOP853.E3.copy(), DOP853.E5.copy()
 FIRST = 1 / 64  # share of the way that a first step may take
-STEPS = 40_000  # 50 are usual; a mix a thousand times stiffer to unload takes a thousand times as many
+STEPS = 40_000  # tried; 50 are usual, a mix a thousand times stiffer to unload takes a thousand times as many
 SAFETY, SLOWEST, FASTEST = 0.9, 0.2, 10.0  # of the step control
-ROWS = 128  # of a path at first; room for all steps would cost more than most of them
 POINTS = 16  # of the trapezoids of `settling`, dense where pc may rise from next to nothing
 CUTS = 60  # of a step that meets a yield; 5 are usual
 MET = 1e-4  # share of the error allowed of s_v by which the end of a cut step may miss
+ROUNDING = 1e-14  # share of s_v by which it may miss too
 
 STRESS, PUSH, DRAG, PLASTIC, ELASTIC, OWN = 0, 1, 2, 3, 4, 5  # places in y; from OWN on p and V of each column
+REACHED, PAUSED, TOO_MANY, COLLAPSED, UNCUT = range(5)  # how `travel` ended
+ROW, EVALUATIONS, TRIED, NEXT = range(4)  # places in the counts of a `Journey`; NEXT the column that yields next
 LOGARITHMIC, SMALL, MASS_TRUE = 0, 1, 2  # strain ln(h0/h); (h0 - h)/h0 with k = k0 exp V; the same with k = k0/(1 - V)
 
 
@@ -53,94 +61,128 @@ class Stack(NamedTuple):
 
 
 class Profile(NamedTuple):
-    """gap' = x/sqrt(R^2 - c x^2), x from the lowest point: c = 1 circle, 0 parabola; R = 0 a plate, whose gap is x."""
+    """gap(x) of the roller, x from the lowest point: curl c = 1 circle, 0 parabola; R = 0 a plate, whose gap is u."""
 
     radius: float
     curl: float
 
 
+class Journey(NamedTuple):
+    """State of an integration between two calls of `travel`, changed in place.
+
+    hardened, yielding, stops : of each column: the density ratio that pc remembers, whether it yields, and the stress
+    at which that changes next [Pa]
+    step : over u to try next, 0 before the first and after each of these changes;  counts : see ROW
+    """
+
+    hardened: np.ndarray
+    yielding: np.ndarray
+    stops: np.ndarray
+    step: np.ndarray
+    counts: np.ndarray
+
+
 compiled = njit(error_model="numpy", cache=True)
 
 
-@compiled
-def travel(law, stack, profile, measure, x, x_to, y, stress_to, scale, longest):
-    """Columns from x [m] to x_to or until the stress is `stress_to` [Pa]: (reached?, path, hardened, evaluations).
+def begun(stack):
+    """A `Journey` that has not set off."""
+    n = len(stack.height)
+    return Journey(stack.hardened.copy(), np.zeros(n, np.bool_), np.empty(n), np.zeros(1), np.array([0, 0, 0, -1]))
 
-    y : at x, of (s_v, int s_v dx, int s_v gap' dx, plastic work, elastic work, p_1, V_1, ...), SI, V from `stack`
-    scale : of y, the errors of a step that are allowed;  path : rows of (x, y), one for each step, the last at the end
+
+@compiled
+def travel(law, stack, profile, measure, u_to, stress_to, scale, longest, journey, path, most):
+    """Columns from the last row of a path to u_to or until the stress is `stress_to` [Pa]: how it ended.
+
+    path : rows of (u, y), one for each step, the last at `journey.counts[ROW]`
+    y : (s_v, int s_v dx, int s_v gap' dx, plastic work, elastic work, p_1, V_1, ...), SI, V from `stack`
+    scale : of y, the errors of a step that are allowed;  longest : step over u
+
+    PAUSED after trying as many steps as `most`, or where the path is full, to go on by the same call. The others end
+    it: REACHED; TOO_MANY steps; COLLAPSED, steps too short to move u; UNCUT, a stress not met. It returns a bare
+    number: making an array of a result runs Python, where an interrupt would be lost.
     """
-    n, way = len(stack.height), 1.0 if stress_to > y[STRESS] else -1.0
-    hardened, yielding, stops = stack.hardened.copy(), np.zeros(n, np.bool_), np.empty(n)
-    for i in range(n):
-        stops[i] = _yield_stress(law, measure, stack, y, i, way)
-    path, counts = np.empty((ROWS, len(y) + 1)), np.zeros(2, np.int64)
-    path = _written(path, 0, x, y)
-    column = (law, stack, hardened, profile, measure, yielding)
-    while True:
-        next_one, stop = n, stress_to
+    hardened, yielding, stops, _, counts = journey
+    n = len(stops)
+    y = path[counts[ROW], 1:]
+    way = 1.0 if stress_to > y[STRESS] else -1.0
+    # what yields as near to the end as this does not: at rest a column without strength is on its yield limit
+    before = stress_to - way * max(MET * scale[STRESS], ROUNDING * abs(path[0, 1 + STRESS]))
+    if counts[NEXT] < 0:
         for i in range(n):
-            if way * (stop - stops[i]) > 0:
-                next_one, stop = i, stops[i]
-        reached, path = _follow(path, counts, x_to, stop, way, longest, column, scale)
-        if next_one == n or not reached or path[counts[0], 0] == x_to:
-            return reached, path[: counts[0] + 1], hardened, counts[1]
-        stops[next_one] = way * np.inf
-        if not yielding[next_one]:
-            yielding[next_one] = True
-            stops[next_one] = _wet_stress(law, measure, stack, path[counts[0], 1:], next_one, way)
+            stops[i] = _yield_stress(law, measure, stack, y, i, way)
+        counts[NEXT] = _next(stops, before, way)
+    column, last = (law, stack, hardened, profile, measure, yielding), counts[TRIED] + most
+    for _ in range(3 * n + 1):  # a column yields once, turns to the wet side once
+        k = counts[NEXT]
+        ended = _follow(path, journey, u_to, stress_to if k == n else stops[k], way, longest, column, scale, last)
+        if ended != REACHED or k == n or path[counts[ROW], 0] == u_to:
+            return ended
+        stops[k] = way * np.inf
+        if not yielding[k]:
+            yielding[k] = True
+            stops[k] = _wet_stress(law, measure, stack, path[counts[ROW], 1:], k, way)
+        counts[NEXT] = _next(stops, before, way)
+        journey.step[0] = 0.0
+    return TOO_MANY
 
 
 @compiled
-def _follow(path, counts, x_to, stop, way, longest, column, scale):
-    """Whether s_v comes to `stop` or x to x_to, and the path with the steps until then; counted with evaluations."""
+def _next(stops, before, way):
+    """The column that yields before all others and `before` a stress, or their number where none does."""
+    found, stop = len(stops), before
+    for i in range(len(stops)):
+        if way * (stop - stops[i]) > 0:
+            found, stop = i, stops[i]
+    return found
+
+
+@compiled
+def _follow(path, journey, u_to, stop, way, longest, column, scale, last):
+    """How it ended, REACHED where s_v is `stop` or u is u_to; the steps until then are on the path."""
     law, stack, hardened, _, measure, _ = column
-    x, y = path[counts[0], 0], path[counts[0], 1:].copy()
+    counts = journey.counts
+    u, y = path[counts[ROW], 0], path[counts[ROW], 1:].copy()
     z, K = np.empty(len(y)), np.empty((STAGES + 1, len(y)))
-    _rates(x, y, K[0], column)
-    step = (x_to - x) * FIRST
-    while x != x_to and way * (stop - y[STRESS]) > 0:
-        if counts[0] + 1 == STEPS:
-            return False, path
-        step = np.sign(step) * min(abs(step), abs(x_to - x), longest)
-        error = _step(x, step, y, z, K, column, scale)
-        counts[1] += STAGES
+    _rates(u, y, K[0], column)
+    step = journey.step[0] if journey.step[0] != 0 else (u_to - u) * FIRST
+    while u != u_to and not way * (stop - y[STRESS]) <= 0:
+        if counts[TRIED] >= STEPS:
+            return TOO_MANY
+        if counts[TRIED] >= last or counts[ROW] + 1 == len(path):
+            journey.step[0] = step
+            return PAUSED
+        counts[TRIED] += 1
+        step = np.sign(u_to - u) * min(abs(step), abs(u_to - u), longest)
+        if u + step == u:
+            return COLLAPSED
+        error = _step(u, step, y, z, K, column, scale)
+        counts[EVALUATIONS] += STAGES
         if error <= 1:
             if way * (stop - z[STRESS]) <= 0:
-                step, cuts = _cut(x, step, y, z, K, column, scale, stop)
-                counts[1] += STAGES * cuts
+                met, step, cuts = _cut(u, step, y, z, K, column, scale, stop)
+                counts[EVALUATIONS] += STAGES * cuts
+                if not met:
+                    return UNCUT
                 z[STRESS] = stop
-            x = x_to if step == x_to - x else x + step
+            u = u_to if step == u_to - u else u + step
             for m in range(len(y)):
                 y[m], K[0, m] = z[m], K[STAGES, m]
             for i in range(len(hardened)):
                 if law.flat:
                     k = _density_ratio(measure, stack.density_ratio[i], y[OWN + 2 * i + 1])
                     hardened[i] = max(hardened[i], k)
-            counts[0] += 1
-            path = _written(path, counts[0], x, y)
+            counts[ROW] += 1
+            path[counts[ROW], 0] = u
+            for m in range(len(y)):
+                path[counts[ROW], m + 1] = y[m]
         step *= min(FASTEST, max(SLOWEST, SAFETY * max(error, 1e-20) ** (-1 / ORDER)))
-    return True, path
+    return REACHED
 
 
 @compiled
-def _written(path, row, x, y):
-    """The path with one more row, twice as long where it was full.
-
-    One by one: an assignment of slices costs seconds of compiling.
-    """
-    if row == len(path):
-        full, path = path, np.empty((2 * row, len(y) + 1))
-        for i in range(row):
-            for m in range(len(y) + 1):
-                path[i, m] = full[i, m]
-    path[row, 0] = x
-    for m in range(len(y)):
-        path[row, m + 1] = y[m]
-    return path
-
-
-@compiled
-def _step(x, step, y, z, K, column, scale):
+def _step(u, step, y, z, K, column, scale):
     """One step of Dormand and Prince from y, with K[0] there, to z, with K[STAGES] there; its error over `scale`."""
     for stage in range(1, STAGES + 1):
         for m in range(len(y)):
@@ -148,7 +190,7 @@ def _step(x, step, y, z, K, column, scale):
             for before in range(stage):
                 slope += A[stage, before] * K[before, m]
             z[m] = y[m] + step * slope
-        _rates(x + C[stage] * step, z, K[stage], column)
+        _rates(u + C[stage] * step, z, K[stage], column)
     third, fifth = 0.0, 0.0
     for m in range(len(y)):
         of_third, of_fifth = 0.0, 0.0
@@ -164,24 +206,28 @@ def _step(x, step, y, z, K, column, scale):
 
 
 @compiled
-def _cut(x, step, y, z, K, column, scale, stress):
-    """The part of a step after which s_v is `stress`, by regula falsi (Illinois); z and K[STAGES] are there after."""
-    low, high, below, above, cuts = 0.0, step, y[STRESS] - stress, z[STRESS] - stress, 0
-    while abs(above) > MET * scale[STRESS] and low != high and cuts < CUTS:
+def _cut(u, step, y, z, K, column, scale, stress):
+    """Whether a part of a step ends at s_v = `stress`, that part by regula falsi (Illinois), and the tries; z and
+    K[STAGES] are there after."""
+    low, high, below, above = 0.0, step, y[STRESS] - stress, z[STRESS] - stress
+    near = max(MET * scale[STRESS], ROUNDING * max(abs(stress), abs(y[STRESS])))
+    for cuts in range(CUTS + 1):
+        if abs(above) <= near or low == high:
+            return True, high, cuts
         middle = high - above * (high - low) / (above - below)
-        _step(x, middle, y, z, K, column, scale)
+        _step(u, middle, y, z, K, column, scale)
         miss = z[STRESS] - stress
         if miss * above < 0:
             low, below = high, above
         else:
             below /= 2
-        high, above, cuts = middle, miss, cuts + 1
-    return high, cuts
+        high, above = middle, miss
+    return False, high, CUTS
 
 
 @compiled
-def _rates(x, y, out, column):
-    """dy/dx."""
+def _rates(u, y, out, column):
+    """dy/du."""
     law, stack, hardened, profile, measure, yielding = column
     stress, yielded, stored, give = y[STRESS], 0.0, 0.0, 0.0
     for i in range(len(stack.height)):
@@ -195,9 +241,13 @@ def _rates(x, y, out, column):
         yielded += height * (p * dV + D * dshear)
         stored += height * (p * dp / law.K + D * (1 - dp) / (2 * law.G))
         out[OWN + 2 * i], out[OWN + 2 * i + 1] = dp, dV
-    slope = x / np.sqrt(profile.radius**2 - profile.curl * x * x) if profile.radius > 0 else 1.0
-    rate = -slope / give
-    out[STRESS], out[PUSH], out[DRAG] = rate, stress, stress * slope
+    along, rise = 1.0, 1.0  # dx/du, dgap/du
+    if profile.radius > 0:
+        t = u / profile.radius
+        q = 1 / (1 + profile.curl * t * t / 4)
+        along, rise = q * (2 * q - 1), t * q * q
+    rate = -rise / give
+    out[STRESS], out[PUSH], out[DRAG] = rate, stress * along, stress * rise
     out[PLASTIC], out[ELASTIC] = yielded * rate, stored * rate
     for m in range(OWN, len(y)):
         out[m] *= rate

@@ -1,18 +1,25 @@
 """The engine "column": closed forms, reference solutions, independent integrations of the path, passes, refusals."""
 
+import re
+import signal
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
+from time import monotonic, sleep
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from interrupts import heed_interrupts
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, root
 
-from compact import cap
-from compact.bed import PLATE, STIFFEST, bed_of
-from compact.column import Column, feed, oedometer, roll, roll_over
-from compact.confined import LOGARITHMIC
+from compact import bed, cap, confined
+from compact.bed import PLATE, STIFFEST, Column, bed_of
+from compact.column import feed, oedometer, roll, roll_over
+from compact.confined import LOGARITHMIC, Profile
 from compact.material import Compaction, Elastic
 from compact.mix import prior
 from compact.passes import Pass, passes
@@ -456,6 +463,29 @@ def test_hardly_pressed_layer_keeps_its_digits():
         assert abs(contact.resistance) < 1e-9 * contact.load
 
 
+@pytest.mark.parametrize("share", [0.5, 0.99, 1 - 1e-6, 1 - 1e-8])
+def test_circle_may_be_pressed_to_its_axis(share):
+    """Over its upright side the gap rises without bound; of elastic columns the load is an integral over the angle."""
+    depth, height, elastic = share * R, 9.0, mix(heckel_slope=1e-10)
+    lowest, end = height - depth, np.arccos(1 - share)
+
+    def stress(angle):
+        return oedometric_modulus(elastic) * np.log(height / (lowest + R * (1 - np.cos(angle))))
+
+    load = 2 * quad(lambda a: stress(a) * R * np.cos(a), 0, end, epsrel=1e-12)[0]
+    contact = roll(Layer(height), circle(depth), elastic, SPEED)
+    assert contact.load == pytest.approx(load, rel=1e-9)
+    assert contact.leading == pytest.approx(R * np.sin(end), rel=1e-12)
+
+
+def test_mix_without_strength_may_come_to_rest_at_its_yield_limit():
+    """Where neither stress nor strength is left the elastic release ends on the limit, within rounding."""
+    material = mix(tensile_strength=0.0, poisson=0.45, critical_slope=0.93, unloading_modulus=4.7e7, dry_side="flat")
+    for peak in (1e2, 2283.4, 22834.416248689573):
+        contact = roll(Layer(2.0), Roller(0.03, peak_pressure=peak), material, SPEED)
+        assert abs(contact.resistance) < 1e-9 * contact.load
+
+
 @pytest.mark.parametrize(
     "changes",
     [
@@ -583,6 +613,132 @@ def test_lifts_of_one_mix_add_up_like_the_single_layer(moisture, density_ratio, 
     many = roll_over((fed,) * lifts, roller, material, SPEED)
     assert (many.load, many.resistance) == pytest.approx((one.load, one.resistance), rel=1e-8)
     assert many.exit_density_ratio == pytest.approx(one.exit_density_ratio, rel=1e-10)
+
+
+def pressed_by(target, value):
+    return Roller(R, **{target: value}, profile="circle")
+
+
+@pytest.mark.parametrize("height", [0.05, 0.22, 0.2293617, 0.31, 1.7])
+@pytest.mark.parametrize("profile", ["parabola", "circle"])
+def test_load_is_met_up_to_the_deepest_one_and_refused_beyond(height, profile):
+    deepest = bed_of((Column(height, FED),), MIX, 1.0, Profile(R, float(profile == "circle")), LOGARITHMIC).deepest
+    most = roll(Layer(height), Roller(R, indentation=0.9999999 * deepest, profile=profile), MIX, SPEED).load
+    for share in (1e-9, 1e-3, 0.5, 0.99, 0.9999):
+        contact = roll(Layer(height), Roller(R, load=share * most, profile=profile), MIX, SPEED)
+        assert contact.load == pytest.approx(share * most, rel=1e-8)
+    for share in (1.001, 1.2, 10, 1e3, 1e12):
+        with pytest.raises(ValueError, match=r"`load` must be less than \d.*got"):
+            roll(Layer(height), Roller(R, load=share * most, profile=profile), MIX, SPEED)
+
+
+def test_soft_mix_that_springs_back_is_not_told_to_be_dense():
+    """It is elastic down to where its pores shut: no pass leaves it denser."""
+    soft = mix(fed_density_ratio=0.9656411, unloading_modulus=1.17065e6, critical_slope=0.357036, dry_side="flat")
+    with pytest.raises(
+        ValueError, match=r"`exit_density_ratio` must lie between 0\.965641, before the pass, and 0.9656"
+    ):
+        roll(Layer(0.35), circle(1e-3), soft, SPEED, exit_density_ratio=0.971368)
+
+
+@pytest.mark.parametrize("rise", [1e-9, 1e-6, 1e-4, 0.03])
+@pytest.mark.parametrize("changes", [{}, {"poisson": 0.45147, "unloading_modulus": 2.1e9, "dry_side": "flat"}], ids=str)
+def test_exit_density_is_met_however_little_it_rises(rise, changes):
+    contact = rolled(mix(**changes), exit_density_ratio=FED + rise)
+    assert contact.exit_density_ratio == pytest.approx(FED + rise, rel=1e-8)
+
+
+def test_exit_density_out_of_reach_of_a_buried_circle_is_refused():
+    material = mix(fed_density_ratio=0.8044)
+    with pytest.raises(ValueError, match=r"`exit_density_ratio` must lie .* by a pass with the circle buried to its"):
+        roll(Layer(1.8), Roller(0.0337, indentation=1e-3, profile="circle"), material, SPEED, exit_density_ratio=0.95)
+
+
+def stepped_load(layer, roller, indentation, material, points):
+    """Load by the implicit steps of `cap` over even angles of the front, and on along the release."""
+    lowest, radius = layer.height - indentation, roller.radius
+    parabola = roller.profile == "parabola"
+    edge = np.sqrt(indentation * (2 * radius - (0 if parabola else indentation)))
+    front, rear = (np.linspace(0, np.pi / 2, parts * points + 1) for parts in (1, 4))
+    x = edge * np.concatenate([np.cos(front), -np.sin(rear[1:])])
+    gap = x**2 / (2 * radius if parabola else radius + np.sqrt(radius**2 - x**2))
+    strain = np.log(layer.height / (lowest + gap))
+    state, stress = cap.fed(material, 1), [0.0]
+    for change in np.diff(strain):
+        state, _ = cap.step(material, state, np.array([[0.0, -change, 0.0]]), tangent=False)
+        stress.append(-state.stress[0, 1])
+        if stress[-1] <= 0:
+            break
+    x, stress = x[: len(stress)], np.array(stress)
+    share = stress[-2] / (stress[-2] - stress[-1])
+    x[-1], stress[-1] = x[-2] + share * (x[-1] - x[-2]), 0.0
+    return np.trapezoid(stress, -x)
+
+
+def random_targets(count, seed):
+    """Layers from a millimetre to two metres, rollers from 10 mm to 1 m, and any mix, of any prescription."""
+    rng = np.random.default_rng(seed)
+
+    def between(low, high):
+        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+    for _ in range(count):
+        fed, height = rng.uniform(0.73, 0.97), between(1e-3, 2)
+        material = mix(
+            fed_density_ratio=fed,
+            unloading_modulus=between(1e6, 1e10),
+            poisson=float(rng.choice([0.0, 0.3, 0.45, rng.uniform(0, 0.49)])),
+            heckel_slope=between(3e-6, 1e-4),
+            critical_slope=rng.uniform(0.3, 1.6),
+            tensile_strength=float(rng.choice([0.0, between(100, 1e5)])),
+            dry_side=str(rng.choice(["flat", "ellipse"])),
+        )
+        target = str(rng.choice(["indentation", "load", "peak_pressure", "exit_density_ratio"]))
+        value = {
+            "indentation": height * (1 - fed) * rng.choice([between(1e-9, 1), 1 - between(1e-12, 1e-2)]),
+            "load": between(1e-3, 1e7),
+            "peak_pressure": between(1e1, 1e8),
+            "exit_density_ratio": fed + rng.choice([between(1e-9, 0.02), rng.uniform(-0.01, 0.06)]),
+        }[target]
+        given = {"indentation": 1e-3 * height} if target == "exit_density_ratio" else {target: float(value)}
+        roller = Roller(between(0.01, 1), **given, profile=str(rng.choice(["parabola", "circle"])))
+        yield target, float(value), Layer(height), roller, material
+
+
+@pytest.mark.parametrize("count", [200, pytest.param(5_000, marks=pytest.mark.slow)])
+def test_any_target_is_met_or_refused_in_words(count):
+    met, wrong, refused = 0, [], "must be less than|must lie between|the rebound does not end"
+    for target, value, layer, roller, material in random_targets(count, seed=count):
+        asked = {target: value} if target == "exit_density_ratio" else {}
+        try:
+            contact = roll(layer, roller, material, SPEED, **asked)
+        except (ValueError, RuntimeError) as error:
+            wrong += [] if re.search(refused, str(error)) else [(error, layer, roller, material)]
+            continue
+        met += 1
+        wrong += [] if abs(getattr(contact, target) / value - 1) <= 1e-8 else [(target, value, layer, roller, material)]
+        assert contact.work_residual < 1e-9
+        assert abs(contact.mass_residual) < 1e-9
+    assert not wrong
+    assert met > count / 2
+
+
+@pytest.mark.parametrize("count", [15, pytest.param(300, marks=pytest.mark.slow)])
+def test_load_is_that_of_steps_of_the_cap(count):
+    """Of second order in the points; none of the equations of the columns enters."""
+    compared = 0
+    for target, value, layer, roller, material in random_targets(count, seed=7):
+        if target == "indentation":
+            continue
+        asked = {target: value} if target == "exit_density_ratio" else {}
+        try:
+            contact = roll(layer, roller, material, SPEED, **asked)
+            coarse, fine = (stepped_load(layer, roller, contact.indentation, material, points) for points in (100, 200))
+        except (ValueError, RuntimeError):
+            continue
+        compared += 1
+        assert 2 * fine - coarse == pytest.approx(contact.load, rel=3e-3)
+    assert compared > count / 4
 
 
 def random_scenes(count, seed):
@@ -733,6 +889,83 @@ def test_demand_is_refused(layer, roller, material, speed, message):
 def test_wrong_input_is_refused(demand, message):
     with pytest.raises(ValueError, match=message):
         demand()
+
+
+@pytest.mark.parametrize(
+    ("height", "radius", "fed", "load"),
+    [(0.5090909090909091, 0.05, 0.77, 5154.639175257732), (1.1247052271667615, 0.032597, 0.77212, 940.8319470976468)],
+)
+def test_load_beyond_a_buried_circle_is_refused_at_once(height, radius, fed, load):
+    """The slope of a circle has no bound beside its axis, where steps over x shrank for ever."""
+    material = replace(mix_of(0.1, 0.98, fed), heckel_slope=1.4296351665768224e-05)
+    roller = Roller(radius, load=load, friction=0.35, rolling="free", profile="deformed")
+    with pytest.raises(ValueError, match=r"`load` must be less than .*, where the circle is buried to its axis, got"):
+        roll(Layer(height), roller, material, 0.133)
+
+
+def test_steps_that_move_nothing_end_the_integration():
+    there = bed_of((Column(1.0, FED),), MIX, 1.0, Profile(R, 1.0), LOGARITHMIC)
+    with pytest.raises(RuntimeError, match=r"the integration stopped after .* steps .*: shorter steps do not move it"):
+        there.travelled(0.01, 0.0, there.rest + np.nan, np.inf, there.scale(0.01, 1e-9))
+
+
+def test_integration_in_slices_is_the_same(monkeypatch):
+    """An interrupt gets in between two slices."""
+    whole, ended, travel = rolled(rtol=1e-11), [], bed.travel
+
+    def counted(*given):
+        ended.append(travel(*given))
+        return ended[-1]
+
+    monkeypatch.setattr(bed, "SLICE", 7)
+    monkeypatch.setattr(bed, "travel", counted)
+    sliced = rolled(rtol=1e-11)
+    assert ended.count(confined.PAUSED) > 10
+    assert (sliced.load, sliced.resistance) == pytest.approx((whole.load, whole.resistance), rel=1e-10)
+
+
+def interrupted(code, signs=b"begun"):
+    """Exit code of a program that gets an interrupt as soon as it has said that it has begun, and seconds it took."""
+    started = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=heed_interrupts
+    )
+    try:
+        assert started.stdout.readline().strip() == signs, started.stderr.read()
+        sleep(0.3)
+        sent = monotonic()
+        started.send_signal(signal.SIGINT)
+        message = started.communicate(timeout=60)[1].decode()
+    finally:
+        started.kill()
+    return started.returncode, monotonic() - sent, message
+
+
+LONG = """
+import sys
+from compact import cli, column
+from compact.material import Compaction
+from compact.records import Roller
+
+def roll(*_, **__):
+    "Half a minute of steps: four hundred columns of a stiff mix."
+    mix = Compaction(2e10, 0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
+                     tensile_strength=14e3, fed_density_ratio=0.94)
+    roller = Roller(0.11, indentation=0.009, profile="circle")
+    column.roll_over([column.Column(0.22, 0.94)], roller, mix, 0.2)
+    print("begun", flush=True)
+    return column.roll_over([column.Column(0.22 / 400, 0.94)] * 400, roller, mix, 0.2)
+
+column.roll = roll
+sys.argv = ["compact", "roll", {scene!r}, "--engine", "column", "--out", {out!r}]
+cli.main()
+"""
+
+
+def test_a_long_integration_is_interrupted_within_a_second_or_so(tmp_path):
+    scene = str(Path(__file__).parents[1] / "studies/scenes/loveikin-2015.toml")
+    code, seconds, message = interrupted(LONG.format(scene=scene, out=str(tmp_path / "out")))
+    assert (code, message) == (130, "compact: interrupted; every file already written is whole\n")
+    assert seconds < 5  # a second, on machines that have other things to do
 
 
 def test_endless_integration_tells_how_far_it_came():
