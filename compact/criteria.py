@@ -89,10 +89,12 @@ def _magnitude(values, rows):
 
 def _rms_force(state):
     """(1/T int H^2 dt)^(1/2), a norm: its Hessian is that of the squares less the part along the gradient."""
-    rows, share = state.force_rows(), state.nodes.weights / state.nodes.weights.sum()
-    rms = max(np.sqrt(share @ state.force**2), np.finfo(float).tiny)
-    gradient = (share * state.force) @ rows / rms
-    return Tangent(np.array([rms]), gradient[None], ((rows.T * share) @ rows - np.outer(gradient, gradient)) / rms)
+    root = np.sqrt(state.nodes.weights / state.nodes.weights.sum())
+    rows, force = root[:, None] * state.force_rows(), root * state.force
+    rms = max(np.sqrt(force @ force), np.finfo(float).tiny)
+    gradient = force @ rows / rms
+    across = rows - np.outer(force / rms, gradient)  # its square is the Hessian, semidefinite to rounding
+    return Tangent(np.array([rms]), gradient[None], across.T @ across / rms)
 
 
 def _energy(state):

@@ -2,10 +2,16 @@
 
     s^(k) = a continuous parabola by piece,  s in C^k,  0 <= z <= 1,  s(0) = 0, s'(0) = 0
 
-The unknowns are the Bernstein coefficients of s^(k), neighbours sharing that at their join, and for k = 3 the
-acceleration at the start. On a piece of width h the Bernstein coefficients b_i of a derivative of degree q give those
-of the next and of the one before exactly, (q/h) (b_(i+1) - b_i) and sums of h/(q+1) b_i. A polynomial lies between its
-least and its largest Bernstein coefficient, and as near as asked when the piece is halved.
+The unknowns are Bernstein coefficients of s^(j), j = min(k, 2): of the speed for k = 1, of the acceleration for k = 2
+and 3. For j = k neighbours share the coefficient at their join. For k = 3 the acceleration is a cubic in C1: unknowns
+are both inner coefficients of each piece and both ends; the coefficient at a join divides the line between its
+neighbours as the widths of the pieces. On a piece of width h the Bernstein coefficients b_i of a derivative of degree q
+give those of the next and of the one before exactly, (q/h) (b_(i+1) - b_i) and sums of h/(q+1) b_i. A polynomial lies
+between its least and its largest Bernstein coefficient, and as near as required when the piece is halved.
+
+The acceleration lies between the forces, integrals of it, and the jerk and snap, quotients by h and h^2. Unknowns in
+the jerk would be as large as 1/h^2, and enter the travel at the far end by h^3, which a solver of linear programs takes
+for zero (`quadratic`).
 
 References
 ----------
@@ -35,27 +41,39 @@ class Space:
         """Number of unknowns."""
         return 2 * len(self.breaks) - 1 + (self.smoothness == 3)
 
+    @property
+    def basic(self):
+        """Order of the derivative whose coefficients are the unknowns: 1 or 2."""
+        return min(self.smoothness, 2)
+
+    @cached_property
+    def _basis(self):
+        """Bernstein coefficients of that derivative, shape (pieces, degree + 1, unknowns)."""
+        count, unit = len(self.breaks) - 1, np.eye(self.size)
+        if self.smoothness < 3:
+            return unit[2 * np.arange(count)[:, None] + np.arange(3)]
+        inner, width = unit[1:-1].reshape(count, 2, self.size), np.diff(self.breaks)[:, None]
+        left, right = width[:-1], width[1:]
+        joins = (right * inner[:-1, 1] + left * inner[1:, 0]) / (left + right)
+        first, last = (np.concatenate(ends)[:, None] for ends in ((unit[:1], joins), (joins, unit[-1:])))
+        return np.concatenate([first, inner, last], axis=1)
+
     @cached_property
     def _down(self):
-        """Bernstein coefficients of s^(k) … s, in that order, each of shape (pieces, degree + 1, unknowns)."""
-        rows = np.zeros((len(self.breaks) - 1, 3, self.size))
-        piece = np.arange(len(rows))[:, None]
-        rows[piece, np.arange(3), 2 * piece + np.arange(3)] = 1.0
-        found, width = [rows], np.diff(self.breaks)[:, None, None]
-        for order in range(self.smoothness - 1, -1, -1):
-            start = np.zeros(self.size)
-            start[-1] = order == 2  # the acceleration at the start; speed and travel begin with 0
+        """Bernstein coefficients of s^(j) … s, in that order, each of shape (pieces, degree + 1, unknowns)."""
+        found, width = [self._basis], np.diff(self.breaks)[:, None, None]
+        for _ in range(self.basic):  # speed and travel begin with 0
             inner = np.cumsum(found[-1], axis=1) * width / found[-1].shape[1]
-            ends = start + np.concatenate([0 * inner[:1, -1], np.cumsum(inner[:-1, -1], axis=0)])
+            ends = np.concatenate([0 * inner[:1, -1], np.cumsum(inner[:-1, -1], axis=0)])
             found.append(np.concatenate([0 * inner[:, :1], inner], axis=1) + ends[:, None])
         return found
 
     def coefficients(self, order):
         """Bernstein coefficients of s^(order) by piece, by the unknowns: shape (pieces, degree + 1, unknowns)."""
-        if order <= self.smoothness:
-            return self._down[self.smoothness - order]
-        rows, width = self._down[0], np.diff(self.breaks)[:, None, None]
-        for _ in range(order - self.smoothness):
+        if order <= self.basic:
+            return self._down[self.basic - order]
+        rows, width = self._basis, np.diff(self.breaks)[:, None, None]
+        for _ in range(order - self.basic):
             rows = (rows.shape[1] - 1) * np.diff(rows, axis=1) / width
         return rows
 
@@ -87,11 +105,13 @@ class Space:
 
     def taken_over(self, curve):
         """Unknowns of a curve that lies in this space, such as one of a space whose pieces were halved."""
-        width = np.diff(self.breaks)
-        top = [curve(self.breaks[:-1] + share * width, nu=self.smoothness) for share in (0.25, 0.5, 0.75)]
-        parabola = np.linalg.inv(bernstein_basis(2, [0.25, 0.5, 0.75])) @ top
-        unknowns = np.append(parabola[:2].T.ravel(), parabola[2, -1])
-        return np.append(unknowns, curve(0.0, nu=2)) if self.smoothness == 3 else unknowns
+        width, degree = np.diff(self.breaks), self._basis.shape[1] - 1
+        shares = np.arange(1, degree + 2) / (degree + 2)
+        values = [curve(self.breaks[:-1] + share * width, nu=self.basic) for share in shares]
+        found = np.linalg.solve(bernstein_basis(degree, shares), values)
+        if self.smoothness == 3:
+            return np.concatenate([found[0, :1], found[1:3].T.ravel(), found[3, -1:]])
+        return np.append(found[:2].T.ravel(), found[2, -1])
 
 
 def bernstein_basis(degree, u):

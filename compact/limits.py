@@ -280,18 +280,35 @@ class Held:
         return least_quadratic(rows.T @ rows, np.zeros(self.space.size), self.program)
 
     def closed(self, unknowns):
-        """The unknowns with stroke, rest and continuity met to rounding, and all bounds, where a program left 1e-10.
+        """The unknowns with stroke, rest and continuity kept to rounding, and all bounds, where a program left 1e-10.
 
-        What is left beyond a bound is taken back by a step as small towards the calmest law, which lies inside.
+        The excess over a bound is removed by a step as small towards the innermost law.
         """
         equal, equal_to, *_ = self.program
         unknowns = unknowns + np.linalg.lstsq(equal, equal_to - equal @ unknowns, rcond=None)[0]
-        for bound in self.bounds:
-            more = bound.needed(unknowns) / bound.asked - 1
-            room = 1 - bound.needed(self.calmest) / bound.asked if more > BROKEN / 2 else 0.0
-            if room > 0:
-                unknowns = unknowns + more / (more + room) * (self.calmest - unknowns)
-        return unknowns
+        more = self._excess(unknowns)
+        room = -self._excess(self.innermost) if more > BROKEN / 2 else 0.0
+        return unknowns + more / (more + room) * (self.innermost - unknowns) if room > 0 else unknowns
+
+    def _excess(self, unknowns):
+        """Largest relative excess over any bound; negative is the room left."""
+        return max((bound.needed(unknowns) / bound.asked - 1 for bound in self.bounds), default=-np.inf)
+
+    @cached_property
+    def innermost(self):
+        """Unknowns of a law with the largest relative distance from the nearest bound."""
+        program = self._with([], [])
+        rows = np.concatenate([bound.rows / bound.asked for bound in self.bounds])
+        below = np.concatenate([program.below.toarray(), rows])
+        margin = np.repeat([0.0, 1.0], [program.below.shape[0], len(rows)])
+        values = [program.below_to, *(1 - bound.offset / bound.asked for bound in self.bounds)]
+        wider = Program(
+            np.column_stack([program.equal, np.zeros(len(program.equal))]),
+            program.equal_to,
+            np.column_stack([below, margin]),
+            np.concatenate(values),
+        )
+        return least_linear(np.append(np.zeros(self.space.size), -1.0), wider)[: self.space.size]
 
     def _alone(self, i):
         """The `Conflict` of bound i that gives alone, or None where that does not suffice."""

@@ -247,10 +247,11 @@ def search(task, unknowns):
         model = _Model(task, unknowns, tangents)
         while True:
             change, promised = model.least(radius)
-            if value - promised <= CLOSED * abs(value) or radius < SMALLEST * np.abs(unknowns).max():
-                return unknowns, value, steps
             there = task.tangents(unknowns + change)
-            fall = (value - task.kept(there)[1]) / (value - promised)
+            reached = task.kept(there)[1]
+            if value - promised <= CLOSED * abs(value) or radius < SMALLEST * np.abs(unknowns).max():
+                return (unknowns + change, reached, steps) if reached <= value else (unknowns, value, steps)
+            fall = (value - reached) / (value - promised)
             longest = np.abs(change).max()
             if fall < POOR:
                 radius = longest / 4
@@ -258,8 +259,7 @@ def search(task, unknowns):
                 radius *= 2
             if fall > TAKEN:
                 break
-        unknowns, tangents = unknowns + change, there
-        value = task.kept(tangents)[1]
+        unknowns, tangents, value = unknowns + change, there, reached
     raise RuntimeError(
         f"no stationary law after {MOST} steps: {value:g} reached, {value - promised:g} less promised; `method` casadi "
         "may find one"

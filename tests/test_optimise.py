@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.polynomial import Polynomial
+from scipy.optimize import linprog
 
 from compact import drive
 from compact.cam import Cam, FlatFace, Pointed, RollerFollower
@@ -23,6 +25,7 @@ from compact.study import Study
 
 SCENES = Path(__file__).parent.parent / "studies" / "scenes"
 TWO_THIRDS = Limits(run_up=1 / 6, run_down=1 / 6)
+FAST_SEEDS = (4, 9, 41)  # of 60 random tasks; the others are slow
 ROLLER = CamLimits(0.9, profile_radius=0.24, roller_radius=0.03)
 MACHINE = {"stroke": 0.4, "duration": 3.0, "mass": 1000.0}
 
@@ -220,6 +223,132 @@ def test_quadratic_program_without_curvature_is_the_linear_one():
         cost @ x for x in (least_quadratic(np.zeros((12, 12)), cost, program, box), least_linear(cost, program, box))
     )
     assert quadratic == pytest.approx(linear, abs=1e-8)
+
+
+def least_square(acceleration):
+    """Least int a^2 dt [m^2/s^3] and its Lagrange multiplier over run-up and run-down of 0.5 s, within the bound.
+
+    stroke = int (T - 2 t) a dt over the run-up, twice by symmetry; least where a = min(A, lambda (T - 2 t)).
+    """
+    t = (np.arange(20_000) + 0.5) * (0.5 / 20_000)
+    lever, step = 3.0 - 2 * t, 0.5 / 20_000
+    low, high = 0.0, 10.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        short = np.sum(lever * np.minimum(acceleration, middle * lever)) * step < 0.4
+        low, high = (middle, high) if short else (low, middle)
+    return 2 * np.sum(np.minimum(acceleration, low * lever) ** 2) * step
+
+
+@pytest.mark.parametrize("acceleration", [0.6, 0.34], ids=["free", "bounded"])
+def test_least_rms_force_of_a_smooth_law_closes_on_the_extremal(acceleration):
+    """Without continuity of acceleration and jerk the extremal is known; smooth laws come as near as pieces let them.
+
+    H^2 has the mean R^2 + m^2 mean a^2, as the acceleration has none.
+    """
+    limits = TWO_THIRDS.replaced(smoothness=3, acceleration=acceleration)
+    least = least_square(acceleration) / 3.0 * 1000.0**2
+    above = []
+    for pieces in (12, 24, 48):
+        motion = optimise("rms_force", **MACHINE, resistance=lambda v, a: 3562.0 + 0 * v, limits=limits, pieces=pieces)
+        above.append((motion.value**2 - 3562.0**2) / least - 1)
+        assert motion.gap < 1e-6
+    assert 0 < above[2] < above[1] / 2 < above[0] / 4
+    assert above[2] < 2e-3
+
+
+def by_snap(bound, steps):
+    """Least peak of a [m/s^2] by a linear program of its own: constant snap in even steps of the run-up and run-down.
+
+    x = (a, jerk) at the start and the snap of each step; the constant speed has neither. The turn mirrors the motion.
+    """
+    h, ramp = 0.5 / steps, np.arange(steps)
+    size = 2 + 2 * steps
+    jerk, change, speed, place = (np.zeros((2 * steps + 1, size)) for _ in range(4))
+    change[0, 0] = jerk[0, 1] = 1.0
+    for i in range(2 * steps):
+        snap = np.eye(size)[2 + i]
+        jerk[i + 1] = jerk[i] + h * snap
+        change[i + 1] = change[i] + h * jerk[i] + h**2 / 2 * snap
+        speed[i + 1] = speed[i] + h * change[i] + h**2 / 2 * jerk[i] + h**3 / 6 * snap
+        place[i + 1] = place[i] + h * speed[i] + h**2 / 2 * change[i] + h**3 / 6 * jerk[i] + h**4 / 24 * snap
+        if i + 1 == steps:
+            place[i + 1] += 2.0 * speed[i + 1]
+    mirrored = [change[0] + change[-1], jerk[0] + jerk[-1], speed[-1]]
+    equal = np.array([place[-1], *mirrored, change[steps], jerk[steps]])
+    middle = change[:-1] + h / 2 * jerk[:-1] + h**2 / 8 * np.eye(size)[2:]
+    peaks = np.concatenate([change, middle])
+    below = np.column_stack([np.concatenate([peaks, -speed]), np.repeat([-1.0, 0.0], [len(peaks), len(speed)])])
+    bounds = [(None, None)] * 2 + [(-bound, bound)] * (2 * ramp.size) + [(None, None)]
+    found = linprog(
+        np.eye(size + 1)[-1], below, np.zeros(len(below)), np.column_stack([equal, np.zeros(len(equal))]),
+        [0.4, 0, 0, 0, 0, 0], bounds=bounds,
+    )  # fmt: skip
+    assert found.status == 0
+    return found.fun
+
+
+def test_least_peak_force_under_a_bound_on_snap_is_that_of_another_program():
+    limits = TWO_THIRDS.replaced(smoothness=3, snap=60.0)
+    motion = optimise("peak_force", **MACHINE, resistance=lambda v, a: 3562.0 + 0 * v, limits=limits)
+    assert motion.gap < 1e-6
+    assert (motion.value - 3562.0) / 1000.0 == pytest.approx(by_snap(60.0, 60), rel=1e-3)
+
+
+def demand(seed):
+    """A random convex task: (objective, stroke, duration, mass, resistance, limits).
+
+    The resistance is linear in velocity and acceleration. The bounds on two derivatives leave room for the law whose
+    speed rises and falls as a polynomial in C3: they are 1.03 to 2 times its peaks.
+    """
+    rng = np.random.default_rng(seed)
+    smoothness = int(rng.integers(1, 4))
+    stroke, duration, mass = 10 ** rng.uniform((-1, -0.5, 1), (0.5, 1, 3.5))
+    run_up, run_down = [(1 / 6, 1 / 6), (0.5, 0.5), rng.uniform(0.08, 0.5, 2)][rng.integers(3)]
+    rise = Polynomial([0, 0, 0, 0, 35, -84, 70, -20])  # from 0 to 1, three derivatives vanish at both ends
+    fastest = stroke / duration / (1 - (run_up + run_down) / 2)
+    z, bounds = np.linspace(0, 1, 2001), {}
+    for order in rng.choice(4, 2, replace=False):
+        peak = np.abs(rise.deriv(order)(z)).max() if order else 1.0
+        peak *= fastest / (min(run_up, run_down) * duration) ** order
+        bounds[("velocity", "acceleration", "jerk", "snap")[order]] = float(peak * rng.uniform(1.03, 2.0))
+    steady = run_up + run_down < 1 and rng.random() < 0.3
+    limits = Limits(
+        run_up=run_up, run_down=run_down, steady_tolerance=0.02 if steady else 0.0, smoothness=smoothness,
+        turn=("reversal", "dwell")[int(rng.random() < 0.3)], **bounds,
+    )  # fmt: skip
+    usual = mass * stroke / duration**2
+    constant, viscous, added = usual * rng.uniform(0, (30, 30, 1)) * (rng.random(3) < (0.7, 0.5, 0.3))
+    of_speed, of_change = viscous * duration / stroke, added * duration**2 / stroke
+
+    def resistance(velocity, acceleration):
+        return constant + of_speed * velocity + of_change * acceleration
+
+    return ("peak_force", "rms_force")[seed % 2], stroke, duration, mass, resistance, limits
+
+
+@pytest.mark.parametrize(
+    "seed", [*FAST_SEEDS, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(60) if seed not in FAST_SEEDS)]
+)
+def test_convex_task_ends_without_a_duality_gap(seed):
+    *task, limits = demand(seed)
+    motion = optimise(*task, limits)
+    assert motion.gap < 1e-6
+    assert broken(limits, motion, instants=20_001) == {}
+
+
+def test_linear_program_with_an_entry_that_highs_takes_for_zero_is_not_answered_wrongly():
+    program = Program([[1.0, 1e-10], [0.0, 1.0]], np.array([1.0, 1e6]), np.zeros((0, 2)), np.zeros(0))
+    with pytest.raises(RuntimeError, match=r"HiGHS solved no program of 2 unknowns: a row is broken by 1\.0e-04"):
+        least_linear(np.ones(2), program)
+    of_order_one = program._replace(equal=[[1.0, 1e-4], [0.0, 1e6]])  # the second unknown in millions
+    assert least_linear(np.ones(2), of_order_one) == pytest.approx([1 - 1e-4, 1.0], rel=1e-12)
+
+
+def test_quadratic_program_that_nothing_fits_is_told_with_the_residuals():
+    program = Program(np.zeros((0, 1)), np.zeros(0), [[1.0], [-1.0]], np.array([-1.0, -1.0]))
+    with pytest.raises(RuntimeError, match=r"Clarabel solved no program of 1 unknowns to 1e-08: .*residuals"):
+        least_quadratic(np.eye(1), np.zeros(1), program)
 
 
 # ---- (d) hard cases --------------------------------------------------------------------------------------------------
