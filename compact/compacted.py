@@ -192,7 +192,10 @@ def _at_rest(solid, state, stretch):
             return rest, np.exp(strain[:, 0] + strain[:, 1])
         slope = elastic if slopes is None else slopes[:, 1:, 1:] + ELASTIC * elastic
         strain[:, 1:] -= np.linalg.solve(slope, rest.stress[:, [1, 3], None])[..., 0]
-    raise RuntimeError(f"the mix that leaves bears {np.abs(rest.stress[:, [1, 3]]).max():.3g} Pa on horizontal planes")
+    raise RuntimeError(
+        f"the mix that leaves does not come to rest: it still bears {np.abs(rest.stress[:, [1, 3]]).max():.3g} Pa on "
+        f"horizontal planes after {ITERATIONS} iterations; press less deep"
+    )
 
 
 def _volume(solid, displacement):
