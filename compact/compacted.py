@@ -151,6 +151,10 @@ def _contact(march):
     if not len(touching):
         raise RuntimeError("the roller does not touch the layer")
     first, last = touching[0], touching[-1]
+    if first == 0 or last == len(x) - 1:
+        raise RuntimeError(
+            f"the contact reaches the end of the mesh, from {x[first]:.3g} to {x[last]:.3g} m; press less deep"
+        )
     trailing, leading = (x[first - 1] + x[first]) / 2, (x[last] + x[last + 1]) / 2
     inside = slice(first, last + 1)
     return (
@@ -168,7 +172,10 @@ def left(frame, condition, column):
     is as long as it was fed. A layer that slips keeps the force along x that it has, none.
     """
     state = cap.State(*(frame.rows(getattr(condition.state, name))[:, column] for name in STATE))
-    stretch = frame.rows(np.log1p(frame.solid.gradient(condition.displacement)[:, 0]))[:, column]
+    along = frame.rows(frame.solid.gradient(condition.displacement)[:, 0])[:, column]
+    if along.min() <= -1:
+        raise RuntimeError("the mix that leaves is folded over along the travel; press less deep")
+    stretch = np.log1p(along)
     area = frame.row_heights * frame.rows(_volume(frame.solid, condition.displacement))[:, column]
     mean = area @ stretch / area.sum() if frame.slips else 0.0
     rest, volume = _at_rest(frame.solid, state, mean - stretch)

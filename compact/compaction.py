@@ -43,6 +43,7 @@ TARGET = 1e-3  # of a prescribed load, peak pressure or exit density
 DENSITY = 1e-4  # of a density ratio that a march must meet, whose columns of points scatter as much
 LONGEST = 12.0  # layer heights or contact lengths of travel after which a march that is not steady gives up
 TARGETS = 12  # changes of depth
+NOTHING = 1e-3  # [-], of a target, below which a load or pressure counts as that much
 SPREAD = 1.5  # contact lengths in front, down to which the first guess of a depth sees its strain
 LARGEST_CHANGE = 1.4  # of the depth at once
 NEARLY_FULL = 0.98  # of the depth at which the mix would leave full, the deepest that is tried
@@ -241,7 +242,8 @@ class _Target:
         """The indentation, or one that is about right."""
         if self.roller.indentation is not None:
             return self.roller.indentation
-        depths = np.geomspace(1e-5 * self.height, min(0.2 * self.height, 0.9 * self.deepest), 100)
+        deepest = min(0.2 * self.height, 0.9 * self.deepest, 0.9 * self.roller.radius)
+        depths = np.geomspace(min(1e-5 * self.height, 1e-3 * deepest), deepest, 100)
         length = np.sqrt(2 * self.roller.radius * depths)
         strain = depths / np.minimum(self.height, SPREAD * length)
         peak = 1.15 * self.law.yield_pressure(self.densest / (1 - strain))
@@ -297,7 +299,7 @@ class _Target:
         limit = limit if left > TARGET * last else last
         if self.quantity == "exit_density_ratio":  # above what is fed, which depth makes in proportion
             return float(np.log(max(limit - self.fed_mean, 1e-6) / (self.value - self.fed_mean)))
-        return float(np.log(limit / self.value))
+        return float(np.log(max(limit / self.value, NOTHING)))  # a tail may tend below none
 
     def _met(self, march, miss, rough):
         if self.quantity == "exit_density_ratio" and not march.at_once:
