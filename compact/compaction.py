@@ -93,7 +93,8 @@ def roll(
     increments : of travel per contact length, and elements
     steady : relative change of load, resistance and exit density that may be left
     steepest : contact angle [rad], up to pi/2, beyond which a bow wave counts as one that grows without end. The
-        estimate of `heaping` refuses depths and loads that would need more, and a march stops there. None does neither.
+        estimate of `heaping` refuses depths and loads in fresh mix that would need more, and a march stops there. None
+        does neither.
     progress : called with a line of text after each iteration of the direct solution and each step of a march
 
     Raises HeapingError, a RuntimeError, where the mix has no voids for the depth by that estimate, or where the bow
@@ -107,8 +108,8 @@ def roll(
         refuse_nonpositive(steepest=steepest)
         refuse_outside(0.0, np.pi / 2, steepest=steepest)
     target = _Target(layer, roller, material, exit_density_ratio, fed)
-    heaping = _heaping(layer, roller, material, speed, strain, fed, steepest)
-    if heaping is not None:
+    heaping = _heaping(layer, roller, material, speed, strain, steepest)
+    if heaping is not None and fed is None:
         refuse_heaping(heaping, *target.prescribed)
     watch = {"highest": np.inf if heaping is None else heaping.highest, "progress": progress}
     with threadpool_limits(1):
@@ -128,25 +129,25 @@ def roll(
             try:
                 march = target.reached(march, max(steady, ROUGHLY) if rough else steady, depth, softly)
             except RuntimeError as error:
-                raise type(error)(f"{error}{_advice(heaping, target)}") from error
+                raise type(error)(f"{error}{_advice(heaping, target, fed)}") from error
             depth = layer.height - march.steps[-1].lowest
         return _with_error(read(march, layer, roller, material, speed), coarse)
 
 
-def _heaping(layer, roller, material, speed, strain, fed, steepest):
+def _heaping(layer, roller, material, speed, strain, steepest):
     """The `Heaping` of a scene; None where the estimate does not apply.
 
     In small strain no wave rises, and mix on a base that slips may leave longer instead of denser.
     """
     if steepest is None or strain == "small" or layer.base == "slip":
         return None
-    return Heaping(layer.height, roller.radius, material, steepest, material.rate_factor(speed), fed)
+    return Heaping(layer.height, roller.radius, material, steepest, material.rate_factor(speed))
 
 
-def _advice(heaping, target):
-    """Clause with remedies for a depth at which the roller does not get steady; "" for a load or a pressure."""
+def _advice(heaping, target, fed):
+    """Clause with remedies for a depth in fresh mix at which the roller does not get steady; "" for anything else."""
     name, _, depth = target.prescribed
-    if heaping is None or depth is None:
+    if heaping is None or depth is None or fed is not None:
         return ""
     return f"; {remedies(heaping, depth, for_density=name == 'exit_density_ratio')}"
 
