@@ -118,8 +118,9 @@ def _work(law, stress, other):
 def _raise(i, state, strain):
     refuse_nonfinite(strain=strain, stress=state.stress, density_ratio=state.density_ratio)
     raise RuntimeError(
-        f"the cap did not close at point {i}: strain increment {strain[i].tolist()} from stress "
-        f"{state.stress[i].tolist()} Pa at density ratio {state.density_ratio[i]:.6g}; take smaller increments"
+        f"the yield limit is not met after a strain increment of {np.abs(strain[i]).max():.3g} from a stress of "
+        f"{np.abs(state.stress[i]).max():.3g} Pa at density ratio {state.density_ratio[i]:.6g} (point {i}); take "
+        "smaller increments"
     )
 
 

@@ -151,6 +151,10 @@ def _contact(march):
     if not len(touching):
         raise RuntimeError("the roller does not touch the layer")
     first, last = touching[0], touching[-1]
+    if first == 0 or last == len(x) - 1:
+        raise RuntimeError(
+            f"the contact reaches the end of the mesh, from {x[first]:.3g} to {x[last]:.3g} m; press less deep"
+        )
     trailing, leading = (x[first - 1] + x[first]) / 2, (x[last] + x[last + 1]) / 2
     inside = slice(first, last + 1)
     return (
@@ -168,7 +172,10 @@ def left(frame, condition, column):
     is as long as it was fed. A layer that slips keeps the force along x that it has, none.
     """
     state = cap.State(*(frame.rows(getattr(condition.state, name))[:, column] for name in STATE))
-    stretch = frame.rows(np.log1p(frame.solid.gradient(condition.displacement)[:, 0]))[:, column]
+    along = frame.rows(frame.solid.gradient(condition.displacement)[:, 0])[:, column]
+    if along.min() <= -1:
+        raise RuntimeError("the mix that leaves is folded over along the travel; press less deep")
+    stretch = np.log1p(along)
     area = frame.row_heights * frame.rows(_volume(frame.solid, condition.displacement))[:, column]
     mean = area @ stretch / area.sum() if frame.slips else 0.0
     rest, volume = _at_rest(frame.solid, state, mean - stretch)
@@ -192,7 +199,10 @@ def _at_rest(solid, state, stretch):
             return rest, np.exp(strain[:, 0] + strain[:, 1])
         slope = elastic if slopes is None else slopes[:, 1:, 1:] + ELASTIC * elastic
         strain[:, 1:] -= np.linalg.solve(slope, rest.stress[:, [1, 3], None])[..., 0]
-    raise RuntimeError(f"the mix that leaves bears {np.abs(rest.stress[:, [1, 3]]).max():.3g} Pa on horizontal planes")
+    raise RuntimeError(
+        f"the mix that leaves does not come to rest: it still bears {np.abs(rest.stress[:, [1, 3]]).max():.3g} Pa on "
+        f"horizontal planes after {ITERATIONS} iterations; press less deep"
+    )
 
 
 def _volume(solid, displacement):

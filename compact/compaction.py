@@ -43,6 +43,7 @@ TARGET = 1e-3  # of a prescribed load, peak pressure or exit density
 DENSITY = 1e-4  # of a density ratio that a march must meet, whose columns of points scatter as much
 LONGEST = 12.0  # layer heights or contact lengths of travel after which a march that is not steady gives up
 TARGETS = 12  # changes of depth
+NOTHING = 1e-3  # [-], of a target, below which a load or pressure counts as that much
 SPREAD = 1.5  # contact lengths in front, down to which the first guess of a depth sees its strain
 LARGEST_CHANGE = 1.4  # of the depth at once
 NEARLY_FULL = 0.98  # of the depth at which the mix would leave full, the deepest that is tried
@@ -92,7 +93,8 @@ def roll(
     increments : of travel per contact length, and elements
     steady : relative change of load, resistance and exit density that may be left
     steepest : contact angle [rad], up to pi/2, beyond which a bow wave counts as one that grows without end. The
-        estimate of `heaping` refuses depths and loads that would need more, and a march stops there. None does neither.
+        estimate of `heaping` refuses depths and loads in fresh mix that would need more, and a march stops there. None
+        does neither.
     progress : called with a line of text after each iteration of the direct solution and each step of a march
 
     Raises HeapingError, a RuntimeError, where the mix has no voids for the depth by that estimate, or where the bow
@@ -106,8 +108,8 @@ def roll(
         refuse_nonpositive(steepest=steepest)
         refuse_outside(0.0, np.pi / 2, steepest=steepest)
     target = _Target(layer, roller, material, exit_density_ratio, fed)
-    heaping = _heaping(layer, roller, material, speed, strain, fed, steepest)
-    if heaping is not None:
+    heaping = _heaping(layer, roller, material, speed, strain, steepest)
+    if heaping is not None and fed is None:
         refuse_heaping(heaping, *target.prescribed)
     watch = {"highest": np.inf if heaping is None else heaping.highest, "progress": progress}
     with threadpool_limits(1):
@@ -127,25 +129,25 @@ def roll(
             try:
                 march = target.reached(march, max(steady, ROUGHLY) if rough else steady, depth, softly)
             except RuntimeError as error:
-                raise type(error)(f"{error}{_advice(heaping, target)}") from error
+                raise type(error)(f"{error}{_advice(heaping, target, fed)}") from error
             depth = layer.height - march.steps[-1].lowest
         return _with_error(read(march, layer, roller, material, speed), coarse)
 
 
-def _heaping(layer, roller, material, speed, strain, fed, steepest):
+def _heaping(layer, roller, material, speed, strain, steepest):
     """The `Heaping` of a scene; None where the estimate does not apply.
 
     In small strain no wave rises, and mix on a base that slips may leave longer instead of denser.
     """
     if steepest is None or strain == "small" or layer.base == "slip":
         return None
-    return Heaping(layer.height, roller.radius, material, steepest, material.rate_factor(speed), fed)
+    return Heaping(layer.height, roller.radius, material, steepest, material.rate_factor(speed))
 
 
-def _advice(heaping, target):
-    """Clause with remedies for a depth at which the roller does not get steady; "" for a load or a pressure."""
+def _advice(heaping, target, fed):
+    """Clause with remedies for a depth in fresh mix at which the roller does not get steady; "" for anything else."""
     name, _, depth = target.prescribed
-    if heaping is None or depth is None:
+    if heaping is None or depth is None or fed is not None:
         return ""
     return f"; {remedies(heaping, depth, for_density=name == 'exit_density_ratio')}"
 
@@ -241,7 +243,8 @@ class _Target:
         """The indentation, or one that is about right."""
         if self.roller.indentation is not None:
             return self.roller.indentation
-        depths = np.geomspace(1e-5 * self.height, min(0.2 * self.height, 0.9 * self.deepest), 100)
+        deepest = min(0.2 * self.height, 0.9 * self.deepest, 0.9 * self.roller.radius)
+        depths = np.geomspace(min(1e-5 * self.height, 1e-3 * deepest), deepest, 100)
         length = np.sqrt(2 * self.roller.radius * depths)
         strain = depths / np.minimum(self.height, SPREAD * length)
         peak = 1.15 * self.law.yield_pressure(self.densest / (1 - strain))
@@ -297,7 +300,7 @@ class _Target:
         limit = limit if left > TARGET * last else last
         if self.quantity == "exit_density_ratio":  # above what is fed, which depth makes in proportion
             return float(np.log(max(limit - self.fed_mean, 1e-6) / (self.value - self.fed_mean)))
-        return float(np.log(limit / self.value))
+        return float(np.log(max(limit / self.value, NOTHING)))  # a tail may tend below none
 
     def _met(self, march, miss, rough):
         if self.quantity == "exit_density_ratio" and not march.at_once:

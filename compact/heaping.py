@@ -1,4 +1,4 @@
-"""Estimate of the depth that loose mix can take up under a roller, before anything is solved.
+"""Estimate of the depth that fresh mix can take up under a roller, before anything is solved.
 
 A height that is prescribed prescribes the mean density that leaves. What the mix under the roller does not take up
 stays in front as a bow wave, which lengthens the contact until its pressure reaches deep enough. A contact steeper than
@@ -39,7 +39,7 @@ class HeapingError(RuntimeError):
 
 @dataclass(frozen=True)
 class Heaping:
-    """What limits the depth of a roller in loose mix.
+    """Limits of the depth and the load of a roller on a layer of fresh mix.
 
     Parameters
     ----------
@@ -48,7 +48,6 @@ class Heaping:
     material : Compaction
     steepest : largest contact angle [rad]
     rate_factor : by which the speed raises pc [-]
-    fed : `frame.Fed` of an earlier pass, or None for fresh mix
     """
 
     height: float
@@ -56,7 +55,6 @@ class Heaping:
     material: object
     steepest: float = STEEPEST
     rate_factor: float = 1.0
-    fed: object = None
 
     @property
     def length(self):
@@ -72,8 +70,8 @@ class Heaping:
     def pressure(self):
         """Mean pressure that the mix bears without flowing from under such a contact, p [Pa]."""
         law = self.material
-        densest = law.fed_density_ratio if self.fed is None else float(self.fed.state.hardened.max())
-        limit = law.critical_slope * (self.rate_factor * float(law.yield_pressure(densest)) + law.tensile_strength)
+        yields = self.rate_factor * float(law.yield_pressure(law.fed_density_ratio))
+        limit = law.critical_slope * (yields + law.tensile_strength)
         bearing = (2 + np.pi) * limit / (2 * np.sqrt(3))
         return CAPACITY * (1 + CONFINED * self.length / self.height) * bearing
 
@@ -83,9 +81,8 @@ class Heaping:
         edges = np.linspace(0, self.height, ROWS + 1)
         y, thickness = (edges[1:] + edges[:-1]) / 2, self.height / ROWS
         stress = self.pressure * np.minimum(self._spread(y) + self._spread(2 * self.height - y), 1)
-        before, hardened = self._fed_at(y)
-        after = self._confined(stress)
-        return float(np.sum(np.where(after > hardened, 1 - before / after, 0.0)) * thickness)
+        loose = self.material.fed_density_ratio
+        return float(np.sum(1 - loose / np.maximum(self._confined(stress), loose)) * thickness)
 
     @property
     def load(self):
@@ -95,14 +92,6 @@ class Heaping:
     def _spread(self, y):
         half = self.length / (2 * y)
         return 2 / np.pi * (np.arctan(half) + half / (1 + half**2))
-
-    def _fed_at(self, y):
-        """Density ratio before the pass and the largest ever at depths below the surface."""
-        if self.fed is None:
-            return (np.full_like(y, self.material.fed_density_ratio),) * 2
-        depths = self.height - self.fed.y[::-1]
-        state = self.fed.state
-        return tuple(np.interp(y, depths, values[::-1]) for values in (state.density_ratio, state.hardened))
 
     def _confined(self, stress):
         """Density ratio under a vertical stress [Pa] in confined compression."""
@@ -161,11 +150,11 @@ def remedies(heaping, depth, *, for_density):
     height, law, found = heaping.height, heaping.material, []
     shares = np.linspace(1, 0, SHARES, endpoint=False)[1:]
     for share in shares:
-        if suffices(share * depth, height=share * height, fed=None):
+        if suffices(share * depth, height=share * height):
             found.append(f"feed it in lifts of at most {share * (height - depth):.2g} m (`layer.lift`)")
             break
     leaving = law.fed_density_ratio * height / (height - depth)
-    for share in shares[::-1] if for_density and heaping.fed is None and leaving < 1 else ():
+    for share in shares[::-1] if for_density and leaving < 1 else ():
         ratio = float(law.fed_density_ratio + share * (leaving - law.fed_density_ratio))
         fed_height = (height - depth) * leaving / ratio
         denser = replace(law, fed_density_ratio=ratio)

@@ -275,6 +275,35 @@ def test_mix_that_yields_as_it_leaves_comes_to_rest():
     assert volume[0] > 1
 
 
+def test_mix_that_leaves_folded_over_is_refused_in_words():
+    frame = Frame(rolling_mesh(0.1, 0.02, 0.005), MIX, "bonded", 0.02)
+    condition = frame.at_rest()
+    condition.displacement[:, 0] = -1.5 * frame.nodes[:, 0]
+    with pytest.raises(RuntimeError, match="the mix that leaves is folded over along the travel; press less deep"):
+        compacted.left(frame, condition, frame.exit)
+
+
+@pytest.mark.parametrize("place", [0, -1], ids=["rear", "front"])
+def test_contact_that_reaches_the_end_of_the_mesh_is_refused_in_words(place):
+    march = March(Frame(rolling_mesh(0.1, 0.02, 0.005), MIX, "bonded", 0.02), 0.11)
+    pressure = np.zeros(len(march.frame.surface))
+    pressure[place] = 1.0
+    march.push = SimpleNamespace(pressure=pressure)
+    with pytest.raises(RuntimeError, match=r"the contact reaches the end of the mesh, from .* m; press less deep"):
+        compacted._contact(march)
+
+
+def test_load_whose_tail_tends_below_none_asks_for_more_depth():
+    target = compaction._Target(LAYER, Roller(0.11, load=1e3), MIX, None, None)
+    march = SimpleNamespace(limit=lambda name: (-5.0, 100.0), steps=[SimpleNamespace(load=10.0)])
+    assert target._miss(march) == pytest.approx(np.log(1e-3))
+
+
+def test_first_depth_under_a_small_roller_is_finite_and_above_its_axle():
+    target = compaction._Target(Layer(1.0), Roller(0.002, load=1e5), replace(MIX, fed_density_ratio=0.8), None, None)
+    assert 0 < target.first_depth() < 0.002
+
+
 def test_roller_that_touches_nothing_bears_nothing():
     march = March(Frame(rolling_mesh(0.1, 0.02, 0.005), MIX, "bonded", 0.02), 0.11)
     assert march.advance(0.101).load == 0

@@ -52,16 +52,6 @@ def test_pressure_over_a_deep_layer_is_prandtls_with_the_shear_strength_of_the_l
     assert Heaping(1e6, 0.11, MIX).pressure == pytest.approx(1.3 * (2 + np.pi) * shear_strength, rel=1e-6)
 
 
-def test_rows_of_fresh_mix_are_fresh_mix():
-    fed = fresh(MIX, np.full(20, 0.2294 / 20))
-    assert replace(PRODUCT, fed=fed).depth == pytest.approx(PRODUCT.depth, rel=1e-12)
-
-
-def test_mix_as_dense_as_it_gets_takes_up_less():
-    fed = fresh(replace(MIX, fed_density_ratio=0.985), np.full(20, 0.2294 / 20))
-    assert replace(PRODUCT, fed=fed).depth < PRODUCT.depth
-
-
 # (b) scaling
 
 
@@ -102,6 +92,12 @@ def test_estimate_is_left_out_where_it_is_told_or_does_not_apply(asked, solving)
     given = {"layer": Layer(0.2294), "roller": Roller(0.11, 0.0097), "material": MIX, "speed": 0.13} | asked
     with pytest.raises(KeyError, match="solving"):
         roll(**given)
+
+
+def test_mix_that_was_pressed_before_is_not_held_to_the_estimate(solving):
+    fed = fresh(MIX, np.full(20, 0.2294 / 20))
+    with pytest.raises(KeyError, match="solving"):
+        pressed(0.0097, fed=fed)
 
 
 @pytest.mark.parametrize("steepest", [0.0, 2.0, np.nan])

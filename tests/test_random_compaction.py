@@ -87,7 +87,7 @@ def calibrated(height, depth, heckel_slope, fed):
 
 FOUND = {
     **{f"lift {seed}": random_scene(seed, LIFT) for seed in range(40)},
-    **{f"product {seed}": random_scene(seed) for seed in (2, 3, 11, 25)},
+    **{f"product {seed}": random_scene(seed) for seed in (2, 3, 25)},
     "steep": (Layer(0.23), Roller(0.11, 0.009), Compaction(120e6, 0.3, 28e-6, LOOSE, 1.2, 14e3, 0.935)),
     "published lift": calibrated(0.06, 0.003, 14.96e-6, 0.93576),
     "published lift of 40 mm": calibrated(0.04, 0.0033, 11.7e-6, 0.905),
