@@ -2,7 +2,10 @@
 
 The periodic regime is the state that comes back after a cycle: Newton's method on the map of a state over one cycle,
 taken in the middle of the way there, where the cart surely moves. A linear drive needs one round; friction that holds
-the cart at the ends wipes out the past, and needs one or two.
+the cart at the ends wipes out the past, and needs one or two. An undamped cart that sets off from rest comes to rest
+again once in each swing, just so: a larger swing sticks there and a smaller one does not. The map has a kink at that
+state, and differences across it give no derivative. Cycles still contract along the states that they leave, and
+Aitken's extrapolation of two of them takes the place of Newton's step.
 """
 
 import math
@@ -29,10 +32,13 @@ TABLE_FLOOR = 1e-12  # of the largest force: closer there is only rounding
 WIDER, WIDENINGS = 2.0, 8  # of the range of speeds, where a cart overshoots it
 CREEPING = 1e-6  # of the fastest: slower is as good as standing
 AT_ONCE = 1e-3  # of the largest force: what rises by more within the creep, such as v^0.02, holds a standing cart
-CLOSED = 0.1  # of the tolerance: a cycle that ends so near to where it began
+CLOSED = 0.1  # of the tolerance, and of the larger of force scale and swing: a cycle that ends so near to its start
 ROUGHLY = 1e2  # times the tolerance, of a first cycle
 PROBE = 1e-5  # of the force scale: difference for the derivative of the map over one cycle
 FORGOTTEN = 0.03  # of a residual, that one more cycle leaves: as good as Newton's method, which takes three for a round
+HELPS = 0.5  # [-], of a residual, that a Newton step leaves at most: with a true derivative it leaves far less
+SHARES = (1.0, 0.25, 0.06)  # [-], of Aitken's step, tried in turn: the states that cycles leave lie on a curve
+TINY = np.finfo(float).tiny
 ROUNDS = 40  # of Newton's method; 1 to 4 are usual
 FARTHEST = 30.0  # of the force scale, that one round may move the state: beyond, friction is another
 FAILURES = {
@@ -201,7 +207,7 @@ class Problem:
         def miss(state, last=None):
             second, end = self.course(late, state)
             known = last is not None and not self.remembers and end[2:] == last.end[2:]
-            if known and close(short := away(end, last.end)):
+            if known and close(short := away(end, last.end), end):
                 return last._replace(second=second, residual=short)  # the rest of the cycle is known
             first, after = self.course(early, end)
             return Turn(first, second, end, after, away(after, state))
@@ -209,13 +215,14 @@ class Problem:
         def away(one, other):
             return (np.array(one[:2]) - np.array(other[:2])) / units
 
-        def close(residual):
-            return np.abs(residual).max() <= CLOSED * self.tolerance / self.scale
+        def close(residual, state):
+            swing = max(1.0, np.abs(np.array(state[:2]) / units).max())  # near a resonance many times the scale
+            return np.abs(residual).max() <= CLOSED * self.tolerance / self.scale * swing
 
         turn, before = miss(state), np.inf
         for _ in range(ROUNDS):
             left = np.abs(turn.residual).max()
-            if close(turn.residual) and turn.after[2:] == state[2:]:
+            if close(turn.residual, turn.end) and turn.after[2:] == state[2:]:
                 return turn.arcs, turn.end
             if left <= FORGOTTEN * before:
                 state, turn, before = turn.after, miss(turn.after, turn), left
@@ -247,13 +254,35 @@ class Problem:
         return State(stretch, pace, side, zone)
 
     def _step(self, miss, state, turn, slopes, units):
+        """(state, `Turn`) after a Newton step; where it does not help, after one more cycle and Aitken's step."""
         with suppress(np.linalg.LinAlgError, RuntimeError):  # a step that leads nowhere is none: one more cycle does
             move = np.linalg.solve(slopes, -turn.residual)
-            trial = _moved(state, move * min(1.0, FARTHEST / np.abs(move).max()) * units)
-            tried = miss(trial)
-            if np.abs(tried.residual).max() < np.abs(turn.residual).max():
+            trial, tried = self._tried(miss, state, move, units)
+            if np.abs(tried.residual).max() < HELPS * np.abs(turn.residual).max():
                 return trial, tried
-        return turn.after, miss(turn.after)
+        last, state, turn = turn.residual, turn.after, miss(turn.after)
+        move = _extrapolated(last, turn.residual)
+        for share in SHARES:
+            with suppress(RuntimeError):
+                _, tried = self._tried(miss, state, share * move, units)
+                further = miss(tried.after, tried)  # a cycle later the state is one that cycles leave
+                if np.abs(further.residual).max() < np.abs(turn.residual).max():
+                    return tried.after, further
+        return state, turn
+
+    def _tried(self, miss, state, move, units):
+        """A state moved by multiples of the units, and its `Turn`."""
+        trial = _moved(state, move * min(1.0, FARTHEST / max(np.abs(move).max(), TINY)) * units)
+        return trial, miss(trial)
+
+
+def _extrapolated(last, residual):
+    """Aitken's extrapolation: the sum of all residuals to come where each follows from the one before by a factor.
+
+    r q/(1 - q) + r,   q = r . r_last/|r_last|^2
+    """
+    share = residual @ last / (last @ last)
+    return residual / (1 - share) if share < 1 else residual
 
 
 def _moved(state, by):

@@ -476,6 +476,34 @@ def test_friction_that_is_rounding_holds_nothing(name, size):
     assert run.energy_residual < 1e-6
 
 
+# laws whose velocity jumps, behind an undamped spring: mass, stiffness, dry friction, dwell
+UNDAMPED = {
+    "heavy spring": ("gear-sector", 50.0, 6.66e4, 3486.0, 0.0),
+    "with a dwell": ("gear-sector", 50.0, 6.66e4, 3486.0, 0.5),
+    "slow to close": ("gear-sector", 119.3, 5.78e5, 1036.0, 0.0),
+    "double root": ("constant-velocity", 18.54, 1.619e4, 255.2, 0.0),
+}
+
+
+@pytest.mark.parametrize("name", UNDAMPED)
+def test_undamped_cart_that_sets_off_from_rest_peaks_at_friction_and_impact(name):
+    """It swings about F/k at the pace V of the far end, and just comes to rest once in each: F + V sqrt(k m)."""
+    law_name, mass, stiffness, size, dwell = UNDAMPED[name]
+    cart = replace(CART, mass=mass)
+    run = travel(cart, ElasticDrive(stiffness, 0.0), published(law_name).cycle(dwell, dwell), dry(size))
+    assert run.peak_force == pytest.approx(size + 0.4 / 3 * math.sqrt(stiffness * mass), rel=1e-8)
+    assert run.course.end[:2] == pytest.approx(run.course.start[:2], rel=1e-8)
+    assert run.energy_residual < 1e-6
+    assert run.work.rounds < 25
+
+
+def test_undamped_cart_near_a_resonance_closes_relative_to_its_swing():
+    cart = replace(CART, mass=66.6873805120988)
+    run = travel(cart, ElasticDrive(5953.296791504955, 0.0), published("reversal-2"), free)
+    assert run.energy_residual < 1e-6
+    assert run.work.rounds <= 2
+
+
 def test_cart_of_a_dwell_stands_still_exactly():
     run = travel(CART, spring(1e6, 0.1), published("quintic").cycle(1.0, 1.0), dry(3486.0))
     standing = run.course.arcs.slip[run.course.places()[0]] == 0
