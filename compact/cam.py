@@ -23,7 +23,9 @@ import numpy as np
 from compact.follower import FlatFace, Pointed, RollerFollower
 from compact.motion import Cycle
 from compact.pieces import EPSILON, inside, largest
-from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_outside
+from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_outside, require_at_most
+
+MOST_POINTS = 1_000_000  # [-], of a table: a step of a micrometre round a cam of 0.3 m
 
 __all__ = [
     "Cam",
@@ -266,6 +268,7 @@ class Cam:
         """
         if not points >= 2:
             raise ValueError(f"`points` must be at least 2, got {points!r}")
+        require_at_most(MOST_POINTS, "steps below a micrometre cut nothing", points=points)
         joins = np.array(self.joins)
         grid = np.linspace(0, 2 * np.pi, points)
         angle = np.sort(np.append(grid[np.abs(grid[:, None] - joins).min(axis=1) > 1e-9], joins))

@@ -13,6 +13,7 @@ from compact.suspended import AT_NEAR, NEAR, Spring, State
 
 SAMPLES, TURN = 17, 2.5  # points for each so many rad of an oscillation: integrals of its square to 1e-9
 ALIVE = 1e-12  # of an oscillation's first amplitude
+MOST_SAMPLES = 250_000  # [-], of a cycle; they take 1 kB each at the peak, 128 B as long as the run is kept
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,11 @@ class Course:
     resistance: Resistance
     start: State
     end: State
+
+    @property
+    def sample_count(self):
+        """Number of samples of `places`, without making them."""
+        return SAMPLES * sum(self._cells(i, length) + 2 for i, length in enumerate(self.arcs.length))
 
     def places(self):
         """(arc, u, weight [s]) of samples that resolve law and ringing, each of shape (n,); weights integrate."""
@@ -44,9 +50,16 @@ class Course:
         if bend >= 0:  # two real roots: halving towards the start, where the faster one lives
             halvings = math.ceil(math.log2(max(2.0, length * (abs(decay) + math.sqrt(bend)))))
             return np.append(0.0, length * 2.0 ** np.arange(-halvings, 1))
-        alive = min(length, -math.log(ALIVE) / decay) if decay > 0 else length
-        edges = np.linspace(0, alive, math.ceil(alive * math.sqrt(decay**2 - bend) / TURN) + 1)
+        alive = alive_time(decay, length)
+        edges = np.linspace(0, alive, self._cells(i, length) + 1)
         return edges if alive == length else np.append(edges, np.linspace(alive, length, 3)[1:])
+
+    def _cells(self, i, length):
+        """Cells of arc i that resolve its oscillation, 0 where nothing swings."""
+        cosine, sine, decay, bend = self.arcs.ring[i]
+        if not (cosine or sine) or bend >= 0:
+            return 0
+        return math.ceil(alive_time(decay, length) * math.sqrt(decay**2 - bend) / TURN)
 
     def at(self, time):
         """(arc, u) at times [s] within the course."""
@@ -133,6 +146,11 @@ class Course:
         pressed = max(ends.length - min(position, ends.stroke - position), 0.0) if ends.length else 0.0
         held = ends.preload * pressed + ends.stiffness / 2 * pressed**2
         return self.spring.mass / 2 * state.velocity**2 + pulled**2 / (2 * self.spring.stiffness) + held
+
+
+def alive_time(decay, length):
+    """Time [s] of a `length` [s] in which an oscillation of a decay [1/s] is above rounding."""
+    return min(length, -math.log(ALIVE) / decay) if decay > 0 else length
 
 
 def _most(pace, speed):

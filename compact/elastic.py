@@ -23,7 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from compact.cart import Balance, Cart, balance
-from compact.course import Course
+from compact.course import ALIVE, MOST_SAMPLES, SAMPLES, TURN, Course, alive_time
 from compact.drive import CREEP, Means, Rigid, State, met_resistance, simulate, steady_force
 from compact.dynamics import peaks
 from compact.motion import Cycle, Join
@@ -75,13 +75,15 @@ def travel(cart, drive, motion, resistance, *, regime="periodic", working=(1 / 6
     working : shares of the pass there between which the speed should be even
     tolerance : of the resistance that the solution meets, relative to the largest force of inertia and resistance
 
-    Raises ValueError for a resistance that does not oppose the motion, or jumps at a speed other than 0, and
+    Raises ValueError for a resistance that does not oppose the motion, or jumps at a speed other than 0, and for an
+    oscillation that takes more than `MOST_SAMPLES` samples;
     RuntimeError where no periodic regime is found or the cart moves too wildly to follow.
     """
     refuse_nonpositive(mass=cart.mass, tolerance=tolerance)
     refuse_unknown("regime", regime, REGIMES)
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
     require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
+    _require_few_samples(cart, drive, cycle, _expected_samples(cart, drive, cycle))
     kind = RememberingProblem if hasattr(resistance, "along") else Problem
     problem = kind(cart, drive, cycle, resistance, tolerance)
     if regime == "rest":
@@ -91,7 +93,33 @@ def travel(cart, drive, motion, resistance, *, regime="periodic", working=(1 / 6
         arcs, start = problem.periodic()
         end = start
     course = Course(problem.spring, arcs, problem.resistance, start, end)
+    _require_few_samples(cart, drive, cycle, course.sample_count)
     return ElasticRun(cart, cycle, resistance, working, course, problem.work, drive.first_order)
+
+
+def _expected_samples(cart, drive, cycle):
+    """Samples that resolve the oscillation of a cart after each join of the law; in a dwell friction may hold it."""
+    decay = drive.damping / (2 * cart.mass)
+    square = drive.stiffness / cart.mass - decay**2
+    if square <= 0:
+        return 0
+    pieces = [leg.duration * np.diff(leg.joined_at()) for leg in cycle.legs() if leg.direction]
+    alive = sum(alive_time(decay, float(length)) for length in np.concatenate(pieces))
+    return SAMPLES * alive * math.sqrt(drive.stiffness / cart.mass) / TURN
+
+
+def _require_few_samples(cart, drive, cycle, samples):
+    """ValueError, with a damping that would do, where the oscillations of a cycle take more than `MOST_SAMPLES`."""
+    if samples <= MOST_SAMPLES:
+        return
+    swing = math.sqrt(drive.stiffness / cart.mass)
+    times = sum(len(leg.joined_at()) for leg in cycle.legs())  # that the oscillation begins, about
+    decay = 2 * times * SAMPLES * -math.log(ALIVE) * swing / TURN / MOST_SAMPLES
+    raise ValueError(
+        f"`stiffness` {drive.stiffness:g} N/m with a `damping` of {drive.damping:g} N s/m makes the cart swing "
+        f"{samples * TURN / SAMPLES / (2 * math.pi):.2g} times in a cycle: {samples:.2g} samples, at most "
+        f"{MOST_SAMPLES} are kept; take a rigid drive, or give a damping of {2 * cart.mass * decay:.2g} N s/m or more"
+    )
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ the cart as much heavier; it may hold the cart, which then stands until the pres
 oil and changes of Cd are left out.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
-from itertools import pairwise
+from itertools import count, pairwise
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -32,6 +32,7 @@ NEAR = 1e-6  # of the open area, by which polynomials may miss that of a throttl
 RTOL = 1e-8  # of the forward motion
 PROBE = 1e-7  # difference for derivatives, over the scale of the state
 SECANTS, BALANCED = 20, 1e-12  # of the balance at an instant; left over, of the force
+MOST_EVALUATIONS = 1_000_000  # [-], of the rates over a passage: about a minute; 1e4 are usual
 TURNS = 200  # standing and moving in turn, within a piece
 ENERGIES = ("pump", "relief", "inlet_heat", "outlet_heat", "compression", "resistance_work")
 
@@ -250,6 +251,7 @@ class _Plant:
     stroke: float
     areas: tuple[Pieces, Pieces]
     resistance: Callable
+    evaluations: Iterator = field(default_factory=count)
 
     def through(self, time, end, state, way, rtol, columns):
         """State and way (+1, -1, 0 standing) at the end of a piece, standing and moving in turn."""
@@ -279,6 +281,11 @@ class _Plant:
         return 0.0 if self.cart.end_springs is None else float(self.cart.end_springs.energy(position))
 
     def _rates(self, time, state, way):
+        if next(self.evaluations) > MOST_EVALUATIONS:
+            raise RuntimeError(
+                f"the cart was followed to {time:g} s in {MOST_EVALUATIONS} evaluations and no further: the oil rings "
+                "too fast for its time; give a smaller bulk modulus or a larger dead volume"
+            )
         plant, (x, velocity, inlet, outlet) = self.hydraulic, state[:4]
         open_in, open_out = (max(float(area(time)), 0.0) for area in self.areas)
         filled, line = plant.flow(open_in, plant.supply_pressure - inlet), plant.supply_pressure

@@ -31,6 +31,7 @@ INSTANTS = 10  # per shortest relaxation time
 BESIDE = 1.5  # half-lengths to either side of the way that are told apart
 CLOSE = 1e-3  # relative tolerance of the half-length
 SHORTEST, LONGEST = 0.3, 3.0  # half-lengths tried, over sqrt(R delta)
+MOST_INSTANTS = 1_000_000  # [-], of a motion; each takes some hundred bytes
 ROUGH = 2001  # instants from which the way is measured
 FORGETTING = 14.0  # times the slowest recovery: a millionth is left
 FINE = 6  # times as many steps for a column that is passed
@@ -215,6 +216,11 @@ def instants(position, duration, columns):
     rough = np.linspace(0, duration, ROUGH)
     way = np.concatenate([[0], np.cumsum(np.abs(np.diff(position(rough))))])
     count = way * COLUMNS / columns.half_length + rough * INSTANTS / columns.times.min()
+    if count[-1] > MOST_INSTANTS:
+        raise ValueError(
+            f"a mix that relaxes in {columns.times.min():g} s takes {count[-1]:.2g} instants over {duration:g} s, at "
+            f"most {MOST_INSTANTS} are followed; give its `steady` resistance"
+        )
     return np.interp(np.linspace(0, count[-1], int(np.ceil(count[-1])) + 1), count, rough)
 
 

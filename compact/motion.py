@@ -25,6 +25,7 @@ from compact.refuse import (
     refuse_nonpositive,
     refuse_outside,
     refuse_unknown,
+    require_at_most,
     require_opposing,
 )
 
@@ -47,6 +48,7 @@ ORDERS = ("position", "velocity", "acceleration", "jerk", "snap")
 Turn = Literal["reversal", "dwell"]
 # A jump smaller than this share of the derivative's own size is rounding.
 JUMP_TOLERANCE = 1e-9
+MOST_PIECES = 1024  # [-], of an optimal law: its dense programs take 0.1 GB then, four times as much at twice as many
 SIDE_STEPS = 8  # roundings of phase by which the two sides of a join may lie apart
 TURNS = ("reversal", "dwell")
 
@@ -281,6 +283,7 @@ def optimise(
     refuse_outside(0, 1, quantile=quantile)
     if pieces is not None:
         refuse_fractional(pieces=pieces)
+        require_at_most(MOST_PIECES, "finer ones change no law by a machine's tolerance", pieces=pieces)
     resistances = (resistance,) if callable(resistance) else tuple(resistance)
     for one in resistances:
         require_opposing(one, stroke / duration, ways=(1.0,))

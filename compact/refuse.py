@@ -56,6 +56,13 @@ def refuse_unless(holds, value, rule):
         raise ValueError(f"{rule} {shown(value, lambda _: holds)}")
 
 
+def require_at_most(limit, remedy, **counts):
+    """Require counts that a user gives to be at most `limit`, before anything of that size is made."""
+    for name, count in counts.items():
+        if count > limit:
+            raise ValueError(f"`{name}` must be at most {limit}, got {count}; {remedy}")
+
+
 def require_opposing(resistance, speed, *, ways=(1.0, -1.0)):
     """Require a resistance that opposes the motion at speeds up to `speed` [m/s].
 

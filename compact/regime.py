@@ -42,7 +42,7 @@ TINY = np.finfo(float).tiny
 ROUNDS = 40  # of Newton's method; 1 to 4 are usual
 FARTHEST = 30.0  # of the force scale, that one round may move the state: beyond, friction is another
 FAILURES = {
-    TOO_MANY: f"more than {ARCS} arcs",
+    TOO_MANY: f"more than {ARCS} arcs; give more damping, or take a rigid drive",
     TOO_FAST: "it gets faster without end, its resistance falls too steeply with the speed",
     TOO_SHORT: f"steps below {SHORTEST:g} of a piece of the law; `resistance` is not smooth",
 }

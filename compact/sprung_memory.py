@@ -34,6 +34,7 @@ TRIALS = 30  # of the force at the end of a window; 2 or 3 are usual
 MET = 0.1  # of the tolerance by which a cycle has to close: so well the force is met
 SEAMS = 60  # rounds of the columns of the periodic regime; 2 or 3 are usual, dozens near a resonance
 ROOM = 4.0  # times the largest force over the stiffness: how far beyond the stroke there are columns
+MOST_COLUMNS = 1_000_000  # [-]; each takes 8 B and as much for each branch, and the columns are copied for each cycle
 SHORT = 1e-9  # of a cycle: so near to a join of the law there is no instant
 AWAY, UNMET = 10, 11  # how `march` may end beside `integrate`
 MORE_FAILURES = FAILURES | {
@@ -167,6 +168,13 @@ class RememberingProblem(Problem):
         largest = max(self.scale, np.abs(memory.steady(self.fastest * np.linspace(CREEP, 1, 65))).max())
         spacing = memory.columns.spacing
         swing = np.ceil((ROOM * largest / drive.stiffness + drive.backlash) / spacing) * spacing
+        columns = (np.ptp(way) + 2 * swing) / spacing
+        if columns > MOST_COLUMNS:
+            raise ValueError(
+                f"`stiffness` {drive.stiffness:g} N/m lets the cart swing {swing:.2g} m beyond the stroke: "
+                f"{columns:.2g} columns of the mix, at most {MOST_COLUMNS} are followed; give a stiffer spring or "
+                "less backlash"
+            )
         self.columns = memory.columns.imprint(way.min() - swing, way.max() + swing, way[0] - self.at_rest.stretch)
         at = int(np.searchsorted(self.law.breaks, self.middle))
         self.begun, self.places = None, {True: way[at:], False: way[: at + 1]}

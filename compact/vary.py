@@ -14,6 +14,7 @@ each independent of the others, as no source tells how they go together.
 
 import tomllib
 from dataclasses import dataclass, field
+from math import prod
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from compact.refuse import refuse_unknown
 from compact.scene import SceneError
 
 OVERRIDES = "mix.overrides"
+MOST_POINTS = 1_000_000  # [-], of a sweep: about 2 GB with all that is kept of each; more go into several sweeps
 SEED = 2015  # of the scrambling of Sobol points: the same sample in every run
 # Parameters of the mix that decide the contact by an engine.
 _LINEAR = ("required_pressure", "effective_modulus", "poisson", "instant_over_relaxed", "relaxation_time")
@@ -58,6 +60,7 @@ class Sampled:
         if self.count < 2 or self.count & (self.count - 1):
             near = 2 ** max(1, round(np.log2(max(self.count, 1))))
             raise ValueError(f"--vary {self.key}: Sobol points come in powers of 2, got {self.count}; give ~{near}")
+        _require_few(self.key, self.count)
 
 
 def read(text):
@@ -81,9 +84,18 @@ def _grid(key, low, high, count):
             f"--vary {key}: a grid runs from LOW up to HIGH in N >= 2 values, got {low}:{high}:{count}; "
             "give one value as it is"
         )
+    _require_few(key, count)
     values = np.linspace(low, high, count).round(12).tolist()  # 0.1, not 0.1 + 1e-17
     whole = isinstance(low, int) and isinstance(high, int) and all(value.is_integer() for value in values)
     return tuple(map(int, values)) if whole else tuple(values)
+
+
+def _require_few(key, count):
+    if count > MOST_POINTS:
+        raise ValueError(
+            f"--vary {key}: a sweep has at most {MOST_POINTS} points, got {count}; take a coarser grid, or a sample of "
+            "the spread of the mix, KEY=~N"
+        )
 
 
 def _value(key, text):
@@ -143,6 +155,8 @@ def design(scene, varied, indices=False):
     for axis in axes:
         for value in axis.values:
             scene.refuse_fields(**{axis.key: value})
+    rows = [sample.count * (2 + len(mix.NAMES) if indices else 1) for sample in samples[:1]]
+    _require_few(" --vary ".join(part.key for part in varied), prod([len(axis.values) for axis in axes] + rows))
     if not samples:
         if indices:
             raise ValueError("Sobol indices need a sample; give --vary mix.overrides=~256 or of single parameters")

@@ -439,10 +439,11 @@ def test_breadth_within_the_stroke_is_refused(breadth):
         (lambda: Pointed(0.1), "a pointed follower has `radius` 0, got 0.1; take RollerFollower"),
         (lambda: made("quintic", Pointed()).radius(np.nan), "`angle` must be finite, got nan"),
         (lambda: made("quintic", Pointed()).table(1), "`points` must be at least 2, got 1"),
+        (lambda: made("quintic", Pointed()).table(10**9), "`points` must be at most 1000000, got 1000000000; "),
         (lambda: stepper(cycle("quintic"), -1.0, 0.0), "`roller_radius` must be positive and finite, got -1.0"),
         (lambda: stepper(cycle("quintic"), 0.1, np.nan), "`time` must be finite, got nan"),
     ],
-    ids=["nan", "inf", "radius", "pointed", "angle", "points", "roller", "time"],
+    ids=["nan", "inf", "radius", "pointed", "angle", "points", "many points", "roller", "time"],
 )
 def test_refusals(call, message):
     with pytest.raises(ValueError, match=message):

@@ -3,6 +3,7 @@
 import itertools
 import math
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -652,6 +653,27 @@ def test_impossible_springs_are_refused(numbers, words):
 def test_lag_that_outweighs_the_cart_is_refused():
     with pytest.raises(ValueError, match=r"`mass` must exceed what the resistance lags by, got 1000 kg, a lag of 1500"):
         travel(CART, ElasticDrive(1e6, 1e3, first_order=True), published("cubic"), lambda v, a: np.sign(v) - 1500 * a)
+
+
+@pytest.mark.parametrize("name", ["quintic", "gear-sector"])
+def test_oscillations_that_fit_no_memory_are_refused_before_they_are_sampled(name):
+    words = (
+        r"`stiffness` 1e\+15 N/m with a `damping` of 0 N s/m makes the cart swing 9.5e\+05 times in a cycle: .*rigid"
+    )
+    with pytest.raises(ValueError, match=words) as refusal:
+        travel(CART, ElasticDrive(1e15, 0.0), published(name), dry(3486.0))
+    damping = float(re.search(r"a damping of (\S+) N s/m or more", str(refusal.value)).group(1))
+    assert travel(CART, ElasticDrive(1e15, damping), published("quintic"), dry(3486.0)).energy_residual < 1e-6
+
+
+def test_samples_are_counted_before_they_are_made():
+    for run in (travel(CART, spring(1e9, ratio), published("parabolic"), dry(3486.0)) for ratio in (0.0, 0.05)):
+        assert len(run.time) <= run.course.sample_count <= 1.2 * len(run.time)
+
+
+def test_dwell_whose_oscillations_fit_no_memory_is_refused():
+    with pytest.raises(ValueError, match=r"`stiffness` 1e\+06 N/m .* makes the cart swing \S+ times in a cycle"):
+        travel(CART, ElasticDrive(1e6, 0.0), published("parabolic").cycle(600.0, 600.0), free, regime="rest")
 
 
 def test_massless_cart_is_refused():

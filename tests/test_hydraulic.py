@@ -199,3 +199,9 @@ def test_impossible_hydraulics_are_refused(field):
 def test_lag_that_outweighs_the_cart_is_told():
     with pytest.raises(RuntimeError, match="no acceleration balances"):
         passage(CART, PRESS, 0.4, (even(1e-6), even(2e-5)), lambda v, a: dry(v, a) - 2e3 * a + 1e6 * a**3)
+
+
+def test_oil_that_rings_without_end_is_told(monkeypatch):
+    monkeypatch.setattr("compact.hydraulic.MOST_EVALUATIONS", 100)
+    with pytest.raises(RuntimeError, match="in 100 evaluations and no further: the oil rings too fast for its time"):
+        passage(CART, PRESS, 0.4, (even(1e-6), even(2e-5)), dry)

@@ -389,6 +389,11 @@ def test_way_there_alone_decides_a_law():
     assert one.value == other.value
 
 
+def test_pieces_that_fit_no_memory_are_refused():
+    with pytest.raises(ValueError, match=r"`pieces` must be at most 1024, got 1000000000; finer ones"):
+        unit("peak_force", pieces=1_000_000_000)
+
+
 def falling(velocity, acceleration):
     """A resistance that depends on both: it falls at speed, and lags behind."""
     return 3000 * np.tanh(velocity / 0.02) - 600 * velocity + 30 * velocity * acceleration

@@ -124,3 +124,17 @@ def test_rules_between_keys_are_left_to_the_points():
     with pytest.raises(SceneError, match=r"layer.fed_density_ratio: must be below mix.density_ratio = 0.92"):
         vary.scene_at(SCENE, *design.point(0))
     assert vary.scene_at(SCENE, *design.point(1))[0].mix.density_ratio == 0.98
+
+
+@pytest.mark.parametrize(
+    "varied",
+    [
+        ["mix.moisture=0.08:0.12:1000000000"],
+        ["mix.overrides=~1073741824"],
+        ["mix.moisture=0.08:0.12:2000", "machine.mass=500:1500:2000"],
+    ],
+    ids=["grid", "sample", "product"],
+)
+def test_sweep_that_fits_no_memory_is_refused_before_it_is_laid_out(varied):
+    with pytest.raises(ValueError, match=r"a sweep has at most 1000000 points, got \d{7,}; take a coarser grid"):
+        vary.design(SCENE, [vary.read(text) for text in varied])
