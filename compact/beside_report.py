@@ -4,12 +4,14 @@ from compact import mapping
 from compact.contact_report import ENGINE_HEADER, row
 from compact.drive import CRITERIA
 from compact.ordering import agreement, error
+from compact.ranking import value_of
 from compact.results import write_csv
 from compact.study import BESIDE
 
 FEW = 3  # laws that share a place are named
 RANKING_HEADER = (
-    "engine", "drive", "criterion", "rank", "law", "value", "unit", "margin", "error", "sure", "reason",
+    "engine", "drive", "criterion", "rank", "law", "value", "unit", "margin", "tie", "error", "sure",
+    "reason",
 )  # fmt: skip
 CRITERIA_HEADER = ("law", "drive", "criterion", "value", "unit", "error")
 AGREEMENT_HEADER = (
@@ -38,25 +40,30 @@ def agreements(study):
     own, *others = study.places
     for pair in pairs + [(ours, own, ours, other) for other in others]:
         one, other = (places(study)[engine][kind] for engine, kind in (pair[:2], pair[2:]))
-        found += [(*pair, by, agreement(one[by], other[by]), _first(one[by]), _first(other[by])) for by in one]
+        found += [(*pair, by, agreement(one[by], other[by], by), _first(one[by]), _first(other[by])) for by in one]
     return found
 
 
 def _first(order):
-    """The law that is first; a few that share the place, and of more their number."""
-    laws = [place.law for place in order if place.rank == 1]
+    """The law that is first; a few that share the place, and of more their number; none where all are infinite."""
+    laws = [place.law for place in order if place.rank == 1 and not place.reason]
+    if not laws:
+        return "none"
     return "/".join(sorted(laws)) if len(laws) <= FEW else f"{len(laws)} laws alike"
 
 
 def tables(study, directory):
     """Every place with its margin and error, every criterion of every law, and where orders agree; yields paths."""
     yield write_csv(directory / "ranking.csv", RANKING_HEADER, [
-        (engine, kind, by, p.rank, p.law, p.value, CRITERIA[by].unit, p.margin, _told(p.error), _told(p.sure), p.reason)
+        (
+            engine, kind, by, p.rank, p.law, p.value, CRITERIA[by].unit, p.margin, p.tie, _told(p.error),
+            _told(p.sure), p.reason,
+        )
         for engine, orders in places(study).items() for kind, order in orders.items()
         for by, found in order.items() for p in found
     ])  # fmt: skip
     yield write_csv(directory / "criteria.csv", CRITERIA_HEADER, [
-        (name, study.scene.drive.kind, by, getattr(run, by), criterion.unit, _told(moved(study, run, by)))
+        (name, study.scene.drive.kind, by, value_of(run, by), criterion.unit, _told(moved(study, run, by)))
         for name, run in study.runs.items() for by, criterion in CRITERIA.items()
     ])  # fmt: skip
     if study.beside:
@@ -116,7 +123,7 @@ def ordered(order):
 
 
 def _plain(place):
-    told = place._asdict()
+    told = place._asdict() | {"tie": place.tie}
     return told if place.reason else {name: told[name] for name in told if name != "reason"}
 
 

@@ -24,6 +24,7 @@ WORDS = {
     "nonuniformity": "unevenness of speed over the working part",
     "ringing": "peak drive force over that of an imposed law",
 }
+TIED = "closer than the 1 % to which a machine is built"
 SAID = 2  # criteria in the answer, those that the scene names first
 ENGINES = {
     "formula": "the engineering formulas 1.1–1.10",
@@ -97,9 +98,9 @@ def _engine(study):
 
 def _winner(by, places):
     """Who is first by a criterion, by how much, and what the last asks."""
-    first = [place for place in places if place.rank == 1]
-    if first[0].reason:
-        return f"No law has a finite {WORDS[by]}: {escape(first[0].reason)}."
+    first = _firsts(places)
+    if not first:
+        return f"No law has a finite {WORDS[by]}: {escape(places[0].reason)}."
     if len(places) == 1:
         return f"Its {WORDS[by]} is {strong(quantity(first[0].value, CRITERIA[by].unit, 3))}."
     names = " and ".join(strong(place.law) for place in first)
@@ -109,11 +110,25 @@ def _winner(by, places):
     said = f"{asks} for the least {WORDS[by]}: {value}."
     if finite[-1].rank > 1:
         following, last = finite[len(first)], finite[-1]
-        said += f" The next, {escape(following.law)}, takes {percent(following.value / first[0].value - 1)} more"
+        said += f" The next, {escape(following.law)}, "
+        said += f"ties with it, {TIED}" if first[0].tie else f"takes {_taken(following.value, first[0].value, by)}"
         if last is not following:
-            said += f", the last, {escape(last.law)}, {percent(last.value / first[0].value - 1)} more"
+            said += f"; the last, {escape(last.law)}, takes {_taken(last.value, first[0].value, by)}"
         said += "."
     return said
+
+
+def _firsts(places):
+    """The places that are first; none where all are infinite."""
+    return [place for place in places if place.rank == 1 and not place.reason]
+
+
+def _taken(value, least, by):
+    """A value in words: its share above the least, or itself where that share means nothing."""
+    criterion = CRITERIA[by]
+    if criterion.floor or not least > 0:
+        return quantity(value, criterion.unit, 3)
+    return f"{percent(value / least - 1)} more"
 
 
 def _endless(orders):
@@ -127,7 +142,7 @@ def _endless(orders):
 def _conflict(orders):
     """What the first by one criterion takes by another, where they differ."""
     said = []
-    firsts = {by: [p for p in order if p.rank == 1 and not p.reason] for by, order in orders.items()}
+    firsts = {by: _firsts(order) for by, order in orders.items()}
     for by, first in firsts.items():
         for other, order in orders.items():
             best = firsts[other]
@@ -135,8 +150,8 @@ def _conflict(orders):
                 continue
             value = next(p.value for p in order if p.law == first[0].law)
             if np.isfinite(value):
-                more = percent(value / best[0].value - 1)
-                said.append(f"The law {escape(first[0].law)} pays for its {WORDS[by]} with {more} more {WORDS[other]}.")
+                law, taken = escape(first[0].law), _taken(value, best[0].value, other)
+                said.append(f"The law {law} pays for its {WORDS[by]} with {taken} {WORDS[other]}.")
     return [" ".join(dict.fromkeys(said))] if said else []
 
 
@@ -178,8 +193,12 @@ def _known_by_engine(study):
 def _first_is_sure(orders):
     """Whether the error of the resistance leaves the first law first."""
     for by, order in orders.items():
-        first = [place for place in order if place.rank == 1]
-        if first[0].sure is None or first[0].reason or len(first) == len(order):
+        first = _firsts(order)
+        if not first or len(first) == len(order):
+            continue
+        if first[0].tie:
+            yield f"The first law by {WORDS[by]} is one of several that tie: they are {TIED}."
+        if first[0].error is None or first[0].tie:
             continue
         moved = quantity(max(place.error for place in first), CRITERIA[by].unit, 2)
         told = "does not reach the next" if all(place.sure for place in first) else "may put another law first"

@@ -7,6 +7,7 @@ import numpy as np
 from compact.beside_report import agreements, beside
 from compact.drive import CRITERIA
 from compact.html_answer import WORDS, means
+from compact.ordering import ties
 from compact.page import ROUNDING, Section, column, mark, number, paragraph, percent, picture, quantity, table, table_of
 from compact.sensitivity import PRIOR
 from compact.study import FOLLOWERS, YIELDING
@@ -48,11 +49,13 @@ def _ranked(kind, by, places, beside):
         "rank": [str(place.rank) for place in places],
         "law": [escape(place.law) for place in places],
         WORDS[by]: column([place.value for place in places], unit),
-        "to the next": [percent(place.margin) for place in places],
+        "to the next": ["tie" if place.tie else percent(place.margin) for place in places],
     }
     if places[0].error is not None:
         columns["error"] = column([place.error for place in places], unit, 2)
-        columns["place"] = ["sure" if place.sure else "in doubt" for place in places]
+        ranks = [place.rank for place in places]
+        shared = [tied or ranks.count(rank) > 1 for tied, rank in zip(ties(places, by), ranks, strict=True)]
+        columns["place"] = [_sureness(*each) for each in zip(places, shared, strict=True)]
     for engine, order in beside.items():
         others = [order.get(place.law) for place in places]
         values = column([other and other.value for other in others], unit)
@@ -61,6 +64,13 @@ def _ranked(kind, by, places, beside):
         ]
     columns["note"] = [escape(place.reason) for place in places]
     return table_of(columns, f"Laws by {WORDS[by]}, {kind} drive, least first", ("law", "place", "note"))
+
+
+def _sureness(place, tied):
+    """A word for how sure a place is, which is a tie where another law shares it or is within the build tolerance."""
+    if place.reason:
+        return "–"
+    return "tie" if tied else "sure" if place.sure else "in doubt"
 
 
 def _agreed(study):

@@ -122,7 +122,7 @@ def engines(orders, most=12):
     rows = min(most, max(len(orders[ours][kind][by]) for kind, by in shown))
     figure, axes = _below_one_another(len(shown), rows, names)
     for ax, (kind, by) in zip(axes, shown, strict=True):
-        excess = {engine: _excess(found[kind][by]) for engine, found in orders.items()}
+        excess = {engine: _excess(found[kind][by], by) for engine, found in orders.items()}
         laws = sorted(excess[ours], key=lambda law: min(found[law][0] for found in excess.values() if law in found))
         laws = sorted(laws[:most], key=lambda law: excess[ours][law][0])
         for (engine, found), dodge in zip(excess.items(), dodges(len(excess)), strict=True):
@@ -141,13 +141,14 @@ def engines(orders, most=12):
     return figure
 
 
-def _excess(order):
+def _excess(order, by):
     """Law -> (what it asks above the least, the error of that) [%], of finite places."""
     finite = [place for place in order if not place.reason]
-    least = min((place.value for place in finite), default=1.0) or 1.0
+    least = min((place.value for place in finite), default=0.0)
+    scale = CRITERIA[by].scale(least) or max((place.value for place in finite), default=0.0) or 1.0
     errors = [place.error if place.error and np.isfinite(place.error) else 0.0 for place in finite]
     return {
-        place.law: (100 * (place.value / least - 1), 100 * error / least)
+        place.law: (100 * (place.value - least) / scale, 100 * error / scale)
         for place, error in zip(finite, errors, strict=True)
     }
 

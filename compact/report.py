@@ -16,6 +16,7 @@ from compact.contact_report import guide_sentence, held_sentence, return_sentenc
 from compact.drive import CRITERIA
 from compact.engineering import coverage
 from compact.pool import Here
+from compact.ranking import value_of
 from compact.results import claimed, png, write_bytes, write_columns, write_csv, write_figure, write_json
 from compact.study import YIELDING
 
@@ -296,7 +297,8 @@ def _run_numbers(study, run):
     own = [name for name in OWN if hasattr(run, name)]
     unsteady = {"unsteady_share": run.share(study.resistance.beyond)} if study.layered else {}
     errors = {"errors": {by: beside_report.moved(study, run, by) for by in CRITERIA}}
-    return {name: getattr(run, name) for name in (*CRITERIA, *own)} | unsteady | errors
+    criteria = {by: value_of(run, by) for by in CRITERIA}
+    return criteria | {name: getattr(run, name) for name in own} | unsteady | errors
 
 
 OWN = {  # what runs of elastic, hydraulic and motor drives know besides
@@ -348,11 +350,13 @@ def _number_line(name, number):
 
 
 def _place_line(place, run, beside):
-    """A law's place, "?" where the error may move it, how its run rings, and in brackets the places by engines."""
+    """A law's place, "tie" where the next is within the build tolerance, "?" where the error may move it, how its run
+    rings, and in brackets the places by engines."""
     if place.reason:
         return f"  {place.rank:>2}  {place.law:<30}  infinite: {place.reason}"
     margin = f"+{place.margin:.2%} to the next" if np.isfinite(place.margin) else ""
-    doubt = "" if place.sure in (True, None) else " ?"
+    margin = "tie with the next" if place.tie else margin
+    doubt = "" if place.sure in (True, None) or place.tie else " ?"
     others = [order.get(place.law) for order in beside.values()]
     ringing = getattr(run, "ringing", np.nan)
     ringing = f"rings {ringing:.3f}   " if np.isfinite(ringing) else ""

@@ -18,7 +18,7 @@ import numpy as np
 
 from compact import drive, machine
 from compact.engine import roll, speeds
-from compact.ranking import TIE
+from compact.ranking import ROUNDING_TIE
 from compact.resistance import ResistanceMap
 from compact.study import Study
 
@@ -183,6 +183,6 @@ def _least(cart, resistance, cycles):
         run = drive.simulate(cart, drive.Rigid(), cycle, resistance)
         for peak, quantity in PEAKS.items():
             largest = np.inf if run.impulses else float(np.abs(getattr(run, quantity)).max())
-            if largest < least[peak] * (1 - TIE):
+            if largest < least[peak] * (1 - ROUNDING_TIE):
                 least[peak], law[peak] = largest, name
     return End(least, law)

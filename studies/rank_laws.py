@@ -1,10 +1,11 @@
 """Which law asks least of the drive, do finite elements say what the formula says, and how sure is the order?
 
-Every law, by every engine, against every drive. A place is sure where no law behind it can pass, each at its own worst:
-one law is run with the resistance less its error, the other with the resistance and its error. The error is that of the
-map and of the engine, not that of the model: for that the engines stand side by side, and formula and columns are
-ranked again over a sample of the prior's spread, with nothing calibrated. The calibrated columns resist as the formula
-does, so they repeat its order; an order can change only where the resistance knows the speed.
+Every law, by every engine, against every drive. A place is sure where no law behind it can pass, each at its own worst,
+and the next takes at least 1 % more, to which a machine is built: one law is run with the resistance less its error,
+the other with the resistance and its error. The error is that of the map and of the engine, not that of the model: for
+that the engines stand side by side, and formula and columns are ranked again over a sample of the prior's spread, with
+nothing calibrated. The calibrated columns resist as the formula does, so they repeat its order; an order can change
+only where the resistance knows the speed.
 
 Limits: the resistance is that of a steady motion at the speed of the moment, which the turns are not (`reversal`). The
 linear layer resists with a seventh of what the plant needs. Finite elements that compact press by 3 mm under a smooth
@@ -24,6 +25,7 @@ from compact import compaction, machine, vary
 from compact.capabilities import adapt
 from compact.drive import CRITERIA, rank, simulate
 from compact.engine import inputs
+from compact.ranking import is_tie
 from compact.resistance import ResistanceMap
 from compact.scene import load_scene
 from compact.study import Study
@@ -158,7 +160,7 @@ def places(by, runs, moved, error):
     for place in ordered:
         low, high = min(ends[place.run.name]), max(ends[place.run.name])
         behind = [min(ends[other.run.name]) for other in ordered if other.rank > place.rank]
-        sure = high < min(behind, default=np.inf)
+        sure = high < min(behind, default=np.inf) and not (place.tie or place.reason)
         yield place.rank, place.run.name, place.value, place.margin, low, high, error, sure
 
 
@@ -291,7 +293,7 @@ def show(result, best=3):
     for engine, drive, by, place, law, value, margin, _, _, error, sure in rows:
         if by in SHOWN and place <= best:
             print(f"{engine:<21}{drive:<9}{by:<12}{place:>2} {law:<30}{value:>8.0f}", end="")
-            print(f"{margin:>8.2%}{error:>8.2%}  {'sure' if sure else '-'}")
+            print(f"{'tie' if is_tie(margin) else f'{margin:.2%}':>8}{error:>8.2%}  {'sure' if sure else '-'}")
     for engine, drive, by, first, stays, tau, low, high, mixes in spreads:
         print(f"{engine}, {drive}, {by}: {first} stays first in {stays:.0%} of {mixes} mixes, ", end="")
         print(f"Kendall's tau {tau:.3f}; the cart meets {low:.0f} to {high:.0f} N")

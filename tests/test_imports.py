@@ -33,11 +33,11 @@ LEVELS = (
     (
         *("records", "material", "mesh", "patch", "plies", "sizing", "shaft", "follower", "variational", "results"),
         *("scene_errors", "polynomials", "quadratic", "lawspace", "pitch", "drawing", "page", "sobol", "springs"),
-        *("pressed_memory", "strokes", "oscillator", "ranking", "ordering", "belt", "torque"),
+        *("pressed_memory", "strokes", "oscillator", "ranking", "belt", "torque"),
     ),
     (
         *("laws", "halfplane", "dimensions", "modulation", "mix", "cart", "scene_rules", "streamline", "cap"),
-        *("resisted", "limits", "imprint"),
+        *("resisted", "limits", "imprint", "ordering"),
     ),
     (
         *("kernel", "compliance", "stickslip", "confined", "judge", "reroll", "retained", "store", "scene_tables"),
