@@ -183,9 +183,12 @@ def roll(
     """
     from compact import contact_report
     from compact import engine as engines
+    from compact.plausible import check_speed
     from compact.results import claimed
 
     study = _study(scene, quiet, engine, changes=changes)
+    if speed is not None:
+        check_speed(speed, study.scene.unusual)
     speed = speed if speed is not None else study.scene.motion.stroke / study.scene.motion.duration
     place = out or default_directory(scene, study.scene.accuracy.engine)
     with claimed(place, study.scene.hash, force) as directory:

@@ -40,7 +40,7 @@ LEVELS = (
         *("kernel", "compliance", "stickslip", "confined", "judge", "reroll", "retained", "store", "scene_tables"),
         "suspended",
     ),
-    ("fields", "solid", "expected", "bed", "turning", "flow", "optimise", "sliding"),
+    ("plausible", "fields", "solid", "expected", "bed", "turning", "flow", "optimise", "sliding"),
     ("frame", "march", "steady", "travelled", "filmed", "dynamics"),
     ("compacted", "stiffening", "course"),
     ("compaction", "trip"),
