@@ -54,7 +54,6 @@ OTHER_UNITS = {  # unit of the scene -> (other unit, its size in that of the sce
     "m3": (("L", 1e-3), ("mL", 1e-6), ("mm3", 1e-9)),
     "m3/s": (("L/min", 1e-3 / 60), ("L/s", 1e-3)),
     "kg/m3": (("g/cm3", 1e3), ("kg/L", 1e3)),
-    "1": (("%", 1e-2),),
 }
 
 _CART = "forming carts weigh from tens of kilograms to tens of tonnes"
