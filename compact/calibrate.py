@@ -175,6 +175,7 @@ class _Model:
         for name, value in zip(self.unknowns, u, strict=True):
             if name == "heckel_slope":
                 changes["mix.overrides.heckel_slope"] = float(np.exp(value))
+                changes["unusual"] = (*self.scene.unusual, "mix.overrides.heckel_slope")  # trials may go anywhere
             else:
                 changes["layer.fed_density_ratio"] = float(LOOSE + (asked - LOOSE) / (1 + np.exp(-value)))
         return self.scene.replaced(**changes)

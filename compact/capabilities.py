@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+OPTIONAL = ("machine.rolling", "machine.profile", "layer.plies")  # keys that a scene need not have
 TURNED = ("fem", "compaction")  # engines of a roller that sticks and slips under a torque
 
 NAMES = {  # of values, in the sentences about replacements
@@ -139,13 +140,21 @@ def _refusal(engine, limit):
     def broken(value, chosen, friction):
         if chosen != engine or value is None or limit.takes(value, friction):
             return None
-        taken = " or ".join(f'"{each}"' if isinstance(each, str) else f"{each}" for each in limit.taken if each)
-        able = " or ".join(f'"{name}"' for name in LIMITS if _able(name, limit.key, value, friction))
+        remedies = [f"give {_listed(limit.taken)}"] if any(limit.taken) else []
+        remedies += ["take the key out"] if limit.key in OPTIONAL else []
+        able = [name for name in LIMITS if _able(name, limit.key, value, friction)]
         got = f'"{value}"' if isinstance(value, str) else _name(limit.key, value)
-        remedy = f"give {taken}, or take the key out" if taken else "take the key out"
-        return f'the engine "{engine}" takes no {got}, as {limit.why}; {remedy}, or choose accuracy.engine = {able}'
+        return (
+            f'the engine "{engine}" takes no {got}, as {limit.why}; {", ".join(remedies)}, or choose accuracy.engine = '
+            f"{_listed(able)}"
+        )
 
     return broken
+
+
+def _listed(values):
+    *some, last = [f'"{value}"' if isinstance(value, str) else f"{value}" for value in values]
+    return f"{', '.join(some)} or {last}" if some else last
 
 
 def _able(engine, key, value, friction):

@@ -185,9 +185,12 @@ def roll(
         directory for the results; out/NAME-ENGINE unless given, NAME as of `compact run`
     """
     from compact import contact_report
+    from compact.plausible import check_speed
     from compact.results import claimed
 
     study = _study(scene, quiet, engine, changes=changes)
+    if speed is not None:
+        check_speed(speed, study.scene.unusual)
     speed = speed if speed is not None else study.scene.mean_speed
     place = out or default_directory(scene, study.scene.accuracy.engine)
     with claimed(place, study.scene.hash, force) as directory:

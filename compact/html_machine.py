@@ -270,7 +270,7 @@ def _others(shift):
 
 def scene(given):
     """The scene as it was read, what is assumed in it marked."""
-    tables = [_keys(given, name) for name in type(given).model_fields if name not in ("title", "output")]
+    tables = [_keys(given, name) for name in type(given).model_fields if name not in ("title", "unusual", "output")]
     assumed = sum(part.count('class="mark assumed"') for part in tables)
     words = (
         f"Read from {escape(given.file)}, in SI units. Marked is what its comments call assumed, or the call changed."

@@ -196,6 +196,12 @@ def prior(moisture, density_ratio, overrides=None):
     return Mix(float(moisture), float(density_ratio), tuple(parameters))
 
 
+def nodes():
+    """(moistures [-], density ratios [-]) at which the table has values, ascending."""
+    moistures, ratios, _ = _table()
+    return tuple(moistures.tolist()), tuple(ratios.tolist())
+
+
 def bulk_density(moisture, density_ratio):
     """Bulk density rho [kg/m3] of a mix.
 

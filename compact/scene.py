@@ -18,6 +18,7 @@ from typing import Any
 
 from pydantic import Field, PrivateAttr, ValidationError
 
+from compact import plausible
 from compact.capabilities import LIMITS, adapt, replaced
 from compact.scene_errors import (
     Mistake,
@@ -42,6 +43,7 @@ from compact.scene_tables import (
     Machine,
     Mix,
     Motion,
+    Names,
     Output,
     Product,
     Table,
@@ -54,6 +56,7 @@ class Scene(Table):
     """One machine with one mix and one motion. Two scenes are equal when their content is, wherever they came from."""
 
     title: str = Field(default="", description="a title in quotes")
+    unusual: Names = Field(default=(), description="keys whose values are meant as given, though implausible")
     machine: Machine
     product: Product
     mix: Mix
@@ -135,7 +138,7 @@ class Scene(Table):
     @property
     def advice(self) -> tuple[str, ...]:
         """Sentences on what is allowed but unusual; empty for a scene within the rules of thumb."""
-        found = sentences(ADVICE, self.model_dump(exclude_none=True))
+        found = sentences((*ADVICE, *plausible.ADVICE), self.model_dump(exclude_none=True))
         return tuple(f"{self._source.place(mistake.key)}: {mistake}" for mistake in found)
 
     @property
@@ -154,8 +157,9 @@ class Scene(Table):
 
     @property
     def hash(self) -> str:
-        """Fingerprint of all that decides a number: every key but `title` and `[output]`, and the tables' contents."""
-        content = self.model_dump(exclude_none=True, exclude={"title", "output"})
+        """Fingerprint of all that decides a number: every key but `title`, `unusual` and `[output]`, and the tables'
+        contents."""
+        content = self.model_dump(exclude_none=True, exclude={"title", "unusual", "output"})
         digest = sha256(json.dumps(content, sort_keys=True).encode())
         for path in self.table_paths:
             digest.update(sha256(_bytes(path)).digest())
@@ -171,9 +175,12 @@ class Scene(Table):
         return _checked(self._given(), self._source, changes, rules)
 
     def refuse_fields(self, **changes: object) -> None:
-        """SceneError where a key to be changed is unknown or its field refuses the value, whatever the rules between
-        the keys say of the scene that results."""
-        source, mistakes = _validated(self._given(), self._source, changes)[1:]
+        """SceneError where a key to be changed is unknown, its field refuses the value or the value is implausible,
+        whatever the rules between the keys say of the scene that results."""
+        data = self._given()
+        source, mistakes = _validated(data, self._source, changes)[1:]
+        keys = [tuple(key.split(".")) for key in changes]
+        mistakes += sentences([rule for rule in plausible.REFUSALS if rule.involves(keys)], data, refused=mistakes)
         if mistakes:
             raise SceneError(source.report(mistakes))
 
@@ -248,7 +255,7 @@ def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, objec
 
 
 def _rules(source: Source) -> tuple[Rule, ...]:
-    return (*RULES, tables_exist(source))
+    return (*RULES, *plausible.REFUSALS, tables_exist(source))
 
 
 def _checked(data: dict[str, Any], source: Source, changes: Mapping[str, object], rules: Iterable[Rule]) -> Scene:

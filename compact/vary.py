@@ -173,7 +173,7 @@ def _refuse_keys(keys):
     for key in keys:
         if keys.count(key) > 1:
             raise ValueError(f"--vary {key}: given twice; put its values into one list")
-        if key.split(".")[0] in ("title", "output"):
+        if key.split(".")[0] in ("title", "unusual", "output"):
             raise ValueError(f"--vary {key}: decides no number; vary another key")
 
 

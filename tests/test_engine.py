@@ -263,7 +263,7 @@ def test_what_the_scene_sets_and_the_engine_does_not_take_is_refused():
     ],
 )
 def test_contact_that_cannot_be_computed_names_scene_engine_and_speed(changes, words):
-    case = study(**changes)
+    case = study(**changes, unusual=[f"contact.{target}" for target in ("indentation", "load", "peak_pressure")])
     with pytest.raises(RuntimeError, match=rf"^Small: .*, {case.scene.accuracy.engine} at 0\.1 m/s: .*{words}"):
         engine.roll(case.scene, case.mix, 0.1)
 

@@ -43,7 +43,7 @@ LEVELS = (
         *("kernel", "compliance", "stickslip", "confined", "judge", "reroll", "retained", "store", "scene_tables"),
         "suspended",
     ),
-    ("fields", "solid", "expected", "bed", "turning", "flow", "sequential_programming", "sliding"),
+    ("plausible", "fields", "solid", "expected", "bed", "turning", "flow", "sequential_programming", "sliding"),
     ("frame", "march", "steady", "travelled", "filmed", "dynamics"),
     ("compacted", "stiffening", "course"),
     ("compaction", "trip"),
