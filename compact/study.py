@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from compact import contact, contacts, drive, machine, made, mapping, mix
+from compact import contact, contacts, drive, machine, made, mapping, mix, stage_costs
 from compact.cam import Cam, FlatFace, Pointed, RollerFollower
 from compact.cart import Opposition
 from compact.crank import USUAL_ANGLES, turn
@@ -88,20 +88,76 @@ class Study:
         self._errands = None
 
     @property
+    def planned(self):
+        """How often each stage of all that the scene wants will be counted, a Counter.
+
+        Stages whose number shows only on the way are there as often as they have been.
+        """
+        wanted, layered, laws = self.scene.output.wanted, self.layered, self._laws
+        rolled = 0 if self.counts["kept"] or not layered else len(speeds(self.scene))
+        drawn = bool({"figures", "report"} & set(wanted))
+        fields = "fields" in wanted and rolled > 0
+        figures = (3 + len({"cams", "reactions", "crank"} & set(wanted)) + 4 * layered) * drawn + fields
+        cams = laws * len(FOLLOWERS) * ("cams" in wanted)
+        planned = Counter({
+            "contact": 1, "rankings": 1, "laws": laws, "runs": laws * (1 + layered), "rolled": rolled,
+            "fields": rolled * fields, "figures": figures, "cams": cams, "cams measured": cams,
+            "crank": (len(USUAL_ANGLES) + 1) * ("crank" in wanted), "beside": len(self.scene.beside_engines),
+            "report": int("report" in wanted),
+        })  # fmt: skip
+        for stage in ("resistance", "added mass", "kept", "passage", "run-up", "driven"):
+            planned[stage] = self.counts[stage]
+        return planned
+
+    @property
+    def _laws(self):
+        """Number of laws, those made for the machine among them."""
+        optimised = self.scene.motion.optimise
+        return len(self.scene.law_names) + len(self.scene.table_paths) + (len(optimised.objectives) if optimised else 0)
+
+    @property
     def steps(self):
         """How many counts the stages of all that the scene wants will make."""
-        wanted, optimised = self.scene.output.wanted, self.scene.motion.optimise
-        laws = len(self.scene.law_names) + len(self.scene.table_paths) + (len(optimised.objectives) if optimised else 0)
-        rolled = 0 if self.counts["kept"] or not self.layered else len(speeds(self.scene))
-        figures = 3 + len({"cams", "reactions", "crank"} & set(wanted)) + 4 * self.layered
-        figures = figures if {"figures", "report"} & set(wanted) else 0
-        cams = 2 * laws * len(FOLLOWERS) if "cams" in wanted else 0  # made and measured
-        crank = len(USUAL_ANGLES) + 1 if "crank" in wanted else 0
-        fields = (rolled + 1) * ("fields" in wanted and rolled > 0)
-        beside = len(self.scene.beside_engines)
-        added = sum(self.counts[stage] for stage in ("resistance", "added mass", "kept", "passage", "run-up", "driven"))
-        counted = 2 + 2 * laws + laws * self.layered + cams + crank + figures + beside + rolled + fields + added
-        return counted + ("report" in wanted)
+        return self.planned.total()
+
+    def cost(self, stage):
+        """Cost of one run of a stage, as in `stage_costs` [s]."""
+        scene, table = self.scene, stage_costs
+        if stage == "beside":
+            others = [Study(scene.by(name)) for name in scene.beside_engines]
+            return table.BY_OTHERS * sum(other.contact_cost for other in others) / len(others)
+        found = table.cost(stage, scene.accuracy.engine, scene.drive.kind, self.layered)
+        if stage == "laws" and scene.motion.optimise:
+            found += table.OPTIMISED * len(scene.motion.optimise.objectives) / self._laws
+        return table.BY_OTHERS * found if stage == "figures" and scene.beside else found
+
+    @property
+    def whole_cost(self):
+        """Cost of all that the scene wants [s]; of stages whose number shows only on the way, what is usual."""
+        expected = self.planned | self._usual
+        return sum(count * self.cost(stage) for stage, count in expected.items() if count)
+
+    @property
+    def contact_cost(self):
+        """Cost of what an engine beside does: contacts, map, drives [s]."""
+        expected = self.planned | self._usual
+        stages = ("rolled", "resistance", "added mass", "runs")
+        return sum(expected[stage] * self.cost(stage) for stage in stages if expected[stage])
+
+    @property
+    def _usual(self):
+        """How often stages are usually run whose number shows only on the way, until it has shown."""
+        engine, usual, table = self.scene.accuracy.engine, Counter(), stage_costs
+        if not self.layered or self.counts["kept"]:
+            return usual
+        rolled = len(speeds(self.scene))
+        if not self.counts["added mass"] and not self.counts["runs"]:
+            usual["resistance"] = table.SPEEDS_ADDED[engine]
+        if engine in table.ADDED_MASS and not self.counts["runs"]:
+            usual["added mass"] = rolled + max(usual["resistance"], self.counts["resistance"])
+        if engine in table.DRIVEN and "cams" in self.scene.output.wanted and not self.counts["rankings"]:
+            usual["driven"] = table.TORQUES * rolled
+        return usual
 
     def count(self, stage):
         """One more run of a stage."""
@@ -407,8 +463,8 @@ class Study:
                 return self.beside
         found = {}
         for name, answer in self._answers.items():
-            found[name] = answer()
             self.count("beside")
+            found[name] = answer()
             for words in found[name].warned:
                 warnings.warn(f"{name}: {words}", stacklevel=2)
         return found
