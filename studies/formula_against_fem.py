@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from compact.engine import roll
+from compact.progress import tracked
 from compact.scene import load_scene
 from compact.study import Study
 
@@ -56,7 +57,7 @@ def main(
     """Rows of HEADER, SI; the engines are "1.5-1.8", "galin" and those named."""
     base = load_scene(SCENES / f"{scene}.toml", **PLAIN)
     rows = []
-    for moisture, ratio, radius in itertools.product(moistures, density_ratios, radii):
+    for moisture, ratio, radius in tracked(itertools.product(moistures, density_ratios, radii), "contact"):
         case = base.replaced(**{"mix.moisture": moisture, "mix.density_ratio": ratio, "machine.roller_radius": radius})
         study, speed = Study(case), case.motion.stroke / case.motion.duration
         found = {"1.5-1.8": of_formulas(study), "galin": of_contact(roll(case, study.mix, speed, "formula"), radius)}
