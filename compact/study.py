@@ -121,28 +121,37 @@ class Study:
         return self.planned.total()
 
     def cost(self, stage):
-        """Cost of one run of a stage, as in `stage_costs` [s]."""
+        """Cost of the run of a stage that was counted last, as in `stage_costs` [s]."""
+        first = stage == "rolled" and self.counts[stage] == 1
+        return self._usual_cost(stage) + first * stage_costs.FIRST[self.scene.accuracy.engine]
+
+    def _usual_cost(self, stage):
+        """Cost of a run of a stage that is not its first [s]."""
         scene, table = self.scene, stage_costs
         if stage == "beside":
             others = [Study(scene.by(name)) for name in scene.beside_engines]
             return table.BY_OTHERS * sum(other.contact_cost for other in others) / len(others)
-        found = table.cost(stage, scene.accuracy.engine, scene.drive.kind, self.layered)
+        engine, crowded = scene.accuracy.engine, bool(scene.beside)
+        found = table.cost(stage, engine, scene.drive.kind, self.layered, crowded)
         if stage == "laws" and scene.motion.optimise:
             found += table.OPTIMISED * len(scene.motion.optimise.objectives) / self._laws
-        return table.BY_OTHERS * found if stage == "figures" and scene.beside else found
+        return table.BY_OTHERS * found if stage == "figures" and crowded else found
 
     @property
     def whole_cost(self):
         """Cost of all that the scene wants [s]; of stages whose number shows only on the way, what is usual."""
-        expected = self.planned | self._usual
-        return sum(count * self.cost(stage) for stage, count in expected.items() if count)
+        return self._summed(self.planned | self._usual)
 
     @property
     def contact_cost(self):
         """Cost of what an engine beside does: contacts, map, drives [s]."""
         expected = self.planned | self._usual
-        stages = ("rolled", "resistance", "added mass", "runs")
-        return sum(expected[stage] * self.cost(stage) for stage in stages if expected[stage])
+        return self._summed({stage: expected[stage] for stage in ("rolled", "resistance", "added mass", "runs")})
+
+    def _summed(self, expected):
+        """Cost of stages as often as they are expected [s]."""
+        first = stage_costs.FIRST[self.scene.accuracy.engine] * bool(expected["rolled"])
+        return first + sum(count * self._usual_cost(stage) for stage, count in expected.items() if count)
 
     @property
     def _usual(self):
