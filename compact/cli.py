@@ -15,7 +15,6 @@ from compact.failures import is_numeric, memory_sentence, numeric_sentence
 from compact.results import ResultsError, default_directory
 
 DONE, COULD_NOT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
-BAR_AFTER = 2.0  # seconds before a progress bar shows
 STOPPED = "interrupted; every file already written is whole"
 LONGEST, KEPT = 1000, 400  # characters of a message; of a longer one, kept of its beginning and of its end
 
@@ -146,16 +145,17 @@ def run(
     """
     from compact import report
     from compact.pool import cores, crew
+    from compact.progress import Progress
 
-    bar = _bar(quiet)
+    progress = Progress(quiet=quiet)
     directory = out or default_directory(scene)
     study = _study(
         scene, quiet, engine, tolerance, changes=changes, directory=directory,
-        step=lambda stage: _advance(bar, study, stage),
+        step=lambda stage: progress.begin(stage, study.cost(stage), total=study.whole_cost),
     )  # fmt: skip
-    bar.total = study.steps
+    progress.total = study.whole_cost
     helpers = crew(min(cores(), 1 + len(study.scene.beside_engines))) if study.scene.beside else None  # 1 to draw
-    with bar:
+    with progress:
         report.write(study, directory, force, helpers)
     if not quiet:
         print(report.digest(study))
@@ -186,15 +186,18 @@ def roll(
     """
     from compact import contact_report
     from compact.plausible import check_speed
+    from compact.progress import spinning
     from compact.results import claimed
 
     study = _study(scene, quiet, engine, changes=changes)
     if speed is not None:
         check_speed(speed, study.scene.unusual)
     speed = speed if speed is not None else study.scene.mean_speed
-    place = out or default_directory(scene, study.scene.accuracy.engine)
-    with claimed(place, study.scene.hash, force) as directory:
+    name = study.scene.accuracy.engine
+    place = out or default_directory(scene, name)
+    with claimed(place, study.scene.hash, force) as directory, spinning(f"contact by {name}", quiet=quiet) as progress:
         passes = study.passes_at(speed)
+        progress.begin("tables and figures")
         contact_report.write(directory, study, speed, passes)
     if not quiet:
         print(contact_report.digest(study, speed, passes))
@@ -271,11 +274,14 @@ def calibrate(
     """
     from compact import calibrate as calibration
     from compact.measurements import read
+    from compact.progress import spinning
     from compact.results import write_json
 
     readings = read(measured)
     options = {} if increments is None else {"increments": increments}
-    found = calibration.calibrate(_scene(scene, quiet, changes), readings, engine, fit, **options)
+    asked = _scene(scene, quiet, changes)
+    with spinning(f"fit by {engine}", quiet=quiet):
+        found = calibration.calibrate(asked, readings, engine, fit, **options)
     path = out or default_directory(scene, "calibration.json")
     write_json(path, calibration.summary(found))
     if not quiet:
@@ -328,6 +334,7 @@ def sweep(
     from compact import sweep_report
     from compact import vary as varying
     from compact.pool import crew
+    from compact.progress import Progress
     from compact.sweep import Sweep
 
     workforce = crew(workers, scheduler)
@@ -340,10 +347,11 @@ def sweep(
     def step(points, failures):
         nonlocal failed
         failed += failures
-        bar.set_postfix_str(f"{failed} failed", refresh=False)
-        bar.update(points)
+        progress.advance(points)
+        progress.detail = f"{failed} failed" if failed else ""
 
-    with _bar(quiet, many.size, " points") as bar:
+    with Progress(total=many.size, quiet=quiet) as progress:
+        progress.begin(f"{many.size} points", 0.0)
         table = many.run(directory, crew=workforce, resume=resume, force=force, step=step)
     sweep_report.write(directory, table)
     if not quiet:
@@ -390,19 +398,6 @@ def _scene(path, quiet, changes=(), asked=()):
     for sentence in scene.advice if not quiet else ():
         print(f"compact: advice: {sentence}", file=sys.stderr)
     return scene
-
-
-def _bar(quiet, total=None, unit=" steps"):
-    from tqdm import tqdm
-
-    silent = quiet or not sys.stderr.isatty()
-    return tqdm(total=total, disable=silent, delay=BAR_AFTER, miniters=1, unit=unit, leave=False)
-
-
-def _advance(bar, study, stage):
-    bar.set_description(stage, refresh=False)
-    bar.total = study.steps  # speeds may be added on the way
-    bar.update()
 
 
 if __name__ == "__main__":

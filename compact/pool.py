@@ -102,6 +102,7 @@ class Errands:
             self._crew.give(*self._waiting.popleft())
 
     def _outcome(self, name):
+        self._waiting = deque(sorted(self._waiting, key=lambda task: task[0] != name))  # what is waited for comes first
         while name not in self._found:
             self._take()
         if isinstance(self._found[name], Lost):
@@ -206,7 +207,7 @@ class _Worker:
     """One process, the pipe to it, and the task it has: (number, work, task, attempt) or None."""
 
     def __init__(self):
-        context = get_context("spawn")  # threads of numpy and tqdm do not survive a fork
+        context = get_context("spawn")  # threads of numpy and of the progress do not survive a fork
         self.pipe, other = context.Pipe()
         self.process = context.Process(target=_serve, args=(other,), daemon=True)
         with _one_thread():

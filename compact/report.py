@@ -167,7 +167,7 @@ def _pictures(study, errands):
 
     def draw(name, *task):
         drawing = errands.send(f"{name}.png", drawn, task)
-        pictures[name] = cache(lambda: (drawing(), study.count("figures"))[0])
+        pictures[name] = cache(lambda: (study.count("figures"), drawing())[1])
 
     draw("kinematics", "figures:kinematics", study.cycles)
     draw("drive", "figures:drive", study.runs)

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from compact import contact, contacts, drive, machine, made, mapping, mix
+from compact import contact, contacts, drive, machine, made, mapping, mix, stage_costs
 from compact.cam import Cam, FlatFace, Pointed, RollerFollower
 from compact.cart import Opposition
 from compact.crank import USUAL_ANGLES, turn
@@ -94,20 +94,85 @@ class Study:
         self._errands = None
 
     @property
+    def planned(self):
+        """How often each stage of all that the scene wants will be counted, a Counter.
+
+        Stages whose number shows only on the way are there as often as they have been.
+        """
+        wanted, layered, laws = self.scene.output.wanted, self.layered, self._laws
+        rolled = 0 if self.counts["kept"] or not layered else len(self._speeds)
+        drawn = bool({"figures", "report"} & set(wanted))
+        fields = "fields" in wanted and rolled > 0
+        figures = (3 + len({"cams", "reactions", "crank"} & set(wanted)) + 4 * layered) * drawn + fields
+        cams = laws * len(FOLLOWERS) * ("cams" in wanted)
+        planned = Counter({
+            "contact": 1, "rankings": 1, "laws": laws, "runs": laws * (1 + layered), "rolled": rolled,
+            "fields": rolled * fields, "figures": figures, "cams": cams, "cams measured": cams,
+            "crank": (len(USUAL_ANGLES) + 1) * ("crank" in wanted), "beside": len(self.scene.beside_engines),
+            "report": int("report" in wanted),
+        })  # fmt: skip
+        for stage in ADDED:
+            planned[stage] = self.counts[stage]
+        return planned
+
+    @property
+    def _laws(self):
+        """Number of laws, those made for the machine among them."""
+        optimised = self.scene.motion.optimise
+        return len(self.scene.law_names) + len(self.scene.table_paths) + (len(optimised.objectives) if optimised else 0)
+
+    @property
     def steps(self):
         """How many counts the stages of all that the scene wants will make."""
-        wanted, optimised = self.scene.output.wanted, self.scene.motion.optimise
-        laws = len(self.scene.law_names) + len(self.scene.table_paths) + (len(optimised.objectives) if optimised else 0)
-        rolled = 0 if self.counts["kept"] or not self.layered else len(self._speeds)
-        figures = 3 + len({"cams", "reactions", "crank"} & set(wanted)) + 4 * self.layered
-        figures = figures if {"figures", "report"} & set(wanted) else 0
-        cams = 2 * laws * len(FOLLOWERS) if "cams" in wanted else 0  # made and measured
-        crank = len(USUAL_ANGLES) + 1 if "crank" in wanted else 0
-        fields = (rolled + 1) * ("fields" in wanted and rolled > 0)
-        beside = len(self.scene.beside_engines)
-        added = sum(self.counts[stage] for stage in ADDED)
-        counted = 2 + 2 * laws + laws * self.layered + cams + crank + figures + beside + rolled + fields + added
-        return counted + ("report" in wanted)
+        return self.planned.total()
+
+    def cost(self, stage):
+        """Cost of the run of a stage that was counted last, as in `stage_costs` [s]."""
+        first = stage == "rolled" and self.counts[stage] == 1
+        return self._usual_cost(stage) + first * stage_costs.FIRST[self.scene.accuracy.engine]
+
+    def _usual_cost(self, stage):
+        """Cost of a run of a stage that is not its first [s]."""
+        scene, table = self.scene, stage_costs
+        if stage == "beside":
+            others = [Study(scene.by(name)) for name in scene.beside_engines]
+            return table.BY_OTHERS * sum(other.contact_cost for other in others) / len(others)
+        engine, crowded = scene.accuracy.engine, bool(scene.beside)
+        found = table.cost(stage, engine, scene.drive.kind, self.layered, crowded)
+        if stage == "laws" and scene.motion.optimise:
+            found += table.OPTIMISED * len(scene.motion.optimise.objectives) / self._laws
+        return table.BY_OTHERS * found if stage == "figures" and crowded else found
+
+    @property
+    def whole_cost(self):
+        """Cost of all that the scene wants [s]; of stages whose number shows only on the way, what is usual."""
+        return self._summed(self.planned | self._usual)
+
+    @property
+    def contact_cost(self):
+        """Cost of what an engine beside does: contacts, map, drives [s]."""
+        expected = self.planned | self._usual
+        return self._summed({stage: expected[stage] for stage in ("rolled", "resistance", "added mass", "runs")})
+
+    def _summed(self, expected):
+        """Cost of stages as often as they are expected [s]."""
+        first = stage_costs.FIRST[self.scene.accuracy.engine] * bool(expected["rolled"])
+        return first + sum(count * self._usual_cost(stage) for stage, count in expected.items() if count)
+
+    @property
+    def _usual(self):
+        """How often stages are usually run whose number shows only on the way, until it has shown."""
+        engine, usual, table = self.scene.accuracy.engine, Counter(), stage_costs
+        if not self.layered or self.counts["kept"]:
+            return usual
+        rolled = len(self._speeds)
+        if not self.counts["added mass"] and not self.counts["runs"]:
+            usual["resistance"] = table.SPEEDS_ADDED[engine]
+        if engine in table.ADDED_MASS and not self.counts["runs"]:
+            usual["added mass"] = rolled + max(usual["resistance"], self.counts["resistance"])
+        if engine in table.DRIVEN and "cams" in self.scene.output.wanted and not self.counts["rankings"]:
+            usual["driven"] = table.TORQUES * rolled
+        return usual
 
     @property
     def _speeds(self):
@@ -509,8 +574,8 @@ class Study:
                 return self.beside
         found = {}
         for name, answer in self._answers.items():
-            found[name] = answer()
             self.count("beside")
+            found[name] = answer()
             for words in found[name].warned:
                 warnings.warn(f"{name}: {words}", stacklevel=2)
         return found

@@ -20,6 +20,7 @@ from compact.calibrate import blend
 from compact.column import feed
 from compact.engine import compaction
 from compact.passes import Pass, density, passes, there_and_back
+from compact.progress import tracked
 from compact.records import Layer, Roller
 from compact.scene import load_scene
 
@@ -52,7 +53,8 @@ def profiles(scene="loveikin-2015", changes=CALIBRATED, indentation=0.002, count
     material, speed = compaction(scene, blend(scene)), scene.motion.stroke / scene.motion.duration
     layer = Layer(scene.product.height * scene.mix.density_ratio / material.fed_density_ratio)
     roller = Roller(scene.machine.roller_radius, indentation, profile="deformed")
-    for engine, options in (("column", {}), ("compaction", ELEMENTS | numerics)):
+    asked = {"column": {}, "compaction": ELEMENTS | numerics}
+    for engine, options in tracked(asked.items(), "profile", alike=False):
         done = passes(layer, roller, material, speed, there_and_back(count), engine=engine, **options)
         rows += [
             (engine, number, rolled.load, abs(rolled.resistance), *row)
@@ -86,7 +88,7 @@ def main(
 ):
     """Rows of HEADER, SI; the density ratio is that after the last pass."""
     base, rows = load_scene(SCENES / f"{scene}.toml", **changes), []
-    for radius, moisture, count in itertools.product(radii, moistures, counts):
+    for radius, moisture, count in tracked(itertools.product(radii, moistures, counts), "passes"):
         results = in_lifts(at(base, radius, moisture), count)
         load, resistance = (max(getattr(r, name) for r in results) for name in ("load", "resistance"))
         length = base.machine.roller_length

@@ -8,12 +8,14 @@ sqrt(4 F m a - (m a)^2) above F + m a without damping. Laws that leave the turn 
 k^(-1/6) where the turn has a jerk, with k^(-1/4) where it has a snap only.
 """
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
 from compact.drive import simulate
 from compact.elastic import ElasticDrive
+from compact.progress import tracked
 from compact.scene import load_scene
 from compact.study import Study
 
@@ -29,15 +31,14 @@ def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9)
     """Rows of HEADER, SI, for each law and stiffness; `ratio` is the damping ratio c/(2 sqrt(k m))."""
     study = Study(load_scene(SCENES / f"{scene}.toml", **{"motion.laws": list(laws), "output.wanted": [], **changes}))
     rows, runs, motion = [], {}, study.scene.motion
-    for name, cycle in study.cycles.items():
-        for stiffness in stiffnesses:
-            spring = ElasticDrive(stiffness, 2 * ratio * np.sqrt(stiffness * study.cart.mass))
-            working = (motion.run_up, 1 - motion.run_down)
-            run = runs[name, stiffness] = simulate(study.cart, spring, cycle, study.resistance, working=working)
-            rows.append((
-                name, stiffness, run.peak_force, run.ringing, run.nonuniformity, run.peak_power, run.standing,
-                run.energy_residual, run.work.arcs,
-            ))  # fmt: skip
+    for (name, cycle), stiffness in tracked(product(study.cycles.items(), stiffnesses), "drive"):
+        spring = ElasticDrive(stiffness, 2 * ratio * np.sqrt(stiffness * study.cart.mass))
+        working = (motion.run_up, 1 - motion.run_down)
+        run = runs[name, stiffness] = simulate(study.cart, spring, cycle, study.resistance, working=working)
+        rows.append((
+            name, stiffness, run.peak_force, run.ringing, run.nonuniformity, run.peak_power, run.standing,
+            run.energy_residual, run.work.arcs,
+        ))  # fmt: skip
     if out:
         from compact.results import write_csv
 

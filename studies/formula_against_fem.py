@@ -19,6 +19,7 @@ import numpy as np
 
 from compact.engine import roll
 from compact.halfplane import galin
+from compact.progress import tracked
 from compact.scene import load_scene
 from compact.study import Study
 
@@ -66,7 +67,7 @@ def main(
     """Rows of HEADER, SI; the engines are "1.5-1.8", "galin" and those named."""
     base = load_scene(SCENES / f"{scene}.toml", **PLAIN)
     rows = []
-    for moisture, ratio, radius in itertools.product(moistures, density_ratios, radii):
+    for moisture, ratio, radius in tracked(itertools.product(moistures, density_ratios, radii), "contact"):
         case = base.replaced(**{"mix.moisture": moisture, "mix.density_ratio": ratio, "machine.roller_radius": radius})
         study = Study(case)
         found = {"1.5-1.8": of_formulas(study), "galin": of_half_plane(study.mix, radius)}

@@ -6,6 +6,7 @@ the low, the expected and the high end. Limits: eqs 1.1-1.10, a resistance that 
 
 from pathlib import Path
 
+from compact.progress import tracked
 from compact.scene import load_scene
 from compact.study import Study
 
@@ -17,7 +18,7 @@ def main(scene="loveikin-2015", by="peak_power", **overrides):
     nominal = load_scene(SCENES / f"{scene}.toml", **{"output.wanted": [], "drive.rank_by": [by], **overrides})
     pressure = Study(nominal).mix.parameter("required_pressure")
     rows = []
-    for end in ("low", "value", "high"):
+    for end in tracked(("low", "value", "high"), "end of the spread"):
         study = Study(nominal.replaced(**{"mix.overrides.required_pressure": getattr(pressure, end)}))
         order = [(place.rank, place.run.name) for place in study.rankings[by]]
         rows.append((end, study.resistance.force, order))

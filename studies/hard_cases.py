@@ -18,6 +18,7 @@ from compact.drive import Rigid, simulate
 from compact.elastic import ElasticDrive
 from compact.halfplane import galin, hertz
 from compact.material import Elastic, Viscoelastic
+from compact.progress import tracked
 from compact.records import Layer, Roller
 from compact.scene import load_scene
 from compact.study import Study
@@ -218,7 +219,7 @@ def not_a_number():
 def main(names=None, out=None):
     """Rows of HEADER for all cases, or those named."""
     rows = []
-    for name in names or CASES:
+    for name in tracked(names or CASES, str, alike=False):
         against, solve = CASES[name]
         began = process_time()
         try:

@@ -17,6 +17,7 @@ import numpy as np
 
 from compact import vary
 from compact.pool import Here, Processes
+from compact.progress import Progress
 from compact.scene import load_scene
 from compact.sweep import Sweep
 
@@ -49,7 +50,10 @@ def main(
     crew = Here() if workers == 1 else Processes(workers)
     with TemporaryDirectory() as aside:
         many = Sweep(base, [vary.read(text) for text in varied])
-        table = many.run(out or aside, crew=crew, resume=True)
+        with Progress(total=many.size) as progress:
+            progress.begin(f"{many.size} points", 0.0)
+            step = lambda points, failed: progress.advance(points)  # noqa: E731
+            table = many.run(out or aside, crew=crew, resume=True, step=step)
     if out:
         from compact.results import write_figure
 

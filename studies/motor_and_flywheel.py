@@ -6,10 +6,12 @@ the load out by themselves; four at right angles do no better than two, since a 
 alike. The motor is assumed, no source names one.
 """
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
+from compact.progress import tracked
 from compact.scene import load_scene
 from compact.study import Study
 
@@ -31,17 +33,16 @@ SHARE = {  # of one cart in the motor; assumed: twice the mean power of a cart, 
 def main(scene="loveikin-2015", laws=("cubic", "reversal-4"), carts=(1, 2, 3, 4), inertias=(0.01, 0.1, 1.0), out=None):
     """Rows of HEADER, SI, for each law, number of carts and inertia of the motor with its flywheel."""
     base, rows, runs = load_scene(SCENES / f"{scene}.toml", **{"motion.laws": list(laws), "output.wanted": []}), [], {}
-    for count in carts:
-        for inertia in inertias:
-            motor = SHARE | {"torque": SHARE["torque"] * count, "inertia": inertia}
-            study = Study(base.replaced(**{"drive.kind": "motor", "drive.carts": count, "drive.motor": motor}))
-            for name, run in study.runs.items():
-                runs[name, count, inertia] = run
-                mean = float(np.sum(run.weights * run.motor_torque * run.speed)) / run.period
-                rows.append((
-                    name, count, inertia, run.period, run.fluctuation, run.peak_motor_power, mean, run.peak_force,
-                    run.nonuniformity, run.energy_residual,
-                ))  # fmt: skip
+    for count, inertia in tracked(product(carts, inertias), "motor"):
+        motor = SHARE | {"torque": SHARE["torque"] * count, "inertia": inertia}
+        study = Study(base.replaced(**{"drive.kind": "motor", "drive.carts": count, "drive.motor": motor}))
+        for name, run in study.runs.items():
+            runs[name, count, inertia] = run
+            mean = float(np.sum(run.weights * run.motor_torque * run.speed)) / run.period
+            rows.append((
+                name, count, inertia, run.period, run.fluctuation, run.peak_motor_power, mean, run.peak_force,
+                run.nonuniformity, run.energy_residual,
+            ))  # fmt: skip
     rows.sort(key=lambda row: laws.index(row[0]))
     if out:
         from compact.results import write_csv

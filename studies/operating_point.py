@@ -24,6 +24,7 @@ from compact.calibrate import blend, calibrate, digest
 from compact.engine import COMPACTING, roll
 from compact.engineering import engineering
 from compact.measurements import read
+from compact.progress import tracked
 from compact.scene import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
@@ -87,7 +88,8 @@ def calibrated(scene, readings, engines, variants):
     left out: those before it took long.
     """
     fits, first = {"column": calibrate(scene, readings)} if "column" in engines else {}, None
-    for name, (changes, coefficient, increments) in variants.items() if "compaction" in engines else ():
+    asked_for = variants.items() if "compaction" in engines else ()
+    for name, (changes, coefficient, increments) in tracked(asked_for, "calibration", alike=False):
         changed = scene.replaced(**changes)
         asked = readings if coefficient is None else readings.moved("resistance_coefficient", coefficient)
         near = first if first and first.scene.lift == changed.lift else None
@@ -126,7 +128,8 @@ def main(
     scene = load_scene(SCENES / f"{scene}.toml", **(changes or {}))
     readings = read(SCENES / f"{measured}.toml")
     speed = scene.motion.stroke / scene.motion.duration
-    found = {engine: roll(scene, blend(scene), speed, engine) for engine in engines if engine != "compaction"}
+    linear = [engine for engine in engines if engine != "compaction"]
+    found = {engine: roll(scene, blend(scene), speed, engine) for engine in tracked(linear, str, alike=False)}
     before = [of_formulas(scene)] + [of_contact(engine, scene, rolled) for engine, rolled in found.items()]
     fits = calibrated(scene, readings, engines, variants)
     after = [of_contact(name, fit.scene, fit.rolled[0]) for name, fit in fits.items()]

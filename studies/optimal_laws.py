@@ -14,6 +14,7 @@ import numpy as np
 from compact.drive import Rigid, simulate
 from compact.limits import broken
 from compact.motion import Limits, law, optimise
+from compact.progress import tracked
 from compact.scene import LAW_NAMES, load_scene
 from compact.study import Study
 
@@ -35,9 +36,15 @@ def main(scene="loveikin-2015", shares=SHARES, jerks=JERKS, out=None):
     table = {"objectives": list(OBJECTIVES), "smoothness": 1, "acceleration": ACCELERATION, "steady_tolerance": 0.0}
     nominal = Study(scene.replaced(**{"motion.optimise": table}))
     robust = Study(scene.replaced(**{"motion.optimise": table | {"spread": ["required_pressure"]}}))
-    gains = [row for objective in OBJECTIVES for row in _gains(objective, nominal, robust)]
-    front = [("share", share, *_held(nominal, "peak_power", (1 - share) / 2)) for share in shares]
-    front += [("jerk", jerk, *_held(nominal, "peak_force", scene.motion.run_up, jerk)) for jerk in jerks]
+    gains = [row for objective in tracked(OBJECTIVES, str, alike=False) for row in _gains(objective, nominal, robust)]
+    front = [
+        ("share", share, *_held(nominal, "peak_power", (1 - share) / 2))
+        for share in tracked(shares, "share of constant speed")
+    ]
+    front += [
+        ("jerk", jerk, *_held(nominal, "peak_force", scene.motion.run_up, jerk))
+        for jerk in tracked(jerks, "bound of the jerk")
+    ]
     if out:
         from compact.results import write_csv
 

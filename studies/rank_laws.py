@@ -25,6 +25,7 @@ from compact import compaction, machine, vary
 from compact.capabilities import adapt
 from compact.drive import CRITERIA, rank, simulate
 from compact.engine import inputs
+from compact.progress import tracked
 from compact.ranking import is_tie
 from compact.resistance import ResistanceMap
 from compact.scene import load_scene
@@ -80,7 +81,7 @@ SPREAD_HEADER = (
 def main(scene="loveikin-2015", engines=tuple(ENGINES), drives=tuple(DRIVES), samples=32, out=None, **changes):
     """(rows of HEADER, rows of SPREAD_HEADER), SI; the maps are kept in `out` for the next run."""
     rows, spreads = [], []
-    for engine in engines:
+    for engine in tracked(engines, str, alike=False):
         asked = {"output.wanted": [], "accuracy.engine": engine.split(",")[0], **changes, **ENGINES[engine]}
         base = load_scene(SCENES / f"{scene}.toml", **asked)
         rows += ranked(base, engine, drives, out and Path(out) / engine.replace(", ", "-").replace(" ", "-"))

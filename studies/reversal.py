@@ -24,6 +24,7 @@ from compact.engine import inputs
 from compact.modulation import modulation
 from compact.motion import law
 from compact.motor import Motor
+from compact.progress import spinning, tracked
 from compact.records import Roller
 from compact.resistance import sampled
 from compact.scene import load_scene
@@ -140,9 +141,10 @@ def main(scene="loveikin-2015", laws=("parabolic", "quintic", "septic", "reversa
     fastest = max(motion.peaks().velocity for motion in motions.values())
     mean = scene.motion.stroke / scene.motion.duration
     turn, fastest = Turn(2 * mean, 4 * mean / scene.motion.duration), SWING * max(fastest, 2 * mean)
-    made, remembering, lag = models(contact, turn, fastest, samples)
+    with spinning("models"):
+        made, remembering, lag = models(contact, turn, fastest, samples)
     rows, courses = [], {}
-    for name, motion in motions.items():
+    for name, motion in tracked(motions.items(), "law"):
         cycle = motion.cycle()
         exact, seconds = timed(lambda cycle=cycle: fem.travel(*contact, cycle))
         peak = np.abs(exact.resistance).max()
@@ -154,7 +156,8 @@ def main(scene="loveikin-2015", laws=("parabolic", "quintic", "septic", "reversa
             mean_square = np.trapezoid(miss**2, exact.time) / cycle.duration
             rows.append((name, model, float(np.abs(miss).max()), float(np.sqrt(mean_square)), making, seconds))
             courses[name].append((model, exact.time, found))
-    behind = driven(Study(scene), contact, next(iter(motions.values())).cycle(), remembering, lag)
+    with spinning("behind drives"):
+        behind = driven(Study(scene), contact, next(iter(motions.values())).cycle(), remembering, lag)
     if out:
         from compact.results import write_csv, write_figure
 

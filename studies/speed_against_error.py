@@ -22,6 +22,7 @@ from compact.cart import Cart
 from compact.elastic import ElasticDrive, travel
 from compact.material import Compaction, Viscoelastic
 from compact.motion import law
+from compact.progress import tracked
 from compact.records import Layer, Roller
 from compact.resistance import sampled
 
@@ -179,7 +180,7 @@ def main(questions=QUICK, repeats=3, out=None, **settings):
     """Rows by question; `out` names a directory for a table and the figures, `settings` replace those of a question."""
     answers = {
         name: [tuple(row) for row in QUESTIONS[name].rows(settings.get(name, QUESTIONS[name].settings), repeats)]
-        for name in questions
+        for name in tracked(questions, str, alike=False)
     }
     if out:
         from compact.results import write_csv

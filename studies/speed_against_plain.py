@@ -24,6 +24,7 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 from compact import compliance, contact, fem, spectral
 from compact.material import Viscoelastic
 from compact.motion import law
+from compact.progress import Progress
 from compact.records import Layer, Roller
 
 SCENE = Path(__file__).parent / "scenes" / "loveikin-2015.toml"
@@ -221,17 +222,21 @@ def main(
     out=None,
 ):
     """All figures; `out` names a directory for speed.csv."""
-    seconds, memory = commands(max(1, repeats // 3))  # first, as a child starts with the memory of its parent
-    in_a_row = speeds_in_a_row(speeds, targets)  # next, while the peak of memory is its own
-    result = {
-        "formulas": formulas(points, repeats),
-        "laws": laws(points, repeats),
-        "peaks": peaks(samples, repeats),
-        "in a row": in_a_row,
-        "plain": against_plain(tolerances),
-        "commands": seconds,
-        "memory": memory,
-    }
+    with Progress() as progress:
+        progress.begin("commands")
+        seconds, memory = commands(max(1, repeats // 3))  # first, as a child starts with the memory of its parent
+        progress.begin("speeds in a row")
+        in_a_row = speeds_in_a_row(speeds, targets)  # next, while the peak of memory is its own
+        progress.begin("formulas, laws and plain layers")
+        result = {
+            "formulas": formulas(points, repeats),
+            "laws": laws(points, repeats),
+            "peaks": peaks(samples, repeats),
+            "in a row": in_a_row,
+            "plain": against_plain(tolerances),
+            "commands": seconds,
+            "memory": memory,
+        }
     if out:
         from compact.results import write_csv
 

@@ -21,6 +21,7 @@ from compact.calibrate import blend
 from compact.engine import compaction
 from compact.motion import law
 from compact.pressed_memory import fitted
+from compact.progress import spinning
 from compact.records import Layer, Roller
 from compact.scene import load_scene
 from compact.travelling import travel
@@ -48,7 +49,8 @@ def main(
     cycle = law(name, stroke, scene.motion.duration).cycle()
     instants = tuple(share * scene.motion.duration for share in SHOWN)
     mix = compaction(scene, blend(scene))
-    done = travel(Layer(height), roller, mix, cycle, increments=increments, instants=instants, estimate=False)
+    with spinning("there and back"):
+        done = travel(Layer(height), roller, mix, cycle, increments=increments, instants=instants, estimate=False)
     memory = fitted(done)
     if out:
         from compact.results import write_csv
@@ -56,7 +58,8 @@ def main(
         rows = np.column_stack([done.stroke, done.time, done.position, done.load, done.resistance]).tolist()
         write_csv(Path(out) / "way_back.csv", HEADER, rows)
         done.film(Path(out))
-        steady = rolling.roll(Layer(height), roller, mix, stroke / scene.motion.duration, increments=increments)
+        with spinning("steady rolling"):
+            steady = rolling.roll(Layer(height), roller, mix, stroke / scene.motion.duration, increments=increments)
         _draw(done, memory, roller.radius, increments, steady).savefig(Path(out) / "way_back.png", dpi=100)
     return done, memory
 

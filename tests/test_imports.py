@@ -29,6 +29,8 @@ LEVELS = (
         "ringing",
         "pool",
         "criteria",
+        "progress",
+        "stage_costs",
     ),
     (
         *("records", "material", "mesh", "patch", "plies", "sizing", "shaft", "follower", "variational", "results"),
