@@ -1,7 +1,7 @@
 """Which law asks least of the drive, do finite elements say what the formula says, and how sure is the order?
 
 Every law, by every engine, against every drive. A place is sure where no law behind it can pass, each at its own worst,
-and the next takes at least 1 % more, to which a machine is built: one law is run with the resistance less its error,
+and no other comes closer than the 1 % to which a machine is built: one law is run with the resistance less its error,
 the other with the resistance and its error. The error is that of the map and of the engine, not that of the model: for
 that the engines stand side by side, and formula and columns are ranked again over a sample of the prior's spread, with
 nothing calibrated. The calibrated columns resist as the formula does, so they repeat its order; an order can change
@@ -25,6 +25,7 @@ from compact import compaction, machine, vary
 from compact.capabilities import adapt
 from compact.drive import CRITERIA, rank, simulate
 from compact.engine import inputs
+from compact.ordering import ties
 from compact.progress import tracked
 from compact.ranking import is_tie
 from compact.resistance import ResistanceMap
@@ -158,10 +159,10 @@ def places(by, runs, moved, error):
     """(rank, law, value, margin, low, high, error, sure) in order of a criterion."""
     ends = {name: [getattr(some[name], by) for some in (runs, *moved)] for name in runs}
     ordered = rank(runs.values(), by)
-    for place in ordered:
+    for place, tied in zip(ordered, ties(ordered, by), strict=True):
         low, high = min(ends[place.run.name]), max(ends[place.run.name])
         behind = [min(ends[other.run.name]) for other in ordered if other.rank > place.rank]
-        sure = high < min(behind, default=np.inf) and not (place.tie or place.reason)
+        sure = high < min(behind, default=np.inf) and not (tied or place.reason)
         yield place.rank, place.run.name, place.value, place.margin, low, high, error, sure
 
 
@@ -282,7 +283,9 @@ def markdown(rows):
 
 
 def _first_cell(row, unit):
-    """Law, value and margin to the next law of a first place; * if the error can change it."""
+    """Law, value and margin of a first place; tie below the build tolerance, * if an error can change it."""
+    if is_tie(row[6]):
+        return f"{row[4]}, {row[5]:.0f} {unit} (tie)"
     doubt = "" if row[10] else " *"
     return f"{row[4]}, {row[5]:.0f} {unit} ({100 * row[6]:.2g} %){doubt}"
 
