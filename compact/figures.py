@@ -178,7 +178,7 @@ def _cropped(ax, peaks):
 
 
 def _name_cropped(ax, peaks, unit):
-    """Say inside the panel which laws reach beyond its scale, and how far."""
+    """Say inside the panel, low in its first quarter where no peak is, which laws reach beyond its scale, and how far."""
     limit = max(map(abs, ax.get_ylim()))
     said = [
         f"▲ {name}: " + (f"peak {peak:.3g} {unit}, off the scale" if np.isfinite(peak) else "infinite at its jumps")
@@ -187,7 +187,7 @@ def _name_cropped(ax, peaks, unit):
     ]
     if said:
         ax.text(
-            0.99, 0.97, "\n".join(said), transform=ax.transAxes, ha="right", va="top", fontsize=8,
+            0.25, 0.04, "\n".join(said), transform=ax.transAxes, ha="center", va="bottom", fontsize=8,
             bbox={"facecolor": "white", "edgecolor": "0.6", "pad": 2},
         )  # fmt: skip
 
