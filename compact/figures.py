@@ -178,7 +178,7 @@ def _cropped(ax, peaks):
 
 
 def _name_cropped(ax, peaks, unit):
-    """Say inside the panel, low in its first quarter where no peak is, which laws reach beyond its scale, and how far."""
+    """Say low in the panel, where no peak is, which laws reach beyond its scale, and how far."""
     limit = max(map(abs, ax.get_ylim()))
     said = [
         f"▲ {name}: " + (f"peak {peak:.3g} {unit}, off the scale" if np.isfinite(peak) else "infinite at its jumps")
