@@ -348,7 +348,7 @@ def sweep(
         nonlocal failed
         failed += failures
         progress.advance(points)
-        progress.detail = f"{failed} failed" if failed else ""
+        progress.report(f"{failed} failed" if failed else "")
 
     with Progress(total=many.size, quiet=quiet) as progress:
         progress.begin(f"{many.size} points", 0.0)

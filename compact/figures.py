@@ -52,7 +52,7 @@ CROP = 3.0  # times the median of the peaks, beyond which a figure of drives doe
 BAD = "0.92"  # behind what cannot be made
 LEAST_SPAN = 0.02  # of a value, shown to each side of it
 LAW_POINTS = 400  # of a law in a figure
-BROADEST, THINNER = 2.6, 0.8  # lines of one panel: the first [points], and from one to the next
+BROADEST, THINNER = 2.8, 0.87  # lines of one panel: the first [points], and from one to the next
 TITLED = 1.0  # height of a title over its panel; without it every label is measured to find one
 DASHES = ("-", "--", ":", "-.", (0, (8, 2, 1, 2, 1, 2)))
 SYMBOLS = {
@@ -178,7 +178,7 @@ def _cropped(ax, peaks):
 
 
 def _name_cropped(ax, peaks, unit):
-    """Say inside the panel which laws reach beyond its scale, and how far."""
+    """Say low in the panel, where no peak is, which laws reach beyond its scale, and how far."""
     limit = max(map(abs, ax.get_ylim()))
     said = [
         f"▲ {name}: " + (f"peak {peak:.3g} {unit}, off the scale" if np.isfinite(peak) else "infinite at its jumps")
@@ -187,7 +187,7 @@ def _name_cropped(ax, peaks, unit):
     ]
     if said:
         ax.text(
-            0.99, 0.97, "\n".join(said), transform=ax.transAxes, ha="right", va="top", fontsize=8,
+            0.25, 0.04, "\n".join(said), transform=ax.transAxes, ha="center", va="bottom", fontsize=8,
             bbox={"facecolor": "white", "edgecolor": "0.6", "pad": 2},
         )  # fmt: skip
 

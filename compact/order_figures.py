@@ -133,7 +133,7 @@ def engines(orders, most=12):
             ax.errorbar(value, np.arange(len(laws)) + dodge, xerr=error, fmt=mark, label=engine, **drawn)
         ax.set_yticks(range(len(laws)), laws, fontsize=8)
         ax.set_ylim(len(laws) - 0.4, -0.6)
-        ax.set_xlabel(f"{by.replace('_', ' ')} above the least [%], {kind} drive")
+        ax.set_xlabel(f"{by.replace('_', ' ')} above the least [%], {kind} drive", fontsize=9)
         ax.set_yticks(np.arange(len(laws) - 1) + 0.5, minor=True)
         ax.grid(axis="y", which="minor", color="0.9")
         ax.tick_params(axis="y", which="minor", length=0)

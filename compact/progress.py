@@ -74,6 +74,10 @@ class Progress:
         self.begin(self.stage, 0.0)
         self._finished += cost
 
+    def report(self, detail):
+        """Show a line of text beside the stage; the callback of a solver that takes one."""
+        self.detail = detail
+
     @property
     def elapsed(self):
         """Time since the job began [s]."""

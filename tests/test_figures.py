@@ -5,14 +5,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm, to_rgb
 
 from compact import figures, order_figures, report
-from compact.motion import law
+from compact.motion import LAWS, law
 from compact.ordering import Place
 from compact.records import Layer, Roller
 
-LAWS = {name: shade for members in figures.FAMILIES.values() for name, shade in members.items()}
+COLOURS = {name: figures.look(name)["color"] for name in LAWS}
 # Machado, Oliveira and Fernandes, IEEE Trans. Vis. Comput. Graph. 15 (2009) 1291, severity 1, on linear RGB
 SIGHT = {
     "all cones": np.eye(3),
@@ -46,14 +47,14 @@ def words(figure):
 
 @pytest.mark.parametrize("sight", SIGHT)
 def test_no_two_laws_share_a_colour_for_any_sight(sight):
-    seen = {name: lab(shade, sight) for name, shade in LAWS.items()}
+    seen = {name: lab(shade, sight) for name, shade in COLOURS.items()}
     nearest = min(np.linalg.norm(seen[one] - seen[other]) for one, other in combinations(seen, 2))
     assert nearest > 16
 
 
 @pytest.mark.parametrize("family", figures.FAMILIES)
 def test_laws_of_a_family_differ_in_grey(family):
-    lightness = [lab(shade)[0] for shade in figures.FAMILIES[family].values()]
+    lightness = [lab(COLOURS[name])[0] for name in figures.FAMILIES[family]]
     assert np.diff(lightness).min() > 14
 
 
@@ -238,6 +239,20 @@ def test_no_mark_of_the_engines_hides_another_and_none_has_an_error_of_nothing()
     assert np.abs(fem.lines[0].get_ydata() - column.lines[0].get_ydata()).min() > 0.2
     bars = column.lines[2][0].get_segments()
     assert not any(len(bar) for bar in bars)
+
+
+@pytest.mark.parametrize("figure", ["ranking", "engines"])
+def test_no_label_of_the_orders_is_cut_at_the_edge(figure):
+    long = {"reversal-3-free-acceleration": 700.0, "reversal-4-free-acceleration": 1234.0}
+    order = {by: places(long, 5.0) for by in ("peak_force", "peak_power")}
+    drawn = (
+        order_figures.ranking(order, {}) if figure == "ranking" else order_figures.engines({"fem": {"elastic": order}})
+    )
+    FigureCanvasAgg(drawn).draw()
+    for ax in drawn.axes:
+        for text in (ax.xaxis.label, *ax.get_yticklabels()):
+            box = text.get_window_extent()
+            assert 0 <= box.x0 < box.x1 <= drawn.bbox.x1
 
 
 def test_engines_that_resist_alike_are_both_seen():

@@ -151,6 +151,14 @@ def test_the_line_ticks_by_itself_and_goes_when_the_job_ends():
     assert seen.endswith("\x1b[2K")  # the line is erased
 
 
+def test_a_solver_reports_beside_its_stage():
+    stream = Terminal()
+    with spinning("contact by compaction", stream=stream, after=0.0) as job:
+        job.report("step 12 of the march")
+        time.sleep(0.4)
+    assert "contact by compaction, step 12 of the march" in stream.getvalue()
+
+
 def test_cases_are_counted_and_estimated():
     stream = Terminal()
     for _ in tracked(range(3), "contact", stream=stream, after=0.0):
