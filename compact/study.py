@@ -23,9 +23,10 @@ from compact.driven import driven
 from compact.engine import LAYERED, fields, passes, speeds
 from compact.engineering import engineering, numbers
 from compact.halfplane import galin
-from compact.motion import law
+from compact.motion import InfeasibleError, law, optimal_name
 from compact.ordering import places
 from compact.pool import Errands, Here
+from compact.refuse import refuse_unknown
 from compact.roller_motor import RollerMotor, pulls
 from compact.scene import Scene, SceneError
 
@@ -85,12 +86,14 @@ class Study:
         self._directory = directory
         self._answers = None
         self._errands = None
+        self._not_made = {}
 
     @property
     def steps(self):
         """How many counts the stages of all that the scene wants will make."""
         wanted, optimised = self.scene.output.wanted, self.scene.motion.optimise
-        laws = len(self.scene.law_names) + len(self.scene.table_paths) + (len(optimised.objectives) if optimised else 0)
+        made = len(optimised.objectives) - len(self._not_made) if optimised else 0
+        laws = len(self.scene.law_names) + len(self.scene.table_paths) + made
         rolled = 0 if self.counts["kept"] or not self.layered else len(speeds(self.scene))
         figures = 3 + len({"cams", "reactions", "crank"} & set(wanted)) + 4 * self.layered
         figures = figures if {"figures", "report"} & set(wanted) else 0
@@ -100,7 +103,7 @@ class Study:
         beside = len(self.scene.beside_engines)
         added = sum(self.counts[stage] for stage in ("resistance", "added mass", "kept", "passage", "run-up", "driven"))
         counted = 2 + 2 * laws + laws * self.layered + cams + crank + figures + beside + rolled + fields + added
-        return counted + ("report" in wanted)
+        return counted + len(self._not_made) + ("report" in wanted)
 
     def count(self, stage):
         """One more run of a stage."""
@@ -262,14 +265,31 @@ class Study:
 
     @cached_property
     def optimal_cycles(self):
-        """Laws that ask least of the drive, by name, one per objective of [motion.optimise]; rigid drive, no rod."""
+        """Optimal laws by name, one per objective of [motion.optimise]; rigid drive, no rod.
+
+        A law that no limits allow, or whose search does not converge, is left out with a warning: see `laws_not_made`.
+        """
         table, dwell = self.scene.motion.optimise, self.scene.motion.dwell
+        if table is None:
+            return {}
+        _ = self.push  # a resistance that cannot be computed fails the study, not the law
         cycles = {}
-        for objective in table.objectives if table else ():
+        for objective in table.objectives:
             self.count("laws")
-            there = made.law(self.scene, objective, self)
+            try:
+                there = made.law(self.scene, objective, self)
+            except (InfeasibleError, RuntimeError) as error:
+                self._not_made[optimal_name([objective])] = str(error)
+                warnings.warn(f"{optimal_name([objective])} is not made: {error}", stacklevel=2)
+                continue
             cycles[there.name] = there.cycle(dwell, dwell)
         return cycles
+
+    @property
+    def laws_not_made(self) -> dict[str, str]:
+        """Reason by name of each law of [motion.optimise] that is left out of `cycles`."""
+        _ = self.cycles
+        return self._not_made
 
     @property
     def limits(self):
@@ -278,11 +298,11 @@ class Study:
 
     def reach(self, speed):
         """Carry the resistance on to a speed [m/s]; what is known of it stays."""
-        self.fastest, met = speed * self.swing, self.resistance_map
-        near = () if self.kept else self.rolled
+        met, near = self.resistance_map, () if self.kept else self.rolled
         self.resistance_map = mapping.mapped(
-            self.scene, self.mix, self.fastest, self.contacts, near=near, met=met, count=self.count
+            self.scene, self.mix, speed * self.swing, self.contacts, near=near, met=met, count=self.count
         )
+        self.fastest = speed * self.swing
         for stale in ("resistance", "push", "oppositions"):
             self.__dict__.pop(stale, None)
 
@@ -423,7 +443,11 @@ class Study:
         if table is None:
             raise SceneError(["cam: missing; a cam needs a table [cam] with breadth and roller_follower_radius in m"])
         self.count("cams")
-        cycle = self.given_cycles.get(law) or self.cycles[law]  # a given one waits for no optimisation
+        cycle = self.given_cycles.get(law) or self.cycles.get(law)  # a given one waits for no optimisation
+        if law in self._not_made:
+            raise RuntimeError(f"no cam: {law} is not made: {self._not_made[law]}")
+        if cycle is None:
+            refuse_unknown("motion law", law, tuple(self.cycles))
         return Cam(cycle, table.breadth, FOLLOWERS[follower](table))
 
     @cached_property
