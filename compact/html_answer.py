@@ -63,6 +63,7 @@ def answer(study, shifts, found):
     said = [_winner(by, order) for by, order in orders.items()] + _endless(orders) + _conflict(orders)
     rigid = _first_few(study.places.get("rigid", {}) if study.scene.drive.kind != "rigid" else {})
     said += [f"With a rigid drive: {_winner(by, order)}" for by, order in rigid.items()]
+    said += [f"The law {strong(name)} is not made: {escape(why)}." for name, why in study.laws_not_made.items()]
     said.append(_met(study))
     if not study.mix.reachable:
         said.append(f"{strong('Not reachable by rolling:')} {escape(study.mix.reachable.reason)}.")

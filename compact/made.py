@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from compact.motion import CamLimits, Limits, optimise
+from compact.motion import CamLimits, InfeasibleError, Limits, optimise
 
 REACHES, FARTHER = 8, 1.3  # times that the resistance is carried on, to a speed so many times as large
 NEAR = 1 - 1e-6  # of the bound on the velocity: a law there is held back by it
@@ -41,15 +41,21 @@ def law(scene, objective, study):
     study : a `Study` of the scene, with its `limits` and `oppositions`; its resistance is carried on to faster motion
         as long as the law wants to go as fast as that is known, and the scene lets it.
 
-    Raises RuntimeError where it never wants to go slower.
+    Raises RuntimeError if the law reaches the largest velocity each time, InfeasibleError if no law keeps the limits.
     """
     motion, method = scene.motion, scene.motion.optimise.method
     for _ in range(REACHES):
         limits, pushes = study.limits, study.oppositions
         task = objective, motion.stroke, motion.duration, study.cart.mass, pushes, limits
-        made = optimise(*task, regret=len(pushes) > 1, method=method)
-        if limits.velocity in (None, motion.optimise.velocity) or made.peaks().velocity < NEAR * limits.velocity:
-            return made
+        bounded = limits.velocity in (None, motion.optimise.velocity)
+        try:
+            made = optimise(*task, regret=len(pushes) > 1, method=method)
+        except InfeasibleError as error:
+            if bounded or "velocity" not in {conflict.name for conflict in error.conflicts}:
+                raise
+        else:
+            if bounded or made.peaks().velocity < NEAR * limits.velocity:
+                return made
         study.reach(FARTHER * limits.velocity)
     raise RuntimeError(
         f"the law of least {objective.replace('_', ' ')} wants to go as fast as {limits.velocity:.3g} m/s and faster; "

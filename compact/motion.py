@@ -6,7 +6,7 @@ The laws themselves are in `compact.laws`; `law` gives one by name. Times in s, 
 """
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -293,8 +293,12 @@ def optimise(
     how = {"pieces": pieces, "method": method}
     least = tuple(optimum(*task, (one,), **how).value for one in resistances) if regret else ()
     curve, *rest = optimum(*task, resistances, quantile, least=least, **how)
-    name = "least-" + "-and-".join(weights).replace("_", "-")
-    return OptimalMotion(name, float(stroke), float(duration), curve, False, *rest, limits)
+    return OptimalMotion(optimal_name(weights), float(stroke), float(duration), curve, False, *rest, limits)
+
+
+def optimal_name(objectives: Iterable[str]) -> str:
+    """Name of the law that `optimise` makes for the names of its objectives."""
+    return "least-" + "-and-".join(objectives).replace("_", "-")
 
 
 @dataclass(frozen=True)

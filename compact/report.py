@@ -241,6 +241,7 @@ def _summary(study, files):
         "numbers": {name: asdict(number) for name, number in study.numbers.items()},
         "contacts": study.contacts,
         "laws": {name: _run_numbers(study, run) for name, run in study.runs.items()},
+        "laws_not_made": study.laws_not_made,
         "rankings": beside_report.ordered(study.places[scene.drive.kind]),
         "rigid_rankings": beside_report.ordered(study.places.get("rigid", {})),
         "roller_motors": drive_report.roller_motor_numbers(study) if "cams" in scene.output.wanted else {},
@@ -335,6 +336,8 @@ def digest(study):
             lines += [f"{'':>66}{''.join(f'{name:>18}' for name in beside)}".rstrip()] * bool(beside)
             runs = study.runs if kind == study.scene.drive.kind and kind in YIELDING else {}
             lines += [_place_line(place, runs.get(place.law), beside) for place in order]
+    if study.laws_not_made:
+        lines += ["", *(f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())]
     lines += ["", *beside_report.lines(study, list(study.rankings)[:TOLD])]
     return "\n".join(lines)
 

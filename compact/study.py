@@ -24,9 +24,10 @@ from compact.driven import driven
 from compact.engine import COMPACTING, LAYERED, Held, fields, held, passes, speeds
 from compact.engineering import engineering, numbers, peak_pressure
 from compact.halfplane import galin
-from compact.motion import law
+from compact.motion import InfeasibleError, law, optimal_name
 from compact.ordering import places
 from compact.pool import Errands, Here
+from compact.refuse import refuse_unknown
 from compact.roller_motor import RollerMotor, pulls
 from compact.scene import Scene, SceneError
 
@@ -92,6 +93,7 @@ class Study:
         self._directory = directory
         self._answers = None
         self._errands = None
+        self._not_made = {}
 
     @property
     def planned(self):
@@ -99,14 +101,14 @@ class Study:
 
         Stages whose number shows only on the way are there as often as they have been.
         """
-        wanted, layered, laws = self.scene.output.wanted, self.layered, self._laws
+        wanted, layered, laws = self.scene.output.wanted, self.layered, self._laws - len(self._not_made)
         rolled = 0 if self.counts["kept"] or not layered else len(self._speeds)
         drawn = bool({"figures", "report"} & set(wanted))
         fields = "fields" in wanted and rolled > 0
         figures = (3 + len({"cams", "reactions", "crank"} & set(wanted)) + 4 * layered) * drawn + fields
         cams = laws * len(FOLLOWERS) * ("cams" in wanted)
         planned = Counter({
-            "contact": 1, "rankings": 1, "laws": laws, "runs": laws * (1 + layered), "rolled": rolled,
+            "contact": 1, "rankings": 1, "laws": self._laws, "runs": laws * (1 + layered), "rolled": rolled,
             "fields": rolled * fields, "figures": figures, "cams": cams, "cams measured": cams,
             "crank": (len(USUAL_ANGLES) + 1) * ("crank" in wanted), "beside": len(self.scene.beside_engines),
             "report": int("report" in wanted),
@@ -335,13 +337,13 @@ class Study:
         kept = self.kept.met if self.kept else None
         if kept and mapping.covers(kept, self.fastest):
             return kept
-        return self._mapped(kept)
+        return self._mapped(kept, self.fastest)
 
-    def _mapped(self, met):
-        """The `ResistanceMap` of one cart from the contacts and the samples of another map, or None."""
+    def _mapped(self, met, fastest):
+        """The `ResistanceMap` of one cart up to a speed [m/s], from the contacts and the samples of another or None."""
         near = () if self.kept else self.rolled
         return mapping.mapped(
-            self.scene, self.mix, self.fastest, self.contacts, self.held,
+            self.scene, self.mix, fastest, self.contacts, self.held,
             return_ratio=self.return_ratios[1], near=near, met=met, count=self.count,
         )  # fmt: skip
 
@@ -433,14 +435,31 @@ class Study:
 
     @cached_property
     def optimal_cycles(self):
-        """Laws that ask least of the drive, by name, one per objective of [motion.optimise]; rigid drive, no rod."""
+        """Optimal laws by name, one per objective of [motion.optimise]; rigid drive, no rod.
+
+        A law that no limits allow, or whose search does not converge, is left out with a warning: see `laws_not_made`.
+        """
         table, dwell = self.scene.motion.optimise, self.scene.motion.dwell
+        if table is None:
+            return {}
+        _ = self.push  # a resistance that cannot be computed fails the study, not the law
         cycles = {}
-        for objective in table.objectives if table else ():
+        for objective in table.objectives:
             self.count("laws")
-            there = made.law(self.scene, objective, self)
+            try:
+                there = made.law(self.scene, objective, self)
+            except (InfeasibleError, RuntimeError) as error:
+                self._not_made[optimal_name([objective])] = str(error)
+                warnings.warn(f"{optimal_name([objective])} is not made: {error}", stacklevel=2)
+                continue
             cycles[there.name] = there.cycle(dwell, dwell)
         return cycles
+
+    @property
+    def laws_not_made(self) -> dict[str, str]:
+        """Reason by name of each law of [motion.optimise] that is left out of `cycles`."""
+        _ = self.cycles
+        return self._not_made
 
     @property
     def limits(self):
@@ -449,8 +468,8 @@ class Study:
 
     def reach(self, speed):
         """Carry the resistance on to a speed [m/s]; what is known of it stays."""
-        self.fastest, met = speed * self.swing, self.resistance_map
-        self.resistance_map = self._mapped(met)
+        self.resistance_map = self._mapped(self.resistance_map, speed * self.swing)
+        self.fastest = speed * self.swing
         for stale in ("resistance", "push", "oppositions"):
             self.__dict__.pop(stale, None)
 
@@ -591,7 +610,11 @@ class Study:
         if table is None:
             raise SceneError(["cam: missing; a cam needs a table [cam] with breadth and roller_follower_radius in m"])
         self.count("cams")
-        cycle = self.given_cycles.get(law) or self.cycles[law]  # a given one waits for no optimisation
+        cycle = self.given_cycles.get(law) or self.cycles.get(law)  # a given one waits for no optimisation
+        if law in self._not_made:
+            raise RuntimeError(f"no cam: {law} is not made: {self._not_made[law]}")
+        if cycle is None:
+            refuse_unknown("motion law", law, tuple(self.cycles))
         return Cam(cycle, table.breadth, FOLLOWERS[follower](table))
 
     @cached_property

@@ -25,7 +25,7 @@ from compact.study import Study
 
 SCENES = Path(__file__).parent.parent / "studies" / "scenes"
 TWO_THIRDS = Limits(run_up=1 / 6, run_down=1 / 6)
-FAST_SEEDS = (4, 9, 41)  # of 60 random tasks; the others are slow
+FAST_SEEDS = (4, 21)  # of 60 random tasks; the others are slow
 ROLLER = CamLimits(0.9, profile_radius=0.24, roller_radius=0.03)
 MACHINE = {"stroke": 0.4, "duration": 3.0, "mass": 1000.0}
 

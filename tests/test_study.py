@@ -13,7 +13,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from compact import contact_report, engine, report
+from compact import contact_report, engine, motion, report
 from compact.drive import CRITERIA
 from compact.engineering import coverage
 from compact.motion import LAWS
@@ -358,12 +358,34 @@ def test_bound_of_the_scene_on_the_velocity_is_kept():
     assert held.fastest == given  # nothing is computed beyond it
 
 
-def test_law_that_wants_ever_more_speed_is_refused(monkeypatch):
+def test_law_that_wants_ever_more_speed_is_left_out(monkeypatch):
     monkeypatch.setattr("compact.made.NEAR", 0.0)
     study = Study(scene(**COLUMN, **{"motion.optimise": RESTLESS}))
     monkeypatch.setattr("compact.made.REACHES", 2)
-    with pytest.raises(RuntimeError, match=r"least peak force wants to go as fast as .* m/s and faster; bound its"):
-        _ = study.optimal_cycles
+    reason = r"least peak force wants to go as fast as .* m/s and faster; bound its"
+    with pytest.warns(UserWarning, match=f"least-peak-force is not made: .*{reason}"):
+        assert list(study.cycles) == ["reversal-4"]
+    assert study.fastest == pytest.approx(study.resistance_map.speeds[-1])  # the map goes as far as it says
+
+
+def test_resistance_is_carried_on_where_no_law_is_as_slow_as_it_reaches():
+    """With an acceleration bound the top speed is v T - v^2/a = stroke: faster than any given law and the crank."""
+    slow = COLUMN | {"motion.laws": ["constant-velocity"]}
+    study = Study(scene(**slow, **{"motion.optimise": RESTLESS | {"acceleration": 0.18}}))
+    given = study.fastest
+    top = study.optimal_cycles["least-peak-force"].there.peaks().velocity
+    assert top >= (0.54 - np.sqrt(0.54**2 - 4 * 0.18 * 0.4)) / 2 * (1 - 1e-3) > given
+
+
+def test_study_without_a_resistance_blames_no_law(monkeypatch):
+    monkeypatch.setattr("compact.mapping.mapped", _fails)
+    study = Study(scene(**COLUMN, **{"motion.optimise": RESTLESS}))
+    with pytest.raises(RuntimeError, match="no contact"):
+        _ = study.cycles
+
+
+def _fails(*_, **__):
+    raise RuntimeError("no contact")
 
 
 @pytest.mark.slow
@@ -396,10 +418,62 @@ def test_cam_of_a_given_law_waits_for_no_other():
     assert study.counts["laws"] == 1
 
 
-def test_bounds_that_no_law_keeps_are_refused_with_what_they_need():
-    study = Study(scene(**{"motion.laws": ["cubic"], "motion.optimise": OPTIMISE | {"acceleration": 0.1}}))
-    with pytest.raises(ValueError, match="what would do, the others kept: acceleration"):
-        _ = study.cycles
+INFEASIBLE = {
+    "motion.laws": ["cubic", "reversal-4"], "motion.optimise": OPTIMISE | {"acceleration": 0.1},
+    "output.wanted": ["tables", "report"],
+}  # fmt: skip
+NOT_MADE = "no law keeps all limits; what would do, the others kept: acceleration"
+
+
+@pytest.mark.parametrize(
+    "layer", [pytest.param({}, id="formula"), pytest.param(COLUMN, id="column", marks=pytest.mark.slow)]
+)
+def test_bounds_that_no_law_keeps_leave_out_its_law_and_nothing_else(tmp_path, layer):
+    study = Study(scene(**layer | INFEASIBLE))
+    with pytest.warns(UserWarning, match=NOT_MADE) as told:
+        summary = report.write(study, tmp_path)
+    assert [str(one.message).partition(" ")[0] for one in told] == ["least-peak-force", "least-peak-power"]
+    bare = report.write(Study(scene(**layer | INFEASIBLE | {"motion.optimise": None})), tmp_path / "bare")
+    assert summary["files"] == bare["files"]
+    assert all((tmp_path / file).exists() for file in summary["files"])
+    assert list(summary["laws"]) == list(bare["laws"]) == ["cubic", "reversal-4"]
+    assert list(summary["laws_not_made"]) == ["least-peak-force", "least-peak-power"]
+    assert bare["laws_not_made"] == {}
+    reason = summary["laws_not_made"]["least-peak-force"]
+    assert reason.startswith(NOT_MADE)
+    assert f"not made: least-peak-force: {reason}" in report.digest(study).splitlines()
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert f"The law <strong>least-peak-force</strong> is not made: {NOT_MADE}" in page
+
+
+def test_law_whose_search_does_not_converge_costs_no_other(monkeypatch):
+    def optimise(objective, *task, **how):
+        if objective == "peak_power":
+            raise RuntimeError("no stationary law after 60 steps")
+        return motion.optimise(objective, *task, **how)
+
+    monkeypatch.setattr("compact.made.optimise", optimise)
+    study = Study(scene(**{"motion.laws": ["cubic"], "motion.optimise": OPTIMISE}))
+    with pytest.warns(UserWarning, match="least-peak-power is not made: no stationary law after 60 steps"):
+        assert list(study.cycles) == ["cubic", "least-peak-force"]
+    assert study.laws_not_made == {"least-peak-power": "no stationary law after 60 steps"}
+    with pytest.raises(RuntimeError, match="no cam: least-peak-power is not made: no stationary law"):
+        study.cam("least-peak-power", "roller")
+
+
+def test_limits_out_of_range_are_still_refused(monkeypatch):
+    def optimise(*_, **__):
+        raise ValueError("`breadth` must exceed 1 m")
+
+    monkeypatch.setattr("compact.made.optimise", optimise)
+    with pytest.raises(ValueError, match="`breadth` must exceed 1 m"):
+        _ = Study(scene(**{"motion.optimise": OPTIMISE})).cycles
+
+
+def test_cam_of_an_unknown_law_is_refused_with_the_choices():
+    study = Study(scene(**{"motion.laws": ["cubic"]}))
+    with pytest.raises(ValueError, match="no motion law 'least-noise'; choose from cubic"):
+        study.cam("least-noise", "roller")
 
 
 def test_own_table_is_ranked_beside_the_laws(tmp_path):
