@@ -24,7 +24,7 @@ from compact.frame import Frame, rolling_mesh, transferred
 from compact.march import DRAG, March, tail
 from compact.material import Compaction
 from compact.mesh import RowMesh
-from compact.records import SAME_HEIGHT, refuse_torque
+from compact.records import SAME_HEIGHT, refuse_off_target, refuse_torque
 from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_unknown
 from compact.steady import Steady
 from compact.stiffening import stiffened
@@ -96,6 +96,7 @@ def roll(
             depth = roller.indentation if target.quantity is None else start.indentation
             march = _neighbour(start, layer, roller, torque, material, speed, fed, depth)
             rolled = read(target.reached(march, steady), layer, roller, material, speed)
+            target.refuse_missed(rolled, torque)
             return replace(rolled, error=start.error and tuple(max(error, _stepped(rolled)) for error in start.error))
         depth, coarse, march = target.first_depth(), None, None
         counts = [increments] if increments <= COARSE else [COARSE, increments]
@@ -110,7 +111,9 @@ def roll(
             except RuntimeError as error:
                 raise RuntimeError(f"{error}{_heaping(frame.length, depth, target.fed_mean)}") from error
             depth = layer.height - march.steps[-1].lowest
-        return _with_error(read(march, layer, roller, material, speed), coarse)
+        rolled = read(march, layer, roller, material, speed)
+        target.refuse_missed(rolled, torque)
+        return _with_error(rolled, coarse)
 
 
 def _heaping(length, depth, fed_mean):
@@ -241,6 +244,19 @@ class _Target:
         raise RuntimeError(
             f"`{self.quantity}` {self.value:g} not met{beyond}; depth and log of value over target: {reached}"
         )
+
+    def refuse_missed(self, rolled, torque):
+        """Raise RuntimeError unless the contact has what is prescribed, and the torque on a roller that turns.
+
+        Small strain knows the density ratio to half a squared strain.
+        """
+        push, face, turned = rolled.march.push, rolled.march.face, None
+        if push.creep is not None:
+            turned = torque or 0.0, float(-face.radius * (face.weight @ push.shear))
+        density = self.value if self.quantity == "exit_density_ratio" else None
+        linear = density is not None and not rolled.march.frame.solid.finite
+        tolerance = TARGET + (0.5 * (1 - self.fed_mean / density) ** 2 if linear else 0.0)
+        refuse_off_target(rolled, self.roller, tolerance, exit_density_ratio=density, torque=turned)
 
     def _asked(self, march, depth):
         if self.quantity is None:

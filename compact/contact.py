@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from compact.halfplane import LineContact, galin, hertz, pressure_exponent
-from compact.records import Rolled
+from compact.records import Rolled, refuse_off_target
 from compact.refuse import (
     refuse_fractional,
     refuse_negative,
@@ -48,6 +48,7 @@ __all__ = [
 ]
 
 TRACTION = {"frictionless": 0, "free": 0, "sliding": 1, "driven": -1}  # of the mix, along the travel
+TARGET = 1e-9  # relative, within which what is prescribed is met
 SAMPLES = 201  # points along the contact, crowded to its edges where the pressure is steep
 HALF_PLANE = 0.5  # half-width over height where a bonded layer (nu = 0.3) carries 17 % more than the half-plane
 
@@ -338,7 +339,7 @@ def roll(layer, roller, material, speed):
     pressure = exact.pressure(ahead)
     direction = np.sign(speed)
     forth = slice(None, None, int(direction))  # x ascends, whichever way the roller goes
-    return EngineeringRolled(
+    rolled = EngineeringRolled(
         load=exact.load,
         resistance=direction * exact.load * (friction + exact.centroid / R),
         leading=exact.leading,
@@ -349,6 +350,8 @@ def roll(layer, roller, material, speed):
         peak_pressure=exact.peak_pressure,
         **_engineering_values(exact.peak_pressure, roller, material),
     )
+    refuse_off_target(rolled, roller, TARGET)
+    return rolled
 
 
 def _engineering_values(pressure, roller, material):
