@@ -31,6 +31,7 @@ ROUNDING = 4e-16  # of x, where it stops too, if N is within ROUGHEST of a: far 
 ROUGHEST = 1e-6
 NEAREST = 1e-12  # of a, from a trial to p = c: nearer ones take it, since at c itself V tells nothing of x
 ATTEMPTS = 300  # of Newton's method; 4 to 6 are usual, bisection alone needs up to 200
+SLICE = 20_000  # points of one compiled call: some 20 ms, half a second where each takes all attempts
 LOOSEST = np.exp(-HECKEL_LOOSEST)  # (1 - k)/(1 - k0) where pc leaves Heckel's curve
 
 
@@ -71,9 +72,11 @@ def step(law, state, strain, rate_factor=1.0, tangent=True):
     n = len(strain)
     stress, numbers = np.empty((n, 4)), np.empty((3, n))
     slopes = np.empty((n, 3, 3) if tangent else (0, 3, 3))
-    failed = _sweep(constants(law, rate_factor), *before, strain, stress, numbers, slopes)
-    if failed >= 0:
-        _raise(failed, state, strain)
+    given = constants(law, rate_factor), *before, strain, stress, numbers, slopes
+    for first in range(0, n, SLICE):  # an interrupt gets in between two calls
+        failed = _sweep(first, min(first + SLICE, n), *given)
+        if failed >= 0:
+            _raise(failed, state, strain)
     return State(stress, *numbers), slopes if tangent else None
 
 
@@ -169,9 +172,9 @@ def hardening(law, k):
 
 
 @_compiled
-def _sweep(law, stress, density_ratio, hardened, work, strain, new_stress, new_numbers, slopes):
-    """Each point in turn; the first that failed, or -1."""
-    for i in range(len(strain)):
+def _sweep(first, end, law, stress, density_ratio, hardened, work, strain, new_stress, new_numbers, slopes):
+    """Each point from `first` to before `end` in turn; the first that failed, or -1."""
+    for i in range(first, end):
         before = (stress[i, 0], stress[i, 1], stress[i, 2], stress[i, 3], density_ratio[i], hardened[i])
         closed, after, dissipated, slope, (sxx, syy, sxy) = stepped(
             law, before, strain[i, 0], strain[i, 1], strain[i, 2]

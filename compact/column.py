@@ -20,7 +20,7 @@ from scipy.optimize import brentq
 from compact.bed import LONGEST, PLATE, STIFFEST, STRAINS, Column, bed_of
 from compact.confined import OWN, STRESS, Profile
 from compact.material import Compaction
-from compact.records import Rolled
+from compact.records import Rolled, refuse_missed, refuse_off_target
 from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive, refuse_unknown
 
 __all__ = ["Column", "ColumnRolled", "Feed", "Oedometer", "feed", "oedometer", "roll", "roll_over"]
@@ -130,7 +130,9 @@ def roll_over(columns, roller, material, speed, *, exit_density_ratio=None, stra
     else:
         passage, searched = _dense(there, exit_density_ratio, rtol)
     looser = there.passed(passage.indentation, LOOSER * rtol)
-    return _rolled(passage, looser, rtol, np.sign(speed), searched)
+    rolled = _rolled(passage, looser, rtol, np.sign(speed), searched)
+    refuse_off_target(rolled, roller, TARGET * rtol, exit_density_ratio=exit_density_ratio)
+    return rolled
 
 
 def feed(height, exit_density_ratio, material, speed, *, rtol=RTOL):
@@ -145,6 +147,7 @@ def feed(height, exit_density_ratio, material, speed, *, rtol=RTOL):
     _refuse_stiffer(there, material)
 
     passage, _ = _leaving(there, exit_density_ratio, rtol)
+    refuse_missed("exit_density_ratio", exit_density_ratio, passage.density_ratio, TARGET * rtol)
     scale = height / passage.columns[0].height
     return Feed(height=scale, indentation=scale * passage.indentation)
 

@@ -27,7 +27,7 @@ from compact.heaping import STEEPEST, Heaping, HeapingError, refuse_heaping, rem
 from compact.march import DRAG, March, tail
 from compact.material import Compaction
 from compact.mesh import RowMesh
-from compact.records import SAME_HEIGHT, refuse_torque
+from compact.records import SAME_HEIGHT, refuse_off_target, refuse_torque
 from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_outside, refuse_unknown
 from compact.steady import Steady
 from compact.stiffening import stiffened
@@ -117,6 +117,7 @@ def roll(
             depth = roller.indentation if target.quantity is None else start.indentation
             march = _neighbour(start, layer, roller, torque, material, speed, fed, depth, watch)
             rolled = read(target.reached(march, steady), layer, roller, material, speed)
+            target.refuse_missed(rolled, torque)
             return replace(rolled, error=start.error and tuple(max(error, _stepped(rolled)) for error in start.error))
         depth, coarse, march = target.first_depth(), None, None
         counts = [increments] if increments <= COARSE else [COARSE, increments]
@@ -131,7 +132,9 @@ def roll(
             except RuntimeError as error:
                 raise type(error)(f"{error}{_advice(heaping, target, fed)}") from error
             depth = layer.height - march.steps[-1].lowest
-        return _with_error(read(march, layer, roller, material, speed), coarse)
+        rolled = read(march, layer, roller, material, speed)
+        target.refuse_missed(rolled, torque)
+        return _with_error(rolled, coarse)
 
 
 def _heaping(layer, roller, material, speed, strain, steepest):
@@ -282,6 +285,19 @@ class _Target:
             f"{1e3 * np.exp(min(logs)):.4g} to {1e3 * np.exp(max(logs)):.4g} mm; the nearest was "
             f"{self._found(misses[nearest]):.5g}{unit} at {1e3 * np.exp(logs[nearest]):.4g} mm"
         )
+
+    def refuse_missed(self, rolled, torque):
+        """Raise RuntimeError unless the contact has what is prescribed, and the torque on a roller that turns.
+
+        Small strain knows the density ratio to half a squared strain.
+        """
+        push, face, turned = rolled.march.push, rolled.march.face, None
+        if push.creep is not None:
+            turned = torque or 0.0, float(-face.radius * (face.weight @ push.shear))
+        density = self.value if self.quantity == "exit_density_ratio" else None
+        linear = density is not None and not rolled.march.frame.solid.finite
+        tolerance = TARGET + (0.5 * (1 - self.fed_mean / density) ** 2 if linear else 0.0)
+        refuse_off_target(rolled, self.roller, tolerance, exit_density_ratio=density, torque=turned)
 
     def _found(self, miss):
         """Value of what is prescribed that a miss belongs to."""

@@ -15,7 +15,7 @@ from typing import get_args
 import numpy as np
 
 from compact.halfplane import LineContact, galin, hertz, pressure_exponent
-from compact.records import Rolled, Rolling
+from compact.records import Rolled, Rolling, refuse_off_target
 from compact.refuse import (
     refuse_fractional,
     refuse_negative,
@@ -50,6 +50,7 @@ __all__ = [
     "stroke_needed",
 ]
 
+TARGET = 1e-9  # [-], relative tolerance within which the prescribed load or pressure is met
 SAMPLES = 201  # points along the contact, crowded to its edges where the pressure is steep
 HALF_PLANE = 0.5  # half-width over height where a bonded layer (nu = 0.3) carries 17 % more than the half-plane
 
@@ -399,7 +400,7 @@ def roll(layer, roller, material, speed, *, rolling_friction=0.0, nonuniformity=
     sampled = touched.pressure(ahead)
     direction = np.sign(speed)
     forth = slice(None, None, int(direction))  # x ascends, whichever way the roller goes
-    return EngineeringRolled(
+    rolled = EngineeringRolled(
         load=load,
         resistance=direction * roller_resistance(load, length, R, alpha, rolling_friction),
         leading=leading,
@@ -413,6 +414,8 @@ def roll(layer, roller, material, speed, *, rolling_friction=0.0, nonuniformity=
         contact_length=length,
         mean_pressure=load / length,
     )
+    refuse_off_target(rolled, roller, TARGET)
+    return rolled
 
 
 def _warn_of_layer(exact, layer):

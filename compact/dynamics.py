@@ -29,6 +29,7 @@ from compact.sliding import AHEAD, CHECKS, SLOWEST, defect, lined, pace_of, pass
 from compact.suspended import AT_FAR, AT_NEAR, FAR, NEAR, State, direction, engaged, hold, limits
 
 SHORTEST = 1e-13  # share of a piece of the law below which a step is no step
+TRIES = 1000  # of one arc; each is shorter than the one before by a tenth or more, 300 lead to SHORTEST
 BRIEF = 1e-7  # share of a piece of the law: over so short an arc a cart that does not get away stands
 STILL = 1e-7  # of the fastest: so slow a cart does not bounce off the plate of an end spring any more
 
@@ -211,13 +212,14 @@ def integrate(spring, law, resistance, state, tolerance, arcs):
     law : position of the far end over time, `Pieces` whose joins are the only places where it is not smooth
     tolerance : of the defect [N];  arcs : `room`, filled in place
     """
-    n, work, step = 0, 0, np.inf
+    n, work, step, tries = 0, 0, np.inf, 0
     for i in range(len(law.coefficients)):
         begin, whole, piece = law.breaks[i], law.breaks[i + 1] - law.breaks[i], law.coefficients[i]
         done, last = 0.0, NOTHING
         while done < 1:
             time, left = begin + done * whole, (1 - done) * whole
-            if n == len(arcs.start) or step < SHORTEST * whole:
+            tries += 1
+            if n == len(arcs.start) or step < SHORTEST * whole or tries > TRIES:
                 return TOO_MANY if n == len(arcs.start) else TOO_SHORT, n, work, state, time
             here = shifted(piece, done, 1.0)
             pace = here[1] / whole
@@ -245,7 +247,7 @@ def integrate(spring, law, resistance, state, tolerance, arcs):
                 step = span / 8
                 continue
             _keep(arcs, n, time, trial, slip, state, now.given)
-            n += 1
+            n, tries = n + 1, 0
             last, step = (HELD, np.inf) if stayed else (trial.what, step)
             state = outcome(spring, now, state, slip, trial)
             done = 1.0 if span == left and trial.what == NOTHING else done + trial.until * span / whole

@@ -36,7 +36,7 @@ from compact.patch import (
     press,
     with_peaks,
 )
-from compact.records import Layer, Rolled, Roller, refuse_torque
+from compact.records import Layer, Rolled, Roller, refuse_off_target, refuse_torque
 from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_unknown
 from compact.stickslip import Grip, Shear, pressed_and_sheared
 from compact.streamline import retardation
@@ -53,6 +53,7 @@ WIDER = 1.5
 ATTEMPTS = 8
 SAMPLES = 201  # along the contact, in the result
 TARGET_TOLERANCE = 1e-9  # of a prescribed load or peak pressure
+TARGET = 1e-8  # relative, within which what is prescribed is met
 ROUGH = 1e-2  # the same where only a mesh is to be chosen for it
 SECANTS = 20
 JUDGES_TERMS = 2  # more of the pressure on the refined mesh: what is left of its scatter then has the other sign
@@ -120,6 +121,7 @@ def roll(layer, roller, material, speed, *, torque=None, mesh=None, tolerance=DE
         contact = contact_of(case, task)
         rolled = _rolled(case, task.mesh, contact)
         rolled = replace(rolled, work_residual=_work_residual(case, rolled, contact))
+        refuse_off_target(rolled, roller, TARGET, torque=_torques(case, contact))
         return replace(rolled, error=_error(case, task, rolled, contact)) if estimate else rolled
 
 
@@ -314,6 +316,14 @@ def _rolled(case, mesh, contact):
         mesh=mesh,
         forces=contact.forces,
     )
+
+
+def _torques(case, contact):
+    """(prescribed, reached) torque on a roller that sticks and slips, per unit length [N]; None of any other."""
+    if contact.shear is None:
+        return None
+    sheared = contact.patch.integral(contact.shear.at(contact.patch.x))
+    return case.torque, float(-np.sign(case.speed) * case.roller.radius * case.material.youngs_modulus * sheared)
 
 
 def _refuse_beyond_circle(contact):

@@ -20,6 +20,8 @@ TOLD = 14  # what the next point follows from: these six, the gradient before, t
 NEARBY = 1e-8  # strain, density ratio and stress over the modulus by which differences are taken
 NEARLY_ROUND = 1e-4  # half the logarithm of the stretches' ratio, below which atanh(z)/z is 1 + z^2/3 to rounding
 
+SLICE = 20_000  # steps of points in one compiled call: some 20 ms, half a second where each takes all attempts
+
 _compiled = njit(error_model="numpy", cache=True)
 
 
@@ -56,8 +58,11 @@ class Stream:
         """
         rows, columns = gradients.shape[:2]
         numbers, works = np.empty((rows, columns, NUMBERS)), np.empty((rows, columns, 2))
-        failed = _sweep(*self._constants, self.fed.plastic_work, gradients, numbers, works)
-        if failed >= 0:
+        given = *self._constants, self.fed.plastic_work, gradients, numbers, works
+        for first, end in _slices(rows, columns * self.substeps):
+            failed = _sweep(first, end, *given)
+            if failed < 0:
+                continue
             row, column = divmod(failed, columns)
             raise RuntimeError(
                 f"the mix does not follow at point {column} of row {row} of points: the layer folds over"
@@ -69,7 +74,10 @@ class Stream:
         slopes = np.empty((*gradients.shape[:2], NUMBERS, TOLD))
         nearby = np.full(TOLD, NEARBY)
         nearby[:4] *= self.law.unloading_modulus
-        _slopes(*self._constants, gradients, flow.numbers, nearby, slopes)
+        given = *self._constants, gradients, flow.numbers, nearby, slopes
+        rows, columns = gradients.shape[:2]
+        for first, end in _slices(rows, TOLD * columns * self.substeps):
+            _slopes(first, end, *given)
         return slopes
 
     @property
@@ -80,16 +88,24 @@ class Stream:
 
 def changes(slopes, gradients):
     """Changes of the numbers with those of the gradients, shape (rows, n, 6), by the `derivatives`."""
-    numbers = np.empty((*gradients.shape[:2], NUMBERS))
-    _pass_on(slopes, np.ascontiguousarray(gradients), numbers)
+    numbers, gradients = np.empty((*gradients.shape[:2], NUMBERS)), np.ascontiguousarray(gradients)
+    for first, end in _slices(*gradients.shape[:2]):
+        _pass_on(first, end, slopes, gradients, numbers)
     return numbers
 
 
+def _slices(rows, steps):
+    """(first, end) of blocks of rows, each of so many steps of points, for one compiled call each: an interrupt gets in
+    between two of them."""
+    most = max(SLICE // max(steps, 1), 1)
+    return [(first, min(first + most, rows)) for first in range(0, rows, most)]
+
+
 @_compiled
-def _sweep(law, finite, substeps, enters, plastic_work, gradients, numbers, works):
-    """Each row from its right end; the first point that failed, or -1."""
+def _sweep(first, end, law, finite, substeps, enters, plastic_work, gradients, numbers, works):
+    """Rows from `first` to before `end`, each from its right end; the first point that failed, or -1."""
     told, columns = np.zeros(TOLD), gradients.shape[1]
-    for row in range(len(gradients)):
+    for row in range(first, end):
         dissipated, work = plastic_work[row], 0.0
         for j in range(columns - 1, -1, -1):
             _tell(told, enters[row], gradients[row], numbers[row], j)
@@ -114,10 +130,10 @@ def _tell(told, enters, gradients, numbers, j):
 
 
 @_compiled
-def _slopes(law, finite, substeps, enters, gradients, numbers, nearby, slopes):
+def _slopes(first, end, law, finite, substeps, enters, gradients, numbers, nearby, slopes):
     """Differences of every point by all that it was told."""
     told, moved = np.zeros(TOLD), np.empty(NUMBERS)
-    for row in range(len(gradients)):
+    for row in range(first, end):
         for j in range(gradients.shape[1]):
             _tell(told, enters[row], gradients[row], numbers[row], j)
             for k in range(TOLD):
@@ -130,10 +146,10 @@ def _slopes(law, finite, substeps, enters, gradients, numbers, nearby, slopes):
 
 
 @_compiled
-def _pass_on(slopes, gradients, numbers):
-    """The chain rule along each row."""
+def _pass_on(first, end, slopes, gradients, numbers):
+    """The chain rule along each row from `first` to before `end`."""
     told = np.zeros(TOLD)
-    for row in range(len(gradients)):
+    for row in range(first, end):
         for j in range(gradients.shape[1] - 1, -1, -1):
             told[:10] = 0.0
             if j + 1 < gradients.shape[1]:

@@ -133,6 +133,42 @@ def refuse_torque(roller, torque):
         raise ValueError("`torque` must be given for a 'driven' roller, got None; a 'free' one needs none")
 
 
+def refuse_missed(name, wanted, reached, tolerance, scale=None):
+    """Raise RuntimeError unless a prescribed quantity is reached.
+
+    Parameters
+    ----------
+    name : of the quantity, as the user prescribes it
+    wanted, reached : its values, of one unit
+    tolerance : promised by the engine [-], relative to `scale`
+    scale : size of the quantity; `wanted` unless given
+    """
+    scale = abs(wanted) if scale is None else scale
+    if not abs(reached - wanted) <= tolerance * scale:
+        raise RuntimeError(
+            f"`{name}` {wanted:.9g} was prescribed and {reached:.9g} reached: {abs(reached - wanted) / scale:.1e} off, "
+            f"where {tolerance:.0e} is promised; the contact is not returned"
+        )
+
+
+def refuse_off_target(rolled, roller, tolerance, *, exit_density_ratio=None, torque=None):
+    """Raise RuntimeError unless a contact has what was prescribed: every engine calls this before it returns.
+
+    Parameters
+    ----------
+    rolled : Rolled
+    roller : Roller, whose target is prescribed
+    tolerance : promised by the engine, relative [-]
+    exit_density_ratio : prescribed instead of the target of the roller, or None
+    torque : (prescribed, reached) of a roller that sticks and slips [N], or None; the tolerance is of the largest
+        torque that friction holds
+    """
+    name, wanted = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
+    refuse_missed(name, wanted, getattr(rolled, name), tolerance)
+    if torque is not None:
+        refuse_missed("torque", *torque, tolerance, roller.friction * rolled.load * roller.radius)
+
+
 @dataclass(frozen=True)
 class Rolled:
     """One contact: what the layer does to the roller, per unit roller length.

@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 from compact import kernel
 from compact.expected import first_half_width, surface_modulus
 from compact.material import Elastic
-from compact.records import Rolled
+from compact.records import Rolled, refuse_off_target
 from compact.refuse import refuse_nonfinite, refuse_nonpositive, refuse_unknown
 
 TRACTION = {"frictionless": 0, "free": 0, "sliding": 1, "driven": -1}  # of the mix, along the travel
@@ -30,6 +30,7 @@ LADDER = (16, 24, 36, 54, 80, 120, 180, 270, 405, 610)  # modes tried in turn, e
 RTOL = 1e-5  # wanted relative error of load and resistance, a tenth of that of the peak pressure
 ACCEPTED = 1e-3  # relative error above which the last of the ladder is a failure
 STILL = 1e-12  # relative distance to the target at which the half-width is found
+TARGET = 1e-9  # relative, within which what is prescribed is met
 STEPS = 60  # of the half-width, at most
 NUDGE = 1e-4  # relative change of the half-width that tells how load and resistance follow it
 ROUNDING = 1e-13  # relative error by arithmetic, over the share of the compliance that is instant
@@ -105,7 +106,9 @@ def roll(layer, roller, material, speed, *, rtol=RTOL):
     first = first_half_width(layer, material, roller.radius, scene.target, scene.value)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
         contact, history = _resolved(scene, min(first, scene.widest), rtol, np.sign(speed))
-        return _rolled(scene, contact, history, np.sign(speed))
+        rolled = _rolled(scene, contact, history, np.sign(speed))
+    refuse_off_target(rolled, roller, TARGET)
+    return rolled
 
 
 def _resolved(scene, half_width, rtol, direction):

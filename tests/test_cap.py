@@ -690,3 +690,16 @@ def test_rate_factor_that_is_not_positive_is_refused(factor):
 def test_negative_lag_is_refused():
     with pytest.raises(ValueError, match="`lag` must be zero or positive, and finite, got -1"):
         cap.viscous_step(MIX, cap.fed(MIX, 1), np.zeros((1, 3)), lag=-1.0)
+
+
+def test_points_in_slices_are_the_same(monkeypatch):
+    """An interrupt gets in between two slices."""
+    strain = scattered(50, 1e-3, seed=5)
+    whole, slopes = cap.step(MIX, cap.fed(MIX, 50), strain)
+    monkeypatch.setattr(cap, "SLICE", 7)
+    sliced, same = cap.step(MIX, cap.fed(MIX, 50), strain)
+    assert np.array_equal(sliced.stress, whole.stress)
+    assert np.array_equal(same, slopes)
+    strain[41] = np.nan
+    with pytest.raises(ValueError, match="`strain` must be finite, got nan at index"):
+        cap.step(MIX, cap.fed(MIX, 50), strain)

@@ -703,3 +703,12 @@ def test_compiled_code_notices_that_what_it_calls_has_changed(tmp_path):
     assert run() == "10\n"
     (tmp_path / "callee.py").write_text(f"{start}@compiling(__file__)\ndef f(): return 22\n")
     assert run() == "220\n"
+
+
+def test_resistance_that_is_not_a_number_ends_the_integration():
+    """Every arc that is tried fails, none gets shorter: tries are counted."""
+    problem = Problem(CART, spring(1e6, 0.1), published("harmonic").cycle(), dry(1500.0), 1e-8)
+    there = problem.resistance.there
+    problem.resistance = problem.resistance._replace(there=there._replace(coefficients=np.nan * there.coefficients))
+    with pytest.raises(RuntimeError, match=r"the cart was followed to 0 s of 6 s in 0 arcs, .* and no further"):
+        problem.course(problem.law, State(0.0, 0.1, 1))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from compact import flow as flows
 from compact.compaction import roll
 from compact.equilibrium import NotBalancedError
 from compact.flow import Stream, changes
@@ -67,6 +68,22 @@ def test_derivative_along_rows_meets_differences():
     there, back = (streamed(frame, gradients + sign * step * way)[1].numbers for sign in (1, -1))
     error = np.linalg.norm(((there - back) / (2 * step) - change)[..., :4]) / np.linalg.norm(change[..., :4])
     assert error < 2e-3  # points at the edge of yielding have two derivatives
+
+
+def test_sweep_in_slices_is_the_same(monkeypatch):
+    """An interrupt gets in between two slices."""
+    frame = layer()
+    gradients = np.ascontiguousarray(frame.rows(frame.solid.gradient(waved(frame))))
+    stream, whole = streamed(frame, gradients)
+    slopes = stream.derivatives(gradients, whole)
+    change = changes(slopes, gradients)
+    monkeypatch.setattr(flows, "SLICE", 1)
+    assert len(flows._slices(len(gradients), gradients.shape[1])) == len(gradients)
+    _, sliced = streamed(frame, gradients)
+    assert np.array_equal(sliced.numbers, whole.numbers)
+    assert np.array_equal(sliced.work, whole.work)
+    assert np.array_equal(stream.derivatives(gradients, sliced), slopes)
+    assert np.array_equal(changes(slopes, gradients), change)
 
 
 def test_mix_that_is_not_moved_stays_as_fed():
