@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 STEEPEST = np.pi / 4  # contact angle [rad]; steeper, a roller pushes more ahead than down
-USUAL = np.pi / 6  # contact angle [rad] of which remedies make use; most computed steady states have less
+USUAL = np.pi / 9  # contact angle [rad] of which remedies make use; that of most of the lifts that get steady
 TRAILING = 1.07  # [-], contact length over that in front of the lowest generatrix
 CAPACITY = 1.3  # [-], mean pressure over the bearing capacity of a half-plane of loose mix
 CONFINED = 0.5  # [-], increase of that with the contact length over the height: the rigid base confines the mix

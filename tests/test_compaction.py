@@ -252,7 +252,7 @@ def test_march_that_does_not_get_steady_says_how_far_it_got(monkeypatch):
         over_small()
     assert re.search(r"load \d+ N/m, resistance \d+ N/m, bow wave \S+ mm high; press less deep", str(told.value))
     with pytest.raises(
-        RuntimeError, match=r"mm high; feed it in lifts of at most 0.065 m .*; or press at most 4.67 mm"
+        RuntimeError, match=r"mm high; feed it in lifts of at most 0.044 m .*; or press at most 3.52 mm"
     ):
         over_small(replace(ROLLER, indentation=0.0055))
 
