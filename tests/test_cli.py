@@ -196,7 +196,7 @@ def test_mistakes_of_a_scene_are_told_together_with_lines(compact, tmp_path):
 
 
 def test_impossible_angle_is_refused_with_the_remedy(compact, tmp_path):
-    text = SMALL.read_text().replace("effective_modulus = 1364535.2", "effective_modulus = 1000.0")
+    text = SMALL.read_text().replace("effective_modulus = 1364535.2", "effective_modulus = 10000.0")
     (tmp_path / "soft.toml").write_text(text)
     told = compact("run", "soft.toml", cwd=tmp_path)
     assert told.returncode == 2

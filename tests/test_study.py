@@ -67,7 +67,8 @@ def test_criteria_of_the_scene_are_those_of_the_drives():
 
 
 def test_mean_force_of_a_cart_without_mass_is_its_resistance():
-    study = Study(scene(**{"machine.mass": 1e-9, "machine.weight": 1e-8, "machine.guide_friction": 0.0}))
+    light = {"machine.mass": 1e-9, "machine.weight": 1e-8, "unusual": ["machine.mass", "machine.weight"]}
+    study = Study(scene(**light, **{"machine.guide_friction": 0.0}))
     force = study.resistance.force
     assert study.runs["cubic"].mean_force == pytest.approx(force, rel=1e-9)
     assert study.runs["gear-sector"].mean_force == math.inf
