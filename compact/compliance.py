@@ -18,6 +18,8 @@ from threadpoolctl import threadpool_limits
 from compact.patch import Surface
 
 GAUSS_ORDER = 4  # 3 x 3 points: exact stiffness of rectangles, three streamlines in each row
+EVEN = 1e-9  # of the window, by which rounding may leave one of two mirrored nodes out
+AT_ONCE = 128  # forces whose displacements are solved for together
 RESIDUAL = 1e-9  # above it the weakened pivoting is not trusted and the matrix is factorised again
 
 
@@ -77,30 +79,35 @@ def stiffness(mesh, poisson, layer):
 
 @lru_cache(maxsize=8)
 def condensed(mesh, poisson, layer, window, sheared, behind):
-    """The `Surface` of a layer for loads within |x| <= window: pressures, and shear tractions too if `sheared`.
+    """The `Surface` of a layer for loads on |x - mesh.centre| <= window: pressures, and shear tractions if `sheared`.
 
     A layer on a slipping base is held against these at one end, `behind` the roller: 0 the lower in x, 1 the upper.
-    The layer ahead is as it was fed. Half of the loads will do where the mesh mirrors itself.
+    The layer ahead is as it was fed: displacements along x count from its end. Half of the loads will do where the mesh
+    mirrors itself.
     """
     body = stiffness(mesh, poisson, layer)
     x = body.basis.doflocs[0][body.surface]
-    inside = np.flatnonzero(np.abs(x[::2]) <= window)
+    inside = np.flatnonzero(np.abs(x[::2] - mesh.centre) <= window * (1 + EVEN))
     first, last = 2 * inside[0], 2 * inside[-1] + 1
     count = last - first
     left = count // 2 if mesh.mirrored else 0
     loaded = body.surface[first + left : last]
     response = np.zeros((2, len(x), 2, count))
     for k in range(0 if sheared else 1, 2):
-        forces = np.zeros((body.basis.N, 2, count - left))
-        forces[loaded, k, np.arange(count - left)] = 1
-        if k == 0 and layer.base == "slip":
-            forces -= body.ends.mean(axis=2, keepdims=True)
-        response[:, :, k, left:] = body.displacement(forces)[body.surface].transpose(1, 0, 2)
+        for start in range(0, count - left, AT_ONCE):
+            some = loaded[start : start + AT_ONCE]
+            forces = np.zeros((body.basis.N, 2, len(some)))
+            forces[some, k, np.arange(len(some))] = 1
+            if k == 0 and layer.base == "slip":
+                forces -= body.ends.mean(axis=2, keepdims=True)
+            columns = slice(left + start, left + start + len(some))
+            response[:, :, k, columns] = body.displacement(forces)[body.surface].transpose(1, 0, 2)
     turned = np.array([[1, -1], [-1, 1]])[:, None, :, None]  # a force and a displacement along x turn round, y does not
     response[..., :left] = (turned * response[:, ::-1, :, ::-1])[..., :left]
     if sheared and layer.base == "slip":  # held half at either end so far
         stretch = (body.ends @ [[-0.5], [0.5]]) * (1 - 2 * behind)
         response[:, :, 0] += body.displacement(stretch)[body.surface].transpose(1, 0, 2)
+        response[0] -= response[0, behind - 1]  # counted from the end ahead, which has not moved yet
     return Surface(x, first, last, response)
 
 

@@ -39,11 +39,11 @@ LEVELS = (
         "suspended",
     ),
     ("fields", "solid", "expected", "bed", "turning", "flow", "optimise", "sliding"),
-    ("frame", "march", "steady", "travelled", "filmed", "dynamics"),
+    ("frame", "march", "steady", "travelled", "filmed", "dynamics", "spectral"),
     ("compacted", "stiffening", "course"),
     ("compaction", "trip"),
     ("travelling",),
-    ("motion", "contact", "spectral", "fem", "drive", "scene", "column", "resistance"),
+    ("motion", "contact", "fem", "drive", "scene", "column", "resistance"),
     ("memory", "measured", "cam", "crank", "passes", "spectral_modulation", "fem_modulation", "transient", "regime"),
     ("sprung_memory", "shaft_memory"),
     (
