@@ -20,7 +20,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from compact import spectral
-from compact.compliance import condensed
+from compact.compliance import condensed, stretched
 from compact.expected import WIDTH_STEP, as_wide, half_width_met, shared_half_width
 from compact.fields import work_left, write_mesh
 from compact.halfplane import pressure_exponent
@@ -267,6 +267,11 @@ def _rounded_up(error):
     return float(np.ceil(error / digit) * digit)
 
 
+def fitted_task(case, tolerance):
+    """The `_Task` of the first level of refinement, whose mesh fits the contact at its own speed."""
+    return _refined(case, 1, tolerance, _foreseen(case)) or task_of(case, None, tolerance)
+
+
 def _foreseen(case):
     """The contact by the engine "spectral", of a roller that does not stick and a gap that is vertical; None where it
     has none."""
@@ -363,6 +368,12 @@ def elastic_surface(case, mesh, window):
     """The `Surface` of the layer of relaxed modulus within `window` of the mesh's centre."""
     behind = 0 if case.speed > 0 or case.layer.base == "bonded" else 1
     return condensed(mesh, case.material.poisson, case.layer, window, case.sheared, behind)
+
+
+def stretched_surface(case, mesh, window):
+    """The `Surface` whose response is the derivative of that of `elastic_surface` as every x grows in proportion."""
+    behind = 0 if case.speed > 0 or case.layer.base == "bonded" else 1
+    return stretched(mesh, case.material.poisson, case.layer, window, case.sheared, behind)
 
 
 def at_target(case, surface, task, tolerance=TARGET_TOLERANCE, start=None):
