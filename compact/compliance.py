@@ -18,6 +18,8 @@ from threadpoolctl import threadpool_limits
 from compact.patch import Surface
 
 GAUSS_ORDER = 4  # 3 x 3 points: exact stiffness of rectangles, three streamlines in each row
+EVEN = 1e-9  # of the window, by which rounding may leave one of two mirrored nodes out
+AT_ONCE = 128  # forces whose displacements are solved for together
 RESIDUAL = 1e-9  # above it the weakened pivoting is not trusted and the matrix is factorised again
 
 
@@ -77,41 +79,71 @@ def stiffness(mesh, poisson, layer):
 
 @lru_cache(maxsize=8)
 def condensed(mesh, poisson, layer, window, sheared, behind):
-    """The `Surface` of a layer for loads within |x| <= window: pressures, and shear tractions too if `sheared`.
+    """The `Surface` of a layer for loads on |x - mesh.centre| <= window: pressures, and shear tractions if `sheared`.
 
     A layer on a slipping base is held against these at one end, `behind` the roller: 0 the lower in x, 1 the upper.
-    The layer ahead is as it was fed. Half of the loads will do where the mesh mirrors itself.
+    The layer ahead is as it was fed: displacements along x count from its end. Half of the loads will do where the mesh
+    mirrors itself.
     """
     body = stiffness(mesh, poisson, layer)
+    return _condensed(body, mesh, layer, window, sheared, behind, body.displacement)
+
+
+@lru_cache(maxsize=4)
+def stretched(mesh, poisson, layer, window, sheared, behind):
+    """The `Surface` whose response is the derivative of that of `condensed` as every x grows in proportion.
+
+    du/d ln s = -K^-1 (dK/d ln s) K^-1 f,   s the stretch along x, f and y held
+    """
+    body = stiffness(mesh, poisson, layer)
+    change = _stretching(body.basis, element_moduli(mesh, poisson, layer))
+
+    def respond(forces):
+        displacement = body.displacement(forces)
+        resisted = change @ displacement.reshape(len(displacement) * 2, -1)
+        return -body.displacement(resisted.reshape(displacement.shape))
+
+    return _condensed(body, mesh, layer, window, sheared, behind, respond)
+
+
+def _condensed(body, mesh, layer, window, sheared, behind, respond):
+    """The `Surface` by the displacements of all nodes, shape (dofs, 2, k), that `respond` gives to forces on them."""
     x = body.basis.doflocs[0][body.surface]
-    inside = np.flatnonzero(np.abs(x[::2]) <= window)
+    inside = np.flatnonzero(np.abs(x[::2] - mesh.centre) <= window * (1 + EVEN))
     first, last = 2 * inside[0], 2 * inside[-1] + 1
     count = last - first
     left = count // 2 if mesh.mirrored else 0
     loaded = body.surface[first + left : last]
     response = np.zeros((2, len(x), 2, count))
     for k in range(0 if sheared else 1, 2):
-        forces = np.zeros((body.basis.N, 2, count - left))
-        forces[loaded, k, np.arange(count - left)] = 1
-        if k == 0 and layer.base == "slip":
-            forces -= body.ends.mean(axis=2, keepdims=True)
-        response[:, :, k, left:] = body.displacement(forces)[body.surface].transpose(1, 0, 2)
+        for start in range(0, count - left, AT_ONCE):
+            some = loaded[start : start + AT_ONCE]
+            forces = np.zeros((body.basis.N, 2, len(some)))
+            forces[some, k, np.arange(len(some))] = 1
+            if k == 0 and layer.base == "slip":
+                forces -= body.ends.mean(axis=2, keepdims=True)
+            columns = slice(left + start, left + start + len(some))
+            response[:, :, k, columns] = respond(forces)[body.surface].transpose(1, 0, 2)
     turned = np.array([[1, -1], [-1, 1]])[:, None, :, None]  # a force and a displacement along x turn round, y does not
     response[..., :left] = (turned * response[:, ::-1, :, ::-1])[..., :left]
     if sheared and layer.base == "slip":  # held half at either end so far
         stretch = (body.ends @ [[-0.5], [0.5]]) * (1 - 2 * behind)
-        response[:, :, 0] += body.displacement(stretch)[body.surface].transpose(1, 0, 2)
+        response[:, :, 0] += respond(stretch)[body.surface].transpose(1, 0, 2)
+        response[0] -= response[0, behind - 1]  # counted from the end ahead, which has not moved yet
     return Surface(x, first, last, response)
 
 
-def strain_matrix(basis):
+def strain_matrix(basis, along=1.0, across=1.0):
     """B of (e_xx, e_yy, 2 e_xy, e) at the Gauss points, shape (elements, points, 4, 18), unknowns as in `dofs`.
+
+    along, across : factors of the derivatives along x and y
 
     The change of area e is e_xx + e_yy projected in each element on {1, x, y}: quadratic displacements with linear
     pressure do not lock as nu -> 1/2.
     """
     gradient = np.array([basis.basis[j][0].grad for j in range(basis.Nbfun)])  # (9, 2, elements, points)
     gx, gy = gradient.transpose(1, 2, 3, 0)
+    gx, gy = along * gx, across * gy
     B = np.zeros((*gx.shape[:2], 4, 2 * basis.Nbfun))
     B[..., 0, 0::2], B[..., 1, 1::2] = gx, gy
     B[..., 2, 0::2], B[..., 2, 1::2] = gy, gx
@@ -137,9 +169,25 @@ def element_unknowns(basis):
 def assembled(basis, moduli):
     """int B' C B dA, all elements at once; moduli of all, shape (4,), or of each, shape (elements, 4)."""
     B = strain_matrix(basis)
-    count, points, parts, width = B.shape
-    CB = (B * moduli[..., None, :, None] * basis.dx[..., None, None]).reshape(count, points * parts, width)
-    blocks = np.matmul(B.reshape(CB.shape).transpose(0, 2, 1), CB)
+    return _summed(basis, _blocks(basis, B, B, moduli))
+
+
+def _stretching(basis, moduli):
+    """dK/d ln s of `assembled` as every x grows by s: strains along x fall by it and areas grow."""
+    B = strain_matrix(basis)
+    mixed = _blocks(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)
+    return _summed(basis, mixed + mixed.transpose(0, 2, 1) + _blocks(basis, B, B, moduli))
+
+
+def _blocks(basis, left, right, moduli):
+    """int left' C right dA of every element, shape (elements, 18, 18)."""
+    count, points, parts, width = left.shape
+    C_right = (right * moduli[..., None, :, None] * basis.dx[..., None, None]).reshape(count, points * parts, width)
+    return np.matmul(left.reshape(C_right.shape).transpose(0, 2, 1), C_right)
+
+
+def _summed(basis, blocks):
+    """The sparse matrix of blocks of the elements."""
     unknowns = element_unknowns(basis)
     rows = np.broadcast_to(unknowns[:, :, None], blocks.shape)
     columns = np.broadcast_to(unknowns[:, None, :], blocks.shape)

@@ -10,7 +10,9 @@ m of a length v theta, z_ss = m w_ss,
     z_1 = m (w_1 - theta dz_ss/dv),    u = C K p - a g,    g = sum J_k theta_k m_k dz_k/dv.
 
 So the roller in slow acceleration meets the layer in steady motion on a surface that stands a g aside: M follows from
-two contacts with that, as dF_ss/dv and dz_ss/dv do from a speed a little lower and a little higher.
+two contacts with that, as dF_ss/dv and dz_ss/dv do from a speed a little lower and a little higher. All these contacts
+lie alike on their meshes, which are those of the steady one shifted and stretched along x. Where a mesh stays at rest,
+edges that pass its nodes add errors to the derivatives that are ten times those of F_ss.
 """
 
 from dataclasses import dataclass, replace
@@ -21,12 +23,15 @@ from threadpoolctl import threadpool_limits
 from compact import fem
 from compact.mesh import DEFAULT_ERROR
 from compact.modulation import Modulation
-from compact.patch import RollAside
-from compact.streamline import creep, memory
+from compact.patch import RollAside, Surface
+from compact.streamline import creep, memory, retardation
 
-TOLERANCE = DEFAULT_ERROR / 4  # derivatives feel how the edges pass the nodes: F_ss to 0.01 %, slopes and M to 1 %
+TOLERANCE = (
+    DEFAULT_ERROR  # on a mesh that the contact takes along: dF_ss/dv and M within 0.05 % to an instant/relaxed of 20
+)
 FASTER = 1e-3  # relative change of the speed either way
 ASIDE = 1e-3  # how far the surface is set aside either way at most, over the indentation
+ROUNDS = 3  # of a contact and its mesh
 CAUTION = 2.0  # times the difference from the refined solution
 LUCK = 1e-3  # of the larger of |M| and |tau dF_ss/dv|: for differences that are small by luck
 
@@ -53,7 +58,7 @@ def modulation(layer, roller, material, speed, *, mesh=None, tolerance=TOLERANCE
         return Modulation(speed, rolled.resistance, slope=0.0, added_mass=0.0, error=0.0, time=0.0)
     time = max(time for _, time in branches)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
-        task = fem.task_of(case, mesh, tolerance)
+        task = fem.task_of(case, mesh, tolerance) if mesh else fem.fitted_task(case, tolerance)
         resistance, slope, added_mass = _followed(case, task)
         error = None
         if estimate:
@@ -69,16 +74,24 @@ def _followed(case, task):
 
 
 def _followed_within(case, task, window):
+    """The same in the loaded zone |x| <= window, whose mesh every contact takes along with its own edges."""
     steady = _contact(case, task, window)
-    surface, task = steady.surface, replace(task, depth=steady.roll.indentation)
+    task = replace(task, depth=steady.roll.indentation)
+    taken = _Taken(
+        fem.elastic_surface(case, task.mesh, window), fem.stretched_surface(case, task.mesh, window), steady, task
+    )
     slower, faster = (replace(case, speed=case.speed * (1 + side * FASTER)) for side in (-1, 1))
-    before, after = (_contact(each, task, window, steady) for each in (slower, faster))
+    before, after = (taken.contact(each) for each in (slower, faster))
     apart = faster.speed - slower.speed
-    elastic = fem.elastic_surface(case, task.mesh, window)
-    late = _late(case, surface.x, (_retained(faster, elastic, after) - _retained(slower, elastic, before)) / apart)
+    w, z = taken.displaced(steady), taken.retained(case, steady)
+    change = (taken.retained(faster, after) - taken.retained(slower, before)) / apart
+    moving = (after.surface.x - before.surface.x) / apart
+    lengths = case.speed * np.array(creep(case.material).times)[:, None, None]
+    surface = steady.surface
+    late = _late(case, surface.x, change - moving * (z - w) / lengths)  # at a given x, since z - l dz/dx = w
     reach = float(ASIDE * task.depth / np.abs(late[:, surface.first : surface.last]).max())
     losing, gaining = (
-        _contact(_SetAside(**vars(case), nodes=surface.x, aside=-acceleration * late), task, window, steady)
+        taken.contact(_SetAside(**vars(case), nodes=surface.x, aside=-acceleration * late))
         for acceleration in (-reach, reach)
     )
     modulus = case.material.youngs_modulus
@@ -90,11 +103,45 @@ def _contact(case, task, window, start=None):
     return fem.at_target(case, fem.surface_of(case, task.mesh, window), task, start=start)
 
 
-def _retained(case, elastic, contact):
-    """z_k of every branch of a steady contact, shape (branches, 2, n)."""
-    forces = contact.forces[:, elastic.first : elastic.last]
-    w = np.einsum("iakb,kb->ia", elastic.response, forces, optimize=True)
-    return np.array([w @ memory(elastic.x, time * case.speed).T for time in creep(case.material).times])
+@dataclass(frozen=True)
+class _Taken:
+    """Contacts near a steady one, on its mesh shifted and stretched along x so that their edges lie on it alike.
+
+    What the mesh does to the resistance then hardly changes from one to the next. It would with the place of the edges
+    in their elements, and derivatives feel that ten times as much as the resistance.
+
+    elastic : the `Surface` of the elastic layer;  stretched : the derivative of its response by the stretch
+    """
+
+    elastic: Surface
+    stretched: Surface
+    steady: fem.Contact
+    task: object
+
+    def contact(self, case):
+        """The contact of a case."""
+        near, edges = self.steady, self.steady.patch.edges
+        for _ in range(ROUNDS):
+            stretch = np.subtract(*near.patch.edges) / np.subtract(*edges)
+            x = near.patch.trailing + stretch * (self.elastic.x - edges[0])
+            C = retardation(x, case.material, case.speed)
+            response = np.einsum("ca,iakb->ickb", C, self._response(stretch), optimize=True)
+            near = fem.at_target(case, replace(self.elastic, x=x, response=response), self.task, start=near)
+        return near
+
+    def _response(self, stretch):
+        return self.elastic.response + np.log(stretch) * self.stretched.response
+
+    def displaced(self, contact):
+        """w of the elastic layer under a contact, shape (2, n)."""
+        x, first, last = self.elastic.x, self.elastic.first, self.elastic.last
+        stretch = np.ptp(contact.surface.x) / np.ptp(x)
+        return np.einsum("iakb,kb->ia", self._response(stretch), contact.forces[:, first:last], optimize=True)
+
+    def retained(self, case, contact):
+        """z_k of every branch of a contact, shape (branches, 2, n)."""
+        w, x = self.displaced(contact), contact.surface.x
+        return np.array([w @ memory(x, time * case.speed).T for time in creep(case.material).times])
 
 
 def _late(case, x, change):

@@ -16,6 +16,7 @@ GROWTH = 1.4  # ratio of neighbouring elements, its root inside the contact: 3e-
 EDGE = 4  # times smaller at the edges: resistance in the limits of slow and fast within 0.2 %, without it 1 %
 REACH = 20.0  # layer heights beyond the contact; 14 leave 3e-5 in the load where v tau is 500 heights
 COARSEST = 2.0  # layer heights: so far out that even half of it changes nothing
+SAME_PLACE = 1e-13  # of the length: nodes closer than this to the mirror image of others mirror them
 SAME_ROW = 1e-9  # of the height: corners closer than this share a height
 
 
@@ -57,8 +58,16 @@ class RowMesh:
 
     @property
     def mirrored(self):
-        """Whether the left half mirrors the right one."""
-        return np.array_equal(self.x, -self.x[:, ::-1])
+        """Whether the left half mirrors the right one about `centre`."""
+        x = self.x - self.centre
+        return bool(np.abs(x + x[:, ::-1]).max() <= SAME_PLACE * np.ptp(self.x))
+
+    @property
+    def centre(self):
+        """x about which the halves mirror each other [m], 0 where they do not."""
+        middle = (self.x[:, 0] + self.x[:, -1]).mean() / 2
+        uneven = self.x + self.x[:, ::-1] - 2 * middle
+        return float(middle) if np.abs(uneven).max() <= SAME_PLACE * np.ptp(self.x) else 0.0
 
     @property
     def dofs(self):
@@ -88,8 +97,8 @@ class RowMesh:
         return RowMesh(_with_middles(_with_middles(self.x.T).T), _with_middles(self.y))
 
 
-def graded(height, half_width, elements, *, interfaces=(), edge=EDGE, growth=GROWTH, reach=REACH):
-    """A layer meshed for a contact of about a given half-width around x = 0, a `RowMesh`.
+def graded(height, half_width, elements, *, centre=0.0, interfaces=(), edge=EDGE, growth=GROWTH, reach=REACH):
+    """A layer meshed for a contact of about a given half-width around x = centre, a `RowMesh`.
 
     Elements of a/n lie inside the contact and shrink towards its edges, where pressure rises like a root; over a thin
     ply, H thick, they are 10 H/n at most, and 2 H/n over `edge` at the edges. From there they grow geometrically:
@@ -101,6 +110,7 @@ def graded(height, half_width, elements, *, interfaces=(), edge=EDGE, growth=GRO
     ----------
     height, half_width : H, a [m], > 0
     elements : n per half-width, > 0
+    centre : of the contact [m]
     interfaces : heights of the interfaces of plies [m], ascending, between 0 and H
     edge : elements at the edges are so many times smaller, >= 1
     growth : ratio of neighbouring elements outside the contact, >= 1
@@ -125,7 +135,7 @@ def graded(height, half_width, elements, *, interfaces=(), edge=EDGE, growth=GRO
     right = np.concatenate([half_width - inward[::-1], [half_width], half_width + outward])
     right[0] = 0.0
     y = _heights(levels, first, growth)
-    return RowMesh(np.tile(np.concatenate([-right[:0:-1], right]), (len(y), 1)), y)
+    return RowMesh(np.tile(centre + np.concatenate([-right[:0:-1], right]), (len(y), 1)), y)
 
 
 def for_error(height, half_width, error, interfaces=()):
@@ -133,9 +143,13 @@ def for_error(height, half_width, error, interfaces=()):
 
     The error of the resistance falls as n^-1.5 and passes 0.2 % at n = 10 per half-width; the load is better.
     """
+    return graded(height, half_width, elements_for(error), interfaces=interfaces)
+
+
+def elements_for(error):
+    """Elements per half-width of the mesh of `for_error`."""
     refuse_nonpositive(error=error)
-    elements = int(np.clip(np.round(10 * (DEFAULT_ERROR / error) ** (1 / 1.5)), 4, 80))
-    return graded(height, half_width, elements, interfaces=interfaces)
+    return int(np.clip(np.round(10 * (DEFAULT_ERROR / error) ** (1 / 1.5)), 4, 80))
 
 
 def from_quads(points, quads):

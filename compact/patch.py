@@ -15,17 +15,25 @@ import numpy as np
 
 GAUSS = np.polynomial.legendre.leggauss(8)  # between two neighbouring corners; the pressure is smooth there
 EDGE_POWER = 3  # quadrature points crowd at the edges as t^3, which smooths every edge exponent in use
+AT_EDGE = 1e-12  # of the contact length: corners nearer to an edge leave no interval to integrate over
 EDGE_TOLERANCE = 1e-9  # of the contact length
-FIRST_TERMS = 6  # of the first settling, smooth in the edges, from which the second starts
+FIRST_TERMS = 6  # of the first settling, smooth in the edges, from which those with more terms start
+MORE = 2.0  # times as many terms at most in the next settling: the edges of many terms are found from near only
 NODES_PER_TERM = 3  # under the contact; more terms than that see single nodes
 FEWER = 2  # terms left out of the second opinion on the peak pressure: its scatter changes sign with every second term
 PEAK_SAMPLES = 2001
+NARROWEST = 1e-6  # of the loaded zone: length of a contact that its mesh can hold
 STEP = 0.25  # of the contact length: farthest that an edge moves at once
-ITERATIONS = 40
+ITERATIONS = 60  # which halves from `PATIENCE` on need thirty of
+LAST = 4  # iterations that a failure gives
 PATIENCE = 12  # whole steps, after which halves: they stay on one side of a kink, where an edge passes a node
 
 
-class BeyondWindowError(RuntimeError):
+class UnresolvedError(RuntimeError):
+    """No contact was found on this mesh with so many terms of the pressure; finer ones may find it."""
+
+
+class BeyondWindowError(UnresolvedError):
     """The contact reaches nodes whose response is not known."""
 
 
@@ -151,27 +159,45 @@ class Patch:
         return x, np.concatenate([[0.0], inner, [0.0]])
 
 
-def press(surface, roll, terms, start=None):
+def press(surface, roll, terms, start=None, edges=None):
     """The `Patch` under a roller, with up to so many terms for the pressure, one for three nodes at most.
 
-    start : a patch near the one sought; without it the edges start from the active set of `touched`, first with few
-        terms. RuntimeError with the history if the edges do not settle, BeyondWindowError if they leave the loaded zone
+    start : a patch near the one sought; without it the edges start from `edges`, (trailing, leading) in x [m], or from
+        the active set of `touched`, first with few terms and then with more and more. UnresolvedError with the history
+        if the edges do not settle, BeyondWindowError if they leave the loaded zone
     """
     history = []
-    if start is None:
-        edges, displacement = touched(surface, roll), np.zeros((2, len(surface.x)))
-        terms = min(terms, max(1, np.sum((edges[0] < surface.x) & (surface.x < edges[1])) // NODES_PER_TERM))
-        start = _settled(surface, roll, min(terms, FIRST_TERMS), edges, displacement, None, history)
+    if start is not None:
+        patch = _settled_from(start, surface, roll, len(start.coefficients) - 2, history)
+    elif edges is None:
+        patch = _pressed_between(touched(surface, roll), surface, roll, terms, history)
     else:
-        terms = len(start.coefficients) - 2
-    patch = _settled(surface, roll, terms, np.array(start.edges), start.displacement, start.slopes, history)
+        try:
+            patch = _pressed_between(np.array(edges), surface, roll, terms, history)
+        except UnresolvedError:  # where the surface moves far along x the edges are not those of a surface at rest
+            patch = _pressed_between(touched(surface, roll), surface, roll, terms, history)
     return replace(patch, history=tuple(history))
+
+
+def _pressed_between(edges, surface, roll, terms, history):
+    """The `Patch` from two edges on, first with few terms, then with more and more."""
+    terms = min(terms, max(1, np.sum((edges[0] < surface.x) & (surface.x < edges[1])) // NODES_PER_TERM))
+    few = min(terms, FIRST_TERMS)
+    patch = _settled(surface, roll, few, edges, np.zeros((2, len(surface.x))), None, history)
+    while MORE * few < terms:
+        few = int(MORE * few)
+        patch = _settled_from(patch, surface, roll, few, history)
+    return _settled_from(patch, surface, roll, terms, history)
+
+
+def _settled_from(start, surface, roll, terms, history):
+    return _settled(surface, roll, terms, np.array(start.edges), start.displacement, start.slopes, history)
 
 
 def with_peaks(surface, roll, patch):
     """The patch with its own peak pressure and that of a patch with `FEWER` terms."""
     terms, history = max(1, len(patch.coefficients) - 2 - FEWER), []
-    fewer = _settled(surface, roll, terms, np.array(patch.edges), patch.displacement, patch.slopes, history)
+    fewer = _settled_from(patch, surface, roll, terms, history)
     peaks = tuple(float(each.sampled(PEAK_SAMPLES)[1].max()) for each in (fewer, patch))
     return replace(patch, peaks=peaks, history=patch.history + tuple(history))
 
@@ -192,7 +218,7 @@ def touched(surface, roll):
         pressure[active] = np.linalg.solve(A[np.ix_(active, active)], depth[active])
         active = np.where(active, pressure > 0, depth - A @ pressure > 0)
     if not active.any():
-        raise RuntimeError(
+        raise UnresolvedError(
             f"no corner would carry pressure at a depth of {roll.indentation:.3g} m: the mesh is too coarse under the "
             f"contact, or the roller of radius {roll.radius:g} m is pressed in whole"
         )
@@ -234,7 +260,9 @@ def _settled(surface, roll, terms, edges, displacement, slopes, history):
         slopes = secant if moved < max(before, EDGE_TOLERANCE) else None
     if roll.profile == "circle" and np.abs(edges).max() > roll.radius:
         raise RuntimeError(beyond_circle(*edges, roll.radius))
-    raise RuntimeError(f"contact edges did not settle: (trailing, leading, step over length) were {history}")
+    raise UnresolvedError(
+        f"contact edges did not settle: (trailing, leading, step over length) were {history[-LAST:]} at last"
+    )
 
 
 def beyond_circle(trailing, leading, radius):
@@ -254,6 +282,8 @@ def _held(surface, roll, edges, displacement, terms):
     """The patch between given edges, and the amplitudes of its singular pressures at them."""
     if edges[0] < surface.x[surface.first] or edges[1] > surface.x[surface.last - 1]:
         raise BeyondWindowError(f"contact edges {edges.tolist()} leave the loaded zone")
+    if not edges[1] - edges[0] > NARROWEST * (surface.x[surface.last - 1] - surface.x[surface.first]):
+        raise UnresolvedError(f"the contact between {edges.tolist()} is too narrow for the mesh")
     x, weight, xi, rest = quadrature(surface.x, edges)
     N = interpolation(surface.x, x)
     normal, depth = roll.touch(x, displacement @ N.T)
@@ -268,7 +298,7 @@ def _held(surface, roll, edges, displacement, terms):
     try:
         coefficients = np.linalg.solve(A, test.T @ depth)
     except np.linalg.LinAlgError as singular:
-        raise RuntimeError(f"the mesh is too coarse under the contact: {terms} terms of pressure") from singular
+        raise UnresolvedError(f"the mesh is too coarse under the contact: {terms} terms of pressure") from singular
     patch = Patch(
         *edges.tolist(),
         x=x,
@@ -300,7 +330,8 @@ def quadrature(nodes, edges):
     trailing, leading = edges
     length = leading - trailing
     corners = nodes[::2]
-    breaks = np.concatenate([[0.0], (corners[(corners > trailing) & (corners < leading)] - trailing) / length, [1.0]])
+    inner = (corners - trailing) / length
+    breaks = np.concatenate([[0.0], inner[(inner > AT_EDGE) & (inner < 1 - AT_EDGE)], [1.0]])
     s = 2 / np.pi * np.arcsin(np.sqrt(breaks))
     with np.errstate(divide="ignore"):
         t = 1 / (1 + np.cbrt((1 - s) / np.maximum(s, 0)))

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from compact.patch import interpolation, press, quadrature, with_peaks
+from compact.patch import UnresolvedError, interpolation, press, quadrature, with_peaks
 
 TURNS = 60  # of pressure and shear
 TURN_TOLERANCE = 1e-7  # of the largest displacement, about 1e-6 of the peak pressure
@@ -93,7 +93,7 @@ def pressed_and_sheared(surface, roll, terms, grip, patch=None, shear=None):
             share = np.clip(share * np.sum(before * fall) / np.sum(fall**2), *SHARES)
         drawn, before = drawn + share * change, change
         nodes = None if turn < FREE_TURNS else shear.x[1:-1]
-    raise RuntimeError(f"pressure and shear did not settle: changes by shear over the displacement were {changes}")
+    raise UnresolvedError(f"pressure and shear did not settle: changes by shear over the displacement were {changes}")
 
 
 def stick_and_slip(surface, patch, grip, nodes=None):
@@ -144,7 +144,7 @@ def _exchanged(A, b, bound, share, asked):
             state[_first_to_stick(A, b, direction * bound, share, asked)] = True
         seen.add((state.tobytes(), direction.tobytes()))
         sticks, sign = state, direction
-    raise RuntimeError(f"zones of stick and slip did not settle in {EXCHANGES} exchanges")
+    raise UnresolvedError(f"zones of stick and slip did not settle in {EXCHANGES} exchanges")
 
 
 def _first_to_stick(A, b, q, share, asked):

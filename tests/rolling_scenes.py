@@ -1,7 +1,11 @@
 """Random scenes of steady rolling, and how far the error that an engine tells is from its true one."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from compact import spectral
+from compact.expected import as_wide
 from compact.material import Viscoelastic
 from compact.records import Layer, Roller
 
@@ -30,6 +34,36 @@ def random_scenes(count):
         )
         layer = Layer(HEIGHT, str(draw.choice(["bonded", "slip"])))
         yield layer, roller, mix, str(draw.choice(["indentation", "load", "peak_pressure"]))
+
+
+def stiff_scene(seed, number):
+    """(layer, roller, material, speed): half-widths of 0.05 to 5 heights and 0.02 to 0.35 radii, nu 0.05 to 0.495, one
+    to three branches that make the mix up to 100 times as stiff at once, v tau/a over six decades, every profile,
+    rolling, base and target, friction to 0.8, both ways.
+    """
+    draw = np.random.default_rng((seed, number))
+    a = HEIGHT * 10 ** draw.uniform(np.log10(0.05), np.log10(5))
+    radius = a / 10 ** draw.uniform(np.log10(0.02), np.log10(0.35))
+    count, speed = int(draw.integers(1, 4)), 10 ** draw.uniform(-3, 3)
+    shares = draw.dirichlet(np.ones(count)) * (10 ** draw.uniform(0, 2) - 1)
+    times = a / speed * 10 ** draw.uniform(-3, 3, count)
+    branches = tuple((float(share), float(time)) for share, time in zip(shares, times, strict=True))
+    mix = Viscoelastic(1e7, draw.uniform(0.05, 0.495), branches)
+    layer = Layer(HEIGHT, str(draw.choice(["bonded", "slip"])))
+    rolling = str(draw.choice(["frictionless", "sliding", "free", "driven"]))
+    friction = draw.uniform(0.02, 0.8) * (rolling != "frictionless")
+    roller = Roller(
+        radius,
+        indentation=as_wide(layer, mix, radius, a).indentation,
+        friction=friction,
+        rolling=rolling,
+        profile=str(draw.choice(["parabola", "circle", "deformed"])),
+    )
+    name, speed = str(draw.choice(["indentation", "load", "peak_pressure"])), speed * draw.choice([1, -1])
+    smooth = rolling if rolling == "sliding" else "frictionless"
+    vertical = "parabola" if roller.profile == "deformed" else roller.profile
+    judge = spectral.roll(layer, replace(roller, rolling=smooth, profile=vertical), mix, speed)
+    return layer, prescribing(roller, name, getattr(judge, name)), mix, float(speed)
 
 
 def prescribing(roller, name, value):

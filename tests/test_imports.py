@@ -46,11 +46,11 @@ LEVELS = (
         "suspended",
     ),
     ("plausible", "fields", "solid", "expected", "bed", "turning", "flow", "sequential_programming", "sliding"),
-    ("frame", "march", "steady", "travelled", "filmed", "dynamics"),
+    ("frame", "march", "steady", "travelled", "filmed", "dynamics", "spectral"),
     ("compacted", "stiffening", "course"),
     ("compaction", "trip"),
     ("travelling",),
-    ("motion", "contact", "spectral", "fem", "drive", "scene", "column", "resistance"),
+    ("motion", "contact", "fem", "drive", "scene", "column", "resistance"),
     ("memory", "measured", "cam", "crank", "passes", "spectral_modulation", "fem_modulation", "transient", "regime"),
     ("sprung_memory", "shaft_memory"),
     (
