@@ -151,7 +151,7 @@ def run(
     directory = out or default_directory(scene)
     study = _study(
         scene, quiet, engine, tolerance, changes=changes, directory=directory,
-        step=lambda stage: progress.begin(stage, study.cost(stage), total=study.whole_cost),
+        step=lambda stage: progress.begin(stage, study.cost(stage), total=study.whole_cost), progress=progress.report,
     )  # fmt: skip
     progress.total = study.whole_cost
     helpers = crew(min(cores(), 1 + len(study.scene.beside_engines))) if study.scene.beside else None  # 1 to draw
@@ -186,16 +186,18 @@ def roll(
     """
     from compact import contact_report
     from compact.plausible import check_speed
-    from compact.progress import spinning
+    from compact.progress import Progress
     from compact.results import claimed
 
-    study = _study(scene, quiet, engine, changes=changes)
+    progress = Progress(quiet=quiet)
+    study = _study(scene, quiet, engine, changes=changes, progress=progress.report)
     if speed is not None:
         check_speed(speed, study.scene.unusual)
     speed = speed if speed is not None else study.scene.mean_speed
     name = study.scene.accuracy.engine
     place = out or default_directory(scene, name)
-    with claimed(place, study.scene.hash, force) as directory, spinning(f"contact by {name}", quiet=quiet) as progress:
+    with claimed(place, study.scene.hash, force) as directory, progress:
+        progress.begin(f"contact by {name}")
         passes = study.passes_at(speed)
         progress.begin("tables and figures")
         contact_report.write(directory, study, speed, passes)
@@ -381,12 +383,22 @@ def check(*, markdown: bool = False):
     return DONE
 
 
-def _study(path, quiet, engine=None, tolerance=None, laws=None, changes=(), step=lambda stage: None, directory=None):
+def _study(
+    path,
+    quiet,
+    engine=None,
+    tolerance=None,
+    laws=None,
+    changes=(),
+    step=lambda stage: None,
+    directory=None,
+    progress=None,
+):
     """The study of a scene file with some of its keys changed."""
     from compact.study import Study
 
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance, "motion.laws": laws}
-    return Study(_scene(path, quiet, changes, asked), step, directory)
+    return Study(_scene(path, quiet, changes, asked), step, directory, progress)
 
 
 def _scene(path, quiet, changes=(), asked=()):

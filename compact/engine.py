@@ -94,20 +94,20 @@ def held(scene, mix, engine=None, reference=None) -> Held | None:
     return reference and Held(name, float(getattr(reference, TARGETS[name])), speed)
 
 
-def roll(scene, mix, speed, engine=None, near=None, held=None):
+def roll(scene, mix, speed, engine=None, near=None, held=None, progress=None):
     """The contact of one roller of a scene in its first pass, at a speed [m/s], by its engine or another; a `Rolled`.
 
     The scene's tolerance is passed to engines that take one. `near` is a contact at another speed the same way or of
     another mix, which "compaction" takes as its initial guess over the same fed layer; if nothing but the speed differs
     and the mix has no rate, it is returned with the new speed. `held` is kept in place of the scene's target; without
-    it the target of the scene is met at this speed.
+    it the target of the scene is met at this speed. `progress` is called with lines of text by "compaction".
 
     Raises ValueError for what the engine does not cover; RuntimeError, naming scene, engine and speed, where it does
     not converge or the roller would reach the base.
     """
     name = engine or scene.accuracy.engine
     layer, roller, material = inputs(scene, mix, name, speed, held)
-    asked = _asked(scene, name, held)
+    asked = _asked(scene, name, held, progress)
     if name == "compaction" and _helps(near, layer, speed):
         if _same(roller, material, near, speed):
             return replace(near, speed=speed)
@@ -157,24 +157,24 @@ def added_mass(scene, mix, speed, held, count=lambda stage: None):
     return found.added_mass, found.time
 
 
-def passes(scene, mix, speed, engine=None, near=None, held=None, count=None, first=None):
+def passes(scene, mix, speed, engine=None, near=None, held=None, count=None, first=None, progress=None):
     """The contact of each pass of a scene, there and back over the same mix, `Rolled`s; the first is that of `roll`.
 
     Later ones keep the load or peak pressure that the scene prescribes or holds, else the height of the first. `near`
     are those at another speed, used as in `roll`; `held` as in `roll`; `count` of passes in place of the scene's;
-    `first` is the contact of the first pass, if that is known.
+    `first` is the contact of the first pass, if that is known; `progress` as in `roll`.
     """
     name, count = engine or scene.accuracy.engine, count or scene.layer.passes
     if name not in COMPACTING or count == 1:
-        return (roll(scene, mix, speed, name, near[0] if near else None, held),)
+        return (roll(scene, mix, speed, name, near[0] if near else None, held, progress),)
     from compact.passes import passes, there_and_back
 
     layer, roller, material = inputs(scene, mix, name, speed, held)
     if name == "compaction" and near and _helps(near[0], layer, speed) and _same(roller, material, near[0], speed):
         return tuple(replace(passed, speed=float(np.copysign(speed, passed.speed))) for passed in near)
     out, *later = there_and_back(count)
-    asked = _asked(scene, name, held)
-    numerics = {"torque": asked.pop("torque")} if "torque" in asked else {}
+    asked = _asked(scene, name, held, progress)
+    numerics = {key: asked.pop(key) for key in ("torque", "progress") if key in asked}
     stages = (replace(out, **asked), *later)
     with _named(scene, name, speed):
         return passes(layer, roller, material, speed, stages, engine=name, first=first, **numerics)
@@ -194,7 +194,7 @@ def _named(scene, engine, speed):
         raise RuntimeError(f"{case}: {error}") from error
 
 
-def _asked(scene, engine, held):
+def _asked(scene, engine, held, progress):
     """Further arguments of an engine.
 
     The tolerance; for "formula" the factors of eqs 1.6 and 1.8; for those of TURNED the torque per unit roller length
@@ -207,6 +207,8 @@ def _asked(scene, engine, held):
         asked |= {"nonuniformity": machine.pressure_nonuniformity, "one_sided": machine.one_sided}
     if engine in TURNED and scene.machine.roller_torque is not None:
         asked["torque"] = scene.machine.roller_torque / scene.machine.roller_length
+    if engine == "compaction" and progress is not None:
+        asked["progress"] = progress
     if held is None and _density_wanted(scene, engine):
         asked["exit_density_ratio"] = scene.mix.density_ratio
     return asked

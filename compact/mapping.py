@@ -84,13 +84,26 @@ def save(directory, found, held, second_pass, met, wanted, files):
     yield directory / CONTACTS
 
 
-def mapped(scene, mix, fastest, found, held, *, return_ratio=1.0, near=(), met=None, count=lambda stage: None):
+def mapped(
+    scene,
+    mix,
+    fastest,
+    found,
+    held,
+    *,
+    return_ratio=1.0,
+    near=(),
+    met=None,
+    count=lambda stage: None,
+    progress=None,
+):
     """The `ResistanceMap` of one cart up to its fastest [m/s], by the scene's engine.
 
     found : numbers of contacts that are there;  held : kept at every speed, a `Held`
     return_ratio : resistance of the return stroke over that of the way out [-]
     near : (speed, `Rolled`) from which others go on
     met : a map whose samples are there too;  count : called with the stage of each solution
+    progress : called with lines of text by "compaction"
     """
     near = list(near)
     whole = scene.machine.rollers * scene.machine.roller_length
@@ -98,7 +111,7 @@ def mapped(scene, mix, fastest, found, held, *, return_ratio=1.0, near=(), met=N
     def force(speed):
         count("resistance")
         start = min(near, key=lambda rolled: abs(np.log(rolled[0] / speed)))[1] if near else None
-        rolled = roll(scene, mix, speed, near=start, held=held)
+        rolled = roll(scene, mix, speed, near=start, held=held, progress=progress)
         near.append((speed, rolled))
         return whole * rolled.resistance, (rolled.error or (None, None))[1]
 

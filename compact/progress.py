@@ -65,7 +65,7 @@ class Progress:
         if not 0 <= cost < float("inf"):
             raise ValueError(f"`cost` of a stage must be finite and not negative, got {cost!r}; give seconds")
         self._finished, self._finished_at, self._running = self._finished + self._running, self.elapsed, cost
-        self.stage = stage
+        self.stage, self.detail = stage, ""
         if total is not None:
             self.total = total
 

@@ -83,14 +83,16 @@ def answered(asked):
 class Study:
     """The stages of one scene; each attribute is computed when first asked for, `counts` says how often.
 
+    step : called with the name of each stage that begins;  progress : called with lines of text by "compaction"
     directory : of an earlier run, whose contacts and resistance map are taken where they fit; `kept` counts them
     """
 
-    def __init__(self, scene, step=lambda stage: None, directory=None):
+    def __init__(self, scene, step=lambda stage: None, directory=None, progress=None):
         self.scene = scene
         self.counts = Counter()
         self._step = step
         self._directory = directory
+        self._progress = progress
         self._answers = None
         self._errands = None
         self._not_made = {}
@@ -272,7 +274,7 @@ class Study:
     def reference(self):
         """`Rolled`s of all passes of one roller at the mean speed, where the target of the scene is met."""
         self.count("rolled")
-        return passes(self.scene, self.mix, self.scene.mean_speed)
+        return passes(self.scene, self.mix, self.scene.mean_speed, progress=self._progress)
 
     @cached_property
     def held(self):
@@ -301,7 +303,7 @@ class Study:
             return self.reference
         kept, near = self.held, near or self.__dict__.get("reference")
         self.count("rolled")
-        return passes(self.scene, self.mix, speed, near=near, held=kept)
+        return passes(self.scene, self.mix, speed, near=near, held=kept, progress=self._progress)
 
     @property
     def rolled(self):
@@ -344,7 +346,7 @@ class Study:
         near = () if self.kept else self.rolled
         return mapping.mapped(
             self.scene, self.mix, fastest, self.contacts, self.held,
-            return_ratio=self.return_ratios[1], near=near, met=met, count=self.count,
+            return_ratio=self.return_ratios[1], near=near, met=met, count=self.count, progress=self._progress,
         )  # fmt: skip
 
     @cached_property
@@ -387,7 +389,7 @@ class Study:
         first = self.reference[0]
         self.count("second pass")
         try:
-            back = passes(self.scene, self.mix, self.scene.mean_speed, count=2, first=first)[1]
+            back = passes(self.scene, self.mix, self.scene.mean_speed, count=2, first=first, progress=self._progress)[1]
         except RuntimeError as error:
             if self.scene.layer.return_stroke == "compacted":
                 raise
