@@ -241,13 +241,14 @@ def _loaded(there, load, rtol):
     return passage, spent
 
 
-def _met(passed, miss, start, slope, deepest, *, rtol, rough=None, shallowest=0.0, near=NEAR):
+def _met(passed, miss, start, slope, deepest, *, rtol, rough=None, shallowest=0.0, near=NEAR, most=TARGET):
     """The `Passage` whose `miss` is 0, None where the deepest one falls short, and the evaluations spent besides.
 
 
     passed : the `Passage` at an indentation [m], integrated to a tolerance: `rough` in the search, `rtol` at its end
     miss : of a passage, relative, rising with its indentation;  start : a guess;  slope : d miss/d ln indentation
-    shallowest : indentation with a miss < 0 [m], or 0;  near : share of `rtol` that the miss may be at first
+    shallowest : indentation with a miss < 0 [m], or 0;  near, most : shares of `rtol`
+    that the miss may be at first, and in the end
 
     Inverse interpolation of ln indentation through the last three passes, rough ones first: what a finer integration
     adds to one of them, it adds to all.
@@ -265,7 +266,7 @@ def _met(passed, miss, start, slope, deepest, *, rtol, rough=None, shallowest=0.
         if tolerance == rtol:
             if abs(off) <= near:
                 return passage, spent
-            near = min(2 * near, TARGET * rtol)
+            near = min(2 * near, most * rtol)
         spent += passage.evaluations
         if limited and off < 0 and tolerance == rtol:
             return None, spent
@@ -325,8 +326,10 @@ def _leaving(there, wanted, rtol):
     """
     plate, loosest = replace(there, profile=PLATE), there.solid / there.height
 
+    rise = max(wanted - loosest, LEAST_RISE)
+
     def miss(passage):
-        return (passage.density_ratio - wanted) / max(wanted - loosest, LEAST_RISE)
+        return (passage.density_ratio - wanted) / rise
 
     nominal = there.height * (1 - loosest / wanted)
     if 0 < nominal < there.deepest:
@@ -342,7 +345,8 @@ def _leaving(there, wanted, rtol):
             return deeper.released(down, depth, scale, evaluations)
 
         start = nominal + (there.height - nominal) * there.stress(nominal) / there.elastic
-        flat, found = _met(passed, miss, start, wanted / loosest, there.deepest, rtol=rtol, shallowest=shallowest)
+        within = {"rtol": rtol, "shallowest": shallowest, "most": TARGET * wanted / rise}
+        flat, found = _met(passed, miss, start, wanted / loosest, there.deepest, **within)
         if flat is not None:
             return flat, spent + found
     densest = plate.passed(there.deepest, rtol).density_ratio
