@@ -723,6 +723,14 @@ def test_mesh_too_coarse_for_the_contact_raises():
         roll(LAYER, Roller(0.11, 0.003), MIX, 1.0, mesh=coarse)
 
 
+def test_contact_that_no_mesh_settles_is_refused_with_the_remedy(monkeypatch):
+    monkeypatch.setattr(patch, "ITERATIONS", 2)
+    with pytest.raises(
+        RuntimeError, match=r"no contact found on 5 meshes .*; use spectral; contact edges did not settle"
+    ):
+        fem.roll(LAYER, Roller(0.11, 0.0031), MIX, 1.0, tolerance=0.01)
+
+
 def test_failure_tells_its_history(monkeypatch):
     monkeypatch.setattr(patch, "ITERATIONS", 2)
     with pytest.raises(RuntimeError, match=r"did not settle: \(trailing, leading, step over length\) were \[\(-0"):
