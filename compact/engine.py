@@ -174,7 +174,7 @@ def passes(scene, mix, speed, engine=None, near=None, held=None, count=None, fir
         return tuple(replace(passed, speed=float(np.copysign(speed, passed.speed))) for passed in near)
     out, *later = there_and_back(count)
     asked = _asked(scene, name, held, progress)
-    numerics = {key: asked.pop(key) for key in ("torque", "progress") if key in asked}
+    numerics = {key: asked.pop(key) for key in ("torque", "progress", "steepest") if key in asked}
     stages = (replace(out, **asked), *later)
     with _named(scene, name, speed):
         return passes(layer, roller, material, speed, stages, engine=name, first=first, **numerics)
@@ -191,14 +191,21 @@ def _named(scene, engine, speed):
             f"{case}: the iteration diverged, a stress or strain is no longer finite; press less, or feed denser mix"
         ) from error
     except RuntimeError as error:
-        raise RuntimeError(f"{case}: {error}") from error
+        insist = f'; unusual = ["{_target_key(scene)}"] computes it all the same' if _is_estimate(error) else ""
+        raise RuntimeError(f"{case}: {error}{insist}") from error
+
+
+def _is_estimate(error):
+    """True for a refusal of the engine "compaction" by its estimate of the depth that the mix takes up."""
+    return type(error).__name__ == "HeapingError"  # its module need not be imported for the other engines
 
 
 def _asked(scene, engine, held, progress):
     """Further arguments of an engine.
 
     The tolerance; for "formula" the factors of eqs 1.6 and 1.8; for those of TURNED the torque per unit roller length
-    [N]; for "compaction" the density of the product, if nothing is prescribed or held.
+    [N]; for "compaction" the density of the product, if nothing is prescribed or held, and whether to leave out
+    its estimate of heaping.
     """
     asked = {TOLERANCE[engine]: scene.accuracy.tolerance} if engine in TOLERANCE else {}
     if engine == "formula":
@@ -209,9 +216,16 @@ def _asked(scene, engine, held, progress):
         asked["torque"] = scene.machine.roller_torque / scene.machine.roller_length
     if engine == "compaction" and progress is not None:
         asked["progress"] = progress
+    if engine == "compaction" and _target_key(scene) in scene.unusual:
+        asked["steepest"] = None
     if held is None and _density_wanted(scene, engine):
         asked["exit_density_ratio"] = scene.mix.density_ratio
     return asked
+
+
+def _target_key(scene):
+    """Key of the target of the contact."""
+    return next((f"contact.{name}" for name in scene.target), "mix.density_ratio")
 
 
 def _density_wanted(scene, engine):

@@ -153,8 +153,13 @@ def range_of(key: str) -> Range:
 
 
 def compared_keys() -> tuple[str, ...]:
-    """Keys that have a range, those that `unusual` may name."""
+    """Keys that have a range."""
     return (*RANGES, "layer.plies", *(f"mix.overrides.{name}" for name in Overrides.model_fields))
+
+
+def insisted_keys() -> tuple[str, ...]:
+    """Keys that `unusual` may name: those with a range, and the density, which the engine "compaction" estimates."""
+    return (*compared_keys(), "mix.density_ratio")
 
 
 def far(value: float, found: Range, times: float = 1.0) -> bool:
@@ -234,11 +239,11 @@ def _of_mean_speed(say, duration, stroke, unusual):
 
 
 def _unusual_names_keys(unusual):
-    unknown = [key for key in unusual or () if key not in compared_keys()]
+    unknown = [key for key in unusual or () if key not in insisted_keys()]
     if unknown:
         from difflib import get_close_matches
 
-        near = get_close_matches(unknown[0], compared_keys(), n=1)
+        near = get_close_matches(unknown[0], insisted_keys(), n=1)
         remedy = f"did you mean '{near[0]}'?" if near else "give key paths such as mix.overrides.heckel_slope"
         return f"holds '{unknown[0]}', which is no key with a plausible range; {remedy}"
 
