@@ -294,7 +294,7 @@ def show(result, best=3):
     """Print the best places of `main`, and what the spread leaves of them."""
     rows, spreads = result
     print(f"{'engine':<21}{'drive':<9}{'criterion':<12}{'':>2} {'law':<30}{'value':>8}{'margin':>8}{'error':>8}  sure")
-    for engine, drive, by, place, law, value, margin, _, _, error, sure in rows:
+    for engine, drive, by, place, law, value, margin, _, _, error, sure, *_ in rows:
         if by in SHOWN and place <= best:
             print(f"{engine:<21}{drive:<9}{by:<12}{place:>2} {law:<30}{value:>8.0f}", end="")
             print(f"{'tie' if is_tie(margin) else f'{margin:.2%}':>8}{error:>8.2%}  {'sure' if sure else '-'}")

@@ -8,9 +8,12 @@ import pytest
 
 from compact.calibrate import calibrate
 from compact.measurements import read
+from compact.scene import load_scene
+from compact.study import Study
 
 MEASURED = "loveikin-2015-measured.toml"
 STUDIES = Path(__file__).parent.parent / "studies"
+README = STUDIES.parent / "README.md"
 
 
 def study(name):
@@ -376,3 +379,33 @@ def test_ranking_draws_the_error_of_every_engine_that_has_one():
         ends = np.array(compaction.lines[2][0].get_segments())[:, :, 0]
         assert ends == pytest.approx(np.array([[-6.0, 6.0], [10 - 6.6, 10 + 6.6]]))
         assert np.abs(formula.lines[0].get_ydata() - compaction.lines[0].get_ydata()).min() > 0.2
+
+
+def first_places(module, **asked):
+    """Lines of the README's table as the study makes them, without its head."""
+    rows, _ = module.main(samples=2, **asked)
+    return module.markdown(rows)[2:]
+
+
+def test_table_of_the_readme_is_that_of_the_study():
+    (line,) = first_places(study("rank_laws"), engines=("formula",), drives=("rigid",))
+    assert line in README.read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["formula", "column", "fem", "compaction"])
+def test_every_row_of_the_readme_is_that_of_the_study(engine):
+    lines = first_places(study("rank_laws"), engines=(engine,))
+    text = README.read_text(encoding="utf-8")
+    assert len(lines) == 3
+    assert [line for line in lines if line not in text] == []
+
+
+@pytest.mark.slow
+def test_linear_layer_of_the_study_is_the_main_job():
+    module = study("rank_laws")
+    rows, _ = module.main(engines=("fem",), drives=("elastic",), samples=2)
+    job = Study(load_scene(module.SCENES / "loveikin-2015-engines.toml", beside=None))
+    for by in module.SHOWN:
+        ours = {row[4]: row[5] for row in rows if row[2] == by}
+        assert ours == {place.run.name: pytest.approx(place.value, rel=1e-9) for place in job.rankings[by]}
