@@ -177,17 +177,26 @@ def _cropped(ax, peaks):
     ax.set_ylim(max(low, -most), min(high, most))
 
 
+def _three(value):
+    """A number to three digits, without an exponent up to a million.
+
+    >>> _three(7.519), _three(1002.6)
+    ('7.52', '1003')
+    """
+    return f"{value:.3g}" if abs(value) < 100 else f"{value:.0f}"
+
+
 def _name_cropped(ax, peaks, unit):
     """Say low in the panel, where no peak is, which laws reach beyond its scale, and how far."""
     limit = max(map(abs, ax.get_ylim()))
     said = [
-        f"▲ {name}: " + (f"peak {peak:.3g} {unit}, off the scale" if np.isfinite(peak) else "infinite at its jumps")
+        f"▲ {name}: " + (f"peak {_three(peak)} {unit}, off the scale" if np.isfinite(peak) else "infinite at its jumps")
         for name, peak in peaks.items()
         if peak > limit
     ]
     if said:
         ax.text(
-            0.25, 0.04, "\n".join(said), transform=ax.transAxes, ha="center", va="bottom", fontsize=8,
+            0.03, 0.05, "\n".join(said), transform=ax.transAxes, ha="left", va="bottom", fontsize=8,
             bbox={"facecolor": "white", "edgecolor": "0.6", "pad": 2},
         )  # fmt: skip
 
