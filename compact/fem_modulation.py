@@ -26,9 +26,9 @@ from compact.modulation import Modulation
 from compact.patch import RollAside, Surface
 from compact.streamline import creep, memory, retardation
 
-TOLERANCE = (
-    DEFAULT_ERROR  # on a mesh that the contact takes along: dF_ss/dv and M within 0.05 % to an instant/relaxed of 20
-)
+# On a mesh that the contact takes along: dF_ss/dv and M within 0.07 % to an instant/relaxed of 20, M over the larger of
+# |M| and tau dF_ss/dv.
+TOLERANCE = DEFAULT_ERROR
 FASTER = 1e-3  # relative change of the speed either way
 ASIDE = 1e-3  # how far the surface is set aside either way at most, over the indentation
 ROUNDS = 3  # of a contact and its mesh

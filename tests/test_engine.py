@@ -318,3 +318,12 @@ def test_a_lift_leaves_with_its_height_and_density():
     rolled = engine.roll(case.scene, case.mix, 0.2)
     assert rolled.exit_height == pytest.approx(0.06, rel=1e-6)
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["column", "spectral", "fem"])
+@pytest.mark.parametrize("ratio", [1.5, 5.0])
+def test_no_contact_of_a_scene_comes_without_an_error(name, ratio):
+    case = study(**{"accuracy.engine": name, "layer.lift": 0.06, "mix.overrides.instant_over_relaxed": ratio})
+    load, resistance = engine.roll(case.scene, case.mix, 0.033).error
+    assert 0 < load <= case.scene.accuracy.tolerance
+    assert 0 < resistance <= case.scene.accuracy.tolerance
