@@ -361,7 +361,8 @@ def _refuse_beyond(there, name, value, limit):
     """Refuse what is prescribed beyond its limit, that at the deepest indentation."""
     full = f"grains and water alone fill the {there.solid:.6g} m that are left of {there.height:.6g} m"
     reason = "the circle is buried to its axis" if there.buried else full
-    raise ValueError(f"`{name}` must be less than {limit:.6g}, where {reason}, got {value!r}")
+    unit = {"indentation": "m", "load": "N/m", "peak_pressure": "Pa"}[name]
+    raise ValueError(f"`{name}` must be less than {limit:.6g} {unit}, where {reason}, got {value:.6g} {unit}")
 
 
 def _rolled(passage, looser, rtol, direction, searched):

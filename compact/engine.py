@@ -190,6 +190,13 @@ def _named(scene, engine, speed):
         raise RuntimeError(
             f"{case}: the iteration diverged, a stress or strain is no longer finite; press less, or feed denser mix"
         ) from error
+    except ValueError as error:
+        if "load" not in scene.target or not str(error).startswith("`load`"):
+            raise
+        machine, load = scene.machine, scene.target["load"]
+        raise ValueError(
+            f"{error} (contact.load = {load:g} N over roller_length = {machine.roller_length:g} m)"
+        ) from error
     except RuntimeError as error:
         insist = f'; unusual = ["{_target_key(scene)}"] computes it all the same' if _is_estimate(error) else ""
         raise RuntimeError(f"{case}: {error}{insist}") from error

@@ -830,7 +830,7 @@ def test_search_for_a_load_takes_few_passes(count):
             circle(0.0132),
             MIX,
             SPEED,
-            "`indentation` must be less than 0.0132, where grains and water alone",
+            "`indentation` must be less than 0.0132 m, where grains and water alone",
         ),
         (
             Layer(0.22),
@@ -845,7 +845,7 @@ def test_search_for_a_load_takes_few_passes(count):
             circle(0.2),
             MIX,
             SPEED,
-            "`indentation` must be less than 0.11, where the circle is buried to its",
+            "`indentation` must be less than 0.11 m, where the circle is buried to its",
         ),
     ],
 )
