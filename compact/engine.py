@@ -77,19 +77,17 @@ def held_quantity(scene) -> str:
     return next((name for name in ("load", "peak_pressure") if name in _prescribed(scene)), "height")
 
 
-def held(scene, mix, engine=None, reference=None) -> Held | None:
-    """The `Held` of a scene; None if it has to be read from a `reference` and none is given.
+def held(scene, mix, reference=None) -> Held | None:
+    """The `Held` of a scene by its engine, one of LAYERED; None if it has to be read from a `reference` and none is given.
 
     Parameters
     ----------
     scene, mix : of one study
-    engine : name of an engine of LAYERED; that of the scene by default
     reference : `Rolled` at the mean speed of a pass, with the target of the scene met there, or None
     """
-    name, speed = held_quantity(scene), scene.mean_speed
-    roller = inputs(scene, mix, engine or scene.accuracy.engine, speed)[1]
-    given, value = roller.target
-    if given == TARGETS[name] and not _density_wanted(scene, engine or scene.accuracy.engine):
+    name, speed, engine = held_quantity(scene), scene.mean_speed, scene.accuracy.engine
+    given, value = inputs(scene, mix, engine, speed)[1].target
+    if given == TARGETS[name] and not _density_wanted(scene, engine):
         return Held(name, value, speed)
     return reference and Held(name, float(getattr(reference, TARGETS[name])), speed)
 
