@@ -78,7 +78,7 @@ def held_quantity(scene) -> str:
 
 
 def held(scene, mix, reference=None) -> Held | None:
-    """The `Held` of a scene by its engine, one of LAYERED; None if it has to be read from a `reference` and none is given.
+    """The `Held` of a scene by its engine, one of LAYERED; None if it takes a `reference` and none is given.
 
     Parameters
     ----------
