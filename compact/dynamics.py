@@ -15,6 +15,9 @@ allow, however stiff the spring: for dry friction of one size it is a whole piec
 speed gets zero or R bends, where a standing cart is pulled off, where the backlash opens or closes, or where the cart
 meets or leaves an end spring: at roots of signals (`ringing`), found to rounding. What r misses of the true resistance
 anywhere is the defect: the arcs solve exactly the equation with a resistance that differs by less than the tolerance.
+
+No compiled call lasts longer than a fraction of a second: an arc is tried `TRIES` times at most, each try is a bounded
+amount of work, and `advance` pauses after a `SLICE` of it, so that an interrupt gets in.
 """
 
 from typing import NamedTuple
@@ -24,7 +27,21 @@ import numpy as np
 from compact import oscillator, resisted, ringing, sliding, suspended
 from compact.oscillator import TERMS, reach
 from compact.resisted import BACK, THERE, later
-from compact.ringing import Signal, combined, compiling, first_fall, largest_product, shifted, slope, value
+from compact.ringing import (
+    CELLS,
+    EXHAUSTED,
+    MOST_RANGES,
+    RANGES,
+    Signal,
+    combined,
+    compiling,
+    effort,
+    first_fall,
+    largest_product,
+    shifted,
+    slope,
+    value,
+)
 from compact.sliding import AHEAD, CHECKS, SLOWEST, defect, lined, pace_of, passed, slide, stretched
 from compact.suspended import AT_FAR, AT_NEAR, FAR, NEAR, State, direction, engaged, hold, limits
 
@@ -33,7 +50,9 @@ TRIES = 1000  # of one arc; each is shorter than the one before by a tenth or mo
 BRIEF = 1e-7  # share of a piece of the law: over so short an arc a cart that does not get away stands
 STILL = 1e-7  # of the fastest: so slow a cart does not bounce off the plate of an end spring any more
 
-DONE, TOO_MANY, TOO_FAST, TOO_SHORT = range(4)  # how `integrate` ended
+SLICE = 100_000  # evaluations of F and ranges searched in one compiled call, about: a tenth of a second or less
+
+DONE, TOO_MANY, TOO_FAST, TOO_SHORT, UNSEARCHED, PAUSED = range(6)  # how `integrate` or `advance` ended
 # what ends an arc; HELD: the cart stopped before it got away; PASSED: its resistance is another from there
 NOTHING, STOPPED, HELD, PULLED, PUSHED, OPENED, CLOSED_AHEAD, CLOSED_BEHIND, LEFT, MET_NEAR, MET_FAR, PASSED = range(12)
 
@@ -68,12 +87,12 @@ def room(count, degree):
 
 
 @compiled
-def event(spring, resistance, slip, state, law, stretch):
+def event(spring, resistance, slip, state, law, stretch, effort):
     """(u, what) of the first event on an arc; (1, NOTHING) where there is none."""
     if slip != 0:
-        first, what = earlier(1.0, NOTHING, combined(stretch, law, 0.0, -slip, 0.0, slip), STOPPED)
+        first, what = earlier(1.0, NOTHING, combined(stretch, law, 0.0, -slip, 0.0, slip), STOPPED, effort)
         if spring.ends.length > 0:
-            first, what = _at_plate(spring.ends, state.zone, law, stretch, first, what)
+            first, what = _at_plate(spring.ends, state.zone, law, stretch, first, what, effort)
     else:
         first, what = 1.0, NOTHING
         held, most = hold(spring, state.side, state.zone), limits(spring, resistance, state.zone)
@@ -81,7 +100,7 @@ def event(spring, resistance, slip, state, law, stretch):
             spare = combined(stretch, law, -way * held.stiffness, -way * spring.damping, way * held.along, 0.0)
             spare.poly[0] += way * (limit - held.constant)
             spare.poly[1] += way * resistance.given[row, 1] * stretch.span
-            first, what = earlier(first, what, spare, name)
+            first, what = earlier(first, what, spare, name, effort)
     if spring.backlash > 0:
         for way, name in ((1, CLOSED_AHEAD), (-1, CLOSED_BEHIND)):
             if state.side == -way:
@@ -89,19 +108,19 @@ def event(spring, resistance, slip, state, law, stretch):
             on = 1.0 if state.side == way else -1.0
             play = combined(stretch, law, on * way, 0.0, 0.0, 0.0)
             play.poly[0] -= on * spring.backlash / 2
-            first, what = earlier(first, what, play, OPENED if state.side == way else name)
+            first, what = earlier(first, what, play, OPENED if state.side == way else name, effort)
     return first, what
 
 
 @compiled
-def earlier(first, what, signal, name):
+def earlier(first, what, signal, name, effort):
     """(u, what) of a signal's first fall below zero where it comes before the first event so far."""
-    u = first_fall(signal)
+    u = first_fall(signal, effort)
     return (u, name) if u < first or (u == first and what == NOTHING) else (first, what)
 
 
 @compiled
-def _at_plate(ends, zone, law, stretch, first, what):
+def _at_plate(ends, zone, law, stretch, first, what, effort):
     """The first event, or where the cart meets or leaves an end spring before it."""
     for end, begins, name in ((NEAR, ends.length, MET_NEAR), (FAR, ends.stroke - ends.length, MET_FAR)):
         if zone == -end:
@@ -109,7 +128,7 @@ def _at_plate(ends, zone, law, stretch, first, what):
         on = -end if zone == end else end
         apart = combined(stretch, law, -on, 0.0, on, 0.0)
         apart.poly[0] -= on * begins
-        first, what = earlier(first, what, apart, LEFT if zone == end else name)
+        first, what = earlier(first, what, apart, LEFT if zone == end else name, effort)
     return first, what
 
 
@@ -128,17 +147,17 @@ class Trial(NamedTuple):
 
 
 @compiled
-def attempt(spring, resistance, state, slip, line, law, h, tolerance):
+def attempt(spring, resistance, state, slip, line, law, h, tolerance, effort):
     """The `Trial` of an arc of at most h [s] under law(u) of a cart that slides."""
-    law, stretch, rest, converged, evaluations = slide(spring, resistance, state, slip, line, law, h, tolerance)
+    law, stretch, rest, converged, evaluations = slide(spring, resistance, state, slip, line, law, h, tolerance, effort)
     span = stretch.span
     if not converged:
         return Trial(False, span / 2, law, stretch, 0.0, NOTHING, evaluations, 0.0)
-    until, what = event(spring, resistance, slip, state, law, stretch)
+    until, what = event(spring, resistance, slip, state, law, stretch, effort)
     speed = combined(stretch, law, 0.0, -1.0, 0.0, 1.0)
     worst, fastest = defect(resistance, slip, line, speed, rest, until)
     evaluations += CHECKS
-    leaves = passed(resistance, slip, line, speed) if worst > tolerance else 2.0
+    leaves = passed(resistance, slip, line, speed, effort) if worst > tolerance else 2.0
     if leaves < until:
         until, what = leaves, PASSED
         worst, fastest = defect(resistance, slip, line, speed, rest, until)
@@ -156,12 +175,12 @@ def attempt(spring, resistance, state, slip, line, law, h, tolerance):
 
 
 @compiled
-def stand(spring, resistance, state, law, h):
+def stand(spring, resistance, state, law, h, effort):
     """The `Trial` of an arc of h [s] under law(u) of a cart that stands."""
     poly = law.copy()
     poly[0] = state.stretch
     stretch = Signal(poly, 0.0, 0.0, 0.0, 0.0, h)
-    until, what = event(spring, resistance, 0, state, law, stretch)
+    until, what = event(spring, resistance, 0, state, law, stretch, effort)
     return Trial(True, np.inf, law, stretch, until, what, 0, 0.0)
 
 
@@ -205,53 +224,122 @@ def outcome(spring, resistance, state, slip, trial):
     return State(stretch, velocity, side, zone)
 
 
+class Journey(NamedTuple):
+    """A cart on its way through the pieces of a law; an integration that paused goes on from it.
+
+    reals : the `State`'s stretch [m] and velocity [m/s]; share of the piece that is done; step to try next [s]
+    counts : the `State`'s side and zone; the piece; what ended the last arc; tries of this one; arcs; evaluations of F
+    effort : of the searches of this arc, for its end
+    """
+
+    reals: np.ndarray
+    counts: np.ndarray
+    effort: np.ndarray
+
+
+STRETCH, VELOCITY, SHARE, STEP = range(4)  # of `Journey.reals`
+SIDE, ZONE, PIECE, LAST, TRIED, ARC, EVALUATIONS = range(7)  # of `Journey.counts`
+
+
 @compiled
+def begun(state):
+    """A `Journey` that has not set off."""
+    reals = np.array([state.stretch, state.velocity, 0.0, np.inf])
+    return Journey(reals, np.array([state.side, state.zone, 0, NOTHING, 0, 0, 0]), np.zeros(2, np.int64))
+
+
+@compiled
+def reached(journey):
+    """The `State` where a journey is."""
+    reals, counts = journey.reals, journey.counts
+    return State(reals[STRETCH], reals[VELOCITY], counts[SIDE], counts[ZONE])
+
+
+@compiled
+def clock(law, journey):
+    """Time [s] at which a journey is."""
+    i = journey.counts[PIECE]
+    if i == len(law.coefficients):
+        return law.breaks[-1]
+    return law.breaks[i] + journey.reals[SHARE] * (law.breaks[i + 1] - law.breaks[i])
+
+
 def integrate(spring, law, resistance, state, tolerance, arcs):
     """Arcs from a state through all pieces of a law: (how it ended, arcs, evaluations of F, state, time).
 
     law : position of the far end over time, `Pieces` whose joins are the only places where it is not smooth
     tolerance : of the defect [N];  arcs : `room`, filled in place
     """
-    n, work, step, tries = 0, 0, np.inf, 0
-    for i in range(len(law.coefficients)):
+    state = State(float(state.stretch), float(state.velocity), int(state.side), int(state.zone))
+    journey, ended = begun(state), PAUSED
+    while ended == PAUSED:  # an interrupt gets in between two calls
+        ended = advance(spring, law, resistance, journey, tolerance, arcs, SLICE)
+    counts = journey.counts
+    return ended, int(counts[ARC]), int(counts[EVALUATIONS]), reached(journey), float(clock(law, journey))
+
+
+@compiled
+def advance(spring, law, resistance, journey, tolerance, arcs, most):
+    """How a journey ended, or PAUSED after about as much work as `most`, to go on by the same call.
+
+    Work is evaluations of F, ranges searched, and tries. The result is a bare number: making a record of a result runs
+    Python, where an interrupt would be lost.
+    """
+    reals, counts, effort = journey
+    work = 0
+    while counts[PIECE] < len(law.coefficients):
+        i, done, step = counts[PIECE], reals[SHARE], reals[STEP]
         begin, whole, piece = law.breaks[i], law.breaks[i + 1] - law.breaks[i], law.coefficients[i]
-        done, last = 0.0, NOTHING
-        while done < 1:
-            time, left = begin + done * whole, (1 - done) * whole
-            tries += 1
-            if n == len(arcs.start) or step < SHORTEST * whole or tries > TRIES:
-                return TOO_MANY if n == len(arcs.start) else TOO_SHORT, n, work, state, time
-            here = shifted(piece, done, 1.0)
-            pace = here[1] / whole
-            now = later(resistance, time - law.breaks[0])
-            slip = heading(spring, now, state, here[0], pace, last)
-            line = lined(spring, now, state, slip or 1, here[0], pace)
-            h = left if slip == 0 else min(step, left)
-            if slip != 0:
-                stiffness = hold(spring, state.side, state.zone).stiffness
-                h = reach(spring.mass + line.added, spring.damping + line.rise, stiffness, h)
-            y = shifted(piece, done, h / whole)
-            if slip == 0:
-                trial = stand(spring, now, state, y, h)
-            else:  # after a stand it goes on with steps as before
-                trial = attempt(spring, now, state, slip, line, y, h, tolerance)
-                step = trial.step
-            work += trial.evaluations
-            span = trial.stretch.span
-            if not trial.kept:
-                continue
-            if slip != 0 and trial.fastest > (resistance.there if slip > 0 else resistance.back).breaks[-1]:
-                return TOO_FAST, n, work, state, time
-            stayed = state.velocity == 0 and trial.what == STOPPED and trial.until * span < SHORTEST * whole
-            if stayed and span > BRIEF * whole:  # it hardly sets off: over a shorter arc rounding hides less
-                step = span / 8
-                continue
-            _keep(arcs, n, time, trial, slip, state, now.given)
-            n, tries = n + 1, 0
-            last, step = (HELD, np.inf) if stayed else (trial.what, step)
-            state = outcome(spring, now, state, slip, trial)
-            done = 1.0 if span == left and trial.what == NOTHING else done + trial.until * span / whole
-    return DONE, n, work, state, law.breaks[-1]
+        if not done < 1:
+            counts[PIECE], reals[SHARE], counts[LAST] = i + 1, 0.0, NOTHING
+            continue
+        if work >= most:
+            return PAUSED
+        time, left = begin + done * whole, (1 - done) * whole
+        counts[TRIED] += 1
+        if counts[ARC] == len(arcs.start):
+            return TOO_MANY
+        if step < SHORTEST * whole or counts[TRIED] > TRIES:
+            return TOO_SHORT
+        state = reached(journey)
+        here = shifted(piece, done, 1.0)
+        pace = here[1] / whole
+        now = later(resistance, time - law.breaks[0])
+        slip = heading(spring, now, state, here[0], pace, counts[LAST])
+        line = lined(spring, now, state, slip or 1, here[0], pace)
+        h = left if slip == 0 else min(step, left)
+        if slip != 0:
+            stiffness = hold(spring, state.side, state.zone).stiffness
+            h = reach(spring.mass + line.added, spring.damping + line.rise, stiffness, h)
+        y = shifted(piece, done, h / whole)
+        effort[RANGES] = 0
+        if slip == 0:
+            trial = stand(spring, now, state, y, h, effort)
+        else:  # after a stand it goes on with steps as before
+            trial = attempt(spring, now, state, slip, line, y, h, tolerance, effort)
+            reals[STEP] = trial.step
+        counts[EVALUATIONS] += trial.evaluations
+        work += 1 + trial.evaluations + effort[RANGES]
+        if effort[EXHAUSTED] == 1:
+            return UNSEARCHED
+        span = trial.stretch.span
+        if not trial.kept:
+            continue
+        if slip != 0 and trial.fastest > (resistance.there if slip > 0 else resistance.back).breaks[-1]:
+            return TOO_FAST
+        stayed = state.velocity == 0 and trial.what == STOPPED and trial.until * span < SHORTEST * whole
+        if stayed and span > BRIEF * whole:  # it hardly sets off: over a shorter arc rounding hides less
+            reals[STEP] = span / 8
+            continue
+        _keep(arcs, counts[ARC], time, trial, slip, state, now.given)
+        counts[ARC] += 1
+        counts[TRIED], counts[LAST] = 0, HELD if stayed else trial.what
+        if stayed:
+            reals[STEP] = np.inf
+        end = outcome(spring, now, state, slip, trial)
+        reals[STRETCH], reals[VELOCITY], counts[SIDE], counts[ZONE] = end.stretch, end.velocity, end.side, end.zone
+        reals[SHARE] = 1.0 if span == left and trial.what == NOTHING else done + trial.until * span / whole
+    return DONE
 
 
 @compiled
@@ -265,21 +353,44 @@ def _keep(arcs, n, start, trial, slip, state, given):
     arcs.slip[n], arcs.side[n], arcs.zone[n], arcs.given[n] = slip, state.side, state.zone, given
 
 
-@compiled
 def peaks(spring, arcs):
-    """Largest |force| of the spring [N] and largest |force times speed of the far end| [W] over all arcs."""
-    force_peak, power_peak = 0.0, 0.0
-    for i in range(len(arcs.start)):
+    """Largest |force| of the spring [N] and largest |force times speed of the far end| [W] over all arcs.
+
+    Raises RuntimeError where an arc oscillates too often to search it.
+    """
+    found, searched, ended = np.zeros(2), effort(), PAUSED
+    at = np.zeros(1, np.int64)
+    while ended == PAUSED:  # an interrupt gets in between two calls
+        ended = _raise_peaks(spring, arcs, found, at, searched, SLICE)
+    if ended != DONE:
+        raise RuntimeError(
+            f"the largest force from {arcs.start[at[0]]:g} s on was not found in {MOST_RANGES} ranges of the "
+            "oscillation; give more damping, or take a rigid drive"
+        )
+    return float(found[0]), float(found[1])
+
+
+@compiled
+def _raise_peaks(spring, arcs, found, at, effort, most):
+    """How the search from arc `at` on ended, or PAUSED after about as many ranges as `most`; `found` grows."""
+    work, damping = 0, spring.damping
+    for i in range(at[0], len(arcs.start)):
+        at[0] = i
+        if work >= most:
+            return PAUSED
         stiffness, offset = engaged(spring, arcs.side[i])
         ring, law = arcs.ring[i], arcs.law[i]
         stretch = Signal(arcs.stretch[i], ring[0], ring[1], ring[2], ring[3], arcs.span[i])
-        damping = spring.damping
         force = combined(stretch, law, stiffness, damping, 0.0, 0.0)
         force.poly[0] -= stiffness * offset
         still = Signal(np.zeros(TERMS), 0.0, 0.0, 0.0, 0.0, arcs.span[i])
         one, pace = combined(still, law, 0.0, 0.0, 0.0, 0.0), combined(still, law, 0.0, 0.0, 0.0, 1.0)
         one.poly[0] = 1.0
         until = arcs.length[i] / arcs.span[i]
-        force_peak = max(force_peak, largest_product(force, one, until))
-        power_peak = max(power_peak, largest_product(force, pace, until))
-    return force_peak, power_peak
+        for which, other in ((0, one), (1, pace)):
+            effort[RANGES] = 0
+            found[which] = max(found[which], largest_product(force, other, until, effort))
+            work += CELLS + effort[RANGES]
+            if effort[EXHAUSTED] == 1:
+                return UNSEARCHED
+    return DONE

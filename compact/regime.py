@@ -18,11 +18,11 @@ import numpy as np
 
 from compact.cart import balance
 from compact.drive import CREEP, met_resistance
-from compact.dynamics import DONE, SHORTEST, TOO_FAST, TOO_MANY, TOO_SHORT, Arcs, integrate, room
+from compact.dynamics import DONE, SHORTEST, TOO_FAST, TOO_MANY, TOO_SHORT, UNSEARCHED, Arcs, integrate, room
 from compact.pieces import EPSILON, inside
 from compact.polynomials import Pieces, integrated, pieces
 from compact.resisted import NONE, Resistance
-from compact.ringing import shifted
+from compact.ringing import MOST_RANGES, shifted
 from compact.suspended import AT_NEAR, FAR, NEAR, Ends, Spring, State
 
 ARCS = 20_000  # of a cycle; a dozen are usual, hundreds where the resistance bends with the speed
@@ -45,6 +45,8 @@ FAILURES = {
     TOO_MANY: f"more than {ARCS} arcs; give more damping, or take a rigid drive",
     TOO_FAST: "it gets faster without end, its resistance falls too steeply with the speed",
     TOO_SHORT: f"steps below {SHORTEST:g} of a piece of the law; `resistance` is not smooth",
+    UNSEARCHED: f"the end of an arc was not found in {MOST_RANGES} ranges of its oscillation; give more damping, or "
+    "take a rigid drive",
 }
 
 

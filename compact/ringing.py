@@ -5,7 +5,8 @@
 
 Stretch, speed and force of a spring and any linear combination of them are such signals, and so is their derivative.
 A range of u is left out of a search when bounds of polynomial and envelope allow no find in it, so that the cost of a
-search grows with what may be found, not with the number of oscillations.
+search grows with what may be found, not with the number of oscillations. Where rounding lets it grow nevertheless, a
+search ends after `MOST_RANGES` ranges, and its `effort` records that.
 """
 
 import os
@@ -21,6 +22,9 @@ HALVINGS = 80  # of a range that holds a root: to rounding
 DEPTH = 200  # of the stack of ranges
 NEARLY = 1e-10  # relative: what can be larger by less is left out
 CELLS, ZOOMS = 8, 14  # of the search for a top on a short range: each zoom goes four times closer
+MOST_RANGES = 500_000  # [-], of the searches for one event or top: all that `course.MOST_SAMPLES` has; 1300 were met
+TOP = 20  # [-], ranges that cost as much as the search for a top on a short one
+RANGES, EXHAUSTED = range(2)  # of an `effort`: ranges searched; 1 where a search ended before it had searched all
 
 
 class Signal(NamedTuple):
@@ -32,6 +36,11 @@ class Signal(NamedTuple):
     decay: float
     bend: float
     span: float
+
+
+def effort():
+    """Counts of searches that have not begun, shape (2,): RANGES and EXHAUSTED."""
+    return np.zeros(2, np.int64)
 
 
 def compiling(*sources):
@@ -195,8 +204,8 @@ def change(signal, low, high):
 
 
 @compiled
-def first_fall(signal):
-    """The least u at which q falls from >= 0 to below, 2.0 where it never does."""
+def first_fall(signal, effort):
+    """The least u at which q falls from >= 0 to below, 2.0 where it never does or the `effort` is exhausted."""
     if signal.poly[0] - (np.abs(signal.poly[1:]).sum() + envelope(signal, 0.0, 1.0)) > 0:
         return 2.0
     rate, zero = slope(signal), ROUNDING * size(signal)
@@ -205,7 +214,10 @@ def first_fall(signal):
     while top > 0:
         top -= 1
         low, high = stack[top, 0], stack[top, 1]
-        if bounds(signal, low, high)[0] > 0:
+        if exhausted(effort):
+            return 2.0
+        least, most = bounds(signal, low, high)
+        if least >= -zero or most < -zero:  # all of it is above zero or below, but for rounding
             continue
         if short(signal, low, high) or top + 2 > DEPTH:
             place = _fall(signal, rate, low, high, zero)
@@ -216,6 +228,15 @@ def first_fall(signal):
         stack[top, 0], stack[top, 1], stack[top + 1, 0], stack[top + 1, 1] = middle, high, low, middle
         top += 2
     return 2.0
+
+
+@compiled
+def exhausted(effort):
+    """Whether a search must end; counts one more range."""
+    effort[RANGES] += 1
+    if effort[RANGES] > MOST_RANGES:
+        effort[EXHAUSTED] = 1
+    return effort[EXHAUSTED] == 1
 
 
 @compiled
@@ -236,8 +257,8 @@ def _fall(signal, rate, low, high, zero):
 
 
 @compiled
-def largest_product(one, two, until):
-    """Largest |q1 q2| for 0 <= u <= until."""
+def largest_product(one, two, until, effort):
+    """Largest |q1 q2| for 0 <= u <= until, of those found where the `effort` is exhausted."""
     best = 0.0
     for i in range(CELLS + 1):
         best = max(best, abs(value(one, until * i / CELLS) * value(two, until * i / CELLS)))
@@ -248,8 +269,11 @@ def largest_product(one, two, until):
         low, high, most = stack[top, 0], stack[top, 1], stack[top, 2]
         if most <= best * (1 + NEARLY):
             continue
+        if exhausted(effort):
+            return best
         if (short(one, low, high) and short(two, low, high)) or top + 2 > DEPTH:
             best = max(best, _top(one, two, low, high))
+            effort[RANGES] += TOP
             continue
         middle = (low + high) / 2
         left, right = _most(one, two, low, middle), _most(one, two, middle, high)

@@ -68,11 +68,11 @@ class Slide(NamedTuple):
 
 
 @compiled
-def slide(spring, resistance, state, slip, line, law, h, tolerance):
+def slide(spring, resistance, state, slip, line, law, h, tolerance, effort):
     """The `Slide` of at most h [s]: no farther than a little beyond where R leaves its `Section`, if that matters."""
     force = straight(spring, resistance, state, slip, line, law, h)
     stretch = answer(spring, state, line, force, law, h)
-    share = foreseen(resistance, slip, line, combined(stretch, law, 0.0, -1.0, 0.0, 1.0), tolerance)
+    share = foreseen(resistance, slip, line, combined(stretch, law, 0.0, -1.0, 0.0, 1.0), tolerance, effort)
     if share < 1:
         law, h = shifted(law, 0.0, share), h * share
         force = straight(spring, resistance, state, slip, line, law, h)
@@ -130,7 +130,7 @@ def beside(resistance, slip, line, speed, places, within):
 
 
 @compiled
-def foreseen(resistance, slip, line, speed, tolerance):
+def foreseen(resistance, slip, line, speed, tolerance, effort):
     """Share of a motion up to a little beyond where R leaves its `Section`, 1 where that makes no difference."""
     velocity, there = beside(resistance, slip, line, speed, NODES, line.section)
     low, high = (slip * velocity).min(), (slip * velocity).max()
@@ -139,26 +139,26 @@ def foreseen(resistance, slip, line, speed, tolerance):
     true = beside(resistance, slip, line, speed, NODES, WHOLE)[1]
     for i in range(POINTS):
         if slip * velocity[i] > 0 and abs(true[i] - there[i]) > tolerance:
-            return min(1.0, AHEAD * passed(resistance, slip, line, speed))
+            return min(1.0, AHEAD * passed(resistance, slip, line, speed, effort))
     return 1.0
 
 
 @compiled
-def passed(resistance, slip, line, speed):
+def passed(resistance, slip, line, speed, effort):
     """The u at which a motion first leaves the `Section` where it starts, 2.0 where it does not."""
     smooth, first = line.section, 2.0
     for way, limit in ((1.0, smooth.low), (-1.0, smooth.high)):
         if 0 < limit < np.inf:
             left = scaled(speed, way * slip)
             left.poly[0] -= way * limit
-            u = first_fall(left)
+            u = first_fall(left, effort)
             first = min(first, u if u > AT else 2.0)
     if 0 < resistance.pace < np.inf:
         change, inside = slope(speed), smooth.held == 0
         for sign in (1.0, -1.0):
             if inside or sign == smooth.held:
                 spare = sum_of(scaled(speed, slip * resistance.pace), scaled(change, -sign / speed.span))
-                u = first_fall(spare if inside else scaled(spare, -1.0))
+                u = first_fall(spare if inside else scaled(spare, -1.0), effort)
                 first = min(first, u if u > EARLY else 2.0)
     return first
 

@@ -22,7 +22,8 @@ import numpy as np
 from compact import dynamics, imprint
 from compact.cart import balance
 from compact.drive import CREEP
-from compact.dynamics import DONE, TOO_FAST, Arcs, integrate, room
+from compact.dynamics import ARC, DONE, EVALUATIONS, TOO_FAST, Arcs, advance, clock, reached, room
+from compact.dynamics import begun as set_off
 from compact.imprint import copied, pressed
 from compact.memory import instants
 from compact.polynomials import Pieces, pieces
@@ -116,8 +117,10 @@ def march(spring, law, resistance, track, columns, state, tolerance, arcs, place
             given[:, 0] = begun
             given[:, 1] = (given_at(track.guides, track.mix, end.velocity, guess) - begun) / span
             now = Resistance(there, back, knots, added, pace, given)
-            ended, count, evaluations, end, time = integrate(spring, window, now, state, tolerance, free)
-            work, trials = work + evaluations, trials + 1
+            journey = set_off(state)
+            ended = advance(spring, window, now, journey, tolerance, free, np.iinfo(np.int64).max)
+            count, end, time = journey.counts[ARC], reached(journey), clock(window, journey)
+            work, trials = work + journey.counts[EVALUATIONS], trials + 1
             if ended != DONE:
                 return ended, n, work, trials, end, time
             place = window.coefficients[0].sum() - end.stretch

@@ -1,18 +1,14 @@
 """The engine "column": closed forms, reference solutions, independent integrations of the path, passes, refusals."""
 
 import re
-import signal
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
-from time import monotonic, sleep
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from interrupts import heed_interrupts
+from interrupts import interrupted
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, root
 
@@ -922,22 +918,6 @@ def test_integration_in_slices_is_the_same(monkeypatch):
     sliced = rolled(rtol=1e-11)
     assert ended.count(confined.PAUSED) > 10
     assert (sliced.load, sliced.resistance) == pytest.approx((whole.load, whole.resistance), rel=1e-10)
-
-
-def interrupted(code, signs=b"begun"):
-    """Exit code of a program that gets an interrupt as soon as it has said that it has begun, and seconds it took."""
-    started = subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=heed_interrupts
-    )
-    try:
-        assert started.stdout.readline().strip() == signs, started.stderr.read()
-        sleep(0.3)
-        sent = monotonic()
-        started.send_signal(signal.SIGINT)
-        message = started.communicate(timeout=60)[1].decode()
-    finally:
-        started.kill()
-    return started.returncode, monotonic() - sent, message
 
 
 LONG = """

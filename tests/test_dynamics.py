@@ -7,16 +7,19 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from interrupts import interrupted
 from published import CART_OF_C
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from compact.course import Course
+from compact import dynamics, ringing
+from compact.course import MOST_SAMPLES, SAMPLES, TURN, Course
 from compact.drive import simulate
 from compact.dynamics import integrate, peaks, room
 from compact.elastic import ElasticDrive, damping_ratio, travel
@@ -25,7 +28,9 @@ from compact.polynomials import Pieces, pieces
 from compact.regime import Problem
 from compact.resistance import ResistanceMap
 from compact.resisted import NOTHING_GIVEN, Resistance
+from compact.ringing import Signal, effort, first_fall, largest_product
 from compact.sliding import POINTS
+from compact.springs import EndSprings
 from compact.suspended import Spring, State
 
 CART = replace(CART_OF_C, guide_friction=0.0)
@@ -605,6 +610,97 @@ def test_run_costs_few_arcs(name):
     assert work.arcs < 500
 
 
+@pytest.mark.parametrize("count", [10, 30])
+def test_search_of_what_touches_zero_costs_no_range_for_each_oscillation(count):
+    """1 + cos(w t) and its product with 1: it touches zero and its top once in each oscillation."""
+    one = np.zeros(count)
+    one[0] = 1.0
+    touching, even = Signal(one, 1.0, 0.0, 0.0, -1e12, 1.0), Signal(one, 0.0, 0.0, 0.0, 0.0, 1.0)
+    searched = effort()
+    assert first_fall(touching, searched) == 2.0
+    assert largest_product(touching, even, 1.0, searched) == pytest.approx(2.0, rel=1e-14)
+    assert searched.tolist() <= [200, 0]
+
+
+def test_stiffness_beyond_all_sense_costs_no_range_for_each_oscillation():
+    """Where the speed of the law ends as (1 - z)^3, rounding touches zero in millions of oscillations."""
+    run = travel(CART, spring(1e26, 0.05), published("septic"), free)
+    assert np.abs(run.drive_force).max() == pytest.approx(MASS * run.cycle.there.peaks().acceleration, rel=1e-3)
+
+
+def test_search_may_take_all_ranges_that_the_samples_of_a_cycle_resolve():
+    shortest = ringing.OSCILLATION / 2  # rad: a longer range is halved
+    assert 2 * MOST_SAMPLES / SAMPLES * TURN / shortest <= ringing.MOST_RANGES
+
+
+SPRUNG = replace(CART_OF_C, end_springs=EndSprings(4e5, 500.0, 0.08, 0.4))
+STICKY = {
+    "stick and slip": (CART_OF_C, spring(1e6, 0.05), falling),
+    "undamped": (CART_OF_C, ElasticDrive(1e6, 0.0), dry(3486.0)),
+    "backlash": (CART, spring(1e6, 0.1, 2e-3), dry(1500.0)),
+    "end springs": (SPRUNG, spring(1e6, 0.05, 1e-3), falling),
+}
+
+
+@pytest.mark.parametrize("regime", ["rest", "periodic"])
+@pytest.mark.parametrize("name", ["quintic", "parabolic", "constant-velocity"])
+@pytest.mark.parametrize("case", STICKY)
+def test_integration_in_slices_is_the_same_bit_for_bit(case, name, regime, monkeypatch):
+    """Between two slices an interrupt gets in."""
+    cart, drive, resistance = STICKY[case]
+    cycle = published(name).cycle(0.5, 0.2)
+    if case == "undamped" and regime == "periodic":
+        cycle = published(name).cycle()
+    ended, advance = [], dynamics.advance
+
+    def counted(*given):
+        ended.append(advance(*given))
+        return ended[-1]
+
+    whole = travel(cart, drive, cycle, resistance, regime=regime)
+    peaks_of_whole = whole.peak_force, whole.peak_power
+    monkeypatch.setattr(dynamics, "SLICE", 1)
+    monkeypatch.setattr(dynamics, "advance", counted)
+    sliced = travel(cart, drive, cycle, resistance, regime=regime)
+    assert ended.count(dynamics.PAUSED) >= sliced.work.arcs - sliced.work.courses
+    assert (sliced.peak_force, sliced.peak_power) == peaks_of_whole
+    assert sliced.work == whole.work
+    for one, other in zip(sliced.course.arcs, whole.course.arcs, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+# an undamped cart that nothing resists swings through a dwell, each half swing an arc: half a minute
+LONG = """
+import sys
+from dataclasses import replace
+import numpy as np
+from compact import cli, elastic, regime
+
+usual = elastic.travel
+
+def travel(cart, drive, cycle, *_, **__):
+    cart, spring = replace(cart, guide_friction=0.0), elastic.ElasticDrive(1e6, 0.0)
+    free = lambda velocity, acceleration: np.zeros_like(velocity)
+    usual(cart, spring, cycle.there.cycle(1.0, 1.0), free, regime="rest")
+    regime.ARCS = 2_000_000
+    print("begun", flush=True)
+    return usual(cart, spring, cycle.there.cycle(1e6, 0.0), free, regime="rest")
+
+elastic.travel = travel
+sys.argv = ["compact", "run", {scene!r}, "--engine", "formula", "--out", {out!r}, "--quiet",
+            "--set", "drive.kind=elastic", "--set", "drive.stiffness=1e6", "--set", "drive.damping=3162.0",
+            "--set", "output.wanted=['tables']", "--set", "motion.laws=['parabolic']"]
+cli.main()
+"""
+
+
+def test_a_long_elastic_run_is_interrupted_within_a_second_or_so(tmp_path):
+    scene = str(Path(__file__).parents[1] / "studies/scenes/loveikin-2015.toml")
+    code, seconds, message = interrupted(LONG.format(scene=scene, out=str(tmp_path / "out")))
+    assert (code, message) == (130, "compact: interrupted; every file already written is whole\n")
+    assert seconds < 5  # a second, on machines that have other things to do
+
+
 # refusals
 
 
@@ -664,6 +760,20 @@ def test_oscillations_that_fit_no_memory_are_refused_before_they_are_sampled(nam
         travel(CART, ElasticDrive(1e15, 0.0), published(name), dry(3486.0))
     damping = float(re.search(r"a damping of (\S+) N s/m or more", str(refusal.value)).group(1))
     assert travel(CART, ElasticDrive(1e15, damping), published("quintic"), dry(3486.0)).energy_residual < 1e-6
+
+
+def test_oscillations_that_rounding_lets_nobody_search_are_refused():
+    words = r"and no further: the end of an arc was not found in 500000 ranges of its oscillation; give more damping"
+    with pytest.raises(RuntimeError, match=words):
+        travel(CART, spring(1e100, 0.05), published("septic"), free)
+
+
+@pytest.mark.slow
+def test_peak_that_rounding_lets_nobody_search_is_refused():
+    run = travel(CART, spring(1e40, 0.05), published("septic"), free)
+    words = r"the largest force from 3 s on was not found in 500000 ranges of the oscillation; .* take a rigid drive"
+    with pytest.raises(RuntimeError, match=words):
+        _ = run.peak_force
 
 
 def test_samples_are_counted_before_they_are_made():
