@@ -249,7 +249,7 @@ def _order_holds(shifts):
     changed = {}
     for shift in shifts:
         for by, law in shift.base.law.items():
-            ends = [end for end in (shift.low, shift.high) if end is not None and end.law[by] != law]
+            ends = [end for end in (shift.low, shift.high) if end is not None and law not in end.ties[by]]
             if ends:
                 changed.setdefault(shift.name, set()).update(f"{end.law[by]} by {WORDS[by]}" for end in ends)
     beyond = sum((shift.low is None) + (shift.high is None) for shift in shifts)

@@ -264,8 +264,9 @@ def _moved(end, base, peak):
 
 def _others(shift):
     """Laws that are first at an end, where they are not first as the scene is."""
-    found = {end.law[by] for end in (shift.low, shift.high) if end for by in shift.base.law}
-    return ", ".join(sorted(found - set(shift.base.law.values()))) or "the same"
+    ends = [end for end in (shift.low, shift.high) if end]
+    found = {end.law[by] for end in ends for by, law in shift.base.law.items() if law not in end.ties[by]}
+    return ", ".join(sorted(found)) or "the same"
 
 
 def scene(given):

@@ -18,7 +18,7 @@ import numpy as np
 
 from compact import drive, machine
 from compact.engine import roll, speeds
-from compact.ranking import ROUNDING_TIE
+from compact.ranking import BUILD_TOLERANCE, ROUNDING_TIE
 from compact.resistance import ResistanceMap
 from compact.study import Study
 
@@ -48,10 +48,14 @@ PRIOR, SHARE, PRESSED = "spread of the prior", "a tenth less, more", "a tenth of
 
 @dataclass(frozen=True)
 class End:
-    """What is made of one end of an input: least peak over all laws and the law that has it, by quantity of PEAKS."""
+    """Result at one end of an input: least peak over all laws and the law that has it, by quantity of PEAKS.
+
+    `ties` are the laws within the build tolerance of the least peak, that law among them.
+    """
 
     least: dict
     law: dict
+    ties: dict
 
 
 @dataclass(frozen=True)
@@ -179,10 +183,16 @@ def _rolled(study, fastest):
 
 def _least(cart, resistance, cycles):
     least, law = dict.fromkeys(PEAKS, np.inf), dict.fromkeys(PEAKS, "")
+    peaks = {peak: {} for peak in PEAKS}
     for name, cycle in cycles.items():
         run = drive.simulate(cart, drive.Rigid(), cycle, resistance)
         for peak, quantity in PEAKS.items():
             largest = np.inf if run.impulses else float(np.abs(getattr(run, quantity)).max())
+            peaks[peak][name] = largest
             if largest < least[peak] * (1 - ROUNDING_TIE):
                 least[peak], law[peak] = largest, name
-    return End(least, law)
+    ties = {
+        peak: frozenset(name for name, value in found.items() if value < least[peak] * (1 + BUILD_TOLERANCE))
+        for peak, found in peaks.items()
+    }
+    return End(least, law, ties)

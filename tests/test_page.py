@@ -312,9 +312,21 @@ def test_ends_beyond_the_formulas_are_told():
 def test_input_that_turns_the_order_is_named():
     study = Study(scene(**{"output.wanted": [], "motion.laws": ["parabolic", "quintic"]}))
     shifts = sensitivity.shifts(study)
-    turned = replace(shifts[0], low=replace(shifts[0].low, law=dict.fromkeys(shifts[0].base.law, "another")))
-    told = html_answer.answer(study, [turned, *shifts[1:]], [])
-    assert "the first law is another where one input is at an end: mix.overrides.required_pressure: another by" in told
+    words = "the first law is another where one input is at an end: mix.overrides.required_pressure: another by"
+    other = dict.fromkeys(shifts[0].base.law, "another")
+    for ties, turns in (({"another"}, True), ({"another", *shifts[0].base.law.values()}, False)):
+        low = replace(shifts[0].low, law=other, ties=dict.fromkeys(other, frozenset(ties)))
+        told = html_answer.answer(study, [replace(shifts[0], low=low), *shifts[1:]], [])
+        assert (words in told) == turns  # a law within the build tolerance of the first is not another
+
+
+def test_laws_within_the_build_tolerance_tie_at_an_end():
+    study = Study(scene(**{"output.wanted": [], "motion.laws": ["parabolic", "modified-trapezoid", "combined-4"]}))
+    base = sensitivity.shifts(study)[0].base
+    peaks = {name: run.peak_force for name, run in study.runs.items()}
+    near = {name for name, peak in peaks.items() if peak < 1.01 * min(peaks.values())}
+    assert base.ties["peak_force"] == near
+    assert 1 <= len(near) < 3
 
 
 # one file, for everybody
