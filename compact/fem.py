@@ -385,19 +385,28 @@ def at_target(case, surface, task, tolerance=TARGET_TOLERANCE, start=None):
     if case.roller.indentation is not None:
         return _settled(case, surface, case.pressed(case.roller.indentation), task, start)
     tolerance = max(tolerance, TARGET_OF_TURNS) if case.sticks else tolerance
-    logs, misses, history, contact = [], [], (), start
+    logs, misses, history, contact, beyond = [], [], (), start, None
     guess = np.log(task.depth)
     for _ in range(SECANTS):
-        contact = _settled(case, surface, case.pressed(float(np.exp(guess))), task, contact)
-        history += contact.patch.history
+        found = _settled(case, surface, case.pressed(float(np.exp(guess))), task, contact)
+        history += found.patch.history
+        if _is_beyond_circle(found):  # a force needs the slope of the circle
+            beyond, guess = found, (guess + logs[-1]) / 2 if logs else guess - 1
+            continue
+        contact = found
         logs.append(guess)
         misses.append(_miss(case, contact))
         if abs(misses[-1]) < tolerance:
             return replace(contact, patch=replace(contact.patch, history=history))
         slope = 1.2 if len(logs) == 1 else (misses[-1] - misses[-2]) / (logs[-1] - logs[-2])
         guess = guess - np.clip(misses[-1] / slope, -1, 1)
-    reached = [(float(np.exp(log)), miss) for log, miss in zip(logs, misses, strict=True)]
-    raise UnresolvedError(f"target not reached: (indentation, log of value over target) were {reached}")
+    if beyond is not None:
+        raise RuntimeError(beyond_circle(*beyond.patch.edges, case.roller.radius))
+    nearest, (name, value) = int(np.argmin(np.abs(misses))), case.roller.target
+    off, depth = np.expm1(misses[nearest]), 1e3 * np.exp(logs[nearest])
+    raise UnresolvedError(
+        f"`{name}` {value:.6g} not met in {len(logs)} depths; the nearest was {off:+.1e} off at {depth:.4g} mm"
+    )
 
 
 def _settled(case, surface, roll, task, start=None):
@@ -460,14 +469,19 @@ def _torques(case, contact):
 
 def _refuse_beyond_circle(contact):
     """A roller touches with its lower half only."""
+    if _is_beyond_circle(contact):
+        raise RuntimeError(beyond_circle(*contact.patch.edges, contact.roll.radius))
+
+
+def _is_beyond_circle(contact):
+    """True if the roller touches with more than its lower half."""
     patch, roll = contact.patch, contact.roll
     beyond = {
         "parabola": False,
         "circle": np.abs(patch.x).max() >= roll.radius,
         "deformed": (patch.direction - patch.shear)[1].max() >= 0,  # a normal that no longer points down
     }
-    if beyond[roll.profile]:
-        raise RuntimeError(beyond_circle(*patch.edges, roll.radius))
+    return bool(beyond[roll.profile])
 
 
 def _error(case, task, rolled, contact):

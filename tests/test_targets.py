@@ -22,7 +22,7 @@ MATERIALS = {"formula": Elastic(10e6, 0.3), "column": MIX, "spectral": LINEAR, "
 REFUSED = (
     "must be less than|must lie between|is undefined on a half-plane|is wider than the circle|beyond its edge|"
     "too narrow|"
-    "does not touch|is buried|would press mix|takes? up|not met down to|target not reached|still not held|"
+    r"does not touch|is buried|would press mix|takes? up|not met down to|not met in \d+ depths|still not held|"
     "join that ply|no capture angle|no contact|half-width not found|reach a relative error|would be below the mix|"
     "`[a-z_]+` but"
 )
