@@ -334,7 +334,7 @@ def resistance(met, acceleration):
     figure, ((ax, *beside),) = panels(1, 1 + known, (width, 3.4), width_ratios=ratios)
     speed = np.linspace(0, met.speeds[-1], 801)[1:]
     for share, color in zip((-1, -0.5, 0.5, 1), colormaps["coolwarm"]((0.0, 0.2, 0.8, 1.0)), strict=True):
-        if known:
+        if known and acceleration:
             _hurried(ax, met, speed, share * acceleration, color)
     ax.plot(speed, met(speed) / 1e3, color="black", label="steady speed, a = 0")
     ax.plot(met.speeds, met.forces / 1e3, "o", color="black", markersize=4, label="computed")
@@ -343,7 +343,7 @@ def resistance(met, acceleration):
     ax.set_ylabel("resistance of the mix to one cart F [kN]")
     ax.legend(frameon=False, fontsize=8)
     for panel in beside:
-        small = speed * HURRY * acceleration  # a M(v) is not held back there
+        small = speed * HURRY * (acceleration or 1.0)  # a M(v) is not held back there; laws may have no acceleration
         panel.plot(speed, (met(speed, small) - met(speed)) / small, color="black")
         panel.plot(met.speeds, met.added_masses, "o", color="black", markersize=4)
         panel.axhline(0, color="0.8", linewidth=0.8, zorder=0)

@@ -127,14 +127,17 @@ def engines(orders, most=12):
         laws = sorted(laws[:most], key=lambda law: excess[ours][law][0])
         for (engine, found), dodge in zip(excess.items(), dodges(len(excess)), strict=True):
             color, mark, _ = ENGINE_LOOKS[engine]
-            value, error = np.array([found.get(law, (np.nan, 0.0)) for law in laws]).T
+            value, error = np.reshape([found.get(law, (np.nan, 0.0)) for law in laws], (-1, 2)).T
             drawn = {"color": color, "mfc": "white", "markersize": 4, "lw": 0.8, "capsize": 2}
             error = np.where(error, error, np.nan)  # no whisker of none
             ax.errorbar(value, np.arange(len(laws)) + dodge, xerr=error, fmt=mark, label=engine, **drawn)
+        if not laws:
+            none = f"no law has a finite {by.replace('_', ' ')}"
+            ax.text(0.5, 0.5, none, transform=ax.transAxes, ha="center", va="center", fontsize=9)
         ax.set_yticks(range(len(laws)), laws, fontsize=8)
         ax.set_ylim(len(laws) - 0.4, -0.6)
         ax.set_xlabel(f"{by.replace('_', ' ')} above the least [%], {kind} drive", fontsize=9)
-        ax.set_yticks(np.arange(len(laws) - 1) + 0.5, minor=True)
+        ax.set_yticks(np.arange(max(len(laws) - 1, 0)) + 0.5, minor=True)
         ax.grid(axis="y", which="minor", color="0.9")
         ax.tick_params(axis="y", which="minor", length=0)
     _legend(figure, axes)

@@ -72,7 +72,8 @@ def answered(asked):
         warnings.simplefilter("always")
         warnings.simplefilter("error", RuntimeWarning)  # a number that numpy warns of is no result
         places = study.places
-        second_pass = study.second_pass
+        # the second pass of a comparison is required by its own return stroke only
+        second_pass = study.second_pass if study.scene.layer.return_stroke == "compacted" else None
     told = tuple(dict.fromkeys(str(warning.message) for warning in warned))
     return Aside(
         scene, study.contacts, study.held, second_pass, study.resistance, study.resistance_error, study.roller_load,

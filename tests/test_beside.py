@@ -121,7 +121,7 @@ def test_all_files_of_the_summary_stand_and_steps_are_counted(written):
     assert found == {*summary["files"], "summary.json", "scene.hash"}
     assert "engines.png" in found
     assert sum(summary["stages"].values()) == study.steps
-    assert summary["beside"]["column"]["stages"]["rolled"] == 3  # two speeds, and the mean one for the return stroke
+    assert summary["beside"]["column"]["stages"]["rolled"] == 2
 
 
 def test_kept_contacts_are_taken_by_every_engine(written):
@@ -219,3 +219,12 @@ def test_engine_beside_that_does_not_cover_the_scene_is_told():
         SceneError, match=r'beside\.spectral: with it machine\.profile: the engine "spectral" takes no "d'
     ):
         scene(**lacking)
+
+
+def test_laws_without_a_finite_peak_are_reported_by_every_engine(tmp_path):
+    jumps = {"motion.laws": ["constant-velocity", "gear-sector"], "output.wanted": ["tables", "figures", "report"]}
+    study = Study(scene(**jumps))
+    report.write(study, tmp_path / "out")
+    assert (tmp_path / "out" / "engines.png").stat().st_size > 5_000
+    assert "No law has a finite peak drive force" in (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "infinite" in report.digest(study)
