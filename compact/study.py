@@ -353,13 +353,18 @@ class Study:
     @cached_property
     def fastest(self):
         """Largest velocity of any law, and of the crank where there is one, with room for drives that swing [m/s]."""
-        velocities = [cycle.there.peaks().velocity for cycle in self.given_cycles.values()]
+        velocities = [cycle.there.peaks().velocity * self._overshoot(cycle) for cycle in self.given_cycles.values()]
         if self.crank:
             motion = self.scene.motion
             velocities.append(
                 law("crank", motion.stroke, motion.duration, rod_length=motion.rod_length).peaks().velocity
             )
         return float(max(velocities)) * self.swing
+
+    def _overshoot(self, cycle):
+        """Further factor of the velocity behind a spring: the jump at a reversal is twice the velocity of the law."""
+        jumps = self.scene.drive.kind == "elastic" and any(join.order == 1 for join in cycle.joins())
+        return SWING if jumps else 1.0
 
     @property
     def swing(self):

@@ -560,3 +560,12 @@ def test_one_contact_is_told_by_metre_and_by_roller():
     assert pull == pytest.approx([length * each for each in resistance], rel=1e-4)
     assert force[1] == pytest.approx(9740, rel=1e-4)
     assert "a roller is 1.164 m long, the cart has 2" in lines
+
+
+@pytest.mark.parametrize("laws", [["constant-velocity"], ["crank", "gear-sector"]])
+def test_resistance_reaches_as_far_as_a_spring_throws_the_cart_at_a_jump(laws):
+    spring = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3}
+    study = Study(scene(**spring, **{"accuracy.engine": "column", "layer.lift": 0.06, "motion.laws": laws}))
+    run = study.runs[laws[-1]]
+    assert np.abs(run.state.velocity).max() < study.resistance_map.speeds[-1]
+    assert study.fastest >= 4 * 0.4 / 3
