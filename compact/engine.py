@@ -26,7 +26,7 @@ ENGINES = MappingProxyType(
         "formula": "compact.contact",
         "column": "compact.column",
         "spectral": "compact.spectral",
-        "fem": "compact.fem",
+        "fem": "compact.fem_engine",
         "compaction": "compact.compaction",
     }
 )

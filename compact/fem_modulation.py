@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from compact import fem
+from compact import fem_engine
 from compact.mesh import DEFAULT_ERROR
 from compact.modulation import Modulation
 from compact.patch import RollAside, Surface
@@ -39,14 +39,14 @@ LUCK = 1e-3  # of the larger of |M| and |tau dF_ss/dv|: for differences that are
 def modulation(layer, roller, material, speed, *, mesh=None, tolerance=TOLERANCE, estimate=True):
     """The `Modulation` of a roller on a linear layer, of every profile, without friction or sliding.
 
-    layer, roller, material, speed, mesh, tolerance : as of `fem.roll`, the tolerance being that of F_ss
+    layer, roller, material, speed, mesh, tolerance : as of `fem_engine.roll`, the tolerance being that of F_ss
     estimate : whether to tell the error of M, by another solution on a mesh refined once
 
     What sticks and slips depends on how fast the surface moves under the roller, which the surface alone does not tell;
     it is refused.
     """
-    fem.refuse_beyond_linear(layer, roller, material, speed, mesh, tolerance)
-    case = fem.Case(layer, roller, material, speed)
+    fem_engine.refuse_beyond_linear(layer, roller, material, speed, mesh, tolerance)
+    case = fem_engine.Case(layer, roller, material, speed)
     if case.sticks:
         raise ValueError(
             f"M is known without stick only, got `rolling` '{roller.rolling}' with `friction` {roller.friction!r}; "
@@ -54,15 +54,15 @@ def modulation(layer, roller, material, speed, *, mesh=None, tolerance=TOLERANCE
         )
     branches = getattr(material, "branches", ())
     if not branches:
-        rolled = fem.roll(layer, roller, material, speed, mesh=mesh, tolerance=tolerance, estimate=False)
+        rolled = fem_engine.roll(layer, roller, material, speed, mesh=mesh, tolerance=tolerance, estimate=False)
         return Modulation(speed, rolled.resistance, slope=0.0, added_mass=0.0, error=0.0, time=0.0)
     time = max(time for _, time in branches)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
-        task = fem.task_of(case, mesh, tolerance) if mesh else fem.fitted_task(case, tolerance)
+        task = fem_engine.task_of(case, mesh, tolerance) if mesh else fem_engine.fitted_task(case, tolerance)
         resistance, slope, added_mass = _followed(case, task)
         error = None
         if estimate:
-            finer = replace(task, mesh=task.mesh.refined(), terms=task.terms + fem.JUDGES_TERMS)
+            finer = replace(task, mesh=task.mesh.refined(), terms=task.terms + fem_engine.JUDGES_TERMS)
             judged = _followed(case, finer)[2]
             error = CAUTION * abs(added_mass - judged) + LUCK * max(abs(judged), time * abs(slope))
     return Modulation(speed, resistance, slope, added_mass, error, time)
@@ -70,7 +70,7 @@ def modulation(layer, roller, material, speed, *, mesh=None, tolerance=TOLERANCE
 
 def _followed(case, task):
     """(F_ss, dF_ss/dv, M) of a case, in a loaded zone that holds all of its contacts."""
-    return fem.widening(task, lambda window: _followed_within(case, task, window))
+    return fem_engine.widening(task, lambda window: _followed_within(case, task, window))
 
 
 def _followed_within(case, task, window):
@@ -78,7 +78,10 @@ def _followed_within(case, task, window):
     steady = _contact(case, task, window)
     task = replace(task, depth=steady.roll.indentation)
     taken = _Taken(
-        fem.elastic_surface(case, task.mesh, window), fem.stretched_surface(case, task.mesh, window), steady, task
+        fem_engine.elastic_surface(case, task.mesh, window),
+        fem_engine.stretched_surface(case, task.mesh, window),
+        steady,
+        task,
     )
     slower, faster = (replace(case, speed=case.speed * (1 + side * FASTER)) for side in (-1, 1))
     before, after = (taken.contact(each) for each in (slower, faster))
@@ -100,7 +103,7 @@ def _followed_within(case, task, window):
 
 
 def _contact(case, task, window, start=None):
-    return fem.at_target(case, fem.surface_of(case, task.mesh, window), task, start=start)
+    return fem_engine.at_target(case, fem_engine.surface_of(case, task.mesh, window), task, start=start)
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,7 @@ class _Taken:
 
     elastic: Surface
     stretched: Surface
-    steady: fem.Contact
+    steady: fem_engine.Contact
     task: object
 
     def contact(self, case):
@@ -126,7 +129,7 @@ class _Taken:
             x = near.patch.trailing + stretch * (self.elastic.x - edges[0])
             C = retardation(x, case.material, case.speed)
             response = np.einsum("ca,iakb->ickb", C, self._response(stretch), optimize=True)
-            near = fem.at_target(case, replace(self.elastic, x=x, response=response), self.task, start=near)
+            near = fem_engine.at_target(case, replace(self.elastic, x=x, response=response), self.task, start=near)
         return near
 
     def _response(self, stretch):
@@ -152,7 +155,7 @@ def _late(case, x, change):
 
 
 @dataclass(frozen=True)
-class _SetAside(fem.Case):
+class _SetAside(fem_engine.Case):
     """A case whose surface stands aside, at `nodes` [m] by `aside` [m], shape (2, n)."""
 
     nodes: np.ndarray | None = None

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from compact.compliance import element_moduli, element_unknowns, stiffness, strain_matrix
-from compact.results import whole_file, write_pvd
+from compact.results import write_mesh, write_pvd
 from compact.streamline import creep, memory, retarded
 
 GAUSS_WEIGHTS = np.array([5, 8, 5]) / 18  # of the three streamlines in a row
@@ -68,14 +68,6 @@ def write_series(layers, directory):
     series = Path(directory) / "fields.pvd"
     write_pvd(series, members)
     yield series
-
-
-def write_mesh(layer, path):
-    """Write a meshio mesh as VTU, whole or not at all."""
-    import meshio
-
-    with whole_file(path, "wb") as stream:  # its name, since meshio opens the file itself
-        meshio.write(stream.name, layer, file_format="vtu")
 
 
 def work_left(rolled):

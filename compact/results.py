@@ -116,6 +116,14 @@ def png(figure):
     return held.getvalue()
 
 
+def write_mesh(mesh, path):
+    """Write a meshio mesh as VTU, whole or not at all."""
+    import meshio
+
+    with whole_file(path, "wb") as stream:  # its name, since meshio opens the file itself
+        meshio.write(stream.name, mesh, file_format="vtu")
+
+
 def write_pvd(path, members):
     """A series of fields as PVD, a collection of ParaView: (value, file) pairs, the value in the place of time."""
     series = ElementTree.Element("VTKFile", type="Collection", version="0.1")

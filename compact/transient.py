@@ -25,7 +25,7 @@ from itertools import pairwise
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from compact import fem
+from compact import fem_engine
 from compact.material import Elastic
 from compact.mesh import DEFAULT_ERROR
 from compact.patch import BeyondWindowError, Surface, interpolation, press
@@ -67,7 +67,7 @@ def travel(
         free roller has none
     instants : times at which a step shall end [s]
     frames : times of which to keep the fields inside [s], for `Travelled.film`
-    mesh, tolerance : as of `fem.roll`
+    mesh, tolerance : as of `fem_engine.roll`
     time_tolerance : of int p |x| dx/R, by which the steps in time may miss the resistance
     estimate : whether to tell the error of the steps, from steps twice as long; half as much work again
 
@@ -82,20 +82,20 @@ def travel(
     """
     _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, (*instants, *frames))
     refuse_torque(roller, torque)
-    case = fem.Case(layer, roller, material, float(np.sign(_first_velocity(motion))), torque or 0.0)
+    case = fem_engine.Case(layer, roller, material, float(np.sign(_first_velocity(motion))), torque or 0.0)
     drags = roller.friction > 0 and roller.rolling != "frictionless"
     breaks = smooth_pieces(motion, turns=drags)
     instants, frames = _rounded(instants, breaks), _rounded(frames, breaks)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
         first = _before(case, motion)
-        task = fem.task_of(first, mesh, tolerance)
+        task = fem_engine.task_of(first, mesh, tolerance)
 
         def marched(window):
             start, pace = _begun(case, first, task, window, motion, time_tolerance)
             path = _marched(pace, start, breaks, sorted({*breaks, *instants, *frames}))
             return (path, pace), _judged(pace, start, breaks, _every_second(path, breaks)) if estimate else None
 
-        (path, pace), judge = fem.widening(task, marched)
+        (path, pace), judge = fem_engine.widening(task, marched)
         taken = ()
         if frames:
             from compact.filmed import filmed
@@ -113,7 +113,7 @@ class Pace:
     """
 
     surface: Surface
-    case: fem.Case
+    case: fem_engine.Case
     terms: int
     law: Creep
     motion: object
@@ -154,7 +154,7 @@ class Instant:
 
     time: float
     position: float
-    contact: fem.Contact
+    contact: fem_engine.Contact
     displacement: np.ndarray
     places: np.ndarray
     retained: np.ndarray
@@ -172,13 +172,14 @@ def _before(case, motion):
     if case.speed:
         return replace(case, speed=_first_velocity(motion))
     material, roller = case.material, replace(case.roller, rolling="frictionless")
-    return fem.Case(case.layer, roller, Elastic(material.youngs_modulus, material.poisson), 1.0)
+    return fem_engine.Case(case.layer, roller, Elastic(material.youngs_modulus, material.poisson), 1.0)
 
 
 def _begun(case, first, task, window, motion, tolerance):
     """The `Instant` before the motion, and the `Pace` of all steps."""
-    surface, law = fem.elastic_surface(replace(case, speed=case.speed or 1.0), task.mesh, window), creep(case.material)
-    contact = fem.at_target(first, fem.surface_of(first, task.mesh, window), task)
+    surface = fem_engine.elastic_surface(replace(case, speed=case.speed or 1.0), task.mesh, window)
+    law = creep(case.material)
+    contact = fem_engine.at_target(first, fem_engine.surface_of(first, task.mesh, window), task)
     pace = Pace(surface, case, task.terms, law, motion, task.half_width, tolerance)
     places, start = _places(pace), float(motion.position(np.zeros(1))[0])
     w = _displacement(surface, contact)
@@ -254,8 +255,10 @@ def _pressed(pace, sought, known, start, grip=None):
     for patch, shear in ((start.patch, start.shear), (None, None)):
         try:
             if grip is None:
-                return fem.Contact(surface, roll, press(surface, roll, pace.terms, patch))
-            return fem.Contact(surface, roll, *pressed_and_sheared(surface, roll, pace.terms, grip, patch, shear))
+                return fem_engine.Contact(surface, roll, press(surface, roll, pace.terms, patch))
+            return fem_engine.Contact(
+                surface, roll, *pressed_and_sheared(surface, roll, pace.terms, grip, patch, shear)
+            )
         except BeyondWindowError:
             raise
         except RuntimeError as unsettled:
@@ -397,7 +400,7 @@ def _travelled(path, judge, case, motion, frames):
 
 
 def _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, instants):
-    fem.refuse_beyond_linear(layer, roller, material, 1.0, mesh, tolerance)
+    fem_engine.refuse_beyond_linear(layer, roller, material, 1.0, mesh, tolerance)
     refuse_nonpositive(time_tolerance=time_tolerance, duration=motion.duration)
     refuse_nonfinite(instants=instants, position=motion.position(np.linspace(0, motion.duration, 2 * PLACES)))
     outside = [time for time in instants if not 0 <= time <= motion.duration]

@@ -1,16 +1,11 @@
 """The result of moving a roller through time: what the layer resists, instant by instant, and its fields."""
 
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
-from compact.fields import write_mesh
-from compact.material import Compaction
-from compact.results import write_pvd
-
-LINEAR, COMPACTING = "compact.transient", "compact.travelling"
+from compact.results import write_mesh, write_pvd
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,24 +55,3 @@ class Travelled:
         series = Path(directory) / "film.pvd"
         write_pvd(series, members)
         return series
-
-
-def travel(layer, roller, material, motion, **accuracy):
-    """A roller in any motion through v = 0 and back, its states kept by the mix: a `Travelled`.
-
-    layer, roller, material : as of `fem.roll`, the roller with an `indentation`
-    motion : with `position` and `velocity` of time [s], arrays, and `duration` [s]: a `Motion`, a `Cycle` or one's own
-    accuracy : what the engine takes, a `torque` too: `transient.travel` for linear layers, `travelling.travel` for mix
-        that compacts
-
-    >>> from compact.material import Viscoelastic
-    >>> from compact.motion import law
-    >>> from compact.records import Layer, Roller
-    >>> mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
-    >>> stroke = law("quintic", stroke=0.1, duration=1.0)
-    >>> done = travel(Layer(0.22), Roller(0.11, indentation=0.003), mix, stroke, estimate=False)
-    >>> f"{done.resistance.max():.0f} N/m at most, {done.resistance[-1]:.0f} N/m as it comes to rest"
-    '505 N/m at most, 168 N/m as it comes to rest'
-    """
-    module = COMPACTING if isinstance(material, Compaction) else LINEAR
-    return import_module(module).travel(layer, roller, material, motion, **accuracy)

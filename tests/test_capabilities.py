@@ -7,7 +7,7 @@ from typing import get_args
 
 import pytest
 
-from compact import cli, column, compaction, contact, fem, headline, html_answer, report, spectral
+from compact import cli, column, compaction, contact, fem_engine, headline, html_answer, report, spectral
 from compact.capabilities import LIMITS, adapt
 from compact.engine import inputs
 from compact.records import Base, Layer, Ply, Profile, Roller, Rolling
@@ -29,7 +29,7 @@ def doors(engine, layer, roller, material):
     elif engine == "spectral":
         spectral.refuse_beyond_spectral(layer, roller, material, SPEED)
     elif engine == "fem":
-        fem.refuse_beyond_linear(layer, roller, material, SPEED, None, 0.01)
+        fem_engine.refuse_beyond_linear(layer, roller, material, SPEED, None, 0.01)
     else:
         compaction.refuse_scene(layer, roller, material, SPEED, "finite", None, None)
 

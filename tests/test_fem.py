@@ -12,7 +12,7 @@ from rolling_scenes import SPEED, prescribing, random_scenes, stiff_scene, told_
 from scipy.sparse.linalg import spsolve
 from scipy.special import jv
 
-from compact import compliance, fem, mesh, patch, spectral, streamline
+from compact import compliance, fem, fem_engine, mesh, patch, spectral, streamline
 from compact.halfplane import galin
 from compact.material import Elastic, Viscoelastic
 from compact.records import Layer, Roller
@@ -564,7 +564,8 @@ def test_mean_of_peaks_by_few_and_many_terms_is_nearer_than_either():
     misses = []
     for layer, roller, mix, _ in random_scenes(10):
         exact = spectral.roll(layer, roller, mix, SPEED, rtol=1e-8).peak_pressure
-        contact = fem.contact_of(case := fem.Case(layer, roller, mix, SPEED), fem.task_of(case, None, 2e-3))
+        case = fem_engine.Case(layer, roller, mix, SPEED)
+        contact = fem_engine.contact_of(case, fem_engine.task_of(case, None, 2e-3))
         peaks = np.array([*contact.patch.peaks, contact.patch.peak])
         misses.append(np.abs(mix.youngs_modulus * peaks / exact - 1))
     few, many, mean = np.max(misses, axis=0)
@@ -614,7 +615,7 @@ def test_wrong_contact_of_the_first_mesh_is_not_returned():
     ids=["smooth", "deformed"],
 )
 def test_tolerance_out_of_reach_is_refused_with_the_error_reached_and_the_remedy(pressed, remedy, monkeypatch):
-    monkeypatch.setattr(fem, "BUDGET", 9000)
+    monkeypatch.setattr(fem_engine, "BUDGET", 9000)
     words = rf"`tolerance` 0.007 is not met: .* load is \d\.\de-0\d, .* 9000 unknowns; raise .*{remedy}"
     with pytest.raises(RuntimeError, match=words):
         fem.roll(LAYER, pressed, STIFF, 0.001, tolerance=7e-3)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rolling_scenes import SPEED, prescribing, random_scenes
 
-from compact import compliance, fem, fem_modulation, kernel, mesh, spectral, spectral_modulation
+from compact import compliance, fem_engine, fem_modulation, kernel, mesh, spectral, spectral_modulation
 from compact.expected import first_half_width
 from compact.material import Elastic, Viscoelastic
 from compact.modulation import SLOW, Modulation, modulation
@@ -227,11 +227,11 @@ def travelled(roller, speed, acceleration, steps=16, times=8.0):
     """
     law = creep(MIX)
     (share,), (time,), step = law.shares, law.times, times * law.times[0] / steps
-    case = fem.Case(SLIP, roller, MIX, speed - acceleration * step * steps)
-    task = fem.task_of(case, None, MARCHED)
-    window, more = fem.WINDOW * task.half_width, 1 + 1.5 * time / step
-    elastic = fem.elastic_surface(case, task.mesh, window)
-    contact = fem.at_target(case, fem.surface_of(case, task.mesh, window), task)
+    case = fem_engine.Case(SLIP, roller, MIX, speed - acceleration * step * steps)
+    task = fem_engine.task_of(case, None, MARCHED)
+    window, more = fem_engine.WINDOW * task.half_width, 1 + 1.5 * time / step
+    elastic = fem_engine.elastic_surface(case, task.mesh, window)
+    contact = fem_engine.at_target(case, fem_engine.surface_of(case, task.mesh, window), task)
     z = before = displacement(elastic, contact) @ memory(elastic.x, time * case.speed).T
     for left in reversed(range(steps)):
         case = replace(case, speed=speed - acceleration * step * left)
@@ -240,7 +240,7 @@ def travelled(roller, speed, acceleration, steps=16, times=8.0):
         C = law.instant * np.eye(len(m)) + share * m
         surface = replace(elastic, response=np.einsum("ca,iakb->ickb", C, elastic.response, optimize=True))
         aside = fem_modulation._SetAside(**vars(case), nodes=elastic.x, aside=share * kept)
-        contact = fem.at_target(aside, surface, task, start=contact)
+        contact = fem_engine.at_target(aside, surface, task, start=contact)
         before, z = z, displacement(elastic, contact) @ m.T + kept
     return MIX.youngs_modulus * contact.force[0]
 
@@ -271,7 +271,7 @@ def test_speeds_over_fifteen_decades(speed):
 
 def test_loaded_zone_widens_for_every_contact_beside(monkeypatch):
     wide = modulation(SLIP, pressed(), MIX, 0.3, "fem", **COARSE)
-    monkeypatch.setattr(fem, "WINDOW", 0.3)
+    monkeypatch.setattr(fem_engine, "WINDOW", 0.3)
     assert modulation(SLIP, pressed(), MIX, 0.3, "fem", **COARSE).added_mass == pytest.approx(wide.added_mass, rel=1e-4)
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from compact import compaction, contacts, fem
+from compact import compaction, contacts, fem, fem_engine
 from compact import driven as driving
 from compact.cart import Cart, balance
 from compact.contact import dry_resistance
@@ -245,7 +245,7 @@ def test_what_the_engine_does_not_solve_is_warned_of_and_left_out(by_fem, monkey
     def skids(*given, **asked):
         raise RuntimeError("the roller skids")
 
-    monkeypatch.setattr(fem, "roll", skids)
+    monkeypatch.setattr(fem_engine, "roll", skids)
     with pytest.warns(UserWarning, match="creep of the driven rollers is left out: the roller skids"):
         answer = driving.driven(by_fem.scene, by_fem.mix, LOAD, by_fem.contacts, (-100.0, 900.0))
     assert answer == FirstOrder(R, LOAD, by_fem.mix.steel_friction)

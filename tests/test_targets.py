@@ -7,7 +7,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from compact import column, contact, fem, spectral
+from compact import column, contact, fem, fem_engine, spectral
 from compact.engine import COMPACTING, ENGINES
 from compact.material import Compaction, Elastic, Viscoelastic
 from compact.passes import Pass, passes
@@ -175,12 +175,12 @@ def test_spectral_that_misses_raises(monkeypatch, target):
 @pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure"])
 def test_finite_elements_that_miss_raise(monkeypatch, target):
     value = {"indentation": 3e-3, "load": 8e3, "peak_pressure": 2e5}[target]
-    at_target = fem.at_target
+    at_target = fem_engine.at_target
 
     def missed(case, *given, **options):
         return at_target(replace(case, roller=replace(case.roller, **{target: off(value)})), *given, **options)
 
-    monkeypatch.setattr(fem, "at_target", missed)
+    monkeypatch.setattr(fem_engine, "at_target", missed)
     with pytest.raises(
         RuntimeError, match=f"`{target}` {value:.9g} was prescribed and .* 1e-08 is promised; the contact"
     ):

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from compact import compliance, fem, transient
+from compact import compliance, fem, fem_engine, transient
 from compact.material import Elastic, Viscoelastic
 from compact.mesh import RowMesh, for_error
 from compact.motion import law
@@ -115,10 +115,10 @@ def test_torque_put_on_a_pressed_roller_makes_mindlins_shear():
     """
     mix, roller, motion = Elastic(10e6, 0.49), pressed(friction=0.3, rolling="driven"), law("quintic", 0.1, 1.0)
     torque = 0.5 * 0.3 * fem.roll(LAYER, pressed(), mix, 1.0, estimate=False).load * R
-    case = fem.Case(LAYER, roller, mix, 0.0, torque)
+    case = fem_engine.Case(LAYER, roller, mix, 0.0, torque)
     first = transient._before(case, motion)
-    task = fem.task_of(first, None, 1e-3)
-    start, pace = transient._begun(case, first, task, fem.WINDOW * task.half_width, motion, 1e-3)
+    task = fem_engine.task_of(first, None, 1e-3)
+    start, pace = transient._begun(case, first, task, fem_engine.WINDOW * task.half_width, motion, 1e-3)
     contact = transient._at_once(replace(pace, case=replace(case, speed=1.0)), start).contact
     patch, shear = contact.patch, contact.shear
     x, a = shear.x - np.mean(patch.edges), (patch.leading - patch.trailing) / 2
