@@ -7,13 +7,12 @@ any, and costs much.
 
 import warnings
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 
 from compact.capabilities import TURNED
 from compact.contacts import value
-from compact.engine import COMPACTING, ENGINES, TOLERANCE, inputs
+from compact.engine import COMPACTING, TOLERANCE, inputs, solver
 from compact.roller_motor import HELD, Driven, FirstOrder, spent
 
 STEP = 0.3  # of `spent`, at most: creep is straight in it on a half-plane, and nearly so on layers
@@ -81,7 +80,7 @@ def _roller(scene, mix, speed, indentation, count):
     engine = scene.accuracy.engine
     layer, roller, material = inputs(scene, mix, engine, scene.mean_speed)
     roller = replace(roller, rolling="driven", indentation=indentation, load=None, peak_pressure=None)
-    roll = import_module(ENGINES[engine]).roll
+    roll = solver(engine)
 
     def rolled(torque, near):
         count("driven")

@@ -1,6 +1,7 @@
 """From a scene to one contact: the layer, the roller and the material of the scene, and the engines by name.
 
-Every engine is a module with `roll(layer, roller, material, speed) -> Rolled`; it is imported when it is asked for.
+Every engine is a module with `roll(layer, roller, material, speed) -> Rolled`, imported on first use. Tables ENGINES,
+FIELDED and MODULATED hold the modules by the names of the engines, and no other module has such a table.
 
 The rollers run in fixed guides, so that a resistance over speed needs a statement of what is kept while the speed
 changes. `Held` is that statement. The target of the scene (a prescribed indentation, load or peak pressure, else the
@@ -19,7 +20,7 @@ from compact.capabilities import TURNED, adapt
 from compact.material import Compaction, Elastic, Viscoelastic
 from compact.mix import LOOSE
 from compact.records import Layer, Ply, Roller
-from compact.refuse import NotFiniteError, refuse_nonfinite
+from compact.refuse import NotFiniteError, refuse_nonfinite, refuse_unknown
 
 ENGINES = MappingProxyType(
     {
@@ -32,12 +33,36 @@ ENGINES = MappingProxyType(
 )
 COMPACTING = ("column", "compaction")  # engines of a layer that stays pressed
 LAYERED = ("column", "spectral", "fem", "compaction")  # engines of a layer, whose resistance depends on speed
-FIELDED = MappingProxyType({"fem": "compact.fields", "compaction": "compact.compacted"})  # who tells what is inside
+FIELDED = MappingProxyType({"fem": "compact.fields", "compaction": "compact.compacted"})  # engines with fields inside
+MODULATED = MappingProxyType({"spectral": "compact.spectral_modulation", "fem": "compact.fem_modulation"})  # linear
 TOLERANCE = MappingProxyType({"spectral": "rtol", "fem": "tolerance"})  # what an engine calls its wanted error
 REBOUND = 5e-5  # of the layer's height as fed, which follows from that of the product; speed moves its rebound by less
 SPEEDS = tuple(2.0**power for power in range(-4, 2))  # of the mean speed: computed where the scene names none
 TARGETS = MappingProxyType({"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"})  # of a roller
 TARGET_UNITS = MappingProxyType({"height": "m", "load": "N/m", "peak_pressure": "Pa"})
+
+
+def solver(engine):
+    """The function `roll` of an engine of ENGINES, by its name."""
+    return import_module(ENGINES[engine]).roll
+
+
+def modulation(layer, roller, material, speed, engine="spectral", **accuracy):
+    """The `Modulation` of a roller on a linear layer at a speed, by an engine of MODULATED.
+
+    accuracy : keywords of the engine: "spectral" rtol; "fem" mesh, tolerance, estimate
+
+    See `spectral_modulation` and `fem_modulation` for the cases covered.
+
+    >>> from compact.material import Viscoelastic
+    >>> from compact.records import Layer, Roller
+    >>> mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
+    >>> found = modulation(Layer(0.22), Roller(0.11, indentation=0.003), mix, speed=0.05)
+    >>> f"{found.resistance:.2f} N/m, {found.slope:.1f} N s/m2, {found.added_mass:.3f} N s2/m2"
+    '376.42 N/m, 2937.5 N s/m2, -37.732 N s2/m2'
+    """
+    refuse_unknown("engine with memory in time", engine, MODULATED)
+    return import_module(MODULATED[engine]).modulation(layer, roller, material, speed, **accuracy)
 
 
 @dataclass(frozen=True)
@@ -111,7 +136,7 @@ def roll(scene, mix, speed, engine=None, near=None, held=None, progress=None):
             return replace(near, speed=speed)
         asked["start"], layer = near, near.layer
     with _named(scene, name, speed):
-        rolled = import_module(ENGINES[name]).roll(layer, roller, material, speed, **asked)
+        rolled = solver(name)(layer, roller, material, speed, **asked)
         _refuse_below_the_base(rolled, layer)
     return rolled
 
@@ -144,8 +169,6 @@ def added_mass(scene, mix, speed, held, count=lambda stage: None):
     layer, roller, material = inputs(scene, mix, name, speed, held)
     if name in COMPACTING:
         return (0.0, 0.0) if name == "column" or not material.rate_exponent else None
-    from compact.modulation import modulation
-
     if name == "fem" and roller.rolling in ("free", "driven"):
         roller = replace(roller, rolling="frictionless")
     count("added mass")

@@ -18,14 +18,11 @@ is a matter of geometry and the yield limit one of the speed now, so that M = 0 
 """
 
 from dataclasses import dataclass
-from importlib import import_module
-from types import MappingProxyType
 
 import numpy as np
 
-from compact.refuse import refuse_nonfinite, refuse_unknown
+from compact.refuse import refuse_nonfinite
 
-ENGINES = MappingProxyType({"spectral": "compact.spectral_modulation", "fem": "compact.fem_modulation"})
 SLOW = 0.1  # unsteadiness at which the first order leaves out 0.4 % of F on a Winkler foundation, or less
 
 
@@ -59,21 +56,3 @@ class Modulation:
         """
         refuse_nonfinite(acceleration=acceleration)
         return np.abs(acceleration) * self.time / abs(self.speed)
-
-
-def modulation(layer, roller, material, speed, engine="spectral", **accuracy):
-    """The `Modulation` of a roller on a linear layer at a speed, by the engine named.
-
-    accuracy : what the engine takes: "spectral" rtol; "fem" mesh, tolerance, estimate
-
-    See `spectral_modulation` and `fem_modulation` for what they cover.
-
-    >>> from compact.material import Viscoelastic
-    >>> from compact.records import Layer, Roller
-    >>> mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
-    >>> found = modulation(Layer(0.22), Roller(0.11, indentation=0.003), mix, speed=0.05)
-    >>> f"{found.resistance:.2f} N/m, {found.slope:.1f} N s/m2, {found.added_mass:.3f} N s2/m2"
-    '376.42 N/m, 2937.5 N s/m2, -37.732 N s2/m2'
-    """
-    refuse_unknown("engine with memory in time", engine, ENGINES)
-    return import_module(ENGINES[engine]).modulation(layer, roller, material, speed, **accuracy)

@@ -20,8 +20,7 @@ from scipy.interpolate import CubicHermiteSpline
 from compact import fem, memory, spectral
 from compact.drive import simulate
 from compact.elastic import ElasticDrive
-from compact.engine import inputs
-from compact.modulation import modulation
+from compact.engine import inputs, modulation
 from compact.motion import law
 from compact.motor import Motor
 from compact.progress import spinning, tracked

@@ -72,7 +72,7 @@ def test_the_columns_keep_the_height_that_leaves_the_density_at_the_mean_speed()
 
 def test_the_added_mass_belongs_to_the_quantity_that_is_kept():
     """F(v, a) at held height differs from that at held pressure in M as in F; both by the modulation of that roller."""
-    from compact.modulation import modulation
+    from compact.engine import modulation
 
     case = study(**PLAIN)
     speed = 0.1

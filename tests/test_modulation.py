@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from rolling_scenes import SPEED, prescribing, random_scenes
 
 from compact import compliance, fem_engine, fem_modulation, kernel, mesh, spectral, spectral_modulation
+from compact.engine import modulation
 from compact.expected import first_half_width
 from compact.material import Elastic, Viscoelastic
-from compact.modulation import SLOW, Modulation, modulation
+from compact.modulation import SLOW, Modulation
 from compact.records import Layer, Ply, Roller
 from compact.streamline import creep, memory
 

@@ -2,13 +2,12 @@
 
 import re
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 import pytest
 
 from compact import column, contact, fem, fem_engine, spectral
-from compact.engine import COMPACTING, ENGINES
+from compact.engine import COMPACTING, solver
 from compact.material import Compaction, Elastic, Viscoelastic
 from compact.passes import Pass, passes
 from compact.records import Layer, Roller, refuse_missed, refuse_off_target
@@ -54,7 +53,7 @@ def rolled(engine, target, value, profile="parabola", layer=LAYER, **options):
     options |= {target: value} if target == "exit_density_ratio" else {}
     engine_options = {"estimate": False} if engine == "fem" else {}
     roller = Roller(R, **given, profile=profile)
-    roll = import_module(ENGINES[engine]).roll
+    roll = solver(engine)
     return roll(layer, roller, MATERIALS[engine], SPEED, **options, **engine_options)
 
 
