@@ -2,9 +2,8 @@
 
 from compact import mapping
 from compact.contact_report import ENGINE_HEADER, row
-from compact.drive import CRITERIA
 from compact.ordering import agreement, error
-from compact.ranking import value_of
+from compact.ranking import CRITERIA, value_of
 from compact.results import write_csv
 from compact.study import BESIDE
 

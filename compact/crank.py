@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from compact.cart import Balance, Cart, balance
-from compact.drive import CREEP, POINTS, Crank, met_resistance
 from compact.pieces import clenshaw_curtis, inside, largest
 from compact.refuse import refuse_nonfinite, refuse_nonpositive, require_opposing
+from compact.rigid_drive import CREEP, POINTS, Crank, met_resistance
 
 # Phases of the published machines: 1, 2 carts at 90 degrees, 3 at 120, 4 at 90 (paper C).
 USUAL_ANGLES = {

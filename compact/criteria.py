@@ -114,7 +114,7 @@ def _drawn_energy(state):
 PEAKS = MappingProxyType(
     {"peak_force": lambda state: state.force, "peak_power": lambda state: state.force * state.velocity}
 )
-# name, as in `drive.CRITERIA`, to the tangent of a `State`
+# name, as in `ranking.CRITERIA`, to the tangent of a `State`
 OBJECTIVES = MappingProxyType(
     {
         "peak_force": _peak_force,

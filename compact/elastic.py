@@ -24,11 +24,11 @@ import numpy as np
 
 from compact.cart import Balance, Cart, balance
 from compact.course import ALIVE, MOST_SAMPLES, SAMPLES, TURN, Course, alive_time
-from compact.drive import CREEP, Means, Rigid, State, met_resistance, simulate, steady_force
 from compact.dynamics import peaks
 from compact.motion import Cycle, Join
 from compact.refuse import refuse_negative, refuse_nonpositive, refuse_unknown, require_opposing
 from compact.regime import Problem, Work
+from compact.rigid_drive import CREEP, Means, Rigid, State, met_resistance, simulate, steady_force
 from compact.sprung_memory import RememberingProblem
 
 REGIMES = ("periodic", "rest")
@@ -52,7 +52,7 @@ class ElasticDrive:
         refuse_negative(damping=self.damping, backlash=self.backlash)
 
     def run(self, cart, cycle, resistance, working):
-        """The periodic `ElasticRun`: what `drive.simulate` asks of a drive."""
+        """The periodic `ElasticRun`: what `rigid_drive.simulate` asks of a drive."""
         return travel(cart, self, cycle, resistance, working=working)
 
 
@@ -179,7 +179,7 @@ class ElasticRun(Means):
 
     @cached_property
     def state(self):
-        """`drive.State` of the cart; while it stands, mix and guides share the pull as they share the limit."""
+        """`rigid_drive.State` of the cart; while it stands, mix and guides share the pull as they share the limit."""
         i, u, _ = self._places
         position, velocity, acceleration, jerk, resisted = self.course.motion(i, u)
         force, push, slip = self.course.force(i, u), self.course.push(i, u), self.course.arcs.slip[i]

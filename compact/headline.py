@@ -51,7 +51,7 @@ LONGEST = 400  # characters of a reason
 
 def ranked(criteria):
     """name -> (unit, meaning) of the numbers, and name -> meaning of the words, that ranking the laws adds."""
-    from compact.drive import CRITERIA
+    from compact.ranking import CRITERIA
 
     numbers, words = {}, {}
     for by in criteria:

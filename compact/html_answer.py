@@ -6,9 +6,9 @@ import numpy as np
 
 from compact.beside_report import agreements, places
 from compact.contact_report import guide_sentence, return_sentence
-from compact.drive import CRITERIA
 from compact.engine import COMPACTING
 from compact.page import listed, paragraph, percent, quantity, sentence, strong
+from compact.ranking import CRITERIA
 
 WORDS = {
     "peak_force": "peak drive force",

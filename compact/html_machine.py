@@ -5,10 +5,10 @@ from html import escape
 import numpy as np
 
 from compact.beside_report import agreements, beside
-from compact.drive import CRITERIA
 from compact.html_answer import WORDS, means
 from compact.ordering import ties
 from compact.page import ROUNDING, Section, column, mark, number, paragraph, percent, picture, quantity, table, table_of
+from compact.ranking import CRITERIA
 from compact.sensitivity import PRIOR
 from compact.study import FOLLOWERS, YIELDING
 

@@ -24,9 +24,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from compact.cart import Cart, balance
-from compact.drive import CREEP, Rigid, Run, met_resistance, simulate
 from compact.polynomials import Pieces, pieces
 from compact.refuse import refuse_nonpositive, require_opposing
+from compact.rigid_drive import CREEP, Rigid, Run, met_resistance, simulate
 
 NEAR = 1e-6  # of the open area, by which polynomials may miss that of a throttle
 RTOL = 1e-8  # of the forward motion
@@ -81,7 +81,7 @@ class Hydraulic(Rigid):
         return np.sqrt(np.hypot(drop, self.transition_drop) * self.oil_density / 2) / self.discharge_coefficient
 
     def run(self, cart, cycle, resistance, working):
-        """The `HydraulicRun`: what `drive.simulate` asks of a drive."""
+        """The `HydraulicRun`: what `rigid_drive.simulate` asks of a drive."""
         run = simulate(cart, Rigid(), cycle, resistance, working=working)
         return HydraulicRun(**{field.name: getattr(run, field.name) for field in fields(run)}, hydraulic=self)
 

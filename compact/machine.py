@@ -8,11 +8,11 @@ import numpy as np
 from compact.belt import Belt
 from compact.cart import Cart
 from compact.crank import USUAL_ANGLES
-from compact.drive import Crank, Rigid
 from compact.hydraulic import Hydraulic
 from compact.measured import from_table
 from compact.motion import law
 from compact.motor import Motor
+from compact.rigid_drive import Crank, Rigid
 from compact.scene import SceneError
 from compact.springs import EndSprings
 from compact.torque import Kloss, Straight

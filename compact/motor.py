@@ -19,9 +19,19 @@ import numpy as np
 
 from compact.belt import Belt
 from compact.cart import Balance, Cart, balance
-from compact.drive import CREEP, Crank, Means, Rigid, State, met_resistance, refuse_foreign_law, simulate, steady_force
 from compact.pieces import inside, largest
 from compact.refuse import refuse_negative, refuse_nonfinite, refuse_nonpositive, require_opposing
+from compact.rigid_drive import (
+    CREEP,
+    Crank,
+    Means,
+    Rigid,
+    State,
+    met_resistance,
+    refuse_foreign_law,
+    simulate,
+    steady_force,
+)
 from compact.shaft import Turning, turning
 
 RIGID = Rigid()
@@ -81,7 +91,7 @@ class Motor:
         return self.motor_inertia * self.gear_ratio * acceleration
 
     def run(self, cart, cycle, resistance, working):
-        """The periodic `MotorRun`: what `drive.simulate` asks of a drive."""
+        """The periodic `MotorRun`: what `rigid_drive.simulate` asks of a drive."""
         return revolve(cart, self, cycle, resistance, working=working)
 
 
@@ -259,7 +269,7 @@ class MotorRun(Means):
 
     @cached_property
     def state(self):
-        """`drive.State` of the first cart."""
+        """`rigid_drive.State` of the first cart."""
         state = self.load.at(self.turn.angle, self.turn.energy, self.turn.acceleration, self.turn.jerk)[0]
         columns = [column.ravel() for column in state[:-1]]
         return State(*columns, Balance(*(column.ravel() for column in astuple(state.forces))))

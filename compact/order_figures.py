@@ -7,8 +7,8 @@ import itertools
 
 import numpy as np
 
-from compact.drive import CRITERIA
 from compact.figures import PALETTE, look, panels
+from compact.ranking import CRITERIA
 
 PANELS = 2  # criteria of the comparison of engines, for each drive
 LETTER = 0.061  # width of a letter of 8 points [inch]

@@ -34,7 +34,7 @@ class Place(NamedTuple):
 
 
 def places(ranked, by, heavier):
-    """A `Place` for each `drive.Ranked` by a criterion.
+    """A `Place` for each `ranking.Ranked` by a criterion.
 
         error = |value against a resistance greater by its own relative error - value|
 

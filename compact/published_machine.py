@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 from compact import contact
 from compact.cart import Cart, balance
 from compact.crank import USUAL_ANGLES, travel, turn
-from compact.drive import Crank
 from compact.motion import integral
+from compact.rigid_drive import Crank
 
 
 @dataclass(frozen=True)

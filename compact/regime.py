@@ -17,11 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from compact.cart import balance
-from compact.drive import CREEP, met_resistance
 from compact.dynamics import DONE, SHORTEST, TOO_FAST, TOO_MANY, TOO_SHORT, UNSEARCHED, Arcs, integrate, room
 from compact.pieces import EPSILON, inside
 from compact.polynomials import Pieces, integrated, pieces
 from compact.resisted import NONE, Resistance
+from compact.rigid_drive import CREEP, met_resistance
 from compact.ringing import MOST_RANGES, shifted
 from compact.suspended import AT_NEAR, FAR, NEAR, Ends, Spring, State
 

@@ -13,10 +13,9 @@ import numpy as np
 from compact import beside_report, contact_report, drive_report
 from compact.cam import stepper
 from compact.contact_report import guide_sentence, held_sentence, return_sentence
-from compact.drive import CRITERIA
 from compact.engineering import coverage
 from compact.pool import Here
-from compact.ranking import value_of
+from compact.ranking import CRITERIA, value_of
 from compact.results import claimed, png, write_bytes, write_columns, write_csv, write_figure, write_json
 from compact.study import YIELDING
 

@@ -18,9 +18,9 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from compact.cart import balance
-from compact.drive import Demand
 from compact.pieces import EPSILON, inside, largest
 from compact.refuse import refuse_negative, refuse_nonpositive
+from compact.rigid_drive import Demand
 
 HELD = 0.99  # of what friction holds, beyond which a roller counts as skidding
 GAUSS = np.polynomial.legendre.leggauss(4)
@@ -29,7 +29,7 @@ TRIALS = 60  # of the guide friction; 3 to 5 are usual
 
 
 def pulls(demand, rollers):
-    """Least and largest pull [N] of one of the rollers along the travel, over the cycle of a `drive.Demand`."""
+    """Least and largest pull [N] of one of the rollers along the travel, over the cycle of a `rigid_drive.Demand`."""
     found = []
     for leg in demand.cycle.legs():
         if leg.direction:

@@ -22,7 +22,7 @@ Law = Literal[
 LAW_NAMES: tuple[str, ...] = get_args(Law)
 
 Wanted = Literal["tables", "figures", "cams", "reactions", "crank", "fields", "report"]
-# The keys of `drive.CRITERIA`, restated likewise
+# The keys of `ranking.CRITERIA`, restated likewise
 RankBy = Literal[
     "peak_force", "peak_power", "rms_force", "rms_power", "mean_force", "mean_power", "energy", "drawn_energy",
     "peak_jerk", "dynamic_factor", "nonuniformity", "ringing",

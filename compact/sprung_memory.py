@@ -21,7 +21,6 @@ import numpy as np
 
 from compact import dynamics, imprint
 from compact.cart import balance
-from compact.drive import CREEP
 from compact.dynamics import ARC, DONE, EVALUATIONS, TOO_FAST, Arcs, advance, clock, reached, room
 from compact.dynamics import begun as set_off
 from compact.imprint import copied, pressed
@@ -29,6 +28,7 @@ from compact.memory import instants
 from compact.polynomials import Pieces, pieces
 from compact.regime import ARCS, CLOSED, FAILURES, TABLE, WIDENINGS, WIDER, Problem, Work
 from compact.resisted import BACK, MIX, THERE, WHOLE, Resistance, looked_up
+from compact.rigid_drive import CREEP
 from compact.ringing import compiling, shifted
 
 TRIALS = 30  # of the force at the end of a window; 2 or 3 are usual

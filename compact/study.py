@@ -15,11 +15,10 @@ from functools import cached_property
 
 import numpy as np
 
-from compact import contact, contacts, drive, machine, made, mapping, mix, stage_costs
+from compact import contact, contacts, drive, machine, made, mapping, mix, rigid_drive, stage_costs
 from compact.cam import Cam, FlatFace, Pointed, RollerFollower
 from compact.cart import Opposition
 from compact.crank import USUAL_ANGLES, turn
-from compact.drive import steady_balance
 from compact.driven import driven
 from compact.engine import COMPACTING, LAYERED, Held, fields, held, passes, speeds
 from compact.engineering import engineering, numbers, peak_pressure
@@ -28,6 +27,7 @@ from compact.motion import InfeasibleError, law, optimal_name
 from compact.ordering import places
 from compact.pool import Errands, Here
 from compact.refuse import refuse_unknown
+from compact.rigid_drive import steady_balance
 from compact.roller_motor import RollerMotor, pulls
 from compact.scene import Scene, SceneError
 
@@ -548,7 +548,8 @@ class Study:
         """A `RollerMotor` per law, by name: the same cart, driven by motors in its rollers and by nothing else."""
         rollers = self.scene.machine.rollers
         demands = {
-            name: drive.Demand(self.cart, drive.Rigid(), cycle, self.resistance) for name, cycle in self.cycles.items()
+            name: rigid_drive.Demand(self.cart, drive.Rigid(), cycle, self.resistance)
+            for name, cycle in self.cycles.items()
         }
         asked = np.transpose([pulls(demand, rollers) for demand in demands.values()])
         near = () if self.kept or not self.layered else self.rolled

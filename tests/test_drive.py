@@ -14,12 +14,13 @@ from published import CART_OF_C
 
 from compact.contact import dry_resistance
 from compact.crank import turn
-from compact.drive import CRITERIA, POINTS, Crank, Rigid, rank, simulate
+from compact.drive import CRITERIA, Crank, Rigid, rank, simulate
 from compact.elastic import ElasticDrive
 from compact.hydraulic import Hydraulic
 from compact.motion import LAWS, Cycle, law
 from compact.motor import Motor
 from compact.resistance import ResistanceMap
+from compact.rigid_drive import POINTS
 from compact.torque import Straight
 
 CART = CART_OF_C

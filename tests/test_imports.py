@@ -50,14 +50,14 @@ LEVELS = (
     ("compacted", "stiffening", "course"),
     ("compaction", "trip"),
     ("travelling",),
-    ("motion", "contact", "fem_engine", "drive", "scene", "column", "resistance"),
+    ("motion", "contact", "fem_engine", "rigid_drive", "scene", "column", "resistance"),
     ("memory", "measured", "cam", "crank", "passes", "spectral_modulation", "fem_modulation", "transient", "regime"),
     ("sprung_memory", "shaft_memory"),
     (
         *("contacts", "engine", "engineering", "elastic", "motor", "hydraulic", "made", "cutting", "cam_motion"),
         *("vary", "roller_motor", "fem"),
     ),
-    ("mapping", "runup", "machine", "driven"),
+    ("mapping", "runup", "machine", "driven", "drive"),
     ("study", "calibrate", "cam_sheet"),
     ("figures", "published_laws", "published_machine", "cam_files", "sensitivity", "headline"),
     ("contact_report", "drive_report", "published", "maps", "sweep", "order_figures"),
@@ -251,4 +251,4 @@ def test_reader_looks_into_classes_and_conditions():
 
 
 def test_arrow_up_is_found():
-    assert arrows_up("drive", {"cart", "motion", "study"}) == {"drive -> motion", "drive -> study"}
+    assert arrows_up("rigid_drive", {"cart", "motion", "study"}) == {"rigid_drive -> motion", "rigid_drive -> study"}

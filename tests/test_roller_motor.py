@@ -13,12 +13,13 @@ from compact import compaction, contacts, fem, fem_engine
 from compact import driven as driving
 from compact.cart import Cart, balance
 from compact.contact import dry_resistance
-from compact.drive import Demand, Rigid, simulate
+from compact.drive import Rigid, simulate
 from compact.engine import inputs
 from compact.material import Elastic
 from compact.motion import law
 from compact.records import Layer, Roller
 from compact.resistance import ResistanceMap
+from compact.rigid_drive import Demand
 from compact.roller_motor import HELD, Driven, FirstOrder, RollerMotor, pulls, spent
 from compact.scene import load_scene
 from compact.springs import EndSprings
