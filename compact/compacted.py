@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from compact import cap
-from compact.compliance import moduli
+from compact.assembly import moduli
 from compact.frame import Fed
 from compact.records import Layer, Rolled, Roller
 from compact.solid import STATE

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 from skfem import Basis, ElementQuad2, MeshQuad
 from threadpoolctl import threadpool_limits
 
+from compact.assembly import assembled, element_matrices, global_matrix, moduli, strain_matrix
 from compact.patch import Surface
 
 GAUSS_ORDER = 4  # 3 x 3 points: exact stiffness of rectangles, three streamlines in each row
@@ -42,13 +42,6 @@ class Stiffness:
         """Nodal displacements, shape (dofs, 2, k), under forces of shape (dofs, 2, k)."""
         with threadpool_limits(1):  # two threads are 3-6 times slower in the triangular solves
             return self.solve(forces.reshape(len(forces) * 2, -1)).reshape(forces.shape)
-
-
-def moduli(poisson):
-    """Stiffness of unit modulus against (e_xx, e_yy, 2 e_xy, e): 2 mu, 2 mu, mu and lambda, e the change of area."""
-    lame = poisson / ((1 + poisson) * (1 - 2 * poisson))
-    shear = 1 / (2 * (1 + poisson))
-    return np.array([2 * shear, 2 * shear, shear, lame])
 
 
 def element_moduli(mesh, poisson, layer):
@@ -133,65 +126,11 @@ def _condensed(body, mesh, layer, window, sheared, behind, respond):
     return Surface(x, first, last, response)
 
 
-def strain_matrix(basis, along=1.0, across=1.0):
-    """B of (e_xx, e_yy, 2 e_xy, e) at the Gauss points, shape (elements, points, 4, 18), unknowns as in `dofs`.
-
-    along, across : factors of the derivatives along x and y
-
-    The change of area e is e_xx + e_yy projected in each element on {1, x, y}: quadratic displacements with linear
-    pressure do not lock as nu -> 1/2.
-    """
-    gradient = np.array([basis.basis[j][0].grad for j in range(basis.Nbfun)])  # (9, 2, elements, points)
-    gx, gy = gradient.transpose(1, 2, 3, 0)
-    gx, gy = along * gx, across * gy
-    B = np.zeros((*gx.shape[:2], 4, 2 * basis.Nbfun))
-    B[..., 0, 0::2], B[..., 1, 1::2] = gx, gy
-    B[..., 2, 0::2], B[..., 2, 1::2] = gy, gx
-    B[..., 3, :] = _linear_part(basis, B[..., 0, :] + B[..., 1, :])
-    return B
-
-
-def _linear_part(basis, values):
-    """Projection of Gauss-point values, shape (elements, points, k), on {1, x, y} in each element."""
-    x, y = np.asarray(basis.global_coordinates())
-    linear = np.stack([np.ones_like(x), x - x.mean(1, keepdims=True), y - y.mean(1, keepdims=True)], axis=-1)
-    linear /= np.abs(linear).max(axis=1, keepdims=True)
-    weighted = (linear * basis.dx[..., None]).transpose(0, 2, 1)
-    return linear @ np.linalg.solve(weighted @ linear, weighted @ values)
-
-
-def element_unknowns(basis):
-    """Unknowns of each element, shape (elements, 18)."""
-    dofs = basis.element_dofs.T
-    return np.stack([2 * dofs, 2 * dofs + 1], axis=-1).reshape(len(dofs), -1)
-
-
-def assembled(basis, moduli):
-    """int B' C B dA, all elements at once; moduli of all, shape (4,), or of each, shape (elements, 4)."""
-    B = strain_matrix(basis)
-    return _summed(basis, _blocks(basis, B, B, moduli))
-
-
 def _stretching(basis, moduli):
     """dK/d ln s of `assembled` as every x grows by s: strains along x fall by it and areas grow."""
     B = strain_matrix(basis)
-    mixed = _blocks(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)
-    return _summed(basis, mixed + mixed.transpose(0, 2, 1) + _blocks(basis, B, B, moduli))
-
-
-def _blocks(basis, left, right, moduli):
-    """int left' C right dA of every element, shape (elements, 18, 18)."""
-    count, points, parts, width = left.shape
-    C_right = (right * moduli[..., None, :, None] * basis.dx[..., None, None]).reshape(count, points * parts, width)
-    return np.matmul(left.reshape(C_right.shape).transpose(0, 2, 1), C_right)
-
-
-def _summed(basis, blocks):
-    """The sparse matrix of blocks of the elements."""
-    unknowns = element_unknowns(basis)
-    rows = np.broadcast_to(unknowns[:, :, None], blocks.shape)
-    columns = np.broadcast_to(unknowns[:, None, :], blocks.shape)
-    return coo_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(2 * basis.N,) * 2).tocsr()
+    mixed = element_matrices(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)
+    return global_matrix(basis, mixed + mixed.transpose(0, 2, 1) + element_matrices(basis, B, B, moduli))
 
 
 def _held(basis, base):

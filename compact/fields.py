@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.compliance import element_moduli, element_unknowns, stiffness, strain_matrix
+from compact.assembly import element_unknowns, strain_matrix
+from compact.compliance import element_moduli, stiffness
 from compact.results import write_mesh, write_pvd
 from compact.streamline import creep, memory, retarded
 

@@ -19,7 +19,7 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.sparse import csr_matrix
 
 from compact import cap
-from compact.compliance import moduli
+from compact.assembly import moduli
 from compact.deformation import TO_STRAIN
 from compact.mesh import RowMesh
 from compact.solid import STATE, SUBSTEPS, Condition, Solid

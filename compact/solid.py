@@ -16,7 +16,7 @@ from scipy.linalg.lapack import dgbtrf, dgbtrs
 from skfem import Basis, ElementQuadS2, MeshQuad
 
 from compact import cap
-from compact.compliance import element_unknowns, moduli
+from compact.assembly import element_unknowns, moduli
 from compact.deformation import Finite, Small
 
 GAUSS_ORDER = 3  # 2 x 2 points

@@ -12,7 +12,7 @@ from rolling_scenes import SPEED, prescribing, random_scenes, stiff_scene, told_
 from scipy.sparse.linalg import spsolve
 from scipy.special import jv
 
-from compact import compliance, fem, fem_engine, mesh, patch, spectral, streamline
+from compact import assembly, compliance, fem, fem_engine, mesh, patch, spectral, streamline
 from compact.halfplane import galin
 from compact.material import Elastic, Viscoelastic
 from compact.records import Layer, Roller
@@ -104,7 +104,7 @@ def scaled(rolled, ratio):
 def test_confined_layer_settles_as_oedometer(poisson):
     E, p, H = 1.0, 50e3, SMALL.height
     basis = compliance.stiffness(SMALL, poisson, LAYER).basis
-    K = compliance.assembled(basis, compliance.moduli(poisson))
+    K = assembly.assembled(basis, assembly.moduli(poisson))
     x, y = basis.doflocs
     free = np.flatnonzero(y > 1e-12)
     surface = np.flatnonzero(y > H * (1 - 1e-12))
@@ -456,7 +456,7 @@ def test_reaction_of_the_base_is_the_load():
     layer = compliance.stiffness(SMALL, 0.3, LAYER)
     forces = np.zeros((layer.basis.N, 2, 1))
     forces[layer.surface, :, 0] = rolled.forces.T
-    K = compliance.assembled(layer.basis, compliance.moduli(0.3))
+    K = assembly.assembled(layer.basis, assembly.moduli(0.3))
     reaction = (K @ layer.displacement(forces).ravel() - forces.ravel()).reshape(-1, 2).sum(axis=0)
     assert SLS.youngs_modulus * reaction[1] == pytest.approx(rolled.load, rel=1e-8)
     assert SLS.youngs_modulus * reaction[0] == pytest.approx(-rolled.resistance, rel=1e-6)

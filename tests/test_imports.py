@@ -20,6 +20,7 @@ LEVELS = (
         "failures",
         "capabilities",
         "pieces",
+        "assembly",
         "measurements",
         "fitting",
         "deformation",

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.linalg import spsolve
 
-from compact import compliance, contact, fem, mesh, spectral
+from compact import assembly, compliance, contact, fem, mesh, spectral
 from compact.expected import as_wide
 from compact.material import Elastic, Viscoelastic
 from compact.plies import surface_defects
@@ -136,7 +136,7 @@ def test_confined_plies_settle_as_oedometers_in_series(poisson):
     layer = Layer(H, plies=(Ply(0.1, 20.0), Ply(0.07, 1.0), Ply(0.05, 5.0)))
     rows = mesh.graded(H, 0.02, 4, interfaces=layer.interfaces)
     basis = compliance.stiffness(rows, poisson, layer).basis
-    K = compliance.assembled(basis, compliance.element_moduli(rows, poisson, layer))
+    K = assembly.assembled(basis, compliance.element_moduli(rows, poisson, layer))
     x, y = basis.doflocs
     free, surface = np.flatnonzero(y > 1e-12), np.flatnonzero(y > H * (1 - 1e-12))
     surface = surface[np.argsort(x[surface])]
