@@ -1,0 +1,118 @@
+"""Regression of six scenes: their numbers in `summary.json`, `ranking.csv` and the contact tables.
+
+Each scene is a variant of `studies/scenes/small.toml`. The expected numbers are kept in `tests/regression/*.json`;
+`python tests/regression/test_regression.py` writes them anew, `--exact` compares them bit for bit.
+"""
+
+import csv
+import json
+import math
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from compact import report
+from compact.scene import load_scene
+from compact.study import Study
+
+HERE = Path(__file__).parent
+SMALL = HERE.parents[1] / "studies" / "scenes" / "small.toml"
+RELATIVE = 1e-6  # [-]; between machines, whose libraries round differently
+ABSOLUTE = 1e-9  # of quantities that are zero but for rounding
+UNSTABLE = {"versions", "scene_hash", "files", "counts", "warnings"}
+TABLES = ("ranking.csv", "contact.csv")
+
+CONTACT = {"contact.speeds": [0.05, 0.2], "contact.indentation": 0.002, "output.wanted": ["tables"]}
+ELASTIC = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3, "drive.backlash": 1e-4}
+KLOSS = {
+    "curve": "kloss", "torque": 40.0, "speed": 157.0, "breakdown_slip": 0.15, "gear_ratio": 150.0, "inertia": 0.01,
+    "flywheel_inertia": 50.0,
+}  # fmt: skip
+HYDRAULICS = {
+    "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5, "discharge_coefficient": 0.62,
+    "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
+}  # fmt: skip
+SCENES = {
+    "formula": {"output.wanted": ["tables", "cams", "reactions", "crank"]},
+    "column": {"accuracy.engine": "column", "contact.speeds": [0.05, 0.2], "output.wanted": ["tables"]} | ELASTIC,
+    "spectral": {
+        "accuracy.engine": "spectral", "machine.rolling": "frictionless", "machine.profile": "circle",
+        "drive.kind": "motor", "drive.motor": KLOSS,
+    } | CONTACT,
+    "fem": {
+        "accuracy.engine": "fem", "accuracy.tolerance": 0.05, "drive.kind": "hydraulic", "drive.hydraulics": HYDRAULICS,
+        "beside": {"spectral": {"machine": {"rolling": "frictionless", "profile": "circle"}}},
+    } | CONTACT,
+    "compaction": {
+        "accuracy.engine": "compaction", "accuracy.tolerance": 0.3, "product.height": 0.03,
+        "layer.fed_density_ratio": 0.94, "machine.profile": "deformed", "mix.overrides.unloading_modulus": 60e6,
+        "mix.overrides.friction_angle": 44.0, "mix.overrides.heckel_slope": 11.4e-6,
+    } | CONTACT | {"contact.speeds": [0.2], "contact.indentation": 0.001},
+    "optimised": {
+        "motion.optimise": {"objectives": ["peak_force"], "smoothness": 1, "acceleration": 0.6},
+        "drive.end_springs": {"stiffness": 5e3, "preload": 200.0, "length": 0.1}, "drive.carts": 2,
+        "drive.angles": [0.0, 1.5707963267948966], "output.wanted": ["tables"],
+    },
+}  # fmt: skip
+SLOW = {"compaction": pytest.mark.slow}
+
+
+def numbers(name, directory):
+    """Summary and tables of a scene, without what depends on the machine."""
+    study = Study(load_scene(SMALL, **SCENES[name]))
+    report.write(study, directory)
+    summary = json.loads((directory / "summary.json").read_text(encoding="utf-8"))
+    tables = {}
+    for table in TABLES:
+        if (directory / table).exists():
+            with (directory / table).open(newline="", encoding="utf-8") as file:
+                tables[table] = [[read(cell) for cell in row] for row in csv.reader(file)]
+    return {"summary": {key: value for key, value in summary.items() if key not in UNSTABLE}, "tables": tables}
+
+
+def read(cell):
+    """The number in a cell, or its text."""
+    try:
+        return float(cell)
+    except ValueError:
+        return cell
+
+
+def different(found, expected, path="", relative=RELATIVE, absolute=ABSOLUTE):
+    """Paths at which two nested results differ."""
+    if isinstance(expected, dict) and isinstance(found, dict):
+        for key in expected.keys() | found.keys():
+            yield from different(found.get(key), expected.get(key), f"{path}.{key}", relative, absolute)
+    elif isinstance(expected, list) and isinstance(found, list) and len(found) == len(expected):
+        for index, pair in enumerate(zip(found, expected, strict=True)):
+            yield from different(*pair, f"{path}[{index}]", relative, absolute)
+    elif isinstance(expected, float) and isinstance(found, int | float):
+        both_nan = math.isnan(found) and math.isnan(expected)
+        if not both_nan and not math.isclose(found, expected, rel_tol=relative, abs_tol=absolute):
+            yield f"{path}: {found!r}, expected {expected!r}"
+    elif found != expected:
+        yield f"{path}: {found!r}, expected {expected!r}"
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW.get(name, ())) for name in SCENES])
+def test_numbers_of_the_scene_are_unchanged(name, tmp_path):
+    expected = json.loads((HERE / f"{name}.json").read_text(encoding="utf-8"))
+    assert list(different(numbers(name, tmp_path / name), expected)) == []
+
+
+def main(exact):
+    for name in SCENES:
+        with tempfile.TemporaryDirectory() as directory:
+            found = numbers(name, Path(directory) / name)
+        file = HERE / f"{name}.json"
+        if exact:
+            expected = json.loads(file.read_text(encoding="utf-8"))
+            print(name, *(list(different(found, expected, relative=0, absolute=0)) or ["identical"]), sep="\n  ")
+        else:
+            file.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main("--exact" in sys.argv[1:])
