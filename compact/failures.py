@@ -7,6 +7,8 @@ floating-point numbers, mostly because a value was given in other units.
 from pathlib import Path
 from traceback import walk_tb
 
+import compact
+
 # Beginnings of the messages of numpy and Python, and what each means
 MEANINGS = {
     "invalid value": "an operation has no result (such as 0/0 or the square root of a negative number)",
@@ -18,7 +20,7 @@ MEANINGS = {
     "underflow": "a number falls below the range of floating-point numbers",
 }
 OTHERWISE = "an equation has no finite solution"
-PACKAGE = Path(__file__).parent
+PACKAGE = Path(compact.__file__).parent
 REMEDY = "values of the scene are too large, too small or too far apart; check their units"
 
 
@@ -42,5 +44,5 @@ def memory_sentence(error: MemoryError) -> str:
 def _place(error):
     """Module of this package in which an error was raised, the innermost, as words; empty if there is none."""
     files = [Path(frame.f_code.co_filename) for frame, _ in walk_tb(error.__traceback__)]
-    modules = [file.stem for file in files if file.parent == PACKAGE]
+    modules = [file.stem for file in files if PACKAGE in file.parents]
     return f" in {modules[-1]}" if modules else ""

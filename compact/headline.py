@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+import compact
 from compact.capabilities import adapt
 from compact.engine import passes
 from compact.failures import is_numeric, memory_sentence, numeric_sentence
@@ -160,7 +161,7 @@ def _of_contact(scene, first, last):
 def versions():
     """name -> version of all that decides a number: packages, and the text of our own modules."""
     source = sha256()
-    for path in sorted(Path(__file__).parent.rglob("*")):
+    for path in sorted(Path(compact.__file__).parent.rglob("*")):
         if path.suffix in (".py", ".csv"):
             source.update(path.read_bytes())
     packages = {name: version(name) for name in VERSIONED}
