@@ -8,7 +8,7 @@ import numpy as np
 from compact.dynamics import Arcs
 from compact.pieces import clenshaw_curtis
 from compact.polynomials import horner
-from compact.resisted import BACK, MIX, THERE, Resistance
+from compact.resisted import Resistance
 from compact.suspended import AT_NEAR, NEAR, Spring, State
 
 SAMPLES, TURN = 17, 2.5  # points for each so many rad of an oscillation: integrals of its square to 1e-9
@@ -107,8 +107,6 @@ class Course:
         slip, pull = self.arcs.slip[i], self.force(i, u) + self.push(i, u)
         velocity = np.where(slip != 0, self.far_end(i, u, 1) - rate, 0.0)
         force, rise, added, grows = self._met(slip, velocity)
-        row = np.where(slip > 0, THERE, BACK)
-        force = force + self.given(i, u, row)
         # R = F + M a up to a pace, and M at the pace beyond
         mass, most = self.spring.mass, _most(self.resistance.pace, slip * velocity)
         free = (pull - force) / (mass + added)
@@ -121,14 +119,8 @@ class Course:
         stiffness = np.where(self.arcs.side[i] != 0, self.spring.stiffness, 0.0)
         pulls = stiffness * rate + self.spring.damping * (self.far_end(i, u, 2) - acceleration)
         pulls = pulls - np.where(np.abs(self.arcs.zone[i]) == NEAR, self.spring.ends.stiffness, 0.0) * velocity
-        pulls = pulls - self.arcs.given[i, row, 1]
         jerk = np.where(slip != 0, (pulls - rise * acceleration) / (mass + np.where(inside, added, 0.0)), 0.0)
         return self.far_end(i, u) - stretch, velocity, acceleration, jerk, resisted
-
-    def given(self, i, u, row=MIX):
-        """D [N] at places u of arcs i, its rows those of a `Resistance`."""
-        start, rise = np.moveaxis(self.arcs.given[i, row], -1, 0)
-        return start + rise * self.arcs.span[i] * u
 
     def _met(self, slip, velocity):
         """F, dF/dv, M and dM/d|v| on the side of the slip."""

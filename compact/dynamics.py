@@ -1,12 +1,12 @@
 """The equation of motion of a cart behind a spring, with dry friction, solved arc by arc without small steps.
 
-    m x'' = k (e - o) + c e' + S(x) - R(x', x'') - D(t),   e = y(t) - x
+    m x'' = k (e - o) + c e' + S(x) - R(x', x''),   e = y(t) - x
 
 y(t) is the imposed motion of the far end, e the stretch, o the half of the backlash that is taken up, S the push of
-end springs (`suspended`), D a force of time, straight over the law. R jumps at speed 0 and is set-valued there: the
-cart stands while it is pulled less than R(0+) + D and more than R(0-) + D. With K e - n y + g for the springs, in e,
+end springs (`suspended`). R jumps at speed 0 and is set-valued there: the cart stands while it is pulled less than
+R(0+) and more than R(0-). With K e - n y + g for the springs, in e,
 
-    (m + M) e'' + (c + d) e' + K e = (m + M) y'' + n y - g + R0 + d (y' - v0) - M a0 + D(t) + r(t)
+    (m + M) e'' + (c + d) e' + K e = (m + M) y'' + n y - g + R0 + d (y' - v0) - M a0 + r(t)
     r = R(v, a) - R0 - d (v - v0) - M (a - a0),   d = dR/dv, M = dR/da at the start of the arc
 
 is a linear oscillator under a force that is a polynomial wherever y is one and r is made one (`sliding`), and a
@@ -26,7 +26,6 @@ import numpy as np
 
 from compact import oscillator, resisted, ringing, sliding, suspended
 from compact.oscillator import TERMS, reach
-from compact.resisted import BACK, THERE, later
 from compact.ringing import (
     CELLS,
     EXHAUSTED,
@@ -62,7 +61,7 @@ compiled = compiling(__file__, *(module.__file__ for module in (oscillator, resi
 class Arcs(NamedTuple):
     """One arc a row. At u = (t - start)/span, t <= start + length, the stretch is the `Signal` of stretch and ring,
     and the far end stands at sum_j law[j] u^j; slip: direction of the motion, 0 standing; side of the backlash; zone
-    of the end springs; given: D at the start and its rise, rows as of a `Resistance`."""
+    of the end springs."""
 
     start: np.ndarray
     span: np.ndarray
@@ -73,7 +72,6 @@ class Arcs(NamedTuple):
     slip: np.ndarray
     side: np.ndarray
     zone: np.ndarray
-    given: np.ndarray
 
 
 def room(count, degree):
@@ -82,7 +80,7 @@ def room(count, degree):
     kind = np.empty(count, np.int64)
     return Arcs(
         one, one.copy(), one.copy(), np.empty((count, degree + 1)), np.empty((count, TERMS)), np.empty((count, 4)),
-        kind, kind.copy(), kind.copy(), np.empty((count, 3, 2)),
+        kind, kind.copy(), kind.copy(),
     )  # fmt: skip
 
 
@@ -96,10 +94,9 @@ def event(spring, resistance, slip, state, law, stretch, effort):
     else:
         first, what = 1.0, NOTHING
         held, most = hold(spring, state.side, state.zone), limits(spring, resistance, state.zone)
-        for way, limit, row, name in ((1, most[0], THERE, PULLED), (-1, most[1], BACK, PUSHED)):
+        for way, limit, name in ((1, most[0], PULLED), (-1, most[1], PUSHED)):
             spare = combined(stretch, law, -way * held.stiffness, -way * spring.damping, way * held.along, 0.0)
             spare.poly[0] += way * (limit - held.constant)
-            spare.poly[1] += way * resistance.given[row, 1] * stretch.span
             first, what = earlier(first, what, spare, name, effort)
     if spring.backlash > 0:
         for way, name in ((1, CLOSED_AHEAD), (-1, CLOSED_BEHIND)):
@@ -217,8 +214,8 @@ def outcome(spring, resistance, state, slip, trial):
         if abs(velocity) <= STILL * resistance.there.breaks[-1]:
             held = hold(spring, side, plate)
             pace = value(slope(Signal(trial.law, 0.0, 0.0, 0.0, 0.0, 1.0)), trial.until) / trial.stretch.span
-            then = later(resistance, trial.until * trial.stretch.span)
-            if direction(spring, then, plate, held.stiffness * stretch + held.constant + spring.damping * pace) == 0:
+            pull = held.stiffness * stretch + held.constant + spring.damping * pace
+            if direction(spring, resistance, plate, pull) == 0:
                 return State(stretch, 0.0, side, plate)
         zone = 0 if trial.what == LEFT else (NEAR if trial.what == MET_NEAR else FAR)
     return State(stretch, velocity, side, zone)
@@ -304,9 +301,8 @@ def advance(spring, law, resistance, journey, tolerance, arcs, most):
         state = reached(journey)
         here = shifted(piece, done, 1.0)
         pace = here[1] / whole
-        now = later(resistance, time - law.breaks[0])
-        slip = heading(spring, now, state, here[0], pace, counts[LAST])
-        line = lined(spring, now, state, slip or 1, here[0], pace)
+        slip = heading(spring, resistance, state, here[0], pace, counts[LAST])
+        line = lined(spring, resistance, state, slip or 1, here[0], pace)
         h = left if slip == 0 else min(step, left)
         if slip != 0:
             stiffness = hold(spring, state.side, state.zone).stiffness
@@ -314,9 +310,9 @@ def advance(spring, law, resistance, journey, tolerance, arcs, most):
         y = shifted(piece, done, h / whole)
         effort[RANGES] = 0
         if slip == 0:
-            trial = stand(spring, now, state, y, h, effort)
+            trial = stand(spring, resistance, state, y, h, effort)
         else:  # after a stand it goes on with steps as before
-            trial = attempt(spring, now, state, slip, line, y, h, tolerance, effort)
+            trial = attempt(spring, resistance, state, slip, line, y, h, tolerance, effort)
             reals[STEP] = trial.step
         counts[EVALUATIONS] += trial.evaluations
         work += 1 + trial.evaluations + effort[RANGES]
@@ -331,26 +327,26 @@ def advance(spring, law, resistance, journey, tolerance, arcs, most):
         if stayed and span > BRIEF * whole:  # it hardly sets off: over a shorter arc rounding hides less
             reals[STEP] = span / 8
             continue
-        _keep(arcs, counts[ARC], time, trial, slip, state, now.given)
+        _keep(arcs, counts[ARC], time, trial, slip, state)
         counts[ARC] += 1
         counts[TRIED], counts[LAST] = 0, HELD if stayed else trial.what
         if stayed:
             reals[STEP] = np.inf
-        end = outcome(spring, now, state, slip, trial)
+        end = outcome(spring, resistance, state, slip, trial)
         reals[STRETCH], reals[VELOCITY], counts[SIDE], counts[ZONE] = end.stretch, end.velocity, end.side, end.zone
         reals[SHARE] = 1.0 if span == left and trial.what == NOTHING else done + trial.until * span / whole
     return DONE
 
 
 @compiled
-def _keep(arcs, n, start, trial, slip, state, given):
+def _keep(arcs, n, start, trial, slip, state):
     span = trial.stretch.span
     arcs.start[n], arcs.span[n], arcs.length[n] = start, span, trial.until * span
     arcs.law[n], arcs.stretch[n] = trial.law, 0.0
     arcs.stretch[n, : len(trial.stretch.poly)] = trial.stretch.poly
     arcs.ring[n, 0], arcs.ring[n, 1] = trial.stretch.cosine, trial.stretch.sine
     arcs.ring[n, 2], arcs.ring[n, 3] = trial.stretch.decay, trial.stretch.bend
-    arcs.slip[n], arcs.side[n], arcs.zone[n], arcs.given[n] = slip, state.side, state.zone, given
+    arcs.slip[n], arcs.side[n], arcs.zone[n] = slip, state.side, state.zone
 
 
 def peaks(spring, arcs):

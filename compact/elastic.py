@@ -6,8 +6,7 @@ y is the law, x the cart, H the drive force, + towards the far end; with a backl
 b/2 and pushes from -b/2, o = +-b/2, and is slack between, while the damper acts throughout (as in gear dynamics:
 Kahraman and Singh, J. Sound Vib. 142 (1990) 49). The resistance W of the mix is that of the steady speed, or follows
 the acceleration at first order, F(v) + a M(v), as a map gives it; while a cart swings the map holds the second term
-most of the time, and following it through costs several times as much. What remembers, a `memory.Memory`, is solved
-together with the cart (`sprung_memory`). W and the friction of the guide wheels jump at
+most of the time, and following it through costs several times as much. W and the friction of the guide wheels jump at
 rest and hold the cart there, as does the plate of a preloaded end spring (`dynamics`). A resistance that vanishes with
 a small power of the speed, such as v^0.02 of a mix that compacts, holds like dry friction: a millionth of the fastest
 speed is as good as standing, and what the mix resists there is what holds.
@@ -29,7 +28,6 @@ from compact.motion import Cycle, Join
 from compact.refuse import refuse_negative, refuse_nonpositive, refuse_unknown, require_opposing
 from compact.regime import Problem, Work
 from compact.rigid_drive import CREEP, Means, Rigid, State, met_resistance, simulate, steady_force
-from compact.sprung_memory import RememberingProblem
 
 REGIMES = ("periodic", "rest")
 JUMP = 1e-6  # of the largest acceleration: less is rounding
@@ -69,8 +67,7 @@ def travel(cart, drive, motion, resistance, *, regime="periodic", working=(1 / 6
     cart : Cart, mass > 0;  drive : ElasticDrive
     motion : Motion (there and back without a dwell) or Cycle
     resistance : callable(velocity, acceleration) -> N, linear in the acceleration; it may jump at speed 0 only.
-        A `ResistanceMap` tells its samples, `speeds`, and the `pace` |a|/|v| up to which it is linear; a
-        `memory.Memory` goes with the cart, and knows no acceleration
+        A `ResistanceMap` has its samples, `speeds`, and the `pace` |a|/|v| up to which it is linear
     regime : "periodic", or "rest": the first cycle of a cart that stood at the near end, its springs in balance
     working : shares of the pass there between which the speed should be even
     tolerance : of the resistance that the solution meets, relative to the largest force of inertia and resistance
@@ -84,8 +81,7 @@ def travel(cart, drive, motion, resistance, *, regime="periodic", working=(1 / 6
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
     require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
     _require_few_samples(cart, drive, cycle, _expected_samples(cart, drive, cycle))
-    kind = RememberingProblem if hasattr(resistance, "along") else Problem
-    problem = kind(cart, drive, cycle, resistance, tolerance)
+    problem = Problem(cart, drive, cycle, resistance, tolerance)
     if regime == "rest":
         start = problem.at_rest
         arcs, end = problem.course(problem.law, start)
@@ -183,14 +179,13 @@ class ElasticRun(Means):
         i, u, _ = self._places
         position, velocity, acceleration, jerk, resisted = self.course.motion(i, u)
         force, push, slip = self.course.force(i, u), self.course.push(i, u), self.course.arcs.slip[i]
-        still, moves, given = np.zeros(force.shape), slip != 0, self.course.given(i, u)
-        pull, met = force + push - given, getattr(self.met, "prompt", self.met)
+        still, moves, pull = np.zeros(force.shape), slip != 0, force + push
         way = np.where(moves, slip, np.sign(pull))
         creep = way * CREEP * self.cycle.there.stroke / self.cycle.there.duration
-        mix = met_resistance(met, np.where(velocity != 0, velocity, creep), self.first_order * acceleration)
-        limit = balance(self.cart, still, mix + given, way).drive_force - given
+        mix = met_resistance(self.met, np.where(velocity != 0, velocity, creep), self.first_order * acceleration)
+        limit = balance(self.cart, still, mix, way).drive_force
         share = np.divide(mix, limit, out=np.zeros(mix.shape), where=limit != 0)
-        mix = np.where(moves, mix, pull * share) + given
+        mix = np.where(moves, mix, pull * share)
         reactions = balance(self.cart, acceleration, mix, np.where(moves, way, 0.0), push=push)
         forces = Balance(force, reactions.front_reaction, reactions.rear_reaction, resisted - mix)
         return State(position, velocity, acceleration, jerk, mix, still, forces)

@@ -220,12 +220,10 @@ def passage(cart, hydraulic, stroke, areas, resistance, pressures=(0.0, 0.0), *,
     resistance : callable(velocity, acceleration) -> N, in m a + resistance rising with the acceleration
     pressures : (inlet, outlet) to begin with [Pa]
 
-    Raises ValueError for a resistance with a memory or that does not oppose the motion, and RuntimeError where the
-    motion cannot be followed.
+    Raises ValueError for a resistance that does not oppose the motion, and RuntimeError where the motion cannot be
+    followed.
     """
     refuse_nonpositive(mass=cart.mass, stroke=stroke, rtol=rtol)
-    if hasattr(resistance, "along") or hasattr(resistance, "of_time"):
-        raise ValueError("`resistance` with a memory needs a motion that is imposed; give its map `steady`")
     require_opposing(resistance, stroke / max(float(area.breaks[-1] - area.breaks[0]) for area in areas))
     plant = _Plant(cart, hydraulic, stroke, areas, resistance)
     breaks = np.unique(np.concatenate([areas[0].breaks, areas[1].breaks]))

@@ -4,14 +4,13 @@
 
 A turn of the shaft is a cycle of the law, x(phi) = y(T phi/2 pi): a cam, or a crank with its own law. H is the drive
 force of each cart at v = x' phi' and a = x'' phi'^2 + x' phi'' (`cart.balance`); T is the motor's torque over its
-speed, g its speed over the shaft's. Where a cart turns x' = 0, so that the jump of the friction asks no torque. What a
-mix remembers is found with the turn (`shaft_memory`). Behind a belt (`belt`) the motor runs ahead of g phi' by what the
-belt creeps under T - J_motor g phi'', its load.
+speed, g its speed over the shaft's. Where a cart turns x' = 0, so that the jump of the friction asks no torque. Behind
+a belt (`belt`) the motor runs ahead of g phi' by what the belt creeps under T - J_motor g phi'', its load.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -97,16 +96,12 @@ class Motor:
 
 @dataclass(frozen=True)
 class Load:
-    """Carts alike on one shaft: what they ask at an angle; `period` is that of the law at even speed.
-
-    recalled : `shaft_memory.Recalled` of a resistance with a memory, what the mix remembers over the turn
-    """
+    """Carts alike on one shaft: what they ask at an angle; `period` is that of the law at even speed."""
 
     cart: Cart
     motor: Motor
     cycle: object
     resistance: Callable
-    recalled: object = None
 
     def breaks(self):
         """Angles in [0, 2 pi] where the law of any cart joins its pieces, ends among them."""
@@ -116,28 +111,22 @@ class Load:
         if self.cart.end_springs is not None:
             met = np.mod(np.subtract.outer(self._zones.breaks, self.motor.angles).ravel(), 2 * np.pi)
             every = np.append(every, met)
-        if self.recalled is not None:
-            every = np.append(every, self.recalled.breaks(self.motor.angles))
         edges = np.unique(np.append(every, [0.0, 2 * np.pi]))
         return np.append(edges[:-1][np.diff(edges) > 1e-9], 2 * np.pi)
 
     def at(self, angle, energy, acceleration, jerk=0.0):
         """A `State` for each cart at angles; E = phi'^2/2, phi'' and what follows, arrays of shape (pieces, n)."""
         turned = [np.mod(angle + ahead, 2 * np.pi) for ahead in self.motor.angles]
-        return [self._cart(which, angle, energy, acceleration, jerk) for which, angle in enumerate(turned)]
+        return [self._cart(angle, energy, acceleration, jerk) for angle in turned]
 
-    def _cart(self, which, angle, energy, acceleration, jerk):
+    def _cart(self, angle, energy, acceleration, jerk):
         x, slope, curvature, third = self.travel(angle)
         speed = np.sqrt(2 * energy)
         velocity, pace = slope * speed, curvature * 2 * energy + slope * acceleration
         direction = np.sign(slope.mean(axis=-1, keepdims=True))
         creep = CREEP * self.cycle.there.stroke / self.cycle.there.duration
         moving = np.where(np.abs(velocity) < creep, direction * creep, velocity)
-        met = (
-            met_resistance(self.resistance, moving, pace)
-            if self.recalled is None
-            else (self.recalled.met(which, angle, moving))
-        )
+        met = met_resistance(self.resistance, moving, pace)
         tangent = self.motor.rod.rod_tangent(angle / (2 * np.pi) * self.cycle.period, self.cycle.period)
         springs = self.cart.end_springs
         push = 0.0 if springs is None else springs.push(x, self._zones.at(angle))
@@ -172,13 +161,13 @@ def revolve(cart, motor, motion, resistance, *, working=(1 / 6, 5 / 6), start_sp
     Parameters
     ----------
     cart : Cart;  motor : Motor;  motion : Motion or Cycle, of which a turn is one cycle
-    resistance : callable(velocity, acceleration) -> N; a `memory.Memory` for periodic turns only
+    resistance : callable(velocity, acceleration) -> N
     working : shares of the pass there between which the speed should be even
     start_speed : of the shaft at the start [rad/s], for a turn that is not periodic
     tolerance : of phi'^2, relative
 
-    Raises ValueError for a law whose velocity jumps, which no motor follows, for a resistance that does not oppose the
-    motion, and for a memory in a turn that is not periodic; RuntimeError where the motor stalls or its belt slips.
+    Raises ValueError for a law whose velocity jumps, which no motor follows, and for a resistance that does not oppose
+    the motion; RuntimeError where the motor stalls or its belt slips.
     """
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
     if any(join.order == 1 for join in cycle.joins()):
@@ -187,22 +176,8 @@ def revolve(cart, motor, motion, resistance, *, working=(1 / 6, 5 / 6), start_sp
     require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
     load = Load(cart, motor, cycle, resistance)
     guess = _first_speed(load) if start_speed is None else start_speed
-
-    def turned(known):
-        under = replace(load, recalled=known)
-        return turning(under.residual, under.breaks(), guess, tolerance, periodic=start_speed is None)
-
-    if not hasattr(resistance, "along"):
-        run = MotorRun(load, turned(None), working)
-    elif start_speed is not None:
-        raise ValueError(
-            "`resistance` with a memory is for periodic turns, got a `start_speed`; leave it out or give its `steady`"
-        )
-    else:
-        from compact.shaft_memory import recalled
-
-        turn, known = recalled(resistance, cycle, motor.angles, turned, tolerance)
-        run = MotorRun(replace(load, recalled=known), turn, working)
+    turned = turning(load.residual, load.breaks(), guess, tolerance, periodic=start_speed is None)
+    run = MotorRun(load, turned, working)
     run.refuse_slip()
     return run
 

@@ -77,12 +77,7 @@ class Turn(NamedTuple):
 
 
 class Problem:
-    """A cart, its spring, the law as polynomials over time, and the resistance as polynomials over speed.
-
-    remembers : whether there is more to the past than the state
-    """
-
-    remembers = False
+    """A cart, its spring, the law as polynomials over time, and the resistance as polynomials over speed."""
 
     def __init__(self, cart, drive, cycle, resistance, tolerance):
         self.work = Work()
@@ -208,7 +203,7 @@ class Problem:
 
         def miss(state, last=None):
             second, end = self.course(late, state)
-            known = last is not None and not self.remembers and end[2:] == last.end[2:]
+            known = last is not None and end[2:] == last.end[2:]
             if known and close(short := away(end, last.end), end):
                 return last._replace(second=second, residual=short)  # the rest of the cycle is known
             first, after = self.course(early, end)

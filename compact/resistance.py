@@ -19,7 +19,6 @@ after the acceleration jumps, history decides, of which |a| tau/|v| knows nothin
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
-from io import BytesIO
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
@@ -134,43 +133,42 @@ class ResistanceMap:
 
     def save(self, path, key=""):
         """Write the map as netCDF, with the key of all it depends on and the versions that made it; whole or not."""
-        from scipy.io import netcdf_file
+        import xarray
 
-        from compact.results import whole_file
+        from compact.results import CLASSIC, write_netcdf
 
         variables = {"speed": (self.speeds, "m/s"), "resistance": (self.forces, "N")}
         if self.added_masses is not None:
             variables["added_mass"] = (self.added_masses, "kg")
-        held = BytesIO()
-        with netcdf_file(held, "w") as content:
-            content.createDimension("speed", len(self.speeds))
-            for name, (values, unit) in variables.items():
-                variable = content.createVariable(name, "d", ("speed",))
-                variable[:], variable.units = values, unit
-            content.key, content.versions = key, _versions()
-            content.error, content.time = np.float64(self.error), np.float64(self.time)
-            content.return_ratio = np.float64(self.return_ratio)
-            content.engine_error = np.float64(np.nan if self.engine_error is None else self.engine_error)
-            content.flush()
-            written = held.getvalue()
-        with whole_file(path, "wb") as stream:
-            stream.write(written)
+        columns = {
+            name: ("speed", values, {"units": unit}, {"_FillValue": None}) for name, (values, unit) in variables.items()
+        }
+        attributes = {
+            "key": key,
+            "versions": _versions(),
+            "error": float(self.error),
+            "time": float(self.time),
+            "return_ratio": float(self.return_ratio),
+            "engine_error": float(np.nan if self.engine_error is None else self.engine_error),
+        }
+        write_netcdf(path, xarray.Dataset(columns, attrs=attributes), CLASSIC)
 
 
 def load(path, key=""):
     """The `ResistanceMap` of a file; ValueError where it has another key, is of other versions, or is no such file."""
-    from scipy.io import netcdf_file
+    from compact.results import CLASSIC, read_netcdf
 
     try:
-        with netcdf_file(path, "r", mmap=False) as content:
-            made = content.key.decode(), content.versions.decode()
-            error, told, time, ratio = (
-                float(each) for each in (content.error, content.engine_error, content.time, content.return_ratio)
-            )
-            columns = {name: np.array(variable[:], dtype=float) for name, variable in content.variables.items()}
-            speeds, forces = columns["speed"], columns["resistance"]
-    except (AttributeError, LookupError, TypeError) as wrong:
-        raise ValueError(f"{path}: no resistance map: {wrong}; compute it again") from None
+        table = read_netcdf(path, CLASSIC)
+        made = table.attrs["key"], table.attrs["versions"]
+        error, told, time, ratio = (
+            float(table.attrs[name]) for name in ("error", "engine_error", "time", "return_ratio")
+        )
+        columns = {name: np.array(variable, dtype=float) for name, variable in table.variables.items()}
+        speeds, forces = columns["speed"], columns["resistance"]
+    except (LookupError, TypeError) as wrong:
+        reason = str(wrong).partition("\n")[0]
+        raise ValueError(f"{path}: no resistance map: {reason}; compute it again") from None
     if made != (key, _versions()):
         raise ValueError(
             f"{path}: made under key {made[0] or 'none'} by {made[1]}, wanted {key or 'none'} and {_versions()}; "

@@ -1,10 +1,9 @@
 """What the mix and the guides put up against a cart, for compiled code: tables over speed and acceleration.
 
-    R(v, a, t) = F(v) + a' M(|v|) + D(t),   a' = a while |a| <= A |v|, else A |v| sign(a)
+    R(v, a) = F(v) + a' M(|v|),   a' = a while |a| <= A |v|, else A |v| sign(a)
 
 F jumps at v = 0 and has a table for each way. M follows the resistance of a mix with a memory at first order; beyond
-A |v| that order is void and the second term stays as it is there (`resistance`). D is a force of time that is known
-beforehand, such as what the mix remembers of the way up to now (`sprung_memory`).
+A |v| that order is void and the second term stays as it is there (`resistance`).
 """
 
 from typing import NamedTuple
@@ -19,38 +18,19 @@ AT = 1e-6  # of a speed, or of an arc: so near a knot a motion is at it
 FARTHER = 0.5  # of a piece of a table, for which it goes on as it is beyond a knot
 EITHER = 2  # neither 0 nor a sign
 NONE = Pieces(np.array([0.0, 1.0]), np.zeros((1, 1)))
-NOTHING_GIVEN = np.zeros((3, 2))
-THERE, BACK, MIX = range(3)  # rows of what is given
 
 compiled = compiling(__file__, ringing.__file__)
 
 
 class Resistance(NamedTuple):
     """F [N] over |v| [m/s] on the way there and on the way back, `Pieces` from 0; knots: |v| where F is not smooth;
-    added: M [kg] over |v|, `Pieces` from 0; pace: A [1/s], 0 where there is no M; given: D at the start of a law [N]
-    and its rise [N/s], rows: on the way there, on the way back, and the mix's own share of both."""
+    added: M [kg] over |v|, `Pieces` from 0; pace: A [1/s], 0 where there is no M."""
 
     there: Pieces
     back: Pieces
     knots: np.ndarray
     added: Pieces = NONE
     pace: float = 0.0
-    given: np.ndarray = NOTHING_GIVEN
-
-
-@compiled
-def later(resistance, after):
-    """The same, some time [s] after."""
-    there, back, knots, added, pace, given = resistance
-    moved = given.copy()
-    moved[:, 0] += after * given[:, 1]
-    return Resistance(there, back, knots, added, pace, moved)
-
-
-@compiled
-def facing(slip):
-    """Row of what is given on the side of `slip`."""
-    return THERE if slip > 0 else BACK
 
 
 class Section(NamedTuple):

@@ -14,6 +14,8 @@ from xml.etree import ElementTree
 
 MARK = "scene.hash"
 FIGURE_DPI = 110
+CLASSIC, HDF5 = "NETCDF3_CLASSIC", "NETCDF4"  # numbers alone, for any reader; strings too
+NETCDF_ENGINES = {CLASSIC: "scipy", HDF5: "h5netcdf"}  # of xarray
 GENERIC_STEM = "scene"  # of the file that `compact new` writes into a folder of the user's name
 
 
@@ -102,6 +104,21 @@ def write_bytes(path, content):
     with whole_file(path, "wb") as stream:
         stream.write(content)
     return path
+
+
+def write_netcdf(path, dataset, kind):
+    """Write an xarray Dataset as netCDF of one of NETCDF_ENGINES; the path."""
+    return write_bytes(path, dataset.to_netcdf(format=kind, engine=NETCDF_ENGINES[kind]))
+
+
+def read_netcdf(path, kind):
+    """The xarray Dataset of a netCDF file of one of NETCDF_ENGINES, all of it in memory.
+
+    Raises OSError, TypeError or LookupError for a file that is no such netCDF.
+    """
+    import xarray
+
+    return xarray.load_dataset(path, engine=NETCDF_ENGINES[kind])
 
 
 def write_figure(path, figure):

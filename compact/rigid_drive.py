@@ -88,8 +88,7 @@ class Demand:
         travel = [leg.at_phase(phase, order) for order in range(4)]
         moving = self._moving(leg, travel[1])
         time = leg.start + leg.duration * phase
-        remembers = hasattr(self.resistance, "of_time")
-        met = self.resistance.of_time(time) if remembers else met_resistance(self.resistance, moving, travel[2])
+        met = met_resistance(self.resistance, moving, travel[2])
         tangent, push = self.drive.rod_tangent(time, self.cycle.period), self._push(leg, phase, travel[0])
         return State(*travel, met, tangent, balance(self.cart, travel[2], met, np.sign(moving), tangent, push))
 
@@ -262,8 +261,7 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
     drive : Rigid or Crank, or a drive with an equation of motion of its own, such as `elastic.ElasticDrive`: its `run`
     motion : Motion (there and back without a dwell) or Cycle
     resistance : callable(velocity, acceleration) -> N, of all rollers of the cart, that changes its sign with the
-        velocity; `contact.dry_resistance` makes one of a constant force. One that remembers, a
-        `memory.Memory`, is taken along the cycle that the drive imposes, or makes
+        velocity; `contact.dry_resistance` makes one of a constant force
     working : shares of the pass between which the speed should be even, for `nonuniformity`
 
     Raises ValueError where the resistance is not finite or does not oppose the motion, and where a crank is given
@@ -276,8 +274,6 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
         return drive.run(cart, cycle, resistance, working)
     refuse_foreign_law(drive, cycle)
     require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
-    if hasattr(resistance, "along"):
-        resistance = resistance.along(cycle)
     demand = Demand(cart, drive, cycle, resistance)
     time, weights, direction, state = _sampled(demand)
     joins = cycle.joins()

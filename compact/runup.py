@@ -48,12 +48,10 @@ def runup(cart, motor, motion, resistance, *, near=NEAR):
 
     cart, motor, motion, resistance : as of `motor.revolve`
 
-    Raises ValueError for a resistance with a memory, and RuntimeError where the motor does not start, stalls or slips
-    its belt on its way, or takes more than 2000 turns.
+    Raises RuntimeError where the motor does not start, stalls or slips its belt on its way, or takes more than 2000
+    turns.
     """
     refuse_nonpositive(near=near)
-    if hasattr(resistance, "along"):
-        raise ValueError("`resistance` with a memory has no run-up; give its map `steady`")
     periodic = revolve(cart, motor, motion, resistance)
     wanted = periodic.speed[0]
     load, breaks = periodic.load, periodic.load.breaks()

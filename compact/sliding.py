@@ -1,6 +1,6 @@
 """One arc of a cart that slides behind a spring: how long it may last, and the motion, by collocation.
 
-    (m + M) e'' + (c + d) e' + K e = (m + M) y'' + n y - g + R0 + d (y' - v0) - M a0 + D(t) + r(t)
+    (m + M) e'' + (c + d) e' + K e = (m + M) y'' + n y - g + R0 + d (y' - v0) - M a0 + r(t)
     r = R(v, a) - R0 - d (v - v0) - M (a - a0),   d = dR/dv, M = dR/da at the start of the arc
 
 r is made a polynomial by collocation, so that the stretch e is answered exactly (`oscillator`); `dynamics` has the
@@ -14,7 +14,7 @@ import numpy as np
 
 from compact import oscillator, resisted, ringing, suspended
 from compact.oscillator import respond
-from compact.resisted import AT, WHOLE, Section, accelerated, facing, opposed, section
+from compact.resisted import AT, WHOLE, Section, accelerated, opposed, section
 from compact.ringing import Signal, combined, compiling, first_fall, scaled, shifted, slope, sum_of, value
 from compact.suspended import hold
 
@@ -49,7 +49,7 @@ def lined(spring, resistance, state, slip, place, pace):
     """The `Line` of a cart that moves, with the far end at a place [m] and a pace [m/s]."""
     held = hold(spring, state.side, state.zone)
     pull = held.stiffness * state.stretch - held.along * place + held.constant
-    pull += spring.damping * (pace - state.velocity) - resistance.given[facing(slip), 0]
+    pull += spring.damping * (pace - state.velocity)
     a = accelerated(resistance, slip, state.velocity, spring.mass, pull)
     smooth = section(resistance, slip, state.velocity, a)
     table = resistance.there if slip > 0 else resistance.back
@@ -70,12 +70,12 @@ class Slide(NamedTuple):
 @compiled
 def slide(spring, resistance, state, slip, line, law, h, tolerance, effort):
     """The `Slide` of at most h [s]: no farther than a little beyond where R leaves its `Section`, if that matters."""
-    force = straight(spring, resistance, state, slip, line, law, h)
+    force = straight(spring, state, line, law, h)
     stretch = answer(spring, state, line, force, law, h)
     share = foreseen(resistance, slip, line, combined(stretch, law, 0.0, -1.0, 0.0, 1.0), tolerance, effort)
     if share < 1:
         law, h = shifted(law, 0.0, share), h * share
-        force = straight(spring, resistance, state, slip, line, law, h)
+        force = straight(spring, state, line, law, h)
         stretch = answer(spring, state, line, force, law, h)
     rest, before = np.zeros(len(law)), np.zeros(POINTS)
     for iteration in range(ITERATIONS):
@@ -92,7 +92,7 @@ def slide(spring, resistance, state, slip, line, law, h, tolerance, effort):
 
 
 @compiled
-def straight(spring, resistance, state, slip, line, law, h):
+def straight(spring, state, line, law, h):
     """Force f(u) [N] on the oscillator of a cart that moves, but for r."""
     held, n = hold(spring, state.side, state.zone), len(law)
     mass, force = spring.mass + line.added, held.along * law
@@ -102,8 +102,6 @@ def straight(spring, resistance, state, slip, line, law, h):
         if j + 1 < n:
             force[j] += line.rise / h * (j + 1) * law[j + 1]
     force[0] += line.force - held.constant - line.rise * line.velocity - line.added * line.acceleration
-    force[0] += resistance.given[facing(slip), 0]
-    force[1] += resistance.given[facing(slip), 1] * h
     return force
 
 

@@ -10,7 +10,7 @@ where the cart meets the plate of an end spring; a cart that stands there is hel
 from typing import NamedTuple
 
 from compact import resisted, ringing
-from compact.resisted import BACK, THERE, met
+from compact.resisted import met
 from compact.ringing import compiling
 
 SLACK = 1e-12  # share of the friction by which a standing cart may be overpulled: rounding
@@ -77,8 +77,7 @@ def hold(spring, side, zone):
 @compiled
 def limits(spring, resistance, zone):
     """Largest and least pull [N] that moves no standing cart."""
-    most = met(resistance, 1, 0.0)[0] + resistance.given[THERE, 0]
-    least = met(resistance, -1, 0.0)[0] + resistance.given[BACK, 0]
+    most, least = met(resistance, 1, 0.0)[0], met(resistance, -1, 0.0)[0]
     if zone == AT_NEAR:
         least -= spring.ends.preload
     if zone == AT_FAR:

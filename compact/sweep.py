@@ -25,7 +25,7 @@ from threadpoolctl import threadpool_limits
 from compact import mix, vary
 from compact.headline import NUMBERS, WORDS, headline, ranked, reason, versions
 from compact.pool import Lost, outcomes
-from compact.results import ResultsError, claimed, whole_file
+from compact.results import HDF5, NETCDF_ENGINES, ResultsError, claimed, read_netcdf, write_netcdf
 from compact.scene import Scene
 from compact.scene_errors import table_of
 from compact.store import Store
@@ -119,7 +119,7 @@ class Sweep:
                 for number, outcome in coming:
                     points |= self._kept(store, tasks[number], outcome, points, step)
             table = self._table([points[key] for key, *_ in keyed])
-            write(place / "sweep.nc", table)
+            write_netcdf(place / "sweep.nc", table, HDF5)
         return table
 
     def _known(self, store, resume, force):
@@ -238,20 +238,12 @@ def _meaning(key):
 
 
 def _bring_netcdf():
-    """Import all that `write` needs, a second or two, while the workers start and import what they need."""
+    """Import all that `write_netcdf` needs, a second or two, while the workers start and import what they need."""
     import xarray
 
-    xarray.Dataset().to_netcdf(engine="h5netcdf")
-
-
-def write(path, table):
-    """The table as netCDF, whole or not."""
-    with whole_file(path, "wb") as stream:
-        stream.write(table.to_netcdf(engine="h5netcdf"))
+    xarray.Dataset().to_netcdf(format=HDF5, engine=NETCDF_ENGINES[HDF5])
 
 
 def read(path):
     """The table of a sweep.nc."""
-    import xarray
-
-    return xarray.load_dataset(path, engine="h5netcdf")
+    return read_netcdf(path, HDF5)

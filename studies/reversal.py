@@ -1,13 +1,12 @@
-"""What does the resistance near a reversal cost, and how far off is it without its memory?
+"""Error of the steady-speed resistance map near a reversal, against the transient engine.
 
-A roller goes there and back over the linear layer of the scene, without friction. The transient by finite elements is
-the judge. Against it: the map of steady speeds, F_ss(v); the same with the added mass, F_ss + a M, which is void where
-|a| tau/|v| is not small; and the map with the memory of columns, fitted to one turn at constant deceleration, which is
-none of the laws but for the parabolic one. Errors are over the largest force of the transient, costs are seconds of
-this process: making the model, and one cycle with it.
+A roller rolls there and back over the linear layer of the scene, without friction. The transient by finite elements is
+the reference. Compared with it: the map of steady speeds, F_ss(v), and the same with the added mass, F_ss + a M, which
+is void where |a| tau/|v| is not small. Errors are relative to the largest force of the transient; costs are process
+seconds to make the model and to evaluate one cycle.
 
-Behind a drive that yields, a spring or a motor, the cart makes its own motion against each model. The judge goes that
-same way: errors are those of the force along it, on the way back and its turns.
+Behind a compliant drive, a spring or a motor, the cart makes its own motion against each model. The transient follows
+that same motion: errors are those of the force along it, over the return stroke and its turns.
 """
 
 from dataclasses import replace
@@ -17,7 +16,7 @@ from time import process_time
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from compact import fem, memory, spectral
+from compact import fem, spectral
 from compact.drive import simulate
 from compact.elastic import ElasticDrive
 from compact.engine import inputs, modulation
@@ -47,19 +46,6 @@ def pressed(scene):
     return layer, Roller(roller.radius, indentation=indentation), material
 
 
-class Turn:
-    """s = v t - a t^2/2, from a speed to the same one back."""
-
-    def __init__(self, speed, deceleration):
-        self.speed, self.deceleration, self.duration = speed, deceleration, 2 * speed / deceleration
-
-    def position(self, time):
-        return self.speed * time - self.deceleration * time**2 / 2
-
-    def velocity(self, time):
-        return self.speed - self.deceleration * time
-
-
 def timed(work):
     """What it returns, and seconds of this process."""
     start = process_time()
@@ -67,8 +53,8 @@ def timed(work):
     return found, process_time() - start
 
 
-def models(contact, turn, fastest, samples):
-    """F(motion, time) and the seconds it takes to make, by name, the fitted `Memory` and the map with its M."""
+def models(contact, fastest, samples):
+    """F(motion, time) and the seconds to make it, by name; the map of steady speeds, and the map with its M."""
 
     def resisted(speed):
         rolled = spectral.roll(*contact, speed)
@@ -82,24 +68,13 @@ def models(contact, turn, fastest, samples):
         mass = np.interp(np.log(np.maximum(np.abs(velocity), speeds[0])), np.log(speeds), masses)
         return steady(velocity) + acceleration * mass
 
-    def fitting():
-        return memory.fitted(fem.travel(*contact, turn, estimate=False), steady, *contact[1:])
-
-    remembering, fit = timed(fitting)
-
-    def remembered(motion, time):
-        dense = memory.instants(motion.position, motion.duration, remembering.columns)
-        force = remembering.over(dense, motion.position(dense), motion.velocity(dense))
-        return np.interp(time, dense, force)
-
     made = {
         "map": (lambda motion, time: steady(motion.velocity(time)), mapping),
         "map + a M": (lambda motion, time: lagging(motion.velocity(time), motion.acceleration(time)), mapping + added),
-        "map + memory": (remembered, mapping + fit),
     }
     time = max(time for _, time in contact[2].branches)
     lag = replace(steady, added_masses=np.interp(np.log(steady.speeds), np.log(speeds), masses), time=time)
-    return made, remembering, lag
+    return made, steady, lag
 
 
 class Made:
@@ -111,13 +86,13 @@ class Made:
         self.velocity, self.duration = self.position.derivative(), float(time[-1])
 
 
-def driven(study, contact, cycle, remembering, lag):
+def driven(study, contact, cycle, steady, lag):
     """Rows of DRIVEN of one law: each drive against each model of the resistance."""
     share = study.scene.machine.rollers * study.scene.machine.roller_length
     damping = 2 * RATIO * np.sqrt(STIFFNESS * study.cart.mass)
     rows = []
     for kind in ("elastic", "motor"):
-        for model, met in (("map", remembering.steady), ("map + a M", lag), ("map + memory", remembering)):
+        for model, met in (("map", steady), ("map + a M", lag)):
             drive = ElasticDrive(STIFFNESS, damping, first_order=met is lag) if kind == "elastic" else MOTOR
             run, seconds = timed(lambda drive=drive, met=met: simulate(study.cart, drive, cycle, met.scaled(share)))
             exact = fem.travel(*contact, Made(run), estimate=False)
@@ -132,16 +107,14 @@ def driven(study, contact, cycle, remembering, lag):
 
 
 def main(scene="loveikin-2015", laws=("parabolic", "quintic", "septic", "reversal-4"), samples=9, out=None, **changes):
-    """(rows of HEADER, the fitted `Memory`, rows of DRIVEN of the first law); the first model of each law is the
-    transient, with the error it tells."""
+    """(rows of HEADER, rows of DRIVEN of the first law); the first model of each law is the transient, with its own
+    error estimate."""
     scene = load_scene(SCENES / f"{scene}.toml", **PLAIN | changes)
     contact = pressed(scene)
     motions = {name: law(name, scene.motion.stroke, scene.motion.duration) for name in laws}
     fastest = max(motion.peaks().velocity for motion in motions.values())
-    mean = scene.motion.stroke / scene.motion.duration
-    turn, fastest = Turn(2 * mean, 4 * mean / scene.motion.duration), SWING * max(fastest, 2 * mean)
     with spinning("models"):
-        made, remembering, lag = models(contact, turn, fastest, samples)
+        made, steady, lag = models(contact, SWING * fastest, samples)
     rows, courses = [], {}
     for name, motion in tracked(motions.items(), "law"):
         cycle = motion.cycle()
@@ -156,14 +129,14 @@ def main(scene="loveikin-2015", laws=("parabolic", "quintic", "septic", "reversa
             rows.append((name, model, float(np.abs(miss).max()), float(np.sqrt(mean_square)), making, seconds))
             courses[name].append((model, exact.time, found))
     with spinning("behind drives"):
-        behind = driven(Study(scene), contact, next(iter(motions.values())).cycle(), remembering, lag)
+        behind = driven(Study(scene), contact, next(iter(motions.values())).cycle(), steady, lag)
     if out:
         from compact.results import write_csv, write_figure
 
         write_csv(Path(out) / "reversal.csv", HEADER, rows)
         write_csv(Path(out) / "reversal_driven.csv", DRIVEN, behind)
         write_figure(Path(out) / "reversal.png", figure(rows, courses))
-    return rows, remembering, behind
+    return rows, behind
 
 
 def figure(rows, courses):
@@ -178,7 +151,7 @@ def figure(rows, courses):
     peak = np.abs(courses[first][0][2]).max()
     for k, (model, time, force) in enumerate(courses[first]):
         colour = PALETTE[k - 1] if k else "black"
-        left.plot(time, force, ":" if k == 3 else "-", color=colour, label=model, linewidth=1.2 + k / 2)
+        left.plot(time, force, "-", color=colour, label=model, linewidth=1.2 + k / 2)
         chosen = [row for row in rows if row[1] == model]
         right.loglog([row[5] for row in chosen], [row[2] for row in chosen], "o", color=colour)
     left.set_ylim(-1.3 * peak, 1.3 * peak)
@@ -191,16 +164,14 @@ def figure(rows, courses):
 
 
 def show(result):
-    """Print the rows of `main` and what was fitted."""
-    rows, remembering, behind = result
+    """Print the rows of `main`."""
+    rows, behind = result
     print(f"{'law':<14}{'model':<14}{'largest':>9}{'rms':>9}{'making s':>10}{'cycle s':>10}")
     for name, model, largest, rms, making, seconds in rows:
         print(f"{name:<14}{model:<14}{100 * largest:>8.2f}%{100 * rms:>8.2f}%{making:>10.2f}{seconds:>10.4f}")
     print(f"{'drive':<14}{'model':<14}{'largest':>9}{'rms':>9}{'peak N':>10}{'run s':>10}")
     for drive, model, peak, _, largest, rms, seconds in behind:
         print(f"{drive:<14}{model:<14}{100 * largest:>8.2f}%{100 * rms:>8.2f}%{peak:>10.1f}{seconds:>10.4f}")
-    columns = remembering.columns
-    print(f"fitted: half-length {columns.half_length * 1e3:.2f} mm, {100 * remembering.error:.1f} % of the turn missed")
 
 
 if __name__ == "__main__":

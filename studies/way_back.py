@@ -1,10 +1,10 @@
-"""What does a roller meet on the way back over mix that it has just pressed?
+"""Rolling resistance of the return stroke over mix that the roller has just compacted.
 
 A roller, at first without friction, goes there and back along a law over compacting mix, by finite elements that stay
 with the mix. On the way there the resistance grows until the bow wave is full; going back it is gone within a small
-part of the contact, and pressed mix asks for a few per cent of it, until at the very end the roller is back in the dent
-that it pressed at first and meets its wall. The memory of columns is fitted to the turn. The layer is shallower than
-that of the scene. A free roller with friction is asked the same.
+part of the contact, and compacted mix resists with a few per cent of it, until at the very end the roller is back in
+the dent that it pressed at first, against its wall. The layer is shallower than that of the scene. A free roller with
+friction gives nearly the same.
 
 Limits: the resistance still rises where the roller turns, since its bow wave takes three heights of travel to fill. At
 0.12 m it is 13 % below that of steady rolling, drawn beside it, and at 0.28 m 3 %. The teeth are an artefact of the
@@ -20,7 +20,6 @@ from compact import compaction as rolling
 from compact.calibrate import blend
 from compact.engine import compaction
 from compact.motion import law
-from compact.pressed_memory import fitted
 from compact.progress import spinning
 from compact.records import Layer, Roller
 from compact.scene import load_scene
@@ -30,6 +29,7 @@ SCENES = Path(__file__).parent / "scenes"
 CALIBRATED = {"mix.overrides.heckel_slope": 13.995e-6, "layer.fed_density_ratio": 0.93444}  # to 9740 N and 0.179
 HEADER = ("stroke", "time_s", "position_m", "load_N/m", "resistance_N/m")
 SHOWN = (0.6, 1.0, 1.4)  # of the time of one stroke, in the film
+RELEASED = 1 / 3  # [-], of the resistance at the turn, left over a release length of the return stroke
 
 
 def main(
@@ -42,7 +42,7 @@ def main(
     friction=0.0,
     out=None,
 ):
-    """(`CompactionTravelled`, its `PressedMemory`), the roller free where it has friction."""
+    """The `CompactionTravelled`; the roller is free where it has friction."""
     scene = load_scene(SCENES / f"{scene}.toml", **CALIBRATED)
     turning = {"friction": friction, "rolling": "free"} if friction else {}
     roller = Roller(scene.machine.roller_radius, indentation, profile="deformed", **turning)
@@ -51,7 +51,6 @@ def main(
     mix = compaction(scene, blend(scene))
     with spinning("there and back"):
         done = travel(Layer(height), roller, mix, cycle, increments=increments, instants=instants, estimate=False)
-    memory = fitted(done)
     if out:
         from compact.results import write_csv
 
@@ -60,8 +59,31 @@ def main(
         done.film(Path(out))
         with spinning("steady rolling"):
             steady = rolling.roll(Layer(height), roller, mix, stroke / scene.motion.duration, increments=increments)
-        _draw(done, memory, roller.radius, increments, steady).savefig(Path(out) / "way_back.png", dpi=100)
-    return done, memory
+        _draw(done, roller.radius, increments, steady).savefig(Path(out) / "way_back.png", dpi=100)
+    return done
+
+
+def turning(done):
+    """Resistance where the roller turns, in the direction of the way there [N/m]."""
+    return float(done.resistance[done.stroke == 1][-1])
+
+
+def release_length(done):
+    """Distance from the turn [m] over which the resistance falls to RELEASED of `turning`."""
+    back = done.stroke == 2
+    distance = done.position[done.stroke == 1][-1] - done.position[back]
+    left = done.resistance[back] / turning(done)
+    k = int(np.argmax(left < RELEASED))
+    before = (0.0, 1.0) if k == 0 else (distance[k - 1], left[k - 1])
+    return float(np.interp(-RELEASED, (-before[1], -left[k]), (before[0], distance[k])))
+
+
+def settled(done):
+    """Resistance of the return stroke [N/m], mean over its second half but for the last contact length."""
+    there, back = done.stroke == 1, done.stroke == 2
+    distance = done.position[there][-1] - done.position[back]
+    end = distance[-1] - max(done.leading[there][-1], -done.trailing[there][-1])
+    return -float(np.mean(done.resistance[back][(distance > end / 2) & (distance <= end)]))
 
 
 def over_an_element(position, resistance, element):
@@ -74,7 +96,7 @@ def over_an_element(position, resistance, element):
     return inside, (ahead - behind) / element
 
 
-def _draw(done, memory, radius, increments, steady):
+def _draw(done, radius, increments, steady):
     """Resistance over the way beside that of steady rolling, and the density at three instants."""
     from matplotlib.figure import Figure
 
@@ -92,10 +114,6 @@ def _draw(done, memory, radius, increments, steady):
         left.plot(place * 1e3, mean / 1e3, color=color, linewidth=2, label=f"{label}, mean over an element")
     left.axhline(steady.resistance / 1e3, color=PALETTE[2], linestyle="--", label="steady rolling, bow wave full")
     turn = done.position[done.stroke == 1][-1]
-    distance = np.linspace(0, turn, 400)
-    left.plot(
-        (turn - distance) * 1e3, memory.resistance(distance) / 1e3, "k:", label="memory of columns, fitted to the turn"
-    )
     left.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     left.set(xlabel="position of the roller [mm]", ylabel="resistance, + against the way there [kN/m]")
     left.set_ylim(top=1.05e-3 * steady.resistance)
@@ -130,13 +148,12 @@ def _density(ax, mesh):
     return shades
 
 
-def show(result):
-    """Print what the way there and the way back ask."""
-    done, memory = result
+def show(done):
+    """Print the resistance of the way there and of the return stroke."""
     there, back = (done.resistance[done.stroke == number] for number in (1, 2))
-    print(f"largest resistance there {there.max():.0f} N/m, where it turns {memory.turning:.0f} N/m")
-    print(f"way back {memory.again:.1f} N/m, {memory.again / memory.turning:.1%}; largest {-back.min():.0f} N/m")
-    print(f"gone within {memory.release * 1e3:.2f} mm; memory misses {memory.error:.1%} of the turning force")
+    print(f"largest resistance there {there.max():.0f} N/m, where it turns {turning(done):.0f} N/m")
+    print(f"way back {settled(done):.1f} N/m, {settled(done) / turning(done):.1%}; largest {-back.min():.0f} N/m")
+    print(f"a third of the turning force is left {release_length(done) * 1e3:.2f} mm from the turn")
     print(f"work balance {done.work_residual:.2%}, {done.steps} steps, {done.iterations} iterations")
 
 

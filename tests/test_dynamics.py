@@ -27,7 +27,7 @@ from compact.motion import LAWS, Cycle, law
 from compact.polynomials import Pieces, pieces
 from compact.regime import Problem
 from compact.resistance import ResistanceMap
-from compact.resisted import NOTHING_GIVEN, Resistance
+from compact.resisted import Resistance
 from compact.ringing import Signal, effort, first_fall, largest_product
 from compact.sliding import POINTS
 from compact.springs import EndSprings
@@ -66,16 +66,15 @@ def falling(velocity, acceleration):
 RELAXED = State(0.0, 0.0, 1)
 
 
-def moved(drive, position, time, size=0.0, state=RELAXED, given=NOTHING_GIVEN):
-    """`Course` of the cart over a time, the far end at a polynomial position of time, against dry friction and a force
-    that is given."""
+def moved(drive, position, time, size=0.0, state=RELAXED):
+    """`Course` of the cart over a time, the far end at a polynomial position of time, against dry friction."""
     scaled = np.array([[c * time**j for j, c in enumerate(position)] + [0.0] * (11 - len(position))])
     side = Pieces(np.array([0.0, 100.0]), np.array([[size] + [0.0] * 8]))
     back = Pieces(side.breaks, -side.coefficients)
     arcs = room(1000, 10)
     numbers = Spring(MASS, float(drive.stiffness), float(drive.damping), float(drive.backlash))
     far_end = Pieces(np.array([0.0, time]), scaled)
-    resistance = Resistance(side, back, np.empty(0), given=given)
+    resistance = Resistance(side, back, np.empty(0))
     ended, n, _, end, _ = integrate(numbers, far_end, resistance, state, 1e-9, arcs)
     assert ended == 0
     kept = type(arcs)(*(column[:n].copy() for column in arcs))
@@ -99,28 +98,6 @@ def swung(drive, t, stretch, rate):
 
 
 # closed form
-
-
-@pytest.mark.parametrize("stiffness", STIFF)
-def test_force_of_time_swings_the_cart_as_in_closed_form(stiffness):
-    start, rise, time = 300.0, -2000.0, 0.7
-    w = math.sqrt(stiffness / MASS)
-    course = moved(spring(stiffness, 0.0), [0.0], time, given=np.tile([start, rise], (3, 1)))
-    i, u, _ = course.places()
-    t = course.arcs.start[i] + u * course.arcs.span[i]
-    exact = (start * (np.cos(w * t) - 1) + rise * (np.sin(w * t) / w - t)) / stiffness
-    assert course.motion(i, u)[0] == pytest.approx(exact, abs=1e-9 * np.abs(exact).max())
-    balance = course.force(i, u) - MASS * course.motion(i, u)[2] - course.motion(i, u)[4]
-    assert np.abs(balance).max() < 1e-9 * start
-
-
-@pytest.mark.parametrize("way", [1, -1])
-def test_force_of_time_gets_a_standing_cart_off_when_it_passes_what_holds_it(way):
-    given = np.array([[-way * 100.0, -way * 4000.0]] * 2 + [[0.0, 0.0]])
-    given[0 if way < 0 else 1] = 0.0  # against the other way, which the cart never goes
-    course = moved(spring(1e6, 0.0), [0.0], 0.3, size=500.0, given=given)
-    assert course.arcs.slip[:2].tolist() == [0, way]
-    assert course.arcs.length[0] == pytest.approx(0.1, rel=1e-12)
 
 
 @pytest.mark.parametrize("ratio", RATIOS)

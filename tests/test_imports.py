@@ -36,11 +36,11 @@ LEVELS = (
     (
         *("records", "material", "mesh", "patch", "plies", "sizing", "shaft", "follower", "variational", "results"),
         *("scene_errors", "polynomials", "quadratic", "lawspace", "pitch", "drawing", "page", "sobol", "springs"),
-        *("pressed_memory", "strokes", "oscillator", "ranking", "belt", "torque"),
+        *("strokes", "oscillator", "ranking", "belt", "torque"),
     ),
     (
         *("laws", "halfplane", "dimensions", "modulation", "mix", "cart", "scene_rules", "streamline", "cap"),
-        *("resisted", "limits", "imprint", "ordering"),
+        *("resisted", "limits", "ordering"),
     ),
     (
         *("kernel", "compliance", "stickslip", "confined", "judge", "reroll", "retained", "store", "scene_tables"),
@@ -52,8 +52,7 @@ LEVELS = (
     ("compaction", "trip"),
     ("travelling",),
     ("motion", "contact", "fem_engine", "rigid_drive", "scene", "column", "resistance"),
-    ("memory", "measured", "cam", "crank", "passes", "spectral_modulation", "fem_modulation", "transient", "regime"),
-    ("sprung_memory", "shaft_memory"),
+    ("measured", "cam", "crank", "passes", "spectral_modulation", "fem_modulation", "transient", "regime"),
     (
         *("contacts", "engine", "engineering", "elastic", "motor", "hydraulic", "made", "cutting", "cam_motion"),
         *("vary", "roller_motor", "fem"),

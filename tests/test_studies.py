@@ -321,34 +321,31 @@ def _pushed(module, scene, share):
     return module.runs(met, met.cart, type(met.resistance)(share * met.resistance.force))
 
 
-def test_memory_pays_near_a_reversal(capsys, tmp_path):
+def test_map_of_steady_speeds_misses_the_transient_near_a_reversal(capsys, tmp_path):
     module = study("reversal")
-    rows, memory, behind = module.main(laws=("parabolic",), samples=4, out=tmp_path)
-    module.show((rows, memory, behind))
+    rows, behind = module.main(laws=("parabolic",), samples=4, out=tmp_path)
+    module.show((rows, behind))
     error = {model: largest for _, model, largest, *_ in rows}
-    assert error["map + memory"] < 0.02 < 0.15 < min(error["map"], error["map + a M"])
-    assert error["transient"] < 0.005
+    assert error["transient"] < 0.005 < 0.15 < min(error["map"], error["map + a M"])
     missed = {(drive, model): largest for drive, model, _, _, largest, *_ in behind}
-    for drive in ("elastic", "motor"):
-        assert missed[drive, "map + memory"] < 0.03 < 0.15 < min(missed[drive, "map"], missed[drive, "map + a M"])
-    # over sqrt(R delta): a half-plane of Hertz would have 1 or less, columns of no height sqrt 2
-    assert 1.0 < memory.columns.half_length / (0.11 * 0.00873) ** 0.5 < 1.5
-    assert "missed" in capsys.readouterr().out
+    assert set(missed) == {(drive, model) for drive in ("elastic", "motor") for model in ("map", "map + a M")}
+    assert min(missed.values()) > 0.15
+    assert "map + a M" in capsys.readouterr().out
     assert (tmp_path / "reversal.png").stat().st_size > 10_000
-    assert len((tmp_path / "reversal.csv").read_text().splitlines()) == 1 + 4
+    assert len((tmp_path / "reversal.csv").read_text().splitlines()) == 1 + 3
 
 
 @pytest.mark.slow
 def test_pressed_mix_asks_little_of_the_way_back(capsys, tmp_path):
     module = study("way_back")
-    done, memory = module.main(stroke=0.08, increments=4, out=tmp_path)
-    module.show((done, memory))
+    done = module.main(stroke=0.08, increments=4, out=tmp_path)
+    module.show(done)
     there = done.resistance[done.stroke == 1]
     *back, end = done.resistance[done.stroke == 2]
     assert -min(back[len(back) // 4 :]) < 0.25 * there.max()  # it has not come far enough to be steady
     assert done.position[-1] == pytest.approx(0, abs=1e-9)
     assert min(back) > end > -0.5 * there.max()  # back in the dent that it pressed at first, against its wall
-    assert memory.release < 2e-3
+    assert 0 < module.release_length(done) < 2e-3
     assert "way back" in capsys.readouterr().out
     assert (tmp_path / "way_back.png").stat().st_size > 10_000
     assert (tmp_path / "film.pvd").is_file()

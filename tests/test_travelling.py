@@ -10,7 +10,6 @@ from compact.compaction import roll
 from compact.material import Compaction
 from compact.motion import law
 from compact.passes import Pass, passes
-from compact.pressed_memory import fitted
 from compact.records import Layer, Ply, Roller
 from compact.strokes import strokes
 from compact.travelling import travel
@@ -304,22 +303,6 @@ def test_way_back_over_pressed_mix_is_nearly_free(cruising, steady):
     back = cruising.resistance[(cruising.stroke == 2) & (cruising.position < 4 * LENGTH)]
     assert (back < 0).all()
     assert np.abs(back).max() < 0.1 * steady.resistance
-
-
-@pytest.mark.slow
-def test_turn_is_forgotten_within_a_small_part_of_the_contact(cruising):
-    memory = fitted(cruising)
-    assert memory.release == pytest.approx(LENGTH / 28, rel=0.15)
-    assert memory.error < 0.06
-
-
-def test_memory_of_a_thin_layer_is_about_that_of_even_pressure(thin):
-    """l = p h R/(M a), p of F = p a^2/2R; the pressure of the mix falls towards the edge."""
-    memory, stiffness = fitted(thin), THIN.unloading_modulus * 0.7 / (1.3 * 0.4)
-    even = 2 * WIDE.radius * memory.turning / WIDE_LENGTH**2
-    length = even * HEIGHT * WIDE.radius / (stiffness * WIDE_LENGTH)
-    assert memory.release == pytest.approx(length, rel=0.35)
-    assert memory.error < 0.04
 
 
 @pytest.mark.slow
