@@ -144,7 +144,7 @@ def run(
         relative error asked for in place of the scene's
     """
     from compact import report
-    from compact.pool import cores, crew
+    from compact.pool import Processes, cores
     from compact.progress import Progress
 
     progress = Progress(quiet=quiet)
@@ -154,7 +154,8 @@ def run(
         step=lambda stage: progress.begin(stage, study.cost(stage), total=study.whole_cost), progress=progress.report,
     )  # fmt: skip
     progress.total = study.whole_cost
-    helpers = crew(min(cores(), 1 + len(study.scene.beside_engines))) if study.scene.beside else None  # 1 to draw
+    others = study.scene.beside_engines if study.scene.beside and cores() > 1 else ()
+    helpers = Processes(min(cores(), len(others))) if others else None
     with progress:
         report.write(study, directory, force, helpers)
     if not quiet:

@@ -5,7 +5,6 @@ from dataclasses import asdict, astuple
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from pkgutil import resolve_name
 from textwrap import wrap
 
 import numpy as np
@@ -27,17 +26,17 @@ VERSIONED = ("compact", "numpy", "scipy")
 def write(study, directory, force=False, crew=None):
     """Write the results of a study into a directory; returns the content of summary.json, which comes last.
 
-    crew : of `pool`, that answers by the engines beside and draws meanwhile; without it this process does
+    crew : of `pool`, that runs the engines beside meanwhile; without it this process does
 
     Raises ResultsError where a file cannot be written or another scene's results stand.
     """
     wanted = study.scene.output.wanted
-    with claimed(directory, study.scene.hash, force) as directory, study.helped(crew or Here()) as errands:
+    with claimed(directory, study.scene.hash, force) as directory, study.helped(crew or Here()):
         files = list(contact_report.tables(study, directory)) if study.layered else []
         kept = list(study.keep(directory, files)) if study.layered else []
         for writer in [FIRST[part] for part in FIRST if part in wanted]:
             files += writer(study, directory)
-        pictures = _pictures(study, errands) if {"figures", "report"} & set(wanted) else {}
+        pictures = _pictures(study) if {"figures", "report"} & set(wanted) else {}
         for writer in [LAST[part] for part in LAST if part in wanted]:
             files += writer(study, directory, pictures)
         if study.layered:
@@ -160,38 +159,38 @@ def _fields(study, directory):
         yield write_figure(directory / "fields.png", figures.fields(study.fields))
 
 
-def _pictures(study, errands):
-    """What waits for each figure, as bytes of PNG, by its name; those that wait for the engines beside come last."""
+def _pictures(study):
+    """A function for each figure by its name, which draws it once as bytes of PNG."""
+    from compact import figures, order_figures
+
     wanted, places, pictures = study.scene.output.wanted, study.places[study.scene.drive.kind], {}
 
-    def draw(name, *task):
-        drawing = errands.send(f"{name}.png", drawn, task)
-        pictures[name] = cache(lambda: (study.count("figures"), drawing())[1])
+    def draw(name, figure, *of):
+        @cache
+        def picture():
+            study.count("figures")
+            return png(figure(*of))
 
-    draw("kinematics", "figures:kinematics", study.cycles)
-    draw("drive", "figures:drive", study.runs)
+        pictures[name] = picture
+
+    draw("kinematics", figures.kinematics, study.cycles)
+    draw("drive", figures.drive, study.runs)
     if "reactions" in wanted:
         best = next(iter(study.rankings.values()))[0].run.name
         names = dict.fromkeys([best, *(name for name, run in study.runs.items() if run.state.rod_tangent.any())])
-        draw("reactions", "figures:reactions", study.runs, list(names))
+        draw("reactions", figures.reactions, study.runs, list(names))
     if "cams" in wanted:
-        draw("cams", "figures:cams", study.cams, list(study.cycles), "roller")
+        draw("cams", figures.cams, study.cams, list(study.cycles), "roller")
     if "crank" in wanted:
-        draw("crank", "figures:crank", study.turns)
+        draw("crank", figures.crank, study.turns)
     if study.layered:
-        draw("contact", "figures:speeds", study.contacts)
-        draw("resistance", "figures:resistance", study.resistance_map, _usual_acceleration(study))
-        draw("resistances", "order_figures:resistance", beside_report.resistances(study))
-        draw("engines", "order_figures:engines", beside_report.places(study))
+        draw("contact", figures.speeds, study.contacts)
+        draw("resistance", figures.resistance, study.resistance_map, _usual_acceleration(study))
+        draw("resistances", order_figures.resistance, beside_report.resistances(study))
+        draw("engines", order_figures.engines, beside_report.places(study))
     beside = {by: beside_report.beside(study, study.scene.drive.kind, by) for by in places}
-    draw("ranking", "order_figures:ranking", places, beside)
+    draw("ranking", order_figures.ranking, places, beside)
     return pictures
-
-
-def drawn(task):
-    """PNG of a figure, to be had in another process: (what draws it, such as "figures:cams", *what it is given)."""
-    draw, *given = task
-    return png(resolve_name(f"compact.{draw}")(*given))
 
 
 def _usual_acceleration(study):

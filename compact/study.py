@@ -146,7 +146,7 @@ class Study:
         found = table.cost(stage, engine, scene.drive.kind, self.layered, crowded)
         if stage == "laws" and scene.motion.optimise:
             found += table.OPTIMISED * len(scene.motion.optimise.objectives) / self._laws
-        return table.BY_OTHERS * found if stage == "figures" and crowded else found
+        return found
 
     @property
     def whole_cost(self):
@@ -578,10 +578,7 @@ class Study:
 
     @contextmanager
     def helped(self, crew):
-        """Let a crew of `pool` answer by the engines beside, and run what `Errands` it is given, which these are.
-
-        This process goes its own way meanwhile.
-        """
+        """Let a crew of `pool` run the engines beside; this process computes its own part meanwhile."""
         directory = self._directory and self._directory / BESIDE
         with Errands(crew) as errands:
             self._answers = {}
@@ -590,7 +587,7 @@ class Study:
                 self._answers[name] = errands.send(name, answered, asked)
             self._errands = errands
             try:
-                yield errands
+                yield
             finally:
                 self._errands = None
 

@@ -129,7 +129,7 @@ def test_kept_contacts_are_taken_by_every_engine(written):
     drawn = {path.name: path.read_bytes() for path in directory.glob("*.png")}
     again = Study(scene(), directory=directory)
     kept = report.write(again, directory)
-    assert {"ranking.png", "kinematics.png"} < set(drawn)  # by other processes before, by this one now
+    assert {"ranking.png", "kinematics.png"} < set(drawn)
     assert drawn == {path.name: path.read_bytes() for path in directory.glob("*.png")}
     for stages in (kept["stages"], kept["beside"]["column"]["stages"]):
         assert stages["kept"] == 1

@@ -85,13 +85,15 @@ def test_kinematics_are_those_of_the_laws():
     assert np.abs(np.diff(acceleration)[upright]).max() == pytest.approx(0.32, rel=1e-9)  # 36/5 stroke/duration^2
 
 
-def test_kinematics_of_a_report_are_given_the_laws_and_no_response():
-    drawn, study = {}, SimpleNamespace(
+def test_kinematics_of_a_report_are_given_the_laws_and_no_response(monkeypatch):
+    given, study = [], SimpleNamespace(
         scene=SimpleNamespace(output=SimpleNamespace(wanted=()), drive=SimpleNamespace(kind="elastic")),
-        places={"elastic": {}}, runs="runs", cycles="cycles", layered=False,
+        places={"elastic": {}}, runs="runs", cycles="cycles", layered=False, count=lambda stage: None,
     )  # fmt: skip
-    report._pictures(study, SimpleNamespace(send=lambda name, work, task: drawn.update({name: task})))
-    assert drawn["kinematics.png"] == ("figures:kinematics", "cycles")
+    monkeypatch.setattr(figures, "kinematics", lambda *of: given.append(of) or figures.Figure())
+    picture = report._pictures(study)["kinematics"]
+    assert picture() == picture()
+    assert given == [("cycles",)]
 
 
 def run(name, peak_force, peak_power=1.0, impulses=()):

@@ -99,7 +99,7 @@ MEASURED = {
         ("added mass", 13, 7.9),
         ("runs", 42, 2.38), ("cams", 63, 0.0), ("cams measured", 63, 1.06), ("driven", 18, 2.48), ("crank", 5, 0.32),
         ("fields", 6, 0.53), ("figures", 1, 0.1), ("rankings", 1, 0.31), ("beside", 3, 0.70), ("report", 1, 1.01),
-        ("figures", 10, 0.96),
+        ("figures", 10, 3.22),
     ],
     "loveikin-2015": [
         ("contact", 1, 0.01), ("laws", 21, 0.01), ("runs", 21, 0.05), ("cams", 63, 0.0), ("cams measured", 63, 1.30),
