@@ -14,34 +14,37 @@ weights from 0 to 1; drive forces and powers between samples to 1e-8; moments of
 from importlib import import_module
 
 _HOMES = {
+    "analysis.study": ("Study",),
+    "cams.machining": ("Cut", "cut"),
+    "cams.profile": ("Cam", "FlatFace", "Pointed", "RollerFollower"),
     "contact": ("DryResistance", "dry_resistance"),
-    "belt": ("Belt",),
-    "cart": ("Balance", "Cart", "Opposition", "balance"),
-    "cam": ("Cam", "FlatFace", "Pointed", "RollerFollower"),
-    "cutting": ("Cut", "cut"),
     "drive": ("Crank", "Rigid", "Run", "rank", "simulate"),
-    "elastic": ("ElasticDrive", "ElasticRun", "travel"),
-    "halfplane": ("galin", "hertz", "pressure_exponent"),
-    "material": ("Elastic", "Viscoelastic"),
-    "measured": ("from_table",),
-    "mix": ("Mix", "prior"),
+    "engines.halfplane": ("galin", "hertz", "pressure_exponent"),
+    "files": ("ResultsError",),
+    "machine.cart": ("Balance", "Cart", "Opposition", "balance"),
+    "machine.elastic_drive": ("ElasticDrive", "ElasticRun", "travel"),
+    "machine.motor_characteristics": ("Belt", "Kloss", "Straight"),
+    "machine.motor_drive": ("Motor", "MotorRun", "revolve"),
+    "machine.roller_motors": ("Driven", "FirstOrder", "RollerMotor"),
+    "material.laws": ("Elastic", "Viscoelastic"),
+    "material.mix": ("Mix", "prior"),
     "motion": ("LAWS", "CamLimits", "Cycle", "InfeasibleError", "Limits", "Motion", "law", "optimise"),
-    "motor": ("Motor", "MotorRun", "revolve"),
-    "records": ("Layer", "Roller", "Rolled"),
+    "motion.minimum_criterion": ("ComplexLaw", "minimiser"),
+    "motion.tabulated": ("from_table",),
     "resistance": ("ResistanceMap", "sampled"),
-    "results": ("ResultsError",),
-    "roller_motor": ("Driven", "FirstOrder", "RollerMotor"),
-    "scene": ("Scene", "SceneError", "load_scene", "parse_scene"),
-    "study": ("Study",),
-    "torque": ("Kloss", "Straight"),
-    "variational": ("ComplexLaw", "minimiser"),
+    "rolling_contact": ("Layer", "Roller", "Rolled"),
+    "scene.loader": ("Scene", "SceneError", "load_scene", "parse_scene"),
 }
+# Modules under the names that `from compact import ...` has for them
+_ALIASES = {"column": "engines.column.engine", "spectral": "engines.spectral.engine", "mix": "material.mix"}
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [*_HOME_OF]
 
 
 def __getattr__(name):
+    if name in _ALIASES:
+        return import_module(f"compact.{_ALIASES[name]}")
     if name not in _HOME_OF:
         raise AttributeError(f"module 'compact' has no attribute {name!r}")
     return getattr(import_module(f"compact.{_HOME_OF[name]}"), name)

@@ -11,8 +11,8 @@ from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
-from compact.failures import is_numeric, memory_sentence, numeric_sentence
-from compact.results import ResultsError, default_directory
+from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
+from compact.files import ResultsError, default_directory
 
 DONE, COULD_NOT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 STOPPED = "interrupted; every file already written is whole"
@@ -111,8 +111,8 @@ def new(directory: Path, /):
     directory
         where scene.toml is written; made if need be, a scene that stands there is kept
     """
-    from compact.results import whole_file
-    from compact.scene import starter_scene
+    from compact.files import whole_file
+    from compact.scene.loader import starter_scene
 
     path = directory / "scene.toml"
     if path.exists():
@@ -143,9 +143,9 @@ def run(
     tolerance
         relative error asked for in place of the scene's
     """
-    from compact import report
-    from compact.pool import Processes, cores
-    from compact.progress import Progress
+    from compact.analysis.worker_pool import Processes, cores
+    from compact.report import writer as report
+    from compact.report.progress import Progress
 
     progress = Progress(quiet=quiet)
     directory = out or default_directory(scene)
@@ -185,10 +185,10 @@ def roll(
     out
         directory for the results; out/NAME-ENGINE unless given, NAME as of `compact run`
     """
-    from compact import contact_report
-    from compact.plausible import check_speed
-    from compact.progress import Progress
-    from compact.results import claimed
+    from compact.files import claimed
+    from compact.report import contact_tables
+    from compact.report.progress import Progress
+    from compact.scene.plausible_ranges import check_speed
 
     progress = Progress(quiet=quiet)
     study = _study(scene, quiet, engine, changes=changes, progress=progress.report)
@@ -201,9 +201,9 @@ def roll(
         progress.begin(f"contact by {name}")
         passes = study.passes_at(speed)
         progress.begin("tables and figures")
-        contact_report.write(directory, study, speed, passes)
+        contact_tables.write(directory, study, speed, passes)
     if not quiet:
-        print(contact_report.digest(study, speed, passes))
+        print(contact_tables.digest(study, speed, passes))
         print(f"\nresults: {directory}")
 
 
@@ -237,7 +237,8 @@ def cam(
     out
         directory; out/NAME-cams unless given, NAME as of `compact run`
     """
-    from compact import cam_files, report
+    from compact.cams import export as cam_files
+    from compact.report import writer as report
 
     study = _study(scene, quiet, laws=None if law.startswith("least-") else (law,), changes=changes)
     made = study.cam(law, follower)
@@ -275,10 +276,10 @@ def calibrate(
     out
         the JSON file; out/NAME-calibration.json unless given, NAME as of `compact run`
     """
-    from compact import calibrate as calibration
-    from compact.measurements import read
-    from compact.progress import spinning
-    from compact.results import write_json
+    from compact.analysis import calibration
+    from compact.files import write_json
+    from compact.report.progress import spinning
+    from compact.scene.plant_data import read
 
     readings = read(measured)
     options = {} if increments is None else {"increments": increments}
@@ -334,11 +335,11 @@ def sweep(
     tolerance
         relative error asked for in place of the scene's
     """
-    from compact import sweep_report
-    from compact import vary as varying
-    from compact.pool import crew
-    from compact.progress import Progress
-    from compact.sweep import Sweep
+    from compact.analysis.worker_pool import crew
+    from compact.report import sweep_writer
+    from compact.report.progress import Progress
+    from compact.sweep import design as varying
+    from compact.sweep.run import Sweep
 
     workforce = crew(workers, scheduler)
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
@@ -356,11 +357,11 @@ def sweep(
     with Progress(total=many.size, quiet=quiet) as progress:
         progress.begin(f"{many.size} points", 0.0)
         table = many.run(directory, crew=workforce, resume=resume, force=force, step=step)
-    sweep_report.write(directory, table)
+    sweep_writer.write(directory, table)
     if not quiet:
         for name in many.broken:
             print(f"compact: {name} was cut short; its points were computed again", file=sys.stderr)
-        print(f"{sweep_report.digest(table)}\n\n{many.computed} of {many.size} computed now; results: {directory}")
+        print(f"{sweep_writer.digest(table)}\n\n{many.computed} of {many.size} computed now; results: {directory}")
     return DONE if (table["reason"] == "").any() else _say("no point has numbers", COULD_NOT)
 
 
@@ -373,10 +374,10 @@ def check(*, markdown: bool = False):
     markdown
         print them as a table of Markdown
     """
-    from compact import published
+    from compact.verification import published_numbers
 
-    rows = published.rows()
-    print(published.markdown(rows) if markdown else published.table(rows))
+    rows = published_numbers.rows()
+    print(published_numbers.markdown(rows) if markdown else published_numbers.table(rows))
     changed = [row for row in rows if not row.kept]
     if changed:
         return _say(f"{len(changed)} of {len(rows)} numbers on our side have changed", COULD_NOT)
@@ -396,7 +397,7 @@ def _study(
     progress=None,
 ):
     """The study of a scene file with some of its keys changed."""
-    from compact.study import Study
+    from compact.analysis.study import Study
 
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance, "motion.laws": laws}
     return Study(_scene(path, quiet, changes, asked), step, directory, progress)
@@ -404,7 +405,7 @@ def _study(
 
 def _scene(path, quiet, changes=(), asked=()):
     """The scene of a file with some of its keys changed; its advice is told."""
-    from compact.scene import load_scene, read_change
+    from compact.scene.loader import load_scene, read_change
 
     asked = dict(asked) | dict(map(read_change, changes))
     scene = load_scene(path, **{key: value for key, value in asked.items() if value is not None})

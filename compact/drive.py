@@ -6,8 +6,8 @@ A rigid drive and a crank impose the law, see `rigid_drive`. `ElasticDrive`, `Mo
 of their own; their modules `elastic`, `motor` and `hydraulic` are imported on first use.
 """
 
-from compact.ranking import CRITERIA, Ranked, rank
-from compact.rigid_drive import Crank, Rigid, Run, simulate
+from compact.machine.ranking import CRITERIA, Ranked, rank
+from compact.machine.rigid_drive import Crank, Rigid, Run, simulate
 
 _ELASTIC = ("ElasticDrive", "ElasticRun")
 _MOTOR = ("Motor", "MotorRun")
@@ -18,11 +18,11 @@ __all__ = ["CRITERIA", "Crank", "Ranked", "Rigid", "Run", "rank", "simulate", *_
 
 def __getattr__(name):
     if name in _ELASTIC:
-        from compact import elastic as home
+        from compact.machine import elastic_drive as home
     elif name in _MOTOR:
-        from compact import motor as home
+        from compact.machine import motor_drive as home
     elif name in _HYDRAULIC:
-        from compact import hydraulic as home
+        from compact.machine import hydraulic_drive as home
     else:
         raise AttributeError(f"module 'compact.drive' has no attribute {name!r}")
     return getattr(home, name)

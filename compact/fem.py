@@ -4,11 +4,11 @@ Elastic and viscoelastic layers are solved by `fem_engine` (steady) and `transie
 `compaction` (steady) and `travelling` (any motion).
 """
 
-from compact.fem_engine import FemRolled
-from compact.fem_engine import roll as roll_linear
-from compact.material import Compaction
+from compact.engines.fem.engine import FemRolled
+from compact.engines.fem.engine import roll as roll_linear
+from compact.files import write_mesh
+from compact.material.laws import Compaction
 from compact.mesh import DEFAULT_ERROR
-from compact.results import write_mesh
 
 __all__ = ["FemRolled", "fields", "roll", "travel", "write_fields"]
 
@@ -26,14 +26,14 @@ def roll(layer, roller, material, speed, *, torque=None, mesh=None, tolerance=DE
         free roller has none
     mesh, tolerance, estimate : of a linear layer, see `fem_engine.roll`; compacting mix makes its own mesh
 
-    >>> from compact.material import Elastic
-    >>> from compact.records import Layer, Roller
+    >>> from compact.material.laws import Elastic
+    >>> from compact.rolling_contact import Layer, Roller
     >>> rolled = roll(Layer(0.22), Roller(0.11, indentation=0.003), Elastic(10e6, 0.3), speed=0.2)
     >>> f"load {rolled.load / 1e3:.2f} kN/m, edge {rolled.leading * 1e3:.2f} mm"
     'load 15.09 kN/m, edge 13.85 mm'
     """
     if isinstance(material, Compaction) and mesh is None:
-        from compact.compaction import roll as roll_compacting
+        from compact.engines.compaction.engine import roll as roll_compacting
 
         return roll_compacting(layer, roller, material, speed, torque=torque)
     return roll_linear(layer, roller, material, speed, torque=torque, mesh=mesh, tolerance=tolerance, estimate=estimate)
@@ -47,9 +47,9 @@ def travel(layer, roller, material, motion, **accuracy):
     accuracy : what the engine takes, a `torque` too: `transient.travel` for linear layers, `travelling.travel` for mix
         that compacts
 
-    >>> from compact.material import Viscoelastic
-    >>> from compact.motion import law
-    >>> from compact.records import Layer, Roller
+    >>> from compact.material.laws import Viscoelastic
+    >>> from compact.motion.profile import law
+    >>> from compact.rolling_contact import Layer, Roller
     >>> mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
     >>> stroke = law("quintic", stroke=0.1, duration=1.0)
     >>> done = travel(Layer(0.22), Roller(0.11, indentation=0.003), mix, stroke, estimate=False)
@@ -57,9 +57,9 @@ def travel(layer, roller, material, motion, **accuracy):
     '505 N/m at most, 168 N/m as it comes to rest'
     """
     if isinstance(material, Compaction):
-        from compact.travelling import travel as travel_on
+        from compact.engines.compaction.reciprocating import travel as travel_on
     else:
-        from compact.transient import travel as travel_on
+        from compact.engines.fem.transient import travel as travel_on
     return travel_on(layer, roller, material, motion, **accuracy)
 
 
@@ -67,9 +67,9 @@ def fields(rolled):
     """Fields inside the layer under a steady roller, a meshio mesh: `fields.fields`, of compacting mix
     `compacted.fields`."""
     if isinstance(rolled, FemRolled):
-        from compact.fields import fields as fields_of
+        from compact.engines.fem.fields import fields as fields_of
     else:
-        from compact.compacted import fields as fields_of
+        from compact.engines.compaction.results import fields as fields_of
     return fields_of(rolled)
 
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from compact.refuse import refuse_nonpositive
+from compact.numerics.validation import refuse_nonpositive
 
 DEFAULT_ERROR = 2e-3  # of the resistance, on ten elements per half-width: a point of studies/speed_against_error.py
 GROWTH = 1.4  # ratio of neighbouring elements, its root inside the contact: 3e-5 of the load, 6e-6 once refined

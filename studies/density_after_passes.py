@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.calibrate import blend
-from compact.column import feed
-from compact.engine import compaction
-from compact.passes import Pass, density, passes, there_and_back
-from compact.progress import tracked
-from compact.records import Layer, Roller
-from compact.scene import load_scene
+from compact.analysis.calibration import blend
+from compact.analysis.engines import compaction
+from compact.analysis.multipass import Pass, density, passes, there_and_back
+from compact.engines.column.engine import feed
+from compact.report.progress import tracked
+from compact.rolling_contact import Layer, Roller
+from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
 HEADER = ("radius_m", "moisture", "passes", "largest_load_N", "largest_resistance_N", "density_ratio")
@@ -94,7 +94,7 @@ def main(
         length = base.machine.roller_length
         rows.append((radius, moisture, count, load * length, resistance * length, results[-1].exit_density_ratio))
     if out:
-        from compact.results import write_csv
+        from compact.files import write_csv
 
         write_csv(Path(out) / "density_after_passes.csv", HEADER, rows)
         _draw(rows).savefig(Path(out) / "density_after_passes.png", dpi=110)
@@ -105,7 +105,7 @@ def _draw(rows):
     """Largest load and resistance over the number of passes, a line for each roller and mix."""
     from matplotlib.figure import Figure
 
-    from compact.figures import PALETTE
+    from compact.report.figures import PALETTE
 
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True)
@@ -132,7 +132,7 @@ def draw_profiles(rows):
     """Density over the depth after each pass; all of it, and the top, where passes differ."""
     from matplotlib.figure import Figure
 
-    from compact.figures import PALETTE
+    from compact.report.figures import PALETTE
 
     figure = Figure(figsize=(9.0, 4.4), layout="constrained")
     panels = figure.subplots(1, 2)
@@ -170,7 +170,7 @@ def show_profiles(rows):
 
 
 if __name__ == "__main__":
-    from compact.results import write_csv
+    from compact.files import write_csv
 
     place = Path("out/density_after_passes")
     show(main(out=place))

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
+from compact.analysis.study import Study
 from compact.drive import simulate
-from compact.elastic import ElasticDrive
-from compact.progress import tracked
-from compact.scene import load_scene
-from compact.study import Study
+from compact.machine.elastic_drive import ElasticDrive
+from compact.report.progress import tracked
+from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
 HEADER = (
@@ -40,7 +40,7 @@ def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9)
             run.energy_residual, run.work.arcs,
         ))  # fmt: skip
     if out:
-        from compact.results import write_csv
+        from compact.files import write_csv
 
         write_csv(Path(out) / "elastic_drive.csv", HEADER, rows)
         _draw(rows, runs).savefig(Path(out) / "elastic_drive.png", dpi=110)
@@ -51,7 +51,7 @@ def _draw(rows, runs):
     """Ringing and non-uniformity over the stiffness, a line for each law; the force of two laws over a cycle."""
     from matplotlib.figure import Figure
 
-    from compact.figures import look
+    from compact.report.figures import look
 
     figure = Figure(figsize=(13.0, 4.0), layout="constrained")
     panels = figure.subplots(1, 3)

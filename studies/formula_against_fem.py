@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.engine import roll
-from compact.halfplane import galin
-from compact.progress import tracked
-from compact.scene import load_scene
-from compact.study import Study
+from compact.analysis.engines import roll
+from compact.analysis.study import Study
+from compact.engines.halfplane import galin
+from compact.report.progress import tracked
+from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
 PLAIN = {
@@ -75,7 +75,7 @@ def main(
             found[engine] = of_contact(roll(case, study.mix, case.mean_speed, engine), radius)
         rows += [(moisture, ratio, radius, engine, *map(float, values)) for engine, values in found.items()]
     if out:
-        from compact.results import whole_file, write_csv
+        from compact.files import whole_file, write_csv
 
         write_csv(Path(out) / "formula_against_fem.csv", HEADER, rows)
         with whole_file(Path(out) / "formula_against_fem.png", "wb") as stream:
@@ -93,8 +93,8 @@ def figure(rows):
     """Relative differences to the spectral engine, a panel per quantity, a colour per engine."""
     from matplotlib.figure import Figure
 
-    from compact.figures import PALETTE
-    from compact.order_figures import ENGINE_LOOKS
+    from compact.report.figures import PALETTE
+    from compact.report.ranking_figures import ENGINE_LOOKS
 
     drawn = Figure(figsize=(12, 3.8), layout="constrained")
     panels = drawn.subplots(1, 3)

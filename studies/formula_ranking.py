@@ -6,9 +6,9 @@ the low, the expected and the high end. Limits: eqs 1.1-1.10, a resistance that 
 
 from pathlib import Path
 
-from compact.progress import tracked
-from compact.scene import load_scene
-from compact.study import Study
+from compact.analysis.study import Study
+from compact.report.progress import tracked
+from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
 

@@ -13,15 +13,20 @@ from time import process_time
 
 import numpy as np
 
-from compact import cam, column, engine, fem, motion, resistance, spectral
+from compact import fem, resistance
+from compact.analysis import engines
+from compact.analysis.study import Study
+from compact.cams import profile as cam
 from compact.drive import Rigid, simulate
-from compact.elastic import ElasticDrive
-from compact.halfplane import galin, hertz
-from compact.material import Elastic, Viscoelastic
-from compact.progress import tracked
-from compact.records import Layer, Roller
-from compact.scene import load_scene
-from compact.study import Study
+from compact.engines.column import engine as column
+from compact.engines.halfplane import galin, hertz
+from compact.engines.spectral import engine as spectral
+from compact.machine.elastic_drive import ElasticDrive
+from compact.material.laws import Elastic, Viscoelastic
+from compact.motion import profile as motion
+from compact.report.progress import tracked
+from compact.rolling_contact import Layer, Roller
+from compact.scene.loader import load_scene
 
 SCENE = Path(__file__).parent / "scenes" / "loveikin-2015.toml"
 HEADER = ("case", "against", "reached", "relative error", "seconds")
@@ -108,7 +113,7 @@ def frictional():
 
 @case("plies a thousand times as stiff below", "layer of the upper ply alone")
 def stiff_ply():
-    from compact.records import Ply
+    from compact.rolling_contact import Ply
 
     plies = (Ply(0.12, 1e3), Ply(0.10, 1.0))
     roller = Roller(0.11, indentation=0.003)
@@ -119,7 +124,7 @@ def stiff_ply():
 @case("columns pressed to a density ratio of 0.995", "balance of mass")
 def pressed_shut():
     scene = load_scene(SCENE)
-    material = engine.compaction(scene, Study(scene).mix)
+    material = engines.compaction(scene, Study(scene).mix)
     fed = column.feed(0.22, 0.995, material, 0.2)
     roller = Roller(1.0, indentation=fed.indentation)
     found = column.roll(Layer(fed.height), roller, material, 0.2)
@@ -129,7 +134,7 @@ def pressed_shut():
 @case("columns under the same roller again", "no resistance: the mix lies already")
 def again():
     scene = load_scene(SCENE)
-    layer, roller, material = engine.inputs(scene, Study(scene).mix, "column", 0.2)
+    layer, roller, material = engines.inputs(scene, Study(scene).mix, "column", 0.2)
     roller = replace(roller, rolling="frictionless")
     first = column.roll(layer, roller, material, 0.2)
     height = layer.height - first.indentation
@@ -194,7 +199,7 @@ def jump():
 def through_the_base():
     plain = {"accuracy.engine": "spectral", "machine.profile": "parabola", "machine.rolling": "frictionless"}
     scene = load_scene(SCENE, **{"contact.load": 1e7, **plain})
-    return engine.roll(scene, Study(scene).mix, 0.2).load, math.nan
+    return engines.roll(scene, Study(scene).mix, 0.2).load, math.nan
 
 
 @case("non-finite speed, load, depth", "refused in words, every one")
@@ -228,7 +233,7 @@ def main(names=None, out=None):
             reached, error = f"refused: {refusal}", math.nan
         rows.append((name, against, str(reached), float(np.abs(error)), process_time() - began))
     if out:
-        from compact.results import write_csv
+        from compact.files import write_csv
 
         write_csv(Path(out) / "hard_cases.csv", HEADER, rows)
     return rows

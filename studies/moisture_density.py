@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from compact import vary
-from compact.pool import Here, Processes
-from compact.progress import Progress
-from compact.scene import load_scene
-from compact.sweep import Sweep
+from compact.analysis.worker_pool import Here, Processes
+from compact.report.progress import Progress
+from compact.scene.loader import load_scene
+from compact.sweep import design as vary
+from compact.sweep.run import Sweep
 
 SCENES = Path(__file__).parent / "scenes"
 PLAIN = {
@@ -55,7 +55,7 @@ def main(
             step = lambda points, failed: progress.advance(points)  # noqa: E731
             table = many.run(out or aside, crew=crew, resume=True, step=step)
     if out:
-        from compact.results import write_figure
+        from compact.files import write_figure
 
         write_figure(Path(out) / "moisture_density.png", figure(table))
     return table

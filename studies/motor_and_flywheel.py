@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.progress import tracked
-from compact.scene import load_scene
-from compact.study import Study
+from compact.analysis.study import Study
+from compact.report.progress import tracked
+from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
 HEADER = (
@@ -45,7 +45,7 @@ def main(scene="loveikin-2015", laws=("cubic", "reversal-4"), carts=(1, 2, 3, 4)
             ))  # fmt: skip
     rows.sort(key=lambda row: laws.index(row[0]))
     if out:
-        from compact.results import write_csv
+        from compact.files import write_csv
 
         write_csv(Path(out) / "motor_and_flywheel.csv", HEADER, rows)
         _draw(rows, runs).savefig(Path(out) / "motor_and_flywheel.png", dpi=110)

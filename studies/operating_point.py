@@ -20,12 +20,12 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.calibrate import blend, calibrate, digest
-from compact.engine import COMPACTING, roll
-from compact.engineering import engineering
-from compact.measurements import read
-from compact.progress import tracked
-from compact.scene import load_scene
+from compact.analysis.calibration import blend, calibrate, digest
+from compact.analysis.engineering_summary import engineering
+from compact.analysis.engines import COMPACTING, roll
+from compact.report.progress import tracked
+from compact.scene.loader import load_scene
+from compact.scene.plant_data import read
 
 SCENES = Path(__file__).parent / "scenes"
 PRINTED_LOAD, PRINTED_FORCE = 9740.0, 3562.0  # N; Loveikin and Pochka 2015
@@ -134,7 +134,7 @@ def main(
     fits = calibrated(scene, readings, engines, variants)
     after = [of_contact(name, fit.scene, fit.rolled[0]) for name, fit in fits.items()]
     if out:
-        from compact.results import write_csv
+        from compact.files import write_csv
 
         write_csv(Path(out) / "operating_point.csv", ("calibrated", *HEADER), [
             (word, *row) for word, rows in (("no", before), ("yes", after)) for row in rows
@@ -149,7 +149,7 @@ def _draw(contacts, fits):
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-    from compact.figures import PALETTE
+    from compact.report.figures import PALETTE
 
     figure = Figure(figsize=(10.4, 5.6), layout="constrained")
     left, right = figure.subplots(1, 2)

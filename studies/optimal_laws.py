@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
+from compact.analysis.study import Study
 from compact.drive import Rigid, simulate
-from compact.limits import broken
-from compact.motion import Limits, law, optimise
-from compact.progress import tracked
-from compact.scene import LAW_NAMES, load_scene
-from compact.study import Study
+from compact.motion.limits import broken
+from compact.motion.profile import Limits, law, optimise
+from compact.report.progress import tracked
+from compact.scene.loader import LAW_NAMES, load_scene
 
 SCENES = Path(__file__).parent / "scenes"
 OBJECTIVES = ("peak_force", "peak_power")
@@ -46,7 +46,7 @@ def main(scene="loveikin-2015", shares=SHARES, jerks=JERKS, out=None):
         for jerk in tracked(jerks, "bound of the jerk")
     ]
     if out:
-        from compact.results import write_csv
+        from compact.files import write_csv
 
         write_csv(Path(out) / "optimal_laws_gains.csv", GAINS, gains)
         write_csv(Path(out) / "optimal_laws_fronts.csv", FRONT, front)
@@ -86,7 +86,7 @@ def _draw(study, front):
     """Speed and power of the laws made and of two published ones; both fronts."""
     from matplotlib.figure import Figure
 
-    from compact.figures import PALETTE, look
+    from compact.report.figures import PALETTE, look
 
     figure = Figure(figsize=(12.5, 7.2), layout="constrained")
     (speed, power), panels = figure.subplots(2, 2)

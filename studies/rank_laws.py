@@ -21,16 +21,18 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import kendalltau
 
-from compact import compaction, machine, vary
-from compact.capabilities import adapt
+from compact.analysis import machine_models as machine
+from compact.analysis.engines import inputs
+from compact.analysis.ranking_uncertainty import ties
+from compact.analysis.study import Study
 from compact.drive import CRITERIA, rank, simulate
-from compact.engine import inputs
-from compact.ordering import ties
-from compact.progress import tracked
-from compact.ranking import is_tie
+from compact.engines.compaction import engine as compaction
+from compact.machine.ranking import is_tie
+from compact.report.progress import tracked
 from compact.resistance import ResistanceMap
-from compact.scene import load_scene
-from compact.study import Study
+from compact.scene.engine_capabilities import adapt
+from compact.scene.loader import load_scene
+from compact.sweep import design as vary
 
 SCENES = Path(__file__).parent / "scenes"
 SMOOTH = {"machine.rolling": "frictionless"}
@@ -89,7 +91,7 @@ def main(scene="loveikin-2015", engines=tuple(ENGINES), drives=tuple(DRIVES), sa
         if engine in CHEAP:
             spreads += spread(base, [drive for drive in drives if drive in SPREAD], samples)
     if out:
-        from compact.results import write_csv
+        from compact.files import write_csv
 
         write_csv(Path(out) / "rank_laws.csv", HEADER, rows)
         write_csv(Path(out) / "rank_laws_spread.csv", SPREAD_HEADER, spreads)
@@ -220,7 +222,7 @@ def _draw(rows, spreads, most=8):
     """What each law asks above the least with its error, by engine; and the share of mixes in which the first stays."""
     from matplotlib.figure import Figure
 
-    from compact.order_figures import ENGINE_LOOKS, dodges
+    from compact.report.ranking_figures import ENGINE_LOOKS, dodges
 
     figure = Figure(figsize=(12.5, 4.6), layout="constrained")
     panels = figure.subplots(1, len(SHOWN) + 1, width_ratios=[3] * len(SHOWN) + [2])

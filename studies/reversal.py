@@ -16,18 +16,19 @@ from time import process_time
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from compact import fem, spectral
+from compact import fem
+from compact.analysis.engines import inputs, modulation
+from compact.analysis.study import SWING, Study
 from compact.drive import simulate
-from compact.elastic import ElasticDrive
-from compact.engine import inputs, modulation
-from compact.motion import law
-from compact.motor import Motor
-from compact.progress import spinning, tracked
-from compact.records import Roller
+from compact.engines.spectral import engine as spectral
+from compact.machine.elastic_drive import ElasticDrive
+from compact.machine.motor_characteristics import Straight
+from compact.machine.motor_drive import Motor
+from compact.motion.profile import law
+from compact.report.progress import spinning, tracked
 from compact.resistance import sampled
-from compact.scene import load_scene
-from compact.study import SWING, Study
-from compact.torque import Straight
+from compact.rolling_contact import Roller
+from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
 PLAIN = {"machine.rolling": "frictionless", "machine.profile": "parabola", "mix.overrides.steel_friction": 0.0}
@@ -131,7 +132,7 @@ def main(scene="loveikin-2015", laws=("parabolic", "quintic", "septic", "reversa
     with spinning("behind drives"):
         behind = driven(Study(scene), contact, next(iter(motions.values())).cycle(), steady, lag)
     if out:
-        from compact.results import write_csv, write_figure
+        from compact.files import write_csv, write_figure
 
         write_csv(Path(out) / "reversal.csv", HEADER, rows)
         write_csv(Path(out) / "reversal_driven.csv", DRIVEN, behind)
@@ -143,7 +144,7 @@ def figure(rows, courses):
     """Force over time of the first law; error against the time that a cycle takes, of all."""
     from matplotlib.figure import Figure
 
-    from compact.figures import PALETTE
+    from compact.report.figures import PALETTE
 
     drawn = Figure(figsize=(10.5, 4.0), layout="constrained")
     left, right = drawn.subplots(1, 2)

@@ -17,14 +17,16 @@ from timeit import repeat
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from compact import column, fem, spectral
-from compact.cart import Cart
-from compact.elastic import ElasticDrive, travel
-from compact.material import Compaction, Viscoelastic
-from compact.motion import law
-from compact.progress import tracked
-from compact.records import Layer, Roller
+from compact import fem
+from compact.engines.column import engine as column
+from compact.engines.spectral import engine as spectral
+from compact.machine.cart import Cart
+from compact.machine.elastic_drive import ElasticDrive, travel
+from compact.material.laws import Compaction, Viscoelastic
+from compact.motion.profile import law
+from compact.report.progress import tracked
 from compact.resistance import sampled
+from compact.rolling_contact import Layer, Roller
 
 LAYER, MIX = Layer(0.22), Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))  # that of the published machine
 PRESSED = Roller(0.11, indentation=0.003)
@@ -120,7 +122,7 @@ def columns(settings, repeats):
 
 def compactions(settings, _):
     """Increments per contact length: error of the resistance against FINEST of them, steps."""
-    from compact import compaction
+    from compact.engines.compaction import engine as compaction
 
     def rolled(increments):
         roller = Roller(0.11, indentation=0.002, profile="deformed")
@@ -183,7 +185,7 @@ def main(questions=QUICK, repeats=3, out=None, **settings):
         for name in tracked(questions, str, alike=False)
     }
     if out:
-        from compact.results import write_csv
+        from compact.files import write_csv
 
         rows = [(name, *row) for name, answer in answers.items() for row in answer]
         write_csv(Path(out) / "speed_against_error.csv", HEADER, rows)

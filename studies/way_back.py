@@ -16,14 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
-from compact import compaction as rolling
-from compact.calibrate import blend
-from compact.engine import compaction
-from compact.motion import law
-from compact.progress import spinning
-from compact.records import Layer, Roller
-from compact.scene import load_scene
-from compact.travelling import travel
+from compact.analysis.calibration import blend
+from compact.analysis.engines import compaction
+from compact.engines.compaction import engine as rolling
+from compact.engines.compaction.reciprocating import travel
+from compact.motion.profile import law
+from compact.report.progress import spinning
+from compact.rolling_contact import Layer, Roller
+from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
 CALIBRATED = {"mix.overrides.heckel_slope": 13.995e-6, "layer.fed_density_ratio": 0.93444}  # to 9740 N and 0.179
@@ -52,7 +52,7 @@ def main(
     with spinning("there and back"):
         done = travel(Layer(height), roller, mix, cycle, increments=increments, instants=instants, estimate=False)
     if out:
-        from compact.results import write_csv
+        from compact.files import write_csv
 
         rows = np.column_stack([done.stroke, done.time, done.position, done.load, done.resistance]).tolist()
         write_csv(Path(out) / "way_back.csv", HEADER, rows)
@@ -100,7 +100,7 @@ def _draw(done, radius, increments, steady):
     """Resistance over the way beside that of steady rolling, and the density at three instants."""
     from matplotlib.figure import Figure
 
-    from compact.figures import PALETTE
+    from compact.report.figures import PALETTE
 
     figure = Figure(figsize=(10.5, 5.2), layout="constrained")
     grid = figure.add_gridspec(len(done.frames), 2, width_ratios=(1.0, 1.35))

@@ -8,7 +8,7 @@ run-down of T/6 where a law has them. Exact values are kept exact; `laws.csv` ho
 from fractions import Fraction
 from math import pi, sqrt
 
-from compact.cart import Cart
+from compact.machine.cart import Cart
 
 over = Fraction  # over(15, 8) is 15/8
 

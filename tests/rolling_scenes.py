@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from compact import spectral
-from compact.expected import as_wide
-from compact.material import Viscoelastic
-from compact.records import Layer, Roller
+from compact.engines.spectral import engine as spectral
+from compact.engines.spectral.elastic_estimate import as_wide
+from compact.material.laws import Viscoelastic
+from compact.rolling_contact import Layer, Roller
 
 HEIGHT, SPEED = 0.22, 1.0
 

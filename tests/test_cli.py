@@ -15,7 +15,7 @@ import pytest
 from interrupts import heed_interrupts
 
 from compact import cli
-from compact.results import default_directory
+from compact.files import default_directory
 
 ROOT = Path(__file__).parent.parent
 SMALL = ROOT / "studies" / "scenes" / "small.toml"
@@ -241,7 +241,7 @@ def test_internal_error_is_a_sentence(compact, monkeypatch):
     def broken(*_, **__):
         raise TypeError("boom")
 
-    monkeypatch.setattr("compact.scene.load_scene", broken)
+    monkeypatch.setattr("compact.scene.loader.load_scene", broken)
     told = compact("run", SMALL)
     assert told.returncode == 1
     assert "internal error, please report it: TypeError: boom" in told.stderr
@@ -315,7 +315,7 @@ def test_the_package_runs_as_a_module():
     ],
 )
 def test_errors_of_arithmetic_are_a_sentence_with_a_remedy(compact, monkeypatch, compute, meaning):
-    monkeypatch.setattr("compact.scene.load_scene", lambda *_, **__: compute())
+    monkeypatch.setattr("compact.scene.loader.load_scene", lambda *_, **__: compute())
     told = compact("run", SMALL)
     assert told.returncode == 1
     assert re.match(rf"compact: the computation failed in cli: .*{meaning}|compact: {meaning} in cli", told.stderr)
@@ -327,6 +327,6 @@ def test_a_failed_allocation_is_a_sentence(compact, monkeypatch):
     def too_large(*_, **__):
         raise MemoryError
 
-    monkeypatch.setattr("compact.scene.load_scene", too_large)
+    monkeypatch.setattr("compact.scene.loader.load_scene", too_large)
     told = compact("run", SMALL)
     assert (told.returncode, told.stderr.startswith("compact: not enough memory in cli; lower")) == (1, True)

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from compact import contact
-from compact.material import Elastic
-from compact.records import Layer, Roller
+from compact.material.laws import Elastic
+from compact.rolling_contact import Layer, Roller
 
 MIX = {"youngs_modulus": 0.75e6, "poisson": 0.3}
 BULK = Layer(height=10.0)  # high enough to be a half-plane

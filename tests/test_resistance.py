@@ -9,14 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compact import engine, mapping, report, spectral
-from compact.material import Viscoelastic
-from compact.modulation import SLOW
-from compact.records import Layer, Roller
-from compact.resistance import MOST, ResistanceMap, load, sampled
-from compact.results import ResultsError
-from compact.scene import load_scene
-from compact.study import Study
+from compact.analysis import engines, resistance_stage
+from compact.analysis.study import Study
+from compact.engines.spectral import engine as spectral
+from compact.files import ResultsError
+from compact.material.laws import Viscoelastic
+from compact.report import writer as report
+from compact.resistance import MOST, SLOW, ResistanceMap, load, sampled
+from compact.rolling_contact import Layer, Roller
+from compact.scene.loader import load_scene
 
 
 def relaxing(speed):
@@ -247,7 +248,7 @@ def left(written, tmp_path):
 def test_mass_of_a_cart_is_that_of_all_its_rollers():
     study = of_scene()
     met, machine = study.resistance, study.scene.machine
-    mass, time = engine.added_mass(study.scene, study.mix, float(met.speeds[-1]), study.held)
+    mass, time = engines.added_mass(study.scene, study.mix, float(met.speeds[-1]), study.held)
     assert met.added_masses[-1] == pytest.approx(machine.rollers * machine.roller_length * mass, rel=1e-12)
     assert met.time == time == pytest.approx(study.mix.relaxation_time)
 
@@ -271,7 +272,7 @@ def test_share_beyond_first_order_is_told(left):
 )
 def test_mix_without_relaxation_has_no_mass(changes, known):
     study = of_scene(**changes)
-    assert engine.added_mass(study.scene, study.mix, 0.1, study.held) == ((0.0, 0.0) if known else None)
+    assert engines.added_mass(study.scene, study.mix, 0.1, study.held) == ((0.0, 0.0) if known else None)
 
 
 def test_next_run_rolls_nothing_and_writes_the_same(left, written):
@@ -309,7 +310,7 @@ def test_faster_law_adds_speeds_to_the_map(written):
     assert met(before.speeds) == pytest.approx(before.forces, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", [mapping.MAP, mapping.CONTACTS])
+@pytest.mark.parametrize("name", [resistance_stage.MAP, resistance_stage.CONTACTS])
 @pytest.mark.parametrize("content", [b"", b"{}", None], ids=["empty", "other", "gone"])
 def test_broken_remains_are_not_taken(left, name, content):
     (left / name).unlink() if content is None else (left / name).write_bytes(content)

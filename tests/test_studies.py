@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact.calibrate import calibrate
-from compact.measurements import read
-from compact.scene import load_scene
-from compact.study import Study
+from compact.analysis.calibration import calibrate
+from compact.analysis.study import Study
+from compact.scene.loader import load_scene
+from compact.scene.plant_data import read
 
 MEASURED = "loveikin-2015-measured.toml"
 STUDIES = Path(__file__).parent.parent / "studies"
@@ -25,6 +25,7 @@ def study(name):
 
 def test_every_study_has_a_test():
     tested = {
+        "speed_against_plain",
         "speed_against_error",
         "formula_ranking",
         "formula_against_fem",
@@ -40,6 +41,24 @@ def test_every_study_has_a_test():
         "rank_laws",
     }
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
+
+
+@pytest.mark.slow
+def test_formulas_laws_and_layers_are_timed_beside_the_plain_thing(capsys, tmp_path):
+    module = study("speed_against_plain")
+    targets = ({"indentation": 0.003}, {"load": 15e3})
+    result = module.main(
+        points=1000, repeats=1, samples=(101, 1001), speeds=2, targets=targets, tolerances=(1e-2,), out=tmp_path
+    )
+    module.show(result)
+    assert list(result["formulas"]) == [f"1.{i}" for i in range(1, 11)]
+    (_, coarse, _), (_, fine, _) = result["peaks"]
+    assert fine < coarse / 20  # a smooth top: the error of sampling falls with the square of the step
+    assert [target for target, *_ in result["in a row"]] == ["indentation", "load"]
+    ((_, _, ours, theirs, *_),) = result["plain"]
+    assert max(ours, theirs) < 1e-2  # a layer solved without any of our own assembly, streamlines or contact
+    assert "goal 10" in capsys.readouterr().out
+    assert (tmp_path / "speed.csv").read_text().count("\n") == 1 + 10 + 4 + 6 + 1 + 3
 
 
 @pytest.mark.slow
@@ -117,7 +136,7 @@ def test_operating_point_tells_what_was_not_calibrated(monkeypatch):
     def not_steady(*arguments, **options):
         raise RuntimeError("not steady at depth 0.002 m")
 
-    monkeypatch.setattr("compact.compaction.roll", not_steady)
+    monkeypatch.setattr("compact.engines.compaction.engine.roll", not_steady)
     variants = {"plain": ({}, None, 4), "strong": ({"mix.overrides.friction_angle": 40.0}, 0.219, 4)}
     with pytest.warns(UserWarning, match="not calibrated") as told:
         _, after, _ = study("operating_point").main(engines=("column", "compaction"), variants=variants)

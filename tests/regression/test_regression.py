@@ -13,15 +13,22 @@ from pathlib import Path
 
 import pytest
 
-from compact import report
-from compact.scene import load_scene
-from compact.study import Study
+from compact.analysis.study import Study
+from compact.report import writer as report
+from compact.scene.loader import load_scene
 
 HERE = Path(__file__).parent
 SMALL = HERE.parents[1] / "studies" / "scenes" / "small.toml"
 RELATIVE = 1e-6  # [-]; between machines, whose libraries round differently
 ABSOLUTE = 1e-9  # of quantities that are zero but for rounding
-UNSTABLE = {"versions", "scene_hash", "files", "counts", "warnings", "advice"}  # advice names the scene file by its path
+UNSTABLE = {
+    "versions",
+    "scene_hash",
+    "files",
+    "counts",
+    "warnings",
+    "advice",
+}  # advice names the scene file by its path
 TABLES = ("ranking.csv", "contact.csv")
 
 CONTACT = {"contact.speeds": [0.05, 0.2], "contact.indentation": 0.002, "output.wanted": ["tables"]}

@@ -1,0 +1,1 @@
+"""The cam of constant breadth: profile, followers, machining, drawings, files."""

@@ -1,0 +1,1 @@
+"""Confined-compression (oedometric) columns under a rolling cylinder."""

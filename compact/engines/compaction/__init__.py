@@ -1,0 +1,1 @@
+"""Irreversible compaction of the layer under a rolling cylinder by plane-strain finite elements."""

@@ -1,0 +1,1 @@
+"""Viscoelastic layer under a rolling cylinder by plane-strain finite elements."""

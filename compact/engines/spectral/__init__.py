@@ -1,0 +1,1 @@
+"""Viscoelastic layer under a rolling cylinder by a Galerkin method in Jacobi polynomials."""

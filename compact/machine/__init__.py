@@ -1,0 +1,1 @@
+"""The cart and its drives: rigid, crank, elastic, motor, hydraulic; ranking of motion laws."""

@@ -1,0 +1,1 @@
+"""Numerical methods without knowledge of rollers: checks, quadrature, roots, convex programs, element matrices."""

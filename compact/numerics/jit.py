@@ -1,0 +1,77 @@
+"""Compiled functions whose cache on disk follows the source files that they call.
+
+numba keeps a compiled function until its own file changes. The machine code contains the functions and constants of
+other modules, so a change there would go unnoticed. `compiled` stamps the cache with every source file of the same
+package that the module of the function imports, directly or through other modules.
+"""
+
+import ast
+import os
+import sys
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from numba import njit
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function by numba, cached on disk until a source file that it depends on changes.
+
+    Parameters
+    ----------
+    function : callable
+        Function of numbers and arrays. Division by zero gives inf or nan as in numpy.
+
+    Returns
+    -------
+    callable
+        The compiled dispatcher.
+    """
+    dispatcher = njit(error_model="numpy", cache=True)(function)
+    file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)  # absent where numba does not cache
+    if file:
+        file._source_stamp = tuple(
+            (stat.st_mtime, stat.st_size) for stat in map(os.stat, sorted(source_files(function.__module__)))
+        )
+    return dispatcher
+
+
+@cache
+def source_files(module: str) -> frozenset[str]:
+    """Source files of a module and of the modules of its package that it imports, directly or through others.
+
+    Parameters
+    ----------
+    module : str
+        Full name of an imported module. A module outside a package depends on modules in its own directory.
+    """
+    found: dict[str, str] = {}
+    pending = [module]
+    while pending:
+        name = pending.pop()
+        file = getattr(sys.modules.get(name), "__file__", None)
+        if file and name not in found and _is_related(name, file, module):
+            found[name] = file
+            pending += _imported_names(Path(file))
+    return frozenset(found.values())
+
+
+def _is_related(name: str, file: str, module: str) -> bool:
+    """Whether a module belongs to the package of another, or lies in its directory if that has no package."""
+    package = module.partition(".")[0]
+    if name.partition(".")[0] == package:
+        return True
+    home = getattr(sys.modules[module], "__file__", None)
+    return "." not in module and home is not None and Path(file).parent == Path(home).parent
+
+
+def _imported_names(file: Path) -> Iterator[str]:
+    """Full names of all modules that a source file may import."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)

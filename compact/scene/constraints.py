@@ -1,0 +1,364 @@
+"""The rules between the keys of a scene, and the rules of thumb; what one key alone may be stands in `scene`.
+
+A rule is a function of the values it involves that returns a sentence when they do not fit, else None. It is asked
+only when none of its keys is refused already, and it is reported at the first of them. An optional key that is absent
+comes as None.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+from compact.scene.engine_capabilities import TURNED, refusals
+from compact.scene.errors import Key, Mistake, Source
+
+GUARD = 1 + 1e-9  # the published machine stands exactly on 2R + B_T = stroke, in decimal fractions
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A rule and the key paths of its arguments."""
+
+    keys: tuple[str, ...]
+    broken: Callable[..., str | None]
+
+    @cached_property
+    def paths(self) -> tuple[Key, ...]:
+        """The key paths, part by part."""
+        return tuple(tuple(key.split(".")) for key in self.keys)
+
+    def involves(self, keys: Iterable[Key]) -> bool:
+        """Whether one of its keys is among these, in one of them, or around one."""
+        return any(path[: len(key)] == key[: len(path)] for key in keys for path in self.paths)
+
+
+RULES: list[Rule] = []
+ADVICE: list[Rule] = []
+
+
+def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[Mistake] = ()) -> list[Mistake]:
+    """What the rules say of nested tables of values, leaving out the rules that involve a refused key."""
+    out = {mistake.key for mistake in refused}
+    found = []
+    for rule in rules:
+        if rule.involves(out):
+            continue
+        if sentence := rule.broken(*(_value(data, path) for path in rule.paths)):
+            found.append(Mistake(rule.paths[0], sentence))
+    return found
+
+
+def tables_exist(source: Source) -> Rule:
+    """The rule that every table named is a file under the folder of the scene."""
+    return Rule(("motion.tables",), lambda tables: _missing(tables or (), source.folder))
+
+
+def _rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Callable[..., str | None]], Callable[..., str | None]]:
+    def enter(broken):
+        into.append(Rule(keys, broken))
+        return broken
+
+    return enter
+
+
+for _keys, _broken in refusals():
+    _rule(*_keys)(_broken)
+
+
+@_rule("machine.roller_positions", "machine.rollers")
+def _one_position_per_roller(positions, rollers):
+    if len(positions) != rollers:
+        return f"needs one position per roller, machine.rollers = {rollers:g}, got {len(positions)}; make the two agree"
+
+
+@_rule("machine.roller_positions", "machine.roller_radius")
+def _rollers_do_not_overlap(positions, radius):
+    gap = min((b - a for a, b in pairwise(sorted(positions))), default=2 * radius)
+    if gap * GUARD < 2 * radius:
+        return (
+            f"rollers overlap: neighbours must be at least 2*roller_radius = {2 * radius:g} m apart, got {gap:g}; "
+            "move them apart or make machine.roller_radius smaller"
+        )
+
+
+@_rule("machine.roller_radius", "machine.feeder_sleeve", "motion.stroke")
+def _roller_fits_the_stroke(radius, sleeve, stroke):
+    needed = 2 * radius + sleeve
+    if needed > stroke * GUARD:
+        return (
+            f"roller too large for the stroke: 2*roller_radius + feeder_sleeve must be at most motion.stroke = "
+            f"{stroke:g} m (eqs 1.2, 1.3), got {needed:g}; make the roller or the sleeve smaller, "
+            f"or the stroke at least {needed:g}"
+        )
+
+
+@_rule("machine.guide_positions")
+def _front_guide_is_in_front(positions):
+    front, rear = positions
+    if front <= rear:
+        return f"front must be greater than rear, got [{front:g}, {rear:g}]; give [front, rear], + towards the drive"
+
+
+@_rule("machine.journal_diameter", "machine.guide_wheel_diameter")
+def _journal_fits_the_wheel(journal, wheel):
+    if journal >= wheel:
+        return f"must be below machine.guide_wheel_diameter = {wheel:g} m, got {journal:g}; give the journal inside it"
+
+
+@_rule("layer.fed_density_ratio", "mix.density_ratio")
+def _fed_mix_is_looser(fed, ratio):
+    if fed >= ratio:
+        return f"must be below mix.density_ratio = {ratio:g}, got {fed:g}; give the looser state before the first pass"
+
+
+@_rule("layer.lift", "product.height")
+def _lift_is_of_the_product(lift, height):
+    if lift is not None and lift > height:
+        return f"must be at most product.height = {height:g} m, got {lift:g}; without it the product is one lift"
+
+
+@_rule("layer.plies", "product.height", "layer.lift")
+def _plies_fill_the_layer(plies, height, lift):
+    total, (key, asked) = sum(ply["thickness"] for ply in plies or ()), _pressed(height, lift)
+    if plies and abs(total - asked) > (GUARD - 1) * asked:
+        return f"must be {key} = {asked:g} m thick together, got {total:.9g}; change one thickness"
+
+
+def _pressed(height, lift):
+    return ("product.height", height) if lift is None else ("layer.lift", lift)
+
+
+@_rule("motion.energy_weight", "motion.acceleration_weight")
+def _weights_leave_a_share(energy, acceleration):
+    if energy + acceleration > GUARD:
+        return (
+            f"energy_weight + acceleration_weight must be at most 1, got {energy + acceleration:g}; "
+            "the rest up to 1 is the weight of jerk"
+        )
+
+
+@_rule("contact.indentation", "contact.load", "contact.peak_pressure")
+def _one_target(indentation, load, pressure):
+    given = sum(target is not None for target in (indentation, load, pressure))
+    if given > 1:
+        return f"only one of indentation, load and peak_pressure can be prescribed, got {given}; take the others out"
+
+
+@_rule("contact.indentation", "product.height", "layer.lift")
+def _roller_stays_above_the_base(indentation, height, lift):
+    key, most = _pressed(height, lift)
+    if indentation is not None and indentation >= most:
+        return f"must be below {key} = {most:g} m, got {indentation:g}; the base lies there"
+
+
+@_rule("machine.roller_torque", "machine.rolling")
+def _torque_turns_a_roller(torque, rolling):
+    rolling = rolling or "free"  # the default
+    if torque is not None and rolling not in ("free", "driven"):
+        return f'is for machine.rolling "free" or "driven", got {torque:g} with "{rolling}"; take it out'
+    if torque is not None and torque > 0 and rolling == "free":
+        return (
+            f'must not be positive for a "free" roller, which bearings only brake, got {torque:g}; give {-torque:g}, '
+            'or machine.rolling = "driven"'
+        )
+
+
+@_rule("machine.roller_torque", "machine.rolling", "accuracy.engine")
+def _driven_roller_has_a_torque(torque, rolling, engine):
+    if torque is None and rolling == "driven" and engine in TURNED:
+        return (
+            f'is missing, and the engine "{engine}" rolls a "driven" roller by it; give the torque on one roller in N m'
+        )
+
+
+@_rule("contact.speeds")
+def _speeds_rise(speeds):
+    if speeds is not None and not (len(speeds) and speeds[0] > 0 and all(b > a for a, b in pairwise(speeds))):
+        return f"must be positive and rise one by one, got {list(speeds)}; give speeds such as [0.05, 0.1, 0.2]"
+
+
+@_rule("motion.optimise", "cam")
+def _bounds_of_a_cam_have_a_cam(optimise, cam):
+    if optimise and cam is None:
+        bounds = "pressure_angle", "radius_of_curvature", "profile_radius"
+        given = [key for key in bounds if optimise.get(key) is not None]
+        if given:
+            return f"bounds {' and '.join(given)} of a cam, and the table [cam] is missing; give it, or take them out"
+
+
+@_rule("motion.rod_length", "motion.stroke")
+def _rod_is_longer_than_the_crank(rod, stroke):
+    if rod is not None and rod <= stroke / 2:
+        return f"must be greater than the crank, stroke/2 = {stroke / 2:g} m, got {rod:g}; give a longer rod"
+
+
+@_rule("motion.rod_length", "motion.laws", "drive.kind", "output.wanted")
+def _crank_has_a_rod(rod, laws, kind, wanted):
+    if rod is not None:
+        return None
+    users = {
+        'motion.laws holds "crank"': "crank" in laws,
+        'motion.laws is ["all"], crank included': "all" in laws,
+        'drive.kind is "crank"': kind == "crank",
+        'output.wanted holds "crank"': "crank" in wanted,
+    }
+    why = " and ".join(user for user, holds in users.items() if holds)
+    return f"is missing, and {why}; give the length of the connecting rod in m" if why else None
+
+
+@_rule("drive.angles", "drive.carts")
+def _one_angle_per_cart(angles, carts):
+    if angles is not None and len(angles) != carts:
+        return f"needs one angle per cart, drive.carts = {carts:g}, got {len(angles)}; make the two agree"
+
+
+@_rule("drive.kind", "drive.stiffness", "drive.damping", "drive.backlash", "drive.first_order")
+def _spring_belongs_to_an_elastic_drive(kind, stiffness, damping, backlash, first_order):
+    given = {"stiffness": stiffness, "damping": damping, "backlash": backlash, "first_order": first_order}
+    if kind == "elastic":
+        missing = [name for name in ("stiffness", "damping") if given[name] is None]
+        if missing:
+            return f'"elastic" needs drive.{" and drive.".join(missing)}, got none; give N/m and N s/m'
+    elif strange := [name for name, value in given.items() if value is not None]:
+        return f'"{kind}" has no {", ".join(strange)}; take it out, or choose "elastic"'
+
+
+@_rule("drive.kind", "drive.motor")
+def _motor_belongs_to_a_motor_drive(kind, motor):
+    if kind == "motor" and motor is None:
+        return '"motor" needs the table [drive.motor], got none; give its curve, gear and inertias'
+    if kind != "motor" and motor is not None:
+        return f'"{kind}" has no motor; take the table [drive.motor] out, or choose "motor"'
+
+
+@_rule("drive.kind", "drive.hydraulics")
+def _cylinders_belong_to_a_hydraulic_drive(kind, hydraulics):
+    if kind == "hydraulic" and hydraulics is None:
+        return '"hydraulic" needs the table [drive.hydraulics], got none; give its cylinders, pump and oil'
+    if kind != "hydraulic" and hydraulics is not None:
+        return f'"{kind}" has no hydraulics; take the table [drive.hydraulics] out, or choose "hydraulic"'
+
+
+@_rule("drive.end_springs.length", "motion.stroke")
+def _springs_leave_each_other_room(length, stroke):
+    if length is not None and 2 * length > stroke * GUARD:
+        return f"must be at most half of motion.stroke = {stroke:g} m, got {length:g}; give shorter springs"
+
+
+@_rule("drive.motor.breakdown_slip", "drive.motor.curve")
+def _slip_belongs_to_kloss(slip, curve):
+    if curve == "kloss" and slip is None:
+        return 'is missing, and drive.motor.curve is "kloss"; give the slip at the breakdown torque, such as 0.15'
+    if curve == "straight" and slip is not None:
+        return f'is for drive.motor.curve "kloss", got {slip:g} with "straight"; take it out'
+
+
+@_rule("drive.motor.belt.stiffness", "drive.motor.belt.preload")
+def _belt_creeps_little(stiffness, preload):
+    if stiffness is not None and preload is not None and 20 * preload > stiffness * GUARD:
+        return (
+            f"must be at least 20*drive.motor.belt.preload = {20 * preload:g} N, so that the belt stretches by 5 % at "
+            f"most, got {stiffness:g}; give a stiffer belt"
+        )
+
+
+@_rule("cam", "output.wanted")
+def _cams_wanted_are_given(cam, wanted):
+    if cam is None and "cams" in wanted:
+        return (
+            'the table [cam] is missing, and output.wanted holds "cams"; give [cam] with breadth and '
+            'roller_follower_radius in m, or take "cams" out'
+        )
+
+
+@_rule("output.wanted", "accuracy.engine")
+def _fields_wanted_are_computed(wanted, engine):
+    if "fields" in wanted and engine not in ("fem", "compaction"):
+        return (
+            f'holds "fields", which accuracy.engine = "{engine}" does not compute; take it out, or choose "fem" or '
+            '"compaction"'
+        )
+
+
+@_rule("beside", "accuracy.engine")
+def _engines_beside_are_others(beside, engine):
+    if engine in (beside or {}):
+        return f'holds "{engine}", which is accuracy.engine itself; take it out, or choose another accuracy.engine'
+
+
+@_rule("cam.breadth", "motion.stroke")
+def _cam_is_broader_than_the_stroke(breadth, stroke):
+    if breadth is not None and breadth <= stroke:
+        return f"must be greater than motion.stroke = {stroke:g} m, got {breadth:g}; give a broader cam"
+
+
+def _no_duplicates(names):
+    repeated = sorted({name for name in names or () if list(names).count(name) > 1})
+    if repeated:
+        return f"must not repeat an entry, got {', '.join(map(repr, repeated))} more than once; keep one of each"
+
+
+for _key in ("motion.laws", "motion.tables", "drive.rank_by", "output.wanted"):
+    _rule(_key)(_no_duplicates)
+
+
+@_rule("motion.laws")
+def _all_stands_alone(laws):
+    if "all" in laws and set(laws) != {"all"}:
+        return '"all" already holds every law, got it beside others; write ["all"] or the names'
+
+
+@_rule("machine.roller_radius", "product.height", into=ADVICE)
+def _radius_suits_the_product(radius, height):
+    low, high = 0.40 * height, 0.55 * height
+    if not low <= radius * GUARD <= high * GUARD**2:
+        return f"eq 1.1 advises 0.40 to 0.55 of product.height, {low:g} to {high:g} m, got {radius:g}"
+
+
+@_rule("machine.weight", "machine.mass", into=ADVICE)
+def _weight_suits_the_mass(weight, mass):
+    if not 9.5 <= weight / mass <= 10.5:
+        return f"weight / mass is {weight / mass:g} m/s2, expected 9.5 to 10.5; is one of the two in other units?"
+
+
+@_rule("machine.rolling", "accuracy.engine", into=ADVICE)
+def _driven_roller_may_stick(rolling, engine):
+    if engine not in TURNED and rolling == "driven":
+        return f'the engine "{engine}" lets a driven roller slip all over, whatever its torque; "fem" lets it stick'
+
+
+@_rule("machine.roller_torque", "machine.rolling", "accuracy.engine", into=ADVICE)
+def _torque_is_heeded(torque, rolling, engine):
+    if engine not in TURNED and torque and rolling != "driven":
+        return f'the engine "{engine}" takes no account of machine.roller_torque; "fem" and "compaction" do'
+
+
+def _missing(tables, folder):
+    missing = [name for name in tables if not _is_file(folder / name)]
+    if missing:
+        names = ", ".join(map(repr, missing))
+        return f"no such file: {names} under {str(folder)!r}; give CSV files relative to the scene file"
+
+
+def _is_file(path):
+    try:
+        return path.is_file()
+    except OSError:  # a name too long for the file system
+        return False
+
+
+def _value(data, parts):
+    for part in parts:
+        data = data.get(part) if data is not None else None
+    return _as_floats(data)
+
+
+def _as_floats(value):
+    """Whole numbers as floats, so that no sum of them is too large for a float."""
+    if isinstance(value, list | tuple):
+        return tuple(map(_as_floats, value))
+    if isinstance(value, dict):
+        return {key: _as_floats(inner) for key, inner in value.items()}
+    return float(value) if isinstance(value, int) else value

@@ -1,0 +1,268 @@
+"""Plausible ranges of the numbers of a scene: a value far outside is mostly a value in other units.
+
+A value outside its range gets advice. A value more than `REFUSED` times outside is refused, unless the top-level key
+`unusual` of the scene names its key. Zero is not compared: where the schema allows it, it means "none". Of a signed
+quantity the magnitude counts.
+
+Ranges of [mix.overrides] follow from the prior (`mix`): from the lowest low to the highest high of a parameter over the
+whole table of moisture and density ratio, widened by `WIDENED` both ways for mixes outside that table.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache, partial
+from itertools import product
+
+from compact.material.mix import nodes, prior
+from compact.scene.constraints import Rule
+from compact.scene.errors import Mistake, SceneError
+from compact.scene.schema import Overrides
+
+REFUSED = 10.0  # [-], times outside the range, at which a value is refused
+WIDENED = 3.0  # [-], factor by which the spread of the prior is widened; mixes of other grading than the table's
+
+
+@dataclass(frozen=True)
+class Range:
+    """Plausible values of one key, from `low` to `high` in `unit`, and the `reason`."""
+
+    low: float
+    high: float
+    unit: str
+    reason: str
+
+
+OTHER_UNITS = {  # unit of the scene -> (other unit, its size in that of the scene), the likeliest first
+    "m": (("mm", 1e-3), ("cm", 1e-2), ("um", 1e-6)),
+    "s": (("ms", 1e-3), ("min", 60.0)),
+    "kg": (("t", 1e3), ("g", 1e-3)),
+    "N": (("kN", 1e3), ("MN", 1e6), ("kgf", 9.80665)),
+    "Pa": (("kPa", 1e3), ("MPa", 1e6), ("GPa", 1e9), ("mPa", 1e-3)),
+    "1/Pa": (("1/MPa", 1e-6), ("1/kPa", 1e-3), ("1/GPa", 1e-9)),
+    "N/m": (("kN/m", 1e3), ("N/mm", 1e3), ("MN/m", 1e6)),
+    "N s/m": (("kN s/m", 1e3), ("N s/mm", 1e3)),
+    "N m": (("kN m", 1e3), ("N mm", 1e-3)),
+    "m/s": (("mm/s", 1e-3), ("m/min", 1 / 60), ("km/h", 1 / 3.6)),
+    "m/s2": (("mm/s2", 1e-3),),
+    "m/s3": (("mm/s3", 1e-3),),
+    "m/s4": (("mm/s4", 1e-3),),
+    "rad": (("deg", 0.017453292519943295),),
+    "deg": (("rad", 57.29577951308232),),
+    "rad/s": (("rpm", 0.10471975511965977),),
+    "kg m2": (("g m2", 1e-3), ("kg cm2", 1e-4), ("kg mm2", 1e-6)),
+    "m2": (("mm2", 1e-6), ("cm2", 1e-4)),
+    "m3": (("L", 1e-3), ("mL", 1e-6), ("mm3", 1e-9)),
+    "m3/s": (("L/min", 1e-3 / 60), ("L/s", 1e-3)),
+    "kg/m3": (("g/cm3", 1e3), ("kg/L", 1e3)),
+}
+
+_CART = "forming carts weigh from tens of kilograms to tens of tonnes"
+_CART_SIZE = "carts are metres long"
+_ROLLER = "rollers of forming machines and of road rollers"
+_WHEEL = "guide wheels, from those of instruments to those of cranes"
+_PRODUCT = "precast products"
+_STROKE = "strokes of forming machines"
+_DRIVE = "drives of machines"
+_HYDRAULICS = "industrial hydraulics"
+_CAM = "cams of machines"
+_BOUND = "motions of machines"
+
+RANGES: dict[str, Range] = {
+    "machine.mass": Range(10.0, 1e5, "kg", _CART),
+    "machine.weight": Range(100.0, 1e6, "N", _CART),
+    "machine.roller_radius": Range(0.01, 1.5, "m", _ROLLER),
+    "machine.roller_length": Range(0.05, 5.0, "m", _ROLLER),
+    "machine.roller_positions": Range(1e-3, 10.0, "m", _CART_SIZE),
+    "machine.guide_positions": Range(1e-3, 10.0, "m", _CART_SIZE),
+    "machine.pin_position": Range(1e-3, 10.0, "m", _CART_SIZE),
+    "machine.pin_height": Range(1e-3, 5.0, "m", _CART_SIZE),
+    "machine.guide_wheel_diameter": Range(0.005, 1.0, "m", _WHEEL),
+    "machine.journal_diameter": Range(0.002, 0.5, "m", _WHEEL),
+    "machine.rolling_arm": Range(1e-5, 0.01, "m", "0.0005 m for steel on steel, some millimetres for rubber"),
+    "machine.rib_factor": Range(1.0, 5.0, "1", "ribs rub no more than the wheels resist a few times"),
+    "machine.feeder_sleeve": Range(0.005, 2.0, "m", "sleeves of feeders"),
+    "machine.overlap": Range(5e-4, 0.5, "m", "a part of the roller"),
+    "machine.pressure_nonuniformity": Range(0.2, 5.0, "1", "1 for even pressure"),
+    "machine.roller_torque": Range(1e-3, 1e4, "N m", "a load of tonnes at the friction limit of a roller"),
+    "product.height": Range(0.01, 2.0, "m", _PRODUCT),
+    "product.width": Range(0.02, 20.0, "m", _PRODUCT),
+    "mix.reference_speed": Range(1e-3, 5.0, "m/s", "speeds of rolling"),
+    "layer.lift": Range(0.005, 2.0, "m", _PRODUCT),
+    "layer.passes": Range(1, 100, "1", "mix keeps its density after some tens of passes"),
+    "motion.stroke": Range(0.02, 20.0, "m", _STROKE),
+    "motion.duration": Range(0.02, 600.0, "s", _STROKE),
+    "motion.dwell": Range(1e-3, 3600.0, "s", _STROKE),
+    "motion.rod_length": Range(0.02, 40.0, "m", "rods of a stroke of up to 20 m"),
+    "motion.optimise.velocity": Range(1e-3, 10.0, "m/s", _BOUND),
+    "motion.optimise.acceleration": Range(1e-3, 1e3, "m/s2", _BOUND),
+    "motion.optimise.jerk": Range(1e-3, 1e5, "m/s3", _BOUND),
+    "motion.optimise.snap": Range(1e-3, 1e7, "m/s4", _BOUND),
+    "motion.optimise.radius_of_curvature": Range(1e-3, 10.0, "m", _CAM),
+    "motion.optimise.profile_radius": Range(1e-3, 10.0, "m", _CAM),
+    "drive.stiffness": Range(1e3, 1e10, "N/m", "from a soft belt to a short steel bar"),
+    "drive.damping": Range(1.0, 1e8, "N s/m", _DRIVE),
+    "drive.backlash": Range(1e-6, 0.05, "m", "play of couplings and gears"),
+    "drive.angles": Range(1e-3, 6.3, "rad", "one turn"),
+    "drive.motor.torque": Range(1e-2, 1e5, "N m", _DRIVE),
+    "drive.motor.speed": Range(1.0, 2000.0, "rad/s", _DRIVE),
+    "drive.motor.inertia": Range(1e-6, 1e3, "kg m2", _DRIVE),
+    "drive.motor.gear_ratio": Range(0.01, 1e4, "1", _DRIVE),
+    "drive.motor.flywheel_inertia": Range(1e-5, 1e5, "kg m2", _DRIVE),
+    "drive.motor.belt.pulley_radius": Range(0.01, 2.0, "m", "pulleys"),
+    "drive.motor.belt.stiffness": Range(1e3, 1e8, "N", "flat belts and V-belts"),
+    "drive.motor.belt.preload": Range(1.0, 1e6, "N", "flat belts and V-belts"),
+    "drive.hydraulics.piston_area": Range(1e-5, 1.0, "m2", _HYDRAULICS),
+    "drive.hydraulics.supply_pressure": Range(1e5, 1e8, "Pa", _HYDRAULICS),
+    "drive.hydraulics.pump_flow": Range(1e-6, 0.1, "m3/s", _HYDRAULICS),
+    "drive.hydraulics.valve_area": Range(1e-8, 1e-2, "m2", _HYDRAULICS),
+    "drive.hydraulics.oil_density": Range(500.0, 2000.0, "kg/m3", "oils, water and glycols"),
+    "drive.hydraulics.transition_drop": Range(1.0, 1e6, "Pa", _HYDRAULICS),
+    "drive.hydraulics.bulk_modulus": Range(1e8, 5e9, "Pa", "oil with its air"),
+    "drive.hydraulics.dead_volume": Range(1e-7, 0.1, "m3", _HYDRAULICS),
+    "drive.end_springs.stiffness": Range(10.0, 1e9, "N/m", "springs and bumpers"),
+    "drive.end_springs.preload": Range(0.1, 1e6, "N", "springs and bumpers"),
+    "drive.end_springs.length": Range(1e-3, 5.0, "m", "springs and bumpers"),
+    "cam.breadth": Range(0.02, 10.0, "m", _CAM),
+    "cam.roller_follower_radius": Range(1e-3, 0.5, "m", _CAM),
+    "cam.bore": Range(1e-3, 1.0, "m", _CAM),
+    "contact.indentation": Range(1e-5, 0.5, "m", "a part of the product"),
+    "contact.load": Range(10.0, 1e6, "N", _CART),
+    "contact.peak_pressure": Range(1e3, 1e7, "Pa", "rolling presses with kilopascals to some megapascals"),
+    "contact.speeds": Range(1e-4, 5.0, "m/s", "speeds of rolling"),
+    "accuracy.tolerance": Range(1e-5, 0.2, "1", "engines estimate errors from about 1e-5 up"),
+}
+PLIES = {  # of one ply in layer.plies
+    "thickness": Range(1e-3, 2.0, "m", _PRODUCT),
+    "stiffness": Range(1e-3, 1e3, "1", "moduli over those of the mix"),
+}
+MEAN_SPEED = Range(1e-3, 5.0, "m/s", "mean speeds of forming machines, motion.stroke over motion.duration")
+
+
+@cache
+def of_mix(name: str) -> Range:
+    """`Range` of a parameter under [mix.overrides]: the spread of the prior over its whole table, widened."""
+    known = [prior(*node).parameter(name) for node in product(*nodes())]
+    low, high = min(each.low for each in known), max(each.high for each in known)
+    unit = {"-": "1"}.get(known[0].unit, known[0].unit)
+    return Range(low / WIDENED, high * WIDENED, unit, "the prior over all moistures and densities, threefold wider")
+
+
+def range_of(key: str) -> Range:
+    """`Range` of a key that has one."""
+    return RANGES[key] if key in RANGES else of_mix(key.removeprefix("mix.overrides."))
+
+
+def compared_keys() -> tuple[str, ...]:
+    """Keys that have a range."""
+    return (*RANGES, "layer.plies", *(f"mix.overrides.{name}" for name in Overrides.model_fields))
+
+
+def insisted_keys() -> tuple[str, ...]:
+    """Keys that `unusual` may name: those with a range, and the density, which the engine "compaction" estimates."""
+    return (*compared_keys(), "mix.density_ratio")
+
+
+def far(value: float, found: Range, times: float = 1.0) -> bool:
+    """True for a magnitude that is not zero and more than so many times outside a range."""
+    size = abs(value)
+    return size != 0 and not found.low / times <= size <= found.high * times
+
+
+def refusal(key: str, value: float, found: Range) -> str | None:
+    """Sentence on a value that is `REFUSED` times outside a range, or None."""
+    if not far(value, found, REFUSED):
+        return None
+    guess = _guess(value, found)
+    return (
+        f"{_quantity(value, found.unit)} is far outside the plausible {_span(found)} ({found.reason})"
+        f"{f'{guess} Give' if guess else '; give'} {_word(found.unit)}; a value that is meant as it is needs "
+        f'unusual = ["{key}"] at the top of the scene'
+    )
+
+
+def advice(key: str, value: float, found: Range) -> str | None:
+    """Sentence on a value outside a range, or None; none on what is refused."""
+    if not far(value, found) or far(value, found, REFUSED):
+        return None
+    return (
+        f"{_quantity(value, found.unit)} is outside the plausible {_span(found)} ({found.reason})"
+        f"{_guess(value, found) or '; is it in other units?'}"
+    )
+
+
+def _word(unit):
+    return "a plain number" if unit == "1" else f"the value in {unit}"
+
+
+def _quantity(value, unit):
+    return f"{value:g}" if unit == "1" else f"{value:g} {unit}"
+
+
+def _span(found):
+    return f"{found.low:.3g} to {_quantity(float(f'{found.high:.3g}'), found.unit)}"
+
+
+def _guess(value, found):
+    """Question for another unit in which a value would be plausible; empty if there is none."""
+    for unit, size in OTHER_UNITS.get(found.unit, ()):
+        if not far(value * size, found):
+            return f"; was {value:g} {unit} = {_quantity(float(f'{value * size:.6g}'), found.unit)} meant?"
+    return ""
+
+
+def _of_values(say, key, found, value, unusual):
+    """What `say` finds in a value, or in the first entry of a list for which it finds something."""
+    if value is None or key in (unusual or ()):
+        return None
+    return next(
+        filter(None, (say(key, each, found) for each in (value if isinstance(value, tuple) else (value,)))), None
+    )
+
+
+def _of_key(say, key, value, unusual):
+    return None if value is None else _of_values(say, key, range_of(key), value, unusual)
+
+
+def _of_plies(say, plies, unusual):
+    told = (
+        (name, _of_values(say, "layer.plies", found, ply[name], unusual))
+        for ply in plies or ()
+        for name, found in PLIES.items()
+    )
+    return next((f"{name} {sentence}" for name, sentence in told if sentence), None)
+
+
+def _of_mean_speed(say, duration, stroke, unusual):
+    if "motion.stroke" in (unusual or ()):
+        return None
+    return _of_values(say, "motion.duration", MEAN_SPEED, stroke / duration, unusual)
+
+
+def _unusual_names_keys(unusual):
+    unknown = [key for key in unusual or () if key not in insisted_keys()]
+    if unknown:
+        from difflib import get_close_matches
+
+        near = get_close_matches(unknown[0], insisted_keys(), n=1)
+        remedy = f"did you mean '{near[0]}'?" if near else "give key paths such as mix.overrides.heckel_slope"
+        return f"holds '{unknown[0]}', which is no key with a plausible range; {remedy}"
+
+
+def _rules(say) -> Iterator[Rule]:
+    for key in compared_keys():
+        if key != "layer.plies":
+            yield Rule((key, "unusual"), partial(_of_key, say, key))
+    yield Rule(("layer.plies", "unusual"), partial(_of_plies, say))
+    yield Rule(("motion.duration", "motion.stroke", "unusual"), partial(_of_mean_speed, say))
+
+
+REFUSALS: tuple[Rule, ...] = (*_rules(refusal), Rule(("unusual",), _unusual_names_keys))
+ADVICE: tuple[Rule, ...] = tuple(_rules(advice))
+
+
+def check_speed(speed: float, unusual: tuple[str, ...]) -> None:
+    """Refuse a speed [m/s] given to a command as one in `contact.speeds` is; SceneError."""
+    key = "contact.speeds"
+    sentence = _of_key(refusal, key, float(speed), unusual)
+    if sentence or speed != speed:
+        raise SceneError([str(Mistake(("--speed",), sentence or "must be a number in m/s, got nan"))])

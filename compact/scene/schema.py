@@ -1,0 +1,323 @@
+"""The tables of a scene: every key with its type, its bounds and what it means; SI units, no default for a number.
+
+`machine.rolling` and `machine.profile` have defaults, which each engine may replace by the nearest it takes
+(`capabilities`); a scene that sets them has its values or is refused.
+
+Rules between the keys are in `scene_rules`; `scene` reads files into these tables and reports mistakes.
+"""
+
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, Strict
+
+from compact.rolling_contact import Base, Profile, Rolling
+
+# The keys of `motion.LAWS`, restated because importing `motion` costs 0.7 s of scipy; a test holds the two equal.
+Law = Literal[
+    "constant-velocity", "cubic", "quintic", "septic", "complex", "combined-2", "combined-3", "combined-4",
+    "reversal-2", "reversal-3", "reversal-4", "reversal-3-free-acceleration", "reversal-4-free-acceleration",
+    "reversal-4-free-jerk", "reversal-4-free-both", "crank", "gear-sector", "parabolic", "harmonic", "cycloidal",
+    "modified-trapezoid",
+]  # fmt: skip
+LAW_NAMES: tuple[str, ...] = get_args(Law)
+
+Wanted = Literal["tables", "figures", "cams", "reactions", "crank", "fields", "report"]
+# The keys of `ranking.CRITERIA`, restated likewise
+RankBy = Literal[
+    "peak_force", "peak_power", "rms_force", "rms_power", "mean_force", "mean_power", "energy", "drawn_energy",
+    "peak_jerk", "dynamic_factor", "nonuniformity", "ringing",
+]  # fmt: skip
+Objective = Literal["peak_force", "peak_power", "rms_force", "energy", "drawn_energy"]
+MixParameter = Literal[
+    "required_pressure", "plastic_modulus", "relaxed_modulus", "unloading_modulus", "poisson", "instant_over_relaxed",
+    "relaxation_time", "pore_air_modulus", "friction_angle", "cohesion", "steel_friction", "heckel_slope",
+    "rate_exponent", "effective_modulus",
+]  # fmt: skip
+Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
+HeldQuantity = Literal["height", "load", "peak_pressure"]
+COUNT_LIMIT = 1_000_000  # beyond any machine; keeps a slip such as 0xffff... out of loops and printouts
+
+# TOML has lists only: these alone are taken leniently, and kept as tuples
+Numbers = Annotated[tuple[float, ...], Strict(False)]
+Laws = Annotated[tuple[Literal[Law, "all"], ...], Strict(False)]
+Names = Annotated[tuple[str, ...], Strict(False)]
+Ranks = Annotated[tuple[RankBy, ...], Strict(False)]
+Objectives = Annotated[tuple[Objective, ...], Strict(False)]
+Spreads = Annotated[tuple[MixParameter, ...], Strict(False)]
+Outputs = Annotated[tuple[Wanted, ...], Strict(False)]
+Keys = dict[str, Any]
+
+
+def _positive(meaning: str) -> Any:
+    return Field(gt=0, description=meaning)
+
+
+def _nonnegative(meaning: str) -> Any:
+    return Field(ge=0, description=meaning)
+
+
+def _between(low: float, high: float, meaning: str) -> Any:
+    return Field(ge=low, le=high, description=meaning)
+
+
+def _optional(meaning: str, **bounds: Any) -> Any:
+    return Field(default=None, description=meaning, **(bounds or {"gt": 0}))
+
+
+class Table(BaseModel):
+    """What all tables share: immutable, strict types, finite numbers, no unknown keys."""
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
+
+
+class Machine(Table):
+    """The cart, its rollers, guides and drive pin; positions are from the cart's centre, + towards the drive."""
+
+    mass: float = _positive("the mass m of the cart in kg")
+    weight: float = _positive("the weight G of the cart in N")  # apart from mass: the paper rounds g to 10
+    rollers: int = _between(1, COUNT_LIMIT, "the number of rollers of one cart")
+    roller_radius: float = _positive("the radius in m")
+    roller_length: float = _positive("the length L of one roller, across the travel, in m")
+    roller_positions: Numbers = Field(description="one position per roller in m, + towards the drive")
+    guide_positions: Numbers = Field(
+        min_length=2, max_length=2, description="the positions of the [front, rear] guide wheels in m"
+    )
+    pin_position: float = Field(description="the position of the drive pin in m, + towards the drive")
+    pin_height: float = Field(description="the height of the drive pin above the roller axle in m")
+    guide_wheel_diameter: float = _positive("the diameter D of the guide wheels in m")
+    guide_friction: float = _between(0, 1, "the Coulomb coefficient at the guide wheels")
+    journal_diameter: float = _positive("the journal diameter d of the guide wheels in m (eq 1.9)")
+    bearing_friction: float = _between(0, 1, "the friction f3 of bush on journal (eqs 1.8, 1.9)")
+    rolling_arm: float = _nonnegative("the rolling-friction arm f4 of the guide wheels in m (eq 1.9)")
+    rib_factor: float = Field(ge=1, description="the factor f5 for rubbing of the wheel ribs, 1 for none (eq 1.9)")
+    roller_friction: float = _between(0, 1, "the friction f2 of the roller (eq 1.8)")
+    feeder_sleeve: float = _nonnegative("the width B_T of the feeder sleeve along the travel in m (eq 1.2)")
+    overlap: float = _nonnegative("the overlap b_n of neighbouring rollers' strips in m (eqs 1.2, 1.3)")
+    pressure_nonuniformity: float = _positive("the factor k2 for uneven pressure along the arc, 1 for even (eq 1.6)")
+    one_sided: bool = Field(description="true for contact on the front half only (rival reading of eq 1.6), else false")
+    rolling: Rolling = Field(default="free", description="how the roller turns")
+    roller_torque: float | None = Field(
+        default=None, description="the torque on one roller in N m, + driving it the way it travels, - braking it"
+    )
+    profile: Profile = Field(default="deformed", description="where the gap is measured")
+
+
+class Product(Table):
+    """The formed product."""
+
+    height: float = _positive("the height h0 of the product in m")
+    width: float = _positive("the width B of the product, along the travel, in m")
+
+
+class Overrides(Table):
+    """Parameters of the mix measured by the user, in place of the prior's; None: the prior's."""
+
+    required_pressure: float | None = _optional("the pressure q that gives the density, in Pa")
+    plastic_modulus: float | None = _optional("the one-pass compaction modulus in Pa")
+    relaxed_modulus: float | None = _optional("the fully relaxed modulus in Pa")
+    unloading_modulus: float | None = _optional("the unloading modulus in Pa")
+    poisson: float | None = _optional("Poisson's ratio", ge=0, lt=0.5)
+    instant_over_relaxed: float | None = _optional("the ratio of instant to relaxed modulus", ge=1)
+    relaxation_time: float | None = _optional("the relaxation time in s")
+    pore_air_modulus: float | None = _optional("the modulus of the trapped air in Pa")
+    friction_angle: float | None = _optional("the angle of internal friction in degrees", ge=0, le=60)
+    cohesion: float | None = _optional("the cohesion in Pa", ge=0)
+    steel_friction: float | None = _optional("the friction of mix on steel", ge=0, le=1)
+    heckel_slope: float | None = _optional("the one-dimensional Heckel slope K_H in 1/Pa")
+    rate_exponent: float | None = _optional("the exponent of the yield pressure over speed", ge=0, lt=1)
+    effective_modulus: float | None = _optional("the secant contact modulus E of eqs 1.5, 1.6 in Pa")
+
+
+class Mix(Table):
+    """The mix as it leaves the last pass; the bounds are those of the prior's table."""
+
+    moisture: float = _between(0.08, 0.12, "the moisture W as water mass / dry mass, 0.10 for 10 %")
+    density_ratio: float = _between(0.90, 0.99, "the density ratio k asked of the product")
+    reference_speed: float | None = _optional("the speed in m/s at which the Heckel slope holds; without it at every")
+    overrides: Overrides = Overrides()
+
+
+class Ply(Table):
+    """One ply of the layer."""
+
+    thickness: float = _positive("the thickness in m")
+    stiffness: float = _positive("the moduli of the ply over those of the mix")
+
+
+Plies = Annotated[tuple[Ply, ...], Strict(False)]
+
+
+class Layer(Table):
+    """The layer under the roller; without `plies` it is the same all through."""
+
+    base: Base = Field(description="how the layer lies on its base")
+    lift: float | None = _optional("the height in m, when pressed, of one lift of the product; without it it is one")
+    plies: Plies | None = Field(default=None, min_length=1, description="the plies from the base upwards, as tables")
+    fed_density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio of the mix as fed")
+    passes: int = _between(1, COUNT_LIMIT, "the number of passes")
+    return_stroke: Literal["fresh", "compacted"] = Field(
+        default="fresh", description="the mix under the return stroke: fresh as on the way out, or compacted by it"
+    )
+
+
+class Optimise(Table):
+    """Laws made for this machine: each asks least of one objective against the computed resistance, within bounds."""
+
+    objectives: Objectives = Field(min_length=1, description="what is made least, a law for each")
+    smoothness: int = _between(1, 3, "the order up to which derivatives are continuous")
+    steady_tolerance: float | None = _optional(
+        "the deviation allowed from the constant speed between run-up and run-down, 0 for none", ge=0, le=1
+    )
+    velocity: float | None = _optional("the largest velocity in m/s")
+    acceleration: float | None = _optional("the largest acceleration in m/s2")
+    jerk: float | None = _optional("the largest jerk in m/s3")
+    snap: float | None = _optional("the largest snap in m/s4")
+    pressure_angle: float | None = _optional("the largest pressure angle of the cam in rad", gt=0, lt=1.57)
+    radius_of_curvature: float | None = _optional("the least radius of curvature of a flat-faced cam in m", ge=0)
+    profile_radius: float | None = _optional(
+        "the least radius of curvature of the profile of a cam for rollers in m, convex or hollow; 0 for no undercut",
+        ge=0,
+    )
+    spread: Spreads = Field(default=(), description="the parameters of the mix whose spread the law must suit")
+    method: Literal["steps", "casadi"] = Field(
+        default="steps", description="sequential convex steps, or IPOPT by casadi (the extra optimise)"
+    )
+
+
+class Motion(Table):
+    """The travel of the cart, and the laws to compare; `laws` may be ["all"], see `Scene.law_names`."""
+
+    stroke: float = _positive("the travel between the two ends in m")
+    duration: float = _positive("the time of one pass in s")
+    laws: Laws = Field(min_length=1, description='the laws to compare, or ["all"]')
+    # each at most a half, so together at most the whole pass
+    run_up: float = Field(gt=0, le=0.5, description="the share of the pass spent gaining speed")
+    run_down: float = Field(gt=0, le=0.5, description="the share of the pass spent losing speed")
+    energy_weight: float = _nonnegative("the weight of the speed term in the complex law")
+    acceleration_weight: float = _nonnegative("the weight of the acceleration term in the complex law")
+    dwell: float = _nonnegative("the time standing at each end in s")
+    rod_length: float | None = _optional("the length of the connecting rod in m")
+    tables: Names = Field(default=(), description="CSV files of own laws, relative to the scene file")
+    optimise: Optimise | None = None
+
+
+class BeltTable(Table):
+    """The flat belt between a motor and the gear of its shaft."""
+
+    pulley_radius: float = _positive("the radius of the motor's pulley in m")
+    stiffness: float = _positive("the force in N that would stretch the belt by its length, E A")
+    preload: float = _positive("the tension of both runs at rest in N")
+    friction: float = Field(gt=0, le=2, description="the friction of belt on pulley, of a V-belt that of the wedge")
+    wrap: float = Field(gt=0, lt=6.283, description="the angle of wrap of the smaller pulley in rad")
+
+
+class Motor(Table):
+    """The motor of a drive, and what it turns on the shaft whose one turn is a cycle."""
+
+    curve: Literal["kloss", "straight"] = Field(description="the torque over the speed")
+    torque: float = _positive("the breakdown torque (kloss) or the torque at rest (straight) in N m")
+    speed: float = _positive("the synchronous speed (kloss) or that without load (straight) in rad/s")
+    breakdown_slip: float | None = _optional("the slip at the breakdown torque", gt=0, le=1)
+    inertia: float = _nonnegative("the inertia of the rotor in kg m2")
+    gear_ratio: float = _positive("the speed of the motor over that of the shaft, pulleys of a belt included")
+    flywheel_inertia: float = _nonnegative("the inertia of flywheel and shaft in kg m2")
+    belt: BeltTable | None = None
+
+
+class Hydraulics(Table):
+    """Cylinders, throttles, pump and oil of a hydraulic drive."""
+
+    piston_area: float = _positive("the area of each piston in m2")
+    supply_pressure: float = _positive("the pressure of the relief valve in Pa")
+    pump_flow: float = _positive("the flow of the pump in m3/s")
+    valve_area: float = _positive("the area of a throttle wide open in m2")
+    discharge_coefficient: float = Field(gt=0, le=1, description="the discharge coefficient of the throttles")
+    oil_density: float = _positive("the density of the oil in kg/m3")
+    transition_drop: float = _positive("the drop of pressure in Pa below which a throttle is laminar")
+    bulk_modulus: float = _positive("the bulk modulus of the oil in Pa")
+    dead_volume: float = _positive("the volume of a cylinder with its line, the piston at its end, in m3")
+
+
+class EndSpringTable(Table):
+    """Springs at both ends of the stroke, which stop the cart and set it going the other way."""
+
+    stiffness: float = _nonnegative("the stiffness of one spring in N/m")
+    preload: float = _nonnegative("the force of a spring as the cart meets it in N")
+    length: float = _positive("the travel at each end over which a spring pushes in m")
+
+
+class Drive(Table):
+    """What moves the carts, and the peaks the laws are ranked by."""
+
+    kind: Literal["rigid", "crank", "elastic", "motor", "hydraulic"] = Field(description="the kind of drive")
+    stiffness: float | None = _optional("the stiffness of an elastic drive in N/m")
+    damping: float | None = _optional("the damping of an elastic drive in N s/m, 0 for none", ge=0)
+    backlash: float | None = _optional("the play of an elastic drive between pulling and pushing in m", ge=0)
+    first_order: bool | None = Field(
+        default=None,
+        description="true where the resistance behind an elastic drive follows the acceleration, F + a M, else false",
+    )
+    carts: int = _between(1, 4, "the number of carts on one shaft")
+    angles: Numbers | None = Field(default=None, description="the crank angle of each cart in rad")
+    motor: Motor | None = None
+    hydraulics: Hydraulics | None = None
+    end_springs: EndSpringTable | None = None
+    rank_by: Ranks = Field(min_length=1, description="the quantities to rank by")
+
+
+class Cam(Table):
+    """The cam of constant breadth."""
+
+    breadth: float = _positive("the constant breadth b of the cam in m")
+    roller_follower_radius: float = _positive("the radius of the roller followers in m")
+    bore: float | None = _optional("the diameter of the bore for the shaft in m")
+
+
+TOUCHES = "(at zero the roller does not touch the layer)"
+
+
+class Contact(Table):
+    """What holds the roller at its height, and the speeds to roll at; without it, the pressure that the mix needs."""
+
+    indentation: float | None = _optional(f"the depth of the roller below the undisturbed surface in m {TOUCHES}")
+    load: float | None = _optional(f"the normal force on one roller in N {TOUCHES}")
+    peak_pressure: float | None = _optional(f"the largest contact pressure in Pa {TOUCHES}")
+    held: HeldQuantity | None = Field(
+        default=None,
+        description="the quantity kept while the speed changes; by default a prescribed load or peak pressure, else "
+        "the height of the roller",
+    )
+    speeds: Numbers | None = Field(default=None, description="the speeds in m/s at which to compute the contact")
+
+
+class Accuracy(Table):
+    """The contact engine, and the relative error asked of it."""
+
+    tolerance: float = Field(gt=0, lt=0.5, description="the relative error asked for, 0.01 for 1 %")
+    engine: Engine = Field(description="the contact engine")
+
+
+class Given(Table):
+    """What an engine beside is given in place of the scene's; keys that are not here stay the scene's."""
+
+    machine: Keys | None = Field(default=None, description="keys of [machine]")
+    mix: Keys | None = Field(default=None, description="keys of [mix]")
+    layer: Keys | None = Field(default=None, description="keys of [layer]")
+    contact: Keys | None = Field(default=None, description="keys of [contact]")
+    accuracy: Keys | None = Field(default=None, description="keys of [accuracy]")
+
+
+class Beside(Table):
+    """Engines that answer beside that of [accuracy], a table for each; the formulas do beside every one of a layer."""
+
+    formula: Given | None = None
+    column: Given | None = None
+    spectral: Given | None = None
+    fem: Given | None = None
+    compaction: Given | None = None
+
+
+class Output(Table):
+    """What is wanted; nothing else is computed."""
+
+    wanted: Outputs = Field(description="what to write, [] for the summary alone")

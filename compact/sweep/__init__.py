@@ -1,0 +1,1 @@
+"""Sweeps of scenes over parameters: design, points, checkpoints, Sobol indices."""

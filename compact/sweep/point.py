@@ -1,0 +1,168 @@
+"""The headline of one scene: what a sweep keeps of every point, with its errors and checks, or why there is none.
+
+    numbers, contact = headline(scene)
+    numbers["resistance"], numbers["resistance_error"]
+
+A scene that fails has the numbers of its mix alone, and the reason in words. The contact is that of the mean speed.
+"""
+
+import platform
+import warnings
+from contextlib import suppress
+from functools import cache
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+import compact
+from compact.analysis.engines import passes
+from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
+from compact.analysis.study import Study
+from compact.scene.engine_capabilities import adapt
+from compact.scene.loader import SceneError
+
+# name -> (unit, meaning)
+NUMBERS = {
+    "load": ("N", "normal force on one roller"),
+    "resistance": ("N", "resistance of the mix to one cart, all its rollers"),
+    "resistance_coefficient": ("1", "resistance over load of one roller"),
+    "power": ("W", "resistance times the mean speed"),
+    "capture_angle": ("rad", "from the lowest point to where the mix is first touched"),
+    "contact_length": ("m", "from the trailing to the leading edge; eq 1.7 by formula"),
+    "peak_pressure": ("Pa", "largest contact pressure"),
+    "exit_density_ratio": ("1", "mean density ratio behind the last pass; engines of mix that stays pressed"),
+    "load_error": ("1", "relative error of the load that the engine tells"),
+    "resistance_error": ("1", "relative error of the resistance that the engine tells"),
+    "work_residual": ("1", "relative gap of the energy balance"),
+    "mass_residual": ("1", "relative gap of the mass balance; engines of mix that stays pressed"),
+    "required_pressure": ("Pa", "pressure that the mix needs to reach its density"),
+    "saturation": ("1", "share of the pores that water fills"),
+}
+WORDS = {
+    "not_reachable": "why rolling does not reach the density; empty where it does",
+    "warnings": "what was warned of on the way",
+    "replaced": "keys that the scene leaves open and the engine replaced by the nearest it takes",
+    "reason": "why there are no numbers; empty where there are",
+}
+VERSIONED = ("compact", "numpy", "scipy", "numba", "scikit-fem")
+LONGEST = 400  # characters of a reason
+
+
+def ranked(criteria):
+    """name -> (unit, meaning) of the numbers, and name -> meaning of the words, that ranking the laws adds."""
+    from compact.machine.ranking import CRITERIA
+
+    numbers, words = {}, {}
+    for by in criteria:
+        numbers[by] = (CRITERIA[by].unit, f"least of all laws: {by.replace('_', ' ')}")
+        words[f"best_law_by_{by}"] = f"law of the least {by.replace('_', ' ')}"
+    return numbers, words
+
+
+def headline(scene, rank=False, near=None):
+    """(name -> value, contact): NUMBERS and WORDS of a scene, with `rank` those of `ranked` besides.
+
+    near : contact of a neighbour, from which the engine "compaction" goes on where the fed layer is the same. The
+        contact that is returned is the next point's; None by other engines, which need no start
+    """
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        warnings.simplefilter("error", RuntimeWarning)  # a number that numpy warns of is no result
+        found, contact = {}, near
+        try:
+            study = Study(scene)
+            found |= _of_mix(study.mix)
+            numbers, contact = _computed(study, rank, near)
+            found |= numbers
+        except Exception as error:  # a point never stops a sweep
+            found["reason"] = reason(error)
+    found["replaced"] = "; ".join(adapt(scene, scene.accuracy.engine)[1])
+    found["warnings"] = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))[:LONGEST]
+    return found, contact if scene.accuracy.engine == "compaction" else None
+
+
+def reason(error):
+    """Why a scene has no numbers, in words; what is none of our refusals is named as such."""
+    if isinstance(error, MemoryError):
+        return memory_sentence(error)[:LONGEST]
+    if is_numeric(error):
+        return numeric_sentence(error)[:LONGEST]
+    told = "; ".join(error.mistakes) if isinstance(error, SceneError) else str(error)
+    known = isinstance(error, ValueError | RuntimeError) and told
+    return (told if known else f"internal error, please report it: {type(error).__name__}: {told}")[:LONGEST]
+
+
+def _of_mix(blend):
+    return {
+        "required_pressure": float(blend.required_pressure),
+        "saturation": float(blend.saturation),
+        "not_reachable": blend.reachable.reason,
+    }
+
+
+def _computed(study, rank, near):
+    """Numbers and words of the contact at the mean speed, and the contact, by formula None."""
+    scene = study.scene
+    speed = scene.mean_speed
+    if scene.accuracy.engine == "formula":
+        contact, found = None, _of_formulas(study)
+    else:
+        contact, *later = _rolled(scene, study.mix, speed, near)
+        found = _of_contact(scene, contact, later[-1] if later else contact)
+    found["power"] = found["resistance"] * speed
+    if rank:
+        for by, (best, *_) in study.rankings.items():
+            found |= {by: best.value, f"best_law_by_{by}": best.run.name}
+    return {name: value if isinstance(value, str) else float(value) for name, value in found.items()}, contact
+
+
+def _rolled(scene, blend, speed, near):
+    """The contact of each pass, from a neighbour where that helps, and else from nothing."""
+    if near is not None and scene.layer.passes == 1 and scene.accuracy.engine == "compaction":
+        with suppress(RuntimeError):
+            return passes(scene, blend, speed, near=(near,))
+    return passes(scene, blend, speed)
+
+
+def _of_formulas(study):
+    """Eqs 1.4-1.8 at the pressure that the mix needs."""
+    said = study.engineering
+    return {
+        "load": said.roller_force,
+        "resistance": study.scene.machine.rollers * said.roller_resistance,
+        "resistance_coefficient": said.resistance_coefficient,
+        "capture_angle": said.capture_angle,
+        "contact_length": said.contact_length,
+        "peak_pressure": said.pressure,
+    }
+
+
+def _of_contact(scene, first, last):
+    """The contact of the first pass, and the density that the last one leaves."""
+    machine = scene.machine
+    load_error, resistance_error = first.error or (np.nan, np.nan)
+    balances = {"work_residual": first.work_residual, "mass_residual": getattr(first, "mass_residual", None)}
+    return {
+        "load": machine.roller_length * first.load,
+        "resistance": machine.rollers * machine.roller_length * first.resistance,
+        "resistance_coefficient": first.resistance / first.load,
+        "capture_angle": np.arcsin(first.leading / machine.roller_radius),
+        "contact_length": first.leading - first.trailing,
+        "peak_pressure": first.peak_pressure,
+        "exit_density_ratio": getattr(last, "exit_density_ratio", np.nan),
+        "load_error": load_error,
+        "resistance_error": resistance_error,
+    } | {name: np.nan if value is None else value for name, value in balances.items()}
+
+
+@cache
+def versions():
+    """name -> version of all that decides a number: packages, and the text of our own modules."""
+    source = sha256()
+    for path in sorted(Path(compact.__file__).parent.rglob("*")):
+        if path.suffix in (".py", ".csv"):
+            source.update(path.read_bytes())
+    packages = {name: version(name) for name in VERSIONED}
+    return {"python": platform.python_version()} | packages | {"source": source.hexdigest()[:12]}

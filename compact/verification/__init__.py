@@ -1,0 +1,1 @@
+"""Published and closed-form numbers that the program reproduces."""

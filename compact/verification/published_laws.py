@@ -1,0 +1,204 @@
+"""Our side of the published numbers of the motion laws and their cams (A, B, D).
+
+Each public function returns numbers by name; `published` lays them beside the print.
+"""
+
+import math
+from itertools import product
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from compact.cams.profile import Cam, FlatFace, Pointed, least_breadth, stepper
+from compact.motion.laws import piecewise
+from compact.motion.minimum_criterion import minimiser
+from compact.motion.profile import Cycle, Motion, integral, law
+
+STROKE, DURATION = 0.4, 3.0  # D ch. 5, m and s
+PRINTED_LAWS = (
+    *("septic", "complex", "combined-2", "combined-3", "combined-4", "reversal-2", "reversal-3", "reversal-4"),
+    *("reversal-3-free-acceleration", "reversal-4-free-acceleration", "reversal-4-free-jerk", "reversal-4-free-both"),
+)
+A, B = "reversal-4", "reversal-4-free-both"  # the laws of the papers A and B
+PRINTED_B_SPEED, PRINTED_B_SLOPE = 6 / 5, 87 / 80  # B (28), (30), over stroke/duration
+COARSE_SPEED = 1 / 0.86  # D 2.7 with 2/3 cut to 0.66, over stroke/duration
+LIMITED_BREADTH = (  # laws whose flat-faced cam must be broader than its stroke
+    *("combined-2", "combined-3", "combined-4", "reversal-3", "reversal-4"),
+    *("reversal-3-free-acceleration", "reversal-4-free-acceleration", "constant-velocity"),
+)
+FREE_BREADTH = ("cubic", "quintic", "septic", "complex", "reversal-2")
+
+
+def peaks():
+    """Peaks of acceleration and jerk at the stroke and duration of D ch. 5, and the readings that gave the print."""
+    found = {}
+    for name in PRINTED_LAWS:
+        largest = law(name, STROKE, DURATION).peaks()
+        found |= {f"{name}_acceleration": largest.acceleration, f"{name}_jerk": largest.jerk}
+    jumps = [join for join in law("reversal-2", STROKE, DURATION).joins("dwell") if join.order == 2]
+    return found | {"reversal-2_jerk_at_joins": math.inf if jumps else 0.0} | _coarse_readings() | _wrong_closures()
+
+
+def _coarse_readings():
+    """What tables of few rows give for the peaks: every 10 degrees, or at a share of the run-up."""
+    complex_law, combined, reversal = (law(name, STROKE, DURATION) for name in ("complex", "combined-4", A))
+    run_up = DURATION / 6
+    return {
+        "complex_acceleration_table": np.abs(complex_law.acceleration(DURATION * np.arange(19) / 18)).max(),
+        "combined-4_acceleration_table": combined.acceleration(run_up / 3),
+        "combined-4_jerk_table": combined.jerk(run_up / 6),
+        "reversal-4_jerk_table": abs(reversal.jerk(run_up / 5)),
+    }
+
+
+def _wrong_closures():
+    """Peaks scaled to a steady speed that does not close the stroke."""
+    cases = {
+        "combined-3": COARSE_SPEED,
+        "reversal-3-free-acceleration": PRINTED_B_SPEED,
+        "reversal-4-free-acceleration": PRINTED_B_SPEED,
+    }
+    found = {}
+    for name, speed in cases.items():
+        scale, largest = speed / _unit(name).peaks().velocity, law(name, STROKE, DURATION).peaks()
+        found[f"{name}_acceleration_scaled"] = scale * largest.acceleration
+        found[f"{name}_jerk_scaled"] = scale * largest.jerk
+    return found
+
+
+def _unit(name):
+    return law(name, stroke=1.0, duration=1.0)
+
+
+def claims():
+    """Closures, energies, jumps, criteria and optima that A, B and D state, over stroke and duration."""
+    return _steady_speeds() | _printed_law_of_b() | _energies() | _jumps_at_the_turn() | _criteria() | _optima()
+
+
+def _steady_speeds():
+    """Steady speeds, run-up travels x1 and what hangs on them."""
+    a, b, early = _unit(A), _unit(B), 0.1
+    roller = stepper(Cycle(b), roller_radius=1.0, time=[0.5, 5 / 6])
+    return {
+        "a_speed": a.velocity(0.5),
+        "a_run_up": 6 * a.position(1 / 6) / a.velocity(0.5),
+        "b_speed": b.velocity(0.5),
+        "b_run_up": 6 * b.position(1 / 6) / b.velocity(0.5),
+        "b_run_up_travel": b.position(1 / 6),
+        "b_run_up_factor": b.position(early) / (early**2 * (432 * early**4 - 60 * early**2 + 5)),
+        "b_slope": b.velocity(0.5),
+        "d469_slope": b.velocity(0.5) / 3,
+        "b_roller_speed": roller.angular_velocity[0],
+        "b_roller_brakes": roller.angular_velocity[1],
+        "d41_closure": PRINTED_B_SPEED / _unit("reversal-3-free-acceleration").peaks().velocity,
+    }
+
+
+def printed_b():
+    """The motion that B (28)-(30) print: the right shapes at the wrong steady speed, positions met at the joins."""
+    run = PRINTED_B_SPEED / 6 * _run_up_of_b()(Polynomial([0, 6]))
+    steady = Polynomial([run(1 / 6), PRINTED_B_SLOPE])
+    curve = piecewise([1 / 6, 2 / 3, 1 / 6], [run, steady, 1 - run(Polynomial([1 / 6, -1]))])
+    return Motion("B as printed", STROKE, DURATION, curve)
+
+
+def _run_up_of_b():
+    return minimiser(4, {0: 0, 1: 0, 3: 0}, {1: 1, 2: 0, 3: 0})
+
+
+def _printed_law_of_b():
+    steps = [join.after - join.before for join in printed_b().joins() if join.order == 1]
+    return {
+        "b_closure": PRINTED_B_SPEED * (_run_up_of_b()(1.0) / 3 + 2 / 3),
+        "b_velocity_step": np.abs(steps).max(),
+    }
+
+
+def _energies():
+    cubic, quintic = _unit("cubic"), _unit("quintic")
+    return {
+        "cubic_energy": cubic.criterion(1),
+        "quintic_energy": quintic.criterion(1),
+        "cubic_peak_energy": cubic.peaks().velocity ** 2,
+        "quintic_peak_energy": quintic.peaks().velocity ** 2,
+    }
+
+
+def _jumps_at_the_turn():
+    """Jump of the jerk where the motion turns without a dwell, 0 where it has none."""
+    found = {}
+    for name in ("cubic", "quintic", "combined-3", "reversal-2", "reversal-3-free-acceleration", B):
+        jumps = [join.after - join.before for join in _unit(name).joins() if join.time == 0 and join.order == 3]
+        found[f"{name}_jerk_jump"] = abs(sum(jumps))
+    return found
+
+
+def _criteria():
+    """J_n of the laws of order n with a = 0 imposed (combined) and with the natural condition (reversal)."""
+    pairs = product((2, 3, 4), ("combined", "reversal"))
+    return {f"{kind}-{order}_criterion": _unit(f"{kind}-{order}").criterion(order) for order, kind in pairs}
+
+
+def _optima():
+    """The best run-up travel of A at fixed stroke, and the best lone phase of D 4.3.
+
+    At fixed stroke J goes as j/(z + 2)^2 with x1 = z v t1 and j = a z^2 + b z + c, so J' = 0 is linear in z.
+    """
+    c, half, whole = (_run_up_criterion(travel) for travel in (0.0, 0.5, 1.0))
+    a = 2 * (c + whole - 2 * half)
+    b = whole - a - c
+    best = 2 * (c - b) / (4 * a - b)
+    loss = half / (0.5 + 2) ** 2 / (_run_up_criterion(best) / (best + 2) ** 2) - 1
+    lone = minimiser(4, {0: 0, 1: 0, 2: 0}, {1: 1, 2: 0, 3: 0})
+    return {"a_best_run_up": best, "a_loss": 100 * loss, "lone_jerk": lone.deriv(3)(0.0), "lone_travel": lone(1.0)}
+
+
+def _run_up_criterion(travel):
+    """J_4 of a run-up of A over the given travel, in unit time to unit speed."""
+    run = minimiser(4, {0: 0, 1: 0, 2: 0, 3: 0}, {0: travel, 1: 1, 2: 0, 3: 0})
+    return integral(run.deriv(4) ** 2, [0.0, 1.0])
+
+
+def cams():
+    """Cams of A, B and D over the stroke: the breadth they keep, and what flat faces need."""
+    return _profile_of_a() | _profiles_of_b() | _least_breadths()
+
+
+def _profile_of_a():
+    """Radii less half the breadth; on the way back phi = 7 pi/6 + u pi/3, u from 0 to 2."""
+    cam = Cam(Cycle(_unit(A)), breadth=2.0, follower=Pointed())
+    u = np.linspace(0, 2, 41)
+    right = cam.radius(7 * np.pi / 6 + u * np.pi / 3) - 1.0
+    readings = [np.abs(0.4 * (a + b * u) + c / 2 - right).max() for a, b, c in product((1, -1), repeat=3)]
+    return {
+        "a_breadth": _breadth(cam),
+        "a42_start": right[0],
+        "a42_miss": np.abs(-0.4 * (1 - u) + 0.5 - right).max(),
+        "d4113_miss": min(readings),
+    }
+
+
+def _profiles_of_b():
+    cam = Cam(Cycle(_unit(B)), breadth=2.0, follower=Pointed())
+    steps = [join.after - join.before for join in printed_b().cycle().joins() if join.order == 1]
+    printed = Cam(printed_b().cycle(), breadth=2 * STROKE, follower=Pointed())
+    return {
+        "b_breadth": _breadth(cam),
+        "b41_start": cam.radius(np.pi) - 1.0,
+        "b_printed_breadth": _breadth(printed),
+        "b_kinks": len(printed.kinks),
+        "b_kink": np.abs(steps).max() * DURATION / np.pi / STROKE,
+    }
+
+
+def _breadth(cam):
+    """Largest rho(phi) + rho(phi + pi) over b."""
+    angle = np.linspace(0, np.pi, 361)
+    return (cam.radius(angle) + cam.radius(angle + np.pi)).max() / cam.breadth
+
+
+def _least_breadths():
+    """Least breadth over stroke of cams with flat-faced followers."""
+    least = {name: least_breadth(Cycle(_unit(name)), FlatFace()).breadth for name in LIMITED_BREADTH + FREE_BREADTH}
+    found = {f"{name}_breadth": least[name] for name in LIMITED_BREADTH}
+    return found | {"free_breadth": max(least[name] for name in FREE_BREADTH)}

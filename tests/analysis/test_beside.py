@@ -1,0 +1,230 @@
+"""Engines beside the scene's: each answers as it does alone, here and in other processes; what is kept is taken."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from interrupts import heed_interrupts
+
+from compact.analysis.study import Study
+from compact.analysis.worker_pool import Processes
+from compact.report import writer as report
+from compact.report.ranking_tables import agreements
+from compact.scene.loader import SceneError, load_scene
+
+ROOT = Path(__file__).parents[2]
+SMALL = ROOT / "studies" / "scenes" / "small.toml"
+ENGINES = ROOT / "studies" / "scenes" / "loveikin-2015-engines.toml"
+PLAIN = {"machine.profile": "circle", "machine.rolling": "frictionless"}
+QUICK = {"contact.speeds": [0.05, 0.15], "contact.peak_pressure": 203e3, "accuracy.tolerance": 0.05}
+BESIDE = {"column": {"layer": {"fed_density_ratio": 0.95}, "contact": {"peak_pressure": 180e3}}}
+SPRING = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3}
+WANTED = {"accuracy.engine": "spectral", "beside": BESIDE, "output.wanted": ["tables", "report", "figures"]}
+
+
+def scene(**changes):
+    return load_scene(SMALL, **PLAIN | QUICK | WANTED | changes)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Study, summary and directory of a scene whose engines beside answered in other processes."""
+    directory = tmp_path_factory.mktemp("beside")
+    study = Study(scene(), directory=directory)
+    return study, report.write(study, directory, crew=Processes(2)), directory
+
+
+def rows(path):
+    with path.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+# the answer
+
+
+@pytest.mark.parametrize(
+    ("engine", "given"),
+    [("column", {"layer.fed_density_ratio": 0.95, "contact.peak_pressure": 180e3}), ("formula", {})],
+)
+def test_engine_beside_answers_as_it_does_alone(written, engine, given):
+    study, _, _ = written
+    alone = Study(scene(**{"accuracy.engine": engine, "beside": None, "output.wanted": []} | given))
+    aside = study.beside[engine]
+    speed = np.array([0.06, 0.12])
+    assert aside.resistance(speed, 0 * speed) == pytest.approx(alone.resistance(speed, 0 * speed), rel=1e-12)
+    for by, ranked in alone.rankings.items():
+        found = [(place.rank, place.law, place.value) for place in aside.places["rigid"][by]]
+        assert found == [(place.rank, place.run.name, pytest.approx(place.value, rel=1e-12)) for place in ranked]
+
+
+def test_this_process_answers_as_others_do(written):
+    study, _, _ = written
+    here = Study(scene())
+    assert repr(here.beside["column"].places) == repr(study.beside["column"].places)  # the last has no margin, nan
+    assert list(here.beside) == ["formula", "column"]
+
+
+def test_places_of_every_engine_and_drive_are_in_the_table(tmp_path):
+    study = Study(scene(**SPRING, **{"output.wanted": ["tables"]}))
+    summary = report.write(study, tmp_path / "out")
+    found = rows(tmp_path / "out" / "ranking.csv")
+    kinds = {(row["engine"], row["drive"]) for row in found}
+    assert kinds == {(engine, kind) for engine in ("spectral", "formula", "column") for kind in ("elastic", "rigid")}
+    ours = [row for row in found if row["engine"] == "spectral" and row["criterion"] == "peak_force"]
+    for kind in ("elastic", "rigid"):
+        told = {row["law"]: float(row["value"]) for row in ours if row["drive"] == kind}
+        runs = [run if kind == "elastic" else run.rigid for run in study.runs.values()]
+        assert told == {run.name: pytest.approx(run.peak_force, rel=1e-9) for run in runs}
+    places = summary["rigid_rankings"]["peak_power"]
+    assert [place["value"] for place in places] == sorted(run.rigid.peak_power for run in study.runs.values())
+
+
+def test_error_of_a_value_is_what_the_error_of_the_resistance_moves(written):
+    study, summary, directory = written
+    share = study.resistance_error
+    assert 0 < share < 0.1
+    told = {row["law"]: row for row in rows(directory / "criteria.csv") if row["criterion"] == "energy"}
+    friction = study.cart.guide_friction * (2 * study.roller_load - study.cart.weight)
+    for name, run in study.runs.items():  # of the energy of a cycle the mix takes all but what the guides do
+        mix = run.energy - 0.8 * friction
+        assert float(told[name]["error"]) == pytest.approx(share * mix, rel=0.02)
+        assert summary["laws"][name]["errors"]["energy"] == pytest.approx(float(told[name]["error"]), rel=1e-9)
+        assert (told[name]["unit"], summary["units"]["energy"]) == ("J", "J")
+
+
+def test_formulas_know_no_error():
+    study = Study(load_scene(SMALL))
+    assert study.resistance_error is None
+    assert all(place.error is None for places in study.places["rigid"].values() for place in places)
+
+
+def test_orders_of_engines_that_resist_alike_agree(written):
+    study, _, directory = written
+    agreed = {(other, by): found for _, _, other, _, by, found, *_ in agreements(study)}
+    assert agreed["formula", "peak_force"].tau == pytest.approx(1.0)  # m a + F is in the order of a for any F
+    assert {row["other_engine"] for row in rows(directory / "agreement.csv")} == {"formula", "column"}
+
+
+# files
+
+
+def test_all_files_of_the_summary_stand_and_steps_are_counted(written):
+    study, summary, directory = written
+    found = {str(path.relative_to(directory)) for path in directory.rglob("*") if path.is_file()}
+    assert found == {*summary["files"], "summary.json", "scene.hash"}
+    assert "engines.png" in found
+    assert sum(summary["stages"].values()) == study.steps
+    assert summary["beside"]["column"]["stages"]["rolled"] == 2
+
+
+def test_kept_contacts_are_taken_by_every_engine(written):
+    _, summary, directory = written
+    drawn = {path.name: path.read_bytes() for path in directory.glob("*.png")}
+    again = Study(scene(), directory=directory)
+    kept = report.write(again, directory)
+    assert {"ranking.png", "kinematics.png"} < set(drawn)
+    assert drawn == {path.name: path.read_bytes() for path in directory.glob("*.png")}
+    for stages in (kept["stages"], kept["beside"]["column"]["stages"]):
+        assert stages["kept"] == 1
+        assert not {"rolled", "resistance", "added mass"} & set(stages)
+    for name in ("rankings", "beside", "laws"):
+        mine, theirs = (
+            json.loads(json.dumps(part[name], default=str).replace("NaN", "null")) for part in (kept, summary)
+        )
+        if name == "beside":
+            for part in (*mine.values(), *theirs.values()):
+                part.pop("stages")
+        assert mine == theirs
+
+
+def test_scene_of_every_engine_gives_each_what_it_covers():
+    every = load_scene(ENGINES)
+    assert every.beside_engines == ("formula", "column", "spectral")
+    published = load_scene(ENGINES.with_name("loveikin-2015.toml"))
+    for table in ("machine", "product", "mix", "layer", "motion", "cam"):
+        assert getattr(every, table) == getattr(published, table)
+    assert every.by("spectral").machine.rolling == "frictionless"
+    assert every.by("column").mix.overrides.heckel_slope == pytest.approx(13.995e-6)
+
+
+def test_interrupted_job_leaves_whole_files_and_no_process(tmp_path):
+    call = [sys.executable, "-m", "compact.cli", "run", str(ENGINES), "--out", str(tmp_path / "out")]
+    alone = {"start_new_session": True, "preexec_fn": heed_interrupts}
+    job = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, **alone)
+    until = time.monotonic() + 120
+    while len(children(job.pid)) < 3 and time.monotonic() < until:  # a tracker of resources, two that compute
+        time.sleep(0.1)
+    helpers = children(job.pid)
+    assert len(helpers) >= 3
+    os.kill(job.pid, signal.SIGINT)
+    told = job.communicate(timeout=60)[1]
+    assert (job.returncode, told) == (130, "compact: interrupted; every file already written is whole\n")
+    assert not list(tmp_path.rglob("*.part"))
+    while any(map(alive, helpers)) and time.monotonic() < until:  # the tracker ends when its pipe does
+        time.sleep(0.1)
+    assert not [pid for pid in helpers if alive(pid)]
+
+
+def children(pid):
+    """Processes that a process has begun."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            number, rest = stat.parent.name, stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(rest[1]) == pid:
+            found.append(int(number))
+    return found
+
+
+def alive(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+# refusals
+
+
+@pytest.mark.parametrize(
+    ("beside", "words"),
+    [
+        ({"spectral": {}}, 'beside: holds "spectral", which is accuracy.engine itself; take it out'),
+        ({"colum": {}}, r"beside\.colum: unknown table in \[beside\], got a table; did you mean `column`"),
+        ({"column": {"motion": {"stroke": 0.5}}}, r"beside\.column\.motion: unknown table"),
+        ({"column": {"machine": {"mas": 1.0}}}, r"beside\.column: with it machine\.mas: unknown key"),
+        ({"column": {"mix": {"moisture": 0.3}}}, r"beside\.column: with it mix\.moisture: must be between"),
+        ({"column": 3}, r"beside\.column: must be a table, got 3"),
+        ({"column": {"mix": 3}}, r"beside\.column\.mix: must be a table, got 3"),
+    ],
+    ids=["the same", "unknown", "motion", "unknown key", "out of range", "no table", "no table inside"],
+)
+def test_what_an_engine_beside_cannot_take_is_refused(beside, words):
+    with pytest.raises(SceneError, match=words):
+        scene(beside=beside)
+
+
+def test_engine_beside_that_does_not_cover_the_scene_is_told():
+    lacking = {"beside": {"spectral": {}}, "accuracy.engine": "fem", "machine.profile": "deformed"}
+    with pytest.raises(
+        SceneError, match=r'beside\.spectral: with it machine\.profile: the engine "spectral" takes no "d'
+    ):
+        scene(**lacking)
+
+
+def test_laws_without_a_finite_peak_are_reported_by_every_engine(tmp_path):
+    jumps = {"motion.laws": ["constant-velocity", "gear-sector"], "output.wanted": ["tables", "figures", "report"]}
+    study = Study(scene(**jumps))
+    report.write(study, tmp_path / "out")
+    assert (tmp_path / "out" / "engines.png").stat().st_size > 5_000
+    assert "No law has a finite peak drive force" in (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "infinite" in report.digest(study)

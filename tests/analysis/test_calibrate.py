@@ -1,0 +1,471 @@
+"""Calibration: what is read, what is fitted, what is told of it, and what is refused."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compact import cli
+from compact.analysis.calibration import blend, calibrate, digest
+from compact.analysis.engines import compaction, inputs, roll
+from compact.engines.column import engine as column
+from compact.engines.compaction import engine as finite_elements
+from compact.engines.compaction.results import CompactionRolled
+from compact.numerics.space_mapping import fit
+from compact.scene.loader import SceneError, load_scene
+from compact.scene.plant_data import Band, Measured, Measurement, read
+
+SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+PUBLISHED = SCENES / "loveikin-2015.toml"
+MEASURED = SCENES / "loveikin-2015-measured.toml"
+
+
+def band(value):
+    return Band(value, value, value)
+
+
+def reading(**stated):
+    return Measured((Measurement(**{name: band(value) for name, value in stated.items()}),))
+
+
+@pytest.fixture(scope="module")
+def published():
+    return calibrate(load_scene(PUBLISHED), read(MEASURED))
+
+
+# closed forms
+
+
+def test_two_powers_are_told_apart():
+    found = fit(lambda u: np.exp([u[0] + 0.4 * u[1], u[0] - 0.7 * u[1]]), [6.0, 1.5], [0.0, 0.0])
+    exact = np.linalg.solve([[1, 0.4], [1, -0.7]], np.log([6.0, 1.5]))
+    assert found.unknowns == pytest.approx(exact, rel=1e-8)
+    assert found.sensitivity == pytest.approx(np.linalg.inv([[1, 0.4], [1, -0.7]]), rel=1e-6)
+
+
+def test_more_data_than_unknowns_leave_the_least_squares():
+    found = fit(lambda u: np.exp([u[0]] * 3), [1.0, 2.0, 4.0], [0.0])
+    assert np.exp(found.unknowns) == pytest.approx([2.0], rel=1e-8)
+    assert found.misfit == pytest.approx(np.log([2.0, 1.0, 0.5]), abs=1e-8)
+
+
+def dear(u):
+    return np.exp([1.1 * u[0] + 0.5 * u[1] + 0.9, 0.95 * u[0] - 0.6 * u[1] - 0.2 + 0.05 * u[0] ** 2])
+
+
+def cheap(u):
+    return np.exp([u[0] + 0.4 * u[1], u[0] - 0.7 * u[1]])
+
+
+def test_corrected_cheap_model_meets_the_dear_one():
+    found = fit(cheap, [6.0, 1.5], [0.0, 0.0], dear)
+    assert dear(found.unknowns) == pytest.approx([6.0, 1.5], rel=1e-3)
+    assert len(found.history) < 6
+    again = fit(cheap, [6.0, 1.5], [0.0, 0.0], correction=found.correction)
+    assert again.unknowns == pytest.approx(found.unknowns, abs=2e-3)
+
+
+def test_correction_learns_how_fast_the_models_come_apart():
+    """u^2.5 by u: where the correction stays constant the trials overshoot more and more."""
+    found = fit(np.exp, [6.0], [0.0], lambda u: np.exp(2.5 * u))
+    assert found.unknowns == pytest.approx([np.log(6.0) / 2.5], abs=1e-3)
+    assert found.correction.slope == pytest.approx(np.array([[1.5]]), rel=0.02)
+    assert found.sensitivity == pytest.approx(np.array([[1 / 2.5]]), rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_dear_model_that_trembles_is_met_on_its_mean(seed):
+    rng = np.random.default_rng(seed)
+    found = fit(np.exp, [6.0], [1.0], lambda u: np.exp(1.2 * u + rng.uniform(-5e-3, 5e-3)))
+    assert found.unknowns == pytest.approx([np.log(6.0) / 1.2], abs=4e-3)
+    assert found.correction.slope == pytest.approx(np.array([[0.2]]), abs=0.1)
+    assert found.scatter[0] < 1.5e-2
+
+
+def test_unknown_that_both_models_feel_alike_leaves_the_correction_alone():
+    def twice(u):
+        return np.exp([u[0] + 0.5 * u[1] + 0.7, 1.3 * u[1]])
+
+    def once(u):
+        return np.exp([u[0] + 0.4 * u[1], u[1]])
+
+    found = fit(once, [6.0, 1.5], [0.0, 0.0], twice, varies=[False, True])
+    assert twice(found.unknowns) == pytest.approx([6.0, 1.5], rel=1e-3)
+    assert found.correction.slope == pytest.approx(np.array([[0.0, 0.1], [0.0, 0.3]]), rel=0.1)
+
+
+def test_dear_model_that_fails_is_asked_nearer_to_where_it_did_not():
+    asked = []
+
+    def fragile(u):
+        asked.append(float(u[0]))
+        if u[0] > 0.75 and len(asked) < 3:
+            raise RuntimeError("not steady")
+        return np.exp(1.2 * u)
+
+    found = fit(np.exp, [2.3], [0.4], fragile)
+    assert found.unknowns == pytest.approx([np.log(2.3) / 1.2], abs=2e-3)
+    assert np.isnan(found.history[1][1]).all()
+    assert asked[2] == pytest.approx((asked[0] + asked[1]) / 2)
+
+
+def test_column_remembers_what_it_was_made_of():
+    """compaction.md 2: P 8367.7 N/m, F/P .182854, k .98, h .22 m (E 120 MPa, logarithmic, circle) come from k_in
+    .93246, K_H 16.1919/MPa isotropic, M 1.2, pt 14 kPa, h_in 231.279 mm."""
+    angle = np.degrees(np.arcsin(1.2 / np.sqrt(3)))
+    cohesion = 14e3 * np.tan(np.radians(angle))
+    scene = load_scene(PUBLISHED).replaced(
+        **{
+            "mix.overrides.unloading_modulus": 120e6,
+            "mix.overrides.friction_angle": float(angle),
+            "mix.overrides.cohesion": float(cohesion),
+            "mix.overrides.poisson": 0.3,
+            "machine.roller_length": 1.0,
+        }
+    )
+    found = calibrate(scene, reading(load=8367.7, resistance_coefficient=0.182854))
+    material = compaction(found.scene, blend(found.scene))
+    assert found.fed_density_ratio == pytest.approx(0.93246, abs=1e-5)
+    assert material.heckel_slope == pytest.approx(16.1919e-6, rel=1e-5)
+    assert found.rolled[0].exit_density_ratio == pytest.approx(0.98, abs=1e-9)
+    assert found.rolled[0].exit_height == pytest.approx(0.22, rel=1e-9)
+
+
+# published numbers
+
+
+def test_published_machine_is_met_inside_the_prior(published):
+    rolled = published.rolled[0]
+    assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-6)
+    assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-6)
+    assert 10.4e-6 < published.heckel_slope < 14.3e-6  # mix.md: what a Heckel column fitted to it needs
+    assert 0.93 < published.fed_density_ratio < 0.955
+
+
+def test_refits_tell_what_stays_uncertain(published):
+    refits = {(refit.name, refit.value): refit for refit in published.refits}
+    wider = refits["resistance_coefficient", 0.219]
+    assert wider.fed_density_ratio == pytest.approx(0.9118, abs=1e-4)
+    short, long = refits["machine.roller_length", 0.3], refits["machine.roller_length", 1.2]
+    assert short.heckel_slope / long.heckel_slope == pytest.approx(0.3 / 1.2, rel=0.2)  # pressures go as 1/L
+    assert not any(refit.reason for refit in published.refits)
+
+
+def test_sensitivity_is_the_slope_of_the_refit(published):
+    scene = load_scene(PUBLISHED)
+    more = calibrate(scene, reading(load=9740 * 1.001, resistance_coefficient=0.179))
+    slope = np.log(more.heckel_slope / published.heckel_slope) / np.log(1.001)
+    density = np.log(more.fed_density_ratio / published.fed_density_ratio) / np.log(1.001)
+    assert published.sensitivity[:, 0] == pytest.approx([slope, density], rel=2e-3)
+
+
+def test_one_datum_fits_one_number():
+    found = calibrate(load_scene(PUBLISHED), reading(load=9740.0), unknowns=("heckel_slope",))
+    assert found.fed_density_ratio == 0.94
+    assert found.rolled[0].load * 1.164 == pytest.approx(9740, rel=1e-8)
+
+
+# finite elements
+
+
+class Double:
+    """In place of the finite elements: columns with twice the load and more, that leave the mix less dense."""
+
+    def __init__(self, excess=-2e-3):
+        self.excess, self.calls = excess, []
+
+    def roll(self, layer, roller, material, speed, *, steady=None, increments=None):
+        self.calls.append((increments, layer, roller))
+        there = column.roll(layer, replace(roller, profile="circle"), material, speed)
+        load = (2.4 + 0.2 / (increments or 12)) * there.load * (there.indentation / layer.height / 0.02) ** 0.3
+        share = 1.7 * (there.indentation / layer.height / 0.02) ** -0.1
+        resistance = share * there.resistance / there.load * load
+        return CompactionRolled(
+            load=load, resistance=resistance, leading=there.leading, trailing=there.trailing, x=there.x,
+            pressure=there.pressure, shear_traction=there.shear_traction, indentation=there.indentation,
+            exit_height=there.exit_height, exit_density_ratio=there.exit_density_ratio + self.excess, layer=layer,
+        )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def doubled():
+    double, patch = Double(), pytest.MonkeyPatch()
+    patch.setattr("compact.engines.compaction.engine.roll", double.roll)
+    scene = load_scene(PUBLISHED, **{"machine.rolling": "frictionless"})
+    found = calibrate(scene, read(MEASURED), "compaction", increments=6)
+    patch.undo()
+    return found, double
+
+
+def test_finite_elements_are_met_in_a_few_runs(doubled):
+    found, double = doubled
+    rolled = found.rolled[0]
+    assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
+    assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-3)
+    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-5)
+    assert [increments for increments, *_ in double.calls] == [4] * len(found.coarse.fit.history) + [6] * len(
+        found.fit.history
+    )
+    assert len(double.calls) < 12
+    assert len(found.fit.history) < 4
+    assert "runs of finite elements" in digest(found)
+    assert f"on 4 increments K_H {found.coarse.heckel_slope * 1e6:.4f} /MPa" in digest(found)
+
+
+def test_the_scene_alone_gives_the_last_trial_again(doubled):
+    """Of the scene's own layer, as deep as columns of the same mix for a density that makes up for what they miss."""
+    found, double = doubled
+    _, layer, roller = double.calls[-1]
+    material = compaction(found.scene, blend(found.scene))
+    assert layer.height == pytest.approx(column.feed(0.22, 0.98, material, 0.13).height, rel=1e-5)
+    fed = column.feed(layer.height, 0.98 + 2e-3, material, 0.13)
+    assert roller.indentation == pytest.approx(layer.height * fed.indentation / fed.height, rel=1e-3)
+    assert roller.radius == 0.11
+    assert found.rolled[0].indentation == roller.indentation
+
+
+def test_neighbour_begins_where_the_last_fit_ended(doubled, monkeypatch):
+    """The same again is found at once, another coefficient where it is found from afar."""
+    found, _ = doubled
+    double, moved = Double(), read(MEASURED).moved("resistance_coefficient", 0.2)
+    monkeypatch.setattr("compact.engines.compaction.engine.roll", double.roll)
+    again = calibrate(found.scene, read(MEASURED), "compaction", near=found, increments=6)
+    assert len(double.calls) <= 3
+    assert again.coarse is None
+    assert again.fit.history[0][0] == pytest.approx(found.fit.unknowns, abs=1e-12)
+    near, far = (calibrate(found.scene, moved, "compaction", near=known, increments=6) for known in (found, None))
+    assert len(near.fit.history) <= len(far.coarse.fit.history)
+    assert near.heckel_slope == pytest.approx(far.heckel_slope, rel=4e-3)
+    assert near.fed_density_ratio == pytest.approx(far.fed_density_ratio, abs=2e-4)
+
+
+def test_refits_leave_out_what_columns_do_not_feel(doubled):
+    refits = {refit.name: refit for refit in doubled[0].refits}
+    assert "columns do not feel it; calibrate with --set" in refits["mix.overrides.friction_angle"].reason
+    assert not refits["mix.overrides.unloading_modulus"].reason
+
+
+def test_trials_begin_shallow(doubled):
+    _, double = doubled
+    angles = [np.arccos(1 - roller.indentation / roller.radius) for _, _, roller in double.calls]
+    assert angles[0] < 0.25
+    assert np.argmin(angles) == 0
+
+
+@pytest.mark.slow
+def test_finite_elements_themselves_are_met():
+    """In a thin layer under a large roller, with its friction; the scene alone gives the numbers again."""
+    thin = {"product.height": 0.1, "machine.roller_radius": 0.25, "motion.stroke": 0.8}
+    asked = reading(load=16000.0, resistance_coefficient=0.1)
+    found = calibrate(load_scene(PUBLISHED, **thin), asked, "compaction", increments=4)
+    rolled, there = found.rolled[0], found.scene
+    assert rolled.march.at_once
+    assert rolled.load * 1.164 == pytest.approx(16000, rel=1e-3)
+    assert rolled.resistance / rolled.load == pytest.approx(0.1, rel=1e-3)
+    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=1e-4)
+    assert len(found.fit.history) < 9
+    again = pressed(there, rolled.indentation)
+    assert again.load == pytest.approx(rolled.load, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_published_point_is_met_by_finite_elements():
+    """K_H, fed density and depth as fitted on 4 increments, under the free roller of the scene."""
+    mix = {"mix.overrides.heckel_slope": 24.962e-6, "layer.fed_density_ratio": 0.968738}
+    rolled = pressed(load_scene(PUBLISHED, **mix), 2.75134e-3)
+    assert rolled.march.at_once
+    assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
+    assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-3)
+    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-5)
+
+
+LIFT = {"layer.lift": 0.06}
+
+
+@pytest.mark.slow
+def test_published_point_is_met_by_finite_elements_in_lifts():
+    """K_H, fed density and depth as fitted on 4 increments; the prior has 8.7-19.5/MPa and .93-.955."""
+    mix = LIFT | {"mix.overrides.heckel_slope": 15.2537e-6, "layer.fed_density_ratio": 0.932172}
+    rolled = pressed(load_scene(PUBLISHED, **mix), 3.224946e-3)
+    assert rolled.march.at_once
+    assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
+    assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-3)
+    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=5e-5)
+
+
+@pytest.mark.slow
+def test_scene_calibrated_in_lifts_gives_the_published_point_at_default_settings():
+    """As fitted on 12 increments; a march meets the density to 1e-4, which is 0.2 % of the load."""
+    mix = LIFT | {"mix.overrides.heckel_slope": 14.9605e-6, "layer.fed_density_ratio": 0.935763}
+    scene = load_scene(PUBLISHED, **mix)
+    rolled = roll(scene, blend(scene), 0.4 / 3, "compaction")
+    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-4)
+    assert rolled.load * 1.164 == pytest.approx(9740, rel=3e-3)
+    assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=3e-3)
+
+
+def pressed(scene, depth):
+    """A contact of a scene by finite elements on 4 increments, from rest."""
+    layer, roller, material = inputs(scene, blend(scene), "compaction", 0.4 / 3)
+    return finite_elements.roll(layer, replace(roller, indentation=depth), material, 0.4 / 3, increments=4)
+
+
+# the readings
+
+
+def test_toml_and_csv_say_the_same(tmp_path):
+    toml, csv = tmp_path / "a.toml", tmp_path / "a.csv"
+    toml.write_text("[[measurement]]\nload = {value = 9740, low = 9000, high = 10000}\nspeed = 0.2\n")
+    csv.write_text("# of one roller\nload,load_low,load_high,speed,resistance\n9740,9000,10000,0.2,\n")
+    assert read(toml) == read(csv) == Measured((Measurement(load=Band(9740, 9000, 10000), speed=0.2),))
+
+
+def test_moved_datum_stays_within_its_band():
+    measured = read(MEASURED).moved("resistance_coefficient", 0.219)
+    assert measured.measurements[0].data[1] == ("resistance_coefficient", Band(0.219, 0.179, 0.219))
+    assert measured.moved("resistance", 3.0) == measured
+    assert measured.moved("load", 1e4).measurements[0].load == Band(1e4, 9740, 1e4)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "holds no measurement; write one under"),
+        ("x = 1", "the file has no key `x`; it takes measurement, assumptions"),
+        ("measurement = 3", "`measurement` must be tables"),
+        ("[[measurement]]\nlod = 3.0", "measurement 1 has no key `lod`; it takes load, resistance"),
+        ("[[measurement]]\nspeed = 3.0", "measurement 1: give at least one of load"),
+        ("[[measurement]]\nload = -3.0", "measurement 1, `load` must be a positive number, got -3.0"),
+        ("[[measurement]]\nload = nan", "measurement 1, `load` must be a positive number, got nan"),
+        ("[[measurement]]\nload = true", "measurement 1, `load` must be a positive number, got True"),
+        ("[[measurement]]\nload = {value = 3, low = 4}", "low <= value <= high must hold, got 4, 3, 3"),
+        ("[[measurement]]\nload = {low = 4}", "measurement 1, `load` value must be a positive number, got None"),
+        (
+            "[[measurement]]\nload = 1\nresistance = 1\nresistance_coefficient = 1",
+            "or `resistance_coefficient`, not bo",
+        ),
+        ("[assumptions]\na = 3\n[[measurement]]\nload = 1", r"assumptions, `a` must be \[low, high\], got 3"),
+        ("[assumptions]\na = [2, 1]\n[[measurement]]\nload = 1", "assumptions, `a`: low < high must hold, got 2, 1"),
+        ("[[measurement]", "Expected"),
+    ],
+)
+def test_readings_are_refused(tmp_path, text, message):
+    path = tmp_path / "a.toml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=message):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("load\nx\n", "`load` must be a number, got 'x'"),
+        ("load,speed\n3\n", "each row must have one cell for each name"),
+        ("load\n", "holds no measurement"),
+        ("lod\n3\n", "row 1 has no key `lod`"),
+    ],
+)
+def test_rows_are_refused(tmp_path, text, message):
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=message):
+        read(path)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(ValueError, match=r"a\.toml: cannot be read: No such file"):
+        read(tmp_path / "a.toml")
+
+
+# refusals
+
+
+def test_more_unknowns_than_data_are_refused():
+    with pytest.raises(SceneError, match="2 unknowns cannot be told from 1 data; measure more or fit less"):
+        calibrate(load_scene(PUBLISHED), reading(load=9740.0))
+
+
+@pytest.mark.parametrize(
+    ("data", "unknowns", "message"),
+    [
+        ({"load": 9740.0}, ("heckel_slope",), "`near` must have fitted heckel_slope, got heckel_slope, fed"),
+        (None, ("heckel_slope", "fed_density_ratio"), "`near` must have 2 measurements, got 1"),
+    ],
+)
+def test_neighbour_of_another_kind_is_refused(doubled, data, unknowns, message):
+    one = reading(**(data or {"load": 9740.0}))
+    measured = one if data else Measured(one.measurements * 2)
+    with pytest.raises(ValueError, match=message):
+        calibrate(load_scene(PUBLISHED), measured, "compaction", unknowns=unknowns, near=doubled[0])
+
+
+def test_columns_are_no_neighbour_of_finite_elements(published):
+    with pytest.raises(ValueError, match="`near` must be a calibration of finite elements, got one of columns"):
+        calibrate(load_scene(PUBLISHED), read(MEASURED), "compaction", near=published)
+
+
+def test_data_that_tell_nothing_are_refused():
+    with pytest.raises(ValueError, match="the data do not tell the unknowns apart"):
+        fit(lambda u: np.exp([u[0] + u[1], u[0] + u[1]]), [6.0, 6.0], [0.0, 0.0])
+
+
+def test_models_that_never_agree_are_told():
+    shaken = iter(range(100))
+    with pytest.raises(RuntimeError, match=r"did not settle in 24 runs: u and ln\(predicted/measured\) were \["):
+        fit(np.exp, [6.0], [0.0], lambda u: np.exp(u + (-1) ** next(shaken)))
+
+
+def test_dear_model_that_fails_at_once_is_told():
+    def fails(u):
+        raise RuntimeError("not steady")
+
+    with pytest.raises(RuntimeError, match="the calibration cannot start where it was told to: not steady"):
+        fit(np.exp, [6.0], [0.0], fails)
+
+
+def test_scene_that_says_what_presses_the_roller_is_refused():
+    scene = load_scene(PUBLISHED, **{"contact.load": 9740.0})
+    with pytest.raises(
+        SceneError, match=r"contact\.load: a calibration presses the product to its density; take 9740 out"
+    ):
+        calibrate(scene, reading(load=9740.0), unknowns=("heckel_slope",))
+
+
+def test_an_assumption_that_is_no_key_is_refused():
+    measured = replace(reading(load=9740.0, resistance_coefficient=0.179), assumptions={"machine.size": (1.0, 2.0)})
+    with pytest.raises(SceneError, match=r"machine\.size"):
+        calibrate(load_scene(PUBLISHED), measured)
+
+
+# the command
+
+
+def test_command_writes_and_tells(tmp_path, monkeypatch, capsys):
+    out = tmp_path / "c.json"
+    monkeypatch.setattr("sys.argv", ["compact", "calibrate", str(PUBLISHED), str(MEASURED), "--out", str(out)])
+    with pytest.raises(SystemExit) as exit_code:
+        cli.main()
+    assert exit_code.value.code == 0
+    written = json.loads(out.read_text())
+    assert written["heckel_slope"] == pytest.approx(13.995e-6, rel=1e-4)
+    assert "--set layer.fed_density_ratio=0.934439" in capsys.readouterr().out
+
+
+def test_command_asks_finite_elements(tmp_path, monkeypatch, capsys):
+    double, out = Double(), tmp_path / "c.json"
+    monkeypatch.setattr("compact.engines.compaction.engine.roll", double.roll)
+    asked = ["--engine", "compaction", "--increments", "6", "--set", "machine.rolling=frictionless"]
+    monkeypatch.setattr("sys.argv", ["compact", "calibrate", str(PUBLISHED), str(MEASURED), "--out", str(out), *asked])
+    with pytest.raises(SystemExit) as exit_code:
+        cli.main()
+    assert exit_code.value.code == 0
+    last = [increments for increments, *_ in double.calls].count(6)
+    assert len(json.loads(out.read_text())["runs"]) == last > 1
+    assert f"by {last} runs of finite elements" in capsys.readouterr().out
+
+
+def test_digest_names_every_bound(published):
+    told = digest(published)
+    assert all(refit.name in told for refit in published.refits)

@@ -1,0 +1,229 @@
+"""The quantity of the contact that is kept while the speed changes, the return stroke, and one model of the guides."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compact.analysis import engines
+from compact.analysis.study import Study
+from compact.machine.cart import balance, moment_residual
+from compact.report import contact_tables
+from compact.report import writer as report
+from compact.scene.loader import SceneError, load_scene
+
+SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+PLAIN = {"machine.rolling": "frictionless", "machine.profile": "circle", "accuracy.engine": "spectral"}
+LIFT = {"accuracy.engine": "compaction", "layer.lift": 0.06, "mix.overrides.heckel_slope": 1.5e-5}
+
+
+def study(**changes):
+    return Study(load_scene(SMALL, **changes))
+
+
+def values(study, name):
+    return np.array([contact[name]["value"] for contact in study.contacts])
+
+
+# item 3: what is held
+
+
+def test_the_height_is_kept_at_every_speed_where_nothing_is_prescribed():
+    case = study(**PLAIN)
+    depths, pressures = values(case, "indentation"), values(case, "peak_pressure")
+    mean = [contact["speed"]["value"] for contact in case.contacts].index(case.scene.mean_speed)
+    assert case.held.name == "height"
+    assert depths == pytest.approx(case.held.value, rel=1e-9)
+    assert pressures[mean] == pytest.approx(case.mix.required_pressure, rel=1e-6)
+    assert np.all(np.diff(pressures) > 0)  # a stiffer layer at higher speed presses harder at the same height
+
+
+@pytest.mark.parametrize(
+    ("held", "name"), [("load", "load"), ("peak_pressure", "peak_pressure"), ("height", "indentation")]
+)
+def test_the_quantity_that_the_scene_names_is_kept(held, name):
+    case = study(**PLAIN, **{"contact.held": held})
+    kept = values(case, name)
+    assert kept == pytest.approx(kept[0], rel=1e-6)
+    others = {"load", "peak_pressure", "indentation"} - {name}
+    assert all(np.ptp(values(case, other)) > 0.02 * values(case, other)[0] for other in others)
+
+
+@pytest.mark.parametrize(
+    ("given", "name"), [({"contact.load": 9740.0}, "load"), ({"contact.peak_pressure": 1.5e5}, "peak_pressure")]
+)
+def test_a_prescribed_load_or_pressure_is_kept_unless_the_scene_says_height(given, name):
+    case, on_rails = study(**PLAIN, **given), study(**PLAIN, **given, **{"contact.held": "height"})
+    (target,) = given.values()
+    target /= case.scene.machine.roller_length if name == "load" else 1.0
+    assert values(case, name) == pytest.approx(target, rel=1e-6)
+    assert (case.held.name, on_rails.held.name) == (name, "height")
+    assert np.ptp(values(on_rails, "indentation")) < 1e-9
+    at_mean = [c for c in on_rails.contacts if c["speed"]["value"] == on_rails.scene.mean_speed]
+    assert at_mean[0][name]["value"] == pytest.approx(target, rel=1e-6)
+
+
+def test_the_columns_keep_the_height_that_leaves_the_density_at_the_mean_speed():
+    case = study(**{"accuracy.engine": "column", "mix.reference_speed": 0.1})
+    assert np.ptp(values(case, "indentation")) == 0
+    densities = dict(zip(values(case, "speed"), values(case, "exit_density_ratio"), strict=True))
+    assert densities[case.scene.mean_speed] == pytest.approx(0.98, abs=1e-9)
+    assert values(case, "load")[-1] > 1.02 * values(case, "load")[0]  # the rate, at one height
+
+
+def test_the_added_mass_belongs_to_the_quantity_that_is_kept():
+    """F(v, a) at held height differs from that at held pressure in M as in F; both by the modulation of that roller."""
+    from compact.analysis.engines import modulation
+
+    case = study(**PLAIN)
+    speed = 0.1
+    layer, roller, material = engines.inputs(case.scene, case.mix, "spectral", speed, case.held)
+    assert roller.indentation == case.held.value
+    direct = modulation(layer, roller, material, speed, engine="spectral", rtol=case.scene.accuracy.tolerance)
+    found, _ = engines.added_mass(case.scene, case.mix, speed, case.held)
+    assert found == pytest.approx(direct.added_mass, rel=1e-12)
+    pressed = study(**PLAIN, **{"contact.held": "peak_pressure"})
+    other, _ = engines.added_mass(pressed.scene, pressed.mix, speed, pressed.held)
+    assert abs(other / found - 1) > 0.05
+
+
+def test_one_contact_at_another_speed_keeps_the_height_too():
+    case = study(**PLAIN)
+    (rolled,) = case.passes_at(0.5)
+    assert rolled.indentation == pytest.approx(case.held.value, rel=1e-9)
+    assert "height of the roller" in contact_tables.held_sentence(case)
+
+
+def test_the_answer_names_what_is_kept(tmp_path):
+    case = study(**PLAIN, **{"output.wanted": ["report"], "motion.laws": ["cubic"]})
+    summary = report.write(case, tmp_path / "out")
+    assert summary["held"]["quantity"] == "height"
+    assert summary["held"]["indentation"] == {"value": case.held.value, "unit": "m"}
+    line = contact_tables.held_sentence(case)
+    assert line.startswith("kept at every speed: the height of the roller")
+    assert "203 kPa that the density requires" in line
+    assert line[:40] in " ".join(report.digest(case).split())
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Kept at every speed: the height of the roller" in page
+
+
+def test_a_kept_run_holds_the_same_quantity(tmp_path):
+    first = study(**PLAIN, **{"output.wanted": [], "motion.laws": ["cubic"]})
+    report.write(first, tmp_path / "out")
+    again = Study(first.scene, directory=tmp_path / "out")
+    assert again.held == first.held
+    assert not again.counts["rolled"]
+
+
+@pytest.mark.slow
+def test_finite_elements_that_compact_keep_the_height_of_the_product():
+    case = study(**LIFT, **{"mix.reference_speed": 0.1, "contact.speeds": [0.05, 0.4]})
+    slow, fast = case.contacts
+    assert slow["indentation"]["value"] == pytest.approx(case.held.value, rel=1e-9)
+    assert fast["indentation"]["value"] == pytest.approx(case.held.value, rel=1e-9)
+    assert case.reference[0].exit_density_ratio == pytest.approx(0.98, abs=2e-4)
+    assert fast["load"]["value"] > slow["load"]["value"]
+
+
+# item 4: one meaning of the formulas
+
+
+@pytest.mark.parametrize("prescribed", [{}, {"contact.load": 9740.0}, {"contact.peak_pressure": 1.5e5}])
+def test_one_contact_by_formula_is_that_of_the_main_job(prescribed):
+    case = study(**prescribed)
+    (rolled,) = case.passes_at(case.scene.mean_speed)
+    length, formulas = case.scene.machine.roller_length, case.engineering
+    assert rolled.load * length == pytest.approx(formulas.roller_force, rel=1e-12)
+    assert rolled.resistance * length == pytest.approx(formulas.roller_resistance, rel=1e-12)
+    assert rolled.contact_length == pytest.approx(formulas.contact_length, rel=1e-12)
+    if "contact.load" in prescribed:
+        assert formulas.roller_force == pytest.approx(9740, rel=1e-12)
+    if "contact.peak_pressure" in prescribed:
+        assert rolled.peak_pressure == formulas.pressure == 1.5e5
+
+
+def test_formulas_refuse_an_indentation():
+    case = study(**{"contact.indentation": 0.003})
+    with pytest.raises(ValueError, match=r"`indentation` is undefined on a half-plane.*give `load`"):
+        case.passes_at(case.scene.mean_speed)
+
+
+def test_a_contact_beyond_the_formulas_is_compared_at_the_required_pressure():
+    case = study(**PLAIN, **{"contact.peak_pressure": 2e6})
+    with pytest.warns(UserWarning, match="formulas do not reach the prescribed contact.*203 kPa"):
+        assert case.engineering.pressure == case.mix.required_pressure
+
+
+# item 5: the guides, the return stroke
+
+
+def test_the_drive_has_one_guide_friction_and_eq_1_9_is_a_comparison():
+    case = study()
+    lifted = 2 * case.roller_load - case.scene.machine.weight
+    assert float(case.steady.guide_friction[0]) == pytest.approx(0.008 * lifted, rel=1e-9)
+    run = case.runs["cubic"]
+    assert float(case.steady.drive_force[0]) == pytest.approx(run.steady_force, rel=1e-12)
+    rollers = 2 * case.engineering.roller_resistance
+    assert case.engineering.cart_resistance - rollers == pytest.approx(case.engineering.guide_coefficient * lifted)
+    sentence = contact_tables.guide_sentence(case)
+    assert "guide_friction 0.008" in sentence
+    assert "not used by the drives" in sentence
+    assert sentence[:30] in " ".join(report.digest(case).split())
+
+
+def test_a_second_pass_of_columns_recovers_all_its_work():
+    load, resistance = study(**{"accuracy.engine": "column"}).second_pass
+    assert 0.1 < load < 0.5
+    assert resistance < 1e-9
+
+
+def test_a_return_stroke_over_compacted_mix_takes_half_the_energy_of_a_cycle():
+    fresh = study(**{"accuracy.engine": "column"})
+    compacted = study(**{"accuracy.engine": "column", "layer.return_stroke": "compacted"})
+    load, _ = fresh.second_pass
+    stroke, friction, weight = 0.4, 0.008, fresh.scene.machine.weight
+    there = abs(2 * fresh.roller_load - weight)
+    back = abs(2 * load * fresh.roller_load - weight)
+    mix = float(fresh.resistance(0.1, 0.0)) * stroke  # columns without rate resist at any speed alike
+    assert fresh.runs["cubic"].energy == pytest.approx(2 * mix + 2 * friction * there * stroke, rel=1e-6)
+    energy = compacted.runs["cubic"].energy
+    assert energy == pytest.approx(mix + friction * (there + back) * stroke, rel=1e-3)  # both wheels of one sign
+    assert fresh.cycle_energies["compacted"] == pytest.approx(energy, rel=1e-9)
+    assert compacted.cycle_energies["fresh"] == pytest.approx(fresh.runs["cubic"].energy, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["elastic", "motor"])
+def test_every_drive_meets_the_resistance_of_the_return_stroke(kind):
+    spring = {"drive.stiffness": 1e9, "drive.damping": 1e5} if kind == "elastic" else {}
+    motor = {"curve": "straight", "torque": 5000.0, "speed": 157.0, "inertia": 0.1, "gear_ratio": 150.0,
+             "flywheel_inertia": 100.0}  # fmt: skip
+    more = {"drive.motor": motor} if kind == "motor" else spring
+    compacted = {"accuracy.engine": "column", "layer.return_stroke": "compacted", "motion.laws": ["cubic"]}
+    driven, rigid = study(**compacted, **{"drive.kind": kind}, **more), study(**compacted)
+    assert driven.runs["cubic"].energy == pytest.approx(rigid.runs["cubic"].energy, rel=2e-3)
+
+
+@pytest.mark.parametrize("name", ["formula", "spectral", "fem"])
+def test_a_return_stroke_over_compacted_mix_needs_an_engine_that_compacts(name):
+    with pytest.raises(SceneError, match=r"layer.return_stroke: the engine .* takes no .*compacts no mix"):
+        study(**PLAIN | {"accuracy.engine": name, "layer.return_stroke": "compacted"})
+
+
+def test_reactions_close_the_moments_on_both_strokes():
+    cart = study(**{"accuracy.engine": "column", "layer.return_stroke": "compacted"}).cart
+    direction = np.array([1.0, -1.0])
+    forces = balance(cart, 0.3, direction * 2000.0, direction)
+    assert moment_residual(cart, forces, direction * 2000.0, direction) == pytest.approx(0, abs=1e-9)
+    lifted = forces.front_reaction + forces.rear_reaction + cart.weight
+    assert lifted[1] / lifted[0] == pytest.approx(cart.return_load_ratio, rel=1e-12)
+
+
+def test_the_answer_says_over_what_the_cart_returns(tmp_path):
+    case = study(**{"accuracy.engine": "column", "output.wanted": []})
+    summary = report.write(case, tmp_path / "out")
+    told = json.loads((tmp_path / "out" / "summary.json").read_text())["return_stroke"]
+    assert told["over"] == "fresh"
+    assert told["energy"]["fresh"]["value"] == pytest.approx(case.cycle_energies["fresh"])
+    assert summary["steady_forces"]["guide_friction"]["unit"] == "N"
+    assert "return stroke: over fresh mix" in " ".join(report.digest(case).split())

@@ -1,0 +1,575 @@
+"""What vouches for the chain: the published operating point, energy balances, counts of what was computed."""
+
+import csv
+import json
+import math
+import pickle
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from compact.analysis import engines
+from compact.analysis.engineering_summary import coverage
+from compact.analysis.study import Study
+from compact.drive import CRITERIA
+from compact.files import ResultsError
+from compact.motion import profile as motion
+from compact.motion.profile import LAWS
+from compact.report import contact_tables
+from compact.report import writer as report
+from compact.scene.loader import LAW_NAMES, SceneError, load_scene
+from compact.scene.schema import RankBy
+
+SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+PUBLISHED_COEFFICIENT = (3562 - 0.008 * (2 * 9740 - 10000)) / (2 * 9740)  # C: 3562 N without the guides' friction
+
+
+def scene(name="loveikin-2015", **changes):
+    return load_scene(SCENES / f"{name}.toml", **changes)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Study and summary of the small scene with everything wanted, and where it lies."""
+    directory = tmp_path_factory.mktemp("run") / "small"
+    study = Study(scene("small", **{"output.wanted": ["tables", "figures", "cams", "reactions", "crank"]}))
+    report.write(study, directory)
+    return study, json.loads((directory / "summary.json").read_text()), directory
+
+
+def test_published_scene_carries_the_published_forces():
+    study = Study(scene())
+    assert study.engineering.roller_force == pytest.approx(9740, rel=1e-6)
+    assert study.engineering.resistance_coefficient == pytest.approx(PUBLISHED_COEFFICIENT, rel=1e-5)
+    assert study.resistance.force + 0.008 * (2 * 9740 - 10000) == pytest.approx(3562, rel=1e-5)
+
+
+def test_prior_modulus_gives_the_uncalibrated_force():
+    study = Study(scene(**{"mix.overrides.effective_modulus": None}))
+    assert study.engineering.roller_force == pytest.approx(17720.764176, rel=1e-9)  # theory: regression point
+
+
+@pytest.mark.parametrize("name", [name for name in LAWS if name not in ("constant-velocity", "gear-sector")])
+def test_energy_of_a_cycle_is_the_work_of_resistance_and_friction(name):
+    study = Study(scene(**{"motion.laws": [name]}))
+    forces = study.resistance.force + 0.008 * (2 * study.engineering.roller_force - 10000)
+    assert study.runs[name].energy == pytest.approx(2 * 0.4 * forces, rel=1e-9)
+
+
+def test_laws_of_the_scene_are_those_of_the_table():
+    assert tuple(LAWS) == LAW_NAMES
+
+
+def test_criteria_of_the_scene_are_those_of_the_drives():
+    assert set(get_args(RankBy)) == set(CRITERIA)
+
+
+def test_mean_force_of_a_cart_without_mass_is_its_resistance():
+    light = {"machine.mass": 1e-9, "machine.weight": 1e-8, "unusual": ["machine.mass", "machine.weight"]}
+    study = Study(scene(**light, **{"machine.guide_friction": 0.0}))
+    force = study.resistance.force
+    assert study.runs["cubic"].mean_force == pytest.approx(force, rel=1e-9)
+    assert study.runs["gear-sector"].mean_force == math.inf
+
+
+def test_inertia_turns_the_ranking_of_the_crank_scene():
+    slow, fast = (Study(scene(name)).rankings["peak_power"] for name in ("loveikin-2015", "loveikin-2015-crank"))
+    assert slow[0].run.name == "reversal-4-free-acceleration"
+    assert fast[0].run.name == "cubic"
+    assert [p.run.name for p in slow] != [p.run.name for p in fast]
+
+
+def test_crank_law_goes_through_its_rod_in_a_crank_machine():
+    study = Study(scene("loveikin-2015-crank", **{"motion.laws": ["crank", "harmonic"]}))
+    assert np.abs(study.runs["crank"].state.rod_tangent).max() == pytest.approx(0.25 / math.sqrt(1 - 0.0625), rel=1e-4)
+    assert not study.runs["harmonic"].state.rod_tangent.any()
+
+
+def test_elastic_drive_goes_from_the_scene_to_the_summary(tmp_path):
+    spring = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3, "motion.laws": ["cubic", "septic"]}
+    study = Study(scene(**spring, **{"output.wanted": ["tables", "figures", "reactions"]}))
+    summary = report.write(study, tmp_path / "out")
+    forces = study.resistance.force + 0.008 * (2 * study.engineering.roller_force - 10000)
+    for name, run in study.runs.items():
+        damper = np.sum(run.weights * 3e3 * run.course.stretch(*run.course.at(run.time))[1] ** 2)
+        slid = np.sum(run.weights * np.abs(run.state.velocity))
+        assert run.energy == pytest.approx(forces * slid + damper, rel=1e-4)  # samples meet again where arcs do
+        assert summary["laws"][name]["ringing"] == run.peak_force / run.rigid.peak_force > 1.2
+        assert summary["laws"][name]["energy_residual"] < 1e-6
+    with (tmp_path / "out" / "ringing.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["law"] for row in rows] == ["cubic", "septic"]
+    assert "rings 1." in report.digest(study)
+
+
+@pytest.mark.parametrize("followed", [True, False], ids=["first-order", "steady"])
+def test_mix_behind_the_elastic_drive_of_a_scene_resists_acceleration_if_asked(followed):
+    given = {
+        "drive.kind": "elastic",
+        "drive.stiffness": 1e6,
+        "drive.damping": 3e3,
+        "drive.first_order": followed,
+        "motion.laws": ["cubic"],
+        "accuracy.engine": "spectral",
+        "accuracy.tolerance": 0.05,
+        "machine.profile": "circle",
+        "machine.rolling": "frictionless",
+        "mix.overrides.relaxation_time": 0.005,
+    }
+    study = Study(scene(**given))
+    state, met = study.runs["cubic"].state, study.resistance
+    moves = state.velocity != 0
+    velocity, acceleration = state.velocity[moves], state.acceleration[moves]
+    added = met(velocity, acceleration) - met(velocity)
+    assert np.abs(added).max() > 1.0
+    assert state.resistance[moves] - met(velocity) == pytest.approx(followed * added, abs=1e-6)
+
+
+MOTOR = {
+    "curve": "kloss", "torque": 40.0, "speed": 157.0, "breakdown_slip": 0.15,
+    "gear_ratio": 75.0, "inertia": 0.0, "flywheel_inertia": 50.0,
+}  # fmt: skip
+
+
+def test_motor_drive_goes_from_the_scene_to_the_summary(tmp_path):
+    given = {
+        "drive.kind": "motor",
+        "drive.motor": MOTOR,
+        "drive.carts": 2,
+        "motion.laws": ["cubic", "crank", "gear-sector"],
+    }
+    study = Study(scene(**given, **{"output.wanted": ["tables", "figures", "reactions"]}))
+    summary = report.write(study, tmp_path / "out")
+    forces = study.resistance.force + 0.008 * (2 * study.engineering.roller_force - 10000)
+    assert study.runs["cubic"].energy == pytest.approx(0.8 * forces, rel=1e-6)
+    assert study.runs["crank"].state.rod_tangent.any()
+    run = study.runs["cubic"]
+    assert np.all(run.direction * run.state.velocity > -1e-9)
+    assert summary["laws"]["gear-sector"]["peak_force"] == math.inf  # no motor follows a jump of velocity
+    with (tmp_path / "out" / "motor.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["law"] for row in rows] == ["cubic", "crank"]
+    assert float(rows[0]["work_of_a_cycle_J"]) == pytest.approx(2 * 0.8 * forces, rel=1e-6)
+    assert summary["laws"]["cubic"]["fluctuation"] == pytest.approx(float(rows[0]["fluctuation"]), rel=1e-9)
+
+
+BELT = {"pulley_radius": 0.1, "stiffness": 50e3, "preload": 500.0, "friction": 0.4, "wrap": 3.0}
+
+
+def test_belt_goes_from_the_scene_to_the_tables(tmp_path):
+    given = {"drive.kind": "motor", "drive.motor": MOTOR | {"belt": BELT}, "motion.laws": ["cubic"]}
+    study = Study(scene("small", **given, **{"output.wanted": ["tables"]}))
+    report.write(study, tmp_path / "out")
+    row = np.genfromtxt(tmp_path / "out" / "motor.csv", delimiter=",", names=True)
+    assert row["belt_creep"] == pytest.approx(study.runs["cubic"].belt_creep, rel=1e-9)
+    assert row["belt_creep"] > 1e-3
+    assert row["work_of_a_cycle_J"] == pytest.approx(study.runs["cubic"].energy + row["belt_loss_J"], rel=1e-6)
+    weak = Study(scene("small", **given, **{"drive.motor.belt.preload": 50.0}))
+    with pytest.raises(RuntimeError, match=r"the belt slips under 'cubic'.* give a preload of at least"):
+        _ = weak.runs
+
+
+HYDRAULICS = {
+    "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5, "discharge_coefficient": 0.62,
+    "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
+}  # fmt: skip
+
+
+DRIVES = {
+    "rigid": {},
+    "elastic": {"drive.stiffness": 1e6, "drive.damping": 3e3},
+    "motor": {"drive.motor": MOTOR, "drive.carts": 2},
+    "hydraulic": {"drive.hydraulics": HYDRAULICS},
+}
+
+
+@pytest.mark.parametrize("kind", DRIVES)
+def test_runs_of_every_drive_can_be_drawn_in_another_process(kind):
+    study = Study(scene(**{"drive.kind": kind, "motion.laws": ["cubic", "crank"]}, **DRIVES[kind]))
+    there = pickle.loads(pickle.dumps(study.runs))
+    for name, run in study.runs.items():
+        assert there[name].peak_force == run.peak_force
+        assert np.array_equal(there[name].drive_power, run.drive_power)
+
+
+def test_hydraulic_drive_goes_from_the_scene_to_the_summary(tmp_path):
+    springs = {"stiffness": 4e3, "preload": 200.0, "length": 0.1}
+    given = {"drive.kind": "hydraulic", "drive.hydraulics": HYDRAULICS, "drive.end_springs": springs}
+    study = Study(scene("small", **given, **{"output.wanted": ["tables", "crank"]}))
+    summary = report.write(study, tmp_path / "out")
+    rigid = Study(scene("small", **{"drive.end_springs": springs}))
+    bare = Study(scene("small"))
+    for name, told in summary["laws"].items():
+        assert told["peak_force"] == pytest.approx(rigid.runs[name].peak_force, rel=1e-12)
+        assert told["energy"] == pytest.approx(bare.runs[name].energy, rel=1e-9)
+        assert told["energy_residual"] < 1e-6
+    assert summary["laws"]["cubic"]["peak_pressure"] < bare.runs["cubic"].peak_force / 1e-3 + 2e5
+    best = study.rankings["peak_force"][0].run.name
+    passed = np.genfromtxt(tmp_path / "out" / f"passage-{best}.csv", delimiter=",", names=True)
+    assert np.abs(passed["position_m"] - passed["law_position_m"]).max() < 1e-3
+    assert f"throttles/{best}.csv" in summary["files"]
+    assert sum(summary["stages"].values()) == study.steps
+
+
+def test_power_of_the_shaft_is_that_of_the_run_through_the_rod():
+    study = Study(scene("loveikin-2015-crank", **{"motion.laws": ["crank"]}))
+    turn = study.turns["1"]
+    assert turn.mean(turn.power) == pytest.approx(study.runs["crank"].mean_power, rel=1e-6)
+
+
+def test_spread_of_the_force_follows_the_square_of_the_pressure():
+    force = Study(scene()).numbers["roller_force"]
+    assert (force.low / force.value, force.high / force.value) == pytest.approx((1.5**-2, 1.5**2), rel=1e-12)
+
+
+def test_spread_beyond_the_formulas_is_left_out():
+    study = Study(scene(**{"mix.overrides.effective_modulus": 0.5e6}))  # sin phi > 1 at the high end
+    assert study.numbers["roller_force"].high is None
+    assert study.numbers["roller_force"].low < study.engineering.roller_force
+
+
+def test_nothing_wanted_nothing_done(tmp_path):
+    study = Study(scene("small", **{"output.wanted": []}))
+    summary = report.write(study, tmp_path / "out")
+    assert summary["stages"] == {"contact": 1, "laws": 3, "runs": 3, "rankings": 1}
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["scene.hash", "summary.json"]
+
+
+def test_each_stage_is_run_once_and_counted(written):
+    study, summary, _ = written
+    assert summary["stages"] == {
+        "contact": 1, "laws": 3, "runs": 3, "rankings": 1, "cams": 9, "cams measured": 9, "crank": 5, "figures": 6,
+    }  # fmt: skip
+    assert sum(summary["stages"].values()) == study.steps
+
+
+def test_every_file_of_the_summary_stands_and_no_other(written):
+    _, summary, directory = written
+    found = {str(path.relative_to(directory)) for path in directory.rglob("*") if path.is_file()}
+    assert found == {*summary["files"], "summary.json", "scene.hash"}
+    assert not [name for name in found if name.endswith((".vtu", ".pvd", ".part"))]
+
+
+def test_every_headline_number_has_a_unit_and_an_origin(written):
+    _, summary, _ = written
+    assert all(number["unit"] and number["known_by"] for number in summary["numbers"].values())
+
+
+def test_cycle_table_integrates_to_the_energy(written):
+    study, _, directory = written
+    with (directory / "cycles" / "cubic.csv").open() as stream:
+        rows = [{name: float(cell) for name, cell in row.items()} for row in csv.DictReader(stream)]
+    time, power = (np.array([row[name] for row in rows]) for name in ("time_s", "drive_power_W"))
+    assert np.trapezoid(power, time) == pytest.approx(
+        study.runs["cubic"].energy, rel=5e-4
+    )  # trapezes between 129 points
+
+
+def test_stepper_in_the_roller_turns_with_the_travel(written):
+    study, _, directory = written
+    rows = np.genfromtxt(directory / "cams" / "reversal-3-stepper.csv", delimiter=",", names=True)
+    assert rows["angle_rad"].max() * study.scene.machine.roller_radius == pytest.approx(0.4, rel=1e-9)
+    speed = 1.2 * 0.4 / 3.0 / 0.11  # D 3.2: 6/5 of the mean speed, B eq (46)
+    assert np.abs(rows["angular_velocity_rads"]).max() == pytest.approx(speed, rel=1e-9)
+    run, rollers = study.runs["reversal-3"], study.scene.machine.rollers
+    assert rollers * np.trapezoid(rows["power_W"], rows["time_s"]) == pytest.approx(run.energy, rel=5e-3)
+    assert rollers * np.abs(rows["torque_Nm"]).max() == pytest.approx(run.peak_force * 0.11, rel=1e-2)
+    assert np.abs(rows["traction"]).max() == pytest.approx(run.peak_force / rollers / study.roller_load, rel=1e-2)
+
+
+def test_motors_in_the_rollers_are_told_in_the_table_and_the_summary(written):
+    study, summary, directory = written
+    with (directory / "roller-motors.csv").open(newline="") as stream:
+        rows = {row["law"]: row for row in csv.DictReader(stream)}
+    assert list(rows) == list(study.cycles)
+    for law, told in summary["roller_motors"].items():
+        assert told["peak_torque"] == study.roller_motors[law].peak_torque
+        assert float(rows[law]["peak_torque_Nm"]) == pytest.approx(told["peak_torque"], rel=1e-9)
+        assert told["peak_torque"] == pytest.approx(study.runs[law].peak_force * 0.11 / 2, rel=1e-3)
+        assert told["lack"] == rows[law]["lack"]
+        assert math.isnan(float(rows[law]["peak_creep"]))  # the formulas tell none
+    assert not (directory / "driven-roller.csv").exists()
+
+
+def test_two_runs_write_the_same_bytes(written, tmp_path):
+    study, _, directory = written
+    report.write(Study(study.scene), tmp_path / "again")
+    for path in directory.rglob("*.csv"):
+        assert path.read_bytes() == (tmp_path / "again" / path.relative_to(directory)).read_bytes()
+
+
+def test_figures_have_labelled_axes_and_pixels(written):
+    from matplotlib.image import imread
+
+    _, _, directory = written
+    drawn = sorted(directory.glob("*.png"))
+    assert [path.stem for path in drawn] == ["cams", "crank", "drive", "kinematics", "ranking", "reactions"]
+    assert all(imread(path).std() > 0.05 for path in drawn)
+
+
+def test_a_law_keeps_its_look_in_every_figure():
+    from compact.report.figures import look
+
+    assert {name: look(name) for name in LAW_NAMES}.keys() == set(LAW_NAMES)
+    assert look("cubic") == look("cubic") != look("quintic")
+    assert look("own table")["color"] == "black"
+
+
+OPTIMISE = {"objectives": ["peak_force", "peak_power"], "smoothness": 1, "steady_tolerance": 0.0, "acceleration": 0.6}
+
+
+def test_laws_made_for_the_machine_lead_those_with_a_steady_speed():
+    laws = ["reversal-2", "reversal-3-free-acceleration", "reversal-4-free-acceleration", "combined-4"]
+    study = Study(scene(**{"motion.laws": laws, "motion.optimise": OPTIMISE}))
+    assert study.rankings["peak_force"][0].run.name == "least-peak-force"
+    assert study.rankings["peak_power"][0].run.name == "least-peak-power"
+    for objective in OPTIMISE["objectives"]:
+        made = study.cycles[f"least-{objective.replace('_', '-')}"].there
+        assert getattr(study.runs[made.name], objective) == pytest.approx(made.value, rel=1e-4)
+        assert made.limits.velocity is None  # the formulas know no speed
+    assert study.counts["laws"] == 6
+
+
+RESTLESS = {"objectives": ["peak_force"], "smoothness": 1}
+COLUMN = {"accuracy.engine": "column", "motion.laws": ["reversal-4"], "machine.rolling": "frictionless"}
+SPECTRAL = COLUMN | {
+    "accuracy.engine": "spectral", "accuracy.tolerance": 0.05, "machine.profile": "circle",
+    "contact.speeds": [0.05, 0.3], "contact.peak_pressure": 203e3,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "layer", [pytest.param(COLUMN, id="column"), pytest.param(SPECTRAL, id="spectral", marks=pytest.mark.slow)]
+)
+def test_map_reaches_as_fast_as_the_law_that_is_made_wants_to_go(layer):
+    study = Study(scene(**layer, **{"motion.optimise": RESTLESS}))
+    given = study.fastest
+    there = study.optimal_cycles["least-peak-force"].there
+    assert given < there.peaks().velocity < 0.999 * there.limits.velocity
+    assert there.limits.velocity == study.fastest == pytest.approx(study.resistance_map.speeds[-1])
+    assert study.runs["least-peak-force"].peak_force == pytest.approx(there.value, rel=1e-3)
+
+
+def test_bound_of_the_scene_on_the_velocity_is_kept():
+    given = Study(scene(**COLUMN)).fastest
+    held = Study(scene(**COLUMN, **{"motion.optimise": RESTLESS | {"velocity": given}}))
+    assert held.optimal_cycles["least-peak-force"].there.peaks().velocity == pytest.approx(given)
+    assert held.fastest == given  # nothing is computed beyond it
+
+
+def test_law_that_wants_ever_more_speed_is_left_out(monkeypatch):
+    monkeypatch.setattr("compact.analysis.machine_models.NEAR", 0.0)
+    study = Study(scene(**COLUMN, **{"motion.optimise": RESTLESS}))
+    monkeypatch.setattr("compact.analysis.machine_models.REACHES", 2)
+    reason = r"least peak force wants to go as fast as .* m/s and faster; bound its"
+    with pytest.warns(UserWarning, match=f"least-peak-force is not made: .*{reason}"):
+        assert list(study.cycles) == ["reversal-4"]
+    assert study.fastest == pytest.approx(study.resistance_map.speeds[-1])  # the map goes as far as it says
+
+
+def test_resistance_is_carried_on_where_no_law_is_as_slow_as_it_reaches():
+    """With an acceleration bound the top speed is v T - v^2/a = stroke: faster than any given law and the crank."""
+    slow = COLUMN | {"motion.laws": ["constant-velocity"]}
+    study = Study(scene(**slow, **{"motion.optimise": RESTLESS | {"acceleration": 0.18}}))
+    given = study.fastest
+    top = study.optimal_cycles["least-peak-force"].there.peaks().velocity
+    assert top >= (0.54 - np.sqrt(0.54**2 - 4 * 0.18 * 0.4)) / 2 * (1 - 1e-3) > given
+
+
+def test_study_without_a_resistance_blames_no_law(monkeypatch):
+    monkeypatch.setattr("compact.analysis.resistance_stage.mapped", _fails)
+    study = Study(scene(**COLUMN, **{"motion.optimise": RESTLESS}))
+    with pytest.raises(RuntimeError, match="no contact"):
+        _ = study.cycles
+
+
+def _fails(*_, **__):
+    raise RuntimeError("no contact")
+
+
+@pytest.mark.slow
+def test_law_made_for_the_spread_of_the_mix_costs_little_at_any_end_of_it():
+    made = OPTIMISE | {"objectives": ["peak_power"], "spread": ["required_pressure"]}
+    study = Study(scene(**{"motion.laws": ["reversal-4"], "motion.optimise": made}))
+    low, high = (study.oppositions[k].resistance.force / study.resistance.force for k in (1, 2))
+    assert low < 1 / 2.2 < 2.2 < high  # the force follows the square of the pressure
+    assert 1 < study.cycles["least-peak-power"].there.value < 1.05
+
+
+def test_cam_for_a_roller_is_cut_as_the_scene_asks():
+    free, held = (
+        Study(
+            scene(
+                **{"motion.laws": ["cubic"], "motion.optimise": {"objectives": ["peak_power"], "smoothness": 1} | asked}
+            )
+        )
+        for asked in ({}, {"profile_radius": 0.12})
+    )
+    assert free.cam("least-peak-power", "roller").undercut
+    cam = held.cam("least-peak-power", "roller")
+    assert not cam.undercut
+    assert min(cam.least_radius_of_curvature, cam.least_hollow_radius) == pytest.approx(0.12, rel=1e-4)
+
+
+def test_cam_of_a_given_law_waits_for_no_other():
+    study = Study(scene(**{"motion.laws": ["cubic"], "motion.optimise": OPTIMISE}))
+    study.cam("cubic", "flat")
+    assert study.counts["laws"] == 1
+
+
+INFEASIBLE = {
+    "motion.laws": ["cubic", "reversal-4"], "motion.optimise": OPTIMISE | {"acceleration": 0.1},
+    "output.wanted": ["tables", "report"],
+}  # fmt: skip
+NOT_MADE = "no law keeps all limits; what would do, the others kept: acceleration"
+
+
+@pytest.mark.parametrize(
+    "layer", [pytest.param({}, id="formula"), pytest.param(COLUMN, id="column", marks=pytest.mark.slow)]
+)
+def test_bounds_that_no_law_keeps_leave_out_its_law_and_nothing_else(tmp_path, layer):
+    study = Study(scene(**layer | INFEASIBLE))
+    with pytest.warns(UserWarning, match=NOT_MADE) as told:
+        summary = report.write(study, tmp_path)
+    assert [str(one.message).partition(" ")[0] for one in told] == ["least-peak-force", "least-peak-power"]
+    bare = report.write(Study(scene(**layer | INFEASIBLE | {"motion.optimise": None})), tmp_path / "bare")
+    assert summary["files"] == bare["files"]
+    assert all((tmp_path / file).exists() for file in summary["files"])
+    assert list(summary["laws"]) == list(bare["laws"]) == ["cubic", "reversal-4"]
+    assert list(summary["laws_not_made"]) == ["least-peak-force", "least-peak-power"]
+    assert bare["laws_not_made"] == {}
+    reason = summary["laws_not_made"]["least-peak-force"]
+    assert reason.startswith(NOT_MADE)
+    assert f"not made: least-peak-force: {reason}" in report.digest(study).splitlines()
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert f"The law <strong>least-peak-force</strong> is not made: {NOT_MADE}" in page
+
+
+def test_law_whose_search_does_not_converge_costs_no_other(monkeypatch):
+    def optimise(objective, *task, **how):
+        if objective == "peak_power":
+            raise RuntimeError("no stationary law after 60 steps")
+        return motion.optimise(objective, *task, **how)
+
+    monkeypatch.setattr("compact.analysis.machine_models.optimise", optimise)
+    study = Study(scene(**{"motion.laws": ["cubic"], "motion.optimise": OPTIMISE}))
+    with pytest.warns(UserWarning, match="least-peak-power is not made: no stationary law after 60 steps"):
+        assert list(study.cycles) == ["cubic", "least-peak-force"]
+    assert study.laws_not_made == {"least-peak-power": "no stationary law after 60 steps"}
+    with pytest.raises(RuntimeError, match="no cam: least-peak-power is not made: no stationary law"):
+        study.cam("least-peak-power", "roller")
+
+
+def test_limits_out_of_range_are_still_refused(monkeypatch):
+    def optimise(*_, **__):
+        raise ValueError("`breadth` must exceed 1 m")
+
+    monkeypatch.setattr("compact.analysis.machine_models.optimise", optimise)
+    with pytest.raises(ValueError, match="`breadth` must exceed 1 m"):
+        _ = Study(scene(**{"motion.optimise": OPTIMISE})).cycles
+
+
+def test_cam_of_an_unknown_law_is_refused_with_the_choices():
+    study = Study(scene(**{"motion.laws": ["cubic"]}))
+    with pytest.raises(ValueError, match="no motion law 'least-noise'; choose from cubic"):
+        study.cam("least-noise", "roller")
+
+
+def test_own_table_is_ranked_beside_the_laws(tmp_path):
+    time = np.linspace(0, 3, 151)
+    quintic = 0.4 * np.polyval([6, -15, 10, 0, 0, 0], time / 3)
+    rows = "\n".join(f"{t:.6f},{x:.9f}" for t, x in zip(time, quintic, strict=True))
+    (tmp_path / "mine.csv").write_text(f"# measured on the stand\ntime,travel\n{rows}\n")
+    text = (SCENES / "small.toml").read_text().replace("rod_length", 'tables = ["mine.csv"]\nrod_length')
+    (tmp_path / "scene.toml").write_text(text)
+    study = Study(load_scene(tmp_path / "scene.toml"))
+    assert study.runs["mine"].peak_force == pytest.approx(
+        study.engineering.roller_resistance * 2 + 75.84 + 256.6, rel=1e-3
+    )
+
+
+def test_broken_table_is_refused_with_its_name(tmp_path):
+    (tmp_path / "mine.csv").write_text("0,0\n1,nonsense\n")
+    text = (SCENES / "small.toml").read_text().replace("rod_length", 'tables = ["mine.csv"]\nrod_length')
+    (tmp_path / "scene.toml").write_text(text)
+    with pytest.raises(SceneError, match=r"mine\.csv: not a table of time \[s\] and travel \[m\]"):
+        _ = Study(load_scene(tmp_path / "scene.toml")).runs
+
+
+def test_cam_without_its_table_is_refused(tmp_path):
+    study = Study(scene("small", **{"cam": None}))
+    with pytest.raises(SceneError, match=r"cam: missing; a cam needs a table \[cam\]"):
+        study.cam("cubic", "roller")
+
+
+def test_results_of_another_scene_are_kept(written, tmp_path):
+    study, _, directory = written
+    other = Study(study.scene.replaced(**{"motion.duration": 2.5}))
+    before = (directory / "summary.json").read_bytes()
+    with pytest.raises(ResultsError, match="holds results of another scene; give another --out, or --force"):
+        report.write(other, directory)
+    assert (directory / "summary.json").read_bytes() == before
+
+
+def test_formula_scene_loads_no_heavy_module(tmp_path):
+    script = (
+        "import sys; from compact.report import writer as report; from compact.scene.loader import load_scene;"
+        "from compact.analysis.study import Study;"
+        f"scene = load_scene({str(SCENES / 'small.toml')!r}, **{{'output.wanted': ['tables']}});"
+        f"report.write(Study(scene), {str(tmp_path / 'out')!r});"
+        "print(sorted({name.split('.')[0] for name in sys.modules}))"
+    )
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    assert "scipy" in loaded
+    for heavy in ("skfem", "meshio", "pyvista", "numba", "matplotlib", "vtk"):
+        assert f"'{heavy}'" not in loaded
+
+
+# what a study says in text
+
+
+def test_too_few_rollers_are_told_with_a_remedy_that_is_enough():
+    study = Study(scene())
+    assert study.engineering.rollers_needed == 3
+    said = coverage(study.scene, study.engineering)
+    assert said.startswith(
+        "eq 1.2: the product, 1.164 m wide, needs 3 rollers, the scene has 2; set machine.rollers to 3"
+    )
+    sleeve, stroke = (float(re.search(rf"{key} to ([\d.]+) m", said)[1]) for key in ("feeder_sleeve", "stroke"))
+    assert stroke == pytest.approx(1.164 / 2 + 0.012)  # eq 1.3 with two
+    longer = {"machine.feeder_sleeve": sleeve, "motion.stroke": stroke}
+    for change in ({"machine.rollers": 3, "machine.roller_positions": [0.3, 0.0, -0.3]}, longer):
+        mended = Study(scene(**change))
+        assert mended.engineering.rollers_needed == mended.scene.machine.rollers
+        assert coverage(mended.scene, mended.engineering) == ""
+    assert said in " ".join(report.digest(Study(scene("small"))).split())
+
+
+def test_rigid_drives_are_not_said_to_ring():
+    assert "rings" not in report.digest(Study(scene("small")))
+
+
+def test_one_contact_is_told_by_metre_and_by_roller():
+    study = Study(scene())
+    rolled = engines.passes(study.scene, study.mix, 0.1)
+    lines = contact_tables.digest(study, 0.1, rolled).splitlines()
+    load, force, resistance, pull = ([float(n) for n in line[20:].split() if n != "-"] for line in lines[1:5])
+    length = study.scene.machine.roller_length
+    assert force == pytest.approx([length * each for each in load], rel=1e-4)
+    assert pull == pytest.approx([length * each for each in resistance], rel=1e-4)
+    assert force[1] == pytest.approx(9740, rel=1e-4)
+    assert "a roller is 1.164 m long, the cart has 2" in lines
+
+
+@pytest.mark.parametrize("laws", [["constant-velocity"], ["crank", "gear-sector"]])
+def test_resistance_reaches_as_far_as_a_spring_throws_the_cart_at_a_jump(laws):
+    spring = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3}
+    study = Study(scene(**spring, **{"accuracy.engine": "column", "layer.lift": 0.06, "motion.laws": laws}))
+    run = study.runs[laws[-1]]
+    assert np.abs(run.state.velocity).max() < study.resistance_map.speeds[-1]
+    assert study.fastest >= 4 * 0.4 / 3

@@ -1,0 +1,112 @@
+"""Ties in what `compact run` leaves behind: every criterion ranked under a rigid drive, in tables, page and digest."""
+
+import csv
+import json
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+from compact.analysis.study import Study
+from compact.drive import CRITERIA
+from compact.machine.ranking import BUILD_TOLERANCE
+from compact.report import html_answer, html_machine, ranking_figures
+from compact.report import writer as report
+from compact.scene.loader import load_scene
+
+SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+EVEN = ("constant-velocity", "combined-2", "reversal-2", "reversal-4-free-both")
+LAWS = (*EVEN, "cubic", "harmonic", "parabolic", "quintic", "modified-trapezoid")
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Study, directory and digest of a rigid drive ranked by every criterion, against columns that tell their error."""
+    changes = {
+        "accuracy.engine": "column", "accuracy.tolerance": 0.05, "contact.speeds": [0.05, 0.3],
+        "contact.peak_pressure": 180e3, "layer.fed_density_ratio": 0.95, "drive.kind": "rigid",
+        "drive.rank_by": list(CRITERIA), "motion.laws": list(LAWS), "output.wanted": ["tables"],
+    }  # fmt: skip
+    study = Study(load_scene(SMALL, **changes))
+    directory = tmp_path_factory.mktemp("ties")
+    report.write(study, directory)
+    return study, directory, report.digest(study)
+
+
+def rows(directory, by, engine="column"):
+    with (directory / "ranking.csv").open(newline="") as stream:
+        return [row for row in csv.DictReader(stream) if (row["engine"], row["criterion"]) == (engine, by)]
+
+
+def test_even_laws_share_the_first_place_by_unevenness(written):
+    found = rows(written[1], "nonuniformity")
+    assert {row["law"] for row in found if row["rank"] == "1"} == set(EVEN)
+    assert {row["value"] for row in found if row["rank"] == "1"} == {"0"}
+
+
+@pytest.mark.parametrize("by", CRITERIA)
+def test_no_margin_of_any_table_is_over_rounding(written, by):
+    for engine in ("column", "formula"):
+        margins = [float(row["margin"]) for row in rows(written[1], by, engine)]
+        assert not [margin for margin in margins if 10 < margin < math.inf]
+
+
+@pytest.mark.parametrize("by", CRITERIA)
+def test_infinite_values_share_the_last_rank_and_are_not_sure(written, by):
+    found = rows(written[1], by)
+    infinite = [row for row in found if row["reason"]]
+    assert {(row["rank"], row["value"], row["sure"]) for row in infinite} <= {(str(len(found)), "inf", "False")}
+    assert all(row["rank"] != "1" for row in infinite)
+    assert infinite or by not in ("peak_jerk", "peak_force", "dynamic_factor")
+
+
+@pytest.mark.parametrize("by", CRITERIA)
+def test_laws_within_the_build_tolerance_tie_and_are_not_sure(written, by):
+    for engine in ("column", "formula"):
+        found = rows(written[1], by, engine)
+        for row in found:
+            assert (row["tie"] == "True") == (float(row["margin"]) < BUILD_TOLERANCE)
+            assert row["tie"] == "False" or row["sure"] == "False"
+
+
+def test_force_has_ties_and_sure_places(written):
+    """So that the tests before look at both."""
+    found = rows(written[1], "peak_force")
+    assert {row["tie"] for row in found} == {row["sure"] for row in found} == {"True", "False"}
+
+
+def test_page_prints_ties_as_such(written):
+    page = html_machine.ranking(written[0], {}).html()
+    table = re.search(r"<caption>Laws by peak drive force, rigid.*?</table>", page, re.DOTALL).group(0)
+    cells = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", table)[1:]]
+    ties = {row["law"] for row in rows(written[1], "peak_force") if row["tie"] == "True"}
+    assert {cell[1] for cell in cells if cell[3] == "tie"} == ties
+    assert {cell[1] for cell in cells if cell[5] == "–"} == {"constant-velocity"}
+    assert not [cell for cell in cells if cell[3] == "tie" and cell[5] != "tie"]
+    assert not re.search(r"\d × 10[⁴-⁹¹][⁰-⁹]* %", page)
+
+
+def test_summary_and_digest_tell_ties(written):
+    _, directory, digest = written
+    ranked = json.loads((directory / "summary.json").read_text())["rankings"]["peak_force"]
+    ties = [place["law"] for place in ranked if place["tie"]]
+    assert ties
+    lines = [line for line in digest.split("laws by peak power")[0].splitlines() if "tie with the next" in line]
+    assert [line.split()[1] for line in lines] == ties
+
+
+def test_one_law_of_infinite_peaks_is_none_and_no_first(tmp_path):
+    changes = {"motion.laws": ["constant-velocity", "gear-sector"], "output.wanted": ["tables"]}
+    study = Study(load_scene(SMALL, **changes, **{"accuracy.engine": "formula", "drive.rank_by": ["peak_force"]}))
+    report.write(study, tmp_path)
+    assert [row["rank"] for row in rows(tmp_path, "peak_force", "formula")] == ["2", "2"]
+    assert "No law has a finite peak drive force" in html_answer.answer(study, [], [])
+    assert study.places["rigid"]["peak_force"][0].sure is False
+
+
+def test_figure_of_the_engines_has_no_excess_over_rounding(written):
+    study, _, _ = written
+    for places in study.places["rigid"]["nonuniformity"], study.places["rigid"]["energy"]:
+        by = "nonuniformity" if places is study.places["rigid"]["nonuniformity"] else "energy"
+        assert max(value for value, _ in ranking_figures._excess(places, by).values()) < 200

@@ -1,0 +1,450 @@
+"""Cams: circles and spirals in closed form, geometry by finite differences, published least breadths."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower, least_breadth, stepper
+from compact.motion.profile import LAWS, Cycle, law
+
+STROKE, DURATION, BREADTH = 0.4, 3.0, 1.0
+FOLLOWERS = (Pointed(), RollerFollower(0.03), FlatFace())
+BY_NAME = {"ids": lambda follower: type(follower).__name__}
+SMOOTH = [name for name in LAWS if name not in ("constant-velocity", "gear-sector")]
+KINDS = ("quintic", "complex", "reversal-4", "crank", "parabolic", "modified-trapezoid")  # one of each kind
+MIRRORED = [name for name in LAWS if not LAWS[name].retraces]
+
+
+def cycle(name, far_dwell=0.0, near_dwell=0.0, stroke=STROKE, **shape):
+    rod = {"rod_length": 2 * stroke} if name == "crank" else {}
+    return Cycle(law(name, stroke, DURATION, **rod, **shape), far_dwell, near_dwell)
+
+
+def made(name, follower, breadth=BREADTH, **options):
+    return Cam(cycle(name, **options), breadth, follower)
+
+
+def inside_pieces(cam, count=240, margin=1e-3):
+    """Angles at least a margin from any join."""
+    angle = np.linspace(0, 2 * np.pi, count, endpoint=False) + 0.001234
+    joins = np.concatenate([leg.start + leg.duration * leg.joined_at() for leg in cam.cycle.legs()])
+    joins = 2 * np.pi * joins / cam.cycle.period
+    return angle[np.abs(angle[:, None] - joins).min(axis=1) > margin]
+
+
+def tangent(cam, angle, step=1e-5):
+    return (cam.profile(angle + step) - cam.profile(angle - step)) / (2 * step)
+
+
+def direction(angle):
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+# (a) closed forms
+
+
+def test_harmonic_law_on_a_flat_face_is_an_eccentric_circle():
+    cam = made("harmonic", FlatFace())
+    angle = np.linspace(0, 2 * np.pi, 97)
+    x, y = cam.profile(angle)
+    assert np.hypot(x + STROKE / 2, y) == pytest.approx(BREADTH / 2, rel=1e-14)
+    assert cam.curvature(angle) == pytest.approx(2 / BREADTH, rel=1e-13)
+    assert cam.least_radius_of_curvature == pytest.approx(BREADTH / 2, rel=1e-13)
+    assert cam.largest_contact_offset == pytest.approx(STROKE / 2, rel=1e-13)
+
+
+def test_harmonic_law_on_a_point_is_a_limacon():
+    angle = np.linspace(0, 2 * np.pi, 97)
+    A, B = BREADTH / 2, -STROKE / 2
+    exact = (A**2 + 2 * B**2 + 3 * A * B * np.cos(angle)) / (A**2 + B**2 + 2 * A * B * np.cos(angle)) ** 1.5
+    cam = made("harmonic", Pointed())
+    assert cam.curvature(angle) == pytest.approx(exact, rel=1e-13)
+    assert np.tan(cam.largest_pressure_angle) == pytest.approx(-B / np.sqrt(A**2 - B**2), rel=1e-13)
+
+
+def test_constant_velocity_on_a_point_is_a_spiral_of_archimedes():
+    cam, angle, k = made("constant-velocity", Pointed()), np.linspace(0.1, 3.0, 31), STROKE / np.pi
+    rho = (BREADTH - STROKE) / 2 + k * angle
+    assert cam.radius(angle) == pytest.approx(rho, rel=1e-14)
+    assert cam.curvature(angle) == pytest.approx((rho**2 + 2 * k**2) / (rho**2 + k**2) ** 1.5, rel=1e-13)
+    assert np.tan(cam.largest_pressure_angle) == pytest.approx(2 * k / (BREADTH - STROKE), rel=1e-12)
+
+
+@pytest.mark.parametrize(("follower", "smaller"), [(Pointed(), 0), (RollerFollower(0.03), 0.03), (FlatFace(), 0)])
+def test_dwells_are_arcs_about_the_axis(follower, smaller):
+    cam = made("quintic", follower, far_dwell=1.0, near_dwell=2.0)
+    for first, last, radius in ((3.05, 3.95, 0.7 - smaller), (7.05, 8.95, 0.3 - smaller)):
+        angle = 2 * np.pi * np.linspace(first, last, 9) / 9
+        assert np.hypot(*cam.profile(angle)) == pytest.approx(radius, rel=1e-14)
+        assert cam.curvature(angle) == pytest.approx(1 / radius, rel=1e-14)
+        assert np.all(cam.pressure_angle(angle) == 0)
+        assert np.all(cam.contact_offset(angle) == 0)
+
+
+def test_crank_breadth_errs_by_the_share_of_the_rod():
+    k = STROKE / 2 / (2 * STROKE)
+    error = STROKE * (1 - np.sqrt(1 - k**2)) / k
+    assert made("crank", Pointed()).breadth_error == pytest.approx(error, rel=1e-12)
+
+
+def test_point_is_a_roller_without_radius():
+    angle = np.linspace(0, 6, 50)
+    small, point = made("septic", RollerFollower(1e-12)), made("septic", Pointed())
+    assert small.profile(angle) == pytest.approx(point.profile(angle), abs=2e-12)
+    assert small.least_breadth().breadth == pytest.approx(STROKE, rel=1e-10)
+
+
+# (c) published least breadths, reference/errata.md "Cams"; the others need b > stroke
+
+PUBLISHED = {
+    "combined-3": 1.514, "combined-2": 1.736, "combined-4": 1.964, "reversal-3": 1.227, "reversal-4": 1.767,
+    "reversal-3-free-acceleration": 1.084, "reversal-4-free-acceleration": 1.545,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_published_least_breadth_of_a_flat_face(name):
+    least = least_breadth(cycle(name), FlatFace())
+    assert least.breadth / STROKE == pytest.approx(PUBLISHED[name], abs=5e-4)
+    assert least.rule == "the profile must not run backwards"
+
+
+REST = sorted(set(SMOOTH) - set(PUBLISHED) - {"reversal-4-free-jerk", "reversal-4-free-both"})
+
+
+@pytest.mark.parametrize("name", REST)
+def test_other_laws_need_but_the_axis_inside_a_flat_faced_cam(name):
+    least = least_breadth(cycle(name), FlatFace())
+    assert least.breadth == pytest.approx(STROKE, rel=1e-12)
+    assert least.rule == "the axis must lie inside the profile"
+
+
+@pytest.mark.parametrize("follower", [RollerFollower(0.03), FlatFace()], **BY_NAME)
+@pytest.mark.parametrize("name", ["constant-velocity", "gear-sector"])
+def test_a_drop_of_velocity_is_impossible(name, follower):
+    least = least_breadth(cycle(name), follower)
+    assert least.breadth == np.inf
+    assert least.rule == "impossible: the velocity drops by 0.2667 m/s at the angle 3.142 rad"
+    cam = made(name, follower)
+    assert cam.undercut
+    assert cam.least_radius_of_curvature == (-0.03 if follower != FlatFace() else -np.inf)
+
+
+# geometry, from the profile alone
+
+
+@pytest.mark.parametrize("name", MIRRORED)
+@pytest.mark.parametrize("dwell", [0.0, 1.1])
+def test_breadth_is_constant(name, dwell):
+    cam = made(name, Pointed(), far_dwell=dwell, near_dwell=dwell)
+    angle = np.linspace(-1, 7, 4001)
+    assert cam.radius(angle) + cam.radius(angle + np.pi) == pytest.approx(BREADTH, rel=1e-14, abs=0)
+    assert cam.breadth_error <= 1e-14 * BREADTH
+
+
+@pytest.mark.parametrize("name", ["harmonic", "combined-3"])
+def test_breadth_error_of_unequal_dwells(name):
+    cam = made(name, FlatFace(), far_dwell=0.5)
+    angle = np.linspace(0, 2 * np.pi, 200_001)
+    sampled = np.abs(cam.radius(angle) + cam.radius(angle + np.pi) - BREADTH).max()
+    assert cam.breadth_error == pytest.approx(sampled, rel=1e-8)
+    assert sampled > 0.01
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize("follower", FOLLOWERS, **BY_NAME)
+def test_curvature_is_that_of_the_points(follower, name):
+    cam, step = made(name, follower), 1e-4
+    angle = inside_pieces(cam)
+    before, here, after = (cam.profile(angle + shift) for shift in (-step, 0, step))
+    (dx, dy), (ddx, ddy) = (after - before) / (2 * step), (after - 2 * here + before) / step**2
+    arc = np.hypot(dx, dy)
+    good = arc > 0.05  # near a cusp of an undercut cam differences tell nothing
+    exact = ((dx * ddy - dy * ddx) / arc**3)[good]
+    # an undercut part runs backwards: its normal, and with it the sign, is reversed
+    sign = np.sign(cam.radius_of_curvature(angle))[good] if follower == FlatFace() else 1
+    assert cam.curvature(angle)[good] * sign == pytest.approx(exact, rel=2e-4, abs=2e-4)
+    assert (1 / cam.radius_of_curvature(angle)[good]) * sign == pytest.approx(exact, rel=2e-4, abs=2e-4)
+
+
+@pytest.mark.parametrize("name", [*SMOOTH, "constant-velocity"])
+@pytest.mark.parametrize("follower", FOLLOWERS, **BY_NAME)
+def test_pressure_angle_lies_between_travel_and_the_normal_of_the_points(follower, name):
+    cam = made(name, follower, breadth=1.5)
+    angle = inside_pieces(cam)
+    tx, ty = tangent(cam, angle)
+    travel = direction(angle)
+    # the outward normal (ty, -tx) leans back by the pressure angle where the follower rises
+    lean = np.arctan2(-(travel[0] * -tx - travel[1] * ty), travel[0] * ty - travel[1] * tx)
+    assert cam.pressure_angle(angle) == pytest.approx(lean, abs=1e-7)
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_roller_profile_is_parallel_to_the_path_of_the_centre(name):
+    r, cam = 0.05, made(name, RollerFollower(0.05))
+    angle = inside_pieces(cam)
+    centre = cam.radius(angle) * direction(angle)
+    assert np.hypot(*(centre - cam.profile(angle))) == pytest.approx(r, rel=1e-12)
+    (px, py), (cx, cy) = tangent(cam, angle), tangent(made(name, Pointed()), angle)
+    assert px * cy - py * cx == pytest.approx(0, abs=1e-7)
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize("dwell", [0.0, *(pytest.param(dwell, marks=pytest.mark.slow) for dwell in (6.0, 30.0))])
+def test_roller_touches_its_cam_and_nowhere_cuts_it(name, dwell):
+    assert_touched_and_nowhere_cut(name, dwell)
+
+
+@pytest.mark.parametrize("name", ["quintic", "combined-3", "complex", "crank", "parabolic"])
+def test_roller_nowhere_cuts_a_thin_lobe(name):
+    assert_touched_and_nowhere_cut(name, dwell=30.0)
+
+
+def assert_touched_and_nowhere_cut(name, dwell):
+    """Envelope: of all points of the profile the nearest to each centre is r away."""
+    r = 0.03
+    cam = made(name, RollerFollower(r), near_dwell=dwell, breadth=1.0)
+    cam = replace(cam, breadth=1.01 * cam.least_breadth().breadth)
+    angle = np.concatenate([np.linspace(0, 4 * np.pi * DURATION / cam.cycle.period, 1500), [5.0, 6.0]])
+    x, y = cam.radius(angle) * direction(angle)
+    px, py = cam.profile(angle)
+    nearest = np.hypot(px - x[:, None], py - y[:, None]).min(axis=1)
+    assert not cam.undercut
+    assert nearest == pytest.approx(r, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["septic", "reversal-4", "combined-2"])
+def test_flat_face_touches_its_cam_and_nowhere_cuts_it(name):
+    cam = made(name, FlatFace())
+    angle = np.linspace(0, 2 * np.pi, 1001)
+    reach = direction(angle).T @ cam.profile(angle)
+    assert reach.max(axis=1) == pytest.approx(cam.radius(angle), rel=1e-13)
+    assert np.abs(cam.contact_offset(angle)).max() == pytest.approx(cam.largest_contact_offset, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("follower", "name"),
+    [
+        *((RollerFollower(0.03), name) for name in SMOOTH),
+        *((follower, name) for follower in (Pointed(), FlatFace()) for name in KINDS),
+    ],
+    ids=lambda value: value if isinstance(value, str) else type(value).__name__,
+)
+def test_extremes_are_those_of_dense_samples(follower, name):
+    cam = made(name, follower, far_dwell=0.3)
+    angle = np.linspace(0, 2 * np.pi, 100_001)
+    pressure = np.abs(cam.pressure_angle(angle)).max()
+    assert cam.largest_pressure_angle == pytest.approx(pressure, rel=3e-5, abs=1e-15)
+    assert cam.largest_pressure_angle >= pressure * (1 - 1e-12)
+    radius = cam.radius_of_curvature(angle)
+    least = (radius if follower == FlatFace() else radius[cam.curvature(angle) > 0]).min()
+    assert cam.least_radius_of_curvature == pytest.approx(least, abs=1e-4)
+    assert cam.least_radius_of_curvature <= least + 1e-12
+
+
+@pytest.mark.parametrize("radius", [0.05, 0.3, 2.0])
+@pytest.mark.parametrize("name", ["reversal-4", "combined-4", "parabolic"])
+def test_least_breadth_lets_the_path_of_the_centre_bend_as_the_roller(name, radius):
+    """Naive twin: the least radius of curvature of the pitch curve, on samples, is the roller's."""
+    motion = cycle(name, run_up=0.05, run_down=0.05) if name != "parabolic" else cycle(name, far_dwell=1.0)
+    least = least_breadth(motion, RollerFollower(radius))
+    if least.rule != "the profile must not run backwards":
+        assert least.breadth == pytest.approx(STROKE + 2 * radius, rel=1e-12)
+        return
+    phi = np.linspace(0, 2 * np.pi, 400_001)[1:]
+    unit = motion.period / (2 * np.pi)
+    rho, v, a = (unit**k * motion.derivative(phi * unit, k) for k in range(3))
+    rho = rho + (least.breadth - STROKE) / 2
+    bend = (rho**2 + 2 * v**2 - rho * a) / (rho**2 + v**2) ** 1.5
+    assert 1 / bend.max() == pytest.approx(radius, rel=1e-4)
+    assert bend.max() * radius <= 1 + 1e-9
+
+
+# joins
+
+
+def test_velocity_jumps_are_kinks_of_the_path():
+    assert made("constant-velocity", Pointed()).kinks == pytest.approx((0, np.pi), abs=1e-15)
+    standing = made("constant-velocity", Pointed(), far_dwell=1.0, near_dwell=2.0)
+    assert standing.kinks == pytest.approx([2 * np.pi * time / 9 for time in (0, 3, 4, 7)], abs=1e-14)
+    assert not standing.undercut
+    assert standing.least_radius_of_curvature == 0
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_no_kink_without_a_jump_of_velocity(name):
+    assert made(name, Pointed()).kinks == ()
+
+
+def test_jump_of_acceleration_jumps_the_curvature_alone():
+    cam, join = made("parabolic", Pointed()), np.pi / 2
+    before, after = cam.curvature(np.array([join - 1e-9, join + 1e-9]))
+    rho, jump = BREADTH / 2, 8 * STROKE / np.pi**2
+    w = np.hypot(rho, 2 * STROKE / np.pi)
+    assert after - before == pytest.approx(rho * jump / w**3, rel=1e-6)
+    assert cam.curvature(join) == pytest.approx(after, rel=1e-6)
+
+
+def test_an_upward_jump_of_velocity_is_a_flat_on_the_cam():
+    up = replace(law("combined-2", STROKE, DURATION, run_up=0.0, run_down=0.3), retraces=True)
+    least = least_breadth(Cycle(up), FlatFace())
+    assert np.isfinite(least.breadth)
+    assert np.isfinite(least_breadth(Cycle(up), RollerFollower(0.03)).breadth)
+    assert not Cam(Cycle(up), 1.01 * least.breadth, FlatFace()).undercut
+    assert least_breadth(Cycle(replace(up, retraces=False)), FlatFace()).breadth == np.inf
+
+
+# (d) hard cases
+
+
+@pytest.mark.parametrize("follower", FOLLOWERS, **BY_NAME)
+@pytest.mark.parametrize("name", ["combined-4", "reversal-4", "reversal-2"])
+def test_short_run_up(name, follower):
+    """The run-up of a fiftieth: the published formula on samples of it alone."""
+    motion = cycle(name, run_up=0.02, run_down=0.02)
+    least = least_breadth(motion, follower).breadth
+    if follower == FlatFace():
+        time = np.linspace(0, DURATION, 3_000_001)[1:-1]
+        unit = motion.period / (2 * np.pi)
+        sampled = np.max(STROKE - 2 * (motion.derivative(time, 0) + unit**2 * motion.derivative(time, 2)))
+        assert least == pytest.approx(sampled, rel=1e-6)
+    assert not Cam(motion, least * (1 + 1e-6), follower).undercut
+
+
+def test_complex_law_with_thin_layers_at_its_ends():
+    cam = made("complex", RollerFollower(0.03), energy_weight=0.999999, acceleration_weight=0.0000009)
+    assert cam.least_breadth().breadth > STROKE + 0.06
+    assert not Cam(cam.cycle, cam.least_breadth().breadth * (1 + 1e-6), cam.follower).undercut
+
+
+def test_cam_hardly_broader_than_the_stroke():
+    cam = made("quintic", Pointed(), breadth=STROKE * (1 + 1e-9))
+    assert cam.radius(0.0) == pytest.approx(2e-10, rel=1e-6)
+    assert 1.5 < cam.largest_pressure_angle < np.pi / 2
+    assert not cam.undercut
+
+
+@pytest.mark.parametrize("follower", FOLLOWERS, **BY_NAME)
+def test_turns_repeat(follower):
+    cam, angle = made("reversal-3", follower, far_dwell=0.7), np.linspace(0.05, 6, 40)
+    assert cam.profile(angle - 20 * np.pi) == pytest.approx(cam.profile(angle), abs=1e-13)
+    assert cam.curvature(angle + 20 * np.pi) == pytest.approx(cam.curvature(angle), rel=1e-10)
+
+
+def test_thin_lobe_needs_more_than_its_curvature_asks():
+    """A lobe of a sixth of the turn. `test_roller_nowhere_cuts_a_thin_lobe` is the independent check."""
+    follower, motion = RollerFollower(0.03), cycle("quintic", near_dwell=30.0)
+    least = least_breadth(motion, follower)
+    assert least.rule == "the flanks of the lobe must not cross"
+    assert Cam(motion, least.breadth * (1 - 1e-4), follower).undercut
+    assert not Cam(motion, least.breadth * (1 + 1e-6), follower).undercut
+    assert Cam(motion, least.breadth * (1 - 1e-4), follower).least_radius_of_curvature > 0
+
+
+# (e) properties
+
+shapes = st.fixed_dictionaries(
+    {
+        "name": st.sampled_from(SMOOTH),
+        "run_up": st.floats(0.02, 0.5),
+        "run_down": st.floats(0.02, 0.5),
+        "far_dwell": st.sampled_from([0.0, 0.4, 3.0]),
+        "near_dwell": st.sampled_from([0.0, 0.4, 3.0]),
+    }
+)
+followers = st.one_of(
+    st.just(Pointed()), st.just(FlatFace()), st.floats(1e-3, 3.0).map(lambda radius: RollerFollower(radius))
+)
+
+
+@settings(max_examples=25, deadline=None)
+@given(shapes, followers)
+def test_undercut_begins_below_the_least_breadth(shape, follower):
+    motion = cycle(**shape)
+    least = least_breadth(motion, follower).breadth
+    assert least >= STROKE
+    assert not Cam(motion, least * (1 + 1e-6), follower).undercut
+    assert not Cam(motion, least * 1.5, follower).undercut
+    if least * (1 - 1e-6) > STROKE:
+        assert Cam(motion, least * (1 - 1e-6), follower).undercut
+    else:
+        with pytest.raises(ValueError, match="`breadth` must be greater than the stroke"):
+            Cam(motion, least * (1 - 1e-6), follower)
+
+
+@settings(max_examples=12, deadline=None)
+@given(shapes, st.floats(1e-3, 1e3), st.floats(0.01, 1.0))
+def test_least_breadth_scales_with_the_lengths(shape, scale, radius):
+    one = least_breadth(cycle(**shape), RollerFollower(radius)).breadth
+    other = least_breadth(cycle(**shape, stroke=scale * STROKE), RollerFollower(scale * radius)).breadth
+    assert other == pytest.approx(scale * one, rel=1e-9)
+
+
+# table and stepper
+
+
+def test_table_is_the_cam_along_a_closed_turn():
+    cam = made("reversal-4", RollerFollower(0.03), far_dwell=1.0)
+    table = cam.table(91)
+    assert table.header == (
+        "angle_rad", "radius_m", "x_m", "y_m", "pressure_angle_rad", "curvature_per_m", "contact_offset_m",
+    )  # fmt: skip
+    angle, radius, x, y, *_ = table.columns
+    assert np.all(np.diff(angle) > 1e-9)
+    assert (angle[0], angle[-1]) == (0, pytest.approx(2 * np.pi, abs=1e-15))
+    joins = 2 * np.pi / 7 * np.array([0.5, 2.5, 3, 4, 4.5, 6.5])
+    assert np.abs(angle[:, None] - joins).min(axis=0) == pytest.approx(0, abs=1e-14)
+    assert radius == pytest.approx(cam.radius(angle), rel=1e-15)
+    assert np.array([x, y]) == pytest.approx(cam.profile(angle), rel=1e-15)
+    assert np.array(table.rows()).shape == (table.columns.shape[1], 7)
+    assert np.all(np.isfinite(table.columns))
+
+
+def test_table_holds_each_join_once():
+    angle = made("reversal-4", Pointed()).table(13).columns[0]  # joins are multiples of pi/6 but for rounding
+    assert angle == pytest.approx(np.linspace(0, 2 * np.pi, 13), abs=1e-14)
+
+
+def test_stepper_turns_by_the_travel_over_the_radius():
+    """Paper B, steady part: 48 dx/(43 T R), errata B-8; and each derivative is that of the one before."""
+    motion, time, h = cycle("reversal-4-free-both"), np.linspace(0.05, 5.95, 40), 1e-5
+    turn = stepper(motion, 0.11, time)
+    assert stepper(motion, 0.11, 1.5).angular_velocity == pytest.approx(48 * STROKE / (43 * DURATION * 0.11), rel=1e-13)
+    assert turn.angle == pytest.approx(motion.derivative(time, 0) / 0.11, rel=1e-15)
+    after, before = stepper(motion, 0.11, time + h), stepper(motion, 0.11, time - h)
+    names = ("angle", "angular_velocity", "angular_acceleration", "angular_jerk")
+    slopes = [(getattr(after, name) - getattr(before, name)) / (2 * h) for name in names[:-1]]
+    assert np.array(slopes) == pytest.approx(np.array([getattr(turn, name) for name in names[1:]]), abs=1e-4)
+
+
+# (g) refusals
+
+
+@pytest.mark.parametrize("breadth", [0.3, STROKE])
+def test_breadth_within_the_stroke_is_refused(breadth):
+    message = f"`breadth` must be greater than the stroke, got {breadth:g} m for 0.4 m; .* `least_breadth`"
+    with pytest.raises(ValueError, match=message):
+        made("quintic", Pointed(), breadth=breadth)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: made("quintic", Pointed(), breadth=np.nan), "`breadth` must be positive and finite, got nan"),
+        (lambda: made("quintic", Pointed(), breadth=np.inf), "`breadth` must be positive and finite, got inf"),
+        (lambda: RollerFollower(0.0), "`radius` must be positive and finite, got 0.0"),
+        (lambda: Pointed(0.1), "a pointed follower has `radius` 0, got 0.1; take RollerFollower"),
+        (lambda: made("quintic", Pointed()).radius(np.nan), "`angle` must be finite, got nan"),
+        (lambda: made("quintic", Pointed()).table(1), "`points` must be at least 2, got 1"),
+        (lambda: made("quintic", Pointed()).table(10**9), "`points` must be at most 1000000, got 1000000000; "),
+        (lambda: stepper(cycle("quintic"), -1.0, 0.0), "`roller_radius` must be positive and finite, got -1.0"),
+        (lambda: stepper(cycle("quintic"), 0.1, np.nan), "`time` must be finite, got nan"),
+    ],
+    ids=["nan", "inf", "radius", "pointed", "angle", "points", "many points", "roller", "time"],
+)
+def test_refusals(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

@@ -1,0 +1,367 @@
+"""Cams to cut: followers re-rolled on the exported points keep the law; the cutter fits; the files open elsewhere."""
+
+import csv
+import re
+from io import BytesIO, StringIO
+from xml.etree import ElementTree
+
+import ezdxf
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from compact.cams import export as cam_files
+from compact.cams import workshop_drawing
+from compact.cams.export import FRAMES, moving
+from compact.cams.machining import cut, largest_cutter, rerolled
+from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower, breadth_for_pressure_angle
+from compact.motion.profile import LAWS, Cycle, law
+from compact.scene.loader import parse_scene, starter_scene
+
+STROKE, DURATION, BREADTH, MICROMETRE = 0.4, 3.0, 0.9, 1e-6
+FOLLOWERS = (Pointed(), RollerFollower(0.03), FlatFace())
+BY_NAME = {"ids": lambda follower: type(follower).__name__}
+SMOOTH = [name for name in LAWS if name not in ("constant-velocity", "gear-sector")]
+KINDS = ("quintic", "complex", "reversal-4", "crank", "parabolic", "modified-trapezoid")  # one of each kind
+ALL_ROUND = 2 * np.pi * (np.arange(5003) + 0.3217) / 5003  # angles that are no points' angles
+SQUARE = np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
+
+
+def made(name, follower, breadth=BREADTH, far_dwell=0.0, near_dwell=0.0, **shape):
+    rod = {"rod_length": 2 * STROKE} if name == "crank" else {}
+    return Cam(Cycle(law(name, STROKE, DURATION, **rod, **shape), far_dwell, near_dwell), breadth, follower)
+
+
+def off_the_law(points, cam):
+    return np.abs(rerolled(points, cam.follower, ALL_ROUND) - cam.radius(ALL_ROUND)).max()
+
+
+def from_svg(text):
+    """Points [m] of the profile in an SVG drawing."""
+    profile = next(e for e in ElementTree.fromstring(text).iter() if e.get("class") == "PROFILE")
+    return np.array([pair.split(",") for pair in profile.get("points").split()], float) * (1e-3, -1e-3)
+
+
+# (a) closed forms
+
+
+@pytest.mark.parametrize(
+    ("follower", "angle", "exact"),
+    [
+        (FlatFace(), 0.0, 1.0),
+        (FlatFace(), 0.3, np.cos(0.3) + np.sin(0.3)),
+        (Pointed(), 0.3, 1 / np.cos(0.3)),
+        (Pointed(), np.pi / 4, np.sqrt(2)),
+        (RollerFollower(0.5), np.pi, 1.5),
+        (RollerFollower(0.5), 0.3, 1.5 / np.cos(0.3)),
+        (RollerFollower(0.5), np.pi / 4, np.sqrt(2) + 0.5),
+        (RollerFollower(0.5), 0.7, np.cos(0.7) + np.sin(0.7) + np.sqrt(0.25 - (np.cos(0.7) - np.sin(0.7)) ** 2)),
+    ],
+)
+def test_followers_rest_on_sides_and_corners_of_a_square(follower, angle, exact):
+    turned = np.array([angle, angle + np.pi / 2, angle - 6 * np.pi])
+    assert rerolled(SQUARE, follower, turned) == pytest.approx(exact, rel=1e-14)
+
+
+def test_harmonic_cam_is_cut_by_a_cutter_on_a_circle():
+    one = cut(made("harmonic", FlatFace()), cutter_radius=0.025)
+    centre = np.array([-STROKE / 2, 0.0])
+    assert np.hypot(*(one.profile - centre).T) == pytest.approx(BREADTH / 2, abs=1e-9)
+    assert np.hypot(*(one.cutter_path - centre).T) == pytest.approx(BREADTH / 2 + 0.025, abs=1e-9)
+
+
+def test_hollow_of_a_limacon():
+    """rho = A - B cos(phi) is hollow at 0 for A < 2 B; its radius of curvature there is (A - B)^2/(2 B - A)."""
+    cam = made("harmonic", Pointed(), breadth=0.6)
+    assert cam.least_hollow_radius == pytest.approx(0.1, rel=1e-9)
+    assert largest_cutter(cam) == pytest.approx(0.1, rel=1e-9)
+
+
+def test_convex_cams_take_every_cutter():
+    cam = made("quintic", FlatFace())
+    assert largest_cutter(cam) == np.inf
+    assert cut(cam, cutter_radius=50.0).error < MICROMETRE
+
+
+def test_cutter_as_large_as_the_roller_runs_on_the_path_of_its_centre():
+    cam = made("reversal-4", RollerFollower(0.03))
+    one = cut(cam, cutter_radius=0.03)
+    ray = np.array([np.cos(one.angle), np.sin(one.angle)])
+    assert one.cutter_path == pytest.approx((cam.radius(one.angle) * ray).T, abs=1e-9)
+
+
+def test_pressure_angle_is_met_at_the_breadth_for_it():
+    for name, limit in (("quintic", 0.5), ("reversal-4", 0.35), ("combined-4", 0.2)):
+        cycle = made(name, Pointed()).cycle
+        breadth = breadth_for_pressure_angle(cycle, RollerFollower(0.03), limit)
+        assert Cam(cycle, breadth, RollerFollower(0.03)).largest_pressure_angle == pytest.approx(limit, rel=1e-9)
+    assert breadth_for_pressure_angle(cycle, FlatFace(), limit) == STROKE
+
+
+# (b) order
+
+
+@pytest.mark.parametrize("follower", FOLLOWERS, **BY_NAME)
+def test_points_grow_as_the_root_of_the_tolerance(follower):
+    cam, tolerances = made("reversal-3", follower), np.array([1e-5, 1e-6, 1e-7])
+    counts = [len(cut(cam, tolerance=tolerance).angle) for tolerance in tolerances]
+    assert np.polyfit(np.log(tolerances), np.log(counts), 1)[0] == pytest.approx(-0.5, abs=0.02)
+
+
+# (c) the promise: the law within a micrometre, from the points alone
+
+
+@pytest.mark.parametrize(
+    ("follower", "name"),
+    [
+        *((RollerFollower(0.03), name) for name in SMOOTH),
+        *((follower, name) for follower in (Pointed(), FlatFace()) for name in KINDS),
+    ],
+    ids=lambda value: value if isinstance(value, str) else type(value).__name__,
+)
+def test_rerolled_follower_keeps_its_law_to_a_micrometre(follower, name):
+    cam = made(name, follower)
+    one = cut(cam)
+    assert off_the_law(one.profile, cam) <= MICROMETRE
+    assert one.error <= MICROMETRE
+    assert len(one.angle) < 2500
+
+
+def test_a_tenth_of_the_points_does_not_keep_it():
+    cam = made("quintic", RollerFollower(0.03))
+    assert off_the_law(cut(cam).profile[::10], cam) > 50 * MICROMETRE
+
+
+def test_a_profile_of_another_law_does_not_pass():
+    cam, other = made("quintic", FlatFace()), made("septic", FlatFace())
+    assert off_the_law(cut(other).profile, cam) > 1e-3
+
+
+# (d) hard cases
+
+
+@pytest.mark.parametrize("follower", FOLLOWERS, **BY_NAME)
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("quintic", {"far_dwell": 0.5, "near_dwell": 2.0}),
+        ("reversal-4", {"run_up": 0.05, "run_down": 0.05, "breadth": 4.0}),
+        ("complex", {"energy_weight": 0.999, "acceleration_weight": 0.0009, "breadth": 2.5}),
+    ],
+    ids=["dwells", "short run-up", "layers at the ends"],
+)
+def test_hard_laws_keep_a_micrometre(name, options, follower):
+    cam = made(name, follower, **options)
+    assert off_the_law(cut(cam).profile, cam) <= MICROMETRE
+
+
+@pytest.mark.parametrize("follower", [RollerFollower(0.03), FlatFace()], **BY_NAME)
+def test_cam_just_above_its_least_breadth_can_be_cut(follower):
+    cam = made("reversal-4", follower)
+    cam = Cam(cam.cycle, 1.001 * cam.least_breadth().breadth, follower)
+    assert off_the_law(cut(cam).profile, cam) <= MICROMETRE
+
+
+@pytest.mark.parametrize("name", ["combined-2", "reversal-3", "harmonic"])
+def test_largest_cutter_touches_and_nowhere_cuts_in(name):
+    cam = made(name, RollerFollower(0.05), breadth=0.55 + 0.05)
+    limit = largest_cutter(cam)
+    one = cut(cam, cutter_radius=limit * (1 - 1e-9))
+    nearest = [np.hypot(*(one.profile - centre).T).min() for centre in one.cutter_path[::7]]
+    assert np.array(nearest) == pytest.approx(limit, abs=2e-9)
+    with pytest.raises(ValueError, match="does not fit the hollows") as refused:
+        cut(cam, cutter_radius=limit * 1.001)
+    told = float(re.search(r"at most (\S+) m", str(refused.value))[1])
+    assert cut(cam, cutter_radius=told).cutter_radius == pytest.approx(limit, rel=1e-6)
+
+
+def test_a_larger_cutter_would_cut_in():
+    """Naive twin of the limit: a cutter 2 % larger, led along the same profile, comes nearer to it than its radius."""
+    cam, angle = made("combined-2", RollerFollower(0.05)), np.linspace(0, 2 * np.pi, 20_001)
+    radius = 1.02 * largest_cutter(cam)
+    turned = angle - cam.pressure_angle(angle)
+    profile = cam.profile(angle).T
+    centres = profile + radius * np.array([np.cos(turned), np.sin(turned)]).T
+    assert min(np.hypot(*(profile - centre).T).min() for centre in centres[::50]) < radius - 1e-7
+
+
+# (e) properties
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(3, 40), st.floats(0.0, 0.6), st.floats(1e-3, 5.0), st.integers(0, 2**32 - 1))
+def test_a_roller_touches_its_polygon_and_nowhere_cuts_it(corners, unevenness, radius, seed):
+    random = np.random.default_rng(seed)
+    polar = 2 * np.pi * np.arange(corners) / corners
+    outline = (1 + unevenness * random.random(corners)) * np.array([np.cos(polar), np.sin(polar)])
+    outline = outline.T
+    angle = random.uniform(0, 2 * np.pi, 40)
+    rho = rerolled(outline, RollerFollower(radius), angle)
+    start, edge = outline, np.roll(outline, -1, axis=0) - outline
+    for centre in (rho * np.array([np.cos(angle), np.sin(angle)])).T:
+        share = np.clip(np.sum((centre - start) * edge, axis=1) / np.sum(edge**2, axis=1), 0, 1)
+        nearest = np.hypot(*(start + share[:, None] * edge - centre).T).min()
+        assert nearest == pytest.approx(radius, rel=1e-9, abs=1e-12)
+
+
+# files
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Scene, cam and the texts of its files by ending."""
+    scene = parse_scene(starter_scene()).replaced(cam={"breadth": 0.9, "roller_follower_radius": 0.03, "bore": 0.06})
+    cam = made("reversal-3", RollerFollower(0.03))
+    paths = cam_files.write(tmp_path_factory.mktemp("cams"), scene, cam, cutter_radius=0.02)
+    assert [path.name for path in paths] == [
+        "reversal-3-roller.csv", "reversal-3-roller.svg", "reversal-3-roller-motion.svg", "reversal-3-roller.dxf",
+    ]  # fmt: skip
+    return scene, cam, [path.read_text(encoding="utf-8") for path in paths]
+
+
+def test_points_of_the_table_keep_the_law(files):
+    _, cam, (table, *_) = files
+    rows = [{name: float(cell) for name, cell in row.items()} for row in csv.DictReader(StringIO(table))]
+    points = np.array([(row["x_mm"], row["y_mm"]) for row in rows]) / 1e3
+    assert off_the_law(points, cam) <= MICROMETRE
+    polar = [row["radius_mm"] * np.exp(1j * np.radians(row["polar_angle_deg"])) / 1e3 for row in rows]
+    assert np.abs(polar - points @ (1, 1j)).max() < 1e-9
+    centres = np.array([(row["cutter_x_mm"], row["cutter_y_mm"]) for row in rows]) / 1e3
+    assert np.hypot(*(centres - points).T) == pytest.approx(0.02, abs=2e-9)
+    assert rows[0]["follower_mm"] == pytest.approx(250.0, abs=1e-9)
+
+
+def test_drawing_is_true_to_scale_and_keeps_the_law(files):
+    _, cam, (_, drawing, *_) = files
+    root = ElementTree.fromstring(drawing)
+    left, top, wide, high = map(float, root.get("viewBox").split())
+    assert [root.get(name).removesuffix("mm") for name in ("width", "height")] == root.get("viewBox").split()[2:]
+    points = from_svg(drawing)
+    assert off_the_law(points, cam) <= MICROMETRE
+    assert np.all((1e3 * points > (left, -top - high)) & (1e3 * points < (left + wide, -top)))
+
+
+def test_dxf_opens_elsewhere_and_its_outline_closes_and_keeps_the_law(files):
+    _, cam, (*_, text) = files
+    document = ezdxf.read(StringIO(text))
+    assert not document.audit().has_errors
+    assert document.units == ezdxf.units.MM
+    (profile,) = document.modelspace().query('LWPOLYLINE[layer=="PROFILE"]')
+    assert profile.closed
+    points = np.array(profile.get_points("xy"))
+    assert np.hypot(*(points[0] - points[-1])) < 3  # no gap where it closes, but a step of the polygon
+    assert off_the_law(points / 1e3, cam) <= MICROMETRE
+    (cutter,) = document.modelspace().query('LWPOLYLINE[layer=="CUTTER"]')
+    assert cutter.closed
+    (bore,) = document.modelspace().query('CIRCLE[layer=="BORE"]')
+    assert bore.dxf.radius == 30
+
+
+def test_dimensions_measure_the_cam_and_are_drawn(files):
+    from ezdxf.addons.drawing import Frontend, RenderContext
+    from ezdxf.addons.drawing.matplotlib import MatplotlibBackend
+    from matplotlib.figure import Figure
+
+    _, cam, (table, drawing, _, text) = files
+    document = ezdxf.read(StringIO(text))
+    entities = document.modelspace().query('DIMENSION[layer=="DIMENSIONS"]')
+    radius = [float(row["radius_mm"]) for row in csv.DictReader(StringIO(table))]
+    sizes = {"b = 900": 1e3 * cam.breadth, "R220": min(radius), "R620": max(radius), "Ø60": 60.0, "R30": 30.0}
+    assert [entity.get_measurement() for entity in entities] == pytest.approx(list(sizes.values()), abs=1e-6)
+    parts = [part for entity in entities for part in entity.virtual_entities()]
+    assert [part.text.replace("%%c", "Ø") for part in parts if part.dxftype() == "MTEXT"] == list(sizes)
+    assert all(f">{words}</text>" in drawing for words in sizes)
+    figure = Figure(figsize=(12, 7))
+    Frontend(RenderContext(document), MatplotlibBackend(figure.add_axes([0, 0, 1, 1]))).draw_layout(
+        document.modelspace()
+    )
+    held = BytesIO()
+    figure.savefig(held)  # a dimension that cannot be drawn raises
+    assert len(held.getvalue()) > 10_000
+
+
+SIZES = (
+    "cam for the law reversal-3, rollers of radius 30 mm", "tolerance of the follower's travel 0.001",
+    "breadth b over the roller centres 900.000", "stroke 400.000",
+    "base circle: radius 220.000; largest radius 620.000",
+    "bore: diameter 60", "cutter: radius 20, path of its centre dashed red", "the way back begins", "180.0000°",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("form", [1, 3], ids=["svg", "dxf"])
+def test_sheet_has_what_the_workshop_needs(files, form, size):
+    text = files[2][form]
+    assert size in text.replace("&#x27;", "'")
+
+
+def test_table_on_the_sheet_is_the_profile(files):
+    _, cam, (_, drawing, *_) = files
+    words = [element.text for element in ElementTree.fromstring(drawing).iter() if element.tag.endswith("text")]
+    at = words.index("90°")
+    x, y = cam.profile(np.pi / 2)
+    assert words[at + 1] == f"{1e3 * float(cam.radius(np.pi / 2)):.4f}"
+    assert words[at + 2] == f"{1e3 * float(np.hypot(x, y)[0]):.4f}"
+    assert words[at + 3] == f"{np.degrees(float(np.arctan2(y, x)[0])):.4f}°"
+
+
+def test_key_angles_are_passes_dwells_and_joins():
+    keys = workshop_drawing.key_angles(made("reversal-3", FlatFace(), far_dwell=1.5, near_dwell=1.5))
+    assert [(round(np.degrees(angle), 6), what) for angle, what in keys] == [
+        (0, "the way out begins"), (20, "pieces of the law join"), (100, "pieces of the law join"),
+        (120, "stands at the far end"), (180, "the way back begins"), (200, "pieces of the law join"),
+        (280, "pieces of the law join"), (300, "stands at the near end"),
+    ]  # fmt: skip
+
+
+def test_motion_moves_as_the_law_and_rolls_without_slip(files):
+    _, cam, (*_, motion, _) = files
+    time = np.arange(FRAMES + 1) / FRAMES * cam.cycle.period
+    travel = [float(x) for x in re.findall(r"translateX\((-?[\d.]+)px\)", motion)]
+    assert travel == pytest.approx(1e3 * cam.cycle.derivative(time, 0), abs=1e-3)
+    rolled = [float(x) for x in re.findall(r"rotate\((-?[\d.]+)deg\)", motion)][1:]  # the first is the cam's
+    assert np.radians(rolled) * 110 == pytest.approx(travel, abs=5e-3)
+    ElementTree.fromstring(motion)
+    assert "prefers-reduced-motion" in motion
+    assert len(motion) < 50_000
+    assert "<script" not in motion
+    assert motion.count("http") == 1  # the name space of SVG
+
+
+@pytest.mark.parametrize("follower", FOLLOWERS, **BY_NAME)
+def test_every_follower_can_be_shown_in_motion(follower):
+    root = ElementTree.fromstring(moving(made("cubic", follower), 0.11, (0.27, -0.27), "words"))
+    assert root.get("aria-label") == "words"
+
+
+# (g) refusals
+
+
+def test_refusals_name_the_remedy():
+    with pytest.raises(ValueError, match=r"`cam` is undercut: its breadth must exceed 0\.70\d+ m \(the profile must"):
+        cut(made("reversal-4", FlatFace(), breadth=0.6))
+    with pytest.raises(
+        ValueError, match=r"corner where the velocity of the law jumps, at the angle 0 rad; choose a law"
+    ):
+        cut(made("constant-velocity", Pointed()))
+    with pytest.raises(
+        ValueError, match=r"`cutter_radius` must be at most 0\.09999999 m, .* got 0\.2 m; take a smaller cutter"
+    ):
+        cut(made("harmonic", Pointed(), breadth=0.6), cutter_radius=0.2)
+    with pytest.raises(ValueError, match="`cutter_radius` must be positive and finite, got -1"):
+        cut(made("harmonic", Pointed()), cutter_radius=-1.0)
+    with pytest.raises(ValueError, match=r"`tolerance` must be between 1e-08 and 0\.01, got 0\.0"):
+        cut(made("harmonic", Pointed()), tolerance=0.0)
+    with pytest.raises(ValueError, match=r"`bore` must be positive and below 0\.5 m, the smallest diameter"):
+        workshop_drawing.sheet(cut(made("harmonic", FlatFace())), bore=0.5)
+    with pytest.raises(ValueError, match="`limit` must be between"):
+        breadth_for_pressure_angle(made("cubic", Pointed()).cycle, Pointed(), np.pi)
+    with pytest.raises(ValueError, match=r"`angle` must be finite, got \[nan\]"):
+        rerolled(SQUARE, FlatFace(), np.array([np.nan]))
+
+
+def test_polygon_that_cannot_keep_the_tolerance_is_no_result(monkeypatch):
+    monkeypatch.setattr("compact.cams.machining.rerolled", lambda profile, follower, angle: np.zeros(angle.size))
+    with pytest.raises(RuntimeError, match=r"\d+ points leave the follower 0\.65 m off its law, .* 1e-06 m; make"):
+        cut(made("cubic", FlatFace()))

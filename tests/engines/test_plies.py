@@ -1,0 +1,366 @@
+"""Layers of plies: their symbols against mpmath, their limits, and two engines that judge each other."""
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse.linalg import spsolve
+
+from compact import contact, fem, mesh
+from compact.engines.fem import surface_compliance
+from compact.engines.spectral import engine as spectral
+from compact.engines.spectral.elastic_estimate import as_wide
+from compact.engines.spectral.layer_compliance import surface_defects
+from compact.material.laws import Elastic, Viscoelastic
+from compact.numerics import assembly
+from compact.rolling_contact import Layer, Ply, Roller
+
+R, H = 0.11, 0.22
+MIX = Elastic(10e6, 0.3)
+SLS = Viscoelastic(10e6, 0.3, branches=((1.0, 1.0),))  # E(t) = 10 + 10 exp(-t/1 s) MPa, so that v tau is v
+PRESSED = Roller(R, indentation=0.003)
+
+
+def roll(*case, **numerics):
+    """By finite elements, without the error that another mesh would tell."""
+    return fem.roll(*case, estimate=False, **numerics)
+
+
+def two_plies(depth, jump, base="bonded"):
+    """The upper ply is so deep [m], its stiffness over that of the lower is `jump`."""
+    return Layer(H, base, (Ply(H - depth, 1.0), Ply(depth, jump)))
+
+
+# the symbols
+
+
+def fourier_modes(wave_number, layer, poisson):
+    """L and M from the 4x4 system of one Fourier mode: (U, V, T, S) of (i u_x, u_y, i s_xy, s_yy) carried over y."""
+    nu, carried = mpmath.mpf(poisson), mpmath.eye(4)
+    for ply in layer.stack:
+        G = mpmath.mpf(ply.stiffness)
+        lame = 2 * G * nu / (1 - 2 * nu)
+        stiff = lame + 2 * G
+        rates = mpmath.matrix(
+            [
+                [0, -1, 1 / G, 0],
+                [lame / stiff, 0, 0, 1 / stiff],
+                [stiff - lame**2 / stiff, 0, 0, -lame / stiff],
+                [0, 0, 1, 0],
+            ]
+        )
+        carried = mpmath.expm(rates * mpmath.mpf(wave_number) * mpmath.mpf(ply.thickness)) * carried
+    free = (2, 3) if layer.base == "bonded" else (0, 3)
+    tractions = mpmath.matrix([[carried[row, col] for col in free] for row in (2, 3)])
+    sinking = mpmath.matrix([[carried[1, col] for col in free]]) * tractions**-1
+    return G / (1 - nu) * sinking[1], -G / (1 - nu) * sinking[0]
+
+
+@pytest.mark.parametrize("base", ["bonded", "slip"])
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.4999])
+@pytest.mark.parametrize(
+    "plies",
+    [
+        (),
+        (Ply(0.8, 1.0), Ply(0.2, 20.0)),
+        (Ply(0.8, 20.0), Ply(0.2, 1.0)),
+        (Ply(0.6, 3.0), Ply(0.1, 60.0), Ply(0.3, 1.0)),
+    ],
+    ids=["one", "stiff-above", "soft-above", "three"],
+)
+@pytest.mark.parametrize("zeta", [1e-3, 1.0, 12.0])
+def test_symbols_are_those_of_the_fourier_mode(zeta, plies, poisson, base):
+    layer = Layer(1.0, base, plies)
+    with mpmath.workdps(60):
+        L, M = fourier_modes(zeta, layer, poisson)
+        b = (1 - 2 * mpmath.mpf(poisson)) / (2 - 2 * mpmath.mpf(poisson))
+        expected = float(L - 1), float(M - b)
+    normal, shear = surface_defects(np.array([zeta]), layer, poisson)
+    assert (normal[0], shear[0]) == pytest.approx(expected, rel=1e-11, abs=1e-13)
+
+
+layers = st.builds(
+    lambda base, plies: Layer(sum(ply.thickness for ply in plies), base, plies),
+    st.sampled_from(["bonded", "slip"]),
+    st.lists(st.builds(Ply, st.floats(0.01, 1), st.floats(0.05, 20)), min_size=1, max_size=4),
+)
+waves = np.geomspace(1e-7, 1e3, 41)
+
+
+@given(layers, st.floats(0, 0.49), st.integers(0, 3), st.floats(0.1, 0.9))
+def test_cutting_a_ply_in_two_changes_nothing(layer, poisson, which, share):
+    which %= len(layer.stack)
+    ply = layer.stack[which]
+    halves = (Ply(ply.thickness * share, ply.stiffness), Ply(ply.thickness * (1 - share), ply.stiffness))
+    cut = Layer(layer.height, layer.base, (*layer.plies[:which], *halves, *layer.plies[which + 1 :]))
+    for whole, parts in zip(surface_defects(waves, layer, poisson), surface_defects(waves, cut, poisson), strict=True):
+        assert parts == pytest.approx(whole, abs=1e-10)
+
+
+@given(layers, st.floats(0, 0.49), st.floats(1.1, 10))
+def test_a_stiffer_base_ply_lets_nothing_sink_deeper(layer, poisson, factor):
+    soft = Layer(layer.height + 0.5, layer.base, (Ply(0.5, 1.0), *layer.plies))
+    hard = Layer(layer.height + 0.5, layer.base, (Ply(0.5, factor), *layer.plies))
+    assert np.all(surface_defects(waves, hard, poisson)[0] <= surface_defects(waves, soft, poisson)[0] + 1e-10)
+    assert np.all(surface_defects(waves, soft, poisson)[0] >= -1)
+
+
+# closed forms
+
+
+@given(layers, st.floats(0, 0.49))
+def test_long_waves_press_plies_in_series(layer, poisson):
+    """Bonded: oedometers, sum d/(c M). Slipping: a stack free to stretch, with no force along x in sum."""
+    d = np.array([ply.thickness for ply in layer.stack])
+    c = np.array([ply.stiffness for ply in layer.stack])
+    contact_modulus, oedometer = 1 / (1 - poisson**2), (1 - poisson) / ((1 + poisson) * (1 - 2 * poisson))
+    sinking = np.sum(d / c) / oedometer
+    if layer.base == "slip":
+        sideways = poisson / (1 - poisson)
+        sinking += sideways**2 * d.sum() ** 2 / (contact_modulus * np.sum(c * d))
+    k = 1e-3 / layer.height
+    L = 1 + surface_defects(np.array([k]), layer, poisson)[0][0]
+    assert L * 2 / (contact_modulus * c[-1]) / k == pytest.approx(sinking, rel=1e-3)
+
+
+@given(layers, st.floats(0, 0.49))
+def test_a_drag_stretches_slipping_plies_alike(layer, poisson):
+    """Far behind the surface has sunk as the whole stack got thinner: M = -c_top H nu/(2 (1 - nu) sum c d)."""
+    b, far = (1 - 2 * poisson) / (2 - 2 * poisson), 0.0
+    if layer.base == "slip":
+        spread = sum(ply.stiffness * ply.thickness for ply in layer.stack)
+        far = -poisson / (2 - 2 * poisson) * layer.height * layer.stack[-1].stiffness / spread
+    assert b + surface_defects(0.0, layer, poisson)[1] == pytest.approx(far, abs=1e-6)
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49])
+def test_confined_plies_settle_as_oedometers_in_series(poisson):
+    layer = Layer(H, plies=(Ply(0.1, 20.0), Ply(0.07, 1.0), Ply(0.05, 5.0)))
+    rows = mesh.graded(H, 0.02, 4, interfaces=layer.interfaces)
+    basis = surface_compliance.stiffness(rows, poisson, layer).basis
+    K = assembly.assembled(basis, surface_compliance.element_moduli(rows, poisson, layer))
+    x, y = basis.doflocs
+    free, surface = np.flatnonzero(y > 1e-12), np.flatnonzero(y > H * (1 - 1e-12))
+    surface = surface[np.argsort(x[surface])]
+    load, sizes = np.zeros(basis.N), np.diff(x[surface][::2])
+    for place, share in ((0, 1), (1, 4), (2, 1)):
+        np.add.at(load, surface[place : place + 2 * len(sizes) - 1 : 2], -share * sizes / 6)
+    settled = spsolve(K[1::2, 1::2][free][:, free].tocsc(), load[free])
+    exact = (0.1 / 20 + 0.07 + 0.05 / 5) * (1 + poisson) * (1 - 2 * poisson) / (1 - poisson)
+    assert -settled[y[free] > H * (1 - 1e-12)] == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.parametrize("base", ["bonded", "slip"])
+def test_plies_of_one_stiffness_are_one_layer_of_that_modulus(base):
+    roller = Roller(R, indentation=0.003, friction=0.2, rolling="sliding")
+    one = Layer(H, base), roller, Viscoelastic(30e6, 0.3, SLS.branches), 0.03
+    two = Layer(H, base, (Ply(H / 2, 3.0), Ply(H / 2, 3.0))), roller, SLS, 0.03
+    rows = mesh.graded(H, 0.0138, 4, interfaces=two[0].interfaces)
+    for engine, numerics in ((spectral, {"rtol": 1e-8}), (fem, {"mesh": rows})):
+        whole, parts = (engine.roll(*case, **numerics) for case in (one, two))
+        assert (parts.load, parts.resistance) == pytest.approx((whole.load, whole.resistance), rel=1e-10)
+        assert parts.work_residual == pytest.approx(whole.work_residual, abs=1e-7)
+
+
+@pytest.mark.parametrize("base", ["bonded", "slip"])
+def test_a_rigid_lower_ply_is_a_bonded_base(base):
+    top = spectral.roll(Layer(0.05), PRESSED, SLS, 0.03)
+    for hard, nearness in ((1e3, 3e-3), (1e6, 3e-6)):
+        layer = Layer(H, base, (Ply(H - 0.05, hard), Ply(0.05, 1.0)))
+        rolled = spectral.roll(layer, PRESSED, SLS, 0.03)
+        assert (rolled.load, rolled.resistance) == pytest.approx((top.load, top.resistance), rel=nearness)
+    rolled = roll(layer, PRESSED, SLS, 0.03)
+    assert rolled.load == pytest.approx(top.load, rel=1e-4)
+    assert rolled.resistance == pytest.approx(top.resistance, rel=1e-3)
+
+
+# order
+
+
+def test_load_on_plies_converges():
+    layer, loads = two_plies(0.005, 20.0), []
+    rows = mesh.graded(H, 0.008, 2, interfaces=layer.interfaces, growth=1.7)
+    for _ in range(3):
+        loads.append(roll(layer, PRESSED, MIX, 1.0, mesh=rows).load)
+        rows = rows.refined()
+    exact = spectral.roll(layer, PRESSED, MIX, 1.0, rtol=1e-8).load
+    order = -np.polyfit(range(3), np.log2(np.abs(np.array(loads) - exact)), 1)[0]
+    assert order >= 2, f"observed order of the load {order:.2f}"
+
+
+# hard cases: jumps of 20, wherever the interface lies
+
+
+def assert_engines_agree(layer, roller, material, speed, load=5e-4, resistance=5e-3):
+    judge, rolled = spectral.roll(layer, roller, material, speed, rtol=1e-6), fem.roll(layer, roller, material, speed)
+    assert rolled.load == pytest.approx(judge.load, rel=load)
+    assert rolled.indentation == pytest.approx(judge.indentation, rel=load)
+    assert rolled.resistance == pytest.approx(judge.resistance, rel=resistance)
+    assert rolled.peak_pressure == pytest.approx(judge.peak_pressure, rel=0.01)
+    assert max(rolled.work_residual, judge.work_residual) < 5e-3
+    assert rolled.error[0] < 2 * load
+    assert rolled.error[1] < 2 * resistance
+
+
+DAILY = ((0.2, "bonded", 20.0), (0.2, "bonded", 1 / 20), (7.0, "slip", 20.0))
+
+
+@pytest.mark.parametrize(
+    ("depth", "base", "jump"),
+    [
+        pytest.param(depth, base, jump, marks=[pytest.mark.slow] * ((depth, base, jump) not in DAILY))
+        for depth, base in ((0.2, "bonded"), (0.2, "slip"), (1.0, "bonded"), (7.0, "slip"))
+        for jump in (20.0, 1 / 20)
+    ],
+)
+def test_both_engines_agree_across_a_jump(depth, jump, base):
+    layer, half_width = two_plies(depth * 0.01, jump, base), 0.01
+    roller = Roller(R, indentation=as_wide(layer, MIX, R, half_width).indentation)
+    assert_engines_agree(layer, roller, SLS, 0.01)
+
+
+@pytest.mark.parametrize(
+    "jump", [20.0, pytest.param(1 / 20, marks=pytest.mark.slow)], ids=["stiff-above", "soft-above"]
+)
+def test_load_is_found_across_a_jump(jump):
+    layer = two_plies(0.002, jump)
+    assert_engines_agree(layer, Roller(R, load=as_wide(layer, MIX, R, 0.01).load), SLS, 0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "jump", [20.0, pytest.param(1 / 20, marks=pytest.mark.slow)], ids=["stiff-above", "soft-above"]
+)
+def test_peak_pressure_is_found_across_a_jump(jump):
+    """The peak of a viscoelastic layer is known to half a percent at default, and load and resistance follow it."""
+    layer = two_plies(0.002, jump)
+    roller = Roller(R, peak_pressure=as_wide(layer, MIX, R, 0.01).peak_pressure)
+    assert_engines_agree(layer, roller, SLS, 0.01, load=5e-3, resistance=1e-2)
+
+
+@pytest.mark.parametrize("base", ["bonded", pytest.param("slip", marks=pytest.mark.slow)])
+def test_sliding_across_a_jump(base):
+    """At one load: how deep a dragged layer that slips lies depends on what holds it, and the engines differ there."""
+    layer = two_plies(0.005, 1 / 20, base)
+    roller = Roller(R, load=8e3, friction=0.5, rolling="sliding")
+    judge, rolled = (engine.roll(layer, roller, SLS, 0.01) for engine in (spectral, fem))
+    assert rolled.resistance - 4e3 == pytest.approx(judge.resistance - 4e3, rel=5e-3)
+    assert (rolled.leading, rolled.trailing) == pytest.approx((judge.leading, judge.trailing), rel=3e-3)
+    assert rolled.work_residual < 5e-3
+
+
+@pytest.mark.slow
+def test_a_hard_sheet_between_soft_plies():
+    layer = Layer(H, plies=(Ply(0.2, 1.0), Ply(0.001, 50.0), Ply(0.019, 1.0)))
+    assert_engines_agree(layer, PRESSED, SLS, 0.01)
+
+
+@pytest.mark.slow
+def test_a_hard_crust_makes_two_peaks():
+    """A plate on a soft bed is bent to the roller's curvature and pressed most towards the edges of the contact."""
+    layer = two_plies(0.003, 20.0)
+    rolled, judge = (engine.roll(layer, Roller(R, load=20e3), MIX, 1.0) for engine in (fem, spectral))
+    middle = np.interp(0.0, rolled.x, rolled.pressure)
+    assert middle < 0.9 * rolled.peak_pressure
+    assert middle == pytest.approx(np.interp(0.0, judge.x, judge.pressure), rel=3e-3)
+    assert rolled.peak_pressure == pytest.approx(judge.peak_pressure, rel=3e-3)
+
+
+# balances
+
+
+@settings(max_examples=4, deadline=None)
+@given(
+    st.lists(st.builds(Ply, st.floats(0.02, 0.2), st.floats(0.05, 20)), min_size=2, max_size=3),
+    st.sampled_from(["bonded", "slip"]),
+    st.sampled_from(["frictionless", "sliding", "free"]),
+    st.floats(-2.5, -0.5),
+)
+def test_energy_is_balanced_on_any_plies(plies, base, rolling, decade):
+    layer = Layer(sum(ply.thickness for ply in plies), base, plies)
+    roller = Roller(R, indentation=0.003, friction=0.3, rolling=rolling, profile="deformed")
+    rolled = roll(layer, roller, SLS, 10**decade)
+    assert rolled.work_residual < 5e-3
+    assert rolled.pressure.min() > -2e-3 * rolled.peak_pressure
+
+
+def test_fields_of_plies_carry_the_load_through_every_row_and_hold_the_work():
+    layer = two_plies(0.01, 20.0)
+    rolled = roll(layer, PRESSED, SLS, 0.03)
+    content = fem.fields(rolled)
+    corners = content.points[content.cells[0].data[:, :4]]
+    width, height = np.ptp(corners[:, :, 0], axis=1), np.ptp(corners[:, :, 1], axis=1)
+    work = (width * height) @ content.cell_data["dissipation"][0] / 0.03
+    assert work == pytest.approx(rolled.resistance, rel=5e-3)
+    relaxed = fem.fields(roll(layer, PRESSED, MIX, 1.0, mesh=rolled.mesh))
+    carried = (width * relaxed.cell_data["stress"][0][:, 1]).reshape(rolled.mesh.shape).sum(axis=1)
+    assert -carried == pytest.approx(carried[0] * -np.ones(len(carried)), rel=1e-6)
+    assert -carried[0] == pytest.approx(roll(layer, PRESSED, MIX, 1.0, mesh=rolled.mesh).load, rel=1e-6)
+
+
+def test_stretch_across_an_interface_is_one_and_stress_along_x_jumps_with_the_stiffness():
+    """s_xx = c E* e_xx + nu/(1 - nu) s_yy, where e_xx and s_yy go on; here the crust is bent and stretched below."""
+    layer = two_plies(0.01, 20.0)
+    rows = mesh.graded(H, 0.0138, 10, interfaces=layer.interfaces, growth=1.25)
+    content = fem.fields(roll(layer, PRESSED, MIX, 1.0, mesh=rows))
+    x, y = content.points[content.cells[0].data[:, 8], :2].T
+    column = np.flatnonzero(x == x[x > 0].min())
+    bed, crust = (
+        np.polyfit(y[side] - H + 0.01, content.cell_data["stress"][0][side, :2], 2)[2]
+        for side in (column[y[column] < H - 0.01][-3:], column[y[column] > H - 0.01][:3])
+    )
+    assert crust[1] == pytest.approx(bed[1], rel=0.05)
+    stretch = [stress[0] - 0.3 / 0.7 * stress[1] for stress in (bed, crust)]
+    assert stretch[1] == pytest.approx(20 * stretch[0], rel=0.05)
+    assert crust[0] > 0 > bed[0]
+
+
+# cost
+
+
+def test_speeds_on_plies_share_one_factorisation():
+    layer = two_plies(0.01, 20.0)
+    surface_compliance.stiffness.cache_clear()
+    surface_compliance.condensed.cache_clear()
+    for speed in (0.003, -0.3):
+        fem.roll(layer, PRESSED, SLS, speed)
+    assert surface_compliance.stiffness.cache_info().misses == 2  # the mesh and its coarser one
+
+
+# refusals
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Ply(0.0, 1.0), "`thickness` must be positive and finite, got 0.0"),
+        (lambda: Ply(0.1, -1.0), "`stiffness` must be positive and finite, got -1.0"),
+        (
+            lambda: Layer(H, plies=(Ply(0.1, 1.0), Ply(0.1, 2.0))),
+            "`plies` must be as thick together as the layer is high, 0.22 m, got 0.2 m",
+        ),
+        (
+            lambda: contact.roll(two_plies(0.1, 2.0), Roller(R, load=1e3), MIX, 1.0),
+            "the formula engine knows one modulus, got 2 `plies`; use spectral or fem",
+        ),
+        (
+            lambda: roll(two_plies(0.1, 2.0), PRESSED, MIX, 1.0, mesh=mesh.graded(H, 0.02, 4)),
+            r"`mesh` must have a line of nodes at every interface of plies, none at y = 0.12 m; shift the nearest",
+        ),
+        (
+            lambda: mesh.graded(H, 0.02, 4, interfaces=(0.2, 0.1)),
+            r"`interfaces` must ascend between 0 and the height, 0.22 m, got \[0.2, 0.1\]",
+        ),
+    ],
+    ids=["thickness", "stiffness", "sum", "formula", "mesh", "interfaces"],
+)
+def test_plies_that_cannot_be_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+@pytest.mark.parametrize("engine", [spectral, fem])
+def test_a_skin_under_a_wide_contact_raises(engine):
+    with pytest.raises(RuntimeError, match=r"more than 100 times as wide as the top ply .* 0.0001 m; join that ply"):
+        engine.roll(two_plies(1e-4, 2.0), PRESSED, MIX, 1.0)

@@ -1,0 +1,204 @@
+"""What is prescribed is met by every engine, or refused: never another contact in its place."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from compact import contact, fem
+from compact.analysis.engines import COMPACTING, solver
+from compact.analysis.multipass import Pass, passes
+from compact.engines.column import engine as column
+from compact.engines.fem import engine as fem_engine
+from compact.engines.spectral import engine as spectral
+from compact.material.laws import Compaction, Elastic, Viscoelastic
+from compact.rolling_contact import Layer, Roller, refuse_missed, refuse_off_target
+
+R, SPEED = 0.11, 0.2
+MIX = Compaction(120e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
+LINEAR = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
+LAYER, THIN = Layer(0.22), Layer(0.06)
+PROMISED = {"formula": 1e-9, "column": 1e-8, "spectral": 1e-9, "fem": 1e-8, "compaction": 1e-3}
+MATERIALS = {"formula": Elastic(10e6, 0.3), "column": MIX, "spectral": LINEAR, "fem": LINEAR, "compaction": MIX}
+REFUSED = (
+    "must be less than|must lie between|is undefined on a half-plane|is wider than the circle|beyond its edge|"
+    "too narrow|"
+    r"does not touch|is buried|would press mix|takes? up|not met down to|not met in \d+ depths|still not held|"
+    "join that ply|no capture angle|no contact|half-width not found|reach a relative error|would be below the mix|"
+    "`[a-z_]+` but"
+)
+VALUES = {  # from hardly anything to what no layer bears
+    "indentation": (1e-6, 1e-4, 3e-3, 0.0131, 0.0132, 0.109, 0.3),
+    "load": (1e-2, 10.0, 8e3, 1.3e4, 1.4e4, 1e6, 1e12),
+    "peak_pressure": (1.0, 1e4, 203e3, 3.1e5, 3.3e5, 1e8, 1e12),
+    "exit_density_ratio": (0.93, 0.94 + 1e-9, 0.95, 0.98, 0.9999, 1.0),
+}
+CASES = [
+    pytest.param(
+        engine,
+        target,
+        value,
+        profile,
+        id=f"{engine}-{target}-{value:g}-{profile}",
+        marks=[pytest.mark.slow] if (target, value) == ("load", 1e12) and engine in ("spectral", "fem") else [],
+    )
+    for engine in ("formula", "column", "spectral", "fem")
+    for target, values in VALUES.items()
+    for value in values
+    for profile in (("parabola",) if engine == "formula" else ("parabola", "circle"))
+    if engine in COMPACTING or target != "exit_density_ratio"
+]
+
+
+def rolled(engine, target, value, profile="parabola", layer=LAYER, **options):
+    given = {"indentation": 1e-3} if target == "exit_density_ratio" else {target: value}
+    options |= {target: value} if target == "exit_density_ratio" else {}
+    engine_options = {"estimate": False} if engine == "fem" else {}
+    roller = Roller(R, **given, profile=profile)
+    roll = solver(engine)
+    return roll(layer, roller, MATERIALS[engine], SPEED, **options, **engine_options)
+
+
+@pytest.mark.filterwarnings("ignore:half-plane theory")
+@pytest.mark.parametrize(("engine", "target", "value", "profile"), CASES)
+def test_target_is_met_or_refused(engine, target, value, profile):
+    try:
+        found = rolled(engine, target, value, profile)
+    except (ValueError, RuntimeError) as error:
+        refusal = str(error)
+    else:
+        refusal = None
+        assert getattr(found, target) == pytest.approx(value, rel=PROMISED[engine])
+    assert refusal is None or re.search(REFUSED, refusal)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("target", "value"),
+    [
+        ("indentation", 1e-3),
+        ("indentation", 0.05),
+        ("load", 4000.0),
+        ("peak_pressure", 340e3),
+        ("exit_density_ratio", 0.955),
+        ("exit_density_ratio", 0.93),
+    ],
+)
+def test_target_of_compaction_is_met_or_refused(target, value):
+    try:
+        found = rolled("compaction", target, value, "circle", THIN, increments=4)
+    except (ValueError, RuntimeError) as error:
+        refusal = str(error)
+    else:
+        refusal = None
+        assert getattr(found, target) == pytest.approx(value, rel=PROMISED["compaction"])
+    assert refusal is None or re.search(REFUSED, refusal)
+
+
+@pytest.mark.parametrize("torque", [-30.0, 0.0, 55.0, 1e3])
+@pytest.mark.parametrize("speed", [0.2, -0.2])
+def test_torque_is_met_or_refused(torque, speed):
+    """By the moment of the shear about the axle; a torque beyond friction skids."""
+    roller = Roller(R, indentation=3e-3, friction=0.3, rolling="driven")
+    if torque > 100:
+        with pytest.raises(RuntimeError, match="the roller skids"):
+            fem.roll(LAYER, roller, LINEAR, speed, torque=torque, estimate=False)
+        return
+    found = fem.roll(LAYER, roller, LINEAR, speed, torque=torque, estimate=False)
+    moment = -np.sign(speed) * R * np.trapezoid(found.shear_traction, found.x)
+    assert moment == pytest.approx(torque, abs=5e-3 * 0.3 * found.load * R)
+
+
+# every engine holds its contact against what was prescribed
+
+
+def off(value):
+    return 1.001 * value
+
+
+def test_formula_that_misses_raises(monkeypatch):
+    inverse = contact.pressure_for_load
+    monkeypatch.setattr(contact, "pressure_for_load", lambda load, *rest: inverse(off(load), *rest))
+    with pytest.raises(
+        RuntimeError, match=r"`load` 8000 was prescribed and 8008 reached: 1\.0e-03 off, where 1e-09 is"
+    ):
+        rolled("formula", "load", 8e3)
+
+
+@pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure", "exit_density_ratio"])
+def test_columns_that_miss_raise(monkeypatch, target):
+    value = {"indentation": 3e-3, "load": 8e3, "peak_pressure": 2e5, "exit_density_ratio": 0.96}[target]
+    for search in ("_pressed", "_dense"):
+        find = getattr(column, search)
+
+        def missed(there, *given, find=find):
+            passage, spent = find(there, *given)
+            return there.passed(off(passage.indentation), 1e-9), spent
+
+        monkeypatch.setattr(column, search, missed)
+    with pytest.raises(
+        RuntimeError, match=f"`{target}` {value:.9g} was prescribed and .* 1e-08 is promised; the contact"
+    ):
+        rolled("column", target, value)
+
+
+def test_feed_that_misses_raises(monkeypatch):
+    find = column._leaving
+    monkeypatch.setattr(column, "_leaving", lambda there, wanted, rtol: find(there, off(wanted), rtol))
+    with pytest.raises(RuntimeError, match=r"`exit_density_ratio` 0\.96 was prescribed and 0\.96096 reached"):
+        column.feed(0.22, 0.96, MIX, SPEED)
+
+
+def test_passes_that_miss_raise(monkeypatch):
+    find = column._pressed
+    monkeypatch.setattr(column, "_pressed", lambda there, roller, rtol: find(there, replace(roller, load=8e3), rtol))
+    roller = Roller(R, load=8e3)
+    with pytest.raises(RuntimeError, match="`load` 9000 was prescribed and 8000 reached"):
+        passes(LAYER, roller, MIX, SPEED, (Pass(), Pass(load=9e3, forward=False)))
+
+
+@pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure"])
+def test_spectral_that_misses_raises(monkeypatch, target):
+    value = {"indentation": 3e-3, "load": 8e3, "peak_pressure": 2e5}[target]
+    scene_of = spectral.scene_of
+
+    def missed(*given):
+        scene = scene_of(*given)
+        return replace(scene, value=off(scene.value))
+
+    monkeypatch.setattr(spectral, "scene_of", missed)
+    with pytest.raises(
+        RuntimeError, match=f"`{target}` {value:.9g} was prescribed and .* 1e-09 is promised; the contact"
+    ):
+        rolled("spectral", target, value)
+
+
+@pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure"])
+def test_finite_elements_that_miss_raise(monkeypatch, target):
+    value = {"indentation": 3e-3, "load": 8e3, "peak_pressure": 2e5}[target]
+    at_target = fem_engine.at_target
+
+    def missed(case, *given, **options):
+        return at_target(replace(case, roller=replace(case.roller, **{target: off(value)})), *given, **options)
+
+    monkeypatch.setattr(fem_engine, "at_target", missed)
+    with pytest.raises(
+        RuntimeError, match=f"`{target}` {value:.9g} was prescribed and .* 1e-08 is promised; the contact"
+    ):
+        rolled("fem", target, value)
+
+
+def test_torque_that_is_missed_raises():
+    found = fem.roll(LAYER, Roller(R, indentation=3e-3), LINEAR, SPEED, estimate=False)
+    roller = Roller(R, indentation=found.indentation, friction=0.3, rolling="free")
+    refuse_off_target(found, roller, 1e-8, torque=(0.0, 0.0))
+    with pytest.raises(
+        RuntimeError, match=r"`torque` 0 was prescribed and 0.1 reached: .* off, where 1e-08 is promised"
+    ):
+        refuse_off_target(found, roller, 1e-8, torque=(0.0, 0.1))
+
+
+def test_not_a_number_meets_nothing():
+    with pytest.raises(RuntimeError, match="`load` 1 was prescribed and nan reached"):
+        refuse_missed("load", 1.0, np.nan, 1e-3)

@@ -1,0 +1,305 @@
+"""Balance of the cart: closed form, published reactions, lift-off, independent sums of forces and moments, refusals."""
+
+from dataclasses import astuple, replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from published import CART_OF_C
+
+from compact.machine.cart import Cart, balance, moment_residual
+
+PUBLISHED = CART_OF_C
+LIFT = 2 * 9740.0 - 10e3
+
+lengths = st.floats(-1, 1)
+forces = st.floats(-3e4, 3e4)
+directions = st.sampled_from([-1.0, 0.0, 1.0])
+tangents = st.floats(-1.5, 1.5)
+
+
+@st.composite
+def carts(draw):
+    rollers = draw(st.integers(0, 3))
+    rear = draw(lengths)
+    return Cart(
+        mass=draw(st.floats(0, 5e3)),
+        weight=draw(st.floats(0, 4e4)),
+        roller_positions=tuple(draw(lengths) for _ in range(rollers)),
+        roller_reactions=tuple(draw(st.floats(0, 3e4)) for _ in range(rollers)),
+        guide_positions=(rear + draw(st.floats(0.05, 2)), rear),
+        pin_position=draw(lengths),
+        pin_height=draw(st.floats(-0.3, 0.3)),
+        roller_radius=draw(st.floats(0.01, 0.5)),
+        guide_wheel_diameter=draw(st.floats(0, 0.3)),
+        guide_friction=draw(st.floats(0, 0.4)),
+    )
+
+
+def reactions(cart, force, resistance, direction, tangent):
+    """N1, N2 at a given drive force, from the vertical and the moment balance as a linear system."""
+    front, rear = cart.guide_positions
+    torque_of_rail = direction * cart.guide_friction * cart.guide_wheel_diameter / 2
+    pull = force * tangent
+    up = sum(cart.roller_reactions) - cart.weight + pull
+    turning = sum(r * x for r, x in zip(cart.roller_reactions, cart.roller_positions, strict=True))
+    turning += cart.pin_position * pull - resistance * (cart.pin_height + cart.roller_radius)
+    return np.linalg.solve([[1, 1], [front - torque_of_rail, rear - torque_of_rail]], [up, turning])
+
+
+def lock(cart, direction, tangent):
+    """f (|dN1/dH| + |dN2/dH|): at 1 friction grows as fast as the force that should overcome it."""
+    bare = replace(cart, weight=0.0, roller_positions=(), roller_reactions=())
+    return abs(direction) * cart.guide_friction * np.abs(reactions(bare, 1.0, 0.0, direction, tangent)).sum()
+
+
+def surplus(cart, force, needed, resistance, direction, tangent):
+    """H - s f (|N1| + |N2|) - (m a + W)."""
+    grip = np.abs(reactions(cart, force, resistance, direction, tangent)).sum()
+    return force - direction * cart.guide_friction * grip - needed
+
+
+def size(cart, needed, forces):
+    """Largest force about, to measure rounding with."""
+    parts = (cart.weight, *cart.roller_reactions, needed, forces.drive_force, forces.front_reaction)
+    return max(1.0, *(abs(float(part)) for part in parts), abs(float(forces.rear_reaction)))
+
+
+# closed form
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_pressed_guides_give_coulomb_friction_of_the_lift(direction):
+    got = balance(PUBLISHED, 0.5, direction * 3562.0, direction)
+    assert got.guide_friction == pytest.approx(direction * 0.008 * LIFT, rel=1e-14)
+    assert got.drive_force == pytest.approx(500 + direction * (3562 + 0.008 * LIFT), rel=1e-14)
+
+
+def test_both_wheels_lift_under_a_heavy_cart():
+    heavy = replace(PUBLISHED, weight=40e3)
+    got = balance(heavy, 0.0, 3562.0, 1.0)
+    assert got.front_reaction < 0
+    assert got.rear_reaction < 0
+    assert got.front_reaction + got.rear_reaction == pytest.approx(-20520, rel=1e-13)
+    assert got.drive_force == pytest.approx(3562 + 0.008 * 20520, rel=1e-14)
+
+
+def test_one_lifted_wheel_counts_with_its_size():
+    got = balance(PUBLISHED, 0.0, -15924.0, -1.0, rod_tangent=-0.2)
+    assert got.rear_reaction < 0 < got.front_reaction
+    assert -got.guide_friction == pytest.approx(0.008 * (got.front_reaction - got.rear_reaction), rel=1e-14)
+    assert -got.guide_friction > 0.008 * LIFT
+
+
+@pytest.mark.parametrize("acceleration", [0.0, 5.0])
+def test_standing_cart_has_no_guide_friction(acceleration):
+    got = balance(PUBLISHED, acceleration, 0.0, 0.0, rod_tangent=0.2)
+    assert got.guide_friction == 0
+    assert got.drive_force == 1000 * acceleration
+
+
+def test_steep_rod_does_not_lock_a_standing_cart():
+    sticky = replace(PUBLISHED, guide_friction=0.9)
+    assert balance(sticky, 1.0, 0.0, 0.0, rod_tangent=5.0).drive_force == 1000
+
+
+def test_cart_without_rollers_runs_on_its_weight():
+    bare = replace(PUBLISHED, roller_positions=(), roller_reactions=())
+    got = balance(bare, 0.0, 0.0, 1.0)
+    assert got.drive_force == pytest.approx(80, rel=1e-14)
+    assert got.front_reaction + got.rear_reaction == pytest.approx(-10e3, rel=1e-14)
+
+
+def test_arguments_broadcast():
+    got = balance(PUBLISHED, np.zeros((3, 1)), np.full(4, 100.0), 1.0)
+    assert {part.shape for part in astuple(got)} == {(3, 4)}
+
+
+# published numbers: paper C with W = 2 * 7962 N and no inertia (errata C-7, C-8)
+
+
+def published_half(direction):
+    psi = np.linspace(0, np.pi, 2001)
+    tangent = direction * np.tan(np.arcsin(0.25 * np.sin(psi)))
+    return balance(replace(PUBLISHED, mass=0.0), 0.0, direction * 15924.0, direction, tangent)
+
+
+def test_published_reactions_towards_the_crank():
+    half = published_half(1.0)
+    assert [half.rear_reaction.min(), half.rear_reaction.max()] == pytest.approx([7.7e3, 9.3e3], abs=50)
+    assert [half.front_reaction.min(), half.front_reaction.max()] == pytest.approx([0.2e3, 5.9e3], abs=50)
+
+
+def test_published_rear_wheel_changes_rail_on_the_way_back():
+    half = published_half(-1.0)
+    assert half.rear_reaction.min() == pytest.approx(-1344, abs=0.5)
+    assert np.mean(half.rear_reaction < 0) == pytest.approx(0.9, abs=0.015)
+    assert half.front_reaction.min() > 0
+
+
+def test_published_lift_off_adds_at_most_22_newtons_of_friction():
+    half = published_half(-1.0)
+    plain = 0.008 * np.abs(half.front_reaction + half.rear_reaction)
+    extra = np.abs(half.guide_friction) - plain
+    assert extra.min() >= -1e-9
+    assert extra.max() == pytest.approx(21.5, abs=0.5)
+
+
+def test_published_force_holds_the_guide_friction_once():
+    """theory 2: 3562 N to move the cart are 76 N at the guides and .179 of the rollers' load."""
+    mix = 0.17896 * 2 * 9740
+    assert balance(PUBLISHED, 0.0, mix, 1.0).drive_force == pytest.approx(3562, abs=0.5)
+
+
+# hard cases
+
+
+@pytest.mark.parametrize("short", [1e-9, 1e-14])
+def test_force_keeps_its_digits_next_to_locking(short):
+    tangent = 1.0
+    bare = replace(PUBLISHED, weight=0.0, roller_reactions=(0.0, 0.0), guide_wheel_diameter=0.0, guide_friction=1.0)
+    friction = (1 - short) / lock(bare, 1.0, tangent)
+    got = balance(replace(bare, guide_friction=friction), 0.0, 0.0, 1.0, tangent)
+    assert got.drive_force == 0
+    loose = balance(replace(bare, guide_friction=friction, mass=1.0), 1.0, 0.0, 1.0, tangent)
+    assert loose.drive_force == pytest.approx(1 / short, rel=1e-15 / short + 1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-8, 1e8], ids=str)
+def test_balance_scales_with_the_forces(size):
+    one = balance(PUBLISHED, 2.0, -15924.0, -1.0, -0.2)
+    other = replace(PUBLISHED, mass=1000 * size, weight=10e3 * size, roller_reactions=(9740.0 * size, 9740.0 * size))
+    got = balance(other, 2.0, -15924.0 * size, -1.0, -0.2)
+    assert [float(part) / size for part in astuple(got)] == pytest.approx([float(p) for p in astuple(one)], rel=1e-12)
+
+
+@pytest.mark.parametrize("bad", [{"acceleration": np.nan}, {"resistance": np.nan}, {"rod_tangent": np.nan}], ids=str)
+def test_what_is_not_a_number_never_becomes_a_force(bad):
+    given_forces = {"acceleration": 1.0, "resistance": 100.0, "direction": 1.0} | bad
+    try:
+        force = balance(PUBLISHED, **given_forces).drive_force
+    except ValueError:
+        force = np.nan
+    assert np.isnan(force)
+
+
+# properties
+
+
+@given(carts(), forces, st.floats(-30, 30), directions, tangents)
+def test_forces_and_moments_balance(cart, resistance, acceleration, direction, tangent):
+    assume(lock(cart, direction, tangent) < 0.999)
+    got = balance(cart, acceleration, resistance, direction, tangent)
+    needed = cart.mass * acceleration + resistance
+    scale = size(cart, needed, got)
+    pull, wheels = got.drive_force * tangent, (got.front_reaction, got.rear_reaction)
+    grip = [direction * cart.guide_friction * abs(wheel) for wheel in wheels]
+    assert abs(got.drive_force - sum(grip) - needed) <= 1e-12 * scale
+    assert abs(sum(cart.roller_reactions) - cart.weight + pull - sum(wheels)) <= 1e-12 * scale
+    assert got.guide_friction == pytest.approx(sum(grip), abs=1e-12 * scale)
+    # moments about the origin, forces as (x, y, Fx, Fy); the rail that a wheel presses on lies above or below its axle
+    pressing = [(x, 0, 0, lift) for x, lift in zip(cart.roller_positions, cart.roller_reactions, strict=True)]
+    pressing += [(0, -cart.pin_height - cart.roller_radius, -resistance, 0), (cart.pin_position, 0, 0, pull)]
+    for x, wheel, drag in zip(cart.guide_positions, wheels, grip, strict=True):
+        pressing.append((x, np.copysign(cart.guide_wheel_diameter / 2, wheel), -drag, -wheel))
+    assert abs(sum(x * fy - y * fx for x, y, fx, fy in pressing)) <= 1e-11 * scale
+    assert abs(moment_residual(cart, got, resistance, direction, tangent)) <= 1e-11 * scale
+
+
+@given(st.floats(0, 2 * np.pi), st.floats(-30, 30), st.sampled_from([3562.0, 15924.0]))
+def test_published_cart_balances_to_a_nanonewtonmetre(psi, acceleration, size):
+    direction = 1.0 if psi < np.pi else -1.0
+    tangent = np.tan(np.arcsin(0.25 * np.sin(psi)))
+    got = balance(PUBLISHED, acceleration, direction * size, direction, tangent)
+    assert abs(moment_residual(PUBLISHED, got, direction * size, direction, tangent)) < 1e-9
+
+
+@given(carts(), forces, directions, tangents)
+def test_force_is_the_only_root(cart, needed, direction, tangent):
+    """A bisection of the rising residual, which knows nothing of the four pairs of signs, meets the same force."""
+    steepness = lock(cart, direction, tangent)
+    assume(steepness < 0.95)
+    got = float(balance(cart, 0.0, needed, direction, tangent).drive_force)
+    reach = (abs(surplus(cart, 0.0, needed, needed, direction, tangent)) + 1) / (1 - steepness)
+    low, high = -reach, reach
+    for _ in range(100):
+        middle = (low + high) / 2
+        low, high = (middle, high) if surplus(cart, middle, needed, needed, direction, tangent) < 0 else (low, middle)
+    assert got == pytest.approx(low, rel=1e-9, abs=1e-9 * reach)
+
+
+@given(carts(), forces, st.floats(-30, 30), directions, tangents)
+def test_mirror_image_asks_the_opposite_force(cart, resistance, acceleration, direction, tangent):
+    assume(lock(cart, direction, tangent) < 0.95)
+    front, rear = cart.guide_positions
+    image = replace(
+        cart,
+        roller_positions=tuple(-x for x in cart.roller_positions),
+        guide_positions=(-rear, -front),
+        pin_position=-cart.pin_position,
+    )
+    one = balance(cart, acceleration, resistance, direction, tangent)
+    other = balance(image, -acceleration, -resistance, -direction, -tangent)
+    close = {"rel": 1e-9, "abs": 1e-11 * size(cart, resistance, one)}
+    assert -other.drive_force == pytest.approx(float(one.drive_force), **close)
+    assert other.rear_reaction == pytest.approx(float(one.front_reaction), **close)
+    assert other.front_reaction == pytest.approx(float(one.rear_reaction), **close)
+
+
+@given(carts(), forces, st.floats(-30, 30))
+def test_force_is_odd_where_nothing_tips_the_cart(cart, resistance, acceleration):
+    level = replace(cart, pin_height=-cart.roller_radius, guide_wheel_diameter=0.0)
+    there, back = (balance(level, s * acceleration, s * resistance, s) for s in (1.0, -1.0))
+    assert -back.drive_force == pytest.approx(float(there.drive_force), rel=1e-12, abs=1e-9)
+    assert back.front_reaction == there.front_reaction
+
+
+@given(carts(), forces, directions, tangents)
+def test_friction_never_helps(cart, resistance, direction, tangent):
+    assume(lock(cart, direction, tangent) < 0.999)
+    assert direction * balance(cart, 0.0, resistance, direction, tangent).guide_friction >= 0
+
+
+# refusals
+
+
+@given(carts(), st.sampled_from([-1.0, 1.0]), st.floats(-50, 50))
+def test_self_locking_rod_is_refused_and_no_other(cart, direction, tangent):
+    steepness = lock(cart, direction, tangent)
+    assume(abs(steepness - 1) > 1e-6)
+    if steepness > 1:
+        with pytest.raises(ValueError, match="too steep"):
+            balance(cart, 0.0, 100.0, direction, tangent)
+    else:
+        assert np.isfinite(balance(cart, 0.0, 100.0, direction, tangent).drive_force)
+
+
+def test_locking_names_the_friction():
+    with pytest.raises(ValueError, match=r"the rod is too steep: `guide_friction` 0\.5 locks the cart"):
+        balance(replace(PUBLISHED, guide_friction=0.5), 0.0, 1.0, 1.0, rod_tangent=np.array([0.0, 2.0]))
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        ({"mass": -1.0}, "`mass` must be zero or positive, and finite, got -1.0"),
+        ({"mass": np.nan}, "`mass` must be zero or positive, and finite, got nan"),
+        ({"weight": np.inf}, "`weight` must be zero or positive, and finite, got inf"),
+        ({"roller_reactions": (1.0, -2.0)}, "`roller_reactions` must be zero or positive, and finite"),
+        ({"guide_friction": -0.1}, "`guide_friction` must be zero or positive, and finite, got -0.1"),
+        ({"guide_wheel_diameter": -0.1}, "`guide_wheel_diameter` must be zero or positive, and finite, got -0.1"),
+        ({"roller_radius": 0.0}, "`roller_radius` must be positive and finite, got 0.0"),
+        ({"roller_positions": (np.nan, 0.0)}, "`roller_positions` must be finite"),
+        ({"guide_positions": (np.inf, 0.0)}, "`guide_positions` must be finite"),
+        ({"pin_position": np.nan}, "`pin_position` must be finite, got nan"),
+        ({"pin_height": np.inf}, "`pin_height` must be finite, got inf"),
+        ({"roller_positions": (0.0,)}, "`roller_reactions` must be one per roller, got 2 for 1 positions"),
+        ({"guide_positions": (-0.37, 0.37)}, r"`guide_positions` must be \(front, rear\) with front > rear, got \(-0"),
+        ({"guide_positions": (0.1, 0.1)}, "front > rear"),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_impossible_cart_is_refused(bad, words):
+    with pytest.raises(ValueError, match=words):
+        replace(PUBLISHED, **bad)

@@ -1,0 +1,237 @@
+"""Mix prior: phase relations, the table between its nodes, the published point, overrides, refusals."""
+
+import copy
+import csv
+import pickle
+import re
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from compact.material import mix
+
+with (files("compact") / "data" / "mix.csv").open() as file:
+    TABLE = [{name: float(cell) for name, cell in row.items()} for row in csv.DictReader(file)]
+KEYS = ("moisture", "density_ratio")
+PHASES = ("bulk_density", "saturation")
+COLUMNS = [name for name in TABLE[0] if name not in KEYS + PHASES]
+MOISTURES = sorted({row["moisture"] for row in TABLE})
+RATIOS = sorted({row["density_ratio"] for row in TABLE})
+
+moistures = st.floats(0.08, 0.12)
+ratios = st.floats(0.90, 0.99)
+
+
+# closed form
+
+
+@given(moistures, ratios)
+def test_phases_fill_the_volume(moisture, density_ratio):
+    dry = mix.bulk_density(moisture, density_ratio) / (1 + moisture)
+    pores = 1 - dry / 2650
+    assert mix.saturation(moisture, density_ratio) == pytest.approx(moisture * dry / 1000 / pores, rel=1e-12)
+
+
+@given(moistures)
+def test_a_mix_without_air_is_saturated(moisture):
+    assert mix.saturation(moisture, 1.0) == pytest.approx(1, rel=1e-13)
+
+
+@given(ratios)
+def test_required_pressure_is_heckels_between_the_nodes(density_ratio):
+    heckel = np.log((1 - 0.72) / (1 - density_ratio)) / 13e-6
+    assert mix.prior(0.10, density_ratio).required_pressure == pytest.approx(heckel, rel=5e-3)  # the table has 3 digits
+
+
+@given(moistures, ratios)
+def test_heckel_slope_gives_the_required_pressure(moisture, density_ratio):
+    m = mix.prior(moisture, density_ratio)
+    assert np.log(0.28 / (1 - density_ratio)) / m.heckel_slope == pytest.approx(m.required_pressure, rel=8e-3)
+
+
+@given(moistures, ratios)
+def test_pore_air_is_compressed_from_one_atmosphere(moisture, density_ratio):
+    assert mix.prior(moisture, density_ratio).pore_air_modulus == pytest.approx(101325 / (1 - density_ratio), rel=4e-3)
+
+
+# published numbers
+
+
+@pytest.mark.parametrize("row", TABLE, ids=lambda row: f"{row['moisture']}-{row['density_ratio']}")
+def test_nodes_of_the_table_are_reproduced(row):
+    m = mix.prior(row["moisture"], row["density_ratio"])
+    assert [getattr(m, name) for name in COLUMNS] == pytest.approx([row[name] for name in COLUMNS], rel=1e-14)
+    assert m.bulk_density == pytest.approx(row["bulk_density"], abs=0.5)
+    assert m.saturation == pytest.approx(row["saturation"], abs=5e-4)
+    assert m.effective_modulus == m.relaxed_modulus
+
+
+def test_published_operating_point():
+    m = mix.prior(0.10, 0.98)
+    q = m.parameter("required_pressure")
+    assert (q.value, q.low, q.high) == pytest.approx((0.203e6, 0.203e6 / 1.5, 0.203e6 * 1.5))
+    assert (q.unit, q.flag) == ("Pa", "calibrated")
+    assert (m.relaxed_modulus, m.poisson) == pytest.approx((0.75e6, 0.30))
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high", "flag"),
+    [
+        ("bulk_density", 2258.26 / 1.02, 2258.26 * 1.02, "derived"),
+        ("unloading_modulus", 60e6, 240e6, "analogous"),
+        ("poisson", 0.23, 0.37, "analogous"),
+        ("instant_over_relaxed", 1.3, 2.0, "assumed"),
+        ("relaxation_time", 0.02, 0.5, "assumed"),
+        ("friction_angle", 30.0, 40.0, "analogous"),
+        ("steel_friction", 0.25, 0.45, "analogous"),
+        ("heckel_slope", 13e-6 / 1.5, 13e-6 * 1.5, "calibrated"),
+        ("effective_modulus", 0.5e6, 1.125e6, "calibrated"),
+    ],
+)
+def test_every_parameter_carries_spread_and_flag(name, low, high, flag):
+    parameter = mix.prior(0.10, 0.98).parameter(name)
+    assert (parameter.low, parameter.high) == pytest.approx((low, high), rel=1e-5)
+    assert parameter.flag == flag
+    assert parameter.origin
+
+
+@pytest.mark.parametrize("name", ["required_pressure", "plastic_modulus", "relaxed_modulus"])
+def test_away_from_the_published_point_the_spread_is_wider(name):
+    parameter = mix.prior(0.10, 0.96).parameter(name)
+    assert parameter.high / parameter.value == pytest.approx(2.5)
+    assert parameter.value / parameter.low == pytest.approx(2.5)
+    assert parameter.flag == "assumed"
+
+
+# hard cases
+
+
+@pytest.mark.parametrize("moisture", [0.08, 0.12])
+@pytest.mark.parametrize("density_ratio", [0.90, 0.99])
+def test_the_interpolation_is_continuous_at_the_corners(moisture, density_ratio):
+    corner = mix.prior(moisture, density_ratio)
+    beside = mix.prior(moisture + 1e-9 * np.sign(0.1 - moisture), density_ratio + 1e-9 * np.sign(0.95 - density_ratio))
+    values = [[getattr(m, name) for name in mix.NAMES] for m in (corner, beside)]
+    assert values[0] == pytest.approx(values[1], rel=1e-5)
+
+
+def test_phase_relations_broadcast_and_hold_outside_the_table():
+    density = mix.bulk_density(np.array([[0.0], [0.2]]), np.array([0.5, 0.75, 1.0]))
+    assert density.shape == (2, 3)
+    assert density[0, 2] == pytest.approx(2650)
+    assert mix.saturation(0.2, np.array([0.5, 1.0])).shape == (2,)
+
+
+def test_a_mix_survives_copying_and_pickling():
+    m = mix.prior(0.10, 0.98)
+    assert pickle.loads(pickle.dumps(m)) == copy.deepcopy(m) == m
+    assert len({m, mix.prior(0.10, 0.98)}) == 1
+
+
+# properties
+
+
+@pytest.fixture(scope="module")
+def grid():
+    return [[mix.prior(w, k) for k in np.linspace(0.90, 0.99, 37)] for w in np.linspace(0.08, 0.12, 17)]
+
+
+@pytest.mark.parametrize("name", [*COLUMNS, *PHASES])
+def test_between_nodes_values_run_monotonically(grid, name):
+    values = np.array([[getattr(m, name) for m in row] for row in grid])
+    along_k, along_w = np.diff(values, axis=1), np.diff(values, axis=0)
+    slack = 1e-12 * np.abs(values).max()
+    assert np.all(along_k >= -slack)  # every column rises or stays with density
+    if name != "cohesion":  # which is highest at moisture 0.09
+        assert np.all(along_w >= -slack) or np.all(along_w <= slack)
+
+
+@given(moistures, ratios, st.sampled_from(mix.NAMES))
+def test_the_spread_holds_the_value(moisture, density_ratio, name):
+    parameter = mix.prior(moisture, density_ratio).parameter(name)
+    assert 0 < parameter.low <= parameter.value <= parameter.high
+
+
+@pytest.mark.parametrize(
+    ("moisture", "density_ratio", "overrides", "reason"),
+    [
+        (0.10, 0.98, {}, "^$"),
+        (0.08, 0.99, {}, "^$"),
+        (0.09, 0.99, {}, "^density ratio 0.99 at moisture 0.09 is not reachable by rolling: .* filled to 0.9502"),
+        (0.12, 0.98, {"required_pressure": 0.6e6}, "it takes 0.60 MPa, more than the 0.5 MPa of rolling: add water"),
+        (0.12, 0.99, {"required_pressure": 0.6e6}, "it takes 0.60 MPa.*; its pores are filled to 0.9598"),
+    ],
+)
+def test_a_density_beyond_rolling_is_told_with_the_reason(moisture, density_ratio, overrides, reason):
+    reach = mix.prior(moisture, density_ratio, overrides).reachable
+    assert bool(reach) is reach.possible is (reason == "^$")
+    assert re.search(reason, reach.reason)
+
+
+def test_an_override_is_taken_as_it_is():
+    q = mix.prior(0.10, 0.96, {"required_pressure": 0.2e6}).parameter("required_pressure")
+    assert (q.value, q.low, q.high, q.flag) == (0.2e6, 0.2e6, 0.2e6, "given")
+
+
+def test_effective_modulus_follows_the_relaxed_one_unless_given():
+    follows = mix.prior(0.10, 0.98, {"relaxed_modulus": 2e6}).parameter("effective_modulus")
+    assert (follows.value, follows.flag) == (2e6, "given")
+    apart = mix.prior(0.10, 0.98, {"relaxed_modulus": 2e6, "effective_modulus": 1.37e6})
+    assert (apart.relaxed_modulus, apart.effective_modulus) == (2e6, 1.37e6)
+
+
+def test_overrides_are_left_untouched():
+    overrides = {"relaxed_modulus": 2e6}
+    mix.prior(0.10, 0.98, overrides)
+    assert overrides == {"relaxed_modulus": 2e6}
+
+
+@pytest.mark.parametrize("name", ["cohesion", "steel_friction", "poisson"])
+def test_an_override_may_be_zero_where_that_means_something(name):
+    assert getattr(mix.prior(0.10, 0.98, {name: 0}), name) == 0
+
+
+# refusals
+
+
+@pytest.mark.parametrize(
+    ("moisture", "density_ratio", "overrides", "message"),
+    [
+        (0.13, 0.98, None, "`moisture` must be between 0.08 and 0.12, got 0.13"),
+        (10, 0.98, None, "`moisture` must be between 0.08 and 0.12, got 10"),
+        (0.10, 0.72, None, "`density_ratio` must be between 0.9 and 0.99, got 0.72"),
+        (0.10, np.nan, None, "`density_ratio` must be between 0.9 and 0.99, got nan"),
+        (0.10, 0.98, {"poison": 0.3}, "no mix parameter 'poison'; did you mean 'poisson'.*choose from bulk_density"),
+        (0.10, 0.98, {"poisson": 0.5}, r"`poisson` must lie in \[0, 0.5\), got 0.5"),
+        (0.10, 0.98, {"poisson": np.nan}, r"`poisson` must lie in \[0, 0.5\), got nan"),
+        (0.10, 0.98, {"cohesion": -1.0}, "`cohesion` must be zero or positive, and finite, got -1.0"),
+        (0.10, 0.98, {"relaxed_modulus": np.inf}, "`relaxed_modulus` must be positive and finite, got inf"),
+    ],
+)
+def test_what_the_prior_does_not_cover_is_refused(moisture, density_ratio, overrides, message):
+    with pytest.raises(ValueError, match=message):
+        mix.prior(moisture, density_ratio, overrides)
+
+
+@pytest.mark.parametrize(
+    ("formula", "moisture", "density_ratio", "message"),
+    [
+        (mix.bulk_density, -0.1, 0.98, "`moisture` must be zero or positive, and finite, got -0.1"),
+        (mix.bulk_density, 0.1, 1.1, "`density_ratio` must be between 0 and 1, got 1.1"),
+        (mix.saturation, 0.0, 0.98, "`moisture` must be positive and finite, got 0.0"),
+        (mix.saturation, 0.1, 0.0, "`density_ratio` must be positive and finite, got 0.0"),
+    ],
+)
+def test_impossible_phases_are_refused(formula, moisture, density_ratio, message):
+    with pytest.raises(ValueError, match=message):
+        formula(moisture, density_ratio)
+
+
+def test_an_unknown_parameter_names_the_choices():
+    with pytest.raises(ValueError, match=r"no mix parameter 'modulus'.*choose from bulk_density"):
+        mix.prior(0.10, 0.98).parameter("modulus")
+    with pytest.raises(AttributeError, match="a mix has no 'modulus'; it has bulk_density"):
+        _ = mix.prior(0.10, 0.98).modulus

@@ -1,0 +1,739 @@
+"""Motion laws: published peaks, closed forms, joins and cycles, balances between derivatives, hard shapes, refusals."""
+
+import math
+from dataclasses import astuple
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from numpy.polynomial import legendre
+from published import CHAPTER_5, COMPLEX_LAW, CRITERIA, LAWS_OF_D, RUN_UP_TRAVEL, VDI_2143
+
+from compact.motion.laws import CrankCurve, Shape
+from compact.motion.profile import LAWS, Cycle, Join, Motion, law
+
+NAMES = list(LAWS)
+SHAPED = list(RUN_UP_TRAVEL)
+SHOCK = ["constant-velocity", "gear-sector"]
+# Derivatives that vanish where the motion leaves rest, and where the run-up meets the constant speed (D 2.6-4.4):
+# conditions given, and natural ones.
+RUN_UP_ENDS = {
+    "combined-2": ((1,), (2,)),
+    "combined-3": ((1, 2), (2, 3)),
+    "combined-4": ((1, 2, 3), (2, 3, 4)),
+    "reversal-2": ((1,), (3,)),
+    "reversal-3": ((1, 2), (2, 5)),
+    "reversal-4": ((1, 2, 3), (2, 3, 7)),
+    "reversal-3-free-acceleration": ((1, 3), (2, 5)),
+    "reversal-4-free-acceleration": ((1, 3, 5), (2, 3, 7)),
+    "reversal-4-free-jerk": ((1, 2, 3), (2, 3, 7)),
+    "reversal-4-free-both": ((1, 3, 5), (2, 3, 7)),
+}
+RESTING = {"cubic": (1,), "quintic": (1, 2), "septic": (1, 2, 3), "complex": (1, 2), "cycloidal": (1, 2)} | {
+    "harmonic": (1, 3),
+    "parabolic": (1,),
+    "crank": (1, 3),
+    "modified-trapezoid": (1, 2),
+}
+
+
+def unit(name, **shape):
+    """The law over a unit stroke in unit time; the crank with a rod of five radii."""
+    return law(name, 1.0, 1.0, rod_length=2.5, **shape)
+
+
+def inner_sides(motion, order):
+    """Largest |s^(order)| over the pieces."""
+    breaks = motion.curve.x
+    z = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1 - 1e-9, 129)
+    return np.abs(motion.curve(z, nu=order)).max()
+
+
+# ---- (a) closed form -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", LAWS_OF_D)
+def test_peaks_of_d_are_exact(name):
+    _, peaks, *_ = LAWS_OF_D[name]
+    assert astuple(unit(name).peaks()) == pytest.approx([float(p) for p in peaks], rel=1e-12, abs=0)
+
+
+def test_peaks_of_the_complex_law():
+    _, peaks, *_ = COMPLEX_LAW
+    assert astuple(unit("complex").peaks()) == pytest.approx(peaks, rel=1e-10)
+
+
+@pytest.mark.parametrize("name", SHAPED)
+@pytest.mark.parametrize(
+    ("run_up", "run_down"), [(1 / 6, 1 / 6), (0.05, 0.3), (0.5, 0.5), (0.0, 0.0), (0.0, 0.25), (0.4, 0.0)]
+)
+def test_steady_speed_closes_the_stroke(name, run_up, run_down):
+    share = float(RUN_UP_TRAVEL[name])
+    speed = 1 / (share * (run_up + run_down) + 1 - run_up - run_down)
+    assert unit(name, run_up=run_up, run_down=run_down).velocity(run_up) == pytest.approx(speed, rel=1e-13)
+
+
+@pytest.mark.parametrize("name", SHAPED)
+def test_run_down_is_the_run_up_mirrored_and_stretched(name):
+    motion, tau = unit(name, run_up=0.05, run_down=0.3), np.linspace(0.01, 0.99, 23)
+    assert motion.velocity(1 - 0.3 * tau) == pytest.approx(motion.velocity(0.05 * tau), rel=1e-12)
+    assert motion.acceleration(1 - 0.3 * tau) * 0.3 == pytest.approx(-motion.acceleration(0.05 * tau) * 0.05, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", SHAPED)
+def test_speed_is_steady_between_run_up_and_run_down(name):
+    motion, z = unit(name, run_up=0.05, run_down=0.3), np.linspace(0.05 + 1e-9, 0.7 - 1e-9, 33)
+    assert motion.velocity(z) == pytest.approx(np.full(33, motion.velocity(0.4)), rel=1e-14)
+    assert np.abs([motion.derivative(z, k) for k in (2, 3, 4)]).max() == 0
+
+
+@pytest.mark.parametrize(("name", "order"), [(name, k) for name, ends in RUN_UP_ENDS.items() for k in ends[0]])
+@pytest.mark.parametrize(("run_up", "run_down"), [(1 / 6, 1 / 6), (0.05, 0.3), (0.5, 0.5)])
+def test_shaped_law_rests_at_its_ends(name, order, run_up, run_down):
+    motion = unit(name, run_up=run_up, run_down=run_down)
+    assert motion.curve(np.array([0.0, 1.0]), nu=order) == pytest.approx([0, 0], abs=1e-12 * inner_sides(motion, order))
+
+
+@pytest.mark.parametrize(("name", "order"), [(name, k) for name, ends in RUN_UP_ENDS.items() for k in ends[1]])
+def test_shaped_law_meets_the_steady_speed(name, order):
+    motion = unit(name, run_up=0.05, run_down=0.3)
+    before, after = motion.curve.x[1] - 1e-15, motion.curve.x[2]
+    size = max(inner_sides(motion, order), 1.0) + 1e-3 * inner_sides(motion, order + 1)
+    assert motion.curve(np.array([before, after]), nu=order) == pytest.approx([0, 0], abs=1e-11 * size)
+
+
+@pytest.mark.parametrize(("name", "order"), [(name, k) for name, orders in RESTING.items() for k in orders])
+def test_law_rests_at_its_ends(name, order):
+    motion = unit(name)
+    assert motion.curve(np.array([0.0, 1.0]), nu=order) == pytest.approx([0, 0], abs=1e-12 * inner_sides(motion, order))
+
+
+@pytest.mark.parametrize("name", SHOCK)
+def test_shock_law_starts_at_full_speed(name):
+    assert law(name, 0.4, 3.0).velocity([0.0, 1.0, 3.0]) == pytest.approx([0.4 / 3] * 3, rel=1e-15)
+
+
+@pytest.mark.parametrize("ratio", [0.0, 1e-9, 0.1, 0.5, 0.9, 0.99, 0.999])
+@pytest.mark.parametrize("order", range(5))
+def test_crank_is_the_slider_crank(ratio, order):
+    k = mpmath.mpf(ratio)
+
+    def travel(z):  # (r + l - r cos psi - l cos beta)/(2 r), from the outer dead centre
+        psi = mpmath.pi * z
+        return (1 - mpmath.cos(psi)) / 2 + k * mpmath.sin(psi) ** 2 / (
+            2 * (1 + mpmath.sqrt(1 - (k * mpmath.sin(psi)) ** 2))
+        )
+
+    z = np.array([0.0, 2.0**-30, 0.01, 0.125, 0.3, 0.45, 0.5, 0.55, 0.7, 0.9, 1.0])
+    with mpmath.workdps(40):
+        exact = [float(mpmath.taylor(travel, mpmath.mpf(float(p)), order)[order] * mpmath.factorial(order)) for p in z]
+    got = CrankCurve(ratio)(z, nu=order)
+    assert got == pytest.approx(exact, rel=0, abs=1e-12 * np.abs(exact).max() / (1 - ratio**2))
+
+
+def test_crank_closed_form_is_the_drawing():
+    r, rod, z = 0.2, 0.8, np.linspace(0, 1, 17)
+    psi = np.pi * z
+    hinge = r * np.exp(1j * psi)
+    slider = hinge.real + np.sqrt(rod**2 - hinge.imag**2)
+    assert law("crank", 2 * r, 3.0, rod_length=rod).position(3 * z) == pytest.approx(r + rod - slider, abs=1e-15)
+
+
+@pytest.mark.parametrize(("time", "sign"), [(0.0, 1), (3.0, -1)], ids=["outer", "inner"])
+def test_crank_accelerates_most_at_the_dead_centres(time, sign):
+    r, rod, speed = 0.2, 0.8, np.pi / 3.0
+    exact = sign * r * speed**2 * (1 + sign * r / rod)
+    assert law("crank", 2 * r, 3.0, rod_length=rod).acceleration(time) == pytest.approx(exact, rel=1e-14)
+
+
+def test_crank_without_ratio_is_harmonic():
+    z = np.linspace(0, 1, 33)
+    assert CrankCurve(0.0)(z, nu=3) == pytest.approx(LAWS["harmonic"].build(Shape())(z, nu=3), abs=1e-13 * 16)
+
+
+@pytest.mark.parametrize(
+    ("name", "order", "exact"),
+    [
+        ("harmonic", 1, math.pi**2 / 8),
+        ("harmonic", 2, math.pi**4 / 8),
+        ("cycloidal", 1, 3 / 2),
+        ("cycloidal", 2, 2 * math.pi**2),
+        ("cycloidal", 3, 8 * math.pi**4),
+        ("parabolic", 2, 16.0),
+        ("quintic", 3, 720.0),
+        ("septic", 4, 100800.0),
+        ("cubic", 2, 12.0),
+        ("cubic", 0, 13 / 35),
+    ],
+)
+def test_criterion_is_its_integral(name, order, exact):
+    assert law(name, 0.4, 3.0).criterion(order) == pytest.approx(0.4**2 / 3.0 ** (2 * order - 1) * exact, rel=1e-13)
+
+
+# ---- (c) published numbers -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [*LAWS_OF_D, "complex"])
+@pytest.mark.parametrize("turn", ["reversal", "dwell"])
+def test_published_smoothness(name, turn):
+    smooth = dict(zip(("reversal", "dwell"), (LAWS_OF_D | {"complex": COMPLEX_LAW})[name][2:], strict=True))
+    assert law(name, 0.4, 3.0).smoothness(turn) == smooth[turn]
+
+
+@pytest.mark.parametrize(
+    ("name", "smooth"),
+    [
+        ("crank", (4, 1)),
+        ("harmonic", (4, 1)),
+        ("parabolic", (1, 1)),
+        ("cycloidal", (2, 2)),
+        ("modified-trapezoid", (2, 2)),
+        ("gear-sector", (0, 0)),
+    ],
+)
+def test_smoothness_of_comparators(name, smooth):
+    assert (unit(name).smoothness(), unit(name).smoothness("dwell")) == smooth
+
+
+@pytest.mark.parametrize("name", [name for name, (_, erratum) in CHAPTER_5.items() if erratum is None])
+def test_printed_peaks_of_chapter_5(name):
+    (acceleration, jerk), _ = CHAPTER_5[name]
+    peaks = law(name, 0.4, 3.0).peaks()
+    assert peaks.acceleration == pytest.approx(acceleration, abs=5e-4)
+    assert jerk is None or peaks.jerk == pytest.approx(jerk, abs=5e-4)
+
+
+@pytest.mark.parametrize("name", [name for name, (_, erratum) in CHAPTER_5.items() if erratum is not None])
+def test_printed_peaks_of_chapter_5_with_an_erratum_are_not_reproduced(name):
+    printed, _ = CHAPTER_5[name]
+    peaks = law(name, 0.4, 3.0).peaks()
+    assert max(abs(peaks.acceleration - printed[0]), abs(peaks.jerk - printed[1])) > 2e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "time", "quantity", "printed", "tolerance"),
+    [
+        ("complex", 3 * 30 / 180, "acceleration", 0.24539, 5e-6),  # D-5: largest of the table by 10 degrees
+        ("combined-4", 3 / 18, "acceleration", 0.61454, 5e-6),  # D-7: at tau = 1/3
+        ("combined-4", 3 / 36, "jerk", 5.04115, 5e-6),  # D-7: at tau = 1/6
+        ("reversal-4", 0.1, "jerk", 3.6864, 1e-12),  # D-8: at tau = 1/5
+    ],
+)
+def test_misprints_are_values_beside_the_peak(name, time, quantity, printed, tolerance):
+    assert abs(getattr(law(name, 0.4, 3.0), quantity)(time)) == pytest.approx(printed, abs=tolerance)
+
+
+@pytest.mark.parametrize("name", VDI_2143)
+def test_published_peaks_of_vdi_2143(name):
+    peaks = unit(name).peaks()
+    assert (peaks.velocity, peaks.acceleration, peaks.jerk) == pytest.approx(VDI_2143[name], rel=1e-5, abs=1e-12)
+
+
+def test_modified_trapezoid_peaks_are_exact():
+    assert astuple(unit("modified-trapezoid").peaks()) == pytest.approx(
+        (2, 8 * np.pi / (2 + np.pi), 32 * np.pi**2 / (2 + np.pi), 128 * np.pi**3 / (2 + np.pi)), rel=1e-12
+    )
+    assert unit("modified-trapezoid").peaks().jerk == pytest.approx(61.426, abs=1e-3)
+
+
+@pytest.mark.parametrize(("name", "order", "value"), CRITERIA.values(), ids=CRITERIA)
+def test_published_criteria(name, order, value):
+    exact = {11043: 5e-5, 7465: 1e-4, 26.13e6: 2e-4, 16.12e6: 4e-4}.get(value, 1e-13)  # to the digits printed
+    assert unit(name).criterion(order) == pytest.approx(float(value), rel=exact)
+
+
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_reversal_law_beats_the_combined_law_in_its_criterion(order):
+    assert unit(f"reversal-{order}").criterion(order) < 0.9 * unit(f"combined-{order}").criterion(order)
+
+
+@pytest.mark.parametrize(
+    ("name", "order", "turn"),
+    [
+        ("constant-velocity", 2, "reversal"),
+        ("gear-sector", 2, "dwell"),
+        ("reversal-2", 3, "reversal"),
+        ("parabolic", 3, "reversal"),
+        ("cubic", 3, "dwell"),
+        ("harmonic", 3, "dwell"),
+        ("quintic", 4, "reversal"),
+        ("reversal-3-free-acceleration", 3, "dwell"),
+    ],
+)
+def test_criterion_is_infinite_where_an_impulse_makes_it_so(name, order, turn):
+    assert unit(name).criterion(order, turn) == np.inf
+
+
+@pytest.mark.parametrize(
+    ("name", "order", "turn", "exact"),
+    [
+        ("constant-velocity", 1, "dwell", 1.0),
+        ("cubic", 3, "reversal", 144.0),
+        ("cubic", 2, "dwell", 12.0),
+        ("harmonic", 3, "reversal", math.pi**6 / 8),
+        ("quintic", 3, "dwell", 720.0),
+    ],
+)
+def test_criterion_is_finite_without_an_impulse(name, order, turn, exact):
+    assert unit(name).criterion(order, turn) == pytest.approx(exact, rel=1e-13)
+
+
+# ---- joins and cycles ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "turn", "expected"),
+    [
+        ("constant-velocity", "reversal", [(0, 1, -1, 1), (1, 1, 1, -1)]),
+        ("constant-velocity", "dwell", [(0, 1, 0, 1), (1, 1, 1, 0)]),
+        ("cubic", "reversal", [(0, 3, 12, -12), (1, 3, -12, 12)]),  # D-10: twice the end value
+        ("cubic", "dwell", [(0, 2, 0, 6), (0, 3, 0, -12), (1, 2, -6, 0), (1, 3, -12, 0)]),
+        ("quintic", "reversal", [(0, 3, -60, 60), (1, 3, 60, -60)]),
+        ("septic", "reversal", []),
+        ("septic", "dwell", [(0, 4, 0, 840), (1, 4, -840, 0)]),
+        ("reversal-2", "reversal", [(1 / 6, 2, 7.2, 0), (5 / 6, 2, 0, -7.2)]),
+        ("reversal-2", "dwell", [(0, 2, 0, 7.2), (1 / 6, 2, 7.2, 0), (5 / 6, 2, 0, -7.2), (1, 2, -7.2, 0)]),
+        (
+            "combined-3",
+            "reversal",
+            [
+                (0, 3, -6480 / 13, 6480 / 13),
+                (1 / 6, 4, 155520 / 13 / 2, 0),
+                (5 / 6, 4, 0, -155520 / 13 / 2),
+                (1, 3, 6480 / 13, -6480 / 13),
+            ],
+        ),
+        ("parabolic", "reversal", [(0.5, 2, 4, -4)]),
+        ("harmonic", "reversal", []),
+        ("crank", "reversal", []),
+    ],
+)
+def test_joins_hold_both_sides(name, turn, expected):
+    joins = [astuple(join) for join in unit(name).joins(turn)]
+    assert np.reshape(joins, (-1, 4)) == pytest.approx(np.reshape(expected, (-1, 4)), rel=1e-10, abs=1e-10)
+
+
+@pytest.mark.parametrize(("order", "quantity"), [(1, "velocity"), (2, "acceleration"), (3, "jerk"), (4, "snap")])
+def test_join_names_its_quantity(order, quantity):
+    assert Join(0.0, order, 0.0, 1.0).quantity == quantity
+
+
+def test_joins_scale_with_stroke_and_duration():
+    first = law("cubic", 0.4, 3.0).joins("dwell")[0]
+    assert (first.time, first.quantity, first.before, first.after) == pytest.approx((0.0, "acceleration", 0.0, 0.8 / 3))
+
+
+def test_asymmetric_law_jumps_in_acceleration_at_a_reversal():
+    # run-up .05 T and run-down .3 T turn with different free accelerations
+    motion = unit("reversal-4-free-both", run_up=0.05, run_down=0.3)
+    jump = motion.joins()[0]
+    assert (jump.time, jump.order, jump.before / jump.after) == pytest.approx((0.0, 2, 0.05 / 0.3), rel=1e-12)
+    assert motion.smoothness() == 1
+
+
+CYCLES = [(name, *dwells) for name in NAMES for dwells in [(0.0, 0.0), (0.5, 0.0), (0.0, 0.25), (0.5, 0.25)]]
+
+
+def cycle_of(name, far=0.5, near=0.25):
+    return law(name, 0.4, 3.0, run_up=0.05, run_down=0.3, rod_length=0.5).cycle(far, near)
+
+
+@pytest.mark.parametrize(("name", "far", "near"), CYCLES)
+def test_cycle_is_continuous_and_periodic(name, far, near):
+    cycle = cycle_of(name, far, near)
+    ends = np.array([leg.start for leg in cycle.legs()] + [cycle.period])
+    assert cycle.derivative(ends + 1e-9, 0) == pytest.approx(cycle.derivative(ends - 1e-9, 0), abs=1e-9)
+    t = np.linspace(0.01, cycle.period - 0.01, 57)
+    assert cycle.derivative(t + 3 * cycle.period, 0) == pytest.approx(cycle.derivative(t, 0), abs=1e-13)
+    assert cycle.derivative(t - cycle.period, 0) == pytest.approx(cycle.derivative(t, 0), abs=1e-13)
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "crank"])
+@pytest.mark.parametrize("order", range(5))
+def test_way_back_is_the_mirror_image(name, order):
+    cycle, t = cycle_of(name), np.linspace(0.013, 2.987, 41)
+    mirrored = (0.4 if order == 0 else 0.0) - cycle.derivative(t, order)
+    assert cycle.derivative(3.5 + t, order) == pytest.approx(mirrored, rel=1e-9, abs=1e-9 * np.abs(mirrored).max())
+
+
+@pytest.mark.parametrize("order", range(5))
+def test_crank_retraces_its_way(order):
+    cycle, t = cycle_of("crank"), np.linspace(0.013, 2.987, 41)
+    retraced = (-1) ** order * cycle.derivative(3.0 - t, order)
+    assert cycle.derivative(3.5 + t, order) == pytest.approx(retraced, rel=1e-10, abs=1e-10 * np.abs(retraced).max())
+
+
+@pytest.mark.parametrize("order", range(5))
+def test_crank_turns_on_through_its_dead_centres(order):
+    cycle = law("crank", 0.4, 3.0, rod_length=0.5).cycle()
+    t = np.array([0.0, 3.0, 6.0])
+    size = np.abs(cycle.derivative(np.linspace(0, 6, 101), order)).max()
+    assert cycle.derivative(t - 1e-9, order) == pytest.approx(cycle.derivative(t + 1e-9, order), abs=2e-8 * size)
+
+
+@pytest.mark.parametrize("order", range(5))
+def test_dwell_stands(order):
+    cycle = cycle_of("quintic")
+    standing = [0.4, 0.0] if order == 0 else [0.0, 0.0]
+    assert cycle.derivative([3.25, 6.6], order) == pytest.approx(standing, abs=0)
+
+
+def test_period_counts_both_dwells():
+    assert cycle_of("quintic").period == 6.75
+    assert [(leg.start, leg.duration, leg.direction) for leg in cycle_of("quintic").legs()] == [
+        (0, 3, 1),
+        (3, 0.5, 0),
+        (3.5, 3, -1),
+        (6.5, 0.25, 0),
+    ]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_dwell_of_zero_length_equals_no_dwell(name):
+    motion = law(name, 0.4, 3.0, rod_length=0.5)
+    assert motion.cycle(0.0, 0.0).joins() == motion.cycle().joins()
+    assert [leg.direction for leg in motion.cycle(0.0, 0.0).legs()] == [1, -1]
+    assert Cycle(motion).period == 6.0
+
+
+@pytest.mark.parametrize(("name", "far", "near"), CYCLES)
+def test_joins_of_the_cycle_are_its_sides(name, far, near):
+    cycle = cycle_of(name, far, near)
+    joins, step = cycle.joins(), 1e-7
+    got = [[cycle.derivative(join.time + side, join.order) for side in (-step, step)] for join in joins]
+    sizes = {k: np.abs(cycle.derivative(np.linspace(0, cycle.period, 999), k)).max() for k in range(1, 5)}
+    expected = [[join.before, join.after] for join in joins]
+    scales = np.array([[sizes[join.order]] for join in joins])
+    assert np.reshape(got, (-1, 2)) / scales.reshape(-1, 1) == pytest.approx(
+        np.reshape(expected, (-1, 2)) / scales.reshape(-1, 1), abs=1e-4
+    )
+
+
+@pytest.mark.parametrize(("name", "far", "near"), CYCLES)
+def test_cycle_jumps_nowhere_but_at_its_joins(name, far, near):
+    cycle = cycle_of(name, far, near)
+    phases = np.unique(
+        np.concatenate(
+            [
+                leg.start + leg.duration * np.array([0, 0.05, 0.5, 0.7, 1 / 8, 3 / 8, 5 / 8, 7 / 8])
+                for leg in cycle.legs()
+            ]
+        )
+    )
+    step = 1e-8
+    named = {k: {round(join.time, 6) for join in cycle.joins() if join.order == k} for k in range(1, 5)}
+    jumps = {k: np.abs(cycle.derivative(phases + step, k) - cycle.derivative(phases - step, k)) for k in range(1, 5)}
+    sizes = {k: np.abs(cycle.derivative(np.linspace(0, cycle.period, 999), k)).max() for k in range(1, 5)}
+    found = {
+        k: {round(float(t % cycle.period), 6) for t in phases[jumps[k] > 1e-4 * sizes[k] + 1e-12]} for k in range(1, 5)
+    }
+    assert found == named
+
+
+def test_cycle_at_a_join_takes_what_follows():
+    cycle = law("cubic", 0.4, 3.0).cycle(far_dwell=0.5)
+    got = [(cycle.derivative(join.time, join.order), join.after) for join in cycle.joins()]
+    assert [value for value, _ in got] == pytest.approx([after for _, after in got], abs=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_way_back_has_the_same_peaks_and_criteria(name):
+    motion = law(name, 0.4, 3.0, run_up=0.05, run_down=0.3, rod_length=0.5)
+    assert astuple(motion.back().peaks()) == pytest.approx(astuple(motion.peaks()), rel=1e-11)
+    assert motion.back().criterion(2) == pytest.approx(motion.criterion(2), rel=1e-12)
+    assert motion.back().smoothness("dwell") == motion.smoothness("dwell")
+
+
+# ---- (e) properties --------------------------------------------------------------------------------------------------
+
+
+@st.composite
+def motions(draw, names=tuple(NAMES)):
+    name = draw(st.sampled_from(names))
+    up = draw(st.one_of(st.just(0.0), st.floats(0.01, 0.5)))
+    down = draw(st.one_of(st.just(0.0), st.floats(0.01, 0.5)))
+    d3, split = draw(st.floats(1e-3, 1.0)), draw(st.floats(0, 1))
+    return law(
+        name,
+        draw(st.floats(0.01, 10)),
+        draw(st.floats(0.01, 100)),
+        run_up=up,
+        run_down=down,
+        energy_weight=(1 - d3) * split,
+        acceleration_weight=(1 - d3) * (1 - split),
+        rod_length=20.0 / draw(st.floats(0.5, 3.0)),
+    )
+
+
+NODES, WEIGHTS = legendre.leggauss(64)
+
+
+@pytest.mark.parametrize("order", range(4))
+@pytest.mark.parametrize("name", NAMES)
+@settings(max_examples=8)
+@given(data=st.data())
+def test_each_derivative_is_the_derivative_of_the_one_before(name, order, data):
+    motion = data.draw(motions((name,)))
+    breaks = motion.curve.x
+    piece = data.draw(st.integers(0, len(breaks) - 2))
+    low, high = sorted(data.draw(st.tuples(st.floats(0, 0.999), st.floats(0, 0.999))))
+    low, high = (breaks[piece] + share * (breaks[piece + 1] - breaks[piece]) for share in (low, high))
+    z = (low + high) / 2 + (high - low) / 2 * NODES
+    values = motion.curve(z, nu=order + 1)
+    integral = (high - low) / 2 * (WEIGHTS @ values)
+    ends = motion.curve(np.array([low, high]), nu=order)
+    size = np.abs(ends).max() + (high - low) * np.abs(values).max() + 1e-3 * inner_sides(motion, order)
+    assert abs(ends[1] - ends[0] - integral) <= 1e-11 * size
+
+
+@settings(max_examples=60)
+@given(motions())
+def test_every_law_runs_from_end_to_end(motion):
+    ends = motion.position(np.array([0.0, motion.duration])) / motion.stroke
+    assert ends == pytest.approx([0.0, 1.0], abs=1e-13)
+
+
+@settings(max_examples=60)
+@given(motions())
+def test_travel_is_continuous_where_pieces_meet(motion):
+    z = motion.curve.x[1:-1]
+    before, after = motion.curve(np.nextafter(z, -1), nu=0), motion.curve(np.nextafter(z, 2), nu=0)
+    assert before == pytest.approx(after, abs=1e-13)
+
+
+@settings(max_examples=40)
+@given(motions())
+def test_peaks_are_the_largest_values(motion):
+    breaks = motion.curve.x
+    z = (breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(1e-12, 1 - 1e-12, 2001)).ravel()
+    sampled = [np.abs(motion.at_phase(z, k)).max() for k in range(1, 5)]
+    peaks = astuple(motion.peaks())
+    assert all(sample <= peak * (1 + 1e-9) for sample, peak in zip(sampled, peaks, strict=True))
+    assert peaks[:3] == pytest.approx(sampled[:3], rel=1e-2, abs=1e-12 * max(peaks))
+
+
+@settings(max_examples=40)
+@given(st.sampled_from(NAMES), st.floats(0.0, 0.5), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+@example("complex", 0.0, 1.0, 1 - 1e-5)
+def test_peak_velocity_is_at_least_the_mean(name, run, share, split):
+    run = run if run > 1e-6 else 0.0
+    motion = law(name, 0.4, 3.0, run, run, share * split, share * (1 - split), rod_length=0.3)
+    assert motion.peaks().velocity >= 0.4 / 3.0 * (1 - 1e-12)
+
+
+@settings(max_examples=25)
+@given(motions(), st.integers(1, 4))
+def test_peaks_and_criteria_scale_with_stroke_and_time(motion, order):
+    twin = Motion(motion.name, 1.0, 1.0, motion.curve, motion.retraces)
+    scale = motion.stroke / motion.duration**order
+    assert astuple(motion.peaks())[order - 1] == pytest.approx(scale * astuple(twin.peaks())[order - 1], rel=1e-12)
+    assert motion.criterion(order) == pytest.approx(scale**2 * motion.duration * twin.criterion(order), rel=1e-12)
+    assert motion.smoothness() == twin.smoothness()
+
+
+@settings(max_examples=25)
+@given(motions(), st.floats(0, 5), st.floats(0, 5))
+@example(law("cubic", 0.4, 3.0), 1e-310, 5e-324)
+def test_cycle_stays_between_its_ends(motion, far, near):
+    cycle = motion.cycle(far, near)
+    x = cycle.derivative(np.linspace(-cycle.period, 2 * cycle.period, 301), 0) / motion.stroke
+    assert (x >= -1e-12).all()
+    assert (x <= 1 + 1e-12).all()
+
+
+# ---- (d) hard cases --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SHAPED)
+@pytest.mark.parametrize(("run_up", "run_down"), [(1e-9, 0.3), (0.3, 1e-9), (1e-9, 1e-9)])
+def test_short_run_keeps_the_smoothness_of_its_law(name, run_up, run_down):
+    at_dwell = LAWS_OF_D[name][3]
+    assert unit(name, run_up=run_up, run_down=run_down).smoothness("dwell") == at_dwell
+
+
+@pytest.mark.parametrize("name", SHAPED)
+@pytest.mark.parametrize(("run_up", "run_down"), [(1e-9, 0.3), (0.3, 1e-9), (1e-9, 1e-9)])
+def test_short_run_ends_at_rest(name, run_up, run_down):
+    ends = unit(name, run_up=run_up, run_down=run_down).curve(np.array([0.0, 1.0]), nu=1)
+    assert ends == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("name", SHAPED)
+@pytest.mark.parametrize("run", [1e-3, 1e-6, 1e-9])
+def test_short_run_has_the_peaks_of_its_closed_form(name, run):
+    # acceleration over a run of T/6 grows as 1/run, at the steady speed
+    speed = [1 / (1 - 2 * share * (1 - float(RUN_UP_TRAVEL[name]))) for share in (run, 1 / 6)]
+    expected = float(LAWS_OF_D[name][1][1]) * speed[0] / speed[1] / (6 * run)
+    peaks = unit(name, run_up=run, run_down=run).peaks()
+    assert peaks.velocity == pytest.approx(speed[0], rel=1e-9)
+    # a phase near 1 is known to 1.1e-16, and so is the width of the run-down
+    assert peaks.acceleration == pytest.approx(expected, rel=1e-9 + 1.2e-16 / run)
+
+
+@pytest.mark.parametrize("name", ["combined-2", "combined-3", "combined-4", "reversal-4"])
+@pytest.mark.parametrize(("run_up", "run_down"), [(1e-9, 0.3), (0.3, 1e-9)])
+def test_criterion_of_a_short_run_is_finite(name, run_up, run_down):
+    assert np.isfinite(unit(name, run_up=run_up, run_down=run_down).criterion(2))
+
+
+@pytest.mark.parametrize("name", SHAPED)
+@pytest.mark.parametrize("run", [1e-300, 5e-324, 1e-30])
+def test_vanishing_run_is_constant_velocity(name, run):
+    motion = unit(name, run_up=run, run_down=0.0)
+    assert motion.peaks().velocity == pytest.approx(1.0, rel=1e-12)
+    assert motion.position(0.5) == pytest.approx(0.5, rel=1e-12)
+
+
+@pytest.mark.parametrize("run", [0.5 - 4e-13, 0.5 - 1e-15, 0.5 + 1e-13])
+def test_runs_that_almost_fill_the_time_leave_no_steady_piece(run):
+    motion = unit("reversal-3", run_up=run, run_down=run)
+    assert motion.peaks().velocity == pytest.approx(2.0, rel=1e-11)
+    assert motion.smoothness() == 2
+
+
+@pytest.mark.parametrize(
+    ("d1", "d2"),
+    [
+        (1 - 1e-3, 1e-3),
+        (1 - 1e-5, 1e-5),
+        (1 - 1e-9, 1e-9),
+        (1.0, 1e-15),
+        (1 - 2e-7, 1e-7),
+        (1.0, 1e-300),
+        (1 - 1e-16, 0.0),
+    ],
+)
+def test_thin_layers_do_not_hide_the_peak_velocity(d1, d2):
+    motion = unit("complex", energy_weight=d1, acceleration_weight=d2)
+    assert 1.0 <= motion.peaks().velocity < 1.1
+
+
+@pytest.mark.parametrize(
+    ("d1", "d2"), [(0.0, 1 - 1e-16), (1e-300, 1 - 1e-16), (0.3, 0.7 - 2.0**-50), (1 - 2.0**-40, 0.0)]
+)
+def test_thin_layers_are_smooth(d1, d2):
+    assert unit("complex", energy_weight=d1, acceleration_weight=d2).smoothness() == 2
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("stroke", "duration"), [(1.0, 1e-6), (1.0, 1e6), (1e-6, 1e6), (1e6, 1e-6)])
+def test_extreme_durations_only_scale(name, stroke, duration):
+    motion = law(name, stroke, duration, rod_length=2.5 * stroke)
+    exact = [peak * stroke / duration**k for k, peak in enumerate(astuple(unit(name).peaks()), start=1)]
+    assert astuple(motion.peaks()) == pytest.approx(exact, rel=1e-11, abs=0)
+    assert [motion.smoothness(), motion.smoothness("dwell")] == [
+        unit(name).smoothness(),
+        unit(name).smoothness("dwell"),
+    ]
+    assert motion.position(duration) == pytest.approx(stroke, rel=1e-14)
+
+
+@pytest.mark.parametrize("shape", [(), (0,), (7,), (2, 3), (2, 0, 3)])
+@pytest.mark.parametrize("name", NAMES)
+def test_time_takes_any_shape(name, shape):
+    motion = law(name, 0.4, 3.0, rod_length=0.5)
+    time = np.full(shape, 0.7)
+    assert {np.shape(motion.derivative(time, k)) for k in range(5)} == {shape}
+    assert {np.shape(motion.back().derivative(time, k)) for k in range(5)} == {shape}
+    assert {np.shape(motion.cycle(0.2).derivative(time, k)) for k in range(5)} == {shape}
+
+
+def test_named_derivatives_are_the_derivatives():
+    motion = law("septic", 0.4, 3.0)
+    named = [motion.position, motion.velocity, motion.acceleration, motion.jerk, motion.snap]
+    assert [f(0.7) for f in named] == [motion.derivative(0.7, k) for k in range(5)]
+
+
+def test_time_a_rounding_error_outside_is_the_end():
+    assert law("quintic", 0.4, 3.0).position([-1e-13, 3.0 * (1 + 2e-16)]) == pytest.approx([0.0, 0.4], abs=0)
+
+
+def test_laws_of_d_are_all_there():
+    assert set(LAWS_OF_D) | {"complex", "crank", "gear-sector"} | set(VDI_2143) == set(NAMES)
+
+
+# ---- (g) refusals ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("sinus", "no motion law 'sinus'; choose from constant-velocity, cubic, quintic, "),
+        ("quintik", "no motion law 'quintik'; did you mean 'quintic'\\? choose from "),
+    ],
+)
+def test_unknown_law_names_the_choices(name, message):
+    with pytest.raises(ValueError, match=message):
+        law(name, 0.4, 3.0)
+
+
+@pytest.mark.parametrize("bad", [0, -1, math.nan, math.inf])
+@pytest.mark.parametrize("quantity", ["stroke", "duration", "rod_length"])
+def test_law_refuses_sizes_that_are_not_positive(quantity, bad):
+    sizes = {"stroke": 0.4, "duration": 3.0, "rod_length": 0.5} | {quantity: bad}
+    with pytest.raises(ValueError, match=f"`{quantity}` must be positive and finite, got {bad}"):
+        law("crank", **sizes)
+
+
+@pytest.mark.parametrize("bad", [-0.1, 1.1, math.nan])
+@pytest.mark.parametrize("quantity", ["run_up", "run_down"])
+def test_law_refuses_shares_off_the_unit_interval(quantity, bad):
+    with pytest.raises(ValueError, match=f"`{quantity}` must be between 0 and 1, got {bad}"):
+        law("reversal-3", 0.4, 3.0, **{quantity: bad})
+
+
+def test_law_refuses_runs_longer_than_the_stroke():
+    with pytest.raises(ValueError, match=r"`run_up` \+ `run_down` must not exceed 1, got 0.6 \+ 0.5"):
+        law("reversal-3", 0.4, 3.0, run_up=0.6, run_down=0.5)
+
+
+def test_law_refuses_weights_off_the_triangle():
+    with pytest.raises(
+        ValueError, match=r"`energy_weight` and `acceleration_weight` must be >= 0 with a sum <= 1, got 0\.9 and 0\.2"
+    ):
+        law("complex", 0.4, 3.0, energy_weight=0.9, acceleration_weight=0.2)
+
+
+def test_crank_asks_for_its_rod():
+    with pytest.raises(
+        ValueError, match="the law 'crank' needs `rod_length`, got None; give the connecting rod's length in m"
+    ):
+        law("crank", 0.4, 3.0)
+
+
+@pytest.mark.parametrize("rod_length", [0.2, 0.1])
+def test_crank_refuses_a_rod_shorter_than_the_crank(rod_length):
+    with pytest.raises(
+        ValueError, match=r"radius/rod must lie in \[0, 1\), got [12].0; the rod is longer than the crank"
+    ):
+        law("crank", 0.4, 3.0, rod_length=rod_length)
+
+
+@pytest.mark.parametrize(
+    ("time", "got"),
+    [
+        (-0.1, "-0.1 to -0.1"),
+        ([1.0, 3.1], "1 to 3.1"),
+        (math.nan, "nan to nan"),
+        ([0.0, math.nan], "nan"),
+        (math.inf, "inf"),
+    ],
+)
+def test_motion_refuses_times_outside_its_pass(time, got):
+    with pytest.raises(ValueError, match=r"`time` must lie in \[0, 3\] s, got " + got):
+        law("quintic", 0.4, 3.0).position(time)
+
+
+@pytest.mark.parametrize("time", [math.nan, math.inf])
+def test_cycle_refuses_times_that_are_not_finite(time):
+    with pytest.raises(ValueError, match=f"`time` must be finite, got {time}"):
+        law("quintic", 0.4, 3.0).cycle().derivative(time, 0)
+
+
+@pytest.mark.parametrize("quantity", ["far_dwell", "near_dwell"])
+@pytest.mark.parametrize("bad", [-1, math.nan, math.inf])
+def test_cycle_refuses_negative_dwells(quantity, bad):
+    with pytest.raises(ValueError, match=f"`{quantity}` must be zero or positive, and finite, got {bad}"):
+        law("quintic", 0.4, 3.0).cycle(**{quantity: bad})

@@ -1,0 +1,695 @@
+"""Optimal laws: known extremals, duality gaps, limits at every instant, what conflicts, mixes of many samples."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.polynomial import Polynomial
+from scipy.optimize import linprog
+
+from compact import drive
+from compact.analysis.study import Study
+from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower
+from compact.machine.cart import Opposition
+from compact.motion.laws import ComplexLaw
+from compact.motion.limits import Held, Pitch, broken, space_of
+from compact.motion.profile import CamLimits, InfeasibleError, Limits, law, optimise
+from compact.motion.sequential_programming import Task
+from compact.motion.spline_space import Space, bernstein_basis, graded_breaks, halved
+from compact.numerics.convex_programs import Program, least_linear, least_quadratic
+from compact.scene.loader import load_scene
+
+SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+TWO_THIRDS = Limits(run_up=1 / 6, run_down=1 / 6)
+FAST_SEEDS = (4, 21)  # of 60 random tasks; the others are slow
+ROLLER = CamLimits(0.9, profile_radius=0.24, roller_radius=0.03)
+MACHINE = {"stroke": 0.4, "duration": 3.0, "mass": 1000.0}
+
+
+def none(velocity, acceleration):
+    return 0.0 * velocity
+
+
+def dry(force):
+    return lambda velocity, acceleration: force * np.sign(velocity)
+
+
+def viscous(velocity, acceleration):
+    return velocity
+
+
+def unit(objective, resistance=none, limits=None, **options):
+    return optimise(objective, 1.0, 1.0, 1.0, resistance, limits, **options)
+
+
+# ---- (a) closed form -------------------------------------------------------------------------------------------------
+
+
+def trapezoid_speed(acceleration):
+    """Plateau of the law of least top speed: v T - v^2/a = stroke, in units of stroke and duration."""
+    return acceleration / 2 * (1 - np.sqrt(1 - 4 / acceleration))
+
+
+def trapezoid_work(acceleration):
+    """2 int v^2 dt of that law."""
+    speed = trapezoid_speed(acceleration)
+    return 2 * speed**2 * (1 - 4 / 3 * speed / acceleration)
+
+
+def ramped_acceleration(jerk):
+    """Least A of bang and bang with one ramp between them: A/4 - A^3/(3 jerk^2) = stroke, in units as above."""
+    roots = np.roots([-1 / (3 * jerk**2), 0, 1 / 4, -1])
+    return min(root.real for root in roots if abs(root.imag) < 1e-12 and root.real > 0)
+
+
+@pytest.mark.parametrize(
+    ("objective", "resistance", "limits", "exact", "within"),
+    [
+        pytest.param("peak_force", none, None, 4.0, 1e-9, id="bang-bang"),
+        pytest.param("rms_force", none, None, np.sqrt(12), 1e-9, id="cubic"),
+        # kinetic energy grows by P: v^2 = 2 P t/m to the middle, so P = 9/4 m stroke^2/duration^3
+        pytest.param("peak_power", none, None, 9 / 4, 1e-3, id="even-power"),
+        pytest.param("drawn_energy", none, Limits(acceleration=6.0), trapezoid_speed(6.0) ** 2, 1e-3, id="trapezoid"),
+        pytest.param("energy", viscous, Limits(acceleration=6.0), trapezoid_work(6.0), 1e-4, id="even-speed"),
+        pytest.param("peak_force", none, Limits(jerk=40.0), ramped_acceleration(40.0), 5e-4, id="one-ramp"),
+        pytest.param(
+            "peak_force", dry(3.0), TWO_THIRDS.replaced(acceleration=7.2, velocity=1.2), 10.2, 1e-8, id="reversal-2"
+        ),
+    ],
+)
+def test_extremal_is_known(objective, resistance, limits, exact, within):
+    motion = unit(objective, resistance, limits)
+    assert motion.value == pytest.approx(exact, rel=within)
+    assert motion.gap < 1e-6
+    assert broken(motion.limits, motion) == {}
+
+
+def test_weighted_sum_is_the_complex_law_of_its_weights():
+    """Stationary for a weighted sum of int v^2 and int H^2: the complex law without a weight of jerk, of some ratio."""
+    motion = unit({"energy": 1.0, "rms_force": 0.7}, lambda v, a: 3.0 * v)
+    z = np.linspace(0, 1, 2001)
+
+    def criterion(curve):
+        v, force = curve(z, nu=1), curve(z, nu=2) + 3.0 * curve(z, nu=1)
+        return 2 * np.trapezoid(3.0 * v * v, z) + 0.7 * np.sqrt(np.trapezoid(force**2, z))
+
+    least = min(criterion(ComplexLaw(d1, 1 - d1)) for d1 in np.linspace(0.02, 0.98, 193))
+    assert motion.value == pytest.approx(least, rel=1e-4)
+    assert motion.gap < 1e-6
+
+
+def test_steady_speed_may_be_uneven_by_its_tolerance():
+    even, uneven = (
+        optimise(
+            "peak_force",
+            **MACHINE,
+            resistance=dry(3562.0),
+            limits=TWO_THIRDS.replaced(steady_tolerance=share),
+            pieces=32,
+        )
+        for share in (0.0, 0.02)
+    )
+    assert uneven.value < even.value
+    time = np.linspace(0.5, 2.5, 1001)
+    assert np.ptp(even.velocity(time)) < 1e-12
+    mean = np.diff(uneven.position([0.5, 2.5]))[0] / 2.0
+    assert np.abs(uneven.velocity(time) / mean - 1).max() == pytest.approx(0.02, rel=1e-6)
+
+
+def pitch_of(stroke=0.4, duration=3.0, breadth=0.9, roller=0.03, profile=0.1, stands=False):
+    return Pitch(breadth, stroke, roller, profile, duration / np.pi, stands)
+
+
+@pytest.mark.parametrize(("name", "curvature"), [
+    # rho = b/2 - (s/2) cos(phi): a limacon; and rho = base + c phi: the spiral of Archimedes
+    ("harmonic", lambda phi: (0.45**2 + 2 * 0.2**2 - 3 * 0.45 * 0.2 * np.cos(phi))
+        / (0.45**2 + 0.2**2 - 2 * 0.45 * 0.2 * np.cos(phi)) ** 1.5),
+    ("constant-velocity", lambda phi: ((0.25 + 0.4 / np.pi * phi) ** 2 + 2 * (0.4 / np.pi) ** 2)
+        / ((0.25 + 0.4 / np.pi * phi) ** 2 + (0.4 / np.pi) ** 2) ** 1.5),
+])  # fmt: skip
+def test_curvature_of_the_rollers_path_is_known(name, curvature):
+    phi = np.linspace(0, np.pi, 401)
+    there, _ = pitch_of().curvature(*(law(name, 0.4, 3.0).at_phase(phi / np.pi, k) for k in range(3)))
+    assert there == pytest.approx(curvature(phi), rel=1e-12)
+
+
+def test_path_that_is_a_circle_is_as_curved_everywhere():
+    """A centre 0.2 m off the axis on a circle of radius 0.45 m: rho = e cos + (a^2 - e^2 sin^2)^(1/2), derived here."""
+    phi, a, e = np.linspace(0, np.pi, 101), 0.45, -0.2
+    root = np.sqrt(a**2 - e**2 * np.sin(phi) ** 2)
+    rho = e * np.cos(phi) + root
+    slope = -e * np.sin(phi) - e**2 * np.sin(phi) * np.cos(phi) / root
+    bend = -e * np.cos(phi) - e**2 * np.cos(2 * phi) / root - (e**2 * np.sin(phi) * np.cos(phi)) ** 2 / root**3
+    pitch = pitch_of(duration=np.pi)  # the cam turns by one radian in a second
+    travel = rho - 0.25, slope, bend
+    assert pitch.curvature(*travel)[0] == pytest.approx(1 / a, rel=1e-12)
+    assert pitch.crowding(*travel)[0] == pytest.approx((0.03 + 0.1) / a, rel=1e-12)
+
+
+@pytest.mark.parametrize("stands", [False, True])
+def test_slope_of_the_crowding_is_its_difference_quotient(stands):
+    space = Space(graded_breaks(0.0, 1.0, 8, 1), 1)
+    held = Held(Limits(), space, 0.4, 3.0)
+    task = Task(held, {"peak_force": 1.0}, 1000.0, (none,))
+    unknowns, change = held.calmest, np.random.default_rng(3).normal(size=space.size)
+    pitch, step = pitch_of(stands=stands), 1e-6
+    near = pitch.tangent(task.nodes, unknowns)
+    ahead, behind = (pitch.crowded(task.nodes, unknowns + way * step * change).ravel() for way in (1, -1))
+    size = np.abs(near.rows @ change).max()
+    assert near.rows @ change == pytest.approx((ahead - behind) / (2 * step), abs=1e-7 * size)
+    assert near.value == pitch.crowded(task.nodes, unknowns).max()
+
+
+# ---- splines and programs -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("smoothness", [1, 2, 3])
+def test_each_derivative_is_that_of_the_one_before(smoothness):
+    space = Space(graded_breaks(0.0, 1.0, 8, smoothness), smoothness)
+    unknowns = np.random.default_rng(smoothness).normal(size=space.size)
+    curve, u = space.curve(unknowns), np.array([0.2, 0.7])
+    places = (space.breaks[:-1, None] + np.diff(space.breaks)[:, None] * u).ravel()
+    for order in range(5):
+        size = np.abs(curve(places, nu=order)).max() + 1e-300
+        assert space.values(order, u) @ unknowns == pytest.approx(curve(places, nu=order), abs=1e-12 * size)
+    inner = space.breaks[1:-1]
+    for order in range(smoothness + 1):
+        size = np.abs(curve(inner, nu=order)).max()
+        assert curve(np.nextafter(inner, 0), nu=order) == pytest.approx(curve(inner, nu=order), abs=1e-11 * size)
+    assert np.abs(curve(np.nextafter(inner, 0), nu=smoothness + 1) - curve(inner, nu=smoothness + 1)).max() > 0.1
+
+
+@pytest.mark.parametrize("smoothness", [1, 2, 3])
+def test_halved_pieces_hold_the_same_law(smoothness):
+    coarse, fine = (Space(graded_breaks(0.0, 1.0, count, smoothness), smoothness) for count in (8, 16))
+    unknowns = np.random.default_rng(smoothness).normal(size=coarse.size)
+    z, curve = np.linspace(0, 1, 101), coarse.curve(unknowns)
+    taken = fine.curve(fine.taken_over(curve))
+    assert taken(z) == pytest.approx(curve(z), abs=1e-12 * np.abs(curve(z)).max())
+
+
+@given(st.lists(st.floats(-1, 1), min_size=2, max_size=6))
+def test_polynomial_lies_inside_its_coefficients_and_they_close_on_it(coefficients):
+    rows = np.array(coefficients)[None, :, None]
+    value = bernstein_basis(len(coefficients) - 1, np.linspace(0, 1, 201)) @ coefficients
+    room = []
+    for times in (0, 1, 2):
+        hull = halved(rows, times)
+        assert hull.max() >= value.max() - 1e-12
+        assert hull.min() <= value.min() + 1e-12
+        room.append(np.ptp(hull))
+    assert room[0] >= room[1] - 1e-12 >= room[2] - 2e-12
+
+
+def test_quadratic_program_meets_its_closed_form():
+    """Nearest point of a simplex: x = max(y - t, 0) with the sum 1 (Held, Wolfe and Crowder 1974)."""
+    y = np.random.default_rng(5).normal(size=40)
+    program = Program(np.ones((1, 40)), np.ones(1), -np.eye(40), np.zeros(40))
+    x = least_quadratic(np.eye(40), -y, program)
+    ordered = np.sort(y)[::-1]
+    shifts = (np.cumsum(ordered) - 1) / np.arange(1, 41)
+    assert x == pytest.approx(np.maximum(y - shifts[ordered > shifts][-1], 0), abs=1e-9)
+
+
+def test_quadratic_program_without_curvature_is_the_linear_one():
+    rng = np.random.default_rng(7)
+    program = Program(np.ones((1, 12)), np.ones(1), np.vstack([-np.eye(12), rng.normal(size=(9, 12))]), np.ones(21))
+    cost, box = rng.normal(size=12), np.full(12, 5.0)
+    quadratic, linear = (
+        cost @ x for x in (least_quadratic(np.zeros((12, 12)), cost, program, box), least_linear(cost, program, box))
+    )
+    assert quadratic == pytest.approx(linear, abs=1e-8)
+
+
+def least_square(acceleration):
+    """Least int a^2 dt [m^2/s^3] and its Lagrange multiplier over run-up and run-down of 0.5 s, within the bound.
+
+    stroke = int (T - 2 t) a dt over the run-up, twice by symmetry; least where a = min(A, lambda (T - 2 t)).
+    """
+    t = (np.arange(20_000) + 0.5) * (0.5 / 20_000)
+    lever, step = 3.0 - 2 * t, 0.5 / 20_000
+    low, high = 0.0, 10.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        short = np.sum(lever * np.minimum(acceleration, middle * lever)) * step < 0.4
+        low, high = (middle, high) if short else (low, middle)
+    return 2 * np.sum(np.minimum(acceleration, low * lever) ** 2) * step
+
+
+@pytest.mark.parametrize("acceleration", [0.6, 0.34], ids=["free", "bounded"])
+def test_least_rms_force_of_a_smooth_law_closes_on_the_extremal(acceleration):
+    """Without continuity of acceleration and jerk the extremal is known; smooth laws come as near as pieces let them.
+
+    H^2 has the mean R^2 + m^2 mean a^2, as the acceleration has none.
+    """
+    limits = TWO_THIRDS.replaced(smoothness=3, acceleration=acceleration)
+    least = least_square(acceleration) / 3.0 * 1000.0**2
+    above = []
+    for pieces in (12, 24, 48):
+        motion = optimise("rms_force", **MACHINE, resistance=lambda v, a: 3562.0 + 0 * v, limits=limits, pieces=pieces)
+        above.append((motion.value**2 - 3562.0**2) / least - 1)
+        assert motion.gap < 1e-6
+    assert 0 < above[2] < above[1] / 2 < above[0] / 4
+    assert above[2] < 2e-3
+
+
+def by_snap(bound, steps):
+    """Least peak of a [m/s^2] by a linear program of its own: constant snap in even steps of the run-up and run-down.
+
+    x = (a, jerk) at the start and the snap of each step; the constant speed has neither. The turn mirrors the motion.
+    """
+    h, ramp = 0.5 / steps, np.arange(steps)
+    size = 2 + 2 * steps
+    jerk, change, speed, place = (np.zeros((2 * steps + 1, size)) for _ in range(4))
+    change[0, 0] = jerk[0, 1] = 1.0
+    for i in range(2 * steps):
+        snap = np.eye(size)[2 + i]
+        jerk[i + 1] = jerk[i] + h * snap
+        change[i + 1] = change[i] + h * jerk[i] + h**2 / 2 * snap
+        speed[i + 1] = speed[i] + h * change[i] + h**2 / 2 * jerk[i] + h**3 / 6 * snap
+        place[i + 1] = place[i] + h * speed[i] + h**2 / 2 * change[i] + h**3 / 6 * jerk[i] + h**4 / 24 * snap
+        if i + 1 == steps:
+            place[i + 1] += 2.0 * speed[i + 1]
+    mirrored = [change[0] + change[-1], jerk[0] + jerk[-1], speed[-1]]
+    equal = np.array([place[-1], *mirrored, change[steps], jerk[steps]])
+    middle = change[:-1] + h / 2 * jerk[:-1] + h**2 / 8 * np.eye(size)[2:]
+    peaks = np.concatenate([change, middle])
+    below = np.column_stack([np.concatenate([peaks, -speed]), np.repeat([-1.0, 0.0], [len(peaks), len(speed)])])
+    bounds = [(None, None)] * 2 + [(-bound, bound)] * (2 * ramp.size) + [(None, None)]
+    found = linprog(
+        np.eye(size + 1)[-1], below, np.zeros(len(below)), np.column_stack([equal, np.zeros(len(equal))]),
+        [0.4, 0, 0, 0, 0, 0], bounds=bounds,
+    )  # fmt: skip
+    assert found.status == 0
+    return found.fun
+
+
+def test_least_peak_force_under_a_bound_on_snap_is_that_of_another_program():
+    limits = TWO_THIRDS.replaced(smoothness=3, snap=60.0)
+    motion = optimise("peak_force", **MACHINE, resistance=lambda v, a: 3562.0 + 0 * v, limits=limits)
+    assert motion.gap < 1e-6
+    assert (motion.value - 3562.0) / 1000.0 == pytest.approx(by_snap(60.0, 60), rel=1e-3)
+
+
+def demand(seed):
+    """A random convex task: (objective, stroke, duration, mass, resistance, limits).
+
+    The resistance is linear in velocity and acceleration. The bounds on two derivatives leave room for the law whose
+    speed rises and falls as a polynomial in C3: they are 1.03 to 2 times its peaks.
+    """
+    rng = np.random.default_rng(seed)
+    smoothness = int(rng.integers(1, 4))
+    stroke, duration, mass = 10 ** rng.uniform((-1, -0.5, 1), (0.5, 1, 3.5))
+    run_up, run_down = [(1 / 6, 1 / 6), (0.5, 0.5), rng.uniform(0.08, 0.5, 2)][rng.integers(3)]
+    rise = Polynomial([0, 0, 0, 0, 35, -84, 70, -20])  # from 0 to 1, three derivatives vanish at both ends
+    fastest = stroke / duration / (1 - (run_up + run_down) / 2)
+    z, bounds = np.linspace(0, 1, 2001), {}
+    for order in rng.choice(4, 2, replace=False):
+        peak = np.abs(rise.deriv(order)(z)).max() if order else 1.0
+        peak *= fastest / (min(run_up, run_down) * duration) ** order
+        bounds[("velocity", "acceleration", "jerk", "snap")[order]] = float(peak * rng.uniform(1.03, 2.0))
+    steady = run_up + run_down < 1 and rng.random() < 0.3
+    limits = Limits(
+        run_up=run_up, run_down=run_down, steady_tolerance=0.02 if steady else 0.0, smoothness=smoothness,
+        turn=("reversal", "dwell")[int(rng.random() < 0.3)], **bounds,
+    )  # fmt: skip
+    usual = mass * stroke / duration**2
+    constant, viscous, added = usual * rng.uniform(0, (30, 30, 1)) * (rng.random(3) < (0.7, 0.5, 0.3))
+    of_speed, of_change = viscous * duration / stroke, added * duration**2 / stroke
+
+    def resistance(velocity, acceleration):
+        return constant + of_speed * velocity + of_change * acceleration
+
+    return ("peak_force", "rms_force")[seed % 2], stroke, duration, mass, resistance, limits
+
+
+@pytest.mark.parametrize(
+    "seed", [*FAST_SEEDS, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(60) if seed not in FAST_SEEDS)]
+)
+def test_convex_task_ends_without_a_duality_gap(seed):
+    *task, limits = demand(seed)
+    motion = optimise(*task, limits)
+    assert motion.gap < 1e-6
+    assert broken(limits, motion, instants=20_001) == {}
+
+
+def test_linear_program_with_an_entry_that_highs_takes_for_zero_is_not_answered_wrongly():
+    program = Program([[1.0, 1e-10], [0.0, 1.0]], np.array([1.0, 1e6]), np.zeros((0, 2)), np.zeros(0))
+    with pytest.raises(RuntimeError, match=r"HiGHS solved no program of 2 unknowns: a row is broken by 1\.0e-04"):
+        least_linear(np.ones(2), program)
+    of_order_one = program._replace(equal=[[1.0, 1e-4], [0.0, 1e6]])  # the second unknown in millions
+    assert least_linear(np.ones(2), of_order_one) == pytest.approx([1 - 1e-4, 1.0], rel=1e-12)
+
+
+def test_quadratic_program_that_nothing_fits_is_told_with_the_residuals():
+    program = Program(np.zeros((0, 1)), np.zeros(0), [[1.0], [-1.0]], np.array([-1.0, -1.0]))
+    with pytest.raises(RuntimeError, match=r"Clarabel solved no program of 1 unknowns to 1e-08: .*residuals"):
+        least_quadratic(np.eye(1), np.zeros(1), program)
+
+
+# ---- (d) hard cases --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        pytest.param(TWO_THIRDS.replaced(acceleration=0.5), id="acceleration"),
+        pytest.param(TWO_THIRDS.replaced(velocity=0.16, jerk=8.0), id="velocity-jerk"),
+        pytest.param(TWO_THIRDS.replaced(snap=400.0), id="snap"),
+        pytest.param(TWO_THIRDS.replaced(smoothness=3, at_rest=(2, 3), jerk=8.0), id="rest"),
+        pytest.param(TWO_THIRDS.replaced(turn="dwell", jerk=8.0), id="dwell"),
+        pytest.param(Limits(run_up=0.1, run_down=0.25, jerk=8.0, steady_tolerance=0.01), id="askew-tolerance"),
+        pytest.param(TWO_THIRDS.replaced(cam=CamLimits(0.6, pressure_angle=0.85)), id="pressure-angle"),
+        pytest.param(TWO_THIRDS.replaced(cam=CamLimits(0.9, radius_of_curvature=0.1)), id="flat-face"),
+        pytest.param(TWO_THIRDS.replaced(cam=ROLLER), id="roller"),
+        pytest.param(
+            Limits(jerk=8.0, turn="dwell", cam=CamLimits(0.9, 0.6, None, 0.5, profile_radius=0.2, roller_radius=0.03)),
+            id="roller-dwell",
+        ),
+    ],
+)
+@pytest.mark.parametrize("objective", ["peak_force", pytest.param("peak_power", marks=pytest.mark.slow)])
+def test_limits_hold_at_every_instant(objective, limits):
+    motion = optimise(objective, **MACHINE, resistance=dry(3562.0), limits=limits, pieces=16)
+    assert broken(limits, motion, instants=100_001) == {}
+    assert motion.gap < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("limits", "follower", "quantity", "sign"),
+    [
+        (CamLimits(0.6, pressure_angle=0.85), Pointed(), "largest_pressure_angle", 1),
+        (CamLimits(0.9, radius_of_curvature=0.1), FlatFace(), "least_radius_of_curvature", -1),
+        (ROLLER, RollerFollower(0.03), "least_radius_of_curvature", -1),
+        (ROLLER, RollerFollower(0.03), "least_hollow_radius", -1),
+    ],
+)
+def test_cam_of_the_law_keeps_its_limits(limits, follower, quantity, sign):
+    asked = limits.pressure_angle or limits.radius_of_curvature or limits.profile_radius
+    free, held = (
+        optimise("peak_power", **MACHINE, resistance=dry(3562.0), limits=TWO_THIRDS.replaced(cam=cam), pieces=16)
+        for cam in (None, limits)
+    )
+    assert sign * getattr(Cam(free.cycle(), limits.breadth, follower), quantity) > sign * asked
+    assert sign * getattr(Cam(held.cycle(), limits.breadth, follower), quantity) <= sign * asked + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("limits", "needed"),
+    [
+        (Limits(acceleration=0.1), {"acceleration": 4 * 0.4 / 9}),
+        # a trapezoid of speed: v T - v^2/a = stroke
+        (Limits(velocity=0.15, acceleration=0.2), {"velocity": 0.2, "acceleration": 0.15**2 / (0.15 * 3 - 0.4)}),
+        # the mean radius of curvature of a flat-faced cam is half its breadth: at best an eccentric circle
+        (Limits(cam=CamLimits(0.41, radius_of_curvature=0.3)), {"cam breadth for its radius of curvature": 0.6}),
+    ],
+)
+def test_what_conflicts_is_told_with_how_much(limits, needed):
+    with pytest.raises(InfeasibleError, match="no law keeps all limits; what would do") as told:
+        optimise("peak_force", **MACHINE, resistance=none, limits=limits)
+    assert told.value.alone
+    conflicts = {conflict.name: conflict.needed for conflict in told.value.conflicts}
+    assert conflicts == pytest.approx(needed, rel=3e-3)
+
+
+def test_bounds_that_must_give_together_do_when_they_have_given():
+    limits = Limits(velocity=0.1, acceleration=0.1, smoothness=2, jerk=0.1)
+    with pytest.raises(InfeasibleError, match=r"velocity .* together with acceleration") as told:
+        optimise("peak_force", **MACHINE, resistance=none, limits=limits, pieces=16)
+    enough = {conflict.name: conflict.needed * (1 + 1e-6) for conflict in told.value.conflicts}
+    assert not told.value.alone
+    assert optimise("peak_force", **MACHINE, resistance=none, limits=limits.replaced(**enough), pieces=16).gap < 1e-6
+    for name in enough:  # and none of them is told in vain
+        with pytest.raises(InfeasibleError):
+            optimise(
+                "peak_force", **MACHINE, resistance=none, limits=limits.replaced(**(enough | {name: 0.1})), pieces=16
+            )
+
+
+def test_radius_that_no_profile_has_is_told_with_the_one_that_does():
+    limits = TWO_THIRDS.replaced(cam=ROLLER)
+
+    def asked(radius):
+        cam = replace(ROLLER, profile_radius=radius)
+        return optimise("peak_force", **MACHINE, resistance=none, limits=limits.replaced(cam=cam), pieces=8)
+
+    with pytest.raises(InfeasibleError, match="least radius of curvature of the roller's cam") as told:
+        asked(0.4)
+    (conflict,) = told.value.conflicts
+    assert (conflict.asked, told.value.alone) == (0.4, True)
+    assert asked(conflict.needed * (1 - 1e-4)).gap < 1e-5
+    with pytest.raises(InfeasibleError):
+        asked(conflict.needed * (1 + 1e-3))
+
+
+def test_dwell_asks_a_radius_of_the_base_circle():
+    """Where the cart stands the profile is a circle about the axis: (breadth - stroke)/2 - r, here 0.22 m."""
+    cam = CamLimits(0.9, dwell=0.5, profile_radius=0.23, roller_radius=0.03)
+    with pytest.raises(InfeasibleError) as told:
+        optimise("peak_force", **MACHINE, resistance=none, limits=Limits(turn="dwell", jerk=20.0, cam=cam), pieces=16)
+    assert told.value.conflicts[0].needed == pytest.approx(0.22, rel=1e-4)
+
+
+# ---- the published machine -------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return Study(load_scene(SCENES / "loveikin-2015.toml"))
+
+
+@pytest.mark.parametrize(
+    ("limits", "members"),
+    [
+        pytest.param(TWO_THIRDS, 10, id="free"),
+        pytest.param(TWO_THIRDS.replaced(acceleration=0.6), 9, id="acceleration"),
+        pytest.param(TWO_THIRDS.replaced(jerk=5.0), 7, id="jerk", marks=pytest.mark.slow),
+        pytest.param(TWO_THIRDS.replaced(snap=60.0), 2, id="snap", marks=pytest.mark.slow),
+    ],
+)
+@pytest.mark.parametrize("objective", ["peak_force", "peak_power"])
+def test_no_published_law_within_the_same_limits_asks_for_less(machine, objective, limits, members):
+    resistance = Opposition(machine.cart, machine.resistance)
+    motion = optimise(objective, **MACHINE, resistance=resistance, limits=limits, pieces=32)
+    rivals = [name for name, cycle in machine.cycles.items() if not broken(limits, cycle.there)]
+    run = drive.simulate(machine.cart, drive.Rigid(), motion, machine.resistance)
+    assert len(rivals) == members
+    assert getattr(run, objective) < min(getattr(machine.runs[name], objective) for name in rivals)
+    assert getattr(run, objective) == pytest.approx(motion.value, rel=3e-4)
+    assert motion.gap < 1e-6
+    assert broken(limits, motion) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("limits", [TWO_THIRDS, TWO_THIRDS.replaced(acceleration=0.6), Limits(jerk=5.0)])
+@pytest.mark.parametrize("power", [0.0, 0.2], ids=["dry", "power-law"])
+@pytest.mark.parametrize("objective", ["peak_force", "peak_power"])
+def test_ipopt_finds_no_better_law_from_20_starts(machine, objective, power, limits):
+    pytest.importorskip("casadi")
+    from compact.motion.ipopt_reference import best
+
+    push = Opposition(machine.cart, machine.resistance)
+
+    def resistance(velocity, acceleration):
+        return push(velocity, acceleration) * (np.abs(velocity) / 0.133) ** power
+
+    motion = optimise(objective, **MACHINE, resistance=resistance, limits=limits, pieces=32)
+    held = Held(limits, space_of(limits, 16, 1), MACHINE["stroke"], MACHINE["duration"])
+    least, reached = best(Task(held, {objective: 1.0}, MACHINE["mass"], (resistance,)), 20)
+    assert len(reached) >= 15
+    assert motion.value == pytest.approx(least, rel=5e-3)
+
+
+def test_resistance_that_drives_the_cart_is_refused():
+    with pytest.raises(ValueError, match=r"`resistance` must oppose the motion, got -3562 N at velocity 1 m/s"):
+        unit("peak_force", lambda velocity, acceleration: -3562.0 + 0 * velocity)
+
+
+def test_way_there_alone_decides_a_law():
+    """So a constant gives the law of dry friction, whose way back mirrors the way there."""
+    one, other = (
+        unit("peak_force", resistance, pieces=16)
+        for resistance in (dry(1.0), lambda velocity, acceleration: 1.0 + 0 * velocity)
+    )
+    assert one.value == other.value
+
+
+def test_pieces_that_fit_no_memory_are_refused():
+    with pytest.raises(ValueError, match=r"`pieces` must be at most 1024, got 1000000000; finer ones"):
+        unit("peak_force", pieces=1_000_000_000)
+
+
+def falling(velocity, acceleration):
+    """A resistance that depends on both: it falls at speed, and lags behind."""
+    return 3000 * np.tanh(velocity / 0.02) - 600 * velocity + 30 * velocity * acceleration
+
+
+@pytest.mark.parametrize(
+    ("objective", "resistance", "cam"),
+    [
+        pytest.param("peak_power", dry(3562.0), None, id="peak_power-dry"),
+        pytest.param("rms_force", falling, ROLLER, id="rms_force-falling-roller"),
+        pytest.param("drawn_energy", falling, None, id="drawn_energy-falling", marks=pytest.mark.slow),
+        pytest.param("peak_power", falling, ROLLER, id="peak_power-falling-roller", marks=pytest.mark.slow),
+        pytest.param("peak_force", dry(3562.0), ROLLER, id="peak_force-dry-roller", marks=pytest.mark.slow),
+        pytest.param(
+            {"peak_power": 1.0, "rms_force": 0.1}, falling, ROLLER, id="both-falling-roller", marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_casadi_finds_the_same(objective, resistance, cam):
+    pytest.importorskip("casadi")
+    limits = TWO_THIRDS.replaced(acceleration=0.6, cam=cam)
+    task = {"resistance": resistance, "limits": limits, "pieces": 16} | MACHINE
+    ours, theirs = (optimise(objective, **task, method=method) for method in ("steps", "casadi"))
+    assert theirs.value == pytest.approx(ours.value, rel=1e-4)
+    assert broken(limits, theirs) == {}
+
+
+def test_casadi_minds_all_resistances_and_no_quantile():
+    pytest.importorskip("casadi")
+    task = {"resistance": SPREAD, "limits": TWO_THIRDS, "pieces": 16} | MACHINE
+    ours, theirs = (optimise("rms_force", **task, method=method) for method in ("steps", "casadi"))
+    assert theirs.value == pytest.approx(ours.value, rel=1e-6)
+    with pytest.raises(ValueError, match=r"IPOPT is asked for the worst resistance only, got `quantile` 0.5"):
+        optimise("rms_force", **task, quantile=0.5, method="casadi")
+
+
+def test_missing_casadi_is_told(monkeypatch):
+    import sys
+
+    from compact.motion.ipopt_reference import casadi
+
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    with pytest.raises(RuntimeError, match=r"pip install '.\[optimise\]'"):
+        casadi()
+    with pytest.raises(RuntimeError, match=r"pip install '.\[optimise\]'"):
+        unit("peak_power", method="casadi")
+
+
+# ---- many resistances ------------------------------------------------------------------------------------------------
+
+SPREAD = tuple(dry(force) for force in (1500.0, 3562.0, 8000.0))
+SPREAD_TASK = MACHINE | {"limits": TWO_THIRDS.replaced(acceleration=0.6), "pieces": 32}
+
+
+def power_of(motion, resistance):
+    time = np.linspace(0, motion.duration, 20_001)
+    v, a = motion.velocity(time), motion.acceleration(time)
+    return np.abs(v * (MACHINE["mass"] * a + resistance(np.maximum(v, 1e-12), a))).max()
+
+
+@pytest.fixture(scope="module")
+def alone():
+    return [optimise("peak_power", resistance=one, **SPREAD_TASK) for one in SPREAD]
+
+
+def test_law_for_all_samples_has_the_least_worst(alone):
+    motion = optimise("peak_power", resistance=SPREAD, **SPREAD_TASK)
+    worst = [max(power_of(law, one) for one in SPREAD) for law in alone]
+    assert motion.value == pytest.approx(max(power_of(motion, one) for one in SPREAD), rel=1e-4)
+    assert motion.value <= min(worst) * (1 + 1e-4)
+    assert motion.gap < 1e-6
+
+
+def test_law_of_least_regret_is_near_the_best_of_each_sample(alone):
+    motion = optimise("peak_power", resistance=SPREAD, regret=True, **SPREAD_TASK)
+
+    def regret(law):
+        return max(power_of(law, one) / best.value for one, best in zip(SPREAD, alone, strict=True))
+
+    assert motion.value == pytest.approx(regret(motion), rel=1e-4)
+    assert 1 < motion.value < min(regret(law) for law in alone)
+
+
+def test_quantile_leaves_the_worst_samples_out():
+    two_of_three = optimise("peak_power", resistance=SPREAD, quantile=0.6, **SPREAD_TASK)
+    without = optimise("peak_power", resistance=SPREAD[:2], **SPREAD_TASK)
+    assert two_of_three.value == pytest.approx(without.value, rel=1e-6)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_rms_force_over_samples_has_no_duality_gap(count):
+    samples = tuple(lambda v, a, c=c: c * v for c in (2000.0, 9000.0, 4000.0)[:count])
+    motion = optimise("rms_force", **MACHINE, resistance=samples, limits=Limits(acceleration=0.5), pieces=32)
+    assert motion.gap < 1e-6
+
+
+# ---- (e) properties --------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.floats(0.1, 10), st.floats(0.1, 10), st.floats(0.1, 10))
+def test_value_scales_with_mass_stroke_and_duration(mass, stroke, duration):
+    motion = optimise("peak_force", stroke, duration, mass, none, Limits(jerk=40 * stroke / duration**3), pieces=8)
+    scaled = unit("peak_force", limits=Limits(jerk=40.0), pieces=8).value
+    assert motion.value / (mass * stroke / duration**2) == pytest.approx(scaled, rel=1e-5)
+
+
+# ---- (f) cost --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("objective", "steps"), [("peak_force", 5), ("rms_force", 3), ("peak_power", 60)])
+def test_few_steps_are_taken(objective, steps):
+    assert optimise(objective, **MACHINE, resistance=dry(3562.0), limits=TWO_THIRDS, pieces=32).steps <= steps
+
+
+# ---- (g) refusals ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"objective": "peak_torque"}, "no objective 'peak_torque'"),
+        ({"objective": {"peak_force": -1.0}}, "`weights` must be zero or positive"),
+        ({"objective": {"peak_force": 0.0}}, "`objective` must hold a weight > 0"),
+        ({"stroke": 0.0}, "`stroke` must be positive"),
+        ({"mass": -1.0}, "`mass` must be zero or positive"),
+        ({"quantile": 1.5}, "`quantile` must be between 0 and 1"),
+        ({"pieces": 2.5}, "`pieces` must be a whole number"),
+        ({"method": "guess"}, "no method 'guess'; choose from steps, casadi"),
+        ({"objective": "energy"}, "every law asks for nothing"),
+    ],
+)
+def test_task_out_of_range_is_refused(options, message):
+    task = {"objective": "peak_force", "resistance": none, **MACHINE}
+    with pytest.raises(ValueError, match=message):
+        optimise(**(task | options))
+
+
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [
+        ({"velocity": -1.0}, "`velocity` must be positive"),
+        ({"run_up": 0.0}, "`run_up` must be positive"),
+        ({"run_up": 0.7}, "`run_up` . `run_down` must not exceed 1, got 0.7 . 0.5"),
+        ({"smoothness": 4}, "`smoothness` must be 1, 2 or 3, got 4"),
+        ({"at_rest": (2,)}, "`at_rest` takes orders from 2 to the smoothness, 1, got"),
+        ({"turn": "stop"}, "no turn 'stop'"),
+    ],
+)
+def test_limits_out_of_range_are_refused(limits, message):
+    with pytest.raises(ValueError, match=message):
+        Limits(**limits)
+
+
+def test_cam_limits_out_of_range_are_refused():
+    with pytest.raises(ValueError, match=r"`pressure_angle` must lie in \(0, pi/2\), got 2.0 rad"):
+        CamLimits(0.9, pressure_angle=2.0)
+
+
+@pytest.mark.parametrize(
+    ("cam", "message"),
+    [
+        ({"profile_radius": 0.1}, "`profile_radius` is of a cam for a roller: give the `roller_radius` as well"),
+        ({"profile_radius": -0.1, "roller_radius": 0.03}, "`profile_radius` must be zero or positive"),
+        ({"profile_radius": 0.1, "roller_radius": 0.0}, "`roller_radius` must be positive"),
+        ({"profile_radius": 0.1, "roller_radius": 0.3}, r"`breadth` must exceed 1 m, the stroke and both rollers"),
+    ],
+)
+def test_limits_of_a_rollers_cam_out_of_range_are_refused(cam, message):
+    with pytest.raises(ValueError, match=message):
+        optimise("peak_force", **MACHINE, resistance=none, limits=Limits(cam=CamLimits(0.9, **cam)), pieces=16)

@@ -1,0 +1,437 @@
+"""Minimising motions: against mpmath's closed form, against a Ritz minimisation, and against D, A and B."""
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.polynomial import Polynomial, legendre
+from published import BEST_TRAVEL_AT_FIXED_STROKE, LONE_TRAVEL, LONE_TURNING_JERK, LOSS_OF_HALF
+
+from compact.motion.minimum_criterion import ComplexLaw, minimiser
+
+PHASES = np.concatenate(
+    [[0.0, 1e-9, 1e-6, 1e-4, 1e-3], np.linspace(0.01, 0.99, 15), 1 - 2.0 ** np.array([-10, -20, -40]), [1.0]]
+)
+REST, STEADY = {0: 0, 1: 0, 2: 0, 3: 0}, {1: 1, 2: 0, 3: 0}
+
+
+def first(conditions, count, **replaced):
+    return {k: conditions[k] for k in list(conditions)[:count]} | replaced
+
+
+def action(polynomial, order):
+    """int_0^1 (x^(order))^2 dz."""
+    return (polynomial.deriv(order) ** 2).integ()(1.0)
+
+
+# ---- the naive twin: sinh of the roots in 50 digits ------------------------------------------------------------------
+
+
+def twin(d1, d2, order, phases):
+    """Derivative of the complex law from its characteristic roots, solved in 50 digits."""
+    with mpmath.workdps(50):
+        modes = [lambda u, n: u if n == 0 else mpmath.mpf(n == 1), *_twin_modes(mpmath.mpf(d1), mpmath.mpf(d2))]
+        half = mpmath.mpf(1) / 2
+        matrix = mpmath.matrix([[mode(half, k) for mode in modes] for k in range(len(modes))])
+        weights = mpmath.lu_solve(matrix, mpmath.matrix([half] + [0] * (len(modes) - 1)))
+        shift = half if order == 0 else 0
+        return np.array(
+            [
+                float(
+                    mpmath.re(
+                        shift
+                        + sum(
+                            w * mode(mpmath.mpf(float(z)) - half, order) for w, mode in zip(weights, modes, strict=True)
+                        )
+                    )
+                )
+                for z in phases
+            ]
+        )
+
+
+def _twin_modes(d1, d2):
+    d3 = 1 - d1 - d2
+    if d3 == 0:
+        return [_odd(mpmath.sqrt(12 * d1 / d2), 3)] if d2 > 0 else []
+    n1, n2 = 60 * d2 / d3, 720 * d1 / d3
+    root = mpmath.sqrt(mpmath.mpc(n1 * n1 - 4 * n2))
+    if root == 0 and n1 > 0:
+        p = mpmath.sqrt(n1 / 2)
+        return [
+            _odd(p, 3),
+            lambda u, n: mpmath.diff(lambda q: _odd(q, 3)(u, n) * mpmath.cosh(q / 2), p) / mpmath.cosh(p / 2),
+        ]
+    pair = [mpmath.sqrt((n1 + root) / 2), mpmath.sqrt((n1 - root) / 2)]
+    return [_odd(pair[0], 3), _odd(pair[1], 3 if pair[0] != 0 else 5)]
+
+
+def _odd(p, power):
+    """sinh(p u) scaled to its end, or the power it turns into at p = 0."""
+    if p == 0:
+        return lambda u, n: mpmath.ff(power, n) * u ** (power - n) if n <= power else mpmath.mpf(0)
+    even_odd = (mpmath.sinh, mpmath.cosh)
+    return lambda u, n: p**n * even_odd[n % 2](p * u) / mpmath.cosh(mpmath.re(p) / 2)
+
+
+def exact_weights(d3, d2):
+    """(d1, d2) as multiples of 2^-52 with 1 - d1 - d2 exact, so that the twin solves the same problem."""
+    d2, d3 = (round(d * 2**52) / 2**52 for d in (d2, d3))
+    return 1.0 - d3 - d2, d2
+
+
+def double_root(d3, off=0.0):
+    """Weights with n1^2 = 4 n2 (1 + off)^2, that is d2^2 = 0.8 d1 d3."""
+    d2 = (math.sqrt(0.64 * d3**2 + 3.2 * d3 * (1 - d3)) - 0.8 * d3) / 2
+    return exact_weights(d3, d2 * (1 + off))
+
+
+WEIGHTS = {
+    "jerk alone": (0.0, 0.0),
+    "acceleration alone": (0.0, 1.0),
+    "energy alone": (1.0, 0.0),
+    "as in D 2.5": exact_weights(0.2, 0.3),
+    "double root": (0.625, 0.25),  # d1 : d2 : d3 = 5 : 2 : 1, exact in binary
+    "double root + 1e-9": double_root(0.125, 1e-9),
+    "double root - 1e-9": double_root(0.125, -1e-9),
+    "double root + 1e-9, layers": double_root(1e-3, 1e-9),
+    "double root - 1e-9, layers": double_root(1e-3, -1e-9),
+    "double root + 1e-9, jerk rules": double_root(0.9, 1e-9),
+    "double root, thin layers": double_root(1e-6),
+    "complex roots": exact_weights(0.5, 0.01),
+    "complex roots, layers": exact_weights(1e-4, 1e-4),
+    "imaginary part alone": exact_weights(0.3, 0.0),
+    "real roots": exact_weights(0.05, 0.7),
+    "one layer": exact_weights(1e-4, 0.7),
+    "d1 -> 0": exact_weights(0.4, 0.6 - 1e-12),
+    "d1 = 0": exact_weights(0.4, 0.6),
+    "d1 -> 1": exact_weights(1e-7, 1e-7),
+    "d2 -> 1": exact_weights(1e-7, 1 - 2e-7),
+    "d3 -> 0": exact_weights(2.0**-30, 0.3),
+    "d3 -> 0, d1 -> 0": exact_weights(2.0**-30, 1 - 2.0**-29),
+    "d3 = 0": (0.5, 0.5),
+    "d3 = 0, layer": (1 - 2.0**-20, 2.0**-20),
+}
+
+
+# ---- (a) closed form -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("order", "coefficients"),
+    [(1, [0, 1]), (2, [0, 0, 3, -2]), (3, [0, 0, 0, 10, -15, 6]), (4, [0, 0, 0, 0, 35, -84, 70, -20])],
+)
+def test_rest_to_rest_minimiser_is_the_polynomial_of_d_2(order, coefficients):
+    got = minimiser(order, first(REST, order), first(REST, order) | {0: 1})
+    assert got.coef == pytest.approx(coefficients, rel=1e-15, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("order", "start", "end", "coefficients"),
+    [
+        (2, {0: 0, 1: 0}, {1: 1, 2: 0}, [0, 0, 1, -1 / 3]),  # 2.6: velocity 2 tau - tau^2
+        (3, first(REST, 3), STEADY, [0, 0, 0, 2, -2, 3 / 5]),  # 2.7: 6 tau^2 - 8 tau^3 + 3 tau^4
+        (4, REST, STEADY | {4: 0}, [0, 0, 0, 0, 5, -9, 6, -10 / 7]),  # 2.8
+        (2, {0: 0, 1: 0}, {1: 1}, [0, 0, 1 / 2]),  # 3.1: velocity tau
+        (3, first(REST, 3), {1: 1, 2: 0}, [0, 0, 0, 1, -1 / 2]),  # 3.2: 3 tau^2 - 2 tau^3
+        (4, REST, STEADY, [0, 0, 0, 0, 5 / 2, -3, 1]),  # 3.3: 10 tau^3 - 15 tau^4 + 6 tau^5
+        (3, {0: 0, 1: 0}, {1: 1, 2: 0}, [0, 0, 3 / 4, 0, -1 / 8]),  # 4.1: (3 tau - tau^3)/2
+        (4, {0: 0, 1: 0, 3: 0}, STEADY, [0, 0, 15 / 16, 0, -5 / 16, 0, 1 / 16]),  # 4.2
+    ],
+    ids=["2.6", "2.7", "2.8", "3.1", "3.2", "3.3", "4.1", "4.2"],
+)
+def test_run_up_is_the_polynomial_of_d(order, start, end, coefficients):
+    got = minimiser(order, start, end).coef
+    assert got == pytest.approx(coefficients + [0] * (2 * order - len(coefficients)), rel=1e-14, abs=1e-14)
+
+
+@pytest.mark.parametrize(("order", "free"), [(n, k) for n in (1, 2, 3, 4) for k in range(n) if (n, k) != (1, 0)])
+def test_free_end_value_brings_its_natural_condition(order, free):
+    end = {k: 1.0 for k in range(order) if k != free}
+    x = minimiser(order, first(REST, order), end)
+    assert (
+        abs(x.deriv(2 * order - 1 - free)(1.0))
+        < 1e-11 * np.abs(x.deriv(2 * order - 2 - free)(np.linspace(0, 1, 9))).max()
+    )
+
+
+def test_free_velocity_at_the_start_brings_its_natural_condition():
+    x = minimiser(3, {0: 0, 2: 0}, {0: 1, 1: 0, 2: 0})
+    assert abs(x.deriv(4)(0.0)) < 1e-12 * abs(x.deriv(4)(1.0))
+
+
+@pytest.mark.parametrize(
+    ("order", "start", "end"), [(3, {2: 0}, {1: 1, 2: 0}), (4, {2: 0, 3: 0}, STEADY)], ids=["4.1", "4.2 and 4.4"]
+)
+def test_free_turning_acceleration_equals_joint_minimisation_over_the_whole_reversal(order, start, end):
+    # brake and start as one phase from velocity -1 to 1; its second half is the run-up
+    steady_end = {k: float(k == 1) for k in range(1, order)}
+    whole = minimiser(order, steady_end | {1: -1.0}, steady_end | {0: 0.0})
+    turn = {0: 0, 1: 0} | ({3: 0} if order == 4 else {})
+    run_up = minimiser(order, turn, end)
+    tau = np.linspace(0, 1, 21)
+    assert 2 * (whole(0.5 + tau / 2) - whole(0.5)) == pytest.approx(run_up(tau), abs=1e-13)
+
+
+def test_lone_phase_turns_with_jerk():
+    x = minimiser(4, {0: 0, 1: 0, 2: 0}, STEADY)  # D-12
+    assert (x.deriv(3)(0.0), x(1.0)) == pytest.approx((float(LONE_TURNING_JERK), float(LONE_TRAVEL)), rel=1e-13)
+
+
+@pytest.mark.parametrize("jerk", [-7.0, -1.0, 1e-2, 1.0, 20 / 3])
+def test_brake_and_start_together_turn_without_jerk(jerk):
+    # D 4.3: the start has b, the brake run backwards in time has -b
+    cost = {b: action(minimiser(4, REST | {3: b}, STEADY), 4) for b in (jerk, -jerk, 0.0)}
+    assert cost[jerk] + cost[-jerk] > 2 * cost[0.0]
+
+
+def test_optimal_travel_at_fixed_stroke():
+    # A-6: run-up of unit time over x1 to speed v, minimise over (x1, v) with 2 x1 + 4 v = stroke
+    bases = [minimiser(4, REST, {0: x, 1: v, 2: 0, 3: 0}) for x, v in ((1, 0), (0, 1))]
+    form = np.array([[(a.deriv(4) * b.deriv(4)).integ()(1.0) for b in bases] for a in bases])
+    closure = np.array([2.0, 4.0])
+    best = np.linalg.solve(form, closure)
+    best, half = best / (closure @ best), np.array([0.5, 1.0]) / (closure @ [0.5, 1.0])
+    assert best[0] / best[1] == pytest.approx(float(BEST_TRAVEL_AT_FIXED_STROKE), rel=1e-12)
+    assert half @ form @ half / (best @ form @ best) - 1 == pytest.approx(LOSS_OF_HALF, abs=5e-6)
+
+
+def test_optimal_travel_at_fixed_speed_is_half():
+    free = minimiser(4, REST, STEADY)
+    assert free(1.0) == pytest.approx(0.5, rel=1e-14)
+    assert action(free, 4) < min(action(minimiser(4, REST, STEADY | {0: x}), 4) for x in (0.499, 0.501))
+
+
+@pytest.mark.parametrize("order", range(5))
+@pytest.mark.parametrize("weights", WEIGHTS.values(), ids=WEIGHTS)
+def test_complex_law_is_its_closed_form(weights, order):
+    exact = twin(*weights, order, PHASES)
+    assert ComplexLaw(*weights)(PHASES, nu=order) == pytest.approx(
+        exact, rel=0, abs=1e-12 * np.abs(exact).max() + 1e-300
+    )
+
+
+@pytest.mark.parametrize(
+    ("weights", "order"), [((0.0, 0.0), 3), ((0.0, 1.0), 2), ((1.0, 0.0), 1)], ids=["jerk", "acceleration", "energy"]
+)
+def test_complex_law_of_one_weight_is_the_polynomial_law(weights, order):
+    x = minimiser(order, first(REST, order), first(REST, order) | {0: 1})
+    assert ComplexLaw(*weights)(PHASES) == pytest.approx(x(PHASES), abs=1e-14)
+
+
+def ritz(d1, d2, d3, degree):
+    """Ritz minimiser of I: s''' = that of the quintic + Legendre P_k, 4 <= k <= degree, k even, whose integrals rest.
+
+    Integrating a Legendre series gives a Legendre series, so J1, J2 and J3 are exact sums. Returns I and s as a
+    Legendre series in 2 z - 1.
+    """
+    orders = np.arange(degree + 4)
+    mass = 1 / (2 * orders + 1)
+    integral = np.zeros((degree + 4, degree + 4))  # int_0^z P_k dz = (P_(k+1) - P_(k-1))/(2 (2k + 1))
+    k = np.arange(1, degree + 3)
+    integral[k + 1, k], integral[k - 1, k] = 1 / (2 * (2 * k + 1)), -1 / (2 * (2 * k + 1))
+    trial = np.eye(degree + 4)[:, 4 : degree + 1 : 2]
+    quintic = legendre.poly2leg(Polynomial([0, 0, 0, 10, -15, 6])(Polynomial([0.5, 0.5])).coef)
+    series = [np.pad(2.0**n * legendre.legder(quintic, n), (0, degree - 2 + n)) for n in range(4)]
+    trials = [integral @ integral @ integral @ trial, integral @ integral @ trial, integral @ trial, trial]
+    terms = [
+        (w, x * np.sqrt(mass), y * np.sqrt(mass)[:, None])
+        for w, x, y in zip((d1, d2 / 12, d3 / 720), series[1:], trials[1:], strict=True)
+    ]
+    stiffness = sum(w * y.T @ y for w, _, y in terms)
+    scale = np.sqrt(np.diag(stiffness))
+    load = sum(w * y.T @ x for w, x, y in terms)
+    amplitudes = -np.linalg.solve(stiffness / np.outer(scale, scale), load / scale) / scale
+    criterion = sum(w * np.sum((x + y @ amplitudes) ** 2) for w, x, y in terms)
+    return criterion, series[0] + trials[0] @ amplitudes
+
+
+@pytest.mark.parametrize(
+    ("weights", "degree"),
+    [
+        (exact_weights(0.2, 0.3), 40),
+        (exact_weights(0.9, 0.05), 40),
+        (exact_weights(0.05, 0.9), 40),
+        ((0.625, 0.25), 40),
+        (double_root(0.01), 60),
+        (exact_weights(0.01, 0.0), 60),
+        (exact_weights(0.3, 0.7), 40),
+        (exact_weights(1e-4, 0.3), 140),
+        (exact_weights(1e-5, 0.6), 200),
+        (exact_weights(1e-6, 0.3), 420),
+        (exact_weights(1e-6, 1e-3), 200),
+    ],
+    ids=[
+        "D 2.5",
+        "jerk",
+        "acceleration",
+        "double root",
+        "double root, layers",
+        "d2 = 0",
+        "d1 = 0",
+        "1e-4",
+        "1e-5",
+        "1e-6",
+        "1e-6, complex",
+    ],
+)
+def test_complex_law_equals_a_direct_minimisation(weights, degree):
+    d1, d2 = weights
+    d3 = 1 - d1 - d2
+    criterion, series = ritz(d1, d2, d3, degree)
+    law = ComplexLaw(d1, d2)
+    z = np.linspace(0, 1, 401)
+    assert law(z) == pytest.approx(legendre.legval(2 * z - 1, series), abs=1e-9)
+    slope = 2 * legendre.legval(2 * z - 1, legendre.legder(series))
+    assert law(z, nu=1) == pytest.approx(slope, abs=1e-7)
+    assert weighted_criterion(law, d1, d2, d3) == pytest.approx(criterion, rel=1e-9)
+
+
+def weighted_criterion(law, d1, d2, d3):
+    """I by Gauss' rule on intervals that halve towards both ends."""
+    nodes, weights = legendre.leggauss(16)
+    near = np.concatenate([[0], 2.0 ** -np.arange(30, 0, -1)])
+    edges = np.concatenate([near, 1 - near[-2::-1]])
+    half = np.diff(edges) / 2
+    z = edges[:-1, None] + half[:, None] * (1 + nodes)
+    parts = [np.sum(half[:, None] * weights * law(z, nu=k) ** 2) for k in (1, 2, 3)]
+    return d1 * parts[0] + d2 * parts[1] / 12 + d3 * parts[2] / 720
+
+
+# ---- (b) order -------------------------------------------------------------------------------------------------------
+
+
+def test_criterion_reaches_its_limit_as_the_layer_width():
+    # the layer at each end is sqrt(d3/(60 d2)) wide and costs as much
+    widths = 2.0 ** -np.arange(20, 36, 3)
+    limit = weighted_criterion(ComplexLaw(0.5, 0.5), 0.5, 0.5, 0.0)
+    excess = [weighted_criterion(ComplexLaw(0.5, 0.5 - d3), 0.5, 0.5 - d3, d3) - limit for d3 in widths]
+    assert np.polyfit(np.log(widths), np.log(excess), 1)[0] == pytest.approx(0.5, abs=0.01)
+
+
+# ---- (d) hard cases --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("d1", "d2"), [(1e-300, 0.0), (0.0, 1e-300), (1e-300, 1e-300), (5e-324, 5e-324), (1e-17, 1e-17)]
+)
+def test_vanishing_weights_leave_the_quintic(d1, d2):
+    quintic = Polynomial([0, 0, 0, 10, -15, 6])
+    assert ComplexLaw(d1, d2)(PHASES, nu=3) == pytest.approx(quintic.deriv(3)(PHASES), abs=1e-12 * 60)
+
+
+@pytest.mark.parametrize(
+    ("d1", "d2"),
+    [(1.0, 1e-300), (1 - 1e-16, 1e-300), (1.0, 5e-324), (1 - 1e-16, 0.0), (1.0, 1e-16), (1 - 1e-9, 1e-9)],
+    ids=["d2 1e-300", "both", "denormal", "d1", "d2 1e-16", "d2 1e-9"],
+)
+@pytest.mark.parametrize("order", range(5))
+def test_almost_energy_alone_is_uniform_speed_inside(d1, d2, order):
+    z = np.linspace(0.05, 0.95, 19)
+    got = ComplexLaw(d1, d2)(z, nu=order)
+    assert got == pytest.approx({0: z, 1: 1.0 + 0 * z}.get(order, 0 * z), abs=1e-3)
+
+
+@pytest.mark.parametrize(("d1", "d2"), [(0.0, 1 - 1e-16), (1e-300, 1 - 1e-16), (1e-300, 1.0), (0.0, 1 - 2.0**-40)])
+def test_almost_acceleration_alone_is_the_cubic(d1, d2):
+    z = np.linspace(0, 1, 21)
+    assert ComplexLaw(d1, d2)(z, nu=1) == pytest.approx(6 * z * (1 - z), abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("d1", "d2"), [(0.3, 0.7), (0.7, 0.3), (0.1, 0.9), (0.9, 0.1), (0.8, 0.2), (0.58, 0.42), (0.42, 0.58)]
+)
+def test_decimal_weights_that_add_up_to_one_leave_no_jerk_term(d1, d2):
+    # 1 - 0.7 - 0.3 is 6e-17 in binary, which would be a layer of 1e-9 with a jerk of 5e9
+    assert np.abs(ComplexLaw(d1, d2)(np.array([0.0, 1e-9, 1e-4]), nu=3)).max() < 1e3
+
+
+@pytest.mark.parametrize("order", [2, 3, 4])
+@pytest.mark.parametrize(("d1", "d2"), [(0.033, 0.967 - 1.4e-6), (2.7e-6, 1 - 2.9e-6), (0.013, 0.987 - 3e-10)])
+def test_small_jerk_weight_keeps_its_digits(d1, d2, order):
+    # d3 = 1 - d1 - d2 of the weights as they are, not after rounding 1 - d1
+    exact = twin(d1, d2, order, PHASES)
+    assert ComplexLaw(d1, d2)(PHASES, nu=order) == pytest.approx(exact, rel=0, abs=1e-12 * np.abs(exact).max())
+
+
+# ---- (e) properties --------------------------------------------------------------------------------------------------
+
+conditions = st.floats(-10, 10)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 4), st.lists(conditions, min_size=8, max_size=8), st.integers(0, 3))
+def test_minimiser_is_stationary_for_every_variation_at_rest(order, values, degree):
+    x = minimiser(order, dict(enumerate(values[:order])), dict(enumerate(values[4 : 4 + order])))
+    variation = Polynomial([0, 1]) ** order * Polynomial([1, -1]) ** order * Polynomial.basis(degree)
+    change = (x.deriv(order) * variation.deriv(order)).integ()(1.0)
+    assert abs(change) <= 1e-9 * math.sqrt(action(x, order) * action(variation, order)) + 1e-12
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 4), st.lists(conditions, min_size=8, max_size=8))
+def test_minimiser_meets_its_end_conditions(order, values):
+    x = minimiser(order, dict(enumerate(values[:order])), dict(enumerate(values[4 : 4 + order])))
+    size = max(1.0, np.abs(x.coef).max())
+    got = [x.deriv(k)(z) if k else x(z) for z in (0.0, 1.0) for k in range(order)]
+    assert got == pytest.approx(values[:order] + values[4 : 4 + order], abs=1e-12 * size)
+
+
+shares = st.floats(0, 1)
+
+
+@settings(max_examples=100, deadline=None)
+@given(shares, shares)
+def test_complex_law_meets_its_ends_and_is_odd_about_its_middle(share, split):
+    law = ComplexLaw(share * split, share * (1 - split))
+    z = np.linspace(0, 0.5, 17)
+    assert law(1 - z) + law(z) == pytest.approx(np.ones(17), abs=1e-13)
+    assert (law(0.0), law(1.0)) == pytest.approx((0.0, 1.0), abs=1e-13)
+    resting = (1, 2)[: (law.jerk_weight > 0) + (law.acceleration_weight > 0 or law.jerk_weight > 0)]
+    z = np.concatenate([2.0 ** -np.arange(1, 50), [0.0]])
+    scales = [np.abs(law(z, nu=k)).max() for k in resting]
+    assert [abs(law(0.0, nu=k)) / scale for k, scale in zip(resting, scales, strict=True)] == pytest.approx(
+        [0] * len(resting), abs=1e-12
+    )
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(0.001, 0.98), shares, shares)
+def test_complex_law_solves_its_euler_poisson_equation(d3, split, z):
+    d1, d2 = exact_weights(d3, (1 - d3) * split)
+    law, d3 = ComplexLaw(max(d1, 0.0), d2), 1 - max(d1, 0.0) - d2
+    terms = [float(law(z, nu=6)), -60 * d2 / d3 * float(law(z, nu=4)), 720 * d1 / d3 * float(law(z, nu=2))]
+    ends = [np.abs(law(np.linspace(0, 1, 65), nu=k)).max() for k in (6, 4, 2)]
+    size = ends[0] + 60 * d2 / d3 * ends[1] + 720 * d1 / d3 * ends[2]
+    assert abs(sum(terms)) <= 1e-11 * size
+
+
+# ---- (g) refusals ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("order", "start", "end", "message"),
+    [
+        (2, {0: 0, 4: 0}, {0: 1, 1: 0}, r"derivatives given must lie in 0\.\.3 for order 2, got \[0, 4\]"),
+        (2, {-1: 0, 0: 0}, {0: 1, 1: 0}, r"derivatives given must lie in 0\.\.3 for order 2, got \[-1, 0\]"),
+        (2, {0: 0, 1: 0, 2: 0}, {0: 1, 1: 0}, r"each end takes 2 conditions for order 2, got derivatives \[0, 1, 2\]"),
+        (3, {0: 0, 1: 0, 2: 0}, {0: 0, 5: 0}, r"each end takes 3 conditions for order 3, got derivatives \[0, 5\]"),
+        (2, {1: 0}, {1: 1}, r"`start` \{1: 0\} and `end` \{1: 1\} leave x open; give a position at one end"),
+    ],
+    ids=["beyond", "negative", "too many", "natural twice", "no position"],
+)
+def test_minimiser_refuses_conditions_that_fit_no_order(order, start, end, message):
+    with pytest.raises(ValueError, match=message):
+        minimiser(order, start, end)
+
+
+@pytest.mark.parametrize(
+    ("d1", "d2"), [(-1e-20, 0.3), (0.5, -0.1), (0.9, 0.2), (math.nan, 0.3), (0.3, math.nan), (math.inf, 0.0)]
+)
+def test_complex_law_refuses_weights_off_the_triangle(d1, d2):
+    message = "`energy_weight` and `acceleration_weight` must be >= 0 with a sum <= 1, got "
+    with pytest.raises(ValueError, match=message + f"{d1!r} and {d2!r}"):
+        ComplexLaw(d1, d2)

@@ -1,0 +1,275 @@
+"""Figures say what they show: the laws as they are, what is off a scale, one scale for all speeds, safe colours."""
+
+from itertools import combinations
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LogNorm, to_rgb
+
+from compact.analysis.ranking_uncertainty import Place
+from compact.motion.profile import LAWS, law
+from compact.report import figures, ranking_figures
+from compact.report import writer as report
+from compact.rolling_contact import Layer, Roller
+
+COLOURS = {name: figures.look(name)["color"] for name in LAWS}
+# Machado, Oliveira and Fernandes, IEEE Trans. Vis. Comput. Graph. 15 (2009) 1291, severity 1, on linear RGB
+SIGHT = {
+    "all cones": np.eye(3),
+    "deuteranope": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ],
+    "protanope": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+}
+XYZ = np.array(
+    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
+)
+
+
+def lab(shade, sight="all cones"):
+    """CIELAB of an sRGB colour, by IEC 61966-2-1 and CIE 15."""
+    c = np.array(to_rgb(shade))
+    linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+    t = XYZ @ np.clip(SIGHT[sight] @ linear, 0, 1) / XYZ.sum(axis=1)
+    x, y, z = np.where(t > (6 / 29) ** 3, np.cbrt(t), t / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+def words(figure):
+    return [text.get_text() for ax in figure.axes for text in ax.texts]
+
+
+# colours
+
+
+@pytest.mark.parametrize("sight", SIGHT)
+def test_no_two_laws_share_a_colour_for_any_sight(sight):
+    seen = {name: lab(shade, sight) for name, shade in COLOURS.items()}
+    nearest = min(np.linalg.norm(seen[one] - seen[other]) for one, other in combinations(seen, 2))
+    assert nearest > 16
+
+
+@pytest.mark.parametrize("family", figures.FAMILIES)
+def test_laws_of_a_family_differ_in_grey(family):
+    lightness = [lab(COLOURS[name])[0] for name in figures.FAMILIES[family]]
+    assert np.diff(lightness).min() > 14
+
+
+@pytest.mark.parametrize("sight", SIGHT)
+def test_engines_have_colours_of_their_own_for_any_sight(sight):
+    shades = [lab(shade, sight) for shade, _, _ in ranking_figures.ENGINE_LOOKS.values()]
+    assert min(np.linalg.norm(one - other) for one, other in combinations(shades, 2)) > 16
+
+
+# laws and drives
+
+
+def test_kinematics_are_those_of_the_laws():
+    cycles = {name: law(name, 0.4, 3.0).cycle() for name in ("quintic", "reversal-2", "gear-sector")}
+    figure = figures.kinematics(cycles)
+    for ax_row, name in zip(np.reshape(figure.axes, (3, 3)), ("quintic", "reversal-2", "gear-sector"), strict=True):
+        for order, ax in enumerate(ax_row, start=1):
+            line = next(line for line in ax.lines if line.get_label().startswith(name))
+            time, value = line.get_data()
+            there = cycles[name].there
+            inside = np.abs(time[:, None] / 3.0 - there.curve.x).min(axis=1) > 1e-9  # at a join either side will do
+            assert np.count_nonzero(inside) > 200
+            assert value[inside] == pytest.approx(there.at_phase(time / 3.0, order)[inside], abs=1e-12)
+    labels = [line.get_label() for line in figure.axes[-1].lines]
+    assert "gear-sector (velocity jumps)" in labels
+    time, acceleration = next(line for line in figure.axes[4].lines if line.get_label() == "reversal-2").get_data()
+    upright = np.diff(time) < 1e-9
+    assert np.abs(np.diff(acceleration)[upright]).max() == pytest.approx(0.32, rel=1e-9)  # 36/5 stroke/duration^2
+
+
+def test_kinematics_of_a_report_are_given_the_laws_and_no_response(monkeypatch):
+    given, study = [], SimpleNamespace(
+        scene=SimpleNamespace(output=SimpleNamespace(wanted=()), drive=SimpleNamespace(kind="elastic")),
+        places={"elastic": {}}, runs="runs", cycles="cycles", layered=False, count=lambda stage: None,
+    )  # fmt: skip
+    monkeypatch.setattr(figures, "kinematics", lambda *of: given.append(of) or figures.Figure())
+    picture = report._pictures(study)["kinematics"]
+    assert picture() == picture()
+    assert given == [("cycles",)]
+
+
+def run(name, peak_force, peak_power=1.0, impulses=()):
+    """A run of three samples with the largest in the middle."""
+    return SimpleNamespace(
+        name=name, time=np.array([0.0, 1.0, 2.0]), direction=np.ones(3), impulses=impulses,
+        drive_force=np.array([0.0, min(peak_force, 1e9), 0.0]), drive_power=np.array([0.0, min(peak_power, 1e9), 0.0]),
+        peak_force=peak_force, peak_power=peak_power,
+    )  # fmt: skip
+
+
+def test_drive_names_every_law_beyond_its_scale_with_the_peak():
+    forces = {"cubic": 700.0, "quintic": 800.0, "septic": 900.0, "constant-velocity": 7448.0}
+    figure = figures.drive({name: run(name, force) for name, force in forces.items()})
+    limit = figure.axes[0].get_ylim()[1]
+    assert limit == pytest.approx(3 * 0.85)  # kN, three times the median: the largest is clipped
+    assert words(figure) == ["▲ constant-velocity: peak 7.45 kN, off the scale"]
+
+
+def test_drive_says_which_force_is_infinite():
+    runs = {"cubic": run("cubic", 700.0), "gear-sector": run("gear-sector", np.inf, np.inf, impulses=("jump",))}
+    assert words(figures.drive(runs)) == ["▲ gear-sector: infinite at its jumps"] * 2
+
+
+def test_drive_says_nothing_where_all_is_shown():
+    assert words(figures.drive({"cubic": run("cubic", 700.0), "quintic": run("quintic", 800.0)})) == []
+
+
+# cams
+
+
+def test_an_undercut_cam_keeps_the_colour_of_its_law_and_is_named():
+    def cam(undercut):
+        return SimpleNamespace(
+            undercut=undercut, radius=lambda phi: 0.5 + 0 * phi, profile=lambda phi: 0.4 * np.array([phi, phi])
+        )
+
+    names = ["constant-velocity", "reversal-4-free-acceleration"]
+    figure = figures.cams({(names[0], "roller"): cam(True), (names[1], "roller"): cam(False)}, names, "roller")
+    bad, good = figure.axes
+    assert [ax.lines[0].get_color() for ax in figure.axes] == [figures.look(name)["color"] for name in names]
+    assert ["UNDERCUT" in ax.get_title() for ax in (bad, good)] == [True, False]
+    assert bad.get_facecolor() != good.get_facecolor()
+
+
+# fields
+
+
+def layer_of(pressure, dissipation, height=0.22, speed=0.1, contact=0.05, base="bonded"):
+    """(mesh, contact) of two elements beside one another."""
+    x, y = np.meshgrid(np.linspace(-0.1, 0.1, 5), np.linspace(0, height, 3))
+    number = np.arange(15).reshape(3, 5)
+    corners = [(0, 0), (0, 2), (2, 2), (2, 0), (0, 1), (1, 2), (2, 1), (1, 0), (1, 1)]
+    cells = np.array([[number[row, column + shift] for row, column in corners] for shift in (0, 2)])
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(15)])
+    mesh = SimpleNamespace(
+        points=points, point_data={"displacement": np.zeros((15, 3))}, cells=[SimpleNamespace(data=cells)],
+        cell_data={"pressure": [np.array(pressure)], "dissipation": [np.array(dissipation)]},
+    )  # fmt: skip
+    rolled = SimpleNamespace(
+        layer=Layer(height, base), roller=Roller(0.11, indentation=0.01), indentation=0.01, speed=speed,
+        leading=contact / 2, trailing=-contact / 2,
+    )  # fmt: skip
+    return mesh, rolled
+
+
+def test_a_field_has_one_colour_scale_for_all_speeds():
+    layers = [layer_of([-1e3, 50e3], [0.0, 1e3], speed=0.01), layer_of([0.0, 140e3], [5.0, 30e3], speed=0.1)]
+    figure = figures.fields(layers)
+    panels, scales = figure.axes[:4], figure.axes[4:]
+    pressures, heats = ([panels[i].collections[0].norm for i in which] for which in ((0, 2), (1, 3)))
+    assert [(norm.vmin, norm.vmax) for norm in pressures] == [(-1.0, 140.0)] * 2
+    assert all(isinstance(norm, LogNorm) for norm in heats)
+    assert [(norm.vmin, norm.vmax) for norm in heats] == [pytest.approx((0.03, 30.0))] * 2
+    assert [ax.get_xlabel() for ax in scales] == ["mean pressure [kPa]", "dissipation [kW/m³], black: less"]
+
+
+def test_fields_reach_down_to_the_base_and_name_it():
+    figure = figures.fields([layer_of([0.0, 1e3], [0.0, 1.0], base="slip")])
+    ax = figure.axes[0]
+    low, high = ax.get_ylim()
+    assert low < 0 < 220 < high
+    assert any(np.allclose(line.get_ydata(), 0.0) for line in ax.lines)
+    assert "rigid base, mix slips" in words(figure)
+
+
+def test_fields_say_how_far_below_the_base_of_a_deep_layer_lies():
+    figure = figures.fields([layer_of([0.0, 1e3], [0.0, 1.0], height=2.0)])
+    low = figure.axes[0].get_ylim()[0]
+    assert low == pytest.approx(2000 - 2.5 * 2.5 * 50)
+    assert f"rigid base, bonded, {low:.0f} mm below" in words(figure)
+
+
+def test_fields_of_a_layer_that_dissipates_nothing_are_drawn():
+    norm = figures.fields([layer_of([0.0, 1e3], [0.0, 0.0])]).axes[1].collections[0].norm
+    assert (norm.vmin, norm.vmax) == (0.0, 1.0)
+
+
+# order of the laws
+
+
+def places(values, error=0.0):
+    return [Place(i, name, value, 0.1, error, True, "") for i, (name, value) in enumerate(values.items(), start=1)]
+
+
+def by_law(values):
+    return {place.law: place for place in places(values)}
+
+
+VALUES = {"parabolic": 700.0, "harmonic": 720.0, "reversal-4-free-acceleration": 1100.0}
+
+
+def test_no_mark_of_a_ranking_hides_another():
+    beside = {"peak_force": {"formula": by_law(VALUES), "column": by_law(VALUES), "spectral": by_law(VALUES)}}
+    figure = ranking_figures.ranking({"peak_force": places(VALUES, 5.0)}, beside)
+    marks = [line for line in figure.axes[0].lines if line.get_label().startswith("by ")]
+    assert [line.get_label() for line in marks] == ["by formula", "by column", "by spectral"]
+    heights = np.array([line.get_ydata() for line in marks])
+    assert np.diff(np.sort(heights, axis=0), axis=0).min() > 0.2  # of a row
+    assert np.abs(heights - np.arange(3)).max() < 0.4  # still in its row
+
+
+def test_the_legend_of_a_ranking_has_marks_that_only_a_later_panel_shows():
+    order = {"peak_force": places(VALUES), "peak_power": places(VALUES)}
+    none = {name: place._replace(value=np.inf, reason="velocity jumps") for name, place in by_law(VALUES).items()}
+    figure = ranking_figures.ranking(order, {"peak_force": {"column": none}, "peak_power": {"column": by_law(VALUES)}})
+    assert [text.get_text() for text in figure.legends[0].texts] == ["by column"]
+
+
+def test_panels_of_a_ranking_stand_below_one_another_on_a_narrow_screen():
+    order = {by: places(VALUES) for by in ("peak_force", "peak_power", "rms_force", "rms_power")}
+    figure = ranking_figures.ranking(order, {})
+    left = {round(ax.get_position().x0, 9) for ax in figure.axes}
+    assert len(figure.axes) == 4
+    assert len(left) == 1
+    assert figure.get_figwidth() < 6.0
+
+
+def test_no_mark_of_the_engines_hides_another_and_none_has_an_error_of_nothing():
+    orders = {
+        engine: {"rigid": {"peak_force": places(VALUES, error)}} for engine, error in (("fem", 5.0), ("column", 0.0))
+    }
+    figure = ranking_figures.engines(orders)
+    fem, column = figure.axes[0].containers
+    assert np.abs(fem.lines[0].get_ydata() - column.lines[0].get_ydata()).min() > 0.2
+    bars = column.lines[2][0].get_segments()
+    assert not any(len(bar) for bar in bars)
+
+
+@pytest.mark.parametrize("figure", ["ranking", "engines"])
+def test_no_label_of_the_orders_is_cut_at_the_edge(figure):
+    long = {"reversal-3-free-acceleration": 700.0, "reversal-4-free-acceleration": 1234.0}
+    order = {by: places(long, 5.0) for by in ("peak_force", "peak_power")}
+    drawn = (
+        ranking_figures.ranking(order, {})
+        if figure == "ranking"
+        else ranking_figures.engines({"fem": {"elastic": order}})
+    )
+    FigureCanvasAgg(drawn).draw()
+    for ax in drawn.axes:
+        for text in (ax.xaxis.label, *ax.get_yticklabels()):
+            box = text.get_window_extent()
+            assert 0 <= box.x0 < box.x1 <= drawn.bbox.x1
+
+
+def test_engines_that_resist_alike_are_both_seen():
+    met = SimpleNamespace(speeds=np.array([0.1, 0.5]), forces=np.array([400.0, 300.0]))
+
+    class Map:
+        speeds, forces = met.speeds, met.forces
+
+        def __call__(self, speed, acceleration):
+            return 400.0 + 0 * speed
+
+    flat = lambda speed, acceleration: 3500.0 + 0 * speed  # noqa: E731
+    figure = ranking_figures.resistance({"fem": Map(), "formula": flat, "column": flat})
+    widths = {line.get_label(): line.get_linewidth() for line in figure.axes[0].lines if line.get_linestyle() != "None"}
+    assert widths["column"] > widths["formula"] + 1  # the broader below

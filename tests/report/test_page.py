@@ -1,0 +1,457 @@
+"""The page of a study: its numbers are the study's, nothing comes from elsewhere, and a browser shows it whole."""
+
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from html import unescape
+from html.parser import HTMLParser
+from importlib.resources import files
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from compact.analysis import sensitivity
+from compact.analysis.study import Study
+from compact.drive import CRITERIA
+from compact.report import html_answer, html_machine
+from compact.report import writer as report
+from compact.report.html_answer import WORDS
+from compact.report.page import PREFIXES, column, number, page, percent, picture, quantity, table
+from compact.scene.loader import load_scene, parse_scene, starter_scene
+from compact.scene.schema import RankBy
+from compact.verification import balance_checks
+
+SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+LARGEST = 5_000_000  # bytes of a page
+SECTIONS = ["ranking", "contact", "laws", "forces", "cams", "sensitivity", "scene", "mix", "checks", "versions"]
+
+
+def scene(name="small", **changes):
+    return load_scene(SCENES / f"{name}.toml", **changes)
+
+
+class Reader(HTMLParser):
+    """Start tags with their attributes, and the words, of a page."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.words = [], ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data):
+        self.words += data
+
+    def all(self, name):
+        return [attributes for tag, attributes in self.tags if tag == name]
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Study, summary and page of the small scene with a layer, its cams and all that belongs to it."""
+    wanted = {"output.wanted": ["report", "cams", "reactions", "crank"], "accuracy.engine": "spectral"}
+    quick = {"contact.speeds": [0.05, 0.3], "contact.peak_pressure": 203e3, "accuracy.tolerance": 0.05}
+    plain = {"machine.profile": "circle", "machine.rolling": "frictionless", "mix.moisture": 0.11}
+    study = Study(scene(**wanted, **plain, **quick))
+    directory = tmp_path_factory.mktemp("page")
+    summary = report.write(study, directory)
+    return study, summary, directory / "report.html"
+
+
+# (a) numbers in words
+
+
+@pytest.mark.parametrize(
+    ("words", "shown"),
+    [
+        (number(0.0), "0"), (number(-0.0), "0"), (number(3739.84), "3740"), (number(-12.345678), "−12.35"),
+        (number(1e-7), "1.000 × 10⁻⁷"), (number(2.5e9, 2), "2.5 × 10⁹"), (number(float("inf")), "infinite"),
+        (number(float("nan")), "–"), (number(None), "–"), (number(True), "yes"), (number(7), "7"),
+        (quantity(203e3, "Pa"), "203 kPa"), (quantity(0.0557, "m"), "55.7 mm"), (quantity(0.22, "m"), "0.22 m"),
+        (quantity(-4.2e-6, "m"), "−4.2 µm"), (quantity(1.37e6, "Pa"), "1.37 MPa"), (quantity(0.179, "1"), "0.179"),
+        (quantity(0.6, "m/s2"), "0.6 m/s²"), (quantity(None, "N"), "–"), (quantity(float("inf"), "W"), "infinite"),
+        (percent(0.0106), "1.1 %"), (percent(1.9e-15), "0 %"), (percent(float("nan")), "–"),
+    ],
+)  # fmt: skip
+def test_numbers_are_said_as_people_say_them(words, shown):
+    assert words == shown
+
+
+def test_a_column_has_one_unit_and_enough_digits():
+    assert column([3739.8, 4207.1], "N") == ["3.740 kN", "4.207 kN"]
+    assert column([0.0, 7.3851, 0.1778], "m/s^3") == ["0.0000 m/s³", "7.3851 m/s³", "0.1778 m/s³"]
+    assert column([float("inf"), None], "N") == ["infinite", "–"]
+
+
+@given(st.floats(1e-12, 1e12), st.sampled_from(["N", "Pa", "W", "m", "s", "1"]), st.sampled_from([-1, 1]))
+def test_a_quantity_is_its_number_times_its_prefix(size, unit, sign):
+    said, *rest = quantity(sign * size, unit, 6).replace("−", "-").split(" ", 1)
+    words = rest[0] if rest else ""
+    power = re.match(r"× 10(\S+)", words)
+    exponent = int(power[1].translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))) if power else 0
+    prefix = words.split(" ")[-1].removesuffix(unit) if unit != "1" else ""
+    assert float(said) * 10.0**exponent * PREFIXES[prefix] == pytest.approx(sign * size, rel=1e-5)
+
+
+def test_what_is_not_html_is_escaped():
+    assert (
+        "<script>" not in table(("<script>",), [], "<script>") + picture(b"", "<script>") + page("<script>", "")[:300]
+    )
+    told = html_answer.asked(Study(scene(title="<b>")))
+    assert "<b>" not in told
+
+
+# the page says what the study found
+
+
+def test_answer_is_that_of_the_study(written):
+    study, _, path = written
+    words = unescape(" ".join(Reader(path.read_text("utf-8")).words.split()))
+    for by, places in study.rankings.items():
+        value = quantity(places[0].value, "N" if by == "peak_force" else "W", 3)
+        assert f"The law {places[0].run.name} asks for the least {WORDS[by]}: {value}." in words
+        formula = study.beside["formula"].places["rigid"][by][0]
+        assert re.search(rf"By formula .*{formula.law} is first( as well)? by {WORDS[by]}", words)
+    assert "which leaves out most of the resistance of a mix that stays pressed" in words
+    error = percent(study.resistance_map.engine_error)
+    assert f"The engine spectral puts its own error at {error}" in words
+
+
+def test_published_force_is_said(tmp_path):
+    study = Study(scene(**{"output.wanted": []}))
+    told = html_answer.answer(study, [], [])
+    assert "each roller is held down by <strong>9.74 kN</strong>" in told
+
+
+def test_every_section_is_there_and_linked(written):
+    page = Reader(written[2].read_text("utf-8"))
+    names = [attributes["id"] for attributes in page.all("details") if "id" in attributes]
+    assert names == SECTIONS
+    assert [link["href"] for link in page.all("a")] == [f"#{name}" for name in SECTIONS]
+
+
+def test_rank_of_engine_and_formula_stand_side_by_side(written):
+    study, _, path = written
+    text = path.read_text("utf-8")
+    for by, places in study.rankings.items():
+        formula = {place.law: place.rank for place in study.beside["formula"].places["rigid"][by]}
+        rows = re.findall(
+            r'<td class="n">(\d+)</td><td>([\w-]+)</td>.*?<td class="n">[\d.\skNW]+ \((\d+)\)</td><td></td></tr>', text
+        )
+        assert {(str(p.rank), p.run.name, str(formula[p.run.name])) for p in places} <= set(rows)
+
+
+def test_assumed_and_changed_values_are_marked(written):
+    text = written[2].read_text("utf-8")
+    row = re.search(r"<code>roller_length</code>.*?</tr>", text)[0]
+    assert '<span class="mark assumed">assumed</span>' in row
+    row = re.search(r"<code>roller_radius</code>.*?</tr>", text)[0]
+    assert '<span class="mark known">published</span>' in row
+    row = re.search(r"<code>rib_factor</code>.*?</tr>", text)[0]
+    assert '<span class="mark assumed">assumed</span>' in row
+    row = re.search(r"<code>moisture</code>.*?</tr>", text)[0]
+    assert '<span class="mark assumed">changed by the caller</span>' in row
+
+
+def test_a_word_within_a_remark_is_no_mark():
+    told = html_machine.scene(parse_scene(starter_scene())).body
+    row = re.search(r"<code>guide_positions</code>.*?</tr>", told)[0]  # its remark: measured in the same way
+    assert "mark" not in row
+    assert '<span class="mark assumed">guess</span>' in re.search(r"<code>rib_factor</code>.*?</tr>", told)[0]
+
+
+def test_every_kind_of_ranking_has_words():
+    assert WORDS.keys() == CRITERIA.keys() == set(get_args(RankBy))
+
+
+def test_figures_are_those_of_the_files_where_these_are_written(tmp_path):
+    study = Study(scene(**{"output.wanted": ["report", "figures"], "motion.laws": ["cubic"]}))
+    report.write(study, tmp_path / "out")
+    from base64 import b64encode
+
+    text = (tmp_path / "out" / "report.html").read_text("utf-8")
+    for drawn in (tmp_path / "out").glob("*.png"):
+        assert b64encode(drawn.read_bytes()).decode() in text
+    assert study.counts["figures"] == 3
+
+
+@pytest.mark.parametrize(("pixels", "wide"), [(600, False), (1700, True)])
+def test_only_wide_pictures_scroll_on_a_narrow_screen_and_say_so(pixels, wide):
+    from matplotlib.figure import Figure
+
+    from compact.files import FIGURE_DPI, png
+
+    text = picture(png(Figure(figsize=(pixels / FIGURE_DPI, 1))), "a picture")
+    assert ("scroll it sideways" in text) == ('<figure class="wide">' in text) == wide
+
+
+def test_resistance_is_drawn_over_speed_and_acceleration(written):
+    from compact.report import figures
+
+    study, _, _ = written
+    met = study.resistance_map
+    ax, beside = figures.resistance(met, 0.2).axes
+    lines = {line.get_label(): line.get_xydata() for line in ax.lines}
+    for acceleration in (-0.2, -0.1, 0.1, 0.2):
+        speed, force = lines[f"a = {acceleration:+.2g} m/s²"].T
+        drawn = np.isfinite(force)
+        assert force[drawn] == pytest.approx(met(speed[drawn], acceleration) / 1e3)
+        assert np.array_equal(~drawn, met.beyond(speed, acceleration))  # dotted there, by a line of its own
+    speed, mass = beside.lines[0].get_xydata().T
+    inside = speed > met.speeds[0]
+    assert np.interp(met.speeds[1:-1], speed[inside], mass[inside]) == pytest.approx(
+        met.added_masses[1:-1], abs=1e-3 * np.abs(met.added_masses).max()
+    )
+
+
+def test_number_and_unit_stay_on_one_line():
+    shown = page("", "<p>takes 1.1 % more, 3.74 kN, 0.6 m/s², 7 laws, 10 % moisture</p>")
+    assert "1.1\u00a0% more, 3.74\u00a0kN, 0.6\u00a0m/s², 7 laws, 10\u00a0% moisture" in shown
+
+
+def test_law_that_no_machine_follows_is_named_once():
+    study = Study(scene(**{"output.wanted": [], "motion.laws": ["cubic", "constant-velocity"]}))
+    assert html_answer.answer(study, [], []).count("No machine can follow constant-velocity") == 1
+
+
+# checks and sensitivity
+
+
+def test_checks_hold_and_count_what_was_computed(written):
+    study, _, _ = written
+    found = balance_checks.checks(study)
+    assert all(check.holds for check in found)
+    assert sum("work of the contact" in check.what for check in found) == len(study.rolled)
+    assert sum("work over a cycle" in check.what for check in found) == len(study.runs)
+
+
+def test_a_balance_that_does_not_close_is_told():
+    study = Study(scene(**{"output.wanted": [], "motion.laws": ["cubic"]}))
+    run = study.runs["cubic"]
+    study.runs = {"cubic": replace(run, state=run.state._replace(resistance=1.001 * run.state.resistance))}
+    failed = [check for check in balance_checks.checks(study) if not check.holds]
+    assert [check.what for check in failed] == ["work over a cycle, cubic"]
+    told = html_answer.answer(study, [], failed)
+    assert "<strong>Built-in checks that fail:</strong> work over a cycle, cubic." in told
+
+
+def test_contact_that_does_not_close_its_balance_is_told(written):
+    study, _, _ = written
+    broken = Study(study.scene.replaced(**{"output.wanted": []}))
+    (speed, (rolled,)), *others = study.passes
+    broken.passes = [(speed, (replace(rolled, work_residual=0.5),)), *others]
+    failed = [check.what for check in balance_checks.checks(broken) if not check.holds]
+    assert failed == [f"work of the contact at {speed:.4g} m/s"]
+
+
+@pytest.mark.parametrize(
+    "key", ["machine.roller_length", "motion.duration", "machine.mass", "mix.overrides.steel_friction"]
+)
+def test_ends_are_those_of_a_scene_so_changed(key):
+    study = Study(scene(**{"output.wanted": [], "motion.laws": ["cubic", "reversal-3"]}))
+    shift = next(shift for shift in sensitivity.shifts(study) if shift.name == key)
+    for end, value in zip((shift.low, shift.high), shift.ends, strict=True):
+        exact = Study(study.scene.replaced(**{key: float(value)})).rankings
+        for by in ("peak_force", "peak_power"):
+            assert end.least[by] == pytest.approx(exact[by][0].value, rel=1e-3)
+            assert end.law[by] == exact[by][0].run.name
+
+
+LAYERS = {
+    "column": {"accuracy.engine": "column", "machine.rolling": "frictionless"},
+    "spectral": {"accuracy.engine": "spectral", "machine.rolling": "frictionless", "machine.profile": "circle"},
+}
+
+
+@pytest.mark.parametrize(("engine", "keys"), [
+    ("column", ("mix.overrides.heckel_slope", "layer.fed_density_ratio", "machine.mass", "motion.duration")),
+    ("spectral", ("mix.overrides.instant_over_relaxed",)),
+])  # fmt: skip
+def test_ends_by_an_engine_are_those_of_a_scene_so_changed(engine, keys):
+    quick = {"output.wanted": [], "motion.laws": ["cubic", "reversal-3"], "contact.speeds": [0.02, 0.06, 0.13]}
+    study = Study(scene(**LAYERS[engine], **quick, **{"contact.indentation": 4e-3}))
+    shifts = {shift.name: shift for shift in sensitivity.shifts(study)}
+    assert {shift.by for shift in shifts.values()} == {engine}
+    assert "machine.bearing_friction" not in shifts  # the formulas alone know it
+    for key in keys:
+        for end, value in zip((shifts[key].low, shifts[key].high), shifts[key].ends, strict=True):
+            exact = Study(study.scene.replaced(**{key: float(value)}))
+            met = exact.resistance_map
+            exact.resistance = replace(met, added_masses=None)  # steady
+            for by in ("peak_force", "peak_power"):
+                assert end.least[by] == pytest.approx(exact.rankings[by][0].value, rel=5e-3)
+                assert end.law[by] == exact.rankings[by][0].run.name
+
+
+def test_costly_engine_moves_only_what_its_map_knows():
+    study = Study(scene(**LAYERS["spectral"], **{"output.wanted": [], "motion.laws": ["cubic", "reversal-3"]}))
+    study.resistance_map = study.resistance  # of the spectral engine, as if finite elements had made it
+    study.scene = study.scene.replaced(**{"accuracy.engine": "fem"})
+    shifts = {shift.name: shift for shift in sensitivity.shifts(study)}
+    assert {name for name, shift in shifts.items() if shift.by == "fem"} == {"machine.mass", "machine.guide_friction"}
+    assert shifts["machine.mass"].base.least["peak_force"] == pytest.approx(
+        min(run.peak_force for run in study.runs.values()), rel=1e-3
+    )
+    told = html_machine.moves(list(shifts.values())).body
+    assert "What leaves the layer alone is by the engine's own map; for the rest formulas stand" in told
+
+
+def test_ends_beyond_the_formulas_are_told():
+    study = Study(scene(**{"output.wanted": [], "motion.laws": ["cubic"], "mix.overrides.effective_modulus": 0.5e6}))
+    shifts = sensitivity.shifts(study)
+    assert next(shift for shift in shifts if shift.name.endswith("required_pressure")).high is None  # sin phi > 1
+    told = html_answer.answer(study, shifts, [])
+    assert "1 of the ends are beyond reach" in told
+
+
+def test_input_that_turns_the_order_is_named():
+    study = Study(scene(**{"output.wanted": [], "motion.laws": ["parabolic", "quintic"]}))
+    shifts = sensitivity.shifts(study)
+    words = "the first law is another where one input is at an end: mix.overrides.required_pressure: another by"
+    other = dict.fromkeys(shifts[0].base.law, "another")
+    for ties, turns in (({"another"}, True), ({"another", *shifts[0].base.law.values()}, False)):
+        low = replace(shifts[0].low, law=other, ties=dict.fromkeys(other, frozenset(ties)))
+        told = html_answer.answer(study, [replace(shifts[0], low=low), *shifts[1:]], [])
+        assert (words in told) == turns  # a law within the build tolerance of the first is not another
+
+
+def test_laws_within_the_build_tolerance_tie_at_an_end():
+    study = Study(scene(**{"output.wanted": [], "motion.laws": ["parabolic", "modified-trapezoid", "combined-4"]}))
+    base = sensitivity.shifts(study)[0].base
+    peaks = {name: run.peak_force for name, run in study.runs.items()}
+    near = {name for name, peak in peaks.items() if peak < 1.01 * min(peaks.values())}
+    assert base.ties["peak_force"] == near
+    assert 1 <= len(near) < 3
+
+
+# one file, for everybody
+
+
+def test_page_needs_nothing_else(written):
+    text = written[2].read_text("utf-8")
+    page = Reader(text)
+    assert all(image["src"].startswith("data:image/") for image in page.all("img"))
+    assert all(link["href"].startswith("data:") for link in page.all("link"))
+    assert not [attributes for attributes in page.all("script") if "src" in attributes]
+    assert "@import" not in text
+    assert "url(" not in text
+    assert "http" not in re.sub(r'src="data:[^"]*"', "", text)
+
+
+def test_every_picture_is_told_in_words(written):
+    page = Reader(written[2].read_text("utf-8"))
+    assert len(page.all("img")) >= 9
+    assert all(len(image["alt"]) > 25 for image in page.all("img"))
+    assert page.all("html")[0]["lang"] == "en"
+    assert len(page.all("h1")) == 1
+
+
+def test_words_stand_out_from_their_ground():
+    """WCAG 2.1: contrast at least 4.5."""
+    style = (files("compact") / "data" / "page.css").read_text("utf-8")
+    pairs = re.findall(r"color: (#[0-9a-f]{3,6}); background: (#[0-9a-f]{3,6})", style)
+    pairs += [(colour, "#fff") for colour in re.findall(r"[{ ]color: (#[0-9a-f]{3,6})", style)]
+    assert len(pairs) > 8
+    assert min(contrast(*pair) for pair in pairs) >= 4.5
+
+
+def contrast(one, other):
+    lighter, darker = sorted(map(luminance, (one, other)), reverse=True)
+    return (lighter + 0.05) / (darker + 0.05)
+
+
+def luminance(colour):
+    digits = colour[1:] if len(colour) == 7 else "".join(2 * digit for digit in colour[1:])
+    share = np.array([int(digits[i : i + 2], 16) for i in (0, 2, 4)]) / 255
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
+# cost
+
+
+def test_page_is_small_and_computes_no_run_again(written):
+    study, summary, path = written
+    assert path.stat().st_size < LARGEST
+    assert "report.html" in summary["files"]
+    assert summary["stages"]["runs"] == 2 * len(study.cycles)  # against the resistance, and against it with its error
+    assert summary["stages"]["report"] == 1
+    assert sum(summary["stages"].values()) == study.steps
+
+
+@pytest.mark.slow
+def test_page_of_the_published_machine_is_small(tmp_path):
+    report.write(Study(scene("loveikin-2015")), tmp_path / "out")
+    assert (tmp_path / "out" / "report.html").stat().st_size < LARGEST
+
+
+# in a browser
+
+PROBE = """<script>
+const told = [];
+addEventListener("error", (event) => told.push(String(event.message || event.target.src).slice(0, 200)), true);
+for (const level of ["error", "warn"]) console[level] = (...words) => told.push(words.join(" "));
+addEventListener("load", () => {
+  const shut = document.querySelectorAll("details:not([open])").length;
+  dispatchEvent(new Event("beforeprint"));
+  const still = document.querySelectorAll("details:not([open])").length;
+  setTimeout(() => parent.postMessage({
+    width: innerWidth, scroll: document.documentElement.scrollWidth, shut, still, told,
+    images: [...document.images].map((image) => image.naturalWidth),
+    boxes: [...document.querySelectorAll(".box")].map((box) => box.getBoundingClientRect().right),
+  }, "*"), 300);
+});
+</script>"""
+FRAME = """<body><pre></pre><script>
+const tell = (event) => { document.querySelector("pre").textContent += JSON.stringify(event.data) + "\\n"; };
+addEventListener("message", tell);
+</script>"""
+
+
+def browsed(text, directory):
+    """What a page tells of itself in windows of 1280 and 400 px, all sections open, by width."""
+    (directory / "page.html").write_text(text.replace("<head>", f"<head>{PROBE}", 1), encoding="utf-8")
+    frames = "".join(f'<iframe src="page.html" width="{w}" height="900" frameborder="0"></iframe>' for w in (1280, 400))
+    (directory / "frame.html").write_text(FRAME + frames, encoding="utf-8")
+    call = [
+        CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={directory / 'profile'}",
+        "--virtual-time-budget=20000", "--dump-dom", str(directory / "frame.html"),
+    ]  # fmt: skip
+    dom = subprocess.run(call, capture_output=True, text=True, check=True, timeout=300).stdout
+    lines = unescape(re.search(r"<pre>(.*?)</pre>", dom, re.DOTALL)[1]).splitlines()
+    return {told["width"]: told for told in map(json.loads, lines)}
+
+
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no chromium or google-chrome on the path")
+
+
+@needs_chromium
+def test_browser_shows_the_page_whole_on_a_screen_and_a_phone(written, tmp_path):
+    text = written[2].read_text("utf-8")
+    told = browsed(text, tmp_path)
+    assert told.keys() == {1280, 400}
+    for width, shown in told.items():
+        assert shown["told"] == []
+        assert shown["scroll"] <= width
+        assert max(shown["boxes"]) <= width
+        assert len(shown["images"]) == len(Reader(text).all("img"))
+        assert min(shown["images"]) > 0
+        assert (shown["shut"], shown["still"]) == (len(SECTIONS) + 1, 0)  # on paper every section is open
+
+
+@needs_chromium
+def test_browser_test_sees_what_is_wrong(tmp_path):
+    wide = '<div style="width: 900px">wide</div><img src="data:image/png;base64,AAAA" alt="broken">'
+    told = browsed(page("wrong", f"{wide}<script>nothing.at.all</script>"), tmp_path)
+    assert told[400]["scroll"] >= 900
+    assert told[1280]["images"] == [0]
+    assert any("nothing is not defined" in words for words in told[1280]["told"])

@@ -1,0 +1,248 @@
+"""Progress says stage, time and what is left, weighed by cost; and is silent where nobody looks."""
+
+import io
+import os
+import re
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from compact import cli
+from compact.analysis import stage_costs
+from compact.analysis.study import Study
+from compact.report import progress
+from compact.report.progress import Progress, spinning, spoken, tracked
+from compact.scene.loader import load_scene
+
+SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+class Clock:
+    """Seconds that pass when they are told to."""
+
+    def __init__(self):
+        self.now = 0.0
+
+    def __call__(self):
+        return self.now
+
+
+def paced(total):
+    clock = Clock()
+    return clock, Progress(total=total, stream=Terminal(), after=1e9, clock=clock)
+
+
+# the estimate
+
+
+def test_work_is_weighed_by_its_cost():
+    clock, job = paced(10.0)
+    for _ in range(5):  # half of the stages, a tenth of the work
+        job.begin("small", 0.2)
+        clock.now += 0.4
+    job.begin("large", 9.0)
+    assert job.share == pytest.approx(0.1)
+    assert job.left == pytest.approx(18.0)
+
+
+def test_time_goes_down_inside_a_long_stage_and_waits_at_its_end():
+    clock, job = paced(10.0)
+    job.begin("first", 2.0)
+    clock.now = 4.0
+    job.begin("second", 4.0)
+    left = []
+    for clock.now in (4.0, 8.0, 12.0, 16.0):
+        left.append(job.left)
+    assert left[:3] == pytest.approx([16.0, 12.0, 8.0])  # half a unit of cost a second
+    assert job.share == pytest.approx(0.6)  # not beyond the stage that still runs
+
+
+def test_a_total_that_grows_on_the_way_moves_the_estimate():
+    clock, job = paced(4.0)
+    job.begin("first", 2.0)
+    clock.now = 2.0
+    job.begin("second", 2.0, total=8.0)
+    assert job.left == pytest.approx(6.0)
+
+
+def test_nothing_is_estimated_before_anything_is_done():
+    clock, job = paced(4.0)
+    job.begin("first", 4.0)
+    clock.now = 100.0
+    assert job.left is None
+
+
+@pytest.mark.parametrize("bad", [-1.0, float("nan"), float("inf")])
+def test_costs_that_are_none_are_refused(bad):
+    _, job = paced(4.0)
+    with pytest.raises(ValueError, match=f"`cost` of a stage must be finite and not negative, got {bad}"):
+        job.begin("first", bad)
+    with pytest.raises(ValueError, match=f"`total` must be finite and not negative, got {bad}"):
+        job.begin("first", 1.0, total=bad)
+
+
+def test_times_are_spoken_in_minutes():
+    assert [spoken(seconds) for seconds in (0.2, 82.4, 3725)] == ["0:00", "1:22", "1:02:05"]
+
+
+# seconds of processor time, each stage as often as it ran; measured on one machine, not by these costs
+MEASURED = {
+    "loveikin-2015-engines": [
+        ("laws", 21, 0.01), ("contact", 1, 0.01), ("rolled", 6, 3.77), ("resistance", 7, 3.40),
+        ("added mass", 13, 7.9),
+        ("runs", 42, 2.38), ("cams", 63, 0.0), ("cams measured", 63, 1.06), ("driven", 18, 2.48), ("crank", 5, 0.32),
+        ("fields", 6, 0.53), ("figures", 1, 0.1), ("rankings", 1, 0.31), ("beside", 3, 0.70), ("report", 1, 1.01),
+        ("figures", 10, 3.22),
+    ],
+    "loveikin-2015": [
+        ("contact", 1, 0.01), ("laws", 21, 0.01), ("runs", 21, 0.05), ("cams", 63, 0.0), ("cams measured", 63, 1.30),
+        ("crank", 5, 0.03), ("rankings", 1, 0.34), ("report", 1, 1.3), ("figures", 6, 2.43),
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MEASURED)
+def test_the_main_job_is_estimated_within_half_from_a_third_on(name):
+    study, (clock, job) = Study(load_scene(SCENES / f"{name}.toml")), paced(0.0)
+    whole, told = sum(seconds for *_, seconds in MEASURED[name]), []
+    for stage, count, seconds in MEASURED[name]:
+        for _ in range(count):
+            study.counts[stage] += 1
+            job.begin(stage, study.cost(stage), total=study.whole_cost)
+            clock.now += seconds / count
+            if whole / 3 < clock.now < 0.9 * whole:
+                told.append(job.left / (whole - clock.now))
+    assert 1 / 1.5 < min(told) < max(told) < 1.5
+
+
+def test_every_stage_of_a_study_has_a_cost():
+    study = Study(load_scene(SCENES / "loveikin-2015-engines.toml"))
+    assert set(study.planned) <= {
+        "runs",
+        "rolled",
+        "resistance",
+        "added mass",
+        "second pass",
+        "driven",
+        "report",
+        "beside",
+    } | set(stage_costs.OTHERS)
+    assert all(study.cost(stage) >= 0 for stage in study.planned)
+    assert study.whole_cost > 10 * study.cost("rolled")
+
+
+def test_the_whole_is_what_was_done_once_all_is_done():
+    study = Study(load_scene(SCENES / "loveikin-2015-engines.toml"))
+    study.counts |= Counter({"resistance": 9, "added mass": 15, "runs": 42, "rankings": 1, "driven": 12})
+    each = sum(count * study.cost(stage) for stage, count in study.planned.items())
+    assert study.whole_cost == pytest.approx(each + stage_costs.FIRST["fem"])
+
+
+# the line
+
+
+def test_the_line_ticks_by_itself_and_goes_when_the_job_ends():
+    stream = Terminal()
+    with spinning("contact by fem", stream=stream, after=0.0):
+        time.sleep(0.9)
+    seen = stream.getvalue()
+    assert seen.count("contact by fem") >= 2
+    assert "0:00 elapsed" in seen
+    assert seen.endswith("\x1b[2K")  # the line is erased
+
+
+def test_a_solver_reports_beside_its_stage():
+    stream = Terminal()
+    with spinning("contact by compaction", stream=stream, after=0.0) as job:
+        job.report("step 12 of the march")
+        time.sleep(0.4)
+    assert "contact by compaction, step 12 of the march" in stream.getvalue()
+
+
+def test_cases_are_counted_and_estimated():
+    stream = Terminal()
+    for _ in tracked(range(3), "contact", stream=stream, after=0.0):
+        time.sleep(0.4)
+    seen = stream.getvalue()
+    assert "contact, 1 of 3" in seen
+    assert "contact, 3 of 3" in seen
+    assert re.search(r"\d+% .*elapsed, about 0:0\d left", seen)
+
+
+@pytest.mark.parametrize(
+    ("stream", "quiet"), [(io.StringIO(), False), (Terminal(), True)], ids=["no terminal", "quiet"]
+)
+def test_nothing_is_written_where_nobody_looks(stream, quiet):
+    with spinning("contact", stream=stream, quiet=quiet, after=0.0):
+        time.sleep(0.3)
+    assert stream.getvalue() == ""
+
+
+def test_a_short_job_shows_nothing():
+    stream = Terminal()
+    with spinning("contact", stream=stream):
+        pass
+    assert stream.getvalue() == ""
+
+
+def test_a_job_that_fails_takes_its_line_along():
+    stream = Terminal()
+
+    def fails():
+        with spinning("contact", stream=stream, after=0.0):
+            time.sleep(0.3)
+            raise RuntimeError("not settled")
+
+    with pytest.raises(RuntimeError, match="not settled"):
+        fails()
+    assert stream.getvalue().endswith("\x1b[2K")
+
+
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo-terminal on this system")
+def test_a_script_shows_its_progress_on_a_terminal():
+    script = (
+        "import time; from compact.report.progress import tracked\n"
+        "for case in tracked(range(2), 'case', after=0.0): time.sleep(0.4)\n"
+    )
+    master, slave = os.openpty()
+    job = subprocess.Popen([sys.executable, "-c", script], stderr=slave, env=os.environ | {"TERM": "xterm"})
+    assert job.wait(timeout=60) == 0
+    os.close(slave)
+    seen = os.read(master, 100_000).decode()
+    os.close(master)
+    assert "case, 2 of 2" in seen
+
+
+CALLS = {
+    "roll": (
+        "roll", "--engine", "spectral", "--set", "machine.profile=circle", "--set", "machine.rolling=frictionless"
+    ),
+    "run": ("run", "--set", "output.wanted=['tables','figures']"),
+    "calibrate": ("calibrate", str(SCENES / "loveikin-2015-measured.toml")),
+    "sweep": ("sweep", "--vary", "mix.moisture=0.09:0.11:3", "--workers", "1", "--set", "output.wanted=[]"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("quiet", [False, True], ids=["shown", "quiet"])
+@pytest.mark.parametrize("command", CALLS)
+def test_commands_show_their_progress(command, quiet, tmp_path, monkeypatch):
+    drawn, stream = [], Terminal()
+    monkeypatch.setattr(progress, "AFTER", 0.0)
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(Progress, "_drawn", lambda self: drawn.append((self.stage, self.elapsed)) or self.stage)
+    name, *options = CALLS[command]
+    scene = str(SCENES / ("loveikin-2015.toml" if command == "calibrate" else "small.toml"))
+    ahead = [scene, options.pop(0)] if command == "calibrate" else [scene]
+    out = tmp_path / ("out.json" if command == "calibrate" else "out")
+    code = cli._told([name, *ahead, *options, "--out", str(out), *["--quiet"] * quiet])
+    assert code == 0, stream.getvalue()
+    assert bool(drawn) != quiet

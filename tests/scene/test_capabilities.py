@@ -1,0 +1,242 @@
+"""Keys that an engine replaces or refuses: the table agrees with the engines, and the results say what was replaced."""
+
+import json
+from itertools import product
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from compact import cli, contact
+from compact.analysis.engines import inputs
+from compact.analysis.study import Study
+from compact.engines.column import engine as column
+from compact.engines.compaction import engine as compaction
+from compact.engines.fem import engine as fem_engine
+from compact.engines.spectral import engine as spectral
+from compact.report import html_answer
+from compact.report import writer as report
+from compact.rolling_contact import Base, Layer, Ply, Profile, Roller, Rolling
+from compact.scene.engine_capabilities import LIMITS, adapt
+from compact.scene.loader import Scene, SceneError, load_scene, parse_scene, starter_scene
+from compact.sweep import point as headline
+
+SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+SPEED = 0.1
+OPEN = {"machine.rolling": "free", "machine.profile": "deformed"}  # defaults of the keys that a scene may leave open
+
+
+def doors(engine, layer, roller, material):
+    """Call what an engine refuses before it computes."""
+    if engine == "formula":
+        contact._refuse_beyond_formula(layer, roller, material, SPEED)
+    elif engine == "column":
+        column._refuse_other_layers(layer)
+        column._refuse_beyond_columns(roller, material, SPEED)
+    elif engine == "spectral":
+        spectral.refuse_beyond_spectral(layer, roller, material, SPEED)
+    elif engine == "fem":
+        fem_engine.refuse_beyond_linear(layer, roller, material, SPEED, None, 0.01)
+    else:
+        compaction.refuse_scene(layer, roller, material, SPEED, "finite", None, None)
+
+
+def taken(engine, key, value, friction):
+    return all(limit.takes(value, friction) or limit.fixed for limit in LIMITS[engine] if limit.key == key)
+
+
+@pytest.mark.parametrize("engine", LIMITS)
+@pytest.mark.parametrize("friction", [0.0, 0.35])
+def test_table_and_engines_agree_on_what_is_taken(engine, friction):
+    study = Study(load_scene(SMALL, **{"mix.overrides.steel_friction": friction}))
+    layer, _, material = inputs(study.scene, study.mix, engine, SPEED)
+    plies = (), (Ply(layer.height, 2.0),)
+    cases = product(get_args(Rolling), get_args(Profile), get_args(Base), plies)
+    for rolling, profile, base, stack in cases:
+        by_table = (
+            taken(engine, "machine.rolling", rolling, friction)
+            and taken(engine, "machine.profile", profile, friction)
+            and taken(engine, "layer.base", base, friction)
+            and (not stack or taken(engine, "layer.plies", stack, friction))
+        )
+        shown = "parabola" if engine == "formula" else profile  # a fixed limit: `inputs` gives the engine its own
+        roller = Roller(0.11, peak_pressure=2e5, friction=friction, rolling=rolling, profile=shown)
+        try:
+            doors(engine, Layer(layer.height, base, stack), roller, material)
+            by_engine = True
+        except ValueError:
+            by_engine = False
+        assert by_table == by_engine, (rolling, profile, base, stack)
+
+
+@pytest.mark.parametrize("name", ["loveikin-2015", "loveikin-2015-crank", "loveikin-2015-engines", "small", "starter"])
+@pytest.mark.parametrize("engine", LIMITS)
+def test_scenes_leave_open_what_an_engine_may_replace(name, engine):
+    scene = parse_scene(starter_scene()) if name == "starter" else load_scene(SMALL.with_name(f"{name}.toml"))
+    beside = None if engine == scene.accuracy.engine or scene.beside is None else {"beside": None, "output.wanted": []}
+    scene = scene.replaced(**{"accuracy.engine": engine} | (beside or {}))
+    given, _ = adapt(scene, engine)
+    for limit in LIMITS[engine]:
+        if not limit.late:
+            table, key = limit.key.split(".")
+            assert limit.takes(getattr(getattr(given, table), key), None), limit.key
+
+
+def test_spectral_takes_the_nearest_roller_and_gap_and_says_so():
+    scene = load_scene(SMALL, **{"accuracy.engine": "spectral"})
+    given, sentences = adapt(scene, "spectral")
+    assert (given.machine.rolling, given.machine.profile) == ("frictionless", "circle")
+    assert sentences == (
+        "spectral: vertical gap to the circle in place of the gap on the deformed surface, as its gap is measured on "
+        "the undeformed surface",
+        "spectral: frictionless roller in place of the free roller, as its rollers have no friction or slip everywhere",
+    )
+    assert (scene.machine.rolling, scene.machine.profile) == ("free", "deformed")
+
+
+def test_a_free_roller_without_friction_is_no_other_for_spectral():
+    scene = load_scene(SMALL, **{"mix.overrides.steel_friction": 0.0, "machine.profile": "parabola"})
+    assert adapt(scene, "spectral") == (scene, ())
+
+
+@pytest.mark.parametrize("engine", ["fem", "compaction"])
+def test_engines_that_take_every_roller_and_gap_replace_nothing(engine):
+    assert adapt(load_scene(SMALL), engine)[1] == ()
+
+
+@pytest.mark.parametrize(
+    ("engine", "key", "value", "words"),
+    [
+        ("spectral", "machine.profile", "deformed", r'profile: .* takes no "deformed", .* give "circle" or "parabola"'),
+        (
+            "spectral",
+            "machine.rolling",
+            "free",
+            r'rolling: .* takes no "free", .* choose accuracy.engine = "formula", "column", "fem" or',
+        ),
+        ("column", "machine.rolling", "sliding", r'rolling: .* takes no "sliding", as columns carry no shear'),
+        ("column", "layer.base", "slip", r'base: .* takes no "slip", .* give "bonded"'),
+        ("fem", "layer.passes", 2, r'passes: .* takes no 2 passes, .* accuracy.engine = "column" or "compaction"'),
+    ],
+)
+def test_a_key_that_the_scene_sets_is_refused_not_replaced(engine, key, value, words):
+    with pytest.raises(SceneError, match=words):
+        load_scene(SMALL, **{"accuracy.engine": engine, key: value})
+
+
+@pytest.mark.parametrize(("key", "default"), OPEN.items())
+def test_a_key_set_to_its_default_stays_set_through_changes(key, default):
+    scene = load_scene(SMALL)
+    assert not scene.is_set(key)
+    assert not scene.replaced(**{"mix.moisture": 0.11}).is_set(key)
+    held = scene.replaced(**{key: default})
+    assert held.is_set(key)
+    assert held.replaced(**{"mix.moisture": 0.11}).is_set(key)
+    assert not held.replaced(**{key: None}).is_set(key)
+    assert (held == scene, held.hash == scene.hash) == (True, True)
+
+
+def test_the_formulas_beside_another_engine_leave_out_what_they_cannot_take():
+    plies = [{"thickness": 0.16, "stiffness": 2.0}, {"thickness": 0.06, "stiffness": 1.0}]
+    scene = load_scene(SMALL, **{"accuracy.engine": "fem", "layer.plies": plies, "contact": {"indentation": 0.002}})
+    assert scene.by("formula").contact.indentation is None
+    assert scene.replacements["fem"] == ()
+    assert scene.replacements["formula"] == (
+        "formula: pressure that the mix needs in place of the prescribed depth of 0.002 m, as the depth of a contact "
+        "on a half-plane is not defined",
+        "formula: layer of one ply in place of the 2 plies, as it has one modulus for the whole layer",
+        "formula: vertical gap to the parabola in place of the gap on the deformed surface, as half-plane theory has "
+        "no other gap",
+    )
+
+
+# results
+
+
+def new_scene(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert cli._told(["new", "mine"]) == 0
+    return "mine/scene.toml"
+
+
+@pytest.mark.parametrize("engine", ["formula", "column", "spectral", "fem"])
+def test_the_new_scene_is_rolled_by_every_engine(engine, tmp_path, monkeypatch, capsys):
+    assert cli._told(["roll", new_scene(tmp_path, monkeypatch), "--engine", engine, "--out", "out"]) == 0
+    told = capsys.readouterr().out
+    contact = json.loads(Path("out/contact.json").read_text())
+    assert all(sentence in told for sentence in contact["replaced"])
+    assert bool(contact["replaced"]) == (engine != "fem")
+
+
+@pytest.mark.slow
+def test_the_new_scene_is_rolled_by_the_engine_compaction(tmp_path, monkeypatch):
+    assert cli._told(["roll", new_scene(tmp_path, monkeypatch), "--engine", "compaction", "--out", "out"]) == 0
+    contact = json.loads(Path("out/contact.json").read_text())
+    assert contact["exit_density_ratio"]["value"] == pytest.approx(0.98, abs=1e-3)
+    assert contact["replaced"] == []
+
+
+def test_a_run_says_what_each_engine_replaced(tmp_path):
+    few = {"motion.laws": ["cubic"], "contact.speeds": [0.1, 0.2], "output.wanted": [], "accuracy.tolerance": 0.1}
+    study = Study(load_scene(SMALL, **{"accuracy.engine": "spectral"} | few))
+    summary = report.write(study, tmp_path / "out")
+    assert set(summary["replaced"]) == {"spectral", "formula"}
+    told, page = report.digest(study), html_answer.answer(study, [], [])
+    for sentence in (each for told_of in summary["replaced"].values() for each in told_of):
+        assert sentence in " ".join(told.split())
+        assert sentence in page
+
+
+def test_a_point_of_a_sweep_says_what_was_replaced():
+    scene = load_scene(SMALL, **{"accuracy.engine": "spectral"})
+    assert headline.headline(scene)[0]["replaced"] == "; ".join(adapt(scene, "spectral")[1])
+
+
+@pytest.mark.parametrize("load", [2000.0, 9740.0, 15000.0])
+def test_formulas_carry_the_load_that_is_prescribed(load):
+    study = Study(load_scene(SMALL, **{"contact.load": load}))
+    assert study.engineering.roller_force == pytest.approx(load, rel=1e-12)
+    assert study.numbers["roller_force"].low is None
+    assert study.numbers["pressure"].known_by.startswith("contact: as prescribed")
+
+
+def test_formulas_press_as_hard_as_is_prescribed():
+    assert Study(load_scene(SMALL, **{"contact.peak_pressure": 1.5e5})).engineering.pressure == 1.5e5
+
+
+def test_formulas_refuse_a_prescribed_depth():
+    with pytest.raises(
+        ValueError, match=r"contact\.indentation: the engine formula has no depth, .* give contact\.load"
+    ):
+        _ = Study(load_scene(SMALL, **{"contact.indentation": 0.002})).engineering
+
+
+def test_a_load_beyond_the_formulas_is_refused():
+    with pytest.raises(ValueError, match="no capture angle; lower `pressure`"):
+        _ = Study(load_scene(SMALL, **{"contact.load": 1e6})).engineering
+
+
+def test_the_table_names_keys_of_the_scene():
+    for limit in (limit for limits in LIMITS.values() for limit in limits):
+        table, key = limit.key.split(".")
+        annotation = Scene.model_fields[table].annotation
+        kinds = getattr(annotation, "__args__", (annotation,))
+        assert any(key in getattr(kind, "model_fields", {}) for kind in kinds)
+
+
+def test_an_insisting_scene_leaves_out_the_estimate_of_heaping(monkeypatch):
+    asked = []
+
+    def rolled(*_, **options):
+        asked.append(options)
+        raise RuntimeError("reached the engine")
+
+    whole = {"accuracy.engine": "compaction", "layer.lift": None}
+    refused = Study(load_scene(SMALL, **whole))
+    with pytest.raises(RuntimeError, match=r'heaps up.*unusual = \["mix.density_ratio"\] computes it all the same'):
+        refused.passes_at(refused.scene.mean_speed)
+    monkeypatch.setattr("compact.engines.compaction.engine.roll", rolled)
+    insisting = Study(load_scene(SMALL, **whole, unusual=["mix.density_ratio"]))
+    with pytest.raises(RuntimeError, match=r"reached the engine$"):
+        insisting.passes_at(insisting.scene.mean_speed)
+    assert asked[-1]["steepest"] is None

@@ -1,0 +1,88 @@
+"""Sobol indices: closed forms within the error told, the library's estimates, lost rows."""
+
+import numpy as np
+import pytest
+from scipy.stats import qmc, sobol_indices
+
+from compact.sweep.sobol_indices import indices
+
+ISHIGAMI_A, ISHIGAMI_B = 7.0, 0.1
+
+
+def ishigami(x):
+    return np.sin(x[0]) + ISHIGAMI_A * np.sin(x[1]) ** 2 + ISHIGAMI_B * x[2] ** 4 * np.sin(x[0])
+
+
+def ishigami_indices():
+    """First order and total, T. Ishigami and T. Homma 1990, by integration."""
+    a, b, pi = ISHIGAMI_A, ISHIGAMI_B, np.pi
+    variance = a**2 / 8 + b * pi**4 / 5 + b**2 * pi**8 / 18 + 0.5
+    first = np.array([0.5 * (1 + b * pi**4 / 5) ** 2, a**2 / 8, 0.0]) / variance
+    together = 8 * b**2 * pi**8 / 225 / variance
+    return first, first + np.array([together, 0.0, together])
+
+
+def rows(function, inputs, n, low=0.0, high=1.0):
+    """f_A, f_B, f_AB of a function of x, shape (inputs, n), uniform between low and high."""
+    shares = low + (high - low) * qmc.Sobol(2 * inputs, seed=1).random(n)
+    A, B = shares[:, :inputs].T, shares[:, inputs:].T
+    mixed = [np.where(np.arange(inputs)[:, None] == i, B, A) for i in range(inputs)]
+    return function(A), function(B), np.array([function(x) for x in mixed])
+
+
+@pytest.mark.parametrize("n", [256, 1024, 4096])
+def test_ishigami_lies_within_the_error_told(n):
+    found = indices(*rows(ishigami, 3, n, -np.pi, np.pi))
+    first, total = ishigami_indices()
+    assert np.all((found.first_low <= first) & (first <= found.first_high))
+    assert np.all((found.total_low <= total) & (total <= found.total_high))
+
+
+def test_error_told_falls_with_the_root_of_the_rows_and_is_no_excuse():
+    widths = []
+    for n in (256, 4096):
+        found = indices(*rows(ishigami, 3, n, -np.pi, np.pi))
+        widths.append(found.first_high - found.first_low)
+    assert widths[1] == pytest.approx(widths[0] / 4, rel=0.25)
+    assert np.all(widths[1] < 0.07)
+
+
+def test_product_has_its_closed_form():
+    """f = prod (1 + c_i (2 x_i - 1)): V_i = c_i^2/3, V = prod (1 + V_i) - 1."""
+    shares = np.array([1.0, 0.5, 0.2])
+    parts = shares**2 / 3
+    variance = np.prod(1 + parts) - 1
+    found = indices(*rows(lambda x: np.prod(1 + shares[:, None] * (2 * x - 1), axis=0), 3, 2048))
+    total = parts * np.prod(1 + parts) / (1 + parts) / variance
+    assert np.all((found.first_low <= parts / variance) & (parts / variance <= found.first_high))
+    assert np.all((found.total_low <= total) & (total <= found.total_high))
+
+
+def test_estimates_are_those_of_the_library():
+    f_A, f_B, f_AB = rows(ishigami, 3, 128, -np.pi, np.pi)
+    theirs = sobol_indices(func={"f_A": f_A[None], "f_B": f_B[None], "f_AB": f_AB[:, None]}, n=128)
+    found = indices(f_A, f_B, f_AB)
+    assert found.first == pytest.approx(theirs.first_order, abs=1e-12)
+    assert found.total == pytest.approx(theirs.total_order, abs=1e-12)
+
+
+def test_same_rows_tell_the_same_error():
+    given = rows(ishigami, 3, 64, -np.pi, np.pi)
+    assert np.array_equal(indices(*given).first_low, indices(*given).first_low)
+
+
+def test_what_does_not_vary_has_no_indices():
+    found = indices(np.full(64, 0.1), np.full(64, 0.1), np.full((2, 64), 0.1))
+    assert found.first.tolist() == found.total.tolist() == [0.0, 0.0]
+
+
+def test_mean_however_large_moves_nothing():
+    f_A, f_B, f_AB = rows(ishigami, 3, 256, -np.pi, np.pi)
+    far = indices(f_A + 1e6, f_B + 1e6, f_AB + 1e6)
+    assert far.first == pytest.approx(indices(f_A, f_B, f_AB).first, abs=1e-7)
+
+
+@pytest.mark.parametrize(("n", "value", "words"), [(8, 1.0, "16 rows without a failure, got 8"), (32, np.nan, "fini")])
+def test_rows_that_tell_nothing_are_refused(n, value, words):
+    with pytest.raises(ValueError, match=words):
+        indices(np.full(n, value), np.arange(n), np.ones((2, n)))

@@ -1,0 +1,392 @@
+"""Sweeps: every point there whoever computes it, whatever dies; bands, maps and the command."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from interrupts import heed_interrupts
+
+from compact import cli
+from compact.analysis.study import Study
+from compact.analysis.worker_pool import Cluster, Here, Lost, Processes, outcomes
+from compact.files import ResultsError
+from compact.report import sweep_figures, sweep_writer
+from compact.scene.loader import load_scene
+from compact.sweep import design as vary
+from compact.sweep import point as headline
+from compact.sweep import run as sweep
+from compact.sweep.run import Sweep
+
+ROOT = Path(__file__).parents[2]
+SCENES = ROOT / "studies" / "scenes"
+PLAIN = {"machine.profile": "circle", "machine.rolling": "frictionless", "layer.fed_density_ratio": 0.9}
+SCENE = load_scene(SCENES / "loveikin-2015.toml", **PLAIN)
+COLUMNS = SCENE.replaced(**{"accuracy.engine": "column"})
+GRID = ("mix.moisture=0.08:0.12:4", "mix.density_ratio=0.94:0.98:3")
+
+
+def swept(directory, scene=COLUMNS, varied=GRID, crew=None, resume=False, step=lambda points, failed: None, **options):
+    """The table, and the sweep."""
+    many = Sweep(scene, [vary.read(text) for text in varied], **options)
+    return many.run(directory, crew=crew or Here(), resume=resume, step=step), many
+
+
+@pytest.fixture
+def small_tasks(monkeypatch):
+    """Three points in a task, so that there is something to interrupt."""
+    monkeypatch.setitem(sweep.CHUNK, "column", 3)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return swept(tmp_path_factory.mktemp("whole"))[0]
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """A scheduler with one worker, each a process of its own."""
+    from distributed import LocalCluster
+
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0", host="127.0.0.1"
+    ) as scheduler:
+        yield scheduler.scheduler_address
+
+
+# (a) what a point is
+
+
+def test_points_are_those_of_single_studies(whole):
+    there = COLUMNS.replaced(**{"mix.moisture": 0.12, "mix.density_ratio": 0.96})
+    study = Study(there)
+    rolled = headline.passes(there, study.mix, 0.4 / 3)[0]
+    point = whole.sel(moisture=0.12, density_ratio=0.96)
+    assert float(point["load"]) == 1.164 * rolled.load
+    assert float(point.resistance) == 2 * 1.164 * rolled.resistance
+    assert float(point.power) == pytest.approx(float(point.resistance) * 0.4 / 3)
+    assert float(point.exit_density_ratio) == pytest.approx(0.96, abs=1e-9)
+    assert (whole.reason == "").all()
+
+
+def test_formulas_have_the_published_point(tmp_path):
+    table, _ = swept(tmp_path, SCENE.replaced(**{"machine.rolling": "free"}), ["mix.moisture=0.1"])
+    assert float(table["load"][0]) == pytest.approx(9740, rel=1e-6)
+    assert float(table.resistance_coefficient[0]) == pytest.approx(0.178961, rel=1e-5)
+
+
+def test_table_is_labelled_and_read_back_as_it_was(tmp_path):
+    table, _ = swept(tmp_path, varied=["mix.moisture=0.1,0.11", "layer.base=bonded,slip", "mix.overrides.poisson=~2"])
+    back = sweep.read(tmp_path / "sweep.nc")
+    xarray.testing.assert_identical(back.astype(object), table.astype(object))
+    assert back.moisture.attrs["key"] == "mix.moisture"
+    assert back["load"].attrs == {"units": "N", "long_name": "normal force on one roller"}
+    assert json.loads(back.attrs["scene"])["machine"]["mass"] == 1000
+    assert json.loads(back.attrs["versions"])["numpy"] == np.__version__
+    assert 'layer.base: the engine "column" takes no "slip"' in back.reason.sel(base="slip").values.ravel()[0]
+
+
+def test_laws_are_ranked_at_every_point(tmp_path):
+    scene = SCENE.replaced(**{"motion.laws": ["parabolic", "septic"]})
+    table, _ = swept(tmp_path, scene, ["mix.moisture=0.09,0.1"], rank=True)
+    place = Study(scene).rankings["peak_power"][0]
+    assert table.best_law_by_peak_power.values[1] == place.run.name
+    assert float(table.peak_power[1]) == place.value
+    assert table.peak_power.attrs["units"] == "W"
+
+
+# (b) whoever computes, the same bits
+
+
+@pytest.mark.usefixtures("small_tasks")
+def test_cluster_gives_the_same_bits(whole, cluster, tmp_path):
+    table, many = swept(tmp_path, crew=Cluster(cluster))
+    assert many.computed == 12
+    xarray.testing.assert_identical(table, whole)
+
+
+@pytest.mark.usefixtures("small_tasks")
+def test_two_processes_give_the_same_bits_though_one_is_killed(whole, tmp_path):
+    crew, killed = Processes(2), []
+
+    def kill(points, failed):
+        if points and not killed:
+            killed.append(crew.pids[0])
+            os.kill(killed[0], signal.SIGKILL)
+
+    table, _ = swept(tmp_path, crew=crew, step=kill)
+    assert killed
+    assert crew.deaths == 1
+    xarray.testing.assert_identical(table, whole)
+
+
+def test_worker_of_other_versions_is_refused_in_words(cluster):
+    many = Sweep(COLUMNS, [vary.read(text) for text in GRID])
+    (task,) = many._tasks(many._keyed(), {})
+    older = replace(task, versions=task.versions | {"numpy": "1.0"})
+    words = rf"a worker has other versions than the command: numpy {re.escape(np.__version__)} for 1.0; .*same on both"
+    for crew in (Here(), Cluster(cluster)):
+        with pytest.raises(RuntimeError, match=words):
+            list(sweep.outcomes(sweep.compute, [older], crew))
+
+
+# (c) whatever happens, nothing is lost and nothing computed twice
+
+
+@pytest.mark.usefixtures("small_tasks")
+def test_file_cut_short_is_computed_again_and_no_other(whole, tmp_path):
+    swept(tmp_path)
+    files = sorted((tmp_path / "points").iterdir(), key=lambda path: path.stat().st_mtime_ns)
+    assert len(files) == 4
+    newest = files[-1]
+    newest.write_bytes(newest.read_bytes()[:-40])
+    table, many = swept(tmp_path, resume=True)
+    assert (many.computed, many.broken) == (3, (newest.name,))
+    xarray.testing.assert_identical(table, whole)
+
+
+@pytest.mark.parametrize("damage", [lambda content: b"", lambda content: content.replace(b"0.9", b"0.8", 1)])
+def test_file_that_is_not_what_was_written_does_not_count(damage, tmp_path):
+    swept(tmp_path)
+    (file,) = (tmp_path / "points").iterdir()
+    file.write_bytes(damage(file.read_bytes()))
+    assert swept(tmp_path, resume=True)[1].computed == 12
+
+
+@pytest.mark.usefixtures("small_tasks")
+def test_interrupted_sweep_goes_on_where_it_was(whole, tmp_path):
+    seen = []
+
+    def stop(points, failed):
+        seen.append(points)
+        if sum(seen) == 6:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        swept(tmp_path, step=stop)
+    assert not (tmp_path / "sweep.nc").exists()
+    table, many = swept(tmp_path, resume=True)
+    assert many.computed == 6
+    xarray.testing.assert_identical(table, whole)
+    assert swept(tmp_path, resume=True)[1].computed == 0
+
+
+def test_wider_grid_computes_what_is_new(tmp_path):
+    swept(tmp_path, varied=["mix.moisture=0.1,0.11"])
+    assert swept(tmp_path, varied=["mix.moisture=0.1,0.11,0.12"], resume=True)[1].computed == 1
+
+
+def test_points_of_other_versions_are_computed_anew(monkeypatch, tmp_path):
+    varied = ["mix.moisture=0.1,0.11"]
+    swept(tmp_path, varied=varied)
+    other = headline.versions() | {"source": "changed"}
+    monkeypatch.setattr(sweep, "versions", lambda: other)
+    assert swept(tmp_path, varied=varied, resume=True)[1].computed == 2
+
+
+def test_point_whose_workers_died_is_tried_again_by_the_next_run(monkeypatch, tmp_path):
+    varied = ["mix.moisture=0.1,0.11"]
+
+    class Deadly(Here):
+        def finished(self):
+            return [(number, Lost("its worker process died 3 times")) for number, *_ in (self._given.pop(),)]
+
+    table, _ = swept(tmp_path, varied=varied, crew=Deadly())
+    assert set(table.reason.values) == {"its worker process died 3 times"}
+    table, many = swept(tmp_path, varied=varied, resume=True)
+    assert many.computed == 2
+    assert (table.reason == "").all()
+
+
+def test_points_that_stand_are_neither_mixed_nor_forgotten_unasked(tmp_path):
+    swept(tmp_path, varied=["mix.moisture=0.1,0.11"])
+    with pytest.raises(ResultsError, match="holds 2 points of this scene; --resume goes on with them, --force"):
+        swept(tmp_path, varied=["mix.moisture=0.1,0.11"])
+    with pytest.raises(ResultsError, match="holds results of another scene"):
+        swept(tmp_path, SCENE, ["mix.moisture=0.1,0.11"])
+    many = Sweep(COLUMNS, [vary.read("mix.moisture=0.1")])
+    many.run(tmp_path, crew=Here(), force=True)
+    assert many.computed == 1
+
+
+# (d) points without numbers
+
+
+def test_failed_point_is_masked_with_its_reason(tmp_path):
+    scene, steps = COLUMNS.replaced(**{"layer.fed_density_ratio": 0.94}), []
+    table, _ = swept(tmp_path, scene, ["mix.density_ratio=0.92:0.98:4"], step=lambda *step: steps.append(step))
+    assert np.isnan(table["load"].values).tolist() == [True, True, False, False]
+    assert "layer.fed_density_ratio: must be below mix.density_ratio = 0.94, got 0.94" in table.reason.values[1]
+    assert (table.reason.values[2:] == "").all()
+    assert steps == [(0, 0), (4, 2)]
+
+
+def test_fault_of_ours_is_a_reason_too(monkeypatch):
+    def broken(*_, **__):
+        raise TypeError("boom")
+
+    monkeypatch.setattr(headline, "passes", broken)
+    found, _ = headline.headline(COLUMNS)
+    assert found["reason"] == "internal error, please report it: TypeError: boom"
+    assert found["required_pressure"] == pytest.approx(203e3)
+
+
+def test_grouped_reasons_are_counted(tmp_path):
+    scene = COLUMNS.replaced(**{"layer.fed_density_ratio": 0.94})
+    table, _ = swept(tmp_path, scene, ["mix.density_ratio=0.92:0.98:4"])
+    said = sweep_writer.digest(table)
+    assert "4 points by column, 2 without numbers" in said
+    assert "without numbers: 2 x " in said
+
+
+# (e) neighbours
+
+
+class Contact:
+    """Stands for a contact by finite elements."""
+
+
+def test_lines_of_neighbours_start_cold_and_go_on_from_one_another(monkeypatch, tmp_path):
+    scene, starts = COLUMNS.replaced(**{"accuracy.engine": "compaction"}), []
+
+    def recorded(there, rank, near):
+        starts.append(near)
+        return {"load": 1.0}, (there.mix.moisture, there.mix.density_ratio)
+
+    monkeypatch.setattr(sweep, "headline", recorded)
+    monkeypatch.setattr(sweep, "LINE", 2)
+    swept(tmp_path, scene, ["mix.moisture=0.1,0.11", "mix.density_ratio=0.94:0.98:3"])
+    assert starts == [None, (0.1, 0.94), None, None, (0.11, 0.94), None]
+    longer = ["mix.moisture=0.1,0.11", "mix.density_ratio=0.94,0.96,0.98,0.99"]
+    assert swept(tmp_path, scene, longer, resume=True)[1].computed == 4  # the lines that had one point, whole
+
+
+@pytest.mark.slow
+def test_neighbour_by_finite_elements_meets_a_cold_start(tmp_path):
+    thin = {
+        "accuracy.engine": "compaction", "product.height": 0.096, "machine.roller_radius": 0.11,
+        "contact.indentation": 0.002, "layer.fed_density_ratio": 0.94, "machine.profile": "deformed",
+        "mix.overrides.unloading_modulus": 60e6, "mix.overrides.friction_angle": 44.0,
+    }  # fmt: skip
+    varied = ["mix.overrides.heckel_slope=11.4e-6,12e-6"]
+    table, _ = swept(tmp_path / "line", COLUMNS.replaced(**thin), varied)
+    cold, _ = swept(tmp_path / "cold", COLUMNS.replaced(**thin), ["mix.overrides.heckel_slope=12e-6"])
+    assert (table.reason == "").all()
+    assert float(table["load"][1]) == pytest.approx(float(cold["load"][0]), rel=1e-3)
+    assert float(table.resistance[1]) == pytest.approx(float(cold.resistance[0]), rel=1e-3)
+
+
+# (f) cost
+
+
+def held(task):
+    """Memory [MB] that a worker holds after a task."""
+    sweep.compute(task)
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["column", "spectral"])
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no such file tells the memory here")
+def test_memory_of_a_worker_is_flat_over_a_thousand_points(engine):
+    grid = [vary.read("mix.moisture=0.08:0.12:25"), vary.read("mix.density_ratio=0.94:0.98:40")]
+    many = Sweep(SCENE.replaced(**{"accuracy.engine": engine}), grid)
+    memory = dict(outcomes(held, many._tasks(many._keyed(), {}), Processes(1)))
+    last = len(memory) - 1
+    assert memory[last] - memory[last // 10] < 2
+
+
+# (g) certainty
+
+
+def test_bands_contain_the_calibrated_operating_point(tmp_path):
+    slope, fed = 13.995e-6, 0.93444  # fitted by columns to 9740 N and 0.179, see test_studies
+    scene = {"accuracy.engine": "column", "layer.fed_density_ratio": fed}
+    table, _ = swept(tmp_path, load_scene(SCENES / "loveikin-2015.toml", **scene), ["mix.overrides=~64"])
+    for quantity, calibrated in (("load", 9740.0), ("resistance", 2 * 0.179 * 9740), ("resistance_coefficient", 0.179)):
+        low, _, high = sweep_figures.band(table, quantity)
+        assert low < calibrated < high
+    low, _, high = sweep_figures.band(table, "heckel_slope")
+    assert low < slope < high
+
+
+@pytest.mark.slow
+def test_heckel_slope_explains_the_resistance_of_columns(tmp_path):
+    table, _ = swept(tmp_path, varied=["mix.overrides=~64"], indices=True)
+    names, found = sweep_figures.of_table(table, "resistance")
+    assert found.rows == 64
+    assert found.first_low[names.index("heckel_slope")] > 0.7
+    assert np.abs(np.delete(found.total, names.index("heckel_slope"))).max() < 0.05
+    sweep_writer.write(tmp_path, table)
+    assert (tmp_path / "sobol.csv").read_text().count("\n") == 1 + 4 * 5
+    assert (tmp_path / "sobol.png").stat().st_size > 10_000
+
+
+def test_maps_bands_and_best_laws_are_drawn(tmp_path):
+    scene = SCENE.replaced(**{"motion.laws": ["parabolic", "septic"], "layer.fed_density_ratio": 0.92})
+    table, _ = swept(
+        tmp_path, scene, ["mix.moisture=0.08,0.12", "mix.density_ratio=0.91:0.99:4", "mix.overrides=~2"], rank=True
+    )
+    sweep_writer.write(tmp_path, table)
+    for name in ("maps", "bands", "best_laws"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 10_000
+    assert float(sweep_figures.reach(table).max()) > 1  # hatched
+    assert sweep_figures._most_frequent(table.best_law_by_peak_force)[0].tolist()[0] == ""
+
+
+# (h) the command
+
+
+def told(capsys, *arguments):
+    """Exit code and words of `compact sweep`, in this process."""
+    code = cli._told(["sweep", *map(str, arguments)])
+    return code, "".join(capsys.readouterr())
+
+
+def test_interrupt_of_the_command_keeps_whole_points_and_resume_needs_the_rest(tmp_path, capsys):
+    grid = ("--vary", "mix.moisture=0.08:0.12:12", "--vary", "mix.density_ratio=0.96:0.99:50")
+    given = (SCENES / "loveikin-2015.toml", "--engine", "column", "--out", tmp_path / "out", *grid)
+    call = [sys.executable, "-m", "compact.cli", "sweep", *map(str, given), "--workers", "2"]
+    points = tmp_path / "out" / "points"
+    alone = {"start_new_session": True, "preexec_fn": heed_interrupts}
+    with subprocess.Popen(call, stderr=subprocess.PIPE, text=True, **alone) as process:
+        while len(list(points.glob("*.points"))) < 2 and process.poll() is None:
+            time.sleep(0.01)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the command and to its workers
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    assert said == "compact: interrupted; every file already written is whole\n"
+    kept = sum(len(path.read_text().splitlines()) - 1 for path in points.glob("*.points"))
+    assert 100 <= kept < 600
+    code, said = told(capsys, *given)
+    assert code == 1
+    assert f"holds {kept} points of this scene; --resume goes on with them" in said
+    code, said = told(capsys, *given, "--resume", "--workers", "1")
+    assert code == 0
+    assert f"{600 - kept} of 600 computed now" in said
+    assert (tmp_path / "out" / "maps.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("--vary", "mix.moistur=0.1"), 2, "did you mean `moisture`?"),
+        (("--vary", "mix.moisture=0.1", "--workers", "2", "--scheduler", "tcp://x:1"), 2, "got both"),
+        (("--vary", "mix.moisture=0.1", "--workers", "0"), 2, "--workers must be at least 1, got 0"),
+        (("--vary", "machine.profile=deformed", "--engine", "spectral", "--workers", "1"), 1, "no point has numbers"),
+    ],
+)
+def test_bad_sweeps_end_in_a_sentence(arguments, code, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    ended, said = told(capsys, SCENES / "loveikin-2015.toml", *arguments)
+    assert ended == code
+    assert words in said
+    assert code == 1 or not (tmp_path / "out").exists()

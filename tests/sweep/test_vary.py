@@ -1,0 +1,141 @@
+"""What a sweep varies: grids, lists and samples read, keys refused at the door."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compact.material import mix
+from compact.scene.loader import SceneError, load_scene
+from compact.sweep import design as vary
+
+SCENE = load_scene(Path(__file__).parents[2] / "studies" / "scenes" / "loveikin-2015.toml")
+PRIOR = SCENE.replaced(**{"mix.overrides.effective_modulus": None})
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("mix.moisture=0.08:0.12:5", (0.08, 0.09, 0.10, 0.11, 0.12)),
+        ("layer.passes=1:3:3", (1, 2, 3)),
+        ("machine.mass=1:2:3", (1.0, 1.5, 2.0)),
+        ("machine.rolling = free, sliding", ("free", "sliding")),
+        ("machine.one_sided=true,false", (True, False)),
+        ("mix.moisture=0.1", (0.1,)),
+    ],
+)
+def test_grids_and_lists_are_read(text, values):
+    axis = vary.read(text)
+    assert axis.values == values
+    assert [type(value) for value in axis.values] == [type(value) for value in values]
+
+
+def test_points_run_through_all_values_the_last_axis_fastest():
+    design = vary.design(SCENE, [vary.read("mix.moisture=0.09,0.1"), vary.read("layer.base=bonded,slip")])
+    assert design.shape == (2, 2)
+    assert [tuple(design.point(index)[0].values()) for index in range(4)] == [
+        (0.09, "bonded"), (0.09, "slip"), (0.1, "bonded"), (0.1, "slip"),
+    ]  # fmt: skip
+
+
+def test_sample_fills_the_spread_and_no_more():
+    scene = PRIOR.replaced(**{"accuracy.engine": "column", "mix.moisture": 0.09})
+    design = vary.design(scene, [vary.read("mix.overrides=~64")])
+    assert design.names == ("unloading_modulus", "poisson", "friction_angle", "cohesion", "heckel_slope")
+    slope = mix.prior(0.09, 0.98).parameter("heckel_slope")
+    drawn = [vary.scene_at(scene, *design.point(index)) for index in range(64)]
+    values = np.array([values["heckel_slope"] for _, values in drawn])
+    assert all(there.mix.overrides.heckel_slope == value for (there, _), value in zip(drawn, values, strict=True))
+    assert (slope.low < values).all()
+    assert (values < slope.high).all()
+    # a factor is drawn by ratio: the mean of the logarithm is that of the value, as even as Sobol points are
+    assert np.log(values).mean() == pytest.approx(np.log(slope.value), abs=0.01)
+    poisson = np.array([values["poisson"] for _, values in drawn])
+    assert poisson.mean() == pytest.approx(mix.prior(0.09, 0.98).poisson, abs=0.002)
+
+
+def test_sample_follows_the_spread_of_each_mix():
+    design = vary.design(PRIOR, [vary.read("mix.moisture=0.08,0.12"), vary.read("mix.overrides.required_pressure=~2")])
+    dry, wet = (vary.scene_at(PRIOR, *design.point(index))[1]["required_pressure"] for index in (0, 2))
+    expected = [mix.prior(moisture, 0.98).required_pressure for moisture in (0.08, 0.12)]
+    assert dry / wet == pytest.approx(expected[0] / expected[1])
+
+
+def test_rows_of_indices_change_one_input_each():
+    design = vary.design(PRIOR, [vary.read("mix.overrides=~4")], indices=True)
+    parts = np.array(design.parts)
+    first, second = design.shares[parts == "A"], design.shares[parts == "B"]
+    assert not np.any(first == second)
+    for i, name in enumerate(design.names):
+        mixed = design.shares[parts == name]
+        assert np.array_equal(mixed[:, i], second[:, i])
+        assert np.array_equal(np.delete(mixed, i, axis=1), np.delete(first, i, axis=1))
+
+
+# refusals
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("mix.moisture", "--vary takes KEY=LOW:HIGH:N"),
+        ("mix.moisture=", "--vary takes KEY=LOW:HIGH:N"),
+        ("mix.moisture=0.1:0.08:5", "runs from LOW up to HIGH in N >= 2 values, got 0.1:0.08:5"),
+        ("mix.moisture=0.1:0.12:1", "in N >= 2 values"),
+        ("mix.moisture=0.1:0.12:x", "takes a whole number of values, got 'x'"),
+        ("mix.moisture=0.1,0.1", "must differ from one another"),
+        ("mix.moisture=0.1,,0.2", "takes numbers, words, true and false, got ''"),
+        ("mix.moisture=nan", "takes numbers"),
+        ("mix.overrides=~6", "powers of 2, got 6; give ~8"),
+        ("mix.overrides=~-6", "powers of 2"),
+    ],
+)
+def test_text_that_is_no_variation_is_refused(text, words):
+    with pytest.raises(ValueError, match=words):
+        vary.read(text)
+
+
+@pytest.mark.parametrize(
+    ("texts", "words"),
+    [
+        ((), "nothing to vary"),
+        (("mix.moistur=0.1",), "unknown key in .mix., got 0.1; did you mean `moisture`"),
+        (("mix.moisture=0.1,0.5",), "mix.moisture: must be between 0.08 and 0.12, got 0.5"),
+        (("mix.moisture=wet",), "mix.moisture: must be a number, got 'wet'"),
+        (("mix.moisture=0.1", "mix.moisture=0.11"), "given twice"),
+        (("output.wanted=tables",), "decides no number"),
+        (("mix.moisture=~8",), "only mix.overrides and what is in it have a spread"),
+        (("mix.overrides.poison=~8",), "no mix parameter 'poison'; did you mean 'poisson'"),
+        (("mix.overrides.effective_modulus=~8",), "is given, so it has no spread to sample"),
+        (("mix.overrides.poisson=~8", "mix.overrides.steel_friction=~16"), "all samples share their points"),
+    ],
+)
+def test_keys_are_refused_before_anything_runs(texts, words):
+    with pytest.raises(ValueError, match=words):
+        vary.design(SCENE, [vary.read(text) for text in texts])
+
+
+def test_indices_without_a_sample_are_refused():
+    with pytest.raises(ValueError, match="Sobol indices need a sample"):
+        vary.design(SCENE, [vary.read("mix.moisture=0.1")], indices=True)
+
+
+def test_rules_between_keys_are_left_to_the_points():
+    design = vary.design(SCENE, [vary.read("mix.density_ratio=0.92,0.98")])  # fed at 0.94
+    with pytest.raises(SceneError, match=r"layer.fed_density_ratio: must be below mix.density_ratio = 0.92"):
+        vary.scene_at(SCENE, *design.point(0))
+    assert vary.scene_at(SCENE, *design.point(1))[0].mix.density_ratio == 0.98
+
+
+@pytest.mark.parametrize(
+    "varied",
+    [
+        ["mix.moisture=0.08:0.12:1000000000"],
+        ["mix.overrides=~1073741824"],
+        ["mix.moisture=0.08:0.12:2000", "machine.mass=500:1500:2000"],
+    ],
+    ids=["grid", "sample", "product"],
+)
+def test_sweep_that_fits_no_memory_is_refused_before_it_is_laid_out(varied):
+    with pytest.raises(ValueError, match=r"a sweep has at most 1000000 points, got \d{7,}; take a coarser grid"):
+        vary.design(SCENE, [vary.read(text) for text in varied])
