@@ -11,7 +11,9 @@ Numerical envelope: peaks of motion laws are exact to 1e-12 relative for run-up 
 weights from 0 to 1; drive forces and powers between samples to 1e-8; moments of the cart close to 1e-9 N m.
 """
 
+import warnings
 from importlib import import_module
+from typing import Any
 
 _HOMES = {
     "analysis.study": ("Study",),
@@ -21,34 +23,47 @@ _HOMES = {
     "drive": ("Crank", "Rigid", "Run", "rank", "simulate"),
     "engines.halfplane": ("galin", "hertz", "pressure_exponent"),
     "files": ("ResultsError",),
-    "machine.cart": ("Balance", "Cart", "Opposition", "balance"),
-    "machine.elastic_drive": ("ElasticDrive", "ElasticRun", "travel"),
-    "machine.motor_characteristics": ("Belt", "Kloss", "Straight"),
-    "machine.motor_drive": ("Motor", "MotorRun", "revolve"),
+    "machine.cart": ("Balance", "Cart", "MotionResistance", "balance"),
+    "machine.elastic_drive": ("ElasticDrive", "ElasticRun", "simulate_elastic"),
+    "machine.motor_characteristics": ("Belt", "Kloss", "LinearTorqueCurve"),
+    "machine.motor_drive": ("Motor", "MotorRun", "simulate_motor"),
     "machine.roller_motors": ("Driven", "FirstOrder", "RollerMotor"),
     "material.laws": ("Elastic", "Viscoelastic"),
     "material.mix": ("Mix", "prior"),
     "motion": ("LAWS", "CamLimits", "Cycle", "InfeasibleError", "Limits", "Motion", "law", "optimise"),
     "motion.minimum_criterion": ("ComplexLaw", "minimiser"),
     "motion.tabulated": ("from_table",),
-    "resistance": ("ResistanceMap", "sampled"),
-    "rolling_contact": ("Layer", "Roller", "Rolled"),
+    "resistance": ("ResistanceMap", "sample_resistance"),
+    "rolling_contact": ("Layer", "Roller", "ContactResult"),
     "scene.loader": ("Scene", "SceneError", "load_scene", "parse_scene"),
 }
 # Modules under the names that `from compact import ...` has for them
 _ALIASES = {"column": "engines.column.engine", "spectral": "engines.spectral.engine", "mix": "material.mix"}
+# Former names, accepted for one release
+_RENAMED = {
+    "Opposition": "MotionResistance",
+    "Rolled": "ContactResult",
+    "Straight": "LinearTorqueCurve",
+    "revolve": "simulate_motor",
+    "sampled": "sample_resistance",
+    "travel": "simulate_elastic",
+}
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [*_HOME_OF]
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> Any:
     if name in _ALIASES:
         return import_module(f"compact.{_ALIASES[name]}")
+    if name in _RENAMED:
+        new = _RENAMED[name]
+        warnings.warn(f"compact.{name} is now compact.{new}", DeprecationWarning, stacklevel=2)
+        return getattr(import_module(f"compact.{_HOME_OF[new]}"), new)
     if name not in _HOME_OF:
         raise AttributeError(f"module 'compact' has no attribute {name!r}")
     return getattr(import_module(f"compact.{_HOME_OF[name]}"), name)
 
 
-def __dir__():
+def __dir__() -> list[str]:
     return sorted(__all__)

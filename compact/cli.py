@@ -157,9 +157,9 @@ def run(
     others = study.scene.beside_engines if study.scene.beside and cores() > 1 else ()
     helpers = Processes(min(cores(), len(others))) if others else None
     with progress:
-        report.write(study, directory, force, helpers)
+        report.write_study(study, directory, force, helpers)
     if not quiet:
-        print(report.digest(study))
+        print(report.study_digest(study))
         print(f"\nresults: {directory}")
 
 
@@ -201,9 +201,9 @@ def roll(
         progress.begin(f"contact by {name}")
         passes = study.passes_at(speed)
         progress.begin("tables and figures")
-        contact_tables.write(directory, study, speed, passes)
+        contact_tables.write_contact(directory, study, speed, passes)
     if not quiet:
-        print(contact_tables.digest(study, speed, passes))
+        print(contact_tables.contact_digest(study, speed, passes))
         print(f"\nresults: {directory}")
 
 
@@ -242,7 +242,7 @@ def cam(
 
     study = _study(scene, quiet, laws=None if law.startswith("least-") else (law,), changes=changes)
     made = study.cam(law, follower)
-    written = cam_files.write(out or default_directory(scene, "cams"), study.scene, made, cutter, tolerance)
+    written = cam_files.write_cam_files(out or default_directory(scene, "cams"), study.scene, made, cutter, tolerance)
     if not quiet:
         print(report.cam_digest(law, made))
         print("\n".join(f"  {path}" for path in written))
@@ -279,9 +279,9 @@ def calibrate(
     from compact.analysis import calibration
     from compact.files import write_json
     from compact.report.progress import spinning
-    from compact.scene.plant_data import read
+    from compact.scene.plant_data import read_measurements
 
-    readings = read(measured)
+    readings = read_measurements(measured)
     options = {} if increments is None else {"increments": increments}
     asked = _scene(scene, quiet, changes)
     with spinning(f"fit by {engine}", quiet=quiet):
@@ -344,7 +344,7 @@ def sweep(
     workforce = crew(workers, scheduler)
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
     many = Sweep(
-        _scene(scene, quiet, changes, asked), [varying.read(text) for text in vary], rank=rank, indices=indices
+        _scene(scene, quiet, changes, asked), [varying.read_design(text) for text in vary], rank=rank, indices=indices
     )
     directory, failed = out or default_directory(scene, "sweep"), 0
 
@@ -357,11 +357,13 @@ def sweep(
     with Progress(total=many.size, quiet=quiet) as progress:
         progress.begin(f"{many.size} points", 0.0)
         table = many.run(directory, crew=workforce, resume=resume, force=force, step=step)
-    sweep_writer.write(directory, table)
+    sweep_writer.write_sweep_report(directory, table)
     if not quiet:
         for name in many.broken:
             print(f"compact: {name} was cut short; its points were computed again", file=sys.stderr)
-        print(f"{sweep_writer.digest(table)}\n\n{many.computed} of {many.size} computed now; results: {directory}")
+        print(
+            f"{sweep_writer.sweep_digest(table)}\n\n{many.computed} of {many.size} computed now; results: {directory}"
+        )
     return DONE if (table["reason"] == "").any() else _say("no point has numbers", COULD_NOT)
 
 

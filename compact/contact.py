@@ -18,19 +18,19 @@ import numpy as np
 
 from compact.engines.halfplane import LineContact, galin, hertz, pressure_exponent
 from compact.numerics.validation import (
-    refuse_fractional,
-    refuse_negative,
-    refuse_nonfinite,
-    refuse_nonpositive,
-    refuse_outside,
-    refuse_unknown,
-    refuse_unless,
+    require_between,
+    require_finite,
+    require_integers,
+    require_known,
+    require_nonnegative,
+    require_positive,
+    require_that,
 )
-from compact.rolling_contact import Rolled, Rolling, refuse_off_target
+from compact.rolling_contact import ContactResult, Rolling, require_on_target
 
 __all__ = [
     "DryResistance",
-    "EngineeringRolled",
+    "FormulaContactResult",
     "LineContact",
     "RadiusRange",
     "capture_angle",
@@ -67,7 +67,7 @@ class DryResistance:
     force: float
 
     def __post_init__(self):
-        refuse_negative(force=self.force)
+        require_nonnegative(force=self.force)
 
     def __call__(self, velocity, acceleration):
         """F sign(velocity) [N], of the common shape of velocity [m/s] and acceleration [m/s2]."""
@@ -76,8 +76,8 @@ class DryResistance:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EngineeringRolled(Rolled):
-    """A `Rolled` by the formulas (1.4)-(1.8): load (1.6), resistance (1.8), edges by (1.5) and (1.7).
+class FormulaContactResult(ContactResult):
+    """A `ContactResult` by the formulas (1.4)-(1.8): load (1.6), resistance (1.8), edges by (1.5) and (1.7).
 
     capture_angle, exponent : phi of (1.5) [rad], alpha of (1.4) [-]
     contact_length : l of (1.7) [m]
@@ -117,13 +117,13 @@ def capture_angle(pressure, youngs_modulus, poisson, exponent):
     >>> f"{np.degrees(capture_angle(0.203e6, 0.75e6, 0.3, 0.4683)):.2f} deg"
     '29.35 deg'
     """
-    refuse_nonpositive(pressure=pressure, youngs_modulus=youngs_modulus)
-    refuse_outside(0, 0.5, poisson=poisson)
+    require_positive(pressure=pressure, youngs_modulus=youngs_modulus)
+    require_between(0, 0.5, poisson=poisson)
     _refuse_unless_exponent(exponent)
     alpha, E = np.asarray(exponent), np.asarray(youngs_modulus)
     shape = np.exp((1 - alpha) * np.log(alpha) + (1 + alpha) * np.log1p(-alpha))
     sine = 7.53 * (1 - np.square(poisson)) * shape * (pressure / E)
-    refuse_unless(sine <= 1, sine, "no capture angle; lower `pressure` or raise `youngs_modulus`: sin phi would be")
+    require_that(sine <= 1, sine, "no capture angle; lower `pressure` or raise `youngs_modulus`: sin phi would be")
     return np.arcsin(sine)
 
 
@@ -152,8 +152,8 @@ def roller_force(capture_angle, youngs_modulus, poisson, exponent, radius, lengt
     >>> f"{roller_force(0.5122, 0.75e6, 0.3, 0.4683, 0.11, 1.164):.0f} N"
     '17721 N'
     """
-    refuse_nonpositive(youngs_modulus=youngs_modulus, radius=radius, length=length, nonuniformity=nonuniformity)
-    refuse_outside(0, 0.5, poisson=poisson)
+    require_positive(youngs_modulus=youngs_modulus, radius=radius, length=length, nonuniformity=nonuniformity)
+    require_between(0, 0.5, poisson=poisson)
     _refuse_unless_angle(capture_angle)
     _refuse_unless_exponent(exponent)
     alpha = np.asarray(exponent)
@@ -175,7 +175,7 @@ def pressure_for_load(force, youngs_modulus, poisson, exponent, radius, length, 
     >>> f"{pressure_for_load(17721.0, 0.75e6, 0.3, 0.4683, 0.11, 1.164) / 1e3:.1f} kPa"
     '203.0 kPa'
     """
-    refuse_nonpositive(force=force, youngs_modulus=youngs_modulus)
+    require_positive(force=force, youngs_modulus=youngs_modulus)
     trial = 1e-3 * np.asarray(youngs_modulus)  # a pressure that has a capture angle
     angle = capture_angle(trial, youngs_modulus, poisson, exponent)
     carried = roller_force(angle, youngs_modulus, poisson, exponent, radius, length, nonuniformity, one_sided)
@@ -205,7 +205,7 @@ def contact_length(capture_angle, radius, exponent):
     '101.4 mm'
     """
     _refuse_unless_angle(capture_angle)
-    refuse_nonpositive(radius=radius)
+    require_positive(radius=radius)
     _refuse_unless_exponent(exponent)
     return radius * np.sin(capture_angle) / (1 - np.asarray(exponent))
 
@@ -234,8 +234,8 @@ def roller_resistance(force, contact_length, radius, exponent, friction):
     >>> f"{roller_resistance(17721.0, 0.1014, 0.11, 0.4683, 0.17):.0f} N"
     '3358 N'
     """
-    refuse_negative(force=force, friction=friction)
-    refuse_nonpositive(contact_length=contact_length, radius=radius)
+    require_nonnegative(force=force, friction=friction)
+    require_positive(contact_length=contact_length, radius=radius)
     _refuse_unless_exponent(exponent)
     arm = np.asarray(contact_length) * (1 - 2 * np.asarray(exponent)) / 3
     return np.asarray(force) * (arm / radius + friction)
@@ -279,8 +279,8 @@ def cart_resistance(
     >>> f"{cart_resistance(17721.0, 3358.0, 2, 1e4, bearing_friction=0.05, rib_factor=1.5, **wheels):.0f} N"
     '8375 N'
     """
-    refuse_negative(force=force, roller_resistance=roller_resistance, weight=weight)
-    refuse_fractional(rollers=rollers)
+    require_nonnegative(force=force, roller_resistance=roller_resistance, weight=weight)
+    require_integers(rollers=rollers)
     coefficient = guide_coefficient(
         bearing_friction=bearing_friction, journal_diameter=journal_diameter, rolling_arm=rolling_arm,
         wheel_diameter=wheel_diameter, rib_factor=rib_factor,
@@ -309,8 +309,8 @@ def guide_coefficient(*, bearing_friction, journal_diameter, rolling_arm, wheel_
     >>> f"{guide_coefficient(bearing_friction=0.05, rib_factor=1.5, **wheels):.4f}"
     '0.0652'
     """
-    refuse_negative(bearing_friction=bearing_friction, rolling_arm=rolling_arm, rib_factor=rib_factor)
-    refuse_nonpositive(journal_diameter=journal_diameter, wheel_diameter=wheel_diameter)
+    require_nonnegative(bearing_friction=bearing_friction, rolling_arm=rolling_arm, rib_factor=rib_factor)
+    require_positive(journal_diameter=journal_diameter, wheel_diameter=wheel_diameter)
     arm = bearing_friction * np.asarray(journal_diameter) + 2 * np.asarray(rolling_arm)
     return arm / wheel_diameter * rib_factor
 
@@ -336,7 +336,7 @@ def cart_power(resistance, velocity):
     >>> f"{cart_power(8375.0, 0.16):.0f} W"
     '1340 W'
     """
-    refuse_nonfinite(resistance=resistance, velocity=velocity)
+    require_finite(resistance=resistance, velocity=velocity)
     return np.multiply(resistance, velocity)
 
 
@@ -356,7 +356,7 @@ def dry_resistance(force):
 
 
 def roll(layer, roller, material, speed, *, rolling_friction=0.0, nonuniformity=1.0, one_sided=False):
-    """One roller by the engineering formulas (1.4)-(1.8), an `EngineeringRolled`: the engine "formula".
+    """One roller by the engineering formulas (1.4)-(1.8), an `FormulaContactResult`: the engine "formula".
 
     The formulas have one roller: pressed at q, with the friction of mix on roller in the exponent alpha, whatever its
     condition `rolling` is. The resistance has the sign of the speed. For speed < 0 leading and trailing stay + ahead,
@@ -401,7 +401,7 @@ def roll(layer, roller, material, speed, *, rolling_friction=0.0, nonuniformity=
     sampled = touched.pressure(ahead)
     direction = np.sign(speed)
     forth = slice(None, None, int(direction))  # x ascends, whichever way the roller goes
-    rolled = EngineeringRolled(
+    rolled = FormulaContactResult(
         load=load,
         resistance=direction * roller_resistance(load, length, R, alpha, rolling_friction),
         leading=leading,
@@ -415,7 +415,7 @@ def roll(layer, roller, material, speed, *, rolling_friction=0.0, nonuniformity=
         contact_length=length,
         mean_pressure=load / length,
     )
-    refuse_off_target(rolled, roller, TARGET)
+    require_on_target(rolled, roller, TARGET)
     return rolled
 
 
@@ -429,7 +429,7 @@ def _warn_of_layer(exact, layer):
 
 
 def _refuse_beyond_formula(layer, roller, material, speed):
-    refuse_nonfinite(speed=speed)
+    require_finite(speed=speed)
     if layer.plies:
         raise ValueError(f"the formula engine knows one modulus, got {len(layer.plies)} `plies`; use spectral or fem")
     if speed == 0:
@@ -441,7 +441,7 @@ def _refuse_beyond_formula(layer, roller, material, speed):
         )
     if roller.profile != "parabola":
         raise ValueError(f"the formula engine needs `profile` 'parabola', got {roller.profile!r}; use fem")
-    refuse_unknown("rolling", roller.rolling, get_args(Rolling))
+    require_known("rolling", roller.rolling, get_args(Rolling))
     for name in ("youngs_modulus", "poisson"):
         if not hasattr(material, name):
             got = type(material).__name__
@@ -450,12 +450,12 @@ def _refuse_beyond_formula(layer, roller, material, speed):
 
 def _refuse_unless_exponent(exponent):
     inside = (np.asarray(exponent) > 0) & (np.asarray(exponent) < 1)
-    refuse_unless(inside, exponent, "`exponent` must lie between 0 and 1, got")
+    require_that(inside, exponent, "`exponent` must lie between 0 and 1, got")
 
 
 def _refuse_unless_angle(capture_angle):
     inside = (np.asarray(capture_angle) > 0) & (np.asarray(capture_angle) <= np.pi / 2)
-    refuse_unless(inside, capture_angle, "`capture_angle` must lie between 0 and pi/2, got")
+    require_that(inside, capture_angle, "`capture_angle` must lie between 0 and pi/2, got")
 
 
 ROUNDING = 1e-9  # share by which a quotient may miss a whole number of rollers and still be that number
@@ -490,7 +490,7 @@ def radius_range(height):
     >>> f"{bounds.low:.3f} to {bounds.high:.3f} m"
     '0.088 to 0.121 m'
     """
-    refuse_nonpositive(height=height)
+    require_positive(height=height)
     return RadiusRange(low=0.40 * np.asarray(height), high=0.55 * np.asarray(height))
 
 
@@ -518,10 +518,10 @@ def rollers_needed(width, radius, feeder_sleeve, overlap):
     >>> int(rollers_needed(1.164, 0.11, 0.18, 0.012))
     3
     """
-    refuse_nonpositive(width=width, radius=radius)
-    refuse_negative(feeder_sleeve=feeder_sleeve, overlap=overlap)
+    require_positive(width=width, radius=radius)
+    require_nonnegative(feeder_sleeve=feeder_sleeve, overlap=overlap)
     field = 2 * np.asarray(radius) + feeder_sleeve - overlap
-    refuse_unless(field > 0, field, "`overlap` must be less than 2 `radius` + `feeder_sleeve`, which leaves a field of")
+    require_that(field > 0, field, "`overlap` must be less than 2 `radius` + `feeder_sleeve`, which leaves a field of")
     return np.ceil(width / field * (1 - ROUNDING)).astype(int)
 
 
@@ -547,11 +547,11 @@ def stroke_needed(width, rollers, overlap):
     >>> f"{stroke_needed(1.164, 3, 0.012):.3f} m"
     '0.400 m'
     """
-    refuse_nonpositive(width=width)
-    refuse_negative(overlap=overlap)
-    refuse_fractional(rollers=rollers)
+    require_positive(width=width)
+    require_nonnegative(overlap=overlap)
+    require_integers(rollers=rollers)
     field = width / np.asarray(rollers)
-    refuse_unless(
+    require_that(
         overlap < field, overlap - field, "`overlap` must be less than the field `width`/`rollers`, exceeds by"
     )
     return field + overlap

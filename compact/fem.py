@@ -4,17 +4,17 @@ Elastic and viscoelastic layers are solved by `fem_engine` (steady) and `transie
 `compaction` (steady) and `travelling` (any motion).
 """
 
-from compact.engines.fem.engine import FemRolled
+from compact.engines.fem.engine import FemContactResult
 from compact.engines.fem.engine import roll as roll_linear
 from compact.files import write_mesh
 from compact.material.laws import Compaction
 from compact.mesh import DEFAULT_ERROR
 
-__all__ = ["FemRolled", "fields", "roll", "travel", "write_fields"]
+__all__ = ["FemContactResult", "fields", "roll", "travel", "write_fields"]
 
 
 def roll(layer, roller, material, speed, *, torque=None, mesh=None, tolerance=DEFAULT_ERROR, estimate=True):
-    """One roller in steady motion over a layer: a `FemRolled`, of compacting mix a `CompactionRolled`.
+    """One roller in steady motion over a layer: a `FemContactResult`, of compacting mix a `CompactionContactResult`.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def roll(layer, roller, material, speed, *, torque=None, mesh=None, tolerance=DE
 
 
 def travel(layer, roller, material, motion, **accuracy):
-    """A roller in any motion through v = 0 and back, its states kept by the mix: a `Travelled`.
+    """A roller in any motion through v = 0 and back, its states kept by the mix: a `TransientResult`.
 
     layer, roller, material : as of `roll`, the roller with an `indentation`
     motion : with `position` and `velocity` of time [s], arrays, and `duration` [s]: a `Motion`, a `Cycle` or one's own
@@ -57,16 +57,16 @@ def travel(layer, roller, material, motion, **accuracy):
     '505 N/m at most, 168 N/m as it comes to rest'
     """
     if isinstance(material, Compaction):
-        from compact.engines.compaction.reciprocating import travel as travel_on
+        from compact.engines.compaction.reciprocating import simulate_reciprocating as travel_on
     else:
-        from compact.engines.fem.transient import travel as travel_on
+        from compact.engines.fem.transient import simulate_transient as travel_on
     return travel_on(layer, roller, material, motion, **accuracy)
 
 
 def fields(rolled):
     """Fields inside the layer under a steady roller, a meshio mesh: `fields.fields`, of compacting mix
     `compacted.fields`."""
-    if isinstance(rolled, FemRolled):
+    if isinstance(rolled, FemContactResult):
         from compact.engines.fem.fields import fields as fields_of
     else:
         from compact.engines.compaction.results import fields as fields_of

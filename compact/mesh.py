@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from compact.numerics.validation import refuse_nonpositive
+from compact.numerics.validation import require_positive
 
 DEFAULT_ERROR = 2e-3  # of the resistance, on ten elements per half-width: a point of studies/speed_against_error.py
 GROWTH = 1.4  # ratio of neighbouring elements, its root inside the contact: 3e-5 of the load, 6e-6 once refined
@@ -120,7 +120,7 @@ def graded(height, half_width, elements, *, centre=0.0, interfaces=(), edge=EDGE
     >>> mesh.shape, mesh.dofs
     ((16, 86), 11418)
     """
-    refuse_nonpositive(height=height, half_width=half_width, elements=elements, reach=reach)
+    require_positive(height=height, half_width=half_width, elements=elements, reach=reach)
     for name, value in (("edge", edge), ("growth", growth)):
         if not 1 <= value < np.inf:
             raise ValueError(f"`{name}` must be at least 1 and finite, got {value!r}")
@@ -148,7 +148,7 @@ def for_error(height, half_width, error, interfaces=()):
 
 def elements_for(error):
     """Elements per half-width of the mesh of `for_error`."""
-    refuse_nonpositive(error=error)
+    require_positive(error=error)
     return int(np.clip(np.round(10 * (DEFAULT_ERROR / error) ** (1 / 1.5)), 4, 80))
 
 
@@ -178,12 +178,12 @@ def from_quads(points, quads):
     return mesh
 
 
-def write(mesh, path):
+def write_mesh_file(mesh, path):
     """Write the mesh in the format that the suffix of `path` names: .vtu, .msh, ... ."""
     _meshio().Mesh(np.pad(mesh.points, ((0, 0), (0, 1))), [("quad", mesh.quads)]).write(path)
 
 
-def read(path):
+def read_mesh_file(path):
     """The `RowMesh` in a file of any format that meshio reads; ValueError if it is not in straight rows."""
     content = _meshio().read(path)
     kinds = {block.type for block in content.cells} - {"vertex", "line"}

@@ -41,7 +41,7 @@ from importlib.metadata import version
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 
-from compact.numerics.validation import refuse_nonfinite, refuse_nonpositive
+from compact.numerics.validation import require_finite, require_positive
 
 SLOW = 0.1  # unsteadiness at which the first order leaves out 0.4 % of F on a Winkler foundation, or less
 
@@ -74,7 +74,7 @@ class Modulation:
         >>> f"{found.unsteadiness(-0.25):.2f}"
         '0.05'
         """
-        refuse_nonfinite(acceleration=acceleration)
+        require_finite(acceleration=acceleration)
         return np.abs(acceleration) * self.time / abs(self.speed)
 
 
@@ -127,8 +127,8 @@ class ResistanceMap:
 
     def _at(self, velocity, acceleration):
         slowest, speed = self.speeds[0], np.abs(velocity)
-        sampled = self._cubics(np.log(np.clip(speed, slowest, self.speeds[-1])))
-        force = sampled[:, 0]
+        sample_resistance = self._cubics(np.log(np.clip(speed, slowest, self.speeds[-1])))
+        force = sample_resistance[:, 0]
         if self.exponent and np.min(speed) < slowest:
             force = force * np.minimum(speed / slowest, 1.0) ** self.exponent
         force = np.sign(velocity) * force
@@ -136,7 +136,7 @@ class ResistanceMap:
             if self.time:
                 most = self.pace * speed
                 acceleration = np.clip(acceleration, -most, most)
-            force = force + acceleration * sampled[:, 1]
+            force = force + acceleration * sample_resistance[:, 1]
         return force if self.return_ratio == 1 else np.where(velocity < 0, self.return_ratio, 1.0) * force
 
     @property
@@ -234,7 +234,7 @@ def _versions():
     return ", ".join(f"{name} {version(name)}" for name in VERSIONED)
 
 
-def sampled(resistance, slowest, fastest, tolerance, known=()):
+def sample_resistance(resistance, slowest, fastest, tolerance, known=()):
     """The `ResistanceMap` from a slowest to a fastest speed [m/s] of resistance(speed) -> (force [N], relative error).
 
     known : (speed, force, error) that are there already; an error may be None
@@ -242,7 +242,7 @@ def sampled(resistance, slowest, fastest, tolerance, known=()):
 
     Raises RuntimeError where so many samples as `MOST` do not suffice.
     """
-    refuse_nonpositive(slowest=slowest, fastest=fastest, tolerance=tolerance)
+    require_positive(slowest=slowest, fastest=fastest, tolerance=tolerance)
     samples = {speed: (force, error) for speed, force, error in known if speed <= fastest}
     wanted = [fastest] if len(samples) >= FEWEST - 1 else np.geomspace(slowest, fastest, FEWEST).tolist()
     while len(samples) < MOST:
@@ -251,7 +251,7 @@ def sampled(resistance, slowest, fastest, tolerance, known=()):
                 samples[speed] = resistance(speed)
         speeds = np.array(sorted(samples))
         forces = np.array([samples[speed][0] for speed in speeds])
-        refuse_nonfinite(resistance=forces)
+        require_finite(resistance=forces)
         misses = _misses(speeds, forces)
         wanted = _wanted(speeds, misses > tolerance, SLOWEST * fastest)
         if not wanted:

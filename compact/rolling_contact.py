@@ -19,7 +19,7 @@ from typing import Literal
 import numpy as np
 
 from compact.files import write_mesh, write_pvd
-from compact.numerics.validation import refuse_negative, refuse_nonfinite, refuse_nonpositive
+from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 Base = Literal["bonded", "slip"]
 Rolling = Literal["frictionless", "sliding", "free", "driven"]
@@ -37,7 +37,7 @@ class Ply:
     stiffness: float
 
     def __post_init__(self):
-        refuse_nonpositive(thickness=self.thickness, stiffness=self.stiffness)
+        require_positive(thickness=self.thickness, stiffness=self.stiffness)
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Layer:
     plies: tuple[Ply, ...] = ()
 
     def __post_init__(self):
-        refuse_nonpositive(height=self.height)
+        require_positive(height=self.height)
         object.__setattr__(self, "plies", tuple(self.plies))
         total = sum(ply.thickness for ply in self.plies)
         if self.plies and abs(total - self.height) > SAME_HEIGHT * self.height:
@@ -105,12 +105,12 @@ class Roller:
     peak_pressure: float | None = None
 
     def __post_init__(self):
-        refuse_nonpositive(radius=self.radius)
-        refuse_negative(friction=self.friction)
+        require_positive(radius=self.radius)
+        require_nonnegative(friction=self.friction)
         given = self._given
         if len(given) != 1:
             raise ValueError(f"give one of `indentation`, `load`, `peak_pressure`, got {sorted(given) or 'none'}")
-        refuse_nonpositive(**given)
+        require_positive(**given)
 
     @property
     def target(self):
@@ -123,11 +123,11 @@ class Roller:
         return {name: value for name, value in targets.items() if value is not None}
 
 
-def refuse_torque(roller, torque):
+def require_no_torque(roller, torque):
     """A torque is for a roller that turns with friction; one that is driven needs it."""
     turns = roller.rolling in ("free", "driven")
     if torque is not None:
-        refuse_nonfinite(torque=torque)
+        require_finite(torque=torque)
         if torque and not (turns and roller.friction > 0):
             raise ValueError(
                 f"`torque` needs a roller that is 'free' or 'driven' and has `friction`, got {torque!r} for "
@@ -137,7 +137,7 @@ def refuse_torque(roller, torque):
         raise ValueError("`torque` must be given for a 'driven' roller, got None; a 'free' one needs none")
 
 
-def refuse_missed(name, wanted, reached, tolerance, scale=None):
+def require_target_reached(name, wanted, reached, tolerance, scale=None):
     """Raise RuntimeError unless a prescribed quantity is reached.
 
     Parameters
@@ -155,12 +155,12 @@ def refuse_missed(name, wanted, reached, tolerance, scale=None):
         )
 
 
-def refuse_off_target(rolled, roller, tolerance, *, exit_density_ratio=None, torque=None):
+def require_on_target(rolled, roller, tolerance, *, exit_density_ratio=None, torque=None):
     """Raise RuntimeError unless a contact has what was prescribed: every engine calls this before it returns.
 
     Parameters
     ----------
-    rolled : Rolled
+    rolled : ContactResult
     roller : Roller, whose target is prescribed
     tolerance : promised by the engine, relative [-]
     exit_density_ratio : prescribed instead of the target of the roller, or None
@@ -168,13 +168,13 @@ def refuse_off_target(rolled, roller, tolerance, *, exit_density_ratio=None, tor
         torque that friction holds
     """
     name, wanted = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
-    refuse_missed(name, wanted, getattr(rolled, name), tolerance)
+    require_target_reached(name, wanted, getattr(rolled, name), tolerance)
     if torque is not None:
-        refuse_missed("torque", *torque, tolerance, roller.friction * rolled.load * roller.radius)
+        require_target_reached("torque", *torque, tolerance, roller.friction * rolled.load * roller.radius)
 
 
 @dataclass(frozen=True)
-class Rolled:
+class ContactResult:
     """One contact: what the layer does to the roller, per unit roller length.
 
     load : normal force P [N/m]
@@ -212,7 +212,7 @@ class Rolled:
 
 
 @dataclass(frozen=True, eq=False)
-class Travelled:
+class TransientResult:
     """A motion of one roller over a layer, per unit roller length, at the ends of its time steps, arrays of shape (n,).
 
     time [s], from 0 on;  position, velocity : of the motion there [m], [m/s]

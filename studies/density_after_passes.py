@@ -35,7 +35,7 @@ TOP = 0.01  # m below the surface, where passes at one height differ
 
 
 def in_lifts(scene, count):
-    """The `ColumnRolled` of each pass over a layer fed in so many equal lifts, pressed to the scene's density."""
+    """The `ColumnContactResult` of each pass over a layer fed in so many equal lifts, pressed to the scene's density."""
     material, wanted = compaction(scene, blend(scene)), scene.mix.density_ratio
     speed = scene.motion.stroke / scene.motion.duration
     lift = feed(scene.product.height, wanted, material, speed).height / count

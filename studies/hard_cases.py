@@ -192,7 +192,7 @@ def undercut():
 
 @case("resistance that jumps between two speeds", "refused in words")
 def jump():
-    return resistance.sampled(lambda v: (1e3 + 1e3 * (v > 0.1), None), 0.01, 0.2, 1e-6), math.nan
+    return resistance.sample_resistance(lambda v: (1e3 + 1e3 * (v > 0.1), None), 0.01, 0.2, 1e-6), math.nan
 
 
 @case("load beyond the height of the layer", "refused in words")

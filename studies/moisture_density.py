@@ -49,7 +49,7 @@ def main(
     varied = [f"accuracy.engine={','.join(engines)}", f"mix.moisture={moistures}", f"mix.density_ratio={ratios}"]
     crew = Here() if workers == 1 else Processes(workers)
     with TemporaryDirectory() as aside:
-        many = Sweep(base, [vary.read(text) for text in varied])
+        many = Sweep(base, [vary.read_design(text) for text in varied])
         with Progress(total=many.size) as progress:
             progress.begin(f"{many.size} points", 0.0)
             step = lambda points, failed: progress.advance(points)  # noqa: E731

@@ -25,7 +25,7 @@ from compact.analysis.engineering_summary import engineering
 from compact.analysis.engines import COMPACTING, roll
 from compact.report.progress import tracked
 from compact.scene.loader import load_scene
-from compact.scene.plant_data import read
+from compact.scene.plant_data import read_measurements
 
 SCENES = Path(__file__).parent / "scenes"
 PRINTED_LOAD, PRINTED_FORCE = 9740.0, 3562.0  # N; Loveikin and Pochka 2015
@@ -126,7 +126,7 @@ def main(
     Finite elements that compact tell nothing of the prior: as deep as it asks, mix heaps up without end.
     """
     scene = load_scene(SCENES / f"{scene}.toml", **(changes or {}))
-    readings = read(SCENES / f"{measured}.toml")
+    readings = read_measurements(SCENES / f"{measured}.toml")
     speed = scene.motion.stroke / scene.motion.duration
     linear = [engine for engine in engines if engine != "compaction"]
     found = {engine: roll(scene, blend(scene), speed, engine) for engine in tracked(linear, str, alike=False)}

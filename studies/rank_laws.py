@@ -173,7 +173,7 @@ def spread(base, drives, samples):
     base = base.replaced(**{"drive.rank_by": list(SHOWN)})
     given = base.mix.overrides.model_dump(exclude_none=True)
     prior = base.replaced(**{f"mix.overrides.{name}": None for name in given})
-    design = vary.design(prior, [vary.read(f"mix.overrides=~{samples}")])
+    design = vary.design(prior, [vary.read_design(f"mix.overrides=~{samples}")])
     mixes = [vary.scene_at(prior, *design.point(number))[0] for number in range(samples)]
     return [row for drive in drives for row in _survival(base, mixes, drive)]
 

@@ -22,11 +22,11 @@ from compact.analysis.study import SWING, Study
 from compact.drive import simulate
 from compact.engines.spectral import engine as spectral
 from compact.machine.elastic_drive import ElasticDrive
-from compact.machine.motor_characteristics import Straight
+from compact.machine.motor_characteristics import LinearTorqueCurve
 from compact.machine.motor_drive import Motor
 from compact.motion.profile import law
 from compact.report.progress import spinning, tracked
-from compact.resistance import sampled
+from compact.resistance import sample_resistance
 from compact.rolling_contact import Roller
 from compact.scene.loader import load_scene
 
@@ -36,7 +36,7 @@ HEADER = ("law", "model", "largest_error", "rms_error", "making_s", "cycle_s")
 DRIVEN = ("drive", "model", "peak_force_N", "energy_J", "largest_error", "rms_error", "run_s")
 SLOWEST = 0.01  # of the fastest speed: where the map begins
 STIFFNESS, RATIO = 1e6, 0.05  # of the spring [N/m], and its damping ratio
-MOTOR = Motor(Straight(16.0, 160.0), 100.0, 0.02, 0.0)  # assumed: turns at the published pace, power to spare
+MOTOR = Motor(LinearTorqueCurve(16.0, 160.0), 100.0, 0.02, 0.0)  # assumed: turns at the published pace, power to spare
 
 
 def pressed(scene):
@@ -61,7 +61,7 @@ def models(contact, fastest, samples):
         rolled = spectral.roll(*contact, speed)
         return rolled.resistance, max(rolled.error)
 
-    steady, mapping = timed(lambda: sampled(resisted, SLOWEST * fastest, fastest, 2e-3))
+    steady, mapping = timed(lambda: sample_resistance(resisted, SLOWEST * fastest, fastest, 2e-3))
     speeds = np.geomspace(SLOWEST * fastest, fastest, samples)
     masses, added = timed(lambda: np.array([modulation(*contact, speed).added_mass for speed in speeds]))
 

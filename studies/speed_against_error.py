@@ -21,11 +21,11 @@ from compact import fem
 from compact.engines.column import engine as column
 from compact.engines.spectral import engine as spectral
 from compact.machine.cart import Cart
-from compact.machine.elastic_drive import ElasticDrive, travel
+from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.material.laws import Compaction, Viscoelastic
 from compact.motion.profile import law
 from compact.report.progress import tracked
-from compact.resistance import sampled
+from compact.resistance import sample_resistance
 from compact.rolling_contact import Layer, Roller
 
 LAYER, MIX = Layer(0.22), Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))  # that of the published machine
@@ -76,7 +76,9 @@ def drives(settings, repeats, stiffness=1e6, ratio=0.05):
 
     def solved(method, tolerance):
         if method == "ours":
-            run = travel(CARRIED, drive, cycle, lambda v, a: np.zeros_like(v), regime="rest", tolerance=tolerance)
+            run = simulate_elastic(
+                CARRIED, drive, cycle, lambda v, a: np.zeros_like(v), regime="rest", tolerance=tolerance
+            )
             return run.course.motion(*run.course.at(time))[0], run.work.evaluations
         got = solve_ivp(rates, (0, 2 * PASS), [0.0, 0.0], method, time, rtol=tolerance, atol=tolerance * STRETCH)
         return got.y[0], got.nfev
@@ -107,7 +109,7 @@ def maps(settings, _):
     speeds = np.geomspace(0.002, 1.0, 60)
     exact = np.array([force(speed)[0] for speed in speeds])
     for method, tolerance in settings:
-        found, seconds = timed(lambda t=tolerance: sampled(force, 0.02, 1.0, t), 1)
+        found, seconds = timed(lambda t=tolerance: sample_resistance(force, 0.02, 1.0, t), 1)
         yield method, tolerance, np.abs(found(speeds) - exact).max() / exact.max(), seconds, len(found.speeds)
 
 

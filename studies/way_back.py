@@ -19,7 +19,7 @@ import numpy as np
 from compact.analysis.calibration import blend
 from compact.analysis.engines import compaction
 from compact.engines.compaction import engine as rolling
-from compact.engines.compaction.reciprocating import travel
+from compact.engines.compaction.reciprocating import simulate_reciprocating
 from compact.motion.profile import law
 from compact.report.progress import spinning
 from compact.rolling_contact import Layer, Roller
@@ -42,7 +42,7 @@ def main(
     friction=0.0,
     out=None,
 ):
-    """The `CompactionTravelled`; the roller is free where it has friction."""
+    """The `CompactionTransientResult`; the roller is free where it has friction."""
     scene = load_scene(SCENES / f"{scene}.toml", **CALIBRATED)
     turning = {"friction": friction, "rolling": "free"} if friction else {}
     roller = Roller(scene.machine.roller_radius, indentation, profile="deformed", **turning)
@@ -50,7 +50,9 @@ def main(
     instants = tuple(share * scene.motion.duration for share in SHOWN)
     mix = compaction(scene, blend(scene))
     with spinning("there and back"):
-        done = travel(Layer(height), roller, mix, cycle, increments=increments, instants=instants, estimate=False)
+        done = simulate_reciprocating(
+            Layer(height), roller, mix, cycle, increments=increments, instants=instants, estimate=False
+        )
     if out:
         from compact.files import write_csv
 

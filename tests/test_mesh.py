@@ -118,8 +118,8 @@ def test_graded_layers_mirror_themselves_and_so_do_refined_ones():
 
 @pytest.mark.parametrize("suffix", ["vtu", "msh", "vtk", "inp"])
 def test_file_gives_back_the_mesh(tmp_path, suffix):
-    mesh.write(SMALL, tmp_path / f"layer.{suffix}")
-    again = mesh.read(tmp_path / f"layer.{suffix}")
+    mesh.write_mesh_file(SMALL, tmp_path / f"layer.{suffix}")
+    again = mesh.read_mesh_file(tmp_path / f"layer.{suffix}")
     assert again.x == pytest.approx(SMALL.x, rel=1e-12)
     assert again.y == pytest.approx(SMALL.y, rel=1e-12)
 
@@ -133,7 +133,7 @@ def test_any_numbering_is_put_in_rows(layer):
 def test_shipped_meshes_are_layers_of_the_default_scene(size):
     from pathlib import Path
 
-    shipped = mesh.read(Path(__file__).parents[1] / "meshes" / f"{size}.vtu")
+    shipped = mesh.read_mesh_file(Path(__file__).parents[1] / "meshes" / f"{size}.vtu")
     assert shipped.height == pytest.approx(0.22)
     assert shipped.dofs > 1000
 
@@ -170,7 +170,7 @@ def test_file_of_triangles_is_refused(tmp_path):
 
     meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])]).write(tmp_path / "t.vtu")
     with pytest.raises(ValueError, match="a layer is meshed by 4-cornered quadrilaterals, got triangle"):
-        mesh.read(tmp_path / "t.vtu")
+        mesh.read_mesh_file(tmp_path / "t.vtu")
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from compact.engines.spectral import engine as spectral
 from compact.files import ResultsError
 from compact.material.laws import Viscoelastic
 from compact.report import writer as report
-from compact.resistance import MOST, SLOW, ResistanceMap, load, sampled
+from compact.resistance import MOST, SLOW, ResistanceMap, load, sample_resistance
 from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
 
@@ -26,7 +26,7 @@ def relaxing(speed):
 
 
 def mapped(resistance=relaxing, slowest=0.01, fastest=1.0, tolerance=1e-3, known=()):
-    return sampled(resistance, slowest, fastest, tolerance, known)
+    return sample_resistance(resistance, slowest, fastest, tolerance, known)
 
 
 def true_error(resistance_map, resistance=relaxing, slowest=1e-5):
@@ -229,7 +229,7 @@ def of_scene(directory=None, **changes):
 def written(tmp_path_factory):
     """Where a run has left its results."""
     directory = tmp_path_factory.mktemp("kept") / "out"
-    report.write(of_scene(), directory)
+    report.write_study(of_scene(), directory)
     return directory
 
 
@@ -277,7 +277,7 @@ def test_mix_without_relaxation_has_no_mass(changes, known):
 
 def test_next_run_rolls_nothing_and_writes_the_same(left, written):
     study = of_scene(left)
-    summary = report.write(study, left)
+    summary = report.write_study(study, left)
     assert study.counts["kept"] == 1
     assert not {"rolled", "resistance", "added mass"} & set(study.counts)
     assert summary["drive_resistance"]["kept"]
@@ -319,18 +319,18 @@ def test_broken_remains_are_not_taken(left, name, content):
 
 def test_other_scene_is_not_written_over_for_the_sake_of_its_map(left):
     with pytest.raises(ResultsError, match="holds results of another scene"):
-        report.write(of_scene(left, **{"machine.mass": 900.0}), left)
+        report.write_study(of_scene(left, **{"machine.mass": 900.0}), left)
 
 
 def test_density_of_a_kept_compaction_is_not_made_again(tmp_path):
     first, again = (of_scene(tmp_path / "out", **{"accuracy.engine": "column"}) for _ in range(2))
-    report.write(first, tmp_path / "out")
+    report.write_study(first, tmp_path / "out")
     before = (tmp_path / "out" / "density.csv").read_bytes()
-    assert {"passes.csv", "density.csv"} < set(report.write(again, tmp_path / "out")["files"])
+    assert {"passes.csv", "density.csv"} < set(report.write_study(again, tmp_path / "out")["files"])
     assert "rolled" not in again.counts
     (tmp_path / "out" / "density.csv").unlink()
     once_more = of_scene(tmp_path / "out", **{"accuracy.engine": "column"})
-    report.write(once_more, tmp_path / "out")
+    report.write_study(once_more, tmp_path / "out")
     assert once_more.counts["rolled"] == 6
     assert (tmp_path / "out" / "density.csv").read_bytes() == before
 

@@ -9,7 +9,7 @@ import pytest
 from compact.analysis.calibration import calibrate
 from compact.analysis.study import Study
 from compact.scene.loader import load_scene
-from compact.scene.plant_data import read
+from compact.scene.plant_data import read_measurements
 
 MEASURED = "loveikin-2015-measured.toml"
 STUDIES = Path(__file__).parent.parent / "studies"
@@ -124,7 +124,7 @@ def test_operating_point_needs_compaction(capsys, tmp_path):
     assert (slope, fed) == pytest.approx((13.995e-6, 0.93444), rel=1e-4)
     length = module.length_for(fits["column"], 13e-6)
     shorter = calibrate(
-        fits["column"].scene.replaced(**{"machine.roller_length": length}), read(module.SCENES / MEASURED)
+        fits["column"].scene.replaced(**{"machine.roller_length": length}), read_measurements(module.SCENES / MEASURED)
     )
     assert shorter.heckel_slope == pytest.approx(13e-6, rel=0.02)  # between two lengths, by a straight line in logs
     module.show(result)

@@ -1,10 +1,10 @@
 """From a scene to one contact: the layer, the roller and the material of the scene, and the engines by name.
 
-Every engine is a module with `roll(layer, roller, material, speed) -> Rolled`, imported on first use. Tables ENGINES,
+Every engine is a module with `roll(layer, roller, material, speed) -> ContactResult`, imported on first use. Tables ENGINES,
 FIELDED and MODULATED hold the modules by the names of the engines, and no other module has such a table.
 
 The rollers run in fixed guides, so that a resistance over speed needs a statement of what is kept while the speed
-changes. `Held` is that statement. The target of the scene (a prescribed indentation, load or peak pressure, else the
+changes. `HeldQuantity` is that statement. The target of the scene (a prescribed indentation, load or peak pressure, else the
 required pressure of a linear layer or the density of a compacted product) is met at the mean speed of a pass; from
 that contact the height of the roller, its load or its peak pressure is kept at every other speed.
 """
@@ -18,7 +18,7 @@ import numpy as np
 
 from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.material.mix import LOOSE
-from compact.numerics.validation import NotFiniteError, refuse_nonfinite, refuse_unknown
+from compact.numerics.validation import NotFiniteError, require_finite, require_known
 from compact.rolling_contact import Layer, Ply, Roller
 from compact.scene.engine_capabilities import TURNED, adapt
 
@@ -65,12 +65,12 @@ def modulation(layer, roller, material, speed, engine="spectral", **accuracy):
     >>> f"{found.resistance:.2f} N/m, {found.slope:.1f} N s/m2, {found.added_mass:.3f} N s2/m2"
     '376.42 N/m, 2937.5 N s/m2, -37.732 N s2/m2'
     """
-    refuse_unknown("engine with memory in time", engine, MODULATED)
+    require_known("engine with memory in time", engine, MODULATED)
     return import_module(MODULATED[engine]).modulation(layer, roller, material, speed, **accuracy)
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldQuantity:
     """Quantity of the contact that is kept while the speed of the roller changes.
 
     Parameters
@@ -106,23 +106,23 @@ def held_quantity(scene) -> str:
     return next((name for name in ("load", "peak_pressure") if name in _prescribed(scene)), "height")
 
 
-def held(scene, mix, reference=None) -> Held | None:
-    """The `Held` of a scene by its engine, one of LAYERED; None if it takes a `reference` and none is given.
+def held(scene, mix, reference=None) -> HeldQuantity | None:
+    """The `HeldQuantity` of a scene by its engine, one of LAYERED; None if it takes a `reference` and none is given.
 
     Parameters
     ----------
     scene, mix : of one study
-    reference : `Rolled` at the mean speed of a pass, with the target of the scene met there, or None
+    reference : `ContactResult` at the mean speed of a pass, with the target of the scene met there, or None
     """
     name, speed, engine = held_quantity(scene), scene.mean_speed, scene.accuracy.engine
     given, value = inputs(scene, mix, engine, speed)[1].target
     if given == TARGETS[name] and not _density_wanted(scene, engine):
-        return Held(name, value, speed)
-    return reference and Held(name, float(getattr(reference, TARGETS[name])), speed)
+        return HeldQuantity(name, value, speed)
+    return reference and HeldQuantity(name, float(getattr(reference, TARGETS[name])), speed)
 
 
 def roll(scene, mix, speed, engine=None, near=None, held=None, progress=None):
-    """The contact of one roller of a scene in its first pass, at a speed [m/s], by its engine or another; a `Rolled`.
+    """The contact of one roller of a scene in its first pass, at a speed [m/s], by its engine or another; a `ContactResult`.
 
     The scene's tolerance is passed to engines that take one. `near` is a contact at another speed the same way or of
     another mix, which "compaction" takes as its initial guess over the same fed layer; if nothing but the speed differs
@@ -183,7 +183,7 @@ def added_mass(scene, mix, speed, held, count=lambda stage: None):
 
 
 def passes(scene, mix, speed, engine=None, near=None, held=None, count=None, first=None, progress=None):
-    """The contact of each pass of a scene, there and back over the same mix, `Rolled`s; the first is that of `roll`.
+    """The contact of each pass of a scene, there and back over the same mix, `ContactResult`s; the first is that of `roll`.
 
     Later ones keep the load or peak pressure that the scene prescribes or holds, else the height of the first. `near`
     are those at another speed, used as in `roll`; `held` as in `roll`; `count` of passes in place of the scene's;
@@ -281,7 +281,7 @@ def inputs(scene, mix, engine, speed, held=None):
 
     The roller is given what is `held`, if that is given, else the target of the scene.
     """
-    refuse_nonfinite(speed=speed)
+    require_finite(speed=speed)
     scene, _ = adapt(scene, engine)
     target = _prescribed(scene)
     if engine in COMPACTING:

@@ -11,7 +11,7 @@ import numpy as np
 from compact.machine.cart import Cart, EndSprings
 from compact.machine.crankshaft import USUAL_ANGLES
 from compact.machine.hydraulic_drive import Hydraulic
-from compact.machine.motor_characteristics import Belt, Kloss, Straight
+from compact.machine.motor_characteristics import Belt, Kloss, LinearTorqueCurve
 from compact.machine.motor_drive import Motor
 from compact.machine.rigid_drive import Crank, Rigid
 from compact.motion.profile import CamLimits, InfeasibleError, Limits, law, optimise
@@ -80,7 +80,7 @@ def means(scene, cycle):
     curve = (
         Kloss(motor.torque, motor.breakdown_slip, motor.speed)
         if motor.curve == "kloss"
-        else Straight(motor.torque, motor.speed)
+        else LinearTorqueCurve(motor.torque, motor.speed)
     )
     belt = motor.belt and Belt(**motor.belt.model_dump())
     return Motor(curve, motor.gear_ratio, motor.inertia, motor.flywheel_inertia, angles(scene), linked, belt)

@@ -28,7 +28,7 @@ import numpy as np
 
 from compact.engines.column.column_pass import Column
 from compact.material.laws import Compaction
-from compact.numerics.validation import refuse_negative, refuse_nonpositive, refuse_unknown
+from compact.numerics.validation import require_known, require_nonnegative, require_positive
 from compact.rolling_contact import Layer
 
 __all__ = ["Pass", "density", "passes", "there_and_back"]
@@ -53,22 +53,22 @@ class Pass:
     forward: bool = True
 
     def __post_init__(self):
-        refuse_negative(lift=self.lift)
+        require_nonnegative(lift=self.lift)
         told = {name: getattr(self, name) for name in ("height", "load", "exit_density_ratio")}
         given = {name: value for name, value in told.items() if value is not None}
-        refuse_nonpositive(**given)
+        require_positive(**given)
         if len(given) > 1:
             raise ValueError(f"give one of `height`, `load`, `exit_density_ratio` at most, got {sorted(given)}")
 
 
 def there_and_back(count):
     """So many passes over the same mix, every other one back, as a tuple of `Pass`."""
-    refuse_nonpositive(count=count)
+    require_positive(count=count)
     return tuple(Pass(forward=number % 2 == 0) for number in range(count))
 
 
 def passes(layer, roller, material, speed, stages, *, engine="column", first=None, **numerics):
-    """One result of the engine for each pass, a tuple of `ColumnRolled` or `CompactionRolled`.
+    """One result of the engine for each pass, a tuple of `ColumnContactResult` or `CompactionContactResult`.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def passes(layer, roller, material, speed, stages, *, engine="column", first=Non
     9639 N/m, 1570 N/m
     2484 N/m, 0 N/m
     """
-    refuse_unknown("engine", engine, BEDS)
+    require_known("engine", engine, BEDS)
     if not isinstance(material, Compaction):
         raise ValueError(f"passes leave their mark on a `material` Compaction only, got {type(material).__name__}")
     stages = there_and_back(stages) if isinstance(stages, int) else tuple(stages)

@@ -15,8 +15,8 @@ import numpy as np
 from compact import resistance
 from compact.analysis import contact_cases as contacts
 from compact.analysis.contact_cases import value
-from compact.analysis.engines import Held, added_mass, roll, speeds
-from compact.resistance import ResistanceMap, sampled
+from compact.analysis.engines import HeldQuantity, added_mass, roll, speeds
+from compact.resistance import ResistanceMap, sample_resistance
 
 SLOWEST = 1 / 50  # of the fastest, where samples of the resistance begin
 MAP, CONTACTS = "resistance.nc", "contacts.json"
@@ -42,7 +42,7 @@ class Kept:
     not be made again."""
 
     contacts: list
-    held: Held
+    held: HeldQuantity
     second_pass: tuple[float, float] | None
     met: ResistanceMap
     files: tuple[str, ...]
@@ -71,7 +71,9 @@ def kept(directory, wanted):
     except (OSError, ValueError):
         return None
     second = more["second_pass"] and tuple(more["second_pass"])
-    return Kept(found, Held(**more["held"]), second, met, tuple(name for name in files if (directory / name).is_file()))
+    return Kept(
+        found, HeldQuantity(**more["held"]), second, met, tuple(name for name in files if (directory / name).is_file())
+    )
 
 
 def save(directory, found, held, second_pass, met, wanted, files):
@@ -100,9 +102,9 @@ def mapped(
 ):
     """The `ResistanceMap` of one cart up to its fastest [m/s], by the scene's engine.
 
-    found : numbers of contacts that are there;  held : kept at every speed, a `Held`
+    found : numbers of contacts that are there;  held : kept at every speed, a `HeldQuantity`
     return_ratio : resistance of the return stroke over that of the way out [-]
-    near : (speed, `Rolled`) from which others go on
+    near : (speed, `ContactResult`) from which others go on
     met : a map whose samples are there too;  count : called with the stage of each solution
     progress : called with lines of text by "compaction"
     """
@@ -123,7 +125,7 @@ def mapped(
             (float(speed), float(each), met.engine_error) for speed, each in zip(met.speeds, met.forces, strict=True)
         ]
     least = min(SLOWEST * fastest, known[0][0])
-    met = sampled(force, least, fastest, scene.accuracy.tolerance, known)
+    met = sample_resistance(force, least, fastest, scene.accuracy.tolerance, known)
     met = replace(met, return_ratio=return_ratio)
     return _with_masses(scene, mix, met, held, whole, count)
 

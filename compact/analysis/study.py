@@ -28,20 +28,20 @@ from compact.analysis import (
     machine_models as made,
 )
 from compact.analysis.engineering_summary import engineering, numbers, peak_pressure
-from compact.analysis.engines import COMPACTING, LAYERED, Held, fields, held, passes, speeds
+from compact.analysis.engines import COMPACTING, LAYERED, HeldQuantity, fields, held, passes, speeds
 from compact.analysis.ranking_uncertainty import places
 from compact.analysis.torque_response import driven
 from compact.analysis.worker_pool import Errands, Here
 from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower
 from compact.engines.halfplane import galin
 from compact.machine import rigid_drive
-from compact.machine.cart import Opposition
+from compact.machine.cart import MotionResistance
 from compact.machine.crankshaft import USUAL_ANGLES, turn
 from compact.machine.rigid_drive import steady_balance
 from compact.machine.roller_motors import RollerMotor, pulls
 from compact.material import mix
 from compact.motion.profile import InfeasibleError, law, optimal_name
-from compact.numerics.validation import refuse_unknown
+from compact.numerics.validation import require_known
 from compact.scene.loader import Scene, SceneError
 
 ADDED = ("resistance", "added mass", "kept", "second pass", "passage", "run-up", "driven")  # counted as they come
@@ -56,7 +56,7 @@ FOLLOWERS = {
 
 
 @dataclass(frozen=True)
-class Aside:
+class EngineComparison:
     """What an engine beside the scene's answers: contacts, the resistance of a cart, and the order of the laws.
 
     resistance : callable of velocity and acceleration -> N;  error : of it, relative, None where it is not known
@@ -65,7 +65,7 @@ class Aside:
 
     scene: Scene
     contacts: list
-    held: Held | None
+    held: HeldQuantity | None
     second_pass: tuple[float, float] | None
     resistance: Callable
     error: float | None
@@ -76,8 +76,8 @@ class Aside:
     warned: tuple[str, ...]
 
 
-def answered(asked):
-    """The `Aside` of (scene, given laws, all laws, directory of an earlier run), to be had in another process."""
+def run_engine_alternative(asked):
+    """The `EngineComparison` of (scene, given laws, all laws, directory of an earlier run), to be had in another process."""
     scene, given, cycles, directory = asked
     study = Study(scene, directory=directory)
     study.given_cycles, study.cycles = given, cycles
@@ -88,7 +88,7 @@ def answered(asked):
         # the second pass of a comparison is required by its own return stroke only
         second_pass = study.second_pass if study.scene.layer.return_stroke == "compacted" else None
     told = tuple(dict.fromkeys(str(warning.message) for warning in warned))
-    return Aside(
+    return EngineComparison(
         scene, study.contacts, study.held, second_pass, study.resistance, study.resistance_error, study.roller_load,
         places, study.key, study.counts, told,
     )  # fmt: skip
@@ -286,13 +286,13 @@ class Study:
 
     @cached_property
     def reference(self):
-        """`Rolled`s of all passes of one roller at the mean speed, where the target of the scene is met."""
+        """`ContactResult`s of all passes of one roller at the mean speed, where the target of the scene is met."""
         self.count("rolled")
         return passes(self.scene, self.mix, self.scene.mean_speed, progress=self._progress)
 
     @cached_property
     def held(self):
-        """`Held` over speed by an engine of a layer, else None."""
+        """`HeldQuantity` over speed by an engine of a layer, else None."""
         if not self.layered:
             return None
         if self.kept:
@@ -301,14 +301,14 @@ class Study:
 
     @cached_property
     def passes(self):
-        """(speed, `Rolled`s of all passes) of one roller at each speed, by an engine of a layer, else none."""
+        """(speed, `ContactResult`s of all passes) of one roller at each speed, by an engine of a layer, else none."""
         passed = []
         for speed in speeds(self.scene) if self.layered else ():
             passed.append((speed, self.passes_at(speed, near=passed[-1][1] if passed else None)))
         return passed
 
     def passes_at(self, speed, near=None):
-        """`Rolled`s of all passes of one roller at a speed [m/s].
+        """`ContactResult`s of all passes of one roller at a speed [m/s].
 
         The target of the scene is met at the mean speed, and at every speed by the formulas; at other speeds what is
         held is kept. `near` are passes at another speed, an initial guess.
@@ -321,7 +321,7 @@ class Study:
 
     @property
     def rolled(self):
-        """(speed, `Rolled`) of the first pass at each speed."""
+        """(speed, `ContactResult`) of the first pass at each speed."""
         return [(speed, first) for speed, (first, *_) in self.passes]
 
     @cached_property
@@ -496,8 +496,8 @@ class Study:
 
     @cached_property
     def push(self):
-        """What a straight push of the cart meets beside its inertia, an `Opposition`."""
-        return Opposition(self.cart, self.resistance)
+        """What a straight push of the cart meets beside its inertia, an `MotionResistance`."""
+        return MotionResistance(self.cart, self.resistance)
 
     @cached_property
     def oppositions(self):
@@ -561,7 +561,7 @@ class Study:
         """A `RollerMotor` per law, by name: the same cart, driven by motors in its rollers and by nothing else."""
         rollers = self.scene.machine.rollers
         demands = {
-            name: rigid_drive.Demand(self.cart, drive.Rigid(), cycle, self.resistance)
+            name: rigid_drive.InverseDynamics(self.cart, drive.Rigid(), cycle, self.resistance)
             for name, cycle in self.cycles.items()
         }
         asked = np.transpose([pulls(demand, rollers) for demand in demands.values()])
@@ -597,7 +597,7 @@ class Study:
             self._answers = {}
             for name in self.scene.beside_engines:
                 asked = self.scene.by(name), self.given_cycles, self.cycles, directory and directory / name
-                self._answers[name] = errands.send(name, answered, asked)
+                self._answers[name] = errands.send(name, run_engine_alternative, asked)
             self._errands = errands
             try:
                 yield
@@ -606,7 +606,7 @@ class Study:
 
     @cached_property
     def beside(self):
-        """An `Aside` of each engine beside the scene's, by name."""
+        """An `EngineComparison` of each engine beside the scene's, by name."""
         if self._answers is None:
             with self.helped(Here()):
                 return self.beside
@@ -633,7 +633,7 @@ class Study:
         if law in self._not_made:
             raise RuntimeError(f"no cam: {law} is not made: {self._not_made[law]}")
         if cycle is None:
-            refuse_unknown("motion law", law, tuple(self.cycles))
+            require_known("motion law", law, tuple(self.cycles))
         return Cam(cycle, table.breadth, FOLLOWERS[follower](table))
 
     @cached_property

@@ -24,7 +24,7 @@ def driven(scene, mix, load, found, asked, near=(), count=lambda stage: None):
     """How a roller of the scene answers its motor: `Driven`, or `FirstOrder` where the engine does not tell.
 
     load : of the mix on one roller [N];  found : numbers of the scene's contacts;  asked : least and largest pull [N]
-    near : (speed, first `Rolled`), from which "compaction" goes on;  count : called with the stage of each solution
+    near : (speed, first `ContactResult`), from which "compaction" goes on;  count : called with the stage of each solution
 
     Where the engine does not converge a warning says so, and creep is left out.
     """

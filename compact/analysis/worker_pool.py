@@ -4,7 +4,7 @@
         ...
 
 `work` is a function of a task that a worker can import. A task whose worker died is done again by a new one; after
-ATTEMPTS deaths its outcome is `Lost`. Every process has a pipe of its own: when one is killed it is known which task it
+ATTEMPTS deaths its outcome is `WorkerDied`. Every process has a pipe of its own: when one is killed it is known which task it
 had, which no pool of the standard library tells. Workers compute with one BLAS thread.
 """
 
@@ -23,7 +23,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_
 
 
 @dataclass(frozen=True)
-class Lost:
+class WorkerDied:
     """The outcome of a task that no worker survived."""
 
     reason: str
@@ -87,7 +87,7 @@ class Errands:
         self._crew.__exit__(*how)
 
     def send(self, name, work, task):
-        """What waits for the outcome of a task, and gives it; raises RuntimeError for one that is `Lost`."""
+        """What waits for the outcome of a task, and gives it; raises RuntimeError for one that is `WorkerDied`."""
         self._waiting.append((name, work, task))
         self.turn()
         return partial(self._outcome, name)
@@ -105,7 +105,7 @@ class Errands:
         self._waiting = deque(sorted(self._waiting, key=lambda task: task[0] != name))  # what is waited for comes first
         while name not in self._found:
             self._take()
-        if isinstance(self._found[name], Lost):
+        if isinstance(self._found[name], WorkerDied):
             raise RuntimeError(f"{name}: {self._found[name].reason}")
         return self._found[name]
 
@@ -197,7 +197,10 @@ class Processes:
         number, work, task, attempt = worker.task
         if attempt == ATTEMPTS:
             return [
-                (number, Lost(f"its worker process died {ATTEMPTS} times, last with code {worker.process.exitcode}"))
+                (
+                    number,
+                    WorkerDied(f"its worker process died {ATTEMPTS} times, last with code {worker.process.exitcode}"),
+                )
             ]
         self._workers[i].take(number, work, task, attempt + worker.started)
         return []
@@ -309,7 +312,7 @@ class Cluster:
         try:
             return future.result()
         except killed as error:
-            return Lost(f"its workers died: {error}")
+            return WorkerDied(f"its workers died: {error}")
 
 
 def _distributed():

@@ -17,7 +17,7 @@ from compact.cams.profile import FlatFace, Pointed
 from compact.files import whole_file, write_csv
 
 
-def write(directory, scene, cam, cutter_radius=None, tolerance=1e-6):
+def write_cam_files(directory, scene, cam, cutter_radius=None, tolerance=1e-6):
     """Write a `Cam` of a scene for a cutter [m] to a tolerance [m]; the paths, the DXF last.
 
     Raises ValueError where it cannot be cut so.

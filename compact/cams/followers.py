@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from compact.numerics.piecewise import EPSILON
-from compact.numerics.validation import refuse_nonpositive
+from compact.numerics.validation import require_positive
 
 NEWTON_STEPS = 100  # 10-25 are taken; a double root takes 50; the result is right to rounding
 
@@ -87,7 +87,7 @@ class RollerFollower(_OnRadius):
     """A roller of `radius` r [m] > 0, in line with the axis."""
 
     def __post_init__(self):
-        refuse_nonpositive(radius=self.radius)
+        require_positive(radius=self.radius)
 
     def flanks_cross(self, angle, rho, slope):
         """Whether a point of the profile is nearer than r to another part of the pitch curve, on dense samples.

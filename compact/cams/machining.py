@@ -32,7 +32,7 @@ import numpy as np
 
 from compact.cams.followers import FlatFace
 from compact.cams.profile import Cam
-from compact.numerics.validation import refuse_nonfinite, refuse_nonpositive, refuse_outside
+from compact.numerics.validation import require_between, require_finite, require_positive
 
 MICROMETRE = 1e-6
 DECIMALS = 9  # of the points in m, six of a millimetre
@@ -80,7 +80,7 @@ def cut(cam, cutter_radius=None, tolerance=MICROMETRE):
     >>> len(made.angle), made.error < 1e-6
     (1662, True)
     """
-    refuse_outside(1e-8, 1e-2, tolerance=tolerance)
+    require_between(1e-8, 1e-2, tolerance=tolerance)
     _refuse_uncuttable(cam)
     if cutter_radius is not None:
         _refuse_large_cutter(cam, cutter_radius)
@@ -114,7 +114,7 @@ def _refuse_uncuttable(cam):
 
 
 def _refuse_large_cutter(cam, cutter_radius):
-    refuse_nonpositive(cutter_radius=cutter_radius)
+    require_positive(cutter_radius=cutter_radius)
     if cutter_radius > (limit := largest_cutter(cam)):
         raise ValueError(
             f"`cutter_radius` must be at most {limit * (1 - 1e-7):.8g} m, or the cutter does not fit the hollows of "
@@ -190,7 +190,7 @@ def rerolled(outline, follower, angle):
     [1.0, 1.414214]
     """
     outline, angle = np.asarray(outline, float), np.asarray(angle, float)
-    refuse_nonfinite(outline=outline, angle=angle)
+    require_finite(outline=outline, angle=angle)
     rest = _on_face if isinstance(follower, FlatFace) else _on_roller
     order = np.argsort(np.mod(angle, 2 * np.pi))
     rho = np.empty(angle.size)

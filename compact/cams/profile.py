@@ -23,7 +23,7 @@ import numpy as np
 from compact.cams.followers import FlatFace, Pointed, RollerFollower
 from compact.motion.profile import Cycle
 from compact.numerics.piecewise import EPSILON, inside, largest
-from compact.numerics.validation import refuse_nonfinite, refuse_nonpositive, refuse_outside, require_at_most
+from compact.numerics.validation import require_at_most, require_between, require_finite, require_positive
 
 MOST_POINTS = 1_000_000  # [-], of a table: a step of a micrometre round a cam of 0.3 m
 
@@ -113,7 +113,7 @@ def breadth_for_pressure_angle(cycle, follower, limit):
 
     tan(limit) = |x'|/rho:  b = stroke + 2 max(|x'|/tan(limit) - x, 0)
     """
-    refuse_outside(1e-3, 1.57, limit=limit)
+    require_between(1e-3, 1.57, limit=limit)
     stroke = cycle.there.stroke
     if isinstance(follower, FlatFace):
         return stroke
@@ -138,7 +138,7 @@ class Cam:
     follower: Pointed | RollerFollower | FlatFace
 
     def __post_init__(self):
-        refuse_nonpositive(breadth=self.breadth)
+        require_positive(breadth=self.breadth)
         stroke = self.cycle.there.stroke
         if not self.breadth > stroke:
             raise ValueError(
@@ -148,7 +148,7 @@ class Cam:
 
     def derivative(self, angle, order):
         """Derivative by phi of order 0, 1, 2 … of rho [m] at angle [rad], any shape."""
-        refuse_nonfinite(angle=angle)
+        require_finite(angle=angle)
         radians = self.cycle.period / (2 * np.pi)
         value = radians**order * self.cycle.derivative(self._after_join(angle), order)
         return value + (self.breadth - self.cycle.there.stroke) / 2 if order == 0 else value
@@ -323,7 +323,7 @@ def stepper(cycle, roller_radius, time):
     >>> turn.angular_velocity.round(4).tolist()
     [1.3531, -1.3531]
     """
-    refuse_nonpositive(roller_radius=roller_radius)
+    require_positive(roller_radius=roller_radius)
     time = np.asarray(time, float)
     return Stepper(time, *(cycle.derivative(time, order) / roller_radius for order in range(4)))
 

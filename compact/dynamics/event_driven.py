@@ -40,7 +40,7 @@ from compact.dynamics.force_elements import (
     AT_NEAR,
     FAR,
     NEAR,
-    State,
+    CartState,
     direction,
     engaged,
     hold,
@@ -76,7 +76,7 @@ DONE, TOO_MANY, TOO_FAST, TOO_SHORT, UNSEARCHED, PAUSED = range(6)  # how `integ
 NOTHING, STOPPED, HELD, PULLED, PUSHED, OPENED, CLOSED_AHEAD, CLOSED_BEHIND, LEFT, MET_NEAR, MET_FAR, PASSED = range(12)
 
 
-class Arcs(NamedTuple):
+class Intervals(NamedTuple):
     """One arc a row. At u = (t - start)/span, t <= start + length, the stretch is the `Signal` of stretch and ring,
     and the far end stands at sum_j law[j] u^j; slip: direction of the motion, 0 standing; side of the backlash; zone
     of the end springs."""
@@ -93,10 +93,10 @@ class Arcs(NamedTuple):
 
 
 def room(count, degree):
-    """Empty `Arcs` for `count` rows under a law of the degree."""
+    """Empty `Intervals` for `count` rows under a law of the degree."""
     one = np.empty(count)
     kind = np.empty(count, np.int64)
-    return Arcs(
+    return Intervals(
         one, one.copy(), one.copy(), np.empty((count, degree + 1)), np.empty((count, TERMS)), np.empty((count, 4)),
         kind, kind.copy(), kind.copy(),
     )  # fmt: skip
@@ -216,7 +216,7 @@ def heading(spring, resistance, state, place, pace, last):
 
 @compiled
 def outcome(spring, resistance, state, slip, trial):
-    """The `State` at the end of an arc."""
+    """The `CartState` at the end of an arc."""
     stretch, velocity, side, zone = value(trial.stretch, trial.until), 0.0, state.side, state.zone
     if slip != 0 and trial.what != STOPPED:
         velocity = value(combined(trial.stretch, trial.law, 0.0, -1.0, 0.0, 1.0), trial.until)
@@ -234,16 +234,16 @@ def outcome(spring, resistance, state, slip, trial):
             pace = value(slope(Signal(trial.law, 0.0, 0.0, 0.0, 0.0, 1.0)), trial.until) / trial.stretch.span
             pull = held.stiffness * stretch + held.constant + spring.damping * pace
             if direction(spring, resistance, plate, pull) == 0:
-                return State(stretch, 0.0, side, plate)
+                return CartState(stretch, 0.0, side, plate)
         zone = 0 if trial.what == LEFT else (NEAR if trial.what == MET_NEAR else FAR)
-    return State(stretch, velocity, side, zone)
+    return CartState(stretch, velocity, side, zone)
 
 
 class Journey(NamedTuple):
     """A cart on its way through the pieces of a law; an integration that paused goes on from it.
 
-    reals : the `State`'s stretch [m] and velocity [m/s]; share of the piece that is done; step to try next [s]
-    counts : the `State`'s side and zone; the piece; what ended the last arc; tries of this one; arcs; evaluations of F
+    reals : the `CartState`'s stretch [m] and velocity [m/s]; share of the piece that is done; step to try next [s]
+    counts : the `CartState`'s side and zone; the piece; what ended the last arc; tries of this one; arcs; evaluations of F
     effort : of the searches of this arc, for its end
     """
 
@@ -265,9 +265,9 @@ def begun(state):
 
 @compiled
 def reached(journey):
-    """The `State` where a journey is."""
+    """The `CartState` where a journey is."""
     reals, counts = journey.reals, journey.counts
-    return State(reals[STRETCH], reals[VELOCITY], counts[SIDE], counts[ZONE])
+    return CartState(reals[STRETCH], reals[VELOCITY], counts[SIDE], counts[ZONE])
 
 
 @compiled
@@ -285,7 +285,7 @@ def integrate(spring, law, resistance, state, tolerance, arcs):
     law : position of the far end over time, `Pieces` whose joins are the only places where it is not smooth
     tolerance : of the defect [N];  arcs : `room`, filled in place
     """
-    state = State(float(state.stretch), float(state.velocity), int(state.side), int(state.zone))
+    state = CartState(float(state.stretch), float(state.velocity), int(state.side), int(state.zone))
     journey, ended = begun(state), PAUSED
     while ended == PAUSED:  # an interrupt gets in between two calls
         ended = advance(spring, law, resistance, journey, tolerance, arcs, SLICE)

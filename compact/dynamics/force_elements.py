@@ -150,7 +150,7 @@ class Spring(NamedTuple):
     ends: Ends = Ends(0.0, 0.0, 0.0, 0.0)
 
 
-class State(NamedTuple):
+class CartState(NamedTuple):
     """stretch e [m], velocity x' [m/s], side: +1 and -1 on a flank, 0 in the backlash, always +1 without one; zone."""
 
     stretch: float

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compact.dynamics.event_driven import Arcs
-from compact.dynamics.force_elements import AT_NEAR, NEAR, Resistance, Spring, State
+from compact.dynamics.event_driven import Intervals
+from compact.dynamics.force_elements import AT_NEAR, NEAR, CartState, Resistance, Spring
 from compact.numerics.piecewise import clenshaw_curtis, horner
 
 SAMPLES, TURN = 17, 2.5  # points for each so many rad of an oscillation: integrals of its square to 1e-9
@@ -19,10 +19,10 @@ class Course:
     """The cart over a time: its arcs and what gives them meaning; it ran from the state `start` to `end`."""
 
     spring: Spring
-    arcs: Arcs
+    arcs: Intervals
     resistance: Resistance
-    start: State
-    end: State
+    start: CartState
+    end: CartState
 
     @property
     def sample_count(self):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compact.numerics.validation import refuse_nonfinite, refuse_nonpositive, refuse_outside
+from compact.numerics.validation import require_between, require_finite, require_positive
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,8 @@ def pressure_exponent(poisson, friction):
     >>> f"{pressure_exponent(0.3, 0.35):.4f}"
     '0.4683'
     """
-    refuse_outside(0, 0.5, poisson=poisson)
-    refuse_nonfinite(friction=friction)
+    require_between(0, 0.5, poisson=poisson)
+    require_finite(friction=friction)
     return np.arctan2(2 - 2 * np.asarray(poisson), friction * (1 - 2 * np.asarray(poisson))) / np.pi
 
 
@@ -107,7 +107,7 @@ def hertz(
     'a = 7.98 mm, p0 = 798 kPa'
     """
     E = _contact_modulus(contact_modulus, youngs_modulus, poisson)
-    refuse_nonpositive(radius=radius, contact_modulus=E)
+    require_positive(radius=radius, contact_modulus=E)
     _refuse_unless_one(load=load, half_width=half_width, peak_pressure=peak_pressure)
     if load is not None:
         a = np.sqrt(4 * np.asarray(load) * radius / (np.pi * E))
@@ -145,10 +145,10 @@ def galin(*, radius, youngs_modulus, poisson, friction, load=None, contact_lengt
     >>> f"edges {c.trailing * 1e3:.1f} and {c.leading * 1e3:.1f} mm, p0 = {c.peak_pressure / 1e3:.0f} kPa"
     'edges -40.2 and 35.4 mm, p0 = 141 kPa'
     """
-    refuse_nonpositive(radius=radius)
+    require_positive(radius=radius)
     E = _contact_modulus(None, youngs_modulus, poisson)
     _refuse_unless_one(load=load, contact_length=contact_length, peak_pressure=peak_pressure)
-    refuse_nonfinite(friction=friction)
+    require_finite(friction=friction)
     tangent = friction * (1 - 2 * np.asarray(poisson)) / (2 - 2 * np.asarray(poisson))  # f b = cot(pi alpha)
     alpha, rest, tilt = _exponents(tangent)
     load_per_square = np.pi * alpha * rest * E / (4 * radius)
@@ -187,8 +187,8 @@ def _contact_modulus(contact_modulus, youngs_modulus, poisson):
         raise ValueError("give either `contact_modulus`, or `youngs_modulus` with `poisson`")
     if youngs_modulus is None:
         return contact_modulus
-    refuse_nonpositive(youngs_modulus=youngs_modulus)
-    refuse_outside(0, 0.5, poisson=poisson)
+    require_positive(youngs_modulus=youngs_modulus)
+    require_between(0, 0.5, poisson=poisson)
     return youngs_modulus / (1 - np.square(poisson))
 
 
@@ -198,4 +198,4 @@ def _refuse_unless_one(**targets):
         raise ValueError(
             f"give exactly one of {', '.join(f'`{name}`' for name in targets)}, got {', '.join(given) or 'none'}"
         )
-    refuse_nonpositive(**given)
+    require_positive(**given)

@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from compact.numerics.piecewise import sign_changes
-from compact.numerics.validation import refuse_negative, refuse_nonfinite, refuse_nonpositive
+from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 
 class Zones(NamedTuple):
@@ -53,8 +53,8 @@ class EndSprings:
     stroke: float
 
     def __post_init__(self):
-        refuse_negative(stiffness=self.stiffness, preload=self.preload)
-        refuse_nonpositive(length=self.length, stroke=self.stroke)
+        require_nonnegative(stiffness=self.stiffness, preload=self.preload)
+        require_positive(length=self.length, stroke=self.stroke)
         if 2 * self.length > self.stroke:
             raise ValueError(f"`length` must be at most half the stroke, {self.stroke / 2:g} m, got {self.length!r}")
 
@@ -106,7 +106,7 @@ class Cart:
     return_load_ratio: float = 1.0
 
     def __post_init__(self):
-        refuse_negative(
+        require_nonnegative(
             return_load_ratio=self.return_load_ratio,
             mass=self.mass,
             weight=self.weight,
@@ -114,8 +114,8 @@ class Cart:
             guide_friction=self.guide_friction,
             guide_wheel_diameter=self.guide_wheel_diameter,
         )
-        refuse_nonpositive(roller_radius=self.roller_radius)
-        refuse_nonfinite(
+        require_positive(roller_radius=self.roller_radius)
+        require_finite(
             roller_positions=self.roller_positions,
             guide_positions=self.guide_positions,
             pin_position=self.pin_position,
@@ -131,7 +131,7 @@ class Cart:
 
 
 @dataclass(frozen=True)
-class Opposition:
+class MotionResistance:
     """What a straight push meets beside the cart's inertia: the mix and the guide wheels [N], odd in velocity.
 
     resistance : callable(velocity, acceleration) -> N, of the mix on all rollers of the cart
@@ -177,7 +177,7 @@ def balance(cart, acceleration, resistance, direction, rod_tangent=0.0, push=0.0
     rises while f (|B1| + |B2|) < 1: of the four pairs of signs one fits. Raises ValueError for a rod so steep that
     friction locks the cart, and for numbers that are not finite.
     """
-    refuse_nonfinite(acceleration=acceleration, resistance=resistance, rod_tangent=rod_tangent, push=push)
+    require_finite(acceleration=acceleration, resistance=resistance, rod_tangent=rod_tangent, push=push)
     acceleration, resistance, direction, tangent, push = np.broadcast_arrays(
         acceleration, resistance, direction, rod_tangent, push
     )

@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from compact.machine.cart import Balance, Cart, balance
-from compact.machine.rigid_drive import CREEP, POINTS, Crank, met_resistance
+from compact.machine.rigid_drive import CREEP, POINTS, Crank, evaluate_resistance
 from compact.numerics.piecewise import clenshaw_curtis, inside, largest
-from compact.numerics.validation import refuse_nonfinite, refuse_nonpositive, require_opposing
+from compact.numerics.validation import require_finite, require_opposing, require_positive
 
 # Phases of the published machines: 1, 2 carts at 90 degrees, 3 at 120, 4 at 90 (paper C).
 USUAL_ANGLES = {
@@ -66,14 +66,16 @@ class Shaft:
 
     @cached_property
     def _zones(self):
-        return self.cart.end_springs.zones(lambda psi: travel(self.crank, psi)[0], np.array([0.0, np.pi, 2 * np.pi]))
+        return self.cart.end_springs.zones(
+            lambda psi: crank_travel(self.crank, psi)[0], np.array([0.0, np.pi, 2 * np.pi])
+        )
 
     def _cart_at(self, psi):
         direction = np.sign(np.sin(psi.mean(axis=1, keepdims=True)))
-        position, slope, curvature = travel(self.crank, psi)
+        position, slope, curvature = crank_travel(self.crank, psi)
         velocity, acceleration = self.angular_speed * slope, self.angular_speed**2 * curvature
         moving = direction * np.maximum(np.abs(velocity), CREEP * self.angular_speed * self.crank.radius)
-        met = met_resistance(self.resistance, moving, acceleration)
+        met = evaluate_resistance(self.resistance, moving, acceleration)
         beta = self.crank.rod_angle(psi)
         springs = self.cart.end_springs
         push = (
@@ -137,8 +139,8 @@ def turn(cart, crank, angular_speed, resistance, angles=(0.0,)):
     Raises ValueError for numbers that are not finite, a resistance that does not oppose the motion, and a rod that
     friction locks.
     """
-    refuse_nonpositive(angular_speed=angular_speed)
-    refuse_nonfinite(angles=angles)
+    require_positive(angular_speed=angular_speed)
+    require_finite(angles=angles)
     require_opposing(resistance, angular_speed * crank.radius)
     shaft = Shaft(cart, crank, angular_speed, resistance, tuple(angles))
     edges = shaft.dead_centres()
@@ -156,7 +158,7 @@ def _flat(cart):
     return CartTurn(**{name: column.ravel() for name, column in columns.items()}, forces=forces)
 
 
-def travel(crank: Crank, psi):
+def crank_travel(crank: Crank, psi):
     """Travel x [m] and its first and second derivative by the crank angle, at psi [rad] from the outer dead centre.
 
         dx/dpsi = r sin(psi + beta)/cos(beta),  d2x/dpsi2 = r cos(psi + beta)/cos(beta) (1 + b') + dx/dpsi tan(beta) b'

@@ -23,14 +23,14 @@ from compact.dynamics.event_driven import (
     TOO_MANY,
     TOO_SHORT,
     UNSEARCHED,
-    Arcs,
+    Intervals,
     integrate,
     room,
 )
-from compact.dynamics.force_elements import AT_NEAR, FAR, NEAR, NONE, Ends, Resistance, Spring, State
+from compact.dynamics.force_elements import AT_NEAR, FAR, NEAR, NONE, CartState, Ends, Resistance, Spring
 from compact.dynamics.oscillator import MOST_RANGES, shifted
 from compact.machine.cart import balance
-from compact.machine.rigid_drive import CREEP, met_resistance
+from compact.machine.rigid_drive import CREEP, evaluate_resistance
 from compact.numerics.piecewise import EPSILON, Pieces, inside, integrated, pieces
 
 ARCS = 20_000  # of a cycle; a dozen are usual, hundreds where the resistance bends with the speed
@@ -68,23 +68,23 @@ class Work:
     rounds: int = 0
 
 
-class Turn(NamedTuple):
+class CycleMapEvaluation(NamedTuple):
     """A cycle from the middle of the way there: the arcs before and after that, the states at its end and in the middle
     again, and how far it is from closed, in units of force. The arcs meet as near as that."""
 
-    first: Arcs
-    second: Arcs
-    end: State
-    after: State
+    first: Intervals
+    second: Intervals
+    end: CartState
+    after: CartState
     residual: np.ndarray
 
     @property
     def arcs(self):
         """All arcs, from the start of the cycle."""
-        return Arcs(*map(np.concatenate, zip(self.first, self.second, strict=True)))
+        return Intervals(*map(np.concatenate, zip(self.first, self.second, strict=True)))
 
 
-class Problem:
+class PeriodicProblem:
     """A cart, its spring, the law as polynomials over time, and the resistance as polynomials over speed."""
 
     def __init__(self, cart, drive, cycle, resistance, tolerance):
@@ -170,14 +170,16 @@ class Problem:
         """State of a cart that stands at the near end, drive and end spring in balance."""
         ends, stiffness, slack = self.spring.ends, self.spring.stiffness, self.spring.backlash / 2
         if ends.length == 0:
-            return State(0.0, 0.0, 1 if slack == 0 else 0, 0)
+            return CartState(0.0, 0.0, 1 if slack == 0 else 0, 0)
         pushed = ends.preload + ends.stiffness * ends.length
         given = (pushed + stiffness * slack) / (stiffness + ends.stiffness)  # by the drive, to the end spring
         side = 1 if slack == 0 else -1
-        return State(-given, 0.0, side, NEAR) if given < ends.length else State(-ends.length, 0.0, side, AT_NEAR)
+        return (
+            CartState(-given, 0.0, side, NEAR) if given < ends.length else CartState(-ends.length, 0.0, side, AT_NEAR)
+        )
 
     def course(self, law, state, roughly=1.0):
-        """(`Arcs`, end state) through the pieces of a law, to so many times the tolerance; the range of speeds widens
+        """(`Intervals`, end state) through the pieces of a law, to so many times the tolerance; the range of speeds widens
         as need be."""
         for _ in range(WIDENINGS):
             arcs = room(ARCS, law.coefficients.shape[1] - 1)  # memory is taken as it is filled
@@ -188,7 +190,7 @@ class Problem:
             self.work.arcs += n
             self.work.evaluations += evaluations
             if ended == DONE:
-                return Arcs(*(column[:n].copy() for column in arcs)), end
+                return Intervals(*(column[:n].copy() for column in arcs)), end
             if ended != TOO_FAST:
                 break
             self.fastest *= WIDER
@@ -199,7 +201,7 @@ class Problem:
         )
 
     def periodic(self):
-        """(`Arcs`, state at the start) of the cycle that comes back after it.
+        """(`Intervals`, state at the start) of the cycle that comes back after it.
 
         Newton's method on the map over one cycle, from the middle of the way there, where the cart surely moves, after
         a rough one; while a cycle wipes out nearly all of the past, or a step does not help, it is one more instead.
@@ -215,7 +217,7 @@ class Problem:
             if known and close(short := away(end, last.end), end):
                 return last._replace(second=second, residual=short)  # the rest of the cycle is known
             first, after = self.course(early, end)
-            return Turn(first, second, end, after, away(after, state))
+            return CycleMapEvaluation(first, second, end, after, away(after, state))
 
         def away(one, other):
             return (np.array(one[:2]) - np.array(other[:2])) / units
@@ -256,10 +258,10 @@ class Problem:
         stretch, ends = pull / self.spring.stiffness + side * self.spring.backlash / 2, self.spring.ends
         place = row.sum() - stretch
         zone = NEAR if place < ends.length else FAR if place > ends.stroke - ends.length > 0 else 0
-        return State(stretch, pace, side, zone)
+        return CartState(stretch, pace, side, zone)
 
     def _step(self, miss, state, turn, slopes, units):
-        """(state, `Turn`) after a Newton step; where it does not help, after one more cycle and Aitken's step."""
+        """(state, `CycleMapEvaluation`) after a Newton step; where it does not help, after one more cycle and Aitken's step."""
         with suppress(np.linalg.LinAlgError, RuntimeError):  # a step that leads nowhere is none: one more cycle does
             move = np.linalg.solve(slopes, -turn.residual)
             trial, tried = self._tried(miss, state, move, units)
@@ -276,7 +278,7 @@ class Problem:
         return state, turn
 
     def _tried(self, miss, state, move, units):
-        """A state moved by multiples of the units, and its `Turn`."""
+        """A state moved by multiples of the units, and its `CycleMapEvaluation`."""
         trial = _moved(state, move * min(1.0, FARTHEST / max(np.abs(move).max(), TINY)) * units)
         return trial, miss(trial)
 
@@ -291,7 +293,7 @@ def _extrapolated(last, residual):
 
 
 def _moved(state, by):
-    return State(state.stretch + by[0], state.velocity + by[1], state.side, state.zone)
+    return CartState(state.stretch + by[0], state.velocity + by[1], state.side, state.zone)
 
 
 def _polynomial_law(cycle):
@@ -329,7 +331,9 @@ def _total(cart, resistance):
 
     def total(velocity, acceleration=0.0):
         acceleration = np.broadcast_to(acceleration, np.shape(velocity))
-        return balance(cart, 0.0, met_resistance(resistance, velocity, acceleration), np.sign(velocity)).drive_force
+        return balance(
+            cart, 0.0, evaluate_resistance(resistance, velocity, acceleration), np.sign(velocity)
+        ).drive_force
 
     return total
 

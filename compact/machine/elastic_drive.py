@@ -24,10 +24,18 @@ import numpy as np
 from compact.dynamics.event_driven import peaks
 from compact.dynamics.trajectory import ALIVE, MOST_SAMPLES, SAMPLES, TURN, Course, alive_time
 from compact.machine.cart import Balance, Cart, balance
-from compact.machine.elastic_cycle import Problem, Work
-from compact.machine.rigid_drive import CREEP, Means, Rigid, State, met_resistance, simulate, steady_force
+from compact.machine.elastic_cycle import PeriodicProblem, Work
+from compact.machine.rigid_drive import (
+    CREEP,
+    CycleStatistics,
+    Rigid,
+    State,
+    evaluate_resistance,
+    simulate,
+    steady_force,
+)
 from compact.motion.profile import Cycle, Join
-from compact.numerics.validation import refuse_negative, refuse_nonpositive, refuse_unknown, require_opposing
+from compact.numerics.validation import require_known, require_nonnegative, require_opposing, require_positive
 
 REGIMES = ("periodic", "rest")
 JUMP = 1e-6  # of the largest acceleration: less is rounding
@@ -46,12 +54,12 @@ class ElasticDrive:
     first_order: bool = False
 
     def __post_init__(self):
-        refuse_nonpositive(stiffness=self.stiffness)
-        refuse_negative(damping=self.damping, backlash=self.backlash)
+        require_positive(stiffness=self.stiffness)
+        require_nonnegative(damping=self.damping, backlash=self.backlash)
 
     def run(self, cart, cycle, resistance, working):
         """The periodic `ElasticRun`: what `rigid_drive.simulate` asks of a drive."""
-        return travel(cart, self, cycle, resistance, working=working)
+        return simulate_elastic(cart, self, cycle, resistance, working=working)
 
 
 def damping_ratio(cart, drive):
@@ -59,7 +67,7 @@ def damping_ratio(cart, drive):
     return drive.damping / (2 * math.sqrt(drive.stiffness * cart.mass))
 
 
-def travel(cart, drive, motion, resistance, *, regime="periodic", working=(1 / 6, 5 / 6), tolerance=1e-8):
+def simulate_elastic(cart, drive, motion, resistance, *, regime="periodic", working=(1 / 6, 5 / 6), tolerance=1e-8):
     """`ElasticRun` of one cycle of a cart behind a spring.
 
     Parameters
@@ -76,12 +84,12 @@ def travel(cart, drive, motion, resistance, *, regime="periodic", working=(1 / 6
     oscillation that takes more than `MOST_SAMPLES` samples;
     RuntimeError where no periodic regime is found or the cart moves too wildly to follow.
     """
-    refuse_nonpositive(mass=cart.mass, tolerance=tolerance)
-    refuse_unknown("regime", regime, REGIMES)
+    require_positive(mass=cart.mass, tolerance=tolerance)
+    require_known("regime", regime, REGIMES)
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
     require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
     _require_few_samples(cart, drive, cycle, _expected_samples(cart, drive, cycle))
-    problem = Problem(cart, drive, cycle, resistance, tolerance)
+    problem = PeriodicProblem(cart, drive, cycle, resistance, tolerance)
     if regime == "rest":
         start = problem.at_rest
         arcs, end = problem.course(problem.law, start)
@@ -119,7 +127,7 @@ def _require_few_samples(cart, drive, cycle, samples):
 
 
 @dataclass(frozen=True)
-class ElasticRun(Means):
+class ElasticRun(CycleStatistics):
     """One cycle of a cart behind a spring; arrays of shape (n,) resolve the ringing, arcs one after another.
 
     Force and power are those of the far end, which follows the law. `met` is the resistance that it was given;
@@ -182,7 +190,7 @@ class ElasticRun(Means):
         still, moves, pull = np.zeros(force.shape), slip != 0, force + push
         way = np.where(moves, slip, np.sign(pull))
         creep = way * CREEP * self.cycle.there.stroke / self.cycle.there.duration
-        mix = met_resistance(self.met, np.where(velocity != 0, velocity, creep), self.first_order * acceleration)
+        mix = evaluate_resistance(self.met, np.where(velocity != 0, velocity, creep), self.first_order * acceleration)
         limit = balance(self.cart, still, mix, way).drive_force
         share = np.divide(mix, limit, out=np.zeros(mix.shape), where=limit != 0)
         mix = np.where(moves, mix, pull * share)

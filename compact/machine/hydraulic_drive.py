@@ -24,9 +24,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from compact.machine.cart import Cart, balance
-from compact.machine.rigid_drive import CREEP, Rigid, Run, met_resistance, simulate
+from compact.machine.rigid_drive import CREEP, Rigid, Run, evaluate_resistance, simulate
 from compact.numerics.piecewise import Pieces, pieces
-from compact.numerics.validation import refuse_nonpositive, require_opposing
+from compact.numerics.validation import require_opposing, require_positive
 
 NEAR = 1e-6  # of the open area, by which polynomials may miss that of a throttle
 RTOL = 1e-8  # of the forward motion
@@ -58,7 +58,7 @@ class Hydraulic(Rigid):
     dead_volume: float
 
     def __post_init__(self):
-        refuse_nonpositive(**{field.name: getattr(self, field.name) for field in fields(self)})
+        require_positive(**{field.name: getattr(self, field.name) for field in fields(self)})
 
     def flow(self, area, drop):
         """Q [m3/s] through an area [m2] under a drop of pressure [Pa], either way."""
@@ -223,7 +223,7 @@ def passage(cart, hydraulic, stroke, areas, resistance, pressures=(0.0, 0.0), *,
     Raises ValueError for a resistance that does not oppose the motion, and RuntimeError where the motion cannot be
     followed.
     """
-    refuse_nonpositive(mass=cart.mass, stroke=stroke, rtol=rtol)
+    require_positive(mass=cart.mass, stroke=stroke, rtol=rtol)
     require_opposing(resistance, stroke / max(float(area.breaks[-1] - area.breaks[0]) for area in areas))
     plant = _Plant(cart, hydraulic, stroke, areas, resistance)
     breaks = np.unique(np.concatenate([areas[0].breaks, areas[1].breaks]))
@@ -333,7 +333,7 @@ class _Plant:
     def _resisted(self, position, velocity, way, acceleration=0.0):
         """W + guides - end springs [N] of a cart that goes one way."""
         moving = np.array([way * max(way * velocity, CREEP)])
-        met = met_resistance(self.resistance, moving, np.array([acceleration]))
+        met = evaluate_resistance(self.resistance, moving, np.array([acceleration]))
         return float(balance(self.cart, 0.0, met, way, push=self._push(position)).drive_force[0])
 
     def _push(self, position):

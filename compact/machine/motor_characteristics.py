@@ -20,11 +20,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compact.numerics.validation import refuse_nonpositive
+from compact.numerics.validation import require_positive
 
 
 @dataclass(frozen=True)
-class Straight:
+class LinearTorqueCurve:
     """A motor whose torque falls straight with its speed (direct current): T = stall_torque (1 - w/no_load_speed).
 
     stall_torque [N m]; no_load_speed [rad/s]
@@ -34,7 +34,7 @@ class Straight:
     no_load_speed: float
 
     def __post_init__(self):
-        refuse_nonpositive(stall_torque=self.stall_torque, no_load_speed=self.no_load_speed)
+        require_positive(stall_torque=self.stall_torque, no_load_speed=self.no_load_speed)
 
     def torque(self, speed):
         """T [N m] at the motor's speed [rad/s]."""
@@ -58,7 +58,7 @@ class Kloss:
     synchronous_speed: float
 
     def __post_init__(self):
-        refuse_nonpositive(
+        require_positive(
             breakdown_torque=self.breakdown_torque,
             breakdown_slip=self.breakdown_slip,
             synchronous_speed=self.synchronous_speed,
@@ -100,7 +100,7 @@ class Belt:
     wrap: float
 
     def __post_init__(self):
-        refuse_nonpositive(
+        require_positive(
             pulley_radius=self.pulley_radius,
             stiffness=self.stiffness,
             preload=self.preload,

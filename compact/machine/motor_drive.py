@@ -30,20 +30,20 @@ from compact.machine.motor_characteristics import Belt
 from compact.machine.rigid_drive import (
     CREEP,
     Crank,
-    Means,
+    CycleStatistics,
     Rigid,
     State,
-    met_resistance,
-    refuse_foreign_law,
+    evaluate_resistance,
+    require_law_of_drive,
     simulate,
     steady_force,
 )
 from compact.numerics.piecewise import inside, largest
 from compact.numerics.validation import (
-    refuse_negative,
-    refuse_nonfinite,
-    refuse_nonpositive,
+    require_finite,
+    require_nonnegative,
     require_opposing,
+    require_positive,
 )
 
 RIGID = Rigid()
@@ -68,9 +68,9 @@ class Motor:
     belt: Belt | None = None
 
     def __post_init__(self):
-        refuse_nonpositive(gear_ratio=self.gear_ratio)
-        refuse_negative(motor_inertia=self.motor_inertia, flywheel_inertia=self.flywheel_inertia)
-        refuse_nonfinite(angles=self.angles)
+        require_positive(gear_ratio=self.gear_ratio)
+        require_nonnegative(motor_inertia=self.motor_inertia, flywheel_inertia=self.flywheel_inertia)
+        require_finite(angles=self.angles)
         if not self.angles:
             raise ValueError("`angles` must hold one angle per cart, got none")
 
@@ -104,7 +104,7 @@ class Motor:
 
     def run(self, cart, cycle, resistance, working):
         """The periodic `MotorRun`: what `rigid_drive.simulate` asks of a drive."""
-        return revolve(cart, self, cycle, resistance, working=working)
+        return simulate_motor(cart, self, cycle, resistance, working=working)
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class Load:
         direction = np.sign(slope.mean(axis=-1, keepdims=True))
         creep = CREEP * self.cycle.there.stroke / self.cycle.there.duration
         moving = np.where(np.abs(velocity) < creep, direction * creep, velocity)
-        met = met_resistance(self.resistance, moving, pace)
+        met = evaluate_resistance(self.resistance, moving, pace)
         tangent = self.motor.rod.rod_tangent(angle / (2 * np.pi) * self.cycle.period, self.cycle.period)
         springs = self.cart.end_springs
         push = 0.0 if springs is None else springs.push(x, self._zones.at(angle))
@@ -168,7 +168,7 @@ class Load:
         return self.motor.inertia * acceleration + self.torque(angle, energy, acceleration) - driven
 
 
-def revolve(cart, motor, motion, resistance, *, working=(1 / 6, 5 / 6), start_speed=None, tolerance=1e-9):
+def simulate_motor(cart, motor, motion, resistance, *, working=(1 / 6, 5 / 6), start_speed=None, tolerance=1e-9):
     """`MotorRun` of one turn of carts alike on a shaft that a motor turns.
 
     Parameters
@@ -185,7 +185,7 @@ def revolve(cart, motor, motion, resistance, *, working=(1 / 6, 5 / 6), start_sp
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
     if any(join.order == 1 for join in cycle.joins()):
         raise ValueError(f"the velocity of '{cycle.there.name}' jumps, which no motor can follow; choose another law")
-    refuse_foreign_law(motor.rod, cycle)
+    require_law_of_drive(motor.rod, cycle)
     require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
     load = Load(cart, motor, cycle, resistance)
     guess = _first_speed(load) if start_speed is None else start_speed
@@ -213,7 +213,7 @@ def _first_speed(load):
 
 
 @dataclass(frozen=True)
-class MotorRun(Means):
+class MotorRun(CycleStatistics):
     """One turn of the shaft: the first cart, arrays of shape (n,), elements one after another, and the shaft."""
 
     load: Load
@@ -453,8 +453,8 @@ def runup(cart, motor, motion, resistance, *, near=NEAR):
     Raises RuntimeError where the motor does not start, stalls or slips its belt on its way, or takes more than 2000
     turns.
     """
-    refuse_nonpositive(near=near)
-    periodic = revolve(cart, motor, motion, resistance)
+    require_positive(near=near)
+    periodic = simulate_motor(cart, motor, motion, resistance)
     wanted = periodic.speed[0]
     load, breaks = periodic.load, periodic.load.breaks()
     done, works = [tuple(np.array([value]) for value in _first(load))], np.zeros(2)

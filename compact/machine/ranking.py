@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from compact.numerics.validation import refuse_unknown
+from compact.numerics.validation import require_known
 
 ROUNDING_TIE = 1e-9  # [-], of the scale of a criterion: values closer than this are equal but for rounding
 BUILD_TOLERANCE = 0.01  # [-]; machines built to one drawing differ as much: bearings, fits and motors scatter by 1 %
@@ -89,7 +89,7 @@ def rank(runs, by="peak_force"):
     these share the last rank. The margin of the last finite value is infinite where worse ones follow, nan where none
     does.
     """
-    refuse_unknown("criterion", by, tuple(CRITERIA))
+    require_known("criterion", by, tuple(CRITERIA))
     criterion = CRITERIA[by]
     ordered = sorted(((value_of(run, by), run) for run in runs), key=lambda pair: (math.isnan(pair[0]), pair[0]))
     values = [value for value, _ in ordered]

@@ -16,7 +16,7 @@ import numpy as np
 
 from compact.machine.cart import Balance, Cart, balance
 from compact.numerics.piecewise import EPSILON, clenshaw_curtis, inside, largest
-from compact.numerics.validation import refuse_nonpositive, require_opposing
+from compact.numerics.validation import require_opposing, require_positive
 
 POINTS = 129  # per piece of a motion, at Chebyshev's points: integrals of smooth laws to rounding
 CREEP = 1e-12  # share of the mean velocity that stands for "just moving" at rest
@@ -44,7 +44,7 @@ class Crank:
     rod_length: float
 
     def __post_init__(self):
-        refuse_nonpositive(radius=self.radius, rod_length=self.rod_length)
+        require_positive(radius=self.radius, rod_length=self.rod_length)
         if not self.rod_length > self.radius:
             raise ValueError(f"`rod_length` must exceed the crank radius {self.radius:g} m, got {self.rod_length!r}")
 
@@ -75,7 +75,7 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Demand:
+class InverseDynamics:
     """What a cycle asks of a drive, at any phase: inverse dynamics of one cart against one resistance."""
 
     cart: Cart
@@ -88,7 +88,7 @@ class Demand:
         travel = [leg.at_phase(phase, order) for order in range(4)]
         moving = self._moving(leg, travel[1])
         time = leg.start + leg.duration * phase
-        met = met_resistance(self.resistance, moving, travel[2])
+        met = evaluate_resistance(self.resistance, moving, travel[2])
         tangent, push = self.drive.rod_tangent(time, self.cycle.period), self._push(leg, phase, travel[0])
         return State(*travel, met, tangent, balance(self.cart, travel[2], met, np.sign(moving), tangent, push))
 
@@ -114,7 +114,7 @@ class Demand:
         return np.where(np.abs(velocity) < creep, leg.direction * creep, velocity)
 
 
-def met_resistance(resistance, velocity, acceleration):
+def evaluate_resistance(resistance, velocity, acceleration):
     """Resistance [N] of the shape of velocity; 0 where it stands still, which asks nothing of the drive.
 
     Raises ValueError where the resistance is not finite.
@@ -131,7 +131,7 @@ def met_resistance(resistance, velocity, acceleration):
     return met
 
 
-class Means:
+class CycleStatistics:
     """Means over a cycle, of any run with `time`, `weights` [s], `period`, `drive_force`, `drive_power`."""
 
     @cached_property
@@ -178,14 +178,14 @@ class Means:
 
 
 @dataclass(frozen=True)
-class Run(Means):
+class Run(CycleStatistics):
     """One cycle of a cart under one law, sampled; arrays of shape (n,), pieces of the motion one after another.
 
     A join appears twice, with its values before and after. `weights` [s] integrate over the cycle. `impulses` are
     the jumps of velocity, `shocks` those of velocity or acceleration, as `Join`s of the motion.
     """
 
-    demand: Demand
+    demand: InverseDynamics
     time: np.ndarray
     weights: np.ndarray
     direction: np.ndarray
@@ -272,9 +272,9 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
     if hasattr(drive, "run"):
         return drive.run(cart, cycle, resistance, working)
-    refuse_foreign_law(drive, cycle)
+    require_law_of_drive(drive, cycle)
     require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
-    demand = Demand(cart, drive, cycle, resistance)
+    demand = InverseDynamics(cart, drive, cycle, resistance)
     time, weights, direction, state = _sampled(demand)
     joins = cycle.joins()
     return Run(
@@ -314,7 +314,7 @@ def steady_force(cart, motion, resistance):
 def steady_balance(cart, speed, resistance):
     """Forces on a cart at a constant speed > 0 [m/s], a `Balance` of arrays of shape (1,)."""
     none = np.zeros(1)
-    return balance(cart, none, met_resistance(resistance, np.array([speed]), none), 1.0)
+    return balance(cart, none, evaluate_resistance(resistance, np.array([speed]), none), 1.0)
 
 
 def _nonuniformity(motion, working):
@@ -325,7 +325,7 @@ def _nonuniformity(motion, working):
     return float((velocity.max() - velocity.min()) / mean)
 
 
-def refuse_foreign_law(drive, cycle):
+def require_law_of_drive(drive, cycle):
     """Refuse a cycle that the crank does not turn; other drives turn every one."""
     if not isinstance(drive, Crank):
         return

@@ -18,9 +18,9 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from compact.machine.cart import balance
-from compact.machine.rigid_drive import Demand
+from compact.machine.rigid_drive import InverseDynamics
 from compact.numerics.piecewise import EPSILON, inside, largest
-from compact.numerics.validation import refuse_negative, refuse_nonpositive
+from compact.numerics.validation import require_nonnegative, require_positive
 
 HELD = 0.99  # of what friction holds, beyond which a roller counts as skidding
 GAUSS = np.polynomial.legendre.leggauss(4)
@@ -69,8 +69,8 @@ class FirstOrder:
     tells_creep = False
 
     def __post_init__(self):
-        refuse_nonpositive(radius=self.radius, load=self.load)
-        refuse_negative(friction=self.friction)
+        require_positive(radius=self.radius, load=self.load)
+        require_nonnegative(friction=self.friction)
 
     def __call__(self, speed, pull):
         """`Answer` at speeds [m/s] >= 0 to pulls [N]."""
@@ -104,7 +104,7 @@ class Driven:
     tells_creep = True
 
     def __post_init__(self):
-        refuse_nonpositive(radius=self.radius, friction=self.friction, speeds=self.speeds, loads=self.loads)
+        require_positive(radius=self.radius, friction=self.friction, speeds=self.speeds, loads=self.loads)
         for name in ("torques", "pulls", "creeps"):
             if np.any(np.diff(getattr(self, name)) <= 0):
                 raise ValueError(f"`{name}` must rise with the torque at every speed, got {getattr(self, name)}")
@@ -144,7 +144,7 @@ class RollerMotor:
     demand : of a `Rigid` drive, which imposes the law;  roller : `Driven` or `FirstOrder`;  rollers : n
     """
 
-    demand: Demand
+    demand: InverseDynamics
     roller: FirstOrder | Driven
     rollers: int
 

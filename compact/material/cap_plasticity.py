@@ -24,7 +24,7 @@ import numpy as np
 
 from compact.material.laws import HECKEL_LOOSEST, HECKEL_UNTIL
 from compact.numerics.jit import compiled
-from compact.numerics.validation import refuse_negative, refuse_nonfinite, refuse_nonpositive
+from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 SLACK = 1e-13  # of N against a, where Newton's method stops
 ROUNDING = 4e-16  # of x, where it stops too, if N is within ROUGHEST of a: far from c, x has no more digits to give
@@ -36,7 +36,7 @@ LOOSEST = np.exp(-HECKEL_LOOSEST)  # (1 - k)/(1 - k0) where pc leaves Heckel's c
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class MaterialPoint:
     """Of n points: where they are on their way.
 
     stress : Cauchy (xx, yy, zz, xy), tension positive [Pa], shape (n, 4)
@@ -51,13 +51,13 @@ class State:
 
 
 def fed(law, n):
-    """The `State` of n points of mix as it is fed: free of stress at `law.fed_density_ratio`."""
+    """The `MaterialPoint` of n points of mix as it is fed: free of stress at `law.fed_density_ratio`."""
     density_ratio = np.full(n, float(law.fed_density_ratio))
-    return State(np.zeros((n, 4)), density_ratio, density_ratio.copy(), np.zeros(n))
+    return MaterialPoint(np.zeros((n, 4)), density_ratio, density_ratio.copy(), np.zeros(n))
 
 
 def step(law, state, strain, rate_factor=1.0, tangent=True):
-    """The next `State` and d stress/d strain, shape (n, 3, 3), of (xx, yy, xy); None without `tangent`.
+    """The next `MaterialPoint` and d stress/d strain, shape (n, 3, 3), of (xx, yy, xy); None without `tangent`.
 
     law : `Compaction`;  rate_factor : by which the speed raises pc, `law.rate_factor(speed)`
     strain : increments (xx, yy, 2 xy) of plane strain, tension positive, shape (n, 3); logarithmic in the turned frame
@@ -66,7 +66,7 @@ def step(law, state, strain, rate_factor=1.0, tangent=True):
     The tangent is that of the step, not of the rate: unsymmetric where the cap hardens, by a share that falls with the
     increment.
     """
-    refuse_nonpositive(rate_factor=rate_factor)
+    require_positive(rate_factor=rate_factor)
     before = (strain, state.stress, state.density_ratio, state.hardened, state.plastic_work)
     strain, *before = (np.ascontiguousarray(values, dtype=float) for values in before)  # one layout, compiled once
     n = len(strain)
@@ -77,7 +77,7 @@ def step(law, state, strain, rate_factor=1.0, tangent=True):
         failed = _sweep(first, min(first + SLICE, n), *given)
         if failed >= 0:
             _raise(failed, state, strain)
-    return State(stress, *numbers), slopes if tangent else None
+    return MaterialPoint(stress, *numbers), slopes if tangent else None
 
 
 def viscous_step(law, state, strain, lag, rate_factor=1.0, tangent=True):
@@ -90,7 +90,7 @@ def viscous_step(law, state, strain, lag, rate_factor=1.0, tangent=True):
     The overstress is that of unloading and large: a tau [s] that slows the yielding of a layer by little is far below
     the relaxation times of a viscoelastic mix.
     """
-    refuse_negative(lag=lag)
+    require_nonnegative(lag=lag)
     closest, slopes = step(law, state, strain, rate_factor, tangent)
     share, elastic = 1 / (1 + lag), _elasticity(law)
     trial = state.stress + strain @ elastic.T
@@ -100,7 +100,7 @@ def viscous_step(law, state, strain, lag, rate_factor=1.0, tangent=True):
     work = state.plastic_work + share * _work(law, stress, trial - closest.stress)
     if tangent:
         slopes = share * slopes + (1 - share) * elastic[[0, 1, 3]]
-    return State(stress, density_ratio, hardened, work), slopes
+    return MaterialPoint(stress, density_ratio, hardened, work), slopes
 
 
 def _elasticity(law):
@@ -119,7 +119,7 @@ def _work(law, stress, other):
 
 
 def _raise(i, state, strain):
-    refuse_nonfinite(strain=strain, stress=state.stress, density_ratio=state.density_ratio)
+    require_finite(strain=strain, stress=state.stress, density_ratio=state.density_ratio)
     raise RuntimeError(
         f"the yield limit is not met after a strain increment of {np.abs(strain[i]).max():.3g} from a stress of "
         f"{np.abs(state.stress[i]).max():.3g} Pa at density ratio {state.density_ratio[i]:.6g} (point {i}); take "
@@ -173,7 +173,7 @@ def _sweep(first, end, law, stress, density_ratio, hardened, work, strain, new_s
     """Each point from `first` to before `end` in turn; the first that failed, or -1."""
     for i in range(first, end):
         before = (stress[i, 0], stress[i, 1], stress[i, 2], stress[i, 3], density_ratio[i], hardened[i])
-        closed, after, dissipated, slope, (sxx, syy, sxy) = stepped(
+        closed, after, dissipated, slope, (sxx, syy, sxy) = integrate_point(
             law, before, strain[i, 0], strain[i, 1], strain[i, 2]
         )
         if not closed:
@@ -189,7 +189,7 @@ def _sweep(first, end, law, stress, density_ratio, hardened, work, strain, new_s
 
 
 @compiled
-def stepped(law, before, exx, eyy, gamma):
+def integrate_point(law, before, exx, eyy, gamma):
     """One point: closed or not, (xx, yy, zz, xy, k, hardened) after, plastic work, and (B, G', R, L, S) and the stress
     deviator (xx, yy, xy) of `_tangent`."""
     # elastic trial
@@ -203,7 +203,7 @@ def stepped(law, before, exx, eyy, gamma):
     q = np.sqrt(1.5 * (sxx * sxx + syy * syy + szz * szz + 2 * sxy * sxy))
     memory = before[5] if law.flat else before[4]
 
-    attempts, p, shrink, k, memory, dissipated, slope = returned(law, p, q, before[4], memory)
+    attempts, p, shrink, k, memory, dissipated, slope = return_map(law, p, q, before[4], memory)
     closed = attempts <= ATTEMPTS and np.isfinite(p + k + dissipated)
     sxx, syy, szz, sxy = shrink * sxx, shrink * syy, shrink * szz, shrink * sxy
     return closed, (sxx - p, syy - p, szz - p, sxy, k, memory), dissipated, slope, (sxx, syy, sxy)
@@ -223,7 +223,7 @@ def _tangent(out, slope, sxx, syy, sxy):
 
 
 @compiled
-def returned(law, p, q, k, memory):
+def return_map(law, p, q, k, memory):
     """From the trial p and q: attempts, p, q/q_trial, k, memory, plastic work, and (B, G', R, L, S) of `_tangent`."""
     pc, _ = hardening(law, memory)
     a, c = (pc + law.pt) / 2, (pc - law.pt) / 2

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from compact.numerics.validation import refuse_negative, refuse_nonpositive, refuse_unknown
+from compact.numerics.validation import require_known, require_nonnegative, require_positive
 
 HECKEL_UNTIL = 0.99  # density ratio where measured curves end; beyond, pc keeps the curve's modulus k dpc/dk
 HECKEL_LOOSEST = 0.01  # K_H pc below which pc no longer falls along the curve but levels off at half of it
@@ -19,7 +19,7 @@ class Elastic:
     poisson: float
 
     def __post_init__(self):
-        refuse_nonpositive(youngs_modulus=self.youngs_modulus)
+        require_positive(youngs_modulus=self.youngs_modulus)
         if not 0 <= self.poisson < 0.5:
             raise ValueError(f"`poisson` must lie in [0, 0.5), got {self.poisson!r}")
 
@@ -47,7 +47,7 @@ class Viscoelastic(Elastic):
         if not all(len(branch) == 2 for branch in self.branches):
             raise ValueError(f"`branches` must be pairs (stiffness share, relaxation time), got {self.branches!r}")
         for share, time in self.branches:
-            refuse_nonpositive(stiffness_share=share, relaxation_time=time)
+            require_positive(stiffness_share=share, relaxation_time=time)
 
     @property
     def instant_modulus(self):
@@ -91,13 +91,13 @@ class Compaction:
     dry_side: Literal["ellipse", "flat"] = "flat"
 
     def __post_init__(self):
-        refuse_nonpositive(
+        require_positive(
             unloading_modulus=self.unloading_modulus,
             heckel_slope=self.heckel_slope,
             loose_density_ratio=self.loose_density_ratio,
             critical_slope=self.critical_slope,
         )
-        refuse_negative(tensile_strength=self.tensile_strength, rate_exponent=self.rate_exponent)
+        require_nonnegative(tensile_strength=self.tensile_strength, rate_exponent=self.rate_exponent)
         if not 0 <= self.poisson < 0.5:
             raise ValueError(f"`poisson` must lie in [0, 0.5), got {self.poisson!r}")
         if not self.loose_density_ratio < self.fed_density_ratio < 1:
@@ -105,11 +105,11 @@ class Compaction:
                 f"`fed_density_ratio` must lie between `loose_density_ratio` {self.loose_density_ratio!r} and 1, "
                 f"got {self.fed_density_ratio!r}"
             )
-        refuse_unknown("dry_side", self.dry_side, ("ellipse", "flat"))
+        require_known("dry_side", self.dry_side, ("ellipse", "flat"))
         if self.rate_exponent:
             if self.reference_speed is None:
                 raise ValueError("`reference_speed` must be given where `rate_exponent` is not 0, got None")
-            refuse_nonpositive(reference_speed=self.reference_speed)
+            require_positive(reference_speed=self.reference_speed)
 
     def yield_pressure(self, density_ratio):
         """pc(k) [Pa] under hydrostatic pressure at the reference speed, for any k > 0.

@@ -18,7 +18,7 @@ from functools import cache
 
 import numpy as np
 
-from compact.numerics.validation import refuse_negative, refuse_nonpositive, refuse_outside, refuse_unknown
+from compact.numerics.validation import require_between, require_known, require_nonnegative, require_positive
 
 SOLIDS = 2650.0  # density of the grains [kg/m3]
 WATER = 1000.0  # density of water [kg/m3]
@@ -79,7 +79,7 @@ class Mix:
 
     def parameter(self, name):
         """The `Parameter` of that name: value, spread, unit, flag and origin."""
-        refuse_unknown("mix parameter", name, NAMES)
+        require_known("mix parameter", name, NAMES)
         return next(parameter for parameter in self.parameters if parameter.name == name)
 
     def __getattr__(self, name):
@@ -240,26 +240,26 @@ def saturation(moisture, density_ratio):
     >>> f"{saturation(0.10, 0.98):.3f}"
     '0.911'
     """
-    refuse_nonpositive(moisture=moisture)
+    require_positive(moisture=moisture)
     _refuse_phases(moisture, density_ratio)
     water = np.asarray(moisture) / WATER
     return water / ((1 / SOLIDS + water) / density_ratio - 1 / SOLIDS)
 
 
 def _refuse_phases(moisture, density_ratio):
-    refuse_negative(moisture=moisture)
-    refuse_nonpositive(density_ratio=density_ratio)
-    refuse_outside(0, 1, density_ratio=density_ratio)
+    require_nonnegative(moisture=moisture)
+    require_positive(density_ratio=density_ratio)
+    require_between(0, 1, density_ratio=density_ratio)
 
 
 def _refuse_override(name, value):
-    refuse_unknown("mix parameter", name, NAMES)
+    require_known("mix parameter", name, NAMES)
     if name in ("cohesion", "steel_friction", "rate_exponent"):
-        refuse_negative(**{name: value})
+        require_nonnegative(**{name: value})
     elif name == "poisson" and not 0 <= value < 0.5:
         raise ValueError(f"`poisson` must lie in [0, 0.5), got {value!r}")
     elif name != "poisson":
-        refuse_nonpositive(**{name: value})
+        require_positive(**{name: value})
 
 
 def _parameter(name, value, given, published):
@@ -274,8 +274,8 @@ def _parameter(name, value, given, published):
 def _table_values(moisture, density_ratio):
     """Every parameter but effective_modulus at (W, k), by name."""
     moistures, ratios, _ = _table()
-    refuse_outside(moistures[0], moistures[-1], moisture=moisture)
-    refuse_outside(ratios[0], ratios[-1], density_ratio=density_ratio)
+    require_between(moistures[0], moistures[-1], moisture=moisture)
+    require_between(ratios[0], ratios[-1], density_ratio=density_ratio)
     values = _between_nodes(moisture, density_ratio)
     values["bulk_density"] = bulk_density(moisture, density_ratio)
     values["saturation"] = saturation(moisture, density_ratio)

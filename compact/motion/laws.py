@@ -14,7 +14,7 @@ from numpy.polynomial import Polynomial
 from scipy.interpolate import PPoly
 
 from compact.motion.minimum_criterion import ComplexLaw, minimiser
-from compact.numerics.validation import refuse_outside
+from compact.numerics.validation import require_between
 
 SHORTEST = 1e-12  # share of the duration that still counts as a run-up or run-down: below it, phases blur to rounding
 
@@ -35,7 +35,7 @@ class Shape:
     rod_ratio: float | None = None
 
     def __post_init__(self):
-        refuse_outside(0, 1, run_up=self.run_up, run_down=self.run_down)
+        require_between(0, 1, run_up=self.run_up, run_down=self.run_down)
         if self.run_up + self.run_down > 1 + 1e-12:
             raise ValueError(f"`run_up` + `run_down` must not exceed 1, got {self.run_up!r} + {self.run_down!r}")
 

@@ -34,7 +34,7 @@ from scipy import sparse
 from compact.motion.objectives import Tangent
 from compact.motion.spline_space import Space, graded_breaks
 from compact.numerics.convex_programs import Program, least_linear, least_quadratic
-from compact.numerics.validation import refuse_negative, refuse_nonpositive, refuse_outside, refuse_unknown
+from compact.numerics.validation import require_between, require_known, require_nonnegative, require_positive
 
 MARGIN = 2e-5  # of the crowding, kept free for peaks between the nodes: twice what these may be higher
 
@@ -141,17 +141,17 @@ class CamLimits:
     roller_radius: float | None = None
 
     def __post_init__(self):
-        refuse_nonpositive(breadth=self.breadth)
-        refuse_negative(dwell=self.dwell)
+        require_positive(breadth=self.breadth)
+        require_nonnegative(dwell=self.dwell)
         if self.pressure_angle is not None and not 0 < self.pressure_angle < np.pi / 2:
             raise ValueError(f"`pressure_angle` must lie in (0, pi/2), got {self.pressure_angle!r} rad")
         if self.radius_of_curvature is not None:
-            refuse_negative(radius_of_curvature=self.radius_of_curvature)
+            require_nonnegative(radius_of_curvature=self.radius_of_curvature)
         if self.profile_radius is not None:
             if self.roller_radius is None:
                 raise ValueError("`profile_radius` is of a cam for a roller: give the `roller_radius` as well")
-            refuse_negative(profile_radius=self.profile_radius)
-            refuse_nonpositive(roller_radius=self.roller_radius)
+            require_nonnegative(profile_radius=self.profile_radius)
+            require_positive(roller_radius=self.roller_radius)
 
 
 @dataclass(frozen=True)
@@ -180,12 +180,12 @@ class Limits:
     cam: CamLimits | None = None
 
     def __post_init__(self):
-        refuse_nonpositive(**{name: getattr(self, name) for name in BOUNDED if getattr(self, name) is not None})
-        refuse_nonpositive(run_up=self.run_up, run_down=self.run_down)
+        require_positive(**{name: getattr(self, name) for name in BOUNDED if getattr(self, name) is not None})
+        require_positive(run_up=self.run_up, run_down=self.run_down)
         if self.run_up + self.run_down > 1 + 1e-12:
             raise ValueError(f"`run_up` + `run_down` must not exceed 1, got {self.run_up!r} + {self.run_down!r}")
-        refuse_outside(0, 1, steady_tolerance=self.steady_tolerance)
-        refuse_unknown("turn", self.turn, TURNS)
+        require_between(0, 1, steady_tolerance=self.steady_tolerance)
+        require_known("turn", self.turn, TURNS)
         if self.smoothness not in (1, 2, 3):
             raise ValueError(f"`smoothness` must be 1, 2 or 3, got {self.smoothness!r}")
         if not set(self.at_rest) <= set(range(2, self.continuous + 1)):
@@ -248,7 +248,7 @@ class InfeasibleError(ValueError):
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class ConstraintSet:
     """Limits on the laws of a space over a stroke [m] in a duration [s], as a `Program` on its unknowns."""
 
     limits: Limits

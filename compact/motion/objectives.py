@@ -28,7 +28,7 @@ class Nodes(NamedTuple):
     mean: float
 
 
-class State(NamedTuple):
+class MotionState(NamedTuple):
     """Motion and forces at the `nodes` against one sample of the resistance; arrays of shape (nodes,), SI."""
 
     nodes: Nodes
@@ -48,14 +48,14 @@ class State(NamedTuple):
 
 
 def state(nodes, unknowns, mass, resistance):
-    """`State` of a law; at rest the resistance has the limit from inside the motion. Secants stand for derivatives."""
+    """`MotionState` of a law; at rest the resistance has the limit from inside the motion. Secants stand for derivatives."""
     v, a = np.maximum(nodes.speed @ unknowns, CREEP * nodes.mean), nodes.change @ unknowns
     step = SECANT * nodes.mean
     shift = step / nodes.weights.sum()
     beside = np.where(v > 2 * step, v - step, v + step)  # never beyond the fastest
     here, slower, later = (np.broadcast_to(resistance(*at), v.shape) for at in ((v, a), (beside, a), (v, a + shift)))
     slope, lag = (slower - here) / (beside - v), (later - here) / shift
-    return State(nodes, v, here, mass * a + here, slope, mass + lag)
+    return MotionState(nodes, v, here, mass * a + here, slope, mass + lag)
 
 
 class Tangent(NamedTuple):
@@ -114,7 +114,7 @@ def _drawn_energy(state):
 PEAKS = MappingProxyType(
     {"peak_force": lambda state: state.force, "peak_power": lambda state: state.force * state.velocity}
 )
-# name, as in `ranking.CRITERIA`, to the tangent of a `State`
+# name, as in `ranking.CRITERIA`, to the tangent of a `MotionState`
 OBJECTIVES = MappingProxyType(
     {
         "peak_force": _peak_force,

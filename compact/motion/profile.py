@@ -20,14 +20,14 @@ from compact.motion.objectives import OBJECTIVES
 from compact.motion.sequential_programming import METHODS, optimum
 from compact.numerics.piecewise import graded, integral, sign_changes
 from compact.numerics.validation import (
-    refuse_fractional,
-    refuse_negative,
-    refuse_nonfinite,
-    refuse_nonpositive,
-    refuse_outside,
-    refuse_unknown,
     require_at_most,
+    require_between,
+    require_finite,
+    require_integers,
+    require_known,
+    require_nonnegative,
     require_opposing,
+    require_positive,
 )
 
 __all__ = [
@@ -81,10 +81,10 @@ def law(
     >>> f"{m.peaks().acceleration:.3f} m/s^2, {m.peaks().jerk:.5f} m/s^3"
     '0.600 m/s^2, 3.69504 m/s^3'
     """
-    refuse_unknown("motion law", name, tuple(LAWS))
-    refuse_nonpositive(stroke=stroke, duration=duration)
+    require_known("motion law", name, tuple(LAWS))
+    require_positive(stroke=stroke, duration=duration)
     if rod_length is not None:
-        refuse_nonpositive(rod_length=rod_length)
+        require_positive(rod_length=rod_length)
     rod_ratio = None if rod_length is None else stroke / 2 / rod_length
     entry = LAWS[name]
     curve = entry.build(Shape(run_up, run_down, energy_weight, acceleration_weight, rod_ratio))
@@ -174,7 +174,7 @@ class Motion:
 
         `turn` says what follows at the ends: "reversal" the way back at once, "dwell" a stand-still.
         """
-        refuse_unknown("turn", turn, TURNS)
+        require_known("turn", turn, TURNS)
         found, places = [], self.curve.x
         grid, sides = graded(places), [self._sides(k, turn) for k in range(1, 6)]
         for k, (here, next_one) in enumerate(itertools.pairwise(sides), start=1):
@@ -276,21 +276,21 @@ def optimise(
     """
     weights = {objective: 1.0} if isinstance(objective, str) else dict(objective)
     for one in weights:
-        refuse_unknown("objective", one, tuple(OBJECTIVES))
-    refuse_nonpositive(stroke=stroke, duration=duration, quantile=quantile)
-    refuse_negative(mass=mass, weights=list(weights.values()))
+        require_known("objective", one, tuple(OBJECTIVES))
+    require_positive(stroke=stroke, duration=duration, quantile=quantile)
+    require_nonnegative(mass=mass, weights=list(weights.values()))
     if not any(weights.values()):
         raise ValueError(f"`objective` must hold a weight > 0, got {objective!r}")
-    refuse_outside(0, 1, quantile=quantile)
+    require_between(0, 1, quantile=quantile)
     if pieces is not None:
-        refuse_fractional(pieces=pieces)
+        require_integers(pieces=pieces)
         require_at_most(MOST_PIECES, "finer ones change no law by a machine's tolerance", pieces=pieces)
     resistances = (resistance,) if callable(resistance) else tuple(resistance)
     for one in resistances:
         require_opposing(one, stroke / duration, ways=(1.0,))
     limits = limits or Limits()
     task = limits, float(stroke), float(duration), weights, float(mass)
-    refuse_unknown("method", method, tuple(METHODS))
+    require_known("method", method, tuple(METHODS))
     how = {"pieces": pieces, "method": method}
     least = tuple(optimum(*task, (one,), **how).value for one in resistances) if regret else ()
     curve, *rest = optimum(*task, resistances, quantile, least=least, **how)
@@ -352,7 +352,7 @@ class Cycle:
     near_dwell: float = 0.0
 
     def __post_init__(self):
-        refuse_negative(far_dwell=self.far_dwell, near_dwell=self.near_dwell)
+        require_nonnegative(far_dwell=self.far_dwell, near_dwell=self.near_dwell)
 
     @property
     def period(self):
@@ -390,7 +390,7 @@ class Cycle:
 
     def derivative(self, time, order):
         """Derivative of the travel of the given order at any time [s], periodic."""
-        refuse_nonfinite(time=time)
+        require_finite(time=time)
         time = np.mod(np.asarray(time, float), self.period)
         legs = self.legs()
         which = np.searchsorted([leg.start for leg in legs], time, side="right") - 1

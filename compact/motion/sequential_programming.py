@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from compact.motion.limits import MARGIN, Conflict, Held, InfeasibleError, space_of
+from compact.motion.limits import MARGIN, Conflict, ConstraintSet, InfeasibleError, space_of
 from compact.motion.objectives import OBJECTIVES, PEAKS, Nodes, state
 from compact.numerics.convex_programs import Program, least_linear, least_quadratic
 
@@ -51,7 +51,7 @@ class Task:
     the nodes that peaks are watched at.
     """
 
-    held: Held
+    held: ConstraintSet
     weights: dict
     mass: float
     resistances: tuple[Callable, ...]
@@ -338,7 +338,7 @@ def optimum(limits, stroke, duration, weights, mass, resistances, quantile=1.0, 
     before, curve, taken = np.nan, None, 0
     for halvings in range(rounds + 1):
         space = space_of(limits, pieces >> rounds, halvings)
-        task = Task(Held(limits, space, stroke, duration), weights, mass, resistances, quantile, least)
+        task = Task(ConstraintSet(limits, space, stroke, duration), weights, mass, resistances, quantile, least)
         try:
             start = task.held.calmest if curve is None else space.taken_over(curve)
             if task.held.pitch:

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import BSpline, PPoly
 
 from compact.motion.profile import Motion
-from compact.numerics.validation import refuse_nonfinite
+from compact.numerics.validation import require_finite
 
 DEGREE = 5
 GIVEN = 2  # coefficients at each end fixed by position and rest
@@ -79,7 +79,7 @@ def _checked(time, position):
             f"`time` and `position` must be columns of one length >= {LEAST_ROWS}, "
             f"got shapes {time.shape} and {position.shape}"
         )
-    refuse_nonfinite(time=time, position=position)
+    require_finite(time=time, position=position)
     if not np.all(np.diff(time) > 0):
         row = int(np.flatnonzero(np.diff(time) <= 0)[0]) + 1
         raise ValueError(f"`time` must increase, got {time[row]:g} after {time[row - 1]:g} in row {row + 1}")

@@ -26,17 +26,17 @@ def shown(value, holds):
     return f"{array[place].item()!r} at index {place if len(place) > 1 else place[0]}"
 
 
-def refuse_nonpositive(**quantities):
+def require_positive(**quantities):
     """Refuse any quantity that is not finite and > 0 throughout."""
     _refuse_unless(lambda value: (value > 0) & (value < np.inf), "positive and finite", quantities)
 
 
-def refuse_negative(**quantities):
+def require_nonnegative(**quantities):
     """Refuse any quantity that is not finite and >= 0 throughout."""
     _refuse_unless(lambda value: (value >= 0) & (value < np.inf), "zero or positive, and finite", quantities)
 
 
-def refuse_nonfinite(**quantities):
+def require_finite(**quantities):
     """Refuse any quantity that holds nan or an infinity."""
     try:
         _refuse_unless(np.isfinite, "finite", quantities)
@@ -44,20 +44,20 @@ def refuse_nonfinite(**quantities):
         raise NotFiniteError(str(error)) from None
 
 
-def refuse_outside(low, high, **quantities):
+def require_between(low, high, **quantities):
     """Refuse any quantity outside the closed interval [low, high]."""
     _refuse_unless(lambda value: (value >= low) & (value <= high), f"between {low:g} and {high:g}", quantities)
 
 
-def refuse_fractional(**quantities):
+def require_integers(**quantities):
     """Refuse any quantity that is not a whole number >= 1 throughout."""
     for name, value in quantities.items():
         count = np.asarray(value)
         whole = (count >= 1) & (count < np.inf) & (count == np.floor(count))
-        refuse_unless(whole, value, f"`{name}` must be a whole number >= 1, got")
+        require_that(whole, value, f"`{name}` must be a whole number >= 1, got")
 
 
-def refuse_unless(holds, value, rule):
+def require_that(holds, value, rule):
     """Refuse with `rule` and the value, or the first element of it, where `holds` is not true throughout."""
     if not np.all(holds):
         raise ValueError(f"{rule} {shown(value, lambda _: holds)}")
@@ -103,7 +103,7 @@ give a function that changes its sign with the velocity, for a constant force `c
         )
 
 
-def refuse_unknown(kind, name, choices):
+def require_known(kind, name, choices):
     """Refuse a name that is not among the choices, naming them and the nearest one."""
     if name not in choices:
         from difflib import get_close_matches

@@ -13,7 +13,7 @@ ENGINE_HEADER = (
 CONTACT_HEADER = (*ENGINE_HEADER, "formula_load_N/m", "formula_coefficient", "exact_load_N/m")
 
 
-def tables(study, directory):
+def write_contact_tables(study, directory):
     """The contact at each speed by the scene's engine; at the end of each row what the formulas and Galin say."""
     length = study.scene.machine.roller_length
     beside = (
@@ -77,7 +77,7 @@ def pressure(study, directory):
     return write_figure(directory / "pressure.png", figures.contact(rolled, study.exact, speed))
 
 
-def write(directory, study, speed, passes):
+def write_contact(directory, study, speed, passes):
     """Write one contact, the first of its passes: pressure along it, its numbers, a picture beside Galin, its fields
     where it has any, and what all passes take and leave where they leave a mark."""
     from compact.report import figures
@@ -100,7 +100,7 @@ def write(directory, study, speed, passes):
         write_figure(directory / "fields.png", figures.fields(layers))
 
 
-def digest(study, speed, passes):
+def contact_digest(study, speed, passes):
     """One contact in a few lines of text, the formulas and exact theory beside it, and its passes if they are many."""
     rolled = passes[0]
     formulas, exact, length = study.engineering, study.exact, study.scene.machine.roller_length

@@ -7,7 +7,7 @@ import numpy as np
 from compact.files import write_columns, write_csv
 
 
-def tables(study, directory):
+def write_drive_tables(study, directory):
     """The tables of the scene's kind of drive; yields their paths."""
     runs = study.runs.values()
     if study.scene.drive.kind == "elastic":

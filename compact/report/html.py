@@ -14,7 +14,7 @@ from compact.report.page import Section, page, paragraph, table
 from compact.verification.balance_checks import checks
 
 
-def write(path, study, pictures, versions):
+def write_page(path, study, pictures, versions):
     """Write the page of a study; `versions` of packages by name. Returns the path."""
     title = study.scene.title or "untitled scene"
     shifts = sensitivity.shifts(study)

@@ -51,7 +51,7 @@ def _first(order):
     return "/".join(sorted(laws)) if len(laws) <= FEW else f"{len(laws)} laws alike"
 
 
-def tables(study, directory):
+def write_ranking_tables(study, directory):
     """Every place with its margin and error, every criterion of every law, and where orders agree; yields paths."""
     yield write_csv(directory / "ranking.csv", RANKING_HEADER, [
         (

@@ -15,7 +15,7 @@ EXPLAINED = ("load", "resistance", "resistance_coefficient", "capture_angle")  #
 INDEX_HEADER = ("quantity", "input", "first", "first_low", "first_high", "total", "total_low", "total_high", "rows")
 
 
-def write(directory, table):
+def write_sweep_report(directory, table):
     """Figures and Sobol indices of a table of a sweep, as far as it has what they need."""
     from compact.report import sweep_figures
 
@@ -59,7 +59,7 @@ def _index_rows(table, quantities):
             yield (quantity, name, *values, found.rows)
 
 
-def digest(table):
+def sweep_digest(table):
     """What a person wants to read: how many points have numbers, their range, and why the others have none."""
     failed = (table["reason"] != "").values
     lines = [f"{failed.size} points by {table.attrs['engine']}, {failed.sum()} without numbers"]

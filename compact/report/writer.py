@@ -23,7 +23,7 @@ CAM_POINTS = 721
 VERSIONED = ("compact", "numpy", "scipy")
 
 
-def write(study, directory, force=False, crew=None):
+def write_study(study, directory, force=False, crew=None):
     """Write the results of a study into a directory; returns the content of summary.json, which comes last.
 
     crew : of `pool`, that runs the engines beside meanwhile; without it this process does
@@ -32,7 +32,7 @@ def write(study, directory, force=False, crew=None):
     """
     wanted = study.scene.output.wanted
     with claimed(directory, study.scene.hash, force) as directory, study.helped(crew or Here()):
-        files = list(contact_tables.tables(study, directory)) if study.layered else []
+        files = list(contact_tables.write_contact_tables(study, directory)) if study.layered else []
         kept = list(study.keep(directory, files)) if study.layered else []
         for writer in [FIRST[part] for part in FIRST if part in wanted]:
             files += writer(study, directory)
@@ -61,8 +61,8 @@ def _tables(study, directory, _):
     ])  # fmt: skip
     for name, run in study.runs.items():
         yield write_columns(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, _cycle_columns(run))
-    yield from drive_tables.tables(study, directory)
-    yield from ranking_tables.tables(study, directory)
+    yield from drive_tables.write_drive_tables(study, directory)
+    yield from ranking_tables.write_ranking_tables(study, directory)
 
 
 STEPPER_HEADER = (
@@ -208,7 +208,7 @@ def _page(study, directory, pictures):
     if "fields" in study.scene.output.wanted:
         pictures["fields"] = (directory / "fields.png").read_bytes
     yield pressure
-    yield html_report.write(directory / "report.html", study, pictures, _versions())
+    yield html_report.write_page(directory / "report.html", study, pictures, _versions())
 
 
 def _figures(study, directory, pictures):
@@ -313,7 +313,7 @@ OWN = {  # what runs of elastic, hydraulic and motor drives know besides
 }
 
 
-def digest(study):
+def study_digest(study):
     """The answer of a study in a screen of text: the contact, then the laws by the first criterion."""
     numbers = study.numbers
     lines = [study.scene.title or "untitled scene", ""]

@@ -70,7 +70,7 @@ def _moved(measurement, name, value):
     return replace(measurement, **{name: Band(value, min(band.low, value), max(band.high, value))})
 
 
-def read(path):
+def read_measurements(path):
     """The `Measured` in a TOML or CSV file; ValueError names file, key, what is wrong and what is allowed."""
     path = Path(path)
     try:

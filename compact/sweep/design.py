@@ -19,7 +19,7 @@ from math import prod
 import numpy as np
 
 from compact.material import mix
-from compact.numerics.validation import refuse_unknown
+from compact.numerics.validation import require_known
 from compact.scene.loader import SceneError
 
 OVERRIDES = "mix.overrides"
@@ -63,7 +63,7 @@ class Sampled:
         _require_few(self.key, self.count)
 
 
-def read(text):
+def read_design(text):
     """The `Axis` or `Sampled` of KEY=VALUES."""
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (key and equals and values):
@@ -144,7 +144,7 @@ class Design:
 
 
 def design(scene, varied, indices=False):
-    """The `Design` over a scene of what `read` gave; `indices` adds the rows that Sobol indices need.
+    """The `Design` over a scene of what `read_design` gave; `indices` adds the rows that Sobol indices need.
 
     Raises SceneError or ValueError for keys and values that no scene of this kind may have, before anything is
     computed. What only the rules between keys refuse is left to the points.
@@ -190,7 +190,7 @@ def _sampled_names(scene, axes, samples):
         if sample.key == OVERRIDES:
             names |= counted - given
         elif table == OVERRIDES:
-            refuse_unknown("mix parameter", name, mix.NAMES)
+            require_known("mix parameter", name, mix.NAMES)
             scene.refuse_fields(**{sample.key: None})
             if name in given:
                 raise SceneError([f"{sample.key}: is given, so it has no spread to sample; take the value out"])

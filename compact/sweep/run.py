@@ -22,7 +22,7 @@ from hashlib import sha256
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from compact.analysis.worker_pool import Lost, outcomes
+from compact.analysis.worker_pool import WorkerDied, outcomes
 from compact.files import HDF5, NETCDF_ENGINES, ResultsError, claimed, read_netcdf, write_netcdf
 from compact.material import mix
 from compact.scene.errors import table_of
@@ -136,7 +136,7 @@ class Sweep:
         return {} if force else known
 
     def _kept(self, store, task, outcome, points, step):
-        if isinstance(outcome, Lost):  # not kept: another run tries again
+        if isinstance(outcome, WorkerDied):  # not kept: another run tries again
             outcome = {key: {"reason": outcome.reason} for key, *_ in task.points}
         else:
             store.write(outcome)
@@ -245,6 +245,6 @@ def _bring_netcdf():
     xarray.Dataset().to_netcdf(format=HDF5, engine=NETCDF_ENGINES[HDF5])
 
 
-def read(path):
+def read_sweep(path):
     """The table of a sweep.nc."""
     return read_netcdf(path, HDF5)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compact.numerics.validation import refuse_nonfinite
+from compact.numerics.validation import require_finite
 
 BOOTSTRAPS = 1000
 CONFIDENCE = 0.95
@@ -55,7 +55,7 @@ def indices(at_first, at_second, at_mixed):
     >>> found.first.round(1).tolist()  # of variances 4 and 1
     [0.8, 0.2]
     """
-    refuse_nonfinite(at_first=at_first, at_second=at_second, at_mixed=at_mixed)
+    require_finite(at_first=at_first, at_second=at_second, at_mixed=at_mixed)
     f_A, f_B, f_AB = (np.asarray(values, dtype=float) for values in (at_first, at_second, at_mixed))
     n = f_A.size
     if n < FEWEST:

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from compact import contact
 from compact.machine.cart import Cart, balance
-from compact.machine.crankshaft import USUAL_ANGLES, travel, turn
+from compact.machine.crankshaft import USUAL_ANGLES, crank_travel, turn
 from compact.machine.rigid_drive import Crank
 from compact.motion.profile import integral
 
@@ -166,13 +166,16 @@ class _Shaft:
 
     def forces(self, psi, direction):
         """`Balance` of one cart; direction +1 towards the crank, -1 away."""
-        acceleration = self.speed**2 * travel(self.crank, psi)[2]
+        acceleration = self.speed**2 * crank_travel(self.crank, psi)[2]
         tangent = np.tan(self.crank.rod_angle(psi))
         return balance(self.cart, acceleration, direction * self.resistance, direction, tangent)
 
     def force_on_upper_rail(self, psi, direction):
         """H of C (9): each guide wheel loaded from the upper rail, even where its reaction turns negative."""
-        pull, slide = travel(self.crank, psi)[2] * self.speed**2 * self.cart.mass, direction * self.cart.guide_friction
+        pull, slide = (
+            crank_travel(self.crank, psi)[2] * self.speed**2 * self.cart.mass,
+            direction * self.cart.guide_friction,
+        )
         lift = np.sum(self.cart.roller_reactions) - self.cart.weight
         needed = pull + direction * self.resistance + slide * lift
         return needed / (1 - slide * np.tan(self.crank.rod_angle(psi)))
@@ -181,7 +184,7 @@ class _Shaft:
         """Power of so many carts [W], between the samples of a `Turn`."""
         ahead = np.add.outer(USUAL_ANGLES[carts], psi)
         drive_force = self.forces(ahead, _direction(ahead)).drive_force
-        return np.sum(drive_force * self.speed * travel(self.crank, ahead)[1], axis=0)
+        return np.sum(drive_force * self.speed * crank_travel(self.crank, ahead)[1], axis=0)
 
     def peak(self, carts=1):
         """Largest power [W]."""
@@ -194,7 +197,9 @@ class _Shaft:
 
     def mean_of(self, force):
         """Mean power [W] of a drive force of psi."""
-        power = integral(lambda psi: force(psi) * self.speed * travel(self.crank, psi)[1], [0.0, np.pi, 2 * np.pi])
+        power = integral(
+            lambda psi: force(psi) * self.speed * crank_travel(self.crank, psi)[1], [0.0, np.pi, 2 * np.pi]
+        )
         return power / (2 * np.pi)
 
 
@@ -276,7 +281,7 @@ def _energy_balance(stated):
 
 def _inertia(stated):
     """What the stated mass does at the outer dead centre, and the mass that the printed evenness would need."""
-    dead_centre = stated.speed**2 * float(travel(stated.crank, 0.0)[2])
+    dead_centre = stated.speed**2 * float(crank_travel(stated.crank, 0.0)[2])
     moving = replace(stated, resistance=PUBLISHED_MACHINE.moving_force)
     plain = replace(stated.cart, guide_friction=0.0)
     four = 4 * stated.resistance * 4 * stated.crank.radius * stated.speed / (2 * np.pi)

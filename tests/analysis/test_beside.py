@@ -38,7 +38,7 @@ def written(tmp_path_factory):
     """Study, summary and directory of a scene whose engines beside answered in other processes."""
     directory = tmp_path_factory.mktemp("beside")
     study = Study(scene(), directory=directory)
-    return study, report.write(study, directory, crew=Processes(2)), directory
+    return study, report.write_study(study, directory, crew=Processes(2)), directory
 
 
 def rows(path):
@@ -73,7 +73,7 @@ def test_this_process_answers_as_others_do(written):
 
 def test_places_of_every_engine_and_drive_are_in_the_table(tmp_path):
     study = Study(scene(**SPRING, **{"output.wanted": ["tables"]}))
-    summary = report.write(study, tmp_path / "out")
+    summary = report.write_study(study, tmp_path / "out")
     found = rows(tmp_path / "out" / "ranking.csv")
     kinds = {(row["engine"], row["drive"]) for row in found}
     assert kinds == {(engine, kind) for engine in ("spectral", "formula", "column") for kind in ("elastic", "rigid")}
@@ -128,7 +128,7 @@ def test_kept_contacts_are_taken_by_every_engine(written):
     _, summary, directory = written
     drawn = {path.name: path.read_bytes() for path in directory.glob("*.png")}
     again = Study(scene(), directory=directory)
-    kept = report.write(again, directory)
+    kept = report.write_study(again, directory)
     assert {"ranking.png", "kinematics.png"} < set(drawn)
     assert drawn == {path.name: path.read_bytes() for path in directory.glob("*.png")}
     for stages in (kept["stages"], kept["beside"]["column"]["stages"]):
@@ -224,7 +224,7 @@ def test_engine_beside_that_does_not_cover_the_scene_is_told():
 def test_laws_without_a_finite_peak_are_reported_by_every_engine(tmp_path):
     jumps = {"motion.laws": ["constant-velocity", "gear-sector"], "output.wanted": ["tables", "figures", "report"]}
     study = Study(scene(**jumps))
-    report.write(study, tmp_path / "out")
+    report.write_study(study, tmp_path / "out")
     assert (tmp_path / "out" / "engines.png").stat().st_size > 5_000
     assert "No law has a finite peak drive force" in (tmp_path / "out" / "report.html").read_text("utf-8")
-    assert "infinite" in report.digest(study)
+    assert "infinite" in report.study_digest(study)

@@ -12,10 +12,10 @@ from compact.analysis.calibration import blend, calibrate, digest
 from compact.analysis.engines import compaction, inputs, roll
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as finite_elements
-from compact.engines.compaction.results import CompactionRolled
+from compact.engines.compaction.results import CompactionContactResult
 from compact.numerics.space_mapping import fit
 from compact.scene.loader import SceneError, load_scene
-from compact.scene.plant_data import Band, Measured, Measurement, read
+from compact.scene.plant_data import Band, Measured, Measurement, read_measurements
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 PUBLISHED = SCENES / "loveikin-2015.toml"
@@ -32,7 +32,7 @@ def reading(**stated):
 
 @pytest.fixture(scope="module")
 def published():
-    return calibrate(load_scene(PUBLISHED), read(MEASURED))
+    return calibrate(load_scene(PUBLISHED), read_measurements(MEASURED))
 
 
 # closed forms
@@ -182,7 +182,7 @@ class Double:
         load = (2.4 + 0.2 / (increments or 12)) * there.load * (there.indentation / layer.height / 0.02) ** 0.3
         share = 1.7 * (there.indentation / layer.height / 0.02) ** -0.1
         resistance = share * there.resistance / there.load * load
-        return CompactionRolled(
+        return CompactionContactResult(
             load=load, resistance=resistance, leading=there.leading, trailing=there.trailing, x=there.x,
             pressure=there.pressure, shear_traction=there.shear_traction, indentation=there.indentation,
             exit_height=there.exit_height, exit_density_ratio=there.exit_density_ratio + self.excess, layer=layer,
@@ -194,7 +194,7 @@ def doubled():
     double, patch = Double(), pytest.MonkeyPatch()
     patch.setattr("compact.engines.compaction.engine.roll", double.roll)
     scene = load_scene(PUBLISHED, **{"machine.rolling": "frictionless"})
-    found = calibrate(scene, read(MEASURED), "compaction", increments=6)
+    found = calibrate(scene, read_measurements(MEASURED), "compaction", increments=6)
     patch.undo()
     return found, double
 
@@ -229,9 +229,9 @@ def test_the_scene_alone_gives_the_last_trial_again(doubled):
 def test_neighbour_begins_where_the_last_fit_ended(doubled, monkeypatch):
     """The same again is found at once, another coefficient where it is found from afar."""
     found, _ = doubled
-    double, moved = Double(), read(MEASURED).moved("resistance_coefficient", 0.2)
+    double, moved = Double(), read_measurements(MEASURED).moved("resistance_coefficient", 0.2)
     monkeypatch.setattr("compact.engines.compaction.engine.roll", double.roll)
-    again = calibrate(found.scene, read(MEASURED), "compaction", near=found, increments=6)
+    again = calibrate(found.scene, read_measurements(MEASURED), "compaction", near=found, increments=6)
     assert len(double.calls) <= 3
     assert again.coarse is None
     assert again.fit.history[0][0] == pytest.approx(found.fit.unknowns, abs=1e-12)
@@ -319,11 +319,15 @@ def test_toml_and_csv_say_the_same(tmp_path):
     toml, csv = tmp_path / "a.toml", tmp_path / "a.csv"
     toml.write_text("[[measurement]]\nload = {value = 9740, low = 9000, high = 10000}\nspeed = 0.2\n")
     csv.write_text("# of one roller\nload,load_low,load_high,speed,resistance\n9740,9000,10000,0.2,\n")
-    assert read(toml) == read(csv) == Measured((Measurement(load=Band(9740, 9000, 10000), speed=0.2),))
+    assert (
+        read_measurements(toml)
+        == read_measurements(csv)
+        == Measured((Measurement(load=Band(9740, 9000, 10000), speed=0.2),))
+    )
 
 
 def test_moved_datum_stays_within_its_band():
-    measured = read(MEASURED).moved("resistance_coefficient", 0.219)
+    measured = read_measurements(MEASURED).moved("resistance_coefficient", 0.219)
     assert measured.measurements[0].data[1] == ("resistance_coefficient", Band(0.219, 0.179, 0.219))
     assert measured.moved("resistance", 3.0) == measured
     assert measured.moved("load", 1e4).measurements[0].load == Band(1e4, 9740, 1e4)
@@ -355,7 +359,7 @@ def test_readings_are_refused(tmp_path, text, message):
     path = tmp_path / "a.toml"
     path.write_text(text)
     with pytest.raises(ValueError, match=message):
-        read(path)
+        read_measurements(path)
 
 
 @pytest.mark.parametrize(
@@ -371,12 +375,12 @@ def test_rows_are_refused(tmp_path, text, message):
     path = tmp_path / "a.csv"
     path.write_text(text)
     with pytest.raises(ValueError, match=message):
-        read(path)
+        read_measurements(path)
 
 
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(ValueError, match=r"a\.toml: cannot be read: No such file"):
-        read(tmp_path / "a.toml")
+        read_measurements(tmp_path / "a.toml")
 
 
 # refusals
@@ -403,7 +407,7 @@ def test_neighbour_of_another_kind_is_refused(doubled, data, unknowns, message):
 
 def test_columns_are_no_neighbour_of_finite_elements(published):
     with pytest.raises(ValueError, match="`near` must be a calibration of finite elements, got one of columns"):
-        calibrate(load_scene(PUBLISHED), read(MEASURED), "compaction", near=published)
+        calibrate(load_scene(PUBLISHED), read_measurements(MEASURED), "compaction", near=published)
 
 
 def test_data_that_tell_nothing_are_refused():

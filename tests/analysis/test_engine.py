@@ -10,7 +10,7 @@ import pytest
 from compact.analysis import engines
 from compact.analysis.study import Study
 from compact.engines.column.engine import oedometer
-from compact.engines.compaction.results import CompactionRolled
+from compact.engines.compaction.results import CompactionContactResult
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Viscoelastic
 from compact.report import writer as report
@@ -121,7 +121,7 @@ def test_formula_scene_rolls_no_layer():
 def test_run_tabulates_resistance_over_speed_beside_the_formulas(tmp_path):
     wanted = {"contact.speeds": [0.03, 0.3], "output.wanted": ["tables"]}
     case = study(**CASE_G, **wanted, **{"accuracy.engine": "spectral"})
-    summary = report.write(case, tmp_path / "out")
+    summary = report.write_study(case, tmp_path / "out")
     table = np.genfromtxt(tmp_path / "out" / "contact.csv", delimiter=",", names=True)
     assert table["resistance_Nm"] == pytest.approx([289.42, 392.89], rel=1e-4)
     assert table["formula_coefficient"] == pytest.approx([case.engineering.resistance_coefficient] * 2, rel=1e-11)
@@ -134,7 +134,7 @@ def test_fields_are_written_as_a_series_over_the_speeds(tmp_path):
     speeds = (0.03, 0.3)
     wanted = {"contact.speeds": speeds, "output.wanted": ["fields", "figures"], "motion.laws": ["cubic"]}
     case = study(**CASE_G, **wanted, **{"accuracy.engine": "fem"})
-    summary = report.write(case, tmp_path / "out")
+    summary = report.write_study(case, tmp_path / "out")
     added = len(summary["drive_resistance"]["speeds"]) - 1  # no law is as fast as the other speed
     assert summary["stages"] == {
         "contact": 1, "rolled": 2, "fields": 2, "laws": 1, "runs": 2, "rankings": 1, "figures": 8, "beside": 1,
@@ -162,7 +162,7 @@ def test_compaction_goes_on_from_the_speed_before_if_it_matters(monkeypatch, ref
         line = np.zeros(3)
         told = {"load": 1e4, "resistance": 2e3, "leading": 0.03, "trailing": -0.01, "indentation": 0.003}
         told |= {"layer": layer, "roller": roller, "material": material, "speed": speed}
-        return CompactionRolled(**told, x=line, pressure=line, shear_traction=line)
+        return CompactionContactResult(**told, x=line, pressure=line, shear_traction=line)
 
     monkeypatch.setattr("compact.engines.compaction.engine.roll", rolled)
     given = {"contact.indentation": 0.003, "contact.speeds": [0.05, 0.1, 0.2], "mix.reference_speed": reference}
@@ -185,7 +185,7 @@ def test_speed_that_moves_the_rebound_starts_from_the_last_contact_and_its_layer
         asked.append((layer, start, exit_density_ratio))
         told = {"load": 1e4, "resistance": 2e3, "leading": 0.03, "trailing": -0.01, "indentation": 0.003}
         line = np.zeros(3)
-        return CompactionRolled(**told, layer=layer, speed=speed, x=line, pressure=line, shear_traction=line)
+        return CompactionContactResult(**told, layer=layer, speed=speed, x=line, pressure=line, shear_traction=line)
 
     monkeypatch.setattr("compact.engines.compaction.engine.roll", rolled)
     given = {"mix.reference_speed": 0.2}
@@ -202,7 +202,7 @@ def test_speed_that_moves_the_rebound_starts_from_the_last_contact_and_its_layer
 def test_series_opens_in_pyvista(tmp_path):
     pyvista = pytest.importorskip("pyvista")
     case = study(**CASE_G, **{"accuracy.engine": "fem", "contact.speeds": [0.3], "output.wanted": ["fields"]})
-    report.write(case, tmp_path / "out")
+    report.write_study(case, tmp_path / "out")
     reader = pyvista.get_reader(tmp_path / "out" / "fields.pvd")
     assert reader.time_values == [0.3]
     reader.set_active_time_value(0.3)
@@ -214,7 +214,7 @@ def test_series_opens_in_pyvista(tmp_path):
 
 def test_summary_holds_every_contact_with_unit_error_and_balance(tmp_path):
     case = study(**CASE_G, **{"accuracy.engine": "spectral", "contact.speeds": [0.03, 0.3], "output.wanted": []})
-    contacts = report.write(case, tmp_path / "out")["contacts"]
+    contacts = report.write_study(case, tmp_path / "out")["contacts"]
     assert [contact["speed"]["value"] for contact in contacts] == [0.03, 0.3]
     assert contacts[1]["resistance"]["value"] == pytest.approx(392.89, rel=1e-4)
     assert 0 < contacts[1]["resistance"]["error"] < 1e-2

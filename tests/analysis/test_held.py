@@ -97,20 +97,20 @@ def test_one_contact_at_another_speed_keeps_the_height_too():
 
 def test_the_answer_names_what_is_kept(tmp_path):
     case = study(**PLAIN, **{"output.wanted": ["report"], "motion.laws": ["cubic"]})
-    summary = report.write(case, tmp_path / "out")
+    summary = report.write_study(case, tmp_path / "out")
     assert summary["held"]["quantity"] == "height"
     assert summary["held"]["indentation"] == {"value": case.held.value, "unit": "m"}
     line = contact_tables.held_sentence(case)
     assert line.startswith("kept at every speed: the height of the roller")
     assert "203 kPa that the density requires" in line
-    assert line[:40] in " ".join(report.digest(case).split())
+    assert line[:40] in " ".join(report.study_digest(case).split())
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Kept at every speed: the height of the roller" in page
 
 
 def test_a_kept_run_holds_the_same_quantity(tmp_path):
     first = study(**PLAIN, **{"output.wanted": [], "motion.laws": ["cubic"]})
-    report.write(first, tmp_path / "out")
+    report.write_study(first, tmp_path / "out")
     again = Study(first.scene, directory=tmp_path / "out")
     assert again.held == first.held
     assert not again.counts["rolled"]
@@ -169,7 +169,7 @@ def test_the_drive_has_one_guide_friction_and_eq_1_9_is_a_comparison():
     sentence = contact_tables.guide_sentence(case)
     assert "guide_friction 0.008" in sentence
     assert "not used by the drives" in sentence
-    assert sentence[:30] in " ".join(report.digest(case).split())
+    assert sentence[:30] in " ".join(report.study_digest(case).split())
 
 
 def test_a_second_pass_of_columns_recovers_all_its_work():
@@ -221,9 +221,9 @@ def test_reactions_close_the_moments_on_both_strokes():
 
 def test_the_answer_says_over_what_the_cart_returns(tmp_path):
     case = study(**{"accuracy.engine": "column", "output.wanted": []})
-    summary = report.write(case, tmp_path / "out")
+    summary = report.write_study(case, tmp_path / "out")
     told = json.loads((tmp_path / "out" / "summary.json").read_text())["return_stroke"]
     assert told["over"] == "fresh"
     assert told["energy"]["fresh"]["value"] == pytest.approx(case.cycle_energies["fresh"])
     assert summary["steady_forces"]["guide_friction"]["unit"] == "N"
-    assert "return stroke: over fresh mix" in " ".join(report.digest(case).split())
+    assert "return stroke: over fresh mix" in " ".join(report.study_digest(case).split())

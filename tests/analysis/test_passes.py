@@ -10,7 +10,7 @@ from compact.analysis.multipass import Pass, density, passes, there_and_back
 from compact.analysis.study import Study
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
-from compact.engines.compaction.roller_frame import Fed, Frame, fresh, rolling_mesh
+from compact.engines.compaction.roller_frame import Frame, LayerState, fresh, rolling_mesh
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.report import contact_tables
@@ -147,7 +147,9 @@ def layered():
     rng = np.random.default_rng(3)
     k = np.sort(rng.uniform(0.93, 0.99, 12))
     stress = np.outer(k, [-1e5, 0.0, -5e4, 0.0])
-    return Fed(rng.uniform(0.002, 0.02, 12), cap_plasticity.State(stress, k, np.maximum(k, 0.95), 1e4 * k))
+    return LayerState(
+        rng.uniform(0.002, 0.02, 12), cap_plasticity.MaterialPoint(stress, k, np.maximum(k, 0.95), 1e4 * k)
+    )
 
 
 @pytest.mark.parametrize("rows", [5, 12, 60])
@@ -171,8 +173,8 @@ def test_same_rows_are_the_same_mix():
 def test_what_is_linear_stays_linear_between_the_ends():
     heights = np.full(20, 0.005)
     middle = np.cumsum(heights) - heights / 2
-    state = cap_plasticity.State(np.zeros((20, 4)), 0.9 + middle, 0.9 + middle, middle)
-    finer = Fed(heights, state).on_rows(np.full(80, 0.00125))
+    state = cap_plasticity.MaterialPoint(np.zeros((20, 4)), 0.9 + middle, 0.9 + middle, middle)
+    finer = LayerState(heights, state).on_rows(np.full(80, 0.00125))
     assert finer.state.density_ratio[4:-4] == pytest.approx((0.9 + finer.y)[4:-4], rel=1e-12)
 
 
@@ -247,16 +249,16 @@ def test_hash_of_a_scene_knows_its_passes():
 
 def test_results_tell_of_every_pass(tmp_path):
     case = study(**{"contact": {"speeds": [0.1, 0.2]}, "output.wanted": ["tables"]})
-    contacts = report.write(case, tmp_path / "out")["contacts"]
+    contacts = report.write_study(case, tmp_path / "out")["contacts"]
     assert [len(contact["passes"]) for contact in contacts] == [3, 3]
     assert contacts[0]["passes"][0]["load"]["value"] == contacts[0]["load"]["value"]
     lines = (tmp_path / "out" / "passes.csv").read_text().splitlines()
     assert [line.split(",")[:2] for line in lines[1:4]] == [["0.1", "1"], ["-0.1", "2"], ["0.1", "3"]]
     assert len((tmp_path / "out" / "density.csv").read_text().splitlines()) == 1 + 2 * 3
     done = dict(case.passes)[0.2]
-    contact_tables.write(tmp_path / "one", case, 0.2, done)
+    contact_tables.write_contact(tmp_path / "one", case, 0.2, done)
     assert (tmp_path / "one" / "density.png").stat().st_size > 5_000
-    table = contact_tables.digest(case, 0.2, done).splitlines()[-3:]
+    table = contact_tables.contact_digest(case, 0.2, done).splitlines()[-3:]
     assert [line.split()[0] for line in table] == ["1", "2", "3"]
 
 

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from compact.analysis import worker_pool
-from compact.analysis.worker_pool import Cluster, Errands, Here, Lost, Processes, outcomes
+from compact.analysis.worker_pool import Cluster, Errands, Here, Processes, WorkerDied, outcomes
 
 # what workers do
 
@@ -65,7 +65,7 @@ def test_task_of_a_killed_worker_is_done_by_another(tmp_path):
 def test_task_that_kills_every_worker_is_lost_alone():
     crew = Processes(2)
     found = collected(dies_or_squares, list(range(6)), crew)
-    assert found[3] == Lost("its worker process died 3 times, last with code -9")
+    assert found[3] == WorkerDied("its worker process died 3 times, last with code -9")
     assert [found[number] for number in (0, 1, 2, 4, 5)] == [0, 1, 4, 16, 25]
     assert crew.deaths == 3
 

@@ -38,7 +38,7 @@ def written(tmp_path_factory):
     """Study and summary of the small scene with everything wanted, and where it lies."""
     directory = tmp_path_factory.mktemp("run") / "small"
     study = Study(scene("small", **{"output.wanted": ["tables", "figures", "cams", "reactions", "crank"]}))
-    report.write(study, directory)
+    report.write_study(study, directory)
     return study, json.loads((directory / "summary.json").read_text()), directory
 
 
@@ -93,7 +93,7 @@ def test_crank_law_goes_through_its_rod_in_a_crank_machine():
 def test_elastic_drive_goes_from_the_scene_to_the_summary(tmp_path):
     spring = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3, "motion.laws": ["cubic", "septic"]}
     study = Study(scene(**spring, **{"output.wanted": ["tables", "figures", "reactions"]}))
-    summary = report.write(study, tmp_path / "out")
+    summary = report.write_study(study, tmp_path / "out")
     forces = study.resistance.force + 0.008 * (2 * study.engineering.roller_force - 10000)
     for name, run in study.runs.items():
         damper = np.sum(run.weights * 3e3 * run.course.stretch(*run.course.at(run.time))[1] ** 2)
@@ -104,7 +104,7 @@ def test_elastic_drive_goes_from_the_scene_to_the_summary(tmp_path):
     with (tmp_path / "out" / "ringing.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [row["law"] for row in rows] == ["cubic", "septic"]
-    assert "rings 1." in report.digest(study)
+    assert "rings 1." in report.study_digest(study)
 
 
 @pytest.mark.parametrize("followed", [True, False], ids=["first-order", "steady"])
@@ -144,7 +144,7 @@ def test_motor_drive_goes_from_the_scene_to_the_summary(tmp_path):
         "motion.laws": ["cubic", "crank", "gear-sector"],
     }
     study = Study(scene(**given, **{"output.wanted": ["tables", "figures", "reactions"]}))
-    summary = report.write(study, tmp_path / "out")
+    summary = report.write_study(study, tmp_path / "out")
     forces = study.resistance.force + 0.008 * (2 * study.engineering.roller_force - 10000)
     assert study.runs["cubic"].energy == pytest.approx(0.8 * forces, rel=1e-6)
     assert study.runs["crank"].state.rod_tangent.any()
@@ -164,7 +164,7 @@ BELT = {"pulley_radius": 0.1, "stiffness": 50e3, "preload": 500.0, "friction": 0
 def test_belt_goes_from_the_scene_to_the_tables(tmp_path):
     given = {"drive.kind": "motor", "drive.motor": MOTOR | {"belt": BELT}, "motion.laws": ["cubic"]}
     study = Study(scene("small", **given, **{"output.wanted": ["tables"]}))
-    report.write(study, tmp_path / "out")
+    report.write_study(study, tmp_path / "out")
     row = np.genfromtxt(tmp_path / "out" / "motor.csv", delimiter=",", names=True)
     assert row["belt_creep"] == pytest.approx(study.runs["cubic"].belt_creep, rel=1e-9)
     assert row["belt_creep"] > 1e-3
@@ -201,7 +201,7 @@ def test_hydraulic_drive_goes_from_the_scene_to_the_summary(tmp_path):
     springs = {"stiffness": 4e3, "preload": 200.0, "length": 0.1}
     given = {"drive.kind": "hydraulic", "drive.hydraulics": HYDRAULICS, "drive.end_springs": springs}
     study = Study(scene("small", **given, **{"output.wanted": ["tables", "crank"]}))
-    summary = report.write(study, tmp_path / "out")
+    summary = report.write_study(study, tmp_path / "out")
     rigid = Study(scene("small", **{"drive.end_springs": springs}))
     bare = Study(scene("small"))
     for name, told in summary["laws"].items():
@@ -235,7 +235,7 @@ def test_spread_beyond_the_formulas_is_left_out():
 
 def test_nothing_wanted_nothing_done(tmp_path):
     study = Study(scene("small", **{"output.wanted": []}))
-    summary = report.write(study, tmp_path / "out")
+    summary = report.write_study(study, tmp_path / "out")
     assert summary["stages"] == {"contact": 1, "laws": 3, "runs": 3, "rankings": 1}
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["scene.hash", "summary.json"]
 
@@ -298,7 +298,7 @@ def test_motors_in_the_rollers_are_told_in_the_table_and_the_summary(written):
 
 def test_two_runs_write_the_same_bytes(written, tmp_path):
     study, _, directory = written
-    report.write(Study(study.scene), tmp_path / "again")
+    report.write_study(Study(study.scene), tmp_path / "again")
     for path in directory.rglob("*.csv"):
         assert path.read_bytes() == (tmp_path / "again" / path.relative_to(directory)).read_bytes()
 
@@ -435,9 +435,9 @@ NOT_MADE = "no law keeps all limits; what would do, the others kept: acceleratio
 def test_bounds_that_no_law_keeps_leave_out_its_law_and_nothing_else(tmp_path, layer):
     study = Study(scene(**layer | INFEASIBLE))
     with pytest.warns(UserWarning, match=NOT_MADE) as told:
-        summary = report.write(study, tmp_path)
+        summary = report.write_study(study, tmp_path)
     assert [str(one.message).partition(" ")[0] for one in told] == ["least-peak-force", "least-peak-power"]
-    bare = report.write(Study(scene(**layer | INFEASIBLE | {"motion.optimise": None})), tmp_path / "bare")
+    bare = report.write_study(Study(scene(**layer | INFEASIBLE | {"motion.optimise": None})), tmp_path / "bare")
     assert summary["files"] == bare["files"]
     assert all((tmp_path / file).exists() for file in summary["files"])
     assert list(summary["laws"]) == list(bare["laws"]) == ["cubic", "reversal-4"]
@@ -445,7 +445,7 @@ def test_bounds_that_no_law_keeps_leave_out_its_law_and_nothing_else(tmp_path, l
     assert bare["laws_not_made"] == {}
     reason = summary["laws_not_made"]["least-peak-force"]
     assert reason.startswith(NOT_MADE)
-    assert f"not made: least-peak-force: {reason}" in report.digest(study).splitlines()
+    assert f"not made: least-peak-force: {reason}" in report.study_digest(study).splitlines()
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert f"The law <strong>least-peak-force</strong> is not made: {NOT_MADE}" in page
 
@@ -512,7 +512,7 @@ def test_results_of_another_scene_are_kept(written, tmp_path):
     other = Study(study.scene.replaced(**{"motion.duration": 2.5}))
     before = (directory / "summary.json").read_bytes()
     with pytest.raises(ResultsError, match="holds results of another scene; give another --out, or --force"):
-        report.write(other, directory)
+        report.write_study(other, directory)
     assert (directory / "summary.json").read_bytes() == before
 
 
@@ -547,17 +547,17 @@ def test_too_few_rollers_are_told_with_a_remedy_that_is_enough():
         mended = Study(scene(**change))
         assert mended.engineering.rollers_needed == mended.scene.machine.rollers
         assert coverage(mended.scene, mended.engineering) == ""
-    assert said in " ".join(report.digest(Study(scene("small"))).split())
+    assert said in " ".join(report.study_digest(Study(scene("small"))).split())
 
 
 def test_rigid_drives_are_not_said_to_ring():
-    assert "rings" not in report.digest(Study(scene("small")))
+    assert "rings" not in report.study_digest(Study(scene("small")))
 
 
 def test_one_contact_is_told_by_metre_and_by_roller():
     study = Study(scene())
     rolled = engines.passes(study.scene, study.mix, 0.1)
-    lines = contact_tables.digest(study, 0.1, rolled).splitlines()
+    lines = contact_tables.contact_digest(study, 0.1, rolled).splitlines()
     load, force, resistance, pull = ([float(n) for n in line[20:].split() if n != "-"] for line in lines[1:5])
     length = study.scene.machine.roller_length
     assert force == pytest.approx([length * each for each in load], rel=1e-4)

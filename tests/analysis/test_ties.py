@@ -30,8 +30,8 @@ def written(tmp_path_factory):
     }  # fmt: skip
     study = Study(load_scene(SMALL, **changes))
     directory = tmp_path_factory.mktemp("ties")
-    report.write(study, directory)
-    return study, directory, report.digest(study)
+    report.write_study(study, directory)
+    return study, directory, report.study_digest(study)
 
 
 def rows(directory, by, engine="column"):
@@ -99,7 +99,7 @@ def test_summary_and_digest_tell_ties(written):
 def test_one_law_of_infinite_peaks_is_none_and_no_first(tmp_path):
     changes = {"motion.laws": ["constant-velocity", "gear-sector"], "output.wanted": ["tables"]}
     study = Study(load_scene(SMALL, **changes, **{"accuracy.engine": "formula", "drive.rank_by": ["peak_force"]}))
-    report.write(study, tmp_path)
+    report.write_study(study, tmp_path)
     assert [row["rank"] for row in rows(tmp_path, "peak_force", "formula")] == ["2", "2"]
     assert "No law has a finite peak drive force" in html_answer.answer(study, [], [])
     assert study.places["rigid"]["peak_force"][0].sure is False

@@ -213,7 +213,7 @@ def files(tmp_path_factory):
     """Scene, cam and the texts of its files by ending."""
     scene = parse_scene(starter_scene()).replaced(cam={"breadth": 0.9, "roller_follower_radius": 0.03, "bore": 0.06})
     cam = made("reversal-3", RollerFollower(0.03))
-    paths = cam_files.write(tmp_path_factory.mktemp("cams"), scene, cam, cutter_radius=0.02)
+    paths = cam_files.write_cam_files(tmp_path_factory.mktemp("cams"), scene, cam, cutter_radius=0.02)
     assert [path.name for path in paths] == [
         "reversal-3-roller.csv", "reversal-3-roller.svg", "reversal-3-roller-motion.svg", "reversal-3-roller.dxf",
     ]  # fmt: skip

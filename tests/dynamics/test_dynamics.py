@@ -22,12 +22,12 @@ from compact.drive import simulate
 from compact.dynamics import event_driven, oscillator
 from compact.dynamics.collocation import POINTS
 from compact.dynamics.event_driven import integrate, peaks, room
-from compact.dynamics.force_elements import Resistance, Spring, State
+from compact.dynamics.force_elements import CartState, Resistance, Spring
 from compact.dynamics.oscillator import Signal, effort, first_fall, largest_product
 from compact.dynamics.trajectory import MOST_SAMPLES, SAMPLES, TURN, Course
 from compact.machine.cart import EndSprings
-from compact.machine.elastic_cycle import Problem
-from compact.machine.elastic_drive import ElasticDrive, damping_ratio, travel
+from compact.machine.elastic_cycle import PeriodicProblem
+from compact.machine.elastic_drive import ElasticDrive, damping_ratio, simulate_elastic
 from compact.motion.profile import LAWS, Cycle, law
 from compact.numerics.piecewise import Pieces, pieces
 from compact.resistance import ResistanceMap
@@ -62,7 +62,7 @@ def falling(velocity, acceleration):
     return np.sign(velocity) * (2000 + 1500 * np.exp(-speed / 0.05) + 4000 * speed**2)
 
 
-RELAXED = State(0.0, 0.0, 1)
+RELAXED = CartState(0.0, 0.0, 1)
 
 
 def moved(drive, position, time, size=0.0, state=RELAXED):
@@ -119,7 +119,7 @@ def test_step_of_acceleration(stiffness, ratio):
 def test_harmonic_law_in_the_periodic_regime(stiffness, ratio):
     """e = Re(A exp(i w t)), A = m s w^2/2/(k - m w^2 + i c w), for y = s/2 (1 - cos w t)."""
     drive, w = spring(stiffness, ratio), np.pi / 3.0
-    run = travel(CART, drive, published("harmonic"), free)
+    run = simulate_elastic(CART, drive, published("harmonic"), free)
     amplitude = MASS * 0.2 * w**2 / (stiffness - MASS * w**2 + 1j * drive.damping * w)
     force = np.real((stiffness + 1j * drive.damping * w) * amplitude * np.exp(1j * w * run.time))
     assert np.abs(run.drive_force - force).max() < 1e-8 * MASS * 0.2 * w**2
@@ -131,7 +131,7 @@ def test_harmonic_law_in_the_periodic_regime(stiffness, ratio):
 @pytest.mark.parametrize("stiffness", STIFF)
 def test_harmonic_law_from_rest(stiffness, ratio):
     drive, w = spring(stiffness, ratio), np.pi / 3.0
-    run = travel(CART, drive, published("harmonic"), free, regime="rest")
+    run = simulate_elastic(CART, drive, published("harmonic"), free, regime="rest")
     amplitude = MASS * 0.2 * w**2 / (stiffness - MASS * w**2 + 1j * drive.damping * w)
     exact = np.real(amplitude * np.exp(1j * w * run.time))
     exact = exact + swung(drive, run.time, -amplitude.real, -np.real(1j * w * amplitude))
@@ -175,7 +175,7 @@ def test_friction_holds_the_cart_until_the_spring_pulls_enough(stiffness, ratio)
 def test_cart_that_runs_against_the_spring_stops_in_time(stiffness):
     """v = v0 cos w t - F w/k sin w t, so tan(w t) = v0 k/(F w); it stays if the spring pulls less than the friction."""
     w, size, speed = math.sqrt(stiffness / MASS), 3486.0, 0.01
-    course = moved(ElasticDrive(stiffness, 0.0), (0.0,), 10 / w, size, State(0.0, speed, 1))
+    course = moved(ElasticDrive(stiffness, 0.0), (0.0,), 10 / w, size, CartState(0.0, speed, 1))
     assert course.arcs.length[0] == pytest.approx(math.atan2(speed * stiffness, size * w) / w, rel=1e-9)
 
 
@@ -184,7 +184,7 @@ def test_turn_knocks_however_stiff_the_spring(stiffness):
     """Braked with a, the cart stops at e = (F - m a)/k, and is set off backwards by a far end that has gathered speed:
     the peak is F + m a + sqrt(4 F m a - (m a)^2)."""
     size, inertia, w = 3486.0, MASS * 0.2, math.sqrt(stiffness / MASS)
-    start = State((size - inertia) / stiffness, 0.0, 1)
+    start = CartState((size - inertia) / stiffness, 0.0, 1)
     time = math.sqrt(2 * (2 * size - inertia) / stiffness / 0.2) + 7 / w
     course = moved(ElasticDrive(stiffness, 0.0), (0, 0, -0.1), time, size, start)
     peak = peaks(Spring(MASS, stiffness, 0.0, 0.0), course.arcs)[0]
@@ -197,7 +197,7 @@ def test_coulomb_oscillator_stands_after_whole_half_swings(stiffness, start):
     """From a stretch of `start` F/k each half swing takes 2 F/k, until no more than F/k is left."""
     size, half = 3486.0, math.pi / math.sqrt(stiffness / MASS)
     swings = math.ceil((start - 1) / 2)
-    course = moved(ElasticDrive(stiffness, 0.0), (0.0,), 10 * half, size, State(start * size / stiffness, 0.0, 1))
+    course = moved(ElasticDrive(stiffness, 0.0), (0.0,), 10 * half, size, CartState(start * size / stiffness, 0.0, 1))
     assert course.arcs.slip.tolist() == [(-1) ** i for i in range(swings)] + [0]
     assert course.arcs.length[:-1] == pytest.approx(np.full(swings, half), rel=1e-9)
     assert course.end.stretch * stiffness / size == pytest.approx((-1) ** swings * (start - 2 * swings), abs=1e-9)
@@ -208,7 +208,7 @@ def test_coulomb_oscillator_stands_after_whole_half_swings(stiffness, start):
 def test_backlash_throws_the_cart_to_and_fro(stiffness):
     """Far end at V t, cart free: b/2V to the flank, half a swing on it, thrown with 2 V, b/V to the other flank."""
     pace, backlash, half = 0.1, 1e-3, math.pi / math.sqrt(stiffness / MASS)
-    course = moved(ElasticDrive(stiffness, 0.0, backlash), (0, pace), 0.05 + 3 * half, state=State(0.0, 0.0, 0))
+    course = moved(ElasticDrive(stiffness, 0.0, backlash), (0, pace), 0.05 + 3 * half, state=CartState(0.0, 0.0, 0))
     changes = np.flatnonzero(np.diff(course.arcs.side)) + 1
     assert course.arcs.side[changes[:4]].tolist() == [1, 0, -1, 0]
     exact = np.cumsum([backlash / pace / 2, half, backlash / pace, half])
@@ -222,7 +222,7 @@ def test_backlash_throws_the_cart_to_and_fro(stiffness):
 def test_added_mass_moves_with_the_cart(stiffness, ratio):
     """As the harmonic law of a cart of m + M."""
     drive, w, mass = replace(spring(stiffness, ratio), first_order=True), np.pi / 3.0, MASS + 400.0
-    run = travel(CART, drive, published("harmonic"), lambda velocity, acceleration: 400.0 * acceleration)
+    run = simulate_elastic(CART, drive, published("harmonic"), lambda velocity, acceleration: 400.0 * acceleration)
     amplitude = mass * 0.2 * w**2 / (stiffness - mass * w**2 + 1j * drive.damping * w)
     assert run.peak_force == pytest.approx(abs((stiffness + 1j * drive.damping * w) * amplitude), rel=1e-8)
     assert run.state.resistance == pytest.approx(400.0 * run.state.acceleration, abs=1e-6)
@@ -241,9 +241,9 @@ def test_cart_that_a_power_of_the_speed_brakes_stops_in_time(exponent):
     drive, speed, met = ElasticDrive(1e-6, 0.0), 0.005, power(exponent)  # below all samples
     size = 3486.0 / 0.2**exponent
     time = MASS * speed ** (1 - exponent) / size / (1 - exponent)
-    problem = Problem(CART, drive, published("cubic").cycle(), met, 1e-8)
+    problem = PeriodicProblem(CART, drive, published("cubic").cycle(), met, 1e-8)
     still = Pieces(np.array([0.0, 2 * time]), np.zeros((1, 11)))
-    arcs, end = problem.course(still, State(0.0, speed, 1))
+    arcs, end = problem.course(still, CartState(0.0, speed, 1))
     assert end.velocity == 0
     assert arcs.start[-1] == pytest.approx(time, abs=1e-6)
     assert -end.stretch == pytest.approx(MASS * speed ** (2 - exponent) / size / (2 - exponent), rel=1e-5)
@@ -255,14 +255,14 @@ def test_work_is_accounted_for_while_a_lag_is_held(name):
     speeds = np.geomspace(0.2 / 30, 0.6, 12)
     lags = -800.0 / (1 + (speeds / 0.06) ** 2)
     met = ResistanceMap(speeds, 6e4 * speeds / (1 + (speeds / 0.06) ** 2), 1e-3, None, lags, time=0.1)
-    run = travel(CART_OF_C, replace(spring(1e6, 0.05), first_order=True), published(name), met)
+    run = simulate_elastic(CART_OF_C, replace(spring(1e6, 0.05), first_order=True), published(name), met)
     assert run.energy_residual < 1e-6
     assert run.work.arcs < 3000
 
 
 @pytest.mark.parametrize("name", GENTLE)
 def test_small_power_of_the_speed_holds_without_chattering(name):
-    run = travel(CART_OF_C, spring(1e6, 0.05), published(name), power(0.02))
+    run = simulate_elastic(CART_OF_C, spring(1e6, 0.05), published(name), power(0.02))
     turns = np.count_nonzero(np.diff(np.abs(run.course.arcs.slip)) == -1)
     assert run.standing > 0.1
     assert turns <= 12  # stops of a cycle: two turns, and knocks that swing
@@ -272,8 +272,8 @@ def test_small_power_of_the_speed_holds_without_chattering(name):
 
 def test_ever_smaller_powers_end_as_dry_friction():
     drive, motion = spring(1e6, 0.05), published("cubic")
-    exact = travel(CART, drive, motion, dry(3486.0)).peak_force
-    errors = [abs(travel(CART, drive, motion, power(n)).peak_force / exact - 1) for n in (1e-2, 1e-3, 1e-4)]
+    exact = simulate_elastic(CART, drive, motion, dry(3486.0)).peak_force
+    errors = [abs(simulate_elastic(CART, drive, motion, power(n)).peak_force / exact - 1) for n in (1e-2, 1e-3, 1e-4)]
     assert errors[2] < 1e-3
     assert errors[0] / errors[1] == pytest.approx(10, rel=0.3)
 
@@ -281,9 +281,9 @@ def test_ever_smaller_powers_end_as_dry_friction():
 @pytest.mark.parametrize("exponent", [0.02, 0.3, 0.96])
 def test_creep_is_as_good_as_standing(exponent, monkeypatch):
     drive, motion = spring(1e6, 0.05), published("cubic")
-    one = travel(CART, drive, motion, power(exponent)).peak_force
+    one = simulate_elastic(CART, drive, motion, power(exponent)).peak_force
     monkeypatch.setattr("compact.machine.elastic_cycle.CREEPING", 1e-5)  # ten times as much
-    assert travel(CART, drive, motion, power(exponent)).peak_force == pytest.approx(one, rel=1e-5)
+    assert simulate_elastic(CART, drive, motion, power(exponent)).peak_force == pytest.approx(one, rel=1e-5)
 
 
 # order
@@ -292,10 +292,10 @@ def test_creep_is_as_good_as_standing(exponent, monkeypatch):
 def test_error_falls_with_the_order_of_the_collocation():
     drive, motion = spring(1e5, 0.3), published("harmonic")
     cubic = lambda velocity, acceleration: 3000 * velocity + 8e5 * velocity**3  # noqa: E731
-    exact = travel(CART, drive, motion, cubic, regime="rest", tolerance=1e-12).course
+    exact = simulate_elastic(CART, drive, motion, cubic, regime="rest", tolerance=1e-12).course
     arcs, errors = [], []
     for tolerance in (1e-3, 1e-5, 1e-7, 1e-9):
-        run = travel(CART, drive, motion, cubic, regime="rest", tolerance=tolerance)
+        run = simulate_elastic(CART, drive, motion, cubic, regime="rest", tolerance=tolerance)
         arcs.append(run.work.arcs)
         times = np.linspace(0.1, 5.9, 30)
         force, true = (course.force(*course.at(times)) for course in (run.course, exact))
@@ -363,7 +363,7 @@ class Plain:
 def test_general_solver_agrees_with_stick_and_slip(name):
     ends = (1.3, 2.2, 3.6, 4.7, 5.5)
     drive, cycle = spring(2e5, 0.1), published(name).cycle()
-    course = travel(CART, drive, cycle, falling, regime="rest").course
+    course = simulate_elastic(CART, drive, cycle, falling, regime="rest").course
     plain = Plain(drive, cycle, falling)
     joins = {leg.start + leg.duration * z for leg in cycle.legs() for z in leg.joined_at()}
     for start, stop in itertools.pairwise(sorted({time for time in joins if time < ends[-1]} | set(ends))):
@@ -380,7 +380,7 @@ def test_general_solver_agrees_with_a_map_and_its_added_mass():
     forces, lags = 6e4 * speeds / (1 + (speeds / 0.06) ** 2), -600.0 / (1 + (speeds / 0.06) ** 2)
     met = ResistanceMap(speeds, forces, 1e-3, None, lags, time=0.1)
     drive, cycle = replace(spring(2e5, 0.1), first_order=True), published("harmonic").cycle()
-    run = travel(CART, drive, cycle, met, regime="rest")
+    run = simulate_elastic(CART, drive, cycle, met, regime="rest")
 
     def acceleration(pull, v):
         return brentq(lambda a: MASS * a + float(met(v, a)) - pull, -1e2, 1e2, xtol=1e-13)
@@ -400,19 +400,19 @@ def test_general_solver_agrees_with_a_map_and_its_added_mass():
 
 @pytest.mark.parametrize("name", GENTLE)
 def test_stiff_spring_follows_the_law(name):
-    run = travel(CART, spring(1e9, 0.05), published(name), free)
+    run = simulate_elastic(CART, spring(1e9, 0.05), published(name), free)
     assert np.abs(run.state.position - run.cycle.derivative(run.time, 0)).max() < 1e-5 * 0.4
 
 
 @pytest.mark.parametrize("name", GENTLE)
 def test_stiff_spring_under_load_gives_way_by_its_own_stretch_only(name):
-    run = travel(CART_OF_C, spring(1e9, 0.7), published(name), dry(3486.0))
+    run = simulate_elastic(CART_OF_C, spring(1e9, 0.7), published(name), dry(3486.0))
     lag = run.cycle.derivative(run.time, 0) - run.state.position
     assert np.abs(lag).max() <= run.peak_force / 1e9 * (1 + 1e-6)
 
 
 def test_septic_law_does_not_ring_a_stiff_spring():
-    run = travel(CART, spring(1e9, 0.7), published("septic"), free)
+    run = simulate_elastic(CART, spring(1e9, 0.7), published("septic"), free)
     inertia = MASS * run.cycle.derivative(run.time, 2)
     assert np.abs(run.drive_force - inertia).max() < 1e-3 * np.abs(inertia).max()
     assert run.ringing == pytest.approx(1, abs=1e-3)
@@ -422,7 +422,7 @@ def test_septic_law_does_not_ring_a_stiff_spring():
     ("name", "stiffness"), [*((name, 1e6) for name in LAWS), ("cubic", 1e5), ("parabolic", 1e9), ("gear-sector", 1e9)]
 )
 def test_work_of_the_drive_is_accounted_for(name, stiffness):
-    run = travel(CART_OF_C, spring(stiffness, 0.05), published(name), falling)
+    run = simulate_elastic(CART_OF_C, spring(stiffness, 0.05), published(name), falling)
     assert run.energy_residual < 1e-6
     assert run.shocks  # friction that stops a cart lets its acceleration jump
 
@@ -431,7 +431,9 @@ def test_work_of_the_drive_is_accounted_for(name, stiffness):
 @pytest.mark.parametrize("backlash", [1e-4, 2e-3])
 @pytest.mark.parametrize("regime", ["rest", "periodic"])
 def test_work_is_accounted_for_with_backlash(name, backlash, regime):
-    run = travel(CART, spring(1e6, 0.1, backlash), published(name).cycle(0.5, 0.2), dry(1500.0), regime=regime)
+    run = simulate_elastic(
+        CART, spring(1e6, 0.1, backlash), published(name).cycle(0.5, 0.2), dry(1500.0), regime=regime
+    )
     assert run.energy_residual < 1e-6
     assert {-1, 0, 1} >= set(run.course.arcs.side.tolist()) > {0}
 
@@ -439,9 +441,9 @@ def test_work_is_accounted_for_with_backlash(name, backlash, regime):
 @pytest.mark.parametrize("resistance", [dry(3486.0), falling], ids=["dry", "falling"])
 def test_periodic_regime_is_where_waiting_leads(resistance):
     drive, motion = spring(1e5, 0.1), published("cubic").cycle(0.3, 0.3)
-    run = travel(CART, drive, motion, resistance)
+    run = simulate_elastic(CART, drive, motion, resistance)
     assert run.course.end[:2] == pytest.approx(run.course.start[:2], rel=1e-8, abs=1e-12)
-    problem = Problem(CART, drive, motion, resistance, 1e-8)
+    problem = PeriodicProblem(CART, drive, motion, resistance, 1e-8)
     state = problem.at_rest
     for _ in range(12):
         _, state = problem.course(problem.law, state)
@@ -453,7 +455,7 @@ def test_periodic_regime_is_where_waiting_leads(resistance):
 def test_friction_that_is_rounding_holds_nothing(name, size):
     cart, drive = replace(CART, mass=10.0), ElasticDrive(5e6, 8 * math.sqrt(5e6 * 10.0))
     cubic = lambda velocity, acceleration: size * np.sign(velocity) + 1e5 * velocity**3  # noqa: E731
-    run = travel(cart, drive, published(name), cubic, regime="rest")
+    run = simulate_elastic(cart, drive, published(name), cubic, regime="rest")
     assert run.standing < 1e-6
     assert run.energy_residual < 1e-6
 
@@ -472,7 +474,7 @@ def test_undamped_cart_that_sets_off_from_rest_peaks_at_friction_and_impact(name
     """It swings about F/k at the pace V of the far end, and just comes to rest once in each: F + V sqrt(k m)."""
     law_name, mass, stiffness, size, dwell = UNDAMPED[name]
     cart = replace(CART, mass=mass)
-    run = travel(cart, ElasticDrive(stiffness, 0.0), published(law_name).cycle(dwell, dwell), dry(size))
+    run = simulate_elastic(cart, ElasticDrive(stiffness, 0.0), published(law_name).cycle(dwell, dwell), dry(size))
     assert run.peak_force == pytest.approx(size + 0.4 / 3 * math.sqrt(stiffness * mass), rel=1e-8)
     assert run.course.end[:2] == pytest.approx(run.course.start[:2], rel=1e-8)
     assert run.energy_residual < 1e-6
@@ -481,13 +483,13 @@ def test_undamped_cart_that_sets_off_from_rest_peaks_at_friction_and_impact(name
 
 def test_undamped_cart_near_a_resonance_closes_relative_to_its_swing():
     cart = replace(CART, mass=66.6873805120988)
-    run = travel(cart, ElasticDrive(5953.296791504955, 0.0), published("reversal-2"), free)
+    run = simulate_elastic(cart, ElasticDrive(5953.296791504955, 0.0), published("reversal-2"), free)
     assert run.energy_residual < 1e-6
     assert run.work.rounds <= 2
 
 
 def test_cart_of_a_dwell_stands_still_exactly():
-    run = travel(CART, spring(1e6, 0.1), published("quintic").cycle(1.0, 1.0), dry(3486.0))
+    run = simulate_elastic(CART, spring(1e6, 0.1), published("quintic").cycle(1.0, 1.0), dry(3486.0))
     standing = run.course.arcs.slip[run.course.places()[0]] == 0
     assert run.standing > 2.0
     assert np.all(run.state.velocity[standing] == 0)
@@ -496,14 +498,14 @@ def test_cart_of_a_dwell_stands_still_exactly():
 
 def test_tolerance_of_the_default_holds_the_peak():
     drive, motion = spring(3e5, 0.05), published("harmonic")
-    one, tight = (travel(CART, drive, motion, falling, tolerance=tolerance) for tolerance in (1e-8, 1e-10))
+    one, tight = (simulate_elastic(CART, drive, motion, falling, tolerance=tolerance) for tolerance in (1e-8, 1e-10))
     assert one.peak_force == pytest.approx(tight.peak_force, rel=1e-7)
-    loose = travel(CART, drive, motion, falling, tolerance=1e-5)
+    loose = simulate_elastic(CART, drive, motion, falling, tolerance=1e-5)
     assert loose.peak_force == pytest.approx(tight.peak_force, rel=1e-4)
 
 
 def test_peak_is_not_missed_between_samples():
-    run = travel(CART, spring(1e7, 0.02), published("reversal-2"), dry(3486.0))
+    run = simulate_elastic(CART, spring(1e7, 0.02), published("reversal-2"), dry(3486.0))
     assert np.abs(run.drive_force).max() <= run.peak_force * (1 + 1e-12)
     assert run.peak_force == pytest.approx(np.abs(run.drive_force).max(), rel=1e-3)
     assert np.abs(run.drive_power).max() <= run.peak_power * (1 + 1e-12)
@@ -511,7 +513,9 @@ def test_peak_is_not_missed_between_samples():
 
 def test_spring_makes_a_jump_of_velocity_bearable():
     """Undamped, the far end starting at V against friction: F + V sqrt(k m)."""
-    run = travel(CART, ElasticDrive(1e6, 0.0), published("gear-sector").cycle(1.0, 1.0), dry(3486.0), regime="rest")
+    run = simulate_elastic(
+        CART, ElasticDrive(1e6, 0.0), published("gear-sector").cycle(1.0, 1.0), dry(3486.0), regime="rest"
+    )
     first = run.drive_force[run.time < 0.5]
     assert np.abs(first).max() == pytest.approx(3486.0 + 0.4 / 3 * math.sqrt(1e6 * MASS), rel=1e-2)
     assert math.isinf(run.rigid.peak_force)
@@ -519,7 +523,7 @@ def test_spring_makes_a_jump_of_velocity_bearable():
 
 
 def test_guide_friction_is_that_of_the_rigid_drive():
-    elastic = travel(CART_OF_C, spring(1e9, 0.7), published("septic"), dry(3486.0))
+    elastic = simulate_elastic(CART_OF_C, spring(1e9, 0.7), published("septic"), dry(3486.0))
     moving = np.abs(elastic.state.velocity) > 1e-3
     assert np.abs(elastic.state.forces.guide_friction[moving]) == pytest.approx(0.008 * 9480, rel=1e-9)
     balance = MASS * elastic.state.acceleration + elastic.state.resistance + elastic.state.forces.guide_friction
@@ -528,7 +532,7 @@ def test_guide_friction_is_that_of_the_rigid_drive():
 
 @pytest.mark.parametrize("name", ["cubic", "harmonic", "modified-trapezoid", "complex"])
 def test_law_as_polynomials_is_the_law(name):
-    run = travel(CART, spring(1e6, 0.7), published(name), free)
+    run = simulate_elastic(CART, spring(1e6, 0.7), published(name), free)
     i, u, _ = run.course.places()
     for order, share in enumerate((1e-12, 1e-12, 1e-9)):
         exact = run.cycle.derivative(np.clip(run.time, 1e-12, None), order)
@@ -560,7 +564,7 @@ def test_resistance_of_a_motor_driven_cart_runs_through_the_measures():
 )
 def test_any_cart_keeps_its_energy_and_sticks_as_friction_says(name, power, ratio, size, viscous, dwell):
     resistance = lambda velocity, acceleration: size * np.sign(velocity) + viscous * velocity  # noqa: E731
-    run = travel(CART, spring(10**power, ratio), Cycle(published(name), dwell, dwell), resistance)
+    run = simulate_elastic(CART, spring(10**power, ratio), Cycle(published(name), dwell, dwell), resistance)
     assert run.energy_residual < 1e-6
     arcs, (i, _, _) = run.course.arcs, run.course.places()
     slip = arcs.slip[i]
@@ -574,14 +578,14 @@ def test_any_cart_keeps_its_energy_and_sticks_as_friction_says(name, power, rati
 
 @pytest.mark.parametrize("name", LAWS)
 def test_stiffness_does_not_cost(name):
-    soft, stiff = (travel(CART_OF_C, spring(k, 0.05), published(name), dry(3486.0)).work for k in (1e6, 1e9))
+    soft, stiff = (simulate_elastic(CART_OF_C, spring(k, 0.05), published(name), dry(3486.0)).work for k in (1e6, 1e9))
     assert stiff.arcs <= 3 * soft.arcs
     assert stiff.evaluations <= 3 * soft.evaluations
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_run_costs_few_arcs(name):
-    work = travel(CART_OF_C, spring(1e6, 0.05), published(name), dry(3486.0)).work
+    work = simulate_elastic(CART_OF_C, spring(1e6, 0.05), published(name), dry(3486.0)).work
     assert work.rounds <= 4
     assert work.arcs < 500
 
@@ -600,7 +604,7 @@ def test_search_of_what_touches_zero_costs_no_range_for_each_oscillation(count):
 
 def test_stiffness_beyond_all_sense_costs_no_range_for_each_oscillation():
     """Where the speed of the law ends as (1 - z)^3, rounding touches zero in millions of oscillations."""
-    run = travel(CART, spring(1e26, 0.05), published("septic"), free)
+    run = simulate_elastic(CART, spring(1e26, 0.05), published("septic"), free)
     assert np.abs(run.drive_force).max() == pytest.approx(MASS * run.cycle.there.peaks().acceleration, rel=1e-3)
 
 
@@ -633,11 +637,11 @@ def test_integration_in_slices_is_the_same_bit_for_bit(case, name, regime, monke
         ended.append(advance(*given))
         return ended[-1]
 
-    whole = travel(cart, drive, cycle, resistance, regime=regime)
+    whole = simulate_elastic(cart, drive, cycle, resistance, regime=regime)
     peaks_of_whole = whole.peak_force, whole.peak_power
     monkeypatch.setattr(event_driven, "SLICE", 1)
     monkeypatch.setattr(event_driven, "advance", counted)
-    sliced = travel(cart, drive, cycle, resistance, regime=regime)
+    sliced = simulate_elastic(cart, drive, cycle, resistance, regime=regime)
     assert ended.count(event_driven.PAUSED) >= sliced.work.arcs - sliced.work.courses
     assert (sliced.peak_force, sliced.peak_power) == peaks_of_whole
     assert sliced.work == whole.work
@@ -683,31 +687,33 @@ def test_a_long_elastic_run_is_interrupted_within_a_second_or_so(tmp_path):
 
 def test_resistance_that_jumps_at_a_speed_is_refused():
     with pytest.raises(ValueError, match=r"`resistance` over speed \[m/s\] has a jump at 0\.1\d*, .*without jumps"):
-        travel(
+        simulate_elastic(
             CART, spring(1e6, 0.1), published("cubic"), lambda v, a: np.sign(v) * np.where(np.abs(v) > 0.1, 9.0, 5.0)
         )
 
 
 def test_constant_force_on_both_strokes_is_refused():
     with pytest.raises(ValueError, match=r"`resistance` must oppose the motion, got 3486 N at velocity -0\.133"):
-        travel(CART, spring(1e6, 0.1), published("cubic"), lambda velocity, acceleration: 3486.0, regime="rest")
+        simulate_elastic(
+            CART, spring(1e6, 0.1), published("cubic"), lambda velocity, acceleration: 3486.0, regime="rest"
+        )
 
 
 def test_map_that_drives_a_standing_cart_is_refused():
     pulling = ResistanceMap(np.array([0.1, 0.3, 0.9]), np.full(3, -10.0), 1e-3)
     with pytest.raises(ValueError, match=r"`resistance` must not push a standing cart on, got -10 N at speed \+0"):
-        travel(CART, spring(1e6, 0.1), published("cubic"), pulling)
+        simulate_elastic(CART, spring(1e6, 0.1), published("cubic"), pulling)
 
 
 def test_resonance_is_told():
     w = 5 * np.pi / 3.0  # the fifth harmonic of the cycle, which the cubic law excites
     with pytest.raises(RuntimeError, match=r"no periodic regime found in .*; the spring may resonate"):
-        travel(CART, ElasticDrive(MASS * w**2, 0.0), published("cubic"), free)
+        simulate_elastic(CART, ElasticDrive(MASS * w**2, 0.0), published("cubic"), free)
 
 
 def test_unknown_regime_names_the_choices():
     with pytest.raises(ValueError, match=r"no regime 'rset'; did you mean 'rest'\? choose from periodic, rest"):
-        travel(CART, spring(1e6, 0.1), published("cubic"), free, regime="rset")
+        simulate_elastic(CART, spring(1e6, 0.1), published("cubic"), free, regime="rset")
 
 
 @pytest.mark.parametrize(
@@ -725,7 +731,9 @@ def test_impossible_springs_are_refused(numbers, words):
 
 def test_lag_that_outweighs_the_cart_is_refused():
     with pytest.raises(ValueError, match=r"`mass` must exceed what the resistance lags by, got 1000 kg, a lag of 1500"):
-        travel(CART, ElasticDrive(1e6, 1e3, first_order=True), published("cubic"), lambda v, a: np.sign(v) - 1500 * a)
+        simulate_elastic(
+            CART, ElasticDrive(1e6, 1e3, first_order=True), published("cubic"), lambda v, a: np.sign(v) - 1500 * a
+        )
 
 
 @pytest.mark.parametrize("name", ["quintic", "gear-sector"])
@@ -734,38 +742,40 @@ def test_oscillations_that_fit_no_memory_are_refused_before_they_are_sampled(nam
         r"`stiffness` 1e\+15 N/m with a `damping` of 0 N s/m makes the cart swing 9.5e\+05 times in a cycle: .*rigid"
     )
     with pytest.raises(ValueError, match=words) as refusal:
-        travel(CART, ElasticDrive(1e15, 0.0), published(name), dry(3486.0))
+        simulate_elastic(CART, ElasticDrive(1e15, 0.0), published(name), dry(3486.0))
     damping = float(re.search(r"a damping of (\S+) N s/m or more", str(refusal.value)).group(1))
-    assert travel(CART, ElasticDrive(1e15, damping), published("quintic"), dry(3486.0)).energy_residual < 1e-6
+    assert simulate_elastic(CART, ElasticDrive(1e15, damping), published("quintic"), dry(3486.0)).energy_residual < 1e-6
 
 
 def test_oscillations_that_rounding_lets_nobody_search_are_refused():
     words = r"and no further: the end of an arc was not found in 500000 ranges of its oscillation; give more damping"
     with pytest.raises(RuntimeError, match=words):
-        travel(CART, spring(1e100, 0.05), published("septic"), free)
+        simulate_elastic(CART, spring(1e100, 0.05), published("septic"), free)
 
 
 @pytest.mark.slow
 def test_peak_that_rounding_lets_nobody_search_is_refused():
-    run = travel(CART, spring(1e40, 0.05), published("septic"), free)
+    run = simulate_elastic(CART, spring(1e40, 0.05), published("septic"), free)
     words = r"the largest force from 3 s on was not found in 500000 ranges of the oscillation; .* take a rigid drive"
     with pytest.raises(RuntimeError, match=words):
         _ = run.peak_force
 
 
 def test_samples_are_counted_before_they_are_made():
-    for run in (travel(CART, spring(1e9, ratio), published("parabolic"), dry(3486.0)) for ratio in (0.0, 0.05)):
+    for run in (
+        simulate_elastic(CART, spring(1e9, ratio), published("parabolic"), dry(3486.0)) for ratio in (0.0, 0.05)
+    ):
         assert len(run.time) <= run.course.sample_count <= 1.2 * len(run.time)
 
 
 def test_dwell_whose_oscillations_fit_no_memory_is_refused():
     with pytest.raises(ValueError, match=r"`stiffness` 1e\+06 N/m .* makes the cart swing \S+ times in a cycle"):
-        travel(CART, ElasticDrive(1e6, 0.0), published("parabolic").cycle(600.0, 600.0), free, regime="rest")
+        simulate_elastic(CART, ElasticDrive(1e6, 0.0), published("parabolic").cycle(600.0, 600.0), free, regime="rest")
 
 
 def test_massless_cart_is_refused():
     with pytest.raises(ValueError, match="`mass` must be positive"):
-        travel(replace(CART, mass=0.0), spring(1e6, 0.1), published("cubic"), free)
+        simulate_elastic(replace(CART, mass=0.0), spring(1e6, 0.1), published("cubic"), free)
 
 
 def test_polynomials_meet_a_boundary_layer():
@@ -794,8 +804,8 @@ def test_compiled_code_notices_that_what_it_calls_has_changed(tmp_path):
 
 def test_resistance_that_is_not_a_number_ends_the_integration():
     """Every arc that is tried fails, none gets shorter: tries are counted."""
-    problem = Problem(CART, spring(1e6, 0.1), published("harmonic").cycle(), dry(1500.0), 1e-8)
+    problem = PeriodicProblem(CART, spring(1e6, 0.1), published("harmonic").cycle(), dry(1500.0), 1e-8)
     there = problem.resistance.there
     problem.resistance = problem.resistance._replace(there=there._replace(coefficients=np.nan * there.coefficients))
     with pytest.raises(RuntimeError, match=r"the cart was followed to 0 s of 6 s in 0 arcs, .* and no further"):
-        problem.course(problem.law, State(0.0, 0.1, 1))
+        problem.course(problem.law, CartState(0.0, 0.1, 1))

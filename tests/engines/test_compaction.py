@@ -14,7 +14,7 @@ from compact.engines.compaction import results as compacted
 from compact.engines.compaction.engine import roll
 from compact.engines.compaction.incremental_rolling import March, tail
 from compact.engines.compaction.newton import NotBalancedError
-from compact.engines.compaction.results import read
+from compact.engines.compaction.results import build_result
 from compact.engines.compaction.roller_frame import Frame, rolling_mesh, transferred
 from compact.engines.compaction.steady_newton_krylov import Steady
 from compact.fem import fields
@@ -137,7 +137,7 @@ def test_independent_march_of_small_strain_is_met(depth, load, coefficient, dens
     frame = compaction._frame(layer, roller, MIX, 0.2, "small", None, depth, 6)
     march = compaction._march(frame, roller, None)
     compaction._until_steady(march, HEIGHT - depth, compaction.STEADY)
-    marched = read(march, layer, roller, MIX, 0.2)
+    marched = build_result(march, layer, roller, MIX, 0.2)
     assert marched.load == pytest.approx(load, rel=0.04)
     assert marched.resistance == pytest.approx(load * coefficient, rel=0.03)
     assert marched.peak_density_ratio == pytest.approx(density, abs=0.01)
@@ -272,7 +272,9 @@ def test_mix_carried_into_the_roller_from_beyond_is_no_balance(rolled):
 
 def test_mix_that_yields_as_it_leaves_comes_to_rest():
     """Stretched back by half its length it yields all the way; as if elastic it bears 4 kPa after 2000 iterations."""
-    state = cap_plasticity.State(np.array([[-81e3, -165e3, -114e3, 41e3]]), *np.array([[0.975], [0.975], [1e5]]))
+    state = cap_plasticity.MaterialPoint(
+        np.array([[-81e3, -165e3, -114e3, 41e3]]), *np.array([[0.975], [0.975], [1e5]])
+    )
     solid = SimpleNamespace(law=replace(MIX, unloading_modulus=120e6), rate_factor=1.0)
     rest, volume = compacted._at_rest(solid, state, np.array([0.47]))
     assert np.abs(rest.stress[:, [1, 3]]).max() == 0

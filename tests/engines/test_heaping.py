@@ -10,7 +10,7 @@ import pytest
 from compact.engines.column.engine import feed
 from compact.engines.compaction import engine as compaction
 from compact.engines.compaction.engine import HeapingError, roll
-from compact.engines.compaction.heaping import Heaping, refuse_heaping
+from compact.engines.compaction.heaping import Heaping, require_no_heaping
 from compact.engines.compaction.roller_frame import fresh
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller
@@ -111,7 +111,7 @@ def test_angles_out_of_range_are_refused(steepest):
 
 def told(heaping, name, value, depth):
     with pytest.raises(HeapingError) as refused:
-        refuse_heaping(heaping, name, value, depth)
+        require_no_heaping(heaping, name, value, depth)
     return str(refused.value)
 
 
@@ -120,13 +120,13 @@ def test_lifts_of_the_told_height_pass(name):
     message = told(PRODUCT, name, 0.98, 0.0097)
     lift = float(re.search(r"lifts of at most (\S+) m", message)[1])
     share = lift / (0.2294 - 0.0097)
-    refuse_heaping(replace(PRODUCT, height=share * 0.2294), name, 0.98, share * 0.0097)
+    require_no_heaping(replace(PRODUCT, height=share * 0.2294), name, 0.98, share * 0.0097)
     assert 0.05 < lift < 0.15
 
 
 def test_depth_that_is_told_passes():
     depth = 1e-3 * float(re.search(r"press at most (\S+) mm", told(PRODUCT, "indentation", 0.0097, 0.0097))[1])
-    refuse_heaping(PRODUCT, "indentation", depth, depth)
+    require_no_heaping(PRODUCT, "indentation", depth, depth)
     assert depth > 0.001
 
 
@@ -135,7 +135,7 @@ def test_denser_feed_that_is_told_passes():
     message = told(PRODUCT, "exit_density_ratio", 0.98, 0.2294 - product / 0.98)
     ratio = float(re.search(r"density ratio of (\S+) or denser", message)[1])
     denser = Heaping(product / ratio, 0.11, replace(MIX, fed_density_ratio=ratio))
-    refuse_heaping(denser, "exit_density_ratio", 0.98, product / ratio - product / 0.98)
+    require_no_heaping(denser, "exit_density_ratio", 0.98, product / ratio - product / 0.98)
     assert 0.95 < ratio < 0.98
 
 

@@ -112,7 +112,7 @@ def test_estimate_refuses_whole_products_that_heap_up(seed, solving):
 @pytest.mark.slow
 def test_march_stops_early_where_mix_heaps_up(monkeypatch):
     """The estimate refuses this one too; without the limit of the wave the march goes 12 heights, five times as far."""
-    monkeypatch.setattr(compaction, "refuse_heaping", lambda *given: None)
+    monkeypatch.setattr(compaction, "require_no_heaping", lambda *given: None)
     travelled = []
     with pytest.raises(HeapingError, match=r"bow wave (has grown|tends) to .* too steep to press the mix down"):
         roll(*random_scene(0), 0.13, increments=4, progress=travelled.append)

@@ -6,7 +6,7 @@ from skfem import MeshQuad
 
 from compact.engines.compaction.finite_strain_solid import Finite, Small, Solid
 from compact.engines.compaction.newton import Balancer, NotBalancedError
-from compact.engines.compaction.roller_contact import Push
+from compact.engines.compaction.roller_contact import ContactForces
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 
@@ -33,7 +33,7 @@ class Nothing:
 
     def push(self, displacement):
         n = len(displacement)
-        return Push(np.full(n, np.inf), np.zeros(n), np.zeros(n), np.zeros((n, 2)), np.zeros((n, 2, 2)))
+        return ContactForces(np.full(n, np.inf), np.zeros(n), np.zeros(n), np.zeros((n, 2)), np.zeros((n, 2, 2)))
 
 
 # reference/compaction.md 6, -e_y: e_x = -.3 e_y and .3 e_y, gamma = e_y, oedometer: (e_xx, e_yy, 2 e_xy)

@@ -12,7 +12,7 @@ from compact.engines.compaction.incremental_rolling import March
 from compact.engines.compaction.newton import NotBalancedError
 from compact.engines.compaction.roller_frame import Frame, rolling_mesh
 from compact.engines.compaction.steady_newton_krylov import Steady, stiffened
-from compact.engines.compaction.streamline_integration import Stream, changes
+from compact.engines.compaction.streamline_integration import StreamlineIntegrator, changes
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller
 
@@ -33,7 +33,7 @@ def waved(frame, seed=1):
 
 
 def streamed(frame, gradients):
-    stream = Stream(MIX, frame.fed.state, 1.0, frame.solid.finite, 4)
+    stream = StreamlineIntegrator(MIX, frame.fed.state, 1.0, frame.solid.finite, 4)
     return stream, stream.along(np.ascontiguousarray(gradients))
 
 

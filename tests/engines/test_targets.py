@@ -13,7 +13,7 @@ from compact.engines.column import engine as column
 from compact.engines.fem import engine as fem_engine
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Compaction, Elastic, Viscoelastic
-from compact.rolling_contact import Layer, Roller, refuse_missed, refuse_off_target
+from compact.rolling_contact import Layer, Roller, require_on_target, require_target_reached
 
 R, SPEED = 0.11, 0.2
 MIX = Compaction(120e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
@@ -192,13 +192,13 @@ def test_finite_elements_that_miss_raise(monkeypatch, target):
 def test_torque_that_is_missed_raises():
     found = fem.roll(LAYER, Roller(R, indentation=3e-3), LINEAR, SPEED, estimate=False)
     roller = Roller(R, indentation=found.indentation, friction=0.3, rolling="free")
-    refuse_off_target(found, roller, 1e-8, torque=(0.0, 0.0))
+    require_on_target(found, roller, 1e-8, torque=(0.0, 0.0))
     with pytest.raises(
         RuntimeError, match=r"`torque` 0 was prescribed and 0.1 reached: .* off, where 1e-08 is promised"
     ):
-        refuse_off_target(found, roller, 1e-8, torque=(0.0, 0.1))
+        require_on_target(found, roller, 1e-8, torque=(0.0, 0.1))
 
 
 def test_not_a_number_meets_nothing():
     with pytest.raises(RuntimeError, match="`load` 1 was prescribed and nan reached"):
-        refuse_missed("load", 1.0, np.nan, 1e-3)
+        require_target_reached("load", 1.0, np.nan, 1e-3)

@@ -11,11 +11,11 @@ from compact import fem
 from compact.engines.fem import engine as fem_engine
 from compact.engines.fem import surface_compliance, transient
 from compact.engines.fem.convected_memory import creep
-from compact.engines.fem.transient import travel
+from compact.engines.fem.transient import simulate_transient
 from compact.material.laws import Elastic, Viscoelastic
 from compact.mesh import RowMesh, for_error
 from compact.motion.profile import law
-from compact.rolling_contact import Layer, Ply, Roller, Travelled
+from compact.rolling_contact import Layer, Ply, Roller, TransientResult
 
 R = 0.11
 LAYER = Layer(0.22)
@@ -46,9 +46,9 @@ WINKLER = Layer(0.1, "slip")  # so thin under its roller, b = 1 and R = 100, tha
 
 
 def on_winkler(motion, instants=(), **accuracy):
-    """The `Travelled` at m = kr = R = b = tau = 1 of contact.md e; F and N in its units, at the instants."""
+    """The `TransientResult` at m = kr = R = b = tau = 1 of contact.md e; F and N in its units, at the instants."""
     mix = Viscoelastic(0.91, 0.3, branches=((1.0, 1.0),))
-    done = travel(WINKLER, Roller(100.0, indentation=0.005), mix, motion, instants=instants, **accuracy)
+    done = simulate_transient(WINKLER, Roller(100.0, indentation=0.005), mix, motion, instants=instants, **accuracy)
     at = [int(np.argmin(np.abs(done.time - instant))) for instant in instants]
     assert done.time[at] == pytest.approx(np.array(instants), abs=1e-12)
     return done, done.resistance[at] * 1e3, done.load[at] * 10
@@ -58,14 +58,16 @@ def on_winkler(motion, instants=(), **accuracy):
 
 
 def test_elastic_layer_resists_no_motion():
-    done = travel(LAYER, pressed(), Elastic(10e6, 0.3), law("harmonic", 0.1, 1.0).cycle(far_dwell=0.2), estimate=False)
+    done = simulate_transient(
+        LAYER, pressed(), Elastic(10e6, 0.3), law("harmonic", 0.1, 1.0).cycle(far_dwell=0.2), estimate=False
+    )
     steady = fem.roll(LAYER, pressed(), Elastic(10e6, 0.3), 1.0, estimate=False)
     assert done.load == pytest.approx(steady.load, rel=1e-6)
     assert np.abs(done.resistance).max() < 1e-6 * steady.load
 
 
 def test_roller_that_stands_meets_the_relaxed_layer():
-    done = travel(LAYER, pressed(), MIX, Accelerated(0.0, 0.0, 1.0), estimate=False)
+    done = simulate_transient(LAYER, pressed(), MIX, Accelerated(0.0, 0.0, 1.0), estimate=False)
     relaxed = fem.roll(LAYER, pressed(), Elastic(10e6, 0.3), 1.0, estimate=False)
     assert done.load == pytest.approx(relaxed.load, rel=1e-4)
     assert np.abs(done.resistance).max() < 1e-5 * relaxed.load
@@ -76,7 +78,7 @@ def test_roller_that_stands_meets_the_relaxed_layer():
 def test_roller_with_friction_goes_on_in_steady_motion(rolling, torque, mix):
     roller = pressed(friction=0.3, rolling=rolling)
     steady = fem.roll(LAYER, roller, mix, 0.2, torque=torque, estimate=False)
-    done = travel(LAYER, roller, mix, Accelerated(0.2, 0.0, 0.5), torque=torque, estimate=False)
+    done = simulate_transient(LAYER, roller, mix, Accelerated(0.2, 0.0, 0.5), torque=torque, estimate=False)
     assert done.load == pytest.approx(steady.load, rel=1e-5)
     assert done.resistance == pytest.approx(steady.resistance, abs=1e-5 * steady.load)
     if torque is None and rolling == "sliding":
@@ -89,7 +91,7 @@ def test_drag_over_an_elastic_layer_turns_round_at_once():
     """It remembers nothing: every instant is steady rolling one way or the other."""
     mix, roller = Elastic(10e6, 0.3), pressed(friction=0.3, rolling="sliding")
     steady = fem.roll(LAYER, roller, mix, 1.0, estimate=False)
-    done = travel(LAYER, roller, mix, law("harmonic", 0.1, 1.0).cycle(), estimate=False)
+    done = simulate_transient(LAYER, roller, mix, law("harmonic", 0.1, 1.0).cycle(), estimate=False)
     turn = int(np.flatnonzero(np.diff(done.time) == 0)[-1])
     assert done.time[turn] == pytest.approx(1.0)
     assert done.resistance[1 : turn + 1] == pytest.approx(steady.resistance, rel=1e-6)
@@ -100,7 +102,7 @@ def test_drag_over_an_elastic_layer_turns_round_at_once():
 def test_free_roller_from_rest_gets_as_steady_as_on_an_elastic_layer_both_ways():
     mix, roller = Elastic(10e6, 0.3), pressed(friction=0.3, rolling="free")
     steady = fem.roll(LAYER, roller, mix, 1.0, estimate=False)
-    done = travel(LAYER, roller, mix, law("harmonic", 0.1, 1.0).cycle(), estimate=False)
+    done = simulate_transient(LAYER, roller, mix, law("harmonic", 0.1, 1.0).cycle(), estimate=False)
     there, back = (int(np.argmin(np.abs(done.time - time))) for time in (1.0, 2.0))
     assert done.load[[there, back]] == pytest.approx(steady.load, rel=1e-4)
     assert done.resistance[there] == pytest.approx(steady.resistance, abs=1e-5 * steady.load)
@@ -143,7 +145,7 @@ DAILY = (("parabola", 0.2), ("parabola", -3.0), ("circle", 0.003), ("deformed", 
 )
 def test_constant_speed_is_steady_rolling(profile, speed):
     steady = fem.roll(LAYER, pressed(profile=profile), MIX, speed, estimate=False)
-    done = travel(
+    done = simulate_transient(
         LAYER, pressed(profile=profile), MIX, Accelerated(speed, 0.0, min(0.5, 0.15 / abs(speed))), estimate=False
     )
     assert done.resistance == pytest.approx(steady.resistance, rel=3e-3)
@@ -160,7 +162,7 @@ def test_constant_speed_is_steady_rolling(profile, speed):
 )
 def test_constant_speed_is_steady_rolling_on_every_layer(layer, mix):
     steady = fem.roll(layer, pressed(), mix, 0.1, estimate=False)
-    done = travel(layer, pressed(), mix, Accelerated(0.1, 0.0, 0.5), estimate=False)
+    done = simulate_transient(layer, pressed(), mix, Accelerated(0.1, 0.0, 0.5), estimate=False)
     assert done.resistance == pytest.approx(steady.resistance, rel=3e-3)
 
 
@@ -194,7 +196,7 @@ def test_halving_the_step_halves_the_error_with_friction_too(rolling, least):
     forces = []
     for count in (20, 40, 80):
         instants = np.linspace(0, 0.5, count + 1)
-        done = travel(LAYER, roller, MIX, motion, instants=instants, time_tolerance=10.0, estimate=False)
+        done = simulate_transient(LAYER, roller, MIX, motion, instants=instants, time_tolerance=10.0, estimate=False)
         at = [np.flatnonzero(np.abs(done.time - time) < 1e-9)[-1] for time in np.linspace(0, 0.5, 21)[1:]]
         forces.append(done.resistance[at])
     changes = [np.abs(fine - coarse).max() for coarse, fine in itertools.pairwise(forces)]
@@ -301,7 +303,7 @@ def active_set(A, depth):
 def test_boundary_elements_agree(mix, motion):
     roller = pressed(0.006)
     time, force, load = boundary_elements(mix, 0.22, roller, motion, before=2.0, size=1e-3, step=4e-3)
-    done = travel(LAYER, roller, mix, motion)
+    done = simulate_transient(LAYER, roller, mix, motion)
     largest = np.abs(done.resistance).max()
     assert done.resistance == pytest.approx(np.interp(done.time, time, force), abs=5e-3 * largest)
     assert done.load == pytest.approx(np.interp(done.time, time, load), rel=2e-3)
@@ -309,7 +311,7 @@ def test_boundary_elements_agree(mix, motion):
 
 def test_joins_of_the_law_are_not_stepped_over():
     cycle = law("gear-sector", 0.2, 1.0).cycle(far_dwell=0.1)
-    done = travel(LAYER, pressed(), MIX, cycle, estimate=False)
+    done = simulate_transient(LAYER, pressed(), MIX, cycle, estimate=False)
     assert set(done.time) >= {join.time for join in cycle.joins()} | {leg.start for leg in cycle.legs()}
     there = done.resistance[(done.time > 0.7) & (done.time < 1.0)]
     steady = fem.roll(LAYER, pressed(), MIX, 0.2, estimate=False).resistance
@@ -321,7 +323,7 @@ def test_joins_of_the_law_are_not_stepped_over():
 
 @pytest.mark.parametrize("speed", [0.2, -0.2])
 def test_frames_of_steady_motion_are_its_fields(speed):
-    done = travel(LAYER, pressed(), MIX, Accelerated(speed, 0.0, 0.2), frames=(0.0, 0.2), estimate=False)
+    done = simulate_transient(LAYER, pressed(), MIX, Accelerated(speed, 0.0, 0.2), frames=(0.0, 0.2), estimate=False)
     steady = fem.fields(fem.roll(LAYER, pressed(), MIX, speed, estimate=False))
     u, stress = steady.point_data["displacement"], steady.cell_data["stress"][0]
     assert [time for time, _ in done.frames] == [0.0, 0.2]
@@ -333,7 +335,7 @@ def test_frames_of_steady_motion_are_its_fields(speed):
 
 def test_frame_that_misses_a_join_by_rounding_is_kept():
     motion = law("gear-sector", 0.06, 0.3).cycle()
-    done = travel(LAYER, pressed(), MIX, motion, frames=(3 * 0.1,), tolerance=1e-2, estimate=False)
+    done = simulate_transient(LAYER, pressed(), MIX, motion, frames=(3 * 0.1,), tolerance=1e-2, estimate=False)
     assert 3 * 0.1 != 0.3
     assert [time for time, _ in done.frames] == [0.3]
 
@@ -342,7 +344,7 @@ def test_frame_that_misses_a_join_by_rounding_is_kept():
 def test_film_shows_the_print_that_the_roller_leaves(tmp_path):
     """Standing, then far away for a time: what is left at the start fades with the time of creep, 0.2 s."""
     motion = law("cubic", 0.2, 0.4).cycle(far_dwell=0.3)
-    done = travel(LAYER, pressed(), MIX, motion, frames=(0.0, 0.4, 0.6), tolerance=1e-2, estimate=False)
+    done = simulate_transient(LAYER, pressed(), MIX, motion, frames=(0.0, 0.4, 0.6), tolerance=1e-2, estimate=False)
     sunk = []
     for _, mesh in done.frames:
         x, y, _ = mesh.points.T
@@ -363,7 +365,9 @@ def test_film_shows_the_print_that_the_roller_leaves(tmp_path):
 @pytest.mark.parametrize("profile", ["parabola", pytest.param("deformed", marks=pytest.mark.slow)])
 def test_motion_the_other_way_is_the_mirror_image(profile):
     there, back = (
-        travel(LAYER, pressed(profile=profile), THREE, Accelerated(side * 0.1, side * -0.3, 0.5), estimate=False)
+        simulate_transient(
+            LAYER, pressed(profile=profile), THREE, Accelerated(side * 0.1, side * -0.3, 0.5), estimate=False
+        )
         for side in (1, -1)
     )
     assert back.time == pytest.approx(there.time)
@@ -375,7 +379,7 @@ def test_motion_the_other_way_is_the_mirror_image(profile):
 @pytest.mark.slow
 def test_work_of_the_roller_is_what_the_layer_keeps():
     """From rest to rest, all relaxed at last: no step of the way there gives more than all steps took before."""
-    done = travel(LAYER, pressed(), THREE, law("cycloidal", 0.06, 0.5).cycle(), estimate=False)
+    done = simulate_transient(LAYER, pressed(), THREE, law("cycloidal", 0.06, 0.5).cycle(), estimate=False)
     work = np.concatenate([[0], np.cumsum(np.diff(done.position) * (done.resistance[1:] + done.resistance[:-1]) / 2)])
     assert work[-1] > 0
     assert work.min() > -1e-3 * work[-1]
@@ -384,7 +388,7 @@ def test_work_of_the_roller_is_what_the_layer_keeps():
 def test_free_roller_turns_back_without_a_jump():
     """What changes in the 2 ms after it is what relaxes anyway; drag would jump by 60 % of the load."""
     roller, motion = pressed(friction=0.3, rolling="free"), law("quintic", 0.05, 0.5).cycle()
-    done = travel(LAYER, roller, MIX, motion, estimate=False)
+    done = simulate_transient(LAYER, roller, MIX, motion, estimate=False)
     assert (np.diff(done.time) > 0).all()
     turn = int(np.argmin(np.abs(done.time - 0.5)))
     assert done.load[turn + 1] == pytest.approx(done.load[turn], rel=2e-3)
@@ -400,7 +404,7 @@ def test_stiffness_is_factorised_once_for_all_steps(monkeypatch):
     monkeypatch.setattr(
         surface_compliance, "splu", lambda *given, **options: calls.append(1) or splu(*given, **options)
     )
-    done = travel(Layer(0.205), pressed(), MIX, law("septic", 0.2, 1.5), estimate=False)
+    done = simulate_transient(Layer(0.205), pressed(), MIX, law("septic", 0.2, 1.5), estimate=False)
     assert len(calls) == 1
     assert done.steps < 80
 
@@ -429,11 +433,11 @@ def test_stiffness_is_factorised_once_for_all_steps(monkeypatch):
 def test_refused(change, words):
     given = {"layer": LAYER, "roller": pressed(), "material": MIX, "motion": Accelerated(0.1, 0.0, 1.0)} | change
     with pytest.raises(ValueError, match=words):
-        travel(**given)
+        simulate_transient(**given)
 
 
 def test_film_without_frames_is_refused(tmp_path):
-    done = travel(LAYER, pressed(), MIX, Accelerated(0.1, 0.0, 0.05), estimate=False)
+    done = simulate_transient(LAYER, pressed(), MIX, Accelerated(0.1, 0.0, 0.05), estimate=False)
     with pytest.raises(ValueError, match="no frames to film"):
         done.film(tmp_path)
 
@@ -442,10 +446,12 @@ def test_film_needs_a_mesh_of_straight_columns():
     even = for_error(0.22, 0.018, 1e-2)
     leaning = RowMesh(even.x + even.y[:, None] * 1e-3, even.y)
     with pytest.raises(ValueError, match="nodes stand one above the other"):
-        travel(LAYER, pressed(), MIX, Accelerated(0.1, 0.0, 0.05), mesh=leaning, frames=(0.05,), estimate=False)
+        simulate_transient(
+            LAYER, pressed(), MIX, Accelerated(0.1, 0.0, 0.05), mesh=leaning, frames=(0.05,), estimate=False
+        )
 
 
 def test_number_that_is_lost_is_not_returned():
     time = np.linspace(0, 1, 3)
     with pytest.raises(RuntimeError, match=r"no resistance found at t = 0\.5 s"):
-        Travelled(time, time, time, 1 + time, np.array([0.0, np.nan, 0.0]), time, time)
+        TransientResult(time, time, time, 1 + time, np.array([0.0, np.nan, 0.0]), time, time)

@@ -8,7 +8,7 @@ import pytest
 from compact.analysis.multipass import Pass, passes
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
-from compact.engines.compaction.reciprocating import ENTERED, Trip, travel
+from compact.engines.compaction.reciprocating import ENTERED, Trip, simulate_reciprocating
 from compact.engines.stroke_schedule import strokes
 from compact.material.laws import Compaction
 from compact.motion.profile import law
@@ -71,11 +71,13 @@ class Mirrored:
 
 
 def over_thin(motion, material=THIN, roller=WIDE, **numerics):
-    return travel(Layer(HEIGHT), roller, material, motion, **({"increments": 4, "estimate": False} | numerics))
+    return simulate_reciprocating(
+        Layer(HEIGHT), roller, material, motion, **({"increments": 4, "estimate": False} | numerics)
+    )
 
 
 def over_small(motion, **numerics):
-    return travel(LAYER, ROLLER, MIX, motion, **numerics)
+    return simulate_reciprocating(LAYER, ROLLER, MIX, motion, **numerics)
 
 
 @pytest.fixture(scope="module")
@@ -161,7 +163,9 @@ def test_free_roller_on_a_high_layer_goes_on_as_steady_rolling():
     """Where friction moves the mix: creep of -0.069, 2 % of the load off."""
     roller = replace(ROLLER, friction=0.3, rolling="free")
     steady = roll(LAYER, roller, MIX, 0.2, increments=8)
-    told = travel(LAYER, roller, MIX, law("quintic", 2.5 * LENGTH, 1.0), start=steady, increments=8, estimate=False)
+    told = simulate_reciprocating(
+        LAYER, roller, MIX, law("quintic", 2.5 * LENGTH, 1.0), start=steady, increments=8, estimate=False
+    )
     assert over_an_element(told.load)[-6:] == pytest.approx(steady.load, rel=5e-3)
     assert over_an_element(told.resistance)[-6:] == pytest.approx(steady.resistance, rel=6e-3)
     creep = roller.radius * np.diff(told.angle[-9:]) / np.diff(told.position[-9:]) - 1
@@ -306,7 +310,9 @@ def test_way_back_over_pressed_mix_is_nearly_free(cruising, steady):
 
 @pytest.mark.slow
 def test_strokes_with_feed_repeat_themselves():
-    told = travel(Layer(0.2), ROLLER, MIX, Repeated(there_and_back(0.1), 4), feed=0.05, increments=4, estimate=False)
+    told = simulate_reciprocating(
+        Layer(0.2), ROLLER, MIX, Repeated(there_and_back(0.1), 4), feed=0.05, increments=4, estimate=False
+    )
     peaks = [np.abs(told.resistance[told.stroke == k]).max() for k in (1, 2, 3, 4)]
     assert np.abs(np.diff(peaks)).max() < 0.01 * peaks[0]
     assert told.work_residual < 0.02
@@ -386,7 +392,7 @@ def test_steps_take_few_iterations(thin):
 def test_refuses(changes, words):
     given = {"layer": LAYER, "roller": ROLLER, "material": MIX, "motion": law("quintic", 0.1, 1.0)} | changes
     with pytest.raises(ValueError, match=words):
-        travel(**given)
+        simulate_reciprocating(**given)
 
 
 def test_torque_beyond_the_friction_limit_skids():
@@ -397,6 +403,6 @@ def test_torque_beyond_the_friction_limit_skids():
 @pytest.mark.slow
 def test_refuses_a_start_elsewhere(steady):
     with pytest.raises(ValueError, match="`start` must have rolled over the same `layer`"):
-        travel(Layer(0.2), ROLLER, MIX, law("quintic", 0.1, 1.0), start=steady)
+        simulate_reciprocating(Layer(0.2), ROLLER, MIX, law("quintic", 0.1, 1.0), start=steady)
     with pytest.raises(ValueError, match="`start` must roll along \\+x, and the `motion` begin that way"):
         over_small(Mirrored(law("quintic", 0.1, 1.0)), start=steady)

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from compact import fem
 from compact.engines.compaction.engine import roll
 from compact.engines.compaction.incremental_rolling import March
-from compact.engines.compaction.results import read
-from compact.engines.compaction.roller_contact import TurningFace
+from compact.engines.compaction.results import build_result
+from compact.engines.compaction.roller_contact import RollingSurface
 from compact.engines.compaction.roller_frame import Frame, rolling_mesh
 from compact.material.laws import Compaction, Elastic
 from compact.rolling_contact import Layer, Roller
@@ -50,7 +50,7 @@ def face_and_displacement(profile, seed, share=0.2):
     """Nodes on and off a roller that has gone one step of 5 mm, pulled by a share of what they can hold."""
     rng, x = np.random.default_rng(seed), np.linspace(-0.02, 0.02, 9)
     given = np.stack([x, np.full(9, H)], axis=-1), np.full(9, 0.005), R, H, 1e9, np.full(9, 1e5), profile
-    face = TurningFace(*given, grip=GRIP, pull=share * GRIP * 7 * 500, sheared=2e4 * rng.normal(size=9))
+    face = RollingSurface(*given, grip=GRIP, pull=share * GRIP * 7 * 500, sheared=2e4 * rng.normal(size=9))
     face = face.at(H, -0.005).starting(1e-5 * rng.normal(size=(9, 2))).at(H - 0.0019)
     displacement = np.stack([np.zeros(9), np.where(np.abs(x) < 0.018, x**2 / (2 * R), 0) - 0.0019], axis=-1)
     return face, displacement + rng.normal(size=(9, 2)) * [1e-4, 1e-5]
@@ -112,7 +112,7 @@ def unyielding(profile, torque, count):
     march = March(frame, R, profile=profile, friction=GRIP, torque=torque)
     for lowest in H - SHALLOW * np.minimum(np.arange(1, 6 * count) / count, 1):
         march.advance(lowest, drag=0.0)
-    return read(march, LAYER, Roller(R, SHALLOW, GRIP, "driven", profile), UNYIELDING, 0.2)
+    return build_result(march, LAYER, Roller(R, SHALLOW, GRIP, "driven", profile), UNYIELDING, 0.2)
 
 
 def both(profile, share, count):

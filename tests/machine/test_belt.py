@@ -8,8 +8,8 @@ import pytest
 from published import CART_OF_C
 from scipy.integrate import solve_ivp
 
-from compact.machine.motor_characteristics import Belt, Kloss, Straight
-from compact.machine.motor_drive import Motor, revolve, runup
+from compact.machine.motor_characteristics import Belt, Kloss, LinearTorqueCurve
+from compact.machine.motor_drive import Motor, runup, simulate_motor
 from compact.motion.profile import law
 
 CART = replace(CART_OF_C, guide_friction=0.0)
@@ -28,7 +28,7 @@ def free(velocity, acceleration):
 
 
 def turned(belt, curve=KLOSS, name="quintic", cart=CART, met=dry, inertias=(0.01, 50.0)):
-    return revolve(cart, Motor(curve, 150.0, *inertias, belt=belt), law(name, STROKE, 3.0), met)
+    return simulate_motor(cart, Motor(curve, 150.0, *inertias, belt=belt), law(name, STROKE, 3.0), met)
 
 
 # closed form
@@ -36,7 +36,7 @@ def turned(belt, curve=KLOSS, name="quintic", cart=CART, met=dry, inertias=(0.01
 
 def test_straight_motor_behind_a_belt_follows_its_parabola():
     """w (1 - T_s (1 - w/w_n)/C) = w_g is a quadratic of w."""
-    curve, speed = Straight(stall_torque=80.0, no_load_speed=157.0), np.linspace(0, 200, 81)
+    curve, speed = LinearTorqueCurve(stall_torque=80.0, no_load_speed=157.0), np.linspace(0, 200, 81)
     C = BELT.creep_torque
     bent, straight = 80.0 / (C * 157.0), 1 - 80.0 / C
     exact = (-straight + np.sqrt(straight**2 + 4 * bent * speed)) / (2 * bent)
@@ -143,7 +143,9 @@ def test_creep_of_the_turn_is_inverse_to_the_stiffness():
 
 
 def test_belt_carries_a_start_from_rest():
-    start = runup(CART, Motor(Straight(30.0, 157.0), 150.0, 0.001, 5.0, belt=BELT), law("quintic", STROKE, 3.0), dry)
+    start = runup(
+        CART, Motor(LinearTorqueCurve(30.0, 157.0), 150.0, 0.001, 5.0, belt=BELT), law("quintic", STROKE, 3.0), dry
+    )
     assert start.residual < 1e-6
     assert start.speed[-1] == pytest.approx(start.periodic.speed[0], rel=2e-3)
 
@@ -161,7 +163,7 @@ def test_belt_that_slips_says_what_preload_would_hold():
 
 
 def test_start_that_slips_is_told():
-    motor = Motor(Straight(80.0, 157.0), 150.0, 0.001, 50.0, belt=BELT)  # at rest 80 N m, the belt holds 54
+    motor = Motor(LinearTorqueCurve(80.0, 157.0), 150.0, 0.001, 50.0, belt=BELT)  # at rest 80 N m, the belt holds 54
     with pytest.raises(RuntimeError, match="the belt slips"):
         runup(CART, motor, law("quintic", STROKE, 3.0), dry)
 

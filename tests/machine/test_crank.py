@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from published import CART_OF_C
 
 from compact.drive import Crank
-from compact.machine.crankshaft import USUAL_ANGLES, travel, turn
+from compact.machine.crankshaft import USUAL_ANGLES, crank_travel, turn
 
 CRANK = Crank(radius=0.2, rod_length=0.8)
 CART = CART_OF_C
@@ -51,13 +51,13 @@ def exact_travel(crank, psi):
 @pytest.mark.parametrize("psi", [0.0, 1e-8, 0.3, np.pi / 2, 2.0, np.pi, 4.0, 5.9], ids=lambda psi: f"{psi:.3g}")
 def test_travel_is_the_slider_crank(rod_length, psi):
     crank = Crank(0.2, rod_length)
-    got = [float(value) for value in travel(crank, psi)]
+    got = [float(value) for value in crank_travel(crank, psi)]
     assert got == pytest.approx(exact_travel(crank, psi), rel=1e-11, abs=1e-15)
 
 
 @pytest.mark.parametrize("psi", [1e-12, 1e-8, 1e-3], ids=str)
 def test_travel_keeps_its_digits_at_the_outer_dead_centre(psi):
-    position, slope, _ = travel(CRANK, psi)
+    position, slope, _ = crank_travel(CRANK, psi)
     exact = exact_travel(CRANK, psi)
     assert position == pytest.approx(exact[0], rel=1e-14, abs=0)
     assert slope == pytest.approx(exact[1], rel=1e-14, abs=0)
@@ -230,8 +230,8 @@ def test_velocity_is_the_rate_of_the_travel(ratio, speed):
     cart = turn(CART if ratio < 0.5 else SMOOTH, Crank(0.2, 0.2 / ratio), speed, dry(1.0)).carts[0]
     psi = np.linspace(0.1, 3, 7)
     h = 1e-5
-    ahead, behind = (travel(Crank(0.2, 0.2 / ratio), psi + step) for step in (h, -h))
-    here = travel(Crank(0.2, 0.2 / ratio), psi)
+    ahead, behind = (crank_travel(Crank(0.2, 0.2 / ratio), psi + step) for step in (h, -h))
+    here = crank_travel(Crank(0.2, 0.2 / ratio), psi)
     assert (ahead[0] - behind[0]) / (2 * h) == pytest.approx(here[1], rel=1e-5, abs=1e-7)
     assert np.abs(cart.velocity).max() <= speed * 0.2 * (1 / np.sqrt(1 - ratio**2) + 1)
 

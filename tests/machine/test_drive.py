@@ -17,7 +17,7 @@ from compact.drive import CRITERIA, Crank, Rigid, rank, simulate
 from compact.machine.crankshaft import turn
 from compact.machine.elastic_drive import ElasticDrive
 from compact.machine.hydraulic_drive import Hydraulic
-from compact.machine.motor_characteristics import Straight
+from compact.machine.motor_characteristics import LinearTorqueCurve
 from compact.machine.motor_drive import Motor
 from compact.machine.rigid_drive import POINTS
 from compact.motion.profile import LAWS, Cycle, law
@@ -526,7 +526,7 @@ def test_resistance_that_is_not_finite_is_refused_in_words(bad):
 DRIVES = {
     "rigid": Rigid(),
     "elastic": ElasticDrive(1e6, 3e3),
-    "motor": Motor(Straight(60.0, 20.0), 15.0, 0.01, 10.0),
+    "motor": Motor(LinearTorqueCurve(60.0, 20.0), 15.0, 0.01, 10.0),
     "hydraulic": Hydraulic(2e-3, 6.3e6, 1.2e-3, 8e-5, 0.62, 870.0, 2e4, 1.4e9, 4e-4),
 }
 WRONG_WAY = {

@@ -19,7 +19,7 @@ from compact.drive import Rigid, simulate
 from compact.engines.compaction import engine as compaction
 from compact.engines.fem import engine as fem_engine
 from compact.machine.cart import Cart, EndSprings, balance
-from compact.machine.rigid_drive import Demand
+from compact.machine.rigid_drive import InverseDynamics
 from compact.machine.roller_motors import HELD, Driven, FirstOrder, RollerMotor, pulls, spent
 from compact.material.laws import Elastic
 from compact.motion.profile import law
@@ -55,7 +55,7 @@ FIRST = FirstOrder(R, LOAD, GRIP)
 
 def motor(name="quintic", roller=FIRST, dwell=0.0, **changes):
     cycle = law(name, 0.4, 3.0).cycle(dwell, dwell)
-    return RollerMotor(Demand(cart(**changes), Rigid(), cycle, RESISTANCE), roller, ROLLERS)
+    return RollerMotor(InverseDynamics(cart(**changes), Rigid(), cycle, RESISTANCE), roller, ROLLERS)
 
 
 def run_of(motor):

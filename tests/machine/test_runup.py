@@ -7,7 +7,7 @@ import pytest
 from published import CART_OF_C
 
 from compact.machine.crankshaft import USUAL_ANGLES
-from compact.machine.motor_characteristics import Kloss, Straight
+from compact.machine.motor_characteristics import Kloss, LinearTorqueCurve
 from compact.machine.motor_drive import Motor, runup
 from compact.motion.profile import law
 
@@ -30,7 +30,7 @@ def published(name):
 
 def test_straight_motor_runs_a_bare_shaft_up_exponentially():
     """w = w_n (1 - exp(-t/tau)), phi = w_n (t - tau (1 - exp(-t/tau))), tau = J w_n/T_s on the shaft."""
-    motor = Motor(Straight(stall_torque=8.0, no_load_speed=20.0), 2.0, 0.5, 3.0)
+    motor = Motor(LinearTorqueCurve(stall_torque=8.0, no_load_speed=20.0), 2.0, 0.5, 3.0)
     run = runup(replace(CART, mass=0.0), motor, published("cubic"), free)
     tau = 5.0 * 10.0 / 16.0
     grown = 1 - np.exp(-run.time / tau)

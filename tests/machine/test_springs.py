@@ -10,11 +10,11 @@ from published import CART_OF_C
 
 from compact.drive import Crank, Rigid, simulate
 from compact.dynamics.event_driven import DONE, integrate, room
-from compact.dynamics.force_elements import AT_NEAR, NEAR, Ends, Resistance, Spring, State
+from compact.dynamics.force_elements import AT_NEAR, NEAR, CartState, Ends, Resistance, Spring
 from compact.dynamics.trajectory import Course
 from compact.machine.cart import EndSprings
 from compact.machine.crankshaft import USUAL_ANGLES, turn
-from compact.machine.elastic_drive import ElasticDrive, travel
+from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.machine.motor_characteristics import Kloss
 from compact.machine.motor_drive import Motor
 from compact.motion.profile import LAWS, law
@@ -112,7 +112,7 @@ def thrown(stiffness, preload, push, size, speed, time):
     far_end = Pieces(np.array([0.0, time]), np.array([[0.08 + stretch] + [0.0] * 10]))
     side = Pieces(np.array([0.0, 10.0]), np.array([[size] + [0.0] * 8]))
     back = Pieces(side.breaks, -side.coefficients)
-    arcs, start = room(2000, 10), State(stretch, -speed, 1, NEAR)
+    arcs, start = room(2000, 10), CartState(stretch, -speed, 1, NEAR)
     resistance = Resistance(side, back, np.empty(0))
     ended, n, _, end, _ = integrate(numbers, far_end, resistance, start, 1e-9, arcs)
     assert ended == DONE
@@ -150,7 +150,7 @@ def test_pushed_cart_comes_to_stand_at_the_plate_of_its_spring():
 def test_harmonic_cart_on_tuned_springs_asks_nothing_of_an_elastic_drive(stiffness):
     tuned = CART.mass * (np.pi / 3.0) ** 2
     drive = ElasticDrive(stiffness, 0.1 * np.sqrt(stiffness * CART.mass))
-    run = travel(sprung(tuned, 0.0, 0.2), drive, published("harmonic"), lambda v, a: 0.0 * v)
+    run = simulate_elastic(sprung(tuned, 0.0, 0.2), drive, published("harmonic"), lambda v, a: 0.0 * v)
     assert run.peak_force < 1e-7 * CART.mass * 0.2 * (np.pi / 3) ** 2
 
 
@@ -159,7 +159,7 @@ def test_harmonic_cart_on_tuned_springs_asks_nothing_of_an_elastic_drive(stiffne
 @pytest.mark.parametrize("name", ["cubic", "reversal-4", "parabolic", "constant-velocity"])
 def test_elastic_drive_accounts_for_the_work_of_springs(name, stiffness, regime):
     drive = ElasticDrive(stiffness, 0.1 * np.sqrt(stiffness * CART.mass), 1e-3 if stiffness == 1e6 else 0.0)
-    run = travel(sprung(stiffness=2e4), drive, published(name), dry, regime=regime)
+    run = simulate_elastic(sprung(stiffness=2e4), drive, published(name), dry, regime=regime)
     assert run.energy_residual < 1e-6
     assert {-1, 0, 1} & set(run.course.arcs.zone.tolist())
     if regime == "periodic":
@@ -169,7 +169,7 @@ def test_elastic_drive_accounts_for_the_work_of_springs(name, stiffness, regime)
 
 def test_stiff_elastic_drive_meets_the_springs_of_the_rigid_one():
     drive = ElasticDrive(1e9, 1.4 * np.sqrt(1e9 * CART.mass))
-    run = travel(sprung(preload=0.0), drive, published("septic"), lambda v, a: 0.0 * v)
+    run = simulate_elastic(sprung(preload=0.0), drive, published("septic"), lambda v, a: 0.0 * v)
     assert run.peak_force == pytest.approx(run.rigid.peak_force, rel=1e-3)
 
 

@@ -112,7 +112,7 @@ def test_isotropic_compression_is_heckels_law(steps):
     K, constants = moduli(MIX)[0], cap_plasticity.constants(MIX, 1.0)
     p, k = 0.0, 0.94
     for _ in range(steps):
-        _, p, _, k, *_ = cap_plasticity.returned(constants, p + K * 0.04 / steps, 0.0, k, k)
+        _, p, _, k, *_ = cap_plasticity.return_map(constants, p + K * 0.04 / steps, 0.0, k, k)
     assert p == pytest.approx(np.log(0.28 / (1 - k)) / 13e-6, rel=1e-12)
     assert np.log(k / 0.94) + p / K == pytest.approx(0.04, rel=1e-12)
 
@@ -180,7 +180,7 @@ def test_pulled_apart_the_mix_keeps_its_strength(dry_side):
     """Pure tension of the mean stress ends at p = -pt, whatever the density has come to."""
     mix = law(dry_side=dry_side)
     constants, K = cap_plasticity.constants(mix, 1.0), moduli(mix)[0]
-    _, p, _, k, memory, work, _ = cap_plasticity.returned(constants, -0.05 * K, 0.0, 0.94, 0.94)
+    _, p, _, k, memory, work, _ = cap_plasticity.return_map(constants, -0.05 * K, 0.0, 0.94, 0.94)
     assert p == pytest.approx(-14e3, rel=1e-12)
     assert np.log(k / 0.94) == pytest.approx(-0.05 - p / K, rel=1e-12)
     assert memory == (0.94 if dry_side == "flat" else k)
@@ -488,7 +488,7 @@ def test_a_million_increments_close(dry_side):
 def test_trials_at_the_critical_state_close(k, sign, nearness, dry_side):
     mix = law(dry_side=dry_side, tensile_strength=0.0)
     constants, c = cap_plasticity.constants(mix, 1.0), mix.yield_pressure(k) / 2
-    attempts, p, shrink, density_ratio, *_ = cap_plasticity.returned(constants, c * (1 + sign * nearness), 5e6, k, k)
+    attempts, p, shrink, density_ratio, *_ = cap_plasticity.return_map(constants, c * (1 + sign * nearness), 5e6, k, k)
     assert p == pytest.approx(c, rel=2 * nearness + 1e-11)
     assert shrink * 5e6 == pytest.approx(1.2 * c, rel=2 * nearness + 1e-12)
     assert density_ratio == pytest.approx(k, rel=nearness + 1e-14)
@@ -597,9 +597,9 @@ def test_tangent_is_the_derivative(name, dry_side, largest):
 def test_tangent_at_an_isotropic_state_is_finite_and_right(dry_side):
     """Where the stress deviator vanishes, p follows pc: B = K H/(K + H), and shear flows with it."""
     constants, K = cap_plasticity.constants(law(dry_side=dry_side), 1.0), moduli(MIX)[0]
-    *_, (bulk, _, right, left, _) = cap_plasticity.returned(constants, 0.03 * K, 0.0, 0.94, 0.94)
+    *_, (bulk, _, right, left, _) = cap_plasticity.return_map(constants, 0.03 * K, 0.0, 0.94, 0.94)
     size = 1e-6 * K
-    ahead, back = (cap_plasticity.returned(constants, 0.03 * K + sign * size, 0.0, 0.94, 0.94)[1] for sign in (1, -1))
+    ahead, back = (cap_plasticity.return_map(constants, 0.03 * K + sign * size, 0.0, 0.94, 0.94)[1] for sign in (1, -1))
     assert bulk / K == pytest.approx((ahead - back) / (2 * size), rel=1e-7)
     assert np.isfinite([right, left]).all()
 
@@ -652,7 +652,7 @@ def test_attempts_are_few(largest, mean, most, dry_side):
     trial = state.stress + hooke(mix, tensor)
     p, q = -split(trial)[0], von_mises(trial)
     points = zip(p, q, state.density_ratio, state.hardened, strict=True)
-    attempts = np.array([cap_plasticity.returned(constants, *point)[0] for point in points])
+    attempts = np.array([cap_plasticity.return_map(constants, *point)[0] for point in points])
     assert attempts[attempts > 0].mean() < mean
     assert attempts.max() < most
 

@@ -13,9 +13,9 @@ from scipy.optimize import linprog
 from compact import drive
 from compact.analysis.study import Study
 from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower
-from compact.machine.cart import Opposition
+from compact.machine.cart import MotionResistance
 from compact.motion.laws import ComplexLaw
-from compact.motion.limits import Held, Pitch, broken, space_of
+from compact.motion.limits import ConstraintSet, Pitch, broken, space_of
 from compact.motion.profile import CamLimits, InfeasibleError, Limits, law, optimise
 from compact.motion.sequential_programming import Task
 from compact.motion.spline_space import Space, bernstein_basis, graded_breaks, halved
@@ -152,7 +152,7 @@ def test_path_that_is_a_circle_is_as_curved_everywhere():
 @pytest.mark.parametrize("stands", [False, True])
 def test_slope_of_the_crowding_is_its_difference_quotient(stands):
     space = Space(graded_breaks(0.0, 1.0, 8, 1), 1)
-    held = Held(Limits(), space, 0.4, 3.0)
+    held = ConstraintSet(Limits(), space, 0.4, 3.0)
     task = Task(held, {"peak_force": 1.0}, 1000.0, (none,))
     unknowns, change = held.calmest, np.random.default_rng(3).normal(size=space.size)
     pitch, step = pitch_of(stands=stands), 1e-6
@@ -472,7 +472,7 @@ def machine():
 )
 @pytest.mark.parametrize("objective", ["peak_force", "peak_power"])
 def test_no_published_law_within_the_same_limits_asks_for_less(machine, objective, limits, members):
-    resistance = Opposition(machine.cart, machine.resistance)
+    resistance = MotionResistance(machine.cart, machine.resistance)
     motion = optimise(objective, **MACHINE, resistance=resistance, limits=limits, pieces=32)
     rivals = [name for name, cycle in machine.cycles.items() if not broken(limits, cycle.there)]
     run = drive.simulate(machine.cart, drive.Rigid(), motion, machine.resistance)
@@ -491,13 +491,13 @@ def test_ipopt_finds_no_better_law_from_20_starts(machine, objective, power, lim
     pytest.importorskip("casadi")
     from compact.motion.ipopt_reference import best
 
-    push = Opposition(machine.cart, machine.resistance)
+    push = MotionResistance(machine.cart, machine.resistance)
 
     def resistance(velocity, acceleration):
         return push(velocity, acceleration) * (np.abs(velocity) / 0.133) ** power
 
     motion = optimise(objective, **MACHINE, resistance=resistance, limits=limits, pieces=32)
-    held = Held(limits, space_of(limits, 16, 1), MACHINE["stroke"], MACHINE["duration"])
+    held = ConstraintSet(limits, space_of(limits, 16, 1), MACHINE["stroke"], MACHINE["duration"])
     least, reached = best(Task(held, {objective: 1.0}, MACHINE["mass"], (resistance,)), 20)
     assert len(reached) >= 15
     assert motion.value == pytest.approx(least, rel=5e-3)

@@ -69,7 +69,7 @@ SLOW = {"compaction": pytest.mark.slow}
 def numbers(name, directory):
     """Summary and tables of a scene, without what depends on the machine."""
     study = Study(load_scene(SMALL, **SCENES[name]))
-    report.write(study, directory)
+    report.write_study(study, directory)
     summary = json.loads((directory / "summary.json").read_text(encoding="utf-8"))
     tables = {}
     for table in TABLES:

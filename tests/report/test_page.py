@@ -63,7 +63,7 @@ def written(tmp_path_factory):
     plain = {"machine.profile": "circle", "machine.rolling": "frictionless", "mix.moisture": 0.11}
     study = Study(scene(**wanted, **plain, **quick))
     directory = tmp_path_factory.mktemp("page")
-    summary = report.write(study, directory)
+    summary = report.write_study(study, directory)
     return study, summary, directory / "report.html"
 
 
@@ -175,7 +175,7 @@ def test_every_kind_of_ranking_has_words():
 
 def test_figures_are_those_of_the_files_where_these_are_written(tmp_path):
     study = Study(scene(**{"output.wanted": ["report", "figures"], "motion.laws": ["cubic"]}))
-    report.write(study, tmp_path / "out")
+    report.write_study(study, tmp_path / "out")
     from base64 import b64encode
 
     text = (tmp_path / "out" / "report.html").read_text("utf-8")
@@ -390,7 +390,7 @@ def test_page_is_small_and_computes_no_run_again(written):
 
 @pytest.mark.slow
 def test_page_of_the_published_machine_is_small(tmp_path):
-    report.write(Study(scene("loveikin-2015")), tmp_path / "out")
+    report.write_study(Study(scene("loveikin-2015")), tmp_path / "out")
     assert (tmp_path / "out" / "report.html").stat().st_size < LARGEST
 
 

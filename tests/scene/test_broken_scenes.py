@@ -311,9 +311,9 @@ def faults(asked, folder):
 
 
 def swept(scene, path):
-    from compact.sweep.run import read
+    from compact.sweep.run import read_sweep
 
-    table, wrong = read(path), []
+    table, wrong = read_sweep(path), []
     for load, reason in zip(table["load"].values.ravel(), table["reason"].values.ravel(), strict=True):
         if any(word in reason for word in FORBIDDEN):
             wrong.append(f"raw reason: {reason}")

@@ -34,11 +34,11 @@ def doors(engine, layer, roller, material):
         column._refuse_other_layers(layer)
         column._refuse_beyond_columns(roller, material, SPEED)
     elif engine == "spectral":
-        spectral.refuse_beyond_spectral(layer, roller, material, SPEED)
+        spectral.require_spectral_range(layer, roller, material, SPEED)
     elif engine == "fem":
-        fem_engine.refuse_beyond_linear(layer, roller, material, SPEED, None, 0.01)
+        fem_engine.require_linear_range(layer, roller, material, SPEED, None, 0.01)
     else:
-        compaction.refuse_scene(layer, roller, material, SPEED, "finite", None, None)
+        compaction.require_compactable(layer, roller, material, SPEED, "finite", None, None)
 
 
 def taken(engine, key, value, friction):
@@ -179,9 +179,9 @@ def test_the_new_scene_is_rolled_by_the_engine_compaction(tmp_path, monkeypatch)
 def test_a_run_says_what_each_engine_replaced(tmp_path):
     few = {"motion.laws": ["cubic"], "contact.speeds": [0.1, 0.2], "output.wanted": [], "accuracy.tolerance": 0.1}
     study = Study(load_scene(SMALL, **{"accuracy.engine": "spectral"} | few))
-    summary = report.write(study, tmp_path / "out")
+    summary = report.write_study(study, tmp_path / "out")
     assert set(summary["replaced"]) == {"spectral", "formula"}
-    told, page = report.digest(study), html_answer.answer(study, [], [])
+    told, page = report.study_digest(study), html_answer.answer(study, [], [])
     for sentence in (each for told_of in summary["replaced"].values() for each in told_of):
         assert sentence in " ".join(told.split())
         assert sentence in page

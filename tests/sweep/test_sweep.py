@@ -17,7 +17,7 @@ from interrupts import heed_interrupts
 
 from compact import cli
 from compact.analysis.study import Study
-from compact.analysis.worker_pool import Cluster, Here, Lost, Processes, outcomes
+from compact.analysis.worker_pool import Cluster, Here, Processes, WorkerDied, outcomes
 from compact.files import ResultsError
 from compact.report import sweep_figures, sweep_writer
 from compact.scene.loader import load_scene
@@ -36,7 +36,7 @@ GRID = ("mix.moisture=0.08:0.12:4", "mix.density_ratio=0.94:0.98:3")
 
 def swept(directory, scene=COLUMNS, varied=GRID, crew=None, resume=False, step=lambda points, failed: None, **options):
     """The table, and the sweep."""
-    many = Sweep(scene, [vary.read(text) for text in varied], **options)
+    many = Sweep(scene, [vary.read_design(text) for text in varied], **options)
     return many.run(directory, crew=crew or Here(), resume=resume, step=step), many
 
 
@@ -85,7 +85,7 @@ def test_formulas_have_the_published_point(tmp_path):
 
 def test_table_is_labelled_and_read_back_as_it_was(tmp_path):
     table, _ = swept(tmp_path, varied=["mix.moisture=0.1,0.11", "layer.base=bonded,slip", "mix.overrides.poisson=~2"])
-    back = sweep.read(tmp_path / "sweep.nc")
+    back = sweep.read_sweep(tmp_path / "sweep.nc")
     xarray.testing.assert_identical(back.astype(object), table.astype(object))
     assert back.moisture.attrs["key"] == "mix.moisture"
     assert back["load"].attrs == {"units": "N", "long_name": "normal force on one roller"}
@@ -129,7 +129,7 @@ def test_two_processes_give_the_same_bits_though_one_is_killed(whole, tmp_path):
 
 
 def test_worker_of_other_versions_is_refused_in_words(cluster):
-    many = Sweep(COLUMNS, [vary.read(text) for text in GRID])
+    many = Sweep(COLUMNS, [vary.read_design(text) for text in GRID])
     (task,) = many._tasks(many._keyed(), {})
     older = replace(task, versions=task.versions | {"numpy": "1.0"})
     words = rf"a worker has other versions than the command: numpy {re.escape(np.__version__)} for 1.0; .*same on both"
@@ -197,7 +197,7 @@ def test_point_whose_workers_died_is_tried_again_by_the_next_run(monkeypatch, tm
 
     class Deadly(Here):
         def finished(self):
-            return [(number, Lost("its worker process died 3 times")) for number, *_ in (self._given.pop(),)]
+            return [(number, WorkerDied("its worker process died 3 times")) for number, *_ in (self._given.pop(),)]
 
     table, _ = swept(tmp_path, varied=varied, crew=Deadly())
     assert set(table.reason.values) == {"its worker process died 3 times"}
@@ -212,7 +212,7 @@ def test_points_that_stand_are_neither_mixed_nor_forgotten_unasked(tmp_path):
         swept(tmp_path, varied=["mix.moisture=0.1,0.11"])
     with pytest.raises(ResultsError, match="holds results of another scene"):
         swept(tmp_path, SCENE, ["mix.moisture=0.1,0.11"])
-    many = Sweep(COLUMNS, [vary.read("mix.moisture=0.1")])
+    many = Sweep(COLUMNS, [vary.read_design("mix.moisture=0.1")])
     many.run(tmp_path, crew=Here(), force=True)
     assert many.computed == 1
 
@@ -242,7 +242,7 @@ def test_fault_of_ours_is_a_reason_too(monkeypatch):
 def test_grouped_reasons_are_counted(tmp_path):
     scene = COLUMNS.replaced(**{"layer.fed_density_ratio": 0.94})
     table, _ = swept(tmp_path, scene, ["mix.density_ratio=0.92:0.98:4"])
-    said = sweep_writer.digest(table)
+    said = sweep_writer.sweep_digest(table)
     assert "4 points by column, 2 without numbers" in said
     assert "without numbers: 2 x " in said
 
@@ -297,7 +297,7 @@ def held(task):
 @pytest.mark.parametrize("engine", ["column", "spectral"])
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no such file tells the memory here")
 def test_memory_of_a_worker_is_flat_over_a_thousand_points(engine):
-    grid = [vary.read("mix.moisture=0.08:0.12:25"), vary.read("mix.density_ratio=0.94:0.98:40")]
+    grid = [vary.read_design("mix.moisture=0.08:0.12:25"), vary.read_design("mix.density_ratio=0.94:0.98:40")]
     many = Sweep(SCENE.replaced(**{"accuracy.engine": engine}), grid)
     memory = dict(outcomes(held, many._tasks(many._keyed(), {}), Processes(1)))
     last = len(memory) - 1
@@ -325,7 +325,7 @@ def test_heckel_slope_explains_the_resistance_of_columns(tmp_path):
     assert found.rows == 64
     assert found.first_low[names.index("heckel_slope")] > 0.7
     assert np.abs(np.delete(found.total, names.index("heckel_slope"))).max() < 0.05
-    sweep_writer.write(tmp_path, table)
+    sweep_writer.write_sweep_report(tmp_path, table)
     assert (tmp_path / "sobol.csv").read_text().count("\n") == 1 + 4 * 5
     assert (tmp_path / "sobol.png").stat().st_size > 10_000
 
@@ -335,7 +335,7 @@ def test_maps_bands_and_best_laws_are_drawn(tmp_path):
     table, _ = swept(
         tmp_path, scene, ["mix.moisture=0.08,0.12", "mix.density_ratio=0.91:0.99:4", "mix.overrides=~2"], rank=True
     )
-    sweep_writer.write(tmp_path, table)
+    sweep_writer.write_sweep_report(tmp_path, table)
     for name in ("maps", "bands", "best_laws"):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
     assert float(sweep_figures.reach(table).max()) > 1  # hatched

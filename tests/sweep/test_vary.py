@@ -25,13 +25,13 @@ PRIOR = SCENE.replaced(**{"mix.overrides.effective_modulus": None})
     ],
 )
 def test_grids_and_lists_are_read(text, values):
-    axis = vary.read(text)
+    axis = vary.read_design(text)
     assert axis.values == values
     assert [type(value) for value in axis.values] == [type(value) for value in values]
 
 
 def test_points_run_through_all_values_the_last_axis_fastest():
-    design = vary.design(SCENE, [vary.read("mix.moisture=0.09,0.1"), vary.read("layer.base=bonded,slip")])
+    design = vary.design(SCENE, [vary.read_design("mix.moisture=0.09,0.1"), vary.read_design("layer.base=bonded,slip")])
     assert design.shape == (2, 2)
     assert [tuple(design.point(index)[0].values()) for index in range(4)] == [
         (0.09, "bonded"), (0.09, "slip"), (0.1, "bonded"), (0.1, "slip"),
@@ -40,7 +40,7 @@ def test_points_run_through_all_values_the_last_axis_fastest():
 
 def test_sample_fills_the_spread_and_no_more():
     scene = PRIOR.replaced(**{"accuracy.engine": "column", "mix.moisture": 0.09})
-    design = vary.design(scene, [vary.read("mix.overrides=~64")])
+    design = vary.design(scene, [vary.read_design("mix.overrides=~64")])
     assert design.names == ("unloading_modulus", "poisson", "friction_angle", "cohesion", "heckel_slope")
     slope = mix.prior(0.09, 0.98).parameter("heckel_slope")
     drawn = [vary.scene_at(scene, *design.point(index)) for index in range(64)]
@@ -55,14 +55,16 @@ def test_sample_fills_the_spread_and_no_more():
 
 
 def test_sample_follows_the_spread_of_each_mix():
-    design = vary.design(PRIOR, [vary.read("mix.moisture=0.08,0.12"), vary.read("mix.overrides.required_pressure=~2")])
+    design = vary.design(
+        PRIOR, [vary.read_design("mix.moisture=0.08,0.12"), vary.read_design("mix.overrides.required_pressure=~2")]
+    )
     dry, wet = (vary.scene_at(PRIOR, *design.point(index))[1]["required_pressure"] for index in (0, 2))
     expected = [mix.prior(moisture, 0.98).required_pressure for moisture in (0.08, 0.12)]
     assert dry / wet == pytest.approx(expected[0] / expected[1])
 
 
 def test_rows_of_indices_change_one_input_each():
-    design = vary.design(PRIOR, [vary.read("mix.overrides=~4")], indices=True)
+    design = vary.design(PRIOR, [vary.read_design("mix.overrides=~4")], indices=True)
     parts = np.array(design.parts)
     first, second = design.shares[parts == "A"], design.shares[parts == "B"]
     assert not np.any(first == second)
@@ -92,7 +94,7 @@ def test_rows_of_indices_change_one_input_each():
 )
 def test_text_that_is_no_variation_is_refused(text, words):
     with pytest.raises(ValueError, match=words):
-        vary.read(text)
+        vary.read_design(text)
 
 
 @pytest.mark.parametrize(
@@ -112,16 +114,16 @@ def test_text_that_is_no_variation_is_refused(text, words):
 )
 def test_keys_are_refused_before_anything_runs(texts, words):
     with pytest.raises(ValueError, match=words):
-        vary.design(SCENE, [vary.read(text) for text in texts])
+        vary.design(SCENE, [vary.read_design(text) for text in texts])
 
 
 def test_indices_without_a_sample_are_refused():
     with pytest.raises(ValueError, match="Sobol indices need a sample"):
-        vary.design(SCENE, [vary.read("mix.moisture=0.1")], indices=True)
+        vary.design(SCENE, [vary.read_design("mix.moisture=0.1")], indices=True)
 
 
 def test_rules_between_keys_are_left_to_the_points():
-    design = vary.design(SCENE, [vary.read("mix.density_ratio=0.92,0.98")])  # fed at 0.94
+    design = vary.design(SCENE, [vary.read_design("mix.density_ratio=0.92,0.98")])  # fed at 0.94
     with pytest.raises(SceneError, match=r"layer.fed_density_ratio: must be below mix.density_ratio = 0.92"):
         vary.scene_at(SCENE, *design.point(0))
     assert vary.scene_at(SCENE, *design.point(1))[0].mix.density_ratio == 0.98
@@ -138,4 +140,4 @@ def test_rules_between_keys_are_left_to_the_points():
 )
 def test_sweep_that_fits_no_memory_is_refused_before_it_is_laid_out(varied):
     with pytest.raises(ValueError, match=r"a sweep has at most 1000000 points, got \d{7,}; take a coarser grid"):
-        vary.design(SCENE, [vary.read(text) for text in varied])
+        vary.design(SCENE, [vary.read_design(text) for text in varied])

@@ -32,7 +32,7 @@ from compact.engines.column.column_ode import (
     travel,
 )
 from compact.material.cap_plasticity import constants, hardening
-from compact.numerics.validation import refuse_negative, refuse_nonfinite, refuse_nonpositive
+from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 LONGEST = 1 / 32  # share of the front that a step may take of a pass that is drawn, so that it has points
 DEEPEST = 1 - 1e-9  # share of the limit of indentation up to which a pass is computed
@@ -63,9 +63,9 @@ class Column:
     hardened: float = 0.0
 
     def __post_init__(self):
-        refuse_nonpositive(height=self.height, density_ratio=self.density_ratio)
-        refuse_nonfinite(lateral_stress=self.lateral_stress)
-        refuse_negative(hardened=self.hardened)
+        require_positive(height=self.height, density_ratio=self.density_ratio)
+        require_finite(lateral_stress=self.lateral_stress)
+        require_nonnegative(hardened=self.hardened)
         if not self.density_ratio < 1:
             raise ValueError(f"`density_ratio` must be below 1, got {self.density_ratio!r}")
 
@@ -182,13 +182,13 @@ class Bed:
         return path, left, int(journey.counts[EVALUATIONS])
 
     def passed(self, indentation, rtol, longest=np.inf):
-        """The `Passage` of the roller at an indentation [m]; `longest` share of the front that a step may take."""
+        """The `PassResult` of the roller at an indentation [m]; `longest` share of the front that a step may take."""
         scale, front = self.scale(indentation, rtol), self.front(indentation)
         down, pressed, evaluations = self.travelled(front, 0.0, self.rest, np.inf, scale, front * longest)
         return pressed.released(down, indentation, scale, evaluations, front * longest)
 
     def released(self, down, indentation, scale, evaluations, longest=np.inf):
-        """The `Passage` from the lowest point on, after `down` and its evaluations; `longest` step over u [m]."""
+        """The `PassResult` from the lowest point on, after `down` and its evaluations; `longest` step over u [m]."""
         rise = FAR * indentation
         far = self.front(min(rise, self.profile.radius) if self.profile.curl else rise)
         up, left, more = self.travelled(0.0, far, down[-1, 1:], 0.0, scale, longest)
@@ -197,11 +197,11 @@ class Bed:
                 f"the rebound does not end: {up[-1, 1]:.6g} Pa are left {self.places(far):.6g} m behind the lowest "
                 f"point at an indentation of {indentation:.6g} m"
             )
-        return Passage(left, indentation, down, up, evaluations + more)
+        return PassResult(left, indentation, down, up, evaluations + more)
 
 
 @dataclass(frozen=True)
-class Passage:
+class PassResult:
     """A pass computed: the `bed` after it; paths of `confined.travel` `down` to the lowest point and `up` from it."""
 
     bed: Bed
@@ -244,7 +244,7 @@ class Passage:
 
     @property
     def mass_residual(self):
-        """See `ColumnRolled`."""
+        """See `ColumnContactResult`."""
         y, stack = self.down[-1, 1:], self.bed.stack
         solid = stack.density_ratio * stack.height
         needed = solid / self.bed.density_ratios(y) * np.exp(-self.bed.elastic_strains(y))

@@ -20,10 +20,10 @@ from scipy.optimize import brentq
 from compact.engines.column.column_ode import OWN, STRESS, Profile
 from compact.engines.column.column_pass import LONGEST, PLATE, STIFFEST, STRAINS, Column, bed_of
 from compact.material.laws import Compaction
-from compact.numerics.validation import refuse_negative, refuse_nonfinite, refuse_nonpositive, refuse_unknown
-from compact.rolling_contact import Rolled, refuse_missed, refuse_off_target
+from compact.numerics.validation import require_finite, require_known, require_nonnegative, require_positive
+from compact.rolling_contact import ContactResult, require_on_target, require_target_reached
 
-__all__ = ["Column", "ColumnRolled", "Feed", "Oedometer", "feed", "oedometer", "roll", "roll_over"]
+__all__ = ["Column", "ColumnContactResult", "Feed", "Oedometer", "feed", "oedometer", "roll", "roll_over"]
 
 RTOL = 1e-9  # error of a step of the integration, over the size of the whole pass
 LOOSER = 100.0  # times `rtol`: what this changes is the error that is reported, and `rtol` besides
@@ -38,8 +38,8 @@ RESISTED = 1e-3  # share of the load below which a resistance counts as none, th
 
 
 @dataclass(frozen=True, kw_only=True)
-class ColumnRolled(Rolled):
-    """A `Rolled` with what the columns know besides.
+class ColumnContactResult(ContactResult):
+    """A `ContactResult` with what the columns know besides.
 
     Its `error` is that of the arithmetic, what a looser integration changes: of the distance of columns to a layer in
     two dimensions, or of the mix to its law, it tells nothing. Its `work_residual` is rounding alone.
@@ -84,7 +84,7 @@ class Oedometer:
 
 
 def roll(layer, roller, material, speed, **options):
-    """One pass over a layer of fresh mix, a `ColumnRolled`: the engine "column".
+    """One pass over a layer of fresh mix, a `ColumnContactResult`: the engine "column".
 
     Parameters
     ----------
@@ -121,8 +121,8 @@ def roll_over(columns, roller, material, speed, *, exit_density_ratio=None, stra
     rtol : error of a step of the integration, over the size of the whole pass
     """
     _refuse_beyond_columns(roller, material, speed)
-    refuse_unknown("strain", strain, STRAINS)
-    refuse_nonpositive(rtol=rtol)
+    require_known("strain", strain, STRAINS)
+    require_positive(rtol=rtol)
     there = bed_of(columns, material, material.rate_factor(speed), _profile(roller), STRAINS[strain])
     _refuse_stiffer(there, material)
     if exit_density_ratio is None:
@@ -131,7 +131,7 @@ def roll_over(columns, roller, material, speed, *, exit_density_ratio=None, stra
         passage, searched = _dense(there, exit_density_ratio, rtol)
     looser = there.passed(passage.indentation, LOOSER * rtol)
     rolled = _rolled(passage, looser, rtol, np.sign(speed), searched)
-    refuse_off_target(rolled, roller, TARGET * rtol, exit_density_ratio=exit_density_ratio)
+    require_on_target(rolled, roller, TARGET * rtol, exit_density_ratio=exit_density_ratio)
     return rolled
 
 
@@ -140,14 +140,14 @@ def feed(height, exit_density_ratio, material, speed, *, rtol=RTOL):
 
     Both lengths go with the height, so the indentation of a layer of given fed height follows by the rule of three.
     """
-    refuse_nonpositive(height=height)
+    require_positive(height=height)
     _refuse_other_materials(material)
     fed = Column(1.0, material.fed_density_ratio)
     there = bed_of((fed,), material, material.rate_factor(speed), PLATE, STRAINS["logarithmic"])
     _refuse_stiffer(there, material)
 
     passage, _ = _leaving(there, exit_density_ratio, rtol)
-    refuse_missed("exit_density_ratio", exit_density_ratio, passage.density_ratio, TARGET * rtol)
+    require_target_reached("exit_density_ratio", exit_density_ratio, passage.density_ratio, TARGET * rtol)
     scale = height / passage.columns[0].height
     return Feed(height=scale, indentation=scale * passage.indentation)
 
@@ -165,8 +165,8 @@ def oedometer(material, pressure, *, rate_factor=1.0, rtol=RTOL):
     """
     _refuse_other_materials(material)
     pressure = np.atleast_1d(np.asarray(pressure, dtype=float))
-    refuse_negative(pressure=pressure)
-    refuse_nonpositive(rate_factor=rate_factor, rtol=rtol)
+    require_nonnegative(pressure=pressure)
+    require_positive(rate_factor=rate_factor, rtol=rtol)
     there = bed_of((Column(1.0, material.fed_density_ratio),), material, rate_factor, PLATE, STRAINS["logarithmic"])
     _refuse_stiffer(there, material)
     y, scale, rows = there.rest, there.scale(there.deepest, rtol), []
@@ -374,7 +374,7 @@ def _rolled(passage, looser, rtol, direction, searched):
     load, resistance, (plastic, elastic) = passage.load, passage.resistance, passage.work
     counted = max(abs(resistance), RESISTED * load)
     columns = passage.columns
-    return ColumnRolled(
+    return ColumnContactResult(
         load=load,
         resistance=float(direction * resistance),
         leading=float(x[-1]),
@@ -399,7 +399,7 @@ def _rolled(passage, looser, rtol, direction, searched):
 
 
 def _refuse_other_layers(layer):
-    refuse_unknown("base", layer.base, ("bonded", "slip"))
+    require_known("base", layer.base, ("bonded", "slip"))
     if layer.base == "slip":
         raise ValueError(
             "columns need a `base` that is bonded, got 'slip': there the mix gives way sideways under the roller and "
@@ -416,11 +416,11 @@ def _refuse_other_materials(material):
 
 def _refuse_beyond_columns(roller, material, speed):
     _refuse_other_materials(material)
-    refuse_nonfinite(speed=speed)
+    require_finite(speed=speed)
     if speed == 0:
         raise ValueError("`speed` must not be 0, got 0: the resistance is set-valued there; say which way it goes")
-    refuse_unknown("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
-    refuse_unknown("profile", roller.profile, ("parabola", "circle", "deformed"))
+    require_known("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
+    require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
     if roller.friction and roller.rolling in ("sliding", "driven"):
         raise ValueError(
             f"columns carry no shear, got `rolling` '{roller.rolling}' with `friction` {roller.friction!r}; use 'free' "

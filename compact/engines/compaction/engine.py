@@ -21,17 +21,17 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from compact.engines.compaction.heaping import STEEPEST, Heaping, HeapingError, refuse_heaping, remedies
+from compact.engines.compaction.heaping import STEEPEST, Heaping, HeapingError, remedies, require_no_heaping
 from compact.engines.compaction.incremental_rolling import DRAG, March, tail
-from compact.engines.compaction.results import CompactionRolled, read
+from compact.engines.compaction.results import CompactionContactResult, build_result
 from compact.engines.compaction.roller_frame import Frame, rolling_mesh, transferred
 from compact.engines.compaction.steady_newton_krylov import Steady, stiffened
 from compact.material.laws import Compaction
 from compact.mesh import RowMesh
-from compact.numerics.validation import refuse_nonfinite, refuse_nonpositive, refuse_outside, refuse_unknown
-from compact.rolling_contact import SAME_HEIGHT, refuse_off_target, refuse_torque
+from compact.numerics.validation import require_between, require_finite, require_known, require_positive
+from compact.rolling_contact import SAME_HEIGHT, require_no_torque, require_on_target
 
-__all__ = ["CompactionRolled", "HeapingError", "roll"]
+__all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
 INCREMENTS = 12  # per contact length sqrt(2 R depth) of the fed mix
 COARSE = 4  # of the first march
@@ -72,7 +72,7 @@ def roll(
     steepest: float | None = STEEPEST,
     progress: Callable[[str], None] | None = None,
 ):
-    """One roller in steady motion over a layer of compacting mix, a `CompactionRolled`.
+    """One roller in steady motion over a layer of compacting mix, a `CompactionContactResult`.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def roll(
         free roller has none
     strain : "finite", or "small" (fair up to capture angles of 12-15 degrees, reports k low by half a squared strain)
     fed : `Fed` of an earlier pass, its `exit`; without it mix free of stress at `material.fed_density_ratio`
-    start : CompactionRolled of a neighbour with the same layer and feed, from whose state the roller rolls on, and
+    start : CompactionContactResult of a neighbour with the same layer and feed, from whose state the roller rolls on, and
         whose mesh and error are this one's too
     exit_density_ratio : mean wanted of the mix that leaves, met by a march to 1e-4; the indentation of the roller is
         then a first guess
@@ -100,22 +100,22 @@ def roll(
     wave of a march grows beyond `steepest`; RuntimeError with the step reached where no balance is found or the roller
     does not get steady.
     """
-    refuse_scene(layer, roller, material, speed, strain, exit_density_ratio, fed)
-    refuse_torque(roller, torque)
-    refuse_nonpositive(increments=increments, steady=steady)
+    require_compactable(layer, roller, material, speed, strain, exit_density_ratio, fed)
+    require_no_torque(roller, torque)
+    require_positive(increments=increments, steady=steady)
     if steepest is not None:
-        refuse_nonpositive(steepest=steepest)
-        refuse_outside(0.0, np.pi / 2, steepest=steepest)
+        require_positive(steepest=steepest)
+        require_between(0.0, np.pi / 2, steepest=steepest)
     target = _Target(layer, roller, material, exit_density_ratio, fed)
     heaping = _heaping(layer, roller, material, speed, strain, steepest)
     if heaping is not None and fed is None:
-        refuse_heaping(heaping, *target.prescribed)
+        require_no_heaping(heaping, *target.prescribed)
     watch = {"highest": np.inf if heaping is None else heaping.highest, "progress": progress}
     with threadpool_limits(1):
         if start is not None:
             depth = roller.indentation if target.quantity is None else start.indentation
             march = _neighbour(start, layer, roller, torque, material, speed, fed, depth, watch)
-            rolled = read(target.reached(march, steady), layer, roller, material, speed)
+            rolled = build_result(target.reached(march, steady), layer, roller, material, speed)
             target.refuse_missed(rolled, torque)
             return replace(rolled, error=start.error and tuple(max(error, _stepped(rolled)) for error in start.error))
         depth, coarse, march = target.first_depth(), None, None
@@ -131,7 +131,7 @@ def roll(
             except RuntimeError as error:
                 raise type(error)(f"{error}{_advice(heaping, target, fed)}") from error
             depth = layer.height - march.steps[-1].lowest
-        rolled = read(march, layer, roller, material, speed)
+        rolled = build_result(march, layer, roller, material, speed)
         target.refuse_missed(rolled, torque)
         return _with_error(rolled, coarse)
 
@@ -285,7 +285,7 @@ class _Target:
             f"{self._found(misses[nearest]):.5g}{unit} at {1e3 * np.exp(logs[nearest]):.4g} mm"
         )
 
-    def refuse_missed(self, rolled, torque):
+    def require_target_reached(self, rolled, torque):
         """Raise RuntimeError unless the contact has what is prescribed, and the torque on a roller that turns.
 
         Small strain knows the density ratio to half a squared strain.
@@ -296,7 +296,7 @@ class _Target:
         density = self.value if self.quantity == "exit_density_ratio" else None
         linear = density is not None and not rolled.march.frame.solid.finite
         tolerance = TARGET + (0.5 * (1 - self.fed_mean / density) ** 2 if linear else 0.0)
-        refuse_off_target(rolled, self.roller, tolerance, exit_density_ratio=density, torque=turned)
+        require_on_target(rolled, self.roller, tolerance, exit_density_ratio=density, torque=turned)
 
     def _found(self, miss):
         """Value of what is prescribed that a miss belongs to."""
@@ -451,17 +451,17 @@ def _fed_mean(material, fed):
     return material.fed_density_ratio if fed is None else fed.density_ratio
 
 
-def refuse_scene(layer, roller, material, speed, strain, exit_density_ratio, fed):
-    refuse_nonfinite(speed=speed)
+def require_compactable(layer, roller, material, speed, strain, exit_density_ratio, fed):
+    require_finite(speed=speed)
     if speed == 0:
         raise ValueError("`speed` must not be 0, got 0: the resistance is set-valued there; say which way it goes")
     if not isinstance(material, Compaction):
         raise ValueError(f"`material` must be Compaction, got {type(material).__name__}")
     if layer.plies:
         raise ValueError(f"`plies` are for linear layers; a compacting one takes `fed`, got {len(layer.plies)} plies")
-    refuse_unknown("strain", strain, ("finite", "small"))
-    refuse_unknown("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
-    refuse_unknown("profile", roller.profile, ("parabola", "circle", "deformed"))
+    require_known("strain", strain, ("finite", "small"))
+    require_known("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
+    require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
     if fed is not None and abs(fed.height / layer.height - 1) > SAME_HEIGHT:
         raise ValueError(f"`layer` must be as high as `fed`, {fed.height!r} m, got {layer.height!r}")
     mean = _fed_mean(material, fed)

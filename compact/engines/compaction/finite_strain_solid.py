@@ -13,7 +13,7 @@ A layer of compacting mix in finite elements: what its nodes feel when they are 
 
     residual = int J sigma grad N dV,    eight-node quadrilaterals with 2 x 2 points, plane strain
 
-Every point remembers a `State`; moving the nodes from one displacement to the next strains it along a straight path,
+Every point remembers a `MaterialPoint`; moving the nodes from one displacement to the next strains it along a straight path,
 which the mix follows in small steps (`cap.step`), so that the strain between two positions of the roller, not the
 step, is what is approximated. Reduced integration keeps flow at constant volume from locking, and its only hourglass
 mode cannot pass from one element to the next.
@@ -174,13 +174,13 @@ STATE = ("stress", "density_ratio", "hardened", "plastic_work")
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """Of a layer: displacement of its nodes, shape (N, 2), `State` of its points, and what they have taken up.
+    """Of a layer: displacement of its nodes, shape (N, 2), `MaterialPoint` of its points, and what they have taken up.
 
     work : int J sigma : d strain since the mix was fed [J/m3 of the mix as it was fed], shape (n,)
     """
 
     displacement: np.ndarray
-    state: cap_plasticity.State
+    state: cap_plasticity.MaterialPoint
     work: np.ndarray
 
 
@@ -232,7 +232,7 @@ class Solid:
         """The layer moved from the `Condition` before to a displacement, a `Motion`."""
         change = self.kinematics.between(self.gradient(before.displacement), self.gradient(displacement))
         state, work = self._followed(before.state, change.strain)
-        turned = cap_plasticity.State(
+        turned = cap_plasticity.MaterialPoint(
             change.turned(state.stress), state.density_ratio, state.hardened, state.plastic_work
         )
         after = Condition(displacement, turned, before.work + change.volume_midway * work)
@@ -254,7 +254,7 @@ class Solid:
             return cap_plasticity.step(self.law, before, strain, self.rate_factor)[1]
         slope = np.tile(self._elastic, (len(strain), 1, 1))
         yields = np.flatnonzero(after.plastic_work != before.plastic_work)
-        start = cap_plasticity.State(*(getattr(before, name)[yields] for name in STATE))
+        start = cap_plasticity.MaterialPoint(*(getattr(before, name)[yields] for name in STATE))
         for k in range(3):
             nearby = strain[yields].copy()
             nearby[:, k] += NEARBY

@@ -101,7 +101,7 @@ class Heaping:
         return np.interp(stress, turned * self.rate_factor * law.yield_pressure(ratios), ratios)
 
 
-def refuse_heaping(heaping, name, value, depth):
+def require_no_heaping(heaping, name, value, depth):
     """Raise HeapingError for a depth that the mix cannot take up, or a load that it cannot bear.
 
     Parameters

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from compact.engines.compaction.newton import Balancer, NotBalancedError
-from compact.engines.compaction.roller_contact import Face, TurningFace
+from compact.engines.compaction.roller_contact import RollerSurface, RollingSurface
 
 PENALTY = 0.15  # of the unloading modulus over the step, or over the THIN-th part of the height if that is less
 THIN = 20
@@ -86,7 +86,9 @@ class March:
         nodes = frame.surface
         given = frame.nodes[nodes], frame.weights, radius, height, penalty, np.zeros(len(nodes)), profile
         self.face = (
-            Face(*given, friction) if torque is None else TurningFace(*given, grip=friction, pull=-torque / radius)
+            RollerSurface(*given, friction)
+            if torque is None
+            else RollingSurface(*given, grip=friction, pull=-torque / radius)
         )
         self.balancer = Balancer(frame.solid, nodes, residual)
         self.condition, self.push, self.steps = frame.at_rest(), None, ()

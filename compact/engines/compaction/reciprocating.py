@@ -42,15 +42,15 @@ from functools import cached_property
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from compact.engines.compaction.engine import refuse_scene
+from compact.engines.compaction.engine import require_compactable
 from compact.engines.compaction.incremental_rolling import PENALTY, SOFTER, THIN
 from compact.engines.compaction.newton import Balancer, NotBalancedError
 from compact.engines.compaction.results import drawn, left
-from compact.engines.compaction.roller_contact import Face, TurningFace
-from compact.engines.compaction.roller_frame import Fed, Frame, stroke_mesh, transferred
+from compact.engines.compaction.roller_contact import RollerSurface, RollingSurface
+from compact.engines.compaction.roller_frame import Frame, LayerState, stroke_mesh, transferred
 from compact.engines.stroke_schedule import SAME, STEP, strokes
-from compact.numerics.validation import refuse_fractional, refuse_negative, refuse_nonfinite
-from compact.rolling_contact import Travelled, refuse_torque
+from compact.numerics.validation import require_finite, require_integers, require_nonnegative
+from compact.rolling_contact import TransientResult, require_no_torque
 
 PRESSING = 6  # steps of a roller that comes down
 RESIDUAL = 1e-4  # of the nodal forces
@@ -59,8 +59,8 @@ GIVEN_ON = 10  # times in a step at most; one in ten steps on thick mix leaves m
 
 
 @dataclass(frozen=True)
-class Stand:
-    """Where a roller is and what the layer does to it: as `CompactionTravelled` has it."""
+class RollerState:
+    """Where a roller is and what the layer does to it: as `CompactionTransientResult` has it."""
 
     position: float
     lowest: float
@@ -78,7 +78,7 @@ class Trip:
     """A roller on its way over one layer, at first where it just touches it, at x = `low`.
 
     way : `Strokes`;  element, length : of the mesh along x, and about that of the contact [m]
-    fed : what lies there, a `Fed` or None for fresh mix of a `height`;  place : x of the roller [m]
+    fed : what lies there, a `LayerState` or None for fresh mix of a `height`;  place : x of the roller [m]
     torque : on a roller that turns, + the way it travels [N]
     """
 
@@ -94,7 +94,7 @@ class Trip:
         penalty = PENALTY * law.unloading_modulus / min(element, height / THIN)
         given = {"profile": roller.profile, "offset": float(place)}
         given |= {"grip": roller.friction, "sheared": np.zeros(len(nodes))} if self.turns else {}
-        kind = TurningFace if self.turns else Face
+        kind = RollingSurface if self.turns else RollerSurface
         self.face = kind(nodes, frame.weights, roller.radius, height, penalty, np.zeros(len(nodes)), **given)
         self.balancer = Balancer(frame.solid, frame.surface, RESIDUAL)
         self.condition, self.past, self.iterations = frame.at_rest(), [], 0
@@ -155,7 +155,7 @@ class Trip:
 
     @property
     def stand(self):
-        """The `Stand` now."""
+        """The `RollerState` now."""
         x = self.face.place[:, 0] + self.condition.displacement[self.frame.surface, 0] - self.face.offset
         touching, edges = np.flatnonzero(self.push.pressure > 0), (np.nan, np.nan)
         if len(touching):
@@ -163,11 +163,11 @@ class Trip:
             edges = float(x[last] + x[last + 1]) / 2, float(x[first - 1] + x[first]) / 2
         forces = self.face.forces(self.push)
         works = self.given, self.rubbed, self.kept
-        return Stand(self.face.offset, self.face.lowest, *forces, *edges, self.angle, *works)
+        return RollerState(self.face.offset, self.face.lowest, *forces, *edges, self.angle, *works)
 
     @property
     def left(self):
-        """`Fed` of what lies in the middle of the way."""
+        """`LayerState` of what lies in the middle of the way."""
         middle = int(np.searchsorted(self.frame.row_x, self.span / 2))
         return left(self.frame, self.condition, middle)[0]
 
@@ -252,12 +252,12 @@ NUMBERS = (
     "given",
     "rubbed",
     "kept",
-)  # of a `Stand`
+)  # of a `RollerState`
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class CompactionTravelled(Travelled):
-    """A `Travelled` over compacting mix.
+class CompactionTransientResult(TransientResult):
+    """A `TransientResult` over compacting mix.
 
     Where mix is fed, or friction or torque turns round, the time of the turn stands twice, before and after.
 
@@ -268,7 +268,7 @@ class CompactionTravelled(Travelled):
         [J/m], shape (n,)
     rubbed : work that slip takes [J/m], shape (n,)
     kept : work that the mix took up meanwhile, int J sigma : d strain [J/m], shape (n,)
-    left : `Fed` of what lies in the middle of the stroke after each
+    left : `LayerState` of what lies in the middle of the stroke after each
     iterations : of Newton's method, all of them
     """
 
@@ -278,7 +278,7 @@ class CompactionTravelled(Travelled):
     given: np.ndarray
     rubbed: np.ndarray
     kept: np.ndarray
-    left: tuple[Fed, ...]
+    left: tuple[LayerState, ...]
     iterations: int
 
     @property
@@ -292,7 +292,7 @@ class CompactionTravelled(Travelled):
         return tuple(lies.density_ratio for lies in self.left)
 
 
-def travel(
+def simulate_reciprocating(
     layer,
     roller,
     material,
@@ -307,7 +307,7 @@ def travel(
     instants=(),
     estimate=True,
 ):
-    """A roller at a given indentation that travels over compacting mix, a `CompactionTravelled`.
+    """A roller at a given indentation that travels over compacting mix, a `CompactionTransientResult`.
 
     At first the roller stands pressed into mix that lies flat, or comes in steady motion from a `start`.
 
@@ -321,8 +321,8 @@ def travel(
     torque : on a roller that is free or driven, per unit length, + turning it the way it travels [N]; without it a
         free roller has none
     feed : height of fresh mix that is spread before every stroke but the first [m]
-    fed : `Fed` of an earlier pass, as of `compaction.roll`; without it fresh mix
-    start : CompactionRolled over the same layer, towards which the motion begins
+    fed : `LayerState` of an earlier pass, as of `compaction.roll`; without it fresh mix
+    start : CompactionContactResult over the same layer, towards which the motion begins
     strain : "finite" or "small"
     increments : elements per contact length, each travelled in two steps
     instants : times whose fields are kept as `frames`, each at the nearest end of a step [s]
@@ -332,9 +332,9 @@ def travel(
     """
     way = strokes(motion)
     _refuse(layer, roller, material, way, feed, strain, fed, start)
-    refuse_torque(roller, torque)
-    refuse_fractional(increments=increments)
-    refuse_nonfinite(instants=instants)
+    require_no_torque(roller, torque)
+    require_integers(increments=increments)
+    require_finite(instants=instants)
     length = float(np.sqrt(2 * roller.radius * roller.indentation))
     element = way.span / np.ceil(way.span * increments / length * (1 - SAME))
     job = _Job(layer, roller, torque, material, way, element, length, feed, fed, start, strain == "finite")
@@ -346,7 +346,7 @@ def travel(
 
 @dataclass(eq=False)
 class _Done:
-    """What strokes have given: (stroke, time, `Stand`) of each step, `Fed` of each stroke, frames, and the `Trip`s."""
+    """What strokes have given: (stroke, time, `RollerState`) of each step, `LayerState` of each stroke, frames, and the `Trip`s."""
 
     steps: list
     left: list
@@ -356,7 +356,7 @@ class _Done:
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """What is asked of `travel`, and the lengths of an element and of the contact."""
+    """What is asked of `simulate_reciprocating`, and the lengths of an element and of the contact."""
 
     layer: object
     roller: object
@@ -366,7 +366,7 @@ class _Job:
     element: float
     length: float
     feed: float
-    fed: Fed | None
+    fed: LayerState | None
     start: object
     finite: bool
 
@@ -410,10 +410,10 @@ class _Job:
 
 
 def _result(way, done, rough):
-    """The `CompactionTravelled`, with the error that steps twice as long tell."""
+    """The `CompactionTransientResult`, with the error that steps twice as long tell."""
     stroke, time, stands = zip(*done.steps, strict=True)
     numbers = {name: np.array([getattr(stand, name) for stand in stands]) for name in NUMBERS}
-    return CompactionTravelled(
+    return CompactionTransientResult(
         time=np.array(time),
         velocity=way.motion.velocity(np.array(time)),
         stroke=np.array(stroke) + 1,
@@ -435,12 +435,12 @@ def _error(done, rough):
 def _refuse(layer, roller, material, way, feed, strain, fed, start):
     if roller.indentation is None:
         raise ValueError(f"a roller that travels keeps its height: give its `indentation`, got its {roller.target[0]}")
-    refuse_scene(layer, roller, material, 1.0, strain, None, fed)
+    require_compactable(layer, roller, material, 1.0, strain, None, fed)
     if layer.base != "bonded":
         raise ValueError(f"`base` must be 'bonded': nothing holds the ends of a layer that slips, got {layer.base!r}")
     if not way.span > 0:
         raise ValueError(f"`motion` must move the roller, got one that stays at {way.low!r} m")
-    refuse_negative(feed=feed)
+    require_nonnegative(feed=feed)
     if feed and not roller.indentation < feed * (1 - material.fed_density_ratio):
         least = roller.indentation / (1 - material.fed_density_ratio)
         raise ValueError(f"`feed` must be more than {least:.4g} m to leave mix short of full density, got {feed!r} m")

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from compact.engines.compaction.finite_strain_solid import STATE
-from compact.engines.compaction.roller_frame import Fed
+from compact.engines.compaction.roller_frame import LayerState
 from compact.material import cap_plasticity
 from compact.numerics.assembly import moduli
-from compact.rolling_contact import Layer, Rolled, Roller
+from compact.rolling_contact import ContactResult, Layer, Roller
 
 ITERATIONS = 2100  # of the mix that leaves, towards its rest: one as a rule, hundreds where it yields on the way
 SURE = 2000  # of them as if it were elastic, which always come nearer; then by its own slope, which may overshoot
@@ -21,12 +21,12 @@ FREE = 1e-9  # of the unloading modulus, what horizontal planes may still bear t
 
 
 @dataclass(frozen=True)
-class CompactionRolled(Rolled):
-    """A `Rolled` over compacting mix.
+class CompactionContactResult(ContactResult):
+    """A `ContactResult` over compacting mix.
 
     indentation : fed height less that of the lowest generatrix [m]
     creep : angular speed x radius/speed - 1 of a roller that sticks and slips, else None
-    exit : mix that leaves, by rows from the base up, a `Fed` for the next pass;  exit_height : its surface [m]
+    exit : mix that leaves, by rows from the base up, a `LayerState` for the next pass;  exit_height : its surface [m]
     exit_density_ratio : its mean over the height;  spring_back : rise behind the lowest generatrix [m]
     bow_wave : rise of the surface in front of the roller above the fed height [m]
     peak_density_ratio : the largest anywhere;  over_pressed : it is more than 1
@@ -36,7 +36,7 @@ class CompactionRolled(Rolled):
 
     indentation: float = 0.0
     creep: float | None = None
-    exit: Fed | None = None
+    exit: LayerState | None = None
     exit_height: float = 0.0
     exit_density_ratio: float = 0.0
     spring_back: float = 0.0
@@ -58,14 +58,14 @@ class CompactionRolled(Rolled):
         return self.peak_density_ratio > 1
 
 
-def read(march, layer, roller, material, speed):
-    """The `CompactionRolled` of a `March` that is steady."""
+def build_result(march, layer, roller, material, speed):
+    """The `CompactionContactResult` of a `March` that is steady."""
     frame, condition, last = march.frame, march.condition, march.steps[-1]
     law, way = frame.solid.law, 1.0 if speed > 0 else -1.0
     x, pressure, shear, trailing, leading = _contact(march)
     _refuse_skid(march)
     leaving, length = left(frame, condition, frame.exit)
-    return CompactionRolled(
+    return CompactionContactResult(
         load=last.load,
         resistance=way * last.resistance,
         leading=leading,
@@ -96,7 +96,7 @@ def read(march, layer, roller, material, speed):
 
 
 def fields(rolled):
-    """Displacement, density ratio, plastic work, pressure and stress of a `CompactionRolled`, a meshio mesh of 8-node
+    """Displacement, density ratio, plastic work, pressure and stress of a `CompactionContactResult`, a meshio mesh of 8-node
     quadrilaterals on the fed layer as it lies under the roller.
 
     point data : displacement [m], 3 components
@@ -166,12 +166,12 @@ def _contact(march):
 
 
 def left(frame, condition, column):
-    """The mix of a column of points as the next `Fed`, and its length over that as it was fed.
+    """The mix of a column of points as the next `LayerState`, and its length over that as it was fed.
 
     Far behind the roller the layer is the same all along x: no stress is left on horizontal planes, and what is bonded
     is as long as it was fed. A layer that slips keeps the force along x that it has, none.
     """
-    state = cap_plasticity.State(*(frame.rows(getattr(condition.state, name))[:, column] for name in STATE))
+    state = cap_plasticity.MaterialPoint(*(frame.rows(getattr(condition.state, name))[:, column] for name in STATE))
     along = frame.rows(frame.solid.gradient(condition.displacement)[:, 0])[:, column]
     if along.min() <= -1:
         raise RuntimeError("the mix that leaves is folded over along the travel; press less deep")
@@ -179,13 +179,13 @@ def left(frame, condition, column):
     area = frame.row_heights * frame.rows(_volume(frame.solid, condition.displacement))[:, column]
     mean = area @ stretch / area.sum() if frame.slips else 0.0
     rest, volume = _at_rest(frame.solid, state, mean - stretch)
-    return Fed(area * volume * np.exp(-mean), rest), float(np.exp(mean))
+    return LayerState(area * volume * np.exp(-mean), rest), float(np.exp(mean))
 
 
 def _at_rest(solid, state, stretch):
     """Rows of mix that are strained by so much along x, and across until their horizontal planes are free of stress.
 
-    Returns their `State` and volume over that before.
+    Returns their `MaterialPoint` and volume over that before.
     """
     strain = np.zeros((len(stretch), 3))
     strain[:, 0] = stretch

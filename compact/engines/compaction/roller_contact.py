@@ -31,7 +31,7 @@ from scipy.optimize import brentq
 
 
 @dataclass(frozen=True, eq=False)
-class Push:
+class ContactForces:
     """What the roller does to the nodes: gap [m], pressure and shear on the reference [Pa], shape (n,), forces, shape
     (n, 2), and minus their derivatives by the displacement, shape (n, 2, 2).
 
@@ -50,7 +50,7 @@ class Push:
 
 
 @dataclass(frozen=True, eq=False)
-class Face:
+class RollerSurface:
     """The roller and the surface nodes it may touch.
 
     place, weight : of the nodes on the reference [m], shape (n, 2), (n,);  carried : their pressures [Pa]
@@ -85,7 +85,7 @@ class Face:
         return self
 
     def push(self, displacement):
-        """The `Push` on nodes displaced by (n, 2)."""
+        """The `ContactForces` on nodes displaced by (n, 2)."""
         return self.pressed(displacement)
 
     def pressed(self, displacement):
@@ -105,7 +105,7 @@ class Face:
         return x / self.radius if self.profile == "parabola" else np.where(inside, self._steepness(x), 0.0)
 
     def forces(self, push):
-        """Load and resistance of a `Push` [N/m]; where pressure is vertical it resists on the slope of the roller."""
+        """Load and resistance of a `ContactForces` [N/m]; where pressure is vertical it resists on the slope of the roller."""
         x, y = push.forces.sum(axis=0)
         return float(-y), float(x + np.sum(self.weight * push.pressure * self.slope()))
 
@@ -136,7 +136,9 @@ class Face:
         stiffness = self._rising(pressure)[:, None, None] * pushed[:, :, None] * n[:, None, :]
         turning = (self.weight * pressure / distance)[:, None, None]
         stiffness -= turning * (t - np.reshape(self.friction, (-1, 1)) * n)[:, :, None] * t[:, None, :]
-        return Push(gap, pressure, self.friction * pressure, (self.weight * pressure)[:, None] * pushed, stiffness)
+        return ContactForces(
+            gap, pressure, self.friction * pressure, (self.weight * pressure)[:, None] * pushed, stiffness
+        )
 
     def _vertical(self, displacement):
         x = self.place[:, 0] - self.offset
@@ -147,7 +149,9 @@ class Face:
         pressure = self._pressure(gap)
         pushed = np.stack([np.broadcast_to(self.friction, x.shape), np.full_like(x, -1.0)], axis=-1)
         stiffness = self._rising(pressure)[:, None, None] * pushed[:, :, None] * np.array([0.0, -1.0])
-        return Push(gap, pressure, self.friction * pressure, (self.weight * pressure)[:, None] * pushed, stiffness)
+        return ContactForces(
+            gap, pressure, self.friction * pressure, (self.weight * pressure)[:, None] * pushed, stiffness
+        )
 
     def _pressure(self, gap):
         relieved = np.multiply(self.penalty, gap, out=np.full_like(gap, np.inf), where=np.isfinite(gap))
@@ -187,8 +191,8 @@ class Slip:
 
 
 @dataclass(frozen=True, eq=False)
-class TurningFace(Face):
-    """A `Face` without friction of its own, and the shear that its turning adds.
+class RollingSurface(RollerSurface):
+    """A `RollerSurface` without friction of its own, and the shear that its turning adds.
 
     grip : Coulomb's coefficient;  pull : sum of weight shear that is asked, + along the travel [N/m]
     sheared : shears that the roller carries on [Pa];  creep : of the increment before

@@ -62,17 +62,17 @@ def _growing(length, first, height, exact=False):
 
 
 @dataclass(frozen=True, eq=False)
-class Fed:
+class LayerState:
     """The mix in front of the roller, at rest and the same all along x, by rows from the base up.
 
-    heights : of the rows [m], shape (n,);  state : their means, a `State` without stress on horizontal planes
+    heights : of the rows [m], shape (n,);  state : their means, a `MaterialPoint` without stress on horizontal planes
 
     A layer at rest under a free surface bears no shear on horizontal planes (d s_xy/dy = 0), and the cap remembers no
     direction: rolled over one way or the other the mix is the same.
     """
 
     heights: np.ndarray
-    state: cap_plasticity.State
+    state: cap_plasticity.MaterialPoint
 
     @property
     def height(self):
@@ -99,19 +99,19 @@ class Fed:
         """The layer with a lift [m] of fresh mix spread on it."""
         above = cap_plasticity.fed(law, 1)
         both = (np.concatenate([getattr(self.state, name), getattr(above, name)]) for name in STATE)
-        return Fed(np.append(self.heights, lift), cap_plasticity.State(*both))
+        return LayerState(np.append(self.heights, lift), cap_plasticity.MaterialPoint(*both))
 
     def on_rows(self, heights):
         """The same layer by rows of other heights; what each holds is kept in sum."""
         stress, k, hardened, work = (_means(getattr(self.state, name), self.heights, heights) for name in STATE)
-        return Fed(
-            heights, cap_plasticity.State(stress, k, np.maximum(hardened, k), work)
+        return LayerState(
+            heights, cap_plasticity.MaterialPoint(stress, k, np.maximum(hardened, k), work)
         )  # what pc remembers is k at least
 
 
 def fresh(law, heights):
-    """Mix as it is fed, a `Fed` of rows of some heights [m]."""
-    return Fed(heights, cap_plasticity.fed(law, len(heights)))
+    """Mix as it is fed, a `LayerState` of rows of some heights [m]."""
+    return LayerState(heights, cap_plasticity.fed(law, len(heights)))
 
 
 def _means(values, old, new):
@@ -165,7 +165,7 @@ class Frame:
 
     def at_rest(self):
         """The `Condition` of the fed mix before the roller comes."""
-        state = cap_plasticity.State(*(self._spread(getattr(self.fed.state, name)) for name in STATE))
+        state = cap_plasticity.MaterialPoint(*(self._spread(getattr(self.fed.state, name)) for name in STATE))
         return Condition(np.zeros_like(self.nodes), state, np.zeros(len(self.solid.area)))
 
     def carried(self, condition):
@@ -177,7 +177,7 @@ class Frame:
         stress += self._ahead * (self._elastic_stress(displacement) - smeared)
         numbers = (self._carried_points(getattr(condition.state, name), getattr(fed, name)) for name in STATE[1:])
         return Condition(
-            displacement, cap_plasticity.State(stress, *numbers), self._carried_points(condition.work, 0.0)
+            displacement, cap_plasticity.MaterialPoint(stress, *numbers), self._carried_points(condition.work, 0.0)
         )
 
     def from_upstream(self, nodes):
@@ -310,7 +310,7 @@ def transferred(condition, old, new):
         place = np.clip(new.solid.points, [old.row_x[0], old.row_y[0]], [old.row_x[-1], old.row_y[-1]])
         return rows(place[:, ::-1])
 
-    state = cap_plasticity.State(*(at(getattr(condition.state, name)) for name in STATE))
+    state = cap_plasticity.MaterialPoint(*(at(getattr(condition.state, name)) for name in STATE))
     return Condition(displacement, state, at(condition.work))
 
 

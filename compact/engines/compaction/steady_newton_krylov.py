@@ -30,8 +30,8 @@ from scipy.sparse.linalg import LinearOperator, gmres
 
 from compact.engines.compaction.finite_strain_solid import SUBSTEPS, Condition
 from compact.engines.compaction.newton import Balance, NotBalancedError, unbalanced
-from compact.engines.compaction.roller_contact import STICKING, TurningFace
-from compact.engines.compaction.streamline_integration import Flow, Stream, changes
+from compact.engines.compaction.roller_contact import STICKING, RollingSurface
+from compact.engines.compaction.streamline_integration import StreamlineIntegrator, StreamlineState, changes
 from compact.material import cap_plasticity
 
 RESIDUAL = 1e-6  # of the forces of the roller
@@ -63,7 +63,7 @@ class Trial:
     displacement: np.ndarray
     pressure: np.ndarray
     gradients: np.ndarray
-    flow: Flow
+    flow: StreamlineState
     stress: np.ndarray
     face: object
     slip: object
@@ -79,7 +79,7 @@ class Steady:
     def __init__(self, frame, face, substeps=SUBSTEPS, progress=None):
         self.frame, self.solid, self.progress = frame, frame.solid, progress
         solid = frame.solid
-        self.stream = Stream(solid.law, frame.fed.state, solid.rate_factor, solid.finite, substeps)
+        self.stream = StreamlineIntegrator(solid.law, frame.fed.state, solid.rate_factor, solid.finite, substeps)
         face = face.at(face.lowest, -frame.step).starting(np.zeros_like(face.place)).at(face.lowest)
         self.touchable = np.flatnonzero(np.abs(face.place[:, 0] - face.offset) < face.radius * (1 - 1e-9))
         kept = {name: getattr(face, name)[self.touchable] for name in ("place", "weight", "carried")}
@@ -133,7 +133,7 @@ class Steady:
         if deepest < 0:
             raise NotBalancedError(f"mix from beyond the roller is carried {-deepest:.2g} m into it")
         numbers, points = trial.flow.numbers, self.frame.points
-        state = cap_plasticity.State(
+        state = cap_plasticity.MaterialPoint(
             points(numbers[..., :4]), *(points(numbers[..., k]) for k in (4, 5)), points(trial.flow.plastic_work)
         )
         after = Condition(trial.displacement, state, points(trial.flow.work))
@@ -405,7 +405,7 @@ def _settled(march, foreseen, lowest, share):
     displacement, *carried = foreseen
     march.face = march.face.carrying(*carried)
     face = march.face.at(lowest)
-    if isinstance(face, TurningFace):
+    if isinstance(face, RollingSurface):
         face = replace(face, sticking=STICKING * share**-SHARPER)
     march.settled(Steady(march.frame, face, progress=march.progress).balanced(displacement, residual=ROUGH), lowest)
     return march, share
@@ -414,7 +414,7 @@ def _settled(march, foreseen, lowest, share):
 def _without_grip(march, lowest):
     """The balance from rest, without the shear of a roller that turns."""
     still = march.condition.displacement
-    if not isinstance(march.face, TurningFace):
+    if not isinstance(march.face, RollingSurface):
         return still, march.face.carried, None, None
     face = replace(march.face, grip=0.0, pull=0.0).at(lowest)
     found = Steady(march.frame, face, progress=march.progress).balanced(still, residual=ROUGH)

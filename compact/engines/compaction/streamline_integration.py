@@ -24,7 +24,7 @@ SLICE = 20_000  # steps of points in one compiled call: some 20 ms, half a secon
 
 
 @dataclass(frozen=True, eq=False)
-class Flow:
+class StreamlineState:
     """Of rows of points, x ascending: what they are, shape (rows, n, 6), and what they have taken up [J/m3].
 
     numbers : stress (xx, yy, zz, xy) [Pa], density ratio, the one that pc remembers
@@ -37,20 +37,20 @@ class Flow:
 
 
 @dataclass(frozen=True, eq=False)
-class Stream:
+class StreamlineIntegrator:
     """Mix that enters rows of points from the right.
 
     law : Compaction;  fed : cap.State, one point a row;  finite : strains are;  substeps : of the path between points
     """
 
     law: object
-    fed: cap_plasticity.State
+    fed: cap_plasticity.MaterialPoint
     rate_factor: float
     finite: bool
     substeps: int
 
     def along(self, gradients):
-        """The `Flow` under displacement gradients (xx, xy, yx, yy), shape (rows, n, 4).
+        """The `StreamlineState` under displacement gradients (xx, xy, yx, yy), shape (rows, n, 4).
 
         Raises RuntimeError where the layer folds over.
         """
@@ -65,10 +65,10 @@ class Stream:
             raise RuntimeError(
                 f"the mix does not follow at point {column} of row {row} of points: the layer folds over"
             )
-        return Flow(numbers, works[..., 0], works[..., 1])
+        return StreamlineState(numbers, works[..., 0], works[..., 1])
 
     def derivatives(self, gradients, flow):
-        """d numbers by what each point of a `Flow` was told, shape (rows, n, 6, 14), by differences."""
+        """d numbers by what each point of a `StreamlineState` was told, shape (rows, n, 6, 14), by differences."""
         slopes = np.empty((*gradients.shape[:2], NUMBERS, TOLD))
         nearby = np.full(TOLD, NEARBY)
         nearby[:4] *= self.law.unloading_modulus
@@ -170,7 +170,7 @@ def _next(law, told, finite, substeps, after):
     plastic_work, work = 0.0, 0.0
     for _ in range(substeps):
         before = now
-        closed, now, dissipated, _, _ = cap_plasticity.stepped(law, before, exx, eyy, gamma)
+        closed, now, dissipated, _, _ = cap_plasticity.integrate_point(law, before, exx, eyy, gamma)
         good = good and closed
         plastic_work += dissipated
         work += ((before[0] + now[0]) * exx + (before[1] + now[1]) * eyy + (before[3] + now[3]) * gamma) / 2

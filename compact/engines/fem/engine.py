@@ -32,15 +32,15 @@ from compact.engines.fem.contact_patch import (
 )
 from compact.engines.fem.convected_memory import retardation
 from compact.engines.fem.fields import work_left
-from compact.engines.fem.stick_slip import Grip, Shear, pressed_and_sheared
+from compact.engines.fem.stick_slip import FrictionCondition, Shear, pressed_and_sheared
 from compact.engines.fem.surface_compliance import condensed, stretched
 from compact.engines.halfplane import pressure_exponent
 from compact.engines.spectral import engine as spectral
 from compact.engines.spectral.elastic_estimate import WIDTH_STEP, as_wide, half_width_met, shared_half_width
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, EDGE, RowMesh, elements_for, for_error, graded
-from compact.numerics.validation import refuse_nonfinite, refuse_nonpositive, refuse_unknown
-from compact.rolling_contact import Layer, Rolled, Roller, refuse_off_target, refuse_torque
+from compact.numerics.validation import require_finite, require_known, require_positive
+from compact.rolling_contact import ContactResult, Layer, Roller, require_no_torque, require_on_target
 
 NARROWEST = 1e-7  # layer heights: half-width of a contact that a mesh of the layer can hold
 TERMS = 12  # of the pressure: more resolve thinner edge layers, and blur the edges once they outrun the mesh
@@ -70,8 +70,8 @@ SHARED_ERROR = 3e-6  # of both meshes
 
 
 @dataclass(frozen=True)
-class FemRolled(Rolled):
-    """A `Rolled` with what it took to find it and what `fields` needs.
+class FemContactResult(ContactResult):
+    """A `ContactResult` with what it took to find it and what `fields` needs.
 
     indentation : delta [m]
     creep : angular speed x radius/speed - 1 of a roller that sticks and slips, else None
@@ -92,7 +92,7 @@ class FemRolled(Rolled):
 
 
 def roll(layer, roller, material, speed, *, torque=None, mesh=None, tolerance=DEFAULT_ERROR, estimate=True):
-    """One roller in steady motion over a linear layer, a `FemRolled`: the engine "fem".
+    """One roller in steady motion over a linear layer, a `FemContactResult`: the engine "fem".
 
     Parameters
     ----------
@@ -120,8 +120,8 @@ def roll(layer, roller, material, speed, *, torque=None, mesh=None, tolerance=DE
     >>> f"load {rolled.load / 1e3:.2f} kN/m, edge {rolled.leading * 1e3:.2f} mm"
     'load 15.09 kN/m, edge 13.85 mm'
     """
-    refuse_beyond_linear(layer, roller, material, speed, mesh, tolerance)
-    refuse_torque(roller, torque)
+    require_linear_range(layer, roller, material, speed, mesh, tolerance)
+    require_no_torque(roller, torque)
     case = Case(layer, roller, material, speed, torque or 0.0)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
         if mesh is None and estimate:
@@ -193,17 +193,17 @@ class _Task:
 
 
 def _solution(case, task, estimate=True):
-    """The `FemRolled` of a case on one mesh."""
+    """The `FemContactResult` of a case on one mesh."""
     contact = contact_of(case, task)
     rolled = _rolled(case, task.mesh, contact)
     rolled = replace(rolled, work_residual=_work_residual(case, rolled, contact))
     tolerance = MET * (TARGET_OF_TURNS if case.sticks else TARGET_TOLERANCE)
-    refuse_off_target(rolled, case.roller, tolerance, torque=_torques(case, contact))
+    require_on_target(rolled, case.roller, tolerance, torque=_torques(case, contact))
     return replace(rolled, error=_error(case, task, rolled, contact)) if estimate else rolled
 
 
 def _to_tolerance(case, tolerance):
-    """The `FemRolled` whose estimated errors are within the tolerance, of a mesh and a pressure as fine as that takes.
+    """The `FemContactResult` whose estimated errors are within the tolerance, of a mesh and a pressure as fine as that takes.
 
     Creep times that are short beside the passage of the roller make layers at the edges of the contact, which a mesh
     of the expected contact is too coarse for and few terms of the pressure are too smooth for. Each level of
@@ -272,7 +272,7 @@ def _foreseen(case):
 def _refined(case, level, tolerance, near):
     """The `_Task` of a level of refinement about a contact near the one sought; None beyond the budget.
 
-    near : a `Rolled` with its indentation; without one the mesh keeps to the contact expected
+    near : a `ContactResult` with its indentation; without one the mesh keeps to the contact expected
     """
     if near is None:
         task = task_of(case, None, tolerance)
@@ -400,7 +400,7 @@ def _settled(case, surface, roll, task, start=None):
         return Contact(surface, roll, with_peaks(surface, roll, patch))
     direction = np.sign(case.speed)
     asked = -direction * case.torque / case.roller.radius / case.material.youngs_modulus
-    grip = Grip(case.roller.friction, asked, direction)
+    grip = FrictionCondition(case.roller.friction, asked, direction)
     return Contact(surface, roll, *pressed_and_sheared(surface, roll, terms, grip, patch, shear))
 
 
@@ -420,7 +420,7 @@ def _rolled(case, mesh, contact):
     traction = case.friction * pressure if shear is None else shear.at(x)
     edges = np.array([patch.trailing, patch.leading])
     trailing, leading = edges if case.speed > 0 else -edges[::-1]
-    return FemRolled(
+    return FemContactResult(
         load=float(-E * contact.force[1]),
         resistance=float(E * contact.force[0]),
         leading=float(leading),
@@ -530,16 +530,16 @@ def _held_behind(case, contact):
     return float(E * (1 - nu**2) * Q**2 / (2 * across))
 
 
-def refuse_beyond_linear(layer, roller, material, speed, mesh, tolerance):
-    refuse_nonfinite(speed=speed)
-    refuse_nonpositive(tolerance=tolerance)
+def require_linear_range(layer, roller, material, speed, mesh, tolerance):
+    require_finite(speed=speed)
+    require_positive(tolerance=tolerance)
     if speed == 0:
         raise ValueError("`speed` must not be 0, got 0: the resistance is set-valued there; say which way it goes")
     if not isinstance(material, Elastic):
         raise ValueError(f"`material` must be Elastic or Viscoelastic, got {type(material).__name__}")
-    refuse_unknown("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
-    refuse_unknown("profile", roller.profile, ("parabola", "circle", "deformed"))
-    refuse_unknown("base", layer.base, ("bonded", "slip"))
+    require_known("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
+    require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
+    require_known("base", layer.base, ("bonded", "slip"))
     if mesh is not None and abs(mesh.height - layer.height) > 1e-6 * layer.height:
         raise ValueError(f"`mesh` must be as high as the layer, {layer.height!r} m, got {mesh.height.item()!r} m")
     missed = [y for y in layer.interfaces if mesh is not None and np.abs(mesh.y - y).min() > 1e-6 * layer.height]

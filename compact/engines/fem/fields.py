@@ -30,7 +30,7 @@ GAUSS_WEIGHTS = np.array([5, 8, 5]) / 18  # of the three streamlines in a row
 
 
 def fields(rolled):
-    """Displacement, stress, pressure and dissipation of a `FemRolled`, a meshio mesh of 9-node quadrilaterals.
+    """Displacement, stress, pressure and dissipation of a `FemContactResult`, a meshio mesh of 9-node quadrilaterals.
 
     point data : displacement [m], 3 components
     cell data, means of the elements : stress (xx, yy, zz, xy, yz, xz) [Pa], tension positive; pressure, of all
@@ -45,7 +45,7 @@ def fields(rolled):
 def pictured(rolled, displacement, **cells):
     """The meshio mesh of a layer under `forces` with a displacement of its nodes, shape (dofs, 2), and data of cells.
 
-    rolled : anything with `mesh`, `layer`, `material`, `speed` and `forces` as of a `FemRolled`
+    rolled : anything with `mesh`, `layer`, `material`, `speed` and `forces` as of a `FemContactResult`
     """
     import meshio
 
@@ -67,7 +67,7 @@ def _shares(rolled):
 
 
 def write_series(layers, directory):
-    """Write contacts, pairs of `fields` and `FemRolled`, as fields/speed=V.vtu and as fields.pvd, their series over V.
+    """Write contacts, pairs of `fields` and `FemContactResult`, as fields/speed=V.vtu and as fields.pvd, their series over V.
 
     The series comes last, whole or not at all, so that all it names is there. Yields the paths.
     """

@@ -45,7 +45,7 @@ def modulation(layer, roller, material, speed, *, mesh=None, tolerance=TOLERANCE
     What sticks and slips depends on how fast the surface moves under the roller, which the surface alone does not tell;
     it is refused.
     """
-    fem_engine.refuse_beyond_linear(layer, roller, material, speed, mesh, tolerance)
+    fem_engine.require_linear_range(layer, roller, material, speed, mesh, tolerance)
     case = fem_engine.Case(layer, roller, material, speed)
     if case.sticks:
         raise ValueError(

@@ -26,7 +26,7 @@ AT_BOUND = 1e-9  # share by which a sticking traction may pass f p
 
 
 @dataclass(frozen=True, eq=False)
-class Grip:
+class FrictionCondition:
     """Friction f, int q dx `asked` [m of relaxed modulus], and the `direction` of travel, 1 along +x or -1.
 
     Where the motion is not steady the slip has a rate besides, and is one itself, v s as above:

@@ -28,12 +28,12 @@ from threadpoolctl import threadpool_limits
 from compact.engines.fem import engine as fem_engine
 from compact.engines.fem.contact_patch import BeyondWindowError, Surface, interpolation, press
 from compact.engines.fem.convected_memory import Creep, creep, fading_over, retained_by, steadily_retained, within
-from compact.engines.fem.stick_slip import Grip, pressed_and_sheared
+from compact.engines.fem.stick_slip import FrictionCondition, pressed_and_sheared
 from compact.engines.stroke_schedule import smooth_pieces
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR
-from compact.numerics.validation import refuse_nonfinite, refuse_nonpositive
-from compact.rolling_contact import Travelled, refuse_torque
+from compact.numerics.validation import require_finite, require_positive
+from compact.rolling_contact import TransientResult, require_no_torque
 
 TIME_TOLERANCE = 1e-3  # of int p |x| dx/R, by which steps in time may miss the resistance
 PLACES = 40  # of the layer, and instants of the way, per half-width
@@ -46,11 +46,11 @@ GROWING, SHRINKING = 2.0, 0.25  # ratio of a step to the one before, at most and
 SAFE = 0.9  # of the step that would meet the tolerance
 
 
-def travel(
+def simulate_transient(
     layer, roller, material, motion, *, torque=None, instants=(), frames=(), mesh=None, tolerance=DEFAULT_ERROR,
     time_tolerance=TIME_TOLERANCE, estimate=True,
 ):  # fmt: skip
-    """A roller in any motion at a given indentation over a linear layer, a `Travelled`.
+    """A roller in any motion at a given indentation over a linear layer, a `TransientResult`.
 
     Before the motion the roller has kept its first velocity for ever: it comes in steady rolling, or has stood.
 
@@ -64,7 +64,7 @@ def travel(
     torque : on a roller that is free or driven, per unit length, + turning it the way it travels [N]; without it a
         free roller has none
     instants : times at which a step shall end [s]
-    frames : times of which to keep the fields inside [s], for `Travelled.film`
+    frames : times of which to keep the fields inside [s], for `TransientResult.film`
     mesh, tolerance : as of `fem_engine.roll`
     time_tolerance : of int p |x| dx/R, by which the steps in time may miss the resistance
     estimate : whether to tell the error of the steps, from steps twice as long; half as much work again
@@ -79,7 +79,7 @@ def travel(
     '505 N/m at most, within 0.1 % for the steps'
     """
     _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, (*instants, *frames))
-    refuse_torque(roller, torque)
+    require_no_torque(roller, torque)
     case = fem_engine.Case(layer, roller, material, float(np.sign(_first_velocity(motion))), torque or 0.0)
     drags = roller.friction > 0 and roller.rolling != "frictionless"
     breaks = smooth_pieces(motion, turns=drags)
@@ -128,10 +128,10 @@ class Pace:
         return bool(self.case.friction or (self.case.sticks and self.case.torque))
 
     def grip(self, velocity, interval, aside, before):
-        """The `Grip` of a roller that turns, on a surface that stands aside and stood elsewhere an interval before."""
+        """The `FrictionCondition` of a roller that turns, on a surface that stands aside and stood elsewhere an interval before."""
         case, direction = self.case, self.case.speed or 1.0
         asked = -direction * case.torque / case.roller.radius / case.material.youngs_modulus
-        return Grip(case.roller.friction, asked, direction, velocity, 1 / interval, aside, before)
+        return FrictionCondition(case.roller.friction, asked, direction, velocity, 1 / interval, aside, before)
 
     @property
     def quickest(self):
@@ -382,7 +382,7 @@ def _travelled(path, judge, case, motion, frames):
         apart = [abs(modulus * each.contact.force[0] - known[each.time]) for each in judge]
         error = float(max(apart) / max(np.abs(forces[:, 0]).max(), 1e-3 * np.abs(forces[:, 1]).max()))
         steps += len(judge) - 1
-    return Travelled(
+    return TransientResult(
         time=time,
         position=np.array([each.position for each in path]),
         velocity=motion.velocity(time),
@@ -398,9 +398,9 @@ def _travelled(path, judge, case, motion, frames):
 
 
 def _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, instants):
-    fem_engine.refuse_beyond_linear(layer, roller, material, 1.0, mesh, tolerance)
-    refuse_nonpositive(time_tolerance=time_tolerance, duration=motion.duration)
-    refuse_nonfinite(instants=instants, position=motion.position(np.linspace(0, motion.duration, 2 * PLACES)))
+    fem_engine.require_linear_range(layer, roller, material, 1.0, mesh, tolerance)
+    require_positive(time_tolerance=time_tolerance, duration=motion.duration)
+    require_finite(instants=instants, position=motion.position(np.linspace(0, motion.duration, 2 * PLACES)))
     outside = [time for time in instants if not 0 <= time <= motion.duration]
     if outside:
         raise ValueError(f"`instants` must lie within the motion, 0 to {motion.duration:g} s, got {outside[0]!r}")

@@ -26,7 +26,7 @@ NARROW = 2.0  # top plies to either side at first, since a contact much wider th
 
 
 @dataclass(frozen=True)
-class Expected:
+class ElasticEstimate:
     """Half-width a, indentation [m], load [N/m] and peak pressure [Pa] of an elastic contact."""
 
     half_width: float
@@ -36,8 +36,8 @@ class Expected:
 
 
 @lru_cache(maxsize=256)
-def expected(layer, material, radius, target, value):
-    """The `Expected` contact with a given "indentation", "load" or "peak_pressure".
+def elastic_estimate(layer, material, radius, target, value):
+    """The `ElasticEstimate` contact with a given "indentation", "load" or "peak_pressure".
 
     material : Elastic;  radius : of the roller [m];  value : of the target, in its unit
 
@@ -57,17 +57,19 @@ def expected(layer, material, radius, target, value):
 
 
 def as_wide(layer, material, radius, half_width):
-    """The `Expected` contact with a given half-width a [m]."""
+    """The `ElasticEstimate` contact with a given half-width a [m]."""
     a, modulus = half_width, surface_modulus(layer, material)
     system = galerkin_system.system(
-        galerkin_system.Ground(layer, material.poisson, 0.0, galerkin_system.creep((), 1.0, layer.height)), MODES, a
+        galerkin_system.LayerResponse(layer, material.poisson, 0.0, galerkin_system.creep((), 1.0, layer.height)),
+        MODES,
+        a,
     )
     basis, scale = system.basis, modulus * a / (2 * radius)
     b = np.linalg.solve(system.rows[1:], basis.tests[1:] @ basis.nodes)
     sinking = system.depths @ b + basis.tests[0] @ basis.nodes**2 / 2
     xi = np.linspace(0, 1, SAMPLES)
     pressure = np.sqrt(1 - xi**2) * (b @ galerkin_system.pressure_polynomials(xi, basis.trailing_exponent, MODES))
-    return Expected(
+    return ElasticEstimate(
         half_width=a,
         indentation=float(a**2 / radius * sinking / basis.tests[0].sum()),
         load=float(scale * a * basis.unit_load * b[0]),
@@ -80,7 +82,7 @@ def half_width_met(layer, roller, material, speed):
     the indentation is not prescribed."""
 
     def elastic(modulus):
-        return expected(layer, Elastic(modulus, material.poisson), roller.radius, *roller.target).half_width
+        return elastic_estimate(layer, Elastic(modulus, material.poisson), roller.radius, *roller.target).half_width
 
     half_width = relaxed = elastic(material.youngs_modulus)
     if roller.indentation is not None or not getattr(material, "branches", ()):

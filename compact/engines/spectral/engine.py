@@ -22,8 +22,8 @@ from threadpoolctl import threadpool_limits
 from compact.engines.spectral import galerkin_system
 from compact.engines.spectral.elastic_estimate import first_half_width, surface_modulus
 from compact.material.laws import Elastic
-from compact.numerics.validation import refuse_nonfinite, refuse_nonpositive, refuse_unknown
-from compact.rolling_contact import Rolled, refuse_off_target
+from compact.numerics.validation import require_finite, require_known, require_positive
+from compact.rolling_contact import ContactResult, require_on_target
 
 TRACTION = {"frictionless": 0, "free": 0, "sliding": 1, "driven": -1}  # of the mix, along the travel
 LADDER = (16, 24, 36, 54, 80, 120, 180, 270, 405, 610)  # modes tried in turn, each judged by the next
@@ -53,8 +53,8 @@ class Step:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpectralRolled(Rolled):
-    """A `Rolled` with what the spectral engine knows besides.
+class SpectralContactResult(ContactResult):
+    """A `ContactResult` with what the spectral engine knows besides.
 
     indentation : delta [m]
     modes : polynomials taken for the pressure
@@ -67,7 +67,7 @@ class SpectralRolled(Rolled):
 
 
 def roll(layer, roller, material, speed, *, rtol=RTOL):
-    """Steady rolling over a linear layer, a `SpectralRolled`: the engine "spectral".
+    """Steady rolling over a linear layer, a `SpectralContactResult`: the engine "spectral".
 
         int K(x - s) p(s) ds = indentation - gap(x) in contact,  p >= 0,
         resistance = int p gap' dx + f P
@@ -100,14 +100,14 @@ def roll(layer, roller, material, speed, *, rtol=RTOL):
     >>> f"load {rolled.load:.1f} N/m, resistance {rolled.resistance:.2f} N/m"
     'load 20455.8 N/m, resistance 392.89 N/m'
     """
-    refuse_beyond_spectral(layer, roller, material, speed)
-    refuse_nonpositive(rtol=rtol)
+    require_spectral_range(layer, roller, material, speed)
+    require_positive(rtol=rtol)
     scene = scene_of(layer, roller, material, speed)
     first = first_half_width(layer, material, roller.radius, scene.target, scene.value)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
         contact, history = _resolved(scene, min(first, scene.widest), rtol, np.sign(speed))
         rolled = _rolled(scene, contact, history, np.sign(speed))
-    refuse_off_target(rolled, roller, TARGET)
+    require_on_target(rolled, roller, TARGET)
     return rolled
 
 
@@ -129,7 +129,7 @@ def _resolved(scene, half_width, rtol, direction):
 class Scene:
     """The task seen along the travel, speed > 0: everything but the half-width."""
 
-    ground: galerkin_system.Ground
+    ground: galerkin_system.LayerResponse
     contact_modulus: float
     radius: float
     profile: str
@@ -197,7 +197,7 @@ def scene_of(layer, roller, material, speed):
     friction = TRACTION[roller.rolling] * roller.friction
     creep = galerkin_system.creep(getattr(material, "branches", ()), abs(speed), layer.height)
     return Scene(
-        galerkin_system.Ground(layer, material.poisson, friction, creep),
+        galerkin_system.LayerResponse(layer, material.poisson, friction, creep),
         contact_modulus=surface_modulus(layer, material),
         radius=roller.radius,
         profile=roller.profile,
@@ -322,7 +322,7 @@ def _rolled(scene, contact, history, direction):
     xi = -np.cos(np.linspace(0, np.pi, SAMPLES))
     pressure = contact.pressure(xi)
     forth = slice(None, None, int(direction))  # x ascends, whichever way the roller goes
-    return SpectralRolled(
+    return SpectralContactResult(
         load=float(contact.load),
         resistance=float(direction * contact.resistance),
         leading=float(contact.centre + contact.half_width),
@@ -360,13 +360,13 @@ def _work_residual(scene, contact):
     return float(abs(pushed - dissipated) / max(abs(contact.resistance), RESISTED * contact.load))
 
 
-def refuse_beyond_spectral(layer, roller, material, speed):
-    refuse_nonfinite(speed=speed)
-    refuse_unknown("base", layer.base, ("bonded", "slip"))
+def require_spectral_range(layer, roller, material, speed):
+    require_finite(speed=speed)
+    require_known("base", layer.base, ("bonded", "slip"))
     if speed == 0:
         raise ValueError("`speed` must not be 0, got 0: the resistance is set-valued there; say which way it goes")
-    refuse_unknown("rolling", roller.rolling, TRACTION)
-    refuse_unknown("profile", roller.profile, ("parabola", "circle", "deformed"))
+    require_known("rolling", roller.rolling, TRACTION)
+    require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
     if roller.profile == "deformed":
         raise ValueError("the spectral engine needs `profile` 'parabola' or 'circle', got 'deformed'; use fem")
     if roller.rolling == "free" and roller.friction > 0:

@@ -76,7 +76,7 @@ def creep(branches, speed, height):
 
 
 @dataclass(frozen=True)
-class Ground:
+class LayerResponse:
     """What a roller meets: a layer, its Poisson's ratio nu, and how it creeps on the path.
 
     `friction` f is the traction on the mix over the pressure, + along the travel.
@@ -329,7 +329,7 @@ class System:
 
 
 def system(ground, modes, half_width):
-    """The `System` of a half-width [m] on a `Ground`: half-plane and layer. RuntimeError where a ply is too thin."""
+    """The `System` of a half-width [m] on a `LayerResponse`: half-plane and layer. RuntimeError where a ply is too thin."""
     if half_width > WIDEST * ground.depth:
         raise RuntimeError(
             f"the contact, {half_width:.3g} m to either side, is more than {WIDEST:g} times as wide as the top ply of "

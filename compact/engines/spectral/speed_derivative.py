@@ -28,7 +28,7 @@ from threadpoolctl import threadpool_limits
 from compact.engines.spectral import engine as spectral
 from compact.engines.spectral import galerkin_system
 from compact.engines.spectral.elastic_estimate import first_half_width
-from compact.numerics.validation import refuse_nonpositive
+from compact.numerics.validation import require_positive
 from compact.resistance import Modulation
 
 RTOL = 1e-4  # wanted error of M over the larger of |M| and |tau dF_ss/dv|
@@ -52,8 +52,8 @@ def modulation(layer, roller, material, speed, *, rtol=RTOL):
     The roller keeps what it prescribes all through the motion. Speeds so low that the mix creeps along less than 1e-10
     half-widths leave no digits; RuntimeError says so.
     """
-    spectral.refuse_beyond_spectral(layer, roller, material, speed)
-    refuse_nonpositive(rtol=rtol)
+    spectral.require_spectral_range(layer, roller, material, speed)
+    require_positive(rtol=rtol)
     branches = getattr(material, "branches", ())
     if not branches:
         rolled = spectral.roll(layer, roller, material, speed)
