@@ -31,8 +31,8 @@ def doors(engine, layer, roller, material):
     if engine == "formula":
         contact._refuse_beyond_formula(layer, roller, material, SPEED)
     elif engine == "column":
-        column._refuse_other_layers(layer)
-        column._refuse_beyond_columns(roller, material, SPEED)
+        column.require_single_bonded_layer(layer)
+        column.require_column_range(roller, material, SPEED)
     elif engine == "spectral":
         spectral.require_spectral_range(layer, roller, material, SPEED)
     elif engine == "fem":
