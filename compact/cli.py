@@ -111,13 +111,13 @@ def new(directory: Path, /):
     directory
         where scene.toml is written; made if need be, a scene that stands there is kept
     """
-    from compact.files import whole_file
+    from compact.files import atomic_file
     from compact.scene.loader import starter_scene
 
     path = directory / "scene.toml"
     if path.exists():
         raise ResultsError(f"{path}: exists already; give another directory")
-    with whole_file(path) as stream:
+    with atomic_file(path) as stream:
         stream.write(starter_scene())
     print(f"{path} written; next: compact run {path}")
 
@@ -185,7 +185,7 @@ def roll(
     out
         directory for the results; out/NAME-ENGINE unless given, NAME as of `compact run`
     """
-    from compact.files import claimed
+    from compact.files import claimed_directory
     from compact.report import contact_tables
     from compact.report.progress import Progress
     from compact.scene.plausible_ranges import check_speed
@@ -197,7 +197,7 @@ def roll(
     speed = speed if speed is not None else study.scene.mean_speed
     name = study.scene.accuracy.engine
     place = out or default_directory(scene, name)
-    with claimed(place, study.scene.hash, force) as directory, progress:
+    with claimed_directory(place, study.scene.hash, force) as directory, progress:
         progress.begin(f"contact by {name}")
         passes = study.passes_at(speed)
         progress.begin("tables and figures")

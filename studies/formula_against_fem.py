@@ -75,10 +75,10 @@ def main(
             found[engine] = of_contact(roll(case, study.mix, case.mean_speed, engine), radius)
         rows += [(moisture, ratio, radius, engine, *map(float, values)) for engine, values in found.items()]
     if out:
-        from compact.files import whole_file, write_csv
+        from compact.files import atomic_file, write_csv
 
         write_csv(Path(out) / "formula_against_fem.csv", HEADER, rows)
-        with whole_file(Path(out) / "formula_against_fem.png", "wb") as stream:
+        with atomic_file(Path(out) / "formula_against_fem.png", "wb") as stream:
             figure(rows).savefig(stream, format="png", dpi=110)
     return rows
 

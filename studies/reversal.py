@@ -74,7 +74,7 @@ def models(contact, fastest, samples):
         "map + a M": (lambda motion, time: lagging(motion.velocity(time), motion.acceleration(time)), mapping + added),
     }
     time = max(time for _, time in contact[2].branches)
-    lag = replace(steady, added_masses=np.interp(np.log(steady.speeds), np.log(speeds), masses), time=time)
+    lag = replace(steady, added_masses=np.interp(np.log(steady.speeds), np.log(speeds), masses), relaxation_time=time)
     return made, steady, lag
 
 

@@ -17,7 +17,7 @@ from types import MappingProxyType
 import numpy as np
 
 from compact.material.laws import Compaction, Elastic, Viscoelastic
-from compact.material.mix import LOOSE
+from compact.material.mix import LOOSE_DENSITY_RATIO
 from compact.numerics.validation import NotFiniteError, require_finite, require_known
 from compact.rolling_contact import Layer, Ply, Roller
 from compact.scene.engine_capabilities import TURNED, adapt
@@ -52,7 +52,7 @@ def solver(engine):
 
 
 def modulation(layer, roller, material, speed, engine="spectral", **accuracy):
-    """The `Modulation` of a roller on a linear layer at a speed, by an engine of MODULATED.
+    """The `ResistanceExpansion` of a roller on a linear layer at a speed, by an engine of MODULATED.
 
     accuracy : keywords of the engine: "spectral" rtol; "fem" mesh, tolerance, estimate
 
@@ -179,7 +179,7 @@ def added_mass(scene, mix, speed, held, count=lambda stage: None):
     asked = {TOLERANCE[name]: scene.accuracy.tolerance} | ({"estimate": False} if name == "fem" else {})
     with _named(scene, name, speed):
         found = modulation(layer, roller, material, speed, engine=name, **asked)
-    return found.added_mass, found.time
+    return found.added_mass, found.relaxation_time
 
 
 def passes(scene, mix, speed, engine=None, near=None, held=None, count=None, first=None, progress=None):
@@ -331,7 +331,7 @@ def compaction(scene, mix):
         unloading_modulus=mix.unloading_modulus,
         poisson=mix.poisson,
         heckel_slope=mix.heckel_slope * (1 + float(np.sqrt(1 + 4 * slope**2 / 9))) / 2,
-        loose_density_ratio=LOOSE,
+        loose_density_ratio=LOOSE_DENSITY_RATIO,
         critical_slope=slope,
         tensile_strength=float(mix.cohesion / np.tan(angle)),
         fed_density_ratio=scene.layer.fed_density_ratio,

@@ -67,7 +67,7 @@ def kept(directory, wanted):
     """`Kept` of a results directory under a key; None where there is none, or one under another key."""
     try:
         found, more, files = contacts.load(directory / CONTACTS, wanted)
-        met = resistance.load(directory / MAP, wanted)
+        met = resistance.load_resistance_map(directory / MAP, wanted)
     except (OSError, ValueError):
         return None
     second = more["second_pass"] and tuple(more["second_pass"])
@@ -132,7 +132,7 @@ def mapped(
 
 def covers(met, fastest):
     """Whether a map reaches a speed [m/s]."""
-    return fastest <= met.speeds[-1] * (1 + resistance.ROUNDING)
+    return fastest <= met.speeds[-1] * (1 + resistance.SPEED_ROUNDING)
 
 
 def _with_masses(scene, mix, met, held, whole, count):
@@ -145,4 +145,4 @@ def _with_masses(scene, mix, met, held, whole, count):
     if None in found:
         return met
     masses, times = np.array(found).T
-    return replace(met, added_masses=whole * masses, time=float(times.max()))
+    return replace(met, added_masses=whole * masses, relaxation_time=float(times.max()))

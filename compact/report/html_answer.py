@@ -65,8 +65,8 @@ def answer(study, shifts, found):
     said += [f"With a rigid drive: {_winner(by, order)}" for by, order in rigid.items()]
     said += [f"The law {strong(name)} is not made: {escape(why)}." for name, why in study.laws_not_made.items()]
     said.append(_met(study))
-    if not study.mix.reachable:
-        said.append(f"{strong('Not reachable by rolling:')} {escape(study.mix.reachable.reason)}.")
+    if not study.mix.density_achievable:
+        said.append(f"{strong('Not reachable by rolling:')} {escape(study.mix.density_achievable.reason)}.")
     sure = [
         _known_by_engine(study),
         *_first_is_sure(orders),

@@ -13,7 +13,7 @@ from compact.analysis.engineering_summary import coverage
 from compact.analysis.study import YIELDING
 from compact.analysis.worker_pool import Here
 from compact.cams.profile import stepper
-from compact.files import claimed, png, write_bytes, write_columns, write_csv, write_figure, write_json
+from compact.files import claimed_directory, render_png, write_bytes, write_columns, write_csv, write_figure, write_json
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import contact_tables, drive_tables, ranking_tables
 from compact.report.contact_tables import guide_sentence, held_sentence, return_sentence
@@ -31,7 +31,7 @@ def write_study(study, directory, force=False, crew=None):
     Raises ResultsError where a file cannot be written or another scene's results stand.
     """
     wanted = study.scene.output.wanted
-    with claimed(directory, study.scene.hash, force) as directory, study.helped(crew or Here()):
+    with claimed_directory(directory, study.scene.hash, force) as directory, study.helped(crew or Here()):
         files = list(contact_tables.write_contact_tables(study, directory)) if study.layered else []
         kept = list(study.keep(directory, files)) if study.layered else []
         for writer in [FIRST[part] for part in FIRST if part in wanted]:
@@ -169,7 +169,7 @@ def _pictures(study):
         @cache
         def picture():
             study.count("figures")
-            return png(figure(*of))
+            return render_png(figure(*of))
 
         pictures[name] = picture
 
@@ -222,7 +222,7 @@ LAST = {"tables": _tables, "report": _page, "figures": _figures}  # which wait f
 
 def _summary(study, files):
     scene = study.scene
-    reach = study.mix.reachable
+    reach = study.mix.density_achievable
     return {
         "schema": SCHEMA,
         "title": scene.title,
@@ -265,7 +265,7 @@ def _drive_resistance(study):
         "error_between_speeds": met.error,
         "error_of_the_engine": met.engine_error,
         "added_masses": met.added_masses,
-        "relaxation_time": met.time,
+        "relaxation_time": met.relaxation_time,
         "kept": study.kept is not None,
     }
 
@@ -294,7 +294,7 @@ def _steady_forces(study):
 def _run_numbers(study, run):
     """Criteria of a run, how far the error of the resistance moves each, and what else it knows."""
     own = [name for name in OWN if hasattr(run, name)]
-    unsteady = {"unsteady_share": run.share(study.resistance.beyond)} if study.layered else {}
+    unsteady = {"unsteady_share": run.share(study.resistance.is_unsteady)} if study.layered else {}
     errors = {"errors": {by: ranking_tables.moved(study, run, by) for by in CRITERIA}}
     criteria = {by: value_of(run, by) for by in CRITERIA}
     return criteria | {name: getattr(run, name) for name in own} | unsteady | errors
@@ -322,8 +322,8 @@ def study_digest(study):
         lines += [f"  {line}" for line in wrap(short, WIDTH)]
     facts = (held_sentence(study), return_sentence(study), guide_sentence(study))
     lines += ["", *(f"  {line}" for fact in facts for line in wrap(fact, WIDTH))]
-    if not study.mix.reachable:
-        lines.append(f"  {study.mix.reachable.reason}")
+    if not study.mix.density_achievable:
+        lines.append(f"  {study.mix.density_achievable.reason}")
     replaced = [sentence for sentences in study.scene.replacements.values() for sentence in sentences]
     lines += [f"  {line}" for sentence in replaced for line in wrap(sentence, WIDTH)]
     engine = study.scene.accuracy.engine

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cache, partial
 from itertools import product
 
-from compact.material.mix import nodes, prior
+from compact.material.mix import prior, table_nodes
 from compact.scene.constraints import Rule
 from compact.scene.errors import Mistake, SceneError
 from compact.scene.schema import Overrides
@@ -141,7 +141,7 @@ MEAN_SPEED = Range(1e-3, 5.0, "m/s", "mean speeds of forming machines, motion.st
 @cache
 def of_mix(name: str) -> Range:
     """`Range` of a parameter under [mix.overrides]: the spread of the prior over its whole table, widened."""
-    known = [prior(*node).parameter(name) for node in product(*nodes())]
+    known = [prior(*node).parameter(name) for node in product(*table_nodes())]
     low, high = min(each.low for each in known), max(each.high for each in known)
     unit = {"-": "1"}.get(known[0].unit, known[0].unit)
     return Range(low / WIDENED, high * WIDENED, unit, "the prior over all moistures and densities, threefold wider")

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, Strict
 
-from compact.rolling_contact import Base, Profile, Rolling
+from compact.rolling_contact import BaseCondition, GapGeometry, RollerCondition
 
 # The keys of `motion.LAWS`, restated because importing `motion` costs 0.7 s of scipy; a test holds the two equal.
 Law = Literal[
@@ -95,11 +95,11 @@ class Machine(Table):
     overlap: float = _nonnegative("the overlap b_n of neighbouring rollers' strips in m (eqs 1.2, 1.3)")
     pressure_nonuniformity: float = _positive("the factor k2 for uneven pressure along the arc, 1 for even (eq 1.6)")
     one_sided: bool = Field(description="true for contact on the front half only (rival reading of eq 1.6), else false")
-    rolling: Rolling = Field(default="free", description="how the roller turns")
+    rolling: RollerCondition = Field(default="free", description="how the roller turns")
     roller_torque: float | None = Field(
         default=None, description="the torque on one roller in N m, + driving it the way it travels, - braking it"
     )
-    profile: Profile = Field(default="deformed", description="where the gap is measured")
+    profile: GapGeometry = Field(default="deformed", description="where the gap is measured")
 
 
 class Product(Table):
@@ -150,7 +150,7 @@ Plies = Annotated[tuple[Ply, ...], Strict(False)]
 class Layer(Table):
     """The layer under the roller; without `plies` it is the same all through."""
 
-    base: Base = Field(description="how the layer lies on its base")
+    base: BaseCondition = Field(description="how the layer lies on its base")
     lift: float | None = _optional("the height in m, when pressed, of one lift of the product; without it it is one")
     plies: Plies | None = Field(default=None, min_length=1, description="the plies from the base upwards, as tables")
     fed_density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio of the mix as fed")

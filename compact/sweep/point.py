@@ -98,7 +98,7 @@ def _of_mix(blend):
     return {
         "required_pressure": float(blend.required_pressure),
         "saturation": float(blend.saturation),
-        "not_reachable": blend.reachable.reason,
+        "not_reachable": blend.density_achievable.reason,
     }
 
 

@@ -23,7 +23,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from compact.analysis.worker_pool import WorkerDied, outcomes
-from compact.files import HDF5, NETCDF_ENGINES, ResultsError, claimed, read_netcdf, write_netcdf
+from compact.files import NETCDF_BACKENDS, NETCDF_HDF5, ResultsError, claimed_directory, read_netcdf, write_netcdf
 from compact.material import mix
 from compact.scene.errors import table_of
 from compact.scene.loader import Scene
@@ -110,7 +110,7 @@ class Sweep:
         Raises ResultsError where points of this scene stand already and are neither to be gone on with nor forgotten.
         """
         keyed = self._keyed()
-        with claimed(directory, self.scene.hash, force) as place:
+        with claimed_directory(directory, self.scene.hash, force) as place:
             store = Store(place / POINTS)
             known = self._known(store, resume, force)
             points = {key: known[key] for key, *_ in keyed if key in known}
@@ -120,7 +120,7 @@ class Sweep:
                 for number, outcome in coming:
                     points |= self._kept(store, tasks[number], outcome, points, step)
             table = self._table([points[key] for key, *_ in keyed])
-            write_netcdf(place / "sweep.nc", table, HDF5)
+            write_netcdf(place / "sweep.nc", table, NETCDF_HDF5)
         return table
 
     def _known(self, store, resume, force):
@@ -180,7 +180,7 @@ class Sweep:
             more_numbers, more_words = ranked(self.scene.drive.rank_by)
             numbers, words = numbers | more_numbers, words | more_words
         for name in self.design.names:
-            numbers[name] = (mix.ORIGINS[name].unit, f"sampled: {mix.ORIGINS[name].words}")
+            numbers[name] = (mix.PARAMETER_SOURCES[name].unit, f"sampled: {mix.PARAMETER_SOURCES[name].words}")
         found = {}
         for name, (unit, meaning) in numbers.items():
             column = np.array([point.get(name, np.nan) for point in points]).reshape(shape)
@@ -242,9 +242,9 @@ def _bring_netcdf():
     """Import all that `write_netcdf` needs, a second or two, while the workers start and import what they need."""
     import xarray
 
-    xarray.Dataset().to_netcdf(format=HDF5, engine=NETCDF_ENGINES[HDF5])
+    xarray.Dataset().to_netcdf(format=NETCDF_HDF5, engine=NETCDF_BACKENDS[NETCDF_HDF5])
 
 
 def read_sweep(path):
     """The table of a sweep.nc."""
-    return read_netcdf(path, HDF5)
+    return read_netcdf(path, NETCDF_HDF5)

@@ -12,7 +12,8 @@ from numpy.polynomial import Polynomial
 from compact.cams.profile import Cam, FlatFace, Pointed, least_breadth, stepper
 from compact.motion.laws import piecewise
 from compact.motion.minimum_criterion import minimiser
-from compact.motion.profile import Cycle, Motion, integral, law
+from compact.motion.profile import Cycle, Motion, law
+from compact.numerics.piecewise import integrate
 
 STROKE, DURATION = 0.4, 3.0  # D ch. 5, m and s
 PRINTED_LAWS = (
@@ -156,7 +157,7 @@ def _optima():
 def _run_up_criterion(travel):
     """J_4 of a run-up of A over the given travel, in unit time to unit speed."""
     run = minimiser(4, {0: 0, 1: 0, 2: 0, 3: 0}, {0: travel, 1: 1, 2: 0, 3: 0})
-    return integral(run.deriv(4) ** 2, [0.0, 1.0])
+    return integrate(run.deriv(4) ** 2, [0.0, 1.0])
 
 
 def cams():

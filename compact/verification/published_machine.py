@@ -13,7 +13,7 @@ from compact import contact
 from compact.machine.cart import Cart, balance
 from compact.machine.crankshaft import USUAL_ANGLES, crank_travel, turn
 from compact.machine.rigid_drive import Crank
-from compact.motion.profile import integral
+from compact.numerics.piecewise import integrate
 
 
 @dataclass(frozen=True)
@@ -193,11 +193,11 @@ class _Shaft:
     def mean(self):
         """Mean power of one cart [W], integrated piece by piece between lift-offs of the rear guide wheel."""
         lifts = _crossings(lambda psi: self.forces(psi, -1.0).rear_reaction, np.pi, 2 * np.pi)
-        return integral(self.power, [0.0, np.pi, *lifts, 2 * np.pi]) / (2 * np.pi)
+        return integrate(self.power, [0.0, np.pi, *lifts, 2 * np.pi]) / (2 * np.pi)
 
     def mean_of(self, force):
         """Mean power [W] of a drive force of psi."""
-        power = integral(
+        power = integrate(
             lambda psi: force(psi) * self.speed * crank_travel(self.crank, psi)[1], [0.0, np.pi, 2 * np.pi]
         )
         return power / (2 * np.pi)

@@ -188,9 +188,9 @@ def test_figures_are_those_of_the_files_where_these_are_written(tmp_path):
 def test_only_wide_pictures_scroll_on_a_narrow_screen_and_say_so(pixels, wide):
     from matplotlib.figure import Figure
 
-    from compact.files import FIGURE_DPI, png
+    from compact.files import FIGURE_DPI, render_png
 
-    text = picture(png(Figure(figsize=(pixels / FIGURE_DPI, 1))), "a picture")
+    text = picture(render_png(Figure(figsize=(pixels / FIGURE_DPI, 1))), "a picture")
     assert ("scroll it sideways" in text) == ('<figure class="wide">' in text) == wide
 
 
@@ -205,7 +205,7 @@ def test_resistance_is_drawn_over_speed_and_acceleration(written):
         speed, force = lines[f"a = {acceleration:+.2g} m/s²"].T
         drawn = np.isfinite(force)
         assert force[drawn] == pytest.approx(met(speed[drawn], acceleration) / 1e3)
-        assert np.array_equal(~drawn, met.beyond(speed, acceleration))  # dotted there, by a line of its own
+        assert np.array_equal(~drawn, met.is_unsteady(speed, acceleration))  # dotted there, by a line of its own
     speed, mass = beside.lines[0].get_xydata().T
     inside = speed > met.speeds[0]
     assert np.interp(met.speeds[1:-1], speed[inside], mass[inside]) == pytest.approx(

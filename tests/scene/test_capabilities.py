@@ -16,7 +16,7 @@ from compact.engines.fem import engine as fem_engine
 from compact.engines.spectral import engine as spectral
 from compact.report import html_answer
 from compact.report import writer as report
-from compact.rolling_contact import Base, Layer, Ply, Profile, Roller, Rolling
+from compact.rolling_contact import BaseCondition, GapGeometry, Layer, Ply, Roller, RollerCondition
 from compact.scene.engine_capabilities import LIMITS, adapt
 from compact.scene.loader import Scene, SceneError, load_scene, parse_scene, starter_scene
 from compact.sweep import point as headline
@@ -51,7 +51,7 @@ def test_table_and_engines_agree_on_what_is_taken(engine, friction):
     study = Study(load_scene(SMALL, **{"mix.overrides.steel_friction": friction}))
     layer, _, material = inputs(study.scene, study.mix, engine, SPEED)
     plies = (), (Ply(layer.height, 2.0),)
-    cases = product(get_args(Rolling), get_args(Profile), get_args(Base), plies)
+    cases = product(get_args(RollerCondition), get_args(GapGeometry), get_args(BaseCondition), plies)
     for rolling, profile, base, stack in cases:
         by_table = (
             taken(engine, "machine.rolling", rolling, friction)

@@ -31,7 +31,7 @@ from compact.engines.column.column_ode import (
     settling,
     travel,
 )
-from compact.material.cap_plasticity import constants, hardening
+from compact.material.cap_plasticity import cap_constants, hardening
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 LONGEST = 1 / 32  # share of the front that a step may take of a pass that is drawn, so that it has points
@@ -256,4 +256,4 @@ def bed_of(columns, material, rate_factor, profile, measure):
     rows = [(column.height, column.density_ratio, column.lateral_stress, column.hardened) for column in columns]
     height, density_ratio, lateral_stress, hardened = np.array(rows, dtype=float).T.copy()
     stack = Stack(height, density_ratio, lateral_stress / 1.5, hardened)
-    return Bed(constants(material, rate_factor), stack, profile, measure)
+    return Bed(cap_constants(material, rate_factor), stack, profile, measure)
