@@ -343,7 +343,7 @@ def test_linear_program_with_an_entry_that_highs_takes_for_zero_is_not_answered_
     program = LinearConstraints([[1.0, 1e-10], [0.0, 1.0]], np.array([1.0, 1e6]), np.zeros((0, 2)), np.zeros(0))
     with pytest.raises(RuntimeError, match=r"HiGHS solved no program of 2 unknowns: a row is broken by 1\.0e-04"):
         minimise_linear(np.ones(2), program)
-    of_order_one = program._replace(equal=[[1.0, 1e-4], [0.0, 1e6]])  # the second unknown in millions
+    of_order_one = program._replace(equality_matrix=[[1.0, 1e-4], [0.0, 1e6]])  # the second unknown in millions
     assert minimise_linear(np.ones(2), of_order_one) == pytest.approx([1 - 1e-4, 1.0], rel=1e-12)
 
 
