@@ -33,7 +33,7 @@ class Check(NamedTuple):
 def checks(study):
     """Every `Check` of what the study has computed."""
     found = [*_contacts(study), *_cycles(study), *_published()]
-    if "cams" in study.scene.output.wanted:
+    if "cams" in study.scene.output.items:
         found += [
             Check(f"constant breadth of the cam, {law}", cam.breadth_error / cam.breadth, BREADTH)
             for (law, follower), cam in study.cams.items()
