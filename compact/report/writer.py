@@ -9,6 +9,7 @@ from textwrap import wrap
 
 import numpy as np
 
+from compact import quantities
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.study import YIELDING
 from compact.analysis.worker_pool import Here
@@ -244,7 +245,7 @@ def _summary(study, files):
         "rigid_rankings": ranking_tables.ordered(study.places.get("rigid", {})),
         "roller_motors": drive_tables.roller_motor_numbers(study) if "cams" in scene.output.items else {},
         "beside": ranking_tables.summary(study),
-        "units": {name: criterion.unit for name, criterion in CRITERIA.items()} | OWN | {"unsteady_share": "1"},
+        "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
         "stages": dict(study.counts),
         "files": files,
     }
@@ -293,24 +294,11 @@ def _steady_forces(study):
 
 def _run_numbers(study, run):
     """Criteria of a run, how far the error of the resistance moves each, and what else it knows."""
-    own = [name for name in OWN if hasattr(run, name)]
+    own = [name for name in quantities.RUN if name != "unsteady_share" and hasattr(run, name)]
     unsteady = {"unsteady_share": run.share(study.resistance.beyond)} if study.layered else {}
     errors = {"errors": {by: ranking_tables.moved(study, run, by) for by in CRITERIA}}
     criteria = {by: value_of(run, by) for by in CRITERIA}
     return criteria | {name: getattr(run, name) for name in own} | unsteady | errors
-
-
-OWN = {  # what runs of elastic, hydraulic and motor drives know besides
-    "standing": "s",
-    "fluctuation": "1",
-    "peak_pressure": "Pa",
-    "peak_flow": "m3/s",
-    "pump_work": "J",
-    "throttle_heat": "J",
-    "relief_heat": "J",
-    "peak_motor_power": "W",
-    "energy_residual": "1",
-}
 
 
 def study_digest(study):
@@ -330,7 +318,7 @@ def study_digest(study):
     for kind, orders in study.places.items():
         for by, order in list(orders.items())[:TOLD]:
             beside = ranking_tables.beside(study, kind, by)
-            lines += ["", f"laws by {by.replace('_', ' ')} [{CRITERIA[by].unit}], {engine}, {kind} drive"]
+            lines += ["", f"laws by {CRITERIA[by].quantity.term} [{CRITERIA[by].unit}], {engine}, {kind} drive"]
             lines += [f"{'':>66}{''.join(f'{name:>18}' for name in beside)}".rstrip()] * bool(beside)
             runs = study.runs if kind == study.scene.drive.kind and kind in YIELDING else {}
             lines += [_place_line(place, runs.get(place.law), beside) for place in order]
