@@ -53,7 +53,7 @@ def test_new_scene_runs_as_it_is(compact, tmp_path):
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "mine" / "out" / "mine" / "summary.json").exists()
     assert (tmp_path / "mine" / "out" / "mine" / "report.html").exists()
-    assert "laws by peak force [N]" in done.stdout
+    assert "laws by peak drive force [N]" in done.stdout
 
 
 def test_new_keeps_a_scene_that_stands(tmp_path):
