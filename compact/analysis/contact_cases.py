@@ -9,38 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from compact import quantities
 from compact.files import write_json
 from compact.rolling_contact import ContactResult
 
-PASS_UNITS = {
-    "load": "N/m",
-    "resistance": "N/m",
-    "indentation": "m",
-    "exit_height": "m",
-    "exit_density_ratio": "1",
-    "work_residual": "1",
-    "mass_residual": "1",
-}
-CONTACT_UNITS = {
-    "speed": "m/s",
-    "load": "N/m",
-    "resistance": "N/m",
-    "coefficient": "1",
-    "leading": "m",
-    "trailing": "m",
-    "peak_pressure": "Pa",
-    "indentation": "m",
-    "creep": "1",
-    "work_residual": "1",
-}
-COMPACTED_UNITS = {  # of engines with irreversible compaction only
-    "exit_density_ratio": "1",
-    "exit_height": "m",
-    "peak_density_ratio": "1",
-    "mass_residual": "1",
-    "yield_residual": "1",
-    "equilibrium_residual": "1",
-}
+COMPACTED = (  # fields of engines with irreversible compaction only
+    "exit_density_ratio", "exit_height", "peak_density_ratio", "mass_residual", "yield_residual", "equilibrium_residual",
+)  # fmt: skip
+COMMON = tuple(name for name in quantities.CONTACT if name not in COMPACTED)
 ERRORS = {"load": "load_error", "resistance": "resistance_error"}  # quantity -> field of its relative error
 
 
@@ -166,13 +142,13 @@ def contact_record(engine: str, speed: float, passes: tuple[ContactResult, ...])
         creep=getattr(first, "creep", None),
         work_residual=first.work_residual,
         iterations=len(first.history),
-        **{name: getattr(first, name, None) for name in COMPACTED_UNITS},
+        **{name: getattr(first, name, None) for name in COMPACTED},
         passes=tuple(_pass_record(each) for each in passes) if compacting else (),
     )
 
 
 def _pass_record(result: ContactResult) -> PassRecord:
-    return PassRecord(**{name: getattr(result, name) for name in PASS_UNITS})
+    return PassRecord(**{name: getattr(result, name) for name in quantities.PASS})
 
 
 def contact_to_json(contact: ContactRecord) -> dict[str, Any]:
@@ -188,22 +164,19 @@ def contact_to_json(contact: ContactRecord) -> dict[str, Any]:
         In the form of "contacts" in summary.json.
     """
     content: dict[str, Any] = {"engine": contact.engine}
-    for name, unit in CONTACT_UNITS.items():
-        content[name] = {"value": getattr(contact, name), "unit": unit}
+    for name in COMMON:
+        content[name] = _with_unit(contact, name)
         if name in ERRORS:
             content[name]["error"] = getattr(contact, ERRORS[name])
     content["iterations"] = contact.iterations
-    content |= {
-        name: {"value": getattr(contact, name), "unit": unit}
-        for name, unit in COMPACTED_UNITS.items()
-        if getattr(contact, name) is not None
-    }
+    content |= {name: _with_unit(contact, name) for name in COMPACTED if getattr(contact, name) is not None}
     if contact.passes:
-        content["passes"] = [
-            {name: {"value": getattr(each, name), "unit": unit} for name, unit in PASS_UNITS.items()}
-            for each in contact.passes
-        ]
+        content["passes"] = [{name: _with_unit(each, name) for name in quantities.PASS} for each in contact.passes]
     return content
+
+
+def _with_unit(record: ContactRecord | PassRecord, name: str) -> dict[str, Any]:
+    return {"value": getattr(record, name), "unit": quantities.CONTACT[name].unit}
 
 
 def contact_from_json(content: dict[str, Any]) -> ContactRecord:
@@ -222,11 +195,11 @@ def contact_from_json(content: dict[str, Any]) -> ContactRecord:
     KeyError, TypeError
         If `content` has another form.
     """
-    values = {name: content[name]["value"] for name in CONTACT_UNITS}
+    values = {name: content[name]["value"] for name in COMMON}
     errors = {field: content[name]["error"] for name, field in ERRORS.items()}
-    compacted = {name: content[name]["value"] for name in COMPACTED_UNITS if name in content}
+    compacted = {name: content[name]["value"] for name in COMPACTED if name in content}
     passes = tuple(
-        PassRecord(**{name: each[name]["value"] for name in PASS_UNITS}) for each in content.get("passes", ())
+        PassRecord(**{name: each[name]["value"] for name in quantities.PASS}) for each in content.get("passes", ())
     )
     return ContactRecord(
         engine=content["engine"], iterations=content["iterations"], passes=passes, **values, **errors, **compacted

@@ -4,26 +4,14 @@ from html import escape
 
 import numpy as np
 
+from compact import quantities
 from compact.analysis.engines import COMPACTING
 from compact.machine.ranking import CRITERIA
 from compact.report.contact_tables import guide_sentence, return_sentence
 from compact.report.page import listed, paragraph, percent, quantity, sentence, strong
 from compact.report.ranking_tables import agreements, places
 
-WORDS = {
-    "peak_force": "peak drive force",
-    "peak_power": "peak drive power",
-    "rms_force": "rms drive force",
-    "rms_power": "rms drive power",
-    "energy": "energy of a cycle",
-    "mean_force": "mean drive force",
-    "mean_power": "mean drive power",
-    "drawn_energy": "energy drawn in a cycle",
-    "peak_jerk": "peak jerk",
-    "dynamic_factor": "peak force over that of steady motion",
-    "nonuniformity": "unevenness of speed over the working part",
-    "ringing": "peak drive force over that of an imposed law",
-}
+WORDS = {name: quantity.term for name, quantity in quantities.CRITERIA.items()}
 TIED = "closer than the 1 % to which a machine is built"
 SAID = 2  # criteria in the answer, those that the scene names first
 ENGINES = {

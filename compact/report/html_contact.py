@@ -2,7 +2,7 @@
 
 from html import escape
 
-from compact.analysis.contact_cases import PASS_UNITS
+from compact import quantities
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.engines import COMPACTING
 from compact.report.contact_tables import held_sentence
@@ -96,12 +96,12 @@ def _engine_tables(study):
         passes = [
             (
                 quantity(contact.speed, "m/s"), str(count),
-                *(quantity(getattr(passed, name), unit) for name, unit in PASS_UNITS.items()),
+                *(quantity(getattr(passed, name), each.unit) for name, each in quantities.PASS.items()),
             )
             for contact in study.contacts
             for count, passed in enumerate(contact.passes, start=1)
         ]  # fmt: skip
-        header = ("speed", "pass", *(name.replace("_", " ") for name in PASS_UNITS))
+        header = ("speed", "pass", *(name.replace("_", " ") for name in quantities.PASS))
         yield table(header, passes, "What each pass takes and leaves", range(len(header)))
 
 

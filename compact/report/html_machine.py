@@ -136,8 +136,8 @@ def forces(study, pictures):
     """Forces, power and energy of every law."""
     runs = study.runs.values()
     columns = {"law": [escape(name) for name in study.runs]}
-    for of, unit in RUN.items():
-        columns[of.replace("_", " ")] = column([getattr(run, of) for run in runs], unit)
+    for of in RUN:
+        columns[of.replace("_", " ")] = column([getattr(run, of) for run in runs], CRITERIA[of].unit)
     columns["unevenness of speed"] = [percent(run.nonuniformity) for run in runs]
     if study.scene.drive.kind == "elastic":
         columns["ringing"] = column([run.ringing for run in runs], "1")
@@ -146,10 +146,9 @@ def forces(study, pictures):
     return Section("forces", "Forces and power", "Of one cart over a cycle; guide wheels; shaft.", body)
 
 
-RUN = {
-    "peak_force": "N", "rms_force": "N", "peak_power": "W", "rms_power": "W", "mean_power": "W", "energy": "J",
-    "drawn_energy": "J", "dynamic_factor": "1",
-}  # fmt: skip
+RUN = (
+    "peak_force", "rms_force", "peak_power", "rms_power", "mean_power", "energy", "drawn_energy", "dynamic_factor",
+)  # fmt: skip
 
 
 def cams(study, pictures):

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
 
+from compact import quantities
 from compact.analysis.contact_cases import contact_to_json
 from compact.analysis.engines import HeldQuantity
 from compact.analysis.ranking_uncertainty import Place
@@ -19,17 +20,6 @@ from compact.report import drive_tables, ranking_tables
 SCHEMA = 2  # of summary.json; raised when a key in it changes its meaning
 PACKAGES = ("compact", "numpy", "scipy")  # whose versions are recorded
 HELD_KEYS = {"height": ("indentation", "m"), "load": ("load", "N/m"), "peak_pressure": ("peak_pressure", "Pa")}
-RUN_UNITS = {  # of quantities that only runs of elastic, hydraulic and motor drives have
-    "standing": "s",
-    "fluctuation": "1",
-    "peak_pressure": "Pa",
-    "peak_flow": "m3/s",
-    "pump_work": "J",
-    "throttle_heat": "J",
-    "relief_heat": "J",
-    "peak_motor_power": "W",
-    "energy_residual": "1",
-}
 
 
 def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
@@ -69,7 +59,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "rigid_rankings": _rankings(study.places.get("rigid", {})),
         "roller_motors": drive_tables.roller_motor_numbers(study) if "cams" in scene.output.wanted else {},
         "beside": _comparison(study),
-        "units": {name: criterion.unit for name, criterion in CRITERIA.items()} | RUN_UNITS | {"unsteady_share": "1"},
+        "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
         "stages": dict(study.counts),
         "files": files,
     }
@@ -131,7 +121,7 @@ def _steady_forces(study: Study) -> dict[str, Any]:
 
 def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
     """Convert the criteria of a run, their errors and the quantities of its kind of drive."""
-    own = [name for name in RUN_UNITS if hasattr(run, name)]
+    own = [name for name in quantities.RUN if name != "unsteady_share" and hasattr(run, name)]
     unsteady = {"unsteady_share": run.share(study.resistance.beyond)} if study.layered else {}
     errors = {"errors": {by: ranking_tables.moved(study, run, by) for by in CRITERIA}}
     criteria = {by: value_of(run, by) for by in CRITERIA}

@@ -234,7 +234,7 @@ def study_digest(study):
     for kind, orders in study.places.items():
         for by, order in list(orders.items())[:TOLD]:
             beside = ranking_tables.beside(study, kind, by)
-            lines += ["", f"laws by {by.replace('_', ' ')} [{CRITERIA[by].unit}], {engine}, {kind} drive"]
+            lines += ["", f"laws by {CRITERIA[by].quantity.term} [{CRITERIA[by].unit}], {engine}, {kind} drive"]
             lines += [f"{'':>66}{''.join(f'{name:>18}' for name in beside)}".rstrip()] * bool(beside)
             runs = study.runs if kind == study.scene.drive.kind and kind in YIELDING else {}
             lines += [_place_line(place, runs.get(place.law), beside) for place in order]

@@ -25,11 +25,12 @@ from threadpoolctl import threadpool_limits
 from compact.analysis.worker_pool import WorkerDied, outcomes
 from compact.files import HDF5, NETCDF_ENGINES, ResultsError, claimed, read_netcdf, write_netcdf
 from compact.material import mix
+from compact.quantities import SWEEP_POINT, Quantity
 from compact.scene.errors import table_of
 from compact.scene.loader import Scene
 from compact.sweep import design as vary
 from compact.sweep.checkpoints import Store
-from compact.sweep.point import NUMBERS, WORDS, headline, ranked, reason, versions
+from compact.sweep.point import WORDS, headline, ranked, reason, versions
 
 LINE = 8  # neighbours of the engine "compaction" from one cold start to the next
 # Points in one task: a tenth of a second of work or more, which is all that a killed worker loses.
@@ -175,16 +176,17 @@ class Sweep:
         import xarray
 
         shape, names = self.design.shape, self._dimensions()
-        numbers, words = (dict(part) for part in (NUMBERS, WORDS))
+        numbers, words = (dict(part) for part in (SWEEP_POINT, WORDS))
         if self.rank:
             more_numbers, more_words = ranked(self.scene.drive.rank_by)
             numbers, words = numbers | more_numbers, words | more_words
         for name in self.design.names:
-            numbers[name] = (mix.ORIGINS[name].unit, f"sampled: {mix.ORIGINS[name].words}")
+            origin = mix.ORIGINS[name]
+            numbers[name] = Quantity(name.replace("_", " "), origin.unit, definition=f"sampled: {origin.words}")
         found = {}
-        for name, (unit, meaning) in numbers.items():
+        for name, quantity in numbers.items():
             column = np.array([point.get(name, np.nan) for point in points]).reshape(shape)
-            found[name] = (names, column, {"units": unit, "long_name": meaning})
+            found[name] = (names, column, {"units": quantity.unit, "long_name": quantity.long_name})
         for name, meaning in words.items():
             column = np.array([point.get(name, "") for point in points], dtype=object).reshape(shape)
             found[name] = (names, column, {"long_name": meaning})
@@ -194,7 +196,9 @@ class Sweep:
         """A name for every axis: the last part of its key, the whole of it where two would be the same."""
         last = [axis.key.rpartition(".")[2] for axis in self.design.axes]
         names = [
-            name if last.count(name) == 1 and name not in NUMBERS and name != "sample" else axis.key.replace(".", "_")
+            name
+            if last.count(name) == 1 and name not in SWEEP_POINT and name != "sample"
+            else axis.key.replace(".", "_")
             for name, axis in zip(last, self.design.axes, strict=True)
         ]
         return (*names, "sample") if self.design.names else tuple(names)

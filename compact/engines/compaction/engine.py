@@ -116,7 +116,7 @@ def roll(
             depth = roller.indentation if target.quantity is None else start.indentation
             march = _neighbour(start, layer, roller, torque, material, speed, fed, depth, watch)
             rolled = build_result(target.reached(march, steady), layer, roller, material, speed)
-            target.refuse_missed(rolled, torque)
+            target.require_target_reached(rolled, torque)
             return replace(rolled, error=start.error and tuple(max(error, _stepped(rolled)) for error in start.error))
         depth, coarse, march = target.first_depth(), None, None
         counts = [increments] if increments <= COARSE else [COARSE, increments]
@@ -132,7 +132,7 @@ def roll(
                 raise type(error)(f"{error}{_advice(heaping, target, fed)}") from error
             depth = layer.height - march.steps[-1].lowest
         rolled = build_result(march, layer, roller, material, speed)
-        target.refuse_missed(rolled, torque)
+        target.require_target_reached(rolled, torque)
         return _with_error(rolled, coarse)
 
 
