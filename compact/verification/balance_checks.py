@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from compact.analysis.contact_cases import value
 from compact.analysis.engines import COMPACTING
 
 # Shares that may be left over. Engines close their balances to these in their own tests; a study that does not is told.
@@ -33,7 +32,7 @@ class Check(NamedTuple):
 def checks(study):
     """Every `Check` of what the study has computed."""
     found = [*_contacts(study), *_cycles(study), *_published()]
-    if "cams" in study.scene.output.wanted:
+    if "cams" in study.scene.output.items:
         found += [
             Check(f"constant breadth of the cam, {law}", cam.breadth_error / cam.breadth, BREADTH)
             for (law, follower), cam in study.cams.items()
@@ -47,9 +46,9 @@ def _contacts(study):
     allowed = COMPACTED_WORK if study.scene.accuracy.engine in COMPACTING else LINEAR_WORK
     limits = COMPACTED | {"work_residual": ("work of the contact", allowed)}
     for contact in study.contacts:
-        at = f"at {value(contact, 'speed')[0]:.4g} m/s"
+        at = f"at {contact.speed:.4g} m/s"
         for name, (words, limit) in limits.items():
-            left = value(contact, name)[0] if name in contact else None
+            left = getattr(contact, name)
             if left is not None:
                 yield Check(f"{words} {at}", left, limit)
 
