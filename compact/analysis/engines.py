@@ -43,7 +43,6 @@ TOLERANCE = MappingProxyType({"spectral": "rtol", "fem": "tolerance"})  # what a
 REBOUND = 5e-5  # of the layer's height as fed, which follows from that of the product; speed moves its rebound by less
 SPEEDS = tuple(2.0**power for power in range(-4, 2))  # of the mean speed: computed where the scene names none
 TARGETS = MappingProxyType({"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"})  # of a roller
-TARGET_UNITS = MappingProxyType({"height": "m", "load": "N/m", "peak_pressure": "Pa"})
 
 
 def solver(engine):
@@ -88,14 +87,6 @@ class HeldQuantity:
     def target(self) -> dict[str, float]:
         """The value as a keyword of `Roller`."""
         return {TARGETS[self.name]: self.value}
-
-    def numbers(self) -> dict:
-        """The quantity with its units, for summary.json."""
-        return {
-            "quantity": self.name,
-            TARGETS[self.name]: {"value": self.value, "unit": TARGET_UNITS[self.name]},
-            "found_at": {"value": self.speed, "unit": "m/s"},
-        }
 
 
 def held_quantity(scene) -> str:

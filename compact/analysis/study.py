@@ -17,9 +17,6 @@ import numpy as np
 
 from compact import contact, drive
 from compact.analysis import (
-    contact_cases as contacts,
-)
-from compact.analysis import (
     machine_models,
     resistance_stage,
     stage_costs,
@@ -27,6 +24,7 @@ from compact.analysis import (
 from compact.analysis import (
     machine_models as made,
 )
+from compact.analysis.contact_cases import ContactRecord, contact_record
 from compact.analysis.engineering_summary import engineering, numbers, peak_pressure
 from compact.analysis.engines import COMPACTING, LAYERED, HeldQuantity, fields, held, passes, speeds
 from compact.analysis.ranking_uncertainty import places
@@ -64,7 +62,7 @@ class EngineComparison:
     """
 
     scene: Scene
-    contacts: list
+    contacts: list[ContactRecord]
     held: HeldQuantity | None
     second_pass: tuple[float, float] | None
     resistance: Callable
@@ -278,11 +276,11 @@ class Study:
         )
 
     @cached_property
-    def contacts(self):
-        """Numbers of the contact of one roller at each speed, by an engine of a layer, else none."""
+    def contacts(self) -> list[ContactRecord]:
+        """Records of the contact of one roller at each speed, by an engine of a layer, else none."""
         if self.kept:
             return self.kept.contacts
-        return [contacts.numbers(self.scene.accuracy.engine, *passed) for passed in self.passes]
+        return [contact_record(self.scene.accuracy.engine, *passed) for passed in self.passes]
 
     @cached_property
     def reference(self):
@@ -389,9 +387,7 @@ class Study:
         """What holds one roller at its height [N]: by the scene's engine at the mean speed, or by eq 1.6."""
         if not self.layered:
             return self.engineering.roller_force
-        speed, load = np.array(
-            [[contacts.value(each, name)[0] for name in ("speed", "load")] for each in self.contacts]
-        ).T
+        speed, load = np.array([[each.speed, each.load] for each in self.contacts]).T
         mean = self.scene.mean_speed
         return float(self.scene.machine.roller_length * np.interp(np.log(mean), np.log(speed), load))
 

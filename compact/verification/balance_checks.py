@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compact.analysis.contact_cases import value
 from compact.analysis.engines import COMPACTING
 
 if TYPE_CHECKING:
@@ -78,9 +77,9 @@ def _contact_checks(study: "Study") -> Iterator[BalanceCheck]:
     work_limit = COMPACTED_WORK_LIMIT if study.scene.accuracy.engine in COMPACTING else LINEAR_WORK_LIMIT
     limits = RESIDUALS | {"work_residual": ("work of the contact", work_limit)}
     for contact in study.contacts:
-        case = f"at {value(contact, 'speed')[0]:.4g} m/s"
+        case = f"at {contact.speed:.4g} m/s"
         for name, (term, limit) in limits.items():
-            residual = value(contact, name)[0] if name in contact else None
+            residual = getattr(contact, name)
             if residual is not None:
                 yield BalanceCheck(f"{term} {case}", residual, limit)
 

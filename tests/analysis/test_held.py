@@ -23,7 +23,7 @@ def study(**changes):
 
 
 def values(study, name):
-    return np.array([contact[name]["value"] for contact in study.contacts])
+    return np.array([getattr(contact, name) for contact in study.contacts])
 
 
 # item 3: what is held
@@ -32,7 +32,7 @@ def values(study, name):
 def test_the_height_is_kept_at_every_speed_where_nothing_is_prescribed():
     case = study(**PLAIN)
     depths, pressures = values(case, "indentation"), values(case, "peak_pressure")
-    mean = [contact["speed"]["value"] for contact in case.contacts].index(case.scene.mean_speed)
+    mean = [contact.speed for contact in case.contacts].index(case.scene.mean_speed)
     assert case.held.name == "height"
     assert depths == pytest.approx(case.held.value, rel=1e-9)
     assert pressures[mean] == pytest.approx(case.mix.required_pressure, rel=1e-6)
@@ -60,8 +60,8 @@ def test_a_prescribed_load_or_pressure_is_kept_unless_the_scene_says_height(give
     assert values(case, name) == pytest.approx(target, rel=1e-6)
     assert (case.held.name, on_rails.held.name) == (name, "height")
     assert np.ptp(values(on_rails, "indentation")) < 1e-9
-    at_mean = [c for c in on_rails.contacts if c["speed"]["value"] == on_rails.scene.mean_speed]
-    assert at_mean[0][name]["value"] == pytest.approx(target, rel=1e-6)
+    at_mean = [c for c in on_rails.contacts if c.speed == on_rails.scene.mean_speed]
+    assert getattr(at_mean[0], name) == pytest.approx(target, rel=1e-6)
 
 
 def test_the_columns_keep_the_height_that_leaves_the_density_at_the_mean_speed():
@@ -120,10 +120,10 @@ def test_a_kept_run_holds_the_same_quantity(tmp_path):
 def test_finite_elements_that_compact_keep_the_height_of_the_product():
     case = study(**LIFT, **{"mix.reference_speed": 0.1, "contact.speeds": [0.05, 0.4]})
     slow, fast = case.contacts
-    assert slow["indentation"]["value"] == pytest.approx(case.held.value, rel=1e-9)
-    assert fast["indentation"]["value"] == pytest.approx(case.held.value, rel=1e-9)
+    assert slow.indentation == pytest.approx(case.held.value, rel=1e-9)
+    assert fast.indentation == pytest.approx(case.held.value, rel=1e-9)
     assert case.reference[0].exit_density_ratio == pytest.approx(0.98, abs=2e-4)
-    assert fast["load"]["value"] > slow["load"]["value"]
+    assert fast.load > slow.load
 
 
 # item 4: one meaning of the formulas

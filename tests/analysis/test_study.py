@@ -521,7 +521,7 @@ def test_formula_scene_loads_no_heavy_module(tmp_path):
         "import sys; from compact.report import writer as report; from compact.scene.loader import load_scene;"
         "from compact.analysis.study import Study;"
         f"scene = load_scene({str(SCENES / 'small.toml')!r}, **{{'output.wanted': ['tables']}});"
-        f"report.write(Study(scene), {str(tmp_path / 'out')!r});"
+        f"report.write_study(Study(scene), {str(tmp_path / 'out')!r});"
         "print(sorted({name.split('.')[0] for name in sys.modules}))"
     )
     loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
