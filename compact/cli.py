@@ -59,6 +59,7 @@ def _told(arguments):
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)  # a number that numpy warns of is no result
+            warnings.filterwarnings("default", ".*accepted for one release", DeprecationWarning)
             return app(arguments, exit_on_error=False, print_error=True, result_action="return_value") or DONE
     except CycloptsError:  # printed by cyclopts, with the nearest option
         return BAD_INPUT
@@ -154,7 +155,7 @@ def run(
         step=lambda stage: progress.begin(stage, study.cost(stage), total=study.whole_cost), progress=progress.report,
     )  # fmt: skip
     progress.total = study.whole_cost
-    others = study.scene.beside_engines if study.scene.beside and cores() > 1 else ()
+    others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
     helpers = Processes(min(cores(), len(others))) if others else None
     with progress:
         report.write_study(study, directory, force, helpers)

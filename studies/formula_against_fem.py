@@ -25,8 +25,8 @@ from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
 PLAIN = {
-    "machine.rolling": "frictionless",
-    "machine.profile": "parabola",
+    "machine.roller_condition": "frictionless",
+    "machine.gap_geometry": "parabola",
     "layer.fed_density_ratio": 0.9,  # below all density ratios; a linear layer does not ask
     "mix.overrides.effective_modulus": None,  # the prior's
     "mix.overrides.steel_friction": 0.0,

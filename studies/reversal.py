@@ -31,7 +31,11 @@ from compact.rolling_contact import Roller
 from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
-PLAIN = {"machine.rolling": "frictionless", "machine.profile": "parabola", "mix.overrides.steel_friction": 0.0}
+PLAIN = {
+    "machine.roller_condition": "frictionless",
+    "machine.gap_geometry": "parabola",
+    "mix.overrides.steel_friction": 0.0,
+}
 HEADER = ("law", "model", "largest_error", "rms_error", "making_s", "cycle_s")
 DRIVEN = ("drive", "model", "peak_force_N", "energy_J", "largest_error", "rms_error", "run_s")
 SLOWEST = 0.01  # of the fastest speed: where the map begins

@@ -214,10 +214,10 @@ def test_file_that_is_no_map_is_refused(tmp_path):
 SMALL = Path(__file__).parent.parent / "studies" / "scenes" / "small.toml"
 ROLLED = {
     "accuracy.engine": "spectral",
-    "machine.rolling": "frictionless",
-    "machine.profile": "circle",
+    "machine.roller_condition": "frictionless",
+    "machine.gap_geometry": "circle",
     "motion.laws": ["cubic", "reversal-3"],
-    "output.wanted": ["tables"],
+    "output.items": ["tables"],
 }
 
 

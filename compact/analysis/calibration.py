@@ -158,7 +158,7 @@ class _Model:
     def shallow(self):
         """The start, with the mix fed as dense as a small capture angle asks, and about as soft as the load does."""
         asked, machine = self.scene.mix.density_ratio, self.scene.machine
-        pressed = SHALLOW**2 * machine.roller_radius / (2 * self.scene.lift)
+        pressed = SHALLOW**2 * machine.roller_radius / (2 * self.scene.lift_thickness)
         share = (asked * (1 - pressed) - LOOSE) / (asked - LOOSE)
         start, places = self.start, dict(zip(self.unknowns, range(len(self.unknowns)), strict=True))
         if "fed_density_ratio" in places:

@@ -280,13 +280,13 @@ def inputs(scene, mix, engine, speed, held=None):
         layer, target = _fed(scene, material, target, held.speed if held else speed)
     else:
         target = target or {"peak_pressure": mix.required_pressure}
-        plies = (Ply(ply.thickness, ply.stiffness) for ply in scene.layer.plies or ())
-        layer, material = Layer(scene.lift, scene.layer.base, tuple(plies)), _linear(mix, engine)
+        plies = (Ply(ply.thickness, ply.relative_modulus) for ply in scene.layer.plies or ())
+        layer, material = Layer(scene.lift_thickness, scene.layer.base, tuple(plies)), _linear(mix, engine)
     roller = Roller(
         scene.machine.roller_radius,
         friction=mix.steel_friction,
-        rolling=scene.machine.rolling,
-        profile=scene.machine.profile,
+        rolling=scene.machine.roller_condition,
+        profile=scene.machine.gap_geometry,
         **(held.target if held else target),
     )
     return layer, roller, material
@@ -336,7 +336,7 @@ def _fed(scene, material, target, speed):
     indentation as leave the lift its height and density after the rebound."""
     from compact.engines.column.engine import feed
 
-    height, density_ratio = scene.lift, scene.mix.density_ratio
+    height, density_ratio = scene.lift_thickness, scene.mix.density_ratio
     if target:
         return Layer(height * density_ratio / material.fed_density_ratio, scene.layer.base), target
     fed = feed(height, density_ratio, material, speed)

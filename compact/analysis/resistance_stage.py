@@ -51,7 +51,7 @@ def key(scene, mix):
     """Fingerprint of all that decides the contacts and the resistance of a scene."""
     decides = {
         "machine": scene.machine.model_dump(exclude=BESIDE),
-        "height": scene.lift,
+        "height": scene.lift_thickness,
         "mix": [scene.mix.model_dump(exclude={"overrides"}), {each.name: each.value for each in mix.parameters}],
         "layer": scene.layer.model_dump(),
         "contact": scene.contact and scene.contact.model_dump(),

@@ -28,7 +28,7 @@ def asked(study):
     scene, laws = study.scene, len(study.cycles)
     machine, motion = scene.machine, scene.motion
     rollers = f"{machine.rollers} roller{'s' if machine.rollers > 1 else ''}"
-    lifts = f", in lifts of {quantity(scene.lift, 'm')}," if scene.layer.lift else ""
+    lifts = f", in lifts of {quantity(scene.lift_thickness, 'm')}," if scene.layer.lift_thickness else ""
     stands = f" and stands {quantity(motion.dwell, 's')} at each end" if motion.dwell else ""
     return paragraph(
         f"A cart of {quantity(machine.mass, 'kg')} with {rollers} of radius {quantity(machine.roller_radius, 'm')} and "

@@ -153,7 +153,7 @@ RUN = (
 
 def cams(study, pictures):
     """Cams of all laws, and the first law's to cut, drawn and in motion; nothing where no cams are wanted."""
-    if "cams" not in study.scene.output.wanted:
+    if "cams" not in study.scene.output.items:
         return None
     rows = [_cam_row(law, {follower: study.cams[law, follower] for follower in FOLLOWERS}) for law in study.cycles]
     kinds = [f"least breadth, {follower}" for follower in FOLLOWERS]

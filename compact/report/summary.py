@@ -57,7 +57,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "laws_not_made": study.laws_not_made,
         "rankings": _rankings(study.places[scene.drive.kind]),
         "rigid_rankings": _rankings(study.places.get("rigid", {})),
-        "roller_motors": drive_tables.roller_motor_numbers(study) if "cams" in scene.output.wanted else {},
+        "roller_motors": drive_tables.roller_motor_numbers(study) if "cams" in scene.output.items else {},
         "beside": _comparison(study),
         "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
         "stages": dict(study.counts),

@@ -27,7 +27,7 @@ def write_study(study, directory, force=False, crew=None):
 
     Raises ResultsError where a file cannot be written or another scene's results stand.
     """
-    wanted = study.scene.output.wanted
+    wanted = study.scene.output.items
     with claimed(directory, study.scene.hash, force) as directory, study.helped(crew or Here()):
         files = list(contact_tables.write_contact_tables(study, directory)) if study.layered else []
         kept = list(study.keep(directory, files)) if study.layered else []
@@ -160,7 +160,7 @@ def _pictures(study):
     """A function for each figure by its name, which draws it once as bytes of PNG."""
     from compact.report import figures, ranking_figures
 
-    wanted, places, pictures = study.scene.output.wanted, study.places[study.scene.drive.kind], {}
+    wanted, places, pictures = study.scene.output.items, study.places[study.scene.drive.kind], {}
 
     def draw(name, figure, *of):
         @cache
@@ -202,7 +202,7 @@ def _page(study, directory, pictures):
     study.count("report")
     pressure = contact_tables.pressure(study, directory)
     pictures = {"pressure": pressure.read_bytes, **pictures}
-    if "fields" in study.scene.output.wanted:
+    if "fields" in study.scene.output.items:
         pictures["fields"] = (directory / "fields.png").read_bytes
     yield pressure
     yield html_report.write_page(directory / "report.html", study, pictures, versions())

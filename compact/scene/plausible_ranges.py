@@ -87,7 +87,7 @@ RANGES: dict[str, Range] = {
     "product.height": Range(0.01, 2.0, "m", _PRODUCT),
     "product.width": Range(0.02, 20.0, "m", _PRODUCT),
     "mix.reference_speed": Range(1e-3, 5.0, "m/s", "speeds of rolling"),
-    "layer.lift": Range(0.005, 2.0, "m", _PRODUCT),
+    "layer.lift_thickness": Range(0.005, 2.0, "m", _PRODUCT),
     "layer.passes": Range(1, 100, "1", "mix keeps its density after some tens of passes"),
     "motion.stroke": Range(0.02, 20.0, "m", _STROKE),
     "motion.duration": Range(0.02, 600.0, "s", _STROKE),
@@ -133,7 +133,7 @@ RANGES: dict[str, Range] = {
 }
 PLIES = {  # of one ply in layer.plies
     "thickness": Range(1e-3, 2.0, "m", _PRODUCT),
-    "stiffness": Range(1e-3, 1e3, "1", "moduli over those of the mix"),
+    "relative_modulus": Range(1e-3, 1e3, "1", "moduli over those of the mix"),
 }
 MEAN_SPEED = Range(1e-3, 5.0, "m/s", "mean speeds of forming machines, motion.stroke over motion.duration")
 

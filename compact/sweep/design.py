@@ -20,6 +20,7 @@ import numpy as np
 
 from compact.material import mix
 from compact.numerics.validation import require_known
+from compact.scene.former_names import current_path
 from compact.scene.loader import SceneError
 
 OVERRIDES = "mix.overrides"
@@ -70,6 +71,7 @@ def read_design(text):
         raise ValueError(
             f"--vary takes KEY=LOW:HIGH:N, KEY=A,B,C or KEY=~N, such as mix.moisture=0.08:0.12:5, got {text!r}"
         )
+    key = current_path(key)
     if values.startswith("~"):
         return Sampled(key, _whole(key, values[1:]))
     if values.count(":") == 2:

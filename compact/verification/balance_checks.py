@@ -63,7 +63,7 @@ def balance_checks(study: "Study") -> list[BalanceCheck]:
     list of BalanceCheck
     """
     checks = [*_contact_checks(study), *_cycle_checks(study), _published_check()]
-    if "cams" in study.scene.output.wanted:
+    if "cams" in study.scene.output.items:
         checks += [
             BalanceCheck(f"constant breadth of the cam, {law}", cam.breadth_error / cam.breadth, BREADTH_LIMIT)
             for (law, follower), cam in study.cams.items()

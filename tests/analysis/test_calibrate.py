@@ -193,7 +193,7 @@ class Double:
 def doubled():
     double, patch = Double(), pytest.MonkeyPatch()
     patch.setattr("compact.engines.compaction.engine.roll", double.roll)
-    scene = load_scene(PUBLISHED, **{"machine.rolling": "frictionless"})
+    scene = load_scene(PUBLISHED, **{"machine.roller_condition": "frictionless"})
     found = calibrate(scene, read_measurements(MEASURED), "compaction", increments=6)
     patch.undo()
     return found, double
@@ -281,7 +281,7 @@ def test_published_point_is_met_by_finite_elements():
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-5)
 
 
-LIFT = {"layer.lift": 0.06}
+LIFT = {"layer.lift_thickness": 0.06}
 
 
 @pytest.mark.slow
@@ -460,7 +460,7 @@ def test_command_writes_and_tells(tmp_path, monkeypatch, capsys):
 def test_command_asks_finite_elements(tmp_path, monkeypatch, capsys):
     double, out = Double(), tmp_path / "c.json"
     monkeypatch.setattr("compact.engines.compaction.engine.roll", double.roll)
-    asked = ["--engine", "compaction", "--increments", "6", "--set", "machine.rolling=frictionless"]
+    asked = ["--engine", "compaction", "--increments", "6", "--set", "machine.roller_condition=frictionless"]
     monkeypatch.setattr("sys.argv", ["compact", "calibrate", str(PUBLISHED), str(MEASURED), "--out", str(out), *asked])
     with pytest.raises(SystemExit) as exit_code:
         cli.main()

@@ -248,7 +248,7 @@ def test_hash_of_a_scene_knows_its_passes():
 
 
 def test_results_tell_of_every_pass(tmp_path):
-    case = study(**{"contact": {"speeds": [0.1, 0.2]}, "output.wanted": ["tables"]})
+    case = study(**{"contact": {"speeds": [0.1, 0.2]}, "output.items": ["tables"]})
     contacts = report.write_study(case, tmp_path / "out")["contacts"]
     assert [len(contact["passes"]) for contact in contacts] == [3, 3]
     assert contacts[0]["passes"][0]["load"]["value"] == contacts[0]["load"]["value"]
@@ -266,9 +266,9 @@ def test_engine_without_a_mark_has_one_pass():
     case = study(
         **{
             "accuracy.engine": "spectral",
-            "machine.rolling": "frictionless",
+            "machine.roller_condition": "frictionless",
             "layer.passes": 1,
-            "machine.profile": "circle",
+            "machine.gap_geometry": "circle",
         }
     )
     (only,) = engines.passes(case.scene, case.mix, 0.2)

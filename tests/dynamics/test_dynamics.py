@@ -670,7 +670,7 @@ def travel(cart, drive, cycle, *_, **__):
 elastic.travel = travel
 sys.argv = ["compact", "run", {scene!r}, "--engine", "formula", "--out", {out!r}, "--quiet",
             "--set", "drive.kind=elastic", "--set", "drive.stiffness=1e6", "--set", "drive.damping=3162.0",
-            "--set", "output.wanted=['tables']", "--set", "motion.laws=['parabolic']"]
+            "--set", "output.items=['tables']", "--set", "motion.laws=['parabolic']"]
 cli.main()
 """
 

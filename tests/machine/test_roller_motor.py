@@ -187,7 +187,7 @@ SPEEDS = (0.1, 0.2, 0.3)
 @pytest.fixture(scope="module")
 def by_fem():
     """A study whose contacts are its map; a heavy cart pulls and brakes hard."""
-    changes = {"accuracy.engine": "fem", "motion.laws": ["septic"], "machine.profile": "circle"}
+    changes = {"accuracy.engine": "fem", "motion.laws": ["septic"], "machine.gap_geometry": "circle"}
     study = Study(load_scene(SCENES / "loveikin-2015.toml", **changes, **{"machine.mass": 4e3}))
     rolled = [fem.roll(*inputs(study.scene, study.mix, "fem", speed), speed, estimate=False) for speed in SPEEDS]
     study.contacts = [
@@ -206,7 +206,7 @@ def test_engine_rolls_as_the_motors_were_told(by_fem, time):
     speed, way, length = abs(velocity), np.sign(velocity), scene.machine.roller_length
     layer, roller, material = inputs(scene, by_fem.mix, "fem", speed)
     own = fem.roll(layer, roller, material, speed, estimate=False)
-    held = Roller(R, own.indentation, by_fem.mix.steel_friction, "driven", scene.machine.profile)
+    held = Roller(R, own.indentation, by_fem.mix.steel_friction, "driven", scene.machine.gap_geometry)
     torque = way * answer.torque[0] / length
     rolled = fem.roll(layer, held, material, speed, torque=torque, estimate=False)
     assert answer.creep[0] == pytest.approx(rolled.creep, abs=0.02 * np.ptp(motors.roller.creeps))
