@@ -370,7 +370,7 @@ def sweep(
 
 @app.command
 def check(*, markdown: bool = False):
-    """Print every published number beside ours with the verdict; exit 1 if our side has changed.
+    """Print every published number with the computed value and the verdict; exit 1 if a value has changed.
 
     Parameters
     ----------
@@ -380,11 +380,11 @@ def check(*, markdown: bool = False):
     from compact.verification import published_numbers
 
     rows = published_numbers.rows()
-    print(published_numbers.markdown(rows) if markdown else published_numbers.table(rows))
-    changed = [row for row in rows if not row.kept]
+    print(published_numbers.markdown(rows) if markdown else published_numbers.text_table(rows))
+    changed = [row for row in rows if not row.unchanged]
     if changed:
-        return _say(f"{len(changed)} of {len(rows)} numbers on our side have changed", COULD_NOT)
-    print(f"\n{len(rows)} numbers checked: our side is unchanged")
+        return _say(f"{len(changed)} of {len(rows)} computed numbers have changed", COULD_NOT)
+    print(f"\n{len(rows)} numbers checked: all are unchanged")
     return DONE
 
 

@@ -11,14 +11,14 @@ from compact.files import atomic_file
 from compact.report import html_contact, html_machine
 from compact.report.html_answer import answer, asked
 from compact.report.page import Section, page, paragraph, table
-from compact.verification.balance_checks import checks
+from compact.verification.balance_checks import balance_checks
 
 
 def write_page(path, study, pictures, versions):
     """Write the page of a study; `versions` of packages by name. Returns the path."""
     title = study.scene.title or "untitled scene"
     shifts = sensitivity.shifts(study)
-    found = checks(study)
+    found = balance_checks(study)
     parts = [
         html_machine.ranking(study, pictures),
         html_contact.contact(study, pictures),

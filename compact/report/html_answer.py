@@ -62,7 +62,7 @@ def answer(study, shifts, found):
         *_by_engines_beside(study),
         _order_holds(shifts),
     ]
-    failed = [check.what for check in found if not check.holds]
+    failed = [check.name for check in found if not check.passed]
     sure.append(
         f"{strong('Built-in checks that fail:')} {escape(', '.join(failed))}."
         if failed

@@ -328,12 +328,12 @@ def built_in(found):
     """The built-in checks, as of `checks`."""
     rows = [
         (
-            escape(check.what), number(check.left, 2), number(check.limit, 2),
-            mark("good", "holds") if check.holds else mark("bad", "fails"),
+            escape(check.name), number(check.residual, 2), number(check.limit, 2),
+            mark("good", "holds") if check.passed else mark("bad", "fails"),
         )
         for check in found
     ]  # fmt: skip
-    failed = sum(not check.holds for check in found)
+    failed = sum(not check.passed for check in found)
     lead = f"{len(found)} balances and counts; {failed or 'none'} of them fail{'s' if failed == 1 else ''}."
     return Section(
         "checks", "Built-in checks", lead, table(("what", "left over", "allowed", ""), rows, "Checks", (1, 2))

@@ -228,18 +228,18 @@ def test_law_that_no_machine_follows_is_named_once():
 
 def test_checks_hold_and_count_what_was_computed(written):
     study, _, _ = written
-    found = balance_checks.checks(study)
-    assert all(check.holds for check in found)
-    assert sum("work of the contact" in check.what for check in found) == len(study.rolled)
-    assert sum("work over a cycle" in check.what for check in found) == len(study.runs)
+    found = balance_checks.balance_checks(study)
+    assert all(check.passed for check in found)
+    assert sum("work of the contact" in check.name for check in found) == len(study.rolled)
+    assert sum("work over a cycle" in check.name for check in found) == len(study.runs)
 
 
 def test_a_balance_that_does_not_close_is_told():
     study = Study(scene(**{"output.items": [], "motion.laws": ["cubic"]}))
     run = study.runs["cubic"]
     study.runs = {"cubic": replace(run, state=run.state._replace(resistance=1.001 * run.state.resistance))}
-    failed = [check for check in balance_checks.checks(study) if not check.holds]
-    assert [check.what for check in failed] == ["work over a cycle, cubic"]
+    failed = [check for check in balance_checks.balance_checks(study) if not check.passed]
+    assert [check.name for check in failed] == ["work over a cycle, cubic"]
     told = html_answer.answer(study, [], failed)
     assert "<strong>Built-in checks that fail:</strong> work over a cycle, cubic." in told
 
@@ -249,7 +249,7 @@ def test_contact_that_does_not_close_its_balance_is_told(written):
     broken = Study(study.scene.replaced(**{"output.items": []}))
     (speed, (rolled,)), *others = study.passes
     broken.passes = [(speed, (replace(rolled, work_residual=0.5),)), *others]
-    failed = [check.what for check in balance_checks.checks(broken) if not check.holds]
+    failed = [check.name for check in balance_checks.balance_checks(broken) if not check.passed]
     assert failed == [f"work of the contact at {speed:.4g} m/s"]
 
 
