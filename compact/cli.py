@@ -59,6 +59,7 @@ def _told(arguments):
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)  # a number that numpy warns of is no result
+            warnings.filterwarnings("default", ".*accepted for one release", DeprecationWarning)
             return app(arguments, exit_on_error=False, print_error=True, result_action="return_value") or DONE
     except CycloptsError:  # printed by cyclopts, with the nearest option
         return BAD_INPUT
@@ -111,13 +112,13 @@ def new(directory: Path, /):
     directory
         where scene.toml is written; made if need be, a scene that stands there is kept
     """
-    from compact.files import whole_file
+    from compact.files import atomic_file
     from compact.scene.loader import starter_scene
 
     path = directory / "scene.toml"
     if path.exists():
         raise ResultsError(f"{path}: exists already; give another directory")
-    with whole_file(path) as stream:
+    with atomic_file(path) as stream:
         stream.write(starter_scene())
     print(f"{path} written; next: compact run {path}")
 
@@ -154,7 +155,7 @@ def run(
         step=lambda stage: progress.begin(stage, study.cost(stage), total=study.whole_cost), progress=progress.report,
     )  # fmt: skip
     progress.total = study.whole_cost
-    others = study.scene.beside_engines if study.scene.beside and cores() > 1 else ()
+    others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
     helpers = Processes(min(cores(), len(others))) if others else None
     with progress:
         report.write_study(study, directory, force, helpers)
@@ -185,7 +186,7 @@ def roll(
     out
         directory for the results; out/NAME-ENGINE unless given, NAME as of `compact run`
     """
-    from compact.files import claimed
+    from compact.files import claimed_directory
     from compact.report import contact_tables
     from compact.report.progress import Progress
     from compact.scene.plausible_ranges import check_speed
@@ -197,7 +198,7 @@ def roll(
     speed = speed if speed is not None else study.scene.mean_speed
     name = study.scene.accuracy.engine
     place = out or default_directory(scene, name)
-    with claimed(place, study.scene.hash, force) as directory, progress:
+    with claimed_directory(place, study.scene.hash, force) as directory, progress:
         progress.begin(f"contact by {name}")
         passes = study.passes_at(speed)
         progress.begin("tables and figures")
@@ -369,7 +370,7 @@ def sweep(
 
 @app.command
 def check(*, markdown: bool = False):
-    """Print every published number beside ours with the verdict; exit 1 if our side has changed.
+    """Print every published number with the computed value and the verdict; exit 1 if a value has changed.
 
     Parameters
     ----------
@@ -379,11 +380,11 @@ def check(*, markdown: bool = False):
     from compact.verification import published_numbers
 
     rows = published_numbers.rows()
-    print(published_numbers.markdown(rows) if markdown else published_numbers.table(rows))
-    changed = [row for row in rows if not row.kept]
+    print(published_numbers.markdown(rows) if markdown else published_numbers.text_table(rows))
+    changed = [row for row in rows if not row.unchanged]
     if changed:
-        return _say(f"{len(changed)} of {len(rows)} numbers on our side have changed", COULD_NOT)
-    print(f"\n{len(rows)} numbers checked: our side is unchanged")
+        return _say(f"{len(changed)} of {len(rows)} computed numbers have changed", COULD_NOT)
+    print(f"\n{len(rows)} numbers checked: all are unchanged")
     return DONE
 
 

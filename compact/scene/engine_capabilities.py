@@ -10,17 +10,17 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-OPTIONAL = ("machine.rolling", "machine.profile", "layer.plies")  # keys that a scene need not have
+OPTIONAL = ("machine.roller_condition", "machine.gap_geometry", "layer.plies")  # keys that a scene need not have
 TURNED = ("fem", "compaction")  # engines of a roller that sticks and slips under a torque
 
 NAMES = {  # of values, in the sentences about replacements
-    ("machine.rolling", "frictionless"): "frictionless roller",
-    ("machine.rolling", "sliding"): "sliding roller",
-    ("machine.rolling", "free"): "free roller",
-    ("machine.rolling", "driven"): "driven roller",
-    ("machine.profile", "parabola"): "vertical gap to the parabola",
-    ("machine.profile", "circle"): "vertical gap to the circle",
-    ("machine.profile", "deformed"): "gap on the deformed surface",
+    ("machine.roller_condition", "frictionless"): "frictionless roller",
+    ("machine.roller_condition", "sliding"): "sliding roller",
+    ("machine.roller_condition", "free"): "free roller",
+    ("machine.roller_condition", "driven"): "driven roller",
+    ("machine.gap_geometry", "parabola"): "vertical gap to the parabola",
+    ("machine.gap_geometry", "circle"): "vertical gap to the circle",
+    ("machine.gap_geometry", "deformed"): "gap on the deformed surface",
     ("layer.passes", 1): "one pass",
     ("layer.plies", None): "layer of one ply",
     ("contact.indentation", None): "pressure that the mix needs",
@@ -64,22 +64,24 @@ _ONE_MIX = Limit("layer.plies", (None,), "its layer is of one mix")
 
 LIMITS: dict[str, tuple[Limit, ...]] = {
     "formula": (
-        Limit("machine.profile", ("parabola",), "half-plane theory has no other gap", fixed=True),
+        Limit("machine.gap_geometry", ("parabola",), "half-plane theory has no other gap", fixed=True),
         Limit("contact.indentation", (None,), "the depth of a contact on a half-plane is not defined", late=True),
         _ONE_MODULUS,
         _ONE_PASS,
         _FRESH,
     ),
     "column": (
-        Limit("machine.profile", ("circle", "parabola"), "columns move vertically only", fixed=True),
-        Limit("machine.rolling", ("frictionless", "free"), "columns carry no shear", smooth=("sliding", "driven")),
+        Limit("machine.gap_geometry", ("circle", "parabola"), "columns move vertically only", fixed=True),
+        Limit(
+            "machine.roller_condition", ("frictionless", "free"), "columns carry no shear", smooth=("sliding", "driven")
+        ),
         Limit("layer.base", ("bonded",), "mix on a slipping base moves sideways, which no column does"),
         _ONE_MIX,
     ),
     "spectral": (
-        Limit("machine.profile", ("circle", "parabola"), "its gap is measured on the undeformed surface"),
+        Limit("machine.gap_geometry", ("circle", "parabola"), "its gap is measured on the undeformed surface"),
         Limit(
-            "machine.rolling",
+            "machine.roller_condition",
             ("frictionless", "sliding", "driven"),
             "its rollers have no friction or slip everywhere",
             smooth=("free",),

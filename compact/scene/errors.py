@@ -12,7 +12,7 @@ from datetime import date, time
 from difflib import get_close_matches
 from itertools import takewhile
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
@@ -61,6 +61,15 @@ class Source:
     def changed(self, key: Key) -> "Source":
         """The source of a scene one key of which was given by the caller, not by the file."""
         return replace(self, changes=self.changes | {key})
+
+    def renamed(self, former: Key, present: Key) -> "Source":
+        """The source with lines and remarks of a former key, and of keys inside it, under its present name."""
+
+        def moved(entries: Mapping[Key, Any]) -> dict[Key, Any]:
+            inside = {key: value for key, value in entries.items() if key[: len(former)] == former}
+            return {**entries, **{(*present, *key[len(former) :]): value for key, value in inside.items()}}
+
+        return replace(self, lines=moved(self.lines), remarks=moved(self.remarks))
 
     def line(self, key: Key) -> int:
         """The line of a key, or of the nearest table around it; 0 for none."""

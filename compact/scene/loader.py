@@ -32,11 +32,12 @@ from compact.scene.errors import (
     undecodable_sentence,
     unreadable_sentence,
 )
+from compact.scene.former_names import current_key, current_path, current_tables, current_value
 from compact.scene.schema import (
     LAW_NAMES,
     Accuracy,
-    Beside,
     Cam,
+    Compare,
     Contact,
     Drive,
     Layer,
@@ -66,7 +67,7 @@ class Scene(Table):
     cam: Cam | None = None
     contact: Contact | None = None
     accuracy: Accuracy
-    beside: Beside | None = None
+    compare: Compare | None = None
     output: Output
     _source: Source = PrivateAttr(default_factory=Source)
 
@@ -81,9 +82,9 @@ class Scene(Table):
         return tuple(self._source.folder / name for name in self.motion.tables)
 
     @property
-    def lift(self) -> float:
-        """Height of what is pressed at a time [m], when pressed: a lift of the product, or all of it."""
-        return self.layer.lift or self.product.height
+    def lift_thickness(self) -> float:
+        """Thickness of one compacted lift [m]: that of `[layer]`, or the height of the product."""
+        return self.layer.lift_thickness or self.product.height
 
     @property
     def target(self) -> dict[str, float]:
@@ -96,15 +97,15 @@ class Scene(Table):
         return self.motion.stroke / self.motion.duration
 
     @property
-    def beside_engines(self) -> tuple[str, ...]:
+    def compared_engines(self) -> tuple[str, ...]:
         """The engines that answer beside that of [accuracy]; the formulas beside every engine of a layer."""
-        given = {} if self.beside is None else self.beside.model_dump(exclude_none=True)
+        given = {} if self.compare is None else self.compare.model_dump(exclude_none=True)
         return tuple(dict.fromkeys(([] if self.accuracy.engine == "formula" else ["formula"]) + list(given)))
 
-    def by(self, engine: str) -> "Scene":
+    def with_engine(self, engine: str) -> "Scene":
         """The scene as an engine beside it is given it, for the numbers alone."""
-        given = None if self.beside is None else getattr(self.beside, engine)
-        changes = {"accuracy.engine": engine, "beside": None, "output.wanted": ()}
+        given = None if self.compare is None else getattr(self.compare, engine)
+        changes = {"accuracy.engine": engine, "compare": None, "output.items": ()}
         if engine == "formula":  # compared with every engine, whatever the scene sets for that engine
             changes |= {limit.key: limit.taken[0] for limit in LIMITS[engine] if not limit.fixed}
         for table, keys in (given.model_dump(exclude_none=True) if given else {}).items():
@@ -112,7 +113,7 @@ class Scene(Table):
         return self.replaced(**changes)
 
     def is_set(self, key: str) -> bool:
-        """True if the scene file, or a change by the caller, sets a key such as "machine.profile"."""
+        """True if the scene file, or a change by the caller, sets a key such as "machine.gap_geometry"."""
         part: Any = self
         for name in key.split("."):
             if part is None or name not in part.model_fields_set:
@@ -123,7 +124,7 @@ class Scene(Table):
     @property
     def replacements(self) -> dict[str, tuple[str, ...]]:
         """Sentences on the keys that each engine of the scene is given in place of the scene's, by engine."""
-        engines = {self.accuracy.engine: self} | {name: self.by(name) for name in self.beside_engines}
+        engines = {self.accuracy.engine: self} | {name: self.with_engine(name) for name in self.compared_engines}
         return {name: (*self._left_out(name), *adapt(scene, name)[1]) for name, scene in engines.items()}
 
     def _left_out(self, engine: str) -> Iterator[str]:
@@ -170,7 +171,7 @@ class Scene(Table):
 
         scene.replaced(**{"mix.moisture": 0.11, "mix.overrides.effective_modulus": None})
         """
-        keys = [tuple(key.split(".")) for key in changes]
+        keys = [current_key(tuple(key.split("."))) for key in changes]
         rules = [rule for rule in _rules(self._source) if rule.involves(keys)]  # the others hold as they did
         return _checked(self._given(), self._source, changes, rules)
 
@@ -179,7 +180,7 @@ class Scene(Table):
         whatever the rules between the keys say of the scene that results."""
         data = self._given()
         source, mistakes = _validated(data, self._source, changes)[1:]
-        keys = [tuple(key.split(".")) for key in changes]
+        keys = [current_key(tuple(key.split("."))) for key in changes]
         mistakes += sentences(
             [rule for rule in plausible_ranges.REFUSALS if rule.involves(keys)], data, refused=mistakes
         )
@@ -235,7 +236,9 @@ def _parsed(text: str, file: str, changes: Mapping[str, object]) -> Scene:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: also an integer of thousands of digits
         raise SceneError([f"{file}:{syntax_sentence(error, text)}"]) from None
-    source = Source(file, key_lines(text), remarks=key_remarks(text))
+    source = current_tables(data, Source(file, key_lines(text), remarks=key_remarks(text)))
+    if isinstance(data.get("unusual"), list):
+        data["unusual"] = [current_path(key) if isinstance(key, str) else key for key in data["unusual"]]
     return _checked(data, source, changes, _rules(source))
 
 
@@ -266,7 +269,7 @@ def _checked(data: dict[str, Any], source: Source, changes: Mapping[str, object]
     if not mistakes:
         scene._source = source
         mistakes = [
-            Mistake(("beside", engine), said) for engine in scene.beside_engines for said in _refused(scene, engine)
+            Mistake(("compare", engine), said) for engine in scene.compared_engines for said in _refused(scene, engine)
         ]
     if mistakes:
         raise SceneError(source.report(mistakes))
@@ -275,10 +278,10 @@ def _checked(data: dict[str, Any], source: Source, changes: Mapping[str, object]
 
 def _refused(scene: Scene, engine: str) -> Iterator[str]:
     """What an engine beside is given and cannot take."""
-    if scene.beside is None:
+    if scene.compare is None:
         return
     try:
-        scene.by(engine)
+        scene.with_engine(engine)
     except SceneError as error:
         yield from (f"with it {said.split(': ', 1)[1]}" for said in error.mistakes)
 
@@ -289,8 +292,8 @@ def _validated(
     """The scene of changed `data`, None where a field refuses its value; where it comes from; the mistakes."""
     mistakes: list[Mistake] = []
     for path, value in changes.items():
-        key = tuple(path.split("."))
-        mistakes += _change(data, key, value)
+        key = tuple(current_path(path).split("."))
+        mistakes += _change(data, key, current_value(key, value))
         source = source.changed(key)
     try:
         return Scene.model_validate(data), source, mistakes

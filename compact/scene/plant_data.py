@@ -17,6 +17,8 @@ import tomllib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from compact.scene.former_names import current_path
+
 FITTED = ("load", "resistance", "resistance_coefficient")  # what a fit meets
 STATED = ("exit_density_ratio", "speed")  # at what it is met
 EDGES = ("low", "high")
@@ -92,7 +94,7 @@ def _from_toml(text):
     assumptions = data.get("assumptions", {})
     return Measured(
         _all(_measurement(table, f"measurement {i}") for i, table in enumerate(tables, 1)),
-        {key: _range(key, value) for key, value in assumptions.items()},
+        {current_path(key): _range(key, value) for key, value in assumptions.items()},
     )
 
 

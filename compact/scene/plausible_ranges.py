@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cache, partial
 from itertools import product
 
-from compact.material.mix import nodes, prior
+from compact.material.mix import prior, table_nodes
 from compact.scene.constraints import Rule
 from compact.scene.errors import Mistake, SceneError
 from compact.scene.schema import Overrides
@@ -87,7 +87,7 @@ RANGES: dict[str, Range] = {
     "product.height": Range(0.01, 2.0, "m", _PRODUCT),
     "product.width": Range(0.02, 20.0, "m", _PRODUCT),
     "mix.reference_speed": Range(1e-3, 5.0, "m/s", "speeds of rolling"),
-    "layer.lift": Range(0.005, 2.0, "m", _PRODUCT),
+    "layer.lift_thickness": Range(0.005, 2.0, "m", _PRODUCT),
     "layer.passes": Range(1, 100, "1", "mix keeps its density after some tens of passes"),
     "motion.stroke": Range(0.02, 20.0, "m", _STROKE),
     "motion.duration": Range(0.02, 600.0, "s", _STROKE),
@@ -133,7 +133,7 @@ RANGES: dict[str, Range] = {
 }
 PLIES = {  # of one ply in layer.plies
     "thickness": Range(1e-3, 2.0, "m", _PRODUCT),
-    "stiffness": Range(1e-3, 1e3, "1", "moduli over those of the mix"),
+    "relative_modulus": Range(1e-3, 1e3, "1", "moduli over those of the mix"),
 }
 MEAN_SPEED = Range(1e-3, 5.0, "m/s", "mean speeds of forming machines, motion.stroke over motion.duration")
 
@@ -141,7 +141,7 @@ MEAN_SPEED = Range(1e-3, 5.0, "m/s", "mean speeds of forming machines, motion.st
 @cache
 def of_mix(name: str) -> Range:
     """`Range` of a parameter under [mix.overrides]: the spread of the prior over its whole table, widened."""
-    known = [prior(*node).parameter(name) for node in product(*nodes())]
+    known = [prior(*node).parameter(name) for node in product(*table_nodes())]
     low, high = min(each.low for each in known), max(each.high for each in known)
     unit = {"-": "1"}.get(known[0].unit, known[0].unit)
     return Range(low / WIDENED, high * WIDENED, unit, "the prior over all moistures and densities, threefold wider")

@@ -1,16 +1,16 @@
-"""The tables of a scene: every key with its type, its bounds and what it means; SI units, no default for a number.
+"""The tables of a scene: every key with its type, its bounds and its meaning; SI units, no default for a number.
 
-`machine.rolling` and `machine.profile` have defaults, which each engine may replace by the nearest it takes
-(`capabilities`); a scene that sets them has its values or is refused.
+`machine.roller_condition` and `machine.gap_geometry` have defaults, which each engine may replace by the nearest value
+that it accepts (`engine_capabilities`). A scene that sets them keeps its values or is refused.
 
-Rules between the keys are in `scene_rules`; `scene` reads files into these tables and reports mistakes.
+Rules between the keys are in `constraints`; `loader` reads files into these tables and reports mistakes.
 """
 
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, Strict
 
-from compact.rolling_contact import Base, Profile, Rolling
+from compact.rolling_contact import BaseCondition, GapGeometry, RollerCondition
 
 # The keys of `motion.LAWS`, restated because importing `motion` costs 0.7 s of scipy; a test holds the two equal.
 Law = Literal[
@@ -95,11 +95,11 @@ class Machine(Table):
     overlap: float = _nonnegative("the overlap b_n of neighbouring rollers' strips in m (eqs 1.2, 1.3)")
     pressure_nonuniformity: float = _positive("the factor k2 for uneven pressure along the arc, 1 for even (eq 1.6)")
     one_sided: bool = Field(description="true for contact on the front half only (rival reading of eq 1.6), else false")
-    rolling: Rolling = Field(default="free", description="how the roller turns")
+    roller_condition: RollerCondition = Field(default="free", description="how the roller turns")
     roller_torque: float | None = Field(
         default=None, description="the torque on one roller in N m, + driving it the way it travels, - braking it"
     )
-    profile: Profile = Field(default="deformed", description="where the gap is measured")
+    gap_geometry: GapGeometry = Field(default="deformed", description="where the gap is measured")
 
 
 class Product(Table):
@@ -141,7 +141,7 @@ class Ply(Table):
     """One ply of the layer."""
 
     thickness: float = _positive("the thickness in m")
-    stiffness: float = _positive("the moduli of the ply over those of the mix")
+    relative_modulus: float = _positive("the moduli of the ply over those of the mix")
 
 
 Plies = Annotated[tuple[Ply, ...], Strict(False)]
@@ -150,8 +150,10 @@ Plies = Annotated[tuple[Ply, ...], Strict(False)]
 class Layer(Table):
     """The layer under the roller; without `plies` it is the same all through."""
 
-    base: Base = Field(description="how the layer lies on its base")
-    lift: float | None = _optional("the height in m, when pressed, of one lift of the product; without it it is one")
+    base: BaseCondition = Field(description="how the layer lies on its base")
+    lift_thickness: float | None = _optional(
+        "the height in m, when pressed, of one lift of the product; without it it is one"
+    )
     plies: Plies | None = Field(default=None, min_length=1, description="the plies from the base upwards, as tables")
     fed_density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio of the mix as fed")
     passes: int = _between(1, COUNT_LIMIT, "the number of passes")
@@ -214,9 +216,9 @@ class BeltTable(Table):
 class Motor(Table):
     """The motor of a drive, and what it turns on the shaft whose one turn is a cycle."""
 
-    curve: Literal["kloss", "straight"] = Field(description="the torque over the speed")
-    torque: float = _positive("the breakdown torque (kloss) or the torque at rest (straight) in N m")
-    speed: float = _positive("the synchronous speed (kloss) or that without load (straight) in rad/s")
+    curve: Literal["kloss", "linear"] = Field(description="the torque over the speed")
+    torque: float = _positive("the breakdown torque (kloss) or the torque at rest (linear) in N m")
+    speed: float = _positive("the synchronous speed (kloss) or that without load (linear) in rad/s")
     breakdown_slip: float | None = _optional("the slip at the breakdown torque", gt=0, le=1)
     inertia: float = _nonnegative("the inertia of the rotor in kg m2")
     gear_ratio: float = _positive("the speed of the motor over that of the shaft, pulleys of a belt included")
@@ -253,7 +255,7 @@ class Drive(Table):
     stiffness: float | None = _optional("the stiffness of an elastic drive in N/m")
     damping: float | None = _optional("the damping of an elastic drive in N s/m, 0 for none", ge=0)
     backlash: float | None = _optional("the play of an elastic drive between pulling and pushing in m", ge=0)
-    first_order: bool | None = Field(
+    include_added_mass: bool | None = Field(
         default=None,
         description="true where the resistance behind an elastic drive follows the acceleration, F + a M, else false",
     )
@@ -307,7 +309,7 @@ class Given(Table):
     accuracy: Keys | None = Field(default=None, description="keys of [accuracy]")
 
 
-class Beside(Table):
+class Compare(Table):
     """Engines that answer beside that of [accuracy], a table for each; the formulas do beside every one of a layer."""
 
     formula: Given | None = None
@@ -320,4 +322,4 @@ class Beside(Table):
 class Output(Table):
     """What is wanted; nothing else is computed."""
 
-    wanted: Outputs = Field(description="what to write, [] for the summary alone")
+    items: Outputs = Field(description="what to write, [] for the summary alone")

@@ -425,12 +425,12 @@ def test_ellipse_follows_the_rate_equations(changes):
 
 def stepped(material, strains, steps):
     """(s_v, s_h, k, hardened k) at each strain of one point that `cap` carries there by equal implicit steps."""
-    state, before, rows = cap_plasticity.fed(material, 1), 0.0, []
+    state, before, rows = cap_plasticity.initial_state(material, 1), 0.0, []
     for strain in strains:
         for _ in range(steps):
             increment = np.array([[0.0, (before - strain) / steps, 0.0]])
-            state, _ = cap_plasticity.step(material, state, increment, tangent=False)
-        rows.append((-state.stress[0, 1], -state.stress[0, 0], state.density_ratio[0], state.hardened[0]))
+            state, _ = cap_plasticity.integrate_points(material, state, increment, tangent=False)
+        rows.append((-state.stress[0, 1], -state.stress[0, 0], state.density_ratio[0], state.max_density_ratio[0]))
         before = strain
     return np.array(rows)
 
@@ -664,9 +664,9 @@ def stepped_load(layer, roller, indentation, material, points):
     x = edge * np.concatenate([np.cos(front), -np.sin(rear[1:])])
     gap = x**2 / (2 * radius if parabola else radius + np.sqrt(radius**2 - x**2))
     strain = np.log(layer.height / (lowest + gap))
-    state, stress = cap_plasticity.fed(material, 1), [0.0]
+    state, stress = cap_plasticity.initial_state(material, 1), [0.0]
     for change in np.diff(strain):
-        state, _ = cap_plasticity.step(material, state, np.array([[0.0, -change, 0.0]]), tangent=False)
+        state, _ = cap_plasticity.integrate_points(material, state, np.array([[0.0, -change, 0.0]]), tangent=False)
         stress.append(-state.stress[0, 1])
         if stress[-1] <= 0:
             break

@@ -224,11 +224,11 @@ def test_a_script_shows_its_progress_on_a_terminal():
 
 CALLS = {
     "roll": (
-        "roll", "--engine", "spectral", "--set", "machine.profile=circle", "--set", "machine.rolling=frictionless"
+        "roll", "--engine", "spectral", "--set", "machine.gap_geometry=circle", "--set", "machine.roller_condition=frictionless"
     ),
-    "run": ("run", "--set", "output.wanted=['tables','figures']"),
+    "run": ("run", "--set", "output.items=['tables','figures']"),
     "calibrate": ("calibrate", str(SCENES / "loveikin-2015-measured.toml")),
-    "sweep": ("sweep", "--vary", "mix.moisture=0.09:0.11:3", "--workers", "1", "--set", "output.wanted=[]"),
+    "sweep": ("sweep", "--vary", "mix.moisture=0.09:0.11:3", "--workers", "1", "--set", "output.items=[]"),
 }  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from compact.engines.column import column_ode as ode
 from compact.engines.column.column_ode import STRESS, ColumnProblem, ColumnStack, GapGeometry, PathControl
-from compact.material.cap_plasticity import Constants, constants, hardening
+from compact.material.cap_plasticity import Constants, cap_constants, hardening
 from compact.material.laws import Compaction
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
@@ -378,4 +378,4 @@ def column_layer(
     rows = [(each.height, each.density_ratio, each.lateral_stress, each.max_density_ratio) for each in columns]
     height, density_ratio, lateral_stress, max_density_ratio = np.array(rows, dtype=float).T.copy()
     stack = ColumnStack(height, density_ratio, lateral_stress / 1.5, max_density_ratio)
-    return ColumnLayer(constants(material, rate_factor), stack, gap, strain_measure)
+    return ColumnLayer(cap_constants(material, rate_factor), stack, gap, strain_measure)
