@@ -36,7 +36,12 @@ from compact.engines.fem.stick_slip import FrictionCondition, Shear, pressed_and
 from compact.engines.fem.surface_compliance import condensed, stretched
 from compact.engines.halfplane import pressure_exponent
 from compact.engines.spectral import engine as spectral
-from compact.engines.spectral.elastic_estimate import WIDTH_STEP, as_wide, half_width_met, shared_half_width
+from compact.engines.spectral.elastic_estimate import (
+    WIDTH_RATIO,
+    contact_of_half_width,
+    expected_half_width,
+    quantise_half_width,
+)
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, EDGE_REFINEMENT, RowMesh, elements_for, graded_mesh, mesh_for_error
 from compact.numerics.validation import require_finite, require_known, require_positive
@@ -303,14 +308,14 @@ def _terms(layer, half_width):
 
 def task_of(case, mesh, tolerance):
     """The `_Task` of an elastic contact; of the contact itself with few terms where indentation is not prescribed."""
-    task = _fitted(case, half_width_met(case.layer, case.roller, case.material, case.speed), mesh, tolerance)
+    task = _fitted(case, expected_half_width(case.layer, case.roller, case.material, case.speed), mesh, tolerance)
     if case.roller.indentation is not None:
         return task
     slides = replace(case, roller=replace(case.roller, rolling="frictionless")) if case.sticks else case
     rough = contact_of(slides, replace(task, terms=FIRST_TERMS), ROUGH)
     reach = max(-rough.patch.trailing, rough.patch.leading)
-    if mesh is None and reach < task.half_width / WIDTH_STEP**2:
-        task = _fitted(case, shared_half_width(reach, task.half_width), mesh, tolerance)
+    if mesh is None and reach < task.half_width / WIDTH_RATIO**2:
+        task = _fitted(case, quantise_half_width(reach, task.half_width), mesh, tolerance)
     return replace(task, depth=rough.roll.indentation)
 
 
@@ -321,7 +326,7 @@ def _fitted(case, half_width, mesh, tolerance):
     return _Task(
         mesh or mesh_for_error(layer.height, half_width, tolerance, layer.interfaces),
         half_width,
-        as_wide(layer, case.material, case.roller.radius, half_width).indentation,
+        contact_of_half_width(layer, case.material, case.roller.radius, half_width).indentation,
         _terms(layer, half_width),
     )
 
