@@ -538,7 +538,7 @@ BROKEN = [
         "k above the table",
         "density_ratio = 0.98",
         "density_ratio = 0.995",
-        "mix.density_ratio: must be between 0.9 and 0.99, got 0.995; give the density ratio k",
+        "mix.density_ratio: must be between 0.9 and 0.99, got 0.995; give the required density ratio k",
     ),
     refused(
         "k below the table",
@@ -923,8 +923,7 @@ BROKEN = [
         "roller that does not touch",
         "[accuracy]",
         "[contact]\nload = 0.0\n[accuracy]",
-        "contact.load: must be positive, got 0.0; give the normal force on one roller in N (at zero the roller does "
-        "not touch the layer)",
+        "contact.load: must be positive, got 0.0; give the normal force on one roller in N (zero means no contact)",
         at="load = 0.0",
     ),
     refused(
