@@ -35,7 +35,20 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         file._source_stamp = tuple(
             (stat.st_mtime, stat.st_size) for stat in map(os.stat, sorted(source_files(function.__module__)))
         )
+        file._load_index = _readable(file._load_index)
     return dispatcher
+
+
+def _readable(load_index: Callable[[], dict[Any, Any]]) -> Callable[[], dict[Any, Any]]:
+    """Wrap the reader of a cache index, so that an index which names a class that is gone counts as empty."""
+
+    def load() -> dict[Any, Any]:
+        try:
+            return load_index()
+        except (AttributeError, ImportError):  # pickled argument types of another version of the package
+            return {}
+
+    return load
 
 
 @cache

@@ -145,8 +145,8 @@ def test_the_scene_alone_gives_the_last_trial_again(doubled):
     found, double = doubled
     _, layer, roller = double.calls[-1]
     material = compaction(found.scene, blend(found.scene))
-    assert layer.height == pytest.approx(column.feed(0.22, 0.98, material, 0.13).height, rel=1e-5)
-    fed = column.feed(layer.height, 0.98 + 2e-3, material, 0.13)
+    assert layer.height == pytest.approx(column.required_feed(0.22, 0.98, material, 0.13).height, rel=1e-5)
+    fed = column.required_feed(layer.height, 0.98 + 2e-3, material, 0.13)
     assert roller.indentation == pytest.approx(layer.height * fed.indentation / fed.height, rel=1e-3)
     assert roller.radius == 0.11
     assert found.rolled[0].indentation == roller.indentation
