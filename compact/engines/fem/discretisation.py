@@ -15,7 +15,7 @@ from compact.engines.fem.contact_problem import Discretisation, RollingProblem, 
 from compact.engines.spectral import engine as spectral
 from compact.engines.spectral.elastic_estimate import WIDTH_STEP, as_wide, half_width_met, shared_half_width
 from compact.engines.spectral.engine import SpectralContactResult
-from compact.mesh import EDGE, RowMesh, elements_for, for_error, graded
+from compact.mesh import EDGE_REFINEMENT, RowMesh, elements_for, graded_mesh, mesh_for_error
 from compact.rolling_contact import Layer
 
 if TYPE_CHECKING:
@@ -107,8 +107,8 @@ def refined_discretisation(
         edges = edges if problem.speed > 0 else (-edges[1], -edges[0])
     layer, half_width = problem.layer, (edges[1] - edges[0]) / 2
     elements = int(np.ceil(elements_for(tolerance) * ELEMENT_GROWTH ** (level - 1)))
-    at_edge = min(EDGE * EDGE_GROWTH**level, MAX_EDGE_REFINEMENT)
-    mesh = graded(
+    at_edge = min(EDGE_REFINEMENT * EDGE_GROWTH**level, MAX_EDGE_REFINEMENT)
+    mesh = graded_mesh(
         layer.height,
         half_width * (1 + 0.5 / (elements * at_edge)),  # places the edges within an element, not on a node
         elements,
@@ -146,7 +146,7 @@ def _fitted(problem: RollingProblem, half_width: float, mesh: RowMesh | None, to
     if half_width < MIN_HALF_WIDTH * layer.height:
         raise RuntimeError(f"a contact of {2 * half_width:.1g} m is too narrow for a mesh; use spectral")
     return Discretisation(
-        mesh or for_error(layer.height, half_width, tolerance, layer.interfaces),
+        mesh or mesh_for_error(layer.height, half_width, tolerance, layer.interfaces),
         half_width,
         as_wide(layer, problem.material, problem.roller.radius, half_width).indentation,
         _pressure_terms(layer, half_width),

@@ -41,7 +41,7 @@ from compact.engines.fem.surface import FloatArray, shape_matrix
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
 from compact.numerics.validation import require_finite, require_known, require_positive
-from compact.rolling_contact import ContactResult, Layer, Roller, require_no_torque, require_on_target
+from compact.rolling_contact import ContactResult, Layer, Roller, require_on_target, require_torque_allowed
 
 PRESSURE_SAMPLES = 201  # [-], points along the contact in the result
 TARGET_FACTOR = 10.0  # [-], tolerance of the target in the result over that of its solution
@@ -146,7 +146,7 @@ def roll(
     'load 15.09 kN/m, edge 13.85 mm'
     """
     require_linear_range(layer, roller, material, speed, mesh, tolerance)
-    require_no_torque(roller, torque)
+    require_torque_allowed(roller, torque)
     problem = RollingProblem(layer, roller, material, speed, torque or 0.0)
     with threadpool_limits(1):  # the matrices are small; threads cost more than they save
         if mesh is None and estimate:

@@ -28,7 +28,7 @@ from compact.engines.fem.convected_memory import (
 )
 from compact.engines.fem.surface import FloatArray
 from compact.engines.fem.surface_compliance import LayerStiffness, element_moduli, layer_stiffness
-from compact.files import write_mesh, write_pvd
+from compact.files import write_pvd_collection, write_vtu
 from compact.material.laws import Elastic
 from compact.mesh import RowMesh
 from compact.numerics.assembly import element_unknowns, strain_matrix
@@ -145,11 +145,11 @@ def write_series(contacts: Sequence[tuple["meshio.Mesh", "FemContactResult"]], d
     members = []
     for mesh, contact in contacts:
         path = Path(directory) / "fields" / f"speed={contact.speed!r}.vtu"
-        write_mesh(mesh, path)
+        write_vtu(mesh, path)
         members.append((contact.speed, path))
         yield path
     series = Path(directory) / "fields.pvd"
-    write_pvd(series, members)
+    write_pvd_collection(series, members)
     yield series
 
 

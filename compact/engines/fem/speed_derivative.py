@@ -35,7 +35,7 @@ from compact.engines.fem.discretisation import fitted_discretisation, initial_di
 from compact.engines.fem.surface import FloatArray, NodalField, SurfaceCompliance
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
-from compact.resistance import Modulation
+from compact.resistance import ResistanceExpansion
 from compact.rolling_contact import Layer, Roller
 
 SPEED_STEP = 1e-3  # [-], relative change of the speed in the central difference
@@ -54,7 +54,7 @@ def modulation(
     mesh: RowMesh | None = None,
     tolerance: float = DEFAULT_ERROR,
     estimate: bool = True,
-) -> Modulation:
+) -> ResistanceExpansion:
     """Expand the resistance of a roller on a linear layer to first order in the acceleration.
 
     On a mesh fitted to the contact dF_ss/dv and M are within 0.07 % for a ratio of instantaneous to relaxed modulus up
@@ -79,7 +79,7 @@ def modulation(
 
     Returns
     -------
-    Modulation
+    ResistanceExpansion
         F_ss, dF_ss/dv, M and its error.
 
     Raises
@@ -99,7 +99,7 @@ def modulation(
     branches = getattr(material, "branches", ())
     if not branches:
         result = fem_engine.roll(layer, roller, material, speed, mesh=mesh, tolerance=tolerance, estimate=False)
-        return Modulation(speed, result.resistance, slope=0.0, added_mass=0.0, error=0.0, time=0.0)
+        return ResistanceExpansion(speed, result.resistance, slope=0.0, added_mass=0.0, error=0.0, relaxation_time=0.0)
     time = max(time for _, time in branches)
     with threadpool_limits(1):  # the matrices are small; threads cost more than they save
         if mesh:
@@ -112,7 +112,7 @@ def modulation(
             terms = discretisation.terms + fem_engine.EXTRA_TERMS
             refined = _expansion(problem, replace(discretisation, mesh=discretisation.mesh.refined(), terms=terms))[2]
             error = ERROR_FACTOR * abs(added_mass - refined) + MIN_ERROR * max(abs(refined), time * abs(slope))
-    return Modulation(speed, resistance, slope, added_mass, error, time)
+    return ResistanceExpansion(speed, resistance, slope, added_mass, error, time)
 
 
 def _expansion(problem: RollingProblem, discretisation: Discretisation) -> tuple[float, float, float]:

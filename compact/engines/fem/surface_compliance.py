@@ -25,7 +25,7 @@ from threadpoolctl import threadpool_limits
 
 from compact.engines.fem.surface import FloatArray, SurfaceCompliance
 from compact.mesh import RowMesh
-from compact.numerics.assembly import assembled, element_matrices, global_matrix, moduli, strain_matrix
+from compact.numerics.assembly import assemble_matrix, assemble_stiffness, element_matrices, strain_matrix, unit_moduli
 from compact.rolling_contact import Layer
 
 GAUSS_ORDER = 4  # [-], 3 x 3 points: exact stiffness of rectangles, and three streamlines in each row
@@ -87,7 +87,7 @@ def element_moduli(mesh: RowMesh, poisson: float, layer: Layer) -> FloatArray:
         Shape (elements, 4) [-].
     """
     relative = layer.stiffness((mesh.y[1:] + mesh.y[:-1]) / 2)
-    return np.repeat(relative, mesh.shape[1])[:, None] * moduli(poisson)
+    return np.repeat(relative, mesh.shape[1])[:, None] * unit_moduli(poisson)
 
 
 @lru_cache(maxsize=2)  # a mesh and its refinement, 0.1 GB; every speed, modulus and spectrum on a mesh shares them
@@ -110,7 +110,7 @@ def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer) -> LayerStiffne
     """
     quads = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
     basis = Basis(quads, ElementQuad2(), intorder=GAUSS_ORDER)
-    K = assembled(basis, element_moduli(mesh, poisson, layer))
+    K = assemble_stiffness(basis, element_moduli(mesh, poisson, layer))
     lines = _node_lines(basis, mesh)
     free = np.setdiff1d(np.arange(K.shape[0]), _fixed_unknowns(basis, lines[0], layer))
     solve_free = _factorised(K[free][:, free].tocsc())
@@ -207,7 +207,7 @@ def _stretch_derivative_of_stiffness(basis: Basis, moduli: FloatArray) -> csr_ma
     """dK/d ln s: strains along x decrease with s and areas increase."""
     B = strain_matrix(basis)
     mixed = element_matrices(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)
-    return global_matrix(basis, mixed + mixed.transpose(0, 2, 1) + element_matrices(basis, B, B, moduli))
+    return assemble_matrix(basis, mixed + mixed.transpose(0, 2, 1) + element_matrices(basis, B, B, moduli))
 
 
 def _node_lines(basis: Basis, mesh: RowMesh) -> NDArray[np.intp]:

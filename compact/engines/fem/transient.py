@@ -49,11 +49,11 @@ from compact.engines.fem.engine import require_linear_range
 from compact.engines.fem.fields import transient_frames
 from compact.engines.fem.stick_slip import FrictionCondition, solve_stick_slip
 from compact.engines.fem.surface import FloatArray, SurfaceCompliance, shape_matrix
-from compact.engines.stroke_schedule import smooth_pieces
+from compact.engines.stroke_schedule import smooth_intervals
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
 from compact.numerics.validation import require_finite, require_positive
-from compact.rolling_contact import Layer, Roller, TransientResult, require_no_torque
+from compact.rolling_contact import Layer, Roller, TransientResult, require_torque_allowed
 
 TIME_TOLERANCE = 1e-3  # [-], of int p |x| dx/R; error of the resistance by the time steps
 POINTS_PER_WIDTH = 40  # [-], points of the layer, and instants of the motion, per half-width
@@ -149,10 +149,10 @@ def simulate_transient(  # noqa: PLR0913 - the four physical inputs, and keyword
     require_positive(time_tolerance=time_tolerance)
     _require_times_within(motion, (*instants, *frames))
     _require_transient_range(layer, roller)
-    require_no_torque(roller, torque)
+    require_torque_allowed(roller, torque)
     problem = RollingProblem(layer, roller, material, float(np.sign(_initial_velocity(motion))), torque or 0.0)
     reversible = roller.friction > 0 and roller.rolling != "frictionless"
-    breaks = smooth_pieces(motion, turns=reversible)
+    breaks = smooth_intervals(motion, turns=reversible)
     instants, frames = _snapped(instants, breaks), _snapped(frames, breaks)
     with threadpool_limits(1):  # the matrices are small; threads cost more than they save
         previous = _problem_before(problem, motion)
