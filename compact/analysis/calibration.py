@@ -207,7 +207,7 @@ class _Model:
             start,
             lambda u: self.predicted(u, dear),
             correction=correction,
-            shaken=SHAKEN,
+            broyden_length=SHAKEN,
         )
 
     def refits(self, met):
@@ -269,13 +269,13 @@ class _FiniteElements:
     rolled: dict = field(default_factory=dict)
 
     def __call__(self, scene, measurement):
-        from compact.engines.column.engine import feed
+        from compact.engines.column.engine import required_feed
         from compact.engines.compaction import engine as compaction
 
         scene, speed = _as_measured(scene, measurement)
         layer, roller, material = inputs(scene, blend(scene), "compaction", speed)
         asked = scene.mix.density_ratio - self.excess.get(measurement, 0.0)
-        fed = feed(layer.height, asked, material, speed)
+        fed = required_feed(layer.height, asked, material, speed)
         roller = replace(roller, indentation=layer.height * fed.indentation / fed.height)
         there = compaction.roll(layer, roller, material, speed, **{"steady": STEADY} | self.options)
         self.excess[measurement], self.rolled[measurement] = there.exit_density_ratio - asked, there

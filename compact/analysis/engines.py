@@ -334,12 +334,12 @@ def compaction(scene, mix):
 def _fed(scene, material, target, speed):
     """The layer as fed, and what presses it: h_in = h0 k_out/k_in, or where nothing is prescribed as much mix and
     indentation as leave the lift its height and density after the rebound."""
-    from compact.engines.column.engine import feed
+    from compact.engines.column.engine import required_feed
 
     height, density_ratio = scene.lift_thickness, scene.mix.density_ratio
     if target:
         return Layer(height * density_ratio / material.fed_density_ratio, scene.layer.base), target
-    fed = feed(height, density_ratio, material, speed)
+    fed = required_feed(height, density_ratio, material, speed)
     return Layer(fed.height, scene.layer.base), {"indentation": fed.indentation}
 
 

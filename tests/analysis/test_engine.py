@@ -9,7 +9,7 @@ import pytest
 
 from compact.analysis import engines
 from compact.analysis.study import Study
-from compact.engines.column.engine import oedometer
+from compact.engines.column.engine import simulate_oedometer
 from compact.engines.compaction.results import CompactionContactResult
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Viscoelastic
@@ -295,7 +295,7 @@ def test_compaction_meets_mohr_coulomb_and_the_one_dimensional_slope():
     assert material.tensile_strength == pytest.approx(10e3 * np.sqrt(3))
     stiff = replace(material, unloading_modulus=4e9, fed_density_ratio=0.9)  # elastic strain out of sight
     pressure = np.array([150e3, 250e3])
-    loosening = -np.log(1 - oedometer(stiff, pressure).density_ratio)
+    loosening = -np.log(1 - simulate_oedometer(stiff, pressure).density_ratio)
     assert np.diff(loosening) / np.diff(pressure) == pytest.approx(case.mix.heckel_slope, rel=1e-3)
 
 

@@ -44,7 +44,7 @@ def columns_on_the_way(places):
     s_v along the curve of fresh mix where a column is pressed as never before, else elastic, and never below 0.
     """
     pressures = np.linspace(0, 220e3, 441)
-    fresh = column.oedometer(THIN, pressures)
+    fresh = column.simulate_oedometer(THIN, pressures)
     stiffness = THIN.unloading_modulus * 0.7 / (1.3 * 0.4)  # (1 - nu)/((1 + nu)(1 - 2 nu)) of nu = 0.3
     x = np.linspace(-20 * HEIGHT, 40 * HEIGHT, 6001)
     deepest, forces = np.zeros_like(x), []

@@ -244,6 +244,6 @@ def test_commands_show_their_progress(command, quiet, tmp_path, monkeypatch):
     scene = str(SCENES / ("loveikin-2015.toml" if command == "calibrate" else "small.toml"))
     ahead = [scene, options.pop(0)] if command == "calibrate" else [scene]
     out = tmp_path / ("out.json" if command == "calibrate" else "out")
-    code = cli._told([name, *ahead, *options, "--out", str(out), *["--quiet"] * quiet])
+    code = cli._exit_code([name, *ahead, *options, "--out", str(out), *["--quiet"] * quiet])
     assert code == 0, stream.getvalue()
     assert bool(drawn) != quiet

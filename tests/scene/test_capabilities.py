@@ -35,8 +35,8 @@ def doors(engine, layer, roller, material):
     if engine == "formula":
         contact._refuse_beyond_formula(layer, roller, material, SPEED)
     elif engine == "column":
-        column._refuse_other_layers(layer)
-        column._refuse_beyond_columns(roller, material, SPEED)
+        column.require_single_bonded_layer(layer)
+        column.require_column_range(roller, material, SPEED)
     elif engine == "spectral":
         spectral.require_spectral_range(layer, roller, material, SPEED)
     elif engine == "fem":
@@ -169,13 +169,13 @@ def test_the_formulas_beside_another_engine_leave_out_what_they_cannot_take():
 
 def new_scene(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert cli._told(["new", "mine"]) == 0
+    assert cli._exit_code(["new", "mine"]) == 0
     return "mine/scene.toml"
 
 
 @pytest.mark.parametrize("engine", ["formula", "column", "spectral", "fem"])
 def test_the_new_scene_is_rolled_by_every_engine(engine, tmp_path, monkeypatch, capsys):
-    assert cli._told(["roll", new_scene(tmp_path, monkeypatch), "--engine", engine, "--out", "out"]) == 0
+    assert cli._exit_code(["roll", new_scene(tmp_path, monkeypatch), "--engine", engine, "--out", "out"]) == 0
     told = capsys.readouterr().out
     contact = json.loads(Path("out/contact.json").read_text())
     assert all(sentence in told for sentence in contact["replaced"])
@@ -184,7 +184,7 @@ def test_the_new_scene_is_rolled_by_every_engine(engine, tmp_path, monkeypatch, 
 
 @pytest.mark.slow
 def test_the_new_scene_is_rolled_by_the_engine_compaction(tmp_path, monkeypatch):
-    assert cli._told(["roll", new_scene(tmp_path, monkeypatch), "--engine", "compaction", "--out", "out"]) == 0
+    assert cli._exit_code(["roll", new_scene(tmp_path, monkeypatch), "--engine", "compaction", "--out", "out"]) == 0
     contact = json.loads(Path("out/contact.json").read_text())
     assert contact["exit_density_ratio"]["value"] == pytest.approx(0.98, abs=1e-3)
     assert contact["replaced"] == []
