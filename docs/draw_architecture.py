@@ -1,4 +1,6 @@
-"""Draw the packages of `compact` on their layers, with an arrow for every import between them.
+"""Draw the packages of `compact` on their layers, with arrows for the imports between them.
+
+An arrow that a chain of other arrows implies is left out.
 
     python docs/draw_architecture.py
 
@@ -16,7 +18,6 @@ from matplotlib.patches import FancyArrowPatch
 ROOT = Path(__file__).parents[1]
 WIDTH, HEIGHT = 11.0, 8.2  # [inch], of the drawing
 CONTRACT = "Layers: a module imports lower layers only"
-WEAK = 3  # imports; arrows of fewer are thin
 
 
 def layers() -> list[list[str]]:
@@ -32,9 +33,23 @@ def imports() -> Counter[tuple[str, str]]:
     for module in graph.modules:
         for target in graph.find_modules_directly_imported_by(module):
             pair = tuple(name.split(".")[1] if "." in name else "" for name in (module, target))
-            if all(pair) and pair[0] != pair[1]:
+            if all(pair) and pair[0] != pair[1] and "__main__" not in pair:
                 counts[pair] += 1
     return counts
+
+
+def reduced(pairs: set[tuple[str, str]]) -> set[tuple[str, str]]:
+    """Remove the pairs that a chain of other pairs implies."""
+    below = {source: {b for a, b in pairs if a == source} for source, _ in pairs}
+
+    def reach(unit: str) -> set[str]:
+        return {unit}.union(*(reach(next_unit) for next_unit in below.get(unit, ())))
+
+    return {
+        (source, target)
+        for source, target in pairs
+        if not any(target in reach(other) for other in below[source] - {target})
+    }
 
 
 def sizes() -> dict[str, tuple[int, int]]:
@@ -53,7 +68,7 @@ def draw() -> Figure:
     figure = Figure(figsize=(WIDTH, HEIGHT), layout="tight")
     ax = figure.add_subplot(xlim=(0, 1), ylim=(-0.6, len(rows) - 0.4))
     ax.set_axis_off()
-    ax.set_title("Packages of compact and their imports; every arrow points down")
+    ax.set_title("Packages of compact: every import points down; arrows implied by others are left out")
     place = {}
     for level, units in enumerate(reversed(rows)):
         for number, unit in enumerate(units):
@@ -62,13 +77,11 @@ def draw() -> Figure:
             what = f"{modules} modules, {count} lines" if modules > 1 else f"{count} lines"
             box = {"boxstyle": "round,pad=0.45", "facecolor": "#eef3f8", "edgecolor": "#41627f"}
             ax.text(x, y, f"{unit}\n{what}", ha="center", va="center", fontsize=9, bbox=box, zorder=3)
-    for (source, target), count in sorted(counts.items()):
+    for source, target in sorted(reduced(set(counts))):
         (x0, y0), (x1, y1) = place[source], place[target]
-        weak = count < WEAK
         ax.add_patch(FancyArrowPatch(
-            (x0, y0), (x1, y1), arrowstyle="-|>", mutation_scale=9, shrinkA=20, shrinkB=20, zorder=1,
-            connectionstyle=f"arc3,rad={0.08 if x1 >= x0 else -0.08}",
-            linewidth=0.5 if weak else 0.9, color="#b9c4ce" if weak else "#6f8598",
+            (x0, y0), (x1, y1), arrowstyle="-|>", mutation_scale=10, shrinkA=20, shrinkB=20, zorder=1,
+            connectionstyle=f"arc3,rad={0.06 if x1 >= x0 else -0.06}", linewidth=0.9, color="#6f8598",
         ))  # fmt: skip
     return figure
 
