@@ -10,8 +10,8 @@ ROOT = Path(__file__).parents[1]
 MODULES = sorted((ROOT / "compact").rglob("*.py"))
 # Words of names that have a standard term; whole words of an identifier, split at underscores and capitals
 NAMES = {
-    "answered", "aside", "beside", "calmest", "crew", "crowding", "flow" "fed", "grip", "march", "near", "norm", "softly",
-    "sought", "stand", "swing", "told", "wanted", "yielding",
+    "answered", "aside", "beside", "calmest", "crew", "crowding", "grip", "march", "softly", "sought", "swing", "told",
+    "wanted", "yielding",
 }  # fmt: skip
 # Phrases that headings and messages replace
 PHRASES = (
