@@ -156,7 +156,7 @@ def design(scene, varied, indices=False):
     _refuse_keys([part.key for part in varied])
     for axis in axes:
         for value in axis.values:
-            scene.refuse_fields(**{axis.key: value})
+            scene.require_fields(**{axis.key: value})
     rows = [sample.count * (2 + len(mix.PARAMETER_NAMES) if indices else 1) for sample in samples[:1]]
     _require_few(" --vary ".join(part.key for part in varied), prod([len(axis.values) for axis in axes] + rows))
     if not samples:
@@ -193,7 +193,7 @@ def _sampled_names(scene, axes, samples):
             names |= counted - given
         elif table == OVERRIDES:
             require_known("mix parameter", name, mix.PARAMETER_NAMES)
-            scene.refuse_fields(**{sample.key: None})
+            scene.require_fields(**{sample.key: None})
             if name in given:
                 raise SceneError([f"{sample.key}: is given, so it has no spread to sample; take the value out"])
             names.add(name)

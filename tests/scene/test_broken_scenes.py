@@ -256,7 +256,7 @@ def ended(asked, folder):
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
             signal.signal(signal.SIGXCPU, signal.SIG_DFL)
             warnings.resetwarnings()  # those of pytest, which fail a test; the command prints its warnings
-            code = cli._told(asked.arguments)
+            code = cli._exit_code(asked.arguments)
         finally:
             sys.stdout.flush()
             sys.stderr.flush()
@@ -337,10 +337,10 @@ def warm(tmp_path_factory):
     """Load what the engines need once, in the process from which the cases are forked."""
     folder = tmp_path_factory.mktemp("warm")
     for engine in dict.fromkeys(ENGINES):
-        assert cli._told(["roll", str(SMALL), "--engine", engine, "--out", str(folder / engine), "--quiet"]) == 0
+        assert cli._exit_code(["roll", str(SMALL), "--engine", engine, "--out", str(folder / engine), "--quiet"]) == 0
     compiled = DRIVES["elastic"] | {"output.items": [], "motion.laws": ["cubic"]}
     changes = [f"--set={key}={json.dumps(value)}" for key, value in compiled.items()]
-    assert cli._told(["run", str(SMALL), *changes, "--out", str(folder / "elastic"), "--quiet"]) == 0
+    assert cli._exit_code(["run", str(SMALL), *changes, "--out", str(folder / "elastic"), "--quiet"]) == 0
 
 
 def checked(asked, folder):

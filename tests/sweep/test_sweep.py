@@ -347,7 +347,7 @@ def test_maps_bands_and_best_laws_are_drawn(tmp_path):
 
 def told(capsys, *arguments):
     """Exit code and words of `compact sweep`, in this process."""
-    code = cli._told(["sweep", *map(str, arguments)])
+    code = cli._exit_code(["sweep", *map(str, arguments)])
     return code, "".join(capsys.readouterr())
 
 
