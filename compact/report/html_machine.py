@@ -102,14 +102,14 @@ def laws(study, pictures):
     """The laws themselves: kinematics, peaks, continuity."""
     cycles, order = study.cycles.values(), ("velocity", "acceleration", "jerk", "snap")
     turn = "dwell" if study.scene.motion.dwell > 0 else "reversal"
-    peaks = [cycle.there.peaks() for cycle in cycles]
-    jumps = [sorted({join.quantity for join in cycle.joins()}, key=order.index) for cycle in cycles]
+    peaks = [cycle.forward.peaks() for cycle in cycles]
+    jumps = [sorted({join.quantity for join in cycle.discontinuities()}, key=order.index) for cycle in cycles]
     columns = {
         "law": [escape(name) for name in study.cycles],
         "peak velocity": column([peak.velocity for peak in peaks], "m/s"),
         "peak acceleration": column([peak.acceleration for peak in peaks], "m/s2"),
         "peak jerk": column([peak.jerk for peak in peaks], "m/s^3"),
-        "continuity": [f"C{cycle.there.smoothness(turn)}" for cycle in cycles],
+        "continuity": [f"C{cycle.forward.smoothness(turn)}" for cycle in cycles],
         "what jumps": [", ".join(names) or "nothing" for names in jumps],
     }
     words = "Velocity, acceleration and jerk of every law over the way there, a row for each family of laws"

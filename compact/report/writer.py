@@ -12,9 +12,9 @@ import numpy as np
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.study import YIELDING
 from compact.analysis.worker_pool import Here
-from compact.cams.profile import stepper
 from compact.files import claimed, png, write_bytes, write_columns, write_csv, write_figure, write_json
 from compact.machine.ranking import CRITERIA, value_of
+from compact.machine.roller_motors import roller_rotation
 from compact.report import contact_tables, drive_tables, ranking_tables
 from compact.report.contact_tables import guide_sentence, held_sentence, return_sentence
 
@@ -57,7 +57,7 @@ def _tables(study, directory, _):
     yield write_csv(directory / "laws.csv", LAW_HEADER, [_law_row(cycle) for cycle in study.cycles.values()])
     yield write_csv(directory / "joins.csv", ("law", "time_s", "quantity", "before_SI", "after_SI"), [
         (name, join.time, join.quantity, join.before, join.after)
-        for name, cycle in study.cycles.items() for join in cycle.joins()
+        for name, cycle in study.cycles.items() for join in cycle.discontinuities()
     ])  # fmt: skip
     for name, run in study.runs.items():
         yield write_columns(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, _cycle_columns(run))
@@ -79,11 +79,11 @@ CYCLE_HEADER = (
 
 
 def _law_row(cycle):
-    peaks = cycle.there.peaks()
+    peaks = cycle.forward.peaks()
     turn = "dwell" if cycle.far_dwell > 0 else "reversal"
-    criteria = [cycle.there.criterion(order, turn) for order in range(1, 5)]
-    continuity = f"C{cycle.there.smoothness(turn)}"
-    return (cycle.there.name, peaks.velocity, peaks.acceleration, peaks.jerk, peaks.snap, continuity, *criteria)
+    criteria = [cycle.forward.criterion(order, turn) for order in range(1, 5)]
+    continuity = f"C{cycle.forward.smoothness(turn)}"
+    return (cycle.forward.name, peaks.velocity, peaks.acceleration, peaks.jerk, peaks.snap, continuity, *criteria)
 
 
 def _cycle_columns(run):
@@ -119,7 +119,7 @@ def _cams(study, directory):
         yield write_cam(directory / "cams" / f"{law}-{follower}.csv", cam)
     yield write_csv(directory / "cams.csv", header, rows)
     for law, cycle in study.cycles.items():
-        turned = stepper(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
+        turned = roller_rotation(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
         header, columns = drive_tables.roller_motor(study.roller_motors[law], turned.time)
         path = directory / "cams" / f"{law}-stepper.csv"
         yield write_columns(path, STEPPER_HEADER + header, (*astuple(turned), *columns))
@@ -195,7 +195,7 @@ def _pictures(study):
 
 def _usual_acceleration(study):
     """Median of the peaks of all laws [m/s2]."""
-    return float(np.median([cycle.there.peaks().acceleration for cycle in study.cycles.values()]))
+    return float(np.median([cycle.forward.peaks().acceleration for cycle in study.cycles.values()]))
 
 
 def _page(study, directory, pictures):

@@ -6,9 +6,10 @@
 Rules between the keys are in `scene_rules`; `scene` reads files into these tables and reports mistakes.
 """
 
+import warnings
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, Strict
+from pydantic import BaseModel, ConfigDict, Field, Strict, field_validator
 
 from compact.rolling_contact import Base, Profile, Rolling
 
@@ -179,9 +180,17 @@ class Optimise(Table):
         ge=0,
     )
     spread: Spreads = Field(default=(), description="the parameters of the mix whose spread the law must suit")
-    method: Literal["steps", "casadi"] = Field(
-        default="steps", description="sequential convex steps, or IPOPT by casadi (the extra optimise)"
-    )
+    method: Literal["steps", "casadi"] | None = Field(default=None, description="without effect, accepted for one release")
+
+    @field_validator("method")
+    @classmethod
+    def _method_has_no_effect(cls, value: str | None) -> None:
+        warnings.warn(
+            "`motion.optimise.method` has no effect: sequential convex programming is the only method; the key is "
+            "accepted for one release, delete it",
+            DeprecationWarning,
+            stacklevel=2,
+        )
 
 
 class Motion(Table):

@@ -37,7 +37,7 @@ def checks(study):
         found += [
             Check(f"constant breadth of the cam, {law}", cam.breadth_error / cam.breadth, BREADTH)
             for (law, follower), cam in study.cams.items()
-            if follower == "roller" and not cam.cycle.there.retraces
+            if follower == "roller" and not cam.cycle.forward.retraces
         ]
     return found
 

@@ -13,7 +13,7 @@ from compact import contact
 from compact.machine.cart import Cart, balance
 from compact.machine.crankshaft import USUAL_ANGLES, crank_travel, turn
 from compact.machine.rigid_drive import Crank
-from compact.motion.profile import integral
+from compact.numerics.piecewise import integral
 
 
 @dataclass(frozen=True)
