@@ -18,7 +18,7 @@ from scipy import sparse
 from compact.motion.limits import BOUNDED_DERIVATIVES, VIOLATION_TOLERANCE, CamLimits, Conflict, InfeasibleError, Limits
 from compact.motion.pitch_curve import PitchCurve
 from compact.motion.spline_space import SplineSpace, graded_breaks
-from compact.numerics.convex_programs import Program, least_linear, least_quadratic
+from compact.numerics.convex_programs import LinearConstraints, minimise_linear, minimise_quadratic
 
 HULL_HALVINGS = 2  # [-], of the pieces of a bound: the Bernstein hull of a parabola is then within 1/16 of its sagitta
 FIXED_BOUND_COST = 1e3  # [-], of a bound that is not to be relaxed, over 1 of the relaxed bound
@@ -53,7 +53,7 @@ class Bound(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ConstraintSet:
-    """Limits on the laws of a spline space, as a `Program` in its unknowns.
+    """Limits on the laws of a spline space, as a `LinearConstraints` in its unknowns.
 
     Attributes
     ----------
@@ -89,8 +89,8 @@ class ConstraintSet:
         return self.limits.cam.pitch_curve(self.stroke, self.duration) if self.limits.cam else None
 
     @cached_property
-    def program(self) -> Program:
-        """The `Program` of all limits."""
+    def program(self) -> LinearConstraints:
+        """The `LinearConstraints` of all limits."""
         rows = [bound.rows / bound.limit for bound in self.bounds]
         values = [1 - bound.offset / bound.limit for bound in self.bounds]
         return self._program_with(rows, values)
@@ -112,23 +112,23 @@ class ConstraintSet:
         u, weights = np.polynomial.legendre.leggauss(self.space.smoothness + 1)
         weights = np.outer(np.diff(self.space.breaks), weights / 2).ravel()
         rows = self.space.values(2, (u + 1) / 2) * np.sqrt(weights)[:, None]
-        return least_quadratic(rows.T @ rows, np.zeros(self.space.size), self.program)
+        return minimise_quadratic(rows.T @ rows, np.zeros(self.space.size), self.program)
 
     @cached_property
     def max_margin_law(self) -> NDArray[np.float64]:
         """Unknowns of the law with the largest relative distance from the nearest bound."""
         program = self._program_with([], [])
         rows = np.concatenate([bound.rows / bound.limit for bound in self.bounds])
-        below = np.concatenate([program.below.toarray(), rows])
-        margin = np.repeat([0.0, 1.0], [program.below.shape[0], len(rows)])
-        values = [program.below_to, *(1 - bound.offset / bound.limit for bound in self.bounds)]
-        extended = Program(
-            np.column_stack([program.equal, np.zeros(len(program.equal))]),
-            program.equal_to,
+        below = np.concatenate([program.inequality_matrix.toarray(), rows])
+        margin = np.repeat([0.0, 1.0], [program.inequality_matrix.shape[0], len(rows)])
+        values = [program.inequality_bounds, *(1 - bound.offset / bound.limit for bound in self.bounds)]
+        extended = LinearConstraints(
+            np.column_stack([program.equality_matrix, np.zeros(len(program.equality_matrix))]),
+            program.equality_values,
             np.column_stack([below, margin]),
             np.concatenate(values),
         )
-        return least_linear(np.append(np.zeros(self.space.size), -1.0), extended)[: self.space.size]
+        return minimise_linear(np.append(np.zeros(self.space.size), -1.0), extended)[: self.space.size]
 
     def with_profile_radius(self, profile_radius: float) -> "ConstraintSet":
         """Return the same constraints with another limit on the profile of a cam for a roller follower [m]."""
@@ -180,11 +180,11 @@ class ConstraintSet:
             rows = np.concatenate([rows[:, :1], inner, rows[:, -1:]], axis=1)
         return self.stroke / self.duration**order * rows.reshape(-1, self.space.size)
 
-    def _program_with(self, rows: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.float64]]) -> Program:
-        """`Program` of the constraints that are never relaxed, and of further rows."""
+    def _program_with(self, rows: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.float64]]) -> LinearConstraints:
+        """`LinearConstraints` of the constraints that are never relaxed, and of further rows."""
         hard, hard_to = self._hard
         below = sparse.csr_array(np.concatenate([hard, *rows]))
-        return Program(*self._equal, below, np.concatenate([hard_to, *values]))
+        return LinearConstraints(*self._equal, below, np.concatenate([hard_to, *values]))
 
     @cached_property
     def _equal(self):
@@ -237,17 +237,17 @@ class ConstraintSet:
         """`Conflict` of each relaxed bound where the sum of costs times relative violations is smallest."""
         count, program = len(self.bounds), self._program_with([], [])
         identity = np.eye(count)
-        rows = [program.below.toarray(), np.zeros((count, self.space.size)), *(b.rows / b.limit for b in self.bounds)]
+        rows = [program.inequality_matrix.toarray(), np.zeros((count, self.space.size)), *(b.rows / b.limit for b in self.bounds)]
         slacks = [np.zeros((rows[0].shape[0], count)), -identity]
         slacks += [np.tile(-identity[i], (len(bound.rows), 1)) for i, bound in enumerate(self.bounds)]
-        values = [program.below_to, np.zeros(count), *(1 - bound.offset / bound.limit for bound in self.bounds)]
-        elastic = Program(
-            np.column_stack([program.equal, np.zeros((len(program.equal), count))]),
-            program.equal_to,
+        values = [program.inequality_bounds, np.zeros(count), *(1 - bound.offset / bound.limit for bound in self.bounds)]
+        elastic = LinearConstraints(
+            np.column_stack([program.equality_matrix, np.zeros((len(program.equality_matrix), count))]),
+            program.equality_values,
             np.column_stack([np.concatenate(rows), np.concatenate(slacks)]),
             np.concatenate(values),
         )
-        solution = least_linear(np.concatenate([np.zeros(self.space.size), costs]), elastic)
+        solution = minimise_linear(np.concatenate([np.zeros(self.space.size), costs]), elastic)
         if solution is None:
             raise RuntimeError("no law exists on these pieces without limits; raise `pieces` or lower `smoothness`")
         pairs = zip(self.bounds, solution[self.space.size :], strict=True)

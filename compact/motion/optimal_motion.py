@@ -143,4 +143,4 @@ def _require_valid(objective, weights, stroke, duration, mass, resistances, quan
         require_integers(pieces=pieces)
         require_at_most(PIECES_LIMIT, "more pieces lower no criterion by a measurable amount", pieces=pieces)
     for one in resistances:
-        require_opposing(one, stroke / duration, ways=(1.0,))
+        require_opposing(one, stroke / duration, directions=(1.0,))

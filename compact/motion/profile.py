@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compact.motion.laws import LAWS, LawParameters, NormalisedCurve
-from compact.numerics.piecewise import graded, integral, sign_changes
+from compact.numerics.piecewise import find_roots, graded_grid, integrate
 from compact.numerics.validation import (
     require_finite,
     require_known,
@@ -209,7 +209,7 @@ class MotionProfile:
         """
         require_known("end condition", end_condition, END_CONDITIONS)
         found, breaks = [], self.curve.x
-        grid, limits = graded(breaks), [self._one_sided_limits(k, end_condition) for k in range(1, 6)]
+        grid, limits = graded_grid(breaks), [self._one_sided_limits(k, end_condition) for k in range(1, 6)]
         for k, (values, slopes) in enumerate(itertools.pairwise(limits), start=1):
             smallest = JUMP_TOLERANCE * max(1.0, np.abs(self.curve(grid, nu=k)).max())
             rounding = PHASE_ROUNDING * np.abs(slopes).max(axis=0)
@@ -240,7 +240,7 @@ class MotionProfile:
         """
         if any(jump.order < order for jump in self.discontinuities(end_condition)):
             return np.inf
-        return self._scale(order) ** 2 * self.duration * integral(lambda z: self.curve(z, nu=order) ** 2, self.curve.x)
+        return self._scale(order) ** 2 * self.duration * integrate(lambda z: self.curve(z, nu=order) ** 2, self.curve.x)
 
     def cycle(self, far_dwell: float = 0.0, near_dwell: float = 0.0) -> "Cycle":
         """Return the `Cycle` of forward and return stroke, with dwells [s] at the far and the near end."""
@@ -431,4 +431,4 @@ def extremum_candidates(curve: NormalisedCurve, order: int) -> NDArray[np.float6
         roots = curve.derivative(order + 1).roots(discontinuity=False, extrapolate=False)
         return np.concatenate([edges, roots[np.isfinite(roots)]])
     # the grid resolves a plateau next to a thin boundary layer, where the next derivative is zero without a sign change
-    return np.concatenate([edges, graded(curve.x), sign_changes(lambda z: curve(z, nu=order + 1), curve.x)])
+    return np.concatenate([edges, graded_grid(curve.x), find_roots(lambda z: curve(z, nu=order + 1), curve.x)])

@@ -30,7 +30,7 @@ from compact.motion.constraint_set import ConstraintSet, spline_space_for
 from compact.motion.limits import Conflict, InfeasibleError, Limits
 from compact.motion.objectives import OBJECTIVES, PEAKS, Linearisation, QuadratureNodes, Resistance, evaluate_state
 from compact.motion.pitch_curve import CURVATURE_MARGIN
-from compact.numerics.convex_programs import Program, least_linear, least_quadratic
+from compact.numerics.convex_programs import LinearConstraints, minimise_linear, minimise_quadratic
 
 # Pieces of a law, by its smoothness [-]: the last doubling gains about 1e-3, 1e-4, 1e-4 of the criterion
 PIECES_BY_SMOOTHNESS = {1: 128, 2: 64, 3: 48}
@@ -265,12 +265,12 @@ class _Subproblem:
         right = sparse.coo_array((entries[2], entries[:2].astype(int)), shape=(self.height, self.width))
         left = sparse.csr_array(np.concatenate(self.rows))
         left.resize((self.height, self.width))
-        below = constraints.below.copy()
+        below = constraints.inequality_matrix.copy()
         below.resize((below.shape[0], self.width))
-        room = constraints.below_to - constraints.below @ unknowns
-        return Program(
-            np.column_stack([constraints.equal, np.zeros((len(constraints.equal), added))]),
-            constraints.equal_to - constraints.equal @ unknowns,
+        room = constraints.inequality_bounds - constraints.inequality_matrix @ unknowns
+        return LinearConstraints(
+            np.column_stack([constraints.equality_matrix, np.zeros((len(constraints.equality_matrix), added))]),
+            constraints.equality_values - constraints.equality_matrix @ unknowns,
             sparse.csr_array(sparse.vstack([below, left + right])),
             np.concatenate([room, *self.values]),
         )
@@ -282,13 +282,13 @@ class _Subproblem:
         box = np.full(self.width, np.inf)
         box[: self.size] = radius
         if self.curvature is None or not with_curvature:
-            solution = least_linear(cost, self.program, box)
+            solution = minimise_linear(cost, self.program, box)
             if solution is None:
                 raise RuntimeError("the linear subproblem is infeasible although the present law satisfies its limits")
             return solution[: self.size], self.scale * solution[self.size]
         curvature = np.zeros((self.width, self.width))
         curvature[: self.size, : self.size] = self.curvature
-        solution = least_quadratic(curvature, cost, self.program, box)
+        solution = minimise_quadratic(curvature, cost, self.program, box)
         change = solution[: self.size]
         return change, self.scale * (solution[self.size] + change @ self.curvature @ change / 2)
 

@@ -15,7 +15,7 @@ from compact.motion.constraint_set import ConstraintSet, spline_space_for
 from compact.motion.objectives import PEAKS
 from compact.motion.pitch_curve import CURVATURE_MARGIN
 from compact.motion.sequential_programming import EXCHANGE_ROUNDS, OptimisationProblem
-from compact.numerics.convex_programs import least_linear
+from compact.numerics.convex_programs import minimise_linear
 
 VELOCITY_SAMPLES, GRID_SAMPLES, ACCELERATION_SAMPLES = 400, 120, 41  # [-], of the resistance: curve, or grid
 VELOCITY_FACTOR = 4.0  # [-], times the mean velocity: largest sample of a resistance without a limit of velocity
@@ -31,7 +31,7 @@ def random_laws(problem, count, seed=0):
     random, space = np.random.default_rng(seed), problem.constraints.space
     laws = []
     for _ in range(count):
-        corners = [least_linear(random.normal(size=space.size), problem.constraints.program) for _ in range(CORNERS)]
+        corners = [minimise_linear(random.normal(size=space.size), problem.constraints.program) for _ in range(CORNERS)]
         laws.append(random.dirichlet(np.ones(CORNERS)) @ corners)
     return np.array(laws)
 
@@ -122,8 +122,8 @@ class _NonlinearProgram:
 
     def _solver(self, top):
         program = self.problem.constraints.program
-        below = self._times_law(program.below) - program.below_to
-        equal = self._times_law(program.equal) - program.equal_to
+        below = self._times_law(program.inequality_matrix) - program.inequality_bounds
+        equal = self._times_law(program.equality_matrix) - program.equality_values
         constraints = casadi.vertcat(equal, below, *self.constraints)
         self.lowest = np.full(constraints.shape[0], -np.inf)
         self.lowest[: equal.shape[0]] = 0.0
