@@ -136,7 +136,7 @@ def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
     if "crank" in items:
         found["crank"] = (figures.crank_turns, study.turns)
     if study.layered:
-        peaks = [cycle.there.peaks().acceleration for cycle in study.cycles.values()]
+        peaks = [cycle.forward.peaks().acceleration for cycle in study.cycles.values()]
         resistances = {study.scene.accuracy.engine: study.resistance}
         resistances |= {name: other.resistance for name, other in study.beside.items()}
         found["contact"] = (contact_figures.speeds, study.contacts)

@@ -163,13 +163,13 @@ def test_passes_that_miss_raise(monkeypatch):
 @pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure"])
 def test_spectral_that_misses_raises(monkeypatch, target):
     value = {"indentation": 3e-3, "load": 8e3, "peak_pressure": 2e5}[target]
-    scene_of = spectral.scene_of
+    build_rolling_problem = spectral.build_rolling_problem
 
     def missed(*given):
-        scene = scene_of(*given)
-        return replace(scene, value=off(scene.value))
+        problem, half_width = build_rolling_problem(*given)
+        return replace(problem, value=off(problem.value)), half_width
 
-    monkeypatch.setattr(spectral, "scene_of", missed)
+    monkeypatch.setattr(spectral, "build_rolling_problem", missed)
     with pytest.raises(
         RuntimeError, match=f"`{target}` {value:.9g} was prescribed and .* tolerance 1e-09; the contact"
     ):
