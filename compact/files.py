@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, Literal
 from xml.etree import ElementTree
 
 if TYPE_CHECKING:
@@ -24,8 +24,13 @@ if TYPE_CHECKING:
 
 OWNER_FILE = "scene.hash"  # file of a result directory with the hash of its scene
 FIGURE_DPI = 110  # [1/inch], resolution of figures
-NETCDF_CLASSIC, NETCDF_HDF5 = "NETCDF3_CLASSIC", "NETCDF4"  # numbers only, for any reader; strings too
-NETCDF_BACKENDS = {NETCDF_CLASSIC: "scipy", NETCDF_HDF5: "h5netcdf"}  # xarray backend of each format
+NetcdfFormat = Literal["NETCDF3_CLASSIC", "NETCDF4"]
+NETCDF_CLASSIC: NetcdfFormat = "NETCDF3_CLASSIC"  # numbers only, for any reader
+NETCDF_HDF5: NetcdfFormat = "NETCDF4"  # strings too
+NETCDF_BACKENDS: dict[NetcdfFormat, Literal["scipy", "h5netcdf"]] = {
+    NETCDF_CLASSIC: "scipy",
+    NETCDF_HDF5: "h5netcdf",
+}  # xarray backend of each format
 GENERIC_STEM = "scene"  # stem of the scene file that `compact new` writes into a folder of the user's name
 
 
@@ -56,12 +61,12 @@ def atomic_file(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
     """
     path = Path(path).resolve()
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    options = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
+    encoding, newline = (None, None) if "b" in mode else ("utf-8", "")
     try:
         if path.exists() and not path.is_file():
             raise ResultsError(f"{path}: not a regular file; use another name")
         path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open(mode, **options) as stream:
+        with temporary.open(mode, encoding=encoding, newline=newline) as stream:
             yield stream
             stream.flush()
             os.fsync(stream.fileno())
@@ -155,12 +160,12 @@ def write_bytes(path: Path, content: bytes) -> Path:
     return path
 
 
-def write_netcdf(path: Path, dataset: "xarray.Dataset", kind: str) -> Path:
+def write_netcdf(path: Path, dataset: "xarray.Dataset", kind: NetcdfFormat) -> Path:
     """Write a dataset as netCDF of a format of `NETCDF_BACKENDS`; return the path."""
-    return write_bytes(path, dataset.to_netcdf(format=kind, engine=NETCDF_BACKENDS[kind]))
+    return write_bytes(path, bytes(dataset.to_netcdf(format=kind, engine=NETCDF_BACKENDS[kind])))
 
 
-def read_netcdf(path: str | Path, kind: str) -> "xarray.Dataset":
+def read_netcdf(path: str | Path, kind: NetcdfFormat) -> "xarray.Dataset":
     """Read a netCDF file into memory.
 
     Parameters
