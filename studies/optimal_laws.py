@@ -13,8 +13,9 @@ import numpy as np
 
 from compact.analysis.study import Study
 from compact.drive import Rigid, simulate
-from compact.motion.limits import broken
-from compact.motion.profile import Limits, law, optimise
+from compact.motion.limits import Limits, violations
+from compact.motion.optimal_motion import optimise
+from compact.motion.profile import law
 from compact.report.progress import tracked
 from compact.scene.loader import LAW_NAMES, load_scene
 
@@ -56,9 +57,9 @@ def main(scene="loveikin-2015", shares=SHARES, jerks=JERKS, out=None):
 
 def _gains(objective, nominal, robust):
     name = f"least-{objective.replace('_', '-')}"
-    rivals = [cycle.there for cycle in nominal.given_cycles.values() if not broken(nominal.limits, cycle.there)]
+    rivals = [cycle.forward for cycle in nominal.given_cycles.values() if not violations(nominal.limits, cycle.forward)]
     for push in robust.oppositions:
-        made, suited = (_asked(objective, push, study.cycles[name].there) for study in (nominal, robust))
+        made, suited = (_asked(objective, push, study.cycles[name].forward) for study in (nominal, robust))
         best, least = _best(objective, push, rivals)
         yield objective, push.resistance.force, best, least, made, 1 - made / least, suited, 1 - suited / least
 
@@ -81,22 +82,22 @@ def _held(study, objective, run, jerk=None):
     limits = Limits(acceleration=ACCELERATION, run_up=run, run_down=run, jerk=jerk)
     made = optimise(objective, motion.stroke, motion.duration, study.cart.mass, study.push, limits)
     laws = [law(name, motion.stroke, motion.duration, run, run, rod_length=motion.rod_length) for name in LAW_NAMES]
-    return made.value, *_best(objective, study.push, [one for one in laws if not broken(limits, one)]), made.gap
+    return made.value, *_best(objective, study.push, [one for one in laws if not violations(limits, one)]), made.gap
 
 
 def _draw(study, front):
     """Draw speed and power of the optimal laws and of two published ones, and both fronts."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures import PALETTE, look
+    from compact.report.figure_style import PALETTE, law_style
 
     figure = Figure(figsize=(12.5, 7.2), layout="constrained")
     (speed, power), panels = figure.subplots(2, 2)
     time = np.linspace(0, study.scene.motion.duration, 3001)
     looks = {"least-peak-power": {"color": PALETTE[0]}, "least-peak-force": {"color": PALETTE[4]}}
-    looks |= {name: look(name) for name in ("reversal-4-free-acceleration", "reversal-2")}
+    looks |= {name: law_style(name) for name in ("reversal-4-free-acceleration", "reversal-2")}
     for name, drawn in looks.items():
-        there = study.cycles[name].there
+        there = study.cycles[name].forward
         v, a = there.velocity(time), there.acceleration(time)
         speed.plot(time, v, **drawn, label=name)
         power.plot(time, (study.cart.mass * a + study.push(np.maximum(v, 1e-9), a)) * v, **drawn)

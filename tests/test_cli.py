@@ -77,10 +77,10 @@ def test_digest_has_the_published_force(compact, tmp_path):
 def test_run_succeeds_if_one_optimal_law_is_infeasible(compact, tmp_path):
     bounds = '[motion.optimise]\nobjectives = ["peak_force"]\nsmoothness = 1\nacceleration = 0.1\n'
     (tmp_path / "scene.toml").write_text(f"{SMALL.read_text()}\n{bounds}")
-    with pytest.warns(UserWarning, match="least-peak-force is not made: no law keeps all limits"):
+    with pytest.warns(UserWarning, match="least-peak-force is not made: no law satisfies all limits"):
         done = compact("run", tmp_path / "scene.toml", "--out", tmp_path / "out", "--set", "output.items=['tables']")
     assert done.returncode == 0
-    assert "not made: least-peak-force: no law keeps all limits; what would do, the others kept: accel" in done.stdout
+    assert "not made: least-peak-force: no law satisfies all limits; relax, the others unchanged: accel" in done.stdout
     assert (tmp_path / "out" / "ranking.csv").exists()
 
 

@@ -312,7 +312,7 @@ def test_boundary_elements_agree(mix, motion):
 def test_joins_of_the_law_are_not_stepped_over():
     cycle = law("gear-sector", 0.2, 1.0).cycle(far_dwell=0.1)
     done = simulate_transient(LAYER, pressed(), MIX, cycle, estimate=False)
-    assert set(done.time) >= {join.time for join in cycle.joins()} | {leg.start for leg in cycle.legs()}
+    assert set(done.time) >= {join.time for join in cycle.discontinuities()} | {leg.start for leg in cycle.legs()}
     there = done.resistance[(done.time > 0.7) & (done.time < 1.0)]
     steady = fem.roll(LAYER, pressed(), MIX, 0.2, estimate=False).resistance
     assert there == pytest.approx(steady, rel=3e-3)

@@ -101,7 +101,7 @@ def test_the_starter_shows_every_key_there_is():
     beside = {"formula", "column", "spectral", "fem", "compaction"}
     assert known - keys == {"overrides", "motor", "optimise", "end_springs", "hydraulics"} | beside
     shown = (Motor, BeltTable, Optimise, EndSpringTable, Hydraulics)
-    assert {key for table in shown for key in table.model_fields} - keys == {"belt"}
+    assert {key for table in shown for key in table.model_fields} - keys == {"belt", "method"}  # method: deprecated
 
 
 def fields_of(table):
@@ -263,8 +263,16 @@ def test_optimisation_of_an_unknown_objective_is_refused():
         parse_scene(starter_scene()).replaced(**{"motion.optimise": {"objectives": ["peak_noise"], "smoothness": 1}})
 
 
+@pytest.mark.parametrize("method", ["steps", "casadi"])
+def test_method_of_optimal_laws_is_deprecated_and_has_no_effect(method):
+    table = {"objectives": ["peak_force"], "smoothness": 1}
+    with pytest.warns(DeprecationWarning, match=r"`motion\.optimise\.method` has no effect.* accepted for one release"):
+        scene = parse_scene(starter_scene()).replaced(**{"motion.optimise": table | {"method": method}})
+    assert scene == parse_scene(starter_scene()).replaced(**{"motion.optimise": table})
+
+
 def test_objectives_and_parameters_of_scenes_are_those_of_the_modules():
-    from compact.motion.profile import OBJECTIVES as KNOWN
+    from compact.motion.objectives import OBJECTIVES as KNOWN
     from compact.scene.schema import MixParameter, Objective, Overrides
 
     assert get_args(Objective) == tuple(KNOWN)
