@@ -141,7 +141,7 @@ def test_operating_point_reports_failed_calibrations(monkeypatch):
     with pytest.warns(UserWarning, match="not calibrated") as told:
         _, after, _ = study("operating_point").main(engines=("column", "compaction"), variants=variants)
     assert [row[0] for row in after] == ["column"]
-    assert [str(one.message).split(": the calibration")[0] for one in told] == [
+    assert [str(one.message).split(": the fine model")[0] for one in told] == [
         "plain: not calibrated",
         "strong: not calibrated",
     ]
