@@ -511,7 +511,7 @@ def test_results_of_another_scene_are_kept(written, tmp_path):
     study, _, directory = written
     other = Study(study.scene.replaced(**{"motion.duration": 2.5}))
     before = (directory / "summary.json").read_bytes()
-    with pytest.raises(ResultsError, match="holds results of another scene; give another --out, or --force"):
+    with pytest.raises(ResultsError, match="holds results of another scene; use another --out, or --force"):
         report.write_study(other, directory)
     assert (directory / "summary.json").read_bytes() == before
 

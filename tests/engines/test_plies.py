@@ -342,7 +342,7 @@ def test_speeds_on_plies_share_one_factorisation():
         (lambda: Ply(0.1, -1.0), "`stiffness` must be positive and finite, got -1.0"),
         (
             lambda: Layer(H, plies=(Ply(0.1, 1.0), Ply(0.1, 2.0))),
-            "`plies` must be as thick together as the layer is high, 0.22 m, got 0.2 m",
+            "the thicknesses of `plies` must add up to the layer height, 0.22 m, got 0.2 m",
         ),
         (
             lambda: contact.roll(two_plies(0.1, 2.0), Roller(R, load=1e3), MIX, 1.0),
