@@ -132,7 +132,7 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     columns = np.column_stack([first.x, first.pressure, first.shear_traction]).tolist()
     write_csv(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
     replaced = {"replaced": list(study.scene.replacements[engine])}
-    write_json(directory / "contact.json", contact_to_json(contact_record(engine, speed, passes)) | replaced)
+    write_json(directory / "contact.json", contact_to_json(contact_record(engine, speed, tuple(passes))) | replaced)
     write_figure(directory / "pressure.png", contact_figures.pressure(first, study.exact, speed))
     if engine in COMPACTING:
         list(_write_passes([(speed, passes)], directory))
@@ -140,6 +140,6 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     if engine in FIELDED:
         from compact.engines.fem.fields import write_series
 
-        layers = [(fields(first, engine), first)]
+        layers: list[tuple[Any, Any]] = [(fields(first, engine), first)]
         list(write_series(layers, directory))
         write_figure(directory / "fields.png", contact_figures.fields(layers))

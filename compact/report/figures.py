@@ -78,7 +78,7 @@ def kinematics(cycles: Mapping[str, Cycle]) -> Figure:
     figure, axes = _grid(families, ("velocity", "acceleration", "jerk"))
     for row, members in zip(axes, families.values(), strict=True):
         for name in members:
-            there = cycles[name].there
+            there: Any = cycles[name].there
             phase = _phases(there.curve.x)
             impulsive = any(join.order == 1 for join in there.joins())
             for ax, order in zip(row, (1, 2, 3), strict=True):

@@ -10,7 +10,7 @@ import numpy as np
 from compact.analysis.study import Study
 from compact.cams.profile import Cam, stepper
 from compact.files import write_columns, write_csv
-from compact.motion.profile import Cycle
+from compact.motion.profile import Cycle, Turn
 from compact.report import drive_tables
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def write_law_tables(study: Study, directory: Path) -> Iterator[Path]:
 
 def _law_row(cycle: Cycle) -> tuple[Any, ...]:
     peaks = cycle.there.peaks()
-    turn = "dwell" if cycle.far_dwell > 0 else "reversal"
+    turn: Turn = "dwell" if cycle.far_dwell > 0 else "reversal"
     criteria = [cycle.there.criterion(order, turn) for order in range(1, 5)]
     continuity = f"C{cycle.there.smoothness(turn)}"
     return (cycle.there.name, peaks.velocity, peaks.acceleration, peaks.jerk, peaks.snap, continuity, *criteria)
