@@ -14,7 +14,9 @@ from compact.machine.hydraulic_drive import Hydraulic
 from compact.machine.motor_characteristics import Belt, Kloss, LinearTorqueCurve
 from compact.machine.motor_drive import Motor
 from compact.machine.rigid_drive import Crank, Rigid
-from compact.motion.profile import CamLimits, InfeasibleError, Limits, law, optimise
+from compact.motion.limits import CamLimits, InfeasibleError, Limits
+from compact.motion.optimal_motion import optimise
+from compact.motion.profile import law
 from compact.motion.tabulated import from_table
 from compact.scene.loader import SceneError
 
@@ -72,9 +74,9 @@ def means(scene, cycle):
         return ElasticDrive(table.stiffness, table.damping, table.backlash or 0.0, bool(table.include_added_mass))
     if table.kind == "hydraulic":
         return Hydraulic(**table.hydraulics.model_dump())
-    through_rod = cycle.there.name == "crank" and rod is not None and scene.motion.dwell == 0
+    through_rod = cycle.forward.name == "crank" and rod is not None and scene.motion.dwell == 0
     linked = rod if through_rod and table.kind in ("crank", "motor") else Rigid()
-    if table.kind != "motor" or any(join.order == 1 for join in cycle.joins()):
+    if table.kind != "motor" or any(join.order == 1 for join in cycle.discontinuities()):
         return linked
     motor = table.motor
     curve = (
@@ -121,7 +123,7 @@ def limits(scene, fastest):
         snap=table.snap,
         steady_tolerance=table.steady_tolerance or 0.0,
         smoothness=table.smoothness,
-        turn="dwell" if motion.dwell else "reversal",
+        end_condition="dwell" if motion.dwell else "reversal",
         cam=_cam(scene),
         **shares,
     )
@@ -144,13 +146,13 @@ def optimal_law(scene, objective, study):
 
     Raises RuntimeError if the law reaches the largest velocity each time, InfeasibleError if no law keeps the limits.
     """
-    motion, method = scene.motion, scene.motion.optimise.method
+    motion = scene.motion
     for _ in range(REACHES):
         limits, pushes = study.limits, study.oppositions
         task = objective, motion.stroke, motion.duration, study.cart.mass, pushes, limits
         bounded = limits.velocity in (None, motion.optimise.velocity)
         try:
-            made = optimise(*task, regret=len(pushes) > 1, method=method)
+            made = optimise(*task, regret=len(pushes) > 1)
         except InfeasibleError as error:
             if bounded or "velocity" not in {conflict.name for conflict in error.conflicts}:
                 raise

@@ -155,7 +155,7 @@ class _Asked:
     def _stretched(self, end):
         """The laws in the duration of a changed scene; those made for the machine keep their shape."""
         duration, dwell = end.scene.motion.duration, end.scene.motion.dwell
-        made = {name: cycle.there for name, cycle in self.study.optimal_cycles.items()}
+        made = {name: cycle.forward for name, cycle in self.study.optimal_cycles.items()}
         return end.given_cycles | {
             name: replace(there, duration=duration).cycle(dwell, dwell) for name, there in made.items()
         }

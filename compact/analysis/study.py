@@ -38,7 +38,9 @@ from compact.machine.crankshaft import USUAL_ANGLES, turn
 from compact.machine.rigid_drive import steady_balance
 from compact.machine.roller_motors import RollerMotor, pulls
 from compact.material import mix
-from compact.motion.profile import InfeasibleError, law, optimal_name
+from compact.motion.limits import InfeasibleError
+from compact.motion.optimal_motion import optimal_law_name
+from compact.motion.profile import law
 from compact.numerics.validation import require_known
 from compact.scene.loader import Scene, SceneError
 
@@ -364,7 +366,7 @@ class Study:
     @cached_property
     def fastest(self):
         """Largest velocity of any law, and of the crank where there is one, with room for drives that swing [m/s]."""
-        velocities = [cycle.there.peaks().velocity * self._overshoot(cycle) for cycle in self.given_cycles.values()]
+        velocities = [cycle.forward.peaks().velocity * self._overshoot(cycle) for cycle in self.given_cycles.values()]
         if self.crank:
             motion = self.scene.motion
             velocities.append(
@@ -374,7 +376,7 @@ class Study:
 
     def _overshoot(self, cycle):
         """Further factor of the velocity behind a spring: the jump at a reversal is twice the velocity of the law."""
-        jumps = self.scene.drive.kind == "elastic" and any(join.order == 1 for join in cycle.joins())
+        jumps = self.scene.drive.kind == "elastic" and any(join.order == 1 for join in cycle.discontinuities())
         return SWING if jumps else 1.0
 
     @property
@@ -466,8 +468,8 @@ class Study:
             try:
                 there = made.optimal_law(self.scene, objective, self)
             except (InfeasibleError, RuntimeError) as error:
-                self._not_made[optimal_name([objective])] = str(error)
-                warnings.warn(f"{optimal_name([objective])} is not made: {error}", stacklevel=2)
+                self._not_made[optimal_law_name([objective])] = str(error)
+                warnings.warn(f"{optimal_law_name([objective])} is not made: {error}", stacklevel=2)
                 continue
             cycles[there.name] = there.cycle(dwell, dwell)
         return cycles

@@ -169,7 +169,7 @@ def _write_hydraulics(study: Study, directory: Path) -> Iterator[Path]:
     if first is not None:
         study.count("passage")
         stroke = first.forward()
-        law = first.demand.cycle.there.position(stroke.time)
+        law = first.demand.cycle.forward.position(stroke.time)
         columns = (stroke.time, stroke.position, stroke.velocity, law, stroke.inlet_pressure, stroke.outlet_pressure)
         yield write_csv(directory / f"passage-{first.name}.csv", STROKE_HEADER, np.column_stack(columns).tolist())
 

@@ -11,7 +11,7 @@ from compact.analysis.study import FOLLOWERS, YIELDING, Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.machine.roller_motors import RollerMotor
-from compact.motion.profile import Turn
+from compact.motion.profile import EndCondition
 from compact.report.html_answer import methods
 from compact.report.number_format import (
     ZERO_SHARE,
@@ -143,15 +143,15 @@ def laws_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     Section
     """
     cycles, order = study.cycles.values(), ("velocity", "acceleration", "jerk", "snap")
-    turn: Turn = "dwell" if study.scene.motion.dwell > 0 else "reversal"
-    peaks = [cycle.there.peaks() for cycle in cycles]
-    jumps = [sorted({join.quantity for join in cycle.joins()}, key=order.index) for cycle in cycles]
+    turn: EndCondition = "dwell" if study.scene.motion.dwell > 0 else "reversal"
+    peaks = [cycle.forward.peaks() for cycle in cycles]
+    jumps = [sorted({join.quantity for join in cycle.discontinuities()}, key=order.index) for cycle in cycles]
     columns = {
         "law": list(study.cycles),
         "peak velocity": format_column([peak.velocity for peak in peaks], "m/s"),
         "peak acceleration": format_column([peak.acceleration for peak in peaks], "m/s2"),
         "peak jerk": format_column([peak.jerk for peak in peaks], "m/s^3"),
-        "continuity": [f"C{cycle.there.smoothness(turn)}" for cycle in cycles],
+        "continuity": [f"C{cycle.forward.smoothness(turn)}" for cycle in cycles],
         "discontinuities": [", ".join(names) or "none" for names in jumps],
     }
     caption = "Every law over the forward stroke. The return stroke mirrors it; that of a crank retraces it."
