@@ -11,7 +11,7 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
-from compact.scene.engine_capabilities import TURNED, refusals
+from compact.scene.engine_capabilities import TORQUE_ENGINES, refusals
 from compact.scene.errors import Key, Mistake, Source
 
 GUARD = 1 + 1e-9  # the published machine stands exactly on 2R + B_T = stroke, in decimal fractions
@@ -167,7 +167,7 @@ def _torque_turns_a_roller(torque, rolling):
 
 @_rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine")
 def _driven_roller_has_a_torque(torque, rolling, engine):
-    if torque is None and rolling == "driven" and engine in TURNED:
+    if torque is None and rolling == "driven" and engine in TORQUE_ENGINES:
         return (
             f'is missing, and the engine "{engine}" rolls a "driven" roller by it; give the torque on one roller in N m'
         )
@@ -325,13 +325,13 @@ def _weight_suits_the_mass(weight, mass):
 
 @_rule("machine.roller_condition", "accuracy.engine", into=ADVICE)
 def _driven_roller_may_stick(rolling, engine):
-    if engine not in TURNED and rolling == "driven":
+    if engine not in TORQUE_ENGINES and rolling == "driven":
         return f'the engine "{engine}" lets a driven roller slip all over, whatever its torque; "fem" lets it stick'
 
 
 @_rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine", into=ADVICE)
 def _torque_is_heeded(torque, rolling, engine):
-    if engine not in TURNED and torque and rolling != "driven":
+    if engine not in TORQUE_ENGINES and torque and rolling != "driven":
         return f'the engine "{engine}" takes no account of machine.roller_torque; "fem" and "compaction" do'
 
 
