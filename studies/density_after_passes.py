@@ -16,10 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.calibration import blend
-from compact.analysis.engines import compaction
+from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.analysis.multipass import Pass, density, passes, there_and_back
-from compact.engines.column.engine import feed
+from compact.engines.column.engine import required_feed
 from compact.report.progress import tracked
 from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
@@ -36,9 +35,9 @@ TOP = 0.01  # m below the surface, where passes at one height differ
 
 def in_lifts(scene, count):
     """The `ColumnContactResult` of each pass over a layer fed in so many equal lifts, pressed to the scene's density."""
-    material, wanted = compaction(scene, blend(scene)), scene.mix.density_ratio
+    material, wanted = compaction_material(scene, scene_mix(scene)), scene.mix.density_ratio
     speed = scene.motion.stroke / scene.motion.duration
-    lift = feed(scene.product.height, wanted, material, speed).height / count
+    lift = required_feed(scene.product.height, wanted, material, speed).height / count
     roller = Roller(scene.machine.roller_radius, indentation=lift / 100, profile="circle")  # gives way to the density
     stages = [Pass(lift if number else 0.0, exit_density_ratio=wanted) for number in range(count)]
     return passes(Layer(lift), roller, material, speed, stages)
@@ -50,7 +49,7 @@ def profiles(scene="loveikin-2015", changes=CALIBRATED, indentation=0.002, count
     numerics : of the finite elements, ELEMENTS unless given
     """
     scene, rows = load_scene(SCENES / f"{scene}.toml", **changes), []
-    material, speed = compaction(scene, blend(scene)), scene.motion.stroke / scene.motion.duration
+    material, speed = compaction_material(scene, scene_mix(scene)), scene.motion.stroke / scene.motion.duration
     layer = Layer(scene.product.height * scene.mix.density_ratio / material.fed_density_ratio)
     roller = Roller(scene.machine.roller_radius, indentation, profile="deformed")
     asked = {"column": {}, "compaction": ELEMENTS | numerics}
@@ -67,13 +66,13 @@ def profiles(scene="loveikin-2015", changes=CALIBRATED, indentation=0.002, count
 def at(base, radius, moisture):
     """The scene with another roller and another moisture; Heckel's slope moves by the prior's factor."""
     prior = {"mix.overrides.heckel_slope": None}
-    there = blend(base.replaced(**prior | {"mix.moisture": moisture})).heckel_slope
-    factor = there / blend(base.replaced(**prior)).heckel_slope
+    there = scene_mix(base.replaced(**prior | {"mix.moisture": moisture})).heckel_slope
+    factor = there / scene_mix(base.replaced(**prior)).heckel_slope
     return base.replaced(
         **{
             "machine.roller_radius": radius,
             "mix.moisture": moisture,
-            "mix.overrides.heckel_slope": blend(base).heckel_slope * factor,
+            "mix.overrides.heckel_slope": scene_mix(base).heckel_slope * factor,
         }
     )
 

@@ -142,7 +142,7 @@ def test_each_engine_has_its_own_place_for_a_contact(compact, tmp_path):
 def test_check_finds_our_side_unchanged(compact):
     done = compact("check")
     assert done.returncode == 0
-    assert "our side is unchanged" in done.stdout
+    assert "all are unchanged" in done.stdout
 
 
 BAD_CALLS = {

@@ -17,7 +17,7 @@ from compact import quantities
 from compact.analysis.engines import ENGINES
 from compact.files import write_json
 from compact.material.laws import Compaction, Elastic, Viscoelastic
-from compact.material.mix import LOOSE, Mix
+from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
 from compact.numerics.validation import require_finite
 from compact.rolling_contact import ContactResult, Layer, Ply, Roller
 from compact.scene.engine_capabilities import adapt
@@ -59,6 +59,12 @@ class HeldQuantity:
     def target(self) -> dict[str, float]:
         """The value as a keyword of `Roller`."""
         return {TARGETS[self.name]: self.value}
+
+
+def scene_mix(scene: Scene) -> Mix:
+    """Return the mix of a scene: the prior with the overrides of the scene."""
+    overrides = scene.mix.overrides.model_dump(exclude_none=True)
+    return prior(scene.mix.moisture, scene.mix.density_ratio, overrides)
 
 
 def contact_speeds(scene: Scene) -> tuple[float, ...]:
@@ -190,7 +196,7 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
         unloading_modulus=mix.unloading_modulus,
         poisson=mix.poisson,
         heckel_slope=mix.heckel_slope * (1 + float(np.sqrt(1 + 4 * slope**2 / 9))) / 2,
-        loose_density_ratio=LOOSE,
+        loose_density_ratio=LOOSE_DENSITY_RATIO,
         critical_slope=slope,
         tensile_strength=float(mix.cohesion / np.tan(angle)),
         fed_density_ratio=scene.layer.fed_density_ratio,
@@ -207,12 +213,12 @@ def _layer_before_pass(
     With a prescribed target the height conserves the mass, `h_in = h0 k_out/k_in`. Without one, height and indentation
     are those that result in the lift thickness and density of the product after the elastic recovery.
     """
-    from compact.engines.column.engine import feed
+    from compact.engines.column.engine import required_feed
 
     height, density_ratio = scene.lift_thickness, scene.mix.density_ratio
     if target:
         return Layer(height * density_ratio / material.fed_density_ratio, scene.layer.base), target
-    before = feed(height, density_ratio, material, speed)
+    before = required_feed(height, density_ratio, material, speed)
     return Layer(before.height, scene.layer.base), {"indentation": before.indentation}
 
 

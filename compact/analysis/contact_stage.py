@@ -191,7 +191,7 @@ def added_mass(
     options = used.tolerance(scene.accuracy.tolerance) | ({"estimate": False} if used.optional_estimate else {})
     with _named_errors(scene, used.name, speed):
         found = modulation(layer, roller, material, speed, engine=used.name, **options)
-    return found.added_mass, found.time
+    return found.added_mass, found.relaxation_time
 
 
 def _is_continuable(guess: ContactResult, layer: Layer, speed: float) -> bool:

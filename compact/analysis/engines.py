@@ -12,7 +12,7 @@ from typing import Any
 
 from compact.material.laws import Elastic, Viscoelastic
 from compact.numerics.validation import require_known
-from compact.resistance import Modulation
+from compact.resistance import ResistanceExpansion
 from compact.rolling_contact import ContactResult, Layer, Roller
 from compact.scene.engine_capabilities import TORQUE_ENGINES
 
@@ -186,7 +186,7 @@ def modulation(
     speed: float,
     engine: str = "spectral",
     **accuracy: Any,
-) -> Modulation:
+) -> ResistanceExpansion:
     """Expand the resistance of a linear layer to first order in the acceleration, `F(v) + a M(v)`.
 
     Parameters
@@ -203,7 +203,7 @@ def modulation(
 
     Returns
     -------
-    Modulation
+    ResistanceExpansion
 
     Examples
     --------

@@ -94,7 +94,7 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
     """
     try:
         contacts, more, files = read_contacts(directory / CONTACTS_FILE, key)
-        resistance_map = resistance.load(directory / MAP_FILE, key)
+        resistance_map = resistance.load_resistance_map(directory / MAP_FILE, key)
     except (OSError, ValueError):
         return None
     return KeptResults(

@@ -7,11 +7,11 @@ from functools import cached_property
 import numpy as np
 
 from compact.analysis import machine_models
+from compact.analysis.contact_cases import scene_mix
 from compact.analysis.contact_stage import ContactStage, Count
 from compact.analysis.resistance_stage import ResistanceStage
 from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower
 from compact.machine.cart import MotionResistance
-from compact.material import mix
 from compact.motion.profile import CamLimits, Cycle, InfeasibleError, Limits, OptimalMotion, law, optimal_name, optimise
 from compact.numerics.validation import require_known
 from compact.scene.loader import Scene, SceneError
@@ -233,12 +233,6 @@ class LawStage:
         if cycle is None:
             require_known("motion law", name, tuple(self.cycles))
         return Cam(cycle, table.breadth, _follower(follower, table.roller_follower_radius))
-
-
-def scene_mix(scene: Scene) -> mix.Mix:
-    """Return the mix of a scene: the prior with the overrides of the scene."""
-    overrides = scene.mix.overrides.model_dump(exclude_none=True)
-    return mix.prior(scene.mix.moisture, scene.mix.density_ratio, overrides)
 
 
 def _follower(name: str, radius: float) -> FlatFace | Pointed | RollerFollower:

@@ -24,7 +24,7 @@ LEAST_SPEED_SHARE = 1 / 50  # [-], of the largest speed; least speed of the samp
 
 def reaches(resistance_map: ResistanceMap, speed: float) -> bool:
     """Return True if a map has samples up to a speed [m/s]."""
-    return speed <= resistance_map.speeds[-1] * (1 + resistance.ROUNDING)
+    return speed <= resistance_map.speeds[-1] * (1 + resistance.SPEED_ROUNDING)
 
 
 class ResistanceStage:
@@ -135,4 +135,4 @@ class ResistanceStage:
         if len(known) < len(found):
             return sampled
         masses, times = np.array(known).T
-        return replace(sampled, added_masses=length * masses, time=float(times.max()))
+        return replace(sampled, added_masses=length * masses, relaxation_time=float(times.max()))

@@ -8,9 +8,9 @@ Costs are seconds of processor time on one core of a machine of 2026, measured o
 from collections import Counter
 from dataclasses import dataclass
 
-from compact.analysis.contact_cases import contact_speeds, hold_quantity
+from compact.analysis.contact_cases import contact_speeds, hold_quantity, scene_mix
 from compact.analysis.engines import ENGINES, Engine
-from compact.analysis.law_stage import FOLLOWERS, scene_mix
+from compact.analysis.law_stage import FOLLOWERS
 from compact.machine.crankshaft import USUAL_ANGLES
 from compact.material.mix import Mix
 from compact.scene.loader import Scene

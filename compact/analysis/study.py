@@ -15,15 +15,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from compact.analysis import comparison, law_stage
+from compact.analysis import comparison
 from compact.analysis.comparison import ComparisonRequest, EngineComparison, run_engine_alternative
-from compact.analysis.contact_cases import ContactRecord, HeldQuantity
+from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mix
 from compact.analysis.contact_stage import Count, Passes, Progress, no_count
 from compact.analysis.engineering_summary import Engineering, Number
 from compact.analysis.engines import Engine
 from compact.analysis.kept_results import KeptResults, write_results
 from compact.analysis.pipeline import build_stages
 from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.sensitivity import Shift, sensitivities
 from compact.analysis.stage_costs import WorkPlan
 from compact.analysis.worker_pool import Errands, Here
 from compact.cams.profile import Cam
@@ -72,10 +73,11 @@ class Study:
         self._step, self._directory = step, directory
         self._answers: dict[str, Any] | None = None
         self._errands: Errands | None = None
-        self.mix: Mix = law_stage.scene_mix(scene)
-        stages = build_stages(scene, self.mix, self.count, directory, progress)
-        self.prescribed_laws, self.contact_stage = stages.prescribed, stages.contacts
-        self.resistance_stage, self.law_stage, self.drive_stage = stages.resistance, stages.laws, stages.drive
+        self.mix: Mix = scene_mix(scene)
+        self.stages = build_stages(scene, self.mix, self.count, directory, progress)
+        self.prescribed_laws, self.contact_stage = self.stages.prescribed, self.stages.contacts
+        self.resistance_stage, self.law_stage = self.stages.resistance, self.stages.laws
+        self.drive_stage = self.stages.drive
 
     def count(self, stage: str) -> None:
         """Count one run of a stage."""
@@ -274,6 +276,11 @@ class Study:
         """One turn of the crankshaft with 1 to 4 carts, and under "scene" that of the scene."""
         return self.drive_stage.turns
 
+    @cached_property
+    def sensitivities(self) -> list[Shift]:
+        """Sensitivity of the least peaks to each input, with a rigid drive."""
+        return sensitivities(self.stages)
+
     # comparison
 
     @contextmanager
@@ -284,7 +291,10 @@ class Study:
             self._answers = {}
             for name in self.scene.compared_engines:
                 request = ComparisonRequest(
-                    self.scene.with_engine(name), self.prescribed_laws.cycles, self.cycles, directory and directory / name
+                    self.scene.with_engine(name),
+                    self.prescribed_laws.cycles,
+                    self.cycles,
+                    directory and directory / name,
                 )
                 self._answers[name] = errands.send(name, run_engine_alternative, request)
             self._errands = errands

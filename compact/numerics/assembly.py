@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 
 
-def moduli(poisson):
+def unit_moduli(poisson):
     """Stiffness of unit modulus against (e_xx, e_yy, 2 e_xy, e): 2 mu, 2 mu, mu and lambda, e the change of area."""
     lame = poisson / ((1 + poisson) * (1 - 2 * poisson))
     shear = 1 / (2 * (1 + poisson))
@@ -47,10 +47,10 @@ def element_unknowns(basis):
     return np.stack([2 * dofs, 2 * dofs + 1], axis=-1).reshape(len(dofs), -1)
 
 
-def assembled(basis, moduli):
+def assemble_stiffness(basis, moduli):
     """int B' C B dA, all elements at once; moduli of all, shape (4,), or of each, shape (elements, 4)."""
     B = strain_matrix(basis)
-    return global_matrix(basis, element_matrices(basis, B, B, moduli))
+    return assemble_matrix(basis, element_matrices(basis, B, B, moduli))
 
 
 def element_matrices(basis, left, right, moduli):
@@ -60,7 +60,7 @@ def element_matrices(basis, left, right, moduli):
     return np.matmul(left.reshape(C_right.shape).transpose(0, 2, 1), C_right)
 
 
-def global_matrix(basis, blocks):
+def assemble_matrix(basis, blocks):
     """The sparse matrix of blocks of the elements."""
     unknowns = element_unknowns(basis)
     rows = np.broadcast_to(unknowns[:, :, None], blocks.shape)

@@ -25,23 +25,23 @@ KEPT = 1e-6  # [-], of the terms of a row, by which a result may break it: ten t
 FIXED = 1e-12  # [-], of a row: less than that is left in the null space of the equalities that fix it
 
 
-class Program(NamedTuple):
+class LinearConstraints(NamedTuple):
     """A x = b, G x <= h: arrays or sparse matrices of n columns."""
 
-    equal: np.ndarray
-    equal_to: np.ndarray
-    below: np.ndarray
-    below_to: np.ndarray
+    equality_matrix: np.ndarray
+    equality_values: np.ndarray
+    inequality_matrix: np.ndarray
+    inequality_bounds: np.ndarray
 
 
-def least_linear(cost, program, box=None):
+def minimise_linear(cost, program, box=None):
     """x of least c'x, shape (n,), or None where no x fits; `box` bounds each |x_i|, inf for none.
 
     Raises RuntimeError where HiGHS finds no solution that keeps all rows.
     """
     bounds = (None, None) if box is None else np.column_stack([-box, box])
-    equal, equal_to = _scaled(program.equal, program.equal_to, most=1.0)
-    below, below_to = _scaled(program.below, program.below_to, most=1.0)
+    equal, equal_to = _scaled(program.equality_matrix, program.equality_values, most=1.0)
+    below, below_to = _scaled(program.inequality_matrix, program.inequality_bounds, most=1.0)
     tight = {"primal_feasibility_tolerance": TIGHT, "dual_feasibility_tolerance": TIGHT}
     reasons = []
     for options in (tight, {}, {"presolve": False}):
@@ -57,13 +57,13 @@ def least_linear(cost, program, box=None):
     raise RuntimeError(f"HiGHS solved no program of {len(cost)} unknowns: {'; '.join(dict.fromkeys(reasons))}")
 
 
-def least_quadratic(curvature, cost, program, box=None):
-    """x of least (1/2) x'Qx + c'x, shape (n,); Q positive semidefinite, `box` as of `least_linear`.
+def minimise_quadratic(curvature, cost, program, box=None):
+    """x of least (1/2) x'Qx + c'x, shape (n,); Q positive semidefinite, `box` as of `minimise_linear`.
 
     Raises RuntimeError, with the residuals reached, where Clarabel does not converge to `NEAR`.
     """
-    equal, equal_to = _scaled(program.equal, program.equal_to)
-    below, below_to = sparse.csr_array(program.below), np.asarray(program.below_to, float)
+    equal, equal_to = _scaled(program.equality_matrix, program.equality_values)
+    below, below_to = sparse.csr_array(program.inequality_matrix), np.asarray(program.inequality_bounds, float)
     if box is not None:
         held = np.flatnonzero(np.isfinite(box))
         unit = sparse.csr_array(sparse.eye_array(len(cost)))[held]

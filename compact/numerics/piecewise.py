@@ -13,32 +13,34 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import Polynomial, chebyshev
 
-EPSILON = 4 * np.finfo(float).eps  # share of a unit interval by which a join is passed: 1 - z then sees the same side
+BREAK_OFFSET = (
+    4 * np.finfo(float).eps
+)  # share of a unit interval by which a join is passed: 1 - z then sees the same side
 HALVINGS = 40  # of a piece towards each of its ends, down to 1e-12 of it
 ZOOM, ZOOMS = 20, 7  # cells, and zooms in on the best two: to 1e-7 of a cell, so a smooth top is right to rounding
 
 
-def graded(breaks, steps=24):
+def graded_grid(breaks, steps=24):
     """Grid on each piece: uniform inside, halving towards both ends (boundary layers)."""
     near = 2.0 ** -np.arange(HALVINGS, 3, -1)
     unit = np.concatenate([[0.0], near, np.linspace(near[-1], 1 - near[-1], steps)[1:-1], 1 - near[::-1]])
     return np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * unit).ravel(), breaks[-1])
 
 
-def inside(breaks, steps=64):
+def interior_grid(breaks, steps=64):
     """The graded grid of each piece, kept off its ends: shape (pieces, n)."""
-    low, high = breaks[:-1, None] + EPSILON, breaks[1:, None] - EPSILON
-    return np.clip(low + (high - low) * graded(np.array([0.0, 1.0]), steps), low, high)
+    low, high = breaks[:-1, None] + BREAK_OFFSET, breaks[1:, None] - BREAK_OFFSET
+    return np.clip(low + (high - low) * graded_grid(np.array([0.0, 1.0]), steps), low, high)
 
 
-def largest(function, grid):
+def find_maximum(function, grid):
     """(value, place) of the largest value: `grid` of shape (pieces, n) brackets each local top, a zoom finds it."""
     value = function(grid)
     best = np.unravel_index(np.argmax(value), value.shape)
     left, middle, right = value[:, :-2], value[:, 1:-1], value[:, 2:]
     with np.errstate(invalid="ignore"):  # a function may be -inf where it does not apply
         bend = 2 * middle - left - right  # more than a smooth top can rise between the samples
-    rises = (middle + bend >= value[best]) & (bend > EPSILON * np.abs(value[best]))  # a plateau has as many tops
+    rises = (middle + bend >= value[best]) & (bend > BREAK_OFFSET * np.abs(value[best]))  # a plateau has as many tops
     rows, columns = np.nonzero((middle >= left) & (middle >= right) & rises)  # as samples, and none rises
     low, high = grid[rows, columns, None], grid[rows, columns + 2, None]
     tops = [(float(value[best]), float(grid[best]))]
@@ -51,9 +53,9 @@ def largest(function, grid):
     return max(tops)
 
 
-def sign_changes(function, breaks):
+def find_roots(function, breaks):
     """Roots of a function, bracketed on the graded grid and bisected to rounding."""
-    grid = graded(breaks)
+    grid = graded_grid(breaks)
     values = function(grid)
     change = np.flatnonzero(values[:-1] * values[1:] < 0)
     low, high, sign = grid[change], grid[change + 1], np.sign(values[change])
@@ -64,10 +66,10 @@ def sign_changes(function, breaks):
     return (low + high) / 2
 
 
-def integral(function, breaks):
+def integrate(function, breaks):
     """Integral over the pieces by Gauss' rule of 12 points on the graded grid: exact for polynomials to degree 23."""
     nodes, weights = np.polynomial.legendre.leggauss(12)
-    grid = graded(np.asarray(breaks, float))
+    grid = graded_grid(np.asarray(breaks, float))
     half = np.diff(grid) / 2
     points = (grid[:-1] + half)[:, None] + half[:, None] * nodes
     return float(np.sum(half[:, None] * weights * function(points)))
@@ -101,7 +103,7 @@ TO_POWERS = np.column_stack(
 )
 
 
-class Pieces(NamedTuple):
+class PiecewisePolynomial(NamedTuple):
     """breaks, shape (n + 1,), ascending; coefficients, shape (n, degree + 1), lowest first."""
 
     breaks: np.ndarray
@@ -122,8 +124,8 @@ def horner(coefficients, u):
     return value
 
 
-def pieces(function, breaks, tolerance):
-    """`Pieces` that meet a function of places within a tolerance in its own unit; pieces are halved until they do.
+def fit_piecewise(function, breaks, tolerance):
+    """`PiecewisePolynomial` that meet a function of places within a tolerance in its own unit; pieces are halved until they do.
 
     function : of an array of places; it is asked inside the pieces only, never at a join
     breaks : places where the function may jump or kink, ends among them, ascending
@@ -134,7 +136,7 @@ def pieces(function, breaks, tolerance):
     low, high, span = breaks[:-1], breaks[1:], breaks[-1] - breaks[0]
     done = []
     while low.size:
-        width, inset = (high - low)[:, None], EPSILON * span
+        width, inset = (high - low)[:, None], BREAK_OFFSET * span
         asked = np.clip(low[:, None] + width * EVERYWHERE, low[:, None] + inset, high[:, None] - inset)
         at_nodes, between = np.split(function(asked), [DEGREE + 1], axis=1)
         coefficients = at_nodes @ TO_CHEBYSHEV.T @ TO_POWERS.T
@@ -149,11 +151,13 @@ def pieces(function, breaks, tolerance):
         middle = (low + high) / 2
         low, high = np.append(low[~met], middle[~met]), np.append(middle[~met], high[~met])
     done.sort(key=lambda piece: piece[0])
-    return Pieces(np.append([piece[0] for piece in done], breaks[-1]), np.array([piece[2] for piece in done]))
+    return PiecewisePolynomial(
+        np.append([piece[0] for piece in done], breaks[-1]), np.array([piece[2] for piece in done])
+    )
 
 
-def integrated(derivative, start):
-    """The integral of `Pieces`, with its own value at the start of each piece, shape (n,): no rounding adds up."""
+def antiderivative(derivative, start):
+    """The integral of `PiecewisePolynomial`, with its own value at the start of each piece, shape (n,): no rounding adds up."""
     width = np.diff(derivative.breaks)[:, None]
     powers = np.arange(1, derivative.coefficients.shape[1] + 1)
-    return Pieces(derivative.breaks, np.column_stack([start, width * derivative.coefficients / powers]))
+    return PiecewisePolynomial(derivative.breaks, np.column_stack([start, width * derivative.coefficients / powers]))

@@ -23,7 +23,7 @@ LEAP = 0.5  # change of the unknowns between two runs that the correction varies
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class SpaceMappingFit:
     """Unknowns u, shape (m,), and what the model says there.
 
     predicted : of the data, shape (n,);  misfit : ln(predicted/measured), shape (n,)
@@ -81,8 +81,8 @@ class Correction:
         return replace(self, ratio=believed, slope=self.slope + change, at=u, near=near)
 
 
-def fit(cheap, measured, start, dear=None, tolerance=1e-3, correction=None, varies=None, shaken=SHAKEN):
-    """The `Fit` of u to measured numbers.
+def fit_parameters(cheap, measured, start, dear=None, tolerance=1e-3, correction=None, varies=None, shaken=SHAKEN):
+    """The `SpaceMappingFit` of u to measured numbers.
 
     cheap, dear : callables u -> predictions > 0, shape (n,);  measured : shape (n,), > 0
     start : u, shape (m,), where a dear model is asked first
@@ -94,7 +94,7 @@ def fit(cheap, measured, start, dear=None, tolerance=1e-3, correction=None, vari
     Raises ValueError for more unknowns than data or data that do not tell the unknowns apart; RuntimeError with the
     history if the two models do not come to agree.
 
-    >>> found = fit(lambda u: np.exp([u[0] + u[1], u[0] - u[1]]), [6.0, 1.5], start=[0.0, 0.0])
+    >>> found = fit_parameters(lambda u: np.exp([u[0] + u[1], u[0] - u[1]]), [6.0, 1.5], start=[0.0, 0.0])
     >>> [f"{value:.4f}" for value in np.exp(found.unknowns)]
     ['3.0000', '2.0000']
     """
@@ -106,11 +106,11 @@ def fit(cheap, measured, start, dear=None, tolerance=1e-3, correction=None, vari
         varies = np.ones(start.size) if varies is None else np.array(varies, dtype=float)
         return _mapped(cheap, measured, start, dear, tolerance, Correction(np.nan, slope, start, varies, 0, shaken))
     u, slopes, predicted = _fitted(cheap, measured, start, correction)
-    return Fit(u, predicted, np.log(predicted / measured), slopes, correction)
+    return SpaceMappingFit(u, predicted, np.log(predicted / measured), slopes, correction)
 
 
 def _mapped(cheap, measured, start, dear, tolerance, correction):
-    """The `Fit` of the dear model, by a `Correction` of which only the slope is known."""
+    """The `SpaceMappingFit` of the dear model, by a `Correction` of which only the slope is known."""
     u, last, leap, settled, history = start, None, LEAP, False, []
     for _ in range(RUNS):
         try:
@@ -129,7 +129,7 @@ def _mapped(cheap, measured, start, dear, tolerance, correction):
         correction = correction.renewed(ratio, u)
         aim, slopes, _ = _fitted(cheap, measured, u, correction)
         if met:
-            return Fit(u, there, np.log(there / measured), slopes, correction, tuple(history))
+            return SpaceMappingFit(u, there, np.log(there / measured), slopes, correction, tuple(history))
         u, settled = _leapt(u, aim, leap, correction.varies)
     raise RuntimeError(f"the calibration did not settle in {RUNS} runs: u and ln(predicted/measured) were {history}")
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from compact.analysis.contact_cases import contact_record, contact_to_json
-from compact.analysis.engines import COMPACTING, FIELDED, fields, roll
+from compact.analysis.contact_stage import roll_scene
 from compact.files import write_csv, write_figure, write_json
 
 ENGINE_HEADER = (
@@ -22,7 +22,7 @@ def write_contact_tables(study, directory):
         float(study.exact.load),
     )
     yield write_csv(directory / "contact.csv", CONTACT_HEADER, [(*row(each), *beside) for each in study.contacts])
-    if study.scene.accuracy.engine in COMPACTING:
+    if study.engine.compacting:
         yield from study.standing(directory, "passes.csv", "density.csv") or _passes(study.passes, directory)
 
 
@@ -73,7 +73,7 @@ def pressure(study, directory):
     if study.layered:
         speed, rolled = min(study.rolled, key=lambda pair: abs(np.log(pair[0] / speed)))
     else:
-        rolled = roll(study.scene, study.mix, speed)
+        rolled = roll_scene(study.scene, study.mix, speed)
     return write_figure(directory / "pressure.png", figures.contact(rolled, study.exact, speed))
 
 
@@ -89,13 +89,13 @@ def write_contact(directory, study, speed, passes):
     replaced = {"replaced": list(study.scene.replacements[engine])}
     write_json(directory / "contact.json", contact_to_json(contact_record(engine, speed, passes)) | replaced)
     write_figure(directory / "pressure.png", figures.contact(rolled, study.exact, speed))
-    if study.scene.accuracy.engine in COMPACTING:
+    if study.engine.compacting:
         list(_passes([(speed, passes)], directory))
         write_figure(directory / "density.png", figures.density(passes))
-    if study.scene.accuracy.engine in FIELDED:
+    if study.engine.fields_module:
         from compact.engines.fem.fields import write_series
 
-        layers = [(fields(rolled, study.scene.accuracy.engine), rolled)]
+        layers = [(study.engine.fields(rolled), rolled)]
         list(write_series(layers, directory))
         write_figure(directory / "fields.png", figures.fields(layers))
 
@@ -168,7 +168,7 @@ def _target(study):
             "load": f"the prescribed load of {given:.4g} N on a roller",
             "peak_pressure": f"the prescribed peak pressure of {given / 1e3:.4g} kPa",
         }[name]
-    if study.scene.accuracy.engine in COMPACTING:
+    if study.engine.compacting:
         return f"the density ratio {study.scene.mix.density_ratio:g} of the product"
     return f"the peak pressure of {study.mix.required_pressure / 1e3:.4g} kPa that the density requires"
 

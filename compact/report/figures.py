@@ -323,7 +323,7 @@ def speeds(contacts):
 def resistance(met, acceleration):
     """Resistance of one cart over speed, steady and at some accelerations up to one [m/s2], beside what it adds, M(v).
 
-    Dotted where the motion is too unsteady for first order in its acceleration (`ResistanceMap.beyond`).
+    Dotted where the motion is too unsteady for first order in its acceleration (`ResistanceMap.is_unsteady`).
     """
     known = met.added_masses is not None and np.any(met.added_masses)
     ratios, width = ([4 / 3, 2 / 3], 4.7) if known else ([1], 6.2)
@@ -352,7 +352,7 @@ def resistance(met, acceleration):
 
 def _hurried(ax, met, speed, acceleration, color):
     """F(v, a) at one acceleration, dotted where that is beyond first order."""
-    force, beyond = met(speed, acceleration) / 1e3, met.beyond(speed, acceleration)
+    force, beyond = met(speed, acceleration) / 1e3, met.is_unsteady(speed, acceleration)
     ax.plot(speed, np.where(beyond, np.nan, force), color=color, label=f"a = {acceleration:+.2g} m/s²")
     ax.plot(speed, np.where(beyond, force, np.nan), color=color, linestyle=":")
 

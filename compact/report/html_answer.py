@@ -5,7 +5,7 @@ from html import escape
 import numpy as np
 
 from compact import quantities
-from compact.analysis.engines import COMPACTING
+from compact.analysis.engines import ENGINES as REGISTRY
 from compact.machine.ranking import CRITERIA
 from compact.report.contact_tables import guide_sentence, return_sentence
 from compact.report.page import listed, paragraph, percent, quantity, sentence, strong
@@ -53,8 +53,8 @@ def answer(study, shifts, found):
     said += [f"With a rigid drive: {_winner(by, order)}" for by, order in rigid.items()]
     said += [f"The law {strong(name)} is not made: {escape(why)}." for name, why in study.laws_not_made.items()]
     said.append(_met(study))
-    if not study.mix.reachable:
-        said.append(f"{strong('Not reachable by rolling:')} {escape(study.mix.reachable.reason)}.")
+    if not study.mix.density_achievable:
+        said.append(f"{strong('Not reachable by rolling:')} {escape(study.mix.density_achievable.reason)}.")
     sure = [
         _known_by_engine(study),
         *_first_is_sure(orders),
@@ -62,7 +62,7 @@ def answer(study, shifts, found):
         *_by_engines_beside(study),
         _order_holds(shifts),
     ]
-    failed = [check.what for check in found if not check.holds]
+    failed = [check.name for check in found if not check.passed]
     sure.append(
         f"{strong('Built-in checks that fail:')} {escape(', '.join(failed))}."
         if failed
@@ -170,7 +170,7 @@ def _known_by_engine(study):
     own += ", of its arithmetic alone: columns know no second dimension," if engine == "column" else ""
     model = (
         "the mix stays pressed, as it does"
-        if engine in COMPACTING
+        if REGISTRY[engine].compacting
         else "the mix springs back, which leaves out most of the resistance of a mix that stays pressed"
     )
     return (

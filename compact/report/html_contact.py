@@ -4,7 +4,6 @@ from html import escape
 
 from compact import quantities
 from compact.analysis.engineering_summary import coverage
-from compact.analysis.engines import COMPACTING
 from compact.report.contact_tables import held_sentence
 from compact.report.page import Section, mark, number, paragraph, percent, picture, quantity, sentence, table
 
@@ -92,7 +91,7 @@ def _engine_tables(study):
     yield table(
         CONTACT, rows, f"One roller by the engine {engine}, per metre of its length, with its own errors", numeric
     )
-    if engine in COMPACTING:
+    if study.engine.compacting:
         passes = [
             (
                 quantity(contact.speed, "m/s"), str(count),

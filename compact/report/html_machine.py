@@ -4,9 +4,9 @@ from html import escape
 
 import numpy as np
 
+from compact.analysis.law_stage import COMPLIANT_DRIVES, FOLLOWERS
 from compact.analysis.ranking_uncertainty import ties
 from compact.analysis.sensitivity import PRIOR
-from compact.analysis.study import FOLLOWERS, YIELDING
 from compact.machine.ranking import CRITERIA
 from compact.report.html_answer import WORDS, means
 from compact.report.page import (
@@ -114,7 +114,7 @@ def laws(study, pictures):
     }
     words = "Velocity, acceleration and jerk of every law over the way there, a row for each family of laws"
     said = "Every law over the way there. The way back mirrors it, and that of a crank retraces it."
-    if study.scene.drive.kind in YIELDING:
+    if study.scene.drive.kind in COMPLIANT_DRIVES:
         said += " The drive yields: the motion that the cart makes of a law is in the files cycles/LAW.csv."
     shown = picture(pictures["kinematics"](), words, said)
     caption = "Exact peaks inside the pieces, and what jumps at their joins"
@@ -328,12 +328,12 @@ def built_in(found):
     """The built-in checks, as of `checks`."""
     rows = [
         (
-            escape(check.what), number(check.left, 2), number(check.limit, 2),
-            mark("good", "holds") if check.holds else mark("bad", "fails"),
+            escape(check.name), number(check.residual, 2), number(check.limit, 2),
+            mark("good", "holds") if check.passed else mark("bad", "fails"),
         )
         for check in found
     ]  # fmt: skip
-    failed = sum(not check.holds for check in found)
+    failed = sum(not check.passed for check in found)
     lead = f"{len(found)} balances and counts; {failed or 'none'} of them fail{'s' if failed == 1 else ''}."
     return Section(
         "checks", "Built-in checks", lead, table(("what", "left over", "allowed", ""), rows, "Checks", (1, 2))

@@ -1,8 +1,8 @@
 """The order of the laws by every engine and drive of a study: tables, whether they agree, and what is kept of each."""
 
-from compact.analysis import resistance_stage
+from compact.analysis.comparison import DIRECTORY
+from compact.analysis.kept_results import KeptResults, write_results
 from compact.analysis.ranking_uncertainty import agreement, error
-from compact.analysis.study import BESIDE
 from compact.files import write_csv
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report.contact_tables import ENGINE_HEADER, row
@@ -74,7 +74,7 @@ def write_ranking_tables(study, directory):
         yield write_csv(directory / "agreement.csv", AGREEMENT_HEADER, rows)
     for name, aside in study.beside.items():
         if aside.contacts:
-            path = directory / BESIDE / name / "contact.csv"
+            path = directory / DIRECTORY / name / "contact.csv"
             yield write_csv(path, ENGINE_HEADER, [row(contact) for contact in aside.contacts])
 
 
@@ -91,8 +91,8 @@ def keep(study, directory):
     """Leave contacts and maps of the engines beside for the next run; yields what is written."""
     for name, aside in study.beside.items():
         if aside.contacts:
-            found = aside.contacts, aside.held, aside.second_pass, aside.resistance
-            yield from resistance_stage.save(directory / BESIDE / name, *found, aside.key, [])
+            results = KeptResults(aside.contacts, aside.held, aside.second_pass, aside.resistance)
+            yield from write_results(directory / DIRECTORY / name, results, aside.key)
 
 
 def lines(study, criteria):

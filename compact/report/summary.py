@@ -10,8 +10,7 @@ from importlib.metadata import version
 from typing import Any
 
 from compact import quantities
-from compact.analysis.contact_cases import contact_to_json
-from compact.analysis.engines import HeldQuantity
+from compact.analysis.contact_cases import HeldQuantity, contact_to_json
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, value_of
@@ -37,7 +36,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
     dict
     """
     scene = study.scene
-    reach = study.mix.reachable
+    reach = study.mix.density_achievable
     return {
         "schema": SCHEMA,
         "title": scene.title,
@@ -93,7 +92,7 @@ def _drive_resistance(study: Study) -> dict[str, Any]:
         "error_between_speeds": resistance_map.error,
         "error_of_the_engine": resistance_map.engine_error,
         "added_masses": resistance_map.added_masses,
-        "relaxation_time": resistance_map.time,
+        "relaxation_time": resistance_map.relaxation_time,
         "kept": study.kept is not None,
     }
 
@@ -122,7 +121,7 @@ def _steady_forces(study: Study) -> dict[str, Any]:
 def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
     """Convert the criteria of a run, their errors and the quantities of its kind of drive."""
     own = [name for name in quantities.RUN if name != "unsteady_share" and hasattr(run, name)]
-    unsteady = {"unsteady_share": run.share(study.resistance.beyond)} if study.layered else {}
+    unsteady = {"unsteady_share": run.share(study.resistance.is_unsteady)} if study.layered else {}
     errors = {"errors": {by: ranking_tables.moved(study, run, by) for by in CRITERIA}}
     criteria = {by: value_of(run, by) for by in CRITERIA}
     return criteria | {name: getattr(run, name) for name in own} | unsteady | errors

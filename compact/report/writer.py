@@ -8,10 +8,10 @@ from textwrap import wrap
 import numpy as np
 
 from compact.analysis.engineering_summary import coverage
-from compact.analysis.study import YIELDING
+from compact.analysis.law_stage import COMPLIANT_DRIVES
 from compact.analysis.worker_pool import Here
 from compact.cams.profile import stepper
-from compact.files import claimed, png, write_bytes, write_columns, write_csv, write_figure, write_json
+from compact.files import claimed_directory, render_png, write_bytes, write_columns, write_csv, write_figure, write_json
 from compact.machine.ranking import CRITERIA
 from compact.report import contact_tables, drive_tables, ranking_tables
 from compact.report.contact_tables import guide_sentence, held_sentence, return_sentence
@@ -28,7 +28,7 @@ def write_study(study, directory, force=False, crew=None):
     Raises ResultsError where a file cannot be written or another scene's results stand.
     """
     wanted = study.scene.output.items
-    with claimed(directory, study.scene.hash, force) as directory, study.helped(crew or Here()):
+    with claimed_directory(directory, study.scene.hash, force) as directory, study.helped(crew or Here()):
         files = list(contact_tables.write_contact_tables(study, directory)) if study.layered else []
         kept = list(study.keep(directory, files)) if study.layered else []
         for writer in [FIRST[part] for part in FIRST if part in wanted]:
@@ -166,7 +166,7 @@ def _pictures(study):
         @cache
         def picture():
             study.count("figures")
-            return png(figure(*of))
+            return render_png(figure(*of))
 
         pictures[name] = picture
 
@@ -226,8 +226,8 @@ def study_digest(study):
         lines += [f"  {line}" for line in wrap(short, WIDTH)]
     facts = (held_sentence(study), return_sentence(study), guide_sentence(study))
     lines += ["", *(f"  {line}" for fact in facts for line in wrap(fact, WIDTH))]
-    if not study.mix.reachable:
-        lines.append(f"  {study.mix.reachable.reason}")
+    if not study.mix.density_achievable:
+        lines.append(f"  {study.mix.density_achievable.reason}")
     replaced = [sentence for sentences in study.scene.replacements.values() for sentence in sentences]
     lines += [f"  {line}" for sentence in replaced for line in wrap(sentence, WIDTH)]
     engine = study.scene.accuracy.engine
@@ -236,7 +236,7 @@ def study_digest(study):
             beside = ranking_tables.beside(study, kind, by)
             lines += ["", f"laws by {CRITERIA[by].quantity.term} [{CRITERIA[by].unit}], {engine}, {kind} drive"]
             lines += [f"{'':>66}{''.join(f'{name:>18}' for name in beside)}".rstrip()] * bool(beside)
-            runs = study.runs if kind == study.scene.drive.kind and kind in YIELDING else {}
+            runs = study.runs if kind == study.scene.drive.kind and kind in COMPLIANT_DRIVES else {}
             lines += [_place_line(place, runs.get(place.law), beside) for place in order]
     if study.laws_not_made:
         lines += ["", *(f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())]

@@ -1,8 +1,8 @@
-"""The rules between the keys of a scene, and the rules of thumb; what one key alone may be stands in `scene`.
+"""Rules between the keys of a scene, and advice by rules of thumb; bounds of a single key are in `schema`.
 
-A rule is a function of the values it involves that returns a sentence when they do not fit, else None. It is asked
-only when none of its keys is refused already, and it is reported at the first of them. An optional key that is absent
-comes as None.
+A rule is a function of the values of its keys. It returns a sentence where the values contradict one another, else
+None. It is evaluated if none of its keys has been refused, and reported at its first key. The value of an absent
+optional key is None.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -14,23 +14,31 @@ from typing import Any
 from compact.scene.engine_capabilities import TORQUE_ENGINES, refusals
 from compact.scene.errors import Key, Mistake, Source
 
-GUARD = 1 + 1e-9  # the published machine stands exactly on 2R + B_T = stroke, in decimal fractions
+GUARD = 1 + 1e-9  # [-], relative rounding margin; the published machine satisfies 2R + B_T = stroke exactly
 
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule and the key paths of its arguments."""
+    """Rule between keys.
+
+    Parameters
+    ----------
+    keys : tuple of str
+        Key paths of the arguments.
+    broken : callable
+        Function of their values that returns a sentence where they violate the rule, else None.
+    """
 
     keys: tuple[str, ...]
     broken: Callable[..., str | None]
 
     @cached_property
     def paths(self) -> tuple[Key, ...]:
-        """The key paths, part by part."""
+        """Key paths, part by part."""
         return tuple(tuple(key.split(".")) for key in self.keys)
 
     def involves(self, keys: Iterable[Key]) -> bool:
-        """Whether one of its keys is among these, in one of them, or around one."""
+        """Return True if one of its keys is among `keys`, inside one of them or around one."""
         return any(path[: len(key)] == key[: len(path)] for key in keys for path in self.paths)
 
 
@@ -39,7 +47,21 @@ ADVICE: list[Rule] = []
 
 
 def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[Mistake] = ()) -> list[Mistake]:
-    """What the rules say of nested tables of values, leaving out the rules that involve a refused key."""
+    """Evaluate rules on nested tables of values.
+
+    Parameters
+    ----------
+    rules : iterable of Rule
+    data : mapping
+        Nested tables of a scene.
+    refused : iterable of Mistake
+        Mistakes of single keys; rules that involve their keys are skipped.
+
+    Returns
+    -------
+    list of Mistake
+        One for each violated rule, at its first key.
+    """
     out = {mistake.key for mistake in refused}
     found = []
     for rule in rules:
@@ -51,7 +73,7 @@ def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[
 
 
 def tables_exist(source: Source) -> Rule:
-    """The rule that every table named is a file under the folder of the scene."""
+    """Return the rule that every table of `motion.tables` is a file below the folder of the scene."""
     return Rule(("motion.tables",), lambda tables: _missing(tables or (), source.folder))
 
 
@@ -121,9 +143,9 @@ def _lift_is_of_the_product(lift, height):
 
 @_rule("layer.plies", "product.height", "layer.lift_thickness")
 def _plies_fill_the_layer(plies, height, lift):
-    total, (key, asked) = sum(ply["thickness"] for ply in plies or ()), _pressed(height, lift)
-    if plies and abs(total - asked) > (GUARD - 1) * asked:
-        return f"must be {key} = {asked:g} m thick together, got {total:.9g}; change one thickness"
+    total, (key, required) = sum(ply["thickness"] for ply in plies or ()), _pressed(height, lift)
+    if plies and abs(total - required) > (GUARD - 1) * required:
+        return f"must be {key} = {required:g} m thick together, got {total:.9g}; change one thickness"
 
 
 def _pressed(height, lift):
@@ -307,7 +329,7 @@ for _key in ("motion.laws", "motion.tables", "drive.rank_by", "output.items"):
 @_rule("motion.laws")
 def _all_stands_alone(laws):
     if "all" in laws and set(laws) != {"all"}:
-        return '"all" already holds every law, got it beside others; write ["all"] or the names'
+        return '"all" already holds every law, got it with others; write ["all"] or the names'
 
 
 @_rule("machine.roller_radius", "product.height", into=ADVICE)
@@ -326,13 +348,13 @@ def _weight_suits_the_mass(weight, mass):
 @_rule("machine.roller_condition", "accuracy.engine", into=ADVICE)
 def _driven_roller_may_stick(rolling, engine):
     if engine not in TORQUE_ENGINES and rolling == "driven":
-        return f'the engine "{engine}" lets a driven roller slip all over, whatever its torque; "fem" lets it stick'
+        return f'the engine "{engine}" assumes full slip of a driven roller, whatever its torque; "fem" resolves stick'
 
 
 @_rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine", into=ADVICE)
 def _torque_is_heeded(torque, rolling, engine):
     if engine not in TORQUE_ENGINES and torque and rolling != "driven":
-        return f'the engine "{engine}" takes no account of machine.roller_torque; "fem" and "compaction" do'
+        return f'the engine "{engine}" neglects machine.roller_torque; "fem" and "compaction" use it'
 
 
 def _missing(tables, folder):

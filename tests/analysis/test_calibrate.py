@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from compact import cli
-from compact.analysis.calibration import blend, calibrate, digest
-from compact.analysis.engines import compaction, inputs, roll
+from compact.analysis.calibration import calibrate, digest
+from compact.analysis.contact_cases import compaction_material, contact_inputs, scene_mix
+from compact.analysis.contact_stage import roll_scene
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as finite_elements
 from compact.engines.compaction.results import CompactionContactResult
-from compact.numerics.space_mapping import fit
+from compact.numerics.space_mapping import fit_parameters
 from compact.scene.loader import SceneError, load_scene
 from compact.scene.plant_data import Band, Measured, Measurement, read_measurements
 
@@ -39,14 +40,14 @@ def published():
 
 
 def test_two_powers_are_told_apart():
-    found = fit(lambda u: np.exp([u[0] + 0.4 * u[1], u[0] - 0.7 * u[1]]), [6.0, 1.5], [0.0, 0.0])
+    found = fit_parameters(lambda u: np.exp([u[0] + 0.4 * u[1], u[0] - 0.7 * u[1]]), [6.0, 1.5], [0.0, 0.0])
     exact = np.linalg.solve([[1, 0.4], [1, -0.7]], np.log([6.0, 1.5]))
     assert found.unknowns == pytest.approx(exact, rel=1e-8)
     assert found.sensitivity == pytest.approx(np.linalg.inv([[1, 0.4], [1, -0.7]]), rel=1e-6)
 
 
 def test_more_data_than_unknowns_leave_the_least_squares():
-    found = fit(lambda u: np.exp([u[0]] * 3), [1.0, 2.0, 4.0], [0.0])
+    found = fit_parameters(lambda u: np.exp([u[0]] * 3), [1.0, 2.0, 4.0], [0.0])
     assert np.exp(found.unknowns) == pytest.approx([2.0], rel=1e-8)
     assert found.misfit == pytest.approx(np.log([2.0, 1.0, 0.5]), abs=1e-8)
 
@@ -60,16 +61,16 @@ def cheap(u):
 
 
 def test_corrected_cheap_model_meets_the_dear_one():
-    found = fit(cheap, [6.0, 1.5], [0.0, 0.0], dear)
+    found = fit_parameters(cheap, [6.0, 1.5], [0.0, 0.0], dear)
     assert dear(found.unknowns) == pytest.approx([6.0, 1.5], rel=1e-3)
     assert len(found.history) < 6
-    again = fit(cheap, [6.0, 1.5], [0.0, 0.0], correction=found.correction)
+    again = fit_parameters(cheap, [6.0, 1.5], [0.0, 0.0], correction=found.correction)
     assert again.unknowns == pytest.approx(found.unknowns, abs=2e-3)
 
 
 def test_correction_learns_how_fast_the_models_come_apart():
     """u^2.5 by u: where the correction stays constant the trials overshoot more and more."""
-    found = fit(np.exp, [6.0], [0.0], lambda u: np.exp(2.5 * u))
+    found = fit_parameters(np.exp, [6.0], [0.0], lambda u: np.exp(2.5 * u))
     assert found.unknowns == pytest.approx([np.log(6.0) / 2.5], abs=1e-3)
     assert found.correction.slope == pytest.approx(np.array([[1.5]]), rel=0.02)
     assert found.sensitivity == pytest.approx(np.array([[1 / 2.5]]), rel=0.02)
@@ -78,7 +79,7 @@ def test_correction_learns_how_fast_the_models_come_apart():
 @pytest.mark.parametrize("seed", range(5))
 def test_dear_model_that_trembles_is_met_on_its_mean(seed):
     rng = np.random.default_rng(seed)
-    found = fit(np.exp, [6.0], [1.0], lambda u: np.exp(1.2 * u + rng.uniform(-5e-3, 5e-3)))
+    found = fit_parameters(np.exp, [6.0], [1.0], lambda u: np.exp(1.2 * u + rng.uniform(-5e-3, 5e-3)))
     assert found.unknowns == pytest.approx([np.log(6.0) / 1.2], abs=4e-3)
     assert found.correction.slope == pytest.approx(np.array([[0.2]]), abs=0.1)
     assert found.scatter[0] < 1.5e-2
@@ -91,7 +92,7 @@ def test_unknown_that_both_models_feel_alike_leaves_the_correction_alone():
     def once(u):
         return np.exp([u[0] + 0.4 * u[1], u[1]])
 
-    found = fit(once, [6.0, 1.5], [0.0, 0.0], twice, varies=[False, True])
+    found = fit_parameters(once, [6.0, 1.5], [0.0, 0.0], twice, varies=[False, True])
     assert twice(found.unknowns) == pytest.approx([6.0, 1.5], rel=1e-3)
     assert found.correction.slope == pytest.approx(np.array([[0.0, 0.1], [0.0, 0.3]]), rel=0.1)
 
@@ -105,7 +106,7 @@ def test_dear_model_that_fails_is_asked_nearer_to_where_it_did_not():
             raise RuntimeError("not steady")
         return np.exp(1.2 * u)
 
-    found = fit(np.exp, [2.3], [0.4], fragile)
+    found = fit_parameters(np.exp, [2.3], [0.4], fragile)
     assert found.unknowns == pytest.approx([np.log(2.3) / 1.2], abs=2e-3)
     assert np.isnan(found.history[1][1]).all()
     assert asked[2] == pytest.approx((asked[0] + asked[1]) / 2)
@@ -126,7 +127,7 @@ def test_column_remembers_what_it_was_made_of():
         }
     )
     found = calibrate(scene, reading(load=8367.7, resistance_coefficient=0.182854))
-    material = compaction(found.scene, blend(found.scene))
+    material = compaction_material(found.scene, scene_mix(found.scene))
     assert found.fed_density_ratio == pytest.approx(0.93246, abs=1e-5)
     assert material.heckel_slope == pytest.approx(16.1919e-6, rel=1e-5)
     assert found.rolled[0].exit_density_ratio == pytest.approx(0.98, abs=1e-9)
@@ -218,9 +219,9 @@ def test_the_scene_alone_gives_the_last_trial_again(doubled):
     """Of the scene's own layer, as deep as columns of the same mix for a density that makes up for what they miss."""
     found, double = doubled
     _, layer, roller = double.calls[-1]
-    material = compaction(found.scene, blend(found.scene))
-    assert layer.height == pytest.approx(column.feed(0.22, 0.98, material, 0.13).height, rel=1e-5)
-    fed = column.feed(layer.height, 0.98 + 2e-3, material, 0.13)
+    material = compaction_material(found.scene, scene_mix(found.scene))
+    assert layer.height == pytest.approx(column.required_feed(0.22, 0.98, material, 0.13).height, rel=1e-5)
+    fed = column.required_feed(layer.height, 0.98 + 2e-3, material, 0.13)
     assert roller.indentation == pytest.approx(layer.height * fed.indentation / fed.height, rel=1e-3)
     assert roller.radius == 0.11
     assert found.rolled[0].indentation == roller.indentation
@@ -300,7 +301,7 @@ def test_scene_calibrated_in_lifts_gives_the_published_point_at_default_settings
     """As fitted on 12 increments; a march meets the density to 1e-4, which is 0.2 % of the load."""
     mix = LIFT | {"mix.overrides.heckel_slope": 14.9605e-6, "layer.fed_density_ratio": 0.935763}
     scene = load_scene(PUBLISHED, **mix)
-    rolled = roll(scene, blend(scene), 0.4 / 3, "compaction")
+    rolled = roll_scene(scene, scene_mix(scene), 0.4 / 3, "compaction")
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-4)
     assert rolled.load * 1.164 == pytest.approx(9740, rel=3e-3)
     assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=3e-3)
@@ -308,7 +309,7 @@ def test_scene_calibrated_in_lifts_gives_the_published_point_at_default_settings
 
 def pressed(scene, depth):
     """A contact of a scene by finite elements on 4 increments, from rest."""
-    layer, roller, material = inputs(scene, blend(scene), "compaction", 0.4 / 3)
+    layer, roller, material = contact_inputs(scene, scene_mix(scene), "compaction", 0.4 / 3)
     return finite_elements.roll(layer, replace(roller, indentation=depth), material, 0.4 / 3, increments=4)
 
 
@@ -412,13 +413,13 @@ def test_columns_are_no_neighbour_of_finite_elements(published):
 
 def test_data_that_tell_nothing_are_refused():
     with pytest.raises(ValueError, match="the data do not tell the unknowns apart"):
-        fit(lambda u: np.exp([u[0] + u[1], u[0] + u[1]]), [6.0, 6.0], [0.0, 0.0])
+        fit_parameters(lambda u: np.exp([u[0] + u[1], u[0] + u[1]]), [6.0, 6.0], [0.0, 0.0])
 
 
 def test_models_that_never_agree_are_told():
     shaken = iter(range(100))
     with pytest.raises(RuntimeError, match=r"did not settle in 24 runs: u and ln\(predicted/measured\) were \["):
-        fit(np.exp, [6.0], [0.0], lambda u: np.exp(u + (-1) ** next(shaken)))
+        fit_parameters(np.exp, [6.0], [0.0], lambda u: np.exp(u + (-1) ** next(shaken)))
 
 
 def test_dear_model_that_fails_at_once_is_told():
@@ -426,7 +427,7 @@ def test_dear_model_that_fails_at_once_is_told():
         raise RuntimeError("not steady")
 
     with pytest.raises(RuntimeError, match="the calibration cannot start where it was told to: not steady"):
-        fit(np.exp, [6.0], [0.0], fails)
+        fit_parameters(np.exp, [6.0], [0.0], fails)
 
 
 def test_scene_that_says_what_presses_the_roller_is_refused():

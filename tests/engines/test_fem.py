@@ -24,7 +24,7 @@ from compact.rolling_contact import Layer, Roller
 LAYER = Layer(0.22)
 MIX = Elastic(10e6, 0.3)
 SLS = Viscoelastic(10e6, 0.3, branches=((1.0, 1.0),))  # E(t) = 10 + 10 exp(-t/1 s) MPa, so that v tau is v
-SMALL = mesh.graded(0.22, 0.02, 4)
+SMALL = mesh.graded_mesh(0.22, 0.02, 4)
 
 # shared/reference/contact.md c: spectral, b_0 to 1e-12, delta to 1e-8, PM 1e-5; R .11 m, h .22 m
 # base, a/h, B0 = P/(pi E* a^2/4R), D = delta R/a^2, PM = p_max/(E* a/2R) or None where not printed
@@ -108,7 +108,7 @@ def scaled(rolled, ratio):
 def test_confined_layer_settles_as_oedometer(poisson):
     E, p, H = 1.0, 50e3, SMALL.height
     basis = surface_compliance.stiffness(SMALL, poisson, LAYER).basis
-    K = assembly.assembled(basis, assembly.moduli(poisson))
+    K = assembly.assemble_stiffness(basis, assembly.unit_moduli(poisson))
     x, y = basis.doflocs
     free = np.flatnonzero(y > 1e-12)
     surface = np.flatnonzero(y > H * (1 - 1e-12))
@@ -133,7 +133,7 @@ def test_half_of_a_mirrored_mesh_is_enough(base, behind, monkeypatch):
 
 
 def test_skewed_mesh_gives_the_same():
-    straight = mesh.graded(0.22, 0.014, 8)
+    straight = mesh.graded_mesh(0.22, 0.014, 8)
     lean = np.sin(np.pi * straight.y / 0.22)[:, None] * 0.4 * np.diff(straight.x[-1]).min()
     skewed = mesh.RowMesh(straight.x + lean, straight.y)
     results = [roll(LAYER, Roller(0.11, 0.003), SLS, 0.03, mesh=m) for m in (straight, skewed)]
@@ -231,7 +231,7 @@ def test_creep_is_carters():
 
 
 def observed_orders(material, speed, names, meshes=4):
-    layer, results = mesh.graded(0.22, 0.01385, 3, growth=1.5), []
+    layer, results = mesh.graded_mesh(0.22, 0.01385, 3, growth=1.5), []
     for _ in range(meshes):
         rolled = fem.roll(LAYER, Roller(0.11, indentation=0.003), material, speed, mesh=layer, estimate=False)
         results.append([getattr(rolled, name) for name in names])
@@ -460,7 +460,7 @@ def test_reaction_of_the_base_is_the_load():
     layer = surface_compliance.stiffness(SMALL, 0.3, LAYER)
     forces = np.zeros((layer.basis.N, 2, 1))
     forces[layer.surface, :, 0] = rolled.forces.T
-    K = assembly.assembled(layer.basis, assembly.moduli(0.3))
+    K = assembly.assemble_stiffness(layer.basis, assembly.unit_moduli(0.3))
     reaction = (K @ layer.displacement(forces).ravel() - forces.ravel()).reshape(-1, 2).sum(axis=0)
     assert SLS.youngs_modulus * reaction[1] == pytest.approx(rolled.load, rel=1e-8)
     assert SLS.youngs_modulus * reaction[0] == pytest.approx(-rolled.resistance, rel=1e-6)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from compact import contact, fem
-from compact.analysis.engines import COMPACTING, solver
+from compact.analysis.engines import ENGINES
 from compact.analysis.multipass import Pass, passes
 from compact.engines.column import engine as column
 from compact.engines.fem import engine as fem_engine
@@ -47,7 +47,7 @@ CASES = [
     for target, values in VALUES.items()
     for value in values
     for profile in (("parabola",) if engine == "formula" else ("parabola", "circle"))
-    if engine in COMPACTING or target != "exit_density_ratio"
+    if ENGINES[engine].compacting or target != "exit_density_ratio"
 ]
 
 
@@ -56,7 +56,7 @@ def rolled(engine, target, value, profile="parabola", layer=LAYER, **options):
     options |= {target: value} if target == "exit_density_ratio" else {}
     engine_options = {"estimate": False} if engine == "fem" else {}
     roller = Roller(R, **given, profile=profile)
-    roll = solver(engine)
+    roll = ENGINES[engine].roll
     return roll(layer, roller, MATERIALS[engine], SPEED, **options, **engine_options)
 
 
@@ -129,12 +129,12 @@ def test_formula_that_misses_raises(monkeypatch):
 @pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure", "exit_density_ratio"])
 def test_columns_that_miss_raise(monkeypatch, target):
     value = {"indentation": 3e-3, "load": 8e3, "peak_pressure": 2e5, "exit_density_ratio": 0.96}[target]
-    for search in ("_pressed", "_dense"):
+    for search in ("solve_target", "solve_exit_density"):
         find = getattr(column, search)
 
         def missed(there, *given, find=find):
             passage, spent = find(there, *given)
-            return there.passed(off(passage.indentation), 1e-9), spent
+            return there.compute_pass(off(passage.indentation), 1e-9), spent
 
         monkeypatch.setattr(column, search, missed)
     with pytest.raises(
@@ -144,15 +144,17 @@ def test_columns_that_miss_raise(monkeypatch, target):
 
 
 def test_feed_that_misses_raises(monkeypatch):
-    find = column._leaving
-    monkeypatch.setattr(column, "_leaving", lambda there, wanted, rtol: find(there, off(wanted), rtol))
+    find = column.solve_plate_density
+    monkeypatch.setattr(column, "solve_plate_density", lambda there, wanted, rtol: find(there, off(wanted), rtol))
     with pytest.raises(RuntimeError, match=r"`exit_density_ratio` 0\.96 was prescribed and 0\.96096 reached"):
-        column.feed(0.22, 0.96, MIX, SPEED)
+        column.required_feed(0.22, 0.96, MIX, SPEED)
 
 
 def test_passes_that_miss_raise(monkeypatch):
-    find = column._pressed
-    monkeypatch.setattr(column, "_pressed", lambda there, roller, rtol: find(there, replace(roller, load=8e3), rtol))
+    find = column.solve_target
+    monkeypatch.setattr(
+        column, "solve_target", lambda there, roller, rtol: find(there, replace(roller, load=8e3), rtol)
+    )
     roller = Roller(R, load=8e3)
     with pytest.raises(RuntimeError, match="`load` 9000 was prescribed and 8000 reached"):
         passes(LAYER, roller, MIX, SPEED, (Pass(), Pass(load=9e3, forward=False)))

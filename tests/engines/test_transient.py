@@ -13,7 +13,7 @@ from compact.engines.fem import surface_compliance, transient
 from compact.engines.fem.convected_memory import creep
 from compact.engines.fem.transient import simulate_transient
 from compact.material.laws import Elastic, Viscoelastic
-from compact.mesh import RowMesh, for_error
+from compact.mesh import RowMesh, mesh_for_error
 from compact.motion.profile import law
 from compact.rolling_contact import Layer, Ply, Roller, TransientResult
 
@@ -353,7 +353,7 @@ def test_film_shows_the_print_that_the_roller_leaves(tmp_path):
         sunk.append(-mesh.point_data["displacement"][at_start, 1].min())
     assert sunk[0] == pytest.approx(0.003, rel=0.01)
     assert sunk[0] > sunk[1] > sunk[2] > 0
-    series = done.film(tmp_path)
+    series = done.write_frames(tmp_path)
     named = [part.attrib for part in ElementTree.parse(series).getroot().iter("DataSet")]
     assert [float(part["timestep"]) for part in named] == [0.0, 0.4, 0.6]
     assert all((tmp_path / part["file"]).stat().st_size > 10_000 for part in named)
@@ -439,11 +439,11 @@ def test_refused(change, words):
 def test_film_without_frames_is_refused(tmp_path):
     done = simulate_transient(LAYER, pressed(), MIX, Accelerated(0.1, 0.0, 0.05), estimate=False)
     with pytest.raises(ValueError, match="no frames to film"):
-        done.film(tmp_path)
+        done.write_frames(tmp_path)
 
 
 def test_film_needs_a_mesh_of_straight_columns():
-    even = for_error(0.22, 0.018, 1e-2)
+    even = mesh_for_error(0.22, 0.018, 1e-2)
     leaning = RowMesh(even.x + even.y[:, None] * 1e-3, even.y)
     with pytest.raises(ValueError, match="nodes stand one above the other"):
         simulate_transient(

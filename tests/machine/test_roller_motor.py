@@ -12,7 +12,7 @@ from scipy.integrate import quad
 from compact import fem
 from compact.analysis import contact_cases
 from compact.analysis import torque_response as driving
-from compact.analysis.engines import inputs
+from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.study import Study
 from compact.contact import dry_resistance
 from compact.drive import Rigid, simulate
@@ -189,13 +189,13 @@ def by_fem():
     """A study whose contacts are its map; a heavy cart pulls and brakes hard."""
     changes = {"accuracy.engine": "fem", "motion.laws": ["septic"], "machine.gap_geometry": "circle"}
     study = Study(load_scene(SCENES / "loveikin-2015.toml", **changes, **{"machine.mass": 4e3}))
-    rolled = [fem.roll(*inputs(study.scene, study.mix, "fem", speed), speed, estimate=False) for speed in SPEEDS]
-    study.contacts = [
+    rolled = [fem.roll(*contact_inputs(study.scene, study.mix, "fem", speed), speed, estimate=False) for speed in SPEEDS]
+    study.contact_stage.records = [
         contact_cases.contact_record("fem", *each) for each in zip(SPEEDS, [(one,) for one in rolled], strict=True)
     ]
     whole = ROLLERS * study.scene.machine.roller_length
-    study.resistance = ResistanceMap(np.array(SPEEDS), whole * np.array([each.resistance for each in rolled]), 0.0)
-    study.kept = None
+    study.resistance_stage.resistance = ResistanceMap(np.array(SPEEDS), whole * np.array([each.resistance for each in rolled]), 0.0)
+    study.contact_stage.kept = None
     return study
 
 
@@ -204,7 +204,7 @@ def test_engine_rolls_as_the_motors_were_told(by_fem, time):
     motors, scene = by_fem.roller_motors["septic"], by_fem.scene
     (velocity,), answer = motors.over(np.array([time]))
     speed, way, length = abs(velocity), np.sign(velocity), scene.machine.roller_length
-    layer, roller, material = inputs(scene, by_fem.mix, "fem", speed)
+    layer, roller, material = contact_inputs(scene, by_fem.mix, "fem", speed)
     own = fem.roll(layer, roller, material, speed, estimate=False)
     held = Roller(R, own.indentation, by_fem.mix.steel_friction, "driven", scene.machine.gap_geometry)
     torque = way * answer.torque[0] / length
@@ -270,7 +270,7 @@ def test_compaction_tells_the_creep_of_its_rollers():
     changes = {"accuracy.engine": "compaction", "contact.indentation": 0.002, "product.height": 0.1}
     scene = load_scene(SCENES / "small.toml", **changes, **{"mix.density_ratio": 0.95})
     study, speed = Study(scene), scene.motion.stroke / scene.motion.duration
-    free = compaction.roll(*inputs(scene, study.mix, "compaction", speed), speed, increments=6)
+    free = compaction.roll(*contact_inputs(scene, study.mix, "compaction", speed), speed, increments=6)
     found = [contact_cases.contact_record("compaction", each, (free,)) for each in (speed, 2 * speed)]
     load = scene.machine.roller_length * free.load
     roller = driving.driven(scene, study.mix, load, found, (0.0, 0.2 * load), [(speed, free)])

@@ -5,7 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compact.numerics.piecewise import ZOOM, clenshaw_curtis, graded, inside, integral, largest, sign_changes
+from compact.numerics.piecewise import (
+    ZOOM,
+    clenshaw_curtis,
+    find_maximum,
+    find_roots,
+    graded_grid,
+    integrate,
+    interior_grid,
+)
 
 BREAKS = np.array([0.0, 0.3, 1.0])
 
@@ -30,27 +38,27 @@ def test_quadrature_of_an_analytic_function_converges_geometrically():
 
 @pytest.mark.parametrize("degree", [0, 1, 7, 23])
 def test_integral_is_exact_for_polynomials(degree):
-    assert integral(lambda z: z**degree, BREAKS) == pytest.approx(1 / (degree + 1), rel=1e-14)
+    assert integrate(lambda z: z**degree, BREAKS) == pytest.approx(1 / (degree + 1), rel=1e-14)
 
 
 @pytest.mark.parametrize("thickness", [1e-2, 1e-5, 1e-9])
 def test_integral_sees_a_thin_layer(thickness):
-    assert integral(lambda z: np.exp(-z / thickness) / thickness, BREAKS) == pytest.approx(1, rel=1e-9)
+    assert integrate(lambda z: np.exp(-z / thickness) / thickness, BREAKS) == pytest.approx(1, rel=1e-9)
 
 
 @given(st.floats(0.01, 0.99), st.floats(0.5, 20))
 def test_top_between_samples_is_found_to_rounding(place, sharpness):
-    value, found = largest(lambda z: 1 / (1 + (sharpness * (z - place)) ** 2), inside(np.array([0.0, 1.0])))
+    value, found = find_maximum(lambda z: 1 / (1 + (sharpness * (z - place)) ** 2), interior_grid(np.array([0.0, 1.0])))
     assert value == pytest.approx(1, rel=1e-12)
     assert found == pytest.approx(place, abs=1e-6)
 
 
 def test_step_is_not_overshot():
-    assert largest(lambda z: np.where(z < 0.123, 100.0, 200.0), inside(BREAKS))[0] == 200
+    assert find_maximum(lambda z: np.where(z < 0.123, 100.0, 200.0), interior_grid(BREAKS))[0] == 200
 
 
 def test_larger_of_two_close_tops_wins():
-    value, place = largest(lambda z: np.sin(20 * np.pi * z) + 1e-6 * z, inside(BREAKS))
+    value, place = find_maximum(lambda z: np.sin(20 * np.pi * z) + 1e-6 * z, interior_grid(BREAKS))
     assert place == pytest.approx(0.925, abs=1e-4)
     assert value == pytest.approx(1 + 0.925e-6, rel=1e-12)
 
@@ -62,8 +70,8 @@ def test_plateau_is_searched_at_its_edges_only():
         asked.append(z.size)
         return np.minimum(np.sin(np.pi * z), 0.5)
 
-    grid = inside(np.array([0.0, 1.0]))
-    assert largest(plateau, grid)[0] == 0.5
+    grid = interior_grid(np.array([0.0, 1.0]))
+    assert find_maximum(plateau, grid)[0] == 0.5
     assert max(asked[1:]) == 2 * (ZOOM + 1)
 
 
@@ -71,21 +79,21 @@ def test_jump_at_a_join_keeps_both_sides():
     def jumps(z):
         return np.where(z < 0.3, z, -z)
 
-    assert largest(jumps, inside(BREAKS))[0] == pytest.approx(0.3, rel=1e-14)
-    assert largest(lambda z: -jumps(z), inside(BREAKS))[0] == pytest.approx(1, rel=1e-14)
+    assert find_maximum(jumps, interior_grid(BREAKS))[0] == pytest.approx(0.3, rel=1e-14)
+    assert find_maximum(lambda z: -jumps(z), interior_grid(BREAKS))[0] == pytest.approx(1, rel=1e-14)
 
 
 def test_value_that_does_not_apply_is_passed_over():
-    value, place = largest(lambda z: np.where(z < 0.5, -np.inf, -((z - 0.7) ** 2)), inside(BREAKS))
+    value, place = find_maximum(lambda z: np.where(z < 0.5, -np.inf, -((z - 0.7) ** 2)), interior_grid(BREAKS))
     assert (value, place) == pytest.approx((0, 0.7), abs=1e-6)
 
 
 def test_sign_changes_are_roots_to_rounding():
-    found = sign_changes(lambda z: np.sin(7 * np.pi * z), BREAKS)
+    found = find_roots(lambda z: np.sin(7 * np.pi * z), BREAKS)
     assert found == pytest.approx(np.arange(1, 7) / 7, rel=1e-14)
 
 
 def test_grid_keeps_the_joins_and_rises():
-    grid = graded(BREAKS)
+    grid = graded_grid(BREAKS)
     assert np.all(np.diff(grid) > 0)
     assert set(BREAKS) <= set(grid)

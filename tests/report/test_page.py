@@ -16,7 +16,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compact.analysis import sensitivity
 from compact.analysis.study import Study
 from compact.drive import CRITERIA
 from compact.report import html_answer, html_machine
@@ -188,9 +187,9 @@ def test_figures_are_those_of_the_files_where_these_are_written(tmp_path):
 def test_only_wide_pictures_scroll_on_a_narrow_screen_and_say_so(pixels, wide):
     from matplotlib.figure import Figure
 
-    from compact.files import FIGURE_DPI, png
+    from compact.files import FIGURE_DPI, render_png
 
-    text = picture(png(Figure(figsize=(pixels / FIGURE_DPI, 1))), "a picture")
+    text = picture(render_png(Figure(figsize=(pixels / FIGURE_DPI, 1))), "a picture")
     assert ("scroll it sideways" in text) == ('<figure class="wide">' in text) == wide
 
 
@@ -205,7 +204,7 @@ def test_resistance_is_drawn_over_speed_and_acceleration(written):
         speed, force = lines[f"a = {acceleration:+.2g} m/s²"].T
         drawn = np.isfinite(force)
         assert force[drawn] == pytest.approx(met(speed[drawn], acceleration) / 1e3)
-        assert np.array_equal(~drawn, met.beyond(speed, acceleration))  # dotted there, by a line of its own
+        assert np.array_equal(~drawn, met.is_unsteady(speed, acceleration))  # dotted there, by a line of its own
     speed, mass = beside.lines[0].get_xydata().T
     inside = speed > met.speeds[0]
     assert np.interp(met.speeds[1:-1], speed[inside], mass[inside]) == pytest.approx(
@@ -228,18 +227,18 @@ def test_law_that_no_machine_follows_is_named_once():
 
 def test_checks_hold_and_count_what_was_computed(written):
     study, _, _ = written
-    found = balance_checks.checks(study)
-    assert all(check.holds for check in found)
-    assert sum("work of the contact" in check.what for check in found) == len(study.rolled)
-    assert sum("work over a cycle" in check.what for check in found) == len(study.runs)
+    found = balance_checks.balance_checks(study)
+    assert all(check.passed for check in found)
+    assert sum("work of the contact" in check.name for check in found) == len(study.rolled)
+    assert sum("work over a cycle" in check.name for check in found) == len(study.runs)
 
 
 def test_a_balance_that_does_not_close_is_told():
     study = Study(scene(**{"output.items": [], "motion.laws": ["cubic"]}))
     run = study.runs["cubic"]
-    study.runs = {"cubic": replace(run, state=run.state._replace(resistance=1.001 * run.state.resistance))}
-    failed = [check for check in balance_checks.checks(study) if not check.holds]
-    assert [check.what for check in failed] == ["work over a cycle, cubic"]
+    study.drive_stage.runs = {"cubic": replace(run, state=run.state._replace(resistance=1.001 * run.state.resistance))}
+    failed = [check for check in balance_checks.balance_checks(study) if not check.passed]
+    assert [check.name for check in failed] == ["work over a cycle, cubic"]
     told = html_answer.answer(study, [], failed)
     assert "<strong>Built-in checks that fail:</strong> work over a cycle, cubic." in told
 
@@ -248,8 +247,8 @@ def test_contact_that_does_not_close_its_balance_is_told(written):
     study, _, _ = written
     broken = Study(study.scene.replaced(**{"output.items": []}))
     (speed, (rolled,)), *others = study.passes
-    broken.passes = [(speed, (replace(rolled, work_residual=0.5),)), *others]
-    failed = [check.what for check in balance_checks.checks(broken) if not check.holds]
+    broken.contact_stage.passes = [(speed, (replace(rolled, work_residual=0.5),)), *others]
+    failed = [check.name for check in balance_checks.balance_checks(broken) if not check.passed]
     assert failed == [f"work of the contact at {speed:.4g} m/s"]
 
 
@@ -258,7 +257,7 @@ def test_contact_that_does_not_close_its_balance_is_told(written):
 )
 def test_ends_are_those_of_a_scene_so_changed(key):
     study = Study(scene(**{"output.items": [], "motion.laws": ["cubic", "reversal-3"]}))
-    shift = next(shift for shift in sensitivity.shifts(study) if shift.name == key)
+    shift = next(shift for shift in study.sensitivities if shift.name == key)
     for end, value in zip((shift.low, shift.high), shift.ends, strict=True):
         exact = Study(study.scene.replaced(**{key: float(value)})).rankings
         for by in ("peak_force", "peak_power"):
@@ -283,14 +282,14 @@ LAYERS = {
 def test_ends_by_an_engine_are_those_of_a_scene_so_changed(engine, keys):
     quick = {"output.items": [], "motion.laws": ["cubic", "reversal-3"], "contact.speeds": [0.02, 0.06, 0.13]}
     study = Study(scene(**LAYERS[engine], **quick, **{"contact.indentation": 4e-3}))
-    shifts = {shift.name: shift for shift in sensitivity.shifts(study)}
+    shifts = {shift.name: shift for shift in study.sensitivities}
     assert {shift.by for shift in shifts.values()} == {engine}
     assert "machine.bearing_friction" not in shifts  # the formulas alone know it
     for key in keys:
         for end, value in zip((shifts[key].low, shifts[key].high), shifts[key].ends, strict=True):
             exact = Study(study.scene.replaced(**{key: float(value)}))
             met = exact.resistance_map
-            exact.resistance = replace(met, added_masses=None)  # steady
+            exact.resistance_stage.resistance = replace(met, added_masses=None)  # steady
             for by in ("peak_force", "peak_power"):
                 assert end.least[by] == pytest.approx(exact.rankings[by][0].value, rel=5e-3)
                 assert end.law[by] == exact.rankings[by][0].run.name
@@ -298,9 +297,9 @@ def test_ends_by_an_engine_are_those_of_a_scene_so_changed(engine, keys):
 
 def test_costly_engine_moves_only_what_its_map_knows():
     study = Study(scene(**LAYERS["spectral"], **{"output.items": [], "motion.laws": ["cubic", "reversal-3"]}))
-    study.resistance_map = study.resistance  # of the spectral engine, as if finite elements had made it
-    study.scene = study.scene.replaced(**{"accuracy.engine": "fem"})
-    shifts = {shift.name: shift for shift in sensitivity.shifts(study)}
+    dear = Study(study.scene.replaced(**{"accuracy.engine": "fem"}))
+    dear.resistance_stage.map, dear.contact_stage.roller_load = study.resistance_map, study.roller_load
+    shifts = {shift.name: shift for shift in dear.sensitivities}
     assert {name for name, shift in shifts.items() if shift.by == "fem"} == {"machine.mass", "machine.guide_friction"}
     assert shifts["machine.mass"].base.least["peak_force"] == pytest.approx(
         min(run.peak_force for run in study.runs.values()), rel=1e-3
@@ -311,7 +310,7 @@ def test_costly_engine_moves_only_what_its_map_knows():
 
 def test_ends_beyond_the_formulas_are_told():
     study = Study(scene(**{"output.items": [], "motion.laws": ["cubic"], "mix.overrides.effective_modulus": 0.5e6}))
-    shifts = sensitivity.shifts(study)
+    shifts = study.sensitivities
     assert next(shift for shift in shifts if shift.name.endswith("required_pressure")).high is None  # sin phi > 1
     told = html_answer.answer(study, shifts, [])
     assert "1 of the ends are beyond reach" in told
@@ -319,7 +318,7 @@ def test_ends_beyond_the_formulas_are_told():
 
 def test_input_that_turns_the_order_is_named():
     study = Study(scene(**{"output.items": [], "motion.laws": ["parabolic", "quintic"]}))
-    shifts = sensitivity.shifts(study)
+    shifts = study.sensitivities
     words = "the first law is another where one input is at an end: mix.overrides.required_pressure: another by"
     other = dict.fromkeys(shifts[0].base.law, "another")
     for ties, turns in (({"another"}, True), ({"another", *shifts[0].base.law.values()}, False)):
@@ -330,7 +329,7 @@ def test_input_that_turns_the_order_is_named():
 
 def test_laws_within_the_build_tolerance_tie_at_an_end():
     study = Study(scene(**{"output.items": [], "motion.laws": ["parabolic", "modified-trapezoid", "combined-4"]}))
-    base = sensitivity.shifts(study)[0].base
+    base = study.sensitivities[0].base
     peaks = {name: run.peak_force for name, run in study.runs.items()}
     near = {name for name, peak in peaks.items() if peak < 1.01 * min(peaks.values())}
     assert base.ties["peak_force"] == near
@@ -389,7 +388,7 @@ def test_page_is_small_and_computes_no_run_again(written):
     assert "report.html" in summary["files"]
     assert summary["stages"]["runs"] == 2 * len(study.cycles)  # against the resistance, and against it with its error
     assert summary["stages"]["report"] == 1
-    assert sum(summary["stages"].values()) == study.steps
+    assert sum(summary["stages"].values()) == study.plan.planned.total()
 
 
 @pytest.mark.slow

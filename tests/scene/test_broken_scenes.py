@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, get_args
 import pytest
 
 from compact import cli
-from compact.analysis.engines import TOLERANCE
+from compact.analysis.engines import ENGINES as REGISTRY
 from compact.scene import plausible_ranges
 from compact.scene.errors import tables_of
 from compact.scene.loader import SceneError, load_scene, read_change, starter_scene
@@ -256,7 +256,7 @@ def ended(asked, folder):
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
             signal.signal(signal.SIGXCPU, signal.SIG_DFL)
             warnings.resetwarnings()  # those of pytest, which fail a test; the command prints its warnings
-            code = cli._told(asked.arguments)
+            code = cli._exit_code(asked.arguments)
         finally:
             sys.stdout.flush()
             sys.stderr.flush()
@@ -281,7 +281,7 @@ def met(asked, contact, scene):
         return f"numbers {of}"
     allowed = max(scene.accuracy.tolerance, 1e-6)
     missed = [f"{name} {of[name]} for {value}" for name, value in wanted.items() if abs(of[name] / value - 1) > allowed]
-    if scene.accuracy.engine in TOLERANCE:  # which are given the tolerance, and estimate their errors
+    if REGISTRY[scene.accuracy.engine].tolerance_keyword:  # which are given the tolerance, and estimate their errors
         errors = [contact[name]["error"] for name in ("load", "resistance")]
         if any(error is None or not error <= scene.accuracy.tolerance for error in errors):
             missed.append(f"errors {errors} for {scene.accuracy.tolerance}")
@@ -337,10 +337,10 @@ def warm(tmp_path_factory):
     """Load what the engines need once, in the process from which the cases are forked."""
     folder = tmp_path_factory.mktemp("warm")
     for engine in dict.fromkeys(ENGINES):
-        assert cli._told(["roll", str(SMALL), "--engine", engine, "--out", str(folder / engine), "--quiet"]) == 0
+        assert cli._exit_code(["roll", str(SMALL), "--engine", engine, "--out", str(folder / engine), "--quiet"]) == 0
     compiled = DRIVES["elastic"] | {"output.items": [], "motion.laws": ["cubic"]}
     changes = [f"--set={key}={json.dumps(value)}" for key, value in compiled.items()]
-    assert cli._told(["run", str(SMALL), *changes, "--out", str(folder / "elastic"), "--quiet"]) == 0
+    assert cli._exit_code(["run", str(SMALL), *changes, "--out", str(folder / "elastic"), "--quiet"]) == 0
 
 
 def checked(asked, folder):

@@ -8,7 +8,7 @@ from typing import get_args
 import pytest
 
 from compact import cli, contact
-from compact.analysis.engines import inputs
+from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.study import Study
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
@@ -16,7 +16,7 @@ from compact.engines.fem import engine as fem_engine
 from compact.engines.spectral import engine as spectral
 from compact.report import html_answer
 from compact.report import writer as report
-from compact.rolling_contact import Base, Layer, Ply, Profile, Roller, Rolling
+from compact.rolling_contact import BaseCondition, GapGeometry, Layer, Ply, Roller, RollerCondition
 from compact.scene.engine_capabilities import LIMITS, adapt
 from compact.scene.loader import Scene, SceneError, load_scene, parse_scene, starter_scene
 from compact.sweep import point as headline
@@ -34,8 +34,8 @@ def doors(engine, layer, roller, material):
     if engine == "formula":
         contact._refuse_beyond_formula(layer, roller, material, SPEED)
     elif engine == "column":
-        column._refuse_other_layers(layer)
-        column._refuse_beyond_columns(roller, material, SPEED)
+        column.require_single_bonded_layer(layer)
+        column.require_column_range(roller, material, SPEED)
     elif engine == "spectral":
         spectral.require_spectral_range(layer, roller, material, SPEED)
     elif engine == "fem":
@@ -52,9 +52,9 @@ def taken(engine, key, value, friction):
 @pytest.mark.parametrize("friction", [0.0, 0.35])
 def test_table_and_engines_agree_on_what_is_taken(engine, friction):
     study = Study(load_scene(SMALL, **{"mix.overrides.steel_friction": friction}))
-    layer, _, material = inputs(study.scene, study.mix, engine, SPEED)
+    layer, _, material = contact_inputs(study.scene, study.mix, engine, SPEED)
     plies = (), (Ply(layer.height, 2.0),)
-    cases = product(get_args(Rolling), get_args(Profile), get_args(Base), plies)
+    cases = product(get_args(RollerCondition), get_args(GapGeometry), get_args(BaseCondition), plies)
     for rolling, profile, base, stack in cases:
         by_table = (
             taken(engine, "machine.roller_condition", rolling, friction)
@@ -168,13 +168,13 @@ def test_the_formulas_beside_another_engine_leave_out_what_they_cannot_take():
 
 def new_scene(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert cli._told(["new", "mine"]) == 0
+    assert cli._exit_code(["new", "mine"]) == 0
     return "mine/scene.toml"
 
 
 @pytest.mark.parametrize("engine", ["formula", "column", "spectral", "fem"])
 def test_the_new_scene_is_rolled_by_every_engine(engine, tmp_path, monkeypatch, capsys):
-    assert cli._told(["roll", new_scene(tmp_path, monkeypatch), "--engine", engine, "--out", "out"]) == 0
+    assert cli._exit_code(["roll", new_scene(tmp_path, monkeypatch), "--engine", engine, "--out", "out"]) == 0
     told = capsys.readouterr().out
     contact = json.loads(Path("out/contact.json").read_text())
     assert all(sentence in told for sentence in contact["replaced"])
@@ -183,7 +183,7 @@ def test_the_new_scene_is_rolled_by_every_engine(engine, tmp_path, monkeypatch, 
 
 @pytest.mark.slow
 def test_the_new_scene_is_rolled_by_the_engine_compaction(tmp_path, monkeypatch):
-    assert cli._told(["roll", new_scene(tmp_path, monkeypatch), "--engine", "compaction", "--out", "out"]) == 0
+    assert cli._exit_code(["roll", new_scene(tmp_path, monkeypatch), "--engine", "compaction", "--out", "out"]) == 0
     contact = json.loads(Path("out/contact.json").read_text())
     assert contact["exit_density_ratio"]["value"] == pytest.approx(0.98, abs=1e-3)
     assert contact["replaced"] == []

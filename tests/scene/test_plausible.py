@@ -138,11 +138,11 @@ def test_what_an_engine_beside_is_given_is_compared():
 
 def test_a_sweep_refuses_implausible_values_before_it_computes():
     with pytest.raises(SceneError, match=r"mix\.overrides\.heckel_slope: 13 1/Pa is far outside"):
-        load_scene(SMALL).refuse_fields(**{"mix.overrides.heckel_slope": 13.0})
+        load_scene(SMALL).require_fields(**{"mix.overrides.heckel_slope": 13.0})
 
 
 def test_the_speed_of_a_contact_is_compared(tmp_path, capsys):
-    assert cli._told(["roll", str(SMALL), "--speed", "1e6", "--out", str(tmp_path / "out")]) == 2
+    assert cli._exit_code(["roll", str(SMALL), "--speed", "1e6", "--out", str(tmp_path / "out")]) == 2
     assert "--speed: 1e+06 m/s is far outside the plausible 0.0001 to 5 m/s" in capsys.readouterr().err
 
 

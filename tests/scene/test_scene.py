@@ -326,13 +326,13 @@ def test_a_refused_change_is_not_blamed_on_a_line_of_the_file(published):
         ),
         (
             {"machine.roller_condition": "driven", "machine.roller_torque": 5.0, "accuracy.engine": "spectral"},
-            'loveikin.toml (changed by the caller): machine.roller_condition: the engine "spectral" lets a driven '
-            'roller slip all over, whatever its torque; "fem" lets it stick',
+            'loveikin.toml (changed by the caller): machine.roller_condition: the engine "spectral" assumes full '
+            'slip of a driven roller, whatever its torque; "fem" resolves stick',
         ),
         (
             {"machine.roller_torque": -5.0},
-            'loveikin.toml (changed by the caller): machine.roller_torque: the engine "formula" takes no account of '
-            'machine.roller_torque; "fem" and "compaction" do',
+            'loveikin.toml (changed by the caller): machine.roller_torque: the engine "formula" neglects '
+            'machine.roller_torque; "fem" and "compaction" use it',
         ),
     ],
 )
@@ -538,7 +538,7 @@ BROKEN = [
         "k above the table",
         "density_ratio = 0.98",
         "density_ratio = 0.995",
-        "mix.density_ratio: must be between 0.9 and 0.99, got 0.995; give the density ratio k",
+        "mix.density_ratio: must be between 0.9 and 0.99, got 0.995; give the required density ratio k",
     ),
     refused(
         "k below the table",
@@ -797,8 +797,8 @@ BROKEN = [
         "resistance at an order that is none",
         'kind = "rigid"',
         'kind = "elastic"\nstiffness = 1e6\ndamping = 0.0\ninclude_added_mass = 1',
-        "drive.include_added_mass: must be true or false, got 1; give true where the resistance behind an elastic "
-        "drive follows the acceleration, F + a M, else false",
+        "drive.include_added_mass: must be true or false, got 1; give true if the resistance of an elastic "
+        "drive includes the added mass, F + a M, else false",
         at="include_added_mass = 1",
     ),
     refused(
@@ -923,8 +923,7 @@ BROKEN = [
         "roller that does not touch",
         "[accuracy]",
         "[contact]\nload = 0.0\n[accuracy]",
-        "contact.load: must be positive, got 0.0; give the normal force on one roller in N (at zero the roller does "
-        "not touch the layer)",
+        "contact.load: must be positive, got 0.0; give the normal force on one roller in N (zero means no contact)",
         at="load = 0.0",
     ),
     refused(
@@ -943,7 +942,7 @@ BROKEN = [
         "all beside others",
         'laws = ["all"]',
         'laws = ["all", "cubic"]',
-        'motion.laws: "all" already holds every law, got it beside others; write ["all"] or the names',
+        'motion.laws: "all" already holds every law, got it with others; write ["all"] or the names',
     ),
     refused(
         "no such table",

@@ -43,7 +43,7 @@ def swept(directory, scene=COLUMNS, varied=GRID, crew=None, resume=False, step=l
 @pytest.fixture
 def small_tasks(monkeypatch):
     """Three points in a task, so that there is something to interrupt."""
-    monkeypatch.setitem(sweep.CHUNK, "column", 3)
+    monkeypatch.setattr(sweep, "ENGINES", {"column": replace(sweep.ENGINES["column"], points_per_task=3)})
 
 
 @pytest.fixture(scope="module")
@@ -347,7 +347,7 @@ def test_maps_bands_and_best_laws_are_drawn(tmp_path):
 
 def told(capsys, *arguments):
     """Exit code and words of `compact sweep`, in this process."""
-    code = cli._told(["sweep", *map(str, arguments)])
+    code = cli._exit_code(["sweep", *map(str, arguments)])
     return code, "".join(capsys.readouterr())
 
 

@@ -29,7 +29,7 @@ from compact.engines.compaction.steady_newton_krylov import Steady, stiffened
 from compact.material.laws import Compaction
 from compact.mesh import RowMesh
 from compact.numerics.validation import require_between, require_finite, require_known, require_positive
-from compact.rolling_contact import SAME_HEIGHT, require_no_torque, require_on_target
+from compact.rolling_contact import HEIGHT_TOLERANCE, require_on_target, require_torque_allowed
 
 __all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
@@ -101,7 +101,7 @@ def roll(
     does not get steady.
     """
     require_compactable(layer, roller, material, speed, strain, exit_density_ratio, fed)
-    require_no_torque(roller, torque)
+    require_torque_allowed(roller, torque)
     require_positive(increments=increments, steady=steady)
     if steepest is not None:
         require_positive(steepest=steepest)
@@ -462,7 +462,7 @@ def require_compactable(layer, roller, material, speed, strain, exit_density_rat
     require_known("strain", strain, ("finite", "small"))
     require_known("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
     require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
-    if fed is not None and abs(fed.height / layer.height - 1) > SAME_HEIGHT:
+    if fed is not None and abs(fed.height / layer.height - 1) > HEIGHT_TOLERANCE:
         raise ValueError(f"`layer` must be as high as `fed`, {fed.height!r} m, got {layer.height!r}")
     mean = _fed_mean(material, fed)
     if exit_density_ratio is not None and not mean < exit_density_ratio < 1:

@@ -38,9 +38,9 @@ from compact.engines.halfplane import pressure_exponent
 from compact.engines.spectral import engine as spectral
 from compact.engines.spectral.elastic_estimate import WIDTH_STEP, as_wide, half_width_met, shared_half_width
 from compact.material.laws import Elastic
-from compact.mesh import DEFAULT_ERROR, EDGE, RowMesh, elements_for, for_error, graded
+from compact.mesh import DEFAULT_ERROR, EDGE_REFINEMENT, RowMesh, elements_for, graded_mesh, mesh_for_error
 from compact.numerics.validation import require_finite, require_known, require_positive
-from compact.rolling_contact import ContactResult, Layer, Roller, require_no_torque, require_on_target
+from compact.rolling_contact import ContactResult, Layer, Roller, require_on_target, require_torque_allowed
 
 NARROWEST = 1e-7  # layer heights: half-width of a contact that a mesh of the layer can hold
 TERMS = 12  # of the pressure: more resolve thinner edge layers, and blur the edges once they outrun the mesh
@@ -121,7 +121,7 @@ def roll(layer, roller, material, speed, *, torque=None, mesh=None, tolerance=DE
     'load 15.09 kN/m, edge 13.85 mm'
     """
     require_linear_range(layer, roller, material, speed, mesh, tolerance)
-    require_no_torque(roller, torque)
+    require_torque_allowed(roller, torque)
     case = Case(layer, roller, material, speed, torque or 0.0)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
         if mesh is None and estimate:
@@ -282,8 +282,8 @@ def _refined(case, level, tolerance, near):
         edges = edges if case.speed > 0 else (-edges[1], -edges[0])
     layer, half_width = case.layer, (edges[1] - edges[0]) / 2
     elements = int(np.ceil(elements_for(tolerance) * FINER ** (level - 1)))
-    smaller = min(EDGE * FINER_EDGE**level, MOST_AT_EDGE)
-    mesh = graded(
+    smaller = min(EDGE_REFINEMENT * FINER_EDGE**level, MOST_AT_EDGE)
+    mesh = graded_mesh(
         layer.height,
         half_width * (1 + 0.5 / (elements * smaller)),  # edges within an element: on a node their slopes would jump
         elements,
@@ -319,7 +319,7 @@ def _fitted(case, half_width, mesh, tolerance):
     if half_width < NARROWEST * layer.height:
         raise RuntimeError(f"a contact of {2 * half_width:.1g} m is too narrow for a mesh; use spectral")
     return _Task(
-        mesh or for_error(layer.height, half_width, tolerance, layer.interfaces),
+        mesh or mesh_for_error(layer.height, half_width, tolerance, layer.interfaces),
         half_width,
         as_wide(layer, case.material, case.roller.radius, half_width).indentation,
         _terms(layer, half_width),

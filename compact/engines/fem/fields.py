@@ -20,7 +20,7 @@ import numpy as np
 
 from compact.engines.fem.convected_memory import creep, fading_over, memory, retained_by, retarded, steadily_retained
 from compact.engines.fem.surface_compliance import element_moduli, stiffness
-from compact.files import write_mesh, write_pvd
+from compact.files import write_pvd_collection, write_vtu
 from compact.material.laws import Elastic
 from compact.mesh import RowMesh
 from compact.numerics.assembly import element_unknowns, strain_matrix
@@ -74,11 +74,11 @@ def write_series(layers, directory):
     members = []
     for layer, rolled in layers:
         path = Path(directory) / "fields" / f"speed={rolled.speed!r}.vtu"
-        write_mesh(layer, path)
+        write_vtu(layer, path)
         members.append((rolled.speed, path))
         yield path
     series = Path(directory) / "fields.pvd"
-    write_pvd(series, members)
+    write_pvd_collection(series, members)
     yield series
 
 

@@ -24,7 +24,7 @@ from compact.engines.fem import engine as fem_engine
 from compact.engines.fem.contact_patch import RollAside, Surface
 from compact.engines.fem.convected_memory import creep, memory, retardation
 from compact.mesh import DEFAULT_ERROR
-from compact.resistance import Modulation
+from compact.resistance import ResistanceExpansion
 
 # On a mesh that the contact takes along: dF_ss/dv and M within 0.07 % to an instant/relaxed of 20, M over the larger of
 # |M| and tau dF_ss/dv.
@@ -37,7 +37,7 @@ LUCK = 1e-3  # of the larger of |M| and |tau dF_ss/dv|: for differences that are
 
 
 def modulation(layer, roller, material, speed, *, mesh=None, tolerance=TOLERANCE, estimate=True):
-    """The `Modulation` of a roller on a linear layer, of every profile, without friction or sliding.
+    """The `ResistanceExpansion` of a roller on a linear layer, of every profile, without friction or sliding.
 
     layer, roller, material, speed, mesh, tolerance : as of `fem_engine.roll`, the tolerance being that of F_ss
     estimate : whether to tell the error of M, by another solution on a mesh refined once
@@ -55,7 +55,7 @@ def modulation(layer, roller, material, speed, *, mesh=None, tolerance=TOLERANCE
     branches = getattr(material, "branches", ())
     if not branches:
         rolled = fem_engine.roll(layer, roller, material, speed, mesh=mesh, tolerance=tolerance, estimate=False)
-        return Modulation(speed, rolled.resistance, slope=0.0, added_mass=0.0, error=0.0, time=0.0)
+        return ResistanceExpansion(speed, rolled.resistance, slope=0.0, added_mass=0.0, error=0.0, relaxation_time=0.0)
     time = max(time for _, time in branches)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
         task = fem_engine.task_of(case, mesh, tolerance) if mesh else fem_engine.fitted_task(case, tolerance)
@@ -65,7 +65,7 @@ def modulation(layer, roller, material, speed, *, mesh=None, tolerance=TOLERANCE
             finer = replace(task, mesh=task.mesh.refined(), terms=task.terms + fem_engine.JUDGES_TERMS)
             judged = _followed(case, finer)[2]
             error = CAUTION * abs(added_mass - judged) + LUCK * max(abs(judged), time * abs(slope))
-    return Modulation(speed, resistance, slope, added_mass, error, time)
+    return ResistanceExpansion(speed, resistance, slope, added_mass, error, time)
 
 
 def _followed(case, task):

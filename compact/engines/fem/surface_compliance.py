@@ -15,7 +15,7 @@ from skfem import Basis, ElementQuad2, MeshQuad
 from threadpoolctl import threadpool_limits
 
 from compact.engines.fem.contact_patch import Surface
-from compact.numerics.assembly import assembled, element_matrices, global_matrix, moduli, strain_matrix
+from compact.numerics.assembly import assemble_matrix, assemble_stiffness, element_matrices, strain_matrix, unit_moduli
 
 GAUSS_ORDER = 4  # 3 x 3 points: exact stiffness of rectangles, three streamlines in each row
 EVEN = 1e-9  # of the window, by which rounding may leave one of two mirrored nodes out
@@ -47,7 +47,7 @@ class Stiffness:
 def element_moduli(mesh, poisson, layer):
     """`moduli` times the stiffness of the ply that each element lies in, shape (elements, 4)."""
     stiffness = layer.stiffness((mesh.y[1:] + mesh.y[:-1]) / 2)
-    return np.repeat(stiffness, mesh.shape[1])[:, None] * moduli(poisson)
+    return np.repeat(stiffness, mesh.shape[1])[:, None] * unit_moduli(poisson)
 
 
 @lru_cache(maxsize=2)  # a mesh and its refined one, 0.1 GB; every speed, modulus and spectrum on a mesh shares them
@@ -55,7 +55,7 @@ def stiffness(mesh, poisson, layer):
     """The factorised `Stiffness` of a RowMesh that has a line of nodes at every interface of the layer's plies."""
     quads = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
     basis = Basis(quads, ElementQuad2(), intorder=GAUSS_ORDER)
-    K = assembled(basis, element_moduli(mesh, poisson, layer))
+    K = assemble_stiffness(basis, element_moduli(mesh, poisson, layer))
     held = _held(basis, layer.base)
     free = np.setdiff1d(np.arange(K.shape[0]), held)
     factor = _factorised(K[free][:, free].tocsc())
@@ -130,7 +130,7 @@ def _stretching(basis, moduli):
     """dK/d ln s of `assembled` as every x grows by s: strains along x fall by it and areas grow."""
     B = strain_matrix(basis)
     mixed = element_matrices(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)
-    return global_matrix(basis, mixed + mixed.transpose(0, 2, 1) + element_matrices(basis, B, B, moduli))
+    return assemble_matrix(basis, mixed + mixed.transpose(0, 2, 1) + element_matrices(basis, B, B, moduli))
 
 
 def _held(basis, base):

@@ -29,11 +29,11 @@ from compact.engines.fem import engine as fem_engine
 from compact.engines.fem.contact_patch import BeyondWindowError, Surface, interpolation, press
 from compact.engines.fem.convected_memory import Creep, creep, fading_over, retained_by, steadily_retained, within
 from compact.engines.fem.stick_slip import FrictionCondition, pressed_and_sheared
-from compact.engines.stroke_schedule import smooth_pieces
+from compact.engines.stroke_schedule import smooth_intervals
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR
 from compact.numerics.validation import require_finite, require_positive
-from compact.rolling_contact import TransientResult, require_no_torque
+from compact.rolling_contact import TransientResult, require_torque_allowed
 
 TIME_TOLERANCE = 1e-3  # of int p |x| dx/R, by which steps in time may miss the resistance
 PLACES = 40  # of the layer, and instants of the way, per half-width
@@ -64,7 +64,7 @@ def simulate_transient(
     torque : on a roller that is free or driven, per unit length, + turning it the way it travels [N]; without it a
         free roller has none
     instants : times at which a step shall end [s]
-    frames : times of which to keep the fields inside [s], for `TransientResult.film`
+    frames : times of which to keep the fields inside [s], for `TransientResult.write_frames`
     mesh, tolerance : as of `fem_engine.roll`
     time_tolerance : of int p |x| dx/R, by which the steps in time may miss the resistance
     estimate : whether to tell the error of the steps, from steps twice as long; half as much work again
@@ -79,10 +79,10 @@ def simulate_transient(
     '505 N/m at most, within 0.1 % for the steps'
     """
     _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, (*instants, *frames))
-    require_no_torque(roller, torque)
+    require_torque_allowed(roller, torque)
     case = fem_engine.Case(layer, roller, material, float(np.sign(_first_velocity(motion))), torque or 0.0)
     drags = roller.friction > 0 and roller.rolling != "frictionless"
-    breaks = smooth_pieces(motion, turns=drags)
+    breaks = smooth_intervals(motion, turns=drags)
     instants, frames = _rounded(instants, breaks), _rounded(frames, breaks)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
         first = _before(case, motion)
