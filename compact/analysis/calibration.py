@@ -203,7 +203,7 @@ class _Model:
             start,
             lambda u: self.predicted(u, dear),
             correction=correction,
-            shaken=SHAKEN,
+            broyden_length=SHAKEN,
         )
 
     def refits(self, met):

@@ -287,7 +287,7 @@ def optimise(
         require_at_most(MOST_PIECES, "finer ones change no law by a machine's tolerance", pieces=pieces)
     resistances = (resistance,) if callable(resistance) else tuple(resistance)
     for one in resistances:
-        require_opposing(one, stroke / duration, ways=(1.0,))
+        require_opposing(one, stroke / duration, directions=(1.0,))
     limits = limits or Limits()
     task = limits, float(stroke), float(duration), weights, float(mass)
     require_known("method", method, tuple(METHODS))

@@ -2,10 +2,7 @@
 
 import itertools
 import math
-import os
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -686,7 +683,7 @@ def test_a_long_elastic_run_is_interrupted_within_a_second_or_so(tmp_path):
 
 
 def test_resistance_that_jumps_at_a_speed_is_refused():
-    with pytest.raises(ValueError, match=r"`resistance` over speed \[m/s\] has a jump at 0\.1\d*, .*without jumps"):
+    with pytest.raises(ValueError, match=r"`resistance` over speed \[m/s\] has a jump of .* at 0\.1\d*; .*without jumps"):
         simulate_elastic(
             CART, spring(1e6, 0.1), published("cubic"), lambda v, a: np.sign(v) * np.where(np.abs(v) > 0.1, 9.0, 5.0)
         )
@@ -782,24 +779,6 @@ def test_polynomials_meet_a_boundary_layer():
     table = fit_piecewise(lambda x: np.exp(-x / 1e-4), (0, 1), 1e-10)
     x = np.concatenate([np.logspace(-8, 0, 300), np.linspace(0, 1, 300)])
     assert table(x) == pytest.approx(np.exp(-x / 1e-4), abs=2e-10)
-
-
-@pytest.mark.slow
-def test_compiled_code_notices_that_what_it_calls_has_changed(tmp_path):
-    """Numba alone looks at the caller's file, and goes on with the old callee."""
-    start = "from compact.numerics.jit import compiled\n"
-    (tmp_path / "callee.py").write_text(f"{start}@compiled\ndef f(): return 1\n")
-    caller = "import callee\n@compiled\ndef g(): return 10 * callee.f()\nprint(g())\n"
-    (tmp_path / "caller.py").write_text(start + caller)
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
-
-    def run():
-        call = [sys.executable, "-c", "import caller"]
-        return subprocess.run(call, env=environment, capture_output=True, text=True, check=True).stdout
-
-    assert run() == "10\n"
-    (tmp_path / "callee.py").write_text(f"{start}@compiled\ndef f(): return 22\n")
-    assert run() == "220\n"
 
 
 def test_resistance_that_is_not_a_number_ends_the_integration():

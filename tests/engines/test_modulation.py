@@ -10,9 +10,9 @@ from rolling_scenes import SPEED, prescribing, random_scenes
 
 from compact import mesh
 from compact.analysis.engines import modulation
-from compact.engines.fem import engine as fem_engine
-from compact.engines.fem import speed_derivative, surface_compliance
-from compact.engines.fem.convected_memory import creep, memory
+from compact.engines.fem import contact_problem, discretisation, surface_compliance
+from compact.engines.fem.convected_memory import creep_function, retardation_operator
+from compact.engines.fem.surface import NodalField
 from compact.engines.spectral import (
     engine as spectral,
 )
@@ -219,19 +219,18 @@ def test_finite_elements_give_slope_and_mass_at_default_settings_within_half_a_p
 def test_response_of_a_stretched_mesh_is_the_derivative_by_its_stretch(layer):
     rows, step = mesh.graded_mesh(0.22, 0.02, 4), 1e-3
     wider, narrower = (
-        surface_compliance.condensed(
+        surface_compliance.surface_compliance(
             mesh.RowMesh(rows.x * (1 + side * step), rows.y), 0.3, layer, 0.03, True, 0
         ).response
         for side in (1, -1)
     )
-    exact = surface_compliance.stretched(rows, 0.3, layer, 0.03, True, 0).response
+    exact = surface_compliance.stretch_derivative(rows, 0.3, layer, 0.03, True, 0).response
     assert np.abs((wider - narrower) / (2 * step) - exact).max() < 1e-5 * np.abs(exact).max()
 
 
 def displacement(elastic, contact):
     """Of the elastic layer, at the surface nodes."""
-    forces = contact.forces[:, elastic.first : elastic.last]
-    return np.einsum("iakb,kb->ia", elastic.response, forces, optimize=True)
+    return elastic.displacement(contact.forces[:, elastic.loaded])
 
 
 def travelled(roller, speed, acceleration, steps=16, times=8.0):
@@ -239,24 +238,23 @@ def travelled(roller, speed, acceleration, steps=16, times=8.0):
 
     (theta/step)(3/2 z - 2 z' + 1/2 z'') - v theta dz/dx + z = w,  from steady motion many creep times ago
     """
-    law = creep(MIX)
+    law = creep_function(MIX)
     (share,), (time,), step = law.shares, law.times, times * law.times[0] / steps
-    case = fem_engine.Case(SLIP, roller, MIX, speed - acceleration * step * steps)
-    task = fem_engine.task_of(case, None, MARCHED)
-    window, more = fem_engine.WINDOW * task.half_width, 1 + 1.5 * time / step
-    elastic = fem_engine.elastic_surface(case, task.mesh, window)
-    contact = fem_engine.at_target(case, fem_engine.surface_of(case, task.mesh, window), task)
-    z = before = displacement(elastic, contact) @ memory(elastic.x, time * case.speed).T
+    case = contact_problem.RollingProblem(SLIP, roller, MIX, speed - acceleration * step * steps)
+    task = discretisation.initial_discretisation(case, None, MARCHED)
+    window, more = contact_problem.WINDOW * task.half_width, 1 + 1.5 * time / step
+    elastic = contact_problem.elastic_surface(case, task.mesh, window)
+    contact = contact_problem.solve_at_target(case, contact_problem.steady_surface(case, task.mesh, window), task)
+    z = before = displacement(elastic, contact) @ retardation_operator(elastic.x, time * case.speed).T
     for left in reversed(range(steps)):
         case = replace(case, speed=speed - acceleration * step * left)
-        m = memory(elastic.x, time * case.speed / more) / more
+        m = retardation_operator(elastic.x, time * case.speed / more) / more
         kept = time / step * (2 * z - before / 2) @ m.T
         C = law.instant * np.eye(len(m)) + share * m
-        surface = replace(elastic, response=np.einsum("ca,iakb->ickb", C, elastic.response, optimize=True))
-        aside = speed_derivative._SetAside(**vars(case), nodes=elastic.x, aside=share * kept)
-        contact = fem_engine.at_target(aside, surface, task, start=contact)
+        surface = replace(elastic.retarded(C), initial=NodalField(elastic.x, share * kept))
+        contact = contact_problem.solve_at_target(case, surface, task, initial_guess=contact)
         before, z = z, displacement(elastic, contact) @ m.T + kept
-    return MIX.youngs_modulus * contact.force[0]
+    return MIX.youngs_modulus * contact.resultant[0]
 
 
 @pytest.mark.parametrize(
@@ -285,7 +283,7 @@ def test_speeds_over_fifteen_decades(speed):
 
 def test_loaded_zone_widens_for_every_contact_beside(monkeypatch):
     wide = modulation(SLIP, pressed(), MIX, 0.3, "fem", **COARSE)
-    monkeypatch.setattr(fem_engine, "WINDOW", 0.3)
+    monkeypatch.setattr(contact_problem, "WINDOW", 0.3)
     assert modulation(SLIP, pressed(), MIX, 0.3, "fem", **COARSE).added_mass == pytest.approx(wide.added_mass, rel=1e-4)
 
 
@@ -389,7 +387,7 @@ def test_stiffness_is_factorised_once(monkeypatch):
         (
             "fem",
             {"roller": pressed(rolling="free", friction=0.3)},
-            "without stick only, got `rolling` 'free' with `friction` 0.3; use 'sliding' or no friction",
+            "without stick and slip only, got `rolling` 'free' with `friction` 0.3; use 'sliding' or no friction",
         ),
         ("column", {}, "no engine with memory in time 'column'; choose from spectral, fem"),
     ],

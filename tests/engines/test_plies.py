@@ -138,7 +138,7 @@ def test_a_drag_stretches_slipping_plies_alike(layer, poisson):
 def test_confined_plies_settle_as_oedometers_in_series(poisson):
     layer = Layer(H, plies=(Ply(0.1, 20.0), Ply(0.07, 1.0), Ply(0.05, 5.0)))
     rows = mesh.graded_mesh(H, 0.02, 4, interfaces=layer.interfaces)
-    basis = surface_compliance.stiffness(rows, poisson, layer).basis
+    basis = surface_compliance.layer_stiffness(rows, poisson, layer).basis
     K = assembly.assemble_stiffness(basis, surface_compliance.element_moduli(rows, poisson, layer))
     x, y = basis.doflocs
     free, surface = np.flatnonzero(y > 1e-12), np.flatnonzero(y > H * (1 - 1e-12))
@@ -321,11 +321,11 @@ def test_stretch_across_an_interface_is_one_and_stress_along_x_jumps_with_the_st
 
 def test_speeds_on_plies_share_one_factorisation():
     layer = two_plies(0.01, 20.0)
-    surface_compliance.stiffness.cache_clear()
-    surface_compliance.condensed.cache_clear()
+    surface_compliance.layer_stiffness.cache_clear()
+    surface_compliance.surface_compliance.cache_clear()
     for speed in (0.003, -0.3):
         fem.roll(layer, PRESSED, SLS, speed)
-    assert surface_compliance.stiffness.cache_info().misses == 2  # the mesh and its coarser one
+    assert surface_compliance.layer_stiffness.cache_info().misses == 2  # the mesh and its coarser one
 
 
 # refusals
@@ -346,7 +346,7 @@ def test_speeds_on_plies_share_one_factorisation():
         ),
         (
             lambda: roll(two_plies(0.1, 2.0), PRESSED, MIX, 1.0, mesh=mesh.graded_mesh(H, 0.02, 4)),
-            r"`mesh` must have a line of nodes at every interface of plies, none at y = 0.12 m; shift the nearest",
+            r"`mesh` must have a line of nodes at every interface of plies, got none at y = 0.12 m; move the nearest",
         ),
         (
             lambda: mesh.graded_mesh(H, 0.02, 4, interfaces=(0.2, 0.1)),

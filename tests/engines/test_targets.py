@@ -10,7 +10,7 @@ from compact import contact, fem
 from compact.analysis.engines import ENGINES
 from compact.analysis.multipass import Pass, passes
 from compact.engines.column import engine as column
-from compact.engines.fem import engine as fem_engine
+from compact.engines.fem import contact_problem
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.rolling_contact import Layer, Roller, require_on_target, require_target_reached
@@ -179,12 +179,12 @@ def test_spectral_that_misses_raises(monkeypatch, target):
 @pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure"])
 def test_finite_elements_that_miss_raise(monkeypatch, target):
     value = {"indentation": 3e-3, "load": 8e3, "peak_pressure": 2e5}[target]
-    at_target = fem_engine.at_target
+    at_target = contact_problem.solve_at_target
 
     def missed(case, *given, **options):
         return at_target(replace(case, roller=replace(case.roller, **{target: off(value)})), *given, **options)
 
-    monkeypatch.setattr(fem_engine, "at_target", missed)
+    monkeypatch.setattr(contact_problem, "solve_at_target", missed)
     with pytest.raises(
         RuntimeError, match=f"`{target}` {value:.9g} was prescribed and .* 1e-08 is promised; the contact"
     ):

@@ -1,4 +1,4 @@
-"""What vouches for extremes and integrals on pieces: closed forms, thin layers, jumps at joins."""
+"""Maxima, roots and integrals of piecewise functions: closed forms, boundary layers, jumps at breaks."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from compact.numerics.piecewise import (
-    ZOOM,
+    ZOOM_CELLS,
     clenshaw_curtis,
     find_maximum,
     find_roots,
@@ -42,40 +42,40 @@ def test_integral_is_exact_for_polynomials(degree):
 
 
 @pytest.mark.parametrize("thickness", [1e-2, 1e-5, 1e-9])
-def test_integral_sees_a_thin_layer(thickness):
+def test_integral_resolves_a_boundary_layer(thickness):
     assert integrate(lambda z: np.exp(-z / thickness) / thickness, BREAKS) == pytest.approx(1, rel=1e-9)
 
 
 @given(st.floats(0.01, 0.99), st.floats(0.5, 20))
-def test_top_between_samples_is_found_to_rounding(place, sharpness):
+def test_maximum_between_samples_is_found_to_rounding(place, sharpness):
     value, found = find_maximum(lambda z: 1 / (1 + (sharpness * (z - place)) ** 2), interior_grid(np.array([0.0, 1.0])))
     assert value == pytest.approx(1, rel=1e-12)
     assert found == pytest.approx(place, abs=1e-6)
 
 
-def test_step_is_not_overshot():
+def test_maximum_does_not_overshoot_a_step():
     assert find_maximum(lambda z: np.where(z < 0.123, 100.0, 200.0), interior_grid(BREAKS))[0] == 200
 
 
-def test_larger_of_two_close_tops_wins():
+def test_larger_of_two_close_maxima_is_found():
     value, place = find_maximum(lambda z: np.sin(20 * np.pi * z) + 1e-6 * z, interior_grid(BREAKS))
     assert place == pytest.approx(0.925, abs=1e-4)
     assert value == pytest.approx(1 + 0.925e-6, rel=1e-12)
 
 
-def test_plateau_is_searched_at_its_edges_only():
-    asked = []
+def test_plateau_is_refined_at_its_edges_only():
+    evaluated = []
 
     def plateau(z):
-        asked.append(z.size)
+        evaluated.append(z.size)
         return np.minimum(np.sin(np.pi * z), 0.5)
 
     grid = interior_grid(np.array([0.0, 1.0]))
     assert find_maximum(plateau, grid)[0] == 0.5
-    assert max(asked[1:]) == 2 * (ZOOM + 1)
+    assert max(evaluated[1:]) == 2 * (ZOOM_CELLS + 1)
 
 
-def test_jump_at_a_join_keeps_both_sides():
+def test_both_limits_at_a_jump_count():
     def jumps(z):
         return np.where(z < 0.3, z, -z)
 
@@ -83,17 +83,17 @@ def test_jump_at_a_join_keeps_both_sides():
     assert find_maximum(lambda z: -jumps(z), interior_grid(BREAKS))[0] == pytest.approx(1, rel=1e-14)
 
 
-def test_value_that_does_not_apply_is_passed_over():
+def test_undefined_values_are_ignored():
     value, place = find_maximum(lambda z: np.where(z < 0.5, -np.inf, -((z - 0.7) ** 2)), interior_grid(BREAKS))
     assert (value, place) == pytest.approx((0, 0.7), abs=1e-6)
 
 
-def test_sign_changes_are_roots_to_rounding():
+def test_roots_are_found_to_rounding():
     found = find_roots(lambda z: np.sin(7 * np.pi * z), BREAKS)
     assert found == pytest.approx(np.arange(1, 7) / 7, rel=1e-14)
 
 
-def test_grid_keeps_the_joins_and_rises():
+def test_grid_contains_the_breaks_and_ascends():
     grid = graded_grid(BREAKS)
     assert np.all(np.diff(grid) > 0)
     assert set(BREAKS) <= set(grid)
