@@ -104,7 +104,7 @@ def _draw(rows):
     """Largest load and resistance over the number of passes, a line for each roller and mix."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures import PALETTE
+    from compact.report.figure_style import PALETTE
 
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True)
@@ -131,7 +131,7 @@ def draw_profiles(rows):
     """Density over the depth after each pass; all of it, and the top, where passes differ."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures import PALETTE
+    from compact.report.figure_style import PALETTE
 
     figure = Figure(figsize=(9.0, 4.4), layout="constrained")
     panels = figure.subplots(1, 2)

@@ -51,22 +51,23 @@ def _draw(rows, runs):
     """Ringing and non-uniformity over the stiffness, a line for each law; the force of two laws over a cycle."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures import look
+    from compact.report.figure_style import law_style
 
     figure = Figure(figsize=(13.0, 4.0), layout="constrained")
     panels = figure.subplots(1, 3)
     names, stiffnesses = list(dict.fromkeys(row[0] for row in rows)), sorted({row[1] for row in rows})
     for name in names:
         _, stiffness, _, ringing, nonuniformity, *_ = zip(*(row for row in rows if row[0] == name), strict=True)
-        panels[0].semilogx(stiffness, ringing, marker="o", markersize=3, **look(name), label=name)
-        panels[1].semilogx(stiffness, nonuniformity, marker="o", markersize=3, **look(name), label=name)
+        panels[0].semilogx(stiffness, ringing, marker="o", markersize=3, **law_style(name), label=name)
+        panels[1].semilogx(stiffness, nonuniformity, marker="o", markersize=3, **law_style(name), label=name)
     panels[0].set(xlabel="stiffness k [N/m]", ylabel="ringing: peak force over that of a rigid drive [-]")
     panels[1].set(xlabel="stiffness k [N/m]", ylabel="non-uniformity of speed, working part [-]")
     panels[1].legend(frameon=False, fontsize=8)
     middle = stiffnesses[len(stiffnesses) // 2]
     for name in (names[0], names[-1]):
         run = runs[name, middle]
-        panels[2].plot(run.time, run.drive_force / 1e3, linewidth=0.8, **look(name) | {"linestyle": "-"}, label=name)
+        style = law_style(name) | {"linestyle": "-", "linewidth": 0.8}
+        panels[2].plot(run.time, run.drive_force / 1e3, **style, label=name)
         panels[2].plot(run.rigid.time, run.rigid.drive_force / 1e3, linewidth=0.8, color="0.6", zorder=0)
     panels[2].set(xlabel="time t [s]", ylabel=f"drive force H [kN], k = {middle:g} N/m (grey: rigid)")
     panels[2].legend(frameon=False, fontsize=8)

@@ -93,7 +93,7 @@ def figure(rows):
     """Relative differences to the spectral engine, a panel per quantity, a colour per engine."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures import PALETTE
+    from compact.report.figure_style import PALETTE
     from compact.report.ranking_figures import ENGINE_LOOKS
 
     drawn = Figure(figsize=(12, 3.8), layout="constrained")

@@ -86,13 +86,13 @@ def _draw(study, front):
     """Speed and power of the laws made and of two published ones; both fronts."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures import PALETTE, look
+    from compact.report.figure_style import PALETTE, law_style
 
     figure = Figure(figsize=(12.5, 7.2), layout="constrained")
     (speed, power), panels = figure.subplots(2, 2)
     time = np.linspace(0, study.scene.motion.duration, 3001)
     looks = {"least-peak-power": {"color": PALETTE[0]}, "least-peak-force": {"color": PALETTE[4]}}
-    looks |= {name: look(name) for name in ("reversal-4-free-acceleration", "reversal-2")}
+    looks |= {name: law_style(name) for name in ("reversal-4-free-acceleration", "reversal-2")}
     for name, drawn in looks.items():
         there = study.cycles[name].there
         v, a = there.velocity(time), there.acceleration(time)

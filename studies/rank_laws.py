@@ -12,7 +12,7 @@ linear layer resists with a seventh of what the plant needs. Finite elements tha
 roller, with a rate of the mix, at three speeds: most of the time of all. Spring, its damping and motor are assumed, no
 source names one. A hydraulic drive imposes the law: its forces are rigid ones.
 
-`markdown` makes the table of the README. Each row names the roller, the gap and the quantity that is kept over speed,
+`markdown` makes the table of `docs/which_law.md`. Each row names the roller, the gap and the quantity that is kept over speed,
 so that a row of an engine is the main job of the scene with that engine unless the row says otherwise.
 """
 
@@ -68,13 +68,13 @@ HEADER = (
     "engine", "drive", "criterion", "rank", "law", "value", "margin", "low", "high", "error", "sure", "roller", "gap",
     "held",
 )  # fmt: skip
-TITLES = {  # of the rows of the README's table
+TITLES = {  # of the rows of the table
     "formula": "formula",
     "column": "columns, calibrated",
-    "fem": "linear layer, `fem`",
-    "compaction": "`compaction`, 3 mm, rate of the mix, coarse mesh",
+    "fem": "viscoelastic layer, `fem`",
+    "compaction": "`compaction`, 3 mm, rate effect, coarse mesh",
 }
-MARKDOWN = ("resistance by", "roller, gap; kept over speed", "drive", "least peak force", "least peak power")
+MARKDOWN = ("resistance by", "roller, gap; held over speed", "drive", "least peak force", "least peak power")
 SPREAD_HEADER = (
     "engine", "drive", "criterion", "first", "stays_first", "kendall_tau", "least_resistance_N",
     "largest_resistance_N", "mixes",
@@ -271,7 +271,7 @@ def _excess(rows, engine, by):
 
 
 def markdown(rows):
-    """Lines of the README's table: the first law by force and by power, by engine and drive."""
+    """Lines of the table of `docs/which_law.md`: the first law by force and by power, by engine and drive."""
     lines = [f"| {' | '.join(MARKDOWN)} |", "|" + "---|" * len(MARKDOWN)]
     for engine, title in TITLES.items():
         drives = dict.fromkeys(row[1] for row in rows if row[0] == engine)

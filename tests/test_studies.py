@@ -13,7 +13,7 @@ from compact.scene.plant_data import read_measurements
 
 MEASURED = "loveikin-2015-measured.toml"
 STUDIES = Path(__file__).parent.parent / "studies"
-README = STUDIES.parent / "README.md"
+TABLE = STUDIES.parent / "docs" / "which_law.md"
 
 
 def study(name):
@@ -379,21 +379,21 @@ def test_ranking_draws_the_error_of_every_engine_that_has_one():
 
 
 def first_places(module, **asked):
-    """Lines of the README's table as the study makes them, without its head."""
+    """Rows of the table of best laws as the study makes them, without its head."""
     rows, _ = module.main(samples=2, **asked)
     return module.markdown(rows)[2:]
 
 
-def test_table_of_the_readme_is_that_of_the_study():
+def test_documented_table_of_best_laws_is_that_of_the_study():
     (line,) = first_places(study("rank_laws"), engines=("formula",), drives=("rigid",))
-    assert line in README.read_text(encoding="utf-8")
+    assert line in TABLE.read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["formula", "column", "fem", "compaction"])
-def test_every_row_of_the_readme_is_that_of_the_study(engine):
+def test_every_row_of_the_table_of_best_laws_is_that_of_the_study(engine):
     lines = first_places(study("rank_laws"), engines=(engine,))
-    text = README.read_text(encoding="utf-8")
+    text = TABLE.read_text(encoding="utf-8")
     assert len(lines) == 3
     assert [line for line in lines if line not in text] == []
 

@@ -15,6 +15,7 @@ from interrupts import heed_interrupts
 
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Processes
+from compact.report import text
 from compact.report import writer as report
 from compact.report.ranking_tables import agreements
 from compact.scene.loader import SceneError, load_scene
@@ -227,4 +228,4 @@ def test_laws_without_a_finite_peak_are_reported_by_every_engine(tmp_path):
     report.write_study(study, tmp_path / "out")
     assert (tmp_path / "out" / "engines.png").stat().st_size > 5_000
     assert "No law has a finite peak drive force" in (tmp_path / "out" / "report.html").read_text("utf-8")
-    assert "infinite" in report.study_digest(study)
+    assert "infinite" in text.study_digest(study)

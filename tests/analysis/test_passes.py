@@ -13,7 +13,7 @@ from compact.engines.compaction import engine as compaction
 from compact.engines.compaction.roller_frame import Frame, LayerState, fresh, rolling_mesh
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
-from compact.report import contact_tables
+from compact.report import contact_tables, text
 from compact.report import writer as report
 from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
@@ -258,7 +258,7 @@ def test_results_tell_of_every_pass(tmp_path):
     done = dict(case.passes)[0.2]
     contact_tables.write_contact(tmp_path / "one", case, 0.2, done)
     assert (tmp_path / "one" / "density.png").stat().st_size > 5_000
-    table = contact_tables.contact_digest(case, 0.2, done).splitlines()[-3:]
+    table = text.contact_digest(case, 0.2, done).splitlines()[-3:]
     assert [line.split()[0] for line in table] == ["1", "2", "3"]
 
 

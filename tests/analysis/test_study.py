@@ -20,7 +20,7 @@ from compact.drive import CRITERIA
 from compact.files import ResultsError
 from compact.motion import profile as motion
 from compact.motion.profile import LAWS
-from compact.report import contact_tables
+from compact.report import text
 from compact.report import writer as report
 from compact.scene.loader import LAW_NAMES, SceneError, load_scene
 from compact.scene.schema import RankBy
@@ -104,7 +104,7 @@ def test_elastic_drive_goes_from_the_scene_to_the_summary(tmp_path):
     with (tmp_path / "out" / "ringing.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [row["law"] for row in rows] == ["cubic", "septic"]
-    assert "rings 1." in report.study_digest(study)
+    assert "amplification 1." in text.study_digest(study)
 
 
 @pytest.mark.parametrize("followed", [True, False], ids=["first-order", "steady"])
@@ -313,11 +313,11 @@ def test_figures_have_labelled_axes_and_pixels(written):
 
 
 def test_a_law_keeps_its_look_in_every_figure():
-    from compact.report.figures import look
+    from compact.report.figure_style import law_style
 
-    assert {name: look(name) for name in LAW_NAMES}.keys() == set(LAW_NAMES)
-    assert look("cubic") == look("cubic") != look("quintic")
-    assert look("own table")["color"] == "black"
+    assert {name: law_style(name) for name in LAW_NAMES}.keys() == set(LAW_NAMES)
+    assert law_style("cubic") == law_style("cubic") != law_style("quintic")
+    assert law_style("own table")["color"] == "black"
 
 
 OPTIMISE = {"objectives": ["peak_force", "peak_power"], "smoothness": 1, "steady_tolerance": 0.0, "acceleration": 0.6}
@@ -447,7 +447,7 @@ def test_bounds_that_no_law_keeps_leave_out_its_law_and_nothing_else(tmp_path, l
     assert bare["laws_not_made"] == {}
     reason = summary["laws_not_made"]["least-peak-force"]
     assert reason.startswith(NOT_MADE)
-    assert f"not made: least-peak-force: {reason}" in report.study_digest(study).splitlines()
+    assert f"not made: least-peak-force: {reason}" in text.study_digest(study).splitlines()
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert f"The law <strong>least-peak-force</strong> is not made: {NOT_MADE}" in page
 
@@ -549,17 +549,17 @@ def test_too_few_rollers_are_told_with_a_remedy_that_is_enough():
         mended = Study(scene(**change))
         assert mended.engineering.rollers_needed == mended.scene.machine.rollers
         assert coverage(mended.scene, mended.engineering) == ""
-    assert said in " ".join(report.study_digest(Study(scene("small"))).split())
+    assert said in " ".join(text.study_digest(Study(scene("small"))).split())
 
 
-def test_rigid_drives_are_not_said_to_ring():
-    assert "rings" not in report.study_digest(Study(scene("small")))
+def test_digest_of_a_rigid_drive_has_no_dynamic_amplification():
+    assert "amplification" not in text.study_digest(Study(scene("small")))
 
 
 def test_one_contact_is_told_by_metre_and_by_roller():
     study = Study(scene())
     rolled = contact_stage.roll_passes(study.scene, study.mix, 0.1)
-    lines = contact_tables.contact_digest(study, 0.1, rolled).splitlines()
+    lines = text.contact_digest(study, 0.1, rolled).splitlines()
     load, force, resistance, pull = ([float(n) for n in line[20:].split() if n != "-"] for line in lines[1:5])
     length = study.scene.machine.roller_length
     assert force == pytest.approx([length * each for each in load], rel=1e-4)

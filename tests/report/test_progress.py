@@ -224,7 +224,8 @@ def test_a_script_shows_its_progress_on_a_terminal():
 
 CALLS = {
     "roll": (
-        "roll", "--engine", "spectral", "--set", "machine.gap_geometry=circle", "--set", "machine.roller_condition=frictionless"
+        "roll", "--engine", "spectral", "--set", "machine.gap_geometry=circle",
+        "--set", "machine.roller_condition=frictionless",
     ),
     "run": ("run", "--set", "output.items=['tables','figures']"),
     "calibrate": ("calibrate", str(SCENES / "loveikin-2015-measured.toml")),

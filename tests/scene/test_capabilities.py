@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+from pages import answer_words
 
 from compact import cli, contact
 from compact.analysis.contact_cases import contact_inputs
@@ -14,7 +15,7 @@ from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
 from compact.engines.fem import engine as fem_engine
 from compact.engines.spectral import engine as spectral
-from compact.report import html_answer
+from compact.report import text
 from compact.report import writer as report
 from compact.rolling_contact import BaseCondition, GapGeometry, Layer, Ply, Roller, RollerCondition
 from compact.scene.engine_capabilities import LIMITS, adapt
@@ -194,7 +195,7 @@ def test_a_run_says_what_each_engine_replaced(tmp_path):
     study = Study(load_scene(SMALL, **{"accuracy.engine": "spectral"} | few))
     summary = report.write_study(study, tmp_path / "out")
     assert set(summary["replaced"]) == {"spectral", "formula"}
-    told, page = report.study_digest(study), html_answer.answer(study, [], [])
+    told, page = text.study_digest(study), answer_words(study)
     for sentence in (each for told_of in summary["replaced"].values() for each in told_of):
         assert sentence in " ".join(told.split())
         assert sentence in page
