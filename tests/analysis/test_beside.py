@@ -108,7 +108,7 @@ def test_formulas_know_no_error():
 
 def test_orders_of_engines_that_resist_alike_agree(written):
     study, _, directory = written
-    agreed = {(other, by): found for _, _, other, _, by, found, *_ in agreements(study)}
+    agreed = {(each.other_engine, each.by): each.agreement for each in agreements(study)}
     assert agreed["formula", "peak_force"].tau == pytest.approx(1.0)  # m a + F is in the order of a for any F
     assert {row["other_engine"] for row in rows(directory / "agreement.csv")} == {"formula", "column"}
 

@@ -260,7 +260,10 @@ def test_what_the_scene_sets_and_the_engine_does_not_take_is_refused():
             {**SHALLOW, "machine.roller_condition": "driven", "machine.roller_torque": 1e3},
             r"the roller skids: the torque is 10\.\d times the",
         ),
-        ({**SHALLOW, **PARABOLA, "contact.indentation": None, "contact.load": 1e8}, "reaches the base of a layer 0.22 m high"),
+        (
+            {**SHALLOW, **PARABOLA, "contact.indentation": None, "contact.load": 1e8},
+            "reaches the base of a layer 0.22 m high",
+        ),
         (
             {**SHALLOW, "machine.gap_geometry": "circle", "contact.indentation": 0.215},
             "is wider than the circle of radius",

@@ -449,7 +449,7 @@ def test_bounds_that_no_law_keeps_leave_out_its_law_and_nothing_else(tmp_path, l
     assert reason.startswith(NOT_MADE)
     assert f"not made: least-peak-force: {reason}" in text.study_digest(study).splitlines()
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert f"The law <strong>least-peak-force</strong> is not made: {NOT_MADE}" in page
+    assert f"The law <strong>least-peak-force</strong> is omitted: {NOT_MADE}" in page
 
 
 def test_law_whose_search_does_not_converge_costs_no_other(monkeypatch):
