@@ -1,8 +1,8 @@
-"""Does every part hold where digits die: at the ends of Poisson's ratio, width, depth, speed, friction, stiffness?
+"""Numerical stability at the limits of Poisson's ratio, width, depth, speed, friction and stiffness.
 
-Each case is solved and held against something that does not share its method: a closed form, another engine, a
-limit, or a balance. The table has what was reached, the relative error against that, and the processor time. A case
-that cannot be solved must be refused in words; then `reached` is the refusal and there is no error.
+Each case is solved and compared with a result of another method: a closed form, another engine, a limit or a balance.
+The table has the result, its relative error and the processor time. A case without a solution must be refused with a
+sentence; `reached` is then the refusal, without an error.
 """
 
 import math
@@ -36,7 +36,7 @@ CASES = {}
 
 
 def case(name, against):
-    """Enter a function that returns what was reached and its relative error."""
+    """Register a function that returns a result and its relative error."""
 
     def enter(solve):
         CASES[name] = (against, solve)
@@ -46,7 +46,7 @@ def case(name, against):
 
 
 def both_engines(layer, roller, material, speed=0.2):
-    """Load by the spectral engine, and how far finite elements are from it."""
+    """Load by the spectral engine, and the relative difference of finite elements to it."""
     exact = spectral.roll(layer, roller, material, speed)
     found = fem.roll(layer, roller, material, speed, tolerance=5e-3)
     return f"P {found.load:.6g} N/m", found.load / exact.load - 1

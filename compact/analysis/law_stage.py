@@ -12,7 +12,9 @@ from compact.analysis.contact_stage import ContactStage, Count
 from compact.analysis.resistance_stage import ResistanceStage
 from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower
 from compact.machine.cart import MotionResistance
-from compact.motion.profile import CamLimits, Cycle, InfeasibleError, Limits, OptimalMotion, law, optimal_name, optimise
+from compact.motion.limits import CamLimits, InfeasibleError, Limits
+from compact.motion.optimal_motion import OptimalMotion, optimal_law_name, optimise
+from compact.motion.profile import Cycle, law
 from compact.numerics.validation import require_known
 from compact.scene.loader import Scene, SceneError
 
@@ -54,7 +56,7 @@ class PrescribedLaws:
     def largest_speed(self) -> float:
         """Return the largest speed of the cart under any law, and under the crank of the machine [m/s]."""
         motion = self.scene.motion
-        speeds = [cycle.there.peaks().velocity * self._jump_factor(cycle) for cycle in self.cycles.values()]
+        speeds = [cycle.forward.peaks().velocity * self._jump_factor(cycle) for cycle in self.cycles.values()]
         if machine_models.crank(self.scene):
             crank_law = law("crank", motion.stroke, motion.duration, rod_length=motion.rod_length)
             speeds.append(crank_law.peaks().velocity)
@@ -62,7 +64,7 @@ class PrescribedLaws:
 
     def _jump_factor(self, cycle: Cycle) -> float:
         """Return the factor of the speed behind a spring: a velocity jump at a reversal is twice the velocity."""
-        jumps = self.scene.drive.kind == "elastic" and any(join.order == 1 for join in cycle.joins())
+        jumps = self.scene.drive.kind == "elastic" and any(join.order == 1 for join in cycle.discontinuities())
         return OVERSHOOT if jumps else 1.0
 
 
@@ -105,7 +107,7 @@ class LawStage:
         cycles = {}
         for objective in table.objectives:
             self.count("laws")
-            name = optimal_name([objective])
+            name = optimal_law_name([objective])
             try:
                 forward = self._optimal_law(objective)
             except (InfeasibleError, RuntimeError) as error:
@@ -140,7 +142,7 @@ class LawStage:
             snap=table.snap,
             steady_tolerance=table.steady_tolerance or 0.0,
             smoothness=table.smoothness,
-            turn="dwell" if motion.dwell else "reversal",
+            end_condition="dwell" if motion.dwell else "reversal",
             cam=_cam_limits(self.scene),
             **shares,
         )
@@ -177,13 +179,13 @@ class LawStage:
         The resistance is extended as long as the velocity limit of its range is active and the scene has no lower one.
         Raises RuntimeError if it is active each time, InfeasibleError if no law satisfies the limits.
         """
-        motion, method = self.scene.motion, self.scene.motion.optimise.method
+        motion = self.scene.motion
         for _ in range(EXTENSIONS):
             limits, resistances = self.limits, self.motion_resistances
             task = objective, motion.stroke, motion.duration, self.resistance.cart.mass, resistances, limits
             bounded = limits.velocity in (None, motion.optimise.velocity)
             try:
-                found = optimise(*task, regret=len(resistances) > 1, method=method)
+                found = optimise(*task, regret=len(resistances) > 1)
             except InfeasibleError as error:
                 if bounded or "velocity" not in {conflict.name for conflict in error.conflicts}:
                     raise

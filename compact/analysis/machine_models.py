@@ -72,9 +72,9 @@ def drive_of(scene, cycle):
         return ElasticDrive(table.stiffness, table.damping, table.backlash or 0.0, bool(table.include_added_mass))
     if table.kind == "hydraulic":
         return Hydraulic(**table.hydraulics.model_dump())
-    through_rod = cycle.there.name == "crank" and rod is not None and scene.motion.dwell == 0
+    through_rod = cycle.forward.name == "crank" and rod is not None and scene.motion.dwell == 0
     linked = rod if through_rod and table.kind in ("crank", "motor") else Rigid()
-    if table.kind != "motor" or any(join.order == 1 for join in cycle.joins()):
+    if table.kind != "motor" or any(join.order == 1 for join in cycle.discontinuities()):
         return linked
     motor = table.motor
     curve = (

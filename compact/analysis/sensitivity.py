@@ -209,7 +209,7 @@ class _Variation:
         """Return the laws over the duration of a changed scene; optimal laws keep their shape."""
         motion = changed.contacts.scene.motion
         optimal = {
-            name: replace(cycle.there, duration=motion.duration).cycle(motion.dwell, motion.dwell)
+            name: replace(cycle.forward, duration=motion.duration).cycle(motion.dwell, motion.dwell)
             for name, cycle in self.stages.laws.optimal_cycles.items()
         }
         return changed.prescribed.cycles | optimal

@@ -10,7 +10,7 @@ from compact import quantities
 from compact.analysis.contact_cases import ContactRecord, contact_record, contact_to_json
 from compact.analysis.contact_stage import roll_scene
 from compact.analysis.study import Study
-from compact.files import write_csv, write_figure, write_json
+from compact.files import write_csv, write_figure, write_json, write_vtu_series
 from compact.rolling_contact import ContactResult
 
 CONTACT_FIELDS = ("speed", "load", "resistance", "coefficient", "leading", "trailing", "peak_pressure")
@@ -138,8 +138,7 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
         list(_write_passes([(speed, passes)], directory))
         write_figure(directory / "density.png", contact_figures.density(passes))
     if study.engine.fields_module:
-        from compact.engines.fem.fields import write_series
-
         layers = [(study.engine.fields(first), first)]
-        list(write_series(layers, directory))
+        frames = ((contact.speed, mesh) for mesh, contact in layers)
+        list(write_vtu_series(directory / "fields.pvd", "fields", "speed", frames))
         write_figure(directory / "fields.png", contact_figures.fields(layers))

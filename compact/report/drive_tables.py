@@ -122,7 +122,7 @@ def _hydraulics(study, directory):
     if best is not None:
         study.count("passage")
         made = best.forward()
-        law = best.demand.cycle.there.position(made.time)
+        law = best.demand.cycle.forward.position(made.time)
         columns = (made.time, made.position, made.velocity, law, made.inlet_pressure, made.outlet_pressure)
         yield write_csv(directory / f"passage-{best.name}.csv", PASSAGE_HEADER, np.column_stack(columns).tolist())
 

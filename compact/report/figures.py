@@ -78,9 +78,9 @@ def kinematics(cycles: Mapping[str, Cycle]) -> Figure:
     figure, axes = _grid(families, ("velocity", "acceleration", "jerk"))
     for row, members in zip(axes, families.values(), strict=True):
         for name in members:
-            there = cycles[name].there
+            there = cycles[name].forward
             phase = _phases(there.curve.x)
-            impulsive = any(join.order == 1 for join in there.joins())
+            impulsive = any(join.order == 1 for join in there.discontinuities())
             for ax, order in zip(row, (1, 2, 3), strict=True):
                 _plot_law(ax, name, phase * there.duration, there.at_phase(phase, order), impulsive)
     _legends(axes)

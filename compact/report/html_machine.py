@@ -144,14 +144,14 @@ def laws_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     """
     cycles, order = study.cycles.values(), ("velocity", "acceleration", "jerk", "snap")
     turn = "dwell" if study.scene.motion.dwell > 0 else "reversal"
-    peaks = [cycle.there.peaks() for cycle in cycles]
-    jumps = [sorted({join.quantity for join in cycle.joins()}, key=order.index) for cycle in cycles]
+    peaks = [cycle.forward.peaks() for cycle in cycles]
+    jumps = [sorted({join.quantity for join in cycle.discontinuities()}, key=order.index) for cycle in cycles]
     columns = {
         "law": list(study.cycles),
         "peak velocity": format_column([peak.velocity for peak in peaks], "m/s"),
         "peak acceleration": format_column([peak.acceleration for peak in peaks], "m/s2"),
         "peak jerk": format_column([peak.jerk for peak in peaks], "m/s^3"),
-        "continuity": [f"C{cycle.there.smoothness(turn)}" for cycle in cycles],
+        "continuity": [f"C{cycle.forward.smoothness(turn)}" for cycle in cycles],
         "discontinuities": [", ".join(names) or "none" for names in jumps],
     }
     caption = "Every law over the forward stroke. The return stroke mirrors it; that of a crank retraces it."

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from compact.analysis.study import Study
-from compact.cams.profile import Cam, stepper
+from compact.cams.profile import Cam
 from compact.files import write_columns, write_csv
+from compact.machine.roller_motors import roller_rotation
 from compact.motion.profile import Cycle
 from compact.report import drive_tables
 
@@ -60,18 +61,18 @@ def write_law_tables(study: Study, directory: Path) -> Iterator[Path]:
     yield write_csv(directory / "laws.csv", LAW_HEADER, [_law_row(cycle) for cycle in study.cycles.values()])
     yield write_csv(directory / "joins.csv", JOIN_HEADER, [
         (name, join.time, join.quantity, join.before, join.after)
-        for name, cycle in study.cycles.items() for join in cycle.joins()
+        for name, cycle in study.cycles.items() for join in cycle.discontinuities()
     ])  # fmt: skip
     for name, run in study.runs.items():
         yield write_columns(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, _cycle_columns(run))
 
 
 def _law_row(cycle: Cycle) -> tuple[Any, ...]:
-    peaks = cycle.there.peaks()
+    peaks = cycle.forward.peaks()
     turn = "dwell" if cycle.far_dwell > 0 else "reversal"
-    criteria = [cycle.there.criterion(order, turn) for order in range(1, 5)]
-    continuity = f"C{cycle.there.smoothness(turn)}"
-    return (cycle.there.name, peaks.velocity, peaks.acceleration, peaks.jerk, peaks.snap, continuity, *criteria)
+    criteria = [cycle.forward.criterion(order, turn) for order in range(1, 5)]
+    continuity = f"C{cycle.forward.smoothness(turn)}"
+    return (cycle.forward.name, peaks.velocity, peaks.acceleration, peaks.jerk, peaks.snap, continuity, *criteria)
 
 
 def _cycle_columns(run: Any) -> tuple[Any, ...]:
@@ -128,7 +129,7 @@ def write_cams(study: Study, directory: Path) -> Iterator[Path]:
         yield write_cam(directory / "cams" / f"{law}-{follower}.csv", cam)
     yield write_csv(directory / "cams.csv", CAM_HEADER, rows)
     for law, cycle in study.cycles.items():
-        turned = stepper(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
+        turned = roller_rotation(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
         header, columns = drive_tables.roller_motor_columns(study.roller_motors[law], turned.time)
         path = directory / "cams" / f"{law}-stepper.csv"
         yield write_columns(path, STEPPER_HEADER + header, (*astuple(turned), *columns))

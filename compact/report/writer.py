@@ -8,7 +8,7 @@ import numpy as np
 
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Here
-from compact.files import claimed_directory, render_png, write_bytes, write_figure, write_json
+from compact.files import claimed_directory, render_png, write_bytes, write_figure, write_json, write_vtu_series
 from compact.report import contact_tables, drive_tables, machine_tables, ranking_tables
 from compact.report.summary import study_summary, versions
 from compact.verification.balance_checks import balance_checks
@@ -60,14 +60,13 @@ def write_study(study: Study, directory: Path | str, force: bool = False, crew: 
 
 
 def _write_fields(study: Study, directory: Path) -> Iterator[Path]:
-    from compact.engines.fem.fields import write_series
-
     standing = study.standing(directory, "fields.pvd", "fields/", "fields.png")
     yield from standing
     if not standing:
         from compact.report import contact_figures
 
-        yield from write_series(study.fields, directory)
+        frames = ((contact.speed, mesh) for mesh, contact in study.fields)
+        yield from write_vtu_series(directory / "fields.pvd", "fields", "speed", frames)
         study.count("figures")
         yield write_figure(directory / "fields.png", contact_figures.fields(study.fields))
 
@@ -135,7 +134,7 @@ def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
     if "crank" in items:
         found["crank"] = (figures.crank_turns, study.turns)
     if study.layered:
-        peaks = [cycle.there.peaks().acceleration for cycle in study.cycles.values()]
+        peaks = [cycle.forward.peaks().acceleration for cycle in study.cycles.values()]
         resistances = {study.scene.accuracy.engine: study.resistance}
         resistances |= {name: other.resistance for name, other in study.beside.items()}
         found["contact"] = (contact_figures.speeds, study.contacts)

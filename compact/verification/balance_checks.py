@@ -65,7 +65,7 @@ def balance_checks(study: "Study") -> list[BalanceCheck]:
         checks += [
             BalanceCheck(f"constant breadth of the cam, {law}", cam.breadth_error / cam.breadth, BREADTH_LIMIT)
             for (law, follower), cam in study.cams.items()
-            if follower == "roller" and not cam.cycle.there.retraces
+            if follower == "roller" and not cam.cycle.forward.retraces
         ]
     return checks
 

@@ -263,7 +263,7 @@ def test_moved_datum_stays_within_its_band():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "holds no measurement; write one under"),
+        ("", "contains no measurement; add a table"),
         ("x = 1", "the file has no key `x`; it takes measurement, assumptions"),
         ("measurement = 3", "`measurement` must be tables"),
         ("[[measurement]]\nlod = 3.0", "measurement 1 has no key `lod`; it takes load, resistance"),
@@ -294,7 +294,7 @@ def test_readings_are_refused(tmp_path, text, message):
     [
         ("load\nx\n", "`load` must be a number, got 'x'"),
         ("load,speed\n3\n", "each row must have one cell for each name"),
-        ("load\n", "holds no measurement"),
+        ("load\n", "contains no measurement"),
         ("lod\n3\n", "row 1 has no key `lod`"),
     ],
 )

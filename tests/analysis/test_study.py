@@ -18,7 +18,7 @@ from compact.analysis.engineering_summary import coverage
 from compact.analysis.study import Study
 from compact.drive import CRITERIA
 from compact.files import ResultsError
-from compact.motion import profile as motion
+from compact.motion import optimal_motion
 from compact.motion.profile import LAWS
 from compact.report import text
 from compact.report import writer as report
@@ -329,7 +329,7 @@ def test_laws_made_for_the_machine_lead_those_with_a_steady_speed():
     assert study.rankings["peak_force"][0].run.name == "least-peak-force"
     assert study.rankings["peak_power"][0].run.name == "least-peak-power"
     for objective in OPTIMISE["objectives"]:
-        made = study.cycles[f"least-{objective.replace('_', '-')}"].there
+        made = study.cycles[f"least-{objective.replace('_', '-')}"].forward
         assert getattr(study.runs[made.name], objective) == pytest.approx(made.value, rel=1e-4)
         assert made.limits.velocity is None  # the formulas know no speed
     assert study.counts["laws"] == 6
@@ -349,7 +349,7 @@ SPECTRAL = COLUMN | {
 def test_map_reaches_as_fast_as_the_law_that_is_made_wants_to_go(layer):
     study = Study(scene(**layer, **{"motion.optimise": RESTLESS}))
     given = study.fastest
-    there = study.optimal_cycles["least-peak-force"].there
+    there = study.optimal_cycles["least-peak-force"].forward
     assert given < there.peaks().velocity < 0.999 * there.limits.velocity
     assert there.limits.velocity == study.fastest == pytest.approx(study.resistance_map.speeds[-1])
     assert study.runs["least-peak-force"].peak_force == pytest.approx(there.value, rel=1e-3)
@@ -358,7 +358,7 @@ def test_map_reaches_as_fast_as_the_law_that_is_made_wants_to_go(layer):
 def test_bound_of_the_scene_on_the_velocity_is_kept():
     given = Study(scene(**COLUMN)).fastest
     held = Study(scene(**COLUMN, **{"motion.optimise": RESTLESS | {"velocity": given}}))
-    assert held.optimal_cycles["least-peak-force"].there.peaks().velocity == pytest.approx(given)
+    assert held.optimal_cycles["least-peak-force"].forward.peaks().velocity == pytest.approx(given)
     assert held.fastest == given  # nothing is computed beyond it
 
 
@@ -379,7 +379,7 @@ def test_resistance_is_carried_on_where_no_law_is_as_slow_as_it_reaches():
     slow = COLUMN | {"motion.laws": ["constant-velocity"]}
     study = Study(scene(**slow, **{"motion.optimise": RESTLESS | {"acceleration": 0.18}}))
     given = study.fastest
-    top = study.optimal_cycles["least-peak-force"].there.peaks().velocity
+    top = study.optimal_cycles["least-peak-force"].forward.peaks().velocity
     assert top >= (0.54 - np.sqrt(0.54**2 - 4 * 0.18 * 0.4)) / 2 * (1 - 1e-3) > given
 
 
@@ -400,7 +400,7 @@ def test_law_made_for_the_spread_of_the_mix_costs_little_at_any_end_of_it():
     study = Study(scene(**{"motion.laws": ["reversal-4"], "motion.optimise": made}))
     low, high = (study.law_stage.motion_resistances[k].resistance.force / study.resistance.force for k in (1, 2))
     assert low < 1 / 2.2 < 2.2 < high  # the force follows the square of the pressure
-    assert 1 < study.cycles["least-peak-power"].there.value < 1.05
+    assert 1 < study.cycles["least-peak-power"].forward.value < 1.05
 
 
 def test_cam_for_a_roller_is_cut_as_the_scene_asks():
@@ -428,7 +428,7 @@ INFEASIBLE = {
     "motion.laws": ["cubic", "reversal-4"], "motion.optimise": OPTIMISE | {"acceleration": 0.1},
     "output.items": ["tables", "report"],
 }  # fmt: skip
-NOT_MADE = "no law keeps all limits; what would do, the others kept: acceleration"
+NOT_MADE = "no law satisfies all limits; relax, the others unchanged: acceleration"
 
 
 @pytest.mark.parametrize(
@@ -456,7 +456,7 @@ def test_law_whose_search_does_not_converge_costs_no_other(monkeypatch):
     def optimise(objective, *task, **how):
         if objective == "peak_power":
             raise RuntimeError("no stationary law after 60 steps")
-        return motion.optimise(objective, *task, **how)
+        return optimal_motion.optimise(objective, *task, **how)
 
     monkeypatch.setattr("compact.analysis.law_stage.optimise", optimise)
     study = Study(scene(**{"motion.laws": ["cubic"], "motion.optimise": OPTIMISE}))
@@ -513,7 +513,7 @@ def test_results_of_another_scene_are_kept(written, tmp_path):
     study, _, directory = written
     other = Study(study.scene.replaced(**{"motion.duration": 2.5}))
     before = (directory / "summary.json").read_bytes()
-    with pytest.raises(ResultsError, match="holds results of another scene; give another --out, or --force"):
+    with pytest.raises(ResultsError, match="holds results of another scene; use another --out, or --force"):
         report.write_study(other, directory)
     assert (directory / "summary.json").read_bytes() == before
 

@@ -21,7 +21,7 @@ from compact.engines.compaction import engine as compaction
 from compact.engines.fem import engine as fem_engine
 from compact.machine.cart import Cart, EndSprings, balance
 from compact.machine.rigid_drive import InverseDynamics
-from compact.machine.roller_motors import HELD, Driven, FirstOrder, RollerMotor, pulls, spent
+from compact.machine.roller_motors import HELD, Driven, FirstOrder, RollerMotor, pulls, roller_rotation, spent
 from compact.material.laws import Elastic
 from compact.motion.profile import law
 from compact.resistance import ResistanceMap
@@ -93,7 +93,7 @@ def test_nothing_pulls_at_the_pin(springs):
             0.0
             if springs is None
             else springs.push(
-                state.position, springs.zones(lambda z, leg=leg: leg.at_phase(z, 0), leg.joined_at()).at(phase)
+                state.position, springs.zones(lambda z, leg=leg: leg.at_phase(z, 0), leg.breakpoints()).at(phase)
             )
         )
         left = state.resistance - ROLLERS * answer.torque / R
@@ -341,3 +341,27 @@ def test_guide_wheels_that_lock_are_told():
 def test_refusals(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_rotation_is_the_travel_over_the_radius():
+    """Paper B, constant speed: 48 dx/(43 T R), errata B-8; each derivative is that of the one before."""
+    cycle, time, h = law("reversal-4-free-both", 0.4, 3.0).cycle(), np.linspace(0.05, 5.95, 40), 1e-5
+    rotation = roller_rotation(cycle, R, time)
+    assert roller_rotation(cycle, R, 1.5).angular_velocity == pytest.approx(48 * 0.4 / (43 * 3.0 * R), rel=1e-13)
+    assert rotation.angle == pytest.approx(cycle.derivative(time, 0) / R, rel=1e-15)
+    after, before = roller_rotation(cycle, R, time + h), roller_rotation(cycle, R, time - h)
+    names = ("angle", "angular_velocity", "angular_acceleration", "angular_jerk")
+    slopes = [(getattr(after, name) - getattr(before, name)) / (2 * h) for name in names[:-1]]
+    assert np.array(slopes) == pytest.approx(np.array([getattr(rotation, name) for name in names[1:]]), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("radius", "time", "message"),
+    [
+        (-1.0, 0.0, "`roller_radius` must be positive and finite, got -1.0"),
+        (0.1, np.nan, "`time` must be finite, got nan"),
+    ],
+)
+def test_rotation_rejects_invalid_input(radius, time, message):
+    with pytest.raises(ValueError, match=message):
+        roller_rotation(law("quintic", 0.4, 3.0).cycle(), radius, time)

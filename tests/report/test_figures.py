@@ -75,7 +75,7 @@ def test_kinematics_are_those_of_the_laws():
         for order, ax in enumerate(ax_row, start=1):
             line = next(line for line in ax.lines if line.get_label().startswith(name))
             time, value = line.get_data()
-            there = cycles[name].there
+            there = cycles[name].forward
             inside = np.abs(time[:, None] / 3.0 - there.curve.x).min(axis=1) > 1e-9  # at a join either side will do
             assert np.count_nonzero(inside) > 200
             assert value[inside] == pytest.approx(there.at_phase(time / 3.0, order)[inside], abs=1e-12)

@@ -350,18 +350,18 @@ def checked(asked, folder):
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_a_broken_scene_is_answered_or_refused_in_words(seed, tmp_path, warm):
+def test_a_broken_scene_is_solved_or_refused(seed, tmp_path, warm):
     checked(case(seed), tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(40, 340))
-def test_many_broken_scenes_are_answered_or_refused_in_words(seed, tmp_path, warm):
+def test_many_broken_scenes_are_solved_or_refused(seed, tmp_path, warm):
     checked(case(seed), tmp_path)
 
 
 @pytest.mark.parametrize("seed", range(400, 406))
-def test_a_scene_that_compaction_cannot_take_is_refused_in_words(seed, tmp_path, warm):
+def test_a_scene_outside_the_range_of_compaction_is_refused(seed, tmp_path, warm):
     """A contact by `compaction` takes minutes, so that every case has a mistake."""
     asked = case(seed)
     checked(asked._replace(engine="compaction", changes=asked.changes | {"nothing": 0.1}), tmp_path)
@@ -374,7 +374,7 @@ def test_cases_are_the_same_in_every_run():
     assert repr([case(seed) for seed in range(50)]) == repr([case(seed) for seed in range(50)])
 
 
-def test_cases_reach_every_command_engine_and_target_and_most_keys():
+def test_cases_cover_every_command_engine_and_target_and_most_keys():
     cases = [case(seed) for seed in range(340)]
     assert {each.command for each in cases} == {"roll", "run", "sweep"}
     assert {each.engine for each in cases} == set(ENGINES)
