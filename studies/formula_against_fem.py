@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.engines import roll
+from compact.analysis.contact_stage import roll_scene
 from compact.analysis.study import Study
 from compact.engines.halfplane import galin
 from compact.report.progress import tracked
@@ -72,7 +72,7 @@ def main(
         study = Study(case)
         found = {"1.5-1.8": of_formulas(study), "galin": of_half_plane(study.mix, radius)}
         for engine in engines:
-            found[engine] = of_contact(roll(case, study.mix, case.mean_speed, engine), radius)
+            found[engine] = of_contact(roll_scene(case, study.mix, case.mean_speed, engine), radius)
         rows += [(moisture, ratio, radius, engine, *map(float, values)) for engine, values in found.items()]
     if out:
         from compact.files import atomic_file, write_csv

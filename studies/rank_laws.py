@@ -22,7 +22,7 @@ import numpy as np
 from scipy.stats import kendalltau
 
 from compact.analysis import machine_models as machine
-from compact.analysis.engines import inputs
+from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.ranking_uncertainty import ties
 from compact.analysis.study import Study
 from compact.drive import CRITERIA, rank, simulate
@@ -138,7 +138,7 @@ def compacting(study, increments=INCREMENTS):
     scene, rolls = study.scene, []
     speeds = study.fastest * np.array([1 / 10, 1 / 3, 1])
     for speed in speeds:
-        layer, roller, material = inputs(scene, study.mix, "compaction", float(speed))
+        layer, roller, material = contact_inputs(scene, study.mix, "compaction", float(speed))
         near = rolls[-1] if rolls else None
         rolls.append(compaction.roll(layer, roller, material, float(speed), increments=increments, start=near))
     load, force = scene.machine.roller_length * np.array([[rolled.load, rolled.resistance] for rolled in rolls]).T
@@ -152,7 +152,7 @@ def runs(study, cart, resistance):
     """Runs by law with a cart and a resistance, behind the drive of the study."""
     working = (study.scene.motion.run_up, 1 - study.scene.motion.run_down)
     return {
-        name: simulate(cart, study.means(name), cycle, resistance, working=working)
+        name: simulate(cart, study.drive_stage.drive_of(name), cycle, resistance, working=working)
         for name, cycle in study.cycles.items()
     }
 

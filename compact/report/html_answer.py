@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from compact.analysis.engines import COMPACTING
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.sensitivity import Shift
 from compact.analysis.study import Study
@@ -287,7 +286,7 @@ def _engine_accuracy(study: Study) -> EngineAccuracy:
         error=resistance.engine_error,
         interpolation=resistance.error,
         speeds=len(resistance.speeds),
-        compacting=engine in COMPACTING,
+        compacting=study.engine.compacting,
         one_dimensional=engine == "column",
     )
 

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from compact.analysis.law_stage import COMPLIANT_DRIVES, FOLLOWERS
 from compact.analysis.ranking_uncertainty import Place, ties
 from compact.analysis.sensitivity import PRIOR, End, Shift
-from compact.analysis.study import FOLLOWERS, YIELDING, Study
+from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.machine.roller_motors import RollerMotor
@@ -155,7 +156,7 @@ def laws_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
         "discontinuities": [", ".join(names) or "none" for names in jumps],
     }
     caption = "Every law over the forward stroke. The return stroke mirrors it; that of a crank retraces it."
-    if study.scene.drive.kind in YIELDING:
+    if study.scene.drive.kind in COMPLIANT_DRIVES:
         caption += " The drive is compliant: the motion of the cart is in the files cycles/LAW.csv."
     description = "Velocity, acceleration and jerk of every law over the forward stroke, a row for each family of laws"
     title = "Exact peaks inside the pieces, and discontinuities at their joins"

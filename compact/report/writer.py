@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from compact.analysis.sensitivity import shifts
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Here
 from compact.files import claimed_directory, render_png, write_bytes, write_figure, write_json, write_vtu_series
@@ -99,7 +98,7 @@ def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) 
     yield pressure
     results = PageResults(
         pictures=found,
-        shifts=shifts(study),
+        shifts=study.sensitivities,
         checks=balance_checks(study),
         agreements=ranking_tables.agreements(study),
         first_cam=machine_tables.first_cam_blocks(study) if "cams" in items else None,

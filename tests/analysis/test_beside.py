@@ -121,7 +121,7 @@ def test_all_files_of_the_summary_stand_and_steps_are_counted(written):
     found = {str(path.relative_to(directory)) for path in directory.rglob("*") if path.is_file()}
     assert found == {*summary["files"], "summary.json", "scene.hash"}
     assert "engines.png" in found
-    assert sum(summary["stages"].values()) == study.steps
+    assert sum(summary["stages"].values()) == study.plan.planned.total()
     assert summary["beside"]["column"]["stages"]["rolled"] == 2
 
 
