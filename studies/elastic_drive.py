@@ -1,11 +1,11 @@
-"""How stiff must a drive be, and which laws does it spoil?
+"""Required stiffness of an elastic drive, and motion laws that excite it.
 
-Each law carries the cart through a spring of growing stiffness, at one damping ratio, in the periodic regime. Ringing
-is the peak force over that of a rigid drive. Stiffness alone does not end it: where friction stops the cart at a turn,
-the spring must first swing from pulling to pushing, the far end gathers speed meanwhile, and sets the cart off with a
-knock. For a law whose acceleration a does not vanish at the turn the knock is the same for any stiffness,
-sqrt(4 F m a - (m a)^2) above F + m a without damping. Laws that leave the turn gently have it die, slowly: with
-k^(-1/6) where the turn has a jerk, with k^(-1/4) where it has a snap only.
+Each law moves the cart through a spring of increasing stiffness, at one damping ratio, in the periodic regime. The
+dynamic amplification is the peak force over that of a rigid drive. Stiffness alone does not remove it. Where friction
+stops the cart at a reversal, the spring must reverse its force first; the driven end gains speed meanwhile, and the
+cart starts with an impact. For a law whose acceleration a does not vanish at the reversal, the impact is independent
+of stiffness: sqrt(4 F m a - (m a)^2) above F + m a without damping. For laws with vanishing acceleration it decreases
+slowly, with k^(-1/6) if the law has a jerk at the reversal and k^(-1/4) if it has only a snap.
 """
 
 from itertools import product
@@ -48,7 +48,8 @@ def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9)
 
 
 def _draw(rows, runs):
-    """Ringing and non-uniformity over the stiffness, a line for each law; the force of two laws over a cycle."""
+    """Draw dynamic amplification and non-uniformity over stiffness, one line for each law, and the force of two laws.
+    """
     from matplotlib.figure import Figure
 
     from compact.report.figure_style import law_style

@@ -39,7 +39,9 @@ def public_names(tree: ast.Module):
 @pytest.mark.parametrize("package", sorted({path.parent for path in MODULES}), ids=lambda path: path.name)
 def test_public_names_use_terms_of_the_glossary(package):
     trees = {path: ast.parse(path.read_text("utf-8")) for path in package.glob("*.py") if path.name not in EXEMPT}
-    found = {f"{path.name}: {name}" for path, tree in trees.items() for name in public_names(tree) if words(name) & NAMES}
+    found = {
+        f"{path.name}: {name}" for path, tree in trees.items() for name in public_names(tree) if words(name) & NAMES
+    }
     assert found == set()
 
 
@@ -67,7 +69,9 @@ def test_messages_and_docstrings_use_terms_of_the_glossary(package):
     assert found == set()
 
 
-@pytest.mark.parametrize("page", [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md"], ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "page", [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md"], ids=lambda path: path.name
+)
 def test_headings_use_terms_of_the_glossary(page):
     headings = [line for line in page.read_text("utf-8").split("\n") if line.startswith("#")]
     assert [line for line in headings for phrase in PHRASES if phrase in line.lower()] == []

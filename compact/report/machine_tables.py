@@ -11,7 +11,7 @@ from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.files import write_columns, write_csv
 from compact.machine.roller_motors import roller_rotation
-from compact.motion.profile import Cycle
+from compact.motion.profile import Cycle, EndCondition
 from compact.report import drive_tables
 
 if TYPE_CHECKING:
@@ -68,11 +68,11 @@ def write_law_tables(study: Study, directory: Path) -> Iterator[Path]:
 
 
 def _law_row(cycle: Cycle) -> tuple[Any, ...]:
-    peaks = cycle.forward.peaks()
-    turn = "dwell" if cycle.far_dwell > 0 else "reversal"
-    criteria = [cycle.forward.criterion(order, turn) for order in range(1, 5)]
-    continuity = f"C{cycle.forward.smoothness(turn)}"
-    return (cycle.forward.name, peaks.velocity, peaks.acceleration, peaks.jerk, peaks.snap, continuity, *criteria)
+    forward, peaks = cycle.forward, cycle.forward.peaks()
+    turn: EndCondition = "dwell" if cycle.far_dwell > 0 else "reversal"
+    criteria = [forward.criterion(order, turn) for order in range(1, 5)]
+    continuity = f"C{forward.smoothness(turn)}"
+    return (forward.name, peaks.velocity, peaks.acceleration, peaks.jerk, peaks.snap, continuity, *criteria)
 
 
 def _cycle_columns(run: Any) -> tuple[Any, ...]:

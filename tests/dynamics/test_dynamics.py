@@ -683,7 +683,9 @@ def test_a_long_elastic_run_is_interrupted_within_a_second_or_so(tmp_path):
 
 
 def test_resistance_that_jumps_at_a_speed_is_refused():
-    with pytest.raises(ValueError, match=r"`resistance` over speed \[m/s\] has a jump of .* at 0\.1\d*; .*without jumps"):
+    with pytest.raises(
+        ValueError, match=r"`resistance` over speed \[m/s\] has a jump of .* at 0\.1\d*; .*without jumps"
+    ):
         simulate_elastic(
             CART, spring(1e6, 0.1), published("cubic"), lambda v, a: np.sign(v) * np.where(np.abs(v) > 0.1, 9.0, 5.0)
         )

@@ -438,7 +438,7 @@ def test_refused(change, words):
 
 def test_film_without_frames_is_refused(tmp_path):
     done = simulate_transient(LAYER, pressed(), MIX, Accelerated(0.1, 0.0, 0.05), estimate=False)
-    with pytest.raises(ValueError, match="no frames to film"):
+    with pytest.raises(ValueError, match="no frames to write"):
         done.write_frames(tmp_path)
 
 
@@ -453,5 +453,5 @@ def test_film_needs_a_mesh_of_straight_columns():
 
 def test_number_that_is_lost_is_not_returned():
     time = np.linspace(0, 1, 3)
-    with pytest.raises(RuntimeError, match=r"no resistance found at t = 0\.5 s"):
+    with pytest.raises(RuntimeError, match=r"the resistance is not finite at t = 0\.5 s"):
         TransientResult(time, time, time, 1 + time, np.array([0.0, np.nan, 0.0]), time, time)
