@@ -195,9 +195,9 @@ def first_cam_blocks(study: Study) -> "list[Block]":
     """
     from html import escape
 
-    from compact.cams.export import moving
+    from compact.cams.animation import animated_svg
     from compact.cams.machining import cut
-    from compact.cams.workshop_drawing import described, sheet
+    from compact.cams.workshop_drawing import describe, workshop_drawing
     from compact.report.page import Paragraph, Picture
 
     first: Any = next(iter(study.rankings.values()))[0].run
@@ -205,14 +205,14 @@ def first_cam_blocks(study: Study) -> "list[Block]":
     machine, table = study.scene.machine, study.scene.cam
     try:
         outline = cut(study.cams[law, "roller"])
-        drawing = sheet(outline, table.bore if table else None).svg(described(outline))
+        drawing = workshop_drawing(outline, table.bore if table else None).svg(describe(outline))
     except ValueError as error:
         return [Paragraph(f"The cam of {law}, the first law, cannot be cut: {error}.")]
     caption = f"{law}, true to scale in the file; `compact cam` writes it as CSV, SVG and DXF."
     words = f"The cam of {law} turns, and its followers move the cart through a cycle"
-    animation = moving(outline.cam, machine.roller_radius, machine.roller_positions, escape(words))
+    animation = animated_svg(outline.cam, machine.roller_radius, machine.roller_positions, escape(words))
     svg = "image/svg+xml"
     return [
-        Picture(drawing.encode(), described(outline), caption, svg),
+        Picture(drawing.encode(), describe(outline), caption, svg),
         Picture(animation.encode(), words, "One turn is a whole cycle.", svg, "Show the cam and the cart in motion"),
     ]
