@@ -24,7 +24,7 @@ from compact.scene.engine_capabilities import TURNED, adapt
 
 ENGINES = MappingProxyType(
     {
-        "formula": "compact.contact",
+        "formula": "compact.engines.formula",
         "column": "compact.engines.column.engine",
         "spectral": "compact.engines.spectral.engine",
         "fem": "compact.engines.fem.engine",
