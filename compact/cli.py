@@ -175,9 +175,9 @@ def run(
     directory = out or default_directory(scene)
     study = _study(
         scene, quiet, {"accuracy.engine": engine, "accuracy.tolerance": tolerance}, changes, directory=directory,
-        step=lambda stage: progress.begin(stage, study.cost(stage), total=study.whole_cost), progress=progress.report,
+        step=lambda stage: progress.begin(stage, study.plan.cost(stage), total=study.plan.total_cost), progress=progress.report,
     )  # fmt: skip
-    progress.total = study.whole_cost
+    progress.total = study.plan.total_cost
     others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
     helpers = Processes(min(cores(), len(others))) if others else None
     with progress:
@@ -264,7 +264,7 @@ def cam(
     from compact.report import text
 
     study = _study(scene, quiet, {} if law.startswith("least-") else {"motion.laws": (law,)}, changes)
-    made = study.cam(law, follower)
+    made = study.law_stage.cam(law, follower)
     written = cam_files.write_cam_files(out or default_directory(scene, "cams"), study.scene, made, cutter, tolerance)
     if not quiet:
         print(text.cam_digest(law, made))

@@ -17,8 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.calibration import blend
-from compact.analysis.engines import compaction
+from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.analysis.multipass import Pass, density, passes, there_and_back
 from compact.engines.column.engine import required_feed
 from compact.report.progress import tracked
@@ -37,7 +36,7 @@ TOP = 0.01  # m below the surface, where passes at one height differ
 
 def in_lifts(scene, count):
     """Contacts of all passes over a layer fed in equal lifts, each compacted to the density of the scene."""
-    material, wanted = compaction(scene, blend(scene)), scene.mix.density_ratio
+    material, wanted = compaction_material(scene, scene_mix(scene)), scene.mix.density_ratio
     speed = scene.motion.stroke / scene.motion.duration
     lift = required_feed(scene.product.height, wanted, material, speed).height / count
     roller = Roller(scene.machine.roller_radius, indentation=lift / 100, profile="circle")  # gives way to the density
@@ -52,7 +51,7 @@ def profiles(scene="loveikin-2015", changes=CALIBRATED, indentation=0.002, count
     numerics : options of the finite elements, default ELEMENTS
     """
     scene, rows = load_scene(SCENES / f"{scene}.toml", **changes), []
-    material, speed = compaction(scene, blend(scene)), scene.motion.stroke / scene.motion.duration
+    material, speed = compaction_material(scene, scene_mix(scene)), scene.motion.stroke / scene.motion.duration
     layer = Layer(scene.product.height * scene.mix.density_ratio / material.fed_density_ratio)
     roller = Roller(scene.machine.roller_radius, indentation, profile="deformed")
     asked = {"column": {}, "compaction": ELEMENTS | numerics}
@@ -69,13 +68,13 @@ def profiles(scene="loveikin-2015", changes=CALIBRATED, indentation=0.002, count
 def at(base, radius, moisture):
     """Scene with another roller and another moisture; the Heckel slope changes by the factor of the prior."""
     prior = {"mix.overrides.heckel_slope": None}
-    there = blend(base.replaced(**prior | {"mix.moisture": moisture})).heckel_slope
-    factor = there / blend(base.replaced(**prior)).heckel_slope
+    there = scene_mix(base.replaced(**prior | {"mix.moisture": moisture})).heckel_slope
+    factor = there / scene_mix(base.replaced(**prior)).heckel_slope
     return base.replaced(
         **{
             "machine.roller_radius": radius,
             "mix.moisture": moisture,
-            "mix.overrides.heckel_slope": blend(base).heckel_slope * factor,
+            "mix.overrides.heckel_slope": scene_mix(base).heckel_slope * factor,
         }
     )
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.engines import roll
+from compact.analysis.contact_stage import roll_scene
 from compact.analysis.study import Study
 from compact.engines.halfplane import galin
 from compact.report.progress import tracked
@@ -72,7 +72,7 @@ def main(
         study = Study(case)
         found = {"1.5-1.8": of_formulas(study), "galin": of_half_plane(study.mix, radius)}
         for engine in engines:
-            found[engine] = of_contact(roll(case, study.mix, case.mean_speed, engine), radius)
+            found[engine] = of_contact(roll_scene(case, study.mix, case.mean_speed, engine), radius)
         rows += [(moisture, ratio, radius, engine, *map(float, values)) for engine, values in found.items()]
     if out:
         from compact.files import atomic_file, write_csv
@@ -94,12 +94,12 @@ def figure(rows):
     from matplotlib.figure import Figure
 
     from compact.report.figure_style import PALETTE
-    from compact.report.ranking_figures import ENGINE_LOOKS
+    from compact.report.ranking_figures import ENGINE_STYLES
 
     drawn = Figure(figsize=(12, 3.8), layout="constrained")
     panels = drawn.subplots(1, 3)
     found = differences(rows)
-    looks = {"1.5-1.8": ENGINE_LOOKS["formula"][:2], "galin": (PALETTE[4], "+"), "fem": ENGINE_LOOKS["fem"][:2]}
+    looks = {"1.5-1.8": ENGINE_STYLES["formula"][:2], "galin": (PALETTE[4], "+"), "fem": ENGINE_STYLES["fem"][:2]}
     for engine, (color, mark) in looks.items():
         chosen = [row for row in found if row[3] == engine]
         if not chosen:

@@ -14,7 +14,7 @@ from time import process_time
 import numpy as np
 
 from compact import fem, resistance
-from compact.analysis import engines
+from compact.analysis import contact_cases, contact_stage
 from compact.analysis.study import Study
 from compact.cams import profile as cam
 from compact.drive import Rigid, simulate
@@ -124,7 +124,7 @@ def stiff_ply():
 @case("columns pressed to a density ratio of 0.995", "balance of mass")
 def pressed_shut():
     scene = load_scene(SCENE)
-    material = engines.compaction(scene, Study(scene).mix)
+    material = contact_cases.compaction_material(scene, Study(scene).mix)
     fed = column.required_feed(0.22, 0.995, material, 0.2)
     roller = Roller(1.0, indentation=fed.indentation)
     found = column.roll(Layer(fed.height), roller, material, 0.2)
@@ -134,7 +134,7 @@ def pressed_shut():
 @case("columns under the same roller again", "no resistance: the mix lies already")
 def again():
     scene = load_scene(SCENE)
-    layer, roller, material = engines.inputs(scene, Study(scene).mix, "column", 0.2)
+    layer, roller, material = contact_cases.contact_inputs(scene, Study(scene).mix, "column", 0.2)
     roller = replace(roller, rolling="frictionless")
     first = column.roll(layer, roller, material, 0.2)
     height = layer.height - first.indentation
@@ -203,7 +203,7 @@ def through_the_base():
         "machine.roller_condition": "frictionless",
     }
     scene = load_scene(SCENE, **{"contact.load": 1e7, **plain})
-    return engines.roll(scene, Study(scene).mix, 0.2).load, math.nan
+    return contact_stage.roll_scene(scene, Study(scene).mix, 0.2).load, math.nan
 
 
 @case("non-finite speed, load, depth", "refused in words, every one")

@@ -19,9 +19,11 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.calibration import blend, calibrate, digest
+from compact.analysis.calibration import calibrate, digest
+from compact.analysis.contact_cases import scene_mix
+from compact.analysis.contact_stage import roll_scene
 from compact.analysis.engineering_summary import engineering
-from compact.analysis.engines import COMPACTING, roll
+from compact.analysis.engines import ENGINES
 from compact.report.progress import tracked
 from compact.scene.loader import load_scene
 from compact.scene.plant_data import read_measurements
@@ -53,7 +55,7 @@ HEADER = (
 
 def of_formulas(scene):
     """A row of HEADER by eqs 1.5-1.8."""
-    said = engineering(scene, blend(scene), blend(scene).required_pressure)
+    said = engineering(scene, scene_mix(scene), scene_mix(scene).required_pressure)
     force = _cart_force(scene, said.roller_force, said.resistance_coefficient)
     return (
         "1.5-1.8", np.nan, np.nan, said.roller_force, said.resistance_coefficient, force, said.capture_angle,
@@ -64,9 +66,9 @@ def of_formulas(scene):
 def of_contact(engine, scene, rolled):
     """A row of HEADER by an engine."""
     load, coefficient = rolled.load * scene.machine.roller_length, rolled.resistance / rolled.load
-    compacts = engine.split(",")[0] in COMPACTING
+    compacts = ENGINES[engine.split(",")[0]].compacting
     return (
-        engine, blend(scene).heckel_slope if compacts else np.nan,
+        engine, scene_mix(scene).heckel_slope if compacts else np.nan,
         scene.layer.fed_density_ratio if compacts else np.nan, load, coefficient,
         _cart_force(scene, load, coefficient), float(np.arcsin(rolled.leading / scene.machine.roller_radius)),
         rolled.leading - rolled.trailing, rolled.peak_pressure, getattr(rolled, "bow_wave", np.nan),
@@ -129,7 +131,7 @@ def main(
     readings = read_measurements(SCENES / f"{measured}.toml")
     speed = scene.motion.stroke / scene.motion.duration
     linear = [engine for engine in engines if engine != "compaction"]
-    found = {engine: roll(scene, blend(scene), speed, engine) for engine in tracked(linear, str, alike=False)}
+    found = {engine: roll_scene(scene, scene_mix(scene), speed, engine) for engine in tracked(linear, str, alike=False)}
     before = [of_formulas(scene)] + [of_contact(engine, scene, rolled) for engine, rolled in found.items()]
     fits = calibrated(scene, readings, engines, variants)
     after = [of_contact(name, fit.scene, fit.rolled[0]) for name, fit in fits.items()]

@@ -57,8 +57,12 @@ def main(scene="loveikin-2015", shares=SHARES, jerks=JERKS, out=None):
 
 def _gains(objective, nominal, robust):
     name = f"least-{objective.replace('_', '-')}"
-    rivals = [cycle.forward for cycle in nominal.given_cycles.values() if not violations(nominal.limits, cycle.forward)]
-    for push in robust.oppositions:
+    rivals = [
+        cycle.forward
+        for cycle in nominal.prescribed_laws.cycles.values()
+        if not violations(nominal.law_stage.limits, cycle.forward)
+    ]
+    for push in robust.law_stage.motion_resistances:
         made, suited = (_asked(objective, push, study.cycles[name].forward) for study in (nominal, robust))
         best, least = _best(objective, push, rivals)
         yield objective, push.resistance.force, best, least, made, 1 - made / least, suited, 1 - suited / least
@@ -80,9 +84,17 @@ def _held(study, objective, run, jerk=None):
     """
     motion = study.scene.motion
     limits = Limits(acceleration=ACCELERATION, run_up=run, run_down=run, jerk=jerk)
-    made = optimise(objective, motion.stroke, motion.duration, study.cart.mass, study.push, limits)
+    made = optimise(
+        objective, motion.stroke, motion.duration, study.cart.mass, study.resistance_stage.motion_resistance, limits
+    )
     laws = [law(name, motion.stroke, motion.duration, run, run, rod_length=motion.rod_length) for name in LAW_NAMES]
-    return made.value, *_best(objective, study.push, [one for one in laws if not violations(limits, one)]), made.gap
+    return (
+        made.value,
+        *_best(
+            objective, study.resistance_stage.motion_resistance, [one for one in laws if not violations(limits, one)]
+        ),
+        made.gap,
+    )
 
 
 def _draw(study, front):
@@ -100,7 +112,9 @@ def _draw(study, front):
         there = study.cycles[name].forward
         v, a = there.velocity(time), there.acceleration(time)
         speed.plot(time, v, **drawn, label=name)
-        power.plot(time, (study.cart.mass * a + study.push(np.maximum(v, 1e-9), a)) * v, **drawn)
+        power.plot(
+            time, (study.cart.mass * a + study.resistance_stage.motion_resistance(np.maximum(v, 1e-9), a)) * v, **drawn
+        )
     speed.set(xlabel="time t [s]", ylabel="velocity v [m/s]")
     power.set(xlabel="time t [s]", ylabel="drive power P [W]")
     speed.legend(frameon=False, fontsize=8, loc="lower center")

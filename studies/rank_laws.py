@@ -22,7 +22,7 @@ import numpy as np
 from scipy.stats import kendalltau
 
 from compact.analysis import machine_models as machine
-from compact.analysis.engines import inputs
+from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.ranking_uncertainty import ties
 from compact.analysis.study import Study
 from compact.drive import CRITERIA, rank, simulate
@@ -138,7 +138,7 @@ def compacting(study, increments=INCREMENTS):
     scene, rolls = study.scene, []
     speeds = study.fastest * np.array([1 / 10, 1 / 3, 1])
     for speed in speeds:
-        layer, roller, material = inputs(scene, study.mix, "compaction", float(speed))
+        layer, roller, material = contact_inputs(scene, study.mix, "compaction", float(speed))
         near = rolls[-1] if rolls else None
         rolls.append(compaction.roll(layer, roller, material, float(speed), increments=increments, start=near))
     load, force = scene.machine.roller_length * np.array([[rolled.load, rolled.resistance] for rolled in rolls]).T
@@ -152,7 +152,7 @@ def runs(study, cart, resistance):
     """Runs by law with a cart and a resistance, behind the drive of the study."""
     working = (study.scene.motion.run_up, 1 - study.scene.motion.run_down)
     return {
-        name: simulate(cart, study.means(name), cycle, resistance, working=working)
+        name: simulate(cart, study.drive_stage.drive_of(name), cycle, resistance, working=working)
         for name, cycle in study.cycles.items()
     }
 
@@ -224,7 +224,7 @@ def _draw(rows, spreads, most=8):
     """
     from matplotlib.figure import Figure
 
-    from compact.report.ranking_figures import ENGINE_LOOKS, dodges
+    from compact.report.ranking_figures import ENGINE_STYLES, mark_offsets
 
     figure = Figure(figsize=(12.5, 4.6), layout="constrained")
     panels = figure.subplots(1, len(SHOWN) + 1, width_ratios=[3] * len(SHOWN) + [2])
@@ -233,9 +233,9 @@ def _draw(rows, spreads, most=8):
         values = {engine: _excess(rows, engine, by) for engine in engines}
         laws = sorted(values[engines[0]], key=lambda law: min(values[engine][law][0] for engine in engines))[:most]
         laws.sort(key=lambda law: values[engines[0]][law][0])
-        for engine, dodge in zip(engines, dodges(len(engines)), strict=True):
+        for engine, dodge in zip(engines, mark_offsets(len(engines)), strict=True):
             value, below, above = np.transpose([values[engine][law] for law in laws])
-            color, mark, _ = ENGINE_LOOKS[engine]
+            color, mark, _ = ENGINE_STYLES[engine]
             error = np.where((below > 0) | (above > 0), [below, above], np.nan)  # no whisker of none
             drawn = {"color": color, "mfc": "white", "markersize": 5, "linewidth": 1.0, "capsize": 2.5}
             ax.errorbar(value, np.arange(len(laws)) + dodge, xerr=error, fmt=mark, label=engine, **drawn)

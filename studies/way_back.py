@@ -16,8 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.calibration import blend
-from compact.analysis.engines import compaction
+from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.engines.compaction import engine as rolling
 from compact.engines.compaction.reciprocating import simulate_reciprocating
 from compact.motion.profile import law
@@ -48,7 +47,7 @@ def main(
     roller = Roller(scene.machine.roller_radius, indentation, profile="deformed", **turning)
     cycle = law(name, stroke, scene.motion.duration).cycle()
     instants = tuple(share * scene.motion.duration for share in SHOWN)
-    mix = compaction(scene, blend(scene))
+    mix = compaction_material(scene, scene_mix(scene))
     with spinning("there and back"):
         done = simulate_reciprocating(
             Layer(height), roller, mix, cycle, increments=increments, instants=instants, estimate=False

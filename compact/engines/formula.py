@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from compact.engines.halfplane import LineContact, pressure_exponent
 from compact.material.laws import Elastic
@@ -36,7 +36,7 @@ CONTACT_SAMPLES = 201  # [-], points along the contact, denser at the edges wher
 MAX_HALF_WIDTH_RATIO = 0.5  # [-], half-width over height; a bonded layer (nu 0.3) then carries 17 % more
 TRIAL_PRESSURE_RATIO = 1e-3  # [-], trial pressure over E, for which (1.5) has a solution
 
-Values = NDArray[np.float64]
+Values = float | NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,25 +64,25 @@ class FormulaContactResult(ContactResult):
     mean_pressure: float
 
 
-def capture_angle(pressure: ArrayLike, youngs_modulus: ArrayLike, poisson: ArrayLike, exponent: ArrayLike) -> Values:
+def capture_angle(pressure: Values, youngs_modulus: Values, poisson: Values, exponent: Values) -> Values:
     """Compute the capture angle, from the lowest point of the roller to the first contact with the mix.
 
         sin phi = 7.53 (1 - nu^2) alpha^(1 - alpha) (1 - alpha)^(1 + alpha) q/E                     (1.5)
 
     Parameters
     ----------
-    pressure : array_like
+    pressure : float or ndarray
         Peak pressure q required for the density [Pa], > 0.
-    youngs_modulus : array_like
+    youngs_modulus : float or ndarray
         Secant modulus E of the contact [Pa], > 0.
-    poisson : array_like
+    poisson : float or ndarray
         Poisson's ratio nu [-], 0 to 0.5.
-    exponent : array_like
+    exponent : float or ndarray
         Pressure exponent alpha of (1.4) [-], 0 < alpha < 1.
 
     Returns
     -------
-    ndarray
+    float or ndarray
         Capture angle phi [rad].
 
     Raises
@@ -115,13 +115,13 @@ def capture_angle(pressure: ArrayLike, youngs_modulus: ArrayLike, poisson: Array
 
 
 def roller_force(
-    capture_angle: ArrayLike,
-    youngs_modulus: ArrayLike,
-    poisson: ArrayLike,
-    exponent: ArrayLike,
-    radius: ArrayLike,
-    length: ArrayLike,
-    nonuniformity: ArrayLike = 1.0,
+    capture_angle: Values,
+    youngs_modulus: Values,
+    poisson: Values,
+    exponent: Values,
+    radius: Values,
+    length: Values,
+    nonuniformity: Values = 1.0,
     one_sided: bool = False,
 ) -> Values:
     """Compute the normal force on one roller.
@@ -130,24 +130,24 @@ def roller_force(
 
     Parameters
     ----------
-    capture_angle : array_like
+    capture_angle : float or ndarray
         phi of (1.5) [rad], 0 < phi <= pi/2.
-    youngs_modulus : array_like
+    youngs_modulus : float or ndarray
         Secant modulus E of the contact [Pa], > 0.
-    poisson : array_like
+    poisson : float or ndarray
         Poisson's ratio nu [-], 0 to 0.5.
-    exponent : array_like
+    exponent : float or ndarray
         Pressure exponent alpha of (1.4) [-], 0 < alpha < 1.
-    radius, length : array_like
+    radius, length : float or ndarray
         R and L of the roller [m], > 0.
-    nonuniformity : array_like
+    nonuniformity : float or ndarray
         Factor k2 of the pressure along the roller [-], > 0.
     one_sided : bool
         True for the alternative reading without alpha in the denominator, contact on the front half only: about F/2.
 
     Returns
     -------
-    ndarray
+    float or ndarray
         Normal force F [N].
 
     Notes
@@ -175,13 +175,13 @@ def roller_force(
 
 
 def pressure_for_load(
-    force: ArrayLike,
-    youngs_modulus: ArrayLike,
-    poisson: ArrayLike,
-    exponent: ArrayLike,
-    radius: ArrayLike,
-    length: ArrayLike,
-    nonuniformity: ArrayLike = 1.0,
+    force: Values,
+    youngs_modulus: Values,
+    poisson: Values,
+    exponent: Values,
+    radius: Values,
+    length: Values,
+    nonuniformity: Values = 1.0,
     one_sided: bool = False,
 ) -> Values:
     """Compute the peak pressure at which one roller carries a normal force.
@@ -190,14 +190,14 @@ def pressure_for_load(
 
     Parameters
     ----------
-    force : array_like
+    force : float or ndarray
         F of (1.6) [N], > 0.
     youngs_modulus, poisson, exponent, radius, length, nonuniformity, one_sided
         As of `roller_force`.
 
     Returns
     -------
-    ndarray
+    float or ndarray
         Peak pressure q [Pa].
 
     Examples
@@ -212,23 +212,23 @@ def pressure_for_load(
     return trial * np.sqrt(force / trial_force)
 
 
-def contact_length(capture_angle: ArrayLike, radius: ArrayLike, exponent: ArrayLike) -> Values:
+def contact_length(capture_angle: Values, radius: Values, exponent: Values) -> Values:
     """Compute the contact length; the longer part lies ahead of the lowest point.
 
         l = R sin(phi)/(1 - alpha)                                                                  (1.7)
 
     Parameters
     ----------
-    capture_angle : array_like
+    capture_angle : float or ndarray
         phi of (1.5) [rad], 0 < phi <= pi/2.
-    radius : array_like
+    radius : float or ndarray
         R [m], > 0.
-    exponent : array_like
+    exponent : float or ndarray
         alpha of (1.4) [-], 0 < alpha < 1.
 
     Returns
     -------
-    ndarray
+    float or ndarray
         Contact length l [m].
 
     Notes
@@ -251,7 +251,7 @@ def contact_length(capture_angle: ArrayLike, radius: ArrayLike, exponent: ArrayL
 
 
 def roller_resistance(
-    force: ArrayLike, contact_length: ArrayLike, radius: ArrayLike, exponent: ArrayLike, friction: ArrayLike
+    force: Values, contact_length: Values, radius: Values, exponent: Values, friction: Values
 ) -> Values:
     """Compute the resistance of one roller.
 
@@ -259,18 +259,18 @@ def roller_resistance(
 
     Parameters
     ----------
-    force : array_like
+    force : float or ndarray
         F of (1.6) [N], >= 0.
-    contact_length, radius : array_like
+    contact_length, radius : float or ndarray
         l of (1.7) and R [m], > 0.
-    exponent : array_like
+    exponent : float or ndarray
         alpha of (1.4) [-], 0 < alpha < 1.
-    friction : array_like
+    friction : float or ndarray
         f2 + f3 [-], >= 0; f3 is the friction of bush on journal, f2 has no legend in the print.
 
     Returns
     -------
-    ndarray
+    float or ndarray
         Resistance F_p [N].
 
     Notes
@@ -357,7 +357,8 @@ def roll(
     _require_in_scope(layer, roller, material, speed)
     R, E, nu = roller.radius, material.youngs_modulus, material.poisson
     alpha, options = pressure_exponent(nu, roller.friction), (nonuniformity, one_sided)
-    pressure = roller.peak_pressure or pressure_for_load(roller.load, E, nu, alpha, R, 1.0, *options)
+    name, value = roller.target
+    pressure = value if name == "peak_pressure" else pressure_for_load(value, E, nu, alpha, R, 1.0, *options)
     phi = capture_angle(pressure, E, nu, alpha)
     load, length = roller_force(phi, E, nu, alpha, R, 1.0, *options), contact_length(phi, R, alpha)
     leading = R * np.sin(phi)
@@ -420,11 +421,11 @@ def _require_in_scope(layer: Layer, roller: Roller, material: Elastic, speed: fl
             raise ValueError(f"the formula engine needs a `material` with `{name}`, got {got}; use fem")
 
 
-def _require_exponent(exponent: ArrayLike) -> None:
+def _require_exponent(exponent: Values) -> None:
     inside = (np.asarray(exponent) > 0) & (np.asarray(exponent) < 1)
     require_that(inside, exponent, "`exponent` must lie between 0 and 1, got")
 
 
-def _require_capture_angle(capture_angle: ArrayLike) -> None:
+def _require_capture_angle(capture_angle: Values) -> None:
     inside = (np.asarray(capture_angle) > 0) & (np.asarray(capture_angle) <= np.pi / 2)
     require_that(inside, capture_angle, "`capture_angle` must lie between 0 and pi/2, got")

@@ -12,7 +12,7 @@ V. S. Loveikin and K. I. Pochka, monograph on roller forming machines (D), eqs (
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from compact.numerics.validation import (
     require_finite,
@@ -25,7 +25,7 @@ from compact.numerics.validation import (
 COUNT_ROUNDING = 1e-9  # [-], relative distance of a quotient from a whole number of rollers that is rounding
 RADIUS_RATIOS = (0.40, 0.55)  # [-], roller radius over product height, smallest and largest of (1.1)
 
-Values = NDArray[np.float64]
+Values = float | NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,14 @@ class RadiusRange:
     high: Values
 
 
-def radius_range(height: ArrayLike) -> RadiusRange:
+def radius_range(height: Values) -> RadiusRange:
     """Compute the range of the smallest suitable roller radius.
 
         R = (0.40 ... 0.55) h0                                                                      (1.1)
 
     Parameters
     ----------
-    height : array_like
+    height : float or ndarray
         Height h0 of the product [m], > 0.
 
     Returns
@@ -77,7 +77,7 @@ def radius_range(height: ArrayLike) -> RadiusRange:
 
 
 def rollers_needed(
-    width: ArrayLike, radius: ArrayLike, feeder_sleeve: ArrayLike, overlap: ArrayLike
+    width: Values, radius: Values, feeder_sleeve: Values, overlap: Values
 ) -> NDArray[np.int64]:
     """Compute the number of rollers that cover a product.
 
@@ -85,13 +85,13 @@ def rollers_needed(
 
     Parameters
     ----------
-    width : array_like
+    width : float or ndarray
         B of the product along the travel [m], > 0.
-    radius : array_like
+    radius : float or ndarray
         R [m], > 0.
-    feeder_sleeve : array_like
+    feeder_sleeve : float or ndarray
         Width B_T of the sleeve of the feeder [m], >= 0.
-    overlap : array_like
+    overlap : float or ndarray
         Overlap b_n of neighbouring fields [m], >= 0 and < 2R + B_T.
 
     Returns
@@ -120,23 +120,23 @@ def rollers_needed(
     return np.ceil(width / field * (1 - COUNT_ROUNDING)).astype(int)
 
 
-def stroke_needed(width: ArrayLike, rollers: ArrayLike, overlap: ArrayLike) -> Values:
+def stroke_needed(width: Values, rollers: Values, overlap: Values) -> Values:
     """Compute the stroke for which the rollers cover a product.
 
         s = B/n + b_n                                                                               (1.3)
 
     Parameters
     ----------
-    width : array_like
+    width : float or ndarray
         B of the product along the travel [m], > 0.
-    rollers : array_like
+    rollers : int or ndarray
         Number n, a whole number >= 1.
-    overlap : array_like
+    overlap : float or ndarray
         Overlap b_n of neighbouring fields [m], >= 0 and < B/n.
 
     Returns
     -------
-    ndarray
+    float or ndarray
         Stroke s [m].
 
     Notes
@@ -164,11 +164,11 @@ def stroke_needed(width: ArrayLike, rollers: ArrayLike, overlap: ArrayLike) -> V
 
 def guide_coefficient(
     *,
-    bearing_friction: ArrayLike,
-    journal_diameter: ArrayLike,
-    rolling_arm: ArrayLike,
-    wheel_diameter: ArrayLike,
-    rib_factor: ArrayLike,
+    bearing_friction: Values,
+    journal_diameter: Values,
+    rolling_arm: Values,
+    wheel_diameter: Values,
+    rib_factor: Values,
 ) -> Values:
     """Compute the friction force of the guide wheels over their load, as in (1.9).
 
@@ -176,18 +176,18 @@ def guide_coefficient(
 
     Parameters
     ----------
-    bearing_friction : array_like
+    bearing_friction : float or ndarray
         Friction f3 of bush on journal [-], >= 0.
-    journal_diameter, wheel_diameter : array_like
+    journal_diameter, wheel_diameter : float or ndarray
         Diameters d and D of the guide wheels [m], > 0.
-    rolling_arm : array_like
+    rolling_arm : float or ndarray
         Lever arm f4 of rolling friction of the guide wheels [m], >= 0.
-    rib_factor : array_like
+    rib_factor : float or ndarray
         Factor f5 of the friction of the wheel's rib [-], >= 0.
 
     Returns
     -------
-    ndarray
+    float or ndarray
         Coefficient mu [-].
 
     References
@@ -207,7 +207,7 @@ def guide_coefficient(
 
 
 def cart_resistance(
-    force: ArrayLike, roller_resistance: ArrayLike, rollers: ArrayLike, weight: ArrayLike, **wheels: ArrayLike
+    force: Values, roller_resistance: Values, rollers: Values, weight: Values, **wheels: Values
 ) -> Values:
     """Compute the force that moves a cart with its rollers at constant speed.
 
@@ -215,18 +215,18 @@ def cart_resistance(
 
     Parameters
     ----------
-    force, roller_resistance : array_like
+    force, roller_resistance : float or ndarray
         F of (1.6) and F_p of (1.8), of one roller [N], >= 0.
-    rollers : array_like
+    rollers : int or ndarray
         Number n, a whole number >= 1.
-    weight : array_like
+    weight : float or ndarray
         Weight G of the cart [N], >= 0.
-    **wheels : array_like
+    **wheels : float or ndarray
         Parameters of `guide_coefficient`, which gives mu.
 
     Returns
     -------
-    ndarray
+    float or ndarray
         Force F_B [N].
 
     Notes
@@ -249,21 +249,21 @@ def cart_resistance(
     return guides + rollers * np.asarray(roller_resistance)
 
 
-def cart_power(resistance: ArrayLike, velocity: ArrayLike) -> Values:
+def cart_power(resistance: Values, velocity: Values) -> Values:
     """Compute the power that moves a cart at constant speed, without inertia.
 
         N = F_B V                                                                                   (1.10)
 
     Parameters
     ----------
-    resistance : array_like
+    resistance : float or ndarray
         F_B of (1.9) [N].
-    velocity : array_like
+    velocity : float or ndarray
         V [m/s].
 
     Returns
     -------
-    ndarray
+    float or ndarray
         Power N [W].
 
     Notes

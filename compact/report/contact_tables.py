@@ -8,7 +8,7 @@ import numpy as np
 
 from compact import quantities
 from compact.analysis.contact_cases import ContactRecord, contact_record, contact_to_json
-from compact.analysis.engines import COMPACTING, FIELDED, fields, roll
+from compact.analysis.contact_stage import roll_scene
 from compact.analysis.study import Study
 from compact.files import write_csv, write_figure, write_json, write_vtu_series
 from compact.rolling_contact import ContactResult
@@ -46,7 +46,7 @@ def write_contact_tables(study: Study, directory: Path) -> Iterator[Path]:
     comparison = (formulas.roller_force / length, formulas.resistance_coefficient, float(study.exact.load))
     rows = [(*contact_row(contact), *comparison) for contact in study.contacts]
     yield write_csv(directory / "contact.csv", CONTACT_HEADER, rows)
-    if study.scene.accuracy.engine in COMPACTING:
+    if study.engine.compacting:
         yield from study.standing(directory, "passes.csv", "density.csv") or _write_passes(study.passes, directory)
 
 
@@ -109,7 +109,7 @@ def write_pressure_figure(study: Study, directory: Path) -> Path:
     if study.layered:
         speed, contact = min(study.rolled, key=lambda pair: abs(np.log(pair[0] / speed)))
     else:
-        contact = roll(study.scene, study.mix, speed)
+        contact = roll_scene(study.scene, study.mix, speed)
     return write_figure(directory / "pressure.png", contact_figures.pressure(contact, study.exact, speed))
 
 
@@ -132,13 +132,13 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     columns = np.column_stack([first.x, first.pressure, first.shear_traction]).tolist()
     write_csv(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
     replaced = {"replaced": list(study.scene.replacements[engine])}
-    write_json(directory / "contact.json", contact_to_json(contact_record(engine, speed, passes)) | replaced)
+    write_json(directory / "contact.json", contact_to_json(contact_record(engine, speed, tuple(passes))) | replaced)
     write_figure(directory / "pressure.png", contact_figures.pressure(first, study.exact, speed))
-    if engine in COMPACTING:
+    if study.engine.compacting:
         list(_write_passes([(speed, passes)], directory))
         write_figure(directory / "density.png", contact_figures.density(passes))
-    if engine in FIELDED:
-        layers = [(fields(first, engine), first)]
+    if study.engine.fields_module:
+        layers: list[tuple[Any, Any]] = [(study.engine.fields(first), first)]
         frames = ((contact.speed, mesh) for mesh, contact in layers)
         list(write_vtu_series(directory / "fields.pvd", "fields", "speed", frames))
         write_figure(directory / "fields.png", contact_figures.fields(layers))

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from compact.analysis.engines import COMPACTING
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.sensitivity import Shift
 from compact.analysis.study import Study
@@ -81,7 +80,7 @@ class EngineAccuracy:
 
 @dataclass(frozen=True)
 class Resolution:
-    """Whether the error of the resistance leaves the first law first; `error` is empty where it is unknown."""
+    """Resolution of rank 1 against the error of the resistance; `error` is empty where it is unknown."""
 
     term: str
     tied: bool
@@ -287,7 +286,7 @@ def _engine_accuracy(study: Study) -> EngineAccuracy:
         error=resistance.engine_error,
         interpolation=resistance.error,
         speeds=len(resistance.speeds),
-        compacting=engine in COMPACTING,
+        compacting=study.engine.compacting,
         one_dimensional=engine == "column",
     )
 

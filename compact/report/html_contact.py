@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping
 
 from compact import quantities
 from compact.analysis.engineering_summary import coverage
-from compact.analysis.engines import COMPACTING
 from compact.analysis.study import Study
 from compact.report.number_format import format_number, format_percent, format_quantity
 from compact.report.page import Block, Mark, Paragraph, Picture, Section, Table
@@ -126,7 +125,7 @@ def _engine_tables(study: Study) -> Iterator[Table]:
     ]  # fmt: skip
     caption = f"One roller by the engine {engine}, per metre of its length, with its error estimates"
     yield Table(caption, CONTACT_HEADER, rows, range(len(CONTACT_HEADER)))
-    if engine in COMPACTING:
+    if study.engine.compacting:
         header = ("speed", "pass", *(quantity.term for quantity in quantities.PASS.values()))
         passes = [
             (

@@ -5,12 +5,14 @@ from typing import Any
 
 import numpy as np
 
+from compact.analysis.law_stage import COMPLIANT_DRIVES, FOLLOWERS
 from compact.analysis.ranking_uncertainty import Place, ties
 from compact.analysis.sensitivity import PRIOR, End, Shift
-from compact.analysis.study import FOLLOWERS, YIELDING, Study
+from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.machine.roller_motors import RollerMotor
+from compact.motion.profile import EndCondition
 from compact.report.html_answer import methods
 from compact.report.number_format import (
     ZERO_SHARE,
@@ -142,7 +144,7 @@ def laws_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     Section
     """
     cycles, order = study.cycles.values(), ("velocity", "acceleration", "jerk", "snap")
-    turn = "dwell" if study.scene.motion.dwell > 0 else "reversal"
+    turn: EndCondition = "dwell" if study.scene.motion.dwell > 0 else "reversal"
     peaks = [cycle.forward.peaks() for cycle in cycles]
     jumps = [sorted({join.quantity for join in cycle.discontinuities()}, key=order.index) for cycle in cycles]
     columns = {
@@ -154,7 +156,7 @@ def laws_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
         "discontinuities": [", ".join(names) or "none" for names in jumps],
     }
     caption = "Every law over the forward stroke. The return stroke mirrors it; that of a crank retraces it."
-    if study.scene.drive.kind in YIELDING:
+    if study.scene.drive.kind in COMPLIANT_DRIVES:
         caption += " The drive is compliant: the motion of the cart is in the files cycles/LAW.csv."
     description = "Velocity, acceleration and jerk of every law over the forward stroke, a row for each family of laws"
     title = "Exact peaks inside the pieces, and discontinuities at their joins"

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from compact.analysis import resistance_stage
+from compact.analysis.comparison import DIRECTORY
+from compact.analysis.kept_results import KeptResults, write_results
 from compact.analysis.ranking_uncertainty import Agreement, Place, agreement, error
-from compact.analysis.study import BESIDE, Study
+from compact.analysis.study import Study
 from compact.files import write_csv
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report.contact_tables import ENGINE_HEADER, contact_row
@@ -165,7 +166,7 @@ def write_ranking_tables(study: Study, directory: Path) -> Iterator[Path]:
         ])  # fmt: skip
     for name, other in study.beside.items():
         if other.contacts:
-            path = directory / BESIDE / name / "contact.csv"
+            path = directory / DIRECTORY / name / "contact.csv"
             yield write_csv(path, ENGINE_HEADER, [contact_row(contact) for contact in other.contacts])
 
 
@@ -208,5 +209,5 @@ def save_comparisons(study: Study, directory: Path) -> Iterator[Path]:
     """
     for name, other in study.beside.items():
         if other.contacts:
-            found = other.contacts, other.held, other.second_pass, other.resistance
-            yield from resistance_stage.save(directory / BESIDE / name, *found, other.key, [])
+            results = KeptResults(other.contacts, other.held, other.second_pass, other.resistance)
+            yield from write_results(directory / DIRECTORY / name, results, other.key)

@@ -10,8 +10,7 @@ from importlib.metadata import version
 from typing import Any
 
 from compact import quantities
-from compact.analysis.contact_cases import contact_to_json
-from compact.analysis.engines import HeldQuantity
+from compact.analysis.contact_cases import HeldQuantity, contact_to_json
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, value_of

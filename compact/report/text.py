@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from compact.analysis.engineering_summary import Number, coverage
-from compact.analysis.engines import COMPACTING
+from compact.analysis.law_stage import COMPLIANT_DRIVES
 from compact.analysis.ranking_uncertainty import Place
-from compact.analysis.study import YIELDING, Study
+from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.report import ranking_tables
@@ -197,7 +197,7 @@ def _ranking_lines(study: Study) -> Iterator[str]:
     """List the laws by the first criteria for each drive."""
     engine = study.scene.accuracy.engine
     for kind, orders in study.places.items():
-        compliant = kind == study.scene.drive.kind and kind in YIELDING
+        compliant = kind == study.scene.drive.kind and kind in COMPLIANT_DRIVES
         for by, order in list(orders.items())[:DIGEST_CRITERIA]:
             others = ranking_tables.comparison_places(study, kind, by)
             yield ""
@@ -307,6 +307,6 @@ def _target(study: Study) -> str:
             "load": f"the prescribed load of {value:.4g} N on a roller",
             "peak_pressure": f"the prescribed peak pressure of {value / 1e3:.4g} kPa",
         }[name]
-    if study.scene.accuracy.engine in COMPACTING:
+    if study.engine.compacting:
         return f"the density ratio {study.scene.mix.density_ratio:g} of the product"
     return f"the peak pressure of {study.mix.required_pressure / 1e3:.4g} kPa that the density requires"

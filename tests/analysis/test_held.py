@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact.analysis import engines
+from compact.analysis import contact_cases, contact_stage
 from compact.analysis.study import Study
 from compact.machine.cart import balance, moment_residual
 from compact.report import text
@@ -78,13 +78,13 @@ def test_the_added_mass_belongs_to_the_quantity_that_is_kept():
 
     case = study(**PLAIN)
     speed = 0.1
-    layer, roller, material = engines.inputs(case.scene, case.mix, "spectral", speed, case.held)
+    layer, roller, material = contact_cases.contact_inputs(case.scene, case.mix, "spectral", speed, case.held)
     assert roller.indentation == case.held.value
     direct = modulation(layer, roller, material, speed, engine="spectral", rtol=case.scene.accuracy.tolerance)
-    found, _ = engines.added_mass(case.scene, case.mix, speed, case.held)
+    found, _ = contact_stage.added_mass(case.scene, case.mix, speed, case.held)
     assert found == pytest.approx(direct.added_mass, rel=1e-12)
     pressed = study(**PLAIN, **{"contact.held": "peak_pressure"})
-    other, _ = engines.added_mass(pressed.scene, pressed.mix, speed, pressed.held)
+    other, _ = contact_stage.added_mass(pressed.scene, pressed.mix, speed, pressed.held)
     assert abs(other / found - 1) > 0.05
 
 

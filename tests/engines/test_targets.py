@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from compact import fem
-from compact.analysis.engines import COMPACTING, solver
+from compact.analysis.engines import ENGINES
 from compact.analysis.multipass import Pass, passes
 from compact.engines import formula
 from compact.engines.column import engine as column
@@ -48,7 +48,7 @@ CASES = [
     for target, values in VALUES.items()
     for value in values
     for profile in (("parabola",) if engine == "formula" else ("parabola", "circle"))
-    if engine in COMPACTING or target != "exit_density_ratio"
+    if ENGINES[engine].compacting or target != "exit_density_ratio"
 ]
 
 
@@ -57,7 +57,7 @@ def rolled(engine, target, value, profile="parabola", layer=LAYER, **options):
     options |= {target: value} if target == "exit_density_ratio" else {}
     engine_options = {"estimate": False} if engine == "fem" else {}
     roller = Roller(R, **given, profile=profile)
-    roll = solver(engine)
+    roll = ENGINES[engine].roll
     return roll(layer, roller, MATERIALS[engine], SPEED, **options, **engine_options)
 
 

@@ -18,7 +18,6 @@ from jinja2 import UndefinedError
 from markupsafe import Markup
 from pages import PageReader, answer_words, section_html
 
-from compact.analysis import sensitivity
 from compact.analysis.study import Study
 from compact.drive import CRITERIA
 from compact.quantities import CRITERIA as TERMS
@@ -245,7 +244,7 @@ def test_checks_hold_and_count_what_was_computed(written):
 def test_a_balance_that_does_not_close_is_told():
     study = Study(scene(**{"output.items": [], "motion.laws": ["cubic"]}))
     run = study.runs["cubic"]
-    study.runs = {"cubic": replace(run, state=run.state._replace(resistance=1.001 * run.state.resistance))}
+    study.drive_stage.runs = {"cubic": replace(run, state=run.state._replace(resistance=1.001 * run.state.resistance))}
     failed = [check for check in balance_checks.balance_checks(study) if not check.passed]
     assert [check.name for check in failed] == ["work over a cycle, cubic"]
     assert "Built-in checks that fail: work over a cycle, cubic." in answer_words(study, [], failed)
@@ -255,7 +254,7 @@ def test_contact_that_does_not_close_its_balance_is_told(written):
     study, _, _ = written
     broken = Study(study.scene.replaced(**{"output.items": []}))
     (speed, (rolled,)), *others = study.passes
-    broken.passes = [(speed, (replace(rolled, work_residual=0.5),)), *others]
+    broken.contact_stage.passes = [(speed, (replace(rolled, work_residual=0.5),)), *others]
     failed = [check.name for check in balance_checks.balance_checks(broken) if not check.passed]
     assert failed == [f"work of the contact at {speed:.4g} m/s"]
 
@@ -265,7 +264,7 @@ def test_contact_that_does_not_close_its_balance_is_told(written):
 )
 def test_ends_are_those_of_a_scene_so_changed(key):
     study = Study(scene(**{"output.items": [], "motion.laws": ["cubic", "reversal-3"]}))
-    shift = next(shift for shift in sensitivity.shifts(study) if shift.name == key)
+    shift = next(shift for shift in study.sensitivities if shift.name == key)
     for end, value in zip((shift.low, shift.high), shift.ends, strict=True):
         exact = Study(study.scene.replaced(**{key: float(value)})).rankings
         for by in ("peak_force", "peak_power"):
@@ -290,14 +289,14 @@ LAYERS = {
 def test_ends_by_an_engine_are_those_of_a_scene_so_changed(engine, keys):
     quick = {"output.items": [], "motion.laws": ["cubic", "reversal-3"], "contact.speeds": [0.02, 0.06, 0.13]}
     study = Study(scene(**LAYERS[engine], **quick, **{"contact.indentation": 4e-3}))
-    shifts = {shift.name: shift for shift in sensitivity.shifts(study)}
+    shifts = {shift.name: shift for shift in study.sensitivities}
     assert {shift.by for shift in shifts.values()} == {engine}
     assert "machine.bearing_friction" not in shifts  # the formulas alone know it
     for key in keys:
         for end, value in zip((shifts[key].low, shifts[key].high), shifts[key].ends, strict=True):
             exact = Study(study.scene.replaced(**{key: float(value)}))
             met = exact.resistance_map
-            exact.resistance = replace(met, added_masses=None)  # steady
+            exact.resistance_stage.resistance = replace(met, added_masses=None)  # steady
             for by in ("peak_force", "peak_power"):
                 assert end.least[by] == pytest.approx(exact.rankings[by][0].value, rel=5e-3)
                 assert end.law[by] == exact.rankings[by][0].run.name
@@ -305,9 +304,9 @@ def test_ends_by_an_engine_are_those_of_a_scene_so_changed(engine, keys):
 
 def test_costly_engine_moves_only_what_its_map_knows():
     study = Study(scene(**LAYERS["spectral"], **{"output.items": [], "motion.laws": ["cubic", "reversal-3"]}))
-    study.resistance_map = study.resistance  # of the spectral engine, as if finite elements had made it
-    study.scene = study.scene.replaced(**{"accuracy.engine": "fem"})
-    shifts = {shift.name: shift for shift in sensitivity.shifts(study)}
+    dear = Study(study.scene.replaced(**{"accuracy.engine": "fem"}))
+    dear.resistance_stage.map, dear.contact_stage.roller_load = study.resistance_map, study.roller_load
+    shifts = {shift.name: shift for shift in dear.sensitivities}
     assert {name for name, shift in shifts.items() if shift.by == "fem"} == {"machine.mass", "machine.guide_friction"}
     assert shifts["machine.mass"].base.least["peak_force"] == pytest.approx(
         min(run.peak_force for run in study.runs.values()), rel=1e-3
@@ -318,14 +317,14 @@ def test_costly_engine_moves_only_what_its_map_knows():
 
 def test_ends_beyond_the_formulas_are_told():
     study = Study(scene(**{"output.items": [], "motion.laws": ["cubic"], "mix.overrides.effective_modulus": 0.5e6}))
-    shifts = sensitivity.shifts(study)
+    shifts = study.sensitivities
     assert next(shift for shift in shifts if shift.name.endswith("required_pressure")).high is None  # sin phi > 1
     assert "1 of the ends are out of range" in answer_words(study, shifts)
 
 
 def test_input_that_turns_the_order_is_named():
     study = Study(scene(**{"output.items": [], "motion.laws": ["parabolic", "quintic"]}))
-    shifts = sensitivity.shifts(study)
+    shifts = study.sensitivities
     words = (
         "the first law changes where one input is at an end of its range: mix.overrides.required_pressure: another by"
     )
@@ -338,7 +337,7 @@ def test_input_that_turns_the_order_is_named():
 
 def test_laws_within_the_build_tolerance_tie_at_an_end():
     study = Study(scene(**{"output.items": [], "motion.laws": ["parabolic", "modified-trapezoid", "combined-4"]}))
-    base = sensitivity.shifts(study)[0].base
+    base = study.sensitivities[0].base
     peaks = {name: run.peak_force for name, run in study.runs.items()}
     near = {name for name, peak in peaks.items() if peak < 1.01 * min(peaks.values())}
     assert base.ties["peak_force"] == near
@@ -397,7 +396,7 @@ def test_page_is_small_and_computes_no_run_again(written):
     assert "report.html" in summary["files"]
     assert summary["stages"]["runs"] == 2 * len(study.cycles)  # against the resistance, and against it with its error
     assert summary["stages"]["report"] == 1
-    assert sum(summary["stages"].values()) == study.steps
+    assert sum(summary["stages"].values()) == study.plan.planned.total()
 
 
 @pytest.mark.slow

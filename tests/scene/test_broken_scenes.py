@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, get_args
 import pytest
 
 from compact import cli
-from compact.analysis.engines import TOLERANCE
+from compact.analysis.engines import ENGINES as REGISTRY
 from compact.scene import plausible_ranges
 from compact.scene.errors import tables_of
 from compact.scene.loader import SceneError, load_scene, read_change, starter_scene
@@ -281,7 +281,7 @@ def met(asked, contact, scene):
         return f"numbers {of}"
     allowed = max(scene.accuracy.tolerance, 1e-6)
     missed = [f"{name} {of[name]} for {value}" for name, value in wanted.items() if abs(of[name] / value - 1) > allowed]
-    if scene.accuracy.engine in TOLERANCE:  # which are given the tolerance, and estimate their errors
+    if REGISTRY[scene.accuracy.engine].tolerance_keyword:  # which are given the tolerance, and estimate their errors
         errors = [contact[name]["error"] for name in ("load", "resistance")]
         if any(error is None or not error <= scene.accuracy.tolerance for error in errors):
             missed.append(f"errors {errors} for {scene.accuracy.tolerance}")

@@ -9,7 +9,7 @@ import pytest
 from pages import answer_words
 
 from compact import cli, contact
-from compact.analysis.engines import inputs
+from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.study import Study
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
@@ -53,7 +53,7 @@ def taken(engine, key, value, friction):
 @pytest.mark.parametrize("friction", [0.0, 0.35])
 def test_table_and_engines_accept_the_same_values(engine, friction):
     study = Study(load_scene(SMALL, **{"mix.overrides.steel_friction": friction}))
-    layer, _, material = inputs(study.scene, study.mix, engine, SPEED)
+    layer, _, material = contact_inputs(study.scene, study.mix, engine, SPEED)
     plies = (), (Ply(layer.height, 2.0),)
     cases = product(get_args(RollerCondition), get_args(GapGeometry), get_args(BaseCondition), plies)
     for rolling, profile, base, stack in cases:
