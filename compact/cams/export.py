@@ -25,12 +25,12 @@ def write_cam_files(directory, scene, cam, cutter_radius=None, tolerance=1e-6):
     made = cut(cam, cutter_radius, tolerance)
     drawing = workshop_drawing.sheet(made, scene.cam.bore)
     kind = type(cam.follower).__name__.removesuffix("Follower").removesuffix("Face").lower()
-    stem = Path(directory) / f"{cam.cycle.there.name}-{kind}"
+    stem = Path(directory) / f"{cam.cycle.forward.name}-{kind}"
     table = workshop_drawing.points(made)
     paths = [write_csv(_named(stem, ".csv"), table.header, table.rows())]
     paths.append(_text(_named(stem, ".svg"), drawing.svg(workshop_drawing.described(made))))
     machine = scene.machine
-    words = f"the cam turns and its followers carry the cart through the law {cam.cycle.there.name}"
+    words = f"the cam turns and its followers carry the cart through the law {cam.cycle.forward.name}"
     motion = moving(cam, machine.roller_radius, machine.roller_positions, words)
     paths.append(_text(_named(stem, "-motion.svg"), motion))
     paths.append(_text(_named(stem, ".dxf"), drawing.dxf()))
@@ -88,7 +88,7 @@ class _Scene:
         self.cam, self.radius = cam, radius
         x, y = MM * cam.profile(np.linspace(0, 2 * np.pi, POINTS))
         self.profile, self.greatest = np.array([x, -y]).T, np.hypot(x, y).max()
-        self.stroke = MM * cam.cycle.there.stroke
+        self.stroke = MM * cam.cycle.forward.stroke
         self.near, self.far = MM * float(cam.radius(0.0)), -MM * float(cam.radius(np.pi))
         self.middle = self.near + self.greatest + self.stroke + positions.max() - positions.min()
         self.axles = self.middle + positions - positions.mean()

@@ -138,7 +138,7 @@ def _polygon(cam, tolerance):
 
 def _spaced(cam, sagitta):
     """Angles [rad] in [0, 2 pi), joins among them, whose chords move the follower by `sagitta` [m] at most."""
-    joins = np.append(cam.joins, cam.joins[0] + 2 * np.pi)
+    joins = np.append(cam.breakpoints, cam.breakpoints[0] + 2 * np.pi)
     return np.concatenate([_share_out(cam, low, high, sagitta) for low, high in pairwise(joins)])
 
 

@@ -33,11 +33,9 @@ __all__ = [
     "LeastBreadth",
     "Pointed",
     "RollerFollower",
-    "Stepper",
     "Table",
     "breadth_for_pressure_angle",
     "least_breadth",
-    "stepper",
 ]
 
 AXIS = "the axis must lie inside the profile"
@@ -93,7 +91,7 @@ def least_breadth(cycle, follower):
     >>> least_breadth(Cycle(law("constant-velocity", stroke=0.4, duration=3.0)), FlatFace()).breadth
     inf
     """
-    stroke = cycle.there.stroke
+    stroke = cycle.forward.stroke
     drop = next((join for join in _velocity_jumps(cycle) if join.after < join.before), None)
     if drop is not None and follower.radius_at_kink < 0:
         angle = _to_angle(cycle, drop.time)
@@ -114,7 +112,7 @@ def breadth_for_pressure_angle(cycle, follower, limit):
     tan(limit) = |x'|/rho:  b = stroke + 2 max(|x'|/tan(limit) - x, 0)
     """
     require_between(1e-3, 1.57, limit=limit)
-    stroke = cycle.there.stroke
+    stroke = cycle.forward.stroke
     if isinstance(follower, FlatFace):
         return stroke
     steep = np.tan(limit)
@@ -139,7 +137,7 @@ class Cam:
 
     def __post_init__(self):
         require_positive(breadth=self.breadth)
-        stroke = self.cycle.there.stroke
+        stroke = self.cycle.forward.stroke
         if not self.breadth > stroke:
             raise ValueError(
                 f"`breadth` must be greater than the stroke, got {self.breadth:g} m for {stroke:g} m; "
@@ -151,7 +149,7 @@ class Cam:
         require_finite(angle=angle)
         radians = self.cycle.period / (2 * np.pi)
         value = radians**order * self.cycle.derivative(self._after_join(angle), order)
-        return value + (self.breadth - self.cycle.there.stroke) / 2 if order == 0 else value
+        return value + (self.breadth - self.cycle.forward.stroke) / 2 if order == 0 else value
 
     def radius(self, angle):
         """The law rho [m]: polar radius of a point or of the roller's centre, distance of a flat face."""
@@ -194,7 +192,7 @@ class Cam:
         return tuple(_to_angle(self.cycle, join.time) for join in _velocity_jumps(self.cycle))
 
     @cached_property
-    def joins(self):
+    def breakpoints(self):
         """Angles [rad] in [0, 2 pi) where pieces of the law and dwells meet, rising."""
         angles = np.unique([_to_angle(self.cycle, time) for time in self._breaks])
         distinct = angles[np.append(True, np.diff(angles) > 1e-9)]
@@ -269,7 +267,7 @@ class Cam:
         if not points >= 2:
             raise ValueError(f"`points` must be at least 2, got {points!r}")
         require_at_most(MOST_POINTS, "steps below a micrometre cut nothing", points=points)
-        joins = np.array(self.joins)
+        joins = np.array(self.breakpoints)
         grid = np.linspace(0, 2 * np.pi, points)
         angle = np.sort(np.append(grid[np.abs(grid[:, None] - joins).min(axis=1) > 1e-9], joins))
         angle = angle[np.append(True, np.diff(angle) > 1e-9)]
@@ -284,7 +282,7 @@ class Cam:
 
     @cached_property
     def _breaks(self):
-        return np.unique(np.concatenate([leg.start + leg.duration * leg.joined_at() for leg in self.cycle.legs()]))
+        return np.unique(np.concatenate([leg.start + leg.duration * leg.breakpoints() for leg in self.cycle.legs()]))
 
     def _after_join(self, angle):
         """Time [s] in the cycle at angle; what rounding may have put before a join is put after it."""
@@ -295,41 +293,11 @@ class Cam:
 
     def _raised(self, x, slope, second):
         """rho, rho', rho'' from the travel."""
-        return x + (self.breadth - self.cycle.there.stroke) / 2, slope, second
-
-
-@dataclass(frozen=True)
-class Stepper:
-    """Turn of a roller: `angle` [rad], `angular_velocity` [rad/s], `_acceleration` [rad/s^2], `_jerk` [rad/s^3]."""
-
-    time: np.ndarray
-    angle: np.ndarray
-    angular_velocity: np.ndarray
-    angular_acceleration: np.ndarray
-    angular_jerk: np.ndarray
-
-
-def stepper(cycle, roller_radius, time):
-    """What a stepper motor inside a roller of radius R [m] must do at time [s] of the cycle to roll without slip.
-
-        angle = x/R, angular velocity = v/R, and so on
-
-    References
-    ----------
-    Paper B, eqs (44)-(52), with the signs and the scale of reference/errata.md B-7, B-8.
-
-    >>> from compact.motion.profile import law
-    >>> turn = stepper(Cycle(law("reversal-4-free-both", 0.4, 3.0)), roller_radius=0.11, time=[1.5, 4.5])
-    >>> turn.angular_velocity.round(4).tolist()
-    [1.3531, -1.3531]
-    """
-    require_positive(roller_radius=roller_radius)
-    time = np.asarray(time, float)
-    return Stepper(time, *(cycle.derivative(time, order) / roller_radius for order in range(4)))
+        return x + (self.breadth - self.cycle.forward.stroke) / 2, slope, second
 
 
 def _velocity_jumps(cycle):
-    return [join for join in cycle.joins() if join.order == 1]
+    return [join for join in cycle.discontinuities() if join.order == 1]
 
 
 def _to_angle(cycle, time):
@@ -344,7 +312,7 @@ def _largest(cycle, measure):
         def along(z, leg=leg):
             return measure(_angle_in(cycle, leg, z), *_travel(cycle, leg, z))
 
-        value, z = find_maximum(along, interior_grid(leg.joined_at()))
+        value, z = find_maximum(along, interior_grid(leg.breakpoints()))
         if value > best[0]:
             best = (value, float(_angle_in(cycle, leg, z)))
     return best
@@ -368,7 +336,7 @@ def _uncrossed(cycle, follower, base):
     if not crossed(base * (1 + 1e-9)):
         return base
     low, high = base, _largest(cycle, seen_whole)[0]
-    while high - low > 1e-12 * (high + cycle.there.stroke):
+    while high - low > 1e-12 * (high + cycle.forward.stroke):
         middle = (low + high) / 2
         low, high = (middle, high) if crossed(middle) else (low, middle)
     return high

@@ -37,7 +37,7 @@ def sheet(cut, bore=None):
     greatest = MM * float(np.hypot(*cut.profile.T).max())
     _refuse_large_bore(cut, bore)
     letter = greatest / 38
-    title = f"cam for the law {cam.cycle.there.name}, {_kind(cam.follower)}"
+    title = f"cam for the law {cam.cycle.forward.name}, {_kind(cam.follower)}"
     shapes = [*_lines(cut, bore, letter), *_dimensions(cut, bore, letter)]
     left = MM * float(cut.profile[:, 0].max() + 2 * getattr(cam.follower, "radius", 0.0)) + 10 * letter
     notes = [(title,), (), *_sizes(cut, bore), (), *_angles(cam), ()]
@@ -53,7 +53,7 @@ def described(cut):
     """A `Cut` in a sentence, for those who cannot see its drawing."""
     radius, _ = MM * cut.polar
     return (
-        f"profile of the cam for the law {cut.cam.cycle.there.name} with {_kind(cut.cam.follower)}: radius from "
+        f"profile of the cam for the law {cut.cam.cycle.forward.name} with {_kind(cut.cam.follower)}: radius from "
         f"{radius.min():.1f} to {radius.max():.1f} mm about the axis, breadth {MM * cut.cam.breadth:.1f} mm"
     )
 
@@ -118,7 +118,7 @@ def _sizes(cut, bore):
         f"tolerance of the follower's travel {MM * cut.tolerance:g}",
         f"profile of {len(cut.angle)} points keeps it within {MM * cut.error:.5f}",
         f"breadth b over the {over} {MM * cam.breadth:.3f}",
-        f"stroke {MM * cam.cycle.there.stroke:.3f}",
+        f"stroke {MM * cam.cycle.forward.stroke:.3f}",
         f"base circle: radius {MM * radius.min():.3f}; largest radius {MM * radius.max():.3f}",
         "bore: not given" if bore is None else f"bore: diameter {MM * bore:g}",
         f"{_kind(cam.follower)}" + (f", {MM * cam.largest_contact_offset:.3f} to each side at least" if flat else ""),
@@ -147,7 +147,7 @@ def key_angles(cam):
     period, words = cam.cycle.period, {1: "the way out begins", -1: "the way back begins"}
     found = {}
     for leg in cam.cycle.legs():
-        for inner in leg.joined_at()[1:-1]:
+        for inner in leg.breakpoints()[1:-1]:
             found[2 * np.pi * (leg.start + leg.duration * inner) / period] = "pieces of the law join"
         stands = "stands at the far end" if leg.position > 0 else "stands at the near end"
         found[2 * np.pi * leg.start / period] = words.get(leg.direction, stands)

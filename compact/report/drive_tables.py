@@ -72,7 +72,7 @@ MOTOR_NUMBERS = (*ROLLER_MOTOR, "lack")
 DRIVEN_HEADER = ("speed_m/s", "torque_Nm", "pull_N", "creep", "load_N")
 
 
-def roller_motor(motor, time):
+def roller_motor_columns(motor, time):
     """Header and columns that a `RollerMotor` adds to the turn of a roller at times [s]; creep where it is told."""
     _, answer = motor.over(time)
     columns = answer.torque, motor.power(time), answer.traction
@@ -86,7 +86,7 @@ def roller_motor_numbers(study):
     return {law: {name: getattr(motor, name) for name in MOTOR_NUMBERS} for law, motor in study.roller_motors.items()}
 
 
-def roller_motors(study, directory):
+def write_roller_motors(study, directory):
     """Tables of what all laws ask of the motors in the rollers, and of how a roller answers; yields their paths."""
     header = ("law", *column_names(ROLLER_MOTOR), "lack")
     rows = [(law, *numbers.values()) for law, numbers in roller_motor_numbers(study).items()]
@@ -122,7 +122,7 @@ def _hydraulics(study, directory):
     if best is not None:
         study.count("passage")
         made = best.forward()
-        law = best.demand.cycle.there.position(made.time)
+        law = best.demand.cycle.forward.position(made.time)
         columns = (made.time, made.position, made.velocity, law, made.inlet_pressure, made.outlet_pressure)
         yield write_csv(directory / f"passage-{best.name}.csv", PASSAGE_HEADER, np.column_stack(columns).tolist())
 

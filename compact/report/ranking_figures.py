@@ -9,7 +9,7 @@ import numpy as np
 
 from compact.machine.ranking import CRITERIA
 from compact.quantities import MOTION, SPEED
-from compact.report.figures import PALETTE, look, panels
+from compact.report.figure_style import PALETTE, law_style, panels
 
 PANELS = 2  # criteria of the comparison of engines, for each drive
 LETTER = 0.061  # width of a letter of 8 points [inch]
@@ -64,7 +64,7 @@ def _bars(ax, by, places, named):
     rows = [row for row, place in enumerate(places) if not place.reason]
     finite = np.array([places[row].value * factor for row in rows])
     errors = np.nan_to_num([(places[row].error or 0.0) * factor for row in rows], posinf=0.0)
-    colors = [look(places[row].law)["color"] for row in rows]
+    colors = [law_style(places[row].law)["color"] for row in rows]
     ax.barh(rows, finite, color=colors, height=0.72, edgecolor="black", linewidth=0.4)
     told = np.flatnonzero(errors)
     if told.size:
@@ -151,7 +151,7 @@ def _excess(order, by):
     }
 
 
-def resistance(resistances):
+def resistances(resistances):
     """Resistance of one cart over speed by each engine, callables by name; of the first, a map, its samples too."""
     figure, ((ax,),) = panels(1, 1, (6.2, 3.1))
     ours, met = next(iter(resistances.items()))

@@ -15,7 +15,7 @@ from matplotlib.patheffects import withStroke
 
 from compact.material.mix import ROLLING_PRESSURE, ROLLING_SATURATION
 from compact.quantities import INPUT, SWEEP_POINT
-from compact.report.figures import look
+from compact.report.figure_style import law_style
 from compact.sweep.sobol_indices import of_table
 
 BAND = (0.05, 0.95)
@@ -212,7 +212,7 @@ def best_laws(table):
     for ax, criterion in zip(panels, criteria, strict=True):
         best = _most_frequent(table[criterion])
         names = sorted(set(best.ravel()) - {""})
-        shown |= {name: look(name)["color"] for name in names}
+        shown |= {name: law_style(name)["color"] for name in names}
         numbers = np.ma.masked_where(best == "", np.searchsorted(names, best))
         ax.set_facecolor(NO_NUMBER)
         colours = ListedColormap([shown[name] for name in names] or [NO_NUMBER])

@@ -177,7 +177,7 @@ def text_table(rows: Sequence[PublishedNumber]) -> str:
 
 
 def markdown(rows: Sequence[PublishedNumber]) -> str:
-    """Format rows as the Markdown table of `docs/how_do_we_know.md`.
+    """Format rows as the Markdown table of `docs/verification.md`.
 
     Parameters
     ----------

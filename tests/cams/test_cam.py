@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower, least_breadth, stepper
+from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower, least_breadth
 from compact.motion.profile import LAWS, Cycle, law
 
 STROKE, DURATION, BREADTH = 0.4, 3.0, 1.0
@@ -30,7 +30,7 @@ def made(name, follower, breadth=BREADTH, **options):
 def inside_pieces(cam, count=240, margin=1e-3):
     """Angles at least a margin from any join."""
     angle = np.linspace(0, 2 * np.pi, count, endpoint=False) + 0.001234
-    joins = np.concatenate([leg.start + leg.duration * leg.joined_at() for leg in cam.cycle.legs()])
+    joins = np.concatenate([leg.start + leg.duration * leg.breakpoints() for leg in cam.cycle.legs()])
     joins = 2 * np.pi * joins / cam.cycle.period
     return angle[np.abs(angle[:, None] - joins).min(axis=1) > margin]
 
@@ -383,7 +383,7 @@ def test_least_breadth_scales_with_the_lengths(shape, scale, radius):
     assert other == pytest.approx(scale * one, rel=1e-9)
 
 
-# table and stepper
+# table
 
 
 def test_table_is_the_cam_along_a_closed_turn():
@@ -408,18 +408,6 @@ def test_table_holds_each_join_once():
     assert angle == pytest.approx(np.linspace(0, 2 * np.pi, 13), abs=1e-14)
 
 
-def test_stepper_turns_by_the_travel_over_the_radius():
-    """Paper B, steady part: 48 dx/(43 T R), errata B-8; and each derivative is that of the one before."""
-    motion, time, h = cycle("reversal-4-free-both"), np.linspace(0.05, 5.95, 40), 1e-5
-    turn = stepper(motion, 0.11, time)
-    assert stepper(motion, 0.11, 1.5).angular_velocity == pytest.approx(48 * STROKE / (43 * DURATION * 0.11), rel=1e-13)
-    assert turn.angle == pytest.approx(motion.derivative(time, 0) / 0.11, rel=1e-15)
-    after, before = stepper(motion, 0.11, time + h), stepper(motion, 0.11, time - h)
-    names = ("angle", "angular_velocity", "angular_acceleration", "angular_jerk")
-    slopes = [(getattr(after, name) - getattr(before, name)) / (2 * h) for name in names[:-1]]
-    assert np.array(slopes) == pytest.approx(np.array([getattr(turn, name) for name in names[1:]]), abs=1e-4)
-
-
 # (g) refusals
 
 
@@ -440,10 +428,8 @@ def test_breadth_within_the_stroke_is_refused(breadth):
         (lambda: made("quintic", Pointed()).radius(np.nan), "`angle` must be finite, got nan"),
         (lambda: made("quintic", Pointed()).table(1), "`points` must be at least 2, got 1"),
         (lambda: made("quintic", Pointed()).table(10**9), "`points` must be at most 1000000, got 1000000000; "),
-        (lambda: stepper(cycle("quintic"), -1.0, 0.0), "`roller_radius` must be positive and finite, got -1.0"),
-        (lambda: stepper(cycle("quintic"), 0.1, np.nan), "`time` must be finite, got nan"),
     ],
-    ids=["nan", "inf", "radius", "pointed", "angle", "points", "many points", "roller", "time"],
+    ids=["nan", "inf", "radius", "pointed", "angle", "points", "many points"],
 )
 def test_refusals(call, message):
     with pytest.raises(ValueError, match=message):

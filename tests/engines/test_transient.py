@@ -316,7 +316,7 @@ def test_boundary_elements_agree(mix, motion):
 def test_steps_end_at_discontinuities_of_the_law():
     cycle = law("gear-sector", 0.2, 1.0).cycle(far_dwell=0.1)
     result = simulate_transient(LAYER, roller_at(), MIX, cycle, tolerance=1e-2, estimate=False)
-    assert set(result.time) >= {join.time for join in cycle.joins()} | {leg.start for leg in cycle.legs()}
+    assert set(result.time) >= {join.time for join in cycle.discontinuities()} | {leg.start for leg in cycle.legs()}
     constant = result.resistance[(result.time > 0.7) & (result.time < 1.0)]
     steady = fem.roll(LAYER, roller_at(), MIX, 0.2, tolerance=1e-2, estimate=False).resistance
     assert constant == pytest.approx(steady, rel=3e-3)
@@ -446,7 +446,7 @@ def test_invalid_argument_is_refused(change, words):
 
 def test_writing_without_frames_is_refused(tmp_path):
     result = simulate_transient(LAYER, roller_at(), MIX, Accelerated(0.1, 0.0, 0.05), estimate=False)
-    with pytest.raises(ValueError, match="no frames to film"):
+    with pytest.raises(ValueError, match="no frames to write"):
         result.write_frames(tmp_path)
 
 
@@ -461,5 +461,5 @@ def test_frames_require_a_mesh_of_vertical_columns():
 
 def test_result_with_nan_is_refused():
     time = np.linspace(0, 1, 3)
-    with pytest.raises(RuntimeError, match=r"no resistance found at t = 0\.5 s"):
+    with pytest.raises(RuntimeError, match=r"the resistance is not finite at t = 0\.5 s"):
         TransientResult(time, time, time, 1 + time, np.array([0.0, np.nan, 0.0]), time, time)

@@ -117,7 +117,7 @@ def test_the_main_job_is_estimated_within_half_from_a_third_on(name):
     for stage, count, seconds in MEASURED[name]:
         for _ in range(count):
             study.counts[stage] += 1
-            job.begin(stage, study.cost(stage), total=study.whole_cost)
+            job.begin(stage, study.plan.cost(stage), total=study.plan.total_cost)
             clock.now += seconds / count
             if whole / 3 < clock.now < 0.9 * whole:
                 told.append(job.left / (whole - clock.now))
@@ -126,7 +126,7 @@ def test_the_main_job_is_estimated_within_half_from_a_third_on(name):
 
 def test_every_stage_of_a_study_has_a_cost():
     study = Study(load_scene(SCENES / "loveikin-2015-engines.toml"))
-    assert set(study.planned) <= {
+    assert set(study.plan.planned) <= {
         "runs",
         "rolled",
         "resistance",
@@ -136,15 +136,15 @@ def test_every_stage_of_a_study_has_a_cost():
         "report",
         "beside",
     } | set(stage_costs.OTHERS)
-    assert all(study.cost(stage) >= 0 for stage in study.planned)
-    assert study.whole_cost > 10 * study.cost("rolled")
+    assert all(study.plan.cost(stage) >= 0 for stage in study.plan.planned)
+    assert study.plan.total_cost > 10 * study.plan.cost("rolled")
 
 
 def test_the_whole_is_what_was_done_once_all_is_done():
     study = Study(load_scene(SCENES / "loveikin-2015-engines.toml"))
     study.counts |= Counter({"resistance": 9, "added mass": 15, "runs": 42, "rankings": 1, "driven": 12})
-    each = sum(count * study.cost(stage) for stage, count in study.planned.items())
-    assert study.whole_cost == pytest.approx(each + stage_costs.FIRST["fem"])
+    each = sum(count * study.plan.cost(stage) for stage, count in study.plan.planned.items())
+    assert study.plan.total_cost == pytest.approx(each + study.engine.cost.first_contact)
 
 
 # the line
@@ -224,7 +224,8 @@ def test_a_script_shows_its_progress_on_a_terminal():
 
 CALLS = {
     "roll": (
-        "roll", "--engine", "spectral", "--set", "machine.gap_geometry=circle", "--set", "machine.roller_condition=frictionless"
+        "roll", "--engine", "spectral", "--set", "machine.gap_geometry=circle",
+        "--set", "machine.roller_condition=frictionless",
     ),
     "run": ("run", "--set", "output.items=['tables','figures']"),
     "calibrate": ("calibrate", str(SCENES / "loveikin-2015-measured.toml")),
