@@ -29,7 +29,7 @@ LAWS = ("parabolic", "cubic", "quintic", "septic", "reversal-2", "reversal-4-fre
 
 def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9), ratio=0.05, out=None, **changes):
     """Rows of HEADER, SI, for each law and stiffness; `ratio` is the damping ratio c/(2 sqrt(k m))."""
-    study = Study(load_scene(SCENES / f"{scene}.toml", **{"motion.laws": list(laws), "output.wanted": [], **changes}))
+    study = Study(load_scene(SCENES / f"{scene}.toml", **{"motion.laws": list(laws), "output.items": [], **changes}))
     rows, runs, motion = [], {}, study.scene.motion
     for (name, cycle), stiffness in tracked(product(study.cycles.items(), stiffnesses), "drive"):
         spring = ElasticDrive(stiffness, 2 * ratio * np.sqrt(stiffness * study.cart.mass))

@@ -58,7 +58,7 @@ def main(
 
         rows = np.column_stack([done.stroke, done.time, done.position, done.load, done.resistance]).tolist()
         write_csv(Path(out) / "way_back.csv", HEADER, rows)
-        done.film(Path(out))
+        done.write_frames(Path(out))
         with spinning("steady rolling"):
             steady = rolling.roll(Layer(height), roller, mix, stroke / scene.motion.duration, increments=increments)
         _draw(done, roller.radius, increments, steady).savefig(Path(out) / "way_back.png", dpi=100)
@@ -124,7 +124,7 @@ def _draw(done, radius, increments, steady):
     for ax, (time, mesh) in zip(panels, done.frames, strict=True):
         shades = _density(ax, mesh)
         place = float(np.interp(time, done.time, done.position))
-        lowest = float(np.interp(time, done.time, done.lowest))
+        lowest = float(np.interp(time, done.time, done.bottom_height))
         angle = np.linspace(-0.7, 0.7, 100)
         ax.plot((place + radius * np.sin(angle)) * 1e3, (lowest + radius - radius * np.cos(angle)) * 1e3, "k-", lw=0.8)
         ax.set(ylabel="y [mm]", xlim=(-40, turn * 1e3 + 40), ylim=(-4, lowest * 1e3 + 14), aspect="equal")

@@ -69,7 +69,7 @@ def means(scene, cycle):
     if table.kind == "elastic":
         from compact.machine.elastic_drive import ElasticDrive  # compiled code, loaded for those who want it
 
-        return ElasticDrive(table.stiffness, table.damping, table.backlash or 0.0, bool(table.first_order))
+        return ElasticDrive(table.stiffness, table.damping, table.backlash or 0.0, bool(table.include_added_mass))
     if table.kind == "hydraulic":
         return Hydraulic(**table.hydraulics.model_dump())
     through_rod = cycle.there.name == "crank" and rod is not None and scene.motion.dwell == 0

@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from compact.analysis.contact_cases import value
 from compact.analysis.engines import COMPACTING, TOLERANCE, inputs, solver
 from compact.machine.roller_motors import HELD, Driven, FirstOrder, spent
 from compact.scene.engine_capabilities import TURNED
@@ -32,18 +31,18 @@ def driven(scene, mix, load, found, asked, near=(), count=lambda stage: None):
     plain = FirstOrder(radius, load, friction)
     if scene.accuracy.engine not in TURNED or friction == 0:
         return plain
-    least = scene.machine.roller_length * min(value(contact, "load")[0] for contact in found)
+    least = scene.machine.roller_length * min(contact.load for contact in found)
     shares = [ROOM * pull / (friction * least) for pull in asked]
     sides = [_steps(min(shares[0], -LEAST) if shares[0] < 0 else 0.0), _steps(max(shares[1], LEAST))]
     if scene.accuracy.engine in COMPACTING:
         mean = scene.mean_speed
-        found = [min(found, key=lambda contact: abs(np.log(value(contact, "speed")[0] / mean)))]
+        found = [min(found, key=lambda contact: abs(np.log(contact.speed / mean)))]
     try:
         curves = [_curve(scene, mix, contact, sides, dict(near), count) for contact in found]
     except RuntimeError as error:
         warnings.warn(f"creep of the driven rollers is left out: {error}", stacklevel=2)
         return plain
-    speeds = np.array([value(contact, "speed")[0] for contact in found])
+    speeds = np.array([contact.speed for contact in found])
     return Driven(radius, friction, speeds, *np.moveaxis(np.array(curves), -1, 0))
 
 
@@ -56,9 +55,9 @@ def _steps(share):
 
 def _curve(scene, mix, contact, sides, near, count):
     """Rows (torque, pull, creep, load) of one roller at the speed of a contact, torques rising."""
-    speed, resistance = (value(contact, name)[0] for name in ("speed", "resistance"))
+    speed, resistance = contact.speed, contact.resistance
     length, radius = scene.machine.roller_length, scene.machine.roller_radius
-    rolled = _roller(scene, mix, speed, value(contact, "indentation")[0], count)
+    rolled = _roller(scene, mix, speed, contact.indentation, count)
 
     def row(torque, at):
         return torque * length, (resistance - at.resistance) * length, at.creep, at.load * length

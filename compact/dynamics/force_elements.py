@@ -19,22 +19,22 @@ from typing import NamedTuple
 import numpy as np
 
 from compact.numerics.jit import compiled
-from compact.numerics.piecewise import Pieces
+from compact.numerics.piecewise import PiecewisePolynomial
 
 AT = 1e-6  # of a speed, or of an arc: so near a knot a motion is at it
 FARTHER = 0.5  # of a piece of a table, for which it goes on as it is beyond a knot
 EITHER = 2  # neither 0 nor a sign
-NONE = Pieces(np.array([0.0, 1.0]), np.zeros((1, 1)))
+NONE = PiecewisePolynomial(np.array([0.0, 1.0]), np.zeros((1, 1)))
 
 
 class Resistance(NamedTuple):
-    """F [N] over |v| [m/s] on the way there and on the way back, `Pieces` from 0; knots: |v| where F is not smooth;
-    added: M [kg] over |v|, `Pieces` from 0; pace: A [1/s], 0 where there is no M."""
+    """F [N] over |v| [m/s] on the way there and on the way back, `PiecewisePolynomial` from 0; knots: |v| where F is not smooth;
+    added: M [kg] over |v|, `PiecewisePolynomial` from 0; pace: A [1/s], 0 where there is no M."""
 
-    there: Pieces
-    back: Pieces
+    there: PiecewisePolynomial
+    back: PiecewisePolynomial
     knots: np.ndarray
-    added: Pieces = NONE
+    added: PiecewisePolynomial = NONE
     pace: float = 0.0
 
 
@@ -69,7 +69,7 @@ def which(pace, slip, speed, acceleration):
 
 @compiled
 def looked_up(table, speed, within):
-    """Value and slope of `Pieces` as they are within a `Section`.
+    """Value and slope of `PiecewisePolynomial` as they are within a `Section`.
 
     Beyond it the outermost piece goes on for a while, and then straight: from below as from rest to the section, so
     that rounding in a narrow piece does not grow. Beyond their ends the pieces go on straight at once.

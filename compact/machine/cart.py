@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from compact.numerics.piecewise import sign_changes
+from compact.numerics.piecewise import find_roots
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 
@@ -72,7 +72,7 @@ class EndSprings:
         """`Zones` of position(place) over places that join at `breaks`."""
         edges = (self.length, self.stroke - self.length)
         breaks = np.asarray(breaks, float)
-        met = [sign_changes(lambda place, edge=edge: position(place) - edge, breaks) for edge in edges]
+        met = [find_roots(lambda place, edge=edge: position(place) - edge, breaks) for edge in edges]
         breaks = np.unique(np.concatenate([breaks, *met]))
         middle = position((breaks[:-1] + breaks[1:]) / 2)
         return Zones(breaks, np.where(middle < edges[0], 1.0, np.where(middle > edges[1], -1.0, 0.0)))

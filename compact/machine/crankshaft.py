@@ -11,7 +11,7 @@ import numpy as np
 
 from compact.machine.cart import Balance, Cart, balance
 from compact.machine.rigid_drive import CREEP, POINTS, Crank, evaluate_resistance
-from compact.numerics.piecewise import clenshaw_curtis, inside, largest
+from compact.numerics.piecewise import clenshaw_curtis, find_maximum, interior_grid
 from compact.numerics.validation import require_finite, require_opposing, require_positive
 
 # Phases of the published machines: 1, 2 carts at 90 degrees, 3 at 120, 4 at 90 (paper C).
@@ -112,8 +112,8 @@ class Turn:
     @cached_property
     def peak_torque(self):
         """Largest |torque| of the shaft over the turn [N m], between the samples too."""
-        grid = inside(self.shaft.dead_centres())
-        return largest(lambda angle: np.abs(sum(cart.torque for cart in self.shaft.at(angle))), grid)[0]
+        grid = interior_grid(self.shaft.dead_centres())
+        return find_maximum(lambda angle: np.abs(sum(cart.torque for cart in self.shaft.at(angle))), grid)[0]
 
     @property
     def peak_power(self):

@@ -31,7 +31,7 @@ from compact.dynamics.force_elements import AT_NEAR, FAR, NEAR, NONE, CartState,
 from compact.dynamics.oscillator import MOST_RANGES, shifted
 from compact.machine.cart import balance
 from compact.machine.rigid_drive import CREEP, evaluate_resistance
-from compact.numerics.piecewise import EPSILON, Pieces, inside, integrated, pieces
+from compact.numerics.piecewise import BREAK_OFFSET, PiecewisePolynomial, antiderivative, fit_piecewise, interior_grid
 
 ARCS = 20_000  # of a cycle; a dozen are usual, hundreds where the resistance bends with the speed
 LAW = 1e-11  # of the peak acceleration, by which polynomials may miss it
@@ -94,7 +94,7 @@ class PeriodicProblem:
         self.middle = cycle.there.duration / 2
         self.total = _total(cart, resistance)
         self.knots = getattr(resistance, "speeds", ())
-        phases = inside(cycle.there.curve.x)
+        phases = interior_grid(cycle.there.curve.x)
         velocity, acceleration = (np.abs(cycle.there.at_phase(phases, k)).max() for k in (1, 2))
         self.fastest, self.creep = WIDER * velocity, CREEPING * velocity
         impact = velocity * math.sqrt(drive.stiffness * cart.mass) if acceleration == 0 else 0.0
@@ -103,7 +103,7 @@ class PeriodicProblem:
         self.scale = max(inertia, *(np.abs(self.total(sign * speeds)).max() for sign in (1, -1)))
         self.tolerance = tolerance * self.scale
         self.hurry = inertia / cart.mass
-        self.pace = getattr(resistance, "pace", np.inf) if drive.first_order else 0.0
+        self.pace = getattr(resistance, "rate_limit", np.inf) if drive.first_order else 0.0
         self._tabulate()
 
     def _tabulate(self):
@@ -127,7 +127,7 @@ class PeriodicProblem:
 
     def _added_masses(self, breaks):
         miss = max(TABLE * self.tolerance, TABLE_FLOOR * self.scale) / self.hurry
-        masses = pieces(self._added, breaks, miss)
+        masses = fit_piecewise(self._added, breaks, miss)
         least = min(masses.coefficients[:, 0].min(), float(masses(masses.breaks[-1])))
         if self.spring.mass + least <= 0:
             raise ValueError(
@@ -136,18 +136,18 @@ class PeriodicProblem:
             )
         still = np.zeros((1, masses.coefficients.shape[1]))
         still[0, 0] = masses.coefficients[0, 0]
-        return Pieces(np.append(0.0, masses.breaks), np.concatenate([still, masses.coefficients]))
+        return PiecewisePolynomial(np.append(0.0, masses.breaks), np.concatenate([still, masses.coefficients]))
 
     def _side(self, sign, breaks):
         """F over |v| on one way: from the creep on as near as asked, and below it as `_crept`."""
         miss = max(TABLE * self.tolerance, TABLE_FLOOR * self.scale)
         try:
-            side = pieces(lambda v: self.total(sign * v), breaks, miss)
+            side = fit_piecewise(lambda v: self.total(sign * v), breaks, miss)
         except ValueError as error:
             raise ValueError(f"`resistance` over speed [m/s] has {error}") from None
         below = np.zeros((1, side.coefficients.shape[1]))
         below[0, :2] = self._crept(sign, side.coefficients[0, 0])
-        return Pieces(np.append(0.0, side.breaks), np.concatenate([below, side.coefficients]))
+        return PiecewisePolynomial(np.append(0.0, side.breaks), np.concatenate([below, side.coefficients]))
 
     def _crept(self, sign, force):
         """(F, its rise) from rest to the creep, where F is `force`: what it rises by at once holds the cart.
@@ -297,17 +297,17 @@ def _moved(state, by):
 
 
 def _polynomial_law(cycle):
-    """Position of the far end over a cycle as `Pieces` in time, twice integrated from its acceleration."""
+    """Position of the far end over a cycle as `PiecewisePolynomial` in time, twice integrated from its acceleration."""
     breaks, rows = [], []
     for leg in cycle.legs():
         bend = partial(_bend, leg)
-        bent = pieces(bend, leg.joined_at(), LAW * np.abs(bend(inside(leg.joined_at()))).max())
-        starts = bent.breaks[:-1] + EPSILON
-        speed = integrated(bent, leg.at_phase(starts, 1) * leg.duration)
-        place = integrated(speed, leg.at_phase(starts, 0))
+        bent = fit_piecewise(bend, leg.joined_at(), LAW * np.abs(bend(interior_grid(leg.joined_at()))).max())
+        starts = bent.breaks[:-1] + BREAK_OFFSET
+        speed = antiderivative(bent, leg.at_phase(starts, 1) * leg.duration)
+        place = antiderivative(speed, leg.at_phase(starts, 0))
         breaks.append(leg.start + leg.duration * place.breaks[:-1])
         rows.append(place.coefficients)
-    return Pieces(np.append(np.concatenate(breaks), cycle.period), np.concatenate(rows))
+    return PiecewisePolynomial(np.append(np.concatenate(breaks), cycle.period), np.concatenate(rows))
 
 
 def _bend(leg, phase):
@@ -323,7 +323,9 @@ def _cut(law, time):
         halves = shifted(rows[i - 1], 0.0, u), shifted(rows[i - 1], u, 1 - u)
         rows = np.concatenate([rows[: i - 1], halves, rows[i:]])
         breaks = np.insert(breaks, i, time)
-    return Pieces(breaks[i:].copy(), rows[i:].copy()), Pieces(breaks[: i + 1].copy(), rows[:i].copy())
+    return PiecewisePolynomial(breaks[i:].copy(), rows[i:].copy()), PiecewisePolynomial(
+        breaks[: i + 1].copy(), rows[:i].copy()
+    )
 
 
 def _total(cart, resistance):

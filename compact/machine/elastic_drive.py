@@ -75,7 +75,7 @@ def simulate_elastic(cart, drive, motion, resistance, *, regime="periodic", work
     cart : Cart, mass > 0;  drive : ElasticDrive
     motion : Motion (there and back without a dwell) or Cycle
     resistance : callable(velocity, acceleration) -> N, linear in the acceleration; it may jump at speed 0 only.
-        A `ResistanceMap` has its samples, `speeds`, and the `pace` |a|/|v| up to which it is linear
+        A `ResistanceMap` has its samples, `speeds`, and the `rate_limit` |a|/|v| up to which it is linear
     regime : "periodic", or "rest": the first cycle of a cart that stood at the near end, its springs in balance
     working : shares of the pass there between which the speed should be even
     tolerance : of the resistance that the solution meets, relative to the largest force of inertia and resistance

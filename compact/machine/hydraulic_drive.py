@@ -25,7 +25,7 @@ from scipy.integrate import solve_ivp
 
 from compact.machine.cart import Cart, balance
 from compact.machine.rigid_drive import CREEP, Rigid, Run, evaluate_resistance, simulate
-from compact.numerics.piecewise import Pieces, pieces
+from compact.numerics.piecewise import PiecewisePolynomial, fit_piecewise
 from compact.numerics.validation import require_opposing, require_positive
 
 NEAR = 1e-6  # of the open area, by which polynomials may miss that of a throttle
@@ -169,7 +169,7 @@ class HydraulicRun(Run):
         return abs(self.pump_work - self.energy - self.throttle_heat - self.relief_heat) / self.pump_work
 
     def areas(self):
-        """(inlet, outlet) area [m2] over the time of the way there [s], `Pieces`.
+        """(inlet, outlet) area [m2] over the time of the way there [s], `PiecewisePolynomial`.
 
         Raises RuntimeError where the drive has too little of something.
         """
@@ -182,7 +182,7 @@ class HydraulicRun(Run):
                 state = self.demand.at(leg, time / leg.duration)
                 return getattr(throttled(self.hydraulic, state.velocity, state.forces.drive_force), name)
 
-            return pieces(over, leg.duration * self.demand.breaks(leg), NEAR * self.hydraulic.valve_area)
+            return fit_piecewise(over, leg.duration * self.demand.breaks(leg), NEAR * self.hydraulic.valve_area)
 
         return area("inlet_area"), area("outlet_area")
 
@@ -216,7 +216,7 @@ def passage(cart, hydraulic, stroke, areas, resistance, pressures=(0.0, 0.0), *,
     Parameters
     ----------
     cart : Cart, mass > 0;  hydraulic : Hydraulic;  stroke : [m], of the cylinders
-    areas : (inlet, outlet) [m2] over time [s], `Pieces`; the motion lasts as long as they do
+    areas : (inlet, outlet) [m2] over time [s], `PiecewisePolynomial`; the motion lasts as long as they do
     resistance : callable(velocity, acceleration) -> N, in m a + resistance rising with the acceleration
     pressures : (inlet, outlet) to begin with [Pa]
 
@@ -247,7 +247,7 @@ class _Plant:
     cart: Cart
     hydraulic: Hydraulic
     stroke: float
-    areas: tuple[Pieces, Pieces]
+    areas: tuple[PiecewisePolynomial, PiecewisePolynomial]
     resistance: Callable
     evaluations: Iterator = field(default_factory=count)
 

@@ -38,7 +38,7 @@ from compact.machine.rigid_drive import (
     simulate,
     steady_force,
 )
-from compact.numerics.piecewise import inside, largest
+from compact.numerics.piecewise import find_maximum, interior_grid
 from compact.numerics.validation import (
     require_finite,
     require_nonnegative,
@@ -416,7 +416,7 @@ class MotorRun(CycleStatistics):
         return self._top(over)
 
     def _top(self, over):
-        return largest(lambda angle: np.abs(over(angle)), inside(self.turn.breaks, steps=12))[0]
+        return find_maximum(lambda angle: np.abs(over(angle)), interior_grid(self.turn.breaks, steps=12))[0]
 
 
 NEAR = 1e-3  # relative distance from the periodic speed at the start of a turn, at which it is reached

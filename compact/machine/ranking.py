@@ -3,8 +3,11 @@
 import math
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
+from compact import quantities
 from compact.numerics.validation import require_known
+from compact.quantities import Quantity
 
 ROUNDING_TIE = 1e-9  # [-], of the scale of a criterion: values closer than this are equal but for rounding
 BUILD_TOLERANCE = 0.01  # [-]; machines built to one drawing differ as much: bearings, fits and motors scatter by 1 %
@@ -14,16 +17,21 @@ BUILD_TOLERANCE = 0.01  # [-]; machines built to one drawing differ as much: bea
 class Criterion:
     """Quantity by which laws are ranked.
 
-    unit : of its values;  infinite_because : reason of an infinite value
+    quantity : term and unit of its values;  infinite_because : reason of an infinite value
     floor : least scale of differences between values, in the unit; 0 where the value itself is the scale
     cancelling : name of the criterion that gives the size of the terms of which the value is a sum, or empty; the value
         is rounding below `ROUNDING_TIE` of that size
     """
 
-    unit: str
+    quantity: Quantity
     infinite_because: str = ""
     floor: float = 0.0
     cancelling: str = ""
+
+    @property
+    def unit(self) -> str:
+        """SI unit of its values."""
+        return self.quantity.unit
 
     def scale(self, value):
         """Scale of differences from a value."""
@@ -31,21 +39,21 @@ class Criterion:
 
 
 _JUMP = "the velocity jumps: an infinite force for no time"
+_RULES: dict[str, dict[str, Any]] = {
+    "peak_force": {"infinite_because": _JUMP},
+    "peak_power": {"infinite_because": _JUMP},
+    "rms_force": {"infinite_because": _JUMP},
+    "rms_power": {"infinite_because": _JUMP},
+    "mean_force": {"infinite_because": _JUMP},
+    "dynamic_factor": {"infinite_because": _JUMP},
+    "mean_power": {"cancelling": "rms_power"},
+    "energy": {"cancelling": "drawn_energy"},
+    "peak_jerk": {"infinite_because": "the acceleration jumps"},
+    "nonuniformity": {"floor": 1.0},  # of the mean speed
+    "ringing": {"infinite_because": "a drive that imposes a jump of the velocity has no peak to compare with"},
+}
 CRITERIA = MappingProxyType(
-    {
-        "peak_force": Criterion("N", _JUMP),
-        "peak_power": Criterion("W", _JUMP),
-        "rms_force": Criterion("N", _JUMP),
-        "rms_power": Criterion("W", _JUMP),
-        "mean_force": Criterion("N", _JUMP),
-        "mean_power": Criterion("W", cancelling="rms_power"),
-        "energy": Criterion("J", cancelling="drawn_energy"),
-        "drawn_energy": Criterion("J"),
-        "peak_jerk": Criterion("m/s^3", "the acceleration jumps"),
-        "dynamic_factor": Criterion("1", _JUMP),
-        "nonuniformity": Criterion("1", floor=1.0),  # of the mean speed
-        "ringing": Criterion("1", "a drive that imposes a jump of the velocity has no peak to compare with"),
-    }
+    {name: Criterion(quantity, **_RULES.get(name, {})) for name, quantity in quantities.CRITERIA.items()}
 )
 
 

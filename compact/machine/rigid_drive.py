@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from compact.machine.cart import Balance, Cart, balance
-from compact.numerics.piecewise import EPSILON, clenshaw_curtis, inside, largest
+from compact.numerics.piecewise import BREAK_OFFSET, clenshaw_curtis, find_maximum, interior_grid
 from compact.numerics.validation import require_opposing, require_positive
 
 POINTS = 129  # per piece of a motion, at Chebyshev's points: integrals of smooth laws to rounding
@@ -241,7 +241,7 @@ class Run(CycleStatistics):
     def _largest(self, quantity):
         """Largest |quantity(leg, phase)| over the cycle, found on the law itself."""
         return max(
-            largest(lambda phase, leg=leg: np.abs(quantity(leg, phase)), inside(self.demand.breaks(leg)))[0]
+            find_maximum(lambda phase, leg=leg: np.abs(quantity(leg, phase)), interior_grid(self.demand.breaks(leg)))[0]
             for leg in self.demand.cycle.legs()
         )
 
@@ -296,7 +296,7 @@ def _sampled(demand):
     columns = []
     for leg in demand.cycle.legs():
         breaks = demand.breaks(leg)[:, None]
-        low, high = breaks[:-1] + EPSILON, breaks[1:] - EPSILON
+        low, high = breaks[:-1] + BREAK_OFFSET, breaks[1:] - BREAK_OFFSET
         phase = np.clip(low + (high - low) * nodes, low, high)
         time, weights = leg.start + leg.duration * phase, leg.duration * np.diff(breaks, axis=0) * unit_weights
         state = demand.at(leg, phase)

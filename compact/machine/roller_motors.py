@@ -19,7 +19,7 @@ from scipy.interpolate import PchipInterpolator
 
 from compact.machine.cart import balance
 from compact.machine.rigid_drive import InverseDynamics
-from compact.numerics.piecewise import EPSILON, inside, largest
+from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
 from compact.numerics.validation import require_nonnegative, require_positive
 
 HELD = 0.99  # of what friction holds, beyond which a roller counts as skidding
@@ -33,7 +33,7 @@ def pulls(demand, rollers):
     found = []
     for leg in demand.cycle.legs():
         if leg.direction:
-            state = demand.at(leg, inside(demand.breaks(leg)))
+            state = demand.at(leg, interior_grid(demand.breaks(leg)))
             found.append(leg.direction * _pull(demand, state, leg.direction) / rollers)
     return min(float(pull.min()) for pull in found), max(float(pull.max()) for pull in found)
 
@@ -165,7 +165,7 @@ class RollerMotor:
         for leg in self.demand.cycle.legs():
             phase = (time - leg.start) / leg.duration
             here = (phase >= 0) & (phase <= 1)
-            velocity, answer = self.at(leg, np.clip(phase[here], EPSILON, 1 - EPSILON))
+            velocity, answer = self.at(leg, np.clip(phase[here], BREAK_OFFSET, 1 - BREAK_OFFSET))
             columns[:, here] = velocity, *answer
         return columns[0], Answer(*columns[1:])
 
@@ -223,7 +223,9 @@ class RollerMotor:
     def _largest(self, quantity):
         demand = self.demand
         return max(
-            largest(lambda phase, leg=leg: np.abs(quantity(*self.at(leg, phase))), inside(demand.breaks(leg)))[0]
+            find_maximum(
+                lambda phase, leg=leg: np.abs(quantity(*self.at(leg, phase))), interior_grid(demand.breaks(leg))
+            )[0]
             for leg in demand.cycle.legs()
         )
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from compact.analysis.contact_cases import numbers, value
+from compact.analysis.contact_cases import contact_record, contact_to_json
 from compact.analysis.engines import COMPACTING, FIELDED, fields, roll
 from compact.files import write_csv, write_figure, write_json
 
@@ -28,11 +28,11 @@ def write_contact_tables(study, directory):
 
 def row(contact):
     """One contact in the columns of ENGINE_HEADER."""
-    names = ("speed", "load", "resistance", "coefficient", "leading", "trailing", "peak_pressure")
-    errors = [value(contact, name)[1] for name in ("load", "resistance")]
+    errors = (contact.load_error, contact.resistance_error)
     return (
-        *(value(contact, name)[0] for name in names), *("" if error is None else error for error in errors),
-        value(contact, "work_residual")[0], contact["iterations"],
+        contact.speed, contact.load, contact.resistance, contact.coefficient, contact.leading, contact.trailing,
+        contact.peak_pressure, *("" if error is None else error for error in errors), contact.work_residual,
+        contact.iterations,
     )  # fmt: skip
 
 
@@ -87,7 +87,7 @@ def write_contact(directory, study, speed, passes):
     write_csv(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
     engine = study.scene.accuracy.engine
     replaced = {"replaced": list(study.scene.replacements[engine])}
-    write_json(directory / "contact.json", numbers(engine, speed, passes) | replaced)
+    write_json(directory / "contact.json", contact_to_json(contact_record(engine, speed, passes)) | replaced)
     write_figure(directory / "pressure.png", figures.contact(rolled, study.exact, speed))
     if study.scene.accuracy.engine in COMPACTING:
         list(_passes([(speed, passes)], directory))
@@ -135,7 +135,7 @@ def contact_digest(study, speed, passes):
                 f"density ratio {k:.4f} behind the roller, {height * 1e3:.2f} mm high; mass closes to "
                 f"{abs(rolled.mass_residual):.1e}"
             )
-        if getattr(rolled, "over_pressed", False):
+        if getattr(rolled, "exceeds_full_density", False):
             lines.append(f"over-pressed: the mix passes full density, {rolled.peak_density_ratio:.3f} at most")
         lines.append(f"energy balance closes to {rolled.work_residual:.1e}; {_effort(rolled)}")
     if study.held is not None:
@@ -208,10 +208,10 @@ def _effort(rolled):
     """What an engine went through, in words."""
     if hasattr(rolled, "evaluations"):
         return f"evaluations: {rolled.evaluations}"
-    march = getattr(rolled, "march", None)
-    if march is None:
+    solution = getattr(rolled, "solution", None)
+    if solution is None:
         return f"iterations: {len(rolled.history)}"
-    how = "balance found at once" if march.at_once else f"marched {len(rolled.steps)} steps"
+    how = "direct steady solve" if solution.is_direct else f"{len(rolled.steps)} steps of incremental rolling"
     return f"forces to {rolled.equilibrium_residual:.1e}; {how}; bow wave {rolled.bow_wave * 1e3:.2f} mm"
 
 

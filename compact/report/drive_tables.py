@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 
 from compact.files import write_columns, write_csv
+from compact.quantities import ROLLER_MOTOR, column_names
 
 
 def write_drive_tables(study, directory):
@@ -67,7 +68,7 @@ def _run_up(study, directory):
 
 TURN_HEADER = ("torque_Nm", "power_W", "traction")
 CREEP_HEADER = ("creep", "angle_with_creep_rad", "angular_velocity_with_creep_rad/s")
-MOTOR_NUMBERS = {"peak_torque": "Nm", "peak_power": "W", "peak_creep": "", "share": "", "lack": ""}
+MOTOR_NUMBERS = (*ROLLER_MOTOR, "lack")
 DRIVEN_HEADER = ("speed_m/s", "torque_Nm", "pull_N", "creep", "load_N")
 
 
@@ -87,7 +88,7 @@ def roller_motor_numbers(study):
 
 def roller_motors(study, directory):
     """Tables of what all laws ask of the motors in the rollers, and of how a roller answers; yields their paths."""
-    header = ("law", *(f"{name}_{unit}" if unit else name for name, unit in MOTOR_NUMBERS.items()))
+    header = ("law", *column_names(ROLLER_MOTOR), "lack")
     rows = [(law, *numbers.values()) for law, numbers in roller_motor_numbers(study).items()]
     yield write_csv(directory / "roller-motors.csv", header, rows)
     roller = next(iter(study.roller_motors.values())).roller

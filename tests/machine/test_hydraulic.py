@@ -13,7 +13,7 @@ from compact.drive import Rigid, simulate
 from compact.machine.cart import EndSprings
 from compact.machine.hydraulic_drive import Hydraulic, passage, throttled
 from compact.motion.profile import law
-from compact.numerics.piecewise import Pieces
+from compact.numerics.piecewise import PiecewisePolynomial
 
 CART = replace(CART_OF_C, guide_friction=0.0)
 SIZE = 3486.0
@@ -33,7 +33,7 @@ def published(name, duration=3.0):
 
 def even(area, time=2.0):
     """A throttle of one area."""
-    return Pieces(np.array([0.0, time]), np.array([[area]]))
+    return PiecewisePolynomial(np.array([0.0, time]), np.array([[area]]))
 
 
 # closed form

@@ -187,11 +187,11 @@ SPEEDS = (0.1, 0.2, 0.3)
 @pytest.fixture(scope="module")
 def by_fem():
     """A study whose contacts are its map; a heavy cart pulls and brakes hard."""
-    changes = {"accuracy.engine": "fem", "motion.laws": ["septic"], "machine.profile": "circle"}
+    changes = {"accuracy.engine": "fem", "motion.laws": ["septic"], "machine.gap_geometry": "circle"}
     study = Study(load_scene(SCENES / "loveikin-2015.toml", **changes, **{"machine.mass": 4e3}))
     rolled = [fem.roll(*inputs(study.scene, study.mix, "fem", speed), speed, estimate=False) for speed in SPEEDS]
     study.contacts = [
-        contact_cases.numbers("fem", *each) for each in zip(SPEEDS, [(one,) for one in rolled], strict=True)
+        contact_cases.contact_record("fem", *each) for each in zip(SPEEDS, [(one,) for one in rolled], strict=True)
     ]
     whole = ROLLERS * study.scene.machine.roller_length
     study.resistance = ResistanceMap(np.array(SPEEDS), whole * np.array([each.resistance for each in rolled]), 0.0)
@@ -206,7 +206,7 @@ def test_engine_rolls_as_the_motors_were_told(by_fem, time):
     speed, way, length = abs(velocity), np.sign(velocity), scene.machine.roller_length
     layer, roller, material = inputs(scene, by_fem.mix, "fem", speed)
     own = fem.roll(layer, roller, material, speed, estimate=False)
-    held = Roller(R, own.indentation, by_fem.mix.steel_friction, "driven", scene.machine.profile)
+    held = Roller(R, own.indentation, by_fem.mix.steel_friction, "driven", scene.machine.gap_geometry)
     torque = way * answer.torque[0] / length
     rolled = fem.roll(layer, held, material, speed, torque=torque, estimate=False)
     assert answer.creep[0] == pytest.approx(rolled.creep, abs=0.02 * np.ptp(motors.roller.creeps))
@@ -236,7 +236,7 @@ def test_a_roller_is_sampled_as_far_as_laws_ask(by_fem):
 
 def test_samples_end_where_friction_does(by_fem):
     found = by_fem.contacts[:1]
-    load = by_fem.scene.machine.roller_length * found[0]["load"]["value"]
+    load = by_fem.scene.machine.roller_length * found[0].load
     roller = driving.driven(by_fem.scene, by_fem.mix, load, found, (-1e9, 1e9))
     shares = roller.torques[0] / (by_fem.mix.steel_friction * R * roller.loads[0])
     assert shares[[0, -1]] == pytest.approx([-HELD, HELD], abs=5e-3)
@@ -271,7 +271,7 @@ def test_compaction_tells_the_creep_of_its_rollers():
     scene = load_scene(SCENES / "small.toml", **changes, **{"mix.density_ratio": 0.95})
     study, speed = Study(scene), scene.motion.stroke / scene.motion.duration
     free = compaction.roll(*inputs(scene, study.mix, "compaction", speed), speed, increments=6)
-    found = [contact_cases.numbers("compaction", each, (free,)) for each in (speed, 2 * speed)]
+    found = [contact_cases.contact_record("compaction", each, (free,)) for each in (speed, 2 * speed)]
     load = scene.machine.roller_length * free.load
     roller = driving.driven(scene, study.mix, load, found, (0.0, 0.2 * load), [(speed, free)])
     assert roller.speeds == pytest.approx([speed])

@@ -18,7 +18,7 @@ from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.machine.motor_characteristics import Kloss
 from compact.machine.motor_drive import Motor
 from compact.motion.profile import LAWS, law
-from compact.numerics.piecewise import Pieces
+from compact.numerics.piecewise import PiecewisePolynomial
 
 CART = replace(CART_OF_C, guide_friction=0.0)
 SIZE = 3486.0
@@ -109,9 +109,9 @@ def thrown(stiffness, preload, push, size, speed, time):
     weak = 1.0 if push else 1e-9  # N/m, pressed so far that its force is even to a millionth
     numbers = Spring(CART.mass, weak, 0.0, 0.0, Ends(stiffness, preload, 0.08, 0.4))
     stretch = -push / weak
-    far_end = Pieces(np.array([0.0, time]), np.array([[0.08 + stretch] + [0.0] * 10]))
-    side = Pieces(np.array([0.0, 10.0]), np.array([[size] + [0.0] * 8]))
-    back = Pieces(side.breaks, -side.coefficients)
+    far_end = PiecewisePolynomial(np.array([0.0, time]), np.array([[0.08 + stretch] + [0.0] * 10]))
+    side = PiecewisePolynomial(np.array([0.0, 10.0]), np.array([[size] + [0.0] * 8]))
+    back = PiecewisePolynomial(side.breaks, -side.coefficients)
     arcs, start = room(2000, 10), CartState(stretch, -speed, 1, NEAR)
     resistance = Resistance(side, back, np.empty(0))
     ended, n, _, end, _ = integrate(numbers, far_end, resistance, start, 1e-9, arcs)

@@ -277,8 +277,8 @@ def _roll_from_scratch(case: RollingCase, target: DepthTarget) -> CompactionCont
             raise type(error)(f"{error}{_advice(case, target)}") from error
         depth = rolling.depth
     rolled = build_result(rolling, case.layer, case.roller, case.material, case.speed)
-    target.require_reached(rolled, case.torque)
-    return _with_mesh_error(rolled, coarse)
+    target.require_reached(rolled, rolling, case.torque)
+    return _with_mesh_error(rolled, rolling, coarse)
 
 
 def _roll_from_neighbour(
@@ -288,14 +288,12 @@ def _roll_from_neighbour(
     depth = case.roller.indentation if target.quantity == "indentation" else start.indentation
     rolling = target.reach(_initialise_from_neighbour(case, start, depth), case.numerics.steady_tolerance)
     rolled = build_result(rolling, case.layer, case.roller, case.material, case.speed)
-    target.require_reached(rolled, case.torque)
-    error = start.error and tuple(max(error, _step_error(rolled)) for error in start.error)
+    target.require_reached(rolled, rolling, case.torque)
+    error = start.error and tuple(max(error, _step_error(rolling)) for error in start.error)
     return replace(rolled, error=error)
 
 
-def _initialise_from_neighbour(
-    case: RollingCase, start: CompactionContactResult, depth: float
-) -> IncrementalRolling:
+def _initialise_from_neighbour(case: RollingCase, start: CompactionContactResult, depth: float) -> IncrementalRolling:
     """Return the roller at a depth: by direct solves in few steps from a direct solution, else initialised by it."""
     old = start.solution
     if case.layer != start.layer or case.fed_layer is not old.frame.inflow:
@@ -321,20 +319,22 @@ def _advice(case: RollingCase, target: DepthTarget) -> str:
     return f"; {remedies(case.heaping, depth, for_density=target.quantity == 'exit_density_ratio')}"
 
 
-def _with_mesh_error(rolled: CompactionContactResult, coarse: IncrementalRolling | None) -> CompactionContactResult:
+def _with_mesh_error(
+    rolled: CompactionContactResult, rolling: IncrementalRolling, coarse: IncrementalRolling | None
+) -> CompactionContactResult:
     """Return the result with an error estimate by its change from the coarse mesh."""
     if coarse is None:
         return rolled
     load, resistance = (coarse.extrapolate(name)[0] for name in ("load", "resistance"))
     scale = max(abs(rolled.resistance), MIN_RESISTANCE * rolled.load)
     changes = abs(rolled.load - load) / rolled.load, abs(abs(rolled.resistance) - resistance) / scale
-    return replace(rolled, error=(max(MESH_ERROR_RATIO * max(changes), _step_error(rolled)),) * 2)
+    return replace(rolled, error=(max(MESH_ERROR_RATIO * max(changes), _step_error(rolling)),) * 2)
 
 
-def _step_error(rolled: CompactionContactResult) -> float:
+def _step_error(rolling: IncrementalRolling) -> float:
     """Return the least error of incremental rolling, since two meshes may agree by chance; 0 of a direct solve."""
-    frame = rolled.solution.frame
-    return 0.0 if rolled.solution.is_direct else float(STEP_ERROR * frame.step / frame.contact_length)
+    frame = rolling.frame
+    return 0.0 if rolling.is_direct else float(STEP_ERROR * frame.step / frame.contact_length)
 
 
 def require_compactable(
@@ -363,9 +363,7 @@ def require_compactable(
     if not isinstance(material, Compaction):
         raise ValueError(f"`material` must be Compaction, got {type(material).__name__}; use the engine fem for others")
     if layer.plies:
-        raise ValueError(
-            f"`plies` are for linear layers, got {len(layer.plies)}; a compacting layer takes `fed_layer`"
-        )
+        raise ValueError(f"`plies` are for linear layers, got {len(layer.plies)}; a compacting layer takes `fed_layer`")
     require_known("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
     require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
     if fed_layer is not None and abs(fed_layer.height / layer.height - 1) > HEIGHT_TOLERANCE:

@@ -2,9 +2,9 @@
 
     internal force on a node = int J sigma grad N dV,    eight-node quadrilaterals with 2 x 2 Gauss points
 
-Every Gauss point has a `MaterialPoint`. A displacement increment strains it along a straight path, which the
-constitutive law integrates in substeps (`cap_plasticity.integrate_points`). The error thus depends on the substeps and hardly on
-the increment. Reduced integration avoids volumetric locking; its only hourglass mode cannot propagate between elements.
+A displacement increment strains every Gauss point along a straight path, on which the constitutive law is integrated in
+substeps (`cap_plasticity.integrate_points`). The error thus depends on the substeps and hardly on the increment.
+Reduced integration avoids volumetric locking; its only hourglass mode cannot propagate between elements.
 
 Finite strain: the deformation gradients F before and after an increment give dF = F_after F_before^-1 = R U. The strain
 is ln U in the unrotated frame, and the Cauchy stress found there is rotated,
@@ -278,7 +278,9 @@ class FiniteStrainSolid:
     def undeformed_state(self) -> SolidState:
         """Return the state of fresh mix without stress and displacement."""
         count = self.point_areas.size
-        return SolidState(np.zeros((self.basis.N, 2)), cap_plasticity.initial_state(self.material, count), np.zeros(count))
+        return SolidState(
+            np.zeros((self.basis.N, 2)), cap_plasticity.initial_state(self.material, count), np.zeros(count)
+        )
 
     def displacement_gradient(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return du_i/dX_j at the Gauss points, (xx, xy, yx, yy) [-], shape (n, 4).
@@ -357,7 +359,7 @@ class FiniteStrainSolid:
         return points, work
 
     def _algorithmic_tangent(self, before, strain, after):
-        """Return d stress/d strain of the whole path, shape (n, 3, 3): elastic, or by differences at yielding points."""
+        """Return d stress/d strain of the whole path, shape (n, 3, 3): by differences at yielding points."""
         if self.substeps == 1:
             return cap_plasticity.integrate_points(self.material, before, strain, self.rate_factor)[1]
         tangent = np.tile(self._elastic_moduli, (len(strain), 1, 1))

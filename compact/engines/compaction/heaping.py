@@ -94,9 +94,7 @@ class HeapingEstimate:
         """Largest depth that compaction can accommodate, D [m]."""
         edges = np.linspace(0, self.height, INTEGRATION_ROWS + 1)
         y, thickness = (edges[1:] + edges[:-1]) / 2, self.height / INTEGRATION_ROWS
-        stress = self.bearing_pressure * np.minimum(
-            self._stress_ratio(y) + self._stress_ratio(2 * self.height - y), 1
-        )
+        stress = self.bearing_pressure * np.minimum(self._stress_ratio(y) + self._stress_ratio(2 * self.height - y), 1)
         fed = self.material.fed_density_ratio
         return float(np.sum(1 - fed / np.maximum(self._confined_density_ratio(stress), fed)) * thickness)
 

@@ -2,7 +2,7 @@
 
 Before a step all mix is convected towards the rear by one element (`RollerFrame`); then the roller, again at x = 0, is
 brought into equilibrium. The prediction of a step is the displacement change of the last one, seen from the roller.
-Artificial damping of departures from the prediction stabilises a bow wave in plastic flow and vanishes in steady motion.
+Artificial damping of departures from the prediction stabilises a bow wave in plastic flow; it is 0 in steady motion.
 The tractions of the roller are multipliers and move with it. Convergence to the steady state is judged by the decay of
 load, resistance and exit density (`extrapolate_tail`).
 """
@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from compact.engines.compaction.finite_strain_solid import SolidState
 from compact.engines.compaction.heaping import HeapingError
 from compact.engines.compaction.newton import Equilibrium, EquilibriumError, IncrementSolver
 from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface, RollingSurface
 from compact.engines.compaction.roller_frame import RollerFrame
-from compact.engines.compaction.finite_strain_solid import SolidState
 from compact.rolling_contact import GapGeometry
 
 PENALTY = 0.15  # [-], normal penalty over unloading modulus/step
@@ -73,8 +73,8 @@ class RollingStep:
 def extrapolate_tail(values: ArrayLike, window: int) -> tuple[float, float]:
     """Extrapolate a decaying series by the means of its last three windows.
 
-    With the means a, b, c and r = (c - b)/(b - a), the limit is c + (c - b) r/(1 - r). A series without decay has r near
-    1 and a large remaining change.
+    With the means a, b, c and r = (c - b)/(b - a), the limit is c + (c - b) r/(1 - r). A series without decay has r
+    near 1 and a large remaining change.
 
     Parameters
     ----------
@@ -151,7 +151,8 @@ class IncrementalRolling:
     ) -> None:
         self.frame, self.max_wave_height, self.progress = frame, max_wave_height, progress
         self.displacement_change: NDArray[np.float64] | float = 0.0
-        self.is_direct, self.failed_height = False, None
+        self.is_direct = False
+        self.failed_height: float | None = None
         material, height, nodes = frame.solid.material, frame.mesh.height, frame.surface_nodes
         penalty = PENALTY * material.unloading_modulus / min(frame.step, height / PENALTY_ROWS)
         geometry = frame.nodes[nodes], frame.surface_weights, radius, height, penalty, np.zeros(len(nodes)), profile
@@ -161,8 +162,9 @@ class IncrementalRolling:
             else RollingSurface(*geometry, friction=friction, tangential_force=-torque / radius)
         )
         self.solver = IncrementSolver(frame.solid, nodes, ROLLING_TOLERANCE)
-        self.state, self.steps = frame.initial_state(), ()
-        self.contact: ContactForces | None = None
+        self.state = frame.initial_state()
+        self.steps: tuple[RollingStep, ...] = ()
+        self.contact: ContactForces = self.surface.normal_contact(self.state.displacement[nodes])
 
     @property
     def window(self) -> int:
@@ -384,7 +386,7 @@ def roll_until_steady(rolling: IncrementalRolling, bottom_height: float, toleran
             rolling.advance(bottom_height, damping=0.0)
             return
     raise RuntimeError(
-        f"not steady at depth {1e3 * rolling.depth:.4g} mm after {rolling.steps[-1].travel:.3g} m of travel and "
+        f"not steady at depth {1e3 * (frame.mesh.height - bottom_height):.4g} mm after {rolling.steps[-1].travel:.3g} m of travel and "
         f"{len(rolling.steps)} steps: remaining change {_percent(_remaining_change(rolling, arrival))} of load, "
         f"resistance or exit density, {_percent(step.residual)} of the forces held by damping; {describe_step(step)}"
     )

@@ -14,7 +14,7 @@ the elastic forces of the departure from the predicted displacement. It vanishes
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -229,12 +229,10 @@ class _Trial:
         """Return the trial one step further, or None if elements invert or the stress integration fails."""
         displacement = self.increment.after.displacement.copy()
         displacement.ravel()[self.solver.solid.ordered_dofs] += length * direction
-        return _try_displacement(
-            self.solver, self.before, self.surface, displacement, self.damping, self.prediction
-        )
+        return _try_displacement(self.solver, self.before, self.surface, displacement, self.damping, self.prediction)
 
 
-def _try_displacement(*arguments) -> _Trial | None:
+def _try_displacement(*arguments: Any) -> _Trial | None:
     """Return the `_Trial` of these arguments, or None if elements invert or the stress integration fails."""
     try:
         with np.errstate(invalid="raise", divide="raise", over="raise"):

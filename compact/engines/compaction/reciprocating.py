@@ -35,7 +35,7 @@ Lifts
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, Protocol, TypedDict, Unpack
+from typing import TYPE_CHECKING, Literal, Protocol, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,9 @@ from compact.engines.stroke_schedule import PLACE_TOLERANCE, STEP_LENGTH, Stroke
 from compact.material.laws import Compaction
 from compact.numerics.validation import require_finite, require_integers, require_known, require_nonnegative
 from compact.rolling_contact import Layer, Roller, TransientResult, require_torque_allowed
+
+if TYPE_CHECKING:
+    import meshio
 
 INCREMENTS = 6  # [-], elements per contact length sqrt(2 R depth)
 PRESSING_STEPS = 6  # [-], steps in which the roller is pressed to its depth
@@ -237,9 +240,7 @@ def simulate_reciprocating(
     require_torque_allowed(roller, torque)
     length = float(np.sqrt(2 * roller.radius * roller.indentation))
     element = strokes.span / np.ceil(strokes.span * numerics.increments / length * (1 - PLACE_TOLERANCE))
-    case = _ReciprocatingCase(
-        roller, material, strokes, torque or 0.0, element, length, numerics.strain == "finite"
-    )
+    case = _ReciprocatingCase(roller, material, strokes, torque or 0.0, element, length, numerics.strain == "finite")
     program = _StrokeProgram(case, layer.height, lift_thickness, fed_layer, start)
     with threadpool_limits(1):
         history = program.simulate(1, numerics.instants)
@@ -291,9 +292,7 @@ class ReciprocatingRoller:
         geometry = coordinates, frame.surface_weights, roller.radius, height, penalty, np.zeros(len(coordinates))
         keywords = {"profile": roller.profile, "position": float(position)}
         self.surface: RollerSurface = (
-            RollingSurface(
-                *geometry, **keywords, friction=roller.friction, multiplier_shear=np.zeros(len(coordinates))
-            )
+            RollingSurface(*geometry, **keywords, friction=roller.friction, multiplier_shear=np.zeros(len(coordinates)))
             if self.rotates
             else RollerSurface(*geometry, **keywords)
         )
@@ -328,7 +327,7 @@ class ReciprocatingRoller:
         return exit_layer(self.frame, self.state, middle)[0]
 
     @property
-    def fields(self):
+    def fields(self) -> "meshio.Mesh":
         """Fields of the layer as of `results.fields`, a meshio mesh at the positions of the motion."""
         mesh = fields_mesh(self.frame, self.state)
         mesh.points[:, 0] += self.strokes.low
@@ -418,7 +417,7 @@ class ReciprocatingRoller:
 
     def _surface_along(self, sign: float) -> RollerSurface:
         """Return the surface of a roller with travel along `sign` x, 0 for none."""
-        if self.rotates:
+        if isinstance(self.surface, RollingSurface):
             return replace(self.surface, tangential_force=sign * self.tangential_force)
         return replace(self.surface, traction_ratio=sign * self.traction_ratio)
 
@@ -444,9 +443,7 @@ class ReciprocatingRoller:
         """Matrices that shift nodal fields by one element, by the sign of the travel."""
         (x, y), probes = self.frame.nodes.T, self.frame.solid.basis.probes
         low, high = x.min(), x.max()
-        return {
-            sign: probes(np.array([np.clip(x - sign * self.element, low, high), y])) for sign in (1.0, -1.0)
-        }
+        return {sign: probes(np.array([np.clip(x - sign * self.element, low, high), y])) for sign in (1.0, -1.0)}
 
     def _solve_augmented(self, surface: RollerSurface, guess: NDArray[np.float64]) -> Equilibrium:
         """Solve a step, with updates of the multipliers until they no longer change."""
@@ -558,7 +555,7 @@ class _StrokeProgram:
         return roller
 
     def _create_roller(self, history, position, rate_factor, every):
-        """Create the roller on the last layer with its lift, on the first layer, or in the steady motion of the start."""
+        """Create the roller on the last layer with its lift, on the first layer, or in steady motion."""
         fed_layer = self.fed_layer
         if history.exit_layers:
             fed_layer = history.exit_layers[-1].with_lift(self.lift_thickness, self.case.material)
@@ -595,9 +592,7 @@ def _build_transient_result(
 
 def _step_error(history: _StrokeHistory, coarse: _StrokeHistory) -> float:
     """Return the largest difference of the resistance at common steps over the largest resistance."""
-    fine, rough = (
-        {(stroke, time): state.resistance for stroke, time, state in run.steps} for run in (history, coarse)
-    )
+    fine, rough = ({(stroke, time): state.resistance for stroke, time, state in run.steps} for run in (history, coarse))
     return max(abs(fine[step] - rough[step]) for step in rough) / max(map(abs, fine.values()))
 
 

@@ -182,7 +182,9 @@ def fields_mesh(frame: RollerFrame, state: SolidState, direction: float = 1.0) -
     points, count = state.points, frame.solid.basis.nelems
     stress = np.zeros((count, 6))
     stress[:, :4] = points.stress.reshape(count, -1, 4).mean(axis=1) * [1, 1, 1, mirror[0]]
-    scalars = {name: getattr(points, name).reshape(count, -1).mean(axis=1) for name in ("density_ratio", "plastic_work")}
+    scalars = {
+        name: getattr(points, name).reshape(count, -1).mean(axis=1) for name in ("density_ratio", "plastic_work")
+    }
     cells = {"stress": stress, "pressure": -stress[:, :3].mean(axis=1), **scalars}
     return meshio.Mesh(
         np.pad(frame.nodes * mirror, ((0, 0), (0, 1))),

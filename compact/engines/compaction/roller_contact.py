@@ -428,7 +428,7 @@ class RollingSurface(RollerSurface):
         return (share / share.sum())[:, None] * t, -gradient
 
     def _axes(self, displacement):
-        """Return normals and tangents of the nodes, their rotation and the growth of their arc per tangential motion."""
+        """Return normals and tangents of the nodes, and their rotation and arc growth per tangential motion."""
         t = self.tangents(displacement)
         n = np.stack([t[:, 1], -t[:, 0]], axis=-1)
         if self.profile != "deformed":

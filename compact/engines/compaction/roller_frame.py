@@ -402,7 +402,7 @@ class RollerFrame:
         return np.array([two_shear * exx + volumetric, two_shear * eyy + volumetric, volumetric, shear * gamma]).T
 
     def _order_points_by_rows(self):
-        """Indices of the Gauss points by rows, shape (2 rows, 2 columns), and the coordinates of columns and rows."""
+        """Return the indices of the Gauss points by rows, and the coordinates of columns and rows."""
         rows, columns = self.mesh.shape
         order = np.lexsort(self.solid.basis.X)
         index = np.arange(rows * columns * 4).reshape(rows, columns, 4)[:, :, order].reshape(rows, columns, 2, 2)
@@ -440,9 +440,7 @@ def transfer_state(state: SolidState, old: RollerFrame, new: RollerFrame) -> Sol
     displacement[x > high] = 0.0
     fixed = new.solid.fixed_dofs
     displacement.ravel()[fixed[fixed % 2 == 1]] = 0.0
-    position = np.clip(
-        new.solid.point_coordinates, [old.row_x[0], old.row_y[0]], [old.row_x[-1], old.row_y[-1]]
-    )
+    position = np.clip(new.solid.point_coordinates, [old.row_x[0], old.row_y[0]], [old.row_x[-1], old.row_y[-1]])
 
     def interpolate(values):
         return RegularGridInterpolator((old.row_y, old.row_x), old.to_rows(values))(position[:, ::-1])

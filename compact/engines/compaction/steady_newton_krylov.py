@@ -328,7 +328,7 @@ class SteadySolver:
 
     @cached_property
     def gradient_matrix(self) -> NDArray[np.float64]:
-        """Matrix from the degrees of freedom of each element to the gradients [1/m], shape (elements, points, 4, 16)."""
+        """Matrix from element displacements to gradients [1/m], shape (elements, points, 4, 16)."""
         gradients = self.solid.shape_gradients.transpose(0, 1, 3, 2)
         matrix = np.zeros((*gradients.shape[:2], 4, 16))
         matrix[:, :, 0:2, 0::2] = matrix[:, :, 2:4, 1::2] = gradients
@@ -524,9 +524,7 @@ def continue_in_stiffness(
         except RuntimeError as error:
             step /= 2
             if step < MIN_LOG_STEP:
-                raise RuntimeError(
-                    f"continuation ends at a stiffness ratio of {current.ratio:.3g}: {error}"
-                ) from error
+                raise RuntimeError(f"continuation ends at a stiffness ratio of {current.ratio:.3g}: {error}") from error
             continue
         iterations = rolling.steps[-1].iterations
         if iterations < FEW_ITERATIONS:

@@ -131,12 +131,12 @@ class StreamlineIntegrator:
     @property
     def _inflow(self):
         """Values of the state that enters each row, shape (rows, 6)."""
-        return np.column_stack([self.fed_points.stress, self.fed_points.density_ratio, self.fed_points.max_density_ratio])
+        return np.column_stack(
+            [self.fed_points.stress, self.fed_points.density_ratio, self.fed_points.max_density_ratio]
+        )
 
 
-def propagate_changes(
-    derivatives: NDArray[np.float64], gradient_changes: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def propagate_changes(derivatives: NDArray[np.float64], gradient_changes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the changes of all states with changes of the gradients, by the chain rule along the rows.
 
     Parameters

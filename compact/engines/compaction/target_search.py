@@ -207,7 +207,9 @@ class DepthTarget:
             depth = min(depth * float(np.clip(factor, 1 / MAX_DEPTH_FACTOR, MAX_DEPTH_FACTOR)), self.max_depth)
         raise RuntimeError(self._failure(depth, logs, misses))
 
-    def require_reached(self, rolled: CompactionContactResult, torque: float | None) -> None:
+    def require_reached(
+        self, rolled: CompactionContactResult, solution: IncrementalRolling, torque: float | None
+    ) -> None:
         """Require the prescribed quantity and torque of a result.
 
         Small strain determines the density ratio to half a squared strain.
@@ -216,6 +218,8 @@ class DepthTarget:
         ----------
         rolled : CompactionContactResult
             Result.
+        solution : IncrementalRolling
+            Its solution.
         torque : float or None
             Prescribed torque of a rotating roller [N].
 
@@ -224,7 +228,7 @@ class DepthTarget:
         RuntimeError
             If either is not satisfied.
         """
-        solution, torques = rolled.solution, None
+        torques = None
         if solution.contact.creepage is not None:
             surface = solution.surface
             torques = torque or 0.0, float(-surface.radius * (surface.weights @ solution.contact.shear))
