@@ -30,7 +30,7 @@ _HOMES = {
     "machine.roller_motors": ("Driven", "FirstOrder", "RollerMotor"),
     "material.laws": ("Elastic", "Viscoelastic"),
     "material.mix": ("Mix", "prior"),
-    "motion": ("LAWS", "CamLimits", "Cycle", "InfeasibleError", "Limits", "Motion", "law", "optimise"),
+    "motion": ("LAWS", "CamLimits", "Cycle", "InfeasibleError", "Limits", "MotionProfile", "law", "optimise"),
     "motion.minimum_criterion": ("ComplexLaw", "minimiser"),
     "motion.tabulated": ("from_table",),
     "resistance": ("ResistanceMap", "sample_resistance"),
@@ -41,6 +41,7 @@ _HOMES = {
 _ALIASES = {"column": "engines.column.engine", "spectral": "engines.spectral.engine", "mix": "material.mix"}
 # Former names, accepted for one release
 _RENAMED = {
+    "Motion": "MotionProfile",
     "Opposition": "MotionResistance",
     "Rolled": "ContactResult",
     "Straight": "LinearTorqueCurve",

@@ -172,7 +172,7 @@ class _Columns(_Bed):
 
 
 class _Rows(_Bed):
-    """Mix between passes of the engine "compaction"; its rest is a `Fed`."""
+    """Mix between passes of the engine "compaction"; its rest is a `LayerState`."""
 
     def covered(self, lift):
         return self.rest.with_lift(lift, self.material)

@@ -91,11 +91,11 @@ class PeriodicProblem:
         self.work = Work()
         self.spring = _spring(cart, drive)
         self.law = _polynomial_law(cycle)
-        self.middle = cycle.there.duration / 2
+        self.middle = cycle.forward.duration / 2
         self.total = _total(cart, resistance)
         self.knots = getattr(resistance, "speeds", ())
-        phases = interior_grid(cycle.there.curve.x)
-        velocity, acceleration = (np.abs(cycle.there.at_phase(phases, k)).max() for k in (1, 2))
+        phases = interior_grid(cycle.forward.curve.x)
+        velocity, acceleration = (np.abs(cycle.forward.at_phase(phases, k)).max() for k in (1, 2))
         self.fastest, self.creep = WIDER * velocity, CREEPING * velocity
         impact = velocity * math.sqrt(drive.stiffness * cart.mass) if acceleration == 0 else 0.0
         inertia = cart.mass * acceleration + impact
@@ -301,7 +301,7 @@ def _polynomial_law(cycle):
     breaks, rows = [], []
     for leg in cycle.legs():
         bend = partial(_bend, leg)
-        bent = fit_piecewise(bend, leg.joined_at(), LAW * np.abs(bend(interior_grid(leg.joined_at()))).max())
+        bent = fit_piecewise(bend, leg.breakpoints(), LAW * np.abs(bend(interior_grid(leg.breakpoints()))).max())
         starts = bent.breaks[:-1] + BREAK_OFFSET
         speed = antiderivative(bent, leg.at_phase(starts, 1) * leg.duration)
         place = antiderivative(speed, leg.at_phase(starts, 0))

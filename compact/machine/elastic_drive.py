@@ -34,7 +34,7 @@ from compact.machine.rigid_drive import (
     simulate,
     steady_force,
 )
-from compact.motion.profile import Cycle, Join
+from compact.motion.profile import Cycle, Discontinuity
 from compact.numerics.validation import require_known, require_nonnegative, require_opposing, require_positive
 
 REGIMES = ("periodic", "rest")
@@ -87,7 +87,7 @@ def simulate_elastic(cart, drive, motion, resistance, *, regime="periodic", work
     require_positive(mass=cart.mass, tolerance=tolerance)
     require_known("regime", regime, REGIMES)
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
-    require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
+    require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
     _require_few_samples(cart, drive, cycle, _expected_samples(cart, drive, cycle))
     problem = PeriodicProblem(cart, drive, cycle, resistance, tolerance)
     if regime == "rest":
@@ -107,7 +107,7 @@ def _expected_samples(cart, drive, cycle):
     square = drive.stiffness / cart.mass - decay**2
     if square <= 0:
         return 0
-    pieces = [leg.duration * np.diff(leg.joined_at()) for leg in cycle.legs() if leg.direction]
+    pieces = [leg.duration * np.diff(leg.breakpoints()) for leg in cycle.legs() if leg.direction]
     alive = sum(alive_time(decay, float(length)) for length in np.concatenate(pieces))
     return SAMPLES * alive * math.sqrt(drive.stiffness / cart.mass) / TURN
 
@@ -117,7 +117,7 @@ def _require_few_samples(cart, drive, cycle, samples):
     if samples <= MOST_SAMPLES:
         return
     swing = math.sqrt(drive.stiffness / cart.mass)
-    times = sum(len(leg.joined_at()) for leg in cycle.legs())  # that the oscillation begins, about
+    times = sum(len(leg.breakpoints()) for leg in cycle.legs())  # that the oscillation begins, about
     decay = 2 * times * SAMPLES * -math.log(ALIVE) * swing / TURN / MOST_SAMPLES
     raise ValueError(
         f"`stiffness` {drive.stiffness:g} N/m with a `damping` of {drive.damping:g} N s/m makes the cart swing "
@@ -147,7 +147,7 @@ class ElasticRun(CycleStatistics):
     @property
     def name(self):
         """Name of the law."""
-        return self.cycle.there.name
+        return self.cycle.forward.name
 
     @property
     def period(self):
@@ -157,7 +157,7 @@ class ElasticRun(CycleStatistics):
     @property
     def steady_force(self):
         """Force that keeps the mean speed [N]."""
-        return steady_force(self.cart, self.cycle.there, self.met)
+        return steady_force(self.cart, self.cycle.forward, self.met)
 
     @cached_property
     def _places(self):
@@ -189,7 +189,7 @@ class ElasticRun(CycleStatistics):
         force, push, slip = self.course.force(i, u), self.course.push(i, u), self.course.arcs.slip[i]
         still, moves, pull = np.zeros(force.shape), slip != 0, force + push
         way = np.where(moves, slip, np.sign(pull))
-        creep = way * CREEP * self.cycle.there.stroke / self.cycle.there.duration
+        creep = way * CREEP * self.cycle.forward.stroke / self.cycle.forward.duration
         mix = evaluate_resistance(self.met, np.where(velocity != 0, velocity, creep), self.first_order * acceleration)
         limit = balance(self.cart, still, mix, way).drive_force
         share = np.divide(mix, limit, out=np.zeros(mix.shape), where=limit != 0)
@@ -241,7 +241,7 @@ class ElasticRun(CycleStatistics):
 
     @cached_property
     def shocks(self):
-        """Jumps of the cart's acceleration, as `Join`s."""
+        """Jumps of the cart's acceleration, as `Discontinuity`s."""
         arcs = self.course.arcs
         every = np.arange(len(arcs.start))
         after = self.course.motion(every, 0.0 * every)[2]
@@ -249,7 +249,7 @@ class ElasticRun(CycleStatistics):
         largest = np.abs(self.state.acceleration).max()
         turns = [(i, before[i - 1], after[i]) for i in every]
         return tuple(
-            Join(float(arcs.start[i]), 2, float(a), float(b)) for i, a, b in turns if abs(a - b) > JUMP * largest
+            Discontinuity(float(arcs.start[i]), 2, float(a), float(b)) for i, a, b in turns if abs(a - b) > JUMP * largest
         )
 
     @cached_property
@@ -260,7 +260,7 @@ class ElasticRun(CycleStatistics):
     @cached_property
     def nonuniformity(self):
         """(v_max - v_min)/v_mean of the cart over the working part of the way there."""
-        duration = self.cycle.there.duration
+        duration = self.cycle.forward.duration
         time = np.linspace(*self.working, 2001) * duration
         position, velocity, *_ = self.course.motion(*self.course.at(time))
         mean = (position[-1] - position[0]) / (time[-1] - time[0])

@@ -190,7 +190,7 @@ class HydraulicRun(Run):
         """The `Passage` there under these throttles, with oil that yields, from the law's first pressures on."""
         start = self.throttled
         pressures = float(start.inlet_pressure[0]), float(start.outlet_pressure[0])
-        stroke = self.demand.cycle.there.stroke
+        stroke = self.demand.cycle.forward.stroke
         return passage(self.demand.cart, self.hydraulic, stroke, self.areas(), self.demand.resistance, pressures)
 
 

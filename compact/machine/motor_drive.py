@@ -119,7 +119,7 @@ class Load:
     def breaks(self):
         """Angles in [0, 2 pi] where the law of any cart joins its pieces, ends among them."""
         rate = 2 * np.pi / self.cycle.period
-        joins = np.concatenate([rate * (leg.start + leg.duration * leg.joined_at()) for leg in self.cycle.legs()])
+        joins = np.concatenate([rate * (leg.start + leg.duration * leg.breakpoints()) for leg in self.cycle.legs()])
         every = np.mod(np.subtract.outer(joins, self.motor.angles).ravel(), 2 * np.pi)
         if self.cart.end_springs is not None:
             met = np.mod(np.subtract.outer(self._zones.breaks, self.motor.angles).ravel(), 2 * np.pi)
@@ -137,7 +137,7 @@ class Load:
         speed = np.sqrt(2 * energy)
         velocity, pace = slope * speed, curvature * 2 * energy + slope * acceleration
         direction = np.sign(slope.mean(axis=-1, keepdims=True))
-        creep = CREEP * self.cycle.there.stroke / self.cycle.there.duration
+        creep = CREEP * self.cycle.forward.stroke / self.cycle.forward.duration
         moving = np.where(np.abs(velocity) < creep, direction * creep, velocity)
         met = evaluate_resistance(self.resistance, moving, pace)
         tangent = self.motor.rod.rod_tangent(angle / (2 * np.pi) * self.cycle.period, self.cycle.period)
@@ -183,10 +183,10 @@ def simulate_motor(cart, motor, motion, resistance, *, working=(1 / 6, 5 / 6), s
     the motion; RuntimeError where the motor stalls or its belt slips.
     """
     cycle = motion if hasattr(motion, "legs") else motion.cycle()
-    if any(join.order == 1 for join in cycle.joins()):
-        raise ValueError(f"the velocity of '{cycle.there.name}' jumps, which no motor can follow; choose another law")
+    if any(join.order == 1 for join in cycle.discontinuities()):
+        raise ValueError(f"the velocity of '{cycle.forward.name}' jumps, which no motor can follow; choose another law")
     require_law_of_drive(motor.rod, cycle)
-    require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
+    require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
     load = Load(cart, motor, cycle, resistance)
     guess = _first_speed(load) if start_speed is None else start_speed
     turned = turning(load.residual, load.breaks(), guess, tolerance, periodic=start_speed is None)
@@ -225,7 +225,7 @@ class MotorRun(CycleStatistics):
     @property
     def name(self):
         """Name of the law."""
-        return self.load.cycle.there.name
+        return self.load.cycle.forward.name
 
     @property
     def time(self):
@@ -253,7 +253,7 @@ class MotorRun(CycleStatistics):
     @cached_property
     def steady_force(self):
         """Force that keeps the law's mean speed [N]."""
-        return steady_force(self.load.cart, self.load.cycle.there, self.load.resistance)
+        return steady_force(self.load.cart, self.load.cycle.forward, self.load.resistance)
 
     @cached_property
     def state(self):
@@ -350,8 +350,8 @@ class MotorRun(CycleStatistics):
 
     @property
     def shocks(self):
-        """Jumps of the law's acceleration, as `Join`s at the even speed."""
-        return tuple(join for join in self.load.cycle.joins() if join.order == 2)
+        """Jumps of the law's acceleration, as `Discontinuity`s at the even speed."""
+        return tuple(join for join in self.load.cycle.discontinuities() if join.order == 2)
 
     @cached_property
     def peak_jerk(self):
@@ -387,7 +387,7 @@ class MotorRun(CycleStatistics):
     @cached_property
     def nonuniformity(self):
         """(v_max - v_min)/v_mean of the first cart over the working part of the law's way there."""
-        first, last = (share * self.load.cycle.there.duration / self.load.cycle.period for share in self.working)
+        first, last = (share * self.load.cycle.forward.duration / self.load.cycle.period for share in self.working)
         angle = 2 * np.pi * np.linspace(first, last, 2001)
         energy, acceleration, _ = self.turn.at(angle[None])
         velocity = self.load.at(angle[None], energy, acceleration)[0].velocity

@@ -94,7 +94,7 @@ class InverseDynamics:
 
     def breaks(self, leg):
         """Phases of a leg between which all is smooth, ends among them: joins of the law, and where springs are met."""
-        return leg.joined_at() if self.cart.end_springs is None else self._zones[leg.start].breaks
+        return leg.breakpoints() if self.cart.end_springs is None else self._zones[leg.start].breaks
 
     def _push(self, leg, phase, position):
         springs = self.cart.end_springs
@@ -104,13 +104,13 @@ class InverseDynamics:
     def _zones(self):
         zones = self.cart.end_springs.zones
         return {
-            leg.start: zones(lambda phase, leg=leg: leg.at_phase(phase, 0), leg.joined_at())
+            leg.start: zones(lambda phase, leg=leg: leg.at_phase(phase, 0), leg.breakpoints())
             for leg in self.cycle.legs()
         }
 
     def _moving(self, leg, velocity):
         """The velocity, at rest the limit from inside the motion."""
-        creep = CREEP * self.cycle.there.stroke / self.cycle.there.duration
+        creep = CREEP * self.cycle.forward.stroke / self.cycle.forward.duration
         return np.where(np.abs(velocity) < creep, leg.direction * creep, velocity)
 
 
@@ -182,7 +182,7 @@ class Run(CycleStatistics):
     """One cycle of a cart under one law, sampled; arrays of shape (n,), pieces of the motion one after another.
 
     A join appears twice, with its values before and after. `weights` [s] integrate over the cycle. `impulses` are
-    the jumps of velocity, `shocks` those of velocity or acceleration, as `Join`s of the motion.
+    the jumps of velocity, `shocks` those of velocity or acceleration, as `Discontinuity`s of the motion.
     """
 
     demand: InverseDynamics
@@ -198,7 +198,7 @@ class Run(CycleStatistics):
     @property
     def name(self):
         """Name of the law."""
-        return self.demand.cycle.there.name
+        return self.demand.cycle.forward.name
 
     @property
     def period(self):
@@ -273,18 +273,18 @@ def simulate(cart, drive, motion, resistance, *, working=(1 / 6, 5 / 6)):
     if hasattr(drive, "run"):
         return drive.run(cart, cycle, resistance, working)
     require_law_of_drive(drive, cycle)
-    require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
+    require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
     demand = InverseDynamics(cart, drive, cycle, resistance)
     time, weights, direction, state = _sampled(demand)
-    joins = cycle.joins()
+    joins = cycle.discontinuities()
     return Run(
         demand=demand,
         time=time,
         weights=weights,
         direction=direction,
         state=state,
-        steady_force=steady_force(cart, cycle.there, resistance),
-        nonuniformity=_nonuniformity(cycle.there, working),
+        steady_force=steady_force(cart, cycle.forward, resistance),
+        nonuniformity=_nonuniformity(cycle.forward, working),
         impulses=tuple(join for join in joins if join.order == 1),
         shocks=tuple(join for join in joins if join.order <= 2),
     )
@@ -331,12 +331,12 @@ def require_law_of_drive(drive, cycle):
         return
     psi = np.linspace(0, np.pi, 9)
     travel = drive.radius * (1 - np.cos(psi)) + drive.rod_length * (1 - np.cos(drive.rod_angle(psi)))
-    gap = np.abs(cycle.there.at_phase(psi / np.pi, 0) - travel).max()
-    if gap > 1e-9 * cycle.there.stroke:
+    gap = np.abs(cycle.forward.at_phase(psi / np.pi, 0) - travel).max()
+    if gap > 1e-9 * cycle.forward.stroke:
         raise ValueError(
-            f"a crank turns its own law only, got '{cycle.there.name}' that differs by {gap:g} m; "
+            f"a crank turns its own law only, got '{cycle.forward.name}' that differs by {gap:g} m; "
             f"use Rigid(), or law('crank', ..., rod_length={drive.rod_length:g})"
         )
-    if cycle.period > 2 * cycle.there.duration:
-        dwells = cycle.period - 2 * cycle.there.duration
+    if cycle.period > 2 * cycle.forward.duration:
+        dwells = cycle.period - 2 * cycle.forward.duration
         raise ValueError(f"a crank does not stop, got dwells of {dwells:g} s in all; use Rigid(), or no dwells")

@@ -15,10 +15,12 @@ from math import inf
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
 
 from compact.machine.cart import balance
 from compact.machine.rigid_drive import InverseDynamics
+from compact.motion.profile import Cycle
 from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
 from compact.numerics.validation import require_nonnegative, require_positive
 
@@ -191,7 +193,7 @@ class RollerMotor:
     @property
     def lack(self):
         """What the motors have too little of for the law; empty where they have enough."""
-        if any(join.order == 1 for join in self.demand.cycle.joins()):
+        if any(join.order == 1 for join in self.demand.cycle.discontinuities()):
             return "force: the velocity jumps"
         most = HELD if self.roller.tells_creep else 1.0
         return f"friction: {self.share:.3g} of what it holds" if self.share > most else ""
@@ -242,7 +244,7 @@ def _pull(demand, state, way):
         if np.all(np.abs(left) <= FORCED * scale):
             return pull
     raise RuntimeError(
-        f"the guide wheels lock the cart under '{demand.cycle.there.name}': {np.abs(left).max():g} N are left at the "
+        f"the guide wheels lock the cart under '{demand.cycle.forward.name}': {np.abs(left).max():g} N are left at the "
         f"pin after {TRIALS} trials"
     )
 
@@ -256,3 +258,50 @@ def _monotone(x, y, slope):
         return curve(within) + slope * (at - within)
 
     return value
+
+
+@dataclass(frozen=True)
+class RollerRotation:
+    """Rotation of a roller that rolls without slip; arrays of the shape of `time`.
+
+    Attributes
+    ----------
+    time : ndarray
+        Time of the cycle [s].
+    angle, angular_velocity, angular_acceleration, angular_jerk : ndarray
+        Angle of rotation [rad] and its time derivatives [rad/s], [rad/s^2], [rad/s^3].
+    """
+
+    time: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    angular_velocity: NDArray[np.float64]
+    angular_acceleration: NDArray[np.float64]
+    angular_jerk: NDArray[np.float64]
+
+
+def roller_rotation(cycle: Cycle, roller_radius: float, time: ArrayLike) -> RollerRotation:
+    """Rotation of a motor inside a roller that rolls without slip: angle = x/R and its derivatives.
+
+    Parameters
+    ----------
+    cycle : Cycle
+        Motion of the cart.
+    roller_radius : float
+        Radius R of the roller [m].
+    time : array_like
+        Time of the cycle [s].
+
+    References
+    ----------
+    Paper B, eqs (44)-(52), with the signs and the scale of reference/errata.md B-7, B-8.
+
+    Examples
+    --------
+    >>> from compact.motion.profile import law
+    >>> rotation = roller_rotation(Cycle(law("reversal-4-free-both", 0.4, 3.0)), roller_radius=0.11, time=[1.5, 4.5])
+    >>> rotation.angular_velocity.round(4).tolist()
+    [1.3531, -1.3531]
+    """
+    require_positive(roller_radius=roller_radius)
+    time = np.asarray(time, float)
+    return RollerRotation(time, *(cycle.derivative(time, order) / roller_radius for order in range(4)))

@@ -362,7 +362,7 @@ def test_general_solver_agrees_with_stick_and_slip(name):
     drive, cycle = spring(2e5, 0.1), published(name).cycle()
     course = simulate_elastic(CART, drive, cycle, falling, regime="rest").course
     plain = Plain(drive, cycle, falling)
-    joins = {leg.start + leg.duration * z for leg in cycle.legs() for z in leg.joined_at()}
+    joins = {leg.start + leg.duration * z for leg in cycle.legs() for z in leg.breakpoints()}
     for start, stop in itertools.pairwise(sorted({time for time in joins if time < ends[-1]} | set(ends))):
         plain.follow(start, stop)
         if stop in ends:
@@ -602,7 +602,7 @@ def test_search_of_what_touches_zero_costs_no_range_for_each_oscillation(count):
 def test_stiffness_beyond_all_sense_costs_no_range_for_each_oscillation():
     """Where the speed of the law ends as (1 - z)^3, rounding touches zero in millions of oscillations."""
     run = simulate_elastic(CART, spring(1e26, 0.05), published("septic"), free)
-    assert np.abs(run.drive_force).max() == pytest.approx(MASS * run.cycle.there.peaks().acceleration, rel=1e-3)
+    assert np.abs(run.drive_force).max() == pytest.approx(MASS * run.cycle.forward.peaks().acceleration, rel=1e-3)
 
 
 def test_search_may_take_all_ranges_that_the_samples_of_a_cycle_resolve():
@@ -659,10 +659,10 @@ usual = elastic.travel
 def travel(cart, drive, cycle, *_, **__):
     cart, spring = replace(cart, guide_friction=0.0), elastic.ElasticDrive(1e6, 0.0)
     free = lambda velocity, acceleration: np.zeros_like(velocity)
-    usual(cart, spring, cycle.there.cycle(1.0, 1.0), free, regime="rest")
+    usual(cart, spring, cycle.forward.cycle(1.0, 1.0), free, regime="rest")
     regime.ARCS = 2_000_000
     print("begun", flush=True)
-    return usual(cart, spring, cycle.there.cycle(1e6, 0.0), free, regime="rest")
+    return usual(cart, spring, cycle.forward.cycle(1e6, 0.0), free, regime="rest")
 
 elastic.travel = travel
 sys.argv = ["compact", "run", {scene!r}, "--engine", "formula", "--out", {out!r}, "--quiet",
@@ -683,7 +683,9 @@ def test_a_long_elastic_run_is_interrupted_within_a_second_or_so(tmp_path):
 
 
 def test_resistance_that_jumps_at_a_speed_is_refused():
-    with pytest.raises(ValueError, match=r"`resistance` over speed \[m/s\] has a jump of .* at 0\.1\d*; .*without jumps"):
+    with pytest.raises(
+        ValueError, match=r"`resistance` over speed \[m/s\] has a jump of .* at 0\.1\d*; .*without jumps"
+    ):
         simulate_elastic(
             CART, spring(1e6, 0.1), published("cubic"), lambda v, a: np.sign(v) * np.where(np.abs(v) > 0.1, 9.0, 5.0)
         )

@@ -1,6 +1,7 @@
 """The motor inside each roller: against rolling without slip, Carter's cylinder, the engine itself, and balances."""
 
 import math
+from copy import copy
 from pathlib import Path
 
 import numpy as np
@@ -11,16 +12,16 @@ from scipy.integrate import quad
 
 from compact import fem
 from compact.analysis import contact_cases
-from compact.analysis import torque_response as driving
-from compact.analysis.engines import inputs
+from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.study import Study
+from compact.analysis.torque_response import torque_response
 from compact.contact import dry_resistance
 from compact.drive import Rigid, simulate
 from compact.engines.compaction import engine as compaction
 from compact.engines.fem import engine as fem_engine
 from compact.machine.cart import Cart, EndSprings, balance
 from compact.machine.rigid_drive import InverseDynamics
-from compact.machine.roller_motors import HELD, Driven, FirstOrder, RollerMotor, pulls, spent
+from compact.machine.roller_motors import HELD, Driven, FirstOrder, RollerMotor, pulls, roller_rotation, spent
 from compact.material.laws import Elastic
 from compact.motion.profile import law
 from compact.resistance import ResistanceMap
@@ -92,7 +93,7 @@ def test_nothing_pulls_at_the_pin(springs):
             0.0
             if springs is None
             else springs.push(
-                state.position, springs.zones(lambda z, leg=leg: leg.at_phase(z, 0), leg.joined_at()).at(phase)
+                state.position, springs.zones(lambda z, leg=leg: leg.at_phase(z, 0), leg.breakpoints()).at(phase)
             )
         )
         left = state.resistance - ROLLERS * answer.torque / R
@@ -189,13 +190,13 @@ def by_fem():
     """A study whose contacts are its map; a heavy cart pulls and brakes hard."""
     changes = {"accuracy.engine": "fem", "motion.laws": ["septic"], "machine.gap_geometry": "circle"}
     study = Study(load_scene(SCENES / "loveikin-2015.toml", **changes, **{"machine.mass": 4e3}))
-    rolled = [fem.roll(*inputs(study.scene, study.mix, "fem", speed), speed, estimate=False) for speed in SPEEDS]
-    study.contacts = [
+    rolled = [fem.roll(*contact_inputs(study.scene, study.mix, "fem", speed), speed, estimate=False) for speed in SPEEDS]
+    study.contact_stage.records = [
         contact_cases.contact_record("fem", *each) for each in zip(SPEEDS, [(one,) for one in rolled], strict=True)
     ]
     whole = ROLLERS * study.scene.machine.roller_length
-    study.resistance = ResistanceMap(np.array(SPEEDS), whole * np.array([each.resistance for each in rolled]), 0.0)
-    study.kept = None
+    study.resistance_stage.resistance = ResistanceMap(np.array(SPEEDS), whole * np.array([each.resistance for each in rolled]), 0.0)
+    study.contact_stage.kept = None
     return study
 
 
@@ -204,7 +205,7 @@ def test_engine_rolls_as_the_motors_were_told(by_fem, time):
     motors, scene = by_fem.roller_motors["septic"], by_fem.scene
     (velocity,), answer = motors.over(np.array([time]))
     speed, way, length = abs(velocity), np.sign(velocity), scene.machine.roller_length
-    layer, roller, material = inputs(scene, by_fem.mix, "fem", speed)
+    layer, roller, material = contact_inputs(scene, by_fem.mix, "fem", speed)
     own = fem.roll(layer, roller, material, speed, estimate=False)
     held = Roller(R, own.indentation, by_fem.mix.steel_friction, "driven", scene.machine.gap_geometry)
     torque = way * answer.torque[0] / length
@@ -235,9 +236,9 @@ def test_a_roller_is_sampled_as_far_as_laws_ask(by_fem):
 
 
 def test_samples_end_where_friction_does(by_fem):
-    found = by_fem.contacts[:1]
-    load = by_fem.scene.machine.roller_length * found[0].load
-    roller = driving.driven(by_fem.scene, by_fem.mix, load, found, (-1e9, 1e9))
+    contacts = copy(by_fem.contact_stage)
+    contacts.records = by_fem.contacts[:1]
+    roller = torque_response(contacts, (-1e9, 1e9))
     shares = roller.torques[0] / (by_fem.mix.steel_friction * R * roller.loads[0])
     assert shares[[0, -1]] == pytest.approx([-HELD, HELD], abs=5e-3)
     assert np.diff(spent(shares)) == pytest.approx(0.3, abs=0.02)
@@ -252,8 +253,8 @@ def test_what_the_engine_does_not_solve_is_warned_of_and_left_out(by_fem, monkey
 
     monkeypatch.setattr(fem_engine, "roll", skids)
     with pytest.warns(UserWarning, match="creep of the driven rollers is left out: the roller skids"):
-        answer = driving.driven(by_fem.scene, by_fem.mix, LOAD, by_fem.contacts, (-100.0, 900.0))
-    assert answer == FirstOrder(R, LOAD, by_fem.mix.steel_friction)
+        answer = torque_response(by_fem.contact_stage, (-100.0, 900.0))
+    assert answer == FirstOrder(R, by_fem.roller_load, by_fem.mix.steel_friction)
 
 
 def test_engines_without_torque_tell_no_creep():
@@ -270,10 +271,12 @@ def test_compaction_tells_the_creep_of_its_rollers():
     changes = {"accuracy.engine": "compaction", "contact.indentation": 0.002, "product.height": 0.1}
     scene = load_scene(SCENES / "small.toml", **changes, **{"mix.density_ratio": 0.95})
     study, speed = Study(scene), scene.motion.stroke / scene.motion.duration
-    free = compaction.roll(*inputs(scene, study.mix, "compaction", speed), speed, increments=6)
-    found = [contact_cases.contact_record("compaction", each, (free,)) for each in (speed, 2 * speed)]
+    free = compaction.roll(*contact_inputs(scene, study.mix, "compaction", speed), speed, increments=6)
+    contacts = study.contact_stage
+    contacts.records = [contact_cases.contact_record("compaction", each, (free,)) for each in (speed, 2 * speed)]
+    contacts.passes = [(speed, (free,))]
     load = scene.machine.roller_length * free.load
-    roller = driving.driven(scene, study.mix, load, found, (0.0, 0.2 * load), [(speed, free)])
+    roller = torque_response(contacts, (0.0, 0.2 * load))
     assert roller.speeds == pytest.approx([speed])
     assert roller.pulls[0, 0] == pytest.approx(0, abs=1e-4 * load)
     assert roller.creeps[0, 0] == pytest.approx(free.creep, rel=1e-3)
@@ -338,3 +341,27 @@ def test_guide_wheels_that_lock_are_told():
 def test_refusals(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_rotation_is_the_travel_over_the_radius():
+    """Paper B, constant speed: 48 dx/(43 T R), errata B-8; each derivative is that of the one before."""
+    cycle, time, h = law("reversal-4-free-both", 0.4, 3.0).cycle(), np.linspace(0.05, 5.95, 40), 1e-5
+    rotation = roller_rotation(cycle, R, time)
+    assert roller_rotation(cycle, R, 1.5).angular_velocity == pytest.approx(48 * 0.4 / (43 * 3.0 * R), rel=1e-13)
+    assert rotation.angle == pytest.approx(cycle.derivative(time, 0) / R, rel=1e-15)
+    after, before = roller_rotation(cycle, R, time + h), roller_rotation(cycle, R, time - h)
+    names = ("angle", "angular_velocity", "angular_acceleration", "angular_jerk")
+    slopes = [(getattr(after, name) - getattr(before, name)) / (2 * h) for name in names[:-1]]
+    assert np.array(slopes) == pytest.approx(np.array([getattr(rotation, name) for name in names[1:]]), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("radius", "time", "message"),
+    [
+        (-1.0, 0.0, "`roller_radius` must be positive and finite, got -1.0"),
+        (0.1, np.nan, "`time` must be finite, got nan"),
+    ],
+)
+def test_rotation_rejects_invalid_input(radius, time, message):
+    with pytest.raises(ValueError, match=message):
+        roller_rotation(law("quintic", 0.4, 3.0).cycle(), radius, time)

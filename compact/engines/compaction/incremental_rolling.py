@@ -385,8 +385,9 @@ def roll_until_steady(rolling: IncrementalRolling, bottom_height: float, toleran
         if steady_count > window:  # a series has no change at its extrema
             rolling.advance(bottom_height, damping=0.0)
             return
+    depth = 1e3 * (frame.mesh.height - bottom_height)
     raise RuntimeError(
-        f"not steady at depth {1e3 * (frame.mesh.height - bottom_height):.4g} mm after {rolling.steps[-1].travel:.3g} m of travel and "
+        f"not steady at depth {depth:.4g} mm after {rolling.steps[-1].travel:.3g} m of travel and "
         f"{len(rolling.steps)} steps: remaining change {_percent(_remaining_change(rolling, arrival))} of load, "
         f"resistance or exit density, {_percent(step.residual)} of the forces held by damping; {describe_step(step)}"
     )
