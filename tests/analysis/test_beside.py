@@ -14,7 +14,7 @@ import pytest
 from interrupts import heed_interrupts
 
 from compact.analysis.study import Study
-from compact.analysis.worker_pool import Processes
+from compact.analysis.worker_pool import ProcessExecutor
 from compact.report import text
 from compact.report import writer as report
 from compact.report.ranking_tables import agreements
@@ -39,7 +39,7 @@ def written(tmp_path_factory):
     """Study, summary and directory of a scene whose engines beside answered in other processes."""
     directory = tmp_path_factory.mktemp("beside")
     study = Study(scene(), directory=directory)
-    return study, report.write_study(study, directory, crew=Processes(2)), directory
+    return study, report.write_study(study, directory, executor=ProcessExecutor(2)), directory
 
 
 def rows(path):
@@ -174,7 +174,7 @@ def test_interrupted_job_leaves_whole_files_and_no_process(tmp_path):
 
 
 def children(pid):
-    """Processes that a process has begun."""
+    """ProcessExecutor that a process has begun."""
     found = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
