@@ -180,7 +180,9 @@ class ConstraintSet:
             rows = np.concatenate([rows[:, :1], inner, rows[:, -1:]], axis=1)
         return self.stroke / self.duration**order * rows.reshape(-1, self.space.size)
 
-    def _program_with(self, rows: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.float64]]) -> LinearConstraints:
+    def _program_with(
+        self, rows: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.float64]]
+    ) -> LinearConstraints:
         """`LinearConstraints` of the constraints that are never relaxed, and of further rows."""
         hard, hard_to = self._hard
         below = sparse.csr_array(np.concatenate([hard, *rows]))
@@ -237,10 +239,18 @@ class ConstraintSet:
         """`Conflict` of each relaxed bound where the sum of costs times relative violations is smallest."""
         count, program = len(self.bounds), self._program_with([], [])
         identity = np.eye(count)
-        rows = [program.inequality_matrix.toarray(), np.zeros((count, self.space.size)), *(b.rows / b.limit for b in self.bounds)]
+        rows = [
+            program.inequality_matrix.toarray(),
+            np.zeros((count, self.space.size)),
+            *(b.rows / b.limit for b in self.bounds),
+        ]
         slacks = [np.zeros((rows[0].shape[0], count)), -identity]
         slacks += [np.tile(-identity[i], (len(bound.rows), 1)) for i, bound in enumerate(self.bounds)]
-        values = [program.inequality_bounds, np.zeros(count), *(1 - bound.offset / bound.limit for bound in self.bounds)]
+        values = [
+            program.inequality_bounds,
+            np.zeros(count),
+            *(1 - bound.offset / bound.limit for bound in self.bounds),
+        ]
         elastic = LinearConstraints(
             np.column_stack([program.equality_matrix, np.zeros((len(program.equality_matrix), count))]),
             program.equality_values,

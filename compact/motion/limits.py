@@ -197,7 +197,7 @@ class InfeasibleError(ValueError):
         True if relaxing any one of them suffices; otherwise all of them have to be relaxed.
     """
 
-    def __init__(self, conflicts: Iterable[Conflict], alone: bool):
+    def __init__(self, conflicts: Iterable[Conflict], alone: bool) -> None:
         self.conflicts, self.alone = tuple(conflicts), alone
         changes = (" or " if alone else " together with ").join(map(str, self.conflicts))
         super().__init__(f"no law satisfies all limits; relax, the others unchanged: {changes}")

@@ -53,7 +53,7 @@ class OptimalMotion(MotionProfile):
     limits: Limits = field(default_factory=Limits)
 
 
-def optimise(
+def optimise(  # noqa: PLR0913, public signature: each argument is one physical input
     objective: str | Mapping[str, float],
     stroke: float,
     duration: float,

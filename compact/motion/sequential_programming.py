@@ -204,7 +204,7 @@ class OptimisationProblem:
 class _Subproblem:
     """Linearised problem as a convex program: changes d, epigraph variable T to minimise, and auxiliary variables."""
 
-    def __init__(self, problem, unknowns, models):
+    def __init__(self, problem, unknowns, models) -> None:
         self.size = len(unknowns)
         self.rows, self.values, self.entries, self.height = [], [], [], 0
         self.width = self.size + 1

@@ -80,7 +80,7 @@ class EngineAccuracy:
 
 @dataclass(frozen=True)
 class Resolution:
-    """Whether the error of the resistance leaves the first law first; `error` is empty where it is unknown."""
+    """Resolution of rank 1 against the error of the resistance; `error` is empty where it is unknown."""
 
     term: str
     tied: bool

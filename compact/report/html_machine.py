@@ -12,6 +12,7 @@ from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.machine.roller_motors import RollerMotor
+from compact.motion.profile import EndCondition
 from compact.report.html_answer import methods
 from compact.report.number_format import (
     ZERO_SHARE,
@@ -143,7 +144,7 @@ def laws_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     Section
     """
     cycles, order = study.cycles.values(), ("velocity", "acceleration", "jerk", "snap")
-    turn = "dwell" if study.scene.motion.dwell > 0 else "reversal"
+    turn: EndCondition = "dwell" if study.scene.motion.dwell > 0 else "reversal"
     peaks = [cycle.forward.peaks() for cycle in cycles]
     jumps = [sorted({join.quantity for join in cycle.discontinuities()}, key=order.index) for cycle in cycles]
     columns = {

@@ -14,7 +14,9 @@ from compact.report.summary import study_summary, versions
 from compact.verification.balance_checks import balance_checks
 
 
-def write_study(study: Study, directory: Path | str, force: bool = False, executor: Executor | None = None) -> dict[str, Any]:
+def write_study(
+    study: Study, directory: Path | str, force: bool = False, executor: Executor | None = None
+) -> dict[str, Any]:
     """Write the results of a study into a directory.
 
     Parameters

@@ -341,7 +341,7 @@ def test_maps_bands_and_best_laws_are_drawn(tmp_path):
     sweep_writer.write_sweep_report(tmp_path, table)
     for name in ("maps", "bands", "best_laws"):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
-    assert float(sweep_figures.reach(table).max()) > 1  # hatched
+    assert float(sweep_figures.required_share(table).max()) > 1  # hatched
     assert sweep_figures._most_frequent(table.best_law_by_peak_force)[0].tolist()[0] == ""
 
 
