@@ -16,7 +16,14 @@ from pathlib import Path
 from typing import Any
 
 from compact.analysis import comparison
-from compact.analysis.comparison import ComparisonRequest, EngineComparison, run_engine_alternative
+from compact.analysis.comparison import (
+    ComparisonRequest,
+    EngineComparison,
+    Places,
+    RankingAgreement,
+    ranking_agreements,
+    run_engine_alternative,
+)
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mix
 from compact.analysis.contact_stage import Count, Passes, Progress, no_count
 from compact.analysis.engineering_summary import Engineering, Number
@@ -316,3 +323,13 @@ class Study:
             for words in found[name].warned:
                 warnings.warn(f"{name}: {words}", stacklevel=2)
         return found
+
+    @property
+    def places_by_engine(self) -> dict[str, Places]:
+        """Places by engine, drive and criterion; engine and drive of the scene first."""
+        return {self.scene.accuracy.engine: self.places} | {name: each.places for name, each in self.beside.items()}
+
+    @cached_property
+    def agreements(self) -> list[RankingAgreement]:
+        """Agreement of the ranking of the scene with those of the other engines and of its other drive."""
+        return ranking_agreements(self.places_by_engine)

@@ -17,7 +17,6 @@ from compact.analysis.study import Study
 from compact.analysis.worker_pool import ProcessExecutor
 from compact.report import text
 from compact.report import writer as report
-from compact.report.ranking_tables import agreements
 from compact.scene.loader import SceneError, load_scene
 
 ROOT = Path(__file__).parents[2]
@@ -108,7 +107,7 @@ def test_formulas_know_no_error():
 
 def test_orders_of_engines_that_resist_alike_agree(written):
     study, _, directory = written
-    agreed = {(each.other_engine, each.by): each.agreement for each in agreements(study)}
+    agreed = {(each.other_engine, each.by): each.agreement for each in study.agreements}
     assert agreed["formula", "peak_force"].tau == pytest.approx(1.0)  # m a + F is in the order of a for any F
     assert {row["other_engine"] for row in rows(directory / "agreement.csv")} == {"formula", "column"}
 
