@@ -149,16 +149,16 @@ def return_sentence(study: Study) -> str:
     str
         One sentence without a full stop.
     """
-    if not study.cycle_energies:
+    if not study.cycle_energies or study.second_pass is None:
         reason = "a linear layer recovers" if study.layered else "the formulas have no other state"
         return f"return stroke: over fresh mix, with the resistance of the forward stroke ({reason})"
     load, resistance = study.second_pass
     fresh, compacted = (study.cycle_energies[state] for state in ("fresh", "compacted"))
-    law = next(iter(study.rankings.values()))[0].run.name
+    first: Any = next(iter(study.rankings.values()))[0].run
     return (
         f"return stroke: over {study.scene.layer.return_stroke} mix; over compacted mix it requires {load:.1%} of the "
-        f"load and {resistance:.1%} of the resistance; energy per cycle with {law}: {fresh:.4g} J over fresh mix, "
-        f"{compacted:.4g} J over compacted mix"
+        f"load and {resistance:.1%} of the resistance; energy per cycle with {first.name}: {fresh:.4g} J over fresh "
+        f"mix, {compacted:.4g} J over compacted mix"
     )
 
 
@@ -226,7 +226,7 @@ def _place_line(place: Place, run: Any, others: Mapping[str, Mapping[str, Place]
 def _agreement_lines(study: Study) -> Iterator[str]:
     """State the agreement of the rankings, a line for each comparison and criterion."""
     criteria = list(study.rankings)[:DIGEST_CRITERIA]
-    for each in ranking_tables.agreements(study) if study.beside else []:
+    for each in study.agreements if study.beside else []:
         if each.by not in criteria:
             continue
         if each.other_engine == each.engine:
