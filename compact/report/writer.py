@@ -7,14 +7,16 @@ from typing import Any
 import numpy as np
 
 from compact.analysis.study import Study
-from compact.analysis.worker_pool import Here
+from compact.analysis.worker_pool import Executor, SerialExecutor
 from compact.files import claimed_directory, render_png, write_bytes, write_figure, write_json, write_vtu_series
 from compact.report import contact_tables, drive_tables, machine_tables, ranking_tables
 from compact.report.summary import study_summary, versions
 from compact.verification.balance_checks import balance_checks
 
 
-def write_study(study: Study, directory: Path | str, force: bool = False, executor: Any = None) -> dict[str, Any]:
+def write_study(
+    study: Study, directory: Path | str, force: bool = False, executor: Executor | None = None
+) -> dict[str, Any]:
     """Write the results of a study into a directory.
 
     Parameters
@@ -24,7 +26,7 @@ def write_study(study: Study, directory: Path | str, force: bool = False, execut
         Directory of the results; it is created where it is missing.
     force : bool
         Whether results of another scene are overwritten.
-    executor : Here or Processes, optional
+    executor : Executor, optional
         Executor of `analysis.worker_pool` for the engines of the comparison; this process by default.
 
     Returns
@@ -38,7 +40,7 @@ def write_study(study: Study, directory: Path | str, force: bool = False, execut
         If a file cannot be written or the directory holds results of another scene.
     """
     items = study.scene.output.items
-    with claimed_directory(directory, study.scene.hash, force) as place, study.helped(executor or Here()):
+    with claimed_directory(directory, study.scene.hash, force) as place, study.helped(executor or SerialExecutor()):
         files = list(contact_tables.write_contact_tables(study, place)) if study.layered else []
         kept = list(study.keep(place, files)) if study.layered else []
         for item, write in WRITERS.items():

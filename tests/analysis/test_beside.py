@@ -14,7 +14,7 @@ import pytest
 from interrupts import heed_interrupts
 
 from compact.analysis.study import Study
-from compact.analysis.worker_pool import Processes
+from compact.analysis.worker_pool import ProcessExecutor
 from compact.report import text
 from compact.report import writer as report
 from compact.scene.loader import SceneError, load_scene
@@ -38,7 +38,7 @@ def written(tmp_path_factory):
     """Study, summary and directory of a scene whose engines beside answered in other processes."""
     directory = tmp_path_factory.mktemp("beside")
     study = Study(scene(), directory=directory)
-    return study, report.write_study(study, directory, executor=Processes(2)), directory
+    return study, report.write_study(study, directory, executor=ProcessExecutor(2)), directory
 
 
 def rows(path):
@@ -173,7 +173,7 @@ def test_interrupted_job_leaves_whole_files_and_no_process(tmp_path):
 
 
 def children(pid):
-    """Processes that a process has begun."""
+    """ProcessExecutor that a process has begun."""
     found = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
