@@ -1,123 +1,146 @@
-"""The command `compact`: thin doors to scene, study, report, cam and check; exit 0 done, 1 could not, 2 bad input.
+"""The command `compact`: each subcommand calls the analysis and the report, and prints a digest.
 
-Heavy modules are imported inside the commands, so that help answers at once.
+Exit codes: 0 success, 1 no result (no convergence, files), 2 invalid input, 130 interrupted. Heavy modules are imported
+inside the commands, so that `--help` answers within a quarter of a second.
 """
 
 import os
 import sys
 import warnings
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
 from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
 from compact.files import ResultsError, default_directory
 
-DONE, COULD_NOT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
-STOPPED = "interrupted; every file already written is whole"
-LONGEST, KEPT = 1000, 400  # characters of a message; of a longer one, kept of its beginning and of its end
+if TYPE_CHECKING:
+    from compact.analysis.study import Study
+    from compact.scene.loader import Scene
+
+SUCCESS, NO_RESULT, INVALID_INPUT, INTERRUPTED = 0, 1, 2, 130
+INTERRUPTED_MESSAGE = "interrupted; every file already written is whole"
+MESSAGE_LIMIT, MESSAGE_END = 1000, 400  # [characters], longest message; kept of each end of a longer one
+FORMER_OPTIONS = {"--indices": "--sobol", "--fit": "--parameters"}  # accepted for one release
 
 # options that several commands share
-ScenePath = Annotated[Path, Parameter(help="the scene, a TOML file")]
+ScenePath = Annotated[Path, Parameter(help="scene file in TOML")]
 Engine = Annotated[
     Literal["formula", "column", "spectral", "fem", "compaction"] | None,
-    Parameter(help="contact engine in place of the scene's"),
+    Parameter(help="contact engine that replaces the engine of the scene"),
 ]
 Changes = Annotated[
     tuple[str, ...],
-    Parameter(
-        name="--set", negative="", help="change a key of the scene, such as mix.moisture=0.11; as often as needed"
-    ),
+    Parameter(name="--set", negative="", help="change one key of the scene, such as mix.moisture=0.11; repeatable"),
 ]
 Force = Annotated[bool, Parameter(help="overwrite the results of another scene")]
-Quiet = Annotated[bool, Parameter(help="say nothing but errors")]
+Quiet = Annotated[bool, Parameter(help="print errors only")]
 
 app = App(
     name="compact",
     help="Roller-compaction loads: from a scene (machine, mix, motion) to ranked motion laws.",
     help_format="plaintext",
-    suppress_keyboard_interrupt=False,  # told in `main`
+    suppress_keyboard_interrupt=False,  # handled in `_exit_code`
 )
 
 
-def main():
-    """Run the command line; every failure is a sentence and an exit code, never a traceback."""
+def main() -> None:
+    """Run the command line and exit; every failure prints one sentence and sets an exit code."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
     try:
-        code = _told(sys.argv[1:])
+        code = _exit_code(sys.argv[1:])
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader, such as `head`, has seen enough
+    except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = DONE
+        code = SUCCESS
     sys.exit(code)
 
 
-def _told(arguments):
+def _exit_code(arguments: Sequence[str]) -> int:
+    """Run one command and convert its exceptions to messages and exit codes."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error", RuntimeWarning)  # a number that numpy warns of is no result
-            return app(arguments, exit_on_error=False, print_error=True, result_action="return_value") or DONE
+            warnings.simplefilter("error", RuntimeWarning)  # a result with a numerical warning is not a result
+            warnings.filterwarnings("default", ".*accepted for one release", DeprecationWarning)
+            current = [_current_option(argument) for argument in arguments]
+            return app(current, exit_on_error=False, print_error=True, result_action="return_value") or SUCCESS
     except CycloptsError:  # printed by cyclopts, with the nearest option
-        return BAD_INPUT
-    except MemoryError as error:
-        return _say(memory_sentence(error), COULD_NOT)
-    except (RuntimeWarning, ArithmeticError, ValueError) as error:  # SceneError and the refusals of the formulas
-        if not is_numeric(error):
-            return _say(error, BAD_INPUT)
-        if os.environ.get("COMPACT_TRACEBACK"):
-            raise
-        return _say(f"{numeric_sentence(error)} (COMPACT_TRACEBACK=1 shows where)", COULD_NOT)
-    except RuntimeError as error:  # ResultsError, or an engine that did not converge
-        return _say(error, COULD_NOT)
-    except KeyboardInterrupt:
-        return _say(STOPPED, INTERRUPTED)
+        return INVALID_INPUT
     except BrokenPipeError:
         raise
-    except Exception as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):  # came in while compiled code made its result
-            return _say(STOPPED, INTERRUPTED)
-        if os.environ.get("COMPACT_TRACEBACK"):
+    except (KeyboardInterrupt, Exception) as error:
+        message, code, is_expected = _diagnosis(error)
+        if not is_expected and os.environ.get("COMPACT_TRACEBACK"):
             raise
-        return _say(
-            f"internal error, please report it: {type(error).__name__}: {error} (COMPACT_TRACEBACK=1 shows where)",
-            COULD_NOT,
-        )
+        return _print_error(message, code)
 
 
-def _say(message, code):
+def _diagnosis(error: BaseException) -> tuple[object, int, bool]:
+    """Message, exit code, and True for a failure that needs no traceback."""
+    interrupted = isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt)
+    if interrupted:  # the latter while compiled code converts its result
+        return INTERRUPTED_MESSAGE, INTERRUPTED, True
+    if isinstance(error, MemoryError):
+        return memory_sentence(error), NO_RESULT, True
+    if isinstance(error, RuntimeWarning | ArithmeticError | ValueError):  # SceneError and other refused input
+        if not is_numeric(error):
+            return error, INVALID_INPUT, True
+        return f"{numeric_sentence(error)} (COMPACT_TRACEBACK=1 prints the traceback)", NO_RESULT, False
+    if isinstance(error, RuntimeError):  # ResultsError, or an engine that did not converge
+        return error, NO_RESULT, True
+    kind = type(error).__name__
+    sentence = f"internal error, please report it: {kind}: {error} (COMPACT_TRACEBACK=1 prints the traceback)"
+    return sentence, NO_RESULT, False
+
+
+def _current_option(argument: str) -> str:
+    """Present name of an option; warns if the argument is a former name."""
+    name, equals, value = argument.partition("=")
+    if name not in FORMER_OPTIONS:
+        return argument
+    present = FORMER_OPTIONS[name]
+    warnings.warn(f"{name} is now {present}; the former name is accepted for one release", DeprecationWarning, 2)
+    return present + equals + value
+
+
+def _print_error(message: object, code: int) -> int:
     text = str(message)
-    if len(text) > LONGEST:  # a history: how it began and how it ended
-        text = f"{text[:KEPT]} ... {text[-KEPT:]}"
+    if len(text) > MESSAGE_LIMIT:  # an iteration history: its beginning and its end
+        text = f"{text[:MESSAGE_END]} ... {text[-MESSAGE_END:]}"
     print(f"compact: {text}", file=sys.stderr)
     return code
 
 
-def _warn_in_a_line(message, category, filename, lineno, line=None):
+def _one_line_warning(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
+) -> str:
+    del category, filename, lineno, line  # the signature is that of `warnings.formatwarning`
     return f"compact: warning: {message}\n"
 
 
-warnings.formatwarning = _warn_in_a_line
+warnings.formatwarning = _one_line_warning
 
 
 @app.command
-def new(directory: Path, /):
-    """Write a commented scene that runs.
+def new(directory: Path, /) -> None:
+    """Write a commented scene that runs as it is.
 
     Parameters
     ----------
     directory
-        where scene.toml is written; made if need be, a scene that stands there is kept
+        folder for scene.toml; created if absent, and an existing scene is never overwritten
     """
-    from compact.files import whole_file
+    from compact.files import atomic_file
     from compact.scene.loader import starter_scene
 
     path = directory / "scene.toml"
     if path.exists():
         raise ResultsError(f"{path}: exists already; give another directory")
-    with whole_file(path) as stream:
+    with atomic_file(path) as stream:
         stream.write(starter_scene())
     print(f"{path} written; next: compact run {path}")
 
@@ -133,15 +156,15 @@ def run(
     changes: Changes = (),
     force: Force = False,
     quiet: Quiet = False,
-):
-    """Do the main job: resistance by every engine, every law, forces, ranking, cams, tables and figures.
+) -> None:
+    """Compute the whole scene: resistance, motion laws, drive forces, ranking, cams, tables, figures and report.
 
     Parameters
     ----------
     out
-        directory for the results; out/NAME unless given, NAME that of the scene file, or of the folder of a scene.toml
+        folder of the results; default out/NAME, with the name of the scene file or of the folder of a scene.toml
     tolerance
-        relative error asked for in place of the scene's
+        relative error tolerance that replaces the tolerance of the scene
     """
     from compact.analysis.worker_pool import Processes, cores
     from compact.report import writer as report
@@ -150,11 +173,11 @@ def run(
     progress = Progress(quiet=quiet)
     directory = out or default_directory(scene)
     study = _study(
-        scene, quiet, engine, tolerance, changes=changes, directory=directory,
+        scene, quiet, {"accuracy.engine": engine, "accuracy.tolerance": tolerance}, changes, directory=directory,
         step=lambda stage: progress.begin(stage, study.cost(stage), total=study.whole_cost), progress=progress.report,
     )  # fmt: skip
     progress.total = study.whole_cost
-    others = study.scene.beside_engines if study.scene.beside and cores() > 1 else ()
+    others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
     helpers = Processes(min(cores(), len(others))) if others else None
     with progress:
         report.write_study(study, directory, force, helpers)
@@ -174,30 +197,29 @@ def roll(
     changes: Changes = (),
     force: Force = False,
     quiet: Quiet = False,
-):
-    """Compute one contact of roller and layer: load, resistance, edges, pressure, fields; every pass of a layer that
-    stays pressed.
+) -> None:
+    """Compute one contact of roller and layer: load, resistance, edges, pressure and fields, for every pass.
 
     Parameters
     ----------
     speed
-        of the cart in m/s; its mean speed unless given
+        speed of the cart in m/s; default its mean speed
     out
-        directory for the results; out/NAME-ENGINE unless given, NAME as of `compact run`
+        folder of the results; default out/NAME-ENGINE, NAME as in `compact run`
     """
-    from compact.files import claimed
+    from compact.files import claimed_directory
     from compact.report import contact_tables
     from compact.report.progress import Progress
     from compact.scene.plausible_ranges import check_speed
 
     progress = Progress(quiet=quiet)
-    study = _study(scene, quiet, engine, changes=changes, progress=progress.report)
+    study = _study(scene, quiet, {"accuracy.engine": engine}, changes, progress=progress.report)
     if speed is not None:
         check_speed(speed, study.scene.unusual)
     speed = speed if speed is not None else study.scene.mean_speed
     name = study.scene.accuracy.engine
     place = out or default_directory(scene, name)
-    with claimed(place, study.scene.hash, force) as directory, progress:
+    with claimed_directory(place, study.scene.hash, force) as directory, progress:
         progress.begin(f"contact by {name}")
         passes = study.passes_at(speed)
         progress.begin("tables and figures")
@@ -219,28 +241,28 @@ def cam(
     out: Path | None = None,
     changes: Changes = (),
     quiet: Quiet = False,
-):
-    """Make the cam of constant breadth for one law: CSV of its points, SVG and DXF for the workshop, and it in motion.
+) -> None:
+    """Design the cam of constant breadth for one law: points as CSV, workshop drawing as SVG and DXF, animation.
 
-    The scene needs a table [cam].
+    The scene requires a table [cam].
 
     Parameters
     ----------
     law
-        name of the motion law; of one that [motion.optimise] makes least-peak-force and the like
+        name of the motion law; an optimal law of [motion.optimise] is called least-peak-force and so on
     follower
-        what runs on the cam
+        kind of follower
     cutter
-        radius of the cutter in m; its centre's path is given besides
+        radius of the cutter in m; adds the path of the cutter centre
     tolerance
-        in m, within which a follower on the exported points keeps to its law
+        largest deviation in m of a follower on the exported points from its law
     out
-        directory; out/NAME-cams unless given, NAME as of `compact run`
+        folder of the results; default out/NAME-cams, NAME as in `compact run`
     """
     from compact.cams import export as cam_files
     from compact.report import writer as report
 
-    study = _study(scene, quiet, laws=None if law.startswith("least-") else (law,), changes=changes)
+    study = _study(scene, quiet, {} if law.startswith("least-") else {"motion.laws": (law,)}, changes)
     made = study.cam(law, follower)
     written = cam_files.write_cam_files(out or default_directory(scene, "cams"), study.scene, made, cutter, tolerance)
     if not quiet:
@@ -254,27 +276,27 @@ def calibrate(
     measured: Path,
     /,
     *,
-    fit: tuple[Literal["heckel_slope", "fed_density_ratio"], ...] = ("heckel_slope", "fed_density_ratio"),
+    parameters: tuple[Literal["heckel_slope", "fed_density_ratio"], ...] = ("heckel_slope", "fed_density_ratio"),
     engine: Literal["column", "compaction"] = "column",
     increments: int | None = None,
     out: Path | None = None,
     changes: Changes = (),
     quiet: Quiet = False,
-):
-    """Fit Heckel's slope and the fed density of a scene to what its plant has measured.
+) -> None:
+    """Fit the Heckel slope and the initial density ratio of a scene to measurements of its plant.
 
     Parameters
     ----------
     measured
-        TOML or CSV of measured load, resistance and exit density
-    fit
-        what is fitted; at most as many as there are data
+        TOML or CSV file of measured load, resistance and exit density
+    parameters
+        parameters to fit, at most as many as there are data
     engine
-        contact engine of every trial: columns in a second, finite elements in minutes
+        contact engine of every trial: columns take a second, finite elements take minutes
     increments
-        of travel per contact length, of finite elements; 6 are a part of the work of 12 and differ by 2 %
+        increments of travel per contact length (finite elements); 6 cost a part of 12 and differ by 2 %
     out
-        the JSON file; out/NAME-calibration.json unless given, NAME as of `compact run`
+        the JSON file; default out/NAME-calibration.json, NAME as in `compact run`
     """
     from compact.analysis import calibration
     from compact.files import write_json
@@ -283,9 +305,9 @@ def calibrate(
 
     readings = read_measurements(measured)
     options = {} if increments is None else {"increments": increments}
-    asked = _scene(scene, quiet, changes)
+    given = _scene(scene, quiet, changes)
     with spinning(f"fit by {engine}", quiet=quiet):
-        found = calibration.calibrate(asked, readings, engine, fit, **options)
+        found = calibration.calibrate(given, readings, engine, parameters, **options)
     path = out or default_directory(scene, "calibration.json")
     write_json(path, calibration.summary(found))
     if not quiet:
@@ -306,34 +328,34 @@ def sweep(
     scheduler: str | None = None,
     resume: bool = False,
     rank: bool = False,
-    indices: bool = False,
+    sobol: bool = False,
     out: Path | None = None,
     engine: Engine = None,
     tolerance: float | None = None,
     changes: Changes = (),
     force: Force = False,
     quiet: Quiet = False,
-):
-    """Compute many scenes: keys varied on grids, lists or samples of the mix's spread, into one labelled netCDF.
+) -> int:
+    """Compute many scenes with keys varied on grids, lists or samples, and write one labelled netCDF file.
 
     Parameters
     ----------
     vary
-        KEY=LOW:HIGH:N, KEY=A,B,C, or mix.overrides.NAME=~N for N Sobol points over its spread; as often as needed
+        KEY=LOW:HIGH:N, KEY=A,B,C, or mix.overrides.NAME=~N for N Sobol points over its spread; repeatable
     workers
-        processes on this machine; as many as it has processors unless given, 1 computes in the command itself
+        worker processes on this machine; default one per processor, 1 computes in the command itself
     scheduler
-        address of a dask scheduler, such as tcp://host:8786, whose workers compute instead
+        address of a dask scheduler, such as tcp://host:8786, whose workers compute the points
     resume
-        go on with what an interrupted sweep has left
+        complete an interrupted sweep
     rank
-        rank the motion laws at every point too
-    indices
-        take the sample so that Sobol indices tell what the spread comes from
+        rank the motion laws at every point as well
+    sobol
+        design the sample for Sobol indices, the share of the spread that each parameter explains
     out
-        directory for the results; out/NAME-sweep unless given, NAME as of `compact run`
+        folder of the results; default out/NAME-sweep, NAME as in `compact run`
     tolerance
-        relative error asked for in place of the scene's
+        relative error tolerance that replaces the tolerance of the scene
     """
     from compact.analysis.worker_pool import crew
     from compact.report import sweep_writer
@@ -344,11 +366,11 @@ def sweep(
     workforce = crew(workers, scheduler)
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
     many = Sweep(
-        _scene(scene, quiet, changes, asked), [varying.read_design(text) for text in vary], rank=rank, indices=indices
+        _scene(scene, quiet, changes, asked), [varying.read_design(text) for text in vary], rank=rank, indices=sobol
     )
     directory, failed = out or default_directory(scene, "sweep"), 0
 
-    def step(points, failures):
+    def step(points: int, failures: int) -> None:
         nonlocal failed
         failed += failures
         progress.advance(points)
@@ -360,16 +382,16 @@ def sweep(
     sweep_writer.write_sweep_report(directory, table)
     if not quiet:
         for name in many.broken:
-            print(f"compact: {name} was cut short; its points were computed again", file=sys.stderr)
+            print(f"compact: {name} was incomplete; its points have been computed again", file=sys.stderr)
         print(
             f"{sweep_writer.sweep_digest(table)}\n\n{many.computed} of {many.size} computed now; results: {directory}"
         )
-    return DONE if (table["reason"] == "").any() else _say("no point has numbers", COULD_NOT)
+    return SUCCESS if (table["reason"] == "").any() else _print_error("no point has a result", NO_RESULT)
 
 
 @app.command
-def check(*, markdown: bool = False):
-    """Print every published number beside ours with the verdict; exit 1 if our side has changed.
+def check(*, markdown: bool = False) -> int:
+    """Print every published number with the computed value and the verdict; exit 1 if a value has changed.
 
     Parameters
     ----------
@@ -379,38 +401,38 @@ def check(*, markdown: bool = False):
     from compact.verification import published_numbers
 
     rows = published_numbers.rows()
-    print(published_numbers.markdown(rows) if markdown else published_numbers.table(rows))
-    changed = [row for row in rows if not row.kept]
+    print(published_numbers.markdown(rows) if markdown else published_numbers.text_table(rows))
+    changed = [row for row in rows if not row.unchanged]
     if changed:
-        return _say(f"{len(changed)} of {len(rows)} numbers on our side have changed", COULD_NOT)
-    print(f"\n{len(rows)} numbers checked: our side is unchanged")
-    return DONE
+        return _print_error(f"{len(changed)} of {len(rows)} computed numbers have changed", NO_RESULT)
+    print(f"\n{len(rows)} numbers checked: all are unchanged")
+    return SUCCESS
 
 
 def _study(
-    path,
-    quiet,
-    engine=None,
-    tolerance=None,
-    laws=None,
-    changes=(),
-    step=lambda stage: None,
-    directory=None,
-    progress=None,
-):
-    """The study of a scene file with some of its keys changed."""
+    path: Path,
+    quiet: bool,
+    replacements: Mapping[str, object],
+    changes: Sequence[str] = (),
+    step: Callable[[str], None] | None = None,
+    directory: Path | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> "Study":
+    """Load a scene file with some of its keys replaced, and return its study."""
     from compact.analysis.study import Study
 
-    asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance, "motion.laws": laws}
-    return Study(_scene(path, quiet, changes, asked), step, directory, progress)
+    options = {} if step is None else {"step": step}
+    return Study(_scene(path, quiet, changes, replacements), directory=directory, progress=progress, **options)
 
 
-def _scene(path, quiet, changes=(), asked=()):
-    """The scene of a file with some of its keys changed; its advice is told."""
+def _scene(
+    path: Path, quiet: bool, changes: Sequence[str] = (), replacements: Mapping[str, object] | None = None
+) -> "Scene":
+    """Load a scene file with some of its keys replaced, and print the advice on it."""
     from compact.scene.loader import load_scene, read_change
 
-    asked = dict(asked) | dict(map(read_change, changes))
-    scene = load_scene(path, **{key: value for key, value in asked.items() if value is not None})
+    wanted = dict(replacements or {}) | dict(map(read_change, changes))
+    scene = load_scene(path, **{key: value for key, value in wanted.items() if value is not None})
     for sentence in scene.advice if not quiet else ():
         print(f"compact: advice: {sentence}", file=sys.stderr)
     return scene

@@ -26,7 +26,7 @@ from compact.numerics.validation import (
     require_positive,
     require_that,
 )
-from compact.rolling_contact import ContactResult, Rolling, require_on_target
+from compact.rolling_contact import ContactResult, RollerCondition, require_on_target
 
 __all__ = [
     "DryResistance",
@@ -441,7 +441,7 @@ def _refuse_beyond_formula(layer, roller, material, speed):
         )
     if roller.profile != "parabola":
         raise ValueError(f"the formula engine needs `profile` 'parabola', got {roller.profile!r}; use fem")
-    require_known("rolling", roller.rolling, get_args(Rolling))
+    require_known("rolling", roller.rolling, get_args(RollerCondition))
     for name in ("youngs_modulus", "poisson"):
         if not hasattr(material, name):
             got = type(material).__name__

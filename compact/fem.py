@@ -6,7 +6,7 @@ Elastic and viscoelastic layers are solved by `fem_engine` (steady) and `transie
 
 from compact.engines.fem.engine import FemContactResult
 from compact.engines.fem.engine import roll as roll_linear
-from compact.files import write_mesh
+from compact.files import write_vtu
 from compact.material.laws import Compaction
 from compact.mesh import DEFAULT_ERROR
 
@@ -75,4 +75,4 @@ def fields(rolled):
 
 def write_fields(rolled, path):
     """Write `fields` as VTU, whole or not at all."""
-    write_mesh(fields(rolled), path)
+    write_vtu(fields(rolled), path)

@@ -12,10 +12,10 @@ from io import BytesIO
 from pathlib import Path
 from xml.etree import ElementTree
 
-MARK = "scene.hash"
+OWNER_FILE = "scene.hash"
 FIGURE_DPI = 110
-CLASSIC, HDF5 = "NETCDF3_CLASSIC", "NETCDF4"  # numbers alone, for any reader; strings too
-NETCDF_ENGINES = {CLASSIC: "scipy", HDF5: "h5netcdf"}  # of xarray
+NETCDF_CLASSIC, NETCDF_HDF5 = "NETCDF3_CLASSIC", "NETCDF4"  # numbers alone, for any reader; strings too
+NETCDF_BACKENDS = {NETCDF_CLASSIC: "scipy", NETCDF_HDF5: "h5netcdf"}  # of xarray
 GENERIC_STEM = "scene"  # of the file that `compact new` writes into a folder of the user's name
 
 
@@ -24,7 +24,7 @@ class ResultsError(RuntimeError):
 
 
 @contextmanager
-def whole_file(path, mode="w"):
+def atomic_file(path, mode="w"):
     """Open a file that appears under `path` whole, when the block ends without an error, or not at all."""
     path = Path(path).resolve()  # a link is followed, not replaced
     aside = path.with_name(f".{path.name}.{os.getpid()}.part")
@@ -60,7 +60,7 @@ def default_directory(scene_path, suffix=""):
 
 def write_csv(path, header, rows):
     """Write rows of numbers and words under a header of names with units, numbers with 12 digits; the path."""
-    with whole_file(path) as stream:
+    with atomic_file(path) as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)
         writer.writerows([_cell(value) for value in row] for row in rows)
@@ -70,7 +70,7 @@ def write_csv(path, header, rows):
 def write_columns(path, header, columns):
     """Write arrays, columns of numbers alone, as `write_csv` does and in a third of the time; the path."""
     line = ",".join(["%.12g"] * len(columns)) + "\n"
-    with whole_file(path) as stream:
+    with atomic_file(path) as stream:
         stream.write(",".join(header) + "\n")
         stream.writelines(line % row for row in zip(*(column.tolist() for column in columns), strict=True))
     return path
@@ -82,7 +82,7 @@ def _cell(value):
 
 def write_json(path, content):
     """JSON with infinities as "infinite" and nan as null, since JSON has no words for them."""
-    with whole_file(path) as stream:
+    with atomic_file(path) as stream:
         json.dump(_plain(content), stream, indent=2, allow_nan=False)
         stream.write("\n")
 
@@ -101,47 +101,47 @@ def _plain(value):
 
 def write_bytes(path, content):
     """Write bytes as they are; the path."""
-    with whole_file(path, "wb") as stream:
+    with atomic_file(path, "wb") as stream:
         stream.write(content)
     return path
 
 
 def write_netcdf(path, dataset, kind):
-    """Write an xarray Dataset as netCDF of one of NETCDF_ENGINES; the path."""
-    return write_bytes(path, dataset.to_netcdf(format=kind, engine=NETCDF_ENGINES[kind]))
+    """Write an xarray Dataset as netCDF of one of NETCDF_BACKENDS; the path."""
+    return write_bytes(path, dataset.to_netcdf(format=kind, engine=NETCDF_BACKENDS[kind]))
 
 
 def read_netcdf(path, kind):
-    """The xarray Dataset of a netCDF file of one of NETCDF_ENGINES, all of it in memory.
+    """The xarray Dataset of a netCDF file of one of NETCDF_BACKENDS, all of it in memory.
 
     Raises OSError, TypeError or LookupError for a file that is no such netCDF.
     """
     import xarray
 
-    return xarray.load_dataset(path, engine=NETCDF_ENGINES[kind])
+    return xarray.load_dataset(path, engine=NETCDF_BACKENDS[kind])
 
 
 def write_figure(path, figure):
     """Write a matplotlib figure as PNG; the path."""
-    return write_bytes(path, png(figure))
+    return write_bytes(path, render_png(figure))
 
 
-def png(figure):
+def render_png(figure):
     """A matplotlib figure as bytes of PNG."""
     held = BytesIO()
     figure.savefig(held, format="png", dpi=FIGURE_DPI)
     return held.getvalue()
 
 
-def write_mesh(mesh, path):
+def write_vtu(mesh, path):
     """Write a meshio mesh as VTU, whole or not at all."""
     import meshio
 
-    with whole_file(path, "wb") as stream:  # its name, since meshio opens the file itself
+    with atomic_file(path, "wb") as stream:  # its name, since meshio opens the file itself
         meshio.write(stream.name, mesh, file_format="vtu")
 
 
-def write_pvd(path, members):
+def write_pvd_collection(path, members):
     """A series of fields as PVD, a collection of ParaView: (value, file) pairs, the value in the place of time."""
     series = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(series, "Collection")
@@ -149,30 +149,30 @@ def write_pvd(path, members):
         name = Path(file).relative_to(Path(path).parent).as_posix()
         ElementTree.SubElement(collection, "DataSet", timestep=repr(value), part="0", file=name)
     ElementTree.indent(series)
-    with whole_file(path, "wb") as stream:
+    with atomic_file(path, "wb") as stream:
         ElementTree.ElementTree(series).write(stream, encoding="utf-8", xml_declaration=True)
 
 
 @contextmanager
-def claimed(directory, scene_hash, force=False):
+def claimed_directory(directory, scene_hash, force=False):
     """The directory as of `claim`, given back if the block fails before a result is written."""
-    directory = claim(directory, scene_hash, force)
+    directory = claim_directory(directory, scene_hash, force)
     try:
         yield directory
     except BaseException:
         with suppress(OSError):
-            if [path.name for path in directory.iterdir()] == [MARK]:
-                (directory / MARK).unlink()
+            if [path.name for path in directory.iterdir()] == [OWNER_FILE]:
+                (directory / OWNER_FILE).unlink()
         raise
 
 
-def claim(directory, scene_hash, force=False):
+def claim_directory(directory, scene_hash, force=False):
     """The directory, made if need be and marked as this scene's; refused where another scene's results stand.
 
     With `force` the other scene's results are overwritten file by file. Raises ResultsError.
     """
     directory = Path(directory)
-    mark = directory / MARK
+    mark = directory / OWNER_FILE
     try:
         owner = mark.read_text(encoding="utf-8", errors="replace").strip() if mark.exists() else None
         foreign = owner is None and directory.exists() and any(map(_is_foreign, directory.iterdir()))
@@ -182,7 +182,7 @@ def claim(directory, scene_hash, force=False):
         raise ResultsError(f"{directory}: holds files that are not compact's; give another --out, or --force")
     if owner not in (None, scene_hash) and not force:
         raise ResultsError(f"{directory}: holds results of another scene; give another --out, or --force")
-    with whole_file(mark) as stream:
+    with atomic_file(mark) as stream:
         stream.write(scene_hash + "\n")
     return directory
 

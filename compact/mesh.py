@@ -13,7 +13,9 @@ from compact.numerics.validation import require_positive
 
 DEFAULT_ERROR = 2e-3  # of the resistance, on ten elements per half-width: a point of studies/speed_against_error.py
 GROWTH = 1.4  # ratio of neighbouring elements, its root inside the contact: 3e-5 of the load, 6e-6 once refined
-EDGE = 4  # times smaller at the edges: resistance in the limits of slow and fast within 0.2 %, without it 1 %
+EDGE_REFINEMENT = (
+    4  # times smaller at the edges: resistance in the limits of slow and fast within 0.2 %, without it 1 %
+)
 REACH = 20.0  # layer heights beyond the contact; 14 leave 3e-5 in the load where v tau is 500 heights
 COARSEST = 2.0  # layer heights: so far out that even half of it changes nothing
 SAME_PLACE = 1e-13  # of the length: nodes closer than this to the mirror image of others mirror them
@@ -97,7 +99,9 @@ class RowMesh:
         return RowMesh(_with_middles(_with_middles(self.x.T).T), _with_middles(self.y))
 
 
-def graded(height, half_width, elements, *, centre=0.0, interfaces=(), edge=EDGE, growth=GROWTH, reach=REACH):
+def graded_mesh(
+    height, half_width, elements, *, centre=0.0, interfaces=(), edge=EDGE_REFINEMENT, growth=GROWTH, reach=REACH
+):
     """A layer meshed for a contact of about a given half-width around x = centre, a `RowMesh`.
 
     Elements of a/n lie inside the contact and shrink towards its edges, where pressure rises like a root; over a thin
@@ -116,7 +120,7 @@ def graded(height, half_width, elements, *, centre=0.0, interfaces=(), edge=EDGE
     growth : ratio of neighbouring elements outside the contact, >= 1
     reach : free length beyond the contact over the height, > 0
 
-    >>> mesh = graded(height=0.22, half_width=0.02, elements=10)
+    >>> mesh = graded_mesh(height=0.22, half_width=0.02, elements=10)
     >>> mesh.shape, mesh.dofs
     ((16, 86), 11418)
     """
@@ -138,12 +142,12 @@ def graded(height, half_width, elements, *, centre=0.0, interfaces=(), edge=EDGE
     return RowMesh(np.tile(centre + np.concatenate([-right[:0:-1], right]), (len(y), 1)), y)
 
 
-def for_error(height, half_width, error, interfaces=()):
+def mesh_for_error(height, half_width, error, interfaces=()):
     """The graded `RowMesh` that holds load and resistance within a relative `error` of the exact ones [-], > 0.
 
     The error of the resistance falls as n^-1.5 and passes 0.2 % at n = 10 per half-width; the load is better.
     """
-    return graded(height, half_width, elements_for(error), interfaces=interfaces)
+    return graded_mesh(height, half_width, elements_for(error), interfaces=interfaces)
 
 
 def elements_for(error):
@@ -152,7 +156,7 @@ def elements_for(error):
     return int(np.clip(np.round(10 * (DEFAULT_ERROR / error) ** (1 / 1.5)), 4, 80))
 
 
-def from_quads(points, quads):
+def row_mesh(points, quads):
     """A `RowMesh` from any quadrilaterals, if their rows are straight; ValueError with the reason otherwise.
 
     Parameters
@@ -178,18 +182,18 @@ def from_quads(points, quads):
     return mesh
 
 
-def write_mesh_file(mesh, path):
+def write_row_mesh(mesh, path):
     """Write the mesh in the format that the suffix of `path` names: .vtu, .msh, ... ."""
     _meshio().Mesh(np.pad(mesh.points, ((0, 0), (0, 1))), [("quad", mesh.quads)]).write(path)
 
 
-def read_mesh_file(path):
+def read_mesh(path):
     """The `RowMesh` in a file of any format that meshio reads; ValueError if it is not in straight rows."""
     content = _meshio().read(path)
     kinds = {block.type for block in content.cells} - {"vertex", "line"}
     if kinds != {"quad"}:
         raise ValueError(f"{path}: a layer is meshed by 4-cornered quadrilaterals, got {', '.join(sorted(kinds))}")
-    return from_quads(content.points, content.cells_dict["quad"])
+    return row_mesh(content.points, content.cells_dict["quad"])
 
 
 def _meshio():

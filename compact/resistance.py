@@ -18,7 +18,7 @@ is a matter of geometry and the yield limit one of the speed now, so that M = 0 
 
 What the mix resists at any speed: an engine sampled over the speeds of a motion until it predicts itself.
 
-    F(v, a) = F(v) + a' M(v),    a' = a while |a| <= A, else A sign(a),    A = SLOW |v|/tau
+    F(v, a) = F(v) + a' M(v),    a' = a while |a| <= A, else A sign(a),    A = UNSTEADINESS_LIMIT |v|/tau
 
 F and M over ln |v| by cubics, F monotone where the samples are; F is odd in v, M even. If the return stroke, v < 0,
 rolls over compacted mix, both are smaller there by a constant ratio. Below the slowest sample F
@@ -26,7 +26,7 @@ follows the power law v^n that it has there, 0 <= n <= 1: n = 1 for a layer that
 speed alike; M stays as it is. The map tells its own error: each sample is predicted by the others, and where that
 fails new ones are put on both sides of it. At rest the resistance is set-valued; the call returns the middle, 0.
 
-First order in the acceleration holds while |a| tau/|v| is below SLOW (`modulation`), so never at a turn; `beyond` says
+First order in the acceleration holds while |a| tau/|v| is below UNSTEADINESS_LIMIT (`modulation`), so never at a turn; `beyond` says
 where. There the second term is held at what it is at the limit: continuous, and gone at rest. That repairs little: on a
 Winkler foundation (operating point's contact, Eg/Er 1.5, tau 0.1 s, four laws) the largest miss of a pass of 3 s is
 0.16-0.41 of the peak force without M, 0.14-0.39 with it; in 0.6 s, where most is beyond, both miss 0.8-1.6. M without a
@@ -43,11 +43,11 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 
 from compact.numerics.validation import require_finite, require_positive
 
-SLOW = 0.1  # unsteadiness at which the first order leaves out 0.4 % of F on a Winkler foundation, or less
+UNSTEADINESS_LIMIT = 0.1  # unsteadiness at which the first order leaves out 0.4 % of F on a Winkler foundation, or less
 
 
 @dataclass(frozen=True)
-class Modulation:
+class ResistanceExpansion:
     """Resistance of one roller near a steady speed, per unit roller length.
 
     speed : v [m/s]
@@ -63,27 +63,27 @@ class Modulation:
     slope: float
     added_mass: float
     error: float | None
-    time: float
+    relaxation_time: float
 
     def unsteadiness(self, acceleration):
-        """|a| tau/|v| [-] at accelerations a [m/s2]: use F_ss + a M below `SLOW`; at 1 and above it is void.
+        """|a| tau/|v| [-] at accelerations a [m/s2]: use F_ss + a M below `UNSTEADINESS_LIMIT`; at 1 and above it is void.
 
         A contact that is short, 2b/v < tau with b its half-width, forgets sooner: then |a| 2b/v^2 << 1 is enough.
 
-        >>> found = Modulation(0.5, 100.0, 20.0, -3.0, error=0.0, time=0.1)
+        >>> found = ResistanceExpansion(0.5, 100.0, 20.0, -3.0, error=0.0, relaxation_time=0.1)
         >>> f"{found.unsteadiness(-0.25):.2f}"
         '0.05'
         """
         require_finite(acceleration=acceleration)
-        return np.abs(acceleration) * self.time / abs(self.speed)
+        return np.abs(acceleration) * self.relaxation_time / abs(self.speed)
 
 
 FEWEST = 5  # samples to begin with
-MOST = 64
+MAX_SAMPLES = 64
 BLOCK = 8192  # speeds at a time, which stay in the processor's cache
 SLOWEST = 1e-6  # of the fastest: where nothing still changes by the tolerance
 SLOWER = 4.0  # times, each step down while the power law does not hold
-ROUNDING = 1e-9  # by which a speed may pass the fastest sample
+SPEED_ROUNDING = 1e-9  # by which a speed may pass the fastest sample
 VERSIONED = ("compact", "numpy", "scipy")
 
 
@@ -104,7 +104,7 @@ class ResistanceMap:
     error: float
     engine_error: float | None = None
     added_masses: np.ndarray | None = None
-    time: float = 0.0
+    relaxation_time: float = 0.0
     return_ratio: float = 1.0
 
     odd = True  # with either sign: a driven roller pulls its cart
@@ -133,26 +133,26 @@ class ResistanceMap:
             force = force * np.minimum(speed / slowest, 1.0) ** self.exponent
         force = np.sign(velocity) * force
         if self.added_masses is not None:
-            if self.time:
-                most = self.pace * speed
+            if self.relaxation_time:
+                most = self.rate_limit * speed
                 acceleration = np.clip(acceleration, -most, most)
             force = force + acceleration * sample_resistance[:, 1]
         return force if self.return_ratio == 1 else np.where(velocity < 0, self.return_ratio, 1.0) * force
 
     @property
-    def pace(self):
+    def rate_limit(self):
         """A/|v| [1/s], up to which the second term follows the acceleration; infinite where nothing is remembered."""
-        return SLOW / self.time if self.time else np.inf
+        return UNSTEADINESS_LIMIT / self.relaxation_time if self.relaxation_time else np.inf
 
     def unsteadiness(self, velocity, acceleration):
         """|a| tau/|v| [-]; infinite at a turn, 0 where the cart stands."""
-        hurry = self.time * np.abs(np.asarray(acceleration, float))
+        hurry = self.relaxation_time * np.abs(np.asarray(acceleration, float))
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(hurry > 0, hurry / np.abs(velocity), 0.0)[()]
 
-    def beyond(self, velocity, acceleration):
+    def is_unsteady(self, velocity, acceleration):
         """Whether a motion is too unsteady there for first order in its acceleration."""
-        return self.unsteadiness(velocity, acceleration) >= SLOW
+        return self.unsteadiness(velocity, acceleration) >= UNSTEADINESS_LIMIT
 
     @cached_property
     def _cubics(self):
@@ -166,13 +166,8 @@ class ResistanceMap:
         """n of the power law below the slowest sample."""
         return _exponent(self.speeds, self.forces)
 
-    @property
-    def limit(self):
-        """What it resists before it moves [N]: 0 where the resistance vanishes with the speed."""
-        return float(abs(self.forces[0])) if self.exponent == 0 else 0.0
-
     def _refuse_faster(self, speed):
-        if np.max(speed, initial=0.0) > self.speeds[-1] * (1 + ROUNDING):
+        if np.max(speed, initial=0.0) > self.speeds[-1] * (1 + SPEED_ROUNDING):
             raise ValueError(
                 f"the resistance was computed up to {self.speeds[-1]:g} m/s, got {np.max(speed):g} m/s; "
                 "sample it over the speeds of the motion"
@@ -187,7 +182,7 @@ class ResistanceMap:
         """Write the map as netCDF, with the key of all it depends on and the versions that made it; whole or not."""
         import xarray
 
-        from compact.files import CLASSIC, write_netcdf
+        from compact.files import NETCDF_CLASSIC, write_netcdf
 
         variables = {"speed": (self.speeds, "m/s"), "resistance": (self.forces, "N")}
         if self.added_masses is not None:
@@ -199,22 +194,22 @@ class ResistanceMap:
             "key": key,
             "versions": _versions(),
             "error": float(self.error),
-            "time": float(self.time),
+            "relaxation_time": float(self.relaxation_time),
             "return_ratio": float(self.return_ratio),
             "engine_error": float(np.nan if self.engine_error is None else self.engine_error),
         }
-        write_netcdf(path, xarray.Dataset(columns, attrs=attributes), CLASSIC)
+        write_netcdf(path, xarray.Dataset(columns, attrs=attributes), NETCDF_CLASSIC)
 
 
-def load(path, key=""):
+def load_resistance_map(path, key=""):
     """The `ResistanceMap` of a file; ValueError where it has another key, is of other versions, or is no such file."""
-    from compact.files import CLASSIC, read_netcdf
+    from compact.files import NETCDF_CLASSIC, read_netcdf
 
     try:
-        table = read_netcdf(path, CLASSIC)
+        table = read_netcdf(path, NETCDF_CLASSIC)
         made = table.attrs["key"], table.attrs["versions"]
         error, told, time, ratio = (
-            float(table.attrs[name]) for name in ("error", "engine_error", "time", "return_ratio")
+            float(table.attrs[name]) for name in ("error", "engine_error", "relaxation_time", "return_ratio")
         )
         columns = {name: np.array(variable, dtype=float) for name, variable in table.variables.items()}
         speeds, forces = columns["speed"], columns["resistance"]
@@ -240,12 +235,12 @@ def sample_resistance(resistance, slowest, fastest, tolerance, known=()):
     known : (speed, force, error) that are there already; an error may be None
     tolerance : of the largest force, by which a sample may be missed by the others
 
-    Raises RuntimeError where so many samples as `MOST` do not suffice.
+    Raises RuntimeError where so many samples as `MAX_SAMPLES` do not suffice.
     """
     require_positive(slowest=slowest, fastest=fastest, tolerance=tolerance)
     samples = {speed: (force, error) for speed, force, error in known if speed <= fastest}
     wanted = [fastest] if len(samples) >= FEWEST - 1 else np.geomspace(slowest, fastest, FEWEST).tolist()
-    while len(samples) < MOST:
+    while len(samples) < MAX_SAMPLES:
         for speed in wanted:
             if speed not in samples:
                 samples[speed] = resistance(speed)

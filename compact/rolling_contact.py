@@ -18,15 +18,15 @@ from typing import Literal
 
 import numpy as np
 
-from compact.files import write_mesh, write_pvd
+from compact.files import write_pvd_collection, write_vtu
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
-Base = Literal["bonded", "slip"]
-Rolling = Literal["frictionless", "sliding", "free", "driven"]
-Profile = Literal["parabola", "circle", "deformed"]
+BaseCondition = Literal["bonded", "slip"]
+RollerCondition = Literal["frictionless", "sliding", "free", "driven"]
+GapGeometry = Literal["parabola", "circle", "deformed"]
 
 
-SAME_HEIGHT = 1e-9  # of the layer's height: what decimal fractions of thicknesses may miss
+HEIGHT_TOLERANCE = 1e-9  # of the layer's height: what decimal fractions of thicknesses may miss
 
 
 @dataclass(frozen=True)
@@ -51,14 +51,14 @@ class Layer:
     """
 
     height: float
-    base: Base = "bonded"
+    base: BaseCondition = "bonded"
     plies: tuple[Ply, ...] = ()
 
     def __post_init__(self):
         require_positive(height=self.height)
         object.__setattr__(self, "plies", tuple(self.plies))
         total = sum(ply.thickness for ply in self.plies)
-        if self.plies and abs(total - self.height) > SAME_HEIGHT * self.height:
+        if self.plies and abs(total - self.height) > HEIGHT_TOLERANCE * self.height:
             raise ValueError(
                 f"`plies` must be as thick together as the layer is high, {self.height!r} m, got {total:.12g} m"
             )
@@ -99,8 +99,8 @@ class Roller:
     radius: float
     indentation: float | None = None
     friction: float = 0.0
-    rolling: Rolling = "frictionless"
-    profile: Profile = "parabola"
+    rolling: RollerCondition = "frictionless"
+    profile: GapGeometry = "parabola"
     load: float | None = None
     peak_pressure: float | None = None
 
@@ -123,7 +123,7 @@ class Roller:
         return {name: value for name, value in targets.items() if value is not None}
 
 
-def require_no_torque(roller, torque):
+def require_torque_allowed(roller, torque):
     """A torque is for a roller that turns with friction; one that is driven needs it."""
     turns = roller.rolling in ("free", "driven")
     if torque is not None:
@@ -246,15 +246,15 @@ class TransientResult:
             if lost.size:
                 raise RuntimeError(f"no {name} found at t = {self.time[lost[0]]:.6g} s")
 
-    def film(self, directory):
+    def write_frames(self, directory):
         """Write the frames as film/time=T.vtu and as film.pvd, their series over time, which comes last; its path."""
         if not self.frames:
             raise ValueError("no frames to film; ask for `frames` at the instants wanted when travelling")
         members = []
         for time, mesh in self.frames:
             path = Path(directory) / "film" / f"time={time!r}.vtu"
-            write_mesh(mesh, path)
+            write_vtu(mesh, path)
             members.append((time, path))
         series = Path(directory) / "film.pvd"
-        write_pvd(series, members)
+        write_pvd_collection(series, members)
         return series

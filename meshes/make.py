@@ -5,7 +5,7 @@ The medium one is the default mesh of the engine "fem"; run again after a change
 
 from pathlib import Path
 
-from compact.mesh import graded, write
+from compact.mesh import graded_mesh, write_row_mesh
 
 HEIGHT, HALF_WIDTH = 0.22, 0.02
 ELEMENTS = {"coarse": 5, "medium": 10, "fine": 20}
@@ -15,8 +15,8 @@ def main(out=Path(__file__).parent):
     """Write the three meshes and return their unknowns by name."""
     dofs = {}
     for name, elements in ELEMENTS.items():
-        layer = graded(HEIGHT, HALF_WIDTH, elements)
-        write(layer, Path(out) / f"{name}.vtu")
+        layer = graded_mesh(HEIGHT, HALF_WIDTH, elements)
+        write_row_mesh(layer, Path(out) / f"{name}.vtu")
         dofs[name] = layer.dofs
     return dofs
 

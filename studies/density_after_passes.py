@@ -19,7 +19,7 @@ import numpy as np
 from compact.analysis.calibration import blend
 from compact.analysis.engines import compaction
 from compact.analysis.multipass import Pass, density, passes, there_and_back
-from compact.engines.column.engine import feed
+from compact.engines.column.engine import required_feed
 from compact.report.progress import tracked
 from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
@@ -38,7 +38,7 @@ def in_lifts(scene, count):
     """The `ColumnContactResult` of each pass over a layer fed in so many equal lifts, pressed to the scene's density."""
     material, wanted = compaction(scene, blend(scene)), scene.mix.density_ratio
     speed = scene.motion.stroke / scene.motion.duration
-    lift = feed(scene.product.height, wanted, material, speed).height / count
+    lift = required_feed(scene.product.height, wanted, material, speed).height / count
     roller = Roller(scene.machine.roller_radius, indentation=lift / 100, profile="circle")  # gives way to the density
     stages = [Pass(lift if number else 0.0, exit_density_ratio=wanted) for number in range(count)]
     return passes(Layer(lift), roller, material, speed, stages)

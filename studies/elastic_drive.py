@@ -29,15 +29,15 @@ LAWS = ("parabolic", "cubic", "quintic", "septic", "reversal-2", "reversal-4-fre
 
 def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9), ratio=0.05, out=None, **changes):
     """Rows of HEADER, SI, for each law and stiffness; `ratio` is the damping ratio c/(2 sqrt(k m))."""
-    study = Study(load_scene(SCENES / f"{scene}.toml", **{"motion.laws": list(laws), "output.wanted": [], **changes}))
+    study = Study(load_scene(SCENES / f"{scene}.toml", **{"motion.laws": list(laws), "output.items": [], **changes}))
     rows, runs, motion = [], {}, study.scene.motion
     for (name, cycle), stiffness in tracked(product(study.cycles.items(), stiffnesses), "drive"):
         spring = ElasticDrive(stiffness, 2 * ratio * np.sqrt(stiffness * study.cart.mass))
         working = (motion.run_up, 1 - motion.run_down)
         run = runs[name, stiffness] = simulate(study.cart, spring, cycle, study.resistance, working=working)
         rows.append((
-            name, stiffness, run.peak_force, run.ringing, run.nonuniformity, run.peak_power, run.standing,
-            run.energy_residual, run.work.arcs,
+            name, stiffness, run.peak_force, run.ringing, run.nonuniformity, run.peak_power, run.stick_time,
+            run.energy_residual, run.cost.intervals,
         ))  # fmt: skip
     if out:
         from compact.files import write_csv

@@ -25,8 +25,8 @@ from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
 PLAIN = {
-    "machine.rolling": "frictionless",
-    "machine.profile": "parabola",
+    "machine.roller_condition": "frictionless",
+    "machine.gap_geometry": "parabola",
     "layer.fed_density_ratio": 0.9,  # below all density ratios; a linear layer does not ask
     "mix.overrides.effective_modulus": None,  # the prior's
     "mix.overrides.steel_friction": 0.0,
@@ -75,10 +75,10 @@ def main(
             found[engine] = of_contact(roll(case, study.mix, case.mean_speed, engine), radius)
         rows += [(moisture, ratio, radius, engine, *map(float, values)) for engine, values in found.items()]
     if out:
-        from compact.files import whole_file, write_csv
+        from compact.files import atomic_file, write_csv
 
         write_csv(Path(out) / "formula_against_fem.csv", HEADER, rows)
-        with whole_file(Path(out) / "formula_against_fem.png", "wb") as stream:
+        with atomic_file(Path(out) / "formula_against_fem.png", "wb") as stream:
             figure(rows).savefig(stream, format="png", dpi=110)
     return rows
 

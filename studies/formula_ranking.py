@@ -15,7 +15,7 @@ SCENES = Path(__file__).parent / "scenes"
 
 def main(scene="loveikin-2015", by="peak_power", **overrides):
     """(end of the spread, resistance of a cart [N], laws in order) for low, expected and high required pressure."""
-    nominal = load_scene(SCENES / f"{scene}.toml", **{"output.wanted": [], "drive.rank_by": [by], **overrides})
+    nominal = load_scene(SCENES / f"{scene}.toml", **{"output.items": [], "drive.rank_by": [by], **overrides})
     pressure = Study(nominal).mix.parameter("required_pressure")
     rows = []
     for end in tracked(("low", "value", "high"), "end of the spread"):

@@ -125,7 +125,7 @@ def stiff_ply():
 def pressed_shut():
     scene = load_scene(SCENE)
     material = engines.compaction(scene, Study(scene).mix)
-    fed = column.feed(0.22, 0.995, material, 0.2)
+    fed = column.required_feed(0.22, 0.995, material, 0.2)
     roller = Roller(1.0, indentation=fed.indentation)
     found = column.roll(Layer(fed.height), roller, material, 0.2)
     return f"k {found.exit_density_ratio:.6f}", found.mass_residual
@@ -145,7 +145,7 @@ def again():
 
 @case("spring of 1e9 N/m, dry friction, parabolic law", "closed form of the knock without damping")
 def stiff_drive():
-    study = Study(load_scene(SCENE, **{"motion.laws": ["parabolic"], "output.wanted": []}))
+    study = Study(load_scene(SCENE, **{"motion.laws": ["parabolic"], "output.items": []}))
     cart = replace(study.cart, guide_friction=0.0)
     force, inertia = study.resistance.force, cart.mass * 4 * 0.4 / 9
     spring = ElasticDrive(1e9, 2 * 0.01 * math.sqrt(1e9 * cart.mass))
@@ -156,9 +156,9 @@ def stiff_drive():
 
 @case("speed through 0, stick and slip", "balance of energy")
 def crossing():
-    study = Study(load_scene(SCENE, **{"motion.laws": ["quintic"], "output.wanted": []}))
+    study = Study(load_scene(SCENE, **{"motion.laws": ["quintic"], "output.items": []}))
     run = simulate(study.cart, ElasticDrive(2e5, 1e3), study.cycles["quintic"], study.resistance)
-    return f"stands {run.standing:.4f} s", run.energy_residual
+    return f"stands {run.stick_time:.4f} s", run.energy_residual
 
 
 @case("complex law at a double root", "the same weights off by 1e-9")
@@ -173,7 +173,7 @@ def double_root():
 @case("dwell of no length", "no dwell")
 def no_dwell():
     law = motion.law("reversal-4", 0.4, 3.0)
-    study = Study(load_scene(SCENE, **{"motion.laws": ["reversal-4"], "output.wanted": []}))
+    study = Study(load_scene(SCENE, **{"motion.laws": ["reversal-4"], "output.items": []}))
     runs = [simulate(study.cart, Rigid(), cycle, study.resistance) for cycle in (law, law.cycle(0.0, 0.0))]
     return f"H {runs[1].peak_force:.6g} N", runs[1].peak_force / runs[0].peak_force - 1
 
@@ -197,7 +197,11 @@ def jump():
 
 @case("load beyond the height of the layer", "refused in words")
 def through_the_base():
-    plain = {"accuracy.engine": "spectral", "machine.profile": "parabola", "machine.rolling": "frictionless"}
+    plain = {
+        "accuracy.engine": "spectral",
+        "machine.gap_geometry": "parabola",
+        "machine.roller_condition": "frictionless",
+    }
     scene = load_scene(SCENE, **{"contact.load": 1e7, **plain})
     return engines.roll(scene, Study(scene).mix, 0.2).load, math.nan
 

@@ -23,11 +23,11 @@ from compact.sweep.run import Sweep
 
 SCENES = Path(__file__).parent / "scenes"
 PLAIN = {
-    "machine.rolling": "frictionless",
+    "machine.roller_condition": "frictionless",
     "layer.fed_density_ratio": 0.9,
     "mix.overrides.effective_modulus": None,  # the prior's
     "mix.overrides.steel_friction": 0.0,
-    "output.wanted": [],
+    "output.items": [],
 }
 COMPARED = {"load": "load", "resistance": "resistance", "capture_angle": "capture angle φ"}
 ENGINES = ("formula", "column", "fem")

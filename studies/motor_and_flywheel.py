@@ -32,7 +32,7 @@ SHARE = {  # of one cart in the motor; assumed: twice the mean power of a cart, 
 
 def main(scene="loveikin-2015", laws=("cubic", "reversal-4"), carts=(1, 2, 3, 4), inertias=(0.01, 0.1, 1.0), out=None):
     """Rows of HEADER, SI, for each law, number of carts and inertia of the motor with its flywheel."""
-    base, rows, runs = load_scene(SCENES / f"{scene}.toml", **{"motion.laws": list(laws), "output.wanted": []}), [], {}
+    base, rows, runs = load_scene(SCENES / f"{scene}.toml", **{"motion.laws": list(laws), "output.items": []}), [], {}
     for count, inertia in tracked(product(carts, inertias), "motor"):
         motor = SHARE | {"torque": SHARE["torque"] * count, "inertia": inertia}
         study = Study(base.replaced(**{"drive.kind": "motor", "drive.carts": count, "drive.motor": motor}))

@@ -36,14 +36,14 @@ TOLD = {  # of the refits, beside their points
     "machine.roller_length": "roller {:g} m",
     "resistance_coefficient": "coefficient {:g}",
 }
-LIFTS = {"layer.lift": 0.06}  # m, pressed at a time; no source has one
+LIFTS = {"layer.lift_thickness": 0.06}  # m, pressed at a time; no source has one
 COARSE = 4  # increments of what only moves the fit
 VARIANTS = {  # of the finite elements: changes of the scene, another coefficient, increments; each begins at the first
     "lifts": (LIFTS, None, 12),
     "lifts, friction angle 40°": (LIFTS | {"mix.overrides.friction_angle": 40.0}, None, COARSE),
     "lifts, roller 0.6 m": (LIFTS | {"machine.roller_length": 0.6}, None, COARSE),
     "lifts, coefficient 0.219": (LIFTS, 0.219, COARSE),
-    "lifts, smooth roller": (LIFTS | {"machine.rolling": "frictionless"}, None, COARSE),
+    "lifts, smooth roller": (LIFTS | {"machine.roller_condition": "frictionless"}, None, COARSE),
     "whole product": ({}, None, COARSE),
 }
 HEADER = (
@@ -92,7 +92,7 @@ def calibrated(scene, readings, engines, variants):
     for name, (changes, coefficient, increments) in tracked(asked_for, "calibration", alike=False):
         changed = scene.replaced(**changes)
         asked = readings if coefficient is None else readings.moved("resistance_coefficient", coefficient)
-        near = first if first and first.scene.lift == changed.lift else None
+        near = first if first and first.scene.lift_thickness == changed.lift_thickness else None
         try:
             fit = calibrate(changed, asked, "compaction", increments=increments, near=near)
         except RuntimeError as error:

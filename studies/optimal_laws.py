@@ -32,7 +32,7 @@ def main(scene="loveikin-2015", shares=SHARES, jerks=JERKS, out=None):
 
     `least` is of the law made for the nominal resistance, `robust` of the one of least regret over the spread.
     """
-    scene = load_scene(SCENES / f"{scene}.toml", **{"output.wanted": []})
+    scene = load_scene(SCENES / f"{scene}.toml", **{"output.items": []})
     table = {"objectives": list(OBJECTIVES), "smoothness": 1, "acceleration": ACCELERATION, "steady_tolerance": 0.0}
     nominal = Study(scene.replaced(**{"motion.optimise": table}))
     robust = Study(scene.replaced(**{"motion.optimise": table | {"spread": ["required_pressure"]}}))

@@ -35,7 +35,7 @@ from compact.scene.loader import load_scene
 from compact.sweep import design as vary
 
 SCENES = Path(__file__).parent / "scenes"
-SMOOTH = {"machine.rolling": "frictionless"}
+SMOOTH = {"machine.roller_condition": "frictionless"}
 ENGINES = {  # what they change of the scene
     "formula": {},
     "column": {"mix.overrides.heckel_slope": 13.995e-6, "layer.fed_density_ratio": 0.93444},  # to 9740 N and 0.179
@@ -85,7 +85,7 @@ def main(scene="loveikin-2015", engines=tuple(ENGINES), drives=tuple(DRIVES), sa
     """(rows of HEADER, rows of SPREAD_HEADER), SI; the maps are kept in `out` for the next run."""
     rows, spreads = [], []
     for engine in tracked(engines, str, alike=False):
-        asked = {"output.wanted": [], "accuracy.engine": engine.split(",")[0], **changes, **ENGINES[engine]}
+        asked = {"output.items": [], "accuracy.engine": engine.split(",")[0], **changes, **ENGINES[engine]}
         base = load_scene(SCENES / f"{scene}.toml", **asked)
         rows += ranked(base, engine, drives, out and Path(out) / engine.replace(", ", "-").replace(" ", "-"))
         if engine in CHEAP:
@@ -127,7 +127,7 @@ def condition(study):
     if not study.layered:
         return "", "", ""
     machine = adapt(study.scene, study.scene.accuracy.engine)[0].machine
-    return machine.rolling, machine.profile, study.held.name
+    return machine.roller_condition, machine.gap_geometry, study.held.name
 
 
 def compacting(study, increments=INCREMENTS):

@@ -31,7 +31,11 @@ from compact.rolling_contact import Roller
 from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
-PLAIN = {"machine.rolling": "frictionless", "machine.profile": "parabola", "mix.overrides.steel_friction": 0.0}
+PLAIN = {
+    "machine.roller_condition": "frictionless",
+    "machine.gap_geometry": "parabola",
+    "mix.overrides.steel_friction": 0.0,
+}
 HEADER = ("law", "model", "largest_error", "rms_error", "making_s", "cycle_s")
 DRIVEN = ("drive", "model", "peak_force_N", "energy_J", "largest_error", "rms_error", "run_s")
 SLOWEST = 0.01  # of the fastest speed: where the map begins
@@ -74,7 +78,7 @@ def models(contact, fastest, samples):
         "map + a M": (lambda motion, time: lagging(motion.velocity(time), motion.acceleration(time)), mapping + added),
     }
     time = max(time for _, time in contact[2].branches)
-    lag = replace(steady, added_masses=np.interp(np.log(steady.speeds), np.log(speeds), masses), time=time)
+    lag = replace(steady, added_masses=np.interp(np.log(steady.speeds), np.log(speeds), masses), relaxation_time=time)
     return made, steady, lag
 
 
@@ -94,7 +98,7 @@ def driven(study, contact, cycle, steady, lag):
     rows = []
     for kind in ("elastic", "motor"):
         for model, met in (("map", steady), ("map + a M", lag)):
-            drive = ElasticDrive(STIFFNESS, damping, first_order=met is lag) if kind == "elastic" else MOTOR
+            drive = ElasticDrive(STIFFNESS, damping, include_added_mass=met is lag) if kind == "elastic" else MOTOR
             run, seconds = timed(lambda drive=drive, met=met: simulate(study.cart, drive, cycle, met.scaled(share)))
             exact = fem.travel(*contact, Made(run), estimate=False)
             back = exact.time > exact.time[-1] / 2

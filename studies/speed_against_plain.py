@@ -112,8 +112,8 @@ def speeds_in_a_row(count, targets=TARGETS, tolerance=5e-3):
     """
     rows = []
     for target in targets:
-        surface_compliance.stiffness.cache_clear()
-        surface_compliance.condensed.cache_clear()
+        surface_compliance.layer_stiffness.cache_clear()
+        surface_compliance.surface_compliance.cache_clear()
         seconds = []
         for velocity in np.geomspace(0.003, 3, count):
             start = perf_counter()
@@ -132,8 +132,8 @@ def against_plain(tolerances, velocity=0.3):
     exact = spectral.roll(LAYER, PRESSED, MIX, velocity, rtol=1e-8).resistance
     rows = []
     for tolerance in tolerances:
-        surface_compliance.stiffness.cache_clear()
-        surface_compliance.condensed.cache_clear()
+        surface_compliance.layer_stiffness.cache_clear()
+        surface_compliance.surface_compliance.cache_clear()
         start = perf_counter()
         rolled = fem.roll(LAYER, PRESSED, MIX, velocity, tolerance=tolerance)
         first = perf_counter()

@@ -58,7 +58,7 @@ def main(
 
         rows = np.column_stack([done.stroke, done.time, done.position, done.load, done.resistance]).tolist()
         write_csv(Path(out) / "way_back.csv", HEADER, rows)
-        done.film(Path(out))
+        done.write_frames(Path(out))
         with spinning("steady rolling"):
             steady = rolling.roll(Layer(height), roller, mix, stroke / scene.motion.duration, increments=increments)
         _draw(done, roller.radius, increments, steady).savefig(Path(out) / "way_back.png", dpi=100)

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from compact import mesh
-from compact.mesh import RowMesh, from_quads, graded
+from compact.mesh import RowMesh, graded_mesh, row_mesh
 
-LAYER = graded(height=0.22, half_width=0.02, elements=10)
+LAYER = graded_mesh(height=0.22, half_width=0.02, elements=10)
 SMALL = RowMesh(np.array([[0.0, 1.0, 2.5], [0.0, 1.2, 2.5], [0.1, 1.3, 2.4]]), np.array([0.0, 0.5, 0.8]))
 
 
@@ -71,7 +71,7 @@ def test_neighbours_differ_by_the_growth_at_most():
 @given(st.floats(1e-3, 1e3), st.floats(1e-4, 20.0), st.floats(1, 30))
 def test_any_layer_is_covered_and_symmetric(height, ratio, elements):
     half_width = ratio * height
-    layer = graded(height, half_width, elements)
+    layer = graded_mesh(height, half_width, elements)
     x = layer.x[-1]
     assert layer.y[0] == 0
     assert layer.height == pytest.approx(height, rel=1e-12)
@@ -82,14 +82,14 @@ def test_any_layer_is_covered_and_symmetric(height, ratio, elements):
 
 @pytest.mark.parametrize(("error", "elements"), [(2e-3, 10), (2.5e-4, 40), (1, 4), (1e-9, 80)])
 def test_wanted_error_sets_the_elements(error, elements):
-    assert mesh.for_error(0.22, 0.02, error) == graded(0.22, 0.02, elements)
+    assert mesh.mesh_for_error(0.22, 0.02, error) == graded_mesh(0.22, 0.02, elements)
 
 
 # a value
 
 
 def test_meshes_of_the_same_nodes_are_equal():
-    again = graded(height=0.22, half_width=0.02, elements=10)
+    again = graded_mesh(height=0.22, half_width=0.02, elements=10)
     assert again == LAYER
     assert hash(again) == hash(LAYER)
     assert LAYER != SMALL
@@ -118,22 +118,22 @@ def test_graded_layers_mirror_themselves_and_so_do_refined_ones():
 
 @pytest.mark.parametrize("suffix", ["vtu", "msh", "vtk", "inp"])
 def test_file_gives_back_the_mesh(tmp_path, suffix):
-    mesh.write_mesh_file(SMALL, tmp_path / f"layer.{suffix}")
-    again = mesh.read_mesh_file(tmp_path / f"layer.{suffix}")
+    mesh.write_row_mesh(SMALL, tmp_path / f"layer.{suffix}")
+    again = mesh.read_mesh(tmp_path / f"layer.{suffix}")
     assert again.x == pytest.approx(SMALL.x, rel=1e-12)
     assert again.y == pytest.approx(SMALL.y, rel=1e-12)
 
 
 @pytest.mark.parametrize("layer", [LAYER, SMALL], ids=["graded", "skewed"])
 def test_any_numbering_is_put_in_rows(layer):
-    assert from_quads(*shuffled(layer, np.random.default_rng(1))) == layer
+    assert row_mesh(*shuffled(layer, np.random.default_rng(1))) == layer
 
 
 @pytest.mark.parametrize("size", ["coarse", "medium", "fine"])
 def test_shipped_meshes_are_layers_of_the_default_scene(size):
     from pathlib import Path
 
-    shipped = mesh.read_mesh_file(Path(__file__).parents[1] / "meshes" / f"{size}.vtu")
+    shipped = mesh.read_mesh(Path(__file__).parents[1] / "meshes" / f"{size}.vtu")
     assert shipped.height == pytest.approx(0.22)
     assert shipped.dofs > 1000
 
@@ -145,24 +145,24 @@ def test_crooked_row_is_refused():
     points = SMALL.points
     points[4, 1] += 0.1
     with pytest.raises(ValueError, match=r"rows must be straight: the corners of element 0 lie at the heights \[0.0"):
-        from_quads(points, SMALL.quads)
+        row_mesh(points, SMALL.quads)
 
 
 def test_hole_is_refused():
     fine = SMALL.refined()
     with pytest.raises(ValueError, match="without gap or overlap: 16 expected between neighbouring nodes, 15 got, 15"):
-        from_quads(fine.points, np.delete(fine.quads, 5, axis=0))
+        row_mesh(fine.points, np.delete(fine.quads, 5, axis=0))
 
 
 def test_uneven_lines_are_refused():
     quads = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6]])
     with pytest.raises(ValueError, match="every line of nodes must hold as many nodes, got 3, 3, 2 from the base up"):
-        from_quads(SMALL.points, quads)
+        row_mesh(SMALL.points, quads)
 
 
 def test_triangles_are_refused():
     with pytest.raises(ValueError, match=r"`quads` must be quadrilaterals of 4 corners, got shape \(1, 3\)"):
-        from_quads(SMALL.points, [[0, 1, 2]])
+        row_mesh(SMALL.points, [[0, 1, 2]])
 
 
 def test_file_of_triangles_is_refused(tmp_path):
@@ -170,7 +170,7 @@ def test_file_of_triangles_is_refused(tmp_path):
 
     meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])]).write(tmp_path / "t.vtu")
     with pytest.raises(ValueError, match="a layer is meshed by 4-cornered quadrilaterals, got triangle"):
-        mesh.read_mesh_file(tmp_path / "t.vtu")
+        mesh.read_mesh(tmp_path / "t.vtu")
 
 
 @pytest.mark.parametrize(
@@ -201,4 +201,4 @@ def test_nodes_out_of_rows_are_refused(x, y, message):
 )
 def test_impossible_grading_is_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
-        graded(**({"height": 0.2, "half_width": 0.02, "elements": 10} | arguments))
+        graded_mesh(**({"height": 0.2, "half_width": 0.02, "elements": 10} | arguments))

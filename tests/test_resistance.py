@@ -15,7 +15,7 @@ from compact.engines.spectral import engine as spectral
 from compact.files import ResultsError
 from compact.material.laws import Viscoelastic
 from compact.report import writer as report
-from compact.resistance import MOST, SLOW, ResistanceMap, load, sample_resistance
+from compact.resistance import MAX_SAMPLES, UNSTEADINESS_LIMIT, ResistanceMap, load_resistance_map, sample_resistance
 from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
 
@@ -51,12 +51,8 @@ def test_resistance_without_speed_takes_five_samples_and_holds_at_rest():
     asked = []
     dry = mapped(lambda speed: (asked.append(speed) or 300.0, 0.01))
     assert len(asked) == len(dry.speeds) == 5
-    assert (dry.error, dry.engine_error, dry.limit) == (0.0, 0.01, 300.0)
+    assert (dry.error, dry.engine_error) == (0.0, 0.01)
     assert dry(np.array([-1.0, 0.0, 1e-15])).tolist() == [-300.0, 0.0, 300.0]
-
-
-def test_resistance_that_vanishes_with_speed_holds_nothing_at_rest():
-    assert mapped().limit == 0.0
 
 
 # contact.md e: the SLS Winkler foundation, kr = R = b = tau = 1, m = 1: v, F, M; the first two between table values
@@ -68,7 +64,7 @@ WINKLER = np.array([
 
 def foundation():
     speeds, forces, masses = WINKLER.T
-    return ResistanceMap(speeds, forces, 0.0, added_masses=masses, time=1.0)
+    return ResistanceMap(speeds, forces, 0.0, added_masses=masses, relaxation_time=1.0)
 
 
 @pytest.mark.parametrize(
@@ -90,21 +86,21 @@ def test_resistance_is_odd_in_velocity_and_acceleration_together():
 
 def test_acceleration_counts_up_to_its_limit_and_no_further():
     law, velocity = foundation(), np.geomspace(1e-3, 3, 50)
-    within = law(velocity, 0.5 * SLOW * velocity) - law(velocity)
-    at_limit = law(velocity, SLOW * velocity) - law(velocity)
+    within = law(velocity, 0.5 * UNSTEADINESS_LIMIT * velocity) - law(velocity)
+    at_limit = law(velocity, UNSTEADINESS_LIMIT * velocity) - law(velocity)
     assert at_limit == pytest.approx(2 * within, rel=1e-9, abs=1e-15)
-    assert np.array_equal(law(velocity, 50.0 * velocity), law(velocity, SLOW * velocity))
+    assert np.array_equal(law(velocity, 50.0 * velocity), law(velocity, UNSTEADINESS_LIMIT * velocity))
     assert law(0.0, 5.0) == 0
     assert abs(law(1e-9, 5.0)) < 1e-8
-    assert law.beyond(velocity, SLOW * velocity * (1 + 1e-9)).all()
-    assert not law.beyond(velocity, SLOW * velocity * (1 - 1e-9)).any()
+    assert law.is_unsteady(velocity, UNSTEADINESS_LIMIT * velocity * (1 + 1e-9)).all()
+    assert not law.is_unsteady(velocity, UNSTEADINESS_LIMIT * velocity * (1 - 1e-9)).any()
     assert law.unsteadiness([0.0, 0.0, -2.0], [0.0, 1.0, -1.0]).tolist() == [0.0, np.inf, 0.5]
 
 
 def test_mix_that_forgets_at_once_has_a_mass_without_limit():
-    law = replace(foundation(), time=0.0)
+    law = replace(foundation(), relaxation_time=0.0)
     assert law(0.1, 7.0) == pytest.approx(0.05309453 - 7 * 0.323041, rel=1e-12)
-    assert not law.beyond(1e-9, 1e9)
+    assert not law.is_unsteady(1e-9, 1e9)
 
 
 # (b) order, and what the map tells of itself
@@ -178,17 +174,17 @@ def test_known_samples_are_not_computed_again():
 
 def test_map_is_read_as_it_was_written(tmp_path):
     law = mapped(lambda speed: (*relaxing(speed)[:1], 0.013))
-    law = replace(law, added_masses=np.cos(law.speeds), time=0.3)
+    law = replace(law, added_masses=np.cos(law.speeds), relaxation_time=0.3)
     law.save(tmp_path / "map.nc", "abc")
-    read = load(tmp_path / "map.nc", "abc")
+    read = load_resistance_map(tmp_path / "map.nc", "abc")
     assert np.array_equal([law.speeds, law.forces, law.added_masses], [read.speeds, read.forces, read.added_masses])
-    assert (read.error, read.engine_error, read.time) == (law.error, law.engine_error, 0.3)
+    assert (read.error, read.engine_error, read.relaxation_time) == (law.error, law.engine_error, 0.3)
     assert [path.name for path in tmp_path.iterdir()] == ["map.nc"]
 
 
 def test_error_that_is_not_known_stays_unknown_in_the_file(tmp_path):
     mapped().save(tmp_path / "map.nc")
-    read = load(tmp_path / "map.nc")
+    read = load_resistance_map(tmp_path / "map.nc")
     assert (read.engine_error, read.added_masses) == (None, None)
 
 
@@ -197,16 +193,16 @@ def test_map_under_another_key_is_refused(tmp_path):
     with pytest.raises(
         ValueError, match=r"map\.nc: made under key abc by compact .*, wanted def and .*; compute it again"
     ):
-        load(tmp_path / "map.nc", "def")
+        load_resistance_map(tmp_path / "map.nc", "def")
 
 
 def test_file_that_is_no_map_is_refused(tmp_path):
     (tmp_path / "map.nc").write_bytes(b"CDF")
     with pytest.raises(ValueError, match=r"map\.nc: no resistance map"):
-        load(tmp_path / "map.nc")
+        load_resistance_map(tmp_path / "map.nc")
     (tmp_path / "map.nc").write_bytes(b"no netCDF")
     with pytest.raises(ValueError, match=r"map\.nc: no resistance map: .* is not a valid NetCDF 3 file; compute it"):
-        load(tmp_path / "map.nc")
+        load_resistance_map(tmp_path / "map.nc")
 
 
 # (f) of a scene, and what the next run takes over
@@ -214,10 +210,10 @@ def test_file_that_is_no_map_is_refused(tmp_path):
 SMALL = Path(__file__).parent.parent / "studies" / "scenes" / "small.toml"
 ROLLED = {
     "accuracy.engine": "spectral",
-    "machine.rolling": "frictionless",
-    "machine.profile": "circle",
+    "machine.roller_condition": "frictionless",
+    "machine.gap_geometry": "circle",
     "motion.laws": ["cubic", "reversal-3"],
-    "output.wanted": ["tables"],
+    "output.items": ["tables"],
 }
 
 
@@ -250,13 +246,13 @@ def test_mass_of_a_cart_is_that_of_all_its_rollers():
     met, machine = study.resistance, study.scene.machine
     mass, time = engines.added_mass(study.scene, study.mix, float(met.speeds[-1]), study.held)
     assert met.added_masses[-1] == pytest.approx(machine.rollers * machine.roller_length * mass, rel=1e-12)
-    assert met.time == time == pytest.approx(study.mix.relaxation_time)
+    assert met.relaxation_time == time == pytest.approx(study.mix.relaxation_time)
 
 
 def test_share_beyond_first_order_is_told(left):
     """cubic: v = 6 s/T z(1-z), a = 6 s/T^2 (1-2z): |a| tau > 0.1 v where 1-2z > (T/tau)/10 z(1-z)."""
     told = json.loads((left / "summary.json").read_text())["laws"]["cubic"]["unsteady_share"]
-    rate = SLOW * 3.0 / of_scene().mix.relaxation_time
+    rate = UNSTEADINESS_LIMIT * 3.0 / of_scene().mix.relaxation_time
     first = (2 + rate - np.sqrt(4 + rate**2)) / (2 * rate)  # 1 - 2z = rate z (1 - z)
     assert told == pytest.approx(2 * first, abs=0.02)
 
@@ -347,7 +343,7 @@ def test_scatter_that_no_samples_resolve_is_told():
     draw = np.random.default_rng(1)
     with pytest.raises(RuntimeError, match=r"predict each other to 0\.\d+ of the largest force only, 0\.001 was asked"):
         mapped(lambda speed: (300 + draw.normal(), None))
-    assert MOST < 100
+    assert MAX_SAMPLES < 100
 
 
 @pytest.mark.parametrize(

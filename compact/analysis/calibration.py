@@ -13,12 +13,12 @@ import numpy as np
 
 from compact.analysis.engines import inputs, roll
 from compact.material import mix
-from compact.numerics.space_mapping import Fit, fit
+from compact.numerics.space_mapping import SpaceMappingFit, fit_parameters
 from compact.scene.loader import SceneError
 
 UNKNOWNS = ("heckel_slope", "fed_density_ratio")
 SHAKEN = 2e-3  # change of the unknowns that teaches half of a slope; what is solved at once does not tremble
-LOOSE = mix.LOOSE
+LOOSE = mix.LOOSE_DENSITY_RATIO
 SPREADS = ("friction_angle", "cohesion", "unloading_modulus", "poisson")  # of the mix, that decide beside the two
 SHALLOW = 0.17  # capture angle, or less, at which finite elements begin
 PLANE = 2.8  # times the load of columns, about, that they ask there
@@ -59,7 +59,7 @@ class Calibration:
     unknowns: tuple[str, ...]
     names: tuple[str, ...]
     measured: tuple[float, ...]
-    fit: Fit
+    fit: SpaceMappingFit
     rolled: tuple
     refits: tuple[Refit, ...]
     elements: object = None
@@ -158,7 +158,7 @@ class _Model:
     def shallow(self):
         """The start, with the mix fed as dense as a small capture angle asks, and about as soft as the load does."""
         asked, machine = self.scene.mix.density_ratio, self.scene.machine
-        pressed = SHALLOW**2 * machine.roller_radius / (2 * self.scene.lift)
+        pressed = SHALLOW**2 * machine.roller_radius / (2 * self.scene.lift_thickness)
         share = (asked * (1 - pressed) - LOOSE) / (asked - LOOSE)
         start, places = self.start, dict(zip(self.unknowns, range(len(self.unknowns)), strict=True))
         if "fed_density_ratio" in places:
@@ -194,20 +194,20 @@ class _Model:
         return np.array(values)
 
     def met(self, values=None, correction=None):
-        """The `Fit` of columns, as corrected, to the data or to other values."""
+        """The `SpaceMappingFit` of columns, as corrected, to the data or to other values."""
         values = [band.value for band in self.bands] if values is None else values
-        return fit(lambda u: self.predicted(u, _column), values, self.start, correction=correction)
+        return fit_parameters(lambda u: self.predicted(u, _column), values, self.start, correction=correction)
 
     def met_by(self, dear, near=None):
-        """The `Fit` of finite elements to the data, from a `Fit` near by where there is one."""
+        """The `SpaceMappingFit` of finite elements to the data, from a `SpaceMappingFit` near by where there is one."""
         start, correction = (self.shallow, None) if near is None else (near.unknowns, near.correction)
-        return fit(
+        return fit_parameters(
             lambda u: self.predicted(u, _column),
             [band.value for band in self.bands],
             start,
             lambda u: self.predicted(u, dear),
             correction=correction,
-            shaken=SHAKEN,
+            broyden_length=SHAKEN,
         )
 
     def refits(self, met):
@@ -269,13 +269,13 @@ class _FiniteElements:
     rolled: dict = field(default_factory=dict)
 
     def __call__(self, scene, measurement):
-        from compact.engines.column.engine import feed
+        from compact.engines.column.engine import required_feed
         from compact.engines.compaction import engine as compaction
 
         scene, speed = _as_measured(scene, measurement)
         layer, roller, material = inputs(scene, blend(scene), "compaction", speed)
         asked = scene.mix.density_ratio - self.excess.get(measurement, 0.0)
-        fed = feed(layer.height, asked, material, speed)
+        fed = required_feed(layer.height, asked, material, speed)
         roller = replace(roller, indentation=layer.height * fed.indentation / fed.height)
         there = compaction.roll(layer, roller, material, speed, **{"steady": STEADY} | self.options)
         self.excess[measurement], self.rolled[measurement] = there.exit_density_ratio - asked, there

@@ -17,7 +17,7 @@ from types import MappingProxyType
 import numpy as np
 
 from compact.material.laws import Compaction, Elastic, Viscoelastic
-from compact.material.mix import LOOSE
+from compact.material.mix import LOOSE_DENSITY_RATIO
 from compact.numerics.validation import NotFiniteError, require_finite, require_known
 from compact.rolling_contact import Layer, Ply, Roller
 from compact.scene.engine_capabilities import TURNED, adapt
@@ -43,7 +43,6 @@ TOLERANCE = MappingProxyType({"spectral": "rtol", "fem": "tolerance"})  # what a
 REBOUND = 5e-5  # of the layer's height as fed, which follows from that of the product; speed moves its rebound by less
 SPEEDS = tuple(2.0**power for power in range(-4, 2))  # of the mean speed: computed where the scene names none
 TARGETS = MappingProxyType({"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"})  # of a roller
-TARGET_UNITS = MappingProxyType({"height": "m", "load": "N/m", "peak_pressure": "Pa"})
 
 
 def solver(engine):
@@ -52,7 +51,7 @@ def solver(engine):
 
 
 def modulation(layer, roller, material, speed, engine="spectral", **accuracy):
-    """The `Modulation` of a roller on a linear layer at a speed, by an engine of MODULATED.
+    """The `ResistanceExpansion` of a roller on a linear layer at a speed, by an engine of MODULATED.
 
     accuracy : keywords of the engine: "spectral" rtol; "fem" mesh, tolerance, estimate
 
@@ -88,14 +87,6 @@ class HeldQuantity:
     def target(self) -> dict[str, float]:
         """The value as a keyword of `Roller`."""
         return {TARGETS[self.name]: self.value}
-
-    def numbers(self) -> dict:
-        """The quantity with its units, for summary.json."""
-        return {
-            "quantity": self.name,
-            TARGETS[self.name]: {"value": self.value, "unit": TARGET_UNITS[self.name]},
-            "found_at": {"value": self.speed, "unit": "m/s"},
-        }
 
 
 def held_quantity(scene) -> str:
@@ -179,7 +170,7 @@ def added_mass(scene, mix, speed, held, count=lambda stage: None):
     asked = {TOLERANCE[name]: scene.accuracy.tolerance} | ({"estimate": False} if name == "fem" else {})
     with _named(scene, name, speed):
         found = modulation(layer, roller, material, speed, engine=name, **asked)
-    return found.added_mass, found.time
+    return found.added_mass, found.relaxation_time
 
 
 def passes(scene, mix, speed, engine=None, near=None, held=None, count=None, first=None, progress=None):
@@ -289,13 +280,13 @@ def inputs(scene, mix, engine, speed, held=None):
         layer, target = _fed(scene, material, target, held.speed if held else speed)
     else:
         target = target or {"peak_pressure": mix.required_pressure}
-        plies = (Ply(ply.thickness, ply.stiffness) for ply in scene.layer.plies or ())
-        layer, material = Layer(scene.lift, scene.layer.base, tuple(plies)), _linear(mix, engine)
+        plies = (Ply(ply.thickness, ply.relative_modulus) for ply in scene.layer.plies or ())
+        layer, material = Layer(scene.lift_thickness, scene.layer.base, tuple(plies)), _linear(mix, engine)
     roller = Roller(
         scene.machine.roller_radius,
         friction=mix.steel_friction,
-        rolling=scene.machine.rolling,
-        profile=scene.machine.profile,
+        rolling=scene.machine.roller_condition,
+        profile=scene.machine.gap_geometry,
         **(held.target if held else target),
     )
     return layer, roller, material
@@ -331,7 +322,7 @@ def compaction(scene, mix):
         unloading_modulus=mix.unloading_modulus,
         poisson=mix.poisson,
         heckel_slope=mix.heckel_slope * (1 + float(np.sqrt(1 + 4 * slope**2 / 9))) / 2,
-        loose_density_ratio=LOOSE,
+        loose_density_ratio=LOOSE_DENSITY_RATIO,
         critical_slope=slope,
         tensile_strength=float(mix.cohesion / np.tan(angle)),
         fed_density_ratio=scene.layer.fed_density_ratio,
@@ -343,12 +334,12 @@ def compaction(scene, mix):
 def _fed(scene, material, target, speed):
     """The layer as fed, and what presses it: h_in = h0 k_out/k_in, or where nothing is prescribed as much mix and
     indentation as leave the lift its height and density after the rebound."""
-    from compact.engines.column.engine import feed
+    from compact.engines.column.engine import required_feed
 
-    height, density_ratio = scene.lift, scene.mix.density_ratio
+    height, density_ratio = scene.lift_thickness, scene.mix.density_ratio
     if target:
         return Layer(height * density_ratio / material.fed_density_ratio, scene.layer.base), target
-    fed = feed(height, density_ratio, material, speed)
+    fed = required_feed(height, density_ratio, material, speed)
     return Layer(fed.height, scene.layer.base), {"indentation": fed.indentation}
 
 

@@ -13,8 +13,7 @@ from importlib.metadata import version
 import numpy as np
 
 from compact import resistance
-from compact.analysis import contact_cases as contacts
-from compact.analysis.contact_cases import value
+from compact.analysis.contact_cases import ContactRecord, read_contacts, write_contacts
 from compact.analysis.engines import HeldQuantity, added_mass, roll, speeds
 from compact.resistance import ResistanceMap, sample_resistance
 
@@ -41,7 +40,7 @@ class Kept:
     """What an earlier run has left: numbers of its contacts, what they hold over speed, its map, and files that need
     not be made again."""
 
-    contacts: list
+    contacts: list[ContactRecord]
     held: HeldQuantity
     second_pass: tuple[float, float] | None
     met: ResistanceMap
@@ -52,7 +51,7 @@ def key(scene, mix):
     """Fingerprint of all that decides the contacts and the resistance of a scene."""
     decides = {
         "machine": scene.machine.model_dump(exclude=BESIDE),
-        "height": scene.lift,
+        "height": scene.lift_thickness,
         "mix": [scene.mix.model_dump(exclude={"overrides"}), {each.name: each.value for each in mix.parameters}],
         "layer": scene.layer.model_dump(),
         "contact": scene.contact and scene.contact.model_dump(),
@@ -66,8 +65,8 @@ def key(scene, mix):
 def kept(directory, wanted):
     """`Kept` of a results directory under a key; None where there is none, or one under another key."""
     try:
-        found, more, files = contacts.load(directory / CONTACTS, wanted)
-        met = resistance.load(directory / MAP, wanted)
+        found, more, files = read_contacts(directory / CONTACTS, wanted)
+        met = resistance.load_resistance_map(directory / MAP, wanted)
     except (OSError, ValueError):
         return None
     second = more["second_pass"] and tuple(more["second_pass"])
@@ -82,7 +81,7 @@ def save(directory, found, held, second_pass, met, wanted, files):
     (directory / CONTACTS).unlink(missing_ok=True)  # it vouches for the files, so it goes first and comes last
     met.save(directory / MAP, wanted)
     more = {"held": asdict(held), "second_pass": second_pass}
-    contacts.save(directory / CONTACTS, found, more, wanted, [name for name in files if name.startswith(LASTING)])
+    write_contacts(directory / CONTACTS, found, more, wanted, [name for name in files if name.startswith(LASTING)])
     yield directory / MAP
     yield directory / CONTACTS
 
@@ -102,7 +101,7 @@ def mapped(
 ):
     """The `ResistanceMap` of one cart up to its fastest [m/s], by the scene's engine.
 
-    found : numbers of contacts that are there;  held : kept at every speed, a `HeldQuantity`
+    found : records of the contacts so far;  held : kept at every speed, a `HeldQuantity`
     return_ratio : resistance of the return stroke over that of the way out [-]
     near : (speed, `ContactResult`) from which others go on
     met : a map whose samples are there too;  count : called with the stage of each solution
@@ -118,8 +117,7 @@ def mapped(
         near.append((speed, rolled))
         return whole * rolled.resistance, (rolled.error or (None, None))[1]
 
-    known = [(value(each, "speed")[0], *value(each, "resistance")) for each in found]
-    known = [(speed, whole * each, error) for speed, each, error in known]
+    known = [(each.speed, whole * each.resistance, each.resistance_error) for each in found]
     if met is not None:
         known = [
             (float(speed), float(each), met.engine_error) for speed, each in zip(met.speeds, met.forces, strict=True)
@@ -132,7 +130,7 @@ def mapped(
 
 def covers(met, fastest):
     """Whether a map reaches a speed [m/s]."""
-    return fastest <= met.speeds[-1] * (1 + resistance.ROUNDING)
+    return fastest <= met.speeds[-1] * (1 + resistance.SPEED_ROUNDING)
 
 
 def _with_masses(scene, mix, met, held, whole, count):
@@ -145,4 +143,4 @@ def _with_masses(scene, mix, met, held, whole, count):
     if None in found:
         return met
     masses, times = np.array(found).T
-    return replace(met, added_masses=whole * masses, time=float(times.max()))
+    return replace(met, added_masses=whole * masses, relaxation_time=float(times.max()))

@@ -145,7 +145,7 @@ class _Asked:
 
     def end(self, by, changes):
         """The `End` of a changed scene."""
-        end = Study(self.study.scene.by(by).replaced(**changes))
+        end = Study(self.study.scene.with_engine(by).replaced(**changes))
         cycles = self._stretched(end) if "motion.duration" in changes else self.study.cycles
         if by == "formula":
             return _least(end.cart, end.resistance, cycles)

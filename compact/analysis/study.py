@@ -17,9 +17,6 @@ import numpy as np
 
 from compact import contact, drive
 from compact.analysis import (
-    contact_cases as contacts,
-)
-from compact.analysis import (
     machine_models,
     resistance_stage,
     stage_costs,
@@ -27,6 +24,7 @@ from compact.analysis import (
 from compact.analysis import (
     machine_models as made,
 )
+from compact.analysis.contact_cases import ContactRecord, contact_record
 from compact.analysis.engineering_summary import engineering, numbers, peak_pressure
 from compact.analysis.engines import COMPACTING, LAYERED, HeldQuantity, fields, held, passes, speeds
 from compact.analysis.ranking_uncertainty import places
@@ -36,9 +34,9 @@ from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower
 from compact.engines.halfplane import galin
 from compact.machine import rigid_drive
 from compact.machine.cart import MotionResistance
-from compact.machine.crankshaft import USUAL_ANGLES, turn
+from compact.machine.crankshaft import CRANK_ANGLES, simulate_crankshaft
 from compact.machine.rigid_drive import steady_balance
-from compact.machine.roller_motors import RollerMotor, pulls
+from compact.machine.roller_motors import RollerMotor, pull_range
 from compact.material import mix
 from compact.motion.profile import InfeasibleError, law, optimal_name
 from compact.numerics.validation import require_known
@@ -64,7 +62,7 @@ class EngineComparison:
     """
 
     scene: Scene
-    contacts: list
+    contacts: list[ContactRecord]
     held: HeldQuantity | None
     second_pass: tuple[float, float] | None
     resistance: Callable
@@ -117,7 +115,7 @@ class Study:
 
         Stages whose number shows only on the way are there as often as they have been.
         """
-        wanted, layered, laws = self.scene.output.wanted, self.layered, self._laws - len(self._not_made)
+        wanted, layered, laws = self.scene.output.items, self.layered, self._laws - len(self._not_made)
         rolled = 0 if self.counts["kept"] or not layered else len(self._speeds)
         drawn = bool({"figures", "report"} & set(wanted))
         fields = "fields" in wanted and rolled > 0
@@ -126,7 +124,7 @@ class Study:
         planned = Counter({
             "contact": 1, "rankings": 1, "laws": self._laws, "runs": laws * (1 + layered), "rolled": rolled,
             "fields": rolled * fields, "figures": figures, "cams": cams, "cams measured": cams,
-            "crank": (len(USUAL_ANGLES) + 1) * ("crank" in wanted), "beside": len(self.scene.beside_engines),
+            "crank": (len(CRANK_ANGLES) + 1) * ("crank" in wanted), "beside": len(self.scene.compared_engines),
             "report": int("report" in wanted),
         })  # fmt: skip
         for stage in ADDED:
@@ -153,9 +151,9 @@ class Study:
         """Cost of a run of a stage that is not its first [s]."""
         scene, table = self.scene, stage_costs
         if stage == "beside":
-            others = [Study(scene.by(name)) for name in scene.beside_engines]
+            others = [Study(scene.with_engine(name)) for name in scene.compared_engines]
             return table.BY_OTHERS * sum(other.contact_cost for other in others) / len(others)
-        engine, crowded = scene.accuracy.engine, bool(scene.beside)
+        engine, crowded = scene.accuracy.engine, bool(scene.compare)
         found = table.cost(stage, engine, scene.drive.kind, self.layered, crowded)
         if stage == "laws" and scene.motion.optimise:
             found += table.OPTIMISED * len(scene.motion.optimise.objectives) / self._laws
@@ -188,7 +186,7 @@ class Study:
             usual["resistance"] = table.SPEEDS_ADDED[engine]
         if engine in table.ADDED_MASS and not self.counts["runs"]:
             usual["added mass"] = rolled + max(usual["resistance"], self.counts["resistance"])
-        if engine in table.DRIVEN and "cams" in self.scene.output.wanted and not self.counts["rankings"]:
+        if engine in table.DRIVEN and "cams" in self.scene.output.items and not self.counts["rankings"]:
             usual["driven"] = table.TORQUES * rolled
         return usual
 
@@ -278,11 +276,11 @@ class Study:
         )
 
     @cached_property
-    def contacts(self):
-        """Numbers of the contact of one roller at each speed, by an engine of a layer, else none."""
+    def contacts(self) -> list[ContactRecord]:
+        """Records of the contact of one roller at each speed, by an engine of a layer, else none."""
         if self.kept:
             return self.kept.contacts
-        return [contacts.numbers(self.scene.accuracy.engine, *passed) for passed in self.passes]
+        return [contact_record(self.scene.accuracy.engine, *passed) for passed in self.passes]
 
     @cached_property
     def reference(self):
@@ -389,9 +387,7 @@ class Study:
         """What holds one roller at its height [N]: by the scene's engine at the mean speed, or by eq 1.6."""
         if not self.layered:
             return self.engineering.roller_force
-        speed, load = np.array(
-            [[contacts.value(each, name)[0] for name in ("speed", "load")] for each in self.contacts]
-        ).T
+        speed, load = np.array([[each.speed, each.load] for each in self.contacts]).T
         mean = self.scene.mean_speed
         return float(self.scene.machine.roller_length * np.interp(np.log(mean), np.log(speed), load))
 
@@ -564,7 +560,7 @@ class Study:
             name: rigid_drive.InverseDynamics(self.cart, drive.Rigid(), cycle, self.resistance)
             for name, cycle in self.cycles.items()
         }
-        asked = np.transpose([pulls(demand, rollers) for demand in demands.values()])
+        asked = np.transpose([pull_range(demand, rollers) for demand in demands.values()])
         near = () if self.kept or not self.layered else self.rolled
         answer = driven(
             self.scene, self.mix, self.roller_load, self.contacts, (asked.min(), asked.max()), near, self.count
@@ -595,8 +591,8 @@ class Study:
         directory = self._directory and self._directory / BESIDE
         with Errands(crew) as errands:
             self._answers = {}
-            for name in self.scene.beside_engines:
-                asked = self.scene.by(name), self.given_cycles, self.cycles, directory and directory / name
+            for name in self.scene.compared_engines:
+                asked = self.scene.with_engine(name), self.given_cycles, self.cycles, directory and directory / name
                 self._answers[name] = errands.send(name, run_engine_alternative, asked)
             self._errands = errands
             try:
@@ -639,13 +635,13 @@ class Study:
     @cached_property
     def turns(self):
         """A `Turn` of the shaft for 1 to 4 carts at their usual angles, and under "scene" that of the scene."""
-        angles = {str(count): usual for count, usual in USUAL_ANGLES.items()}
+        angles = {str(count): usual for count, usual in CRANK_ANGLES.items()}
         angles["scene"] = self.angles
         speed = np.pi / self.scene.motion.duration
         turns = {}
         for key, ahead in angles.items():
             self.count("crank")
-            turns[key] = turn(self.cart, self.crank, speed, self.resistance, ahead)
+            turns[key] = simulate_crankshaft(self.cart, self.crank, speed, self.resistance, ahead)
         return turns
 
 

@@ -1,7 +1,7 @@
-"""How a torque drives the rollers of a scene: `roller_motor.Driven`, sampled from the engine of the scene.
+"""How a torque drives the rollers of a scene: `roller_motors.DrivenRoller`, sampled from the engine of the scene.
 
 At each speed the roller keeps the height of the scene's own contact while its motor turns harder or brakes, in equal
-steps of `roller_motor.spent` so far as the laws ask. Mix that stays pressed is asked at one speed: it hardly knows of
+steps of `roller_motors.carter_parameter` so far as the laws ask. Mix that stays pressed is asked at one speed: it hardly knows of
 any, and costs much.
 """
 
@@ -10,18 +10,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from compact.analysis.contact_cases import value
 from compact.analysis.engines import COMPACTING, TOLERANCE, inputs, solver
-from compact.machine.roller_motors import HELD, Driven, FirstOrder, spent
+from compact.machine.roller_motors import FULL_SLIP_SHARE, CreepFreeRoller, DrivenRoller, carter_parameter
 from compact.scene.engine_capabilities import TURNED
 
-STEP = 0.3  # of `spent`, at most: creep is straight in it on a half-plane, and nearly so on layers
+STEP = 0.3  # of `carter_parameter`, at most: creep is straight in it on a half-plane, and nearly so on layers
 ROOM = 1.15  # times the traction asked, so far samples reach: T/(R pull) is 1.03 by "fem", 0.87 by "compaction"
 LEAST = 0.1  # share of friction, so far samples reach at least: near none they would tell their rounding
 
 
 def driven(scene, mix, load, found, asked, near=(), count=lambda stage: None):
-    """How a roller of the scene answers its motor: `Driven`, or `FirstOrder` where the engine does not tell.
+    """How a roller of the scene answers its motor: `DrivenRoller`, or `CreepFreeRoller` where the engine does not tell.
 
     load : of the mix on one roller [N];  found : numbers of the scene's contacts;  asked : least and largest pull [N]
     near : (speed, first `ContactResult`), from which "compaction" goes on;  count : called with the stage of each solution
@@ -29,36 +28,36 @@ def driven(scene, mix, load, found, asked, near=(), count=lambda stage: None):
     Where the engine does not converge a warning says so, and creep is left out.
     """
     radius, friction = scene.machine.roller_radius, mix.steel_friction
-    plain = FirstOrder(radius, load, friction)
+    plain = CreepFreeRoller(radius, load, friction)
     if scene.accuracy.engine not in TURNED or friction == 0:
         return plain
-    least = scene.machine.roller_length * min(value(contact, "load")[0] for contact in found)
+    least = scene.machine.roller_length * min(contact.load for contact in found)
     shares = [ROOM * pull / (friction * least) for pull in asked]
     sides = [_steps(min(shares[0], -LEAST) if shares[0] < 0 else 0.0), _steps(max(shares[1], LEAST))]
     if scene.accuracy.engine in COMPACTING:
         mean = scene.mean_speed
-        found = [min(found, key=lambda contact: abs(np.log(value(contact, "speed")[0] / mean)))]
+        found = [min(found, key=lambda contact: abs(np.log(contact.speed / mean)))]
     try:
         curves = [_curve(scene, mix, contact, sides, dict(near), count) for contact in found]
     except RuntimeError as error:
         warnings.warn(f"creep of the driven rollers is left out: {error}", stacklevel=2)
         return plain
-    speeds = np.array([value(contact, "speed")[0] for contact in found])
-    return Driven(radius, friction, speeds, *np.moveaxis(np.array(curves), -1, 0))
+    speeds = np.array([contact.speed for contact in found])
+    return DrivenRoller(radius, friction, speeds, *np.moveaxis(np.array(curves), -1, 0))
 
 
 def _steps(share):
-    """Shares of friction from near 0 to one, but no more than is held, in equal steps of `spent`."""
-    end = spent(np.clip(share, -HELD, HELD))
+    """Shares of friction from near 0 to one, but no more than is held, in equal steps of `carter_parameter`."""
+    end = carter_parameter(np.clip(share, -FULL_SLIP_SHARE, FULL_SLIP_SHARE))
     w = np.linspace(0, end, int(np.ceil(abs(end) / STEP)) + 1)[1:]
     return np.sign(w) * (1 - (1 - np.abs(w)) ** 2)
 
 
 def _curve(scene, mix, contact, sides, near, count):
     """Rows (torque, pull, creep, load) of one roller at the speed of a contact, torques rising."""
-    speed, resistance = (value(contact, name)[0] for name in ("speed", "resistance"))
+    speed, resistance = contact.speed, contact.resistance
     length, radius = scene.machine.roller_length, scene.machine.roller_radius
-    rolled = _roller(scene, mix, speed, value(contact, "indentation")[0], count)
+    rolled = _roller(scene, mix, speed, contact.indentation, count)
 
     def row(torque, at):
         return torque * length, (resistance - at.resistance) * length, at.creep, at.load * length

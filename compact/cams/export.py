@@ -14,7 +14,7 @@ import numpy as np
 from compact.cams import workshop_drawing
 from compact.cams.machining import cut
 from compact.cams.profile import FlatFace, Pointed
-from compact.files import whole_file, write_csv
+from compact.files import atomic_file, write_csv
 
 
 def write_cam_files(directory, scene, cam, cutter_radius=None, tolerance=1e-6):
@@ -42,7 +42,7 @@ def _named(stem, ending):
 
 
 def _text(path, text):
-    with whole_file(path) as stream:
+    with atomic_file(path) as stream:
         stream.write(text)
     return path
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compact.numerics.piecewise import EPSILON
+from compact.numerics.piecewise import BREAK_OFFSET
 from compact.numerics.validation import require_positive
 
 NEWTON_STEPS = 100  # 10-25 are taken; a double root takes 50; the result is right to rounding
@@ -61,7 +61,7 @@ class _OnRadius:
             rise = 3 * rho * w - r * (2 * rho - second)
             step = np.divide(g, rise, out=np.full_like(rho, np.inf), where=rise > 0)
             lower = np.maximum(rho - step, r)
-            if np.all(np.abs(lower - rho) <= 4 * EPSILON * rho):
+            if np.all(np.abs(lower - rho) <= 4 * BREAK_OFFSET * rho):
                 break
             rho = lower
         return rho - x

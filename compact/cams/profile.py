@@ -22,7 +22,7 @@ import numpy as np
 
 from compact.cams.followers import FlatFace, Pointed, RollerFollower
 from compact.motion.profile import Cycle
-from compact.numerics.piecewise import EPSILON, inside, largest
+from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
 from compact.numerics.validation import require_at_most, require_between, require_finite, require_positive
 
 MOST_POINTS = 1_000_000  # [-], of a table: a step of a micrometre round a cam of 0.3 m
@@ -291,7 +291,7 @@ class Cam:
         period = self.cycle.period
         time = np.mod(np.asarray(angle, float) / (2 * np.pi), 1.0) * period
         join = self._breaks[np.abs(time[..., None] - self._breaks).argmin(axis=-1)]
-        return np.where(np.abs(time - join) <= EPSILON * period, join + EPSILON * period, time)
+        return np.where(np.abs(time - join) <= BREAK_OFFSET * period, join + BREAK_OFFSET * period, time)
 
     def _raised(self, x, slope, second):
         """rho, rho', rho'' from the travel."""
@@ -344,7 +344,7 @@ def _largest(cycle, measure):
         def along(z, leg=leg):
             return measure(_angle_in(cycle, leg, z), *_travel(cycle, leg, z))
 
-        value, z = largest(along, inside(leg.joined_at()))
+        value, z = find_maximum(along, interior_grid(leg.joined_at()))
         if value > best[0]:
             best = (value, float(_angle_in(cycle, leg, z)))
     return best
@@ -376,7 +376,7 @@ def _uncrossed(cycle, follower, base):
 
 def _dense(cycle):
     """Angle, x, x', x'' on dense samples of every leg."""
-    z = np.linspace(EPSILON, 1 - EPSILON, SAMPLES)
+    z = np.linspace(BREAK_OFFSET, 1 - BREAK_OFFSET, SAMPLES)
     legs = [(_angle_in(cycle, leg, z), *_travel(cycle, leg, z)) for leg in cycle.legs()]
     return tuple(np.concatenate(column) for column in zip(*legs, strict=True))
 

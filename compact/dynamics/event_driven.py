@@ -66,7 +66,7 @@ from compact.dynamics.oscillator import (
     substitute,
 )
 from compact.numerics.jit import compiled
-from compact.numerics.piecewise import Pieces
+from compact.numerics.piecewise import PiecewisePolynomial
 
 MIN_STEP = 1e-13  # [-], of a piece of the far-end motion; shorter steps are rounding
 MAX_ATTEMPTS = 1000  # [-], of one interval; each is shorter by a tenth or more, 300 reach MIN_STEP
@@ -188,7 +188,7 @@ FLANK, ZONE, PIECE, LAST_EVENT, ATTEMPTS, INTERVAL, EVALUATIONS = range(7)  # in
 
 def integrate(
     oscillator: OscillatorParameters,
-    far_end: Pieces,
+    far_end: PiecewisePolynomial,
     resistance: ResistanceTable,
     state: CartState,
     tolerance: float,
@@ -200,7 +200,7 @@ def integrate(
     ----------
     oscillator : OscillatorParameters
         Cart and springs.
-    far_end : Pieces
+    far_end : PiecewisePolynomial
         Position y [m] over time [s], smooth within each piece.
     resistance : ResistanceTable
         R(v, a).
@@ -240,7 +240,7 @@ def current_state(progress: IntegrationProgress) -> CartState:
 
 
 @compiled
-def current_time(far_end: Pieces, progress: IntegrationProgress) -> float:
+def current_time(far_end: PiecewisePolynomial, progress: IntegrationProgress) -> float:
     """Time [s] of an integration."""
     i = progress.counts[PIECE]
     if i == len(far_end.coefficients):
@@ -251,7 +251,7 @@ def current_time(far_end: Pieces, progress: IntegrationProgress) -> float:
 @compiled
 def advance(
     oscillator: OscillatorParameters,
-    far_end: Pieces,
+    far_end: PiecewisePolynomial,
     resistance: ResistanceTable,
     progress: IntegrationProgress,
     tolerance: float,
@@ -343,9 +343,7 @@ def _slide(problem, far_end, h, counter):
     far_end, elongation, remainder, converged, evaluations = solve_sliding(problem, far_end, h, counter)
     scale, tolerance = elongation.scale, problem.tolerance
     if not converged:
-        return TrialInterval(
-            False, scale / 2, problem.slip, far_end, elongation, 0.0, NO_EVENT, evaluations, 0.0
-        )
+        return TrialInterval(False, scale / 2, problem.slip, far_end, elongation, 0.0, NO_EVENT, evaluations, 0.0)
     end, event = _sliding_event(problem, far_end, elongation, counter)
     velocity = cart_velocity(elongation, far_end)
     defect, max_speed = evaluate_defect(problem, velocity, remainder, end)

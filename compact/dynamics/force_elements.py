@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compact.numerics.jit import compiled
-from compact.numerics.piecewise import Pieces
+from compact.numerics.piecewise import PiecewisePolynomial
 
 KNOT_TOLERANCE = 1e-6  # [-], of a speed or of an interval; a motion so close to a knot is on it
 EXTRAPOLATION_LENGTH = 0.5  # [-], of a table piece; its polynomial is continued so far beyond a knot
@@ -32,7 +32,7 @@ STICTION_TOLERANCE = 1e-12  # [-], of the width of the stiction range; rounding 
 UNDETERMINED_SATURATION = 2  # marker; the motion itself determines the saturation, distinct from -1, 0 and 1
 NEAR_SPRING, FAR_SPRING = 1, -1  # zones; the cart compresses an end spring, 0 between the springs
 AT_NEAR_PLATE, AT_FAR_PLATE = 2, -2  # zones; the cart is at rest at the plate of an end spring
-NO_ADDED_MASS = Pieces(np.array([0.0, 1.0]), np.zeros((1, 1)))
+NO_ADDED_MASS = PiecewisePolynomial(np.array([0.0, 1.0]), np.zeros((1, 1)))
 
 
 class ResistanceTable(NamedTuple):
@@ -40,20 +40,20 @@ class ResistanceTable(NamedTuple):
 
     Parameters
     ----------
-    forward, backward : Pieces
+    forward, backward : PiecewisePolynomial
         F [N] over |v| [m/s] from 0, for v > 0 and for v < 0.
     knots : ndarray, shape (n,)
         Speeds |v| [m/s] at which F is not smooth.
-    added_mass : Pieces
+    added_mass : PiecewisePolynomial
         M [kg] over |v| [m/s] from 0.
     rate_limit : float
         Limit A of |a|/|v| [1/s] for the added-mass term; 0 without added mass.
     """
 
-    forward: Pieces
-    backward: Pieces
+    forward: PiecewisePolynomial
+    backward: PiecewisePolynomial
     knots: NDArray[np.float64]
-    added_mass: Pieces = NO_ADDED_MASS
+    added_mass: PiecewisePolynomial = NO_ADDED_MASS
     rate_limit: float = 0.0
 
 
@@ -97,7 +97,7 @@ def saturation_sign(rate_limit: float, slip: int, speed: float, acceleration: fl
 
 
 @compiled
-def evaluate_table(table: Pieces, speed: float, within: SmoothRange) -> tuple[float, float]:
+def evaluate_table(table: PiecewisePolynomial, speed: float, within: SmoothRange) -> tuple[float, float]:
     """Value and slope of a table, continued beyond a smooth range.
 
     The outermost piece is continued by `EXTRAPOLATION_LENGTH` and by its tangent beyond; below the range the slope is
@@ -132,8 +132,8 @@ def steady_force(resistance: ResistanceTable, slip: int, velocity: float) -> flo
 
 @compiled
 def differentiate_resistance(
-    table: Pieces,
-    added_mass: Pieces,
+    table: PiecewisePolynomial,
+    added_mass: PiecewisePolynomial,
     rate_limit: float,
     slip: int,
     velocity: float,
@@ -246,9 +246,7 @@ def spring_force(oscillator: OscillatorParameters, flank: int, zone: int) -> Spr
 
 
 @compiled
-def stiction_limits(
-    oscillator: OscillatorParameters, resistance: ResistanceTable, zone: int
-) -> tuple[float, float]:
+def stiction_limits(oscillator: OscillatorParameters, resistance: ResistanceTable, zone: int) -> tuple[float, float]:
     """Largest and smallest pull [N] under which a cart at rest stays at rest."""
     highest, lowest = steady_force(resistance, 1, 0.0), steady_force(resistance, -1, 0.0)
     if zone == AT_NEAR_PLATE:
@@ -259,9 +257,7 @@ def stiction_limits(
 
 
 @compiled
-def breakaway_direction(
-    oscillator: OscillatorParameters, resistance: ResistanceTable, zone: int, pull: float
-) -> int:
+def breakaway_direction(oscillator: OscillatorParameters, resistance: ResistanceTable, zone: int, pull: float) -> int:
     """Direction in which a cart at rest starts under a pull [N], 0 where friction or a plate holds it."""
     highest, lowest = stiction_limits(oscillator, resistance, zone)
     tolerance = STICTION_TOLERANCE * (highest - lowest)

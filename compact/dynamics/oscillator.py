@@ -114,9 +114,7 @@ def differentiate(signal: Signal) -> Signal:
 
 
 @compiled
-def combine(
-    elongation: Signal, far_end: NDArray[np.float64], a: float, b: float, c: float, d: float
-) -> Signal:
+def combine(elongation: Signal, far_end: NDArray[np.float64], a: float, b: float, c: float, d: float) -> Signal:
     """a e + b de/dt + c y + d dy/dt for the signal e and the polynomial y(u) of one interval."""
     rate, h = differentiate(elongation), elongation.scale
     polynomial = a * elongation.polynomial + b / h * rate.polynomial

@@ -15,7 +15,7 @@ from compact.dynamics.force_elements import (
     OscillatorParameters,
     ResistanceTable,
 )
-from compact.numerics.piecewise import Pieces, clenshaw_curtis, horner
+from compact.numerics.piecewise import PiecewisePolynomial, clenshaw_curtis, horner
 
 CELL_POINTS = 17  # [-], points of a cell; integrals of the square of an oscillation are exact to 1e-9
 CELL_ANGLE = 2.5  # [rad], of an oscillation; size of a cell
@@ -216,7 +216,7 @@ def _derivative(polynomial: NDArray[np.float64]) -> NDArray[np.float64]:
     return derivative
 
 
-def _table_slope(table: Pieces, speed: NDArray[np.float64]) -> NDArray[np.float64]:
+def _table_slope(table: PiecewisePolynomial, speed: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivative of a table with respect to |v|."""
     i = np.clip(np.searchsorted(table.breaks, speed, side="right") - 1, 0, len(table.coefficients) - 1)
     width = table.breaks[i + 1] - table.breaks[i]

@@ -10,12 +10,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from compact.numerics.piecewise import graded
+from compact.numerics.piecewise import graded_grid
 
-TURNING = np.cumsum([1 / 16] * 4 + [1 / 8] * 2 + [1 / 4] * 2)  # ends of the steps after a turn, in elements
-STEP = 1 / 2  # of an element
+TURN_STEP_ENDS = np.cumsum([1 / 16] * 4 + [1 / 8] * 2 + [1 / 4] * 2)  # ends of the steps after a turn, in elements
+STEP_LENGTH = 1 / 2  # of an element
 NEAR = 1e-9  # of the duration, or of the span: instants and places closer than this are one
-SAME = 1e-9  # of an element, or of a stroke: what has not left its place
+PLACE_TOLERANCE = 1e-9  # of an element, or of a stroke: what has not left its place
 ROUNDING = 1e-12  # of all travel: a move that has no sign
 ZOOM, ZOOMS = 20, 8  # cells, and zooms in on a turn: to 1e-8 of the grid it was found on
 HALVINGS = 60  # of the time in which a place is reached
@@ -52,7 +52,7 @@ class Strokes:
         low, high = np.repeat(self.times[stroke : stroke + 2][:, None], len(x) - 1, axis=1)
         # the roller may stand before it leaves
         leaves = _bisected(
-            lambda t: sign * (self.motion.position(t) - begin) > SAME * abs(end - begin), low[0], high[0]
+            lambda t: sign * (self.motion.position(t) - begin) > PLACE_TOLERANCE * abs(end - begin), low[0], high[0]
         )
         reached = _bisected(lambda t: sign * (self.motion.position(t) - x[1:]) >= 0, low, high)
         return np.append(leaves, reached), x
@@ -64,10 +64,10 @@ class Strokes:
         return {int(np.abs(times - t).argmin()) for t in instants if begin < t <= end or (first and t == begin)}
 
 
-def strokes(motion):
+def stroke_schedule(motion):
     """The `Strokes` of a motion, its turns found on a grid that is fine at its joins."""
     joins = [join.time for join in motion.joins()] if hasattr(motion, "joins") else []
-    times = graded(np.unique([0.0, *joins, motion.duration]))
+    times = graded_grid(np.unique([0.0, *joins, motion.duration]))
     moves = np.diff(motion.position(times))
     ways = np.where(np.abs(moves) > ROUNDING * np.ptp(motion.position(times)), np.sign(moves), 0.0)
     turns = [
@@ -77,7 +77,7 @@ def strokes(motion):
     return Strokes(motion, times, motion.position(times))
 
 
-def smooth_pieces(motion, turns=False):
+def smooth_intervals(motion, turns=False):
     """Times between which a motion is smooth, and if asked goes one way; 0 and its duration are among them."""
     joins = {float(join.time) for join in motion.joins()} if hasattr(motion, "joins") else set()
     starts = {float(leg.start) for leg in motion.legs()} if hasattr(motion, "legs") else set()
@@ -91,7 +91,7 @@ def smooth_pieces(motion, turns=False):
 
 def _with_turns(motion, breaks):
     """The breaks and the times of turns at other places than those of the breaks next to them."""
-    way = strokes(motion)
+    way = stroke_schedule(motion)
     for time, place in zip(way.times[1:-1], way.places[1:-1], strict=True):
         k = int(np.searchsorted(breaks, time))
         if np.abs(motion.position(np.array(breaks[max(k - 1, 0) : k + 1])) - place).min() > NEAR * way.span:
@@ -101,8 +101,8 @@ def _with_turns(motion, breaks):
 
 def _parts(distance, every):
     """Places between steps in elements from the beginning of a stroke, 0 and the distance among them."""
-    places = np.concatenate([TURNING, np.arange(1 + STEP, distance, STEP)])
-    places = places[places < distance - SAME]
+    places = np.concatenate([TURN_STEP_ENDS, np.arange(1 + STEP_LENGTH, distance, STEP_LENGTH)])
+    places = places[places < distance - PLACE_TOLERANCE]
     return np.concatenate([[0.0], places[every - 1 :: every], [distance]])
 
 

@@ -33,7 +33,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from compact.numerics.piecewise import sign_changes
+from compact.numerics.piecewise import find_roots
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 # force of the mix on all rollers of a cart [N] over velocity [m/s] and acceleration [m/s^2]
@@ -113,7 +113,7 @@ class EndSprings:
         """
         plates = (self.length, self.stroke - self.length)
         breaks = np.asarray(breaks, float)
-        contacts = [sign_changes(lambda place, plate=plate: position(place) - plate, breaks) for plate in plates]
+        contacts = [find_roots(lambda place, plate=plate: position(place) - plate, breaks) for plate in plates]
         breaks = np.unique(np.concatenate([breaks, *contacts]))
         middle = position((breaks[:-1] + breaks[1:]) / 2)
         return SpringZones(breaks, np.where(middle < plates[0], 1.0, np.where(middle > plates[1], -1.0, 0.0)))

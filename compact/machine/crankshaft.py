@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from compact.machine.cart import Balance, Cart, Resistance, balance
 from compact.machine.rigid_drive import SAMPLES_PER_PIECE, STANDSTILL_SPEED_RATIO, Crank, evaluate_resistance
-from compact.numerics.piecewise import clenshaw_curtis, inside, largest
+from compact.numerics.piecewise import clenshaw_curtis, find_maximum, interior_grid
 from compact.numerics.validation import require_finite, require_opposing, require_positive
 
 # [rad], phases of the published machines by number of carts: 90 degrees for 2 and 4, 120 degrees for 3 (paper C)
@@ -124,9 +124,7 @@ class Crankshaft:
         rod_force = forces.drive_force / np.cos(beta)
         torque = rod_force * self.crank.radius * np.sin(psi + beta)
         power = torque * self.angular_speed
-        return CartRevolution(
-            psi, position, velocity, acceleration, resistance, beta, forces, rod_force, torque, power
-        )
+        return CartRevolution(psi, position, velocity, acceleration, resistance, beta, forces, rod_force, torque, power)
 
 
 @dataclass(frozen=True)
@@ -161,8 +159,8 @@ class CrankshaftRevolution:
     @cached_property
     def peak_torque(self) -> float:
         """Largest |torque| of the shaft [N m], between the samples too."""
-        grid = inside(self.shaft.dead_centres())
-        return largest(lambda angle: np.abs(sum(cart.torque for cart in self.shaft.carts_at(angle))), grid)[0]
+        grid = interior_grid(self.shaft.dead_centres())
+        return find_maximum(lambda angle: np.abs(sum(cart.torque for cart in self.shaft.carts_at(angle))), grid)[0]
 
     @property
     def peak_power(self) -> float:

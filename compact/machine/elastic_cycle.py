@@ -49,7 +49,7 @@ from compact.dynamics.oscillator import MAX_RANGES, substitute
 from compact.machine.cart import Cart, balance
 from compact.machine.rigid_drive import STANDSTILL_SPEED_RATIO, Resistance, evaluate_resistance
 from compact.motion.profile import Cycle, Leg
-from compact.numerics.piecewise import EPSILON, Pieces, inside, integrated, pieces
+from compact.numerics.piecewise import BREAK_OFFSET, PiecewisePolynomial, antiderivative, fit_piecewise, interior_grid
 
 if TYPE_CHECKING:
     from compact.machine.elastic_drive import ElasticDrive
@@ -147,7 +147,7 @@ class PeriodicProblem:
         self.half_stroke_time = cycle.there.duration / 2
         self.total = _total_resistance(cart, resistance)
         self.sampled_speeds = getattr(resistance, "speeds", ())
-        phases = inside(cycle.there.curve.x)
+        phases = interior_grid(cycle.there.curve.x)
         velocity, acceleration = (np.abs(cycle.there.at_phase(phases, k)).max() for k in (1, 2))
         self.max_speed, self.standstill_speed = SPEED_MARGIN * velocity, STANDSTILL_SPEED * velocity
         impact = velocity * math.sqrt(drive.stiffness * cart.mass) if acceleration == 0 else 0.0
@@ -156,7 +156,7 @@ class PeriodicProblem:
         self.force_scale = max(inertia, *(np.abs(self.total(sign * speeds)).max() for sign in (1, -1)))
         self.tolerance = tolerance * self.force_scale
         self.acceleration_scale = inertia / cart.mass
-        self.rate_limit = getattr(resistance, "pace", np.inf) if drive.include_added_mass else 0.0
+        self.rate_limit = getattr(resistance, "rate_limit", np.inf) if drive.include_added_mass else 0.0
         self._tabulate()
 
     @property
@@ -189,7 +189,7 @@ class PeriodicProblem:
 
     def _tabulate_added_mass(self, breaks):
         """M over |v|."""
-        masses = pieces(self._added_mass, breaks, self._table_tolerance / self.acceleration_scale)
+        masses = fit_piecewise(self._added_mass, breaks, self._table_tolerance / self.acceleration_scale)
         least = min(masses.coefficients[:, 0].min(), float(masses(masses.breaks[-1])))
         if self.oscillator.mass + least <= 0:
             raise ValueError(
@@ -198,17 +198,17 @@ class PeriodicProblem:
             )
         constant = np.zeros((1, masses.coefficients.shape[1]))
         constant[0, 0] = masses.coefficients[0, 0]
-        return Pieces(np.append(0.0, masses.breaks), np.concatenate([constant, masses.coefficients]))
+        return PiecewisePolynomial(np.append(0.0, masses.breaks), np.concatenate([constant, masses.coefficients]))
 
     def _tabulate_force(self, sign, breaks):
         """F over |v| in one direction."""
         try:
-            table = pieces(lambda v: self.total(sign * v), breaks, self._table_tolerance)
+            table = fit_piecewise(lambda v: self.total(sign * v), breaks, self._table_tolerance)
         except ValueError as error:
             raise ValueError(f"`resistance` over speed [m/s] has {error}") from None
         first = np.zeros((1, table.coefficients.shape[1]))
         first[0, :2] = self._standstill_force(sign, table.coefficients[0, 0])
-        return Pieces(np.append(0.0, table.breaks), np.concatenate([first, table.coefficients]))
+        return PiecewisePolynomial(np.append(0.0, table.breaks), np.concatenate([first, table.coefficients]))
 
     def _standstill_force(self, sign, force):
         """F at rest and its rise [N] up to the standstill speed, where F is `force`; a steep rise is stiction.
@@ -241,13 +241,13 @@ class PeriodicProblem:
         return CartState(-ends.length, 0.0, flank, AT_NEAR_PLATE)
 
     def integrate(
-        self, law: Pieces, state: CartState, tolerance_factor: float = 1.0
+        self, law: PiecewisePolynomial, state: CartState, tolerance_factor: float = 1.0
     ) -> tuple[Intervals, CartState]:
         """Integrate through the pieces of a law; the speed range of the tables is extended where needed.
 
         Parameters
         ----------
-        law : Pieces
+        law : PiecewisePolynomial
             Position of the far end [m] over time [s].
         state : CartState
             Initial state.
@@ -405,19 +405,19 @@ def _shifted(state: CartState, by: NDArray[np.float64]) -> CartState:
     return CartState(state.elongation + by[0], state.velocity + by[1], state.flank, state.zone)
 
 
-def _polynomial_law(cycle: Cycle) -> Pieces:
+def _polynomial_law(cycle: Cycle) -> PiecewisePolynomial:
     """Position of the far end over a cycle as polynomials in time, integrated twice from the acceleration."""
     breaks, rows = [], []
     for leg in cycle.legs():
         curvature = partial(_curvature, leg)
-        tolerance = LAW_TOLERANCE * np.abs(curvature(inside(leg.joined_at()))).max()
-        second = pieces(curvature, leg.joined_at(), tolerance)
-        starts = second.breaks[:-1] + EPSILON
-        velocity = integrated(second, leg.at_phase(starts, 1) * leg.duration)
-        position = integrated(velocity, leg.at_phase(starts, 0))
+        tolerance = LAW_TOLERANCE * np.abs(curvature(interior_grid(leg.joined_at()))).max()
+        second = fit_piecewise(curvature, leg.joined_at(), tolerance)
+        starts = second.breaks[:-1] + BREAK_OFFSET
+        velocity = antiderivative(second, leg.at_phase(starts, 1) * leg.duration)
+        position = antiderivative(velocity, leg.at_phase(starts, 0))
         breaks.append(leg.start + leg.duration * position.breaks[:-1])
         rows.append(position.coefficients)
-    return Pieces(np.append(np.concatenate(breaks), cycle.period), np.concatenate(rows))
+    return PiecewisePolynomial(np.append(np.concatenate(breaks), cycle.period), np.concatenate(rows))
 
 
 def _curvature(leg: Leg, phase: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -425,8 +425,8 @@ def _curvature(leg: Leg, phase: NDArray[np.float64]) -> NDArray[np.float64]:
     return leg.at_phase(phase, 2) * leg.duration**2
 
 
-def _split(law: Pieces, time: float) -> tuple[Pieces, Pieces]:
-    """Pieces of a law after and before a time [s]."""
+def _split(law: PiecewisePolynomial, time: float) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:
+    """PiecewisePolynomial of a law after and before a time [s]."""
     i = int(np.searchsorted(law.breaks, time, side="left"))
     breaks, rows = law.breaks, law.coefficients
     if breaks[i] > time:
@@ -434,7 +434,9 @@ def _split(law: Pieces, time: float) -> tuple[Pieces, Pieces]:
         halves = substitute(rows[i - 1], 0.0, u), substitute(rows[i - 1], u, 1 - u)
         rows = np.concatenate([rows[: i - 1], halves, rows[i:]])
         breaks = np.insert(breaks, i, time)
-    return Pieces(breaks[i:].copy(), rows[i:].copy()), Pieces(breaks[: i + 1].copy(), rows[:i].copy())
+    return PiecewisePolynomial(breaks[i:].copy(), rows[i:].copy()), PiecewisePolynomial(
+        breaks[: i + 1].copy(), rows[:i].copy()
+    )
 
 
 def _total_resistance(cart: Cart, resistance: Resistance) -> Callable[..., NDArray[np.float64]]:

@@ -81,9 +81,7 @@ class ElasticDrive:
         require_positive(stiffness=self.stiffness)
         require_nonnegative(damping=self.damping, backlash=self.backlash)
 
-    def run(
-        self, cart: Cart, cycle: Cycle, resistance: Resistance, working: tuple[float, float]
-    ) -> "ElasticRun":
+    def run(self, cart: Cart, cycle: Cycle, resistance: Resistance, working: tuple[float, float]) -> "ElasticRun":
         """Simulate the periodic regime, for `rigid_drive.simulate`."""
         return simulate_elastic(cart, self, cycle, resistance, working=working)
 

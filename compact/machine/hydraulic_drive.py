@@ -29,7 +29,7 @@ from scipy.integrate import solve_ivp
 from compact.machine.cart import Cart, Resistance, balance
 from compact.machine.rigid_drive import STANDSTILL_SPEED_RATIO, Rigid, Run, evaluate_resistance, simulate
 from compact.motion.profile import Cycle
-from compact.numerics.piecewise import Pieces, pieces
+from compact.numerics.piecewise import PiecewisePolynomial, fit_piecewise
 from compact.numerics.validation import require_opposing, require_positive
 
 AREA_TOLERANCE = 1e-6  # [-], of the open area; polynomials of a valve area
@@ -42,7 +42,7 @@ MAX_STOPS = 200  # [-], alternations of motion and rest within a piece of the va
 MIN_PIECE = 1e-9  # [-], of the duration; closer breaks of the valve areas coincide
 WORK_TERMS = ("pump", "relief", "inlet_heat", "outlet_heat", "compression", "resistance_work")
 
-ValveAreas = tuple[Pieces, Pieces]
+ValveAreas = tuple[PiecewisePolynomial, PiecewisePolynomial]
 
 
 @dataclass(frozen=True)
@@ -135,9 +135,7 @@ class ValveFlow:
     outlet_area: NDArray[np.float64]
 
 
-def solve_valve_flow(
-    hydraulic: Hydraulic, velocity: NDArray[np.float64], force: NDArray[np.float64]
-) -> ValveFlow:
+def solve_valve_flow(hydraulic: Hydraulic, velocity: NDArray[np.float64], force: NDArray[np.float64]) -> ValveFlow:
     """Solve flow, pressures and valve areas for a motion.
 
     Parameters
@@ -231,7 +229,7 @@ class HydraulicRun(Run):
 
         Returns
         -------
-        tuple of Pieces
+        tuple of PiecewisePolynomial
             Inlet and outlet area [m2] over time [s].
 
         Raises
@@ -251,7 +249,9 @@ class HydraulicRun(Run):
                 state = dynamics.state_at(leg, time / leg.duration)
                 return getattr(solve_valve_flow(self.hydraulic, state.velocity, state.forces.drive_force), name)
 
-            return pieces(over_time, leg.duration * dynamics.breaks(leg), AREA_TOLERANCE * self.hydraulic.valve_area)
+            return fit_piecewise(
+                over_time, leg.duration * dynamics.breaks(leg), AREA_TOLERANCE * self.hydraulic.valve_area
+            )
 
         return area("inlet_area"), area("outlet_area")
 
@@ -313,7 +313,7 @@ def simulate_stroke(
         Drive.
     stroke : float
         Stroke of the cylinders [m].
-    areas : tuple of Pieces
+    areas : tuple of PiecewisePolynomial
         Inlet and outlet area [m2] over time [s]; their range is that of the simulation.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2]; m a + resistance increases with a.
@@ -462,7 +462,7 @@ class _Circuit:
         side = float(position < springs.length) - float(position > springs.stroke - springs.length)
         return float(springs.force(position, side))
 
-    def _stiction_margin(self, time, state, direction):  # noqa: ARG002
+    def _stiction_margin(self, _time, state, direction):
         """Force that is missing to a breakaway in a direction [N]."""
         force = self.hydraulic.piston_area * (state[2] - state[3])
         return direction * (self._resisting_force(state[0], 0.0, direction) - force)
@@ -474,7 +474,7 @@ class _Circuit:
     def _events(self, direction):
         """Stop of a moving cart, or breakaway of a cart at rest."""
 
-        def speed(time, state):  # noqa: ARG001
+        def speed(_time, state):
             return direction * state[1]
 
         margins = [partial(self._stiction_margin, direction=way) for way in (1, -1)]

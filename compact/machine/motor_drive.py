@@ -36,7 +36,7 @@ from compact.machine.rigid_drive import (
     simulate,
 )
 from compact.motion.profile import Cycle, Join, Motion
-from compact.numerics.piecewise import inside, largest
+from compact.numerics.piecewise import find_maximum, interior_grid
 from compact.numerics.validation import (
     require_finite,
     require_nonnegative,
@@ -292,7 +292,7 @@ def _first_guess(load: ShaftLoad) -> float:
 
 @dataclass(frozen=True)
 class MotorRun(CycleStatistics):
-    """One revolution of the shaft; arrays of shape (n,), elements in order of angle. Forces are those of the first cart.
+    """One revolution of the shaft; arrays of shape (n,), elements in order of angle. Forces act on the first cart.
 
     Parameters
     ----------
@@ -514,4 +514,6 @@ class MotorRun(CycleStatistics):
 
     def _peak(self, of_angle):
         """Largest |of_angle(angle)| over the revolution."""
-        return largest(lambda angle: np.abs(of_angle(angle)), inside(self.revolution.breaks, steps=PEAK_STEPS))[0]
+        return find_maximum(
+            lambda angle: np.abs(of_angle(angle)), interior_grid(self.revolution.breaks, steps=PEAK_STEPS)
+        )[0]

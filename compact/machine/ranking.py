@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
+from compact import quantities
 from compact.numerics.validation import require_known
+from compact.quantities import Quantity
 
 ROUNDING_TIE = 1e-9  # [-], of the scale of a criterion; closer values are equal but for rounding
 BUILD_TOLERANCE = 0.01  # [-]; scatter of machines built to one drawing, from bearings, fits and motors
@@ -18,8 +20,8 @@ class Criterion:
 
     Parameters
     ----------
-    unit : str
-        Unit of its values.
+    quantity : Quantity
+        Term and unit of its values.
     infinite_because : str
         Reason of an infinite value.
     floor : float
@@ -29,10 +31,15 @@ class Criterion:
         measure are rounding.
     """
 
-    unit: str
+    quantity: Quantity
     infinite_because: str = ""
     floor: float = 0.0
     cancelling: str = ""
+
+    @property
+    def unit(self) -> str:
+        """SI unit of its values."""
+        return self.quantity.unit
 
     def scale(self, value: float) -> float:
         """Scale of differences from a value, in the unit."""
@@ -40,21 +47,21 @@ class Criterion:
 
 
 _IMPULSE = "the velocity jumps: impulsive force"
+_RULES: dict[str, dict[str, Any]] = {
+    "peak_force": {"infinite_because": _IMPULSE},
+    "peak_power": {"infinite_because": _IMPULSE},
+    "rms_force": {"infinite_because": _IMPULSE},
+    "rms_power": {"infinite_because": _IMPULSE},
+    "mean_force": {"infinite_because": _IMPULSE},
+    "dynamic_factor": {"infinite_because": _IMPULSE},
+    "mean_power": {"cancelling": "rms_power"},
+    "energy": {"cancelling": "drawn_energy"},
+    "peak_jerk": {"infinite_because": "the acceleration jumps"},
+    "nonuniformity": {"floor": 1.0},  # of the mean speed
+    "ringing": {"infinite_because": "the velocity jumps: a drive that imposes it has no finite peak force"},
+}
 CRITERIA = MappingProxyType(
-    {
-        "peak_force": Criterion("N", _IMPULSE),
-        "peak_power": Criterion("W", _IMPULSE),
-        "rms_force": Criterion("N", _IMPULSE),
-        "rms_power": Criterion("W", _IMPULSE),
-        "mean_force": Criterion("N", _IMPULSE),
-        "mean_power": Criterion("W", cancelling="rms_power"),
-        "energy": Criterion("J", cancelling="drawn_energy"),
-        "drawn_energy": Criterion("J"),
-        "peak_jerk": Criterion("m/s^3", "the acceleration jumps"),
-        "dynamic_factor": Criterion("1", _IMPULSE),
-        "nonuniformity": Criterion("1", floor=1.0),  # of the mean speed
-        "ringing": Criterion("1", "the velocity jumps: a drive that imposes it has no finite peak force"),
-    }
+    {name: Criterion(quantity, **_RULES.get(name, {})) for name, quantity in quantities.CRITERIA.items()}
 )
 
 

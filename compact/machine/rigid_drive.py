@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from compact.machine.cart import Balance, Cart, Resistance, balance
 from compact.motion.profile import Cycle, Join, Leg, Motion
-from compact.numerics.piecewise import EPSILON, clenshaw_curtis, inside, largest
+from compact.numerics.piecewise import BREAK_OFFSET, clenshaw_curtis, find_maximum, interior_grid
 from compact.numerics.validation import require_opposing, require_positive
 
 SAMPLES_PER_PIECE = 129  # [-], Chebyshev points per piece of a motion; integrals of smooth laws to rounding
@@ -31,7 +31,7 @@ CRANK_LAW_TOLERANCE = 1e-9  # [-], of the stroke; a law within it is that of the
 class Rigid:
     """Drive that imposes the law exactly and pushes along the travel (cam, rack)."""
 
-    def rod_tangent(self, time: ArrayLike, period: float) -> NDArray[np.float64]:  # noqa: ARG002
+    def rod_tangent(self, time: ArrayLike, _period: float) -> NDArray[np.float64]:
         """Return tan(beta) of the rod [-]: zero."""
         return np.zeros(np.shape(time))
 
@@ -319,7 +319,7 @@ class Run(CycleStatistics):
         """Largest |quantity(leg, phase)| over the cycle, between the samples too."""
         dynamics = self.inverse_dynamics
         return max(
-            largest(lambda z, leg=leg: np.abs(quantity(leg, z)), inside(dynamics.breaks(leg)))[0]
+            find_maximum(lambda z, leg=leg: np.abs(quantity(leg, z)), interior_grid(dynamics.breaks(leg)))[0]
             for leg in dynamics.cycle.legs()
         )
 
@@ -393,7 +393,7 @@ def _sample(dynamics):
     columns = []
     for leg in dynamics.cycle.legs():
         breaks = dynamics.breaks(leg)[:, None]
-        low, high = breaks[:-1] + EPSILON, breaks[1:] - EPSILON
+        low, high = breaks[:-1] + BREAK_OFFSET, breaks[1:] - BREAK_OFFSET
         phase = np.clip(low + (high - low) * nodes, low, high)
         time, weights = leg.start + leg.duration * phase, leg.duration * np.diff(breaks, axis=0) * unit_weights
         state = dynamics.state_at(leg, phase)

@@ -22,7 +22,7 @@ from scipy.interpolate import PchipInterpolator
 from compact.machine.cart import balance
 from compact.machine.rigid_drive import DriveState, InverseDynamics
 from compact.motion.profile import Leg
-from compact.numerics.piecewise import EPSILON, inside, largest
+from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
 from compact.numerics.validation import require_nonnegative, require_positive
 
 FULL_SLIP_SHARE = 0.99  # [-], of the Coulomb limit; a roller beyond slides
@@ -36,7 +36,7 @@ def pull_range(dynamics: InverseDynamics, rollers: int) -> tuple[float, float]:
     pulls = []
     for leg in dynamics.cycle.legs():
         if leg.direction:
-            state = dynamics.state_at(leg, inside(dynamics.breaks(leg)))
+            state = dynamics.state_at(leg, interior_grid(dynamics.breaks(leg)))
             pulls.append(leg.direction * _total_pull(dynamics, state, leg.direction) / rollers)
     return min(float(pull.min()) for pull in pulls), max(float(pull.max()) for pull in pulls)
 
@@ -98,7 +98,7 @@ class CreepFreeRoller:
         require_positive(radius=self.radius, load=self.load)
         require_nonnegative(friction=self.friction)
 
-    def __call__(self, speed: ArrayLike, pull: ArrayLike) -> RollerTraction:  # noqa: ARG002
+    def __call__(self, _speed: ArrayLike, pull: ArrayLike) -> RollerTraction:
         """Return the traction for pulls [N]."""
         traction = pull / self.load
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -211,7 +211,7 @@ class RollerMotor:
         for leg in self.dynamics.cycle.legs():
             phase = (time - leg.start) / leg.duration
             within = (phase >= 0) & (phase <= 1)
-            velocity, traction = self.traction_at(leg, np.clip(phase[within], EPSILON, 1 - EPSILON))
+            velocity, traction = self.traction_at(leg, np.clip(phase[within], BREAK_OFFSET, 1 - BREAK_OFFSET))
             columns[:, within] = velocity, *traction
         return columns[0], RollerTraction(*columns[1:])
 
@@ -271,7 +271,10 @@ class RollerMotor:
         """Largest |quantity(velocity, traction)| over the cycle, between samples too."""
         dynamics = self.dynamics
         return max(
-            largest(lambda phase, leg=leg: np.abs(quantity(*self.traction_at(leg, phase))), inside(dynamics.breaks(leg)))[0]
+            find_maximum(
+                lambda phase, leg=leg: np.abs(quantity(*self.traction_at(leg, phase))),
+                interior_grid(dynamics.breaks(leg)),
+            )[0]
             for leg in dynamics.cycle.legs()
         )
 

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from compact.material.laws import HECKEL_LOOSEST, HECKEL_UNTIL
+from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, HECKEL_MIN_PRESSURE
 from compact.numerics.jit import compiled
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
@@ -32,7 +32,7 @@ ROUGHEST = 1e-6
 NEAREST = 1e-12  # of a, from a trial to p = c: nearer ones take it, since at c itself V tells nothing of x
 ATTEMPTS = 300  # of Newton's method; 4 to 6 are usual, bisection alone needs up to 200
 SLICE = 20_000  # points of one compiled call: some 20 ms, half a second where each takes all attempts
-LOOSEST = np.exp(-HECKEL_LOOSEST)  # (1 - k)/(1 - k0) where pc leaves Heckel's curve
+LOOSEST = np.exp(-HECKEL_MIN_PRESSURE)  # (1 - k)/(1 - k0) where pc leaves Heckel's curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,17 +46,17 @@ class MaterialPoint:
 
     stress: np.ndarray
     density_ratio: np.ndarray
-    hardened: np.ndarray
+    max_density_ratio: np.ndarray
     plastic_work: np.ndarray
 
 
-def fed(law, n):
+def initial_state(law, n):
     """The `MaterialPoint` of n points of mix as it is fed: free of stress at `law.fed_density_ratio`."""
     density_ratio = np.full(n, float(law.fed_density_ratio))
     return MaterialPoint(np.zeros((n, 4)), density_ratio, density_ratio.copy(), np.zeros(n))
 
 
-def step(law, state, strain, rate_factor=1.0, tangent=True):
+def integrate_points(law, state, strain, rate_factor=1.0, tangent=True):
     """The next `MaterialPoint` and d stress/d strain, shape (n, 3, 3), of (xx, yy, xy); None without `tangent`.
 
     law : `Compaction`;  rate_factor : by which the speed raises pc, `law.rate_factor(speed)`
@@ -67,12 +67,12 @@ def step(law, state, strain, rate_factor=1.0, tangent=True):
     increment.
     """
     require_positive(rate_factor=rate_factor)
-    before = (strain, state.stress, state.density_ratio, state.hardened, state.plastic_work)
+    before = (strain, state.stress, state.density_ratio, state.max_density_ratio, state.plastic_work)
     strain, *before = (np.ascontiguousarray(values, dtype=float) for values in before)  # one layout, compiled once
     n = len(strain)
     stress, numbers = np.empty((n, 4)), np.empty((3, n))
     slopes = np.empty((n, 3, 3) if tangent else (0, 3, 3))
-    given = constants(law, rate_factor), *before, strain, stress, numbers, slopes
+    given = cap_constants(law, rate_factor), *before, strain, stress, numbers, slopes
     for first in range(0, n, SLICE):  # an interrupt gets in between two calls
         failed = _sweep(first, min(first + SLICE, n), *given)
         if failed >= 0:
@@ -91,12 +91,12 @@ def viscous_step(law, state, strain, lag, rate_factor=1.0, tangent=True):
     the relaxation times of a viscoelastic mix.
     """
     require_nonnegative(lag=lag)
-    closest, slopes = step(law, state, strain, rate_factor, tangent)
+    closest, slopes = integrate_points(law, state, strain, rate_factor, tangent)
     share, elastic = 1 / (1 + lag), _elasticity(law)
     trial = state.stress + strain @ elastic.T
     stress = share * closest.stress + (1 - share) * trial
     density_ratio = state.density_ratio * (closest.density_ratio / state.density_ratio) ** share
-    hardened = density_ratio if law.dry_side == "ellipse" else np.maximum(state.hardened, density_ratio)
+    hardened = density_ratio if law.dry_side == "ellipse" else np.maximum(state.max_density_ratio, density_ratio)
     work = state.plastic_work + share * _work(law, stress, trial - closest.stress)
     if tangent:
         slopes = share * slopes + (1 - share) * elastic[[0, 1, 3]]
@@ -105,14 +105,14 @@ def viscous_step(law, state, strain, lag, rate_factor=1.0, tangent=True):
 
 def _elasticity(law):
     """d stress (xx, yy, zz, xy)/d strain (xx, yy, 2 xy), shape (4, 3)."""
-    K, G = constants(law, 1.0)[:2]
+    K, G = cap_constants(law, 1.0)[:2]
     wide, side = K + 4 * G / 3, K - 2 * G / 3
     return np.array([[wide, side, 0], [side, wide, 0], [side, side, 0], [0, 0, G]])
 
 
 def _work(law, stress, other):
     """stress : C^-1 other, shape (n,)."""
-    K, G = constants(law, 1.0)[:2]
+    K, G = cap_constants(law, 1.0)[:2]
     traces = stress[:, :3].sum(axis=1) * other[:, :3].sum(axis=1) / 3
     products = (stress * other) @ np.array([1.0, 1.0, 1.0, 2.0])
     return traces / (3 * K) + (products - traces) / (2 * G)
@@ -139,7 +139,7 @@ class Constants(NamedTuple):
     flat: bool
 
 
-def constants(law, rate_factor):
+def cap_constants(law, rate_factor):
     """The `Constants` of a law."""
     E, nu = float(law.unloading_modulus), float(law.poisson)
     return Constants(
@@ -156,16 +156,16 @@ def constants(law, rate_factor):
 @compiled
 def hardening(law, k):
     """pc and H = dpc/dV at the density ratio k: `Compaction.yield_pressure` point by point."""
-    if k >= HECKEL_UNTIL:
-        stiffness = HECKEL_UNTIL / (1 - HECKEL_UNTIL)
-        xi = np.log((1 - law.loose) / (1 - HECKEL_UNTIL)) + stiffness * np.log(k / HECKEL_UNTIL)
+    if k >= HECKEL_MAX_DENSITY_RATIO:
+        stiffness = HECKEL_MAX_DENSITY_RATIO / (1 - HECKEL_MAX_DENSITY_RATIO)
+        xi = np.log((1 - law.loose) / (1 - HECKEL_MAX_DENSITY_RATIO)) + stiffness * np.log(k / HECKEL_MAX_DENSITY_RATIO)
         return xi / law.slope, stiffness / law.slope
     xi = np.log((1 - law.loose) / (1 - k))
     rise = k / (1 - k) / law.slope
-    if xi >= HECKEL_LOOSEST:
+    if xi >= HECKEL_MIN_PRESSURE:
         return xi / law.slope, rise
-    fading = np.exp(2 * (xi - HECKEL_LOOSEST) / HECKEL_LOOSEST)
-    return HECKEL_LOOSEST * (1 + fading) / 2 / law.slope, rise * fading
+    fading = np.exp(2 * (xi - HECKEL_MIN_PRESSURE) / HECKEL_MIN_PRESSURE)
+    return HECKEL_MIN_PRESSURE * (1 + fading) / 2 / law.slope, rise * fading
 
 
 @compiled
@@ -319,10 +319,10 @@ def _rise(law, k, V):
     """pc(k exp V) - pc(k) and H at its end, without the rounding of the difference on Heckel's curve."""
     gain = k * np.expm1(V)
     sparse, dense = min(k, k + gain), max(k, k + gain)
-    if dense <= HECKEL_UNTIL and 1 - sparse < (1 - law.loose) * LOOSEST:
+    if dense <= HECKEL_MAX_DENSITY_RATIO and 1 - sparse < (1 - law.loose) * LOOSEST:
         return -np.log1p(-gain / (1 - k)) / law.slope, (k + gain) / (1 - k - gain) / law.slope
     pc, H = hardening(law, k + gain)
-    if sparse >= HECKEL_UNTIL:
+    if sparse >= HECKEL_MAX_DENSITY_RATIO:
         return H * V, H
     return pc - hardening(law, k)[0], H
 

@@ -7,8 +7,10 @@ import numpy as np
 
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 
-HECKEL_UNTIL = 0.99  # density ratio where measured curves end; beyond, pc keeps the curve's modulus k dpc/dk
-HECKEL_LOOSEST = 0.01  # K_H pc below which pc no longer falls along the curve but levels off at half of it
+HECKEL_MAX_DENSITY_RATIO = (
+    0.99  # density ratio where measured curves end; beyond, pc keeps the curve's modulus k dpc/dk
+)
+HECKEL_MIN_PRESSURE = 0.01  # K_H pc below which pc no longer falls along the curve but levels off at half of it
 
 
 @dataclass(frozen=True)
@@ -119,10 +121,12 @@ class Compaction:
         levels off above 0. Both joints are smooth.
         """
         k, k0 = np.asarray(density_ratio, dtype=float), self.loose_density_ratio
-        curve = np.log((1 - k0) / (1 - np.minimum(k, HECKEL_UNTIL)))
-        curve = curve + HECKEL_UNTIL / (1 - HECKEL_UNTIL) * np.log(np.maximum(k / HECKEL_UNTIL, 1))
-        level = np.expm1(2 * np.minimum(curve / HECKEL_LOOSEST - 1, 0)) * HECKEL_LOOSEST / 2
-        return (np.maximum(curve, HECKEL_LOOSEST) + level) / self.heckel_slope
+        curve = np.log((1 - k0) / (1 - np.minimum(k, HECKEL_MAX_DENSITY_RATIO)))
+        curve = curve + HECKEL_MAX_DENSITY_RATIO / (1 - HECKEL_MAX_DENSITY_RATIO) * np.log(
+            np.maximum(k / HECKEL_MAX_DENSITY_RATIO, 1)
+        )
+        level = np.expm1(2 * np.minimum(curve / HECKEL_MIN_PRESSURE - 1, 0)) * HECKEL_MIN_PRESSURE / 2
+        return (np.maximum(curve, HECKEL_MIN_PRESSURE) + level) / self.heckel_slope
 
     def rate_factor(self, speed):
         """(|speed|/reference_speed)^m, by which pc is larger at a speed [m/s]."""

@@ -22,7 +22,7 @@ from compact.numerics.validation import require_between, require_known, require_
 
 SOLIDS = 2650.0  # density of the grains [kg/m3]
 WATER = 1000.0  # density of water [kg/m3]
-LOOSE = 0.72  # k0, where Heckel's curve starts [-]; a constant of the curve, not an allowed density
+LOOSE_DENSITY_RATIO = 0.72  # k0, where Heckel's curve starts [-]; a constant of the curve, not an allowed density
 HECKEL_SLOPE = 13e-6  # K_H at moisture 0.10 [1/Pa], one-dimensional; fits the table's required pressures to rounding
 RATE_EXPONENT = 0.018  # of yield pressure over speed: 4.2 % per decade, middle of the 2.5-7 % of unsaturated clay
 HECKEL_FACTOR = (0.55, 0.78, 1.0, 1.22, 1.45)  # K_H over that at the table's moistures: wetter mix presses easier
@@ -59,7 +59,7 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Reach:
+class Achievability:
     """Whether rolling can reach the density (`possible`), and if not the `reason` in words."""
 
     possible: bool
@@ -79,17 +79,17 @@ class Mix:
 
     def parameter(self, name):
         """The `Parameter` of that name: value, spread, unit, flag and origin."""
-        require_known("mix parameter", name, NAMES)
+        require_known("mix parameter", name, PARAMETER_NAMES)
         return next(parameter for parameter in self.parameters if parameter.name == name)
 
     def __getattr__(self, name):
-        if name in NAMES:
+        if name in PARAMETER_NAMES:
             return self.parameter(name).value
-        raise AttributeError(f"a mix has no '{name}'; it has {', '.join(NAMES)}")
+        raise AttributeError(f"a mix has no '{name}'; it has {', '.join(PARAMETER_NAMES)}")
 
     @property
-    def reachable(self):
-        """`Reach`: not reachable by rolling above 0.5 MPa of required pressure or 0.95 of saturation."""
+    def density_achievable(self):
+        """`Achievability`: not reachable by rolling above 0.5 MPa of required pressure or 0.95 of saturation."""
         reasons = []
         if self.required_pressure > ROLLING_PRESSURE:
             reasons.append(
@@ -102,13 +102,13 @@ class Mix:
                 "carry the roller: take less water or ask for less density"
             )
         if not reasons:
-            return Reach(True, "")
+            return Achievability(True, "")
         where = f"density ratio {self.density_ratio:g} at moisture {self.moisture:g}"
-        return Reach(False, f"{where} is not reachable by rolling: {'; '.join(reasons)}")
+        return Achievability(False, f"{where} is not reachable by rolling: {'; '.join(reasons)}")
 
 
 @dataclass(frozen=True)
-class Origin:
+class ParameterSource:
     """What `mix.csv` does not say of a parameter; `spread` maps a value to its (low, high)."""
 
     unit: str
@@ -137,25 +137,29 @@ _PHASES = "phase relations, grains 2650 kg/m3"
 _TRIBOMETRY = "soil on steel and fresh-concrete tribometry"
 _TRIAXIAL = "triaxial tests on fresh concrete, soils"
 
-ORIGINS = {
-    "bulk_density": Origin("kg/m3", "derived", _PHASES, factor(1.02)),
-    "saturation": Origin("-", "derived", _PHASES, factor(1.02)),
-    "required_pressure": Origin("Pa", "assumed", _HECKEL, factor(2.5)),
-    "plastic_modulus": Origin("Pa", "assumed", f"one-pass column slope at k; {_HECKEL}", factor(2.5)),
-    "relaxed_modulus": Origin("Pa", "assumed", f"two-sided contact, no compaction; {_HECKEL}", factor(2.5)),
-    "unloading_modulus": Origin("Pa", "analogous", "compacted unsaturated sandy soil", factor(2.0)),
-    "poisson": Origin("-", "analogous", "compacted soil, 0.30 at the operating point", plus_minus(0.07)),
-    "instant_over_relaxed": Origin("-", "assumed", "trapped air beside the skeleton (argued)", between(1.3, 2.0)),
-    "relaxation_time": Origin("s", "assumed", "drainage of pore air (argued)", factor(5.0)),
-    "pore_air_modulus": Origin("Pa", "derived", "atmospheric pressure / (1 - k)", factor(2.0)),
-    "friction_angle": Origin("deg", "analogous", _TRIAXIAL, plus_minus(5.0)),
-    "cohesion": Origin("Pa", "analogous", _TRIAXIAL, factor(2.0)),
-    "steel_friction": Origin("-", "analogous", _TRIBOMETRY, plus_minus(0.1)),
-    "heckel_slope": Origin("1/Pa", "assumed", f"one-dimensional K_H; {_HECKEL}", factor(2.5)),
-    "rate_exponent": Origin("-", "analogous", "relaxation of unsaturated clay", between(0.011, 0.029)),
-    "effective_modulus": Origin("Pa", "assumed", "secant modulus of (1.5)-(1.6): relaxed_modulus", factor(2.5)),
+PARAMETER_SOURCES = {
+    "bulk_density": ParameterSource("kg/m3", "derived", _PHASES, factor(1.02)),
+    "saturation": ParameterSource("-", "derived", _PHASES, factor(1.02)),
+    "required_pressure": ParameterSource("Pa", "assumed", _HECKEL, factor(2.5)),
+    "plastic_modulus": ParameterSource("Pa", "assumed", f"one-pass column slope at k; {_HECKEL}", factor(2.5)),
+    "relaxed_modulus": ParameterSource("Pa", "assumed", f"two-sided contact, no compaction; {_HECKEL}", factor(2.5)),
+    "unloading_modulus": ParameterSource("Pa", "analogous", "compacted unsaturated sandy soil", factor(2.0)),
+    "poisson": ParameterSource("-", "analogous", "compacted soil, 0.30 at the operating point", plus_minus(0.07)),
+    "instant_over_relaxed": ParameterSource(
+        "-", "assumed", "trapped air beside the skeleton (argued)", between(1.3, 2.0)
+    ),
+    "relaxation_time": ParameterSource("s", "assumed", "drainage of pore air (argued)", factor(5.0)),
+    "pore_air_modulus": ParameterSource("Pa", "derived", "atmospheric pressure / (1 - k)", factor(2.0)),
+    "friction_angle": ParameterSource("deg", "analogous", _TRIAXIAL, plus_minus(5.0)),
+    "cohesion": ParameterSource("Pa", "analogous", _TRIAXIAL, factor(2.0)),
+    "steel_friction": ParameterSource("-", "analogous", _TRIBOMETRY, plus_minus(0.1)),
+    "heckel_slope": ParameterSource("1/Pa", "assumed", f"one-dimensional K_H; {_HECKEL}", factor(2.5)),
+    "rate_exponent": ParameterSource("-", "analogous", "relaxation of unsaturated clay", between(0.011, 0.029)),
+    "effective_modulus": ParameterSource(
+        "Pa", "assumed", "secant modulus of (1.5)-(1.6): relaxed_modulus", factor(2.5)
+    ),
 }
-NAMES = tuple(ORIGINS)
+PARAMETER_NAMES = tuple(PARAMETER_SOURCES)
 TIED = ("required_pressure", "plastic_modulus", "relaxed_modulus", "heckel_slope", "effective_modulus")  # to PUBLISHED
 LOGARITHMIC = (  # parameters that span decades and are interpolated by ratio
     "plastic_modulus",
@@ -192,11 +196,11 @@ def prior(moisture, density_ratio, overrides=None):
         overrides.setdefault("effective_modulus", values["relaxed_modulus"])
     values["effective_modulus"] = overrides.get("effective_modulus", values["relaxed_modulus"])
     published = max(abs(moisture - PUBLISHED[0]), abs(density_ratio - PUBLISHED[1])) < 1e-9
-    parameters = (_parameter(name, float(values[name]), name in overrides, published) for name in NAMES)
+    parameters = (_parameter(name, float(values[name]), name in overrides, published) for name in PARAMETER_NAMES)
     return Mix(float(moisture), float(density_ratio), tuple(parameters))
 
 
-def nodes():
+def table_nodes():
     """(moistures [-], density ratios [-]) at which the table has values, ascending."""
     moistures, ratios, _ = _table()
     return tuple(moistures.tolist()), tuple(ratios.tolist())
@@ -253,7 +257,7 @@ def _refuse_phases(moisture, density_ratio):
 
 
 def _refuse_override(name, value):
-    require_known("mix parameter", name, NAMES)
+    require_known("mix parameter", name, PARAMETER_NAMES)
     if name in ("cohesion", "steel_friction", "rate_exponent"):
         require_nonnegative(**{name: value})
     elif name == "poisson" and not 0 <= value < 0.5:
@@ -263,7 +267,7 @@ def _refuse_override(name, value):
 
 
 def _parameter(name, value, given, published):
-    origin = ORIGINS[name]
+    origin = PARAMETER_SOURCES[name]
     if given:
         return Parameter(name, value, value, value, origin.unit, "given", "given in place of the prior")
     if name in TIED and published:
@@ -323,4 +327,4 @@ def _table():
     cells = np.array([line.split(",") for line in text[1:]], dtype=float).T
     moistures, ratios = np.unique(cells[0]), np.unique(cells[1])
     columns = {name: cell.reshape(len(moistures), len(ratios)) for name, cell in zip(header, cells, strict=True)}
-    return moistures, ratios, {name: columns[name] for name in header if name in NAMES}
+    return moistures, ratios, {name: columns[name] for name in header if name in PARAMETER_NAMES}

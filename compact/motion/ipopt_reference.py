@@ -10,7 +10,7 @@ from scipy import sparse
 
 from compact.motion.limits import MARGIN
 from compact.motion.objectives import PEAKS
-from compact.numerics.convex_programs import least_linear
+from compact.numerics.convex_programs import minimise_linear
 
 SAMPLES, FEWER, SHARES = 400, 120, 41  # of the resistance over the speed; over both where the acceleration counts
 FASTEST = 4.0  # times the mean speed, up to which a resistance without a limit of speed is asked
@@ -35,7 +35,7 @@ def starts(task, count, seed=0):
     random, size = np.random.default_rng(seed), task.held.space.size
     found = []
     for _ in range(count):
-        corners = [least_linear(random.normal(size=size), task.held.program) for _ in range(CORNERS)]
+        corners = [minimise_linear(random.normal(size=size), task.held.program) for _ in range(CORNERS)]
         found.append(random.dirichlet(np.ones(CORNERS)) @ corners)
     return np.array(found)
 
@@ -118,8 +118,8 @@ class _Program:
 
     def _solver(self, top):
         ca, program = self.package, self.task.held.program
-        below = self._moved(program.below) - program.below_to
-        equal = self._moved(program.equal) - program.equal_to
+        below = self._moved(program.inequality_matrix) - program.inequality_bounds
+        equal = self._moved(program.equality_matrix) - program.equality_values
         held = ca.vertcat(equal, below, *self.held)
         self.lowest = np.full(held.shape[0], -np.inf)
         self.lowest[: equal.shape[0]] = 0.0

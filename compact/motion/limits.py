@@ -33,7 +33,7 @@ from scipy import sparse
 
 from compact.motion.objectives import Tangent
 from compact.motion.spline_space import Space, graded_breaks
-from compact.numerics.convex_programs import Program, least_linear, least_quadratic
+from compact.numerics.convex_programs import LinearConstraints, minimise_linear, minimise_quadratic
 from compact.numerics.validation import require_between, require_known, require_nonnegative, require_positive
 
 MARGIN = 2e-5  # of the crowding, kept free for peaks between the nodes: twice what these may be higher
@@ -249,7 +249,7 @@ class InfeasibleError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class ConstraintSet:
-    """Limits on the laws of a space over a stroke [m] in a duration [s], as a `Program` on its unknowns."""
+    """Limits on the laws of a space over a stroke [m] in a duration [s], as a `LinearConstraints` on its unknowns."""
 
     limits: Limits
     space: Space
@@ -307,7 +307,7 @@ class ConstraintSet:
 
     @cached_property
     def program(self):
-        """The `Program` of all limits."""
+        """The `LinearConstraints` of all limits."""
         rows = [bound.rows / bound.asked for bound in self.bounds]
         values = [1 - bound.offset / bound.asked for bound in self.bounds]
         return self._with(rows, values)
@@ -315,7 +315,7 @@ class ConstraintSet:
     def _with(self, rows, values):
         hard, hard_to = self._hard
         below = sparse.csr_array(np.concatenate([hard, *rows]))
-        return Program(*self._equal, below, np.concatenate([hard_to, *values]))
+        return LinearConstraints(*self._equal, below, np.concatenate([hard_to, *values]))
 
     @cached_property
     def _equal(self):
@@ -366,7 +366,7 @@ class ConstraintSet:
         u, weights = np.polynomial.legendre.leggauss(self.space.smoothness + 1)
         weights = np.outer(np.diff(self.space.breaks), weights / 2).ravel()
         rows = self.space.values(2, (u + 1) / 2) * np.sqrt(weights)[:, None]
-        return least_quadratic(rows.T @ rows, np.zeros(self.space.size), self.program)
+        return minimise_quadratic(rows.T @ rows, np.zeros(self.space.size), self.program)
 
     def closed(self, unknowns):
         """The unknowns with stroke, rest and continuity kept to rounding, and all bounds, where a program left 1e-10.
@@ -388,16 +388,16 @@ class ConstraintSet:
         """Unknowns of a law with the largest relative distance from the nearest bound."""
         program = self._with([], [])
         rows = np.concatenate([bound.rows / bound.asked for bound in self.bounds])
-        below = np.concatenate([program.below.toarray(), rows])
-        margin = np.repeat([0.0, 1.0], [program.below.shape[0], len(rows)])
-        values = [program.below_to, *(1 - bound.offset / bound.asked for bound in self.bounds)]
-        wider = Program(
-            np.column_stack([program.equal, np.zeros(len(program.equal))]),
-            program.equal_to,
+        below = np.concatenate([program.inequality_matrix.toarray(), rows])
+        margin = np.repeat([0.0, 1.0], [program.inequality_matrix.shape[0], len(rows)])
+        values = [program.inequality_bounds, *(1 - bound.offset / bound.asked for bound in self.bounds)]
+        wider = LinearConstraints(
+            np.column_stack([program.equality_matrix, np.zeros(len(program.equality_matrix))]),
+            program.equality_values,
             np.column_stack([below, margin]),
             np.concatenate(values),
         )
-        return least_linear(np.append(np.zeros(self.space.size), -1.0), wider)[: self.space.size]
+        return minimise_linear(np.append(np.zeros(self.space.size), -1.0), wider)[: self.space.size]
 
     def _alone(self, i):
         """The `Conflict` of bound i that gives alone, or None where that does not suffice."""
@@ -410,17 +410,25 @@ class ConstraintSet:
         """A `Conflict` of each bound that gives, where the sum of costs times relative violations is least."""
         count, program = len(self.bounds), self._with([], [])
         give = np.eye(count)
-        rows = [program.below.toarray(), np.zeros((count, self.space.size)), *(b.rows / b.asked for b in self.bounds)]
+        rows = [
+            program.inequality_matrix.toarray(),
+            np.zeros((count, self.space.size)),
+            *(b.rows / b.asked for b in self.bounds),
+        ]
         given = [np.zeros((rows[0].shape[0], count)), -give]
         given += [np.tile(-give[i], (len(bound.rows), 1)) for i, bound in enumerate(self.bounds)]
-        values = [program.below_to, np.zeros(count), *(1 - bound.offset / bound.asked for bound in self.bounds)]
-        elastic = Program(
-            np.column_stack([program.equal, np.zeros((len(program.equal), count))]),
-            program.equal_to,
+        values = [
+            program.inequality_bounds,
+            np.zeros(count),
+            *(1 - bound.offset / bound.asked for bound in self.bounds),
+        ]
+        elastic = LinearConstraints(
+            np.column_stack([program.equality_matrix, np.zeros((len(program.equality_matrix), count))]),
+            program.equality_values,
             np.column_stack([np.concatenate(rows), np.concatenate(given)]),
             np.concatenate(values),
         )
-        found = least_linear(np.concatenate([np.zeros(self.space.size), costs]), elastic)
+        found = minimise_linear(np.concatenate([np.zeros(self.space.size), costs]), elastic)
         if found is None:
             raise RuntimeError("no law at all on these pieces: raise `pieces`, or lower the smoothness")
         pairs = zip(self.bounds, found[self.space.size :], strict=True)

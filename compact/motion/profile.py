@@ -18,7 +18,7 @@ from compact.motion.laws import LAWS, Shape
 from compact.motion.limits import CamLimits, InfeasibleError, Limits
 from compact.motion.objectives import OBJECTIVES
 from compact.motion.sequential_programming import METHODS, optimum
-from compact.numerics.piecewise import graded, integral, sign_changes
+from compact.numerics.piecewise import find_roots, graded_grid, integrate
 from compact.numerics.validation import (
     require_at_most,
     require_between,
@@ -176,7 +176,7 @@ class Motion:
         """
         require_known("turn", turn, TURNS)
         found, places = [], self.curve.x
-        grid, sides = graded(places), [self._sides(k, turn) for k in range(1, 6)]
+        grid, sides = graded_grid(places), [self._sides(k, turn) for k in range(1, 6)]
         for k, (here, next_one) in enumerate(itertools.pairwise(sides), start=1):
             smallest = JUMP_TOLERANCE * max(1.0, np.abs(self.curve(grid, nu=k)).max())
             drift = SIDE_STEPS * np.finfo(float).eps * np.abs(next_one).max(axis=0)
@@ -193,7 +193,7 @@ class Motion:
         """J_k = int (x^(k))^2 dt over one pass [m^2/s^(2k-1)]; infinite where x^(k) holds an impulse."""
         if any(join.order < order for join in self.joins(turn)):
             return np.inf
-        return self._scale(order) ** 2 * self.duration * integral(lambda z: self.curve(z, nu=order) ** 2, self.curve.x)
+        return self._scale(order) ** 2 * self.duration * integrate(lambda z: self.curve(z, nu=order) ** 2, self.curve.x)
 
     def cycle(self, far_dwell=0.0, near_dwell=0.0):
         """There and back, with dwells [s] at the far and the near end, as a `Cycle`."""
@@ -287,7 +287,7 @@ def optimise(
         require_at_most(MOST_PIECES, "finer ones change no law by a machine's tolerance", pieces=pieces)
     resistances = (resistance,) if callable(resistance) else tuple(resistance)
     for one in resistances:
-        require_opposing(one, stroke / duration, ways=(1.0,))
+        require_opposing(one, stroke / duration, directions=(1.0,))
     limits = limits or Limits()
     task = limits, float(stroke), float(duration), weights, float(mass)
     require_known("method", method, tuple(METHODS))
@@ -422,4 +422,4 @@ def turning_points(curve, order):
         roots = curve.derivative(order + 1).roots(discontinuity=False, extrapolate=False)
         return np.concatenate([edges, roots[np.isfinite(roots)]])
     # the grid catches a plateau behind a thin layer, where the next derivative is zero and changes no sign
-    return np.concatenate([edges, graded(curve.x), sign_changes(lambda z: curve(z, nu=order + 1), curve.x)])
+    return np.concatenate([edges, graded_grid(curve.x), find_roots(lambda z: curve(z, nu=order + 1), curve.x)])

@@ -21,7 +21,7 @@ from scipy import sparse
 
 from compact.motion.limits import MARGIN, Conflict, ConstraintSet, InfeasibleError, space_of
 from compact.motion.objectives import OBJECTIVES, PEAKS, Nodes, state
-from compact.numerics.convex_programs import Program, least_linear, least_quadratic
+from compact.numerics.convex_programs import LinearConstraints, minimise_linear, minimise_quadratic
 
 PIECES = {1: 128, 2: 64, 3: 48}  # of a law in C1, C2, C3: the doubling before gains about 1e-3, 1e-4, 1e-4
 PIECES_OF_A_CAM = 64  # its bounds are on the travel, which depends on all unknowns before it
@@ -189,12 +189,12 @@ class _Model:
         right = sparse.coo_array((entries[2], entries[:2].astype(int)), shape=(self.height, self.width))
         left = sparse.csr_array(np.concatenate(self.rows))
         left.resize((self.height, self.width))
-        wide = limits.below.copy()
+        wide = limits.inequality_matrix.copy()
         wide.resize((wide.shape[0], self.width))
-        room = limits.below_to - limits.below @ unknowns
-        return Program(
-            np.column_stack([limits.equal, np.zeros((len(limits.equal), more))]),
-            limits.equal_to - limits.equal @ unknowns,
+        room = limits.inequality_bounds - limits.inequality_matrix @ unknowns
+        return LinearConstraints(
+            np.column_stack([limits.equality_matrix, np.zeros((len(limits.equality_matrix), more))]),
+            limits.equality_values - limits.equality_matrix @ unknowns,
             sparse.csr_array(sparse.vstack([wide, left + right])),
             np.concatenate([room, *self.values]),
         )
@@ -206,13 +206,13 @@ class _Model:
         box = np.full(self.width, np.inf)
         box[: self.size] = radius
         if self.curvature is None or not curved:
-            found = least_linear(cost, self.program, box)
+            found = minimise_linear(cost, self.program, box)
             if found is None:
                 raise RuntimeError("HiGHS finds no law within limits that the law before kept")
             return found[: self.size], self.scale * found[self.size]
         curvature = np.zeros((self.width, self.width))
         curvature[: self.size, : self.size] = self.curvature
-        found = least_quadratic(curvature, cost, self.program, box)
+        found = minimise_quadratic(curvature, cost, self.program, box)
         change = found[: self.size]
         return change, self.scale * (found[self.size] + change @ self.curvature @ change / 2)
 

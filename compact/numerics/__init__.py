@@ -1,1 +1,1 @@
-"""Numerical methods without knowledge of rollers: checks, quadrature, roots, convex programs, element matrices."""
+"""Numerical methods independent of rollers: validation, quadrature, root finding, convex programs, element matrices."""

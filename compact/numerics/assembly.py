@@ -1,39 +1,69 @@
 """Batched element matrices of plane-strain solids, shared by the finite-element engines.
 
-K_e = int B' C B dA of all elements at once;  dof d of component i is unknown 2 d + i
+    K_e = integral of B' C B over the element
+
+All elements are integrated by one batch of matrix products. Degree of freedom d of component i is unknown 2 d + i.
+The volumetric strain is projected in each element on linear functions (B-bar method), so that quadratic displacements
+do not lock as Poisson's ratio approaches 1/2.
+
+References
+----------
+T. J. R. Hughes, The Finite Element Method, Dover 2000, section 4.5 (B-bar method).
 """
 
 import numpy as np
-from scipy.sparse import coo_matrix
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix
+from skfem import Basis
+
+Array = NDArray[np.float64]
 
 
-def moduli(poisson):
-    """Stiffness of unit modulus against (e_xx, e_yy, 2 e_xy, e): 2 mu, 2 mu, mu and lambda, e the change of area."""
+def unit_moduli(poisson: float) -> Array:
+    """Compute the plane-strain stiffness for a Young's modulus of 1.
+
+    Parameters
+    ----------
+    poisson : float
+        Poisson's ratio nu [-], 0 <= nu < 0.5.
+
+    Returns
+    -------
+    ndarray, shape (4,)
+        2 mu, 2 mu, mu and lambda [-]: stiffness against e_xx, e_yy, 2 e_xy and the volumetric strain.
+    """
     lame = poisson / ((1 + poisson) * (1 - 2 * poisson))
     shear = 1 / (2 * (1 + poisson))
     return np.array([2 * shear, 2 * shear, shear, lame])
 
 
-def strain_matrix(basis, along=1.0, across=1.0):
-    """B of (e_xx, e_yy, 2 e_xy, e) at the Gauss points, shape (elements, points, 4, 18), unknowns as in `dofs`.
+def strain_matrix(basis: Basis, x_scale: float = 1.0, y_scale: float = 1.0) -> Array:
+    """Compute B, which maps displacements to e_xx, e_yy, 2 e_xy and the projected volumetric strain.
 
-    along, across : factors of the derivatives along x and y
+    Parameters
+    ----------
+    basis : skfem.Basis
+        Scalar basis with `Nbfun` functions per element.
+    x_scale, y_scale : float
+        Factors of the derivatives along x and y [-].
 
-    The change of area e is e_xx + e_yy projected in each element on {1, x, y}: quadratic displacements with linear
-    pressure do not lock as nu -> 1/2.
+    Returns
+    -------
+    ndarray, shape (elements, points, 4, 2 Nbfun)
+        B at the quadrature points [1/m], its unknowns in the order of `element_unknowns`.
     """
-    gradient = np.array([basis.basis[j][0].grad for j in range(basis.Nbfun)])  # (9, 2, elements, points)
+    gradient = np.array([basis.basis[j][0].grad for j in range(basis.Nbfun)])  # (Nbfun, 2, elements, points)
     gx, gy = gradient.transpose(1, 2, 3, 0)
-    gx, gy = along * gx, across * gy
+    gx, gy = x_scale * gx, y_scale * gy
     B = np.zeros((*gx.shape[:2], 4, 2 * basis.Nbfun))
     B[..., 0, 0::2], B[..., 1, 1::2] = gx, gy
     B[..., 2, 0::2], B[..., 2, 1::2] = gy, gx
-    B[..., 3, :] = _linear_part(basis, B[..., 0, :] + B[..., 1, :])
+    B[..., 3, :] = _linear_projection(basis, B[..., 0, :] + B[..., 1, :])
     return B
 
 
-def _linear_part(basis, values):
-    """Projection of Gauss-point values, shape (elements, points, k), on {1, x, y} in each element."""
+def _linear_projection(basis: Basis, values: Array) -> Array:
+    """Projection of values at quadrature points, shape (elements, points, k), on {1, x, y} in each element."""
     x, y = np.asarray(basis.global_coordinates())
     linear = np.stack([np.ones_like(x), x - x.mean(1, keepdims=True), y - y.mean(1, keepdims=True)], axis=-1)
     linear /= np.abs(linear).max(axis=1, keepdims=True)
@@ -41,27 +71,55 @@ def _linear_part(basis, values):
     return linear @ np.linalg.solve(weighted @ linear, weighted @ values)
 
 
-def element_unknowns(basis):
-    """Unknowns of each element, shape (elements, 18)."""
+def element_unknowns(basis: Basis) -> NDArray[np.int64]:
+    """Return the unknowns of each element, shape (elements, 2 Nbfun)."""
     dofs = basis.element_dofs.T
     return np.stack([2 * dofs, 2 * dofs + 1], axis=-1).reshape(len(dofs), -1)
 
 
-def assembled(basis, moduli):
-    """int B' C B dA, all elements at once; moduli of all, shape (4,), or of each, shape (elements, 4)."""
+def assemble_stiffness(basis: Basis, moduli: Array) -> csr_matrix:
+    """Assemble the global stiffness matrix.
+
+    Parameters
+    ----------
+    basis : skfem.Basis
+        Scalar basis of both displacement components.
+    moduli : ndarray, shape (4,) or (elements, 4)
+        Stiffness as of `unit_moduli`, of the body or of each element.
+
+    Returns
+    -------
+    csr_matrix, shape (2 N, 2 N)
+        Stiffness matrix; N is the number of scalar degrees of freedom.
+    """
     B = strain_matrix(basis)
-    return global_matrix(basis, element_matrices(basis, B, B, moduli))
+    return assemble_matrix(basis, element_matrices(basis, B, B, moduli))
 
 
-def element_matrices(basis, left, right, moduli):
-    """int left' C right dA of every element, shape (elements, 18, 18)."""
+def element_matrices(basis: Basis, left: Array, right: Array, moduli: Array) -> Array:
+    """Integrate left' C right over every element.
+
+    Parameters
+    ----------
+    basis : skfem.Basis
+        Basis whose quadrature weights are used.
+    left, right : ndarray, shape (elements, points, 4, n)
+        Strain matrices as of `strain_matrix`.
+    moduli : ndarray, shape (4,) or (elements, 4)
+        Diagonal of C.
+
+    Returns
+    -------
+    ndarray, shape (elements, n, n)
+        Element matrices.
+    """
     count, points, parts, width = left.shape
     C_right = (right * moduli[..., None, :, None] * basis.dx[..., None, None]).reshape(count, points * parts, width)
     return np.matmul(left.reshape(C_right.shape).transpose(0, 2, 1), C_right)
 
 
-def global_matrix(basis, blocks):
-    """The sparse matrix of blocks of the elements."""
+def assemble_matrix(basis: Basis, blocks: Array) -> csr_matrix:
+    """Assemble element matrices, shape (elements, n, n), into the sparse global matrix."""
     unknowns = element_unknowns(basis)
     rows = np.broadcast_to(unknowns[:, :, None], blocks.shape)
     columns = np.broadcast_to(unknowns[:, None, :], blocks.shape)

@@ -1,9 +1,11 @@
-"""Convex programs: least (1/2) x'Qx + c'x where A x = b and G x <= h.
+"""Linear and convex quadratic programs.
 
-Linear ones (Q = 0) go to HiGHS by scipy, quadratic ones to Clarabel, an interior point method. HiGHS takes entries
-below 1e-9 for zero, and Clarabel requires rows of a like size: a row is divided by the larger of its largest entry and
-its h; for HiGHS only if that is below 1, since its tolerance is that of the row. The unknowns are the caller's to
-choose, of order 1 if a row holds small entries. A linear result is returned only if it keeps all rows.
+    minimise (1/2) x'Qx + c'x    subject to    A x = b,  G x <= h
+
+HiGHS (through scipy) solves linear programs, Q = 0; Clarabel, an interior-point solver, solves quadratic ones. HiGHS
+drops entries below 1e-9, and Clarabel requires rows of similar size. Each row is therefore divided by the larger of its
+largest entry and its h; for HiGHS only where that is below 1, since its tolerance is absolute. The caller scales the
+unknowns to order 1 if a row has small entries. A linear solution is returned only if it satisfies all rows.
 
 References
 ----------
@@ -11,102 +13,162 @@ P. J. Goulart and Y. Chen, Clarabel: an interior-point solver for conic programs
 arXiv:2405.12762 (2024); Q. Huangfu and J. A. J. Hall, Math. Prog. Comp. 10 (2018) 119 (HiGHS).
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import clarabel
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy import linalg, sparse
 from scipy.optimize import linprog
 
-TIGHT = 1e-10  # [-], feasibility and optimality required of HiGHS: its strictest
-CLOSE = 1e-12  # [-], residuals and duality gap required of Clarabel
-NEAR = 1e-8  # [-], residuals and duality gap that are accepted where rounding allows no more
-KEPT = 1e-6  # [-], of the terms of a row, by which a result may break it: ten times the default tolerance of HiGHS
-FIXED = 1e-12  # [-], of a row: less than that is left in the null space of the equalities that fix it
+HIGHS_TOLERANCE = 1e-10  # [-], primal and dual feasibility of HiGHS; its strictest
+CLARABEL_TOLERANCE = 1e-12  # [-], residuals and duality gap of Clarabel
+CLARABEL_ACCEPTED = 1e-8  # [-], residuals and duality gap accepted where rounding prevents CLARABEL_TOLERANCE
+ROW_TOLERANCE = 1e-6  # [-], violation of a row over the size of its terms; ten times the default tolerance of HiGHS
+NULL_SPACE_TOLERANCE = 1e-12  # [-], part of a row in the null space of the equalities; below it they determine the row
+
+Array = NDArray[np.float64]
+Matrix: TypeAlias = Array | sparse.csr_array
 
 
-class Program(NamedTuple):
-    """A x = b, G x <= h: arrays or sparse matrices of n columns."""
+class LinearConstraints(NamedTuple):
+    """Linear constraints A x = b, G x <= h on n unknowns.
 
-    equal: np.ndarray
-    equal_to: np.ndarray
-    below: np.ndarray
-    below_to: np.ndarray
+    Parameters
+    ----------
+    equality_matrix : array or sparse array, shape (k, n)
+        A.
+    equality_values : ndarray, shape (k,)
+        b.
+    inequality_matrix : array or sparse array, shape (m, n)
+        G.
+    inequality_bounds : ndarray, shape (m,)
+        h.
+    """
+
+    equality_matrix: Matrix
+    equality_values: Array
+    inequality_matrix: Matrix
+    inequality_bounds: Array
 
 
-def least_linear(cost, program, box=None):
-    """x of least c'x, shape (n,), or None where no x fits; `box` bounds each |x_i|, inf for none.
+def minimise_linear(cost: Array, constraints: LinearConstraints, box: Array | None = None) -> Array | None:
+    """Minimise c'x.
 
-    Raises RuntimeError where HiGHS finds no solution that keeps all rows.
+    Parameters
+    ----------
+    cost : ndarray, shape (n,)
+        c.
+    constraints : LinearConstraints
+        Constraints on x.
+    box : ndarray, shape (n,), optional
+        Bound of each |x_i|; inf for an unbounded unknown.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        Minimiser, or None if the constraints are infeasible.
+
+    Raises
+    ------
+    RuntimeError
+        If HiGHS finds no solution that satisfies all rows to `ROW_TOLERANCE`.
     """
     bounds = (None, None) if box is None else np.column_stack([-box, box])
-    equal, equal_to = _scaled(program.equal, program.equal_to, most=1.0)
-    below, below_to = _scaled(program.below, program.below_to, most=1.0)
-    tight = {"primal_feasibility_tolerance": TIGHT, "dual_feasibility_tolerance": TIGHT}
-    reasons = []
-    for options in (tight, {}, {"presolve": False}):
-        found = linprog(cost, below, below_to, equal, equal_to, bounds=bounds, method="highs", options=options)
-        if found.status == 2:
+    A, b = _scaled(constraints.equality_matrix, constraints.equality_values, largest=1.0)
+    G, h = _scaled(constraints.inequality_matrix, constraints.inequality_bounds, largest=1.0)
+    strict = {"primal_feasibility_tolerance": HIGHS_TOLERANCE, "dual_feasibility_tolerance": HIGHS_TOLERANCE}
+    failures = []
+    for options in (strict, {}, {"presolve": False}):
+        result = linprog(cost, G, h, A, b, bounds=bounds, method="highs", options=options)
+        if result.status == 2:
             return None
-        if found.status == 0:
-            broken = _broken(found.x, equal, equal_to, below, below_to)
-            if broken <= KEPT:
-                return found.x
-            found.message = f"a row is broken by {broken:.1e}"
-        reasons.append(found.message)  # some settings cannot decide whether anything fits so tightly
-    raise RuntimeError(f"HiGHS solved no program of {len(cost)} unknowns: {'; '.join(dict.fromkeys(reasons))}")
-
-
-def least_quadratic(curvature, cost, program, box=None):
-    """x of least (1/2) x'Qx + c'x, shape (n,); Q positive semidefinite, `box` as of `least_linear`.
-
-    Raises RuntimeError, with the residuals reached, where Clarabel does not converge to `NEAR`.
-    """
-    equal, equal_to = _scaled(program.equal, program.equal_to)
-    below, below_to = sparse.csr_array(program.below), np.asarray(program.below_to, float)
-    if box is not None:
-        held = np.flatnonzero(np.isfinite(box))
-        unit = sparse.csr_array(sparse.eye_array(len(cost)))[held]
-        below, below_to = sparse.vstack([below, unit, -unit]), np.concatenate([below_to, box[held], box[held]])
-    below, below_to = _scaled(below, below_to)
-    free = linalg.null_space(equal.toarray())
-    moves = np.abs(below @ free).max(axis=1, initial=0.0) > FIXED  # a row that the equalities fix has no inside
-    below, below_to = below[moves], below_to[moves]
-
-    rows = sparse.csc_array(sparse.vstack([equal, below]))
-    rows.eliminate_zeros()
-    cones = [clarabel.ZeroConeT(len(equal_to)), clarabel.NonnegativeConeT(len(below_to))]
-    upper = sparse.csc_array(np.triu((curvature + curvature.T) / 2))
-    values, reached = np.concatenate([equal_to, below_to]), []
-    for equilibrate in (False, True):  # the rows are scaled already
-        solver = clarabel.DefaultSolver(upper, cost, rows, values, cones, _settings(equilibrate))
-        found = solver.solve()
-        if found.status in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
-            return np.array(found.x)
-        reached.append(f"{found.status}, residuals {found.r_prim:.1e} and {found.r_dual:.1e}")
+        if result.status == 0:
+            violation = _relative_violation(result.x, A, b, G, h)
+            if violation <= ROW_TOLERANCE:
+                return result.x
+            result.message = f"a row is violated by {violation:.1e}"
+        failures.append(result.message)  # strict tolerances may leave the feasibility undecided
     raise RuntimeError(
-        f"Clarabel solved no program of {len(cost)} unknowns to {NEAR:g}: {' or '.join(dict.fromkeys(reached))}"
+        f"HiGHS did not solve a linear program of {len(cost)} unknowns: {'; '.join(dict.fromkeys(failures))}"
     )
 
 
-def _settings(equilibrate):
+def minimise_quadratic(
+    curvature: Array, cost: Array, constraints: LinearConstraints, box: Array | None = None
+) -> Array:
+    """Minimise (1/2) x'Qx + c'x.
+
+    Parameters
+    ----------
+    curvature : ndarray, shape (n, n)
+        Q, positive semidefinite.
+    cost : ndarray, shape (n,)
+        c.
+    constraints : LinearConstraints
+        Constraints on x.
+    box : ndarray, shape (n,), optional
+        Bound of each |x_i|; inf for an unbounded unknown.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Minimiser.
+
+    Raises
+    ------
+    RuntimeError
+        If Clarabel does not converge to `CLARABEL_ACCEPTED`; the message contains the residuals.
+    """
+    A, b = _scaled(constraints.equality_matrix, constraints.equality_values)
+    G, h = _inequalities(constraints, box, A)
+    rows = sparse.csc_array(sparse.vstack([A, G]))
+    rows.eliminate_zeros()
+    cones = [clarabel.ZeroConeT(len(b)), clarabel.NonnegativeConeT(len(h))]
+    upper = sparse.csc_array(np.triu((curvature + curvature.T) / 2))
+    values, failures = np.concatenate([b, h]), []
+    for equilibrate in (False, True):  # the rows are scaled already
+        result = clarabel.DefaultSolver(upper, cost, rows, values, cones, _settings(equilibrate)).solve()
+        if result.status in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
+            return np.array(result.x)
+        failures.append(f"{result.status}, residuals {result.r_prim:.1e} and {result.r_dual:.1e}")
+    raise RuntimeError(
+        f"Clarabel did not solve a quadratic program of {len(cost)} unknowns to {CLARABEL_ACCEPTED:g}: "
+        f"{' or '.join(dict.fromkeys(failures))}"
+    )
+
+
+def _inequalities(constraints: LinearConstraints, box: Array | None, A: sparse.csr_array) -> tuple[Matrix, Array]:
+    """Scaled inequalities and box, without rows that the equalities determine: those have no interior."""
+    G, h = sparse.csr_array(constraints.inequality_matrix), np.asarray(constraints.inequality_bounds, float)
+    if box is not None:
+        bounded = np.flatnonzero(np.isfinite(box))
+        unit = sparse.csr_array(sparse.eye_array(len(box)))[bounded]
+        G, h = sparse.vstack([G, unit, -unit]), np.concatenate([h, box[bounded], box[bounded]])
+    G, h = _scaled(G, h)
+    free = linalg.null_space(A.toarray())
+    undetermined = np.abs(G @ free).max(axis=1, initial=0.0) > NULL_SPACE_TOLERANCE
+    return G[undetermined], h[undetermined]
+
+
+def _settings(equilibrate: bool) -> clarabel.DefaultSettings:
     settings = clarabel.DefaultSettings()
     settings.verbose, settings.equilibrate_enable, settings.max_threads = False, equilibrate, 1
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = CLOSE
-    settings.reduced_tol_gap_abs = settings.reduced_tol_gap_rel = settings.reduced_tol_feas = NEAR
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = CLARABEL_TOLERANCE
+    settings.reduced_tol_gap_abs = settings.reduced_tol_gap_rel = settings.reduced_tol_feas = CLARABEL_ACCEPTED
     return settings
 
 
-def _scaled(rows, values, most=np.inf):
-    """Rows, sparse, and values, each divided by the larger of its largest entry and its value, or `most`."""
-    rows, values = sparse.csr_array(rows, dtype=float), np.asarray(values, float)
+def _scaled(matrix: Matrix, values: ArrayLike, largest: float = np.inf) -> tuple[sparse.csr_array, Array]:
+    """Rows, sparse, and values, each divided by the larger of its largest entry and its value, or by `largest`."""
+    rows, values = sparse.csr_array(matrix, dtype=float), np.asarray(values, float)
     size = np.maximum(abs(rows).max(axis=1).toarray().ravel(), np.abs(values))
-    size = np.where(size == 0, 1.0, np.minimum(size, most))
+    size = np.where(size == 0, 1.0, np.minimum(size, largest))
     return sparse.csr_array(sparse.diags_array(1 / size) @ rows), values / size
 
 
-def _broken(x, equal, equal_to, below, below_to):
-    """Largest violation of a row, relative to the sum of its terms' magnitudes, or 1 if that is larger."""
-    missed = np.concatenate([np.abs(equal @ x - equal_to), below @ x - below_to])
-    terms = np.concatenate([abs(equal) @ np.abs(x), abs(below) @ np.abs(x)])
-    return float(np.max(missed / np.maximum(terms, 1.0), initial=0.0))
+def _relative_violation(x: Array, A: Matrix, b: Array, G: Matrix, h: Array) -> float:
+    """Largest violation of a row over the sum of the magnitudes of its terms, or over 1 if that is larger."""
+    violation = np.concatenate([np.abs(A @ x - b), G @ x - h])
+    terms = np.concatenate([abs(A) @ np.abs(x), abs(G) @ np.abs(x)])
+    return float(np.max(violation / np.maximum(terms, 1.0), initial=0.0))

@@ -35,7 +35,20 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         file._source_stamp = tuple(
             (stat.st_mtime, stat.st_size) for stat in map(os.stat, sorted(source_files(function.__module__)))
         )
+        file._load_index = _readable(file._load_index)
     return dispatcher
+
+
+def _readable(load_index: Callable[[], dict[Any, Any]]) -> Callable[[], dict[Any, Any]]:
+    """Wrap the reader of a cache index, so that an index which names a class that is gone counts as empty."""
+
+    def load() -> dict[Any, Any]:
+        try:
+            return load_index()
+        except (AttributeError, ImportError):  # pickled argument types of another version of the package
+            return {}
+
+    return load
 
 
 @cache
@@ -59,7 +72,7 @@ def source_files(module: str) -> frozenset[str]:
 
 
 def _is_related(name: str, file: str, module: str) -> bool:
-    """Whether a module belongs to the package of another, or lies in its directory if that has no package."""
+    """Return True for a module of the same package, or in the same directory as a module without a package."""
     package = module.partition(".")[0]
     if name.partition(".")[0] == package:
         return True
@@ -68,7 +81,7 @@ def _is_related(name: str, file: str, module: str) -> bool:
 
 
 def _imported_names(file: Path) -> Iterator[str]:
-    """Full names of all modules that a source file may import."""
+    """Yield the full names of all modules that a source file may import."""
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)

@@ -1,97 +1,43 @@
-"""Functions given in pieces: where they are largest and what they integrate to, without missing a thin layer.
+"""Maxima, roots, integrals and polynomial approximation of functions defined piecewise.
 
-`breaks` are the places where pieces join, ends among them, ascending. A function takes an array of places of any shape
-and gives its values in that shape; pieces are seen from inside, so a jump at a join keeps both its sides.
+`breaks` are the ascending abscissae at which pieces join, both ends included. A function accepts an array of abscissae
+of any shape and returns values of that shape. Pieces are evaluated at interior points only, so that both limits at a
+discontinuity count. Grids are graded geometrically towards the breaks and resolve boundary layers down to 1e-12 of a
+piece.
 
-Smooth functions as polynomials in pieces, as near as asked: what compiled code takes of a law or a resistance.
+On the piece from `breaks[i]` to `breaks[i + 1]` a `PiecewisePolynomial` is sum_j coefficients[i, j] u^j, 0 <= u <= 1.
+Compiled code evaluates motion laws and resistances in this form.
 
-On the piece from `breaks[i]` to `breaks[i + 1]` the function is sum_j coefficients[i, j] u^j, 0 <= u <= 1.
+References
+----------
+L. N. Trefethen, Approximation Theory and Approximation Practice, SIAM 2013, chapters 2 and 19 (Chebyshev interpolation,
+Clenshaw-Curtis quadrature).
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial, chebyshev
+from numpy.typing import ArrayLike, NDArray
 
-EPSILON = 4 * np.finfo(float).eps  # share of a unit interval by which a join is passed: 1 - z then sees the same side
-HALVINGS = 40  # of a piece towards each of its ends, down to 1e-12 of it
-ZOOM, ZOOMS = 20, 7  # cells, and zooms in on the best two: to 1e-7 of a cell, so a smooth top is right to rounding
+Array = NDArray[np.float64]
+Function = Callable[[Array], Array]
 
+BREAK_OFFSET = 4 * np.finfo(float).eps  # [-], distance from a break over the unit interval; resolved in 1 - z too
+HALVINGS = 40  # [-], halvings of a piece towards each of its ends, down to 1e-12 of it
+ZOOM_CELLS, ZOOM_LEVELS = 20, 7  # [-], cells and levels of the search; to 1e-7 of a cell, a smooth maximum to rounding
+BISECTIONS = 60  # [-], halvings of an interval that contains a root, to rounding
+GAUSS_POINTS = 12  # [-], per cell; exact for polynomials up to degree 23
 
-def graded(breaks, steps=24):
-    """Grid on each piece: uniform inside, halving towards both ends (boundary layers)."""
-    near = 2.0 ** -np.arange(HALVINGS, 3, -1)
-    unit = np.concatenate([[0.0], near, np.linspace(near[-1], 1 - near[-1], steps)[1:-1], 1 - near[::-1]])
-    return np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * unit).ravel(), breaks[-1])
-
-
-def inside(breaks, steps=64):
-    """The graded grid of each piece, kept off its ends: shape (pieces, n)."""
-    low, high = breaks[:-1, None] + EPSILON, breaks[1:, None] - EPSILON
-    return np.clip(low + (high - low) * graded(np.array([0.0, 1.0]), steps), low, high)
-
-
-def largest(function, grid):
-    """(value, place) of the largest value: `grid` of shape (pieces, n) brackets each local top, a zoom finds it."""
-    value = function(grid)
-    best = np.unravel_index(np.argmax(value), value.shape)
-    left, middle, right = value[:, :-2], value[:, 1:-1], value[:, 2:]
-    with np.errstate(invalid="ignore"):  # a function may be -inf where it does not apply
-        bend = 2 * middle - left - right  # more than a smooth top can rise between the samples
-    rises = (middle + bend >= value[best]) & (bend > EPSILON * np.abs(value[best]))  # a plateau has as many tops
-    rows, columns = np.nonzero((middle >= left) & (middle >= right) & rises)  # as samples, and none rises
-    low, high = grid[rows, columns, None], grid[rows, columns + 2, None]
-    tops = [(float(value[best]), float(grid[best]))]
-    for _ in range(ZOOMS if rows.size else 0):
-        place = low + (high - low) * np.linspace(0, 1, ZOOM + 1)
-        value = function(place)
-        top = value.argmax(axis=1)[:, None]
-        tops.append((float(value.max()), float(place[np.unravel_index(np.argmax(value), value.shape)])))
-        low, high = (np.take_along_axis(place, np.clip(top + step, 0, ZOOM), axis=1) for step in (-1, 1))
-    return max(tops)
-
-
-def sign_changes(function, breaks):
-    """Roots of a function, bracketed on the graded grid and bisected to rounding."""
-    grid = graded(breaks)
-    values = function(grid)
-    change = np.flatnonzero(values[:-1] * values[1:] < 0)
-    low, high, sign = grid[change], grid[change + 1], np.sign(values[change])
-    for _ in range(60 if change.size else 0):
-        middle = (low + high) / 2
-        left = np.sign(function(middle)) == sign
-        low, high = np.where(left, middle, low), np.where(left, high, middle)
-    return (low + high) / 2
-
-
-def integral(function, breaks):
-    """Integral over the pieces by Gauss' rule of 12 points on the graded grid: exact for polynomials to degree 23."""
-    nodes, weights = np.polynomial.legendre.leggauss(12)
-    grid = graded(np.asarray(breaks, float))
-    half = np.diff(grid) / 2
-    points = (grid[:-1] + half)[:, None] + half[:, None] * nodes
-    return float(np.sum(half[:, None] * weights * function(points)))
-
-
-def clenshaw_curtis(count):
-    """Nodes on [0, 1], ends included, and weights of Clenshaw and Curtis' rule of odd `count`."""
-    n = count - 1
-    theta = np.pi * np.arange(count) / n
-    k = np.arange(1, n // 2 + 1)
-    factors = np.where(k == n // 2, 1.0, 2.0) / (4.0 * k**2 - 1)
-    weights = (1 - np.cos(2 * np.outer(theta, k)) @ factors) / n
-    weights[[0, -1]] /= 2
-    return np.sin(theta / 2) ** 2, weights
-
-
-DEGREE = 8
-NARROWEST = 1e-12  # share of the range: a function that is not met on such a piece jumps there
-MOST = 20_000  # pieces of a round: a function that asks for more is noise
-NODES = np.sin(np.pi * np.arange(DEGREE + 1) / (2 * DEGREE)) ** 2  # Chebyshev's, ends included
-BETWEEN = (NODES[1:] + NODES[:-1]) / 2
-EVERYWHERE = np.concatenate([NODES, BETWEEN])
-BETWEEN_POWERS = np.vander(BETWEEN, DEGREE + 1, increasing=True).T
-# values at the nodes to Chebyshev's coefficients, and those to powers of u: two steps, since one would lose digits
+DEGREE = 8  # [-], of the polynomial on each piece
+MIN_PIECE = 1e-12  # [-], length of a piece over the range; an error on such a piece indicates a discontinuity
+MAX_PIECES = 20_000  # [-], pieces halved at one level; more indicate noise
+NODES = np.sin(np.pi * np.arange(DEGREE + 1) / (2 * DEGREE)) ** 2  # Chebyshev nodes on [0, 1], ends included
+CHECK_POINTS = (NODES[1:] + NODES[:-1]) / 2  # points between the nodes at which the error is measured
+SAMPLE_POINTS = np.concatenate([NODES, CHECK_POINTS])
+CHECK_POWERS = np.vander(CHECK_POINTS, DEGREE + 1, increasing=True).T
+# nodal values to Chebyshev coefficients, and those to powers of u: two steps, since their product loses digits
 TO_CHEBYSHEV = np.linalg.inv(chebyshev.chebvander(2 * NODES - 1, DEGREE))
 TO_POWERS = np.column_stack(
     [
@@ -101,59 +47,240 @@ TO_POWERS = np.column_stack(
 )
 
 
-class Pieces(NamedTuple):
-    """breaks, shape (n + 1,), ascending; coefficients, shape (n, degree + 1), lowest first."""
+def graded_grid(breaks: Array, cells: int = 24) -> Array:
+    """Return a grid that is uniform inside each piece and graded by halving towards both of its ends.
 
-    breaks: np.ndarray
-    coefficients: np.ndarray
+    Parameters
+    ----------
+    breaks : ndarray, shape (pieces + 1,)
+        Breaks, ascending.
+    cells : int
+        Uniform cells of a piece.
 
-    def __call__(self, place):
-        """Value at places of any shape; beyond the ends the outer pieces go on."""
-        i = np.clip(np.searchsorted(self.breaks, place, side="right") - 1, 0, len(self.coefficients) - 1)
-        u = (place - self.breaks[i]) / (self.breaks[i + 1] - self.breaks[i])
+    Returns
+    -------
+    ndarray, shape (n,)
+        Grid with all breaks, ascending.
+    """
+    graded = 2.0 ** -np.arange(HALVINGS, 3, -1)
+    unit = np.concatenate([[0.0], graded, np.linspace(graded[-1], 1 - graded[-1], cells)[1:-1], 1 - graded[::-1]])
+    return np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * unit).ravel(), breaks[-1])
+
+
+def interior_grid(breaks: Array, steps: int = 64) -> Array:
+    """Return the graded grid of each piece, its ends moved inwards by `BREAK_OFFSET`, shape (pieces, n)."""
+    low, high = breaks[:-1, None] + BREAK_OFFSET, breaks[1:, None] - BREAK_OFFSET
+    return np.clip(low + (high - low) * graded_grid(np.array([0.0, 1.0]), steps), low, high)
+
+
+def find_maximum(function: Function, grid: Array) -> tuple[float, float]:
+    """Find the global maximum of a function.
+
+    Local maxima are bracketed on the grid and located by repeated subdivision of the two best cells.
+
+    Parameters
+    ----------
+    function : callable
+        Function of abscissae; -inf where it is not defined.
+    grid : ndarray, shape (pieces, n)
+        Grid of each piece as of `interior_grid`.
+
+    Returns
+    -------
+    value, abscissa : float
+        Maximum and its position.
+    """
+    values = function(grid)
+    best = np.unravel_index(np.argmax(values), values.shape)
+    left, middle, right = values[:, :-2], values[:, 1:-1], values[:, 2:]
+    with np.errstate(invalid="ignore"):  # -inf - -inf
+        bend = 2 * middle - left - right  # upper bound of the rise of a smooth maximum between samples
+    # on a plateau every sample is a local maximum, and none can rise
+    rises = (middle + bend >= values[best]) & (bend > BREAK_OFFSET * np.abs(values[best]))
+    rows, columns = np.nonzero((middle >= left) & (middle >= right) & rises)
+    low, high = grid[rows, columns, None], grid[rows, columns + 2, None]
+    maxima = [(float(values[best]), float(grid[best]))]
+    for _ in range(ZOOM_LEVELS if rows.size else 0):
+        points = low + (high - low) * np.linspace(0, 1, ZOOM_CELLS + 1)
+        values = function(points)
+        highest = values.argmax(axis=1)[:, None]
+        maxima.append((float(values.max()), float(points[np.unravel_index(np.argmax(values), values.shape)])))
+        low, high = (np.take_along_axis(points, np.clip(highest + step, 0, ZOOM_CELLS), axis=1) for step in (-1, 1))
+    return max(maxima)
+
+
+def find_roots(function: Function, breaks: Array) -> Array:
+    """Find the roots at which a function changes its sign.
+
+    Parameters
+    ----------
+    function : callable
+        Function of abscissae.
+    breaks : ndarray, shape (pieces + 1,)
+        Breaks, ascending.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Roots, ascending, bracketed on the graded grid and bisected to rounding.
+    """
+    grid = graded_grid(breaks)
+    values = function(grid)
+    change = np.flatnonzero(values[:-1] * values[1:] < 0)
+    low, high, sign = grid[change], grid[change + 1], np.sign(values[change])
+    for _ in range(BISECTIONS if change.size else 0):
+        middle = (low + high) / 2
+        left = np.sign(function(middle)) == sign
+        low, high = np.where(left, middle, low), np.where(left, high, middle)
+    return (low + high) / 2
+
+
+def integrate(function: Function, breaks: ArrayLike) -> float:
+    """Integrate a function over its pieces by Gauss quadrature on the graded grid.
+
+    Parameters
+    ----------
+    function : callable
+        Function of abscissae.
+    breaks : array_like, shape (pieces + 1,)
+        Breaks, ascending.
+
+    Returns
+    -------
+    float
+        Integral; exact for polynomials up to degree 23.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    grid = graded_grid(np.asarray(breaks, float))
+    half = np.diff(grid) / 2
+    points = (grid[:-1] + half)[:, None] + half[:, None] * nodes
+    return float(np.sum(half[:, None] * weights * function(points)))
+
+
+def clenshaw_curtis(count: int) -> tuple[Array, Array]:
+    """Return the nodes and weights of Clenshaw-Curtis quadrature on [0, 1].
+
+    Parameters
+    ----------
+    count : int
+        Number of nodes, odd.
+
+    Returns
+    -------
+    nodes, weights : ndarray, shape (count,)
+        Nodes, ascending with both ends, and weights with the sum 1.
+    """
+    n = count - 1
+    theta = np.pi * np.arange(count) / n
+    k = np.arange(1, n // 2 + 1)
+    factors = np.where(k == n // 2, 1.0, 2.0) / (4.0 * k**2 - 1)
+    weights = (1 - np.cos(2 * np.outer(theta, k)) @ factors) / n
+    weights[[0, -1]] /= 2
+    return np.sin(theta / 2) ** 2, weights
+
+
+class PiecewisePolynomial(NamedTuple):
+    """Polynomial on each piece.
+
+    Parameters
+    ----------
+    breaks : ndarray, shape (pieces + 1,)
+        Breaks, ascending.
+    coefficients : ndarray, shape (pieces, degree + 1)
+        Coefficients of the powers of the local coordinate u, 0 <= u <= 1, lowest first.
+    """
+
+    breaks: Array
+    coefficients: Array
+
+    def __call__(self, abscissa: Array) -> Array:
+        """Evaluate at abscissae of any shape; beyond the ends the outer polynomials are extrapolated."""
+        i = np.clip(np.searchsorted(self.breaks, abscissa, side="right") - 1, 0, len(self.coefficients) - 1)
+        u = (abscissa - self.breaks[i]) / (self.breaks[i + 1] - self.breaks[i])
         return horner(self.coefficients[i], u)
 
 
-def horner(coefficients, u):
-    """Sum of coefficients[..., j] u^j, u of the shape of the leading axes."""
+def horner(coefficients: Array, u: Array) -> Array:
+    """Evaluate polynomials by Horner's scheme.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (..., degree + 1)
+        Coefficients, lowest first.
+    u : ndarray, shape (...)
+        Argument of each polynomial.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Values.
+    """
     value = np.zeros(np.shape(u))
     for j in range(coefficients.shape[-1] - 1, -1, -1):
         value = value * u + coefficients[..., j]
     return value
 
 
-def pieces(function, breaks, tolerance):
-    """`Pieces` that meet a function of places within a tolerance in its own unit; pieces are halved until they do.
+def fit_piecewise(function: Function, breaks: ArrayLike, tolerance: float) -> PiecewisePolynomial:
+    """Approximate a function by a piecewise polynomial; pieces are halved until they satisfy the tolerance.
 
-    function : of an array of places; it is asked inside the pieces only, never at a join
-    breaks : places where the function may jump or kink, ends among them, ascending
+    Parameters
+    ----------
+    function : callable
+        Function of abscissae; evaluated in the interior of the pieces only.
+    breaks : array_like, shape (pieces + 1,)
+        Abscissae at which the function may have a jump or a kink, ascending, both ends included.
+    tolerance : float
+        Largest error, in the unit of the function.
 
-    Raises ValueError, with the place, where a function jumps between the breaks, and for one that is noise.
+    Returns
+    -------
+    PiecewisePolynomial
+        Approximation of degree `DEGREE`.
+
+    Raises
+    ------
+    ValueError
+        If the function has a discontinuity between the breaks, or noise larger than the tolerance.
     """
     breaks = np.asarray(breaks, float)
     low, high, span = breaks[:-1], breaks[1:], breaks[-1] - breaks[0]
-    done = []
+    accepted: list[tuple[float, float, Array]] = []
     while low.size:
-        width, inset = (high - low)[:, None], EPSILON * span
-        asked = np.clip(low[:, None] + width * EVERYWHERE, low[:, None] + inset, high[:, None] - inset)
-        at_nodes, between = np.split(function(asked), [DEGREE + 1], axis=1)
+        width, inset = (high - low)[:, None], BREAK_OFFSET * span
+        points = np.clip(low[:, None] + width * SAMPLE_POINTS, low[:, None] + inset, high[:, None] - inset)
+        at_nodes, at_checks = np.split(function(points), [DEGREE + 1], axis=1)
         coefficients = at_nodes @ TO_CHEBYSHEV.T @ TO_POWERS.T
-        miss = np.abs(coefficients @ BETWEEN_POWERS - between).max(axis=1)
-        met = miss <= tolerance
-        done += zip(low[met], high[met], coefficients[met], strict=True)
-        if np.any(~met & (high - low < NARROWEST * span)):
-            place = low[~met & (high - low < NARROWEST * span)][0]
-            raise ValueError(f"a jump at {place:g}, by more than {tolerance:g}; give a function without jumps")
-        if np.count_nonzero(~met) > MOST:
-            raise ValueError(f"noise of more than {tolerance:g} all over; give a smooth function")
+        error = np.abs(coefficients @ CHECK_POWERS - at_checks).max(axis=1)
+        good = error <= tolerance
+        accepted += zip(low[good], high[good], coefficients[good], strict=True)
+        if np.any(~good & (high - low < MIN_PIECE * span)):
+            place = low[~good & (high - low < MIN_PIECE * span)][0]
+            raise ValueError(f"a jump of more than {tolerance:g} at {place:g}; supply a function without jumps")
+        if np.count_nonzero(~good) > MAX_PIECES:
+            raise ValueError(f"noise of more than {tolerance:g} throughout; supply a smooth function")
         middle = (low + high) / 2
-        low, high = np.append(low[~met], middle[~met]), np.append(middle[~met], high[~met])
-    done.sort(key=lambda piece: piece[0])
-    return Pieces(np.append([piece[0] for piece in done], breaks[-1]), np.array([piece[2] for piece in done]))
+        low, high = np.append(low[~good], middle[~good]), np.append(middle[~good], high[~good])
+    accepted.sort(key=lambda piece: piece[0])
+    coefficients = np.array([piece[2] for piece in accepted])
+    return PiecewisePolynomial(np.append([piece[0] for piece in accepted], breaks[-1]), coefficients)
 
 
-def integrated(derivative, start):
-    """The integral of `Pieces`, with its own value at the start of each piece, shape (n,): no rounding adds up."""
+def antiderivative(derivative: PiecewisePolynomial, start: Array) -> PiecewisePolynomial:
+    """Integrate a piecewise polynomial with a given value at the start of each piece.
+
+    Parameters
+    ----------
+    derivative : PiecewisePolynomial
+        Integrand.
+    start : ndarray, shape (pieces,)
+        Value at the start of each piece; prescribed, so that rounding does not accumulate.
+
+    Returns
+    -------
+    PiecewisePolynomial
+        Integral, one degree higher.
+    """
     width = np.diff(derivative.breaks)[:, None]
     powers = np.arange(1, derivative.coefficients.shape[1] + 1)
-    return Pieces(derivative.breaks, np.column_stack([start, width * derivative.coefficients / powers]))
+    return PiecewisePolynomial(derivative.breaks, np.column_stack([start, width * derivative.coefficients / powers]))

@@ -1,162 +1,254 @@
-"""Unknown numbers of a model from measured ones, by a cheap model that is corrected until it agrees with a dear one.
+"""Parameter estimation by output space mapping between a coarse and a fine model.
 
     minimise |ln(predicted(u)/measured)|^2 over u
 
-A dear model D is not differentiated: the cheap one C is fitted to measured C/D, D is asked there, and so on until it
-says what the corrected C foretold (output space mapping; Bandler et al., IEEE Trans. MTT 52 (2004) 337). The correction
-r = ln D/C varies with u, r + B (u - u_last), B by Broyden's rule from the answers of D; near to one another they are
-averaged, since D may tremble. Where D fails to answer it is asked half-way back to where it did, and never more than a
-leap away from there.
+The fine model is not differentiated. The corrected coarse model is fitted to the data and the fine model evaluated at
+the solution, until both models agree there. The correction
+
+    ln(fine/coarse) = r + B (u - u_last)
+
+varies linearly with u; Broyden's rule updates B from the evaluations of the fine model. Evaluations close to one
+another are averaged, since a fine model has numerical noise. If the fine model fails, the next evaluation is half-way
+back to the last successful one. A step is at most `MAX_STEP`.
+
+References
+----------
+J. W. Bandler et al., Space mapping: the state of the art, IEEE Trans. Microw. Theory Tech. 52 (2004) 337.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-SLOPE_STEP = 1e-4  # of the unknowns, which are logs, for differences of the cheap model, which is smooth to 1e-8
-FITTED = 1e-10  # relative change of the unknowns at which the cheap model is fitted
-RUNS = 24  # of the dear model
-SHAKEN = 0.05  # change of the unknowns that teaches half of a slope, of dear models that are shaken by some 1e-3
-FRESH = 1 / 3  # weight of the last answer in the mean of those near by
-LEAP = 0.5  # change of the unknowns between two runs that the correction varies with, halved where a run has failed
+DIFFERENCE_STEP = 1e-4  # [-], of the unknowns, for central differences of the coarse model, smooth to 1e-8
+UNKNOWNS_TOLERANCE = 1e-10  # [-], relative change of the unknowns at which the fit of the coarse model ends
+MAX_FINE_RUNS = 24  # [-], evaluations of the fine model
+BROYDEN_LENGTH = 0.05  # [-], step that updates half of a slope; for fine models with noise of some 1e-3
+MIN_WEIGHT = 1 / 3  # [-], weight of the last evaluation in the mean of close ones
+MAX_STEP = 0.5  # [-], between two fine evaluations, along the varying unknowns; halved after a failure
+MAX_CONDITION = 1e6  # [-], condition number of the slopes; above it the data do not determine the unknowns
 
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """Unknowns u, shape (m,), and what the model says there.
-
-    predicted : of the data, shape (n,);  misfit : ln(predicted/measured), shape (n,)
-    slopes : d ln predicted/du, shape (n, m), of the cheap model as corrected
-    correction : the `Correction` of the cheap model, None where there is no dear one
-    history : (u, ln(predicted/measured)) of each run of the dear model, the latter nan where it failed
-    """
-
-    unknowns: np.ndarray
-    predicted: np.ndarray
-    misfit: np.ndarray
-    slopes: np.ndarray
-    correction: object = None
-    history: tuple = ()
-
-    @property
-    def scatter(self):
-        """Largest |ln(predicted/measured)| of the runs of the dear model near u, shape (n,): how much it trembles."""
-        return np.nanmax(np.abs([misfit for _, misfit in self.history[-max(self.correction.near, 1) :]]), axis=0)
-
-    @property
-    def sensitivity(self):
-        """d u/d ln measured, shape (m, n)."""
-        return np.linalg.pinv(self.slopes)
+Array = NDArray[np.float64]
+Model = Callable[[Array], ArrayLike]
 
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """ln of the dear model over the cheap one, r + B (u - at): shapes (n,), (n, m), (m,).
+    """Logarithmic correction of the coarse model, ln(fine/coarse) = r + B (u - u_last).
 
-    varies : 1 or 0, shape (m,), whether r may vary with an unknown;  near : runs in a row after a short way
-    shaken : change of the unknowns that teaches half of a slope
+    Parameters
+    ----------
+    ratio : ndarray, shape (n,)
+        r [-].
+    slope : ndarray, shape (n, m)
+        B [-].
+    at : ndarray, shape (m,)
+        u_last.
+    varying : ndarray, shape (m,)
+        1 for an unknown on which the correction depends, else 0.
+    close_runs : int
+        Number of consecutive evaluations after a short step.
+    broyden_length : float
+        Step that updates half of a slope [-].
     """
 
-    ratio: np.ndarray
-    slope: np.ndarray
-    at: np.ndarray
-    varies: np.ndarray
-    near: int = 0
-    shaken: float = SHAKEN
+    ratio: Array
+    slope: Array
+    at: Array
+    varying: Array
+    close_runs: int = 0
+    broyden_length: float = BROYDEN_LENGTH
 
-    def __call__(self, u):
+    def __call__(self, u: ArrayLike) -> Array:
+        """Return ln(fine/coarse) at u, shape (n,)."""
         return self.ratio + self.slope @ (np.asarray(u) - self.at)
 
-    def renewed(self, ratio, u):
-        """The correction where `ratio` has been found at u.
+    def updated(self, ratio: Array, u: Array) -> "Correction":
+        """Return the correction updated by a fine evaluation.
 
-        After a long way the ratio is believed; after a short one it is averaged, and teaches little of the slope.
+        Parameters
+        ----------
+        ratio : ndarray, shape (n,)
+            ln(fine/coarse) found at u.
+        u : ndarray, shape (m,)
+            Unknowns of the evaluation.
+
+        Returns
+        -------
+        Correction
+            Correction at u. After a long step the ratio is adopted; after a short one it is averaged, and changes the
+            slope little.
         """
-        way, missed = self.varies * (u - self.at), ratio - self(u)
-        share = way @ way / (way @ way + self.shaken**2)
-        near = self.near + 1 if share < 0.5 else 0
-        believed = self(u) + max(share, FRESH, 1 / max(near, 1)) * missed
-        change = np.outer(missed, way) / (way @ way + self.shaken**2)
-        return replace(self, ratio=believed, slope=self.slope + change, at=u, near=near)
+        step, error = self.varying * (u - self.at), ratio - self(u)
+        share = float(step @ step / (step @ step + self.broyden_length**2))
+        close_runs = self.close_runs + 1 if share < 0.5 else 0
+        adopted = self(u) + max(share, MIN_WEIGHT, 1 / max(close_runs, 1)) * error
+        change = np.outer(error, step) / (step @ step + self.broyden_length**2)
+        return replace(self, ratio=adopted, slope=self.slope + change, at=u, close_runs=close_runs)
 
 
-def fit(cheap, measured, start, dear=None, tolerance=1e-3, correction=None, varies=None, shaken=SHAKEN):
-    """The `Fit` of u to measured numbers.
+@dataclass(frozen=True, eq=False)
+class SpaceMappingFit:
+    """Fitted unknowns and the model there.
 
-    cheap, dear : callables u -> predictions > 0, shape (n,);  measured : shape (n,), > 0
-    start : u, shape (m,), where a dear model is asked first
-    tolerance : of what the corrected cheap model foretold, at which the dear one counts as met
-    correction : `Correction` to keep where there is no `dear`, or whose slope is believed at first where there is one
-    varies : of each unknown, whether the two models come apart as it changes; all unless given
-    shaken : change of the unknowns that teaches half of a slope; SHAKEN is for dear models that tremble by 1e-3
+    Parameters
+    ----------
+    unknowns : ndarray, shape (m,)
+        u.
+    predicted : ndarray, shape (n,)
+        Predicted data.
+    misfit : ndarray, shape (n,)
+        ln(predicted/measured) [-].
+    slopes : ndarray, shape (n, m)
+        d ln predicted/du of the corrected coarse model [-].
+    correction : Correction, optional
+        Correction of the coarse model; None without a fine model.
+    history : tuple of (list, list)
+        u and ln(predicted/measured) of each fine evaluation; nan where it failed.
+    """
 
-    Raises ValueError for more unknowns than data or data that do not tell the unknowns apart; RuntimeError with the
-    history if the two models do not come to agree.
+    unknowns: Array
+    predicted: Array
+    misfit: Array
+    slopes: Array
+    correction: Correction | None = None
+    history: tuple[tuple[list[float], list[float]], ...] = ()
 
-    >>> found = fit(lambda u: np.exp([u[0] + u[1], u[0] - u[1]]), [6.0, 1.5], start=[0.0, 0.0])
-    >>> [f"{value:.4f}" for value in np.exp(found.unknowns)]
+    @property
+    def scatter(self) -> Array:
+        """Largest |ln(predicted/measured)| of the fine evaluations close to u [-], shape (n,)."""
+        assert self.correction is not None
+        close = self.history[-max(self.correction.close_runs, 1) :]
+        return np.nanmax(np.abs([misfit for _, misfit in close]), axis=0)
+
+    @property
+    def sensitivity(self) -> Array:
+        """Sensitivity d u/d ln measured [-], shape (m, n)."""
+        return np.asarray(np.linalg.pinv(self.slopes))
+
+
+def fit_parameters(
+    coarse_model: Model,
+    measured: ArrayLike,
+    start: ArrayLike,
+    fine_model: Model | None = None,
+    *,
+    tolerance: float = 1e-3,
+    correction: Correction | None = None,
+    varying: Sequence[bool] | None = None,
+    broyden_length: float = BROYDEN_LENGTH,
+) -> SpaceMappingFit:
+    """Fit unknowns to measured data.
+
+    Parameters
+    ----------
+    coarse_model, fine_model : callable
+        Predictions > 0, shape (n,), of u, shape (m,).
+    measured : array_like, shape (n,)
+        Measured data > 0.
+    start : array_like, shape (m,)
+        Initial u, at which the fine model is evaluated first.
+    tolerance : float
+        Largest |ln(fine/corrected coarse)| at convergence [-].
+    correction : Correction, optional
+        Correction to apply where there is no fine model; initial slope where there is one.
+    varying : sequence of bool, shape (m,), optional
+        True for each unknown on which the correction depends; all by default.
+    broyden_length : float
+        Step that updates half of a slope [-]; the default is for fine models with noise of 1e-3.
+
+    Returns
+    -------
+    SpaceMappingFit
+        Unknowns, predictions and sensitivity.
+
+    Raises
+    ------
+    ValueError
+        If there are more unknowns than data, or the data do not determine the unknowns.
+    RuntimeError
+        If the two models do not converge to one another; the message contains the history.
+
+    Examples
+    --------
+    >>> fit = fit_parameters(lambda u: np.exp([u[0] + u[1], u[0] - u[1]]), [6.0, 1.5], start=[0.0, 0.0])
+    >>> [f"{value:.4f}" for value in np.exp(fit.unknowns)]
     ['3.0000', '2.0000']
     """
     measured, start = np.asarray(measured, dtype=float), np.asarray(start, dtype=float)
     if start.size > measured.size:
-        raise ValueError(f"{start.size} unknowns cannot be told from {measured.size} data; measure more or fit less")
-    if dear is not None:
+        raise ValueError(
+            f"{start.size} unknowns cannot be determined from {measured.size} data; measure more or fit fewer unknowns"
+        )
+    if fine_model is not None:
         slope = np.zeros((measured.size, start.size)) if correction is None else correction.slope
-        varies = np.ones(start.size) if varies is None else np.array(varies, dtype=float)
-        return _mapped(cheap, measured, start, dear, tolerance, Correction(np.nan, slope, start, varies, 0, shaken))
-    u, slopes, predicted = _fitted(cheap, measured, start, correction)
-    return Fit(u, predicted, np.log(predicted / measured), slopes, correction)
+        weights = np.ones(start.size) if varying is None else np.array(varying, dtype=float)
+        initial = Correction(np.full(measured.size, np.nan), slope, start, weights, 0, broyden_length)
+        return _space_mapping(coarse_model, measured, start, fine_model, tolerance, initial)
+    u, slopes, predicted = _least_squares(coarse_model, measured, start, correction)
+    return SpaceMappingFit(u, predicted, np.log(predicted / measured), slopes, correction)
 
 
-def _mapped(cheap, measured, start, dear, tolerance, correction):
-    """The `Fit` of the dear model, by a `Correction` of which only the slope is known."""
-    u, last, leap, settled, history = start, None, LEAP, False, []
-    for _ in range(RUNS):
+def _space_mapping(
+    coarse_model: Model, measured: Array, start: Array, fine_model: Model, tolerance: float, correction: Correction
+) -> SpaceMappingFit:
+    """Fit of the fine model, from a `Correction` of which only the slope is known."""
+    u, last, max_step, at_optimum = start, None, MAX_STEP, False
+    history: list[tuple[list[float], list[float]]] = []
+    for _ in range(MAX_FINE_RUNS):
         try:
-            there = np.asarray(dear(u), dtype=float)
+            predicted = np.asarray(fine_model(u), dtype=float)
         except RuntimeError as error:
             history.append((u.tolist(), [np.nan] * measured.size))
             if last is None:
-                raise RuntimeError(f"the calibration cannot start where it was told to: {error}") from error
-            u, leap, settled = (u + last) / 2, leap / 2, False
+                raise RuntimeError(f"the fine model failed at the initial unknowns {u.tolist()}: {error}") from error
+            u, max_step, at_optimum = (u + last) / 2, max_step / 2, False
             continue
-        history.append((u.tolist(), np.log(there / measured).tolist()))
-        ratio = np.log(there / np.asarray(cheap(u)))
-        if last is None:  # nothing was foretold
+        history.append((u.tolist(), np.log(predicted / measured).tolist()))
+        ratio = np.log(predicted / np.asarray(coarse_model(u)))
+        if last is None:  # no prediction to compare with
             correction = replace(correction, ratio=ratio)
-        met, last = settled and np.abs(ratio - correction(u)).max() <= tolerance, u
-        correction = correction.renewed(ratio, u)
-        aim, slopes, _ = _fitted(cheap, measured, u, correction)
-        if met:
-            return Fit(u, there, np.log(there / measured), slopes, correction, tuple(history))
-        u, settled = _leapt(u, aim, leap, correction.varies)
-    raise RuntimeError(f"the calibration did not settle in {RUNS} runs: u and ln(predicted/measured) were {history}")
+        converged, last = at_optimum and np.abs(ratio - correction(u)).max() <= tolerance, u
+        correction = correction.updated(ratio, u)
+        optimum, slopes, _ = _least_squares(coarse_model, measured, u, correction)
+        if converged:
+            return SpaceMappingFit(u, predicted, np.log(predicted / measured), slopes, correction, tuple(history))
+        u, at_optimum = _limited_step(u, optimum, max_step, correction.varying)
+    raise RuntimeError(
+        f"the calibration did not converge in {MAX_FINE_RUNS} evaluations of the fine model: u and "
+        f"ln(predicted/measured) were {history}"
+    )
 
 
-def _leapt(u, aim, leap, varies):
-    """The next u on the way to an aim, and whether it is there."""
-    longest = np.abs((aim - u) * varies).max()
-    return (aim, True) if longest <= leap else (u + (aim - u) * leap / longest, False)
+def _limited_step(u: Array, optimum: Array, max_step: float, varying: Array) -> tuple[Array, bool]:
+    """Next u towards the optimum, and True if it is the optimum itself."""
+    longest = np.abs((optimum - u) * varying).max()
+    return (optimum, True) if longest <= max_step else (u + (optimum - u) * max_step / longest, False)
 
 
-def _fitted(cheap, measured, start, correction=None):
-    """u of the least squares, slopes and predictions there, of the cheap model as corrected."""
+def _least_squares(
+    model: Model, measured: Array, start: Array, correction: Correction | None = None
+) -> tuple[Array, Array, Array]:
+    """Least-squares u, slopes and predictions of the coarse model with its correction."""
 
-    def misfit(u):
-        there = np.log(np.asarray(cheap(u)) / measured)
-        return there if correction is None else there + correction(u)
+    def misfit(u: Array) -> Array:
+        uncorrected = np.log(np.asarray(model(u)) / measured)
+        return uncorrected if correction is None else uncorrected + correction(u)
 
-    def slopes(u):
-        steps = SLOPE_STEP * np.eye(u.size)
-        return np.array([misfit(u + step) - misfit(u - step) for step in steps]).T / (2 * SLOPE_STEP)
+    def slopes(u: Array) -> Array:
+        steps = DIFFERENCE_STEP * np.eye(u.size)
+        return np.array([misfit(u + step) - misfit(u - step) for step in steps]).T / (2 * DIFFERENCE_STEP)
 
-    found = least_squares(misfit, start, jac=slopes, xtol=FITTED, ftol=None, gtol=1e-15)
-    if not found.success:
-        raise RuntimeError(f"the fit did not settle: {found.message}; it reached {found.x.tolist()}")
-    worst = np.linalg.cond(found.jac / np.abs(found.jac).max())
-    if not worst < 1e6:
+    result = least_squares(misfit, start, jac=slopes, xtol=UNKNOWNS_TOLERANCE, ftol=None, gtol=1e-15)
+    if not result.success:
+        raise RuntimeError(f"the fit did not converge: {result.message}; its last unknowns were {result.x.tolist()}")
+    condition = np.linalg.cond(result.jac / np.abs(result.jac).max())
+    if not condition < MAX_CONDITION:
         raise ValueError(
-            f"the data do not tell the unknowns apart (condition {worst:.1e}); measure another quantity or fit less"
+            f"the data do not determine the unknowns (condition number {condition:.1e}); measure another quantity or "
+            "fit fewer unknowns"
         )
-    return found.x, found.jac, np.exp(misfit(found.x)) * measured
+    return result.x, result.jac, np.exp(misfit(result.x)) * measured

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from compact.analysis.contact_cases import numbers, value
+from compact.analysis.contact_cases import contact_record, contact_to_json
 from compact.analysis.engines import COMPACTING, FIELDED, fields, roll
 from compact.files import write_csv, write_figure, write_json
 
@@ -28,11 +28,11 @@ def write_contact_tables(study, directory):
 
 def row(contact):
     """One contact in the columns of ENGINE_HEADER."""
-    names = ("speed", "load", "resistance", "coefficient", "leading", "trailing", "peak_pressure")
-    errors = [value(contact, name)[1] for name in ("load", "resistance")]
+    errors = (contact.load_error, contact.resistance_error)
     return (
-        *(value(contact, name)[0] for name in names), *("" if error is None else error for error in errors),
-        value(contact, "work_residual")[0], contact["iterations"],
+        contact.speed, contact.load, contact.resistance, contact.coefficient, contact.leading, contact.trailing,
+        contact.peak_pressure, *("" if error is None else error for error in errors), contact.work_residual,
+        contact.iterations,
     )  # fmt: skip
 
 
@@ -87,7 +87,7 @@ def write_contact(directory, study, speed, passes):
     write_csv(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
     engine = study.scene.accuracy.engine
     replaced = {"replaced": list(study.scene.replacements[engine])}
-    write_json(directory / "contact.json", numbers(engine, speed, passes) | replaced)
+    write_json(directory / "contact.json", contact_to_json(contact_record(engine, speed, passes)) | replaced)
     write_figure(directory / "pressure.png", figures.contact(rolled, study.exact, speed))
     if study.scene.accuracy.engine in COMPACTING:
         list(_passes([(speed, passes)], directory))

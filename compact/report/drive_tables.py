@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 
 from compact.files import write_columns, write_csv
+from compact.quantities import ROLLER_MOTOR, column_names
 
 
 def write_drive_tables(study, directory):
@@ -30,7 +31,7 @@ def _ringing_row(run):
     rigid = run.rigid
     return (
         run.name, run.peak_force, rigid.peak_force, run.ringing, run.peak_power, rigid.peak_power, run.nonuniformity,
-        rigid.nonuniformity, run.standing, run.energy_residual, run.work.arcs,
+        rigid.nonuniformity, run.stick_time, run.energy_residual, run.cost.intervals,
     )  # fmt: skip
 
 
@@ -50,14 +51,14 @@ def _motor_row(run):
 
 def _run_up(study, directory):
     """The start from rest under the best law; a motor that does not start says so."""
-    from compact.machine.motor_drive import runup
+    from compact.machine.motor_acceleration import simulate_acceleration_phase
 
     best = next((place.run for place in next(iter(study.rankings.values())) if hasattr(place.run, "load")), None)
     if best is None:
         return
     study.count("run-up")
     try:
-        start = runup(best.load.cart, best.load.motor, best.load.cycle, best.load.resistance)
+        start = simulate_acceleration_phase(best.load.cart, best.load.motor, best.load.cycle, best.load.resistance)
     except RuntimeError as error:
         warnings.warn(f"no start from rest under '{best.name}': {error}", stacklevel=2)
         return
@@ -67,15 +68,15 @@ def _run_up(study, directory):
 
 TURN_HEADER = ("torque_Nm", "power_W", "traction")
 CREEP_HEADER = ("creep", "angle_with_creep_rad", "angular_velocity_with_creep_rad/s")
-MOTOR_NUMBERS = {"peak_torque": "Nm", "peak_power": "W", "peak_creep": "", "share": "", "lack": ""}
+MOTOR_NUMBERS = (*ROLLER_MOTOR, "lack")
 DRIVEN_HEADER = ("speed_m/s", "torque_Nm", "pull_N", "creep", "load_N")
 
 
 def roller_motor(motor, time):
     """Header and columns that a `RollerMotor` adds to the turn of a roller at times [s]; creep where it is told."""
-    _, answer = motor.over(time)
+    _, answer = motor.traction_over(time)
     columns = answer.torque, motor.power(time), answer.traction
-    if not motor.roller.tells_creep:
+    if not motor.roller.has_creep:
         return TURN_HEADER, columns
     return TURN_HEADER + CREEP_HEADER, (*columns, answer.creep, motor.angle(time), motor.angular_velocity(time))
 
@@ -87,11 +88,11 @@ def roller_motor_numbers(study):
 
 def roller_motors(study, directory):
     """Tables of what all laws ask of the motors in the rollers, and of how a roller answers; yields their paths."""
-    header = ("law", *(f"{name}_{unit}" if unit else name for name, unit in MOTOR_NUMBERS.items()))
+    header = ("law", *column_names(ROLLER_MOTOR), "lack")
     rows = [(law, *numbers.values()) for law, numbers in roller_motor_numbers(study).items()]
     yield write_csv(directory / "roller-motors.csv", header, rows)
     roller = next(iter(study.roller_motors.values())).roller
-    if roller.tells_creep:
+    if roller.has_creep:
         sampled = np.broadcast_arrays(roller.speeds[:, None], roller.torques, roller.pulls, roller.creeps, roller.loads)
         yield write_columns(directory / "driven-roller.csv", DRIVEN_HEADER, [column.ravel() for column in sampled])
 
@@ -114,20 +115,20 @@ def _hydraulics(study, directory):
     runs = study.runs.values()
     yield write_csv(directory / "hydraulic.csv", HYDRAULIC_HEADER, [_hydraulic_row(run) for run in runs])
     for run in runs:
-        columns = (run.time, *run.state[:2], *vars(run.throttled).values())
+        columns = (run.time, *run.state[:2], *vars(run.valve_flow).values())
         table = np.column_stack(columns).tolist()
         yield write_csv(directory / "throttles" / f"{run.name}.csv", THROTTLE_HEADER, table)
     best = next((place.run for place in next(iter(study.rankings.values())) if not place.run.lack), None)
     if best is not None:
         study.count("passage")
-        made = best.forward()
-        law = best.demand.cycle.there.position(made.time)
+        made = best.simulate_stroke()
+        law = best.inverse_dynamics.cycle.there.position(made.time)
         columns = (made.time, made.position, made.velocity, law, made.inlet_pressure, made.outlet_pressure)
         yield write_csv(directory / f"passage-{best.name}.csv", PASSAGE_HEADER, np.column_stack(columns).tolist())
 
 
 def _hydraulic_row(run):
-    made = run.throttled
+    made = run.valve_flow
     return (
         run.name, run.lack, float(made.inlet_pressure.max()), float(made.outlet_pressure.max()), run.peak_flow,
         float(made.inlet_area.max()), float(made.outlet_area.min()), run.pump_work, run.energy, run.throttle_heat,

@@ -13,8 +13,6 @@ from matplotlib import colormaps
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
-from compact.analysis.contact_cases import value
-
 FAMILIES = MappingProxyType(  # family -> law -> colour, dark to light
     {
         "rest to rest": {
@@ -307,10 +305,8 @@ def density(passes):
 def speeds(contacts):
     """Load and resistance coefficient over the speed, bars for the engine's own error."""
     figure, (both,) = panels(1, 2, (4.4, 2.9))
-    speed = np.array([value(each, "speed")[0] for each in contacts])
-    load, error = np.array([[each or 0.0 for each in value(contact, "load")] for contact in contacts]).T
-    coefficient = np.array([value(each, "coefficient")[0] for each in contacts])
-    miss = np.array([value(each, "resistance")[1] or 0.0 for each in contacts])
+    speed, load, coefficient = np.array([[each.speed, each.load, each.coefficient] for each in contacts]).T
+    error, miss = np.array([[each.load_error or 0.0, each.resistance_error or 0.0] for each in contacts]).T
     both[0].errorbar(speed, load / 1e3, error * load / 1e3, fmt="o-", color=PALETTE[0], markersize=4)
     both[0].set_ylabel("load P [kN/m]")
     both[1].errorbar(speed, coefficient, miss * np.abs(coefficient), fmt="o-", color=PALETTE[1], markersize=4)
@@ -327,7 +323,7 @@ def speeds(contacts):
 def resistance(met, acceleration):
     """Resistance of one cart over speed, steady and at some accelerations up to one [m/s2], beside what it adds, M(v).
 
-    Dotted where the motion is too unsteady for first order in its acceleration (`ResistanceMap.beyond`).
+    Dotted where the motion is too unsteady for first order in its acceleration (`ResistanceMap.is_unsteady`).
     """
     known = met.added_masses is not None and np.any(met.added_masses)
     ratios, width = ([4 / 3, 2 / 3], 4.7) if known else ([1], 6.2)
@@ -356,7 +352,7 @@ def resistance(met, acceleration):
 
 def _hurried(ax, met, speed, acceleration, color):
     """F(v, a) at one acceleration, dotted where that is beyond first order."""
-    force, beyond = met(speed, acceleration) / 1e3, met.beyond(speed, acceleration)
+    force, beyond = met(speed, acceleration) / 1e3, met.is_unsteady(speed, acceleration)
     ax.plot(speed, np.where(beyond, np.nan, force), color=color, label=f"a = {acceleration:+.2g} m/s²")
     ax.plot(speed, np.where(beyond, force, np.nan), color=color, linestyle=":")
 

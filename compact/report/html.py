@@ -7,18 +7,18 @@ figures, each as what gives its bytes of PNG, which may still be drawn in anothe
 from html import escape
 
 from compact.analysis import sensitivity
-from compact.files import whole_file
+from compact.files import atomic_file
 from compact.report import html_contact, html_machine
 from compact.report.html_answer import answer, asked
 from compact.report.page import Section, page, paragraph, table
-from compact.verification.balance_checks import checks
+from compact.verification.balance_checks import balance_checks
 
 
 def write_page(path, study, pictures, versions):
     """Write the page of a study; `versions` of packages by name. Returns the path."""
     title = study.scene.title or "untitled scene"
     shifts = sensitivity.shifts(study)
-    found = checks(study)
+    found = balance_checks(study)
     parts = [
         html_machine.ranking(study, pictures),
         html_contact.contact(study, pictures),
@@ -38,7 +38,7 @@ def write_page(path, study, pictures, versions):
         f'<nav aria-label="details">{" ".join(part.link() for part in parts)}</nav>',
         *(part.html() for part in parts),
     ]
-    with whole_file(path) as stream:
+    with atomic_file(path) as stream:
         stream.write(page(title, "\n".join(body)))
     return path
 

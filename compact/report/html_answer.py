@@ -4,26 +4,14 @@ from html import escape
 
 import numpy as np
 
+from compact import quantities
 from compact.analysis.engines import COMPACTING
 from compact.machine.ranking import CRITERIA
 from compact.report.contact_tables import guide_sentence, return_sentence
 from compact.report.page import listed, paragraph, percent, quantity, sentence, strong
 from compact.report.ranking_tables import agreements, places
 
-WORDS = {
-    "peak_force": "peak drive force",
-    "peak_power": "peak drive power",
-    "rms_force": "rms drive force",
-    "rms_power": "rms drive power",
-    "energy": "energy of a cycle",
-    "mean_force": "mean drive force",
-    "mean_power": "mean drive power",
-    "drawn_energy": "energy drawn in a cycle",
-    "peak_jerk": "peak jerk",
-    "dynamic_factor": "peak force over that of steady motion",
-    "nonuniformity": "unevenness of speed over the working part",
-    "ringing": "peak drive force over that of an imposed law",
-}
+WORDS = {name: quantity.term for name, quantity in quantities.CRITERIA.items()}
 TIED = "closer than the 1 % to which a machine is built"
 SAID = 2  # criteria in the answer, those that the scene names first
 ENGINES = {
@@ -40,7 +28,7 @@ def asked(study):
     scene, laws = study.scene, len(study.cycles)
     machine, motion = scene.machine, scene.motion
     rollers = f"{machine.rollers} roller{'s' if machine.rollers > 1 else ''}"
-    lifts = f", in lifts of {quantity(scene.lift, 'm')}," if scene.layer.lift else ""
+    lifts = f", in lifts of {quantity(scene.lift_thickness, 'm')}," if scene.layer.lift_thickness else ""
     stands = f" and stands {quantity(motion.dwell, 's')} at each end" if motion.dwell else ""
     return paragraph(
         f"A cart of {quantity(machine.mass, 'kg')} with {rollers} of radius {quantity(machine.roller_radius, 'm')} and "
@@ -65,8 +53,8 @@ def answer(study, shifts, found):
     said += [f"With a rigid drive: {_winner(by, order)}" for by, order in rigid.items()]
     said += [f"The law {strong(name)} is not made: {escape(why)}." for name, why in study.laws_not_made.items()]
     said.append(_met(study))
-    if not study.mix.reachable:
-        said.append(f"{strong('Not reachable by rolling:')} {escape(study.mix.reachable.reason)}.")
+    if not study.mix.density_achievable:
+        said.append(f"{strong('Not reachable by rolling:')} {escape(study.mix.density_achievable.reason)}.")
     sure = [
         _known_by_engine(study),
         *_first_is_sure(orders),
@@ -74,7 +62,7 @@ def answer(study, shifts, found):
         *_by_engines_beside(study),
         _order_holds(shifts),
     ]
-    failed = [check.what for check in found if not check.holds]
+    failed = [check.name for check in found if not check.passed]
     sure.append(
         f"{strong('Built-in checks that fail:')} {escape(', '.join(failed))}."
         if failed

@@ -2,13 +2,12 @@
 
 from html import escape
 
-from compact.analysis.contact_cases import PASSED, value
+from compact import quantities
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.engines import COMPACTING
 from compact.report.contact_tables import held_sentence
 from compact.report.page import Section, mark, number, paragraph, percent, picture, quantity, sentence, table
 
-SHOWN = ("speed", "load", "resistance", "coefficient", "trailing", "leading", "peak_pressure", "indentation")
 CONTACT = ("speed", "load", "error", "resistance", "error", "coefficient", "behind", "ahead", "peak pressure", "depth")
 CAPTIONS = {
     "pressure": (
@@ -80,14 +79,13 @@ def _engine_tables(study):
     """The engine over speed, and what every pass leaves where it leaves a mark."""
     rows = []
     for contact in study.contacts:
-        of = {name: value(contact, name)[0] for name in SHOWN}
-        errors = (value(contact, name)[1] for name in ("load", "resistance"))
+        errors = (contact.load_error, contact.resistance_error)
         load_error, resistance_error = (float("nan") if error is None else error for error in errors)
         rows.append((
-            quantity(of["speed"], "m/s"), quantity(of["load"], "N/m"), percent(load_error),
-            quantity(of["resistance"], "N/m"), percent(resistance_error), number(of["coefficient"]),
-            quantity(-of["trailing"], "m"), quantity(of["leading"], "m"), quantity(of["peak_pressure"], "Pa"),
-            quantity(of["indentation"], "m"),
+            quantity(contact.speed, "m/s"), quantity(contact.load, "N/m"), percent(load_error),
+            quantity(contact.resistance, "N/m"), percent(resistance_error), number(contact.coefficient),
+            quantity(-contact.trailing, "m"), quantity(contact.leading, "m"), quantity(contact.peak_pressure, "Pa"),
+            quantity(contact.indentation, "m"),
         ))  # fmt: skip
     engine = study.scene.accuracy.engine
     numeric = range(len(CONTACT))
@@ -97,13 +95,13 @@ def _engine_tables(study):
     if engine in COMPACTING:
         passes = [
             (
-                quantity(value(contact, "speed")[0], "m/s"), str(count),
-                *(quantity(passed[name]["value"], unit) for name, unit in PASSED.items()),
+                quantity(contact.speed, "m/s"), str(count),
+                *(quantity(getattr(passed, name), each.unit) for name, each in quantities.PASS.items()),
             )
             for contact in study.contacts
-            for count, passed in enumerate(contact["passes"], start=1)
+            for count, passed in enumerate(contact.passes, start=1)
         ]  # fmt: skip
-        header = ("speed", "pass", *(name.replace("_", " ") for name in PASSED))
+        header = ("speed", "pass", *(name.replace("_", " ") for name in quantities.PASS))
         yield table(header, passes, "What each pass takes and leaves", range(len(header)))
 
 

@@ -136,8 +136,8 @@ def forces(study, pictures):
     """Forces, power and energy of every law."""
     runs = study.runs.values()
     columns = {"law": [escape(name) for name in study.runs]}
-    for of, unit in RUN.items():
-        columns[of.replace("_", " ")] = column([getattr(run, of) for run in runs], unit)
+    for of in RUN:
+        columns[of.replace("_", " ")] = column([getattr(run, of) for run in runs], CRITERIA[of].unit)
     columns["unevenness of speed"] = [percent(run.nonuniformity) for run in runs]
     if study.scene.drive.kind == "elastic":
         columns["ringing"] = column([run.ringing for run in runs], "1")
@@ -146,15 +146,14 @@ def forces(study, pictures):
     return Section("forces", "Forces and power", "Of one cart over a cycle; guide wheels; shaft.", body)
 
 
-RUN = {
-    "peak_force": "N", "rms_force": "N", "peak_power": "W", "rms_power": "W", "mean_power": "W", "energy": "J",
-    "drawn_energy": "J", "dynamic_factor": "1",
-}  # fmt: skip
+RUN = (
+    "peak_force", "rms_force", "peak_power", "rms_power", "mean_power", "energy", "drawn_energy", "dynamic_factor",
+)  # fmt: skip
 
 
 def cams(study, pictures):
     """Cams of all laws, and the first law's to cut, drawn and in motion; nothing where no cams are wanted."""
-    if "cams" not in study.scene.output.wanted:
+    if "cams" not in study.scene.output.items:
         return None
     rows = [_cam_row(law, {follower: study.cams[law, follower] for follower in FOLLOWERS}) for law in study.cycles]
     kinds = [f"least breadth, {follower}" for follower in FOLLOWERS]
@@ -189,7 +188,7 @@ def _roller_motors(study):
         "power": column([motor.peak_power for motor in motors.values()], "W"),
         "share of friction": [percent(motor.share) for motor in motors.values()],
     }
-    if any(motor.roller.tells_creep for motor in motors.values()):
+    if any(motor.roller.has_creep for motor in motors.values()):
         columns["creep"] = [percent(motor.peak_creep) for motor in motors.values()]
     if any(motor.lack for motor in motors.values()):
         columns["lack"] = [escape(motor.lack) for motor in motors.values()]
@@ -329,12 +328,12 @@ def built_in(found):
     """The built-in checks, as of `checks`."""
     rows = [
         (
-            escape(check.what), number(check.left, 2), number(check.limit, 2),
-            mark("good", "holds") if check.holds else mark("bad", "fails"),
+            escape(check.name), number(check.residual, 2), number(check.limit, 2),
+            mark("good", "holds") if check.passed else mark("bad", "fails"),
         )
         for check in found
     ]  # fmt: skip
-    failed = sum(not check.holds for check in found)
+    failed = sum(not check.passed for check in found)
     lead = f"{len(found)} balances and counts; {failed or 'none'} of them fail{'s' if failed == 1 else ''}."
     return Section(
         "checks", "Built-in checks", lead, table(("what", "left over", "allowed", ""), rows, "Checks", (1, 2))

@@ -8,12 +8,12 @@ import itertools
 import numpy as np
 
 from compact.machine.ranking import CRITERIA
+from compact.quantities import MOTION, SPEED
 from compact.report.figures import PALETTE, look, panels
 
 PANELS = 2  # criteria of the comparison of engines, for each drive
 LETTER = 0.061  # width of a letter of 8 points [inch]
 SHOWN = 4  # criteria, those that the scene names first
-UNITS = {"peak_force": ("kN", 1e-3), "rms_force": ("kN", 1e-3), "mean_force": ("kN", 1e-3), "peak_jerk": ("m/s³", 1.0)}
 ENGINE_LOOKS = {  # colour, mark and dash of an engine
     "formula": ("0.35", "x", ":"),
     "column": (PALETTE[2], "o", "--"),
@@ -23,12 +23,6 @@ ENGINE_LOOKS = {  # colour, mark and dash of an engine
 }
 ROW, PANEL_WIDTH = 0.24, 2.8  # of a panel of laws: height of a row and width [inch]; names and it fit a narrow screen
 SPREAD = 0.6  # of a row, over which the marks of engines stand one above the other, so that none hides another
-
-
-def quantity(by):
-    """(words, unit, factor to it) of a criterion."""
-    unit, factor = UNITS.get(by, (CRITERIA[by].unit, 1.0))
-    return by.replace("_", " "), unit, factor
 
 
 def ranking(order, beside):
@@ -62,7 +56,8 @@ def _legend(figure, axes):
 
 def _bars(ax, by, places, named):
     """A bar with its error and its name for each place, in its order."""
-    words, unit, factor = quantity(by)
+    quantity = CRITERIA[by].quantity
+    factor = quantity.plot_factor
     for row, place in enumerate(places):
         if place.reason:
             ax.text(0, row, f" infinite: {place.reason.split(':')[0]}", va="center", fontsize=8, color="0.35")
@@ -78,12 +73,12 @@ def _bars(ax, by, places, named):
     ax.set_yticks(range(len(places)), named, fontsize=8)
     ax.set_xlim(0, 1.15 * max(finite + errors, default=1.0) or 1.0)
     ax.set_ylim(len(places) - 0.4, -0.6)
-    ax.set_xlabel(f"{words} [{unit}]")
+    ax.set_xlabel(quantity.axis_label)
     ax.spines[["top", "right"]].set_visible(False)
 
 
 def _said(by, place):
-    return "" if place.reason else f"{place.value * quantity(by)[2]:#.4g}".rstrip(".")
+    return "" if place.reason else f"{place.value * CRITERIA[by].quantity.plot_factor:#.4g}".rstrip(".")
 
 
 def _room(names):
@@ -98,7 +93,7 @@ def dodges(count):
 
 def _marks(ax, by, places, beside):
     """The values by other engines beside the bars."""
-    factor = quantity(by)[2]
+    factor = CRITERIA[by].quantity.plot_factor
     for (engine, order), dodge in zip(beside.items(), dodges(len(beside)), strict=True):
         found = [(order[place.law].value * factor, row) for row, place in enumerate(places) if place.law in order]
         found = [mark for mark in found if np.isfinite(mark[0])]
@@ -132,11 +127,11 @@ def engines(orders, most=12):
             error = np.where(error, error, np.nan)  # no whisker of none
             ax.errorbar(value, np.arange(len(laws)) + dodge, xerr=error, fmt=mark, label=engine, **drawn)
         if not laws:
-            none = f"no law has a finite {by.replace('_', ' ')}"
+            none = f"no law has a finite {CRITERIA[by].quantity.term}"
             ax.text(0.5, 0.5, none, transform=ax.transAxes, ha="center", va="center", fontsize=9)
         ax.set_yticks(range(len(laws)), laws, fontsize=8)
         ax.set_ylim(len(laws) - 0.4, -0.6)
-        ax.set_xlabel(f"{by.replace('_', ' ')} above the least [%], {kind} drive", fontsize=9)
+        ax.set_xlabel(f"excess {CRITERIA[by].quantity.term} [%], {kind} drive", fontsize=9)
         ax.set_yticks(np.arange(max(len(laws) - 1, 0)) + 0.5, minor=True)
         ax.grid(axis="y", which="minor", color="0.9")
         ax.tick_params(axis="y", which="minor", length=0)
@@ -166,8 +161,8 @@ def resistance(resistances):
         speed = np.linspace(0, min(fastest, met.speeds[-1]), 801)[1:]
         ax.plot(speed, force(speed, 0.0) / 1e3, dash, color=color, linewidth=width, label=engine)
     ax.plot(met.speeds, met.forces / 1e3, "o", color=ENGINE_LOOKS[ours][0], markersize=4, label=f"{ours}, computed")
-    ax.set_xlabel("speed v [m/s]")
-    ax.set_ylabel("resistance of the mix to one cart [kN]")
+    ax.set_xlabel(SPEED.axis_label)
+    ax.set_ylabel(MOTION["cart_resistance"].axis_label)
     ax.set_xlim(0, 1.02 * met.speeds[-1])
     ax.set_ylim(min(0.0, 1.1 * met.forces.min() / 1e3), None)
     ax.legend(frameon=False, reverse=True, handlelength=3.2)

@@ -95,37 +95,6 @@ def keep(study, directory):
             yield from resistance_stage.save(directory / BESIDE / name, *found, aside.key, [])
 
 
-def summary(study):
-    """What each engine beside says, for summary.json."""
-    agreed = agreements(study) if study.beside else []
-    return {
-        name: {
-            "contacts": aside.contacts,
-            "held": aside.held and aside.held.numbers(),
-            "resistance_error": aside.error,
-            "roller_load": {"value": aside.roller_load, "unit": "N"},
-            "rankings": {kind: ordered(order) for kind, order in aside.places.items()},
-            "agreement": [
-                {"drive": kind, "criterion": by} | found._asdict() | {"first": one, "its_first": first}
-                for _, kind, other, _, by, found, one, first in agreed
-                if other == name
-            ],
-            "stages": dict(aside.counts),
-        }
-        for name, aside in study.beside.items()
-    }
-
-
-def ordered(order):
-    """Places by criterion, for summary.json."""
-    return {by: [_plain(place) for place in found] for by, found in order.items()}
-
-
-def _plain(place):
-    told = place._asdict() | {"tie": place.tie}
-    return told if place.reason else {name: told[name] for name in told if name != "reason"}
-
-
 def lines(study, criteria):
     """How far each engine beside agrees, a line for each drive and criterion."""
     for engine, kind, other, also, by, found, one, first in agreements(study) if study.beside else []:

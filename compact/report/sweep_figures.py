@@ -14,22 +14,13 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
 from compact.material.mix import ROLLING_PRESSURE, ROLLING_SATURATION
+from compact.quantities import INPUT, SWEEP_POINT
 from compact.report.figures import look
 from compact.sweep.sobol_indices import of_table
 
 BAND = (0.05, 0.95)
 BAND_SAID = f"{BAND[0]:.0%} to {BAND[1]:.0%} of the sample"
-# quantity -> label and factor to the unit shown
-QUANTITIES = {
-    "resistance": ("resistance of one cart [kN]", 1e-3),
-    "load": ("load on one roller [kN]", 1e-3),
-    "power": ("power at the mean speed [W]", 1.0),
-    "capture_angle": ("capture angle φ [°]", np.degrees(1.0)),
-    "exit_density_ratio": ("density ratio behind the roller k [-]", 1.0),
-    "resistance_coefficient": ("resistance over load [-]", 1.0),
-}
-LABELS = {"moisture": "moisture W [-]", "density_ratio": "density ratio asked for k [-]"}
-NAMES = {name: label.split(" [")[0] for name, (label, _) in QUANTITIES.items()}
+SHOWN = ("resistance", "load", "power", "capture_angle", "exit_density_ratio", "resistance_coefficient")
 LEVELS = 9
 COLUMNS = 3
 DECADE = 10  # by which values differ that are shown by their logarithm
@@ -42,6 +33,10 @@ def numeric_axes(table):
     return [name for name in table["load"].dims if name != "sample" and _is_numeric(table[name])]
 
 
+def _axis_label(name):
+    return INPUT[name].axis_label if name in INPUT else name.replace("_", " ")
+
+
 def _is_numeric(values):
     return values.dtype.kind in "fi" and values.size > 1
 
@@ -49,7 +44,7 @@ def _is_numeric(values):
 def drawn(table):
     """Quantities of the table that have numbers, and more than one."""
     found = []
-    for name in QUANTITIES:
+    for name in SHOWN:
         values = table[name].values
         values = values[np.isfinite(values)]
         if values.size and np.ptp(values) > CHANGES * np.abs(values).max():
@@ -93,11 +88,11 @@ def maps(table, point=None):
     for ax in panels.ravel():
         ax.set_visible(False)
     for place, name in enumerate(quantities):
-        (label, factor), (low, middle, high) = QUANTITIES[name], band(table, name)
+        shown, (low, middle, high) = SWEEP_POINT[name], band(table, name)
         row, column = place // COLUMNS * deep, place % COLUMNS
-        _map(panels[row, column], table, middle * factor, x, y, "viridis", label)
+        _map(panels[row, column], table, middle * shown.plot_factor, x, y, "viridis", shown.axis_label)
         if deep == 2:
-            _map(panels[row + 1, column], table, high / low, x, y, "magma_r", f"{NAMES[name]}: band, high over low [-]")
+            _map(panels[row + 1, column], table, high / low, x, y, "magma_r", f"{shown.term}: band, high over low [-]")
     for ax in panels.ravel():
         ax.tick_params(labelbottom=True)
         if point is not None:
@@ -116,7 +111,7 @@ def _map(ax, table, values, x, y, cmap, title):
     """Filled and labelled contours; hatched where rolling does not reach, grey where there is no number."""
     ax.set_visible(True)
     ax.set_facecolor(NO_NUMBER)
-    ax.set(xlabel=LABELS.get(x, x), ylabel=LABELS.get(y, y))
+    ax.set(xlabel=_axis_label(x), ylabel=_axis_label(y))
     ax.set_title(title, fontsize=10)
     shown = np.ma.masked_invalid(values.values)
     if shown.count() and np.ptp(shown.compressed()) <= CHANGES * np.abs(shown).max():
@@ -164,7 +159,7 @@ def bands(table, point=None):
     for ax, name in zip(panels, quantities, strict=False):
         _bands(ax, table, name, x, before)
         if point is not None and name in point:
-            value = point[name] * QUANTITIES[name][1]
+            value = point[name] * SWEEP_POINT[name].plot_factor
             ax.plot(point[x], value, "o", color="white", markeredgecolor="black", label="calibrated")
     for ax in panels[len(quantities) :]:
         ax.set_visible(False)
@@ -178,13 +173,13 @@ def bands(table, point=None):
 
 
 def _bands(ax, table, name, x, before):
-    label, factor = QUANTITIES[name]
+    quantity = SWEEP_POINT[name]
     values = table[name].values
     for color, line, said in _lines(table, x, before):
-        low, middle, high = (part.values * factor for part in band(line, name))
+        low, middle, high = (part.values * quantity.plot_factor for part in band(line, name))
         ax.plot(line[x], middle, color=color, marker=".", label=said)
         ax.fill_between(line[x], low, high, color=color, alpha=0.15, linewidth=0)
-    ax.set(xlabel=LABELS.get(x, x), ylabel=label)
+    ax.set(xlabel=_axis_label(x), ylabel=quantity.axis_label)
     ax.margins(x=0)
     if np.nanmin(values) > 0 and np.nanmax(values) > DECADE * np.nanmin(values):
         ax.set_yscale("log")
@@ -225,7 +220,7 @@ def best_laws(table):
             table[x], table[y], numbers, cmap=colours, vmin=-0.5, vmax=max(len(names), 1) - 0.5, shading="nearest"
         )
         ax.set_title(f"least {criterion.removeprefix('best_law_by_').replace('_', ' ')}", fontsize=10)
-        ax.set(xlabel=LABELS.get(x, x), ylabel=LABELS.get(y, y))
+        ax.set(xlabel=_axis_label(x), ylabel=_axis_label(y))
     marks = [Patch(facecolor=color, label=name) for name, color in shown.items()]
     figure.legend(handles=marks, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure
@@ -255,7 +250,7 @@ def sobol_bars(table, quantities):
             ax.barh(place + shift, value, 0.38, xerr=error, color=color, error_kw={"linewidth": 1}, label=said)
         ax.set_yticks(place, [name.replace("_", " ") for name in names])
         ax.set_xlabel("share of the variance [-]")
-        ax.set_title(f"{NAMES[quantity]} ({found.rows} rows)", fontsize=10)
+        ax.set_title(f"{SWEEP_POINT[quantity].term} ({found.rows} rows)", fontsize=10)
         ax.axvline(0, color="0.6", linewidth=0.8)
         ax.spines[["top", "right"]].set_visible(False)
     panels[0].invert_yaxis()

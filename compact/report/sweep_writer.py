@@ -6,7 +6,7 @@ from collections import Counter
 import numpy as np
 
 from compact.files import write_csv, write_figure
-from compact.sweep.point import NUMBERS
+from compact.quantities import SWEEP_POINT, unit_symbol
 from compact.sweep.sobol_indices import of_table
 
 SHOWN = 6  # reasons on the screen
@@ -67,7 +67,7 @@ def sweep_digest(table):
         values = table[name].values
         values = values[np.isfinite(values)]
         if values.size:
-            unit = NUMBERS[name][0].replace("1", "")
+            unit = unit_symbol(SWEEP_POINT[name].unit)
             low, middle, high = np.quantile(values, [0, 0.5, 1])
             lines.append(f"  {name:<24}{low:>10.4g} to {high:<10.4g} {unit:<4} median {middle:.4g}")
     beyond = (table["not_reachable"] != "").values.sum()

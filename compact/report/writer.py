@@ -1,9 +1,7 @@
 """What `compact run` leaves behind: tables, figures and summary.json of a study; only what the scene wants."""
 
-import platform
-from dataclasses import asdict, astuple
+from dataclasses import astuple
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from textwrap import wrap
 
@@ -13,14 +11,13 @@ from compact.analysis.engineering_summary import coverage
 from compact.analysis.study import YIELDING
 from compact.analysis.worker_pool import Here
 from compact.cams.profile import stepper
-from compact.files import claimed, png, write_bytes, write_columns, write_csv, write_figure, write_json
-from compact.machine.ranking import CRITERIA, value_of
+from compact.files import claimed_directory, render_png, write_bytes, write_columns, write_csv, write_figure, write_json
+from compact.machine.ranking import CRITERIA
 from compact.report import contact_tables, drive_tables, ranking_tables
 from compact.report.contact_tables import guide_sentence, held_sentence, return_sentence
+from compact.report.summary import study_summary, versions
 
-SCHEMA = 2  # of summary.json; raised when a name in it changes its meaning
 CAM_POINTS = 721
-VERSIONED = ("compact", "numpy", "scipy")
 
 
 def write_study(study, directory, force=False, crew=None):
@@ -30,8 +27,8 @@ def write_study(study, directory, force=False, crew=None):
 
     Raises ResultsError where a file cannot be written or another scene's results stand.
     """
-    wanted = study.scene.output.wanted
-    with claimed(directory, study.scene.hash, force) as directory, study.helped(crew or Here()):
+    wanted = study.scene.output.items
+    with claimed_directory(directory, study.scene.hash, force) as directory, study.helped(crew or Here()):
         files = list(contact_tables.write_contact_tables(study, directory)) if study.layered else []
         kept = list(study.keep(directory, files)) if study.layered else []
         for writer in [FIRST[part] for part in FIRST if part in wanted]:
@@ -42,7 +39,7 @@ def write_study(study, directory, force=False, crew=None):
         if study.layered:
             list(study.keep(directory, files))
         files += [*kept, *ranking_tables.keep(study, directory)]
-        summary = _summary(study, [str(Path(file).relative_to(directory)) for file in files])
+        summary = study_summary(study, [str(Path(file).relative_to(directory)) for file in files])
         write_json(directory / "summary.json", summary)
     return summary
 
@@ -163,13 +160,13 @@ def _pictures(study):
     """A function for each figure by its name, which draws it once as bytes of PNG."""
     from compact.report import figures, ranking_figures
 
-    wanted, places, pictures = study.scene.output.wanted, study.places[study.scene.drive.kind], {}
+    wanted, places, pictures = study.scene.output.items, study.places[study.scene.drive.kind], {}
 
     def draw(name, figure, *of):
         @cache
         def picture():
             study.count("figures")
-            return png(figure(*of))
+            return render_png(figure(*of))
 
         pictures[name] = picture
 
@@ -205,10 +202,10 @@ def _page(study, directory, pictures):
     study.count("report")
     pressure = contact_tables.pressure(study, directory)
     pictures = {"pressure": pressure.read_bytes, **pictures}
-    if "fields" in study.scene.output.wanted:
+    if "fields" in study.scene.output.items:
         pictures["fields"] = (directory / "fields.png").read_bytes
     yield pressure
-    yield html_report.write_page(directory / "report.html", study, pictures, _versions())
+    yield html_report.write_page(directory / "report.html", study, pictures, versions())
 
 
 def _figures(study, directory, pictures):
@@ -220,99 +217,6 @@ FIRST = {"reactions": _reactions, "cams": _cams, "crank": _crank, "fields": _fie
 LAST = {"tables": _tables, "report": _page, "figures": _figures}  # which wait for the engines beside, and for figures
 
 
-def _summary(study, files):
-    scene = study.scene
-    reach = study.mix.reachable
-    return {
-        "schema": SCHEMA,
-        "title": scene.title,
-        "scene_hash": scene.hash,
-        "versions": _versions(),
-        "engine": scene.accuracy.engine,
-        "drive_resistance": _drive_resistance(study),
-        "held": study.held and study.held.numbers(),
-        "return_stroke": _return_stroke(study),
-        "steady_forces": _steady_forces(study),
-        "advice": list(scene.advice),
-        "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
-        "reachable": {"by_rolling": reach.possible, "reason": reach.reason},
-        "numbers": {name: asdict(number) for name, number in study.numbers.items()},
-        "contacts": study.contacts,
-        "laws": {name: _run_numbers(study, run) for name, run in study.runs.items()},
-        "laws_not_made": study.laws_not_made,
-        "rankings": ranking_tables.ordered(study.places[scene.drive.kind]),
-        "rigid_rankings": ranking_tables.ordered(study.places.get("rigid", {})),
-        "roller_motors": drive_tables.roller_motor_numbers(study) if "cams" in scene.output.wanted else {},
-        "beside": ranking_tables.summary(study),
-        "units": {name: criterion.unit for name, criterion in CRITERIA.items()} | OWN | {"unsteady_share": "1"},
-        "stages": dict(study.counts),
-        "files": files,
-    }
-
-
-def _versions():
-    return {"python": platform.python_version()} | {name: version(name) for name in VERSIONED}
-
-
-def _drive_resistance(study):
-    """What the drives meet, and how sure that is."""
-    if not study.layered:
-        return {"by": "eq 1.8"}
-    met = study.resistance_map
-    return {
-        "by": study.scene.accuracy.engine,
-        "speeds": met.speeds,
-        "error_between_speeds": met.error,
-        "error_of_the_engine": met.engine_error,
-        "added_masses": met.added_masses,
-        "relaxation_time": met.time,
-        "kept": study.kept is not None,
-    }
-
-
-def _return_stroke(study):
-    """The mix under the return stroke, the ratios of a second pass to the first, and the energy of a cycle."""
-    load, resistance = study.second_pass or (None, None)
-    return {
-        "over": study.scene.layer.return_stroke,
-        "second_pass_load": {"value": load, "unit": "1"},
-        "second_pass_resistance": {"value": resistance, "unit": "1"},
-        "energy": {over: {"value": energy, "unit": "J"} for over, energy in study.cycle_energies.items()},
-    }
-
-
-def _steady_forces(study):
-    """The forces on one cart at constant mean speed [N]: of the drive, of the mix, at the guide wheels."""
-    force, guides = (float(each[0]) for each in (study.steady.drive_force, study.steady.guide_friction))
-    return {
-        "drive_force": {"value": force, "unit": "N"},
-        "resistance": {"value": force - guides, "unit": "N"},
-        "guide_friction": {"value": guides, "unit": "N"},
-    }
-
-
-def _run_numbers(study, run):
-    """Criteria of a run, how far the error of the resistance moves each, and what else it knows."""
-    own = [name for name in OWN if hasattr(run, name)]
-    unsteady = {"unsteady_share": run.share(study.resistance.beyond)} if study.layered else {}
-    errors = {"errors": {by: ranking_tables.moved(study, run, by) for by in CRITERIA}}
-    criteria = {by: value_of(run, by) for by in CRITERIA}
-    return criteria | {name: getattr(run, name) for name in own} | unsteady | errors
-
-
-OWN = {  # what runs of elastic, hydraulic and motor drives know besides
-    "standing": "s",
-    "fluctuation": "1",
-    "peak_pressure": "Pa",
-    "peak_flow": "m3/s",
-    "pump_work": "J",
-    "throttle_heat": "J",
-    "relief_heat": "J",
-    "peak_motor_power": "W",
-    "energy_residual": "1",
-}
-
-
 def study_digest(study):
     """The answer of a study in a screen of text: the contact, then the laws by the first criterion."""
     numbers = study.numbers
@@ -322,15 +226,15 @@ def study_digest(study):
         lines += [f"  {line}" for line in wrap(short, WIDTH)]
     facts = (held_sentence(study), return_sentence(study), guide_sentence(study))
     lines += ["", *(f"  {line}" for fact in facts for line in wrap(fact, WIDTH))]
-    if not study.mix.reachable:
-        lines.append(f"  {study.mix.reachable.reason}")
+    if not study.mix.density_achievable:
+        lines.append(f"  {study.mix.density_achievable.reason}")
     replaced = [sentence for sentences in study.scene.replacements.values() for sentence in sentences]
     lines += [f"  {line}" for sentence in replaced for line in wrap(sentence, WIDTH)]
     engine = study.scene.accuracy.engine
     for kind, orders in study.places.items():
         for by, order in list(orders.items())[:TOLD]:
             beside = ranking_tables.beside(study, kind, by)
-            lines += ["", f"laws by {by.replace('_', ' ')} [{CRITERIA[by].unit}], {engine}, {kind} drive"]
+            lines += ["", f"laws by {CRITERIA[by].quantity.term} [{CRITERIA[by].unit}], {engine}, {kind} drive"]
             lines += [f"{'':>66}{''.join(f'{name:>18}' for name in beside)}".rstrip()] * bool(beside)
             runs = study.runs if kind == study.scene.drive.kind and kind in YIELDING else {}
             lines += [_place_line(place, runs.get(place.law), beside) for place in order]

@@ -1,8 +1,8 @@
-"""The rules between the keys of a scene, and the rules of thumb; what one key alone may be stands in `scene`.
+"""Rules between the keys of a scene, and advice by rules of thumb; bounds of a single key are in `schema`.
 
-A rule is a function of the values it involves that returns a sentence when they do not fit, else None. It is asked
-only when none of its keys is refused already, and it is reported at the first of them. An optional key that is absent
-comes as None.
+A rule is a function of the values of its keys. It returns a sentence where the values contradict one another, else
+None. It is evaluated if none of its keys has been refused, and reported at its first key. The value of an absent
+optional key is None.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -14,23 +14,31 @@ from typing import Any
 from compact.scene.engine_capabilities import TURNED, refusals
 from compact.scene.errors import Key, Mistake, Source
 
-GUARD = 1 + 1e-9  # the published machine stands exactly on 2R + B_T = stroke, in decimal fractions
+GUARD = 1 + 1e-9  # [-], relative rounding margin; the published machine satisfies 2R + B_T = stroke exactly
 
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule and the key paths of its arguments."""
+    """Rule between keys.
+
+    Parameters
+    ----------
+    keys : tuple of str
+        Key paths of the arguments.
+    broken : callable
+        Function of their values that returns a sentence where they violate the rule, else None.
+    """
 
     keys: tuple[str, ...]
     broken: Callable[..., str | None]
 
     @cached_property
     def paths(self) -> tuple[Key, ...]:
-        """The key paths, part by part."""
+        """Key paths, part by part."""
         return tuple(tuple(key.split(".")) for key in self.keys)
 
     def involves(self, keys: Iterable[Key]) -> bool:
-        """Whether one of its keys is among these, in one of them, or around one."""
+        """Return True if one of its keys is among `keys`, inside one of them or around one."""
         return any(path[: len(key)] == key[: len(path)] for key in keys for path in self.paths)
 
 
@@ -39,7 +47,21 @@ ADVICE: list[Rule] = []
 
 
 def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[Mistake] = ()) -> list[Mistake]:
-    """What the rules say of nested tables of values, leaving out the rules that involve a refused key."""
+    """Evaluate rules on nested tables of values.
+
+    Parameters
+    ----------
+    rules : iterable of Rule
+    data : mapping
+        Nested tables of a scene.
+    refused : iterable of Mistake
+        Mistakes of single keys; rules that involve their keys are skipped.
+
+    Returns
+    -------
+    list of Mistake
+        One for each violated rule, at its first key.
+    """
     out = {mistake.key for mistake in refused}
     found = []
     for rule in rules:
@@ -51,7 +73,7 @@ def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[
 
 
 def tables_exist(source: Source) -> Rule:
-    """The rule that every table named is a file under the folder of the scene."""
+    """Return the rule that every table of `motion.tables` is a file below the folder of the scene."""
     return Rule(("motion.tables",), lambda tables: _missing(tables or (), source.folder))
 
 
@@ -113,21 +135,21 @@ def _fed_mix_is_looser(fed, ratio):
         return f"must be below mix.density_ratio = {ratio:g}, got {fed:g}; give the looser state before the first pass"
 
 
-@_rule("layer.lift", "product.height")
+@_rule("layer.lift_thickness", "product.height")
 def _lift_is_of_the_product(lift, height):
     if lift is not None and lift > height:
         return f"must be at most product.height = {height:g} m, got {lift:g}; without it the product is one lift"
 
 
-@_rule("layer.plies", "product.height", "layer.lift")
+@_rule("layer.plies", "product.height", "layer.lift_thickness")
 def _plies_fill_the_layer(plies, height, lift):
-    total, (key, asked) = sum(ply["thickness"] for ply in plies or ()), _pressed(height, lift)
-    if plies and abs(total - asked) > (GUARD - 1) * asked:
-        return f"must be {key} = {asked:g} m thick together, got {total:.9g}; change one thickness"
+    total, (key, required) = sum(ply["thickness"] for ply in plies or ()), _pressed(height, lift)
+    if plies and abs(total - required) > (GUARD - 1) * required:
+        return f"must be {key} = {required:g} m thick together, got {total:.9g}; change one thickness"
 
 
 def _pressed(height, lift):
-    return ("product.height", height) if lift is None else ("layer.lift", lift)
+    return ("product.height", height) if lift is None else ("layer.lift_thickness", lift)
 
 
 @_rule("motion.energy_weight", "motion.acceleration_weight")
@@ -146,26 +168,26 @@ def _one_target(indentation, load, pressure):
         return f"only one of indentation, load and peak_pressure can be prescribed, got {given}; take the others out"
 
 
-@_rule("contact.indentation", "product.height", "layer.lift")
+@_rule("contact.indentation", "product.height", "layer.lift_thickness")
 def _roller_stays_above_the_base(indentation, height, lift):
     key, most = _pressed(height, lift)
     if indentation is not None and indentation >= most:
         return f"must be below {key} = {most:g} m, got {indentation:g}; the base lies there"
 
 
-@_rule("machine.roller_torque", "machine.rolling")
+@_rule("machine.roller_torque", "machine.roller_condition")
 def _torque_turns_a_roller(torque, rolling):
     rolling = rolling or "free"  # the default
     if torque is not None and rolling not in ("free", "driven"):
-        return f'is for machine.rolling "free" or "driven", got {torque:g} with "{rolling}"; take it out'
+        return f'is for machine.roller_condition "free" or "driven", got {torque:g} with "{rolling}"; take it out'
     if torque is not None and torque > 0 and rolling == "free":
         return (
             f'must not be positive for a "free" roller, which bearings only brake, got {torque:g}; give {-torque:g}, '
-            'or machine.rolling = "driven"'
+            'or machine.roller_condition = "driven"'
         )
 
 
-@_rule("machine.roller_torque", "machine.rolling", "accuracy.engine")
+@_rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine")
 def _driven_roller_has_a_torque(torque, rolling, engine):
     if torque is None and rolling == "driven" and engine in TURNED:
         return (
@@ -194,7 +216,7 @@ def _rod_is_longer_than_the_crank(rod, stroke):
         return f"must be greater than the crank, stroke/2 = {stroke / 2:g} m, got {rod:g}; give a longer rod"
 
 
-@_rule("motion.rod_length", "motion.laws", "drive.kind", "output.wanted")
+@_rule("motion.rod_length", "motion.laws", "drive.kind", "output.items")
 def _crank_has_a_rod(rod, laws, kind, wanted):
     if rod is not None:
         return None
@@ -202,7 +224,7 @@ def _crank_has_a_rod(rod, laws, kind, wanted):
         'motion.laws holds "crank"': "crank" in laws,
         'motion.laws is ["all"], crank included': "all" in laws,
         'drive.kind is "crank"': kind == "crank",
-        'output.wanted holds "crank"': "crank" in wanted,
+        'output.items holds "crank"': "crank" in wanted,
     }
     why = " and ".join(user for user, holds in users.items() if holds)
     return f"is missing, and {why}; give the length of the connecting rod in m" if why else None
@@ -214,9 +236,9 @@ def _one_angle_per_cart(angles, carts):
         return f"needs one angle per cart, drive.carts = {carts:g}, got {len(angles)}; make the two agree"
 
 
-@_rule("drive.kind", "drive.stiffness", "drive.damping", "drive.backlash", "drive.first_order")
-def _spring_belongs_to_an_elastic_drive(kind, stiffness, damping, backlash, first_order):
-    given = {"stiffness": stiffness, "damping": damping, "backlash": backlash, "first_order": first_order}
+@_rule("drive.kind", "drive.stiffness", "drive.damping", "drive.backlash", "drive.include_added_mass")
+def _spring_belongs_to_an_elastic_drive(kind, stiffness, damping, backlash, added_mass):
+    given = {"stiffness": stiffness, "damping": damping, "backlash": backlash, "include_added_mass": added_mass}
     if kind == "elastic":
         missing = [name for name in ("stiffness", "damping") if given[name] is None]
         if missing:
@@ -251,8 +273,8 @@ def _springs_leave_each_other_room(length, stroke):
 def _slip_belongs_to_kloss(slip, curve):
     if curve == "kloss" and slip is None:
         return 'is missing, and drive.motor.curve is "kloss"; give the slip at the breakdown torque, such as 0.15'
-    if curve == "straight" and slip is not None:
-        return f'is for drive.motor.curve "kloss", got {slip:g} with "straight"; take it out'
+    if curve == "linear" and slip is not None:
+        return f'is for drive.motor.curve "kloss", got {slip:g} with "linear"; take it out'
 
 
 @_rule("drive.motor.belt.stiffness", "drive.motor.belt.preload")
@@ -264,16 +286,16 @@ def _belt_creeps_little(stiffness, preload):
         )
 
 
-@_rule("cam", "output.wanted")
+@_rule("cam", "output.items")
 def _cams_wanted_are_given(cam, wanted):
     if cam is None and "cams" in wanted:
         return (
-            'the table [cam] is missing, and output.wanted holds "cams"; give [cam] with breadth and '
+            'the table [cam] is missing, and output.items holds "cams"; give [cam] with breadth and '
             'roller_follower_radius in m, or take "cams" out'
         )
 
 
-@_rule("output.wanted", "accuracy.engine")
+@_rule("output.items", "accuracy.engine")
 def _fields_wanted_are_computed(wanted, engine):
     if "fields" in wanted and engine not in ("fem", "compaction"):
         return (
@@ -282,9 +304,9 @@ def _fields_wanted_are_computed(wanted, engine):
         )
 
 
-@_rule("beside", "accuracy.engine")
-def _engines_beside_are_others(beside, engine):
-    if engine in (beside or {}):
+@_rule("compare", "accuracy.engine")
+def _compared_engines_are_others(compare, engine):
+    if engine in (compare or {}):
         return f'holds "{engine}", which is accuracy.engine itself; take it out, or choose another accuracy.engine'
 
 
@@ -300,14 +322,14 @@ def _no_duplicates(names):
         return f"must not repeat an entry, got {', '.join(map(repr, repeated))} more than once; keep one of each"
 
 
-for _key in ("motion.laws", "motion.tables", "drive.rank_by", "output.wanted"):
+for _key in ("motion.laws", "motion.tables", "drive.rank_by", "output.items"):
     _rule(_key)(_no_duplicates)
 
 
 @_rule("motion.laws")
 def _all_stands_alone(laws):
     if "all" in laws and set(laws) != {"all"}:
-        return '"all" already holds every law, got it beside others; write ["all"] or the names'
+        return '"all" already holds every law, got it with others; write ["all"] or the names'
 
 
 @_rule("machine.roller_radius", "product.height", into=ADVICE)
@@ -323,16 +345,16 @@ def _weight_suits_the_mass(weight, mass):
         return f"weight / mass is {weight / mass:g} m/s2, expected 9.5 to 10.5; is one of the two in other units?"
 
 
-@_rule("machine.rolling", "accuracy.engine", into=ADVICE)
+@_rule("machine.roller_condition", "accuracy.engine", into=ADVICE)
 def _driven_roller_may_stick(rolling, engine):
     if engine not in TURNED and rolling == "driven":
-        return f'the engine "{engine}" lets a driven roller slip all over, whatever its torque; "fem" lets it stick'
+        return f'the engine "{engine}" assumes full slip of a driven roller, whatever its torque; "fem" resolves stick'
 
 
-@_rule("machine.roller_torque", "machine.rolling", "accuracy.engine", into=ADVICE)
+@_rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine", into=ADVICE)
 def _torque_is_heeded(torque, rolling, engine):
     if engine not in TURNED and torque and rolling != "driven":
-        return f'the engine "{engine}" takes no account of machine.roller_torque; "fem" and "compaction" do'
+        return f'the engine "{engine}" neglects machine.roller_torque; "fem" and "compaction" use it'
 
 
 def _missing(tables, folder):

@@ -1,26 +1,26 @@
-"""Values of scene keys that each contact engine takes, and the nearest replacement for the others: one table.
+"""Values of scene keys that each contact engine accepts, and the nearest replacement for the others.
 
-A key that the scene file leaves open has a default. If an engine does not take the default, the engine is given the
-nearest value it takes, and the results say so. A key that the scene sets stays as it is, and an engine that does not
-take its value refuses the scene. A `fixed` limit has no alternative (a formula for a half-plane has one gap), so the
-engine replaces the value in both cases.
+A key that is absent from the scene file has a default. If an engine does not accept the default, it computes with the
+nearest accepted value, and the results state the replacement. A key that the scene sets is never replaced: an engine
+that does not accept its value refuses the scene. A `fixed` limit has no alternative (half-plane theory has one gap
+geometry), so the engine replaces the value in both cases.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-OPTIONAL = ("machine.rolling", "machine.profile", "layer.plies")  # keys that a scene need not have
+OPTIONAL = ("machine.roller_condition", "machine.gap_geometry", "layer.plies")  # keys that a scene need not have
 TURNED = ("fem", "compaction")  # engines of a roller that sticks and slips under a torque
 
 NAMES = {  # of values, in the sentences about replacements
-    ("machine.rolling", "frictionless"): "frictionless roller",
-    ("machine.rolling", "sliding"): "sliding roller",
-    ("machine.rolling", "free"): "free roller",
-    ("machine.rolling", "driven"): "driven roller",
-    ("machine.profile", "parabola"): "vertical gap to the parabola",
-    ("machine.profile", "circle"): "vertical gap to the circle",
-    ("machine.profile", "deformed"): "gap on the deformed surface",
+    ("machine.roller_condition", "frictionless"): "frictionless roller",
+    ("machine.roller_condition", "sliding"): "sliding roller",
+    ("machine.roller_condition", "free"): "free roller",
+    ("machine.roller_condition", "driven"): "driven roller",
+    ("machine.gap_geometry", "parabola"): "vertical gap to the parabola",
+    ("machine.gap_geometry", "circle"): "vertical gap to the circle",
+    ("machine.gap_geometry", "deformed"): "gap on the deformed surface",
     ("layer.passes", 1): "one pass",
     ("layer.plies", None): "layer of one ply",
     ("contact.indentation", None): "pressure that the mix needs",
@@ -36,13 +36,22 @@ KINDS = {  # words for values that have no name of their own
 
 @dataclass(frozen=True)
 class Limit:
-    """Values of one key that an engine takes.
+    """Values of one key that an engine accepts.
 
-    taken : the values, the nearest replacement of all others first
-    why : reason why the engine takes no other
-    smooth : values that the engine takes only of mix without friction on the roller
-    fixed : True if the engine replaces the value even of a key that the scene sets
-    late : True if a value is refused only when the contact is computed, since a scene is rolled by several engines
+    Parameters
+    ----------
+    key : str
+        Key path.
+    taken : tuple
+        Accepted values; the first replaces all others.
+    why : str
+        Reason, as a clause for messages.
+    smooth : tuple
+        Values accepted only without friction between mix and roller.
+    fixed : bool
+        True if the engine replaces the value even of a key that the scene sets.
+    late : bool
+        True if a value is refused only when the contact is computed, because several engines share the scene.
     """
 
     key: str
@@ -53,7 +62,15 @@ class Limit:
     late: bool = False
 
     def takes(self, value: object, friction: float | None) -> bool:
-        """True if the engine takes a value; `friction` of the mix on the roller [-], None for that of the prior."""
+        """Return True if the engine accepts a value.
+
+        Parameters
+        ----------
+        value : object
+            Value of the key.
+        friction : float or None
+            Friction coefficient of the mix on the roller [-]; None for the prior.
+        """
         return value in self.taken or (value in self.smooth and friction == 0)
 
 
@@ -64,22 +81,24 @@ _ONE_MIX = Limit("layer.plies", (None,), "its layer is of one mix")
 
 LIMITS: dict[str, tuple[Limit, ...]] = {
     "formula": (
-        Limit("machine.profile", ("parabola",), "half-plane theory has no other gap", fixed=True),
+        Limit("machine.gap_geometry", ("parabola",), "half-plane theory has no other gap", fixed=True),
         Limit("contact.indentation", (None,), "the depth of a contact on a half-plane is not defined", late=True),
         _ONE_MODULUS,
         _ONE_PASS,
         _FRESH,
     ),
     "column": (
-        Limit("machine.profile", ("circle", "parabola"), "columns move vertically only", fixed=True),
-        Limit("machine.rolling", ("frictionless", "free"), "columns carry no shear", smooth=("sliding", "driven")),
+        Limit("machine.gap_geometry", ("circle", "parabola"), "columns move vertically only", fixed=True),
+        Limit(
+            "machine.roller_condition", ("frictionless", "free"), "columns carry no shear", smooth=("sliding", "driven")
+        ),
         Limit("layer.base", ("bonded",), "mix on a slipping base moves sideways, which no column does"),
         _ONE_MIX,
     ),
     "spectral": (
-        Limit("machine.profile", ("circle", "parabola"), "its gap is measured on the undeformed surface"),
+        Limit("machine.gap_geometry", ("circle", "parabola"), "its gap is measured on the undeformed surface"),
         Limit(
-            "machine.rolling",
+            "machine.roller_condition",
             ("frictionless", "sliding", "driven"),
             "its rollers have no friction or slip everywhere",
             smooth=("free",),
@@ -93,7 +112,7 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
 
 
 def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
-    """The scene as an engine is given it, and a sentence for each key that was replaced.
+    """Replace the values that an engine does not accept by the nearest accepted ones.
 
     Parameters
     ----------
@@ -102,8 +121,10 @@ def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
 
     Returns
     -------
-    scene : Scene, unchecked; for the engine alone
-    sentences : such as "spectral: frictionless roller in place of the free roller, as ..."
+    scene : Scene
+        Unvalidated copy for the engine.
+    sentences : tuple of str
+        One for each replaced key, such as "spectral: frictionless roller in place of the free roller, as ...".
     """
     friction, sentences = scene.mix.overrides.steel_friction, []
     for limit in LIMITS[engine]:
@@ -118,7 +139,7 @@ def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
 
 
 def replaced(engine: str, limit: Limit, value: object) -> str:
-    """Sentence on a value that an engine does not take."""
+    """Return the sentence on a replaced value."""
     return f"{engine}: {_name(limit.key, limit.taken[0])} in place of the {_name(limit.key, value)}, as {limit.why}"
 
 
@@ -129,7 +150,7 @@ def _name(key, value):
 
 
 def refusals() -> Iterator[tuple[tuple[str, ...], Callable[..., str | None]]]:
-    """(keys, rule) for each limit of a scene by itself; the value is None for a key that is not set."""
+    """Yield (keys, rule) for each limit that a scene can violate; the value of an absent key is None."""
     for engine, limits in LIMITS.items():
         for limit in limits:
             if not limit.fixed and not limit.late:

@@ -1,8 +1,8 @@
-"""Mistakes of a scene as sentences: file, line, key path, the rule, the value got, what to do.
+"""Mistakes of a scene as sentences: file, line, key path, rule, given value, remedy.
 
     loveikin.toml:14: machine.roller_radius: must be positive, got -0.11; give the radius in m
 
-The line comes from a small scanner of table headers and `key =`; pydantic says which key broke which rule.
+A scanner of table headers and keys provides the line; pydantic provides the key and the violated rule.
 """
 
 import re
@@ -12,41 +12,69 @@ from datetime import date, time
 from difflib import get_close_matches
 from itertools import takewhile
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 Key = tuple[str, ...]
-LONGEST_SHOWN = 60  # characters of a refused value
+LONGEST_SHOWN = 60  # [characters], of a refused value in a message
 
 
 class SceneError(ValueError):
-    """All mistakes of one scene, one line each; `mistakes` has them apart."""
+    """All mistakes of one scene, one line each.
 
-    def __init__(self, mistakes: Iterable[str]):
+    Parameters
+    ----------
+    mistakes : iterable of str
+        Sentences with file, line and key; kept as the attribute `mistakes`.
+    """
+
+    def __init__(self, mistakes: Iterable[str]) -> None:
         self.mistakes = tuple(mistakes)
         super().__init__("\n".join(self.mistakes))
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type["SceneError"], tuple[tuple[str, ...]]]:
         return SceneError, (self.mistakes,)
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """A sentence on one key; `entry` is the place within a list, `[2]`, or in a list of tables, `[2].name`."""
+    """Sentence on one key.
+
+    Parameters
+    ----------
+    key : tuple of str
+        Key path.
+    sentence : str
+        Rule, given value and remedy.
+    entry : str
+        Position in a list, `[2]`, or in a list of tables, `[2].name`.
+    """
 
     key: Key
     sentence: str
     entry: str = ""
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"{'.'.join(self.key)}{self.entry}: {self.sentence}"
 
 
 @dataclass(frozen=True)
 class Source:
-    """Where a scene was read, line and comment of each key; two sources always compare equal: content alone counts."""
+    """Origin of a scene. Two sources always compare equal, so that scenes compare by content.
+
+    Parameters
+    ----------
+    file : str
+        Name of the scene file.
+    lines : mapping
+        Line number of each key path.
+    changes : frozenset
+        Key paths that the caller has replaced.
+    remarks : mapping
+        Comment on the line of each key path.
+    """
 
     file: str = field(default="<text>", compare=False)
     lines: Mapping[Key, int] = field(default_factory=dict, compare=False)
@@ -55,26 +83,35 @@ class Source:
 
     @property
     def folder(self) -> Path:
-        """The folder the scene's file lies in."""
+        """Folder of the scene file."""
         return Path(self.file).parent
 
     def changed(self, key: Key) -> "Source":
-        """The source of a scene one key of which was given by the caller, not by the file."""
+        """Return the source with one more key that the caller has replaced."""
         return replace(self, changes=self.changes | {key})
 
+    def renamed(self, former: Key, present: Key) -> "Source":
+        """Return the source with lines and remarks of a former key, and of keys inside it, under its present name."""
+
+        def moved(entries: Mapping[Key, Any]) -> dict[Key, Any]:
+            inside = {key: value for key, value in entries.items() if key[: len(former)] == former}
+            return {**entries, **{(*present, *key[len(former) :]): value for key, value in inside.items()}}
+
+        return replace(self, lines=moved(self.lines), remarks=moved(self.remarks))
+
     def line(self, key: Key) -> int:
-        """The line of a key, or of the nearest table around it; 0 for none."""
+        """Return the line of a key, or of the innermost table around it; 0 if there is none."""
         around = (key[:length] for length in range(len(key), 0, -1))
         return next((self.lines[part] for part in around if part in self.lines), 0)
 
     def place(self, key: Key) -> str:
-        """`file:line` of a key, or `file (changed by the caller)`."""
+        """Return `file:line` of a key, or `file (changed by the caller)`."""
         if any(key[: len(change)] == change for change in self.changes):
             return f"{self.file} (changed by the caller)"
         return f"{self.file}:{self.line(key)}" if self.line(key) else self.file
 
     def report(self, mistakes: Iterable[Mistake]) -> list[str]:
-        """The mistakes in the order of the file, each with its place."""
+        """Sort mistakes by line and prefix each with its place."""
         ordered = sorted(mistakes, key=lambda mistake: self.line(mistake.key))
         return [f"{self.place(mistake.key)}: {mistake}" for mistake in ordered]
 
@@ -83,10 +120,22 @@ class Source:
 
 
 def field_mistakes(error: ValidationError, scene: type[BaseModel]) -> list[Mistake]:
-    """One sentence per refused field of `scene`, the class."""
+    """Convert the errors of pydantic to mistakes.
+
+    Parameters
+    ----------
+    error : ValidationError
+    scene : type
+        Class of the scene model.
+
+    Returns
+    -------
+    list of Mistake
+        One for each refused field.
+    """
     errors = error.errors(include_url=False)
     inner = [part["loc"] for part in errors]
-    # pydantic also calls a list too short when one of its entries is refused; that entry is enough
+    # pydantic also reports a list as too short if one of its entries is refused; the entry suffices
     apart = [part for part in errors if not any(_inside(loc, part["loc"]) for loc in inner)]
     return [_field_mistake(part, scene) for part in apart]
 
@@ -161,7 +210,7 @@ def _choices(error):
 
 
 def _limits(info):
-    """The bounds of a field: {"gt": 0}, {"ge": 0.9, "le": 0.99}, {"min_length": 2}, …"""
+    """Return the bounds of a field, such as {"ge": 0.9, "le": 0.99} or {"min_length": 2}."""
     names = ("gt", "ge", "lt", "le", "min_length", "max_length")
     return {name: getattr(part, name) for part in info.metadata for name in names if hasattr(part, name)}
 
@@ -186,7 +235,7 @@ def _length(info):
 
 
 def shown(value: object) -> str:
-    """A refused value as TOML would write it, cut when long."""
+    """Return a refused value as TOML writes it, shortened to LONGEST_SHOWN characters."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, dict):
@@ -204,13 +253,13 @@ def shown(value: object) -> str:
 
 
 def table_of(info: FieldInfo) -> type[BaseModel] | None:
-    """The class of the table a field holds, or None for a field that holds a value."""
+    """Return the table class of a field, or None for a field with a value."""
     kinds = (info.annotation, *get_args(info.annotation))
     return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
 
 
 def tables_of(info: FieldInfo) -> type[BaseModel] | None:
-    """The class of the table, or of the tables in a list, that a field holds, or None."""
+    """Return the class of the table, or of the tables in the list, of a field; else None."""
     kinds = (kind for kind in _kinds(info.annotation) if isinstance(kind, type))
     return next((kind for kind in kinds if issubclass(kind, BaseModel)), None)
 
@@ -272,7 +321,7 @@ INLINE_KEY = re.compile(r"[{,]\s*([\w\s.-]+?)\s*=")
 
 
 def key_lines(text: str) -> dict[Key, int]:
-    """The line of each table header and each key of a text that is valid TOML."""
+    """Return the line number of each table header and each key of a valid TOML text."""
     lines: dict[Key, int] = {}
     table: Key = ()
     depth = 0  # of brackets open from the lines before
@@ -290,7 +339,7 @@ def key_lines(text: str) -> dict[Key, int]:
 
 
 def key_remarks(text: str) -> dict[Key, str]:
-    """The comment behind each key of a text that is valid TOML, on its line."""
+    """Return the comment on the line of each key of a valid TOML text."""
     comments = {
         text.count("\n", 0, token.start()) + 1: token[0].strip("# ")
         for token in STRING_OR_COMMENT.finditer(text)
@@ -300,7 +349,7 @@ def key_remarks(text: str) -> dict[Key, str]:
 
 
 def _plain(match):
-    """A comment away, a string without quotes when it can be a key, and blank else; line ends are kept."""
+    """Remove a comment, and the quotes of a string that can be a key; keep line ends."""
     token = match[0]
     bare = token.strip("\"'")
     word = bare if re.fullmatch(r"[\w-]+", bare) else "_"
@@ -318,7 +367,7 @@ def _note(lines, path, number):
 
 
 def syntax_sentence(error: Exception, text: str) -> str:
-    """`line: not valid TOML: …` of an error of tomllib, with the offending line."""
+    """Return `line: not valid TOML: …` for an error of tomllib, with the offending line."""
     if isinstance(error, RecursionError):
         return " not valid as a scene: brackets nested too deep; no key needs more than a list"
     if str(error).startswith("Exceeds the limit"):
@@ -341,16 +390,16 @@ def _syntax_words(said):
 
 
 def undecodable_sentence(error: UnicodeDecodeError) -> str:
-    """`line: not UTF-8 …` of a file in another encoding."""
+    """Return `line: not UTF-8 …` for a file in another encoding."""
     line = error.object[: error.start].count(b"\n") + 1
     return f"{line}: not UTF-8 text (byte 0x{error.object[error.start]:02x}); save the file as UTF-8"
 
 
 def unreadable_sentence(path: str | Path, error: Exception) -> str:
-    """Why a file cannot be read, with scenes that lie beside it."""
+    """Return the reason why a file cannot be read, with a similar file name in its folder."""
     if isinstance(error, FileNotFoundError):
-        beside = get_close_matches(Path(path).name, sorted(p.name for p in Path(path).parent.glob("*.toml")), n=1)
-        hint = f"did you mean '{beside[0]}'?" if beside else "`compact new DIR` writes a scene to start from"
+        similar = get_close_matches(Path(path).name, sorted(p.name for p in Path(path).parent.glob("*.toml")), n=1)
+        hint = f"did you mean '{similar[0]}'?" if similar else "`compact new DIR` writes a scene to start from"
         return f"no such file; {hint}"
     if isinstance(error, IsADirectoryError):
         return "is a directory; give the scene file in it, DIR/NAME.toml"

@@ -1,10 +1,10 @@
-"""The typed scene: machine, product, mix, layer, motion, drive; read from TOML, checked once, immutable.
+"""The scene: machine, product, mix, layer, motion, drive; read from TOML, validated once, immutable.
 
     scene = load_scene("studies/scenes/loveikin-2015.toml")
     wetter = scene.replaced(**{"mix.moisture": 0.11})
 
-SI units everywhere; every physical number is stated in the file, none has a default here. A scene comes only out of
-`load_scene`, `parse_scene` and `Scene.replaced`: these check the fields and the rules between them, and report all
+SI units; every physical number is stated in the file, none has a default here. `load_scene`, `parse_scene` and
+`Scene.replaced` are the only constructors. They validate the fields and the rules between them, and report all
 mistakes of one file together.
 """
 
@@ -32,11 +32,12 @@ from compact.scene.errors import (
     undecodable_sentence,
     unreadable_sentence,
 )
+from compact.scene.former_names import current_key, current_path, current_tables, current_value
 from compact.scene.schema import (
     LAW_NAMES,
     Accuracy,
-    Beside,
     Cam,
+    Compare,
     Contact,
     Drive,
     Layer,
@@ -53,7 +54,7 @@ __all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "rea
 
 
 class Scene(Table):
-    """One machine with one mix and one motion. Two scenes are equal when their content is, wherever they came from."""
+    """One machine with one mix and one motion. Scenes compare by content, not by origin."""
 
     title: str = Field(default="", description="a title in quotes")
     unusual: Names = Field(default=(), description="keys whose values are meant as given, though implausible")
@@ -66,45 +67,51 @@ class Scene(Table):
     cam: Cam | None = None
     contact: Contact | None = None
     accuracy: Accuracy
-    beside: Beside | None = None
+    compare: Compare | None = None
     output: Output
     _source: Source = PrivateAttr(default_factory=Source)
 
     @property
     def law_names(self) -> tuple[str, ...]:
-        """The laws to compare, "all" spelt out."""
+        """Names of the motion laws to compare, with "all" expanded."""
         return LAW_NAMES if "all" in self.motion.laws else self.motion.laws
 
     @property
     def table_paths(self) -> tuple[Path, ...]:
-        """Where the laws given as tables lie."""
+        """Paths of the motion laws that are given as tables."""
         return tuple(self._source.folder / name for name in self.motion.tables)
 
     @property
-    def lift(self) -> float:
-        """Height of what is pressed at a time [m], when pressed: a lift of the product, or all of it."""
-        return self.layer.lift or self.product.height
+    def lift_thickness(self) -> float:
+        """Thickness of one compacted lift [m]: that of `[layer]`, or the height of the product."""
+        return self.layer.lift_thickness or self.product.height
 
     @property
     def target(self) -> dict[str, float]:
-        """The indentation [m], load on one roller [N] or peak pressure [Pa] that `[contact]` prescribes; else empty."""
+        """Prescribed indentation [m], load of one roller [N] or peak pressure [Pa] of `[contact]` by name, or empty."""
         return {} if self.contact is None else self.contact.model_dump(exclude={"speeds", "held"}, exclude_none=True)
 
     @property
     def mean_speed(self) -> float:
-        """Mean speed of the cart in one pass [m/s], dwells left out: stroke over duration."""
+        """Mean speed of the cart in one pass [m/s]: stroke over duration, without dwells."""
         return self.motion.stroke / self.motion.duration
 
     @property
-    def beside_engines(self) -> tuple[str, ...]:
-        """The engines that answer beside that of [accuracy]; the formulas beside every engine of a layer."""
-        given = {} if self.beside is None else self.beside.model_dump(exclude_none=True)
+    def compared_engines(self) -> tuple[str, ...]:
+        """Engines of the comparison; the formulas are compared with every engine of a layer."""
+        given = {} if self.compare is None else self.compare.model_dump(exclude_none=True)
         return tuple(dict.fromkeys(([] if self.accuracy.engine == "formula" else ["formula"]) + list(given)))
 
-    def by(self, engine: str) -> "Scene":
-        """The scene as an engine beside it is given it, for the numbers alone."""
-        given = None if self.beside is None else getattr(self.beside, engine)
-        changes = {"accuracy.engine": engine, "beside": None, "output.wanted": ()}
+    def with_engine(self, engine: str) -> "Scene":
+        """Return the scene of an engine of the comparison, with the keys of `[compare.ENGINE]` and no output items.
+
+        Parameters
+        ----------
+        engine : str
+            Name of a contact engine.
+        """
+        given = None if self.compare is None else getattr(self.compare, engine)
+        changes = {"accuracy.engine": engine, "compare": None, "output.items": ()}
         if engine == "formula":  # compared with every engine, whatever the scene sets for that engine
             changes |= {limit.key: limit.taken[0] for limit in LIMITS[engine] if not limit.fixed}
         for table, keys in (given.model_dump(exclude_none=True) if given else {}).items():
@@ -112,7 +119,7 @@ class Scene(Table):
         return self.replaced(**changes)
 
     def is_set(self, key: str) -> bool:
-        """True if the scene file, or a change by the caller, sets a key such as "machine.profile"."""
+        """Return True if the scene file or the caller sets a key such as "machine.gap_geometry"."""
         part: Any = self
         for name in key.split("."):
             if part is None or name not in part.model_fields_set:
@@ -122,12 +129,12 @@ class Scene(Table):
 
     @property
     def replacements(self) -> dict[str, tuple[str, ...]]:
-        """Sentences on the keys that each engine of the scene is given in place of the scene's, by engine."""
-        engines = {self.accuracy.engine: self} | {name: self.by(name) for name in self.beside_engines}
+        """Sentences on the values that each engine replaces, by engine."""
+        engines = {self.accuracy.engine: self} | {name: self.with_engine(name) for name in self.compared_engines}
         return {name: (*self._left_out(name), *adapt(scene, name)[1]) for name, scene in engines.items()}
 
     def _left_out(self, engine: str) -> Iterator[str]:
-        """Sentences on the keys that the formulas do not take where they only answer beside another engine."""
+        """Yield sentences on the keys that the formulas neglect where they are compared with another engine."""
         if engine == "formula" != self.accuracy.engine:
             for limit in LIMITS[engine]:
                 table, key = limit.key.split(".")
@@ -137,17 +144,17 @@ class Scene(Table):
 
     @property
     def advice(self) -> tuple[str, ...]:
-        """Sentences on what is allowed but unusual; empty for a scene within the rules of thumb."""
+        """Sentences on values that are valid but outside the rules of thumb."""
         found = sentences((*ADVICE, *plausible_ranges.ADVICE), self.model_dump(exclude_none=True))
         return tuple(f"{self._source.place(mistake.key)}: {mistake}" for mistake in found)
 
     @property
     def file(self) -> str:
-        """The name of the file it was read from."""
+        """Name of the scene file."""
         return self._source.file
 
     def remark(self, table: str, key: str) -> str:
-        """The comment behind a key of a table in the file, or that the caller has changed it."""
+        """Return the comment on a key of a table in the file, "default" or "changed by the caller"."""
         path = (*table.split("."), key)
         if any(path[: len(change)] == change for change in self._source.changes):
             return "changed by the caller"
@@ -157,8 +164,7 @@ class Scene(Table):
 
     @property
     def hash(self) -> str:
-        """Fingerprint of all that decides a number: every key but `title`, `unusual` and `[output]`, and the tables'
-        contents."""
+        """Hash of every key but `title`, `unusual` and `[output]`, and of the contents of the law tables."""
         content = self.model_dump(exclude_none=True, exclude={"title", "unusual", "output"})
         digest = sha256(json.dumps(content, sort_keys=True).encode())
         for path in self.table_paths:
@@ -166,20 +172,37 @@ class Scene(Table):
         return digest.hexdigest()
 
     def replaced(self, **changes: object) -> "Scene":
-        """A new scene, checked like a file, with some keys changed; None takes an optional key out.
+        """Return a new scene, validated like a file, with some keys changed.
 
+        Parameters
+        ----------
+        **changes : object
+            Values by key path; None removes an optional key.
+
+        Raises
+        ------
+        SceneError
+            If the changed scene has mistakes.
+
+        Examples
+        --------
         scene.replaced(**{"mix.moisture": 0.11, "mix.overrides.effective_modulus": None})
         """
-        keys = [tuple(key.split(".")) for key in changes]
+        keys = [current_key(tuple(key.split("."))) for key in changes]
         rules = [rule for rule in _rules(self._source) if rule.involves(keys)]  # the others hold as they did
         return _checked(self._given(), self._source, changes, rules)
 
-    def refuse_fields(self, **changes: object) -> None:
-        """SceneError where a key to be changed is unknown, its field refuses the value or the value is implausible,
-        whatever the rules between the keys say of the scene that results."""
+    def require_fields(self, **changes: object) -> None:
+        """Validate changed keys one by one, without the rules between keys.
+
+        Raises
+        ------
+        SceneError
+            If a key is unknown, or its value is out of bounds or implausible.
+        """
         data = self._given()
         source, mistakes = _validated(data, self._source, changes)[1:]
-        keys = [tuple(key.split(".")) for key in changes]
+        keys = [current_key(tuple(key.split("."))) for key in changes]
         mistakes += sentences(
             [rule for rule in plausible_ranges.REFUSALS if rule.involves(keys)], data, refused=mistakes
         )
@@ -187,12 +210,29 @@ class Scene(Table):
             raise SceneError(source.report(mistakes))
 
     def _given(self) -> dict[str, Any]:
-        """The keys that the scene sets, as nested tables."""
+        """Return the keys that the scene sets, as nested tables."""
         return self.model_dump(exclude_none=True, exclude_unset=True)
 
 
 def load_scene(path: str | Path, /, **changes: object) -> Scene:
-    """The scene in a TOML file, with some keys changed as by `Scene.replaced`; SceneError names all its mistakes."""
+    """Read a scene from a TOML file.
+
+    Parameters
+    ----------
+    path : str or Path
+        Scene file.
+    **changes : object
+        Values by key path that replace keys of the file, as in `Scene.replaced`.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read or the scene has mistakes; the message lists all of them.
+    """
     try:
         text = _bytes(path).decode("utf-8")
     except UnicodeDecodeError as error:
@@ -201,12 +241,19 @@ def load_scene(path: str | Path, /, **changes: object) -> Scene:
 
 
 def parse_scene(text: str, file: str = "<text>") -> Scene:
-    """The scene in a TOML text; `file` is the name mistakes are reported under, and tables are looked for beside it."""
+    """Read a scene from a TOML text.
+
+    Parameters
+    ----------
+    text : str
+    file : str
+        File name for messages; law tables are searched in its folder.
+    """
     return _parsed(text, file, {})
 
 
 def read_change(text: str) -> tuple[str, object]:
-    """Key path and value of "KEY=VALUE"; the value is read as in a scene, or as a bare word."""
+    """Split "KEY=VALUE" into key path and value; the value is TOML or a bare word."""
     key, equals, value = text.partition("=")
     if not (key and equals):
         raise ValueError(f"--set takes KEY=VALUE, such as mix.moisture=0.11, got {text!r}")
@@ -217,7 +264,7 @@ def read_change(text: str) -> tuple[str, object]:
 
 
 def starter_scene() -> str:
-    """The text of the commented scene that `compact new` writes."""
+    """Return the text of the commented scene that `compact new` writes."""
     return (files("compact") / "data" / "new.toml").read_text("utf-8")
 
 
@@ -235,7 +282,9 @@ def _parsed(text: str, file: str, changes: Mapping[str, object]) -> Scene:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: also an integer of thousands of digits
         raise SceneError([f"{file}:{syntax_sentence(error, text)}"]) from None
-    source = Source(file, key_lines(text), remarks=key_remarks(text))
+    source = current_tables(data, Source(file, key_lines(text), remarks=key_remarks(text)))
+    if isinstance(data.get("unusual"), list):
+        data["unusual"] = [current_path(key) if isinstance(key, str) else key for key in data["unusual"]]
     return _checked(data, source, changes, _rules(source))
 
 
@@ -248,7 +297,7 @@ def _unparsable(text: str) -> str:
 
 
 def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, object]]:
-    """(key path, value) of nested tables."""
+    """Yield (key path, value) of nested tables."""
     for key, value in keys.items():
         if isinstance(value, dict):
             yield from _flat(value, f"{above}{key}.")
@@ -266,7 +315,7 @@ def _checked(data: dict[str, Any], source: Source, changes: Mapping[str, object]
     if not mistakes:
         scene._source = source
         mistakes = [
-            Mistake(("beside", engine), said) for engine in scene.beside_engines for said in _refused(scene, engine)
+            Mistake(("compare", engine), said) for engine in scene.compared_engines for said in _refused(scene, engine)
         ]
     if mistakes:
         raise SceneError(source.report(mistakes))
@@ -274,11 +323,11 @@ def _checked(data: dict[str, Any], source: Source, changes: Mapping[str, object]
 
 
 def _refused(scene: Scene, engine: str) -> Iterator[str]:
-    """What an engine beside is given and cannot take."""
-    if scene.beside is None:
+    """Yield sentences on the keys of `[compare.ENGINE]` that the engine does not accept."""
+    if scene.compare is None:
         return
     try:
-        scene.by(engine)
+        scene.with_engine(engine)
     except SceneError as error:
         yield from (f"with it {said.split(': ', 1)[1]}" for said in error.mistakes)
 
@@ -286,11 +335,11 @@ def _refused(scene: Scene, engine: str) -> Iterator[str]:
 def _validated(
     data: dict[str, Any], source: Source, changes: Mapping[str, object]
 ) -> tuple[Any, Source, list[Mistake]]:
-    """The scene of changed `data`, None where a field refuses its value; where it comes from; the mistakes."""
+    """Return the scene of the changed data (None if a field refuses its value), its source and the mistakes."""
     mistakes: list[Mistake] = []
     for path, value in changes.items():
-        key = tuple(path.split("."))
-        mistakes += _change(data, key, value)
+        key = tuple(current_path(path).split("."))
+        mistakes += _change(data, key, current_value(key, value))
         source = source.changed(key)
     try:
         return Scene.model_validate(data), source, mistakes
@@ -299,7 +348,7 @@ def _validated(
 
 
 def _change(data: dict[str, Any], key: tuple[str, ...], value: object) -> list[Mistake]:
-    """Put a value, or for None nothing, at a key of nested tables; what stands in the way."""
+    """Set a key of nested tables, or remove it if the value is None; return the mistakes."""
     for depth, part in enumerate(key[:-1], 1):
         data = data.setdefault(part, {})
         if not isinstance(data, dict):

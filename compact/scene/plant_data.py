@@ -1,11 +1,11 @@
-"""What a plant has measured of its rolling: read from TOML or CSV, checked once.
+"""Measurements of a plant: load, resistance and density, read from TOML or CSV and validated once.
 
     [[measurement]]
     load = 9740.0                                                     # N on one roller
     resistance_coefficient = {value = 0.179, low = 0.179, high = 0.219}
     exit_density_ratio = 0.98
 
-    [assumptions]                                                     # scene keys that nobody measured: [low, high]
+    [assumptions]                                                     # scene keys without a measurement: [low, high]
     "machine.roller_length" = [0.3, 1.2]
 
 A CSV has one measurement a row under the same names, and for a band the columns NAME_low and NAME_high.
@@ -17,14 +17,16 @@ import tomllib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-FITTED = ("load", "resistance", "resistance_coefficient")  # what a fit meets
-STATED = ("exit_density_ratio", "speed")  # at what it is met
+from compact.scene.former_names import current_path
+
+FITTED = ("load", "resistance", "resistance_coefficient")  # data of a fit
+STATED = ("exit_density_ratio", "speed")  # conditions of a measurement
 EDGES = ("low", "high")
 
 
 @dataclass(frozen=True)
 class Band:
-    """A measured value and the bounds that it lies between."""
+    """Measured value with its lower and upper bound."""
 
     value: float
     low: float
@@ -33,10 +35,20 @@ class Band:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One reading, of one roller; None what was not measured.
+    """One measurement on one roller; None for a quantity that was not measured.
 
-    load : vertical force [N];  resistance : horizontal force of the mix on the roller [N], or its `coefficient`, over
-    the load;  exit_density_ratio, speed [m/s] : at which it was read, the scene's unless given
+    Parameters
+    ----------
+    load : Band or None
+        Vertical force on the roller [N].
+    resistance : Band or None
+        Horizontal force of the mix on the roller [N].
+    resistance_coefficient : Band or None
+        Resistance over load [-].
+    exit_density_ratio : float or None
+        Density ratio behind the roller [-]; default that of the scene.
+    speed : float or None
+        Speed of the roller [m/s]; default that of the scene.
     """
 
     load: Band | None = None
@@ -46,20 +58,27 @@ class Measurement:
     speed: float | None = None
 
     @property
-    def data(self):
-        """Name and `Band` of each number that a fit meets."""
+    def data(self) -> tuple[tuple[str, Band], ...]:
+        """Name and band of each datum of a fit."""
         return tuple((name, band) for name in FITTED if (band := getattr(self, name)) is not None)
 
 
 @dataclass(frozen=True)
 class Measured:
-    """All readings, and scene keys with the (low, high) within which they are assumed."""
+    """All measurements of a plant.
+
+    Parameters
+    ----------
+    measurements : tuple of Measurement
+    assumptions : dict
+        (low, high) of scene keys without a measurement.
+    """
 
     measurements: tuple[Measurement, ...]
     assumptions: dict[str, tuple[float, float]] = field(default_factory=dict)
 
-    def moved(self, name, value):
-        """The same with the datum `name` of every measurement that has it at another value, and its band as it was."""
+    def moved(self, name: str, value: float) -> "Measured":
+        """Return the measurements with another value of the datum `name`, its band widened to contain it."""
         return replace(self, measurements=tuple(_moved(m, name, value) for m in self.measurements))
 
 
@@ -70,8 +89,22 @@ def _moved(measurement, name, value):
     return replace(measurement, **{name: Band(value, min(band.low, value), max(band.high, value))})
 
 
-def read_measurements(path):
-    """The `Measured` in a TOML or CSV file; ValueError names file, key, what is wrong and what is allowed."""
+def read_measurements(path: str | Path) -> Measured:
+    """Read measurements from a TOML or CSV file.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Measured
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read or a key is unknown or out of bounds; the message names file and key.
+    """
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
@@ -85,14 +118,14 @@ def read_measurements(path):
 
 def _from_toml(text):
     data = tomllib.loads(text)
-    _refuse_other(data, ("measurement", "assumptions"), "the file")
+    _require_keys(data, ("measurement", "assumptions"), "the file")
     tables = data.get("measurement", [])
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise ValueError("`measurement` must be tables, each under [[measurement]]")
     assumptions = data.get("assumptions", {})
     return Measured(
         _all(_measurement(table, f"measurement {i}") for i, table in enumerate(tables, 1)),
-        {key: _range(key, value) for key, value in assumptions.items()},
+        {current_path(key): _range(key, value) for key, value in assumptions.items()},
     )
 
 
@@ -102,7 +135,7 @@ def _from_csv(text):
 
 
 def _nested(row):
-    """The cells of a CSV row that hold something, bands put together as in TOML."""
+    """Return the nonempty cells of a CSV row, with bands nested as in TOML."""
     if None in row or None in row.values():
         raise ValueError(f"each row must have one cell for each name of the header, got {list(row.values())}")
     numbers = {name.strip(): _parsed(name, cell) for name, cell in row.items() if cell.strip()}
@@ -124,12 +157,12 @@ def _parsed(name, cell):
 def _all(measurements):
     measurements = tuple(measurements)
     if not measurements:
-        raise ValueError("holds no measurement; write one under [[measurement]], or as a row of a CSV")
+        raise ValueError("contains no measurement; add a table [[measurement]], or a row of a CSV file")
     return measurements
 
 
 def _measurement(table, where):
-    _refuse_other(table, FITTED + STATED, where)
+    _require_keys(table, FITTED + STATED, where)
     if "resistance" in table and "resistance_coefficient" in table:
         raise ValueError(f"{where}: give `resistance` or `resistance_coefficient`, not both")
     bands = {name: _band(table[name], f"{where}, `{name}`") for name in FITTED if name in table}
@@ -142,7 +175,7 @@ def _measurement(table, where):
 def _band(value, where):
     if not isinstance(value, dict):
         return Band(*[_positive(value, where)] * 3)
-    _refuse_other(value, ("value", *EDGES), where)
+    _require_keys(value, ("value", *EDGES), where)
     middle = _positive(value.get("value"), f"{where} value")
     low, high = (_positive(value.get(end, middle), f"{where} {end}") for end in EDGES)
     if not low <= middle <= high:
@@ -165,7 +198,7 @@ def _positive(value, where):
     return float(value)
 
 
-def _refuse_other(table, allowed, where):
+def _require_keys(table, allowed, where):
     for name in table:
         if name not in allowed:
             raise ValueError(f"{where} has no key `{name}`; it takes {', '.join(allowed)}")

@@ -1,6 +1,6 @@
-"""Plausible ranges of the numbers of a scene: a value far outside is mostly a value in other units.
+"""Plausible ranges of the numbers of a scene; a value far outside is usually a value in other units.
 
-A value outside its range gets advice. A value more than `REFUSED` times outside is refused, unless the top-level key
+A value outside its range causes advice. A value more than `REFUSED` times outside is refused, unless the top-level key
 `unusual` of the scene names its key. Zero is not compared: where the schema allows it, it means "none". Of a signed
 quantity the magnitude counts.
 
@@ -13,18 +13,27 @@ from dataclasses import dataclass
 from functools import cache, partial
 from itertools import product
 
-from compact.material.mix import nodes, prior
+from compact.material.mix import prior, table_nodes
 from compact.scene.constraints import Rule
 from compact.scene.errors import Mistake, SceneError
 from compact.scene.schema import Overrides
 
-REFUSED = 10.0  # [-], times outside the range, at which a value is refused
+REFUSED = 10.0  # [-], factor outside the range beyond which a value is refused
 WIDENED = 3.0  # [-], factor by which the spread of the prior is widened; mixes of other grading than the table's
 
 
 @dataclass(frozen=True)
 class Range:
-    """Plausible values of one key, from `low` to `high` in `unit`, and the `reason`."""
+    """Plausible range of one key.
+
+    Parameters
+    ----------
+    low, high : float
+        Bounds in `unit`.
+    unit : str
+    reason : str
+        Origin of the range, for messages.
+    """
 
     low: float
     high: float
@@ -87,7 +96,7 @@ RANGES: dict[str, Range] = {
     "product.height": Range(0.01, 2.0, "m", _PRODUCT),
     "product.width": Range(0.02, 20.0, "m", _PRODUCT),
     "mix.reference_speed": Range(1e-3, 5.0, "m/s", "speeds of rolling"),
-    "layer.lift": Range(0.005, 2.0, "m", _PRODUCT),
+    "layer.lift_thickness": Range(0.005, 2.0, "m", _PRODUCT),
     "layer.passes": Range(1, 100, "1", "mix keeps its density after some tens of passes"),
     "motion.stroke": Range(0.02, 20.0, "m", _STROKE),
     "motion.duration": Range(0.02, 600.0, "s", _STROKE),
@@ -133,44 +142,44 @@ RANGES: dict[str, Range] = {
 }
 PLIES = {  # of one ply in layer.plies
     "thickness": Range(1e-3, 2.0, "m", _PRODUCT),
-    "stiffness": Range(1e-3, 1e3, "1", "moduli over those of the mix"),
+    "relative_modulus": Range(1e-3, 1e3, "1", "moduli over those of the mix"),
 }
 MEAN_SPEED = Range(1e-3, 5.0, "m/s", "mean speeds of forming machines, motion.stroke over motion.duration")
 
 
 @cache
 def of_mix(name: str) -> Range:
-    """`Range` of a parameter under [mix.overrides]: the spread of the prior over its whole table, widened."""
-    known = [prior(*node).parameter(name) for node in product(*nodes())]
+    """Return the range of a parameter of [mix.overrides]: spread of the prior over its whole table, widened."""
+    known = [prior(*node).parameter(name) for node in product(*table_nodes())]
     low, high = min(each.low for each in known), max(each.high for each in known)
     unit = {"-": "1"}.get(known[0].unit, known[0].unit)
     return Range(low / WIDENED, high * WIDENED, unit, "the prior over all moistures and densities, threefold wider")
 
 
 def range_of(key: str) -> Range:
-    """`Range` of a key that has one."""
+    """Return the range of a key."""
     return RANGES[key] if key in RANGES else of_mix(key.removeprefix("mix.overrides."))
 
 
 def compared_keys() -> tuple[str, ...]:
-    """Keys that have a range."""
+    """Return the keys that have a range."""
     return (*RANGES, "layer.plies", *(f"mix.overrides.{name}" for name in Overrides.model_fields))
 
 
 def insisted_keys() -> tuple[str, ...]:
-    """Keys that `unusual` may name: those with a range, and the density, which the engine "compaction" estimates."""
+    """Return the keys that `unusual` may name: keys with a range, and the density, which "compaction" estimates."""
     return (*compared_keys(), "mix.density_ratio")
 
 
-def far(value: float, found: Range, times: float = 1.0) -> bool:
-    """True for a magnitude that is not zero and more than so many times outside a range."""
+def is_outside(value: float, found: Range, times: float = 1.0) -> bool:
+    """Return True for a nonzero magnitude outside a range by more than a factor `times`."""
     size = abs(value)
     return size != 0 and not found.low / times <= size <= found.high * times
 
 
 def refusal(key: str, value: float, found: Range) -> str | None:
-    """Sentence on a value that is `REFUSED` times outside a range, or None."""
-    if not far(value, found, REFUSED):
+    """Return a sentence on a value outside a range by more than a factor `REFUSED`, else None."""
+    if not is_outside(value, found, REFUSED):
         return None
     guess = _guess(value, found)
     return (
@@ -180,9 +189,9 @@ def refusal(key: str, value: float, found: Range) -> str | None:
     )
 
 
-def advice(key: str, value: float, found: Range) -> str | None:
-    """Sentence on a value outside a range, or None; none on what is refused."""
-    if not far(value, found) or far(value, found, REFUSED):
+def advice(_key: str, value: float, found: Range) -> str | None:
+    """Return a sentence on a value outside a range that is not refused, else None."""
+    if not is_outside(value, found) or is_outside(value, found, REFUSED):
         return None
     return (
         f"{_quantity(value, found.unit)} is outside the plausible {_span(found)} ({found.reason})"
@@ -203,15 +212,15 @@ def _span(found):
 
 
 def _guess(value, found):
-    """Question for another unit in which a value would be plausible; empty if there is none."""
+    """Return a question for another unit in which the value is plausible; empty if there is none."""
     for unit, size in OTHER_UNITS.get(found.unit, ()):
-        if not far(value * size, found):
+        if not is_outside(value * size, found):
             return f"; was {value:g} {unit} = {_quantity(float(f'{value * size:.6g}'), found.unit)} meant?"
     return ""
 
 
 def _of_values(say, key, found, value, unusual):
-    """What `say` finds in a value, or in the first entry of a list for which it finds something."""
+    """Return the sentence of `say` on a value, or on the first entry of a list that has one."""
     if value is None or key in (unusual or ()):
         return None
     return next(
@@ -224,12 +233,12 @@ def _of_key(say, key, value, unusual):
 
 
 def _of_plies(say, plies, unusual):
-    told = (
+    remarks = (
         (name, _of_values(say, "layer.plies", found, ply[name], unusual))
         for ply in plies or ()
         for name, found in PLIES.items()
     )
-    return next((f"{name} {sentence}" for name, sentence in told if sentence), None)
+    return next((f"{name} {sentence}" for name, sentence in remarks if sentence), None)
 
 
 def _of_mean_speed(say, duration, stroke, unusual):
@@ -261,7 +270,20 @@ ADVICE: tuple[Rule, ...] = tuple(_rules(advice))
 
 
 def check_speed(speed: float, unusual: tuple[str, ...]) -> None:
-    """Refuse a speed [m/s] given to a command as one in `contact.speeds` is; SceneError."""
+    """Validate a speed given on the command line like an entry of `contact.speeds`.
+
+    Parameters
+    ----------
+    speed : float
+        Speed of the cart [m/s].
+    unusual : tuple of str
+        Keys whose implausible values are intended.
+
+    Raises
+    ------
+    SceneError
+        If the speed is not a number or implausible.
+    """
     key = "contact.speeds"
     sentence = _of_key(refusal, key, float(speed), unusual)
     if sentence or speed != speed:

@@ -1,18 +1,18 @@
-"""The tables of a scene: every key with its type, its bounds and what it means; SI units, no default for a number.
+"""The tables of a scene: every key with its type, its bounds and its meaning; SI units, no default for a number.
 
-`machine.rolling` and `machine.profile` have defaults, which each engine may replace by the nearest it takes
-(`capabilities`); a scene that sets them has its values or is refused.
+`machine.roller_condition` and `machine.gap_geometry` have defaults, which each engine may replace by the nearest value
+that it accepts (`engine_capabilities`). A scene that sets them keeps its values or is refused.
 
-Rules between the keys are in `scene_rules`; `scene` reads files into these tables and reports mistakes.
+Rules between the keys are in `constraints`; `loader` reads files into these tables and reports mistakes.
 """
 
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, Strict
 
-from compact.rolling_contact import Base, Profile, Rolling
+from compact.rolling_contact import BaseCondition, GapGeometry, RollerCondition
 
-# The keys of `motion.LAWS`, restated because importing `motion` costs 0.7 s of scipy; a test holds the two equal.
+# The keys of `motion.LAWS`, repeated because importing `motion` costs 0.7 s of scipy; a test compares the two.
 Law = Literal[
     "constant-velocity", "cubic", "quintic", "septic", "complex", "combined-2", "combined-3", "combined-4",
     "reversal-2", "reversal-3", "reversal-4", "reversal-3-free-acceleration", "reversal-4-free-acceleration",
@@ -21,8 +21,8 @@ Law = Literal[
 ]  # fmt: skip
 LAW_NAMES: tuple[str, ...] = get_args(Law)
 
-Wanted = Literal["tables", "figures", "cams", "reactions", "crank", "fields", "report"]
-# The keys of `ranking.CRITERIA`, restated likewise
+OutputItem = Literal["tables", "figures", "cams", "reactions", "crank", "fields", "report"]
+# The keys of `machine.ranking.CRITERIA`, repeated for the same reason
 RankBy = Literal[
     "peak_force", "peak_power", "rms_force", "rms_power", "mean_force", "mean_power", "energy", "drawn_energy",
     "peak_jerk", "dynamic_factor", "nonuniformity", "ringing",
@@ -35,16 +35,16 @@ MixParameter = Literal[
 ]  # fmt: skip
 Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]
-COUNT_LIMIT = 1_000_000  # beyond any machine; keeps a slip such as 0xffff... out of loops and printouts
+COUNT_LIMIT = 1_000_000  # [-], beyond any machine; excludes typing errors such as 0xffff... from loops
 
-# TOML has lists only: these alone are taken leniently, and kept as tuples
+# TOML has lists only, which are converted to tuples
 Numbers = Annotated[tuple[float, ...], Strict(False)]
 Laws = Annotated[tuple[Literal[Law, "all"], ...], Strict(False)]
 Names = Annotated[tuple[str, ...], Strict(False)]
 Ranks = Annotated[tuple[RankBy, ...], Strict(False)]
 Objectives = Annotated[tuple[Objective, ...], Strict(False)]
 Spreads = Annotated[tuple[MixParameter, ...], Strict(False)]
-Outputs = Annotated[tuple[Wanted, ...], Strict(False)]
+Outputs = Annotated[tuple[OutputItem, ...], Strict(False)]
 Keys = dict[str, Any]
 
 
@@ -65,7 +65,7 @@ def _optional(meaning: str, **bounds: Any) -> Any:
 
 
 class Table(BaseModel):
-    """What all tables share: immutable, strict types, finite numbers, no unknown keys."""
+    """Base of all tables: immutable, strict types, finite numbers, no unknown keys."""
 
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
@@ -95,11 +95,11 @@ class Machine(Table):
     overlap: float = _nonnegative("the overlap b_n of neighbouring rollers' strips in m (eqs 1.2, 1.3)")
     pressure_nonuniformity: float = _positive("the factor k2 for uneven pressure along the arc, 1 for even (eq 1.6)")
     one_sided: bool = Field(description="true for contact on the front half only (rival reading of eq 1.6), else false")
-    rolling: Rolling = Field(default="free", description="how the roller turns")
+    roller_condition: RollerCondition = Field(default="free", description="how the roller turns")
     roller_torque: float | None = Field(
         default=None, description="the torque on one roller in N m, + driving it the way it travels, - braking it"
     )
-    profile: Profile = Field(default="deformed", description="where the gap is measured")
+    gap_geometry: GapGeometry = Field(default="deformed", description="where the gap is measured")
 
 
 class Product(Table):
@@ -129,11 +129,13 @@ class Overrides(Table):
 
 
 class Mix(Table):
-    """The mix as it leaves the last pass; the bounds are those of the prior's table."""
+    """The mix behind the last pass; the bounds are those of the table of the prior."""
 
     moisture: float = _between(0.08, 0.12, "the moisture W as water mass / dry mass, 0.10 for 10 %")
-    density_ratio: float = _between(0.90, 0.99, "the density ratio k asked of the product")
-    reference_speed: float | None = _optional("the speed in m/s at which the Heckel slope holds; without it at every")
+    density_ratio: float = _between(0.90, 0.99, "the required density ratio k of the product")
+    reference_speed: float | None = _optional(
+        "the speed in m/s at which the Heckel slope was measured; default any speed"
+    )
     overrides: Overrides = Overrides()
 
 
@@ -141,17 +143,19 @@ class Ply(Table):
     """One ply of the layer."""
 
     thickness: float = _positive("the thickness in m")
-    stiffness: float = _positive("the moduli of the ply over those of the mix")
+    relative_modulus: float = _positive("the moduli of the ply over those of the mix")
 
 
 Plies = Annotated[tuple[Ply, ...], Strict(False)]
 
 
 class Layer(Table):
-    """The layer under the roller; without `plies` it is the same all through."""
+    """The layer under the roller; homogeneous without `plies`."""
 
-    base: Base = Field(description="how the layer lies on its base")
-    lift: float | None = _optional("the height in m, when pressed, of one lift of the product; without it it is one")
+    base: BaseCondition = Field(description="the condition at the base of the layer")
+    lift_thickness: float | None = _optional(
+        "the compacted thickness of one lift in m; default the height of the product"
+    )
     plies: Plies | None = Field(default=None, min_length=1, description="the plies from the base upwards, as tables")
     fed_density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio of the mix as fed")
     passes: int = _between(1, COUNT_LIMIT, "the number of passes")
@@ -161,9 +165,9 @@ class Layer(Table):
 
 
 class Optimise(Table):
-    """Laws made for this machine: each asks least of one objective against the computed resistance, within bounds."""
+    """Optimal laws: each minimises one objective against the computed resistance, within bounds."""
 
-    objectives: Objectives = Field(min_length=1, description="what is made least, a law for each")
+    objectives: Objectives = Field(min_length=1, description="the objectives to minimise, one law for each")
     smoothness: int = _between(1, 3, "the order up to which derivatives are continuous")
     steady_tolerance: float | None = _optional(
         "the deviation allowed from the constant speed between run-up and run-down, 0 for none", ge=0, le=1
@@ -178,7 +182,9 @@ class Optimise(Table):
         "the least radius of curvature of the profile of a cam for rollers in m, convex or hollow; 0 for no undercut",
         ge=0,
     )
-    spread: Spreads = Field(default=(), description="the parameters of the mix whose spread the law must suit")
+    spread: Spreads = Field(
+        default=(), description="the parameters of the mix over whose spread the regret is minimised"
+    )
     method: Literal["steps", "casadi"] = Field(
         default="steps", description="sequential convex steps, or IPOPT by casadi (the extra optimise)"
     )
@@ -191,11 +197,11 @@ class Motion(Table):
     duration: float = _positive("the time of one pass in s")
     laws: Laws = Field(min_length=1, description='the laws to compare, or ["all"]')
     # each at most a half, so together at most the whole pass
-    run_up: float = Field(gt=0, le=0.5, description="the share of the pass spent gaining speed")
-    run_down: float = Field(gt=0, le=0.5, description="the share of the pass spent losing speed")
+    run_up: float = Field(gt=0, le=0.5, description="the share of the pass for the acceleration phase")
+    run_down: float = Field(gt=0, le=0.5, description="the share of the pass for the deceleration phase")
     energy_weight: float = _nonnegative("the weight of the speed term in the complex law")
     acceleration_weight: float = _nonnegative("the weight of the acceleration term in the complex law")
-    dwell: float = _nonnegative("the time standing at each end in s")
+    dwell: float = _nonnegative("the dwell at each end in s")
     rod_length: float | None = _optional("the length of the connecting rod in m")
     tables: Names = Field(default=(), description="CSV files of own laws, relative to the scene file")
     optimise: Optimise | None = None
@@ -212,11 +218,11 @@ class BeltTable(Table):
 
 
 class Motor(Table):
-    """The motor of a drive, and what it turns on the shaft whose one turn is a cycle."""
+    """Motor, gear and flywheel of a drive; one turn of the shaft is one cycle."""
 
-    curve: Literal["kloss", "straight"] = Field(description="the torque over the speed")
-    torque: float = _positive("the breakdown torque (kloss) or the torque at rest (straight) in N m")
-    speed: float = _positive("the synchronous speed (kloss) or that without load (straight) in rad/s")
+    curve: Literal["kloss", "linear"] = Field(description="the torque-speed curve")
+    torque: float = _positive("the breakdown torque (kloss) or the torque at rest (linear) in N m")
+    speed: float = _positive("the synchronous speed (kloss) or that without load (linear) in rad/s")
     breakdown_slip: float | None = _optional("the slip at the breakdown torque", gt=0, le=1)
     inertia: float = _nonnegative("the inertia of the rotor in kg m2")
     gear_ratio: float = _positive("the speed of the motor over that of the shaft, pulleys of a belt included")
@@ -239,23 +245,23 @@ class Hydraulics(Table):
 
 
 class EndSpringTable(Table):
-    """Springs at both ends of the stroke, which stop the cart and set it going the other way."""
+    """Springs at both ends of the stroke that reverse the cart."""
 
     stiffness: float = _nonnegative("the stiffness of one spring in N/m")
-    preload: float = _nonnegative("the force of a spring as the cart meets it in N")
-    length: float = _positive("the travel at each end over which a spring pushes in m")
+    preload: float = _nonnegative("the force of a spring at first contact in N")
+    length: float = _positive("the travel at each end over which a spring is compressed in m")
 
 
 class Drive(Table):
-    """What moves the carts, and the peaks the laws are ranked by."""
+    """Drive of the carts, and the criteria of the ranking."""
 
     kind: Literal["rigid", "crank", "elastic", "motor", "hydraulic"] = Field(description="the kind of drive")
     stiffness: float | None = _optional("the stiffness of an elastic drive in N/m")
     damping: float | None = _optional("the damping of an elastic drive in N s/m, 0 for none", ge=0)
-    backlash: float | None = _optional("the play of an elastic drive between pulling and pushing in m", ge=0)
-    first_order: bool | None = Field(
+    backlash: float | None = _optional("the backlash of an elastic drive in m", ge=0)
+    include_added_mass: bool | None = Field(
         default=None,
-        description="true where the resistance behind an elastic drive follows the acceleration, F + a M, else false",
+        description="true if the resistance of an elastic drive includes the added mass, F + a M, else false",
     )
     carts: int = _between(1, 4, "the number of carts on one shaft")
     angles: Numbers | None = Field(default=None, description="the crank angle of each cart in rad")
@@ -273,32 +279,32 @@ class Cam(Table):
     bore: float | None = _optional("the diameter of the bore for the shaft in m")
 
 
-TOUCHES = "(at zero the roller does not touch the layer)"
+TOUCHES = "(zero means no contact)"
 
 
 class Contact(Table):
-    """What holds the roller at its height, and the speeds to roll at; without it, the pressure that the mix needs."""
+    """Prescribed quantity and speeds of the contact; default the pressure that the mix requires."""
 
     indentation: float | None = _optional(f"the depth of the roller below the undisturbed surface in m {TOUCHES}")
     load: float | None = _optional(f"the normal force on one roller in N {TOUCHES}")
     peak_pressure: float | None = _optional(f"the largest contact pressure in Pa {TOUCHES}")
     held: HeldQuantity | None = Field(
         default=None,
-        description="the quantity kept while the speed changes; by default a prescribed load or peak pressure, else "
-        "the height of the roller",
+        description="the quantity held constant over speed; default a prescribed load or peak pressure, else the "
+        "height of the roller",
     )
-    speeds: Numbers | None = Field(default=None, description="the speeds in m/s at which to compute the contact")
+    speeds: Numbers | None = Field(default=None, description="the speeds of the computed contacts in m/s")
 
 
 class Accuracy(Table):
-    """The contact engine, and the relative error asked of it."""
+    """Contact engine and its relative error tolerance."""
 
-    tolerance: float = Field(gt=0, lt=0.5, description="the relative error asked for, 0.01 for 1 %")
+    tolerance: float = Field(gt=0, lt=0.5, description="the relative error tolerance, 0.01 for 1 %")
     engine: Engine = Field(description="the contact engine")
 
 
 class Given(Table):
-    """What an engine beside is given in place of the scene's; keys that are not here stay the scene's."""
+    """Keys that replace those of the scene for one engine of the comparison."""
 
     machine: Keys | None = Field(default=None, description="keys of [machine]")
     mix: Keys | None = Field(default=None, description="keys of [mix]")
@@ -307,8 +313,8 @@ class Given(Table):
     accuracy: Keys | None = Field(default=None, description="keys of [accuracy]")
 
 
-class Beside(Table):
-    """Engines that answer beside that of [accuracy], a table for each; the formulas do beside every one of a layer."""
+class Compare(Table):
+    """Engines of the comparison, one table each; the formulas are compared with every engine of a layer."""
 
     formula: Given | None = None
     column: Given | None = None
@@ -318,6 +324,6 @@ class Beside(Table):
 
 
 class Output(Table):
-    """What is wanted; nothing else is computed."""
+    """Items of the output; nothing else is computed."""
 
-    wanted: Outputs = Field(description="what to write, [] for the summary alone")
+    items: Outputs = Field(description="the items to write, [] for the summary only")

@@ -9,7 +9,7 @@ from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 
-from compact.files import ResultsError, whole_file
+from compact.files import ResultsError, atomic_file
 
 SUFFIX = ".points"
 
@@ -41,7 +41,7 @@ class Store:
         """Keep the points of one task, key -> headline."""
         body = "".join(json.dumps(entry) + "\n" for entry in points.items()).encode()
         name = sha256("".join(points).encode()).hexdigest()[:24]
-        with whole_file(self.directory / f"{name}{SUFFIX}", "wb") as stream:
+        with atomic_file(self.directory / f"{name}{SUFFIX}", "wb") as stream:
             stream.write(_sum(body) + body)
 
     def clear(self):

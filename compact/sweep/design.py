@@ -20,6 +20,7 @@ import numpy as np
 
 from compact.material import mix
 from compact.numerics.validation import require_known
+from compact.scene.former_names import current_path
 from compact.scene.loader import SceneError
 
 OVERRIDES = "mix.overrides"
@@ -70,6 +71,7 @@ def read_design(text):
         raise ValueError(
             f"--vary takes KEY=LOW:HIGH:N, KEY=A,B,C or KEY=~N, such as mix.moisture=0.08:0.12:5, got {text!r}"
         )
+    key = current_path(key)
     if values.startswith("~"):
         return Sampled(key, _whole(key, values[1:]))
     if values.count(":") == 2:
@@ -154,8 +156,8 @@ def design(scene, varied, indices=False):
     _refuse_keys([part.key for part in varied])
     for axis in axes:
         for value in axis.values:
-            scene.refuse_fields(**{axis.key: value})
-    rows = [sample.count * (2 + len(mix.NAMES) if indices else 1) for sample in samples[:1]]
+            scene.require_fields(**{axis.key: value})
+    rows = [sample.count * (2 + len(mix.PARAMETER_NAMES) if indices else 1) for sample in samples[:1]]
     _require_few(" --vary ".join(part.key for part in varied), prod([len(axis.values) for axis in axes] + rows))
     if not samples:
         if indices:
@@ -190,8 +192,8 @@ def _sampled_names(scene, axes, samples):
         if sample.key == OVERRIDES:
             names |= counted - given
         elif table == OVERRIDES:
-            require_known("mix parameter", name, mix.NAMES)
-            scene.refuse_fields(**{sample.key: None})
+            require_known("mix parameter", name, mix.PARAMETER_NAMES)
+            scene.require_fields(**{sample.key: None})
             if name in given:
                 raise SceneError([f"{sample.key}: is given, so it has no spread to sample; take the value out"])
             names.add(name)
@@ -199,7 +201,7 @@ def _sampled_names(scene, axes, samples):
             raise SceneError(
                 [f"{sample.key}: only mix.overrides and what is in it have a spread to sample; give a grid or a list"]
             )
-    return tuple(name for name in mix.NAMES if name in names)
+    return tuple(name for name in mix.PARAMETER_NAMES if name in names)
 
 
 def _rows(names, count, indices):

@@ -17,29 +17,13 @@ from pathlib import Path
 import numpy as np
 
 import compact
+from compact import quantities
 from compact.analysis.engines import passes
 from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
 from compact.analysis.study import Study
 from compact.scene.engine_capabilities import adapt
 from compact.scene.loader import SceneError
 
-# name -> (unit, meaning)
-NUMBERS = {
-    "load": ("N", "normal force on one roller"),
-    "resistance": ("N", "resistance of the mix to one cart, all its rollers"),
-    "resistance_coefficient": ("1", "resistance over load of one roller"),
-    "power": ("W", "resistance times the mean speed"),
-    "capture_angle": ("rad", "from the lowest point to where the mix is first touched"),
-    "contact_length": ("m", "from the trailing to the leading edge; eq 1.7 by formula"),
-    "peak_pressure": ("Pa", "largest contact pressure"),
-    "exit_density_ratio": ("1", "mean density ratio behind the last pass; engines of mix that stays pressed"),
-    "load_error": ("1", "relative error of the load that the engine tells"),
-    "resistance_error": ("1", "relative error of the resistance that the engine tells"),
-    "work_residual": ("1", "relative gap of the energy balance"),
-    "mass_residual": ("1", "relative gap of the mass balance; engines of mix that stays pressed"),
-    "required_pressure": ("Pa", "pressure that the mix needs to reach its density"),
-    "saturation": ("1", "share of the pores that water fills"),
-}
 WORDS = {
     "not_reachable": "why rolling does not reach the density; empty where it does",
     "warnings": "what was warned of on the way",
@@ -51,18 +35,13 @@ LONGEST = 400  # characters of a reason
 
 
 def ranked(criteria):
-    """name -> (unit, meaning) of the numbers, and name -> meaning of the words, that ranking the laws adds."""
-    from compact.machine.ranking import CRITERIA
-
-    numbers, words = {}, {}
-    for by in criteria:
-        numbers[by] = (CRITERIA[by].unit, f"least of all laws: {by.replace('_', ' ')}")
-        words[f"best_law_by_{by}"] = f"law of the least {by.replace('_', ' ')}"
-    return numbers, words
+    """name -> `Quantity` of the numbers, and name -> meaning of the words, that ranking the laws adds."""
+    numbers = {by: quantities.CRITERIA[by] for by in criteria}
+    return numbers, {f"best_law_by_{by}": f"law of the least {numbers[by].term}" for by in criteria}
 
 
 def headline(scene, rank=False, near=None):
-    """(name -> value, contact): NUMBERS and WORDS of a scene, with `rank` those of `ranked` besides.
+    """(name -> value, contact): `quantities.SWEEP_POINT` and WORDS of a scene, with `rank` those of `ranked` besides.
 
     near : contact of a neighbour, from which the engine "compaction" goes on where the fed layer is the same. The
         contact that is returned is the next point's; None by other engines, which need no start
@@ -98,7 +77,7 @@ def _of_mix(blend):
     return {
         "required_pressure": float(blend.required_pressure),
         "saturation": float(blend.saturation),
-        "not_reachable": blend.reachable.reason,
+        "not_reachable": blend.density_achievable.reason,
     }
 
 

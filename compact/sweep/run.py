@@ -23,13 +23,14 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from compact.analysis.worker_pool import WorkerDied, outcomes
-from compact.files import HDF5, NETCDF_ENGINES, ResultsError, claimed, read_netcdf, write_netcdf
+from compact.files import NETCDF_BACKENDS, NETCDF_HDF5, ResultsError, claimed_directory, read_netcdf, write_netcdf
 from compact.material import mix
+from compact.quantities import SWEEP_POINT, Quantity
 from compact.scene.errors import table_of
 from compact.scene.loader import Scene
 from compact.sweep import design as vary
 from compact.sweep.checkpoints import Store
-from compact.sweep.point import NUMBERS, WORDS, headline, ranked, reason, versions
+from compact.sweep.point import WORDS, headline, ranked, reason, versions
 
 LINE = 8  # neighbours of the engine "compaction" from one cold start to the next
 # Points in one task: a tenth of a second of work or more, which is all that a killed worker loses.
@@ -110,7 +111,7 @@ class Sweep:
         Raises ResultsError where points of this scene stand already and are neither to be gone on with nor forgotten.
         """
         keyed = self._keyed()
-        with claimed(directory, self.scene.hash, force) as place:
+        with claimed_directory(directory, self.scene.hash, force) as place:
             store = Store(place / POINTS)
             known = self._known(store, resume, force)
             points = {key: known[key] for key, *_ in keyed if key in known}
@@ -120,7 +121,7 @@ class Sweep:
                 for number, outcome in coming:
                     points |= self._kept(store, tasks[number], outcome, points, step)
             table = self._table([points[key] for key, *_ in keyed])
-            write_netcdf(place / "sweep.nc", table, HDF5)
+            write_netcdf(place / "sweep.nc", table, NETCDF_HDF5)
         return table
 
     def _known(self, store, resume, force):
@@ -175,16 +176,17 @@ class Sweep:
         import xarray
 
         shape, names = self.design.shape, self._dimensions()
-        numbers, words = (dict(part) for part in (NUMBERS, WORDS))
+        numbers, words = (dict(part) for part in (SWEEP_POINT, WORDS))
         if self.rank:
             more_numbers, more_words = ranked(self.scene.drive.rank_by)
             numbers, words = numbers | more_numbers, words | more_words
         for name in self.design.names:
-            numbers[name] = (mix.ORIGINS[name].unit, f"sampled: {mix.ORIGINS[name].words}")
+            origin = mix.PARAMETER_SOURCES[name]
+            numbers[name] = Quantity(name.replace("_", " "), origin.unit, definition=f"sampled: {origin.words}")
         found = {}
-        for name, (unit, meaning) in numbers.items():
+        for name, quantity in numbers.items():
             column = np.array([point.get(name, np.nan) for point in points]).reshape(shape)
-            found[name] = (names, column, {"units": unit, "long_name": meaning})
+            found[name] = (names, column, {"units": quantity.unit, "long_name": quantity.long_name})
         for name, meaning in words.items():
             column = np.array([point.get(name, "") for point in points], dtype=object).reshape(shape)
             found[name] = (names, column, {"long_name": meaning})
@@ -194,7 +196,9 @@ class Sweep:
         """A name for every axis: the last part of its key, the whole of it where two would be the same."""
         last = [axis.key.rpartition(".")[2] for axis in self.design.axes]
         names = [
-            name if last.count(name) == 1 and name not in NUMBERS and name != "sample" else axis.key.replace(".", "_")
+            name
+            if last.count(name) == 1 and name not in SWEEP_POINT and name != "sample"
+            else axis.key.replace(".", "_")
             for name, axis in zip(last, self.design.axes, strict=True)
         ]
         return (*names, "sample") if self.design.names else tuple(names)
@@ -242,9 +246,9 @@ def _bring_netcdf():
     """Import all that `write_netcdf` needs, a second or two, while the workers start and import what they need."""
     import xarray
 
-    xarray.Dataset().to_netcdf(format=HDF5, engine=NETCDF_ENGINES[HDF5])
+    xarray.Dataset().to_netcdf(format=NETCDF_HDF5, engine=NETCDF_BACKENDS[NETCDF_HDF5])
 
 
 def read_sweep(path):
     """The table of a sweep.nc."""
-    return read_netcdf(path, HDF5)
+    return read_netcdf(path, NETCDF_HDF5)

@@ -1,6 +1,7 @@
-"""Our side of the published numbers of the motion laws and their cams (A, B, D).
+"""Computed values for the published numbers of the motion laws and their cams (sources A, B, D).
 
-Each public function returns numbers by name; `published` lays them beside the print.
+Each public function returns values by the name of their row in `data/published.csv`; `published_numbers` compares them
+with the print.
 """
 
 import math
@@ -12,26 +13,33 @@ from numpy.polynomial import Polynomial
 from compact.cams.profile import Cam, FlatFace, Pointed, least_breadth, stepper
 from compact.motion.laws import piecewise
 from compact.motion.minimum_criterion import minimiser
-from compact.motion.profile import Cycle, Motion, integral, law
+from compact.motion.profile import Cycle, Motion, law
+from compact.numerics.piecewise import integrate
 
-STROKE, DURATION = 0.4, 3.0  # D ch. 5, m and s
+STROKE, DURATION = 0.4, 3.0  # [m], [s], of D ch. 5
 PRINTED_LAWS = (
     *("septic", "complex", "combined-2", "combined-3", "combined-4", "reversal-2", "reversal-3", "reversal-4"),
     *("reversal-3-free-acceleration", "reversal-4-free-acceleration", "reversal-4-free-jerk", "reversal-4-free-both"),
 )
-A, B = "reversal-4", "reversal-4-free-both"  # the laws of the papers A and B
-PRINTED_B_SPEED, PRINTED_B_SLOPE = 6 / 5, 87 / 80  # B (28), (30), over stroke/duration
-COARSE_SPEED = 1 / 0.86  # D 2.7 with 2/3 cut to 0.66, over stroke/duration
-LIMITED_BREADTH = (  # laws whose flat-faced cam must be broader than its stroke
+A, B = "reversal-4", "reversal-4-free-both"  # laws of the papers A and B
+PRINTED_B_SPEED, PRINTED_B_SLOPE = 6 / 5, 87 / 80  # [-], of B (28) and (30), over stroke/duration
+COARSE_SPEED = 1 / 0.86  # [-], of D 2.7 with 2/3 truncated to 0.66, over stroke/duration
+LIMITED_BREADTH = (  # laws whose flat-faced cam requires a breadth above the stroke
     *("combined-2", "combined-3", "combined-4", "reversal-3", "reversal-4"),
     *("reversal-3-free-acceleration", "reversal-4-free-acceleration", "constant-velocity"),
 )
 FREE_BREADTH = ("cubic", "quintic", "septic", "complex", "reversal-2")
 
 
-def peaks():
-    """Peaks of acceleration and jerk at the stroke and duration of D ch. 5, and the readings that gave the print."""
-    found = {}
+def peak_numbers() -> dict[str, float]:
+    """Compute peak acceleration [m/s2] and jerk [m/s3] of the laws of D ch. 5, with the readings behind the print.
+
+    Returns
+    -------
+    dict of str to float
+        Values by row name.
+    """
+    found: dict[str, float] = {}
     for name in PRINTED_LAWS:
         largest = law(name, STROKE, DURATION).peaks()
         found |= {f"{name}_acceleration": largest.acceleration, f"{name}_jerk": largest.jerk}
@@ -39,8 +47,8 @@ def peaks():
     return found | {"reversal-2_jerk_at_joins": math.inf if jumps else 0.0} | _coarse_readings() | _wrong_closures()
 
 
-def _coarse_readings():
-    """What tables of few rows give for the peaks: every 10 degrees, or at a share of the run-up."""
+def _coarse_readings() -> dict[str, float]:
+    """Read the peaks from coarse tables: every 10 degrees, or at a fraction of the acceleration phase."""
     complex_law, combined, reversal = (law(name, STROKE, DURATION) for name in ("complex", "combined-4", A))
     run_up = DURATION / 6
     return {
@@ -51,8 +59,8 @@ def _coarse_readings():
     }
 
 
-def _wrong_closures():
-    """Peaks scaled to a steady speed that does not close the stroke."""
+def _wrong_closures() -> dict[str, float]:
+    """Scale the peaks to a steady speed at which the law misses the stroke."""
     cases = {
         "combined-3": COARSE_SPEED,
         "reversal-3-free-acceleration": PRINTED_B_SPEED,
@@ -66,17 +74,23 @@ def _wrong_closures():
     return found
 
 
-def _unit(name):
+def _unit(name: str) -> Motion:
     return law(name, stroke=1.0, duration=1.0)
 
 
-def claims():
-    """Closures, energies, jumps, criteria and optima that A, B and D state, over stroke and duration."""
-    return _steady_speeds() | _printed_law_of_b() | _energies() | _jumps_at_the_turn() | _criteria() | _optima()
+def claim_numbers() -> dict[str, float]:
+    """Compute closures, energies, jumps, criteria and optima of A, B and D for unit stroke and duration.
+
+    Returns
+    -------
+    dict of str to float
+        Values by row name [-].
+    """
+    return _steady_speeds() | _defects_of_printed_b() | _energies() | _jumps_at_the_turn() | _criteria() | _optima()
 
 
-def _steady_speeds():
-    """Steady speeds, run-up travels x1 and what hangs on them."""
+def _steady_speeds() -> dict[str, float]:
+    """Compute steady speeds, travels of the acceleration phase and the speed of the roller."""
     a, b, early = _unit(A), _unit(B), 0.1
     roller = stepper(Cycle(b), roller_radius=1.0, time=[0.5, 5 / 6])
     return {
@@ -94,27 +108,33 @@ def _steady_speeds():
     }
 
 
-def printed_b():
-    """The motion that B (28)-(30) print: the right shapes at the wrong steady speed, positions met at the joins."""
+def printed_law_of_b() -> Motion:
+    """Build the law of B (28)-(30) as printed: correct shapes at the wrong steady speed, continuous in position.
+
+    Returns
+    -------
+    Motion
+        Law with the stroke and duration of D ch. 5 [m], [s].
+    """
     run = PRINTED_B_SPEED / 6 * _run_up_of_b()(Polynomial([0, 6]))
     steady = Polynomial([run(1 / 6), PRINTED_B_SLOPE])
     curve = piecewise([1 / 6, 2 / 3, 1 / 6], [run, steady, 1 - run(Polynomial([1 / 6, -1]))])
     return Motion("B as printed", STROKE, DURATION, curve)
 
 
-def _run_up_of_b():
+def _run_up_of_b() -> Polynomial:
     return minimiser(4, {0: 0, 1: 0, 3: 0}, {1: 1, 2: 0, 3: 0})
 
 
-def _printed_law_of_b():
-    steps = [join.after - join.before for join in printed_b().joins() if join.order == 1]
+def _defects_of_printed_b() -> dict[str, float]:
+    steps = [join.after - join.before for join in printed_law_of_b().joins() if join.order == 1]
     return {
         "b_closure": PRINTED_B_SPEED * (_run_up_of_b()(1.0) / 3 + 2 / 3),
         "b_velocity_step": np.abs(steps).max(),
     }
 
 
-def _energies():
+def _energies() -> dict[str, float]:
     cubic, quintic = _unit("cubic"), _unit("quintic")
     return {
         "cubic_energy": cubic.criterion(1),
@@ -124,8 +144,8 @@ def _energies():
     }
 
 
-def _jumps_at_the_turn():
-    """Jump of the jerk where the motion turns without a dwell, 0 where it has none."""
+def _jumps_at_the_turn() -> dict[str, float]:
+    """Compute the jump of the jerk at the reversal without a dwell; 0 where the jerk is continuous."""
     found = {}
     for name in ("cubic", "quintic", "combined-3", "reversal-2", "reversal-3-free-acceleration", B):
         jumps = [join.after - join.before for join in _unit(name).joins() if join.time == 0 and join.order == 3]
@@ -133,16 +153,16 @@ def _jumps_at_the_turn():
     return found
 
 
-def _criteria():
-    """J_n of the laws of order n with a = 0 imposed (combined) and with the natural condition (reversal)."""
+def _criteria() -> dict[str, float]:
+    """Compute J_n of the laws of order n with a = 0 imposed (combined) and with the natural condition (reversal)."""
     pairs = product((2, 3, 4), ("combined", "reversal"))
     return {f"{kind}-{order}_criterion": _unit(f"{kind}-{order}").criterion(order) for order, kind in pairs}
 
 
-def _optima():
-    """The best run-up travel of A at fixed stroke, and the best lone phase of D 4.3.
+def _optima() -> dict[str, float]:
+    """Compute the optimal acceleration travel of A at fixed stroke, and the optimal single phase of D 4.3.
 
-    At fixed stroke J goes as j/(z + 2)^2 with x1 = z v t1 and j = a z^2 + b z + c, so J' = 0 is linear in z.
+    At fixed stroke J is proportional to j/(z + 2)^2 with x1 = z v t1 and j = a z^2 + b z + c; J' = 0 is linear in z.
     """
     c, half, whole = (_run_up_criterion(travel) for travel in (0.0, 0.5, 1.0))
     a = 2 * (c + whole - 2 * half)
@@ -153,19 +173,25 @@ def _optima():
     return {"a_best_run_up": best, "a_loss": 100 * loss, "lone_jerk": lone.deriv(3)(0.0), "lone_travel": lone(1.0)}
 
 
-def _run_up_criterion(travel):
-    """J_4 of a run-up of A over the given travel, in unit time to unit speed."""
+def _run_up_criterion(travel: float) -> float:
+    """Compute J_4 of an acceleration phase of A over a travel, in unit time to unit speed."""
     run = minimiser(4, {0: 0, 1: 0, 2: 0, 3: 0}, {0: travel, 1: 1, 2: 0, 3: 0})
-    return integral(run.deriv(4) ** 2, [0.0, 1.0])
+    return integrate(run.deriv(4) ** 2, [0.0, 1.0])
 
 
-def cams():
-    """Cams of A, B and D over the stroke: the breadth they keep, and what flat faces need."""
+def cam_numbers() -> dict[str, float]:
+    """Compute breadths, radii and kinks of the cams of A, B and D, over the stroke.
+
+    Returns
+    -------
+    dict of str to float
+        Values by row name [-].
+    """
     return _profile_of_a() | _profiles_of_b() | _least_breadths()
 
 
-def _profile_of_a():
-    """Radii less half the breadth; on the way back phi = 7 pi/6 + u pi/3, u from 0 to 2."""
+def _profile_of_a() -> dict[str, float]:
+    """Compare radii less half the breadth with A (42) and D (4.113); return stroke phi = 7 pi/6 + u pi/3."""
     cam = Cam(Cycle(_unit(A)), breadth=2.0, follower=Pointed())
     u = np.linspace(0, 2, 41)
     right = cam.radius(7 * np.pi / 6 + u * np.pi / 3) - 1.0
@@ -178,10 +204,10 @@ def _profile_of_a():
     }
 
 
-def _profiles_of_b():
+def _profiles_of_b() -> dict[str, float]:
     cam = Cam(Cycle(_unit(B)), breadth=2.0, follower=Pointed())
-    steps = [join.after - join.before for join in printed_b().cycle().joins() if join.order == 1]
-    printed = Cam(printed_b().cycle(), breadth=2 * STROKE, follower=Pointed())
+    steps = [join.after - join.before for join in printed_law_of_b().cycle().joins() if join.order == 1]
+    printed = Cam(printed_law_of_b().cycle(), breadth=2 * STROKE, follower=Pointed())
     return {
         "b_breadth": _breadth(cam),
         "b41_start": cam.radius(np.pi) - 1.0,
@@ -191,14 +217,14 @@ def _profiles_of_b():
     }
 
 
-def _breadth(cam):
-    """Largest rho(phi) + rho(phi + pi) over b."""
+def _breadth(cam: Cam) -> float:
+    """Compute the largest rho(phi) + rho(phi + pi) over b."""
     angle = np.linspace(0, np.pi, 361)
     return (cam.radius(angle) + cam.radius(angle + np.pi)).max() / cam.breadth
 
 
-def _least_breadths():
-    """Least breadth over stroke of cams with flat-faced followers."""
+def _least_breadths() -> dict[str, float]:
+    """Compute the least breadth over stroke of cams with flat-faced followers."""
     least = {name: least_breadth(Cycle(_unit(name)), FlatFace()).breadth for name in LIMITED_BREADTH + FREE_BREADTH}
     found = {f"{name}_breadth": least[name] for name in LIMITED_BREADTH}
     return found | {"free_breadth": max(least[name] for name in FREE_BREADTH)}

@@ -1,28 +1,48 @@
-"""Our side of the published numbers of the machine: the engineering method (D ch. 1) and the four-cart crank (C).
+"""Computed values for the published numbers of the machine: engineering method (D ch. 1) and four-cart crank (C).
 
-Each public function returns numbers by name; `published` lays them beside the print.
+Each public function returns values by the name of their row in `data/published.csv`; `published_numbers` compares them
+with the print.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from compact import contact
-from compact.machine.cart import Cart, balance
-from compact.machine.crankshaft import USUAL_ANGLES, crank_travel, turn
+from compact.machine.cart import Balance, Cart, balance
+from compact.machine.crankshaft import CRANK_ANGLES, CrankshaftRevolution, crank_kinematics, simulate_crankshaft
 from compact.machine.rigid_drive import Crank
-from compact.motion.profile import integral
+from compact.numerics.piecewise import integrate
+
+Values = float | NDArray[np.float64]
+Function = Callable[[Values], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
-class Machine:
-    """A roller machine with a crank as printed; SI, names as in `Cart` and `Crank`.
+class PublishedMachine:
+    """Roller machine with a crank as printed.
 
-    roller_reaction, interaction_force : of one roller, vertical and along the travel [N]
-    moving_force : to move the cart with its rollers, guide friction included [N]
-    width, height : of the product, along the travel and upright [m]; feeder_sleeve, overlap : B_T, b_n of (1.2) [m]
+    Parameters
+    ----------
+    cart : Cart
+    crank : Crank
+    angular_speed : float
+        Speed of the crankshaft [rad/s].
+    roller_reaction, interaction_force : float
+        Vertical force on one roller, and force along the travel [N].
+    moving_force : float
+        Force to move the cart with its rollers, guide friction included [N].
+    rollers : int
+        Number of rollers of a cart.
+    width, height : float
+        Product along the travel and upright [m].
+    feeder_sleeve, overlap : float
+        B_T and b_n of (1.2) [m].
     """
 
     cart: Cart
@@ -38,8 +58,8 @@ class Machine:
     overlap: float
 
 
-# C, but for feeder_sleeve and overlap, which no source gives: with 3 rollers they fit (1.2), (1.3) and the stroke.
-PUBLISHED_MACHINE = Machine(
+# Source C; feeder_sleeve and overlap are unpublished and chosen so that 3 rollers satisfy (1.2), (1.3) and the stroke.
+PUBLISHED_MACHINE = PublishedMachine(
     cart=Cart(
         mass=1000.0,
         weight=10e3,
@@ -63,23 +83,29 @@ PUBLISHED_MACHINE = Machine(
     feeder_sleeve=0.18,
     overlap=0.012,
 )
-# Point where (1.4)-(1.10) are evaluated: our prior of the mix at moisture 0.10, density ratio 0.98, not published.
-PRESSURE, MODULUS, POISSON, STEEL_FRICTION = 0.203e6, 0.75e6, 0.3, 0.35
-ROLLER_LENGTH = 1.164  # assumed: no source gives it, and pressures and moduli scale as its inverse [m]
-ROLLER_FRICTION = 0.12 + 0.05  # f2 + f3 of (1.8)
-GUIDES = {
+# Operating point of (1.4)-(1.10): prior of the mix at moisture content 0.10, density ratio 0.98, not published.
+PRESSURE, MODULUS, POISSON, STEEL_FRICTION = 0.203e6, 0.75e6, 0.3, 0.35  # [Pa], [Pa], [-], [-]
+ROLLER_LENGTH = 1.164  # [m], assumed; no source states it, pressures and moduli scale with its inverse
+ROLLER_FRICTION = 0.12 + 0.05  # [-], f2 + f3 of (1.8)
+GUIDES = {  # arguments of (1.9) [-], [m]
     "bearing_friction": 0.05,
     "journal_diameter": 0.02,
     "rolling_arm": 5e-4,
     "wheel_diameter": 0.046,
     "rib_factor": 1.5,
 }
-VELOCITY = 0.16  # m/s
-PRINTED_MEAN_POWER, PRINTED_SUM_OVER_MEAN = 4738.8, 21872.2 / 18993.8  # C: of a cart [W]; of four carts [-]
+VELOCITY = 0.16  # [m/s], of (1.10)
+PRINTED_MEAN_POWER, PRINTED_SUM_OVER_MEAN = 4738.8, 21872.2 / 18993.8  # [W] of a cart, [-] of four carts; C
 
 
-def engineering():
-    """(1.1)-(1.10), and what the published operating point says of the mix."""
+def engineering_numbers() -> dict[str, float]:
+    """Compute (1.1)-(1.10) and the mix parameters that follow from the published operating point.
+
+    Returns
+    -------
+    dict of str to float
+        Values by row name, in the unit of the row.
+    """
     m, no_friction = PUBLISHED_MACHINE, _chain(0.0, MODULUS)
     fitted = MODULUS * no_friction["force"] / m.roller_reaction  # F of (1.6) at given q goes as 1/E
     radius = m.cart.roller_radius
@@ -98,8 +124,8 @@ def engineering():
     }
 
 
-def _chain(friction, modulus):
-    """(1.4)-(1.7) at the regression point, by the name of the row."""
+def _chain(friction: float, modulus: float) -> dict[str, float]:
+    """Compute (1.4)-(1.7) at the operating point, by row name."""
     radius = PUBLISHED_MACHINE.cart.roller_radius
     alpha = contact.pressure_exponent(POISSON, friction)
     angle = contact.capture_angle(PRESSURE, modulus, POISSON, alpha)
@@ -113,7 +139,7 @@ def _chain(friction, modulus):
     }
 
 
-def _regression():
+def _regression() -> dict[str, float]:
     m, chain = PUBLISHED_MACHINE, _chain(STEEL_FRICTION, MODULUS)
     one = contact.roller_resistance(
         chain["force"], chain["length"], m.cart.roller_radius, chain["exponent"], ROLLER_FRICTION
@@ -122,8 +148,8 @@ def _regression():
     return chain | {"roller_resistance": one, "cart_resistance": whole, "power": contact.cart_power(whole, VELOCITY)}
 
 
-def _size_of_machine():
-    """(1.1)-(1.3): the roller, how many, and the stroke."""
+def _size_of_machine() -> dict[str, float]:
+    """Compute radius and number of rollers and the stroke by (1.1)-(1.3)."""
     m = PUBLISHED_MACHINE
     radius, stroke = contact.radius_range(m.height), 2 * m.crank.radius
     rollers = contact.rollers_needed(m.width, m.cart.roller_radius, m.feeder_sleeve, m.overlap)
@@ -137,8 +163,8 @@ def _size_of_machine():
     }
 
 
-def _resistance_coefficients():
-    """Resistance of the mix over the normal force, the moving force freed of the guides' friction."""
+def _resistance_coefficients() -> dict[str, float]:
+    """Compute rolling-resistance coefficients from the moving force less the friction of the guides."""
     m = PUBLISHED_MACHINE
     guides = float(balance(m.cart, 0.0, m.moving_force, 1.0).guide_friction)
     mix = m.moving_force - guides
@@ -152,63 +178,63 @@ def _resistance_coefficients():
 
 @dataclass(frozen=True)
 class _Shaft:
-    """Carts of C on a shaft at uniform speed, met by a constant resistance [N]; crank angles psi [rad]."""
+    """Carts of C on a shaft at constant speed, against a constant resistance [N]; crank angles psi [rad]."""
 
     resistance: float
     cart: Cart = PUBLISHED_MACHINE.cart
     speed: float = PUBLISHED_MACHINE.angular_speed
     crank: Crank = PUBLISHED_MACHINE.crank
 
-    def turn(self, carts):
-        """A turn of so many carts at their usual angles, as a `crank.Turn`."""
+    def turn(self, carts: int) -> CrankshaftRevolution:
+        """Compute one turn with a number of carts at their standard angles."""
         resistance = contact.dry_resistance(self.resistance)
-        return turn(self.cart, self.crank, self.speed, resistance, USUAL_ANGLES[carts])
+        return simulate_crankshaft(self.cart, self.crank, self.speed, resistance, CRANK_ANGLES[carts])
 
-    def forces(self, psi, direction):
-        """`Balance` of one cart; direction +1 towards the crank, -1 away."""
-        acceleration = self.speed**2 * crank_travel(self.crank, psi)[2]
+    def forces(self, psi: Values, direction: Values) -> Balance:
+        """Compute the force balance of one cart; direction +1 towards the crank, -1 away."""
+        acceleration = self.speed**2 * crank_kinematics(self.crank, psi)[2]
         tangent = np.tan(self.crank.rod_angle(psi))
         return balance(self.cart, acceleration, direction * self.resistance, direction, tangent)
 
-    def force_on_upper_rail(self, psi, direction):
-        """H of C (9): each guide wheel loaded from the upper rail, even where its reaction turns negative."""
+    def force_on_upper_rail(self, psi: Values, direction: Values) -> NDArray[np.float64]:
+        """Compute H of C (9) [N]: guide wheels on the upper rail even where their reaction is negative."""
         pull, slide = (
-            crank_travel(self.crank, psi)[2] * self.speed**2 * self.cart.mass,
+            crank_kinematics(self.crank, psi)[2] * self.speed**2 * self.cart.mass,
             direction * self.cart.guide_friction,
         )
         lift = np.sum(self.cart.roller_reactions) - self.cart.weight
         needed = pull + direction * self.resistance + slide * lift
         return needed / (1 - slide * np.tan(self.crank.rod_angle(psi)))
 
-    def power(self, psi, carts=1):
-        """Power of so many carts [W], between the samples of a `Turn`."""
-        ahead = np.add.outer(USUAL_ANGLES[carts], psi)
+    def power(self, psi: Values, carts: int = 1) -> NDArray[np.float64]:
+        """Compute the power of a number of carts [W] at any crank angle."""
+        ahead = np.add.outer(CRANK_ANGLES[carts], psi)
         drive_force = self.forces(ahead, _direction(ahead)).drive_force
-        return np.sum(drive_force * self.speed * crank_travel(self.crank, ahead)[1], axis=0)
+        return np.sum(drive_force * self.speed * crank_kinematics(self.crank, ahead)[1], axis=0)
 
-    def peak(self, carts=1):
-        """Largest power [W]."""
+    def peak(self, carts: int = 1) -> float:
+        """Compute the peak power [W]."""
         return _largest(lambda psi: self.power(psi, carts), 0.0, 2 * np.pi)
 
-    def mean(self):
-        """Mean power of one cart [W], integrated piece by piece between lift-offs of the rear guide wheel."""
+    def mean(self) -> float:
+        """Compute the mean power of one cart [W], piecewise between lift-offs of the rear guide wheel."""
         lifts = _crossings(lambda psi: self.forces(psi, -1.0).rear_reaction, np.pi, 2 * np.pi)
-        return integral(self.power, [0.0, np.pi, *lifts, 2 * np.pi]) / (2 * np.pi)
+        return integrate(self.power, [0.0, np.pi, *lifts, 2 * np.pi]) / (2 * np.pi)
 
-    def mean_of(self, force):
-        """Mean power [W] of a drive force of psi."""
-        power = integral(
-            lambda psi: force(psi) * self.speed * crank_travel(self.crank, psi)[1], [0.0, np.pi, 2 * np.pi]
+    def mean_of(self, force: Function) -> float:
+        """Compute the mean power [W] of a drive force, a function of psi."""
+        power = integrate(
+            lambda psi: force(psi) * self.speed * crank_kinematics(self.crank, psi)[1], [0.0, np.pi, 2 * np.pi]
         )
         return power / (2 * np.pi)
 
 
-def _direction(psi):
+def _direction(psi: Values) -> NDArray[np.float64]:
     return np.where(np.mod(psi, 2 * np.pi) < np.pi, 1.0, -1.0)
 
 
-def _largest(function, low, high):
-    """Largest value on [low, high], by a grid that closes in on it."""
+def _largest(function: Function, low: float, high: float) -> float:
+    """Compute the maximum on [low, high] by grid refinement."""
     for _ in range(4):
         grid = np.linspace(low, high, 721)
         values = function(grid)
@@ -217,21 +243,27 @@ def _largest(function, low, high):
     return values[best]
 
 
-def _crossings(function, low, high):
-    """Zeros of a continuous function between low and high."""
+def _crossings(function: Function, low: float, high: float) -> list[float]:
+    """Compute the zeros of a continuous function on [low, high]."""
     grid = np.linspace(low, high, 361)
     change = np.flatnonzero(np.diff(np.sign(function(grid))))
     return [brentq(function, grid[i], grid[i + 1], xtol=1e-14) for i in change]
 
 
-def _percent_above_zero(function, low, high):
+def _percent_above_zero(function: Function, low: float, high: float) -> float:
     edges = np.array([low, *_crossings(function, low, high), high])
     above = function((edges[:-1] + edges[1:]) / 2) > 0
     return 100 * np.sum(np.diff(edges)[above]) / (high - low)
 
 
-def crank():
-    """Powers and guide reactions of C for the stated data, and for those that were evidently used."""
+def crank_numbers() -> dict[str, float]:
+    """Compute powers and guide-wheel reactions of C for the stated data, and for the data evidently used.
+
+    Returns
+    -------
+    dict of str to float
+        Values by row name, in the unit of the row.
+    """
     m = PUBLISHED_MACHINE
     stated = _Shaft(m.rollers * m.interaction_force)
     bare = replace(m.cart, mass=0.0, guide_friction=0.0)
@@ -242,13 +274,13 @@ def crank():
         **_four_powers("used", used.peak(), *_means_and_sum(used)),
         **_energy_balance(stated),
         **_inertia(stated),
-        **_tension_half(massless),
+        **_forward_reactions(massless),
         **_lift_off("stated", stated),
         **_lift_off("massless", massless),
     }
 
 
-def _four_powers(case, one_peak, one_mean, sum_peak, sum_mean):
+def _four_powers(case: str, one_peak: float, one_mean: float, sum_peak: float, sum_mean: float) -> dict[str, float]:
     return {
         f"{case}_one_peak": one_peak,
         f"{case}_one_mean": one_mean,
@@ -260,13 +292,13 @@ def _four_powers(case, one_peak, one_mean, sum_peak, sum_mean):
     }
 
 
-def _means_and_sum(shaft):
+def _means_and_sum(shaft: _Shaft) -> tuple[float, float, float]:
     one, four = shaft.turn(1), shaft.turn(4)
     return one.mean(one.power), four.power.max(), four.mean(four.power)
 
 
-def _energy_balance(stated):
-    """Mean power of a constant resistance is its work over a turn, 4 r W, whatever the rod and the mass."""
+def _energy_balance(stated: _Shaft) -> dict[str, float]:
+    """Compute mean powers; for a constant resistance W the work of a turn is 4 r W for any rod and mass."""
     smooth = replace(stated, cart=replace(stated.cart, guide_friction=0.0))
     one, four = smooth.turn(1), smooth.turn(4)
     mean = one.mean(one.power)
@@ -279,14 +311,14 @@ def _energy_balance(stated):
     }
 
 
-def _inertia(stated):
-    """What the stated mass does at the outer dead centre, and the mass that the printed evenness would need."""
-    dead_centre = stated.speed**2 * float(crank_travel(stated.crank, 0.0)[2])
+def _inertia(stated: _Shaft) -> dict[str, float]:
+    """Compute inertia forces at the outer dead centre, and the mass that gives the printed ratio of powers."""
+    dead_centre = stated.speed**2 * float(crank_kinematics(stated.crank, 0.0)[2])
     moving = replace(stated, resistance=PUBLISHED_MACHINE.moving_force)
     plain = replace(stated.cart, guide_friction=0.0)
     four = 4 * stated.resistance * 4 * stated.crank.radius * stated.speed / (2 * np.pi)
 
-    def heavy(mass):
+    def heavy(mass: float) -> _Shaft:
         return replace(stated, cart=replace(plain, mass=mass))
 
     mass = brentq(lambda mass: heavy(mass).peak(4) / four - PRINTED_SUM_OVER_MEAN, 2000.0, 3000.0, xtol=1e-10)
@@ -300,27 +332,28 @@ def _inertia(stated):
     }
 
 
-def _tension_half(shaft):
-    """Extremes of N11 (front) and N12 (rear) on the way to the crank [N]."""
+def _forward_reactions(shaft: _Shaft) -> dict[str, float]:
+    """Compute extremes of N11 (front) and N12 (rear) on the stroke towards the crank [N]."""
     found = {}
     for name in ("front", "rear"):
-
-        def reaction(psi, sign=1, name=f"{name}_reaction"):
-            return sign * getattr(shaft.forces(psi, 1.0), name)
-
-        found[f"{name}_least"] = -_largest(lambda psi, of=reaction: of(psi, sign=-1), 0.0, np.pi)
-        found[f"{name}_largest"] = _largest(reaction, 0.0, np.pi)
+        reaction = partial(_signed_reaction, shaft, f"{name}_reaction")
+        found[f"{name}_least"] = -_largest(partial(reaction, -1.0), 0.0, np.pi)
+        found[f"{name}_largest"] = _largest(partial(reaction, 1.0), 0.0, np.pi)
     return found
 
 
-def _lift_off(case, shaft):
-    """Where N12 > N11 on the way to the crank, where N12 < 0 on the way back, and what that does to the friction."""
+def _signed_reaction(shaft: _Shaft, name: str, sign: float, psi: Values) -> NDArray[np.float64]:
+    return sign * getattr(shaft.forces(psi, 1.0), name)
 
-    def surplus(psi):
+
+def _lift_off(case: str, shaft: _Shaft) -> dict[str, float]:
+    """Compute the shares of the strokes with N12 > N11 and with N12 < 0, and the added guide friction [N]."""
+
+    def surplus(psi: Values) -> NDArray[np.float64]:
         forces = shaft.forces(psi, 1.0)
         return forces.rear_reaction - forces.front_reaction
 
-    def below(psi):
+    def below(psi: Values) -> NDArray[np.float64]:
         return -shaft.forces(psi, -1.0).rear_reaction
 
     lowest = -_largest(below, np.pi, 2 * np.pi)

@@ -1,21 +1,18 @@
-"""The published numbers beside ours: the table behind `compact check`.
-
-    rows() -> list of Row,  table(rows) -> str,  markdown(rows) -> str
+"""Published numbers and the values that this package computes for them: the table of `compact check`.
 
 Sources: A and B, the papers on the third-order reversal and on its boundary conditions; C, the paper on the four-cart
-crank (Loveikin and Pochka 2015); D, the monograph on cam-driven roller forming. `data/published.csv` holds a number a
-line: what is printed, the verdict, and the value `expected` of our side, exact or from formulas evaluated by mpmath
-apart from this package; its column `origin` says which. The functions here compute our side afresh. Verdicts:
+crank (Loveikin and Pochka 2015); D, the monograph on cam-driven roller forming. Each line of `data/published.csv` holds
+a printed number, the verdict on it and the `expected` value. The expected value is exact, or follows from formulas
+evaluated by mpmath independently of this package; the column `origin` states which. Verdicts:
 
-reproduced     agrees with the print to half a unit of its last digit
-rounding       does not, for the print read it from a coarse table, or cut a number on the way
-misprint       does not, and the right value follows from what the source itself demands
-contradiction  does not, and no reading of the source gives the print
-derived        nothing is printed; it follows from what is printed, or is our check of a formula
+reproduced     computed and printed number agree to half a unit of the last printed digit
+rounding       they differ; the source read a coarse table or rounded an intermediate number
+misprint       they differ; the correct value follows from the conditions that the source states
+contradiction  they differ; no reading of the source gives the printed number
+derived        no number is printed; the value follows from printed ones or verifies a formula
 
-`printed` is a number as it stands there, or the quotient of two that do. D ch. 5 gives accelerations to thousandths and
-drops trailing zeros: its 0.6 is 0.600. Slips of type alone (a lost bracket, square or sign at a line break) have no
-number and no row.
+`printed` is a printed number or the quotient of two. D ch. 5 gives accelerations to thousandths without trailing zeros:
+its 0.6 is 0.600. Purely typographic errors (a missing bracket, square or sign at a line break) have no row.
 """
 
 import csv
@@ -23,27 +20,47 @@ import itertools
 import math
 import textwrap
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
+from importlib.resources import files
 
 from compact.verification import published_laws, published_machine
 
-TOLERANCE = 1e-9  # relative, of ours against the expected value
-WIDTH = 120  # columns of the table
-BAR = "\\|"  # of a cell of Markdown
-INDENT = " " * 19  # of the notes below a row
-VERDICTS = ("reproduced", "rounding", "misprint", "contradiction")  # of what is printed
+TOLERANCE = 1e-9  # [-], relative, of a computed value against the expected one
+TABLE_WIDTH = 120  # characters of a line
+ESCAPED_BAR = "\\|"  # vertical bar in a cell of Markdown
+NOTE_INDENT = " " * 19  # of the notes below a row
+VERDICTS = ("reproduced", "rounding", "misprint", "contradiction")  # on a printed number
 
 
 @dataclass(frozen=True)
-class Row:
-    """A published number beside ours.
+class PublishedNumber:
+    """A published number with its computed and its expected value.
 
-    key : group and name, as in `data/published.csv`
-    printed : as its digits stand, or as a fraction; empty where nothing is printed
-    ours, expected : computed now, and the frozen reference, both in `unit`
-    decimals : of the print where it drops trailing zeros, else None
+    Parameters
+    ----------
+    key : str
+        Group and name, as in `data/published.csv`.
+    source : str
+        Publication and equation.
+    quantity : str
+        Description of the quantity.
+    unit : str
+        Unit of all values of the row; "-" for a dimensionless quantity.
+    printed : str
+        Printed digits or a fraction; empty where no number is printed.
+    computed : float
+        Value computed now.
+    verdict : str
+        One of `VERDICTS`, or "derived".
+    expected : float
+        Stored reference value.
+    note : str
+        Explanation of the verdict.
+    decimals : int or None
+        Decimals of the print where it omits trailing zeros.
     """
 
     key: str
@@ -51,122 +68,165 @@ class Row:
     quantity: str
     unit: str
     printed: str
-    ours: float
+    computed: float
     verdict: str
     expected: float
     note: str = ""
     decimals: int | None = None
 
     @property
-    def group(self):
-        """The part of the table it belongs to."""
+    def group(self) -> str:
+        """Group of the row, a key of `GROUPS`."""
         return self.key.split(".")[0]
 
     @property
-    def agrees(self):
-        """Whether ours is the print to half a unit of its last digit; a fraction must be met exactly."""
+    def matches_print(self) -> bool:
+        """Whether computed and printed number agree to half a unit of the last digit; a fraction must agree exactly."""
         if not self.printed:
             return False
         if "/" in self.printed:
-            return math.isclose(self.ours, Fraction(self.printed), rel_tol=TOLERANCE)
+            return math.isclose(self.computed, Fraction(self.printed), rel_tol=TOLERANCE)
         printed = Decimal(self.printed)
-        if not printed.is_finite():
-            return self.ours == float(printed)
-        decimals = -printed.as_tuple().exponent if self.decimals is None else self.decimals
-        return abs(self.ours - float(printed)) <= 0.5 * 10.0**-decimals * (1 + TOLERANCE)
+        exponent = printed.as_tuple().exponent
+        if not isinstance(exponent, int):  # infinite
+            return self.computed == float(printed)
+        decimals = -exponent if self.decimals is None else self.decimals
+        return abs(self.computed - float(printed)) <= 0.5 * 10.0**-decimals * (1 + TOLERANCE)
 
     @property
-    def kept(self):
-        """Whether ours is as expected and the verdict is true of it."""
-        if not math.isclose(self.ours, self.expected, rel_tol=TOLERANCE):
+    def unchanged(self) -> bool:
+        """Whether the computed value is the expected one and the verdict is correct."""
+        if not math.isclose(self.computed, self.expected, rel_tol=TOLERANCE):
             return False
         if not self.printed:
             return self.verdict == "derived"
-        return self.agrees == (self.verdict == "reproduced") and self.verdict in VERDICTS
+        return self.matches_print == (self.verdict == "reproduced") and self.verdict in VERDICTS
 
 
-def rows():
-    """Every `Row`, in the order of `data/published.csv`, with our side computed now."""
-    ours = computed()
+def rows() -> list[PublishedNumber]:
+    """Compute all values and combine them with the lines of `data/published.csv`.
+
+    Returns
+    -------
+    list of PublishedNumber
+        In the order of the file.
+    """
+    values = computed_values()
     return [
-        Row(
+        PublishedNumber(
             key=key,
-            ours=ours[key],
+            computed=values[key],
             decimals=int(line["decimals"]) if line["decimals"] else None,
             expected=float("inf" if line["expected"] == "inf" else Fraction(line["expected"])),
-            **{name: line[name] for name in ("source", "quantity", "unit", "printed", "verdict", "note")},
+            source=line["source"],
+            quantity=line["quantity"],
+            unit=line["unit"],
+            printed=line["printed"],
+            verdict=line["verdict"],
+            note=line["note"],
         )
-        for key, line in recorded().items()
+        for key, line in recorded_lines().items()
     ]
 
 
-def recorded():
-    """The lines of `data/published.csv` by key, as dicts of text."""
-    from importlib.resources import files
+def recorded_lines() -> dict[str, dict[str, str]]:
+    """Read `data/published.csv`.
 
+    Returns
+    -------
+    dict of str to dict
+        Lines by key, columns as text.
+    """
     text = files("compact").joinpath("data/published.csv").read_text(encoding="utf-8")
     return {line["key"]: line for line in csv.DictReader(text.splitlines())}
 
 
-def computed():
-    """Our side by key `group.name`, in the unit of its row."""
-    return {f"{group}.{name}": float(value) for group, (_, part) in GROUPS.items() for name, value in part().items()}
+def computed_values() -> dict[str, float]:
+    """Compute the value of every row.
+
+    Returns
+    -------
+    dict of str to float
+        Values by key `group.name`, in the unit of the row.
+    """
+    return {
+        f"{group}.{name}": float(value) for group, (_, compute) in GROUPS.items() for name, value in compute().items()
+    }
 
 
-def table(rows):
-    """The rows as ASCII text of at most 120 columns: grouped, notes below their rows, the counts at the end."""
-    header = _line("source", "quantity", "printed", "ours", "unit", "verdict")
+def text_table(rows: Sequence[PublishedNumber]) -> str:
+    """Format rows as ASCII text of at most 120 columns, grouped, with notes and a count of the verdicts.
+
+    Parameters
+    ----------
+    rows : sequence of PublishedNumber
+
+    Returns
+    -------
+    str
+    """
+    header = _line("source", "quantity", "printed", "computed", "unit", "verdict")
     lines = []
     for group, members in itertools.groupby(rows, key=lambda row: row.group):
-        lines += ["", *textwrap.wrap(GROUPS[group][0], WIDTH), header, "-" * len(header)]
+        lines += ["", *textwrap.wrap(GROUPS[group][0], TABLE_WIDTH), header, "-" * len(header)]
         for row in members:
-            lines.append(_line(row.source, row.quantity, row.printed, f"{row.ours:.6g}", row.unit, row.verdict))
-            lines += textwrap.wrap(_note(row), WIDTH, initial_indent=INDENT, subsequent_indent=INDENT)
+            lines.append(_line(row.source, row.quantity, row.printed, f"{row.computed:.6g}", row.unit, row.verdict))
+            lines += textwrap.wrap(_note(row), TABLE_WIDTH, initial_indent=NOTE_INDENT, subsequent_indent=NOTE_INDENT)
     counts = ", ".join(f"{count} {verdict}" for verdict, count in Counter(row.verdict for row in rows).most_common())
     return "\n".join([*lines[1:], "", f"{len(rows)} numbers: {counts}"])
 
 
-def markdown(rows):
-    """The rows as a table of Markdown for `docs/how_do_we_know.md`, with how far ours is off the print."""
-    header = ("source", "quantity", "unit", "printed", "ours", "off the print", "verdict")
+def markdown(rows: Sequence[PublishedNumber]) -> str:
+    """Format rows as the Markdown table of `docs/how_do_we_know.md`.
+
+    Parameters
+    ----------
+    rows : sequence of PublishedNumber
+
+    Returns
+    -------
+    str
+    """
+    header = ("source", "quantity", "unit", "printed", "computed", "deviation", "verdict")
     cells = [
-        (row.source, row.quantity, row.unit, row.printed, f"{row.ours:.6g}", _off(row), row.verdict) for row in rows
+        (row.source, row.quantity, row.unit, row.printed, f"{row.computed:.6g}", _deviation(row), row.verdict)
+        for row in rows
     ]
     lines = [header, ("---",) * len(header), *cells]
-    return "".join(f"| {' | '.join(cell.replace('|', BAR) for cell in line)} |\n" for line in lines)
+    return "".join(f"| {' | '.join(cell.replace('|', ESCAPED_BAR) for cell in line)} |\n" for line in lines)
 
 
-def _off(row):
-    """Ours over the print less one, where there is a finite one; rounding is none."""
+def _deviation(row: PublishedNumber) -> str:
+    """Format computed over printed number less one; "0" within rounding, empty where the print is zero or infinite."""
     printed = float("nan" if not row.printed else row.printed if row.printed == "inf" else Fraction(row.printed))
     if not (printed and math.isfinite(printed)):
         return ""
-    off = row.ours / printed - 1
-    return f"{off:+.2g}" if abs(off) > TOLERANCE else "0"
+    deviation = row.computed / printed - 1
+    return f"{deviation:+.2g}" if abs(deviation) > TOLERANCE else "0"
 
 
-def _line(source, quantity, printed, ours, unit, verdict):
-    return f"{source:<16} {quantity:<49} {printed:>8} {ours:>11} {unit:<6} {verdict}".rstrip()
+def _line(source: str, quantity: str, printed: str, computed: str, unit: str, verdict: str) -> str:
+    return f"{source:<16} {quantity:<49} {printed:>8} {computed:>11} {unit:<6} {verdict}".rstrip()
 
 
-def _note(row):
-    if row.kept:
+def _note(row: PublishedNumber) -> str:
+    if row.unchanged:
         return row.note
-    return f"CHANGED: {row.ours:.12g} for {row.expected:.12g}, or not '{row.verdict}' any more. {row.note}"
+    return f"CHANGED: computed {row.computed:.12g}, expected {row.expected:.12g}, verdict '{row.verdict}'. {row.note}"
 
 
 GROUPS = {
     "contact": (
-        "Engineering method (D 1.1-1.10) and the published operating point. Where nothing is said, nu 0.3, f 0.35, "
+        "Engineering method (D 1.1-1.10) and the published operating point. Unless stated otherwise, nu 0.3, f 0.35, "
         "E 0.75 MPa, q 0.203 MPa, R 0.11 m, L 1.164 m, k2 1",
-        published_machine.engineering,
+        published_machine.engineering_numbers,
     ),
     "crank": (
         "Four carts on a crank (C; stated: 7962 N on each of 2 rollers, 10.5 rad/s, m = 1000 kg, guide friction 0.008; "
         "used: 3562 N in all, 100 rpm, no inertia, no guide friction)",
-        published_machine.crank,
+        published_machine.crank_numbers,
     ),
-    "peaks": ("Peaks of the motion laws (D ch. 5; stroke 0.4 m, one pass 3 s)", published_laws.peaks),
-    "claims": ("Closures, criteria and optima of the motion laws (A, B, D; t1 = T/6)", published_laws.claims),
-    "cams": ("Cams of constant breadth b (A, B, D; stroke dx)", published_laws.cams),
+    "peaks": ("Peaks of the motion laws (D ch. 5; stroke 0.4 m, one pass 3 s)", published_laws.peak_numbers),
+    "claims": ("Closures, criteria and optima of the motion laws (A, B, D; t1 = T/6)", published_laws.claim_numbers),
+    "cams": ("Cams of constant breadth b (A, B, D; stroke dx)", published_laws.cam_numbers),
 }

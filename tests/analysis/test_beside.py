@@ -22,11 +22,11 @@ from compact.scene.loader import SceneError, load_scene
 ROOT = Path(__file__).parents[2]
 SMALL = ROOT / "studies" / "scenes" / "small.toml"
 ENGINES = ROOT / "studies" / "scenes" / "loveikin-2015-engines.toml"
-PLAIN = {"machine.profile": "circle", "machine.rolling": "frictionless"}
+PLAIN = {"machine.gap_geometry": "circle", "machine.roller_condition": "frictionless"}
 QUICK = {"contact.speeds": [0.05, 0.15], "contact.peak_pressure": 203e3, "accuracy.tolerance": 0.05}
 BESIDE = {"column": {"layer": {"fed_density_ratio": 0.95}, "contact": {"peak_pressure": 180e3}}}
 SPRING = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3}
-WANTED = {"accuracy.engine": "spectral", "beside": BESIDE, "output.wanted": ["tables", "report", "figures"]}
+WANTED = {"accuracy.engine": "spectral", "compare": BESIDE, "output.items": ["tables", "report", "figures"]}
 
 
 def scene(**changes):
@@ -55,7 +55,7 @@ def rows(path):
 )
 def test_engine_beside_answers_as_it_does_alone(written, engine, given):
     study, _, _ = written
-    alone = Study(scene(**{"accuracy.engine": engine, "beside": None, "output.wanted": []} | given))
+    alone = Study(scene(**{"accuracy.engine": engine, "compare": None, "output.items": []} | given))
     aside = study.beside[engine]
     speed = np.array([0.06, 0.12])
     assert aside.resistance(speed, 0 * speed) == pytest.approx(alone.resistance(speed, 0 * speed), rel=1e-12)
@@ -72,7 +72,7 @@ def test_this_process_answers_as_others_do(written):
 
 
 def test_places_of_every_engine_and_drive_are_in_the_table(tmp_path):
-    study = Study(scene(**SPRING, **{"output.wanted": ["tables"]}))
+    study = Study(scene(**SPRING, **{"output.items": ["tables"]}))
     summary = report.write_study(study, tmp_path / "out")
     found = rows(tmp_path / "out" / "ranking.csv")
     kinds = {(row["engine"], row["drive"]) for row in found}
@@ -146,12 +146,12 @@ def test_kept_contacts_are_taken_by_every_engine(written):
 
 def test_scene_of_every_engine_gives_each_what_it_covers():
     every = load_scene(ENGINES)
-    assert every.beside_engines == ("formula", "column", "spectral")
+    assert every.compared_engines == ("formula", "column", "spectral")
     published = load_scene(ENGINES.with_name("loveikin-2015.toml"))
     for table in ("machine", "product", "mix", "layer", "motion", "cam"):
         assert getattr(every, table) == getattr(published, table)
-    assert every.by("spectral").machine.rolling == "frictionless"
-    assert every.by("column").mix.overrides.heckel_slope == pytest.approx(13.995e-6)
+    assert every.with_engine("spectral").machine.roller_condition == "frictionless"
+    assert every.with_engine("column").mix.overrides.heckel_slope == pytest.approx(13.995e-6)
 
 
 def test_interrupted_job_leaves_whole_files_and_no_process(tmp_path):
@@ -198,31 +198,31 @@ def alive(pid):
 @pytest.mark.parametrize(
     ("beside", "words"),
     [
-        ({"spectral": {}}, 'beside: holds "spectral", which is accuracy.engine itself; take it out'),
-        ({"colum": {}}, r"beside\.colum: unknown table in \[beside\], got a table; did you mean `column`"),
-        ({"column": {"motion": {"stroke": 0.5}}}, r"beside\.column\.motion: unknown table"),
-        ({"column": {"machine": {"mas": 1.0}}}, r"beside\.column: with it machine\.mas: unknown key"),
-        ({"column": {"mix": {"moisture": 0.3}}}, r"beside\.column: with it mix\.moisture: must be between"),
-        ({"column": 3}, r"beside\.column: must be a table, got 3"),
-        ({"column": {"mix": 3}}, r"beside\.column\.mix: must be a table, got 3"),
+        ({"spectral": {}}, 'compare: holds "spectral", which is accuracy.engine itself; take it out'),
+        ({"colum": {}}, r"compare\.colum: unknown table in \[compare\], got a table; did you mean `column`"),
+        ({"column": {"motion": {"stroke": 0.5}}}, r"compare\.column\.motion: unknown table"),
+        ({"column": {"machine": {"mas": 1.0}}}, r"compare\.column: with it machine\.mas: unknown key"),
+        ({"column": {"mix": {"moisture": 0.3}}}, r"compare\.column: with it mix\.moisture: must be between"),
+        ({"column": 3}, r"compare\.column: must be a table, got 3"),
+        ({"column": {"mix": 3}}, r"compare\.column\.mix: must be a table, got 3"),
     ],
     ids=["the same", "unknown", "motion", "unknown key", "out of range", "no table", "no table inside"],
 )
 def test_what_an_engine_beside_cannot_take_is_refused(beside, words):
     with pytest.raises(SceneError, match=words):
-        scene(beside=beside)
+        scene(compare=beside)
 
 
 def test_engine_beside_that_does_not_cover_the_scene_is_told():
-    lacking = {"beside": {"spectral": {}}, "accuracy.engine": "fem", "machine.profile": "deformed"}
+    lacking = {"compare": {"spectral": {}}, "accuracy.engine": "fem", "machine.gap_geometry": "deformed"}
     with pytest.raises(
-        SceneError, match=r'beside\.spectral: with it machine\.profile: the engine "spectral" takes no "d'
+        SceneError, match=r'compare\.spectral: with it machine\.gap_geometry: the engine "spectral" takes no "d'
     ):
         scene(**lacking)
 
 
 def test_laws_without_a_finite_peak_are_reported_by_every_engine(tmp_path):
-    jumps = {"motion.laws": ["constant-velocity", "gear-sector"], "output.wanted": ["tables", "figures", "report"]}
+    jumps = {"motion.laws": ["constant-velocity", "gear-sector"], "output.items": ["tables", "figures", "report"]}
     study = Study(scene(**jumps))
     report.write_study(study, tmp_path / "out")
     assert (tmp_path / "out" / "engines.png").stat().st_size > 5_000

@@ -13,7 +13,6 @@ from compact.analysis.engines import compaction, inputs, roll
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as finite_elements
 from compact.engines.compaction.results import CompactionContactResult
-from compact.numerics.space_mapping import fit
 from compact.scene.loader import SceneError, load_scene
 from compact.scene.plant_data import Band, Measured, Measurement, read_measurements
 
@@ -36,79 +35,6 @@ def published():
 
 
 # closed forms
-
-
-def test_two_powers_are_told_apart():
-    found = fit(lambda u: np.exp([u[0] + 0.4 * u[1], u[0] - 0.7 * u[1]]), [6.0, 1.5], [0.0, 0.0])
-    exact = np.linalg.solve([[1, 0.4], [1, -0.7]], np.log([6.0, 1.5]))
-    assert found.unknowns == pytest.approx(exact, rel=1e-8)
-    assert found.sensitivity == pytest.approx(np.linalg.inv([[1, 0.4], [1, -0.7]]), rel=1e-6)
-
-
-def test_more_data_than_unknowns_leave_the_least_squares():
-    found = fit(lambda u: np.exp([u[0]] * 3), [1.0, 2.0, 4.0], [0.0])
-    assert np.exp(found.unknowns) == pytest.approx([2.0], rel=1e-8)
-    assert found.misfit == pytest.approx(np.log([2.0, 1.0, 0.5]), abs=1e-8)
-
-
-def dear(u):
-    return np.exp([1.1 * u[0] + 0.5 * u[1] + 0.9, 0.95 * u[0] - 0.6 * u[1] - 0.2 + 0.05 * u[0] ** 2])
-
-
-def cheap(u):
-    return np.exp([u[0] + 0.4 * u[1], u[0] - 0.7 * u[1]])
-
-
-def test_corrected_cheap_model_meets_the_dear_one():
-    found = fit(cheap, [6.0, 1.5], [0.0, 0.0], dear)
-    assert dear(found.unknowns) == pytest.approx([6.0, 1.5], rel=1e-3)
-    assert len(found.history) < 6
-    again = fit(cheap, [6.0, 1.5], [0.0, 0.0], correction=found.correction)
-    assert again.unknowns == pytest.approx(found.unknowns, abs=2e-3)
-
-
-def test_correction_learns_how_fast_the_models_come_apart():
-    """u^2.5 by u: where the correction stays constant the trials overshoot more and more."""
-    found = fit(np.exp, [6.0], [0.0], lambda u: np.exp(2.5 * u))
-    assert found.unknowns == pytest.approx([np.log(6.0) / 2.5], abs=1e-3)
-    assert found.correction.slope == pytest.approx(np.array([[1.5]]), rel=0.02)
-    assert found.sensitivity == pytest.approx(np.array([[1 / 2.5]]), rel=0.02)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_dear_model_that_trembles_is_met_on_its_mean(seed):
-    rng = np.random.default_rng(seed)
-    found = fit(np.exp, [6.0], [1.0], lambda u: np.exp(1.2 * u + rng.uniform(-5e-3, 5e-3)))
-    assert found.unknowns == pytest.approx([np.log(6.0) / 1.2], abs=4e-3)
-    assert found.correction.slope == pytest.approx(np.array([[0.2]]), abs=0.1)
-    assert found.scatter[0] < 1.5e-2
-
-
-def test_unknown_that_both_models_feel_alike_leaves_the_correction_alone():
-    def twice(u):
-        return np.exp([u[0] + 0.5 * u[1] + 0.7, 1.3 * u[1]])
-
-    def once(u):
-        return np.exp([u[0] + 0.4 * u[1], u[1]])
-
-    found = fit(once, [6.0, 1.5], [0.0, 0.0], twice, varies=[False, True])
-    assert twice(found.unknowns) == pytest.approx([6.0, 1.5], rel=1e-3)
-    assert found.correction.slope == pytest.approx(np.array([[0.0, 0.1], [0.0, 0.3]]), rel=0.1)
-
-
-def test_dear_model_that_fails_is_asked_nearer_to_where_it_did_not():
-    asked = []
-
-    def fragile(u):
-        asked.append(float(u[0]))
-        if u[0] > 0.75 and len(asked) < 3:
-            raise RuntimeError("not steady")
-        return np.exp(1.2 * u)
-
-    found = fit(np.exp, [2.3], [0.4], fragile)
-    assert found.unknowns == pytest.approx([np.log(2.3) / 1.2], abs=2e-3)
-    assert np.isnan(found.history[1][1]).all()
-    assert asked[2] == pytest.approx((asked[0] + asked[1]) / 2)
 
 
 def test_column_remembers_what_it_was_made_of():
@@ -193,7 +119,7 @@ class Double:
 def doubled():
     double, patch = Double(), pytest.MonkeyPatch()
     patch.setattr("compact.engines.compaction.engine.roll", double.roll)
-    scene = load_scene(PUBLISHED, **{"machine.rolling": "frictionless"})
+    scene = load_scene(PUBLISHED, **{"machine.roller_condition": "frictionless"})
     found = calibrate(scene, read_measurements(MEASURED), "compaction", increments=6)
     patch.undo()
     return found, double
@@ -219,8 +145,8 @@ def test_the_scene_alone_gives_the_last_trial_again(doubled):
     found, double = doubled
     _, layer, roller = double.calls[-1]
     material = compaction(found.scene, blend(found.scene))
-    assert layer.height == pytest.approx(column.feed(0.22, 0.98, material, 0.13).height, rel=1e-5)
-    fed = column.feed(layer.height, 0.98 + 2e-3, material, 0.13)
+    assert layer.height == pytest.approx(column.required_feed(0.22, 0.98, material, 0.13).height, rel=1e-5)
+    fed = column.required_feed(layer.height, 0.98 + 2e-3, material, 0.13)
     assert roller.indentation == pytest.approx(layer.height * fed.indentation / fed.height, rel=1e-3)
     assert roller.radius == 0.11
     assert found.rolled[0].indentation == roller.indentation
@@ -281,7 +207,7 @@ def test_published_point_is_met_by_finite_elements():
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-5)
 
 
-LIFT = {"layer.lift": 0.06}
+LIFT = {"layer.lift_thickness": 0.06}
 
 
 @pytest.mark.slow
@@ -387,7 +313,7 @@ def test_a_missing_file_is_named(tmp_path):
 
 
 def test_more_unknowns_than_data_are_refused():
-    with pytest.raises(SceneError, match="2 unknowns cannot be told from 1 data; measure more or fit less"):
+    with pytest.raises(SceneError, match="2 unknowns cannot be determined from 1 data; measure more or fit fewer"):
         calibrate(load_scene(PUBLISHED), reading(load=9740.0))
 
 
@@ -408,25 +334,6 @@ def test_neighbour_of_another_kind_is_refused(doubled, data, unknowns, message):
 def test_columns_are_no_neighbour_of_finite_elements(published):
     with pytest.raises(ValueError, match="`near` must be a calibration of finite elements, got one of columns"):
         calibrate(load_scene(PUBLISHED), read_measurements(MEASURED), "compaction", near=published)
-
-
-def test_data_that_tell_nothing_are_refused():
-    with pytest.raises(ValueError, match="the data do not tell the unknowns apart"):
-        fit(lambda u: np.exp([u[0] + u[1], u[0] + u[1]]), [6.0, 6.0], [0.0, 0.0])
-
-
-def test_models_that_never_agree_are_told():
-    shaken = iter(range(100))
-    with pytest.raises(RuntimeError, match=r"did not settle in 24 runs: u and ln\(predicted/measured\) were \["):
-        fit(np.exp, [6.0], [0.0], lambda u: np.exp(u + (-1) ** next(shaken)))
-
-
-def test_dear_model_that_fails_at_once_is_told():
-    def fails(u):
-        raise RuntimeError("not steady")
-
-    with pytest.raises(RuntimeError, match="the calibration cannot start where it was told to: not steady"):
-        fit(np.exp, [6.0], [0.0], fails)
 
 
 def test_scene_that_says_what_presses_the_roller_is_refused():
@@ -460,7 +367,7 @@ def test_command_writes_and_tells(tmp_path, monkeypatch, capsys):
 def test_command_asks_finite_elements(tmp_path, monkeypatch, capsys):
     double, out = Double(), tmp_path / "c.json"
     monkeypatch.setattr("compact.engines.compaction.engine.roll", double.roll)
-    asked = ["--engine", "compaction", "--increments", "6", "--set", "machine.rolling=frictionless"]
+    asked = ["--engine", "compaction", "--increments", "6", "--set", "machine.roller_condition=frictionless"]
     monkeypatch.setattr("sys.argv", ["compact", "calibrate", str(PUBLISHED), str(MEASURED), "--out", str(out), *asked])
     with pytest.raises(SystemExit) as exit_code:
         cli.main()

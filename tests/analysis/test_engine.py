@@ -9,7 +9,7 @@ import pytest
 
 from compact.analysis import engines
 from compact.analysis.study import Study
-from compact.engines.column.engine import oedometer
+from compact.engines.column.engine import simulate_oedometer
 from compact.engines.compaction.results import CompactionContactResult
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Viscoelastic
@@ -24,14 +24,14 @@ CASE_G = {
     "mix.overrides.poisson": 0.3,
     "mix.overrides.instant_over_relaxed": 2.0,
     "mix.overrides.relaxation_time": 0.1,
-    "machine.rolling": "frictionless",
-    "machine.profile": "parabola",
+    "machine.roller_condition": "frictionless",
+    "machine.gap_geometry": "parabola",
     "contact.indentation": 0.003,
 }
 
 
 SHALLOW = {"accuracy.engine": "fem", "contact.indentation": 0.003}
-PARABOLA = {"machine.rolling": "frictionless", "machine.profile": "parabola"}
+PARABOLA = {"machine.roller_condition": "frictionless", "machine.gap_geometry": "parabola"}
 
 
 def study(**changes):
@@ -47,7 +47,7 @@ def test_scene_reaches_the_published_contact(speed, load, resistance):
 
 
 def test_plies_of_a_scene_reach_the_engine():
-    plies = [{"thickness": 0.2, "stiffness": 1.0}, {"thickness": 0.02, "stiffness": 20.0}]
+    plies = [{"thickness": 0.2, "relative_modulus": 1.0}, {"thickness": 0.02, "relative_modulus": 20.0}]
     case = study(**CASE_G, **{"layer.plies": plies, "accuracy.engine": "spectral"})
     rolled = engines.roll(case.scene, case.mix, 0.3)
     mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
@@ -59,7 +59,7 @@ def test_plies_of_a_scene_reach_the_engine():
 
 
 def test_without_a_target_the_pressure_is_what_the_mix_needs():
-    case = study(**{"machine.rolling": "frictionless", "machine.profile": "parabola"})
+    case = study(**{"machine.roller_condition": "frictionless", "machine.gap_geometry": "parabola"})
     rolled = engines.roll(case.scene, case.mix, 0.1, "spectral")
     assert rolled.peak_pressure == pytest.approx(case.mix.required_pressure, rel=1e-6)
 
@@ -87,7 +87,7 @@ def test_tolerance_of_the_scene_is_what_the_engine_is_asked_for():
 )
 def test_torque_of_the_scene_turns_the_whole_roller(rolling, torque, speed):
     free = study(**SHALLOW)
-    turned = study(**SHALLOW, **{"machine.rolling": rolling, "machine.roller_torque": torque})
+    turned = study(**SHALLOW, **{"machine.roller_condition": rolling, "machine.roller_torque": torque})
     rolled = engines.roll(turned.scene, turned.mix, speed)
     pull = np.sign(speed) * torque / 1.164 / 0.11  # T/(L R)
     assert np.trapezoid(rolled.shear_traction, rolled.x) == pytest.approx(-pull, rel=2e-3)
@@ -119,7 +119,7 @@ def test_formula_scene_rolls_no_layer():
 
 
 def test_run_tabulates_resistance_over_speed_beside_the_formulas(tmp_path):
-    wanted = {"contact.speeds": [0.03, 0.3], "output.wanted": ["tables"]}
+    wanted = {"contact.speeds": [0.03, 0.3], "output.items": ["tables"]}
     case = study(**CASE_G, **wanted, **{"accuracy.engine": "spectral"})
     summary = report.write_study(case, tmp_path / "out")
     table = np.genfromtxt(tmp_path / "out" / "contact.csv", delimiter=",", names=True)
@@ -132,7 +132,7 @@ def test_fields_are_written_as_a_series_over_the_speeds(tmp_path):
     import meshio
 
     speeds = (0.03, 0.3)
-    wanted = {"contact.speeds": speeds, "output.wanted": ["fields", "figures"], "motion.laws": ["cubic"]}
+    wanted = {"contact.speeds": speeds, "output.items": ["fields", "figures"], "motion.laws": ["cubic"]}
     case = study(**CASE_G, **wanted, **{"accuracy.engine": "fem"})
     summary = report.write_study(case, tmp_path / "out")
     added = len(summary["drive_resistance"]["speeds"]) - 1  # no law is as fast as the other speed
@@ -201,7 +201,7 @@ def test_speed_that_moves_the_rebound_starts_from_the_last_contact_and_its_layer
 
 def test_series_opens_in_pyvista(tmp_path):
     pyvista = pytest.importorskip("pyvista")
-    case = study(**CASE_G, **{"accuracy.engine": "fem", "contact.speeds": [0.3], "output.wanted": ["fields"]})
+    case = study(**CASE_G, **{"accuracy.engine": "fem", "contact.speeds": [0.3], "output.items": ["fields"]})
     report.write_study(case, tmp_path / "out")
     reader = pyvista.get_reader(tmp_path / "out" / "fields.pvd")
     assert reader.time_values == [0.3]
@@ -213,7 +213,7 @@ def test_series_opens_in_pyvista(tmp_path):
 
 
 def test_summary_holds_every_contact_with_unit_error_and_balance(tmp_path):
-    case = study(**CASE_G, **{"accuracy.engine": "spectral", "contact.speeds": [0.03, 0.3], "output.wanted": []})
+    case = study(**CASE_G, **{"accuracy.engine": "spectral", "contact.speeds": [0.03, 0.3], "output.items": []})
     contacts = report.write_study(case, tmp_path / "out")["contacts"]
     assert [contact["speed"]["value"] for contact in contacts] == [0.03, 0.3]
     assert contacts[1]["resistance"]["value"] == pytest.approx(392.89, rel=1e-4)
@@ -239,9 +239,9 @@ def test_contact_tables_that_cannot_be_are_refused(changes, words):
 
 
 def test_what_the_scene_sets_and_the_engine_does_not_take_is_refused():
-    words = 'machine.profile: the engine "spectral" takes no "deformed", as its gap is measured on the undeformed'
+    words = 'machine.gap_geometry: the engine "spectral" takes no "deformed", as its gap is measured on the undeformed'
     with pytest.raises(SceneError, match=words):
-        study(**{"accuracy.engine": "spectral", "machine.profile": "deformed"})
+        study(**{"accuracy.engine": "spectral", "machine.gap_geometry": "deformed"})
 
 
 @pytest.mark.parametrize(
@@ -254,9 +254,15 @@ def test_what_the_scene_sets_and_the_engine_does_not_take_is_refused():
         ),
         ({**SHALLOW, "contact.indentation": 1e-300}, "the roller does not touch the layer: `indentation` 1e-300"),
         ({**SHALLOW, "contact.indentation": 1e-15}, "too narrow for a mesh; use spectral"),
-        ({**SHALLOW, "machine.rolling": "driven", "machine.roller_torque": 1e3}, r"the roller skids: 10\.\d times the"),
+        (
+            {**SHALLOW, "machine.roller_condition": "driven", "machine.roller_torque": 1e3},
+            r"the roller skids: 10\.\d times the",
+        ),
         ({**SHALLOW, **PARABOLA, "contact.indentation": None, "contact.load": 1e8}, "in a layer 0.22 m high, beyond"),
-        ({**SHALLOW, "machine.profile": "circle", "contact.indentation": 0.215}, "is wider than the circle of radius"),
+        (
+            {**SHALLOW, "machine.gap_geometry": "circle", "contact.indentation": 0.215},
+            "is wider than the circle of radius",
+        ),
     ],
     ids=[
         *("no contact by formula", "no contact by spectral", "no contact by fem", "next to no contact"),
@@ -289,7 +295,7 @@ def test_compaction_meets_mohr_coulomb_and_the_one_dimensional_slope():
     assert material.tensile_strength == pytest.approx(10e3 * np.sqrt(3))
     stiff = replace(material, unloading_modulus=4e9, fed_density_ratio=0.9)  # elastic strain out of sight
     pressure = np.array([150e3, 250e3])
-    loosening = -np.log(1 - oedometer(stiff, pressure).density_ratio)
+    loosening = -np.log(1 - simulate_oedometer(stiff, pressure).density_ratio)
     assert np.diff(loosening) / np.diff(pressure) == pytest.approx(case.mix.heckel_slope, rel=1e-3)
 
 
@@ -310,13 +316,13 @@ def test_prescribed_load_meets_mix_of_the_nominal_height():
 
 @pytest.mark.parametrize(("name", "height"), [("spectral", 0.06), ("column", 0.06 * 0.98 / 0.94)])
 def test_a_product_in_lifts_is_rolled_a_lift_at_a_time(name, height):
-    case = study(**{"layer.lift": 0.06, "contact.indentation": 2.5e-3, "accuracy.engine": name})
+    case = study(**{"layer.lift_thickness": 0.06, "contact.indentation": 2.5e-3, "accuracy.engine": name})
     layer, *_ = engines.inputs(case.scene, case.mix, name, 0.2)
     assert layer.height == pytest.approx(height)
 
 
 def test_a_lift_leaves_with_its_height_and_density():
-    case = study(**{"layer.lift": 0.06, "accuracy.engine": "column"})
+    case = study(**{"layer.lift_thickness": 0.06, "accuracy.engine": "column"})
     rolled = engines.roll(case.scene, case.mix, 0.2)
     assert rolled.exit_height == pytest.approx(0.06, rel=1e-6)
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=1e-6)
@@ -325,7 +331,7 @@ def test_a_lift_leaves_with_its_height_and_density():
 @pytest.mark.parametrize("name", ["column", "spectral", "fem"])
 @pytest.mark.parametrize("ratio", [1.5, 5.0])
 def test_no_contact_of_a_scene_comes_without_an_error(name, ratio):
-    case = study(**{"accuracy.engine": name, "layer.lift": 0.06, "mix.overrides.instant_over_relaxed": ratio})
+    case = study(**{"accuracy.engine": name, "layer.lift_thickness": 0.06, "mix.overrides.instant_over_relaxed": ratio})
     load, resistance = engines.roll(case.scene, case.mix, 0.033).error
     assert 0 < load <= case.scene.accuracy.tolerance
     assert 0 < resistance <= case.scene.accuracy.tolerance

@@ -14,8 +14,8 @@ from compact.report import writer as report
 from compact.scene.loader import SceneError, load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
-PLAIN = {"machine.rolling": "frictionless", "machine.profile": "circle", "accuracy.engine": "spectral"}
-LIFT = {"accuracy.engine": "compaction", "layer.lift": 0.06, "mix.overrides.heckel_slope": 1.5e-5}
+PLAIN = {"machine.roller_condition": "frictionless", "machine.gap_geometry": "circle", "accuracy.engine": "spectral"}
+LIFT = {"accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "mix.overrides.heckel_slope": 1.5e-5}
 
 
 def study(**changes):
@@ -23,7 +23,7 @@ def study(**changes):
 
 
 def values(study, name):
-    return np.array([contact[name]["value"] for contact in study.contacts])
+    return np.array([getattr(contact, name) for contact in study.contacts])
 
 
 # item 3: what is held
@@ -32,7 +32,7 @@ def values(study, name):
 def test_the_height_is_kept_at_every_speed_where_nothing_is_prescribed():
     case = study(**PLAIN)
     depths, pressures = values(case, "indentation"), values(case, "peak_pressure")
-    mean = [contact["speed"]["value"] for contact in case.contacts].index(case.scene.mean_speed)
+    mean = [contact.speed for contact in case.contacts].index(case.scene.mean_speed)
     assert case.held.name == "height"
     assert depths == pytest.approx(case.held.value, rel=1e-9)
     assert pressures[mean] == pytest.approx(case.mix.required_pressure, rel=1e-6)
@@ -60,8 +60,8 @@ def test_a_prescribed_load_or_pressure_is_kept_unless_the_scene_says_height(give
     assert values(case, name) == pytest.approx(target, rel=1e-6)
     assert (case.held.name, on_rails.held.name) == (name, "height")
     assert np.ptp(values(on_rails, "indentation")) < 1e-9
-    at_mean = [c for c in on_rails.contacts if c["speed"]["value"] == on_rails.scene.mean_speed]
-    assert at_mean[0][name]["value"] == pytest.approx(target, rel=1e-6)
+    at_mean = [c for c in on_rails.contacts if c.speed == on_rails.scene.mean_speed]
+    assert getattr(at_mean[0], name) == pytest.approx(target, rel=1e-6)
 
 
 def test_the_columns_keep_the_height_that_leaves_the_density_at_the_mean_speed():
@@ -96,7 +96,7 @@ def test_one_contact_at_another_speed_keeps_the_height_too():
 
 
 def test_the_answer_names_what_is_kept(tmp_path):
-    case = study(**PLAIN, **{"output.wanted": ["report"], "motion.laws": ["cubic"]})
+    case = study(**PLAIN, **{"output.items": ["report"], "motion.laws": ["cubic"]})
     summary = report.write_study(case, tmp_path / "out")
     assert summary["held"]["quantity"] == "height"
     assert summary["held"]["indentation"] == {"value": case.held.value, "unit": "m"}
@@ -109,7 +109,7 @@ def test_the_answer_names_what_is_kept(tmp_path):
 
 
 def test_a_kept_run_holds_the_same_quantity(tmp_path):
-    first = study(**PLAIN, **{"output.wanted": [], "motion.laws": ["cubic"]})
+    first = study(**PLAIN, **{"output.items": [], "motion.laws": ["cubic"]})
     report.write_study(first, tmp_path / "out")
     again = Study(first.scene, directory=tmp_path / "out")
     assert again.held == first.held
@@ -120,10 +120,10 @@ def test_a_kept_run_holds_the_same_quantity(tmp_path):
 def test_finite_elements_that_compact_keep_the_height_of_the_product():
     case = study(**LIFT, **{"mix.reference_speed": 0.1, "contact.speeds": [0.05, 0.4]})
     slow, fast = case.contacts
-    assert slow["indentation"]["value"] == pytest.approx(case.held.value, rel=1e-9)
-    assert fast["indentation"]["value"] == pytest.approx(case.held.value, rel=1e-9)
+    assert slow.indentation == pytest.approx(case.held.value, rel=1e-9)
+    assert fast.indentation == pytest.approx(case.held.value, rel=1e-9)
     assert case.reference[0].exit_density_ratio == pytest.approx(0.98, abs=2e-4)
-    assert fast["load"]["value"] > slow["load"]["value"]
+    assert fast.load > slow.load
 
 
 # item 4: one meaning of the formulas
@@ -196,7 +196,7 @@ def test_a_return_stroke_over_compacted_mix_takes_half_the_energy_of_a_cycle():
 @pytest.mark.parametrize("kind", ["elastic", "motor"])
 def test_every_drive_meets_the_resistance_of_the_return_stroke(kind):
     spring = {"drive.stiffness": 1e9, "drive.damping": 1e5} if kind == "elastic" else {}
-    motor = {"curve": "straight", "torque": 5000.0, "speed": 157.0, "inertia": 0.1, "gear_ratio": 150.0,
+    motor = {"curve": "linear", "torque": 5000.0, "speed": 157.0, "inertia": 0.1, "gear_ratio": 150.0,
              "flywheel_inertia": 100.0}  # fmt: skip
     more = {"drive.motor": motor} if kind == "motor" else spring
     compacted = {"accuracy.engine": "column", "layer.return_stroke": "compacted", "motion.laws": ["cubic"]}
@@ -220,7 +220,7 @@ def test_reactions_close_the_moments_on_both_strokes():
 
 
 def test_the_answer_says_over_what_the_cart_returns(tmp_path):
-    case = study(**{"accuracy.engine": "column", "output.wanted": []})
+    case = study(**{"accuracy.engine": "column", "output.items": []})
     summary = report.write_study(case, tmp_path / "out")
     told = json.loads((tmp_path / "out" / "summary.json").read_text())["return_stroke"]
     assert told["over"] == "fresh"

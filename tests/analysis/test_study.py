@@ -37,7 +37,7 @@ def scene(name="loveikin-2015", **changes):
 def written(tmp_path_factory):
     """Study and summary of the small scene with everything wanted, and where it lies."""
     directory = tmp_path_factory.mktemp("run") / "small"
-    study = Study(scene("small", **{"output.wanted": ["tables", "figures", "cams", "reactions", "crank"]}))
+    study = Study(scene("small", **{"output.items": ["tables", "figures", "cams", "reactions", "crank"]}))
     report.write_study(study, directory)
     return study, json.loads((directory / "summary.json").read_text()), directory
 
@@ -92,11 +92,11 @@ def test_crank_law_goes_through_its_rod_in_a_crank_machine():
 
 def test_elastic_drive_goes_from_the_scene_to_the_summary(tmp_path):
     spring = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3, "motion.laws": ["cubic", "septic"]}
-    study = Study(scene(**spring, **{"output.wanted": ["tables", "figures", "reactions"]}))
+    study = Study(scene(**spring, **{"output.items": ["tables", "figures", "reactions"]}))
     summary = report.write_study(study, tmp_path / "out")
     forces = study.resistance.force + 0.008 * (2 * study.engineering.roller_force - 10000)
     for name, run in study.runs.items():
-        damper = np.sum(run.weights * 3e3 * run.course.stretch(*run.course.at(run.time))[1] ** 2)
+        damper = np.sum(run.weights * 3e3 * run.trajectory.elongation(*run.trajectory.locate(run.time))[1] ** 2)
         slid = np.sum(run.weights * np.abs(run.state.velocity))
         assert run.energy == pytest.approx(forces * slid + damper, rel=1e-4)  # samples meet again where arcs do
         assert summary["laws"][name]["ringing"] == run.peak_force / run.rigid.peak_force > 1.2
@@ -113,12 +113,12 @@ def test_mix_behind_the_elastic_drive_of_a_scene_resists_acceleration_if_asked(f
         "drive.kind": "elastic",
         "drive.stiffness": 1e6,
         "drive.damping": 3e3,
-        "drive.first_order": followed,
+        "drive.include_added_mass": followed,
         "motion.laws": ["cubic"],
         "accuracy.engine": "spectral",
         "accuracy.tolerance": 0.05,
-        "machine.profile": "circle",
-        "machine.rolling": "frictionless",
+        "machine.gap_geometry": "circle",
+        "machine.roller_condition": "frictionless",
         "mix.overrides.relaxation_time": 0.005,
     }
     study = Study(scene(**given))
@@ -143,7 +143,7 @@ def test_motor_drive_goes_from_the_scene_to_the_summary(tmp_path):
         "drive.carts": 2,
         "motion.laws": ["cubic", "crank", "gear-sector"],
     }
-    study = Study(scene(**given, **{"output.wanted": ["tables", "figures", "reactions"]}))
+    study = Study(scene(**given, **{"output.items": ["tables", "figures", "reactions"]}))
     summary = report.write_study(study, tmp_path / "out")
     forces = study.resistance.force + 0.008 * (2 * study.engineering.roller_force - 10000)
     assert study.runs["cubic"].energy == pytest.approx(0.8 * forces, rel=1e-6)
@@ -163,14 +163,14 @@ BELT = {"pulley_radius": 0.1, "stiffness": 50e3, "preload": 500.0, "friction": 0
 
 def test_belt_goes_from_the_scene_to_the_tables(tmp_path):
     given = {"drive.kind": "motor", "drive.motor": MOTOR | {"belt": BELT}, "motion.laws": ["cubic"]}
-    study = Study(scene("small", **given, **{"output.wanted": ["tables"]}))
+    study = Study(scene("small", **given, **{"output.items": ["tables"]}))
     report.write_study(study, tmp_path / "out")
     row = np.genfromtxt(tmp_path / "out" / "motor.csv", delimiter=",", names=True)
     assert row["belt_creep"] == pytest.approx(study.runs["cubic"].belt_creep, rel=1e-9)
     assert row["belt_creep"] > 1e-3
     assert row["work_of_a_cycle_J"] == pytest.approx(study.runs["cubic"].energy + row["belt_loss_J"], rel=1e-6)
     weak = Study(scene("small", **given, **{"drive.motor.belt.preload": 50.0}))
-    with pytest.raises(RuntimeError, match=r"the belt slips under 'cubic'.* give a preload of at least"):
+    with pytest.raises(RuntimeError, match=r"the belt slips under 'cubic'.* use a preload of at least"):
         _ = weak.runs
 
 
@@ -200,7 +200,7 @@ def test_runs_of_every_drive_can_be_drawn_in_another_process(kind):
 def test_hydraulic_drive_goes_from_the_scene_to_the_summary(tmp_path):
     springs = {"stiffness": 4e3, "preload": 200.0, "length": 0.1}
     given = {"drive.kind": "hydraulic", "drive.hydraulics": HYDRAULICS, "drive.end_springs": springs}
-    study = Study(scene("small", **given, **{"output.wanted": ["tables", "crank"]}))
+    study = Study(scene("small", **given, **{"output.items": ["tables", "crank"]}))
     summary = report.write_study(study, tmp_path / "out")
     rigid = Study(scene("small", **{"drive.end_springs": springs}))
     bare = Study(scene("small"))
@@ -234,7 +234,7 @@ def test_spread_beyond_the_formulas_is_left_out():
 
 
 def test_nothing_wanted_nothing_done(tmp_path):
-    study = Study(scene("small", **{"output.wanted": []}))
+    study = Study(scene("small", **{"output.items": []}))
     summary = report.write_study(study, tmp_path / "out")
     assert summary["stages"] == {"contact": 1, "laws": 3, "runs": 3, "rankings": 1}
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["scene.hash", "summary.json"]
@@ -336,9 +336,9 @@ def test_laws_made_for_the_machine_lead_those_with_a_steady_speed():
 
 
 RESTLESS = {"objectives": ["peak_force"], "smoothness": 1}
-COLUMN = {"accuracy.engine": "column", "motion.laws": ["reversal-4"], "machine.rolling": "frictionless"}
+COLUMN = {"accuracy.engine": "column", "motion.laws": ["reversal-4"], "machine.roller_condition": "frictionless"}
 SPECTRAL = COLUMN | {
-    "accuracy.engine": "spectral", "accuracy.tolerance": 0.05, "machine.profile": "circle",
+    "accuracy.engine": "spectral", "accuracy.tolerance": 0.05, "machine.gap_geometry": "circle",
     "contact.speeds": [0.05, 0.3], "contact.peak_pressure": 203e3,
 }  # fmt: skip
 
@@ -424,7 +424,7 @@ def test_cam_of_a_given_law_waits_for_no_other():
 
 INFEASIBLE = {
     "motion.laws": ["cubic", "reversal-4"], "motion.optimise": OPTIMISE | {"acceleration": 0.1},
-    "output.wanted": ["tables", "report"],
+    "output.items": ["tables", "report"],
 }  # fmt: skip
 NOT_MADE = "no law keeps all limits; what would do, the others kept: acceleration"
 
@@ -520,8 +520,8 @@ def test_formula_scene_loads_no_heavy_module(tmp_path):
     script = (
         "import sys; from compact.report import writer as report; from compact.scene.loader import load_scene;"
         "from compact.analysis.study import Study;"
-        f"scene = load_scene({str(SCENES / 'small.toml')!r}, **{{'output.wanted': ['tables']}});"
-        f"report.write(Study(scene), {str(tmp_path / 'out')!r});"
+        f"scene = load_scene({str(SCENES / 'small.toml')!r}, **{{'output.items': ['tables']}});"
+        f"report.write_study(Study(scene), {str(tmp_path / 'out')!r});"
         "print(sorted({name.split('.')[0] for name in sys.modules}))"
     )
     loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
@@ -569,7 +569,7 @@ def test_one_contact_is_told_by_metre_and_by_roller():
 @pytest.mark.parametrize("laws", [["constant-velocity"], ["crank", "gear-sector"]])
 def test_resistance_reaches_as_far_as_a_spring_throws_the_cart_at_a_jump(laws):
     spring = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3}
-    study = Study(scene(**spring, **{"accuracy.engine": "column", "layer.lift": 0.06, "motion.laws": laws}))
+    study = Study(scene(**spring, **{"accuracy.engine": "column", "layer.lift_thickness": 0.06, "motion.laws": laws}))
     run = study.runs[laws[-1]]
     assert np.abs(run.state.velocity).max() < study.resistance_map.speeds[-1]
     assert study.fastest >= 4 * 0.4 / 3

@@ -26,7 +26,7 @@ def written(tmp_path_factory):
     changes = {
         "accuracy.engine": "column", "accuracy.tolerance": 0.05, "contact.speeds": [0.05, 0.3],
         "contact.peak_pressure": 180e3, "layer.fed_density_ratio": 0.95, "drive.kind": "rigid",
-        "drive.rank_by": list(CRITERIA), "motion.laws": list(LAWS), "output.wanted": ["tables"],
+        "drive.rank_by": list(CRITERIA), "motion.laws": list(LAWS), "output.items": ["tables"],
     }  # fmt: skip
     study = Study(load_scene(SMALL, **changes))
     directory = tmp_path_factory.mktemp("ties")
@@ -97,7 +97,7 @@ def test_summary_and_digest_tell_ties(written):
 
 
 def test_one_law_of_infinite_peaks_is_none_and_no_first(tmp_path):
-    changes = {"motion.laws": ["constant-velocity", "gear-sector"], "output.wanted": ["tables"]}
+    changes = {"motion.laws": ["constant-velocity", "gear-sector"], "output.items": ["tables"]}
     study = Study(load_scene(SMALL, **changes, **{"accuracy.engine": "formula", "drive.rank_by": ["peak_force"]}))
     report.write_study(study, tmp_path)
     assert [row["rank"] for row in rows(tmp_path, "peak_force", "formula")] == ["2", "2"]

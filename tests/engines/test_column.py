@@ -13,10 +13,10 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, root
 
 from compact.analysis.multipass import Pass, passes
-from compact.engines.column import column_ode, column_pass
-from compact.engines.column.column_ode import LOGARITHMIC, Profile
-from compact.engines.column.column_pass import PLATE, STIFFEST, Column, bed_of
-from compact.engines.column.engine import feed, oedometer, roll, roll_over
+from compact.engines.column import column_ode
+from compact.engines.column.column_ode import LOGARITHMIC, GapGeometry, PathControl
+from compact.engines.column.column_pass import PLATE, STIFFNESS_RATIO_MAX, Column, column_layer
+from compact.engines.column.engine import required_feed, roll, roll_over, simulate_oedometer
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction, Elastic
 from compact.material.mix import prior
@@ -87,7 +87,7 @@ def test_shallow_pass_is_elastic(profile):
 def test_virgin_mix_is_elastic_up_to_the_first_yield(poisson, strength):
     material = mix(poisson=poisson, tensile_strength=strength, critical_slope=1.6)
     stress, C = first_yield(material)
-    test = oedometer(material, [(1 - 1e-9) * stress, (1 + 1e-3) * stress])
+    test = simulate_oedometer(material, [(1 - 1e-9) * stress, (1 + 1e-3) * stress])
     assert test.strain[0] == pytest.approx(-np.expm1(-stress / C), rel=1e-8)
     assert (test.density_ratio == FED).tolist() == [True, False]
 
@@ -117,14 +117,14 @@ def test_stiff_mix_tends_to_the_rigid_plastic_resistance_by_the_first_power():
 def test_stress_of_a_stiff_mix_settles_as_its_rate_equations_say(changes):
     """A step of Dormand and Prince of order 8 is stable over six powers of e."""
     material = mix(**{"unloading_modulus": 1e10} | changes)
-    there = bed_of((Column(1.0, material.fed_density_ratio),), material, 1.0, PLATE, LOGARITHMIC)
-    steps = len(there.passed(there.deepest, 1e-7).down)
-    assert steps == pytest.approx(there.settling / 6, rel=0.2)
+    layer = column_layer((Column(1.0, material.fed_density_ratio),), material, 1.0, PLATE, LOGARITHMIC)
+    steps = len(layer.compute_pass(layer.max_indentation, 1e-7).loading)
+    assert steps == pytest.approx(layer.stiffness_ratio / 6, rel=0.2)
 
 
 def test_stiffest_mix_taken_is_the_rigid_plastic_one():
-    there = bed_of((Column(1.0, FED),), MIX, 1.0, PLATE, LOGARITHMIC)
-    stiffest = mix(unloading_modulus=0.999 * MIX.unloading_modulus * STIFFEST / there.settling)
+    layer = column_layer((Column(1.0, FED),), MIX, 1.0, PLATE, LOGARITHMIC)
+    stiffest = mix(unloading_modulus=0.999 * MIX.unloading_modulus * STIFFNESS_RATIO_MAX / layer.stiffness_ratio)
     assert rolled(stiffest).resistance == pytest.approx(rigid_resistance(MIX, FED_HEIGHT, HEIGHT), rel=3e-5)
 
 
@@ -132,7 +132,7 @@ def test_stiffest_mix_taken_is_the_rigid_plastic_one():
 def test_stiff_mix_is_pressed_along_the_rigid_plastic_ratios(slope):
     """1.1009, 1.1403, 1.1885 and .7481, .6713, .5893."""
     material = mix(unloading_modulus=4e10, critical_slope=slope, tensile_strength=0.0)
-    test = oedometer(material, [250e3])
+    test = simulate_oedometer(material, [250e3])
     pc, eta = float(material.yield_pressure(test.density_ratio[0])), (np.sqrt(9 + 4 * slope**2) - 3) / 2
     assert test.pressure[0] / pc == pytest.approx((1 + np.sqrt(1 + 4 * slope**2 / 9)) / 2, rel=1e-7)
     assert test.lateral_stress[0] / test.pressure[0] == pytest.approx((1 - eta / 3) / (1 + 2 * eta / 3), rel=3e-5)
@@ -195,7 +195,7 @@ def test_strained_mix_has_the_stress_and_density_of_the_reference(strain, e, pre
 
 
 def test_oedometer_follows_the_reference_up_and_down():
-    test = oedometer(MIX, np.array([127.3976, 150.3352, 168.2789, 0, 191.2924, 0, 273.9638]) * 1e3)
+    test = simulate_oedometer(MIX, np.array([127.3976, 150.3352, 168.2789, 0, 191.2924, 0, 273.9638]) * 1e3)
     strain = (-np.expm1(-0.00078865), 0.01, 0.02, 0.01897858, 0.03, 0.02885065, 0.05)
     lateral = (54.5990, 96.0975, 108.0620, 35.9425, 123.3706, 41.3881, 177.7910)
     density_ratio = (0.94, 0.94841147, 0.95795542, 0.95795542, 0.96765824, 0.96765824, 0.98739946)
@@ -214,11 +214,11 @@ def test_springy_mix_that_yields_on_the_dry_side_meets_the_reference():
 def test_only_the_full_ellipse_dilates_at_the_first_yield():
     ellipse = mix(critical_slope=1.0, poisson=0.2)
     stress = 1.001 * first_yield(ellipse)[0]
-    assert oedometer(ellipse, stress).density_ratio[0] < FED
+    assert simulate_oedometer(ellipse, stress).density_ratio[0] < FED
     flat = replace(ellipse, dry_side="flat")
     pc = float(flat.yield_pressure(FED))
     first = flat.critical_slope * (pc + flat.tensile_strength) / 2 * (1 - 0.2) / (1 - 2 * 0.2)
-    test = oedometer(flat, [first * (1 - 1e-9), first * 1.01])
+    test = simulate_oedometer(flat, [first * (1 - 1e-9), first * 1.01])
     assert test.density_ratio.tolist() == [FED, FED]
     # on the flat side s_v - s_h stays
     assert np.diff(test.pressure - test.lateral_stress)[0] == pytest.approx(0, abs=1e-3)
@@ -288,7 +288,7 @@ def test_lift_costs_its_own_reduction_whatever_lies_below(below):
 
 
 def test_depth_for_a_density_counts_the_rebound():
-    fed, soft = (feed(HEIGHT, 0.98, material, SPEED) for material in (MIX, mix(unloading_modulus=20e6)))
+    fed, soft = (required_feed(HEIGHT, 0.98, material, SPEED) for material in (MIX, mix(unloading_modulus=20e6)))
     contact = rolled(height=fed.height, roller=circle(fed.indentation))
     assert fed.indentation / fed.height == pytest.approx(0.0425285, abs=6e-8)
     assert (contact.exit_height, contact.exit_density_ratio) == pytest.approx((HEIGHT, 0.98), rel=1e-10)
@@ -297,7 +297,7 @@ def test_depth_for_a_density_counts_the_rebound():
 
 
 def test_pass_told_a_density_leaves_it():
-    fed = feed(HEIGHT, 0.98, MIX, SPEED)
+    fed = required_feed(HEIGHT, 0.98, MIX, SPEED)
     contact = roll(Layer(fed.height), circle(), MIX, SPEED, exit_density_ratio=0.98)
     assert contact.indentation == pytest.approx(fed.indentation, rel=1e-9)
     assert (contact.exit_height, contact.exit_density_ratio) == pytest.approx((HEIGHT, 0.98), rel=1e-10)
@@ -425,12 +425,12 @@ def test_ellipse_follows_the_rate_equations(changes):
 
 def stepped(material, strains, steps):
     """(s_v, s_h, k, hardened k) at each strain of one point that `cap` carries there by equal implicit steps."""
-    state, before, rows = cap_plasticity.fed(material, 1), 0.0, []
+    state, before, rows = cap_plasticity.initial_state(material, 1), 0.0, []
     for strain in strains:
         for _ in range(steps):
             increment = np.array([[0.0, (before - strain) / steps, 0.0]])
-            state, _ = cap_plasticity.step(material, state, increment, tangent=False)
-        rows.append((-state.stress[0, 1], -state.stress[0, 0], state.density_ratio[0], state.hardened[0]))
+            state, _ = cap_plasticity.integrate_points(material, state, increment, tangent=False)
+        rows.append((-state.stress[0, 1], -state.stress[0, 0], state.density_ratio[0], state.max_density_ratio[0]))
         before = strain
     return np.array(rows)
 
@@ -448,7 +448,7 @@ def test_flat_side_follows_the_steps_of_the_cap_over_two_passes(changes):
     for contact, (vertical, lateral, density_ratio, hardened) in ((first, left), (second, end)):
         column = contact.columns[0]
         assert (0, column.lateral_stress) == pytest.approx((vertical, lateral), abs=1e-5 * scale)
-        assert (column.density_ratio, column.hardened) == pytest.approx((density_ratio, hardened), abs=2e-7)
+        assert (column.density_ratio, column.max_density_ratio) == pytest.approx((density_ratio, hardened), abs=2e-7)
 
 
 def test_hardly_pressed_layer_keeps_its_digits():
@@ -619,7 +619,9 @@ def pressed_by(target, value):
 @pytest.mark.parametrize("height", [0.05, 0.22, 0.2293617, 0.31, 1.7])
 @pytest.mark.parametrize("profile", ["parabola", "circle"])
 def test_load_is_met_up_to_the_deepest_one_and_refused_beyond(height, profile):
-    deepest = bed_of((Column(height, FED),), MIX, 1.0, Profile(R, float(profile == "circle")), LOGARITHMIC).deepest
+    deepest = column_layer(
+        (Column(height, FED),), MIX, 1.0, GapGeometry(R, float(profile == "circle")), LOGARITHMIC
+    ).max_indentation
     most = roll(Layer(height), Roller(R, indentation=0.9999999 * deepest, profile=profile), MIX, SPEED).load
     for share in (1e-9, 1e-3, 0.5, 0.99, 0.9999):
         contact = roll(Layer(height), Roller(R, load=share * most, profile=profile), MIX, SPEED)
@@ -647,7 +649,9 @@ def test_exit_density_is_met_however_little_it_rises(rise, changes):
 
 def test_exit_density_out_of_reach_of_a_buried_circle_is_refused():
     material = mix(fed_density_ratio=0.8044)
-    with pytest.raises(ValueError, match=r"`exit_density_ratio` must lie .* by a pass with the circle buried to its"):
+    with pytest.raises(
+        ValueError, match=r"`exit_density_ratio` must lie .* after a pass with the circle buried to its"
+    ):
         roll(Layer(1.8), Roller(0.0337, indentation=1e-3, profile="circle"), material, SPEED, exit_density_ratio=0.95)
 
 
@@ -660,9 +664,9 @@ def stepped_load(layer, roller, indentation, material, points):
     x = edge * np.concatenate([np.cos(front), -np.sin(rear[1:])])
     gap = x**2 / (2 * radius if parabola else radius + np.sqrt(radius**2 - x**2))
     strain = np.log(layer.height / (lowest + gap))
-    state, stress = cap_plasticity.fed(material, 1), [0.0]
+    state, stress = cap_plasticity.initial_state(material, 1), [0.0]
     for change in np.diff(strain):
-        state, _ = cap_plasticity.step(material, state, np.array([[0.0, -change, 0.0]]), tangent=False)
+        state, _ = cap_plasticity.integrate_points(material, state, np.array([[0.0, -change, 0.0]]), tangent=False)
         stress.append(-state.stress[0, 1])
         if stress[-1] <= 0:
             break
@@ -801,17 +805,29 @@ def test_search_for_a_load_takes_few_passes(count):
 @pytest.mark.parametrize(
     ("layer", "roller", "material", "speed", "message"),
     [
-        (Layer(0.22, "slip"), circle(), MIX, SPEED, "columns need a `base` that is bonded, got 'slip': there the mix"),
-        (Layer(0.2, plies=(Ply(0.2, 2.0),)), circle(), MIX, SPEED, "columns are of one mix, got 1 `plies`; use"),
-        (Layer(0.22), circle(), Elastic(1e7, 0.3), SPEED, "columns need a `material` Compaction, got Elastic; use"),
-        (Layer(0.22), circle(), MIX, 0.0, "`speed` must not be 0, got 0: the resistance is set-valued"),
+        (Layer(0.22, "slip"), circle(), MIX, SPEED, "the engine column needs a `base` that is bonded, got 'slip': mix"),
+        (
+            Layer(0.2, plies=(Ply(0.2, 2.0),)),
+            circle(),
+            MIX,
+            SPEED,
+            "the engine column needs a layer of one mix, got 1 `plies`; use",
+        ),
+        (
+            Layer(0.22),
+            circle(),
+            Elastic(1e7, 0.3),
+            SPEED,
+            "the engine column needs a `material` Compaction, got Elastic; use",
+        ),
+        (Layer(0.22), circle(), MIX, 0.0, "`speed` must not be 0, got 0: the resistance at rest is set-valued"),
         (Layer(0.22), circle(), MIX, np.nan, "`speed` must be finite, got nan"),
         (
             Layer(0.22),
             circle(friction=0.3, rolling="sliding"),
             MIX,
             SPEED,
-            "columns carry no shear, got `rolling` 'slid",
+            "the engine column carries no shear, got `rolling` 'slid",
         ),
         (
             Layer(0.22),
@@ -855,24 +871,30 @@ def test_demand_is_refused(layer, roller, material, speed, message):
     ("demand", "message"),
     [
         (
-            lambda: feed(HEIGHT, 1.0, MIX, SPEED),
+            lambda: required_feed(HEIGHT, 1.0, MIX, SPEED),
             "`exit_density_ratio` must lie between 0.94, before the pass, and 0.99.*got 1.0",
         ),
         (
-            lambda: feed(HEIGHT, 0.93, MIX, SPEED),
+            lambda: required_feed(HEIGHT, 0.93, MIX, SPEED),
             "`exit_density_ratio` must lie between 0.94, before the pass, and .*got 0.93",
         ),
-        (lambda: feed(-1.0, 0.98, MIX, SPEED), "`height` must be positive and finite, got -1.0"),
-        (lambda: oedometer(MIX, -1.0), "`pressure` must be zero or positive, and finite, got .*-1.0"),
-        (lambda: oedometer(MIX, [1e5, 1e7]), "`pressure` must leave pores open, got 10000000.0 Pa, which shuts them"),
-        (lambda: oedometer(MIX, 1e5, rate_factor=0), "`rate_factor` must be positive and finite, got 0"),
+        (lambda: required_feed(-1.0, 0.98, MIX, SPEED), "`height` must be positive and finite, got -1.0"),
+        (lambda: simulate_oedometer(MIX, -1.0), "`pressure` must be zero or positive, and finite, got .*-1.0"),
+        (
+            lambda: simulate_oedometer(MIX, [1e5, 1e7]),
+            "`pressure` must be less than the stress that closes all pores, got 10000000.0 Pa",
+        ),
+        (lambda: simulate_oedometer(MIX, 1e5, rate_factor=0), "`rate_factor` must be positive and finite, got 0"),
         (lambda: rolled(strain="engineering"), "no strain 'engineering'; choose from logarithmic, small, mass-true"),
         (
             lambda: rolled(mix(unloading_modulus=1e12)),
             r"`unloading_modulus` must be less than 2.91e\+11 Pa .* got 1000000",
         ),
-        (lambda: feed(HEIGHT, 0.98, mix(unloading_modulus=1e12), SPEED), "`unloading_modulus` must be less than"),
-        (lambda: oedometer(mix(unloading_modulus=1e12), 1e5), "`unloading_modulus` must be less than"),
+        (
+            lambda: required_feed(HEIGHT, 0.98, mix(unloading_modulus=1e12), SPEED),
+            "`unloading_modulus` must be less than",
+        ),
+        (lambda: simulate_oedometer(mix(unloading_modulus=1e12), 1e5), "`unloading_modulus` must be less than"),
         (lambda: rolled(rtol=0.0), "`rtol` must be positive and finite, got 0.0"),
         (lambda: Column(0.2, 1.0), "`density_ratio` must be below 1, got 1.0"),
         (lambda: Column(0.0, 0.9), "`height` must be positive and finite, got 0.0"),
@@ -901,21 +923,25 @@ def test_load_beyond_a_buried_circle_is_refused_at_once(height, radius, fed, loa
 
 
 def test_steps_that_move_nothing_end_the_integration():
-    there = bed_of((Column(1.0, FED),), MIX, 1.0, Profile(R, 1.0), LOGARITHMIC)
-    with pytest.raises(RuntimeError, match=r"the integration stopped after .* steps .*: shorter steps do not move it"):
-        there.travelled(0.01, 0.0, there.rest + np.nan, np.inf, there.scale(0.01, 1e-9))
+    layer = column_layer((Column(1.0, FED),), MIX, 1.0, GapGeometry(R, 1.0), LOGARITHMIC)
+    with pytest.raises(
+        RuntimeError, match=r"the integration of the columns stopped after .* steps .*: shorter steps do not change x"
+    ):
+        layer.integrate(
+            0.01, layer.initial_state + np.nan, PathControl(0.0, np.inf, layer.error_scale(0.01, 1e-9), np.inf)
+        )
 
 
 def test_integration_in_slices_is_the_same(monkeypatch):
     """An interrupt gets in between two slices."""
-    whole, ended, travel = rolled(rtol=1e-11), [], column_pass.travel
+    whole, ended, travel = rolled(rtol=1e-11), [], column_ode.integrate_path
 
     def counted(*given):
         ended.append(travel(*given))
         return ended[-1]
 
-    monkeypatch.setattr(column_pass, "SLICE", 7)
-    monkeypatch.setattr(column_pass, "travel", counted)
+    monkeypatch.setattr("compact.engines.column.column_pass.STEPS_PER_CALL", 7)
+    monkeypatch.setattr(column_ode, "integrate_path", counted)
     sliced = rolled(rtol=1e-11)
     assert ended.count(column_ode.PAUSED) > 10
     assert (sliced.load, sliced.resistance) == pytest.approx((whole.load, whole.resistance), rel=1e-10)
@@ -951,6 +977,8 @@ def test_a_long_integration_is_interrupted_within_a_second_or_so(tmp_path):
 
 def test_endless_integration_tells_how_far_it_came():
     """Behind the door that refuses it."""
-    stiff = bed_of((Column(1.0, FED),), mix(unloading_modulus=1e13), 1.0, PLATE, LOGARITHMIC)
-    with pytest.raises(RuntimeError, match=r"the integration stopped after 40000 steps at x 0\.\d+ m on the way"):
-        stiff.passed(0.05, 1e-9)
+    stiff = column_layer((Column(1.0, FED),), mix(unloading_modulus=1e13), 1.0, PLATE, LOGARITHMIC)
+    with pytest.raises(
+        RuntimeError, match=r"the integration of the columns stopped after 40000 steps at x 0\.\d+ m between"
+    ):
+        stiff.compute_pass(0.05, 1e-9)

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import spsolve
 from scipy.special import jv
 
 from compact import fem, mesh
-from compact.engines.fem import contact_patch, convected_memory, surface_compliance
+from compact.engines.fem import contact_patch, contact_problem, convected_memory, discretisation, surface_compliance
 from compact.engines.fem import engine as fem_engine
 from compact.engines.halfplane import galin
 from compact.engines.spectral import engine as spectral
@@ -24,7 +24,7 @@ from compact.rolling_contact import Layer, Roller
 LAYER = Layer(0.22)
 MIX = Elastic(10e6, 0.3)
 SLS = Viscoelastic(10e6, 0.3, branches=((1.0, 1.0),))  # E(t) = 10 + 10 exp(-t/1 s) MPa, so that v tau is v
-SMALL = mesh.graded(0.22, 0.02, 4)
+SMALL = mesh.graded_mesh(0.22, 0.02, 4)
 
 # shared/reference/contact.md c: spectral, b_0 to 1e-12, delta to 1e-8, PM 1e-5; R .11 m, h .22 m
 # base, a/h, B0 = P/(pi E* a^2/4R), D = delta R/a^2, PM = p_max/(E* a/2R) or None where not printed
@@ -107,8 +107,8 @@ def scaled(rolled, ratio):
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49])
 def test_confined_layer_settles_as_oedometer(poisson):
     E, p, H = 1.0, 50e3, SMALL.height
-    basis = surface_compliance.stiffness(SMALL, poisson, LAYER).basis
-    K = assembly.assembled(basis, assembly.moduli(poisson))
+    basis = surface_compliance.layer_stiffness(SMALL, poisson, LAYER).basis
+    K = assembly.assemble_stiffness(basis, assembly.unit_moduli(poisson))
     x, y = basis.doflocs
     free = np.flatnonzero(y > 1e-12)
     surface = np.flatnonzero(y > H * (1 - 1e-12))
@@ -126,14 +126,14 @@ def test_confined_layer_settles_as_oedometer(poisson):
 @pytest.mark.parametrize("base", ["bonded", "slip"])
 def test_half_of_a_mirrored_mesh_is_enough(base, behind, monkeypatch):
     task = SMALL, 0.3, Layer(0.22, base), 0.03, True, behind
-    half = surface_compliance.condensed(*task).response
+    half = surface_compliance.surface_compliance(*task).response
     monkeypatch.setattr(mesh.RowMesh, "mirrored", False)
-    full = surface_compliance.condensed.__wrapped__(*task).response
+    full = surface_compliance.surface_compliance.__wrapped__(*task).response
     assert np.abs(half - full).max() < 1e-10 * np.abs(full).max()
 
 
 def test_skewed_mesh_gives_the_same():
-    straight = mesh.graded(0.22, 0.014, 8)
+    straight = mesh.graded_mesh(0.22, 0.014, 8)
     lean = np.sin(np.pi * straight.y / 0.22)[:, None] * 0.4 * np.diff(straight.x[-1]).min()
     skewed = mesh.RowMesh(straight.x + lean, straight.y)
     results = [roll(LAYER, Roller(0.11, 0.003), SLS, 0.03, mesh=m) for m in (straight, skewed)]
@@ -169,7 +169,7 @@ def test_sliding_roller_is_galins(friction, speed):
 
 
 def test_creep_function_answers_the_relaxation():
-    law = convected_memory.creep(Viscoelastic(1.0, 0.3, branches=((0.5, 1e-3), (2.0, 0.1), (0.1, 1e3))))
+    law = convected_memory.creep_function(Viscoelastic(1.0, 0.3, branches=((0.5, 1e-3), (2.0, 0.1), (0.1, 1e3))))
     assert law.instant + sum(law.shares) == pytest.approx(1, rel=1e-12)
     for frequency in (1e-4, 0.3, 12.0, 1e5):
         compliance_there = law.instant + sum(
@@ -183,7 +183,7 @@ def test_creep_function_answers_the_relaxation():
 def test_memory_is_exact_for_a_parabola(length):
     corners = np.array([-1.0, -0.7, -0.2, 0.1, 1.0])
     x = np.sort(np.concatenate([corners, (corners[1:] + corners[:-1]) / 2]))
-    z = convected_memory.memory(x, length) @ x**2
+    z = convected_memory.retardation_operator(x, length) @ x**2
     start = 1.0
     steady = x**2 + 2 * length * x + 2 * length**2
     at_start = start + 2 * length * np.sign(length) + 2 * length**2
@@ -194,7 +194,7 @@ def test_memory_is_exact_for_a_parabola(length):
 @pytest.mark.parametrize("length", [1e-6, 0.3, 1e4, -0.3])
 def test_retarded_line_is_exact(length):
     x = np.array([[-1.0, -0.3, 0.2, 1.0]])
-    z = convected_memory.retarded(x[..., None].copy(), x, length)[0, :, 0]
+    z = convected_memory.retarded_along_rows(x[..., None].copy(), x, length)[0, :, 0]
     start = np.sign(length)
     exact = x[0] + length - length * np.exp(-(1 - start * x[0]) / abs(length))
     assert z == pytest.approx(exact, abs=1e-12 * max(1, abs(length)))
@@ -231,7 +231,7 @@ def test_creep_is_carters():
 
 
 def observed_orders(material, speed, names, meshes=4):
-    layer, results = mesh.graded(0.22, 0.01385, 3, growth=1.5), []
+    layer, results = mesh.graded_mesh(0.22, 0.01385, 3, growth=1.5), []
     for _ in range(meshes):
         rolled = fem.roll(LAYER, Roller(0.11, indentation=0.003), material, speed, mesh=layer, estimate=False)
         results.append([getattr(rolled, name) for name in names])
@@ -457,10 +457,10 @@ def test_load_and_peak_pressure_find_the_indentation():
 
 def test_reaction_of_the_base_is_the_load():
     rolled = roll(LAYER, Roller(0.11, 0.003, profile="deformed"), SLS, 0.03, mesh=SMALL)
-    layer = surface_compliance.stiffness(SMALL, 0.3, LAYER)
+    layer = surface_compliance.layer_stiffness(SMALL, 0.3, LAYER)
     forces = np.zeros((layer.basis.N, 2, 1))
     forces[layer.surface, :, 0] = rolled.forces.T
-    K = assembly.assembled(layer.basis, assembly.moduli(0.3))
+    K = assembly.assemble_stiffness(layer.basis, assembly.unit_moduli(0.3))
     reaction = (K @ layer.displacement(forces).ravel() - forces.ravel()).reshape(-1, 2).sum(axis=0)
     assert SLS.youngs_modulus * reaction[1] == pytest.approx(rolled.load, rel=1e-8)
     assert SLS.youngs_modulus * reaction[0] == pytest.approx(-rolled.resistance, rel=1e-6)
@@ -506,7 +506,7 @@ def test_free_rolling_on_a_thick_layer_has_no_traction_as_it_turns_incompressibl
 
 def test_roller_driven_too_hard_skids():
     roller = Roller(0.11, 0.006, friction=0.1, rolling="driven")
-    with pytest.raises(RuntimeError, match=r"the roller skids: 2\.\d+ times the friction limit"):
+    with pytest.raises(RuntimeError, match=r"the roller skids: the torque is 2\.\d+ times the friction limit"):
         roll(LAYER, roller, SLS, 0.03, torque=0.25 * 44e3 * 0.11)
 
 
@@ -568,8 +568,8 @@ def test_mean_of_peaks_by_few_and_many_terms_is_nearer_than_either():
     misses = []
     for layer, roller, mix, _ in random_scenes(10):
         exact = spectral.roll(layer, roller, mix, SPEED, rtol=1e-8).peak_pressure
-        case = fem_engine.Case(layer, roller, mix, SPEED)
-        contact = fem_engine.contact_of(case, fem_engine.task_of(case, None, 2e-3))
+        case = contact_problem.RollingProblem(layer, roller, mix, SPEED)
+        contact = contact_problem.solve_contact(case, discretisation.initial_discretisation(case, None, 2e-3))
         peaks = np.array([*contact.patch.peaks, contact.patch.peak])
         misses.append(np.abs(mix.youngs_modulus * peaks / exact - 1))
     few, many, mean = np.max(misses, axis=0)
@@ -580,7 +580,7 @@ def test_mean_of_peaks_by_few_and_many_terms_is_nearer_than_either():
 def test_no_result_without_an_error_where_the_refined_solution_is_not_found(monkeypatch):
     coarse = mesh.RowMesh(np.tile([-1.0, 0.0, 1.0], (2, 1)), np.array([0.0, 0.22]))
     monkeypatch.setattr(mesh.RowMesh, "refined", lambda rows: coarse)
-    with pytest.raises(RuntimeError, match="the error cannot be estimated, as on a finer mesh no corner would carry"):
+    with pytest.raises(RuntimeError, match="the error cannot be estimated; on the refined mesh no corner node is in contact"):
         fem.roll(LAYER, Roller(0.11, 0.003), MIX, 1.0, mesh=SMALL)
 
 
@@ -614,13 +614,14 @@ def test_wrong_contact_of_the_first_mesh_is_not_returned():
     ("pressed", "remedy"),
     [
         (Roller(0.11, 0.003), "or use spectral"),
-        (Roller(0.11, 0.003, 0.3, profile="deformed"), "leave stick and slip out"),
+        (Roller(0.11, 0.003, 0.3, profile="deformed"), "without stick and slip"),
     ],
     ids=["smooth", "deformed"],
 )
 def test_tolerance_out_of_reach_is_refused_with_the_error_reached_and_the_remedy(pressed, remedy, monkeypatch):
-    monkeypatch.setattr(fem_engine, "BUDGET", 9000)
-    words = rf"`tolerance` 0.007 is not met: .* load is \d\.\de-0\d, .* 9000 unknowns; raise .*{remedy}"
+    monkeypatch.setattr(discretisation, "MAX_UNKNOWNS", 9000)
+    monkeypatch.setattr(fem_engine, "MAX_UNKNOWNS", 9000)
+    words = rf"`tolerance` 0.007 is not reached: .* \d\.\de-0\d for the load .* 9000 unknowns; raise .*{remedy}"
     with pytest.raises(RuntimeError, match=words):
         fem.roll(LAYER, pressed, STIFF, 0.001, tolerance=7e-3)
 
@@ -644,7 +645,7 @@ def test_random_scenes_of_stiff_mix_meet_the_tolerance_or_are_refused_in_words(n
     except RuntimeError as error:
         refused = str(error)
     if refused is not None:
-        assert re.search("`tolerance` 0.007 is not met|no contact found on|skids|wider than the circle", refused)
+        assert re.search("`tolerance` 0.007 is not reached|no contact found on|skids|wider than the circle", refused)
         return
     assert max(rolled.error) <= 7e-3
     if roller.rolling in ("frictionless", "sliding") and roller.profile != "deformed":
@@ -662,11 +663,11 @@ def test_few_iterations_and_unknowns():
 
 
 def test_speeds_share_one_factorisation():
-    surface_compliance.stiffness.cache_clear()
+    surface_compliance.layer_stiffness.cache_clear()
     for speed in (0.003, 0.03, 0.3, -0.3):
         fem.roll(LAYER, Roller(0.11, 0.006), SLS, speed)
     fem.roll(LAYER, Roller(0.11, 0.006), replace(SLS, youngs_modulus=3e6), 0.1)
-    assert surface_compliance.stiffness.cache_info().misses <= 2  # the mesh and the refined one that tells the error
+    assert surface_compliance.layer_stiffness.cache_info().misses <= 2  # the mesh and the refined one that tells the error
 
 
 # fields
@@ -692,7 +693,7 @@ def test_fields_hold_what_was_rolled(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"speed": 0}, "`speed` must not be 0, got 0: the resistance is set-valued there"),
+        ({"speed": 0}, "`speed` must not be 0, got 0: the resistance at rest is set-valued"),
         ({"speed": np.nan}, "`speed` must be finite, got nan"),
         ({"tolerance": -1}, "`tolerance` must be positive and finite, got -1"),
         ({"material": "mix"}, "`material` must be Elastic or Viscoelastic, got str"),
@@ -724,19 +725,19 @@ def test_what_fem_cannot_do_is_refused(change, message):
 
 def test_mesh_too_coarse_for_the_contact_raises():
     coarse = mesh.RowMesh(np.tile([-1.0, 0.0, 1.0], (2, 1)), np.array([0.0, 0.22]))
-    with pytest.raises(RuntimeError, match=r"at a depth of 0.003 m: the mesh is too coarse under the contact, or the"):
+    with pytest.raises(RuntimeError, match=r"at an indentation of 0.003 m: the mesh is too coarse under the contact, or the"):
         roll(LAYER, Roller(0.11, 0.003), MIX, 1.0, mesh=coarse)
 
 
 def test_contact_that_no_mesh_settles_is_refused_with_the_remedy(monkeypatch):
-    monkeypatch.setattr(contact_patch, "ITERATIONS", 2)
+    monkeypatch.setattr(contact_patch, "MAX_ITERATIONS", 2)
     with pytest.raises(
-        RuntimeError, match=r"no contact found on 5 meshes .*; use spectral; contact edges did not settle"
+        RuntimeError, match=r"no contact found on 5 meshes .*; use spectral; the contact edges did not converge"
     ):
         fem.roll(LAYER, Roller(0.11, 0.0031), MIX, 1.0, tolerance=0.01)
 
 
 def test_failure_tells_its_history(monkeypatch):
-    monkeypatch.setattr(contact_patch, "ITERATIONS", 2)
-    with pytest.raises(RuntimeError, match=r"did not settle: \(trailing, leading, step over length\) were \[\(-0"):
+    monkeypatch.setattr(contact_patch, "MAX_ITERATIONS", 2)
+    with pytest.raises(RuntimeError, match=r"did not converge in 2 iterations; the last \(trailing \[m\], leading \[m\], step over length\) are \[\(-0"):
         roll(LAYER, Roller(0.11, 0.0031), MIX, 1.0, mesh=SMALL)

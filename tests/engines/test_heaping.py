@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from compact.engines.column.engine import feed
+from compact.engines.column.engine import required_feed
 from compact.engines.compaction import engine as compaction
 from compact.engines.compaction.engine import HeapingError, roll
 from compact.engines.compaction.heaping import Heaping, require_no_heaping
@@ -66,7 +66,7 @@ def test_depth_goes_with_the_lengths_and_not_with_the_stresses():
 
 
 def test_whole_product_of_a_new_scene_is_refused_before_a_mesh_is_made(solving):
-    fed = feed(0.22, 0.98, MIX, 0.13)
+    fed = required_feed(0.22, 0.98, MIX, 0.13)
     with pytest.raises(
         HeapingError, match=r"`indentation` must be at most about 6.4\d mm, got 9.[67]\d* mm: .* heaps up"
     ):

@@ -10,9 +10,9 @@ from rolling_scenes import SPEED, prescribing, random_scenes
 
 from compact import mesh
 from compact.analysis.engines import modulation
-from compact.engines.fem import engine as fem_engine
-from compact.engines.fem import speed_derivative, surface_compliance
-from compact.engines.fem.convected_memory import creep, memory
+from compact.engines.fem import contact_problem, discretisation, surface_compliance
+from compact.engines.fem.convected_memory import creep_function, retardation_operator
+from compact.engines.fem.surface import NodalField
 from compact.engines.spectral import (
     engine as spectral,
 )
@@ -24,7 +24,7 @@ from compact.engines.spectral import (
 )
 from compact.engines.spectral.elastic_estimate import first_half_width
 from compact.material.laws import Elastic, Viscoelastic
-from compact.resistance import SLOW, Modulation
+from compact.resistance import UNSTEADINESS_LIMIT, ResistanceExpansion
 from compact.rolling_contact import Layer, Ply, Roller
 
 R = 0.11
@@ -32,7 +32,7 @@ BONDED, SLIP = Layer(0.22), Layer(0.22, "slip")
 PLIES = Layer(0.22, plies=(Ply(0.17, 1.0), Ply(0.05, 3.0)))
 MIX = Viscoelastic(10e6, 0.3, branches=((1.0, 0.05),))  # table e2
 THREE = Viscoelastic(10e6, 0.3, branches=((0.5, 0.02), (1.0, 0.1), (0.3, 1.0)))
-COARSE = {"mesh": mesh.for_error(0.22, 0.026, 2e-3), "estimate": False}
+COARSE = {"mesh": mesh.mesh_for_error(0.22, 0.026, 2e-3), "estimate": False}
 
 
 def pressed(indentation=0.006, **other):
@@ -41,7 +41,7 @@ def pressed(indentation=0.006, **other):
 
 def scale(found):
     """What errors of M are relative to, as M passes zero."""
-    return max(abs(found.added_mass), found.time * abs(found.slope))
+    return max(abs(found.added_mass), found.relaxation_time * abs(found.slope))
 
 
 def winkler(deborah, height=0.1, **engine):
@@ -86,7 +86,7 @@ def test_lag_under_a_deformed_surface_grows_with_the_indentation():
 @pytest.mark.parametrize("engine", ["spectral", "fem"])
 def test_elastic_layer_remembers_nothing(engine):
     found = modulation(BONDED, pressed(friction=0.3, rolling="sliding"), Elastic(10e6, 0.3), 0.3, engine)
-    assert (found.slope, found.added_mass, found.error, found.time) == (0.0, 0.0, 0.0, 0.0)
+    assert (found.slope, found.added_mass, found.error, found.relaxation_time) == (0.0, 0.0, 0.0, 0.0)
     assert found.unsteadiness(5.0) == 0.0
     assert found.resistance > 0
 
@@ -175,11 +175,11 @@ def test_thin_slip_layer_by_finite_elements():
 
 @pytest.mark.parametrize(("speed", "acceleration", "force"), CONSTANT_ACCELERATION)
 def test_constant_acceleration_on_a_winkler_foundation(speed, acceleration, force):
-    """What the first order leaves out is below 0.4 % at an unsteadiness of `SLOW`, and falls with its square."""
+    """What the first order leaves out is below 0.4 % at an unsteadiness of `UNSTEADINESS_LIMIT`, and falls with its square."""
     steady = {deborah: resistance for deborah, resistance, _ in TABLE_E}[speed]
     unsteadiness = abs(acceleration) / speed
     left = abs(force - steady - acceleration * winkler(speed)[1])
-    assert left < 0.004 * (unsteadiness / SLOW) ** 2 * force
+    assert left < 0.004 * (unsteadiness / UNSTEADINESS_LIMIT) ** 2 * force
 
 
 # hard cases: an engine that knows nothing of singular pressures, and a motion through time
@@ -217,21 +217,20 @@ def test_finite_elements_give_slope_and_mass_at_default_settings_within_half_a_p
 
 @pytest.mark.parametrize("layer", [BONDED, SLIP], ids=["bonded", "slip"])
 def test_response_of_a_stretched_mesh_is_the_derivative_by_its_stretch(layer):
-    rows, step = mesh.graded(0.22, 0.02, 4), 1e-3
+    rows, step = mesh.graded_mesh(0.22, 0.02, 4), 1e-3
     wider, narrower = (
-        surface_compliance.condensed(
+        surface_compliance.surface_compliance(
             mesh.RowMesh(rows.x * (1 + side * step), rows.y), 0.3, layer, 0.03, True, 0
         ).response
         for side in (1, -1)
     )
-    exact = surface_compliance.stretched(rows, 0.3, layer, 0.03, True, 0).response
+    exact = surface_compliance.stretch_derivative(rows, 0.3, layer, 0.03, True, 0).response
     assert np.abs((wider - narrower) / (2 * step) - exact).max() < 1e-5 * np.abs(exact).max()
 
 
 def displacement(elastic, contact):
     """Of the elastic layer, at the surface nodes."""
-    forces = contact.forces[:, elastic.first : elastic.last]
-    return np.einsum("iakb,kb->ia", elastic.response, forces, optimize=True)
+    return elastic.displacement(contact.forces[:, elastic.loaded])
 
 
 def travelled(roller, speed, acceleration, steps=16, times=8.0):
@@ -239,24 +238,23 @@ def travelled(roller, speed, acceleration, steps=16, times=8.0):
 
     (theta/step)(3/2 z - 2 z' + 1/2 z'') - v theta dz/dx + z = w,  from steady motion many creep times ago
     """
-    law = creep(MIX)
+    law = creep_function(MIX)
     (share,), (time,), step = law.shares, law.times, times * law.times[0] / steps
-    case = fem_engine.Case(SLIP, roller, MIX, speed - acceleration * step * steps)
-    task = fem_engine.task_of(case, None, MARCHED)
-    window, more = fem_engine.WINDOW * task.half_width, 1 + 1.5 * time / step
-    elastic = fem_engine.elastic_surface(case, task.mesh, window)
-    contact = fem_engine.at_target(case, fem_engine.surface_of(case, task.mesh, window), task)
-    z = before = displacement(elastic, contact) @ memory(elastic.x, time * case.speed).T
+    case = contact_problem.RollingProblem(SLIP, roller, MIX, speed - acceleration * step * steps)
+    task = discretisation.initial_discretisation(case, None, MARCHED)
+    window, more = contact_problem.WINDOW * task.half_width, 1 + 1.5 * time / step
+    elastic = contact_problem.elastic_surface(case, task.mesh, window)
+    contact = contact_problem.solve_at_target(case, contact_problem.steady_surface(case, task.mesh, window), task)
+    z = before = displacement(elastic, contact) @ retardation_operator(elastic.x, time * case.speed).T
     for left in reversed(range(steps)):
         case = replace(case, speed=speed - acceleration * step * left)
-        m = memory(elastic.x, time * case.speed / more) / more
+        m = retardation_operator(elastic.x, time * case.speed / more) / more
         kept = time / step * (2 * z - before / 2) @ m.T
         C = law.instant * np.eye(len(m)) + share * m
-        surface = replace(elastic, response=np.einsum("ca,iakb->ickb", C, elastic.response, optimize=True))
-        aside = speed_derivative._SetAside(**vars(case), nodes=elastic.x, aside=share * kept)
-        contact = fem_engine.at_target(aside, surface, task, start=contact)
+        surface = replace(elastic.retarded(C), initial=NodalField(elastic.x, share * kept))
+        contact = contact_problem.solve_at_target(case, surface, task, initial_guess=contact)
         before, z = z, displacement(elastic, contact) @ m.T + kept
-    return MIX.youngs_modulus * contact.force[0]
+    return MIX.youngs_modulus * contact.resultant[0]
 
 
 @pytest.mark.parametrize(
@@ -270,7 +268,7 @@ def travelled(roller, speed, acceleration, steps=16, times=8.0):
 )
 def test_motion_in_time_gives_the_same(roller, speed):
     found = modulation(SLIP, roller, MIX, speed, "fem", estimate=False)
-    acceleration = 0.2 * SLOW * speed / found.time
+    acceleration = 0.2 * UNSTEADINESS_LIMIT * speed / found.relaxation_time
     gaining, losing = (travelled(roller, speed, side * acceleration) for side in (1, -1))
     assert (gaining - losing) / (2 * acceleration) == pytest.approx(found.added_mass, rel=5e-3)
     assert (gaining + losing) / 2 == pytest.approx(found.resistance, rel=5e-4)
@@ -285,7 +283,7 @@ def test_speeds_over_fifteen_decades(speed):
 
 def test_loaded_zone_widens_for_every_contact_beside(monkeypatch):
     wide = modulation(SLIP, pressed(), MIX, 0.3, "fem", **COARSE)
-    monkeypatch.setattr(fem_engine, "WINDOW", 0.3)
+    monkeypatch.setattr(contact_problem, "WINDOW", 0.3)
     assert modulation(SLIP, pressed(), MIX, 0.3, "fem", **COARSE).added_mass == pytest.approx(wide.added_mass, rel=1e-4)
 
 
@@ -305,7 +303,9 @@ def test_slope_is_that_of_steady_rolling(roller, layer, speed):
         spectral.roll(layer, roller, THREE, speed * (1 + side * 1e-3), rtol=1e-7).resistance for side in (-1, 0, 1)
     )
     assert found.resistance == pytest.approx(here, rel=1e-4)
-    assert found.slope == pytest.approx((faster - slower) / (2e-3 * speed), abs=3e-4 * scale(found) / found.time)
+    assert found.slope == pytest.approx(
+        (faster - slower) / (2e-3 * speed), abs=3e-4 * scale(found) / found.relaxation_time
+    )
 
 
 @settings(max_examples=6, deadline=None)
@@ -387,7 +387,7 @@ def test_stiffness_is_factorised_once(monkeypatch):
         (
             "fem",
             {"roller": pressed(rolling="free", friction=0.3)},
-            "without stick only, got `rolling` 'free' with `friction` 0.3; use 'sliding' or no friction",
+            "without stick and slip only, got `rolling` 'free' with `friction` 0.3; use 'sliding' or no friction",
         ),
         ("column", {}, "no engine with memory in time 'column'; choose from spectral, fem"),
     ],
@@ -412,4 +412,4 @@ def test_too_few_modes_raise_with_what_was_tried(monkeypatch):
 
 def test_unsteadiness_of_what_is_no_acceleration_is_refused():
     with pytest.raises(ValueError, match="`acceleration` must be finite, got nan"):
-        Modulation(1.0, 1.0, 1.0, 1.0, 0.0, 0.1).unsteadiness(np.nan)
+        ResistanceExpansion(1.0, 1.0, 1.0, 1.0, 0.0, 0.1).unsteadiness(np.nan)

@@ -137,9 +137,9 @@ def test_a_drag_stretches_slipping_plies_alike(layer, poisson):
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49])
 def test_confined_plies_settle_as_oedometers_in_series(poisson):
     layer = Layer(H, plies=(Ply(0.1, 20.0), Ply(0.07, 1.0), Ply(0.05, 5.0)))
-    rows = mesh.graded(H, 0.02, 4, interfaces=layer.interfaces)
-    basis = surface_compliance.stiffness(rows, poisson, layer).basis
-    K = assembly.assembled(basis, surface_compliance.element_moduli(rows, poisson, layer))
+    rows = mesh.graded_mesh(H, 0.02, 4, interfaces=layer.interfaces)
+    basis = surface_compliance.layer_stiffness(rows, poisson, layer).basis
+    K = assembly.assemble_stiffness(basis, surface_compliance.element_moduli(rows, poisson, layer))
     x, y = basis.doflocs
     free, surface = np.flatnonzero(y > 1e-12), np.flatnonzero(y > H * (1 - 1e-12))
     surface = surface[np.argsort(x[surface])]
@@ -156,7 +156,7 @@ def test_plies_of_one_stiffness_are_one_layer_of_that_modulus(base):
     roller = Roller(R, indentation=0.003, friction=0.2, rolling="sliding")
     one = Layer(H, base), roller, Viscoelastic(30e6, 0.3, SLS.branches), 0.03
     two = Layer(H, base, (Ply(H / 2, 3.0), Ply(H / 2, 3.0))), roller, SLS, 0.03
-    rows = mesh.graded(H, 0.0138, 4, interfaces=two[0].interfaces)
+    rows = mesh.graded_mesh(H, 0.0138, 4, interfaces=two[0].interfaces)
     for engine, numerics in ((spectral, {"rtol": 1e-8}), (fem, {"mesh": rows})):
         whole, parts = (engine.roll(*case, **numerics) for case in (one, two))
         assert (parts.load, parts.resistance) == pytest.approx((whole.load, whole.resistance), rel=1e-10)
@@ -180,7 +180,7 @@ def test_a_rigid_lower_ply_is_a_bonded_base(base):
 
 def test_load_on_plies_converges():
     layer, loads = two_plies(0.005, 20.0), []
-    rows = mesh.graded(H, 0.008, 2, interfaces=layer.interfaces, growth=1.7)
+    rows = mesh.graded_mesh(H, 0.008, 2, interfaces=layer.interfaces, growth=1.7)
     for _ in range(3):
         loads.append(roll(layer, PRESSED, MIX, 1.0, mesh=rows).load)
         rows = rows.refined()
@@ -302,7 +302,7 @@ def test_fields_of_plies_carry_the_load_through_every_row_and_hold_the_work():
 def test_stretch_across_an_interface_is_one_and_stress_along_x_jumps_with_the_stiffness():
     """s_xx = c E* e_xx + nu/(1 - nu) s_yy, where e_xx and s_yy go on; here the crust is bent and stretched below."""
     layer = two_plies(0.01, 20.0)
-    rows = mesh.graded(H, 0.0138, 10, interfaces=layer.interfaces, growth=1.25)
+    rows = mesh.graded_mesh(H, 0.0138, 10, interfaces=layer.interfaces, growth=1.25)
     content = fem.fields(roll(layer, PRESSED, MIX, 1.0, mesh=rows))
     x, y = content.points[content.cells[0].data[:, 8], :2].T
     column = np.flatnonzero(x == x[x > 0].min())
@@ -321,11 +321,11 @@ def test_stretch_across_an_interface_is_one_and_stress_along_x_jumps_with_the_st
 
 def test_speeds_on_plies_share_one_factorisation():
     layer = two_plies(0.01, 20.0)
-    surface_compliance.stiffness.cache_clear()
-    surface_compliance.condensed.cache_clear()
+    surface_compliance.layer_stiffness.cache_clear()
+    surface_compliance.surface_compliance.cache_clear()
     for speed in (0.003, -0.3):
         fem.roll(layer, PRESSED, SLS, speed)
-    assert surface_compliance.stiffness.cache_info().misses == 2  # the mesh and its coarser one
+    assert surface_compliance.layer_stiffness.cache_info().misses == 2  # the mesh and its coarser one
 
 
 # refusals
@@ -345,11 +345,11 @@ def test_speeds_on_plies_share_one_factorisation():
             "the formula engine knows one modulus, got 2 `plies`; use spectral or fem",
         ),
         (
-            lambda: roll(two_plies(0.1, 2.0), PRESSED, MIX, 1.0, mesh=mesh.graded(H, 0.02, 4)),
-            r"`mesh` must have a line of nodes at every interface of plies, none at y = 0.12 m; shift the nearest",
+            lambda: roll(two_plies(0.1, 2.0), PRESSED, MIX, 1.0, mesh=mesh.graded_mesh(H, 0.02, 4)),
+            r"`mesh` must have a line of nodes at every interface of plies, got none at y = 0.12 m; move the nearest",
         ),
         (
-            lambda: mesh.graded(H, 0.02, 4, interfaces=(0.2, 0.1)),
+            lambda: mesh.graded_mesh(H, 0.02, 4, interfaces=(0.2, 0.1)),
             r"`interfaces` must ascend between 0 and the height, 0.22 m, got \[0.2, 0.1\]",
         ),
     ],

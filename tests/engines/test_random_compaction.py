@@ -14,7 +14,7 @@ import pytest
 from compact.engines.compaction import engine as compaction
 from compact.engines.compaction.engine import HeapingError, roll
 from compact.material.laws import Compaction
-from compact.material.mix import LOOSE, prior
+from compact.material.mix import LOOSE_DENSITY_RATIO, prior
 from compact.rolling_contact import Layer, Roller
 
 IMPOSSIBLE = ("too deep", "too dense", "too loose", "below its axle")
@@ -33,7 +33,7 @@ def random_scene(seed, heights=WHOLE):
     isotropic = mix.heckel_slope * (1 + np.sqrt(1 + 4 * slope**2 / 9)) / 2
     strength = float(mix.cohesion / np.tan(angle))
     fed = k / (1 + depth / height)
-    material = Compaction(mix.unloading_modulus, mix.poisson, isotropic, LOOSE, slope, strength, fed)
+    material = Compaction(mix.unloading_modulus, mix.poisson, isotropic, LOOSE_DENSITY_RATIO, slope, strength, fed)
     return Layer(height + depth), Roller(radius, depth, friction, "free", "deformed"), material
 
 
@@ -81,14 +81,14 @@ def calibrated(height, depth, heckel_slope, fed):
     """A published scene with the mix fitted to it, (layer, roller, material)."""
     slope = float(np.sqrt(3) * np.sin(np.radians(35)))
     isotropic = heckel_slope * (1 + np.sqrt(1 + 4 * slope**2 / 9)) / 2
-    material = Compaction(120e6, 0.3, isotropic, LOOSE, slope, 10e3 / np.tan(np.radians(35)), fed)
+    material = Compaction(120e6, 0.3, isotropic, LOOSE_DENSITY_RATIO, slope, 10e3 / np.tan(np.radians(35)), fed)
     return Layer(height * 0.98 / fed), Roller(0.11, depth, 0.35, "free", "deformed"), material
 
 
 FOUND = {
     **{f"lift {seed}": random_scene(seed, LIFT) for seed in range(40)},
     **{f"product {seed}": random_scene(seed) for seed in (2, 3, 25)},
-    "steep": (Layer(0.23), Roller(0.11, 0.009), Compaction(120e6, 0.3, 28e-6, LOOSE, 1.2, 14e3, 0.935)),
+    "steep": (Layer(0.23), Roller(0.11, 0.009), Compaction(120e6, 0.3, 28e-6, LOOSE_DENSITY_RATIO, 1.2, 14e3, 0.935)),
     "published lift": calibrated(0.06, 0.003, 14.96e-6, 0.93576),
     "published lift of 40 mm": calibrated(0.04, 0.0033, 11.7e-6, 0.905),
     "published product": calibrated(0.22, 0.00275, 24.95e-6, 0.9687),

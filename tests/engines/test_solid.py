@@ -22,9 +22,9 @@ def skewed(mesh, amount=0.06):
 
 def point_path(strain, steps, law=MIX):
     """Stress (xx, yy, zz, xy) and density ratio of one material point strained in equal steps."""
-    state = cap_plasticity.fed(law, 1)
+    state = cap_plasticity.initial_state(law, 1)
     for _ in range(steps):
-        state, _ = cap_plasticity.step(law, state, np.array([strain]) / steps, tangent=False)
+        state, _ = cap_plasticity.integrate_points(law, state, np.array([strain]) / steps, tangent=False)
     return state.stress[0], state.density_ratio[0]
 
 

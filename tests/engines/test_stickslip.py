@@ -347,7 +347,7 @@ def test_contacts_that_are_hard_to_settle(layer, poisson, friction, share, inden
 # (e) properties
 
 
-COARSE = mesh.graded(H, 0.0206, 6)
+COARSE = mesh.graded_mesh(H, 0.0206, 6)
 
 
 @settings(max_examples=6)

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from compact.engines.stroke_schedule import TURNING, strokes
+from compact.engines.stroke_schedule import TURN_STEP_ENDS, stroke_schedule
 from compact.motion.profile import LAWS, law
 
 
 @pytest.mark.parametrize("name", [name for name in LAWS if name != "crank"])
 def test_every_law_has_one_stroke_there_and_one_back(name):
     motion = law(name, 0.4, 3.0)
-    assert strokes(motion).places == pytest.approx([0.0, 0.4], abs=1e-12)
-    assert strokes(motion.cycle()).places == pytest.approx([0.0, 0.4, 0.0], abs=1e-12)
-    assert strokes(motion.cycle()).times == pytest.approx([0.0, 3.0, 6.0], abs=1e-3)
+    assert stroke_schedule(motion).places == pytest.approx([0.0, 0.4], abs=1e-12)
+    assert stroke_schedule(motion.cycle()).places == pytest.approx([0.0, 0.4, 0.0], abs=1e-12)
+    assert stroke_schedule(motion.cycle()).times == pytest.approx([0.0, 3.0, 6.0], abs=1e-3)
 
 
 def test_turn_between_joins_is_found():
@@ -22,7 +22,7 @@ def test_turn_between_joins_is_found():
         def position(self, time):
             return np.sin(3 * np.asarray(time))
 
-    way = strokes(Swing())
+    way = stroke_schedule(Swing())
     assert way.places == pytest.approx([0.0, 1.0, -1.0, np.sin(6.0)], abs=1e-12)
     assert way.times[1:-1] == pytest.approx([np.pi / 6, np.pi / 2], abs=1e-6)
     assert (way.low, way.span) == pytest.approx((-1.0, 2.0))
@@ -30,35 +30,35 @@ def test_turn_between_joins_is_found():
 
 def test_steps_end_where_elements_do_and_when_the_motion_is_there():
     motion = law("quintic", 0.1, 1.0)
-    times, places = strokes(motion).steps(0, 0.01)
-    assert places[:9] == pytest.approx(0.01 * np.append(0.0, TURNING))
+    times, places = stroke_schedule(motion).steps(0, 0.01)
+    assert places[:9] == pytest.approx(0.01 * np.append(0.0, TURN_STEP_ENDS))
     assert np.diff(places[8:]) == pytest.approx(0.005)
     assert places[-1] == pytest.approx(0.1)
     assert motion.position(times) == pytest.approx(places, abs=1e-9)
 
 
 def test_every_second_step_is_among_the_steps():
-    way = strokes(law("quintic", 0.1, 1.0).cycle())
+    way = stroke_schedule(law("quintic", 0.1, 1.0).cycle())
     for stroke in (0, 1):
         (_, fine), (_, coarse) = (way.steps(stroke, 0.01, every) for every in (1, 2))
         assert coarse == pytest.approx(fine[::2])
 
 
 def test_short_stroke_still_has_its_ends():
-    _, places = strokes(law("quintic", 0.1, 1.0)).steps(0, 0.15)
+    _, places = stroke_schedule(law("quintic", 0.1, 1.0)).steps(0, 0.15)
     assert places[[0, -1]] == pytest.approx([0.0, 0.1])
     assert (np.diff(places) > 0).all()
 
 
 def test_roller_that_dwells_leaves_when_the_dwell_ends():
-    way = strokes(law("quintic", 0.1, 1.0).cycle(far_dwell=0.5))
+    way = stroke_schedule(law("quintic", 0.1, 1.0).cycle(far_dwell=0.5))
     times, _ = way.steps(1, 0.01)
     assert times[0] == pytest.approx(1.5, abs=2e-3)
     assert way.steps(0, 0.01)[0][-1] == pytest.approx(1.0, abs=1e-3)
 
 
 def test_nearest_steps_of_instants_belong_to_one_stroke():
-    way = strokes(law("constant-velocity", 0.1, 1.0).cycle())
+    way = stroke_schedule(law("constant-velocity", 0.1, 1.0).cycle())
     times, _ = way.steps(0, 0.01)
     assert way.nearest(0, times, (0.0, 0.501, 1.5)) == {0, int(np.abs(times - 0.5).argmin())}
     assert way.nearest(0, times, (1.0,)) == {len(times) - 1}

@@ -10,7 +10,7 @@ from compact import contact, fem
 from compact.analysis.engines import COMPACTING, solver
 from compact.analysis.multipass import Pass, passes
 from compact.engines.column import engine as column
-from compact.engines.fem import engine as fem_engine
+from compact.engines.fem import contact_problem
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.rolling_contact import Layer, Roller, require_on_target, require_target_reached
@@ -129,12 +129,12 @@ def test_formula_that_misses_raises(monkeypatch):
 @pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure", "exit_density_ratio"])
 def test_columns_that_miss_raise(monkeypatch, target):
     value = {"indentation": 3e-3, "load": 8e3, "peak_pressure": 2e5, "exit_density_ratio": 0.96}[target]
-    for search in ("_pressed", "_dense"):
+    for search in ("solve_target", "solve_exit_density"):
         find = getattr(column, search)
 
         def missed(there, *given, find=find):
             passage, spent = find(there, *given)
-            return there.passed(off(passage.indentation), 1e-9), spent
+            return there.compute_pass(off(passage.indentation), 1e-9), spent
 
         monkeypatch.setattr(column, search, missed)
     with pytest.raises(
@@ -144,15 +144,17 @@ def test_columns_that_miss_raise(monkeypatch, target):
 
 
 def test_feed_that_misses_raises(monkeypatch):
-    find = column._leaving
-    monkeypatch.setattr(column, "_leaving", lambda there, wanted, rtol: find(there, off(wanted), rtol))
+    find = column.solve_plate_density
+    monkeypatch.setattr(column, "solve_plate_density", lambda there, wanted, rtol: find(there, off(wanted), rtol))
     with pytest.raises(RuntimeError, match=r"`exit_density_ratio` 0\.96 was prescribed and 0\.96096 reached"):
-        column.feed(0.22, 0.96, MIX, SPEED)
+        column.required_feed(0.22, 0.96, MIX, SPEED)
 
 
 def test_passes_that_miss_raise(monkeypatch):
-    find = column._pressed
-    monkeypatch.setattr(column, "_pressed", lambda there, roller, rtol: find(there, replace(roller, load=8e3), rtol))
+    find = column.solve_target
+    monkeypatch.setattr(
+        column, "solve_target", lambda there, roller, rtol: find(there, replace(roller, load=8e3), rtol)
+    )
     roller = Roller(R, load=8e3)
     with pytest.raises(RuntimeError, match="`load` 9000 was prescribed and 8000 reached"):
         passes(LAYER, roller, MIX, SPEED, (Pass(), Pass(load=9e3, forward=False)))
@@ -177,12 +179,12 @@ def test_spectral_that_misses_raises(monkeypatch, target):
 @pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure"])
 def test_finite_elements_that_miss_raise(monkeypatch, target):
     value = {"indentation": 3e-3, "load": 8e3, "peak_pressure": 2e5}[target]
-    at_target = fem_engine.at_target
+    at_target = contact_problem.solve_at_target
 
     def missed(case, *given, **options):
         return at_target(replace(case, roller=replace(case.roller, **{target: off(value)})), *given, **options)
 
-    monkeypatch.setattr(fem_engine, "at_target", missed)
+    monkeypatch.setattr(contact_problem, "solve_at_target", missed)
     with pytest.raises(
         RuntimeError, match=f"`{target}` {value:.9g} was prescribed and .* 1e-08 is promised; the contact"
     ):

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from compact import fem
-from compact.engines.fem import engine as fem_engine
-from compact.engines.fem import surface_compliance, transient
-from compact.engines.fem.convected_memory import creep
+from compact.engines.fem import contact_problem, discretisation, surface_compliance, transient
+from compact.engines.fem.convected_memory import creep_function
 from compact.engines.fem.transient import simulate_transient
 from compact.material.laws import Elastic, Viscoelastic
-from compact.mesh import RowMesh, for_error
+from compact.mesh import RowMesh, mesh_for_error
 from compact.motion.profile import law
 from compact.rolling_contact import Layer, Ply, Roller, TransientResult
 
@@ -118,11 +117,12 @@ def test_torque_put_on_a_pressed_roller_makes_mindlins_shear():
     """
     mix, roller, motion = Elastic(10e6, 0.49), pressed(friction=0.3, rolling="driven"), law("quintic", 0.1, 1.0)
     torque = 0.5 * 0.3 * fem.roll(LAYER, pressed(), mix, 1.0, estimate=False).load * R
-    case = fem_engine.Case(LAYER, roller, mix, 0.0, torque)
-    first = transient._before(case, motion)
-    task = fem_engine.task_of(first, None, 1e-3)
-    start, pace = transient._begun(case, first, task, fem_engine.WINDOW * task.half_width, motion, 1e-3)
-    contact = transient._at_once(replace(pace, case=replace(case, speed=1.0)), start).contact
+    problem = contact_problem.RollingProblem(LAYER, roller, mix, 0.0, torque)
+    previous = transient._problem_before(problem, motion)
+    grid = discretisation.initial_discretisation(previous, None, 1e-3)
+    window = contact_problem.WINDOW * grid.half_width
+    start, steps = transient._initial_state(problem, previous, grid, window, motion, 1e-3)
+    contact = transient._reversed_state(replace(steps, problem=replace(problem, speed=1.0)), start).contact
     patch, shear = contact.patch, contact.shear
     x, a = shear.x - np.mean(patch.edges), (patch.leading - patch.trailing) / 2
     peak, c = 0.3 * patch.pressure.max(), a * np.sqrt(0.5)
@@ -130,7 +130,7 @@ def test_torque_put_on_a_pressed_roller_makes_mindlins_shear():
     miss = np.abs(shear.traction + peak * (whole - c / a * stuck)) / peak
     assert np.mean(miss) < 3e-3
     assert np.max(miss) < 0.03  # at the one node where sticking ends
-    assert shear.sum[0] == pytest.approx(-torque / R / 10e6, rel=2e-3)
+    assert shear.resultant[0] == pytest.approx(-torque / R / 10e6, rel=2e-3)
 
 
 DAILY = (("parabola", 0.2), ("parabola", -3.0), ("circle", 0.003), ("deformed", 0.003), ("deformed", -3.0))
@@ -251,7 +251,7 @@ def boundary_elements(mix, height, roller, motion, before, size, step):
     The compliance of contact.md c by fast Fourier transform on a grid that lies on the layer, contact by an active set,
     even steps with the displacement linear in time at each place: no mesh, no edges, no moving frame.
     """
-    law, n = creep(mix), 2 * int(10 * height / size)
+    law, n = creep_function(mix), 2 * int(10 * height / size)
     k, kappa = 2 * np.pi * np.fft.rfftfreq(n, size)[1:], 3 - 4 * mix.poisson
     zeta = np.minimum(k * height, 200)
     below = 2 * kappa * np.cosh(2 * zeta) + 4 * zeta**2 + 1 + kappa**2
@@ -353,7 +353,7 @@ def test_film_shows_the_print_that_the_roller_leaves(tmp_path):
         sunk.append(-mesh.point_data["displacement"][at_start, 1].min())
     assert sunk[0] == pytest.approx(0.003, rel=0.01)
     assert sunk[0] > sunk[1] > sunk[2] > 0
-    series = done.film(tmp_path)
+    series = done.write_frames(tmp_path)
     named = [part.attrib for part in ElementTree.parse(series).getroot().iter("DataSet")]
     assert [float(part["timestep"]) for part in named] == [0.0, 0.4, 0.6]
     assert all((tmp_path / part["file"]).stat().st_size > 10_000 for part in named)
@@ -415,17 +415,17 @@ def test_stiffness_is_factorised_once_for_all_steps(monkeypatch):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"roller": Roller(R, load=1e4)}, "keeps an `indentation`, got `load`"),
+        ({"roller": Roller(R, load=1e4)}, "needs a roller with an `indentation`, got `load`"),
         ({"roller": pressed(friction=0.3, rolling="driven")}, "`torque` must be given for a 'driven' roller"),
         ({"torque": 10.0}, "`torque` needs a roller that is 'free' or 'driven'"),
         (
             {"layer": Layer(0.22, "slip"), "roller": pressed(friction=0.3, rolling="free")},
-            "without friction only, got `rolling` 'free'",
+            "got `rolling` 'free'",
         ),
-        ({"roller": pressed(profile="deformed"), "layer": Layer(0.22, "slip")}, "gap must be vertical"),
+        ({"roller": pressed(profile="deformed"), "layer": Layer(0.22, "slip")}, "needs a vertical gap"),
         ({"time_tolerance": 0.0}, "`time_tolerance` must be positive"),
         ({"instants": (np.nan,)}, "`instants` must be finite"),
-        ({"instants": (0.1, 2.0)}, "`instants` must lie within the motion, 0 to 1 s, got 2.0"),
+        ({"instants": (0.1, 2.0)}, "`instants` and `frames` must lie within the motion, 0 to 1 s, got 2.0"),
         ({"motion": Accelerated(0.1, 0.0, -1.0)}, "`duration` must be positive"),
         ({"motion": Accelerated(np.nan, 0.0, 1.0)}, "`position` must be finite"),
     ],
@@ -439,13 +439,13 @@ def test_refused(change, words):
 def test_film_without_frames_is_refused(tmp_path):
     done = simulate_transient(LAYER, pressed(), MIX, Accelerated(0.1, 0.0, 0.05), estimate=False)
     with pytest.raises(ValueError, match="no frames to film"):
-        done.film(tmp_path)
+        done.write_frames(tmp_path)
 
 
 def test_film_needs_a_mesh_of_straight_columns():
-    even = for_error(0.22, 0.018, 1e-2)
+    even = mesh_for_error(0.22, 0.018, 1e-2)
     leaning = RowMesh(even.x + even.y[:, None] * 1e-3, even.y)
-    with pytest.raises(ValueError, match="nodes stand one above the other"):
+    with pytest.raises(ValueError, match="nodes lie in vertical columns"):
         simulate_transient(
             LAYER, pressed(), MIX, Accelerated(0.1, 0.0, 0.05), mesh=leaning, frames=(0.05,), estimate=False
         )

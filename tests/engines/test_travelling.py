@@ -9,7 +9,7 @@ from compact.analysis.multipass import Pass, passes
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
 from compact.engines.compaction.reciprocating import ENTERED, Trip, simulate_reciprocating
-from compact.engines.stroke_schedule import strokes
+from compact.engines.stroke_schedule import stroke_schedule
 from compact.material.laws import Compaction
 from compact.motion.profile import law
 from compact.rolling_contact import Layer, Ply, Roller
@@ -44,7 +44,7 @@ def columns_on_the_way(places):
     s_v along the curve of fresh mix where a column is pressed as never before, else elastic, and never below 0.
     """
     pressures = np.linspace(0, 220e3, 441)
-    fresh = column.oedometer(THIN, pressures)
+    fresh = column.simulate_oedometer(THIN, pressures)
     stiffness = THIN.unloading_modulus * 0.7 / (1.3 * 0.4)  # (1 - nu)/((1 + nu)(1 - 2 nu)) of nu = 0.3
     x = np.linspace(-20 * HEIGHT, 40 * HEIGHT, 6001)
     deepest, forces = np.zeros_like(x), []
@@ -178,7 +178,7 @@ def test_free_roller_on_a_high_layer_goes_on_as_steady_rolling():
 @pytest.fixture(scope="module")
 def gripping():
     """The `Trip` of a free roller there and back, and of each step (stroke, push, slip of the nodes, stand)."""
-    roller, way = friction_free(), strokes(there_and_back(WIDE_LENGTH))
+    roller, way = friction_free(), stroke_schedule(there_and_back(WIDE_LENGTH))
     mesh = {"element": WIDE_LENGTH / 8, "length": WIDE_LENGTH, "finite": True}
     trip = Trip(way, roller, THIN, HEIGHT, fed=None, place=0.0, torque=None, **mesh)
     trip.press(HEIGHT - DEPTH, 1.0)
@@ -363,7 +363,7 @@ def test_frames_are_those_asked_for(thin, tmp_path):
     assert [mesh.cell_data["density_ratio"][0].max() for mesh in meshes] == sorted(
         mesh.cell_data["density_ratio"][0].max() for mesh in meshes
     )
-    assert thin.film(tmp_path).exists()
+    assert thin.write_frames(tmp_path).exists()
 
 
 def test_steps_take_few_iterations(thin):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from compact.material import cap_plasticity
-from compact.material.laws import HECKEL_LOOSEST, HECKEL_UNTIL, Compaction
+from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, HECKEL_MIN_PRESSURE, Compaction
 
 MIX = Compaction(
     unloading_modulus=120e6,
@@ -17,13 +17,13 @@ MIX = Compaction(
     tensile_strength=14e3,
     fed_density_ratio=0.94,
 )
-LOOSEST = 1 - 0.28 * np.exp(-HECKEL_LOOSEST)  # where pc leaves the curve near k0
+LOOSEST = 1 - 0.28 * np.exp(-HECKEL_MIN_PRESSURE)  # where pc leaves the curve near k0
 
 
 # closed form
 
 
-@pytest.mark.parametrize("k", [LOOSEST, 0.75, 0.94, 0.98, HECKEL_UNTIL])
+@pytest.mark.parametrize("k", [LOOSEST, 0.75, 0.94, 0.98, HECKEL_MAX_DENSITY_RATIO])
 def test_yield_pressure_is_heckels(k):
     assert MIX.yield_pressure(k) == pytest.approx(np.log(0.28 / (1 - k)) / 13e-6, rel=1e-13)
 
@@ -35,10 +35,10 @@ def test_beyond_measured_densities_the_curve_keeps_its_modulus():
 
 
 def test_loose_mix_keeps_half_of_the_least_pressure():
-    assert MIX.yield_pressure(np.array([0.5, 1e-9])) == pytest.approx(HECKEL_LOOSEST / 2 / 13e-6, rel=1e-12)
+    assert MIX.yield_pressure(np.array([0.5, 1e-9])) == pytest.approx(HECKEL_MIN_PRESSURE / 2 / 13e-6, rel=1e-12)
 
 
-@pytest.mark.parametrize("joint", [LOOSEST, HECKEL_UNTIL])
+@pytest.mark.parametrize("joint", [LOOSEST, HECKEL_MAX_DENSITY_RATIO])
 def test_joints_of_the_curve_are_smooth(joint):
     h = 1e-8
     before, here, after = MIX.yield_pressure(joint + h * np.array([-1, 0, 1]))
@@ -46,12 +46,12 @@ def test_joints_of_the_curve_are_smooth(joint):
 
 
 def test_compiled_hardening_is_the_laws():
-    k = np.concatenate((np.linspace(0.01, 1.5, 600), [LOOSEST, HECKEL_UNTIL]))
-    constants = cap_plasticity.constants(MIX, 1.0)
+    k = np.concatenate((np.linspace(0.01, 1.5, 600), [LOOSEST, HECKEL_MAX_DENSITY_RATIO]))
+    constants = cap_plasticity.cap_constants(MIX, 1.0)
     pc, modulus = np.array([cap_plasticity.hardening(constants, value) for value in k]).T
     assert pc == pytest.approx(MIX.yield_pressure(k), rel=1e-13)
     h = 1e-6
-    smooth = np.minimum(abs(k - LOOSEST), abs(k - HECKEL_UNTIL)) > 2 * h  # not across a joint
+    smooth = np.minimum(abs(k - LOOSEST), abs(k - HECKEL_MAX_DENSITY_RATIO)) > 2 * h  # not across a joint
     central = (MIX.yield_pressure(k * np.exp(h)) - MIX.yield_pressure(k * np.exp(-h))) / (2 * h)
     assert modulus[smooth] == pytest.approx(central[smooth], rel=1e-6, abs=1e-3)
 

@@ -114,7 +114,7 @@ def test_away_from_the_published_point_the_spread_is_wider(name):
 def test_the_interpolation_is_continuous_at_the_corners(moisture, density_ratio):
     corner = mix.prior(moisture, density_ratio)
     beside = mix.prior(moisture + 1e-9 * np.sign(0.1 - moisture), density_ratio + 1e-9 * np.sign(0.95 - density_ratio))
-    values = [[getattr(m, name) for name in mix.NAMES] for m in (corner, beside)]
+    values = [[getattr(m, name) for name in mix.PARAMETER_NAMES] for m in (corner, beside)]
     assert values[0] == pytest.approx(values[1], rel=1e-5)
 
 
@@ -149,7 +149,7 @@ def test_between_nodes_values_run_monotonically(grid, name):
         assert np.all(along_w >= -slack) or np.all(along_w <= slack)
 
 
-@given(moistures, ratios, st.sampled_from(mix.NAMES))
+@given(moistures, ratios, st.sampled_from(mix.PARAMETER_NAMES))
 def test_the_spread_holds_the_value(moisture, density_ratio, name):
     parameter = mix.prior(moisture, density_ratio).parameter(name)
     assert 0 < parameter.low <= parameter.value <= parameter.high
@@ -166,7 +166,7 @@ def test_the_spread_holds_the_value(moisture, density_ratio, name):
     ],
 )
 def test_a_density_beyond_rolling_is_told_with_the_reason(moisture, density_ratio, overrides, reason):
-    reach = mix.prior(moisture, density_ratio, overrides).reachable
+    reach = mix.prior(moisture, density_ratio, overrides).density_achievable
     assert bool(reach) is reach.possible is (reason == "^$")
     assert re.search(reason, reach.reason)
 

@@ -19,7 +19,6 @@ from compact.motion.limits import ConstraintSet, Pitch, broken, space_of
 from compact.motion.profile import CamLimits, InfeasibleError, Limits, law, optimise
 from compact.motion.sequential_programming import Task
 from compact.motion.spline_space import Space, bernstein_basis, graded_breaks, halved
-from compact.numerics.convex_programs import Program, least_linear, least_quadratic
 from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
@@ -204,26 +203,6 @@ def test_polynomial_lies_inside_its_coefficients_and_they_close_on_it(coefficien
     assert room[0] >= room[1] - 1e-12 >= room[2] - 2e-12
 
 
-def test_quadratic_program_meets_its_closed_form():
-    """Nearest point of a simplex: x = max(y - t, 0) with the sum 1 (Held, Wolfe and Crowder 1974)."""
-    y = np.random.default_rng(5).normal(size=40)
-    program = Program(np.ones((1, 40)), np.ones(1), -np.eye(40), np.zeros(40))
-    x = least_quadratic(np.eye(40), -y, program)
-    ordered = np.sort(y)[::-1]
-    shifts = (np.cumsum(ordered) - 1) / np.arange(1, 41)
-    assert x == pytest.approx(np.maximum(y - shifts[ordered > shifts][-1], 0), abs=1e-9)
-
-
-def test_quadratic_program_without_curvature_is_the_linear_one():
-    rng = np.random.default_rng(7)
-    program = Program(np.ones((1, 12)), np.ones(1), np.vstack([-np.eye(12), rng.normal(size=(9, 12))]), np.ones(21))
-    cost, box = rng.normal(size=12), np.full(12, 5.0)
-    quadratic, linear = (
-        cost @ x for x in (least_quadratic(np.zeros((12, 12)), cost, program, box), least_linear(cost, program, box))
-    )
-    assert quadratic == pytest.approx(linear, abs=1e-8)
-
-
 def least_square(acceleration):
     """Least int a^2 dt [m^2/s^3] and its Lagrange multiplier over run-up and run-down of 0.5 s, within the bound.
 
@@ -334,20 +313,6 @@ def test_convex_task_ends_without_a_duality_gap(seed):
     motion = optimise(*task, limits)
     assert motion.gap < 1e-6
     assert broken(limits, motion, instants=20_001) == {}
-
-
-def test_linear_program_with_an_entry_that_highs_takes_for_zero_is_not_answered_wrongly():
-    program = Program([[1.0, 1e-10], [0.0, 1.0]], np.array([1.0, 1e6]), np.zeros((0, 2)), np.zeros(0))
-    with pytest.raises(RuntimeError, match=r"HiGHS solved no program of 2 unknowns: a row is broken by 1\.0e-04"):
-        least_linear(np.ones(2), program)
-    of_order_one = program._replace(equal=[[1.0, 1e-4], [0.0, 1e6]])  # the second unknown in millions
-    assert least_linear(np.ones(2), of_order_one) == pytest.approx([1 - 1e-4, 1.0], rel=1e-12)
-
-
-def test_quadratic_program_that_nothing_fits_is_told_with_the_residuals():
-    program = Program(np.zeros((0, 1)), np.zeros(0), [[1.0], [-1.0]], np.array([-1.0, -1.0]))
-    with pytest.raises(RuntimeError, match=r"Clarabel solved no program of 1 unknowns to 1e-08: .*residuals"):
-        least_quadratic(np.eye(1), np.zeros(1), program)
 
 
 # ---- (d) hard cases --------------------------------------------------------------------------------------------------

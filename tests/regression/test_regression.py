@@ -31,7 +31,7 @@ UNSTABLE = {
 }  # advice names the scene file by its path
 TABLES = ("ranking.csv", "contact.csv")
 
-CONTACT = {"contact.speeds": [0.05, 0.2], "contact.indentation": 0.002, "output.wanted": ["tables"]}
+CONTACT = {"contact.speeds": [0.05, 0.2], "contact.indentation": 0.002, "output.items": ["tables"]}
 ELASTIC = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3, "drive.backlash": 1e-4}
 KLOSS = {
     "curve": "kloss", "torque": 40.0, "speed": 157.0, "breakdown_slip": 0.15, "gear_ratio": 150.0, "inertia": 0.01,
@@ -42,25 +42,25 @@ HYDRAULICS = {
     "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
 }  # fmt: skip
 SCENES = {
-    "formula": {"output.wanted": ["tables", "cams", "reactions", "crank"]},
-    "column": {"accuracy.engine": "column", "contact.speeds": [0.05, 0.2], "output.wanted": ["tables"]} | ELASTIC,
+    "formula": {"output.items": ["tables", "cams", "reactions", "crank"]},
+    "column": {"accuracy.engine": "column", "contact.speeds": [0.05, 0.2], "output.items": ["tables"]} | ELASTIC,
     "spectral": {
-        "accuracy.engine": "spectral", "machine.rolling": "frictionless", "machine.profile": "circle",
+        "accuracy.engine": "spectral", "machine.roller_condition": "frictionless", "machine.gap_geometry": "circle",
         "drive.kind": "motor", "drive.motor": KLOSS,
     } | CONTACT,
     "fem": {
         "accuracy.engine": "fem", "accuracy.tolerance": 0.05, "drive.kind": "hydraulic", "drive.hydraulics": HYDRAULICS,
-        "beside": {"spectral": {"machine": {"rolling": "frictionless", "profile": "circle"}}},
+        "compare": {"spectral": {"machine": {"roller_condition": "frictionless", "gap_geometry": "circle"}}},
     } | CONTACT,
     "compaction": {
         "accuracy.engine": "compaction", "accuracy.tolerance": 0.3, "product.height": 0.03,
-        "layer.fed_density_ratio": 0.94, "machine.profile": "deformed", "mix.overrides.unloading_modulus": 60e6,
+        "layer.fed_density_ratio": 0.94, "machine.gap_geometry": "deformed", "mix.overrides.unloading_modulus": 60e6,
         "mix.overrides.friction_angle": 44.0, "mix.overrides.heckel_slope": 11.4e-6,
     } | CONTACT | {"contact.speeds": [0.2], "contact.indentation": 0.001},
     "optimised": {
         "motion.optimise": {"objectives": ["peak_force"], "smoothness": 1, "acceleration": 0.6},
         "drive.end_springs": {"stiffness": 5e3, "preload": 200.0, "length": 0.1}, "drive.carts": 2,
-        "drive.angles": [0.0, 1.5707963267948966], "output.wanted": ["tables"],
+        "drive.angles": [0.0, 1.5707963267948966], "output.items": ["tables"],
     },
 }  # fmt: skip
 SLOW = {"compaction": pytest.mark.slow}

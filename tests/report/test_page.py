@@ -58,9 +58,9 @@ class Reader(HTMLParser):
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     """Study, summary and page of the small scene with a layer, its cams and all that belongs to it."""
-    wanted = {"output.wanted": ["report", "cams", "reactions", "crank"], "accuracy.engine": "spectral"}
+    wanted = {"output.items": ["report", "cams", "reactions", "crank"], "accuracy.engine": "spectral"}
     quick = {"contact.speeds": [0.05, 0.3], "contact.peak_pressure": 203e3, "accuracy.tolerance": 0.05}
-    plain = {"machine.profile": "circle", "machine.rolling": "frictionless", "mix.moisture": 0.11}
+    plain = {"machine.gap_geometry": "circle", "machine.roller_condition": "frictionless", "mix.moisture": 0.11}
     study = Study(scene(**wanted, **plain, **quick))
     directory = tmp_path_factory.mktemp("page")
     summary = report.write_study(study, directory)
@@ -127,7 +127,7 @@ def test_answer_is_that_of_the_study(written):
 
 
 def test_published_force_is_said(tmp_path):
-    study = Study(scene(**{"output.wanted": []}))
+    study = Study(scene(**{"output.items": []}))
     told = html_answer.answer(study, [], [])
     assert "each roller is held down by <strong>9.74 kN</strong>" in told
 
@@ -174,7 +174,7 @@ def test_every_kind_of_ranking_has_words():
 
 
 def test_figures_are_those_of_the_files_where_these_are_written(tmp_path):
-    study = Study(scene(**{"output.wanted": ["report", "figures"], "motion.laws": ["cubic"]}))
+    study = Study(scene(**{"output.items": ["report", "figures"], "motion.laws": ["cubic"]}))
     report.write_study(study, tmp_path / "out")
     from base64 import b64encode
 
@@ -188,9 +188,9 @@ def test_figures_are_those_of_the_files_where_these_are_written(tmp_path):
 def test_only_wide_pictures_scroll_on_a_narrow_screen_and_say_so(pixels, wide):
     from matplotlib.figure import Figure
 
-    from compact.files import FIGURE_DPI, png
+    from compact.files import FIGURE_DPI, render_png
 
-    text = picture(png(Figure(figsize=(pixels / FIGURE_DPI, 1))), "a picture")
+    text = picture(render_png(Figure(figsize=(pixels / FIGURE_DPI, 1))), "a picture")
     assert ("scroll it sideways" in text) == ('<figure class="wide">' in text) == wide
 
 
@@ -205,7 +205,7 @@ def test_resistance_is_drawn_over_speed_and_acceleration(written):
         speed, force = lines[f"a = {acceleration:+.2g} m/s²"].T
         drawn = np.isfinite(force)
         assert force[drawn] == pytest.approx(met(speed[drawn], acceleration) / 1e3)
-        assert np.array_equal(~drawn, met.beyond(speed, acceleration))  # dotted there, by a line of its own
+        assert np.array_equal(~drawn, met.is_unsteady(speed, acceleration))  # dotted there, by a line of its own
     speed, mass = beside.lines[0].get_xydata().T
     inside = speed > met.speeds[0]
     assert np.interp(met.speeds[1:-1], speed[inside], mass[inside]) == pytest.approx(
@@ -219,7 +219,7 @@ def test_number_and_unit_stay_on_one_line():
 
 
 def test_law_that_no_machine_follows_is_named_once():
-    study = Study(scene(**{"output.wanted": [], "motion.laws": ["cubic", "constant-velocity"]}))
+    study = Study(scene(**{"output.items": [], "motion.laws": ["cubic", "constant-velocity"]}))
     assert html_answer.answer(study, [], []).count("No machine can follow constant-velocity") == 1
 
 
@@ -228,28 +228,28 @@ def test_law_that_no_machine_follows_is_named_once():
 
 def test_checks_hold_and_count_what_was_computed(written):
     study, _, _ = written
-    found = balance_checks.checks(study)
-    assert all(check.holds for check in found)
-    assert sum("work of the contact" in check.what for check in found) == len(study.rolled)
-    assert sum("work over a cycle" in check.what for check in found) == len(study.runs)
+    found = balance_checks.balance_checks(study)
+    assert all(check.passed for check in found)
+    assert sum("work of the contact" in check.name for check in found) == len(study.rolled)
+    assert sum("work over a cycle" in check.name for check in found) == len(study.runs)
 
 
 def test_a_balance_that_does_not_close_is_told():
-    study = Study(scene(**{"output.wanted": [], "motion.laws": ["cubic"]}))
+    study = Study(scene(**{"output.items": [], "motion.laws": ["cubic"]}))
     run = study.runs["cubic"]
     study.runs = {"cubic": replace(run, state=run.state._replace(resistance=1.001 * run.state.resistance))}
-    failed = [check for check in balance_checks.checks(study) if not check.holds]
-    assert [check.what for check in failed] == ["work over a cycle, cubic"]
+    failed = [check for check in balance_checks.balance_checks(study) if not check.passed]
+    assert [check.name for check in failed] == ["work over a cycle, cubic"]
     told = html_answer.answer(study, [], failed)
     assert "<strong>Built-in checks that fail:</strong> work over a cycle, cubic." in told
 
 
 def test_contact_that_does_not_close_its_balance_is_told(written):
     study, _, _ = written
-    broken = Study(study.scene.replaced(**{"output.wanted": []}))
+    broken = Study(study.scene.replaced(**{"output.items": []}))
     (speed, (rolled,)), *others = study.passes
     broken.passes = [(speed, (replace(rolled, work_residual=0.5),)), *others]
-    failed = [check.what for check in balance_checks.checks(broken) if not check.holds]
+    failed = [check.name for check in balance_checks.balance_checks(broken) if not check.passed]
     assert failed == [f"work of the contact at {speed:.4g} m/s"]
 
 
@@ -257,7 +257,7 @@ def test_contact_that_does_not_close_its_balance_is_told(written):
     "key", ["machine.roller_length", "motion.duration", "machine.mass", "mix.overrides.steel_friction"]
 )
 def test_ends_are_those_of_a_scene_so_changed(key):
-    study = Study(scene(**{"output.wanted": [], "motion.laws": ["cubic", "reversal-3"]}))
+    study = Study(scene(**{"output.items": [], "motion.laws": ["cubic", "reversal-3"]}))
     shift = next(shift for shift in sensitivity.shifts(study) if shift.name == key)
     for end, value in zip((shift.low, shift.high), shift.ends, strict=True):
         exact = Study(study.scene.replaced(**{key: float(value)})).rankings
@@ -267,8 +267,12 @@ def test_ends_are_those_of_a_scene_so_changed(key):
 
 
 LAYERS = {
-    "column": {"accuracy.engine": "column", "machine.rolling": "frictionless"},
-    "spectral": {"accuracy.engine": "spectral", "machine.rolling": "frictionless", "machine.profile": "circle"},
+    "column": {"accuracy.engine": "column", "machine.roller_condition": "frictionless"},
+    "spectral": {
+        "accuracy.engine": "spectral",
+        "machine.roller_condition": "frictionless",
+        "machine.gap_geometry": "circle",
+    },
 }
 
 
@@ -277,7 +281,7 @@ LAYERS = {
     ("spectral", ("mix.overrides.instant_over_relaxed",)),
 ])  # fmt: skip
 def test_ends_by_an_engine_are_those_of_a_scene_so_changed(engine, keys):
-    quick = {"output.wanted": [], "motion.laws": ["cubic", "reversal-3"], "contact.speeds": [0.02, 0.06, 0.13]}
+    quick = {"output.items": [], "motion.laws": ["cubic", "reversal-3"], "contact.speeds": [0.02, 0.06, 0.13]}
     study = Study(scene(**LAYERS[engine], **quick, **{"contact.indentation": 4e-3}))
     shifts = {shift.name: shift for shift in sensitivity.shifts(study)}
     assert {shift.by for shift in shifts.values()} == {engine}
@@ -293,7 +297,7 @@ def test_ends_by_an_engine_are_those_of_a_scene_so_changed(engine, keys):
 
 
 def test_costly_engine_moves_only_what_its_map_knows():
-    study = Study(scene(**LAYERS["spectral"], **{"output.wanted": [], "motion.laws": ["cubic", "reversal-3"]}))
+    study = Study(scene(**LAYERS["spectral"], **{"output.items": [], "motion.laws": ["cubic", "reversal-3"]}))
     study.resistance_map = study.resistance  # of the spectral engine, as if finite elements had made it
     study.scene = study.scene.replaced(**{"accuracy.engine": "fem"})
     shifts = {shift.name: shift for shift in sensitivity.shifts(study)}
@@ -306,7 +310,7 @@ def test_costly_engine_moves_only_what_its_map_knows():
 
 
 def test_ends_beyond_the_formulas_are_told():
-    study = Study(scene(**{"output.wanted": [], "motion.laws": ["cubic"], "mix.overrides.effective_modulus": 0.5e6}))
+    study = Study(scene(**{"output.items": [], "motion.laws": ["cubic"], "mix.overrides.effective_modulus": 0.5e6}))
     shifts = sensitivity.shifts(study)
     assert next(shift for shift in shifts if shift.name.endswith("required_pressure")).high is None  # sin phi > 1
     told = html_answer.answer(study, shifts, [])
@@ -314,7 +318,7 @@ def test_ends_beyond_the_formulas_are_told():
 
 
 def test_input_that_turns_the_order_is_named():
-    study = Study(scene(**{"output.wanted": [], "motion.laws": ["parabolic", "quintic"]}))
+    study = Study(scene(**{"output.items": [], "motion.laws": ["parabolic", "quintic"]}))
     shifts = sensitivity.shifts(study)
     words = "the first law is another where one input is at an end: mix.overrides.required_pressure: another by"
     other = dict.fromkeys(shifts[0].base.law, "another")
@@ -325,7 +329,7 @@ def test_input_that_turns_the_order_is_named():
 
 
 def test_laws_within_the_build_tolerance_tie_at_an_end():
-    study = Study(scene(**{"output.wanted": [], "motion.laws": ["parabolic", "modified-trapezoid", "combined-4"]}))
+    study = Study(scene(**{"output.items": [], "motion.laws": ["parabolic", "modified-trapezoid", "combined-4"]}))
     base = sensitivity.shifts(study)[0].base
     peaks = {name: run.peak_force for name, run in study.runs.items()}
     near = {name for name, peak in peaks.items() if peak < 1.01 * min(peaks.values())}

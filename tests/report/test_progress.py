@@ -224,11 +224,11 @@ def test_a_script_shows_its_progress_on_a_terminal():
 
 CALLS = {
     "roll": (
-        "roll", "--engine", "spectral", "--set", "machine.profile=circle", "--set", "machine.rolling=frictionless"
+        "roll", "--engine", "spectral", "--set", "machine.gap_geometry=circle", "--set", "machine.roller_condition=frictionless"
     ),
-    "run": ("run", "--set", "output.wanted=['tables','figures']"),
+    "run": ("run", "--set", "output.items=['tables','figures']"),
     "calibrate": ("calibrate", str(SCENES / "loveikin-2015-measured.toml")),
-    "sweep": ("sweep", "--vary", "mix.moisture=0.09:0.11:3", "--workers", "1", "--set", "output.wanted=[]"),
+    "sweep": ("sweep", "--vary", "mix.moisture=0.09:0.11:3", "--workers", "1", "--set", "output.items=[]"),
 }  # fmt: skip
 
 
@@ -243,6 +243,6 @@ def test_commands_show_their_progress(command, quiet, tmp_path, monkeypatch):
     scene = str(SCENES / ("loveikin-2015.toml" if command == "calibrate" else "small.toml"))
     ahead = [scene, options.pop(0)] if command == "calibrate" else [scene]
     out = tmp_path / ("out.json" if command == "calibrate" else "out")
-    code = cli._told([name, *ahead, *options, "--out", str(out), *["--quiet"] * quiet])
+    code = cli._exit_code([name, *ahead, *options, "--out", str(out), *["--quiet"] * quiet])
     assert code == 0, stream.getvalue()
     assert bool(drawn) != quiet

@@ -15,7 +15,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compact.files import MARK, ResultsError, claim, claimed, whole_file, write_csv, write_json, write_pvd
+from compact.files import (
+    OWNER_FILE,
+    ResultsError,
+    atomic_file,
+    claim_directory,
+    claimed_directory,
+    write_csv,
+    write_json,
+    write_pvd_collection,
+)
 
 
 def names(directory):
@@ -27,7 +36,7 @@ def no_space(*_):
 
 
 def write_half(path, broken_by):
-    with whole_file(path) as stream:
+    with atomic_file(path) as stream:
         stream.write("half")
         raise broken_by
 
@@ -37,7 +46,7 @@ def write_half(path, broken_by):
 
 def test_file_appears_when_the_block_ends(tmp_path):
     path = tmp_path / "a" / "b" / "result.txt"
-    with whole_file(path) as stream:
+    with atomic_file(path) as stream:
         stream.write("whole")
         stream.flush()
         assert not path.exists()
@@ -46,13 +55,13 @@ def test_file_appears_when_the_block_ends(tmp_path):
 
 
 def test_bytes_are_kept(tmp_path):
-    with whole_file(tmp_path / "picture.png", "wb") as stream:
+    with atomic_file(tmp_path / "picture.png", "wb") as stream:
         stream.write(b"\x89PNG\r\n\x00")
     assert (tmp_path / "picture.png").read_bytes() == b"\x89PNG\r\n\x00"
 
 
 def test_words_are_utf8_with_plain_line_ends(tmp_path):
-    with whole_file(tmp_path / "words") as stream:
+    with atomic_file(tmp_path / "words") as stream:
         stream.write("δ\n")
     assert (tmp_path / "words").read_bytes() == "δ\n".encode()
 
@@ -73,7 +82,7 @@ def test_old_content_is_read_until_the_new_is_whole(tmp_path):
     path = tmp_path / "result.txt"
     path.write_text("old")
     with path.open() as reader:
-        with whole_file(path) as stream:
+        with atomic_file(path) as stream:
             stream.write("new, longer")
             assert path.read_text() == "old"
         assert reader.read() == "old"
@@ -81,7 +90,7 @@ def test_old_content_is_read_until_the_new_is_whole(tmp_path):
 
 
 def test_two_files_of_one_directory_do_not_meet(tmp_path):
-    with whole_file(tmp_path / "a") as first, whole_file(tmp_path / "b") as second:
+    with atomic_file(tmp_path / "a") as first, atomic_file(tmp_path / "b") as second:
         first.write("1")
         second.write("2")
     assert [(tmp_path / name).read_text() for name in "ab"] == ["1", "2"]
@@ -99,7 +108,7 @@ def test_full_disk_is_told_and_leaves_nothing(tmp_path, monkeypatch, failing):
     elif failing == "replace":
         monkeypatch.setattr(Path, "replace", no_space)
     told = pytest.raises(ResultsError, match=r"result\.txt: could not be written: No space left on device")
-    with told, whole_file(path) as stream:
+    with told, atomic_file(path) as stream:
         stream.write("new")
         if failing == "flush":
             no_space()
@@ -246,7 +255,7 @@ def test_json_reads_back_as_it_was(tmp_path_factory, content):
 
 
 def test_series_names_its_files_from_its_own_place(tmp_path):
-    write_pvd(tmp_path / "fields.pvd", [(v, tmp_path / "fields" / f"speed={v}.vtu") for v in (0.02, 1 / 3)])
+    write_pvd_collection(tmp_path / "fields.pvd", [(v, tmp_path / "fields" / f"speed={v}.vtu") for v in (0.02, 1 / 3)])
     root = ElementTree.parse(tmp_path / "fields.pvd").getroot()
     assert (root.tag, root.get("type")) == ("VTKFile", "Collection")
     members = {float(member.get("timestep")): member.get("file") for member in root.iter("DataSet")}
@@ -255,7 +264,7 @@ def test_series_names_its_files_from_its_own_place(tmp_path):
 
 def test_series_of_files_elsewhere_is_refused_and_nothing_written(tmp_path):
     with pytest.raises(ValueError, match="is not in the subpath"):
-        write_pvd(tmp_path / "a" / "fields.pvd", [(0.02, tmp_path / "b" / "speed=0.02.vtu")])
+        write_pvd_collection(tmp_path / "a" / "fields.pvd", [(0.02, tmp_path / "b" / "speed=0.02.vtu")])
     assert names(tmp_path) == []
 
 
@@ -267,38 +276,38 @@ def test_free_directory_is_claimed(tmp_path, made):
     directory = tmp_path / "out" / "scene"
     if made:
         directory.mkdir(parents=True)
-    assert claim(directory, "abc") == directory
-    assert (directory / MARK).read_text() == "abc\n"
+    assert claim_directory(directory, "abc") == directory
+    assert (directory / OWNER_FILE).read_text() == "abc\n"
 
 
 def test_own_directory_is_used_again(tmp_path):
-    claim(tmp_path / "out", "abc")
+    claim_directory(tmp_path / "out", "abc")
     write_json(tmp_path / "out" / "summary.json", {})
-    assert claim(str(tmp_path / "out"), "abc") == tmp_path / "out"
-    assert names(tmp_path / "out") == [MARK, "summary.json"]
+    assert claim_directory(str(tmp_path / "out"), "abc") == tmp_path / "out"
+    assert names(tmp_path / "out") == [OWNER_FILE, "summary.json"]
 
 
 def test_directory_of_another_scene_is_refused(tmp_path):
-    claim(tmp_path, "abc")
+    claim_directory(tmp_path, "abc")
     with pytest.raises(ResultsError, match="holds results of another scene; give another --out, or --force"):
-        claim(tmp_path, "xyz")
-    assert (tmp_path / MARK).read_text() == "abc\n"
+        claim_directory(tmp_path, "xyz")
+    assert (tmp_path / OWNER_FILE).read_text() == "abc\n"
 
 
 def test_force_takes_the_directory_of_another_scene(tmp_path):
-    claim(tmp_path, "abc")
+    claim_directory(tmp_path, "abc")
     write_json(tmp_path / "summary.json", {})
-    claim(tmp_path, "xyz", force=True)
-    assert (tmp_path / MARK).read_text() == "xyz\n"
-    assert names(tmp_path) == [MARK, "summary.json"]
+    claim_directory(tmp_path, "xyz", force=True)
+    assert (tmp_path / OWNER_FILE).read_text() == "xyz\n"
+    assert names(tmp_path) == [OWNER_FILE, "summary.json"]
 
 
 def test_foreign_files_are_refused_and_kept_under_force(tmp_path):
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(ResultsError, match="holds files that are not compact's; give another --out, or --force"):
-        claim(tmp_path, "abc")
+        claim_directory(tmp_path, "abc")
     assert names(tmp_path) == ["thesis.tex"]
-    claim(tmp_path, "abc", force=True)
+    claim_directory(tmp_path, "abc", force=True)
     assert (tmp_path / "thesis.tex").read_text() == "years of work"
 
 
@@ -306,7 +315,7 @@ def test_foreign_files_are_refused_and_kept_under_force(tmp_path):
 def test_file_in_the_way_is_refused(tmp_path, force):
     (tmp_path / "out").write_text("a file")
     with pytest.raises(ResultsError, match="out: Not a directory; give another --out"):
-        claim(tmp_path / "out", "abc", force)
+        claim_directory(tmp_path / "out", "abc", force)
     assert (tmp_path / "out").read_text() == "a file"
 
 
@@ -316,22 +325,22 @@ def test_directory_that_may_not_be_read_is_told(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Path, "iterdir", forbidden)
     with pytest.raises(ResultsError, match="Permission denied; give another --out"):
-        claim(tmp_path, "abc")
+        claim_directory(tmp_path, "abc")
 
 
 def test_place_where_nothing_can_be_written_is_told():
     with pytest.raises(ResultsError, match=r"/proc/compact/scene\.hash: could not be written"):
-        claim("/proc/compact", "abc")
+        claim_directory("/proc/compact", "abc")
 
 
 def test_directory_as_a_mark_is_refused(tmp_path):
-    (tmp_path / MARK).mkdir()
+    (tmp_path / OWNER_FILE).mkdir()
     with pytest.raises(ResultsError, match="Is a directory; give another --out"):
-        claim(tmp_path, "abc")
+        claim_directory(tmp_path, "abc")
 
 
 def fail_in(directory, scene_hash, result=None):
-    with claimed(directory, scene_hash) as place:
+    with claimed_directory(directory, scene_hash) as place:
         if result:
             (place / result).write_text("whole")
         raise ZeroDivisionError
@@ -340,31 +349,31 @@ def fail_in(directory, scene_hash, result=None):
 def test_claim_of_a_run_that_wrote_nothing_is_given_back(tmp_path):
     with pytest.raises(ZeroDivisionError):
         fail_in(tmp_path, "abc")
-    with claimed(tmp_path, "xyz") as directory:
-        assert (directory / MARK).read_text() == "xyz\n"
+    with claimed_directory(tmp_path, "xyz") as directory:
+        assert (directory / OWNER_FILE).read_text() == "xyz\n"
 
 
 def test_claim_of_a_run_that_wrote_something_stays(tmp_path):
     with pytest.raises(ZeroDivisionError):
         fail_in(tmp_path, "abc", "laws.csv")
     with pytest.raises(ResultsError, match="another scene"):
-        claim(tmp_path, "xyz")
+        claim_directory(tmp_path, "xyz")
 
 
 def test_empty_mark_is_another_scene(tmp_path):
-    (tmp_path / MARK).write_text("")
+    (tmp_path / OWNER_FILE).write_text("")
     with pytest.raises(ResultsError, match="another scene"):
-        claim(tmp_path, "abc")
+        claim_directory(tmp_path, "abc")
 
 
 def test_unreadable_mark_is_refused(tmp_path):
-    (tmp_path / MARK).write_bytes(b"\xff\xfe")
+    (tmp_path / OWNER_FILE).write_bytes(b"\xff\xfe")
     with pytest.raises(ResultsError, match="another scene"):
-        claim(tmp_path, "abc")
+        claim_directory(tmp_path, "abc")
 
 
 def test_remains_of_a_killed_claim_do_not_lock_the_directory(tmp_path):
-    (tmp_path / f".{MARK}.4711.part").write_text("")
+    (tmp_path / f".{OWNER_FILE}.4711.part").write_text("")
     with contextlib.suppress(ResultsError):
-        claim(tmp_path, "abc")
-    assert (tmp_path / MARK).exists()
+        claim_directory(tmp_path, "abc")
+    assert (tmp_path / OWNER_FILE).exists()

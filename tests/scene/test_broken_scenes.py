@@ -74,7 +74,7 @@ DRIVES = {  # complete tables, whose numbers a case then changes
     },
     "optimise": {"motion.optimise": {"objectives": ["peak_force"], "smoothness": 1, "acceleration": 0.6}},
 }  # fmt: skip
-SHORT = {"motion.laws": ["cubic"], "output.wanted": [], "contact.speeds": [0.05, 0.2], "accuracy.tolerance": 0.05}
+SHORT = {"motion.laws": ["cubic"], "output.items": [], "contact.speeds": [0.05, 0.2], "accuracy.tolerance": 0.05}
 
 
 TIED = (  # keys that seldom change alone
@@ -90,7 +90,13 @@ TIED = (  # keys that seldom change alone
     ),
 )
 FELT = (  # keys that engines feel
-    *("machine.roller_radius", "machine.roller_length", "product.height", "layer.lift", "layer.fed_density_ratio"),
+    *(
+        "machine.roller_radius",
+        "machine.roller_length",
+        "product.height",
+        "layer.lift_thickness",
+        "layer.fed_density_ratio",
+    ),
     *("motion.duration", "accuracy.tolerance"),
 )
 
@@ -154,7 +160,7 @@ def odd(draw, key):
     words = choices(KEYS[key])
     if words and draw.random() < 0.3:
         word = draw.choice(words)
-        return [word] if key.endswith(("laws", "wanted", "rank_by", "objectives", "spread")) else word
+        return [word] if key.endswith(("laws", "output.items", "rank_by", "objectives", "spread")) else word
     return draw.choice(ODD)
 
 
@@ -250,7 +256,7 @@ def ended(asked, folder):
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
             signal.signal(signal.SIGXCPU, signal.SIG_DFL)
             warnings.resetwarnings()  # those of pytest, which fail a test; the command prints its warnings
-            code = cli._told(asked.arguments)
+            code = cli._exit_code(asked.arguments)
         finally:
             sys.stdout.flush()
             sys.stderr.flush()
@@ -331,10 +337,10 @@ def warm(tmp_path_factory):
     """Load what the engines need once, in the process from which the cases are forked."""
     folder = tmp_path_factory.mktemp("warm")
     for engine in dict.fromkeys(ENGINES):
-        assert cli._told(["roll", str(SMALL), "--engine", engine, "--out", str(folder / engine), "--quiet"]) == 0
-    compiled = DRIVES["elastic"] | {"output.wanted": [], "motion.laws": ["cubic"]}
+        assert cli._exit_code(["roll", str(SMALL), "--engine", engine, "--out", str(folder / engine), "--quiet"]) == 0
+    compiled = DRIVES["elastic"] | {"output.items": [], "motion.laws": ["cubic"]}
     changes = [f"--set={key}={json.dumps(value)}" for key, value in compiled.items()]
-    assert cli._told(["run", str(SMALL), *changes, "--out", str(folder / "elastic"), "--quiet"]) == 0
+    assert cli._exit_code(["run", str(SMALL), *changes, "--out", str(folder / "elastic"), "--quiet"]) == 0
 
 
 def checked(asked, folder):

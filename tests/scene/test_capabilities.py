@@ -16,14 +16,17 @@ from compact.engines.fem import engine as fem_engine
 from compact.engines.spectral import engine as spectral
 from compact.report import html_answer
 from compact.report import writer as report
-from compact.rolling_contact import Base, Layer, Ply, Profile, Roller, Rolling
+from compact.rolling_contact import BaseCondition, GapGeometry, Layer, Ply, Roller, RollerCondition
 from compact.scene.engine_capabilities import LIMITS, adapt
 from compact.scene.loader import Scene, SceneError, load_scene, parse_scene, starter_scene
 from compact.sweep import point as headline
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
 SPEED = 0.1
-OPEN = {"machine.rolling": "free", "machine.profile": "deformed"}  # defaults of the keys that a scene may leave open
+OPEN = {
+    "machine.roller_condition": "free",
+    "machine.gap_geometry": "deformed",
+}  # defaults of the keys that a scene may leave open
 
 
 def doors(engine, layer, roller, material):
@@ -31,8 +34,8 @@ def doors(engine, layer, roller, material):
     if engine == "formula":
         contact._refuse_beyond_formula(layer, roller, material, SPEED)
     elif engine == "column":
-        column._refuse_other_layers(layer)
-        column._refuse_beyond_columns(roller, material, SPEED)
+        column.require_single_bonded_layer(layer)
+        column.require_column_range(roller, material, SPEED)
     elif engine == "spectral":
         spectral.require_spectral_range(layer, roller, material, SPEED)
     elif engine == "fem":
@@ -51,11 +54,11 @@ def test_table_and_engines_agree_on_what_is_taken(engine, friction):
     study = Study(load_scene(SMALL, **{"mix.overrides.steel_friction": friction}))
     layer, _, material = inputs(study.scene, study.mix, engine, SPEED)
     plies = (), (Ply(layer.height, 2.0),)
-    cases = product(get_args(Rolling), get_args(Profile), get_args(Base), plies)
+    cases = product(get_args(RollerCondition), get_args(GapGeometry), get_args(BaseCondition), plies)
     for rolling, profile, base, stack in cases:
         by_table = (
-            taken(engine, "machine.rolling", rolling, friction)
-            and taken(engine, "machine.profile", profile, friction)
+            taken(engine, "machine.roller_condition", rolling, friction)
+            and taken(engine, "machine.gap_geometry", profile, friction)
             and taken(engine, "layer.base", base, friction)
             and (not stack or taken(engine, "layer.plies", stack, friction))
         )
@@ -73,7 +76,7 @@ def test_table_and_engines_agree_on_what_is_taken(engine, friction):
 @pytest.mark.parametrize("engine", LIMITS)
 def test_scenes_leave_open_what_an_engine_may_replace(name, engine):
     scene = parse_scene(starter_scene()) if name == "starter" else load_scene(SMALL.with_name(f"{name}.toml"))
-    beside = None if engine == scene.accuracy.engine or scene.beside is None else {"beside": None, "output.wanted": []}
+    beside = None if engine == scene.accuracy.engine or scene.compare is None else {"compare": None, "output.items": []}
     scene = scene.replaced(**{"accuracy.engine": engine} | (beside or {}))
     given, _ = adapt(scene, engine)
     for limit in LIMITS[engine]:
@@ -85,17 +88,17 @@ def test_scenes_leave_open_what_an_engine_may_replace(name, engine):
 def test_spectral_takes_the_nearest_roller_and_gap_and_says_so():
     scene = load_scene(SMALL, **{"accuracy.engine": "spectral"})
     given, sentences = adapt(scene, "spectral")
-    assert (given.machine.rolling, given.machine.profile) == ("frictionless", "circle")
+    assert (given.machine.roller_condition, given.machine.gap_geometry) == ("frictionless", "circle")
     assert sentences == (
         "spectral: vertical gap to the circle in place of the gap on the deformed surface, as its gap is measured on "
         "the undeformed surface",
         "spectral: frictionless roller in place of the free roller, as its rollers have no friction or slip everywhere",
     )
-    assert (scene.machine.rolling, scene.machine.profile) == ("free", "deformed")
+    assert (scene.machine.roller_condition, scene.machine.gap_geometry) == ("free", "deformed")
 
 
 def test_a_free_roller_without_friction_is_no_other_for_spectral():
-    scene = load_scene(SMALL, **{"mix.overrides.steel_friction": 0.0, "machine.profile": "parabola"})
+    scene = load_scene(SMALL, **{"mix.overrides.steel_friction": 0.0, "machine.gap_geometry": "parabola"})
     assert adapt(scene, "spectral") == (scene, ())
 
 
@@ -107,14 +110,24 @@ def test_engines_that_take_every_roller_and_gap_replace_nothing(engine):
 @pytest.mark.parametrize(
     ("engine", "key", "value", "words"),
     [
-        ("spectral", "machine.profile", "deformed", r'profile: .* takes no "deformed", .* give "circle" or "parabola"'),
         (
             "spectral",
-            "machine.rolling",
-            "free",
-            r'rolling: .* takes no "free", .* choose accuracy.engine = "formula", "column", "fem" or',
+            "machine.gap_geometry",
+            "deformed",
+            r'gap_geometry: .* takes no "deformed", .* give "circle" or "parabola"',
         ),
-        ("column", "machine.rolling", "sliding", r'rolling: .* takes no "sliding", as columns carry no shear'),
+        (
+            "spectral",
+            "machine.roller_condition",
+            "free",
+            r'roller_condition: .* takes no "free", .* choose accuracy.engine = "formula", "column", "fem" or',
+        ),
+        (
+            "column",
+            "machine.roller_condition",
+            "sliding",
+            r'roller_condition: .* takes no "sliding", as columns carry no shear',
+        ),
         ("column", "layer.base", "slip", r'base: .* takes no "slip", .* give "bonded"'),
         ("fem", "layer.passes", 2, r'passes: .* takes no 2 passes, .* accuracy.engine = "column" or "compaction"'),
     ],
@@ -139,7 +152,7 @@ def test_a_key_set_to_its_default_stays_set_through_changes(key, default):
 def test_the_formulas_beside_another_engine_leave_out_what_they_cannot_take():
     plies = [{"thickness": 0.16, "stiffness": 2.0}, {"thickness": 0.06, "stiffness": 1.0}]
     scene = load_scene(SMALL, **{"accuracy.engine": "fem", "layer.plies": plies, "contact": {"indentation": 0.002}})
-    assert scene.by("formula").contact.indentation is None
+    assert scene.with_engine("formula").contact.indentation is None
     assert scene.replacements["fem"] == ()
     assert scene.replacements["formula"] == (
         "formula: pressure that the mix needs in place of the prescribed depth of 0.002 m, as the depth of a contact "
@@ -155,13 +168,13 @@ def test_the_formulas_beside_another_engine_leave_out_what_they_cannot_take():
 
 def new_scene(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert cli._told(["new", "mine"]) == 0
+    assert cli._exit_code(["new", "mine"]) == 0
     return "mine/scene.toml"
 
 
 @pytest.mark.parametrize("engine", ["formula", "column", "spectral", "fem"])
 def test_the_new_scene_is_rolled_by_every_engine(engine, tmp_path, monkeypatch, capsys):
-    assert cli._told(["roll", new_scene(tmp_path, monkeypatch), "--engine", engine, "--out", "out"]) == 0
+    assert cli._exit_code(["roll", new_scene(tmp_path, monkeypatch), "--engine", engine, "--out", "out"]) == 0
     told = capsys.readouterr().out
     contact = json.loads(Path("out/contact.json").read_text())
     assert all(sentence in told for sentence in contact["replaced"])
@@ -170,14 +183,14 @@ def test_the_new_scene_is_rolled_by_every_engine(engine, tmp_path, monkeypatch, 
 
 @pytest.mark.slow
 def test_the_new_scene_is_rolled_by_the_engine_compaction(tmp_path, monkeypatch):
-    assert cli._told(["roll", new_scene(tmp_path, monkeypatch), "--engine", "compaction", "--out", "out"]) == 0
+    assert cli._exit_code(["roll", new_scene(tmp_path, monkeypatch), "--engine", "compaction", "--out", "out"]) == 0
     contact = json.loads(Path("out/contact.json").read_text())
     assert contact["exit_density_ratio"]["value"] == pytest.approx(0.98, abs=1e-3)
     assert contact["replaced"] == []
 
 
 def test_a_run_says_what_each_engine_replaced(tmp_path):
-    few = {"motion.laws": ["cubic"], "contact.speeds": [0.1, 0.2], "output.wanted": [], "accuracy.tolerance": 0.1}
+    few = {"motion.laws": ["cubic"], "contact.speeds": [0.1, 0.2], "output.items": [], "accuracy.tolerance": 0.1}
     study = Study(load_scene(SMALL, **{"accuracy.engine": "spectral"} | few))
     summary = report.write_study(study, tmp_path / "out")
     assert set(summary["replaced"]) == {"spectral", "formula"}
@@ -231,7 +244,7 @@ def test_an_insisting_scene_leaves_out_the_estimate_of_heaping(monkeypatch):
         asked.append(options)
         raise RuntimeError("reached the engine")
 
-    whole = {"accuracy.engine": "compaction", "layer.lift": None}
+    whole = {"accuracy.engine": "compaction", "layer.lift_thickness": None}
     refused = Study(load_scene(SMALL, **whole))
     with pytest.raises(RuntimeError, match=r'heaps up.*unusual = \["mix.density_ratio"\] computes it all the same'):
         refused.passes_at(refused.scene.mean_speed)

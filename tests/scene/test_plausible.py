@@ -123,24 +123,26 @@ def test_zero_is_no_magnitude():
 
 
 def test_plies_are_compared_too():
-    plies = [{"thickness": 0.2, "stiffness": 2.0}, {"thickness": 0.02, "stiffness": 1e6}]
-    with pytest.raises(SceneError, match=r"layer\.plies: stiffness 1e\+06 is far outside the plausible 0\.001 to 1000"):
+    plies = [{"thickness": 0.2, "relative_modulus": 2.0}, {"thickness": 0.02, "relative_modulus": 1e6}]
+    with pytest.raises(
+        SceneError, match=r"layer\.plies: relative_modulus 1e\+06 is far outside the plausible 0\.001 to 1000"
+    ):
         load_scene(SMALL, **{"accuracy.engine": "fem", "layer.plies": plies})
 
 
 def test_what_an_engine_beside_is_given_is_compared():
     given = {"column": {"mix": {"overrides": {"heckel_slope": 13.0}}}}
-    with pytest.raises(SceneError, match=r"beside\.column: with it mix\.overrides\.heckel_slope: 13 1/Pa is far"):
-        load_scene(SMALL, beside=given)
+    with pytest.raises(SceneError, match=r"compare\.column: with it mix\.overrides\.heckel_slope: 13 1/Pa is far"):
+        load_scene(SMALL, compare=given)
 
 
 def test_a_sweep_refuses_implausible_values_before_it_computes():
     with pytest.raises(SceneError, match=r"mix\.overrides\.heckel_slope: 13 1/Pa is far outside"):
-        load_scene(SMALL).refuse_fields(**{"mix.overrides.heckel_slope": 13.0})
+        load_scene(SMALL).require_fields(**{"mix.overrides.heckel_slope": 13.0})
 
 
 def test_the_speed_of_a_contact_is_compared(tmp_path, capsys):
-    assert cli._told(["roll", str(SMALL), "--speed", "1e6", "--out", str(tmp_path / "out")]) == 2
+    assert cli._exit_code(["roll", str(SMALL), "--speed", "1e6", "--out", str(tmp_path / "out")]) == 2
     assert "--speed: 1e+06 m/s is far outside the plausible 0.0001 to 5 m/s" in capsys.readouterr().err
 
 

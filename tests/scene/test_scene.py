@@ -211,10 +211,10 @@ def test_the_hash_forgets_how_a_number_is_written(published):
 
 
 def test_the_hash_forgets_what_is_to_be_written(published):
-    assert published.replaced(**{"output.wanted": []}).hash == published.hash
+    assert published.replaced(**{"output.items": []}).hash == published.hash
 
 
-@pytest.mark.parametrize("path", sorted(LEAVES.keys() - {"title", "output.wanted"}))
+@pytest.mark.parametrize("path", sorted(LEAVES.keys() - {"title", "output.items"}))
 def test_the_hash_knows_every_other_key(published, path):
     value = OTHER_TEXTS[path] if path in OTHER_TEXTS else another(LEAVES[path])
     changed = published.replaced(**TIED.get(path, {path: value}))
@@ -325,14 +325,14 @@ def test_a_refused_change_is_not_blamed_on_a_line_of_the_file(published):
             "is one of the two in other units?",
         ),
         (
-            {"machine.rolling": "driven", "machine.roller_torque": 5.0, "accuracy.engine": "spectral"},
-            'loveikin.toml (changed by the caller): machine.rolling: the engine "spectral" lets a driven roller slip '
-            'all over, whatever its torque; "fem" lets it stick',
+            {"machine.roller_condition": "driven", "machine.roller_torque": 5.0, "accuracy.engine": "spectral"},
+            'loveikin.toml (changed by the caller): machine.roller_condition: the engine "spectral" assumes full '
+            'slip of a driven roller, whatever its torque; "fem" resolves stick',
         ),
         (
             {"machine.roller_torque": -5.0},
-            'loveikin.toml (changed by the caller): machine.roller_torque: the engine "formula" takes no account of '
-            'machine.roller_torque; "fem" and "compaction" do',
+            'loveikin.toml (changed by the caller): machine.roller_torque: the engine "formula" neglects '
+            'machine.roller_torque; "fem" and "compaction" use it',
         ),
     ],
 )
@@ -538,7 +538,7 @@ BROKEN = [
         "k above the table",
         "density_ratio = 0.98",
         "density_ratio = 0.995",
-        "mix.density_ratio: must be between 0.9 and 0.99, got 0.995; give the density ratio k",
+        "mix.density_ratio: must be between 0.9 and 0.99, got 0.995; give the required density ratio k",
     ),
     refused(
         "k below the table",
@@ -619,7 +619,7 @@ BROKEN = [
         "unknown output",
         '"figures", "cams"',
         '"figure", "cams"',
-        "output.wanted[1]: must be one of tables, figures, cams, reactions, crank, fields, report, got 'figure'; "
+        "output.items[1]: must be one of tables, figures, cams, reactions, crank, fields, report, got 'figure'; "
         "did you mean 'figures'?",
     ),
     refused(
@@ -775,7 +775,7 @@ BROKEN = [
         "no rod for the crank",
         "rod_length = 0.8",
         "# rod_length = 0.8",
-        'motion.rod_length: is missing, and motion.laws is ["all"], crank included and output.wanted holds '
+        'motion.rod_length: is missing, and motion.laws is ["all"], crank included and output.items holds '
         '"crank"; give the length of the connecting rod in m',
         at="[motion]",
     ),
@@ -789,17 +789,17 @@ BROKEN = [
     refused(
         "resistance at first order of a rigid drive",
         'kind = "rigid"',
-        'kind = "rigid"\nfirst_order = true',
-        'drive.kind: "rigid" has no first_order; take it out, or choose "elastic"',
+        'kind = "rigid"\ninclude_added_mass = true',
+        'drive.kind: "rigid" has no include_added_mass; take it out, or choose "elastic"',
         at='kind = "rigid"',
     ),
     refused(
         "resistance at an order that is none",
         'kind = "rigid"',
-        'kind = "elastic"\nstiffness = 1e6\ndamping = 0.0\nfirst_order = 1',
-        "drive.first_order: must be true or false, got 1; give true where the resistance behind an elastic drive "
-        "follows the acceleration, F + a M, else false",
-        at="first_order = 1",
+        'kind = "elastic"\nstiffness = 1e6\ndamping = 0.0\ninclude_added_mass = 1',
+        "drive.include_added_mass: must be true or false, got 1; give true if the resistance of an elastic "
+        "drive includes the added mass, F + a M, else false",
+        at="include_added_mass = 1",
     ),
     refused(
         "elastic drive without its numbers",
@@ -830,8 +830,8 @@ BROKEN = [
     refused(
         "slip of a straight curve",
         "[cam]",
-        MOTOR.replace("kloss", "straight") + "\n[cam]",
-        'drive.motor.breakdown_slip: is for drive.motor.curve "kloss", got 0.15 with "straight"; take it out',
+        MOTOR.replace("kloss", "linear") + "\n[cam]",
+        'drive.motor.breakdown_slip: is for drive.motor.curve "kloss", got 0.15 with "linear"; take it out',
         at="breakdown_slip",
         also=('kind = "rigid"', 'kind = "motor"'),
     ),
@@ -877,22 +877,22 @@ BROKEN = [
     ),
     refused(
         "torque on a roller that does not turn",
-        '# rolling = "free"',
-        'roller_torque = 5.0\nrolling = "sliding"',
-        'machine.roller_torque: is for machine.rolling "free" or "driven", got 5 with "sliding"; take it out',
+        '# roller_condition = "free"',
+        'roller_torque = 5.0\nroller_condition = "sliding"',
+        'machine.roller_torque: is for machine.roller_condition "free" or "driven", got 5 with "sliding"; take it out',
         at="roller_torque",
     ),
     refused(
         "bearings that drive",
-        '# rolling = "free"',
-        'roller_torque = 5.0\nrolling = "free"',
+        '# roller_condition = "free"',
+        'roller_torque = 5.0\nroller_condition = "free"',
         'machine.roller_torque: must not be positive for a "free" roller, which bearings only brake, got 5; give -5',
         at="roller_torque",
     ),
     refused(
         "roller driven by nothing",
-        '# rolling = "free"  ',
-        'rolling = "driven" #',
+        '# roller_condition = "free"  ',
+        'roller_condition = "driven" #',
         'machine.roller_torque: is missing, and the engine "fem" rolls a "driven" roller by it; give the torque on one',
         at="[machine]",
         also=('engine = "formula"', 'engine = "fem"'),
@@ -907,15 +907,15 @@ BROKEN = [
     refused(
         "lift above the product",
         'base = "bonded"  ',
-        'base = "bonded"\nlift = 0.3  ',
-        "layer.lift: must be at most product.height = 0.22 m, got 0.3; without it the product is one lift",
-        at="lift = 0.3",
+        'base = "bonded"\nlift_thickness = 0.3  ',
+        "layer.lift_thickness: must be at most product.height = 0.22 m, got 0.3; without it the product is one lift",
+        at="lift_thickness = 0.3",
     ),
     refused(
         "roller below a lift",
         'base = "bonded"  ',
-        'base = "bonded"\nlift = 0.06  ',
-        "contact.indentation: must be below layer.lift = 0.06 m, got 0.07; the base lies there",
+        'base = "bonded"\nlift_thickness = 0.06  ',
+        "contact.indentation: must be below layer.lift_thickness = 0.06 m, got 0.07; the base lies there",
         at="indentation = 0.07",
         also=("[accuracy]", "[contact]\nindentation = 0.07\n[accuracy]"),
     ),
@@ -923,15 +923,14 @@ BROKEN = [
         "roller that does not touch",
         "[accuracy]",
         "[contact]\nload = 0.0\n[accuracy]",
-        "contact.load: must be positive, got 0.0; give the normal force on one roller in N (at zero the roller does "
-        "not touch the layer)",
+        "contact.load: must be positive, got 0.0; give the normal force on one roller in N (zero means no contact)",
         at="load = 0.0",
     ),
     refused(
         "fields of a formula",
         '"figures", "cams"',
         '"fields", "cams"',
-        'output.wanted: holds "fields", which accuracy.engine = "formula" does not compute; take it out, or',
+        'output.items: holds "fields", which accuracy.engine = "formula" does not compute; take it out, or',
     ),
     refused(
         "law twice",
@@ -943,7 +942,7 @@ BROKEN = [
         "all beside others",
         'laws = ["all"]',
         'laws = ["all", "cubic"]',
-        'motion.laws: "all" already holds every law, got it beside others; write ["all"] or the names',
+        'motion.laws: "all" already holds every law, got it with others; write ["all"] or the names',
     ),
     refused(
         "no such table",
@@ -1003,7 +1002,7 @@ BROKEN = [
 ]
 
 
-PLIES = "plies = [ { thickness = 0.16, stiffness = 2.0 }, { thickness = 0.06, stiffness = 1.0 } ]"
+PLIES = "plies = [ { thickness = 0.16, relative_modulus = 2.0 }, { thickness = 0.06, relative_modulus = 1.0 } ]"
 
 
 def with_plies(plies=PLIES, engine="fem"):
@@ -1012,9 +1011,11 @@ def with_plies(plies=PLIES, engine="fem"):
 
 
 def test_plies_are_read_from_either_form_of_table():
-    tables = "".join(f"[[layer.plies]]\nthickness = {d}\nstiffness = {c}\n" for d, c in ((0.16, 2.0), (0.06, 1.0)))
+    tables = "".join(
+        f"[[layer.plies]]\nthickness = {d}\nrelative_modulus = {c}\n" for d, c in ((0.16, 2.0), (0.06, 1.0))
+    )
     scene = parse_scene(with_plies())
-    assert [(ply.thickness, ply.stiffness) for ply in scene.layer.plies] == [(0.16, 2.0), (0.06, 1.0)]
+    assert [(ply.thickness, ply.relative_modulus) for ply in scene.layer.plies] == [(0.16, 2.0), (0.06, 1.0)]
     assert parse_scene(with_plies("") + tables) == scene
 
 
@@ -1023,12 +1024,24 @@ def test_plies_are_read_from_either_form_of_table():
     [
         (with_plies(PLIES.replace("0.06", "0.05")), "layer.plies: must be product.height = 0.22 m thick together, got"),
         (with_plies(PLIES.replace("0.06", "-0.06")), "layer.plies[1].thickness: must be positive, got -0.06; give the"),
-        (with_plies(PLIES.replace("2.0", '"hard"')), "layer.plies[0].stiffness: must be a number, got 'hard'; give"),
-        (with_plies(PLIES.replace("2.0", "1" + "0" * 400)), "layer.plies[0].stiffness: must be finite and below"),
+        (
+            with_plies(PLIES.replace("2.0", '"hard"')),
+            "layer.plies[0].relative_modulus: must be a number, got 'hard'; give",
+        ),
+        (
+            with_plies(PLIES.replace("2.0", "1" + "0" * 400)),
+            "layer.plies[0].relative_modulus: must be finite and below",
+        ),
         (with_plies(PLIES.replace("0.06", "1" + "0" * 308)), "0.22 m thick together, got 1e+308; change one"),
-        (with_plies(PLIES.replace("stiffness = 1.0", "E = 1")), "layer.plies[1].stiffness: is missing; give the"),
-        (with_plies(PLIES.replace("stiffness", "stiffnes")), "unknown key in [layer.plies], got 2.0; did you mean"),
-        (with_plies("plies = [0.22]"), "layer.plies[0]: must be a table, got 0.22; write { thickness = …, stiff"),
+        (
+            with_plies(PLIES.replace("relative_modulus = 1.0", "E = 1")),
+            "layer.plies[1].relative_modulus: is missing; give the",
+        ),
+        (
+            with_plies(PLIES.replace("relative_modulus", "relative_modulu")),
+            "unknown key in [layer.plies], got 2.0; did you mean",
+        ),
+        (with_plies("plies = [0.22]"), "layer.plies[0]: must be a table, got 0.22; write { thickness = …, relative"),
         (with_plies("plies = 0.22"), "layer.plies: must be a list, got 0.22; give the plies from the base upwards"),
         (with_plies("plies = []"), "layer.plies: must have at least 1 entry, got 0; give the plies"),
         (
@@ -1090,7 +1103,7 @@ def test_a_missing_table_has_no_line_but_its_name():
 def test_cams_want_a_cam():
     start, end = PUBLISHED.index("[cam]"), PUBLISHED.index("[accuracy]")
     assert mistakes_of(PUBLISHED[:start] + PUBLISHED[end:]) == (
-        f'{FILE}: cam: the table [cam] is missing, and output.wanted holds "cams"; give [cam] with breadth and '
+        f'{FILE}: cam: the table [cam] is missing, and output.items holds "cams"; give [cam] with breadth and '
         'roller_follower_radius in m, or take "cams" out',
     )
 
@@ -1102,8 +1115,8 @@ def test_run_up_and_run_down_of_a_half_fill_the_pass(published):
 
 @pytest.mark.parametrize("user", ["laws", "kind", "wanted"])
 def test_each_user_of_the_crank_asks_for_the_rod(published, user):
-    base = {"motion.laws": ["cubic"], "drive.kind": "rigid", "output.wanted": [], "motion.rod_length": None}
-    asks = {"laws": ("motion.laws", ["crank"]), "kind": ("drive.kind", "crank"), "wanted": ("output.wanted", ["crank"])}
+    base = {"motion.laws": ["cubic"], "drive.kind": "rigid", "output.items": [], "motion.rod_length": None}
+    asks = {"laws": ("motion.laws", ["crank"]), "kind": ("drive.kind", "crank"), "wanted": ("output.items", ["crank"])}
     path, value = asks[user]
     with pytest.raises(SceneError, match=f"motion.rod_length: is missing, and {path} .*give the length of the conn"):
         published.replaced(**{**base, path: value})

@@ -28,7 +28,7 @@ from compact.sweep.run import Sweep
 
 ROOT = Path(__file__).parents[2]
 SCENES = ROOT / "studies" / "scenes"
-PLAIN = {"machine.profile": "circle", "machine.rolling": "frictionless", "layer.fed_density_ratio": 0.9}
+PLAIN = {"machine.gap_geometry": "circle", "machine.roller_condition": "frictionless", "layer.fed_density_ratio": 0.9}
 SCENE = load_scene(SCENES / "loveikin-2015.toml", **PLAIN)
 COLUMNS = SCENE.replaced(**{"accuracy.engine": "column"})
 GRID = ("mix.moisture=0.08:0.12:4", "mix.density_ratio=0.94:0.98:3")
@@ -78,7 +78,7 @@ def test_points_are_those_of_single_studies(whole):
 
 
 def test_formulas_have_the_published_point(tmp_path):
-    table, _ = swept(tmp_path, SCENE.replaced(**{"machine.rolling": "free"}), ["mix.moisture=0.1"])
+    table, _ = swept(tmp_path, SCENE.replaced(**{"machine.roller_condition": "free"}), ["mix.moisture=0.1"])
     assert float(table["load"][0]) == pytest.approx(9740, rel=1e-6)
     assert float(table.resistance_coefficient[0]) == pytest.approx(0.178961, rel=1e-5)
 
@@ -273,7 +273,7 @@ def test_lines_of_neighbours_start_cold_and_go_on_from_one_another(monkeypatch, 
 def test_neighbour_by_finite_elements_meets_a_cold_start(tmp_path):
     thin = {
         "accuracy.engine": "compaction", "product.height": 0.096, "machine.roller_radius": 0.11,
-        "contact.indentation": 0.002, "layer.fed_density_ratio": 0.94, "machine.profile": "deformed",
+        "contact.indentation": 0.002, "layer.fed_density_ratio": 0.94, "machine.gap_geometry": "deformed",
         "mix.overrides.unloading_modulus": 60e6, "mix.overrides.friction_angle": 44.0,
     }  # fmt: skip
     varied = ["mix.overrides.heckel_slope=11.4e-6,12e-6"]
@@ -347,7 +347,7 @@ def test_maps_bands_and_best_laws_are_drawn(tmp_path):
 
 def told(capsys, *arguments):
     """Exit code and words of `compact sweep`, in this process."""
-    code = cli._told(["sweep", *map(str, arguments)])
+    code = cli._exit_code(["sweep", *map(str, arguments)])
     return code, "".join(capsys.readouterr())
 
 
@@ -381,7 +381,11 @@ def test_interrupt_of_the_command_keeps_whole_points_and_resume_needs_the_rest(t
         (("--vary", "mix.moistur=0.1"), 2, "did you mean `moisture`?"),
         (("--vary", "mix.moisture=0.1", "--workers", "2", "--scheduler", "tcp://x:1"), 2, "got both"),
         (("--vary", "mix.moisture=0.1", "--workers", "0"), 2, "--workers must be at least 1, got 0"),
-        (("--vary", "machine.profile=deformed", "--engine", "spectral", "--workers", "1"), 1, "no point has numbers"),
+        (
+            ("--vary", "machine.gap_geometry=deformed", "--engine", "spectral", "--workers", "1"),
+            1,
+            "no point has numbers",
+        ),
     ],
 )
 def test_bad_sweeps_end_in_a_sentence(arguments, code, words, tmp_path, monkeypatch, capsys):

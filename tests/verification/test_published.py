@@ -1,4 +1,4 @@
-"""The table of published numbers: our side is unchanged, no verdict lies, and the check fails when it should."""
+"""Table of published numbers: computed values are unchanged, verdicts are correct, `compact check` detects a change."""
 
 import math
 import re
@@ -7,6 +7,7 @@ import sys
 from collections import Counter
 from dataclasses import replace
 from decimal import Decimal
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -96,34 +97,34 @@ def rows():
     return {row.key: row for row in published_numbers.rows()}
 
 
-def a_row(**changes):
-    given = {"key": "contact.x", "source": "D", "quantity": "x", "unit": "m", "printed": "0.333", "ours": 1 / 3}
-    return published_numbers.Row(**given | {"verdict": "reproduced", "expected": 1 / 3} | changes)
+def row_with(**changes):
+    given = {"key": "contact.x", "source": "D", "quantity": "x", "unit": "m", "printed": "0.333", "computed": 1 / 3}
+    return published_numbers.PublishedNumber(**given | {"verdict": "reproduced", "expected": 1 / 3} | changes)
 
 
-# our side
+# computed values
 
 
-@pytest.mark.parametrize("key", list(published_numbers.recorded()))
-def test_number_is_kept(rows, key):
+@pytest.mark.parametrize("key", list(published_numbers.recorded_lines()))
+def test_computed_number_is_unchanged(rows, key):
     row = rows[key]
-    assert row.ours == pytest.approx(row.expected, rel=1e-9, abs=0)
-    assert row.kept
+    assert row.computed == pytest.approx(row.expected, rel=1e-9, abs=0)
+    assert row.unchanged
 
 
 def test_every_number_recorded_is_computed_and_shown():
-    assert set(published_numbers.recorded()) == set(published_numbers.computed())
+    assert set(published_numbers.recorded_lines()) == set(published_numbers.computed_values())
 
 
-@pytest.mark.parametrize("key", list(published_numbers.recorded()))
+@pytest.mark.parametrize("key", list(published_numbers.recorded_lines()))
 def test_expected_value_is_exact_or_has_ten_digits(key):
-    line = published_numbers.recorded()[key]
+    line = published_numbers.recorded_lines()[key]
     digits = re.sub(r"[^0-9]", "", line["expected"]).lstrip("0")
     assert line["origin"].startswith("exact") or len(digits) >= 10
 
 
 @pytest.mark.parametrize("source", ["A", "B", "C", "D (1.", "D 2", "D 3", "D 4", "D (4.", "D ch. 5", "D, law"])
-def test_every_source_has_a_row(rows, source):
+def test_every_source_has_row_with(rows, source):
     assert any(row.source.startswith(source) for row in rows.values())
 
 
@@ -133,20 +134,20 @@ def test_verdicts_on_chapter_5_are_those_of_the_shared_table(rows, name):
 
 
 @pytest.mark.parametrize("key", SHARED)
-def test_shared_digits_are_met(rows, key):
-    assert replace(rows[key], printed=SHARED[key], decimals=None).agrees
+def test_computed_numbers_agree_with_the_shared_digits(rows, key):
+    assert replace(rows[key], printed=SHARED[key], decimals=None).matches_print
 
 
 @pytest.mark.parametrize("key", SHARED_IN_KILO)
-def test_shared_digits_in_kilo_are_met(rows, key):
-    assert replace(rows[key], ours=rows[key].ours / 1e3, printed=SHARED_IN_KILO[key]).agrees
+def test_computed_numbers_agree_with_the_shared_digits_in_kilo(rows, key):
+    assert replace(rows[key], computed=rows[key].computed / 1e3, printed=SHARED_IN_KILO[key]).matches_print
 
 
 # verdicts
 
 
 @pytest.mark.parametrize(
-    ("printed", "ours", "decimals", "agrees"),
+    ("printed", "computed", "decimals", "agrees"),
     [
         ("0.334", 0.3344999, None, True),
         ("0.334", 0.3345, None, True),  # half a unit itself
@@ -165,15 +166,15 @@ def test_shared_digits_in_kilo_are_met(rows, key):
         ("", 1.0, None, False),
     ],
 )
-def test_print_agrees_to_half_a_unit_of_its_last_digit(printed, ours, decimals, agrees):
-    assert a_row(printed=printed, ours=ours, decimals=decimals).agrees == agrees
+def test_print_agrees_to_half_a_unit_of_its_last_digit(printed, computed, decimals, agrees):
+    assert row_with(printed=printed, computed=computed, decimals=decimals).matches_print == agrees
 
 
 @given(values, places)
-def test_a_rounded_number_agrees_and_one_two_units_off_does_not(ours, decimals):
-    printed = Decimal(f"{ours:.{decimals}f}")
-    assert a_row(ours=ours, printed=f"{printed:f}").agrees
-    assert not a_row(ours=ours, printed=f"{printed + 2 * Decimal(1).scaleb(-decimals):f}").agrees
+def test_rounded_number_agrees_and_one_two_units_off_does_not(computed, decimals):
+    printed = Decimal(f"{computed:.{decimals}f}")
+    assert row_with(computed=computed, printed=f"{printed:f}").matches_print
+    assert not row_with(computed=computed, printed=f"{printed + 2 * Decimal(1).scaleb(-decimals):f}").matches_print
 
 
 @pytest.mark.parametrize(
@@ -181,7 +182,7 @@ def test_a_rounded_number_agrees_and_one_two_units_off_does_not(ours, decimals):
     [
         {"expected": 0.3333333},
         {"expected": math.nan},
-        {"ours": math.nan},
+        {"computed": math.nan},
         {"verdict": "rounding"},
         {"verdict": "derived"},
         {"verdict": "right"},
@@ -191,8 +192,8 @@ def test_a_rounded_number_agrees_and_one_two_units_off_does_not(ours, decimals):
     ],
     ids=str,
 )
-def test_a_false_row_is_not_kept(changes):
-    assert not a_row(**changes).kept
+def test_wrong_row_counts_as_changed(changes):
+    assert not row_with(**changes).unchanged
 
 
 @pytest.mark.parametrize(
@@ -200,34 +201,39 @@ def test_a_false_row_is_not_kept(changes):
     [{}, {"printed": "0.335", "verdict": "misprint"}, {"printed": "", "verdict": "derived"}],
     ids=str,
 )
-def test_a_true_row_is_kept(changes):
-    assert a_row(**changes).kept
+def test_correct_row_counts_as_unchanged(changes):
+    assert row_with(**changes).unchanged
 
 
 # table
 
 
 def test_table_is_narrow_plain_text(rows):
-    text = published_numbers.table(list(rows.values()))
+    text = published_numbers.text_table(list(rows.values()))
     assert text.isascii()
     assert max(len(line) for line in text.splitlines()) <= 120
     assert not any(line != line.rstrip() for line in text.splitlines())
 
 
 def test_table_shows_every_row_and_counts_the_verdicts(rows):
-    text = published_numbers.table(list(rows.values()))
+    text = published_numbers.text_table(list(rows.values()))
     for verdict, count in Counter(row.verdict for row in rows.values()).items():
         assert sum(line.endswith(f" {verdict}") for line in text.splitlines()[:-1]) == count
         assert f"{count} {verdict}" in text.splitlines()[-1]
     assert text.splitlines()[-1].startswith(f"{len(rows)} numbers: ")
 
 
-@pytest.mark.parametrize("key", list(published_numbers.recorded()))
-def test_a_changed_number_is_told_in_the_table(rows, key):
+@pytest.mark.parametrize("key", list(published_numbers.recorded_lines()))
+def test_table_marks_a_changed_number(rows, key):
     changed = replace(rows[key], expected=rows[key].expected * 1.1 + 1 if math.isfinite(rows[key].expected) else 1.0)
-    text = published_numbers.table([changed])
+    text = published_numbers.text_table([changed])
     assert "CHANGED: " in text
     assert max(len(line) for line in text.splitlines()) <= 120
+
+
+def test_documentation_ends_with_the_table(rows):
+    text = (Path(__file__).parents[2] / "docs" / "how_do_we_know.md").read_text("utf-8")
+    assert text.endswith(published_numbers.markdown(list(rows.values())))
 
 
 # command
@@ -243,7 +249,7 @@ def check(monkeypatch, rows):
 
 def test_check_passes_on_unchanged_numbers(monkeypatch, capsys, rows):
     assert check(monkeypatch, list(rows.values())) == 0
-    assert f"{len(rows)} numbers checked: our side is unchanged" in capsys.readouterr().out
+    assert f"{len(rows)} numbers checked: all are unchanged" in capsys.readouterr().out
 
 
 def test_check_fails_on_a_changed_number(monkeypatch, capsys, rows):
@@ -251,10 +257,10 @@ def test_check_fails_on_a_changed_number(monkeypatch, capsys, rows):
     assert check(monkeypatch, [replace(first, expected=first.expected * (1 + 1e-8)), *rest]) == 1
     told = capsys.readouterr()
     assert "CHANGED: " in told.out
-    assert f"1 of {len(rows)} numbers on our side have changed" in told.err
+    assert f"1 of {len(rows)} computed numbers have changed" in told.err
 
 
 def test_check_runs_as_a_command():
     done = subprocess.run([sys.executable, "-m", "compact.cli", "check"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
-    assert "our side is unchanged" in done.stdout
+    assert "all are unchanged" in done.stdout

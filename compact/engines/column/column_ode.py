@@ -1,24 +1,27 @@
-"""What columns of a compacting mix go through between a base and something that presses them: confined compression.
+"""Confined compression of stacked columns of compacting mix, integrated over the gap under a roller.
 
-A column knows no lateral strain, so its stress is p, mean, and D = s_v - s_h; columns on top of one another share
-s_v = p + 2D/3. Compression positive, V plastic volume strain. On the yield limit of `cap` with the outward normal
-(P, Q) = (df/dp, df/dD)/2, and with pc = pc(k), H = dpc/dV,
+A column has no lateral strain. Its stress state is the mean stress p and the deviator D = s_v - s_h; stacked columns
+share the vertical stress s_v = p + 2D/3. Compression is positive; V is the plastic volume strain. On the yield surface
+of `cap_plasticity` with the outward normal (P, Q) = (df/dp, df/dD)/2, and with pc = pc(k), H = dpc/dV,
 
     dp = K (de - dV),  dD = 3G (2de/3 - Q w),  dV = P w,  P dp + Q dD = h w,  h = (p + pt) H P/2,
 
-de the strain of the column and w >= 0 the flow. Per unit of s_v, with b = P - 3Q/2 and g = 3/2 + 2G/K,
+where de is the strain of the column and w >= 0 the plastic multiplier. Per unit of s_v, with b = P - 3Q/2 and
+g = 3/2 + 2G/K,
 
     dp/ds_v = (3/2)(h - 2G b Q)/B,   w/ds_v = (3/2)(P + 2G Q/K)/B,   B = g h + 2G b^2,
 
-and inside the limit dp/ds_v = 3/(2g). The strains change the heights h_i of the columns, whose sum follows the roller:
-ds_v = -dgap/sum (de/ds_v) h_i. The gap of a circle rises ever more steeply with the distance x from the lowest point,
-without bound where its side is upright. The path is therefore integrated over the tangent of half the angle, u = 2 R t:
+and dp/ds_v = 3/(2g) inside the yield surface. The heights h_i of the columns add up to the gap under the roller, so
+that ds_v = -dgap/sum (de/ds_v) h_i. The slope of the gap under a circle is unbounded at its upright side. The path is
+therefore integrated over the tangent t of half the central angle, u = 2 R t:
 
     q = 1/(1 + c u^2/(4 R^2)),   x = u q,   gap = u^2 q/(2R),   dx/du = q (2q - 1),   dgap/du = u q^2/R,
 
-c = 1 for the circle, whose side is upright at u = 2R, and c = 0 for the parabola, where u is x. The work and the forces
-are integrated with the stress by the method of Dormand and Prince of order 8; each yield and the end of the rebound are
-met exactly.
+c = 1 for the circle, which is upright at u = 2R, and c = 0 for the parabola, where u = x. Work and forces are
+integrated together with the stress by the Dormand-Prince method of order 8. First yield of each column and the end of
+the unloading are located as events.
+
+The model neglects shear and lateral flow, so that it is accurate to second order in height over contact length.
 
 References
 ----------
@@ -28,266 +31,405 @@ E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from compact.material.cap_plasticity import hardening
+from compact.material.cap_plasticity import Constants, hardening
 from compact.numerics.jit import compiled
 
-STAGES, ORDER = 12, 8
-A, C = np.vstack([DOP853.A, DOP853.B]), np.append(DOP853.C, 1.0)  # the last row is the step itself
-E3, E5 = DOP853.E3.copy(), DOP853.E5.copy()
-FIRST = 1 / 64  # share of the way that a first step may take
-STEPS = 40_000  # tried; 50 are usual, a mix a thousand times stiffer to unload takes a thousand times as many
-SAFETY, SLOWEST, FASTEST = 0.9, 0.2, 10.0  # of the step control
-POINTS = 16  # of the trapezoids of `settling`, dense where pc may rise from next to nothing
-CUTS = 60  # of a step that meets a yield; 5 are usual
-MET = 1e-4  # share of the error allowed of s_v by which the end of a cut step may miss
-ROUNDING = 1e-14  # share of s_v by which it may miss too
+STAGES, ORDER = 12, 8  # [-], of the Dormand-Prince method
+A, C = np.vstack([DOP853.A, DOP853.B]), np.append(DOP853.C, 1.0)  # [-], Butcher tableau; last row: the step itself
+E3, E5 = DOP853.E3.copy(), DOP853.E5.copy()  # [-], weights of the embedded error estimates
+INITIAL_STEP_SHARE = 1 / 64  # [-], first step over the length of the path
+STEPS_MAX = 40_000  # [-], steps tried; 50 are usual, a mix 1000 times stiffer to unload needs 1000 times as many
+STEP_SAFETY = 0.9  # [-], factor on the step that the error estimate allows
+STEP_FACTOR_MIN, STEP_FACTOR_MAX = 0.2, 10.0  # [-], bounds of the change from one step to the next
+RELAXATION_INTERVALS = 16  # [-], trapezoids of `stiffness_ratio`, graded towards low density where pc varies fast
+EVENT_ITERATIONS_MAX = 60  # [-], of regula falsi on one step; 5 are usual
+EVENT_TOLERANCE = 1e-4  # [-], residual of the stress at an event over the error scale of s_v
+EVENT_ROUNDING = 1e-14  # [-], smallest residual at an event over s_v itself
 
-STRESS, PUSH, DRAG, PLASTIC, ELASTIC, OWN = 0, 1, 2, 3, 4, 5  # places in y; from OWN on p and V of each column
-REACHED, PAUSED, TOO_MANY, COLLAPSED, UNCUT = range(5)  # how `travel` ended
-ROW, EVALUATIONS, TRIED, NEXT = range(4)  # places in the counts of a `Journey`; NEXT the column that yields next
-LOGARITHMIC, SMALL, MASS_TRUE = 0, 1, 2  # strain ln(h0/h); (h0 - h)/h0 with k = k0 exp V; the same with k = k0/(1 - V)
-
-
-class Stack(NamedTuple):
-    """Columns on top of one another at rest, shape (n,): heights [m], density ratios, mean pressures [Pa], and the
-    density ratios that pc remembers, 0 where it has no memory."""
-
-    height: np.ndarray
-    density_ratio: np.ndarray
-    pressure: np.ndarray
-    hardened: np.ndarray
+# Indices of the state vector y; from COLUMN_STATE on, p and V of each column
+STRESS, LOAD_INTEGRAL, RESISTANCE_INTEGRAL, PLASTIC_WORK, ELASTIC_WORK, COLUMN_STATE = range(6)
+# Status codes of `integrate_path`
+REACHED, PAUSED, STEPS_EXHAUSTED, STEP_UNDERFLOW, EVENT_NOT_LOCATED = range(5)
+# Indices of `IntegrationState.counts`: last row of the path, evaluations of the rates, steps tried, next to yield
+ROW, EVALUATIONS, STEPS_TRIED, NEXT_COLUMN = range(4)
+# Strain measures: ln(h0/h); (h0 - h)/h0 with k = k0 exp V; (h0 - h)/h0 with k = k0/(1 - V)
+LOGARITHMIC, SMALL, MASS_TRUE = range(3)
 
 
-class Profile(NamedTuple):
-    """gap(x) of the roller, x from the lowest point: curl c = 1 circle, 0 parabola; R = 0 a plate, whose gap is u."""
+class ColumnStack(NamedTuple):
+    """Columns on top of one another at rest, arrays of shape (n,) from the base upwards.
+
+    Attributes
+    ----------
+    height : ndarray
+        Heights [m].
+    density_ratio : ndarray
+        Density ratios k [-].
+    mean_stress : ndarray
+        Mean stresses p [Pa].
+    max_density_ratio : ndarray
+        Largest density ratios reached [-], which fix pc on the flat yield surface; 0 for k itself.
+    """
+
+    height: NDArray[np.float64]
+    density_ratio: NDArray[np.float64]
+    mean_stress: NDArray[np.float64]
+    max_density_ratio: NDArray[np.float64]
+
+
+class GapGeometry(NamedTuple):
+    """Shape gap(x) of the roller, x from its lowest generatrix.
+
+    Attributes
+    ----------
+    radius : float
+        Roller radius R [m]; 0 for a plate, under which the gap is u.
+    circular : float
+        Coefficient c [-]: 1 for the circle, 0 for the parabola.
+    """
 
     radius: float
-    curl: float
+    circular: float
 
 
-class Journey(NamedTuple):
-    """State of an integration between two calls of `travel`, changed in place.
+class ColumnProblem(NamedTuple):
+    """Data of the differential equation.
 
-    hardened, yielding, stops : of each column: the density ratio that pc remembers, whether it yields, and the stress
-    at which that changes next [Pa]
-    step : over u to try next, 0 before the first and after each of these changes;  counts : see ROW
+    Attributes
+    ----------
+    law : Constants
+        Material constants at the rolling speed.
+    stack : ColumnStack
+        Columns before the pass.
+    gap : GapGeometry
+        Shape of the roller.
+    strain_measure : int
+        LOGARITHMIC, SMALL or MASS_TRUE.
     """
 
-    hardened: np.ndarray
-    yielding: np.ndarray
-    stops: np.ndarray
-    step: np.ndarray
-    counts: np.ndarray
+    law: Constants
+    stack: ColumnStack
+    gap: GapGeometry
+    strain_measure: int
 
 
-def begun(stack):
-    """A `Journey` that has not set off."""
+class PathControl(NamedTuple):
+    """End of a path and accuracy of its integration.
+
+    Attributes
+    ----------
+    coordinate_end : float
+        Coordinate u at which the path ends [m].
+    stress_end : float
+        Vertical stress at which it ends earlier [Pa].
+    error_scale : ndarray
+        Error of each component of y allowed in one step, in its unit.
+    max_step : float
+        Largest step over u [m].
+    """
+
+    coordinate_end: float
+    stress_end: float
+    error_scale: NDArray[np.float64]
+    max_step: float
+
+
+class IntegrationState(NamedTuple):
+    """Progress of an integration between two calls of `integrate_path`, modified in place.
+
+    Attributes
+    ----------
+    max_density_ratio : ndarray
+        Largest density ratio reached by each column [-].
+    yielding : ndarray
+        Whether each column yields.
+    event_stress : ndarray
+        Vertical stress at which each column changes its regime next [Pa].
+    step : ndarray
+        Next step over u [m], shape (1,); 0 at the start and after an event.
+    counts : ndarray
+        See ROW, EVALUATIONS, STEPS_TRIED, NEXT_COLUMN.
+    """
+
+    max_density_ratio: NDArray[np.float64]
+    yielding: NDArray[np.bool_]
+    event_stress: NDArray[np.float64]
+    step: NDArray[np.float64]
+    counts: NDArray[np.int64]
+
+
+class StepBuffers(NamedTuple):
+    """State vectors before and after a step, and the rates at its stages, shape (STAGES + 1, len(y))."""
+
+    start: NDArray[np.float64]
+    end: NDArray[np.float64]
+    rates: NDArray[np.float64]
+
+
+def initial_integration_state(stack: ColumnStack) -> IntegrationState:
+    """Build the `IntegrationState` at the start of a path.
+
+    Parameters
+    ----------
+    stack : ColumnStack
+        Columns before the path.
+
+    Returns
+    -------
+    IntegrationState
+        No column yields and no step has been tried.
+    """
     n = len(stack.height)
-    return Journey(stack.hardened.copy(), np.zeros(n, np.bool_), np.empty(n), np.zeros(1), np.array([0, 0, 0, -1]))
+    counts = np.array([0, 0, 0, -1])
+    return IntegrationState(stack.max_density_ratio.copy(), np.zeros(n, np.bool_), np.empty(n), np.zeros(1), counts)
 
 
 @compiled
-def travel(law, stack, profile, measure, u_to, stress_to, scale, longest, journey, path, most):
-    """Columns from the last row of a path to u_to or until the stress is `stress_to` [Pa]: how it ended.
+def integrate_path(
+    problem: ColumnProblem, control: PathControl, state: IntegrationState, path: NDArray[np.float64], max_tries: int
+) -> int:
+    """Integrate the columns from the last row of a path until its end.
 
-    path : rows of (u, y), one for each step, the last at `journey.counts[ROW]`
-    y : (s_v, int s_v dx, int s_v gap' dx, plastic work, elastic work, p_1, V_1, ...), SI, V from `stack`
-    scale : of y, the errors of a step that are allowed;  longest : step over u
+    Parameters
+    ----------
+    problem : ColumnProblem
+        Data of the differential equation.
+    control : PathControl
+        End of the path and accuracy.
+    state : IntegrationState
+        Progress, modified in place.
+    path : ndarray
+        Rows (u, y), one for each step, the last at `state.counts[ROW]`; new rows are written behind it. The vector y
+        is (s_v, int s_v dx, int s_v gap' dx, plastic work, elastic work, p_1, V_1, ...) in SI units. V counts from the
+        stack.
+    max_tries : int
+        Steps to try before pausing.
 
-    PAUSED after trying as many steps as `most`, or where the path is full, to go on by the same call. The others end
-    it: REACHED; TOO_MANY steps; COLLAPSED, steps too short to move u; UNCUT, a stress not met. It returns a bare
-    number: making an array of a result runs Python, where an interrupt would be lost.
+    Returns
+    -------
+    int
+        Status. PAUSED after `max_tries` steps or when the path is full: the same call continues. REACHED at the end.
+        STEPS_EXHAUSTED after STEPS_MAX steps. STEP_UNDERFLOW if a step does not change u. EVENT_NOT_LOCATED if the
+        stress of an event is not found.
+
+    Notes
+    -----
+    The return value is a bare number: boxing an array executes Python code, in which a keyboard interrupt gets lost.
     """
-    hardened, yielding, stops, _, counts = journey
-    n = len(stops)
+    law, stack, _, measure = problem
+    counts, event_stress, n = state.counts, state.event_stress, len(stack.height)
     y = path[counts[ROW], 1:]
-    way = 1.0 if stress_to > y[STRESS] else -1.0
-    # what yields as near to the end as this does not: at rest a column without strength is on its yield limit
-    before = stress_to - way * max(MET * scale[STRESS], ROUNDING * abs(path[0, 1 + STRESS]))
-    if counts[NEXT] < 0:
+    direction = 1.0 if control.stress_end > y[STRESS] else -1.0
+    # an event closer to the end than the tolerance is ignored: at rest, mix without strength is on its yield surface
+    slack = max(EVENT_TOLERANCE * control.error_scale[STRESS], EVENT_ROUNDING * abs(path[0, 1 + STRESS]))
+    end = control.stress_end - direction * slack
+    if counts[NEXT_COLUMN] < 0:
         for i in range(n):
-            stops[i] = _yield_stress(law, measure, stack, y, i, way)
-        counts[NEXT] = _next(stops, before, way)
-    column, last = (law, stack, hardened, profile, measure, yielding), counts[TRIED] + most
-    for _ in range(3 * n + 1):  # a column yields once, turns to the wet side once
-        k = counts[NEXT]
-        ended = _follow(path, journey, u_to, stress_to if k == n else stops[k], way, longest, column, scale, last)
-        if ended != REACHED or k == n or path[counts[ROW], 0] == u_to:
-            return ended
-        stops[k] = way * np.inf
-        if not yielding[k]:
-            yielding[k] = True
-            stops[k] = _wet_stress(law, measure, stack, path[counts[ROW], 1:], k, way)
-        counts[NEXT] = _next(stops, before, way)
-        journey.step[0] = 0.0
-    return TOO_MANY
+            event_stress[i] = _yield_stress(law, measure, stack, y, i, direction)
+        counts[NEXT_COLUMN] = _next_event(event_stress, end, direction)
+    tries_end = counts[STEPS_TRIED] + max_tries
+    for _ in range(3 * n + 1):  # a column yields once and crosses to the supercritical side once
+        i = counts[NEXT_COLUMN]
+        stop = control.stress_end if i == n else event_stress[i]
+        status = _integrate_to_stress(problem, control, state, path, stop, direction, tries_end)
+        if status != REACHED or i == n or path[counts[ROW], 0] == control.coordinate_end:
+            return status
+        event_stress[i] = direction * np.inf
+        if not state.yielding[i]:
+            state.yielding[i] = True
+            event_stress[i] = _critical_stress(law, measure, stack, path[counts[ROW], 1:], i, direction)
+        counts[NEXT_COLUMN] = _next_event(event_stress, end, direction)
+        state.step[0] = 0.0
+    return STEPS_EXHAUSTED
 
 
 @compiled
-def _next(stops, before, way):
-    """The column that yields before all others and `before` a stress, or their number where none does."""
-    found, stop = len(stops), before
-    for i in range(len(stops)):
-        if way * (stop - stops[i]) > 0:
-            found, stop = i, stops[i]
+def _next_event(event_stress, end, direction):
+    """Column with the first event before the stress `end`, or the number of columns if there is none."""
+    found, stop = len(event_stress), end
+    for i in range(len(event_stress)):
+        if direction * (stop - event_stress[i]) > 0:
+            found, stop = i, event_stress[i]
     return found
 
 
 @compiled
-def _follow(path, journey, u_to, stop, way, longest, column, scale, last):
-    """How it ended, REACHED where s_v is `stop` or u is u_to; the steps until then are on the path."""
-    law, stack, hardened, _, measure, _ = column
-    counts = journey.counts
+def _integrate_to_stress(problem, control, state, path, stop, direction, tries_end):
+    """Append steps to the path until s_v equals `stop` or u its end; return the status."""
+    counts, u_end = state.counts, control.coordinate_end
     u, y = path[counts[ROW], 0], path[counts[ROW], 1:].copy()
-    z, K = np.empty(len(y)), np.empty((STAGES + 1, len(y)))
-    _rates(u, y, K[0], column)
-    step = journey.step[0] if journey.step[0] != 0 else (u_to - u) * FIRST
-    while u != u_to and not way * (stop - y[STRESS]) <= 0:
-        if counts[TRIED] >= STEPS:
-            return TOO_MANY
-        if counts[TRIED] >= last or counts[ROW] + 1 == len(path):
-            journey.step[0] = step
+    buffers = StepBuffers(y, np.empty(len(y)), np.empty((STAGES + 1, len(y))))
+    _rates(u, y, buffers.rates[0], problem, state)
+    step = state.step[0] if state.step[0] != 0 else (u_end - u) * INITIAL_STEP_SHARE
+    while u != u_end and not direction * (stop - y[STRESS]) <= 0:
+        if counts[STEPS_TRIED] >= STEPS_MAX:
+            return STEPS_EXHAUSTED
+        if counts[STEPS_TRIED] >= tries_end or counts[ROW] + 1 == len(path):
+            state.step[0] = step
             return PAUSED
-        counts[TRIED] += 1
-        step = np.sign(u_to - u) * min(abs(step), abs(u_to - u), longest)
+        counts[STEPS_TRIED] += 1
+        step = np.sign(u_end - u) * min(abs(step), abs(u_end - u), control.max_step)
         if u + step == u:
-            return COLLAPSED
-        error = _step(u, step, y, z, K, column, scale)
-        counts[EVALUATIONS] += STAGES
+            return STEP_UNDERFLOW
+        error = _runge_kutta_step(u, step, buffers, problem, state, control.error_scale)
         if error <= 1:
-            if way * (stop - z[STRESS]) <= 0:
-                met, step, cuts = _cut(u, step, y, z, K, column, scale, stop)
-                counts[EVALUATIONS] += STAGES * cuts
-                if not met:
-                    return UNCUT
-                z[STRESS] = stop
-            u = u_to if step == u_to - u else u + step
-            for m in range(len(y)):
-                y[m], K[0, m] = z[m], K[STAGES, m]
-            for i in range(len(hardened)):
-                if law.flat:
-                    k = _density_ratio(measure, stack.density_ratio[i], y[OWN + 2 * i + 1])
-                    hardened[i] = max(hardened[i], k)
-            counts[ROW] += 1
-            path[counts[ROW], 0] = u
-            for m in range(len(y)):
-                path[counts[ROW], m + 1] = y[m]
-        step *= min(FASTEST, max(SLOWEST, SAFETY * max(error, 1e-20) ** (-1 / ORDER)))
+            if direction * (stop - buffers.end[STRESS]) <= 0:
+                located, step = _locate_event(u, step, buffers, problem, state, control.error_scale, stop)
+                if not located:
+                    return EVENT_NOT_LOCATED
+                buffers.end[STRESS] = stop
+            u = u_end if step == u_end - u else u + step
+            _accept_step(u, buffers, problem, state, path)
+        step *= min(STEP_FACTOR_MAX, max(STEP_FACTOR_MIN, STEP_SAFETY * max(error, 1e-20) ** (-1 / ORDER)))
     return REACHED
 
 
 @compiled
-def _step(u, step, y, z, K, column, scale):
-    """One step of Dormand and Prince from y, with K[0] there, to z, with K[STAGES] there; its error over `scale`."""
+def _runge_kutta_step(u, step, buffers, problem, state, error_scale):
+    """Compute one Dormand-Prince step with `rates[0]` given; return its error over `error_scale`."""
+    y, z, K = buffers
+    state.counts[EVALUATIONS] += STAGES
     for stage in range(1, STAGES + 1):
         for m in range(len(y)):
             slope = 0.0
-            for before in range(stage):
-                slope += A[stage, before] * K[before, m]
+            for earlier in range(stage):
+                slope += A[stage, earlier] * K[earlier, m]
             z[m] = y[m] + step * slope
-        _rates(u + C[stage] * step, z, K[stage], column)
+        _rates(u + C[stage] * step, z, K[stage], problem, state)
     third, fifth = 0.0, 0.0
     for m in range(len(y)):
-        of_third, of_fifth = 0.0, 0.0
+        third_m, fifth_m = 0.0, 0.0
         for stage in range(STAGES + 1):
-            of_third += E3[stage] * K[stage, m]
-            of_fifth += E5[stage] * K[stage, m]
-        third += (of_third / scale[m]) ** 2
-        fifth += (of_fifth / scale[m]) ** 2
+            third_m += E3[stage] * K[stage, m]
+            fifth_m += E5[stage] * K[stage, m]
+        third += (third_m / error_scale[m]) ** 2
+        fifth += (fifth_m / error_scale[m]) ** 2
     if fifth == 0:
         return 0.0
     error = abs(step) * fifth / np.sqrt((fifth + 0.01 * third) * len(y))
-    return error if error >= 0 else np.inf  # not a number: a step too far
+    return error if error >= 0 else np.inf  # not a number if the step is far too long
 
 
 @compiled
-def _cut(u, step, y, z, K, column, scale, stress):
-    """Whether a part of a step ends at s_v = `stress`, that part by regula falsi (Illinois), and the tries; z and
-    K[STAGES] are there after."""
-    low, high, below, above = 0.0, step, y[STRESS] - stress, z[STRESS] - stress
-    near = max(MET * scale[STRESS], ROUNDING * max(abs(stress), abs(y[STRESS])))
-    for cuts in range(CUTS + 1):
-        if abs(above) <= near or low == high:
-            return True, high, cuts
-        middle = high - above * (high - low) / (above - below)
-        _step(u, middle, y, z, K, column, scale)
-        miss = z[STRESS] - stress
-        if miss * above < 0:
+def _locate_event(u, step, buffers, problem, state, error_scale, stop):
+    """Shorten a step by regula falsi (Illinois) so that it ends at s_v = `stop`; return success and the step."""
+    start_stress = buffers.start[STRESS]
+    low, high, below, above = 0.0, step, start_stress - stop, buffers.end[STRESS] - stop
+    tolerance = max(EVENT_TOLERANCE * error_scale[STRESS], EVENT_ROUNDING * max(abs(stop), abs(start_stress)))
+    for _ in range(EVENT_ITERATIONS_MAX + 1):
+        if abs(above) <= tolerance or low == high:
+            return True, high
+        trial = high - above * (high - low) / (above - below)
+        _runge_kutta_step(u, trial, buffers, problem, state, error_scale)
+        residual = buffers.end[STRESS] - stop
+        if residual * above < 0:
             low, below = high, above
         else:
             below /= 2
-        high, above = middle, miss
-    return False, high, CUTS
+        high, above = trial, residual
+    return False, high
 
 
 @compiled
-def _rates(u, y, out, column):
-    """dy/du."""
-    law, stack, hardened, profile, measure, yielding = column
-    stress, yielded, stored, give = y[STRESS], 0.0, 0.0, 0.0
+def _accept_step(u, buffers, problem, state, path):
+    """Make the end of a step the start of the next, update the largest density ratios and append a row."""
+    y, z, K = buffers
+    law, stack, _, measure = problem
+    for m in range(len(y)):
+        y[m], K[0, m] = z[m], K[STAGES, m]
+    if law.flat:
+        for i in range(len(stack.height)):
+            k = _density_ratio(measure, stack.density_ratio[i], y[COLUMN_STATE + 2 * i + 1])
+            state.max_density_ratio[i] = max(state.max_density_ratio[i], k)
+    state.counts[ROW] += 1
+    row = path[state.counts[ROW]]
+    row[0] = u
+    row[1:] = y
+
+
+@compiled
+def _rates(u, y, out, problem, state):
+    """Write dy/du to `out`."""
+    law, stack, gap, measure = problem
+    stress, plastic, elastic, compliance = y[STRESS], 0.0, 0.0, 0.0
     for i in range(len(stack.height)):
-        p, V = y[OWN + 2 * i], y[OWN + 2 * i + 1]
-        dp, dV, dshear = _flow(law, measure, stack.density_ratio[i], hardened[i], stress, p, V, yielding[i])
+        p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
+        k0, k_max = stack.density_ratio[i], state.max_density_ratio[i]
+        dp, dV, dshear = _stress_rates(law, measure, k0, k_max, stress, p, V, state.yielding[i])
         height = stack.height[i]
         if measure == LOGARITHMIC:
-            height *= np.exp(-(V + (p - stack.pressure[i]) / law.K))
+            height *= np.exp(-(V + (p - stack.mean_stress[i]) / law.K))
         D = 1.5 * (stress - p)
-        give += height * (dp / law.K + dV)
-        yielded += height * (p * dV + D * dshear)
-        stored += height * (p * dp / law.K + D * (1 - dp) / (2 * law.G))
-        out[OWN + 2 * i], out[OWN + 2 * i + 1] = dp, dV
-    along, rise = 1.0, 1.0  # dx/du, dgap/du
-    if profile.radius > 0:
-        t = u / profile.radius
-        q = 1 / (1 + profile.curl * t * t / 4)
-        along, rise = q * (2 * q - 1), t * q * q
-    rate = -rise / give
-    out[STRESS], out[PUSH], out[DRAG] = rate, stress * along, stress * rise
-    out[PLASTIC], out[ELASTIC] = yielded * rate, stored * rate
-    for m in range(OWN, len(y)):
+        compliance += height * (dp / law.K + dV)
+        plastic += height * (p * dV + D * dshear)
+        elastic += height * (p * dp / law.K + D * (1 - dp) / (2 * law.G))
+        out[COLUMN_STATE + 2 * i], out[COLUMN_STATE + 2 * i + 1] = dp, dV
+    dx, dgap = 1.0, 1.0  # dx/du, dgap/du
+    if gap.radius > 0:
+        t = u / gap.radius
+        q = 1 / (1 + gap.circular * t * t / 4)
+        dx, dgap = q * (2 * q - 1), t * q * q
+    rate = -dgap / compliance
+    out[STRESS], out[LOAD_INTEGRAL], out[RESISTANCE_INTEGRAL] = rate, stress * dx, stress * dgap
+    out[PLASTIC_WORK], out[ELASTIC_WORK] = plastic * rate, elastic * rate
+    for m in range(COLUMN_STATE, len(y)):
         out[m] *= rate
 
 
 @compiled
-def settling(law, k):
-    """Powers of e by which p of a given s_v settles on the way from the density ratio k to 1.
+def stiffness_ratio(law: Constants, density_ratio: float) -> float:
+    """Estimate the stiffness of the differential equation from a density ratio to full density.
 
         int 4 G A (1 + 9/(4 M^2))/(g B (pc + pt)) dV,    A = s_v/pc, B = (p + pt)/(pc + pt) of the rigid-plastic column
 
-    where b = 0: the slope of dp/ds_v by p, times ds_v = A H dV. An explicit step can take some six.
+    where b = 0: the derivative of dp/ds_v by p, times ds_v = A H dV.
+
+    Parameters
+    ----------
+    law : Constants
+        Material constants.
+    density_ratio : float
+        Density ratio k at the start [-].
+
+    Returns
+    -------
+    float
+        Number of e-foldings by which p relaxes to its value at a given s_v [-]. One explicit step of order 8 is stable
+        over six of them.
     """
-    M2, total, before, rate_before = law.M**2, 0.0, k, 0.0
+    M2, total, before, rate_before = law.M**2, 0.0, density_ratio, 0.0
     root = np.sqrt(9 + 4 * M2)
-    share = (1 + root / 3) / (1 + 3 / root)
-    for point in range(POINTS + 1):
-        ratio = k + (1 - k) * (point / POINTS) ** 3
-        rate = 1 / (hardening(law, ratio)[0] + law.pt)
-        total += (rate + rate_before) / 2 * np.log(ratio / before)
-        before, rate_before = ratio, rate
-    return 4 * law.G * share * (1 + 9 / (4 * M2)) / (1.5 + 2 * law.G / law.K) * total
+    stress_ratio = (1 + root / 3) / (1 + 3 / root)
+    for point in range(RELAXATION_INTERVALS + 1):
+        k = density_ratio + (1 - density_ratio) * (point / RELAXATION_INTERVALS) ** 3
+        rate = 1 / (hardening(law, k)[0] + law.pt)
+        total += (rate + rate_before) / 2 * np.log(k / before)
+        before, rate_before = k, rate
+    return 4 * law.G * stress_ratio * (1 + 9 / (4 * M2)) / (1.5 + 2 * law.G / law.K) * total
 
 
 @compiled
-def _flow(law, measure, k0, hardened, stress, p, V, yielding):
-    """dp, dV and the plastic shear Q w per unit of s_v; the letters are the module's."""
+def _stress_rates(law, measure, k0, k_max, stress, p, V, yielding):
+    """dp, dV and the plastic shear strain Q w per unit of s_v, in the symbols of the module docstring."""
     ratio, g = 2 * law.G / law.K, 1.5 + 2 * law.G / law.K
     if not yielding:
         return 1.5 / g, 0.0, 0.0
     k = _density_ratio(measure, k0, V)
-    pc, H = hardening(law, max(k, hardened))
-    if k < hardened:
+    pc, H = hardening(law, max(k, k_max))
+    if k < k_max:
         H = 0.0
     elif measure == MASS_TRUE:
         H *= k / k0
-    a, c, p0 = _shape(law, pc)
+    a, c, p0 = _yield_surface(law, pc)
     P, Q = p - c, 1.5 * (stress - p) / law.M**2
     if law.flat and p <= c:
         P = min(p - p0, 0.0)
         if p0 > -law.pt:
             P *= (a / (p0 + law.pt)) ** 2
-        elif p <= p0:  # no strength: a wall
+        elif p <= p0:  # no strength: tension cut-off
             P, Q = -1.0, 0.0
     h, b = (p + law.pt) * H * P / 2, P - 1.5 * Q
     w = 1.5 / (g * h + 2 * law.G * b * b)
@@ -296,49 +438,50 @@ def _flow(law, measure, k0, hardened, stress, p, V, yielding):
 
 @compiled
 def _density_ratio(measure, k0, V):
+    """Density ratio after the plastic volume strain V."""
     return k0 / (1 - V) if measure == MASS_TRUE else k0 * np.exp(V)
 
 
 @compiled
-def _shape(law, pc):
-    """Of the yield limit: half its length a, its highest point c, and where its dry side begins."""
+def _yield_surface(law, pc):
+    """Half the length a of the yield surface, its critical pressure c, and the largest p of its curved tensile part."""
     c = (pc - law.pt) / 2
     return (pc + law.pt) / 2, c, min(c, 0.0) if law.flat else c
 
 
 @compiled
-def _yield_stress(law, measure, stack, y, i, way):
-    """s_v at which column i yields on the way up (`way` 1) or down (-1): a root of a quadratic on one of the sides."""
-    p, V = y[OWN + 2 * i], y[OWN + 2 * i + 1]
+def _yield_stress(law, measure, stack, y, i, direction):
+    """Vertical stress at which column i yields in loading (direction 1) or unloading (-1)."""
+    p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
     k = _density_ratio(measure, stack.density_ratio[i], V)
-    a, c, p0 = _shape(law, hardening(law, max(k, stack.hardened[i]))[0])
-    C = law.K + 4 * law.G / 3
-    D, dp, dD = 1.5 * (y[STRESS] - p), way * law.K / C, way * 2 * law.G / C
-    wet = _exit(p - c, D / law.M, 1.0, dp, dD / law.M, a)
-    if not law.flat or p + wet * dp >= c:
-        return y[STRESS] + way * wet
+    a, c, p0 = _yield_surface(law, hardening(law, max(k, stack.max_density_ratio[i]))[0])
+    oedometric = law.K + 4 * law.G / 3
+    D, dp, dD = 1.5 * (y[STRESS] - p), direction * law.K / oedometric, direction * 2 * law.G / oedometric
+    cap = _ellipse_crossing(p - c, D / law.M, 1.0, dp, dD / law.M, a)
+    if not law.flat or p + cap * dp >= c:
+        return y[STRESS] + direction * cap
     if p0 > -law.pt:
-        dry = _exit(p - p0, D / law.M, (a / (p0 + law.pt)) ** 2, dp, dD / law.M, a)
-        if p + dry * dp <= p0:
-            return y[STRESS] + way * dry
-    elif way < 0:
-        wall = max((p0 - p) / dp, 0.0)
-        if abs(D + wall * dD) <= law.M * a:
-            return y[STRESS] + way * wall
-    return y[STRESS] + way * _exit(0.0, D / law.M, 0.0, dp, dD / law.M, a)
+        tensile = _ellipse_crossing(p - p0, D / law.M, (a / (p0 + law.pt)) ** 2, dp, dD / law.M, a)
+        if p + tensile * dp <= p0:
+            return y[STRESS] + direction * tensile
+    elif direction < 0:
+        cutoff = max((p0 - p) / dp, 0.0)
+        if abs(D + cutoff * dD) <= law.M * a:
+            return y[STRESS] + direction * cutoff
+    return y[STRESS] + direction * _ellipse_crossing(0.0, D / law.M, 0.0, dp, dD / law.M, a)
 
 
 @compiled
-def _wet_stress(law, measure, stack, y, i, way):
-    """s_v at which column i, yielding on the way up, leaves the flat side, where D and pc stay and dp = ds_v."""
-    p, V = y[OWN + 2 * i], y[OWN + 2 * i + 1]
+def _critical_stress(law, measure, stack, y, i, direction):
+    """Vertical stress at which loading leaves the flat subcritical side, where D and pc are constant and dp = ds_v."""
+    p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
     k = _density_ratio(measure, stack.density_ratio[i], V)
-    _, c, _ = _shape(law, hardening(law, max(k, stack.hardened[i]))[0])
-    return y[STRESS] + c - p if law.flat and way > 0 and p < c else way * np.inf
+    _, c, _ = _yield_surface(law, hardening(law, max(k, stack.max_density_ratio[i]))[0])
+    return y[STRESS] + c - p if law.flat and direction > 0 and p < c else direction * np.inf
 
 
 @compiled
-def _exit(y, z, r, dy, dz, a):
-    """The largest t >= 0 at which r (y + t dy)^2 + (z + t dz)^2 = a^2."""
+def _ellipse_crossing(y, z, r, dy, dz, a):
+    """Largest t >= 0 at which r (y + t dy)^2 + (z + t dz)^2 = a^2."""
     square, half, rest = r * dy * dy + dz * dz, r * y * dy + z * dz, r * y * y + z * z - a * a
     return max(0.0, (np.sqrt(max(half * half - square * rest, 0.0)) - half) / square)

@@ -1,259 +1,381 @@
-"""One pass of a roller over a bed of columns: from what the columns are to what they have become, with all the sums."""
+"""One pass of a roller over stacked columns: loading under the front, unloading behind, load, resistance and work.
+
+    P = int s_v dx,    F = int s_v gap' dx
+
+Both integrals are components of the differential equation in `column_ode`. The pass is integrated from the front edge
+to the lowest generatrix and from there to the rear edge, where s_v = 0. On the way to the rear edge the coordinate u
+increases from zero; on the way to the lowest generatrix it decreases to zero.
+"""
 
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from compact.engines.column.column_ode import (
-    COLLAPSED,
-    DRAG,
-    ELASTIC,
-    EVALUATIONS,
-    LOGARITHMIC,
-    MASS_TRUE,
-    OWN,
-    PAUSED,
-    PLASTIC,
-    PUSH,
-    REACHED,
-    ROW,
-    SMALL,
-    STRESS,
-    TOO_MANY,
-    TRIED,
-    UNCUT,
-    Profile,
-    Stack,
-    begun,
-    settling,
-    travel,
-)
-from compact.material.cap_plasticity import constants, hardening
+from compact.engines.column import column_ode as ode
+from compact.engines.column.column_ode import STRESS, ColumnProblem, ColumnStack, GapGeometry, PathControl
+from compact.material.cap_plasticity import Constants, cap_constants, hardening
+from compact.material.laws import Compaction
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
-LONGEST = 1 / 32  # share of the front that a step may take of a pass that is drawn, so that it has points
-DEEPEST = 1 - 1e-9  # share of the limit of indentation up to which a pass is computed
-FAR = 2.0  # indentations by which the layer may rise behind the roller
-STIFFEST = 2e5  # settling of the stress that is integrated; a step of `confined.travel` takes 6 of it
-STRAINS = {"logarithmic": LOGARITHMIC, "small": SMALL, "mass-true": MASS_TRUE}
-PLATE = Profile(0.0, 0.0)
-ROWS = 128  # of a path at first; room for all steps would cost more than most of them
-SLICE = 20_000  # steps tried in one compiled call, over the number of columns: a tenth of a second or less
+SAMPLED_STEP_SHARE = 1 / 32  # [-], largest step over the front of a pass whose pressure is returned at every step
+INDENTATION_SHARE_MAX = 1 - 1e-9  # [-], of the limit of the indentation; the last pore cannot be closed
+REBOUND_SHARE_MAX = 2.0  # [-], rise of the gap behind the roller over the indentation, in which unloading must end
+STIFFNESS_RATIO_MAX = 2e5  # [-], largest `stiffness_ratio` that is integrated; one step covers 6 of it
+STRAINS = {
+    "logarithmic": ode.LOGARITHMIC,
+    "small": ode.SMALL,
+    "mass-true": ode.MASS_TRUE,
+}  # strain measures by their names
+PLATE = GapGeometry(0.0, 0.0)
+PATH_ROWS_INITIAL = 128  # [-], rows of a path, doubled on demand; room for all steps would cost more than most steps
+STEPS_PER_CALL = 20_000  # [-], steps in one compiled call over the number of columns; at most 0.1 s to an interrupt
 FAILURES = {
-    TOO_MANY: "it would take more",
-    COLLAPSED: "shorter steps do not move it",
-    UNCUT: "the stress at which a column yields is not met",
+    ode.STEPS_EXHAUSTED: "it would take more",
+    ode.STEP_UNDERFLOW: "shorter steps do not change x",
+    ode.EVENT_NOT_LOCATED: "the stress at which a column yields was not located",
 }
 
 
 @dataclass(frozen=True)
 class Column:
-    """Mix at rest between two passes: free of vertical stress, held sideways.
+    """Mix at rest between two passes, free of vertical stress and confined laterally.
 
-    height [m] > 0;  density_ratio : k, 0 < k < 1;  lateral_stress : s_h, compression positive [Pa]
-    hardened : the k that pc remembers, where that is more than k
+    Parameters
+    ----------
+    height : float
+        Height [m], > 0.
+    density_ratio : float
+        Density ratio k [-], 0 < k < 1.
+    lateral_stress : float
+        Lateral stress s_h [Pa], positive in compression.
+    max_density_ratio : float
+        Largest density ratio reached [-], which fixes pc if it exceeds `density_ratio`.
     """
 
     height: float
     density_ratio: float
     lateral_stress: float = 0.0
-    hardened: float = 0.0
+    max_density_ratio: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_positive(height=self.height, density_ratio=self.density_ratio)
         require_finite(lateral_stress=self.lateral_stress)
-        require_nonnegative(hardened=self.hardened)
+        require_nonnegative(max_density_ratio=self.max_density_ratio)
         if not self.density_ratio < 1:
             raise ValueError(f"`density_ratio` must be below 1, got {self.density_ratio!r}")
 
 
 @dataclass(frozen=True)
-class Bed:
-    """Columns before a roller, given from the base upwards; `law` of `cap.constants`, `measure` of `STRAINS`.
+class ColumnLayer:
+    """Columns in front of a roller, with the material law and the gap.
 
-    Strain is ln(h0/h) if logarithmic, else (h0 - h)/h0; k = k0/(1 - V) if mass-true, else k0 exp V.
+    Parameters
+    ----------
+    law : Constants
+        Material constants at the rolling speed.
+    stack : ColumnStack
+        Columns from the base upwards.
+    gap : GapGeometry
+        Shape of the roller.
+    strain_measure : int
+        One of the values of STRAINS.
     """
 
-    law: NamedTuple
-    stack: Stack
-    profile: Profile
-    measure: int
+    law: Constants
+    stack: ColumnStack
+    gap: GapGeometry
+    strain_measure: int
 
     @cached_property
-    def height(self):
+    def height(self) -> float:
+        """Height of the layer [m]."""
         return float(self.stack.height.sum())
 
     @cached_property
-    def solid(self):
-        """Height [m] that grains and water fill."""
+    def solid_height(self) -> float:
+        """Height that grains and water fill [m]."""
         return float(self.stack.density_ratio @ self.stack.height)
 
     @property
-    def deepest(self):
-        """Indentation [m] short of which all pores are shut, or the circle is buried to its axis."""
-        return DEEPEST * (self.profile.radius if self.buried else self.height - self.solid)
+    def max_indentation(self) -> float:
+        """Indentation [m] just short of full density, or of the axis of the circle."""
+        limit = self.gap.radius if self.limited_by_axis else self.height - self.solid_height
+        return INDENTATION_SHARE_MAX * limit
 
     @property
-    def buried(self):
-        """Whether the circle is buried to its axis before all pores are shut."""
-        return bool(self.profile.curl) and self.profile.radius < self.height - self.solid
+    def limited_by_axis(self) -> bool:
+        """Whether the circle sinks to its axis before all pores are closed."""
+        return bool(self.gap.circular) and self.gap.radius < self.height - self.solid_height
 
     @property
-    def rest(self):
-        """y of `confined.travel` before the pass."""
-        y = np.zeros(OWN + 2 * len(self.stack.height))
-        y[OWN::2] = self.stack.pressure
+    def initial_state(self) -> NDArray[np.float64]:
+        """State vector y before the pass."""
+        y = np.zeros(ode.COLUMN_STATE + 2 * len(self.stack.height))
+        y[ode.COLUMN_STATE :: 2] = self.stack.mean_stress
         return y
 
     @property
-    def settling(self):
-        """Powers of e by which the shares of the stress settle until all pores are shut, or some more."""
-        return max(settling(self.law, k) for k in self.stack.density_ratio.tolist())
-
-    def edge(self, depth):
-        """x [m] at which the roller is `depth` above its lowest point."""
-        R, c = self.profile
-        return math.sqrt(depth * (2 * R - c * depth)) if R else depth
-
-    def front(self, depth):
-        """u of `confined.travel` there [m]."""
-        R, c = self.profile
-        return 2 * R * math.sqrt(depth / (2 * R - c * depth)) if R else depth
-
-    def places(self, u):
-        """x [m] of some u of `confined.travel`."""
-        R, c = self.profile
-        return u / (1 + c * (u / (2 * R)) ** 2) if R else u
+    def stiffness_ratio(self) -> float:
+        """Stiffness of the differential equation up to full density [-], an upper bound over the columns."""
+        return max(ode.stiffness_ratio(self.law, k) for k in self.stack.density_ratio.tolist())
 
     @property
-    def elastic(self):
-        """Oedometric modulus [Pa] inside the yield limit."""
+    def oedometric_modulus(self) -> float:
+        """Elastic modulus in confined compression [Pa]."""
         return self.law.K + 4 * self.law.G / 3
 
     @property
-    def slack(self):
-        """Elastic strain of volume that a release may take back beyond rest, at most: mix in tension sideways."""
-        return (self.law.pt + max(0.0, float(self.stack.pressure.max()))) / self.law.K
+    def max_elastic_expansion(self) -> float:
+        """Upper bound of the elastic volume strain released beyond the initial state, under lateral tension [-]."""
+        return (self.law.pt + max(0.0, float(self.stack.mean_stress.max()))) / self.law.K
 
-    def stress(self, depth):
-        """Vertical stress [Pa] that is about that under the lowest generatrix."""
-        law, densest = self.law, max(max(self.stack.density_ratio.tolist()), self.solid / (self.height - depth))
-        return min(self.elastic * -math.log1p(-depth / self.height), hardening(law, densest)[0] + law.pt)
+    def edge(self, depth: float) -> float:
+        """Return x [m] at which the gap has risen by `depth` [m] above the lowest generatrix."""
+        R, c = self.gap
+        return math.sqrt(depth * (2 * R - c * depth)) if R else depth
 
-    def scale(self, depth, rtol):
-        """Errors of y that a step may make in a pass at an indentation."""
-        stress = self.stress(depth)
-        own = [stress, -math.log1p(-depth / self.height)] * len(self.stack.height)
-        return rtol * np.array([stress, stress * self.edge(depth), *[stress * depth] * 3, *own])
+    def front(self, depth: float) -> float:
+        """Return the coordinate u [m] at which the gap has risen by `depth` [m]."""
+        R, c = self.gap
+        return 2 * R * math.sqrt(depth / (2 * R - c * depth)) if R else depth
 
-    def density_ratios(self, y):
-        V, k0 = y[OWN + 1 :: 2], self.stack.density_ratio
-        return k0 / (1 - V) if self.measure == MASS_TRUE else k0 * np.exp(V)
+    def positions(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return x [m] of coordinates u [m]."""
+        R, c = self.gap
+        return u / (1 + c * (u / (2 * R)) ** 2) if R else u
 
-    def elastic_strains(self, y):
-        """Of volume, since the columns were at rest."""
-        return (y[OWN::2] - self.stack.pressure) / self.law.K
+    def stress_estimate(self, depth: float) -> float:
+        """Estimate the vertical stress [Pa] at the lowest generatrix for an indentation `depth` [m]."""
+        law, densest = self.law, max(max(self.stack.density_ratio.tolist()), self.solid_height / (self.height - depth))
+        return min(self.oedometric_modulus * -math.log1p(-depth / self.height), hardening(law, densest)[0] + law.pt)
 
-    def heights(self, y):
-        strain = y[OWN + 1 :: 2] + self.elastic_strains(y)
-        return self.stack.height * (np.exp(-strain) if self.measure == LOGARITHMIC else 1 - strain)
+    def error_scale(self, depth: float, rtol: float) -> NDArray[np.float64]:
+        """Return the error of each component of y allowed in one step.
 
-    def travelled(self, u, u_to, y, stress_to, scale, longest=np.inf):
-        """Path of `confined.travel`, this bed with what pc remembers then, and the number of evaluations."""
-        path, journey, ended = np.empty((ROWS, len(y) + 1)), begun(self.stack), PAUSED
+        Parameters
+        ----------
+        depth : float
+            Indentation [m], which sets the size of each component.
+        rtol : float
+            Relative error of a step [-].
+        """
+        stress = self.stress_estimate(depth)
+        of_columns = [stress, -math.log1p(-depth / self.height)] * len(self.stack.height)
+        return rtol * np.array([stress, stress * self.edge(depth), *[stress * depth] * 3, *of_columns])
+
+    def density_ratios(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the density ratio [-] of each column for a state vector."""
+        V, k0 = y[ode.COLUMN_STATE + 1 :: 2], self.stack.density_ratio
+        return k0 / (1 - V) if self.strain_measure == ode.MASS_TRUE else k0 * np.exp(V)
+
+    def elastic_strains(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the elastic volume strain [-] of each column since the start of the pass."""
+        return (y[ode.COLUMN_STATE :: 2] - self.stack.mean_stress) / self.law.K
+
+    def heights(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the height [m] of each column for a state vector."""
+        strain = y[ode.COLUMN_STATE + 1 :: 2] + self.elastic_strains(y)
+        return self.stack.height * (np.exp(-strain) if self.strain_measure == ode.LOGARITHMIC else 1 - strain)
+
+    def integrate(
+        self, u: float, y: NDArray[np.float64], control: PathControl
+    ) -> tuple[NDArray[np.float64], "ColumnLayer", int]:
+        """Integrate the columns along a path.
+
+        Parameters
+        ----------
+        u : float
+            Coordinate at the start [m].
+        y : ndarray
+            State vector there.
+        control : PathControl
+            End of the path and accuracy.
+
+        Returns
+        -------
+        path : ndarray
+            Rows (u, y) of all steps.
+        layer : ColumnLayer
+            The same columns with their largest density ratios at the end.
+        evaluations : int
+            Number of evaluations of the rates.
+
+        Raises
+        ------
+        RuntimeError
+            If the integration does not reach the end.
+        """
+        path, state = np.empty((PATH_ROWS_INITIAL, len(y) + 1)), ode.initial_integration_state(self.stack)
         path[0, 0], path[0, 1:] = u, y
-        given = self.law, self.stack, self.profile, self.measure, u_to, stress_to, scale, longest, journey
-        most = max(SLICE // len(self.stack.height), 1)
-        while ended == PAUSED:  # an interrupt gets in between two calls
-            ended = travel(*given, path, most)
-            if ended == PAUSED and journey.counts[ROW] + 1 == len(path):
+        problem = ColumnProblem(self.law, self.stack, self.gap, self.strain_measure)
+        max_tries, status = max(STEPS_PER_CALL // len(self.stack.height), 1), ode.PAUSED
+        while status == ode.PAUSED:  # a keyboard interrupt is raised between two calls
+            status = ode.integrate_path(problem, control, state, path, max_tries)
+            if status == ode.PAUSED and state.counts[ode.ROW] + 1 == len(path):
                 path = np.concatenate([path, np.empty_like(path)])
-        path = path[: journey.counts[ROW] + 1]
-        if ended != REACHED:
-            x, x_to, x_from = (float(self.places(place)) for place in (path[-1, 0], u_to, u))
+        path = path[: state.counts[ode.ROW] + 1]
+        if status != ode.REACHED:
+            x, x_end, x_start = self.positions(np.array([path[-1, 0], control.coordinate_end, u])).tolist()
             raise RuntimeError(
-                f"the integration stopped after {journey.counts[TRIED]} steps at x {x:.6g} m on the way from "
-                f"{x_from:.6g} to {x_to:.6g} m, vertical stress {path[-1, 1]:.6g} Pa: {FAILURES[ended]}"
+                f"the integration of the columns stopped after {state.counts[ode.STEPS_TRIED]} steps at x {x:.6g} m "
+                f"between {x_start:.6g} and {x_end:.6g} m, vertical stress {path[-1, 1]:.6g} Pa: {FAILURES[status]}; "
+                "reduce the indentation or the `unloading_modulus`"
             )
-        left = replace(self, stack=self.stack._replace(hardened=journey.hardened))
-        return path, left, int(journey.counts[EVALUATIONS])
+        after = replace(self, stack=self.stack._replace(max_density_ratio=state.max_density_ratio))
+        return path, after, int(state.counts[ode.EVALUATIONS])
 
-    def passed(self, indentation, rtol, longest=np.inf):
-        """The `PassResult` of the roller at an indentation [m]; `longest` share of the front that a step may take."""
-        scale, front = self.scale(indentation, rtol), self.front(indentation)
-        down, pressed, evaluations = self.travelled(front, 0.0, self.rest, np.inf, scale, front * longest)
-        return pressed.released(down, indentation, scale, evaluations, front * longest)
+    def compute_pass(self, indentation: float, rtol: float, max_step_share: float = np.inf) -> "PassResult":
+        """Compute the pass of the roller at an indentation.
 
-    def released(self, down, indentation, scale, evaluations, longest=np.inf):
-        """The `PassResult` from the lowest point on, after `down` and its evaluations; `longest` step over u [m]."""
-        rise = FAR * indentation
-        far = self.front(min(rise, self.profile.radius) if self.profile.curl else rise)
-        up, left, more = self.travelled(0.0, far, down[-1, 1:], 0.0, scale, longest)
-        if up[-1, 1 + STRESS] > 0:
+        Parameters
+        ----------
+        indentation : float
+            Indentation of the lowest generatrix [m].
+        rtol : float
+            Relative error of a step [-].
+        max_step_share : float
+            Largest step over the coordinate of the front [-].
+
+        Returns
+        -------
+        PassResult
+        """
+        front = self.front(indentation)
+        control = PathControl(0.0, np.inf, self.error_scale(indentation, rtol), front * max_step_share)
+        loading, pressed, evaluations = self.integrate(front, self.initial_state, control)
+        return pressed.unload(loading, indentation, control, evaluations)
+
+    def unload(
+        self, loading: NDArray[np.float64], indentation: float, control: PathControl, evaluations: int
+    ) -> "PassResult":
+        """Compute the unloading behind the lowest generatrix.
+
+        Parameters
+        ----------
+        loading : ndarray
+            Path from the front edge to the lowest generatrix.
+        indentation : float
+            Indentation there [m].
+        control : PathControl
+            Accuracy; the end of the path is replaced by the rear edge.
+        evaluations : int
+            Number of evaluations of the rates so far.
+
+        Returns
+        -------
+        PassResult
+
+        Raises
+        ------
+        RuntimeError
+            If the columns are not free of stress within the rise of the gap that is integrated.
+        """
+        rise = REBOUND_SHARE_MAX * indentation
+        end = self.front(min(rise, self.gap.radius) if self.gap.circular else rise)
+        control = control._replace(coordinate_end=end, stress_end=0.0)
+        unloading, after, more = self.integrate(0.0, loading[-1, 1:], control)
+        if unloading[-1, 1 + STRESS] > 0:
+            x_end = float(self.positions(np.array(end)))
             raise RuntimeError(
-                f"the rebound does not end: {up[-1, 1]:.6g} Pa are left {self.places(far):.6g} m behind the lowest "
-                f"point at an indentation of {indentation:.6g} m"
+                f"the rebound does not end: a vertical stress of {unloading[-1, 1]:.6g} Pa remains "
+                f"{x_end:.6g} m behind the lowest generatrix at an indentation of {indentation:.6g} m; "
+                "use a stiffer mix or a smaller indentation"
             )
-        return PassResult(left, indentation, down, up, evaluations + more)
+        return PassResult(after, indentation, loading, unloading, evaluations + more)
 
 
 @dataclass(frozen=True)
 class PassResult:
-    """A pass computed: the `bed` after it; paths of `confined.travel` `down` to the lowest point and `up` from it."""
+    """Pass of a roller over a `ColumnLayer`.
 
-    bed: Bed
+    Parameters
+    ----------
+    layer : ColumnLayer
+        Columns with their initial heights and their largest density ratios after the pass.
+    indentation : float
+        Indentation of the lowest generatrix [m].
+    loading, unloading : ndarray
+        Paths (u, y) from the front edge to the lowest generatrix, and from there to the rear edge.
+    evaluations : int
+        Number of evaluations of the rates.
+    """
+
+    layer: ColumnLayer
     indentation: float
-    down: np.ndarray
-    up: np.ndarray
+    loading: NDArray[np.float64]
+    unloading: NDArray[np.float64]
     evaluations: int
 
     @property
-    def load(self):
-        """P [N/m]; u shrinks on the way down."""
-        return float(self.up[-1, 1 + PUSH] - 2 * self.down[-1, 1 + PUSH])
+    def load(self) -> float:
+        """Load P [N/m]; the integral under the front is negative, since u decreases there."""
+        return float(self.unloading[-1, 1 + ode.LOAD_INTEGRAL] - 2 * self.loading[-1, 1 + ode.LOAD_INTEGRAL])
 
     @property
-    def resistance(self):
-        """F [N/m]"""
-        return -float(self.up[-1, 1 + DRAG])
+    def resistance(self) -> float:
+        """Resistance F [N/m]."""
+        return -float(self.unloading[-1, 1 + ode.RESISTANCE_INTEGRAL])
 
     @property
-    def peak_pressure(self):
-        return float(self.down[-1, 1 + STRESS])
+    def peak_pressure(self) -> float:
+        """Vertical stress at the lowest generatrix [Pa]."""
+        return float(self.loading[-1, 1 + STRESS])
 
     @property
-    def work(self):
-        """Plastic and elastic work that the columns keep [N/m]."""
-        return float(self.up[-1, 1 + PLASTIC]), float(self.up[-1, 1 + ELASTIC])
+    def work(self) -> tuple[float, float]:
+        """Plastic work and remaining elastic energy of the columns per unit length of travel [N/m]."""
+        return float(self.unloading[-1, 1 + ode.PLASTIC_WORK]), float(self.unloading[-1, 1 + ode.ELASTIC_WORK])
 
     @property
-    def density_ratio(self):
-        """k after the rebound, mean over the height."""
-        y = self.up[-1, 1:]
-        heights = self.bed.heights(y)
-        return float(self.bed.density_ratios(y) @ heights / heights.sum())
+    def density_ratio(self) -> float:
+        """Density ratio after the rebound [-], mean over the height."""
+        y = self.unloading[-1, 1:]
+        heights = self.layer.heights(y)
+        return float(self.layer.density_ratios(y) @ heights / heights.sum())
 
     @property
-    def columns(self):
-        y = self.up[-1, 1:]
-        rows = (self.bed.heights(y), self.bed.density_ratios(y), 1.5 * y[OWN::2], self.bed.stack.hardened)
-        return tuple(Column(*numbers) for numbers in np.array(rows).T.tolist())
+    def columns(self) -> tuple[Column, ...]:
+        """Columns after the pass, from the base upwards."""
+        y, layer = self.unloading[-1, 1:], self.layer
+        lateral_stress = 1.5 * y[ode.COLUMN_STATE :: 2]
+        rows = (layer.heights(y), layer.density_ratios(y), lateral_stress, layer.stack.max_density_ratio)
+        return tuple(Column(*values) for values in np.array(rows).T.tolist())
 
     @property
-    def mass_residual(self):
-        """See `ColumnContactResult`."""
-        y, stack = self.down[-1, 1:], self.bed.stack
+    def mass_residual(self) -> float:
+        """Relative excess of the height needed by the mass over the height at the lowest generatrix [-]."""
+        y, stack = self.loading[-1, 1:], self.layer.stack
         solid = stack.density_ratio * stack.height
-        needed = solid / self.bed.density_ratios(y) * np.exp(-self.bed.elastic_strains(y))
-        return float(needed.sum() / (self.bed.height - self.indentation) - 1)
+        needed = solid / self.layer.density_ratios(y) * np.exp(-self.layer.elastic_strains(y))
+        return float(needed.sum() / (self.layer.height - self.indentation) - 1)
 
 
-def bed_of(columns, material, rate_factor, profile, measure):
-    """The `Bed` of some `Column`s; pc is larger than at the reference speed by `rate_factor`."""
-    rows = [(column.height, column.density_ratio, column.lateral_stress, column.hardened) for column in columns]
-    height, density_ratio, lateral_stress, hardened = np.array(rows, dtype=float).T.copy()
-    stack = Stack(height, density_ratio, lateral_stress / 1.5, hardened)
-    return Bed(constants(material, rate_factor), stack, profile, measure)
+def column_layer(
+    columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapGeometry, strain_measure: int
+) -> ColumnLayer:
+    """Build the `ColumnLayer` of columns at rest.
+
+    Parameters
+    ----------
+    columns : tuple of Column
+        Columns from the base upwards.
+    material : Compaction
+        Material law.
+    rate_factor : float
+        Ratio of pc to its value at the reference speed [-].
+    gap : GapGeometry
+        Shape of the roller.
+    strain_measure : int
+        One of the values of STRAINS.
+
+    Returns
+    -------
+    ColumnLayer
+    """
+    rows = [(each.height, each.density_ratio, each.lateral_stress, each.max_density_ratio) for each in columns]
+    height, density_ratio, lateral_stress, max_density_ratio = np.array(rows, dtype=float).T.copy()
+    stack = ColumnStack(height, density_ratio, lateral_stress / 1.5, max_density_ratio)
+    return ColumnLayer(cap_constants(material, rate_factor), stack, gap, strain_measure)

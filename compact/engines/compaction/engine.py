@@ -29,7 +29,7 @@ from compact.engines.compaction.steady_newton_krylov import Steady, stiffened
 from compact.material.laws import Compaction
 from compact.mesh import RowMesh
 from compact.numerics.validation import require_between, require_finite, require_known, require_positive
-from compact.rolling_contact import SAME_HEIGHT, require_no_torque, require_on_target
+from compact.rolling_contact import HEIGHT_TOLERANCE, require_on_target, require_torque_allowed
 
 __all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
@@ -101,7 +101,7 @@ def roll(
     does not get steady.
     """
     require_compactable(layer, roller, material, speed, strain, exit_density_ratio, fed)
-    require_no_torque(roller, torque)
+    require_torque_allowed(roller, torque)
     require_positive(increments=increments, steady=steady)
     if steepest is not None:
         require_positive(steepest=steepest)
@@ -116,7 +116,7 @@ def roll(
             depth = roller.indentation if target.quantity is None else start.indentation
             march = _neighbour(start, layer, roller, torque, material, speed, fed, depth, watch)
             rolled = build_result(target.reached(march, steady), layer, roller, material, speed)
-            target.refuse_missed(rolled, torque)
+            target.require_target_reached(rolled, torque)
             return replace(rolled, error=start.error and tuple(max(error, _stepped(rolled)) for error in start.error))
         depth, coarse, march = target.first_depth(), None, None
         counts = [increments] if increments <= COARSE else [COARSE, increments]
@@ -132,7 +132,7 @@ def roll(
                 raise type(error)(f"{error}{_advice(heaping, target, fed)}") from error
             depth = layer.height - march.steps[-1].lowest
         rolled = build_result(march, layer, roller, material, speed)
-        target.refuse_missed(rolled, torque)
+        target.require_target_reached(rolled, torque)
         return _with_error(rolled, coarse)
 
 
@@ -462,7 +462,7 @@ def require_compactable(layer, roller, material, speed, strain, exit_density_rat
     require_known("strain", strain, ("finite", "small"))
     require_known("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
     require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
-    if fed is not None and abs(fed.height / layer.height - 1) > SAME_HEIGHT:
+    if fed is not None and abs(fed.height / layer.height - 1) > HEIGHT_TOLERANCE:
         raise ValueError(f"`layer` must be as high as `fed`, {fed.height!r} m, got {layer.height!r}")
     mean = _fed_mean(material, fed)
     if exit_density_ratio is not None and not mean < exit_density_ratio < 1:

@@ -27,7 +27,7 @@ from scipy.linalg.lapack import dgbtrf, dgbtrs
 from skfem import Basis, ElementQuadS2, MeshQuad
 
 from compact.material import cap_plasticity
-from compact.numerics.assembly import element_unknowns, moduli
+from compact.numerics.assembly import element_unknowns, unit_moduli
 
 UNITY = np.array([1.0, 0.0, 0.0, 1.0])
 NEARLY_ROUND = 1e-4  # half the logarithm of the stretches' ratio; below it atanh(z)/z is 1 + z^2/3 to rounding
@@ -169,7 +169,7 @@ GAUSS_ORDER = 3  # 2 x 2 points
 SUBSTEPS = 4  # of the mix in one increment: 2 leave up to 0.3 % in the resistance
 NEARBY = 1e-8  # strain by which paths differ for their tangent: 1e-5 of what yields
 IN_PLANE = [0, 1, 3]  # xx, yy, xy
-STATE = ("stress", "density_ratio", "hardened", "plastic_work")
+STATE = ("stress", "density_ratio", "max_density_ratio", "plastic_work")
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +220,9 @@ class Solid:
     def at_rest(self):
         """The `Condition` of the mix as it is fed, free of stress."""
         return Condition(
-            np.zeros((self.basis.N, 2)), cap_plasticity.fed(self.law, self.area.size), np.zeros(self.area.size)
+            np.zeros((self.basis.N, 2)),
+            cap_plasticity.initial_state(self.law, self.area.size),
+            np.zeros(self.area.size),
         )
 
     def gradient(self, displacement):
@@ -233,7 +235,7 @@ class Solid:
         change = self.kinematics.between(self.gradient(before.displacement), self.gradient(displacement))
         state, work = self._followed(before.state, change.strain)
         turned = cap_plasticity.MaterialPoint(
-            change.turned(state.stress), state.density_ratio, state.hardened, state.plastic_work
+            change.turned(state.stress), state.density_ratio, state.max_density_ratio, state.plastic_work
         )
         after = Condition(displacement, turned, before.work + change.volume_midway * work)
         slope = self._tangent(before.state, change.strain, state) if tangent else None
@@ -244,14 +246,14 @@ class Solid:
         part, work = strain / self.substeps, np.zeros(len(strain))
         for _ in range(self.substeps):
             start = state.stress
-            state, _ = cap_plasticity.step(self.law, state, part, self.rate_factor, tangent=False)
+            state, _ = cap_plasticity.integrate_points(self.law, state, part, self.rate_factor, tangent=False)
             work += np.sum((start + state.stress)[:, IN_PLANE] * part, axis=1) / 2
         return state, work
 
     def _tangent(self, before, strain, after):
         """d stress/d strain of the whole path, shape (n, 3, 3): elastic, or by differences where the mix yields."""
         if self.substeps == 1:
-            return cap_plasticity.step(self.law, before, strain, self.rate_factor)[1]
+            return cap_plasticity.integrate_points(self.law, before, strain, self.rate_factor)[1]
         slope = np.tile(self._elastic, (len(strain), 1, 1))
         yields = np.flatnonzero(after.plastic_work != before.plastic_work)
         start = cap_plasticity.MaterialPoint(*(getattr(before, name)[yields] for name in STATE))
@@ -265,7 +267,7 @@ class Solid:
     @cached_property
     def _elastic(self):
         """d stress/d strain inside the cap, shape (3, 3)."""
-        along, across, shear, lame = self.law.unloading_modulus * moduli(self.law.poisson)
+        along, across, shear, lame = self.law.unloading_modulus * unit_moduli(self.law.poisson)
         return np.array([[along + lame, lame, 0], [lame, across + lame, 0], [0, 0, shear]])
 
     @cached_property

@@ -151,7 +151,7 @@ def remedies(heaping, depth, *, for_density):
     shares = np.linspace(1, 0, SHARES, endpoint=False)[1:]
     for share in shares:
         if suffices(share * depth, height=share * height):
-            found.append(f"feed it in lifts of at most {share * (height - depth):.2g} m (`layer.lift`)")
+            found.append(f"feed it in lifts of at most {share * (height - depth):.2g} m (`layer.lift_thickness`)")
             break
     leaving = law.fed_density_ratio * height / (height - depth)
     for share in shares[::-1] if for_density and leaving < 1 else ():

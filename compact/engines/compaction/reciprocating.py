@@ -48,9 +48,9 @@ from compact.engines.compaction.newton import Balancer, NotBalancedError
 from compact.engines.compaction.results import drawn, left
 from compact.engines.compaction.roller_contact import RollerSurface, RollingSurface
 from compact.engines.compaction.roller_frame import Frame, LayerState, stroke_mesh, transferred
-from compact.engines.stroke_schedule import SAME, STEP, strokes
+from compact.engines.stroke_schedule import PLACE_TOLERANCE, STEP_LENGTH, stroke_schedule
 from compact.numerics.validation import require_finite, require_integers, require_nonnegative
-from compact.rolling_contact import TransientResult, require_no_torque
+from compact.rolling_contact import TransientResult, require_torque_allowed
 
 PRESSING = 6  # steps of a roller that comes down
 RESIDUAL = 1e-4  # of the nodal forces
@@ -140,7 +140,7 @@ class Trip:
         self.given += resistance * way - load * (lowest - self.face.lowest) - sign * self.pull * turned - rubbed
         self.rubbed += rubbed
         self.kept += self.frame.solid.area @ (balance.after.work - self.condition.work)
-        self.past = [*self.past[1 - round(1 / STEP) :], (x, way, (push.pressure, push.shear), change)]
+        self.past = [*self.past[1 - round(1 / STEP_LENGTH) :], (x, way, (push.pressure, push.shear), change)]
         self.condition, self.push, self.iterations = balance.after, push, self.iterations + balance.iterations
         self.face = face.carrying(push.pressure, push.shear, push.creep)
 
@@ -184,7 +184,7 @@ class Trip:
         shift, tractions = way, (self.push.pressure, self.push.shear)
         change = np.zeros_like(self.condition.displacement)
         for place, gone, pressed, moved in self.past:
-            if way and abs(x - place - sign * self.element) + abs(way - gone) < SAME * self.element:
+            if way and abs(x - place - sign * self.element) + abs(way - gone) < PLACE_TOLERANCE * self.element:
                 shift, tractions, change = sign * self.element, pressed, self._moved[sign] @ moved
         change.ravel()[self.frame.held] = 0.0
         nodes = self.face.place[:, 0]
@@ -330,13 +330,13 @@ def simulate_reciprocating(
 
     Raises RuntimeError with the place reached where no balance is found or the torque makes the roller skid.
     """
-    way = strokes(motion)
+    way = stroke_schedule(motion)
     _refuse(layer, roller, material, way, feed, strain, fed, start)
-    require_no_torque(roller, torque)
+    require_torque_allowed(roller, torque)
     require_integers(increments=increments)
     require_finite(instants=instants)
     length = float(np.sqrt(2 * roller.radius * roller.indentation))
-    element = way.span / np.ceil(way.span * increments / length * (1 - SAME))
+    element = way.span / np.ceil(way.span * increments / length * (1 - PLACE_TOLERANCE))
     job = _Job(layer, roller, torque, material, way, element, length, feed, fed, start, strain == "finite")
     with threadpool_limits(1):
         done = job.done(1, instants)
@@ -450,7 +450,7 @@ def _refuse(layer, roller, material, way, feed, strain, fed, start):
 
 def _refuse_start(start, layer, roller, way, fed):
     same = start.layer == layer and start.march.frame.given is fed
-    if not same or abs(start.indentation - roller.indentation) > SAME * roller.indentation:
+    if not same or abs(start.indentation - roller.indentation) > PLACE_TOLERANCE * roller.indentation:
         raise ValueError("`start` must have rolled over the same `layer` and `fed` mix at the same `indentation`")
     if start.speed < 0 or way.places[1] < way.places[0]:
         raise ValueError("`start` must roll along +x, and the `motion` begin that way")

@@ -11,7 +11,7 @@ import numpy as np
 from compact.engines.compaction.finite_strain_solid import STATE
 from compact.engines.compaction.roller_frame import LayerState
 from compact.material import cap_plasticity
-from compact.numerics.assembly import moduli
+from compact.numerics.assembly import unit_moduli
 from compact.rolling_contact import ContactResult, Layer, Roller
 
 ITERATIONS = 2100  # of the mix that leaves, towards its rest: one as a rule, hundreds where it yields on the way
@@ -190,10 +190,10 @@ def _at_rest(solid, state, stretch):
     strain = np.zeros((len(stretch), 3))
     strain[:, 0] = stretch
     law = solid.law
-    two_shear, _, shear, lame = law.unloading_modulus * moduli(law.poisson)
+    two_shear, _, shear, lame = law.unloading_modulus * unit_moduli(law.poisson)
     elastic = np.diag([two_shear + lame, shear])
     for iteration in range(ITERATIONS):
-        rest, slopes = cap_plasticity.step(law, state, strain, solid.rate_factor, tangent=iteration >= SURE)
+        rest, slopes = cap_plasticity.integrate_points(law, state, strain, solid.rate_factor, tangent=iteration >= SURE)
         if np.abs(rest.stress[:, [1, 3]]).max() < FREE * law.unloading_modulus:
             rest.stress[:, [1, 3]] = 0.0
             return rest, np.exp(strain[:, 0] + strain[:, 1])
@@ -215,6 +215,8 @@ def _volume(solid, displacement):
 
 def _yield_residual(solid, state):
     """Largest elastic overshoot beyond the cap: the stress that one more step at rest would give up, over pc."""
-    rest, _ = cap_plasticity.step(solid.law, state, np.zeros((len(state.stress), 3)), solid.rate_factor, tangent=False)
-    pc = solid.law.yield_pressure(state.hardened) * solid.rate_factor
+    rest, _ = cap_plasticity.integrate_points(
+        solid.law, state, np.zeros((len(state.stress), 3)), solid.rate_factor, tangent=False
+    )
+    pc = solid.law.yield_pressure(state.max_density_ratio) * solid.rate_factor
     return float((np.abs(rest.stress - state.stress).max(axis=1) / pc).max())

@@ -21,7 +21,7 @@ from scipy.sparse import csr_matrix
 from compact.engines.compaction.finite_strain_solid import STATE, SUBSTEPS, TO_STRAIN, Condition, Solid
 from compact.material import cap_plasticity
 from compact.mesh import RowMesh
-from compact.numerics.assembly import moduli
+from compact.numerics.assembly import unit_moduli
 
 GROWTH = 1.2  # ratio of neighbouring elements outside the uniform zone and downwards
 COARSEST = 0.4  # of the layer height
@@ -97,7 +97,7 @@ class LayerState:
 
     def under(self, lift, law):
         """The layer with a lift [m] of fresh mix spread on it."""
-        above = cap_plasticity.fed(law, 1)
+        above = cap_plasticity.initial_state(law, 1)
         both = (np.concatenate([getattr(self.state, name), getattr(above, name)]) for name in STATE)
         return LayerState(np.append(self.heights, lift), cap_plasticity.MaterialPoint(*both))
 
@@ -111,7 +111,7 @@ class LayerState:
 
 def fresh(law, heights):
     """Mix as it is fed, a `LayerState` of rows of some heights [m]."""
-    return LayerState(heights, cap_plasticity.fed(law, len(heights)))
+    return LayerState(heights, cap_plasticity.initial_state(law, len(heights)))
 
 
 def _means(values, old, new):
@@ -275,7 +275,7 @@ class Frame:
         """Linear elastic stress (xx, yy, zz, xy) of a displacement, shape (n, 4)."""
         exx, eyy, gamma = (self.solid.gradient(displacement) @ TO_STRAIN.T).T
         law = self.solid.law
-        two_shear, _, shear, lame = law.unloading_modulus * moduli(law.poisson)
+        two_shear, _, shear, lame = law.unloading_modulus * unit_moduli(law.poisson)
         area = lame * (exx + eyy)
         return np.array([two_shear * exx + area, two_shear * eyy + area, area, shear * gamma]).T
 

@@ -87,7 +87,7 @@ class Steady:
         self.whole, self.carried = face, kept.pop("carried")
         self.one = replace(face, **kept, penalty=0.0, carried=np.ones(len(self.nodes)))
         self.came = frame.from_upstream(self.nodes)
-        yields = solid.law.yield_pressure(float(frame.fed.state.hardened[-1])) * solid.rate_factor
+        yields = solid.law.yield_pressure(float(frame.fed.state.max_density_ratio[-1])) * solid.rate_factor
         self.closing, self.yields = yields * 2 * face.radius / frame.step**2, yields
         self.skin = SKIN * yields
         self.products = 0
@@ -382,7 +382,7 @@ def _from_rest(march_of, share, lowest):
 
 def _softest(frame):
     law = frame.solid.law
-    yields = law.yield_pressure(float(frame.fed.state.hardened.max())) * frame.solid.rate_factor
+    yields = law.yield_pressure(float(frame.fed.state.max_density_ratio.max())) * frame.solid.rate_factor
     return min(SOFTEST * float(yields) / law.unloading_modulus, 1.0)
 
 

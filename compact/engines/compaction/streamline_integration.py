@@ -80,8 +80,8 @@ class StreamlineIntegrator:
 
     @property
     def _constants(self):
-        enters = np.column_stack([self.fed.stress, self.fed.density_ratio, self.fed.hardened])
-        return cap_plasticity.constants(self.law, self.rate_factor), self.finite, self.substeps, enters
+        enters = np.column_stack([self.fed.stress, self.fed.density_ratio, self.fed.max_density_ratio])
+        return cap_plasticity.cap_constants(self.law, self.rate_factor), self.finite, self.substeps, enters
 
 
 def changes(slopes, gradients):

@@ -1,71 +1,90 @@
-"""One contact patch with free edges on a surface whose response to nodal forces is known.
+"""Unilateral contact with free edges between a rigid indenter and a surface of known compliance.
 
-The pressure lives on trailing < x < leading and vanishes at both edges with the exponents of sliding contact,
+The pressure on trailing < x < leading vanishes at both edges with the exponents of sliding contact,
 
     p = xi^alpha (1 - xi)^(1 - alpha) [c_0 T_0 + ... + c_(n-1) T_(n-1)](2 xi - 1),   xi = (x - trailing)/length.
 
-The surface follows the roller, tested with functions that may be singular at an edge. For wrong edges the solution
-needs a pressure that is singular there too, by two amplitudes; Newton moves the edges until both vanish: neither
-pulled nor pierced, the unilateral contact, with edges that no mesh confines. x ascends, whichever way the roller goes.
+Petrov-Galerkin equations require the surface to follow the indenter; their test functions may be singular at an edge.
+Between given edges the solution contains two further pressures, singular at one edge each. Newton's method moves the
+edges until both singular amplitudes vanish. The pressure is then unilateral, and the edges are independent of the mesh.
+
+References
+----------
+L. A. Galin, Contact problems (Springer, 2008): edge exponents; C. G. Broyden, Math. Comp. 19 (1965) 577:
+secant update.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-GAUSS = np.polynomial.legendre.leggauss(8)  # between two neighbouring corners; the pressure is smooth there
-EDGE_POWER = 3  # quadrature points crowd at the edges as t^3, which smooths every edge exponent in use
-AT_EDGE = 1e-12  # of the contact length: corners nearer to an edge leave no interval to integrate over
-EDGE_TOLERANCE = 1e-9  # of the contact length
-FIRST_TERMS = 6  # of the first settling, smooth in the edges, from which those with more terms start
-MORE = 2.0  # times as many terms at most in the next settling: the edges of many terms are found from near only
-NODES_PER_TERM = 3  # under the contact; more terms than that see single nodes
-FEWER = 2  # terms left out of the second opinion on the peak pressure: its scatter changes sign with every second term
-PEAK_SAMPLES = 2001
-NARROWEST = 1e-6  # of the loaded zone: length of a contact that its mesh can hold
-STEP = 0.25  # of the contact length: farthest that an edge moves at once
-ITERATIONS = 60  # which halves from `PATIENCE` on need thirty of
-LAST = 4  # iterations that a failure gives
-PATIENCE = 12  # whole steps, after which halves: they stay on one side of a kink, where an edge passes a node
+from compact.engines.fem.surface import FloatArray, SurfaceCompliance, contact_quadrature, shape_matrix
+
+Profile = Literal["parabola", "circle", "deformed"]
+Edges = tuple[float, float]
+EdgeHistory = tuple[tuple[float, float, float], ...]
+
+EDGE_TOLERANCE = 1e-9  # [-], step of an edge over the contact length at convergence
+INITIAL_TERMS = 6  # [-], terms of the pressure in the first solve, whose amplitudes are smooth in the edges
+TERM_GROWTH = 2.0  # [-], largest ratio of terms in successive solves; with many terms the edges converge locally only
+NODES_PER_TERM = 3  # [-], surface nodes under the contact for each term; more terms resolve single nodes
+PEAK_TERMS_OMITTED = 2  # [-], of the second peak pressure, whose scatter has the opposite sign
+PEAK_SAMPLES = 2001  # [-], points that locate the peak pressure
+MIN_LENGTH = 1e-6  # [-], contact length over the loaded zone that a mesh can resolve
+MAX_STEP = 0.25  # [-], step of an edge over the contact length
+MAX_ITERATIONS = 60  # [-], of Newton's method; damped steps need 30
+HISTORY_REPORTED = 4  # [-], iterations listed in an error message
+FULL_STEPS = 12  # [-], iterations before steps are halved, which do not cross the kink of an edge on a node
+DIFFERENCE_STEP = 1e-4  # [-], of an edge over the contact length, for the Jacobian
 
 
 class UnresolvedError(RuntimeError):
-    """No contact was found on this mesh with so many terms of the pressure; finer ones may find it."""
+    """The contact does not converge on this mesh with this number of pressure terms; a finer mesh may resolve it."""
 
 
 class BeyondWindowError(UnresolvedError):
-    """The contact reaches nodes whose response is not known."""
+    """The contact extends beyond the loaded zone, the nodes whose compliance is known."""
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
-    """x of its nodes, corners and middles, shape (n,), and displacement under unit forces on x[first:last].
+class Indenter:
+    """Rigid roller at a given indentation with a given ratio of traction to pressure.
 
-    response : component i of node a under force k on loaded node b, [i, a, k, b], shape (2, n, 2, m)
-    """
-
-    x: np.ndarray
-    first: int
-    last: int
-    response: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Roll:
-    """The rigid profile, how deep it stands, and its traction f p along +x on the surface.
-
-    radius, indentation : R, delta [m];  profile : "parabola", "circle", "deformed";  friction : f, signed
-    exponent : alpha, of the pressure at the trailing side, 1 - alpha at the leading side
+    Parameters
+    ----------
+    radius, indentation : float
+        R and delta [m].
+    profile : {"parabola", "circle", "deformed"}
+        The gap is vertical to a parabola, vertical to a circle, or normal to the circle on the deformed surface.
+    friction : float
+        Shear traction along +x over pressure [-], signed.
+    exponent : float
+        Edge exponent alpha of the pressure at the trailing side [-]; 1 - alpha at the leading side.
     """
 
     radius: float
     indentation: float
-    profile: str
+    profile: Profile
     friction: float
     exponent: float
 
-    def touch(self, x, displacement):
-        """Normal n towards the surface, shape (2, q), and depth d, shape (q,): contact is n.u = d, to first order."""
+    def contact_condition(self, x: FloatArray, displacement: FloatArray | float) -> tuple[FloatArray, FloatArray]:
+        """Linearise the contact condition n.u = d about a displacement.
+
+        Parameters
+        ----------
+        x : ndarray
+            Points of the surface [m], shape (q,).
+        displacement : ndarray
+            Displacement there [m], shape (2, q).
+
+        Returns
+        -------
+        tuple of ndarray
+            Unit normal n towards the layer, shape (2, q), and depth d [m], shape (q,).
+        """
         R = self.radius
         if self.profile == "deformed":
             ray = np.array([x, np.zeros_like(x)]) + displacement - np.array([[0.0], [R - self.indentation]])
@@ -75,297 +94,326 @@ class Roll:
         drop = x**2 / (2 * R) if self.profile == "parabola" else x**2 / (R + np.sqrt(np.maximum(R**2 - x**2, 0)))
         return np.array([np.zeros_like(x), -np.ones_like(x)]), self.indentation - drop
 
-    def over(self, nodes, aside):
-        """The same on a surface that stands aside, at `nodes` by `aside`, shape (2, n), before it is loaded."""
-        return RollAside(**vars(self), nodes=nodes, aside=aside)
-
-    def slope(self, x):
-        """dy/dx of the profile, by which a vertical pressure pushes along x; zero where it is normal to the circle."""
+    def slope(self, x: FloatArray) -> FloatArray:
+        """Slope dy/dx [-] at x [m], by which a vertical pressure has a component along x; 0 for "deformed"."""
         if self.profile == "deformed":
             return np.zeros_like(x)
         return x / self.radius if self.profile == "parabola" else x / np.sqrt(self.radius**2 - x**2)
 
 
 @dataclass(frozen=True, eq=False)
-class RollAside(Roll):
-    """The same on a surface that stands aside, at `nodes` [m] by `aside` [m], shape (2, n), before it is loaded."""
+class ContactPatch:
+    """Contact between two edges with its pressure, in units of the relaxed modulus.
 
-    nodes: np.ndarray
-    aside: np.ndarray
-
-    def touch(self, x, displacement):
-        aside = self.aside @ interpolation(self.nodes, x).T
-        normal, depth = super().touch(x, displacement + aside)
-        return normal, depth - np.sum(normal * aside, axis=0)
-
-    def over(self, nodes, aside):
-        return replace(self, aside=self.aside + aside)
-
-
-@dataclass(frozen=True, eq=False)
-class Patch:
-    """A contact patch: edges, pressure and traction at quadrature points, and what they do to the nodes.
-
-    trailing, leading : lower and upper end of the patch in x [m]
-    x, weight, pressure : points, their quadrature weights and pressure, shape (q,)
-    direction, shear : traction over pressure there, and its tangential part, shape (2, q)
-    forces : on the loaded nodes, shape (2, m);  displacement : of the surface nodes, shape (2, n)
-    coefficients : of the pressure;  exponent : alpha of its edges
-    slopes : how far the amplitudes of the singular pressures follow the edges, shape (2, 2)
-    peaks : largest pressure, by `FEWER` terms less and by all
-    history : (trailing, leading, step over length) of every iteration
+    Parameters
+    ----------
+    trailing, leading : float
+        Lower and upper edge in x [m], for either direction of travel.
+    x, weight, pressure : ndarray
+        Quadrature points and weights [m], and the pressure there [-], shape (q,).
+    direction, shear : ndarray
+        Traction over pressure and its tangential part [-], shape (2, q).
+    forces : ndarray
+        Forces on the loaded nodes [m], shape (2, m).
+    displacement : ndarray
+        Displacement of the surface nodes by these forces [m], shape (2, n).
+    coefficients : ndarray
+        Coefficients of the regular pressures, then of the two singular ones.
+    exponent : float
+        Edge exponent alpha [-].
+    jacobian : ndarray, optional
+        Derivatives of the two singular amplitudes with respect to the edges, shape (2, 2).
+    peaks : tuple of float
+        Peak pressures with fewer and with all terms [-]; empty unless computed.
+    history : tuple
+        (trailing, leading, step over length) of every iteration.
     """
 
     trailing: float
     leading: float
-    x: np.ndarray
-    weight: np.ndarray
-    pressure: np.ndarray
-    direction: np.ndarray
-    shear: np.ndarray
-    forces: np.ndarray
-    displacement: np.ndarray
-    coefficients: np.ndarray
+    x: FloatArray
+    weight: FloatArray
+    pressure: FloatArray
+    direction: FloatArray
+    shear: FloatArray
+    forces: FloatArray
+    displacement: FloatArray
+    coefficients: FloatArray
     exponent: float
-    slopes: np.ndarray | None = None
-    peaks: tuple = ()
-    history: tuple = ()
+    jacobian: FloatArray | None = None
+    peaks: tuple[float, ...] = ()
+    history: EdgeHistory = ()
 
     @property
-    def edges(self):
+    def edges(self) -> Edges:
+        """Trailing and leading edge [m]."""
         return self.trailing, self.leading
 
     @property
-    def peak(self):
-        """Largest pressure: both peaks scatter to opposite sides of it, tenfold as far as their mean."""
+    def terms(self) -> int:
+        """Number of regular pressure terms."""
+        return len(self.coefficients) - 2
+
+    @property
+    def peak(self) -> float:
+        """Peak pressure [-]: the mean of both estimates, whose errors are ten times as large and of opposite sign."""
         return sum(self.peaks) / 2
 
     @property
-    def scatter(self):
-        """Half the difference of both peaks over their mean."""
+    def scatter(self) -> float:
+        """Half the relative difference of both peak pressures [-]."""
         return abs(self.peaks[1] - self.peaks[0]) / sum(self.peaks)
 
-    def integral(self, values):
-        """int values dx over the patch."""
+    def integral(self, values: FloatArray) -> float:
+        """Integrate values at the quadrature points, shape (q,), over the contact."""
         return float(np.sum(self.weight * values))
 
-    def sampled(self, count):
-        """x and pressure at so many points, crowded at the edges, where the pressure is zero."""
+    def sampled(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """Sample x [m] and pressure [-] at `count` points clustered at the edges, where the pressure is zero."""
         half = np.linspace(0, np.pi / 2, count)
-        xi, rest = np.sin(half) ** 2, np.cos(half) ** 2
-        inner = _functions(xi[1:-1], rest[1:-1], self.exponent, len(self.coefficients) - 2) @ self.coefficients
-        x = self.trailing + (self.leading - self.trailing) * xi
+        fraction, complement = np.sin(half) ** 2, np.cos(half) ** 2
+        functions = _pressure_functions(fraction[1:-1], complement[1:-1], self.exponent, self.terms)
+        x = self.trailing + (self.leading - self.trailing) * fraction
         x[-1] = self.leading
-        return x, np.concatenate([[0.0], inner, [0.0]])
+        return x, np.concatenate([[0.0], functions @ self.coefficients, [0.0]])
 
 
-def press(surface, roll, terms, start=None, edges=None):
-    """The `Patch` under a roller, with up to so many terms for the pressure, one for three nodes at most.
+def solve_contact_patch(
+    surface: SurfaceCompliance,
+    indenter: Indenter,
+    terms: int,
+    initial_guess: ContactPatch | None = None,
+    edges: Edges | None = None,
+) -> ContactPatch:
+    """Solve the contact of an indenter on a surface.
 
-    start : a patch near the one sought; without it the edges start from `edges`, (trailing, leading) in x [m], or from
-        the active set of `touched`, first with few terms and then with more and more. UnresolvedError with the history
-        if the edges do not settle, BeyondWindowError if they leave the loaded zone
+    Parameters
+    ----------
+    surface : SurfaceCompliance
+        Compliance of the layer.
+    indenter : Indenter
+        Roller at its indentation.
+    terms : int
+        Largest number of pressure terms; one per `NODES_PER_TERM` nodes at most.
+    initial_guess : ContactPatch, optional
+        Solution of a similar problem, whose number of terms is kept.
+    edges : (float, float), optional
+        Initial edges [m], otherwise those of an active-set solution; the number of terms then increases in stages.
+
+    Raises
+    ------
+    UnresolvedError
+        If the edges do not converge; the message lists the last iterations.
+    BeyondWindowError
+        If the edges leave the loaded zone.
     """
-    history = []
-    if start is not None:
-        patch = _settled_from(start, surface, roll, len(start.coefficients) - 2, history)
+    solver = _EdgeSolver(surface, indenter)
+    if initial_guess is not None:
+        patch = solver.solve_from(initial_guess, initial_guess.terms)
     elif edges is None:
-        patch = _pressed_between(touched(surface, roll), surface, roll, terms, history)
+        patch = solver.solve_in_stages(estimate_edges(surface, indenter), terms)
     else:
         try:
-            patch = _pressed_between(np.array(edges), surface, roll, terms, history)
-        except UnresolvedError:  # where the surface moves far along x the edges are not those of a surface at rest
-            patch = _pressed_between(touched(surface, roll), surface, roll, terms, history)
-    return replace(patch, history=tuple(history))
+            patch = solver.solve_in_stages(np.array(edges), terms)
+        except UnresolvedError:  # a surface that moves far along x has other edges than one without displacement
+            patch = solver.solve_in_stages(estimate_edges(surface, indenter), terms)
+    return replace(patch, history=tuple(solver.history))
 
 
-def _pressed_between(edges, surface, roll, terms, history):
-    """The `Patch` from two edges on, first with few terms, then with more and more."""
-    terms = min(terms, max(1, np.sum((edges[0] < surface.x) & (surface.x < edges[1])) // NODES_PER_TERM))
-    few = min(terms, FIRST_TERMS)
-    patch = _settled(surface, roll, few, edges, np.zeros((2, len(surface.x))), None, history)
-    while MORE * few < terms:
-        few = int(MORE * few)
-        patch = _settled_from(patch, surface, roll, few, history)
-    return _settled_from(patch, surface, roll, terms, history)
+def with_peak_pressures(surface: SurfaceCompliance, indenter: Indenter, patch: ContactPatch) -> ContactPatch:
+    """Add the peak pressure of a patch and that of a patch with `PEAK_TERMS_OMITTED` terms fewer.
 
-
-def _settled_from(start, surface, roll, terms, history):
-    return _settled(surface, roll, terms, np.array(start.edges), start.displacement, start.slopes, history)
-
-
-def with_peaks(surface, roll, patch):
-    """The patch with its own peak pressure and that of a patch with `FEWER` terms."""
-    terms, history = max(1, len(patch.coefficients) - 2 - FEWER), []
-    fewer = _settled_from(patch, surface, roll, terms, history)
-    peaks = tuple(float(each.sampled(PEAK_SAMPLES)[1].max()) for each in (fewer, patch))
-    return replace(patch, peaks=peaks, history=patch.history + tuple(history))
-
-
-def touched(surface, roll):
-    """Guess of the two edges: pressure piecewise linear between corners, contact by the active set.
-
-    Corners enter where the surface would stand inside the roller and leave where they would be pulled.
+    Parameters
+    ----------
+    surface, indenter, patch
+        A converged contact.
     """
-    H = _hats(np.diff(surface.x[surface.first : surface.last : 2]))
-    response = surface.response[1, surface.first : surface.last]
-    A = H.T @ (response[:, 1] - roll.friction * response[:, 0]) @ H
-    depth = H.T @ roll.touch(surface.x[surface.first : surface.last], 0.0)[1]
-    active, seen = depth > 0, set()
-    while active.any() and active.tobytes() not in seen:
-        seen.add(active.tobytes())
+    solver = _EdgeSolver(surface, indenter)
+    fewer = solver.solve_from(patch, max(1, patch.terms - PEAK_TERMS_OMITTED))
+    peaks = tuple(float(each.sampled(PEAK_SAMPLES)[1].max()) for each in (fewer, patch))
+    return replace(patch, peaks=peaks, history=patch.history + tuple(solver.history))
+
+
+def estimate_edges(surface: SurfaceCompliance, indenter: Indenter) -> FloatArray:
+    """Estimate both edges [m], shape (2,), from a pressure linear between corner nodes by an active-set method.
+
+    Parameters
+    ----------
+    surface : SurfaceCompliance
+        Compliance of the layer.
+    indenter : Indenter
+        Roller at its indentation.
+
+    Raises
+    ------
+    UnresolvedError
+        If no corner node is in contact.
+    BeyondWindowError
+        If a corner node at the end of the loaded zone is in contact.
+    """
+    loaded_x = surface.x[surface.loaded]
+    corners = loaded_x[::2]
+    H = _hat_forces(np.diff(corners))
+    response = surface.response[1, surface.loaded]
+    A = H.T @ (response[:, 1] - indenter.friction * response[:, 0]) @ H
+    depth = H.T @ _contact_condition(surface, indenter, loaded_x, 0.0)[1]
+    active: NDArray[np.bool_] = depth > 0
+    visited: set[bytes] = set()
+    while active.any() and active.tobytes() not in visited:
+        visited.add(active.tobytes())
         pressure = np.zeros(len(depth))
         pressure[active] = np.linalg.solve(A[np.ix_(active, active)], depth[active])
         active = np.where(active, pressure > 0, depth - A @ pressure > 0)
     if not active.any():
         raise UnresolvedError(
-            f"no corner would carry pressure at a depth of {roll.indentation:.3g} m: the mesh is too coarse under the "
-            f"contact, or the roller of radius {roll.radius:g} m is pressed in whole"
+            f"no corner node is in contact at an indentation of {indenter.indentation:.3g} m: the mesh is too coarse "
+            f"under the contact, or the indentation is too large for the roller radius {indenter.radius:g} m; refine "
+            "the mesh or reduce the indentation"
         )
     if active[0] or active[-1]:
         raise BeyondWindowError("the contact fills the loaded zone")
-    corners = surface.x[surface.first : surface.last : 2]
     first, last = np.flatnonzero(active)[[0, -1]]
     return np.array([corners[first - 1 : first + 1].mean(), corners[last : last + 2].mean()])
 
 
-def _hats(sizes):
-    """Nodal forces, corners and middles, of pressures that are hats on the corners: shape (2 c - 1, c)."""
+def beyond_circle_message(edges: Edges, radius: float) -> str:
+    """Error message for the edges [m] of a contact wider than a circle of a radius [m]."""
+    contact = f"the contact, from {edges[0]:.3g} to {edges[1]:.3g} m,"
+    return f"{contact} is wider than the circle of radius {radius:g} m; reduce the indentation or the load"
+
+
+@dataclass(frozen=True, eq=False)
+class _EdgeSolver:
+    """Newton's method for the edges of a contact, with the history of its iterations."""
+
+    surface: SurfaceCompliance
+    indenter: Indenter
+    history: list[tuple[float, float, float]] = field(default_factory=list)
+
+    def solve_in_stages(self, edges: FloatArray, terms: int) -> ContactPatch:
+        """Solve from initial edges, first with few terms, then with more."""
+        x = self.surface.x
+        terms = min(terms, max(1, int(np.sum((edges[0] < x) & (x < edges[1]))) // NODES_PER_TERM))
+        few = min(terms, INITIAL_TERMS)
+        patch = self._solve(few, edges, np.zeros((2, len(x))), None)
+        while TERM_GROWTH * few < terms:
+            few = int(TERM_GROWTH * few)
+            patch = self.solve_from(patch, few)
+        return self.solve_from(patch, terms)
+
+    def solve_from(self, guess: ContactPatch, terms: int) -> ContactPatch:
+        """Solve from the edges, displacement and Jacobian of another patch."""
+        return self._solve(terms, np.array(guess.edges), guess.displacement, guess.jacobian)
+
+    def _solve(
+        self, terms: int, edges: FloatArray, displacement: FloatArray, jacobian: FloatArray | None
+    ) -> ContactPatch:
+        """Update the Jacobian by Broyden's rule; recompute it where the steps grow."""
+        patch = self._solve_between(edges, displacement, terms)
+        step_size = np.inf
+        for iteration in range(MAX_ITERATIONS):
+            amplitudes = patch.coefficients[-2:]
+            if jacobian is None:
+                jacobian = self._difference_jacobian(edges, displacement, terms, amplitudes)
+            previous, step = step_size, np.linalg.solve(jacobian, -amplitudes)
+            step_size = (np.abs(step).max() / (edges[1] - edges[0])).item()
+            self.history.append((*edges.tolist(), step_size))
+            if step_size < EDGE_TOLERANCE and self._is_consistent(patch, displacement):
+                return replace(patch, jacobian=jacobian)
+            step *= min(1.0, MAX_STEP / max(step_size, MAX_STEP)) * (1.0 if iteration < FULL_STEPS else 0.5)
+            edges, displacement = edges + step, patch.displacement
+            patch = self._solve_between(edges, displacement, terms)
+            residual = patch.coefficients[-2:] - amplitudes - jacobian @ step
+            updated = jacobian + np.outer(residual, step) / (step @ step)
+            jacobian = updated if step_size < max(previous, EDGE_TOLERANCE) else None
+        if self.indenter.profile == "circle" and np.abs(edges).max() > self.indenter.radius:
+            raise RuntimeError(beyond_circle_message((edges[0], edges[1]), self.indenter.radius))
+        raise UnresolvedError(
+            f"the contact edges did not converge in {MAX_ITERATIONS} iterations; the last (trailing [m], leading [m], "
+            f"step over length) are {self.history[-HISTORY_REPORTED:]}"
+        )
+
+    def _is_consistent(self, patch: ContactPatch, displacement: FloatArray) -> bool:
+        """Whether the displacement for which the normal was computed is that of the patch."""
+        change = np.abs(patch.displacement - displacement).max()
+        return self.indenter.profile != "deformed" or change <= EDGE_TOLERANCE * np.abs(patch.displacement).max()
+
+    def _difference_jacobian(
+        self, edges: FloatArray, displacement: FloatArray, terms: int, amplitudes: FloatArray
+    ) -> FloatArray:
+        """Differentiate the two singular amplitudes with respect to the edges by forward differences."""
+        reach = DIFFERENCE_STEP * (edges[1] - edges[0])
+        shifted = [self._solve_between(edges + reach * side, displacement, terms) for side in np.eye(2)]
+        return (np.array([patch.coefficients[-2:] for patch in shifted]) - amplitudes).T / reach
+
+    def _solve_between(self, edges: FloatArray, displacement: FloatArray, terms: int) -> ContactPatch:
+        """Solve between given edges; the last two coefficients are the amplitudes of the singular pressures."""
+        surface, indenter = self.surface, self.indenter
+        _require_edges_on_mesh(surface, edges)
+        x, weight, fraction, complement = contact_quadrature(surface.x, edges)
+        N = shape_matrix(surface.x, x)
+        normal, depth = _contact_condition(surface, indenter, x, displacement @ N.T)
+        shear = indenter.friction * np.array([-normal[1], normal[0]])
+        direction = normal + shear
+        trial = _pressure_functions(fraction, complement, indenter.exponent, terms)
+        test = _pressure_functions(fraction, complement, 1 - indenter.exponent, terms) * weight[:, None]
+        loads = N[:, surface.loaded].T
+        forces = np.stack([loads @ (trial * (weight * part)[:, None]) for part in direction])
+        response = surface.displacement(forces)
+        A = sum((test * normal[i][:, None]).T @ (N @ response[i]) for i in range(2))
+        try:
+            coefficients = np.linalg.solve(A, test.T @ depth)
+        except np.linalg.LinAlgError as singular:
+            raise UnresolvedError(
+                f"the mesh is too coarse under the contact for {terms} terms of the pressure; refine it"
+            ) from singular
+        return ContactPatch(
+            trailing=float(edges[0]),
+            leading=float(edges[1]),
+            x=x,
+            weight=weight,
+            pressure=trial @ coefficients,
+            direction=direction,
+            shear=shear,
+            forces=forces @ coefficients,
+            displacement=response @ coefficients,
+            coefficients=coefficients,
+            exponent=indenter.exponent,
+        )
+
+
+def _require_edges_on_mesh(surface: SurfaceCompliance, edges: FloatArray) -> None:
+    low, high = surface.x[surface.first], surface.x[surface.last - 1]
+    if edges[0] < low or edges[1] > high:
+        raise BeyondWindowError(f"the edges {edges.tolist()} m leave the loaded zone, {low:.3g} to {high:.3g} m")
+    if not edges[1] - edges[0] > MIN_LENGTH * (high - low):
+        raise UnresolvedError(f"the contact between {edges.tolist()} m is too narrow for the mesh; refine it")
+
+
+def _contact_condition(
+    surface: SurfaceCompliance, indenter: Indenter, x: FloatArray, displacement: FloatArray | float
+) -> tuple[FloatArray, FloatArray]:
+    """Linearise the contact condition; the depth is what remains for the displacement by contact."""
+    if surface.initial is None:
+        return indenter.contact_condition(x, displacement)
+    initial = surface.initial.at(x)
+    normal, depth = indenter.contact_condition(x, displacement + initial)
+    return normal, depth - np.sum(normal * initial, axis=0)
+
+
+def _pressure_functions(fraction: FloatArray, complement: FloatArray, exponent: float, terms: int) -> FloatArray:
+    """Regular pressures by Chebyshev polynomials, then those singular at the trailing and at the leading edge."""
+    angle = 2 * np.arcsin(np.sqrt(np.minimum(complement, 1.0)))
+    base = fraction**exponent * complement ** (1 - exponent)
+    regular = base[:, None] * np.cos(angle[:, None] * np.arange(terms))
+    return np.column_stack([regular, base / fraction, base / complement])
+
+
+def _hat_forces(sizes: FloatArray) -> FloatArray:
+    """Nodal forces of pressures that are hats on the c corner nodes, shape (2 c - 1, c)."""
     H = np.zeros((2 * len(sizes) + 1, len(sizes) + 1))
     k = np.arange(len(sizes))
     H[2 * k, k] += sizes / 6
     H[2 * k + 1, k] = H[2 * k + 1, k + 1] = sizes / 3
     H[2 * k + 2, k + 1] += sizes / 6
     return H
-
-
-def _settled(surface, roll, terms, edges, displacement, slopes, history):
-    """Newton for the edges, its slopes updated by the secant rule of Broyden, and found anew where steps grow."""
-    patch, amplitudes = _held(surface, roll, edges, displacement, terms)
-    moved = np.inf
-    for turn in range(ITERATIONS):
-        if slopes is None:
-            slopes = _slopes(surface, roll, edges, displacement, terms, amplitudes)
-        before, step = moved, np.linalg.solve(slopes, -amplitudes)
-        moved = (np.abs(step).max() / (edges[1] - edges[0])).item()
-        change = np.abs(patch.displacement - displacement).max()
-        steady = roll.profile != "deformed" or change <= EDGE_TOLERANCE * np.abs(patch.displacement).max()
-        history.append((*edges.tolist(), moved))
-        if moved < EDGE_TOLERANCE and steady:
-            return replace(patch, slopes=slopes)
-        step *= min(1.0, STEP / max(moved, STEP)) * (1.0 if turn < PATIENCE else 0.5)
-        edges, displacement, known = edges + step, patch.displacement, amplitudes
-        patch, amplitudes = _held(surface, roll, edges, displacement, terms)
-        secant = slopes + np.outer(amplitudes - known - slopes @ step, step) / (step @ step)
-        slopes = secant if moved < max(before, EDGE_TOLERANCE) else None
-    if roll.profile == "circle" and np.abs(edges).max() > roll.radius:
-        raise RuntimeError(beyond_circle(*edges, roll.radius))
-    raise UnresolvedError(
-        f"contact edges did not settle: (trailing, leading, step over length) were {history[-LAST:]} at last"
-    )
-
-
-def beyond_circle(trailing, leading, radius):
-    """What to say of such edges."""
-    contact = f"the contact, from {trailing:.3g} to {leading:.3g} m,"
-    return f"{contact} is wider than the circle of radius {radius:g} m; press less"
-
-
-def _slopes(surface, roll, edges, displacement, terms, amplitudes):
-    """Derivatives of the two amplitudes by the two edges."""
-    reach = 1e-4 * (edges[1] - edges[0])
-    moved = [_held(surface, roll, edges + reach * side, displacement, terms)[1] for side in np.eye(2)]
-    return (np.array(moved) - amplitudes).T / reach
-
-
-def _held(surface, roll, edges, displacement, terms):
-    """The patch between given edges, and the amplitudes of its singular pressures at them."""
-    if edges[0] < surface.x[surface.first] or edges[1] > surface.x[surface.last - 1]:
-        raise BeyondWindowError(f"contact edges {edges.tolist()} leave the loaded zone")
-    if not edges[1] - edges[0] > NARROWEST * (surface.x[surface.last - 1] - surface.x[surface.first]):
-        raise UnresolvedError(f"the contact between {edges.tolist()} is too narrow for the mesh")
-    x, weight, xi, rest = quadrature(surface.x, edges)
-    N = interpolation(surface.x, x)
-    normal, depth = roll.touch(x, displacement @ N.T)
-    shear = roll.friction * np.array([-normal[1], normal[0]])
-    direction = normal + shear
-    trial = _functions(xi, rest, roll.exponent, terms)
-    test = _functions(xi, rest, 1 - roll.exponent, terms) * weight[:, None]  # those of the traction turned round
-    loads = N[:, surface.first : surface.last].T
-    forces = np.stack([loads @ (trial * (weight * part)[:, None]) for part in direction])
-    moved = np.einsum("iakb,kbj->iaj", surface.response, forces, optimize=True)
-    A = sum((test * normal[i][:, None]).T @ (N @ moved[i]) for i in range(2))
-    try:
-        coefficients = np.linalg.solve(A, test.T @ depth)
-    except np.linalg.LinAlgError as singular:
-        raise UnresolvedError(f"the mesh is too coarse under the contact: {terms} terms of pressure") from singular
-    patch = Patch(
-        *edges.tolist(),
-        x=x,
-        weight=weight,
-        pressure=trial @ coefficients,
-        direction=direction,
-        shear=shear,
-        forces=forces @ coefficients,
-        displacement=moved @ coefficients,
-        coefficients=coefficients,
-        exponent=roll.exponent,
-    )
-    return patch, coefficients[-2:]
-
-
-def _functions(xi, rest, exponent, terms):
-    """Regular pressures by Chebyshev terms, then those singular at the trailing and at the leading edge."""
-    angle = 2 * np.arcsin(np.sqrt(np.minimum(rest, 1.0)))
-    base = xi**exponent * rest ** (1 - exponent)
-    regular = base[:, None] * np.cos(angle[:, None] * np.arange(terms))
-    return np.column_stack([regular, base / xi, base / rest])
-
-
-def quadrature(nodes, edges):
-    """Points, weights and the shares xi, 1 - xi of the length between the edges, broken at the corners.
-
-    x = trailing + length sin^2(pi s/2),  s = t^3/(t^3 + (1 - t)^3): crowded at the edges.
-    """
-    trailing, leading = edges
-    length = leading - trailing
-    corners = nodes[::2]
-    inner = (corners - trailing) / length
-    breaks = np.concatenate([[0.0], inner[(inner > AT_EDGE) & (inner < 1 - AT_EDGE)], [1.0]])
-    s = 2 / np.pi * np.arcsin(np.sqrt(breaks))
-    with np.errstate(divide="ignore"):
-        t = 1 / (1 + np.cbrt((1 - s) / np.maximum(s, 0)))
-    g, w = GAUSS
-    half = np.diff(t)[:, None] / 2
-    t, dt = (t[:-1, None] + half * (1 + g)).ravel(), (half * w).ravel()
-    low, high = t**EDGE_POWER, (1 - t) ** EDGE_POWER
-    s, rest = low / (low + high), high / (low + high)
-    ds = EDGE_POWER * (t * (1 - t)) ** (EDGE_POWER - 1) / (low + high) ** 2
-    xi, other = np.sin(np.pi / 2 * s) ** 2, np.sin(np.pi / 2 * rest) ** 2
-    weight = length * np.pi * np.sin(np.pi / 2 * s) * np.sin(np.pi / 2 * rest) * ds * dt
-    return trailing + length * xi, weight, xi, other
-
-
-def interpolation(nodes, x, derivative=False):
-    """Quadratic interpolation, or its slope, from the nodes, corners and middles, to the points x: shape (q, n)."""
-    corners = nodes[::2]
-    element = np.clip(np.searchsorted(corners, x, side="right") - 1, 0, len(corners) - 2)
-    size = corners[element + 1] - corners[element]
-    z = (x - corners[element]) / size
-    if derivative:
-        values = (4 * z - 3) / size, (4 - 8 * z) / size, (4 * z - 1) / size
-    else:
-        values = (1 - z) * (1 - 2 * z), 4 * z * (1 - z), z * (2 * z - 1)
-    N = np.zeros((len(x), len(nodes)))
-    for place, value in enumerate(values):
-        N[np.arange(len(x)), 2 * element + place] = value
-    return N
-
-
-def interpolated(nodes, values, x):
-    """Quadratic interpolation of values at the nodes, shape (..., n), to the points x, shape (..., q)."""
-    corners = nodes[::2]
-    element = np.clip(np.searchsorted(corners, x, side="right") - 1, 0, len(corners) - 2)
-    z = (x - corners[element]) / (corners[element + 1] - corners[element])
-    shapes = (1 - z) * (1 - 2 * z), 4 * z * (1 - z), z * (2 * z - 1)
-    return sum(values[..., 2 * element + place] * shape for place, shape in enumerate(shapes))

@@ -1,20 +1,30 @@
-"""What a material point remembers on its way along a streamline under a roller in steady motion.
+"""Retarded displacement of a viscoelastic layer that moves relative to the roller.
 
-Seen from the roller nothing changes in time, d/dt = -v d/dx. A layer that is the same all along x, with one relaxation
-function E(t) for all its stresses, deforms as an elastic layer of unit modulus under the same pressure whose
-displacements w and strains e are then retarded along their streamlines,
+A layer that is uniform along x, with one relaxation function E(t) of all stresses, deforms as an elastic layer of unit
+modulus under the same tractions. Its displacement u at a material point X follows from the elastic displacement w by
+the creep function J(t) that belongs to E(t),
 
-    u = J_0 w + sum_k J_k z_k,    z_k + theta_k dz_k/dt = w,
+    u = J_0 w + sum_k J_k z_k,    theta_k dz_k/dt + z_k = w,
 
-because the retardation acts along x alone and commutes with equilibrium, compatibility and the base. J(t) is the creep
-function that belongs to E(t). The updates below are exact for the interpolation they name.
+with an internal variable z_k per branch. The convolution acts along x and in time only; it commutes with equilibrium,
+compatibility and the condition at the base.
 
-What the mix retains while a roller moves over it: z of each creep branch at places that stay with the layer.
+Steady motion: d/dt = -v d/dx in coordinates of the roller, so that z_k = M_k w with the operator M_k of
 
-    theta_k dz_k/dt + z_k = w(X - s(t), t)
+    z - l dz/dx = w,    l = v theta_k.
 
-Over a step w is linear in time at each x = X - s under the roller, so that what it leaves at a place is a sum along the
-way s(t) of the roller, with weights that are exact for values linear between even instants, see `streamline.fading`.
+Unsteady motion: with the position s(t) of the roller, w at the point X is w(X - s(t), t). Over a time step w is taken
+linear in time at each x = X - s, and
+
+    z_k <- exp(-T/theta_k) z_k + int exp(-(T - t)/theta_k) w(X - s(t), t) dt/theta_k.
+
+All updates are exact for the interpolation that they name.
+
+References
+----------
+R. L. Taylor, K. S. Pister and G. L. Goudreau, Int. J. Numer. Meth. Eng. 2 (1970) 45: recursion for internal variables;
+N. W. Tschoegl, The phenomenological theory of linear viscoelastic behavior (Springer, 1989): interconversion of
+creep and relaxation functions.
 """
 
 from dataclasses import dataclass
@@ -22,58 +32,91 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from compact.engines.fem.contact_patch import interpolated
+from compact.engines.fem.surface import FloatArray, interpolate
+from compact.material.laws import Elastic
 
-SERIES_BELOW = 2.0  # interval over relaxation length: below it the recursion for the weights would lose digits
-POINTS = 14  # of Gauss, exact to rounding there
+QUADRATURE_LIMIT = 2.0  # [-], interval over relaxation length; below it the recursion of the moments loses digits
+QUADRATURE_POINTS = 14  # [-], of Gauss; exact to rounding below the limit
 
 
 @dataclass(frozen=True)
-class Creep:
-    """J(t) E = instant + sum_k share_k (1 - exp(-t/time_k)), with instant + sum of shares = 1 for the relaxed E."""
+class CreepFunction:
+    """Creep function J(t) E = instant + sum_k share_k (1 - exp(-t/time_k)) of a modulus E(t) with relaxed value E.
+
+    Parameters
+    ----------
+    instant : float
+        Instantaneous compliance J_0 [-]; it sums to 1 with the shares.
+    shares : tuple of float
+        Compliances J_k of the branches [-].
+    times : tuple of float
+        Retardation times theta_k [s].
+    """
 
     instant: float
     shares: tuple[float, ...] = ()
     times: tuple[float, ...] = ()
 
 
-def creep(material):
-    """The `Creep` of a material with or without `branches` (stiffness share s, relaxation time tau).
+def creep_function(material: Elastic) -> CreepFunction:
+    """Convert the Prony series of a material to its creep function.
 
-    With S = 1 + sum s and g = sqrt(s/tau) the retardation rates are the eigenvalues of diag(1/tau) - g g'/S.
+    With S = 1 + sum share and g = sqrt(share/time) the retardation rates are the eigenvalues of diag(1/time) - g g'/S.
 
+    Parameters
+    ----------
+    material : Elastic or Viscoelastic
+        Material with or without `branches` (stiffness share, relaxation time).
+
+    Examples
+    --------
     >>> from compact.material.laws import Viscoelastic
-    >>> law = creep(Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),)))
-    >>> f"{law.instant:.3f} at once, {law.shares[0]:.3f} within {law.times[0]:.3f} s"
-    '0.500 at once, 0.500 within 0.200 s'
+    >>> creep = creep_function(Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),)))
+    >>> f"{creep.instant:.3f} instantaneous, {creep.shares[0]:.3f} with {creep.times[0]:.3f} s"
+    '0.500 instantaneous, 0.500 with 0.200 s'
     """
     branches = getattr(material, "branches", ())
     if not branches:
-        return Creep(1.0)
+        return CreepFunction(1.0)
     share, time = np.array(branches, dtype=float).T
     total = 1 + share.sum()
     g = np.sqrt(share / time)
     rate, mode = np.linalg.eigh(np.diag(1 / time) - np.outer(g, g) / total)
     shares = (g @ mode) ** 2 / (total**2 * rate)
-    return Creep(float(1 / total), tuple(shares.tolist()), tuple((1 / rate).tolist()))
+    return CreepFunction(float(1 / total), tuple(shares.tolist()), tuple((1 / rate).tolist()))
 
 
-def retardation(x, material, speed):
-    """u = C w on surface nodes x, corners and middles ascending, for w quadratic on each element: C, shape (n, n)."""
-    law = creep(material)
-    C = law.instant * np.eye(len(x))
-    for share, time in zip(law.shares, law.times, strict=True):
-        C += share * memory(x, time * speed)
+def steady_creep_operator(x: FloatArray, material: Elastic, speed: float) -> FloatArray:
+    """Operator C of u = C w in steady motion, for w quadratic on each element, shape (n, n).
+
+    Parameters
+    ----------
+    x : ndarray
+        Surface nodes, corners and middles [m], shape (n,).
+    material : Elastic or Viscoelastic
+        Material of the layer.
+    speed : float
+        Speed of the roller along x [m/s].
+    """
+    creep = creep_function(material)
+    C = creep.instant * np.eye(len(x))
+    for share, time in zip(creep.shares, creep.times, strict=True):
+        C += share * retardation_operator(x, time * speed)
     return C
 
 
-def memory(x, length):
-    """z = M w of z - length dz/dx = w for w quadratic between corners x[::2]: M, shape (n, n).
+def retardation_operator(x: FloatArray, length: float) -> FloatArray:
+    """Operator M of z = M w with z - length dz/dx = w, for w quadratic between the corners x[::2], shape (n, n).
 
-    length : v theta [m]; the mix flows along -x for length > 0, along +x for length < 0
+    Parameters
+    ----------
+    x : ndarray
+        Corner and middle nodes [m], shape (n,); z = w at the upstream end.
+    length : float
+        Retardation length v theta [m], not 0; the mix flows along -x if it is positive.
     """
     if length < 0:
-        return memory(-x[::-1], -length)[::-1, ::-1]
+        return retardation_operator(-x[::-1], -length)[::-1, ::-1]
     flow = -x[::-1]  # ascends downstream
     M = np.zeros((len(x), len(x)))
     M[0, 0] = 1.0
@@ -85,23 +128,35 @@ def memory(x, length):
         for k in range(3):
             M[rows, rows - place + k] = weights[k]
     decay_half, decay = np.exp(-(flow[1::2] - starts) / length), np.exp(-(ends - starts) / length)
-    for j in range(len(starts)):  # what is remembered from farther upstream
+    for j in range(len(starts)):  # contributions of the elements farther upstream
         M[2 * j + 1] += decay_half[j] * M[2 * j]
         M[2 * j + 2] += decay[j] * M[2 * j]
     return M[::-1, ::-1]
 
 
-def retarded(values, x, length):
-    """z of z - length dz/dx = values, piecewise linear along the last but one axis of points x, ascending.
+def retarded_along_rows(values: FloatArray, x: FloatArray, length: float) -> FloatArray:
+    """Solve z - length dz/dx = values for values piecewise linear along rows of points.
 
-    values, x : shape (rows, n, ...) and (rows, n); the mix flows along -x for length > 0, else along +x
+    Parameters
+    ----------
+    values : ndarray
+        Shape (rows, n, ...).
+    x : ndarray
+        Points of each row, ascending [m], shape (rows, n).
+    length : float
+        Retardation length v theta [m], not 0.
+
+    Returns
+    -------
+    ndarray
+        Shape of `values`.
     """
     if length < 0:
-        return retarded(values[:, ::-1], -x[:, ::-1], -length)[:, ::-1]
+        return retarded_along_rows(values[:, ::-1], -x[:, ::-1], -length)[:, ::-1]
     z = np.empty_like(values)
     z[:, -1] = values[:, -1]
     steps = np.diff(x, axis=1)
-    zeroth, first, _ = _moments(steps / length)
+    zeroth, first, _ = _exponential_moments(steps / length)
     decay = np.exp(-steps / length)
     shape = (len(x),) + (1,) * (values.ndim - 2)
     for j in range(x.shape[1] - 2, -1, -1):
@@ -110,35 +165,47 @@ def retarded(values, x, length):
     return z
 
 
-def fading(count, interval, time):
-    """Weights of values at count + 1 even instants of an interval [s] in z at its end, from time dz/dt + z = value.
+def step_weights(count: int, interval: float, time: float) -> FloatArray:
+    """Weights of values at even instants in z at the end of an interval, from time dz/dt + z = value and z = 0.
 
-    Piecewise linear between the instants, from z = 0; shape (count + 1,).
+    Parameters
+    ----------
+    count : int
+        Number of equal parts of the interval; the value is linear over each.
+    interval, time : float
+        Length of the interval and retardation time [s].
+
+    Returns
+    -------
+    ndarray
+        Shape (count + 1,).
     """
-    zeroth, first, _ = _moments(np.array(interval / count / time))
-    left = np.exp(-interval / count / time * np.arange(count)[::-1])
+    zeroth, first, _ = _exponential_moments(np.array(interval / count / time))
+    decay = np.exp(-interval / count / time * np.arange(count)[::-1])
     weights = np.zeros(count + 1)
-    weights[:-1] += left * (zeroth - first)
-    weights[1:] += left * first
+    weights[:-1] += decay * (zeroth - first)
+    weights[1:] += decay * first
     return weights
 
 
-def _moments(y):
+def _exponential_moments(y: FloatArray) -> tuple[FloatArray, ...]:
     """int_0^1 r^k y exp(-y (1 - r)) dr for k = 0, 1, 2."""
-    g, w = np.polynomial.legendre.leggauss(POINTS)
+    g, w = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
     r, w = (1 + g) / 2, w / 2
-    small = np.minimum(y, SERIES_BELOW)[..., None]
+    small = np.minimum(y, QUADRATURE_LIMIT)[..., None]
     kernel = w * small * np.exp(-small * (1 - r))
-    large = np.maximum(y, SERIES_BELOW)
+    large = np.maximum(y, QUADRATURE_LIMIT)
     zeroth = -np.expm1(-large)
     first = 1 - zeroth / large
     recursion = (zeroth, first, 1 - 2 * first / large)
-    return tuple(np.where(y < SERIES_BELOW, np.sum(kernel * r**k, axis=-1), recursion[k]) for k in range(3))
+    return tuple(np.where(y < QUADRATURE_LIMIT, np.sum(kernel * r**k, axis=-1), recursion[k]) for k in range(3))
 
 
-def _quadratic_weights(reach, size, middle, length):
-    """Weights of the start, middle and end value of a quadratic in what z gains over `reach` from the start."""
-    zeroth, first, second = _moments(reach / length)
+def _quadratic_weights(
+    reach: FloatArray, size: FloatArray, middle: FloatArray, length: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Weights of the start, middle and end value of a quadratic in the increment of z over `reach` from the start."""
+    zeroth, first, second = _exponential_moments(reach / length)
     r, m = reach / size, middle / size  # in units of the element
     first, second = first * r, second * r**2
     return (
@@ -149,58 +216,131 @@ def _quadratic_weights(reach, size, middle, length):
 
 
 @dataclass(frozen=True, eq=False)
-class Fading:
-    """What a step does to z_k of k branches with `shares` J_k, shape (k,).
+class InternalVariableStep:
+    """Update of the internal variables z_k of k branches over a time step.
 
-    way : positions of the roller at even instants, shape (n,);  new : share of the later w at each, shape (n,)
-    weights : of w at the instants, shape (k, n);  decays : of what was before, shape (k,)
+    Parameters
+    ----------
+    shares : ndarray
+        Compliances J_k [-], shape (k,).
+    positions : ndarray
+        Positions of the roller at even instants [m], shape (n,).
+    fractions : ndarray
+        Fraction of the step at each instant [-], which is the share of the new w, shape (n,).
+    weights : ndarray
+        Weights of w at the instants, shape (k, n).
+    decays : ndarray
+        Factors exp(-T/theta_k) of the previous z_k, shape (k,).
     """
 
-    shares: np.ndarray
-    way: np.ndarray
-    new: np.ndarray
-    weights: np.ndarray
-    decays: np.ndarray
+    shares: FloatArray
+    positions: FloatArray
+    fractions: FloatArray
+    weights: FloatArray
+    decays: FloatArray
 
-    def faded(self, before):
-        """What is left of z, shape (k, ..., m)."""
-        return self.decays.reshape(-1, *[1] * (before.ndim - 1)) * before
+    def decayed(self, internal: FloatArray) -> FloatArray:
+        """Remainder of the previous internal variables [m], shape (k, ..., m)."""
+        return self.decays.reshape(-1, *[1] * (internal.ndim - 1)) * internal
 
-    def retained(self, x, places, before, old, new):
-        """z of the places, shape (k, ..., m), from that before and from w on the nodes x at both ends, (..., n)."""
-        met = np.array([
-            interpolated(x, (1 - share) * old + share * new, within(x, places - place))
-            for place, share in zip(self.way, self.new, strict=True)
+    def updated(
+        self, x: FloatArray, places: FloatArray, internal: FloatArray, old: FloatArray, new: FloatArray
+    ) -> FloatArray:
+        """Integrate the internal variables over the step.
+
+        Parameters
+        ----------
+        x : ndarray
+            Nodes in coordinates of the roller [m], shape (n,).
+        places : ndarray
+            Points of the layer [m], shape (m,).
+        internal : ndarray
+            Previous internal variables there [m], shape (k, ..., m).
+        old, new : ndarray
+            Elastic displacement at the nodes before and after the step [m], shape (..., n).
+
+        Returns
+        -------
+        ndarray
+            Shape (k, ..., m).
+        """
+        passed = np.array([
+            interpolate(x, (1 - fraction) * old + fraction * new, clipped_to_mesh(x, places - position))
+            for position, fraction in zip(self.positions, self.fractions, strict=True)
         ])  # fmt: skip
-        return self.faded(before) + np.tensordot(self.weights, met, axes=1)
+        return self.decayed(internal) + np.tensordot(self.weights, passed, axes=1)
 
 
-def fading_over(law, way, interval):
-    """The `Fading` by a `Creep` over an interval [s] in which the roller goes a way."""
-    count, times = len(way) - 1, np.array(law.times)
-    weights = np.array([fading(count, interval, time) for time in times]).reshape(-1, count + 1)
-    return Fading(np.array(law.shares), way, np.linspace(0, 1, count + 1), weights, np.exp(-interval / times))
+def internal_variable_step(creep: CreepFunction, positions: FloatArray, interval: float) -> InternalVariableStep:
+    """Set up the update of the internal variables over a time step.
+
+    Parameters
+    ----------
+    creep : CreepFunction
+        Creep function of the mix.
+    positions : ndarray
+        Positions of the roller at even instants of the step [m], shape (n,).
+    interval : float
+        Length T of the step [s].
+    """
+    count, times = len(positions) - 1, np.array(creep.times)
+    weights = np.array([step_weights(count, interval, time) for time in times]).reshape(-1, count + 1)
+    fractions = np.linspace(0, 1, count + 1)
+    return InternalVariableStep(np.array(creep.shares), positions, fractions, weights, np.exp(-interval / times))
 
 
-def retained_by(shares, places, z, x):
-    """sum J_k z_k at points x of the layer."""
-    return np.tensordot(shares, CubicSpline(places, z, axis=-1)(x), axes=1)
+def retarded_displacement(
+    shares: FloatArray | tuple[float, ...], places: FloatArray, internal: FloatArray, x: FloatArray
+) -> FloatArray:
+    """Interpolate sum_k J_k z_k from points of the layer to others.
+
+    Parameters
+    ----------
+    shares : ndarray
+        Compliances J_k [-], shape (k,).
+    places, x : ndarray
+        Points of the layer [m], shape (m,) and (q,).
+    internal : ndarray
+        Internal variables at `places` [m], shape (k, ..., m).
+
+    Returns
+    -------
+    ndarray
+        Shape (..., q) [m].
+    """
+    return np.tensordot(shares, CubicSpline(places, internal, axis=-1)(x), axes=1)
 
 
-def steadily_retained(law, nodes, w, speed, x):
-    """z in steady motion at points x that may lie behind the mesh, (k, ..., m); all of w where nothing moves."""
-    inside = within(nodes, x)
-    z = np.empty((len(law.times), *w.shape[:-1], len(x)))
-    for branch, time in enumerate(law.times):
+def steady_internal_variables(
+    creep: CreepFunction, nodes: FloatArray, displacement: FloatArray, speed: float, x: FloatArray
+) -> FloatArray:
+    """Compute internal variables of steady motion, shape (k, ..., m), at points that may lie behind the mesh.
+
+    Parameters
+    ----------
+    creep : CreepFunction
+        Creep function of the mix.
+    nodes : ndarray
+        Nodes in coordinates of the roller [m], shape (n,).
+    displacement : ndarray
+        Elastic displacement w at the nodes [m], shape (..., n).
+    speed : float
+        Speed of the roller [m/s]; at 0 the layer is relaxed, z_k = w.
+    x : ndarray
+        Points in coordinates of the roller [m], shape (m,).
+    """
+    inside = clipped_to_mesh(nodes, x)
+    z = np.empty((len(creep.times), *displacement.shape[:-1], len(x)))
+    for branch, time in enumerate(creep.times):
         length = abs(time * speed)
         if length:
-            behind = np.exp(-np.abs(inside - x) / length)
-            z[branch] = interpolated(nodes, w @ memory(nodes, time * speed).T, inside) * behind
+            decay = np.exp(-np.abs(inside - x) / length)
+            z[branch] = interpolate(nodes, displacement @ retardation_operator(nodes, time * speed).T, inside) * decay
         else:
-            z[branch] = interpolated(nodes, w, inside)
+            z[branch] = interpolate(nodes, displacement, inside)
     return z
 
 
-def within(nodes, x):
-    """Points x, those beyond the mesh at its ends, where nothing moves any more."""
+def clipped_to_mesh(nodes: FloatArray, x: FloatArray) -> FloatArray:
+    """Move points x [m] beyond the mesh to its ends, where the layer is at rest."""
     return np.clip(x, nodes[0], nodes[-1])

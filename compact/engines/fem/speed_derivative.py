@@ -1,18 +1,18 @@
-"""Slow changes of speed in the engine "fem": dF_ss/dv and M.
+"""Resistance at slowly varying speed by the engine "fem": its derivative dF_ss/dv and its added mass M.
 
-Seen from the roller what a creep branch retains of the surface, see `streamline`, follows
+In coordinates of the roller the internal variable of a creep branch follows (see `convected_memory`)
 
     z + theta (dz/dt - v dz/dx) = w,    u = J_0 w + sum J_k z_k,
 
-w the displacement of the elastic layer. While dv/dt = a is small d/dt is a d/dv, z = z_ss + a z_1, and with the memory
-m of a length v theta, z_ss = m w_ss,
+with the displacement w of the elastic layer. For a small acceleration a, d/dt = a d/dv and z = z_ss + a z_1. With the
+operator m of the length v theta, z_ss = m w_ss,
 
-    z_1 = m (w_1 - theta dz_ss/dv),    u = C K p - a g,    g = sum J_k theta_k m_k dz_k/dv.
+    z_1 = m (w_1 - theta dz_ss/dv),    u = C w - a g,    g = sum J_k theta_k m_k dz_k/dv.
 
-So the roller in slow acceleration meets the layer in steady motion on a surface that stands a g aside: M follows from
-two contacts with that, as dF_ss/dv and dz_ss/dv do from a speed a little lower and a little higher. All these contacts
-lie alike on their meshes, which are those of the steady one shifted and stretched along x. Where a mesh stays at rest,
-edges that pass its nodes add errors to the derivatives that are ten times those of F_ss.
+A roller under a slow acceleration therefore has the contact of steady motion on a surface with the initial displacement
+-a g. M follows from two such contacts, dF_ss/dv and dz_ss/dv from a slightly lower and a slightly higher speed. All
+these contacts have the same position relative to their meshes, which are that of the steady contact shifted and
+stretched along x. On a mesh at rest, edges that cross nodes cause errors of the derivatives ten times those of F_ss.
 """
 
 from dataclasses import dataclass, replace
@@ -21,145 +21,185 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from compact.engines.fem import engine as fem_engine
-from compact.engines.fem.contact_patch import RollAside, Surface
-from compact.engines.fem.convected_memory import creep, memory, retardation
-from compact.mesh import DEFAULT_ERROR
-from compact.resistance import Modulation
+from compact.engines.fem.contact_problem import (
+    ContactSolution,
+    Discretisation,
+    RollingProblem,
+    elastic_surface,
+    expand_window,
+    solve_at_target,
+    steady_surface,
+)
+from compact.engines.fem.convected_memory import creep_function, retardation_operator, steady_creep_operator
+from compact.engines.fem.discretisation import fitted_discretisation, initial_discretisation
+from compact.engines.fem.surface import FloatArray, NodalField, SurfaceCompliance
+from compact.material.laws import Elastic
+from compact.mesh import DEFAULT_ERROR, RowMesh
+from compact.resistance import ResistanceExpansion
+from compact.rolling_contact import Layer, Roller
 
-# On a mesh that the contact takes along: dF_ss/dv and M within 0.07 % to an instant/relaxed of 20, M over the larger of
-# |M| and tau dF_ss/dv.
-TOLERANCE = DEFAULT_ERROR
-FASTER = 1e-3  # relative change of the speed either way
-ASIDE = 1e-3  # how far the surface is set aside either way at most, over the indentation
-ROUNDS = 3  # of a contact and its mesh
-CAUTION = 2.0  # times the difference from the refined solution
-LUCK = 1e-3  # of the larger of |M| and |tau dF_ss/dv|: for differences that are small by luck
+SPEED_STEP = 1e-3  # [-], relative change of the speed in the central difference
+DISPLACEMENT_STEP = 1e-3  # [-], largest initial displacement over the indentation in the central difference
+MESH_ITERATIONS = 3  # [-], solves of a contact and shifts of its mesh
+ERROR_FACTOR = 2.0  # [-], error estimate over the difference from the refined solution
+MIN_ERROR = 1e-3  # [-], of the larger of |M| and |tau dF_ss/dv|, where the difference is small by chance
 
 
-def modulation(layer, roller, material, speed, *, mesh=None, tolerance=TOLERANCE, estimate=True):
-    """The `Modulation` of a roller on a linear layer, of every profile, without friction or sliding.
+def modulation(
+    layer: Layer,
+    roller: Roller,
+    material: Elastic,
+    speed: float,
+    *,
+    mesh: RowMesh | None = None,
+    tolerance: float = DEFAULT_ERROR,
+    estimate: bool = True,
+) -> ResistanceExpansion:
+    """Expand the resistance of a roller on a linear layer to first order in the acceleration.
 
-    layer, roller, material, speed, mesh, tolerance : as of `fem_engine.roll`, the tolerance being that of F_ss
-    estimate : whether to tell the error of M, by another solution on a mesh refined once
+    On a mesh fitted to the contact dF_ss/dv and M are within 0.07 % for a ratio of instantaneous to relaxed modulus up
+    to 20, M relative to the larger of |M| and tau dF_ss/dv.
 
-    What sticks and slips depends on how fast the surface moves under the roller, which the surface alone does not tell;
-    it is refused.
+    Parameters
+    ----------
+    layer : Layer
+        Layer of any height, base and plies.
+    roller : Roller
+        Roller of any profile, frictionless or sliding.
+    material : Elastic or Viscoelastic
+        Material of the layer.
+    speed : float
+        Speed of the roller along x [m/s], not 0.
+    mesh : RowMesh, optional
+        Mesh of the layer; one fitted to the contact unless given.
+    tolerance : float
+        Relative error of F_ss for which a mesh is chosen [-].
+    estimate : bool
+        Estimate the error of M from a solution on the refined mesh.
+
+    Returns
+    -------
+    ResistanceExpansion
+        F_ss, dF_ss/dv, M and its error.
+
+    Raises
+    ------
+    ValueError
+        If the roller turns with friction: the slip depends on the velocity of the surface, which the expansion lacks.
+    RuntimeError
+        If a contact is not found.
     """
     fem_engine.require_linear_range(layer, roller, material, speed, mesh, tolerance)
-    case = fem_engine.Case(layer, roller, material, speed)
-    if case.sticks:
+    problem = RollingProblem(layer, roller, material, speed)
+    if problem.turns_with_friction:
         raise ValueError(
-            f"M is known without stick only, got `rolling` '{roller.rolling}' with `friction` {roller.friction!r}; "
-            "use 'sliding' or no friction"
+            "M is available without stick and slip only, got `rolling` "
+            f"'{roller.rolling}' with `friction` {roller.friction!r}; use 'sliding' or no friction"
         )
     branches = getattr(material, "branches", ())
     if not branches:
-        rolled = fem_engine.roll(layer, roller, material, speed, mesh=mesh, tolerance=tolerance, estimate=False)
-        return Modulation(speed, rolled.resistance, slope=0.0, added_mass=0.0, error=0.0, time=0.0)
+        result = fem_engine.roll(layer, roller, material, speed, mesh=mesh, tolerance=tolerance, estimate=False)
+        return ResistanceExpansion(speed, result.resistance, slope=0.0, added_mass=0.0, error=0.0, relaxation_time=0.0)
     time = max(time for _, time in branches)
-    with threadpool_limits(1):  # matrices are small, threads only quarrel
-        task = fem_engine.task_of(case, mesh, tolerance) if mesh else fem_engine.fitted_task(case, tolerance)
-        resistance, slope, added_mass = _followed(case, task)
+    with threadpool_limits(1):  # the matrices are small; threads cost more than they save
+        if mesh:
+            discretisation = initial_discretisation(problem, mesh, tolerance)
+        else:
+            discretisation = fitted_discretisation(problem, tolerance)
+        resistance, slope, added_mass = _expansion(problem, discretisation)
         error = None
         if estimate:
-            finer = replace(task, mesh=task.mesh.refined(), terms=task.terms + fem_engine.JUDGES_TERMS)
-            judged = _followed(case, finer)[2]
-            error = CAUTION * abs(added_mass - judged) + LUCK * max(abs(judged), time * abs(slope))
-    return Modulation(speed, resistance, slope, added_mass, error, time)
+            terms = discretisation.terms + fem_engine.EXTRA_TERMS
+            refined = _expansion(problem, replace(discretisation, mesh=discretisation.mesh.refined(), terms=terms))[2]
+            error = ERROR_FACTOR * abs(added_mass - refined) + MIN_ERROR * max(abs(refined), time * abs(slope))
+    return ResistanceExpansion(speed, resistance, slope, added_mass, error, time)
 
 
-def _followed(case, task):
-    """(F_ss, dF_ss/dv, M) of a case, in a loaded zone that holds all of its contacts."""
-    return fem_engine.widening(task, lambda window: _followed_within(case, task, window))
+def _expansion(problem: RollingProblem, discretisation: Discretisation) -> tuple[float, float, float]:
+    """(F_ss, dF_ss/dv, M) in a loaded zone that contains all contacts."""
+    return expand_window(discretisation, lambda window: _expansion_within(problem, discretisation, window))
 
 
-def _followed_within(case, task, window):
-    """The same in the loaded zone |x| <= window, whose mesh every contact takes along with its own edges."""
-    steady = _contact(case, task, window)
-    task = replace(task, depth=steady.roll.indentation)
-    taken = _Taken(
-        fem_engine.elastic_surface(case, task.mesh, window),
-        fem_engine.stretched_surface(case, task.mesh, window),
+def _expansion_within(
+    problem: RollingProblem, discretisation: Discretisation, window: float
+) -> tuple[float, float, float]:
+    mesh = discretisation.mesh
+    steady = solve_at_target(problem, steady_surface(problem, mesh, window), discretisation)
+    similar = _SimilarContacts(
+        elastic_surface(problem, mesh, window),
+        elastic_surface(problem, mesh, window, stretch_rate=True),
         steady,
-        task,
+        replace(discretisation, indentation=steady.indenter.indentation),
     )
-    slower, faster = (replace(case, speed=case.speed * (1 + side * FASTER)) for side in (-1, 1))
-    before, after = (taken.contact(each) for each in (slower, faster))
-    apart = faster.speed - slower.speed
-    w, z = taken.displaced(steady), taken.retained(case, steady)
-    change = (taken.retained(faster, after) - taken.retained(slower, before)) / apart
-    moving = (after.surface.x - before.surface.x) / apart
-    lengths = case.speed * np.array(creep(case.material).times)[:, None, None]
+    slower, faster = (replace(problem, speed=problem.speed * (1 + side * SPEED_STEP)) for side in (-1, 1))
+    before, after = (similar.solve(each) for each in (slower, faster))
+    speed_change = faster.speed - slower.speed
+    w, z = similar.elastic_displacement(steady), similar.internal_variables(problem, steady)
+    z_change = similar.internal_variables(faster, after) - similar.internal_variables(slower, before)
+    mesh_velocity = (after.surface.x - before.surface.x) / speed_change
+    lengths = problem.speed * np.array(creep_function(problem.material).times)[:, None, None]
     surface = steady.surface
-    late = _late(case, surface.x, change - moving * (z - w) / lengths)  # at a given x, since z - l dz/dx = w
-    reach = float(ASIDE * task.depth / np.abs(late[:, surface.first : surface.last]).max())
+    z_rate = z_change / speed_change - mesh_velocity * (z - w) / lengths  # at fixed x, since z - l dz/dx = w
+    lag = _displacement_lag(problem, surface.x, z_rate)
+    step = float(DISPLACEMENT_STEP * similar.discretisation.indentation / np.abs(lag[:, surface.loaded]).max())
     losing, gaining = (
-        taken.contact(_SetAside(**vars(case), nodes=surface.x, aside=-acceleration * late))
-        for acceleration in (-reach, reach)
+        similar.solve(problem, NodalField(surface.x, -acceleration * lag)) for acceleration in (-step, step)
     )
-    modulus = case.material.youngs_modulus
-    pushed = [float(modulus * contact.force[0]) for contact in (steady, before, after, losing, gaining)]
-    return pushed[0], (pushed[2] - pushed[1]) / apart, (pushed[4] - pushed[3]) / (2 * reach)
+    modulus = problem.material.youngs_modulus
+    forces = [float(modulus * contact.resultant[0]) for contact in (steady, before, after, losing, gaining)]
+    return forces[0], (forces[2] - forces[1]) / speed_change, (forces[4] - forces[3]) / (2 * step)
 
 
-def _contact(case, task, window, start=None):
-    return fem_engine.at_target(case, fem_engine.surface_of(case, task.mesh, window), task, start=start)
+def _displacement_lag(problem: RollingProblem, x: FloatArray, z_rate: FloatArray) -> FloatArray:
+    """Lag g [m s2/m] from dz_k/dv, shape (2, n)."""
+    creep = creep_function(problem.material)
+    branches = zip(creep.shares, creep.times, z_rate, strict=True)
+    return sum(share * time * each @ retardation_operator(x, time * problem.speed).T for share, time, each in branches)
 
 
 @dataclass(frozen=True)
-class _Taken:
-    """Contacts near a steady one, on its mesh shifted and stretched along x so that their edges lie on it alike.
+class _SimilarContacts:
+    """Contacts similar to a steady one, each on its mesh shifted and stretched so that the edges keep their elements.
 
-    What the mesh does to the resistance then hardly changes from one to the next. It would with the place of the edges
-    in their elements, and derivatives feel that ten times as much as the resistance.
-
-    elastic : the `Surface` of the elastic layer;  stretched : the derivative of its response by the stretch
+    Parameters
+    ----------
+    elastic : SurfaceCompliance
+        Compliance of the elastic layer on the mesh of the steady contact.
+    stretch_rate : SurfaceCompliance
+        Its derivative with respect to the log of the stretch.
+    steady : ContactSolution
+        Steady contact.
+    discretisation : Discretisation
+        Pressure terms and indentation of the steady contact.
     """
 
-    elastic: Surface
-    stretched: Surface
-    steady: fem_engine.Contact
-    task: object
+    elastic: SurfaceCompliance
+    stretch_rate: SurfaceCompliance
+    steady: ContactSolution
+    discretisation: Discretisation
 
-    def contact(self, case):
-        """The contact of a case."""
-        near, edges = self.steady, self.steady.patch.edges
-        for _ in range(ROUNDS):
-            stretch = np.subtract(*near.patch.edges) / np.subtract(*edges)
-            x = near.patch.trailing + stretch * (self.elastic.x - edges[0])
-            C = retardation(x, case.material, case.speed)
-            response = np.einsum("ca,iakb->ickb", C, self._response(stretch), optimize=True)
-            near = fem_engine.at_target(case, replace(self.elastic, x=x, response=response), self.task, start=near)
-        return near
+    def solve(self, problem: RollingProblem, initial: NodalField | None = None) -> ContactSolution:
+        """Solve a problem on a surface with an initial displacement."""
+        contact, edges = self.steady, self.steady.patch.edges
+        for _ in range(MESH_ITERATIONS):
+            stretch = np.subtract(*contact.patch.edges) / np.subtract(*edges)
+            x = contact.patch.trailing + stretch * (self.elastic.x - edges[0])
+            surface = replace(self.elastic, x=x, response=self._response(stretch), initial=initial)
+            surface = surface.retarded(steady_creep_operator(x, problem.material, problem.speed))
+            contact = solve_at_target(problem, surface, self.discretisation, initial_guess=contact)
+        return contact
 
-    def _response(self, stretch):
-        return self.elastic.response + np.log(stretch) * self.stretched.response
+    def _response(self, stretch: float) -> FloatArray:
+        return self.elastic.response + np.log(stretch) * self.stretch_rate.response
 
-    def displaced(self, contact):
-        """w of the elastic layer under a contact, shape (2, n)."""
-        x, first, last = self.elastic.x, self.elastic.first, self.elastic.last
-        stretch = np.ptp(contact.surface.x) / np.ptp(x)
-        return np.einsum("iakb,kb->ia", self._response(stretch), contact.forces[:, first:last], optimize=True)
+    def elastic_displacement(self, contact: ContactSolution) -> FloatArray:
+        """Displacement w of the elastic layer under a contact [m], shape (2, n)."""
+        stretch = np.ptp(contact.surface.x) / np.ptp(self.elastic.x)
+        surface = replace(self.elastic, response=self._response(stretch))
+        return surface.displacement(contact.forces[:, surface.loaded])
 
-    def retained(self, case, contact):
-        """z_k of every branch of a contact, shape (branches, 2, n)."""
-        w, x = self.displaced(contact), contact.surface.x
-        return np.array([w @ memory(x, time * case.speed).T for time in creep(case.material).times])
-
-
-def _late(case, x, change):
-    """g by the change of z_k with speed, shape (2, n)."""
-    law = creep(case.material)
-    branches = zip(law.shares, law.times, change, strict=True)
-    return sum(share * time * each @ memory(x, time * case.speed).T for share, time, each in branches)
-
-
-@dataclass(frozen=True)
-class _SetAside(fem_engine.Case):
-    """A case whose surface stands aside, at `nodes` [m] by `aside` [m], shape (2, n)."""
-
-    nodes: np.ndarray | None = None
-    aside: np.ndarray | None = None
-
-    def pressed(self, indentation):
-        return RollAside(**vars(super().pressed(indentation)), nodes=self.nodes, aside=self.aside)
+    def internal_variables(self, problem: RollingProblem, contact: ContactSolution) -> FloatArray:
+        """Compute the internal variables z_k of a contact [m], shape (branches, 2, n)."""
+        w, x = self.elastic_displacement(contact), contact.surface.x
+        times = creep_function(problem.material).times
+        return np.array([w @ retardation_operator(x, time * problem.speed).T for time in times])

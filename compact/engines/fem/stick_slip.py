@@ -1,196 +1,307 @@
-"""Shear traction of a rolling contact that sticks and slips, together with its pressure.
+"""Shear traction of a rolling contact with stick and slip zones, coupled with its pressure.
 
-Over the roller, and relative to the speed, the mix slips along the tangent t by
+The slip of the mix on the roller along the tangent t, relative to the rolling speed v, is
 
-    s = 1 + creep - t.(e_x + du/dx),    creep = angular speed x radius/speed - 1,
+    s = 1 + creepage - t.(e_x + du/dx),    creepage = angular speed x radius/v - 1,
 
 and Coulomb's law holds at every point: |q| <= f p, and q = -f p sign(v s) where s is not zero. Like the pressure, q
-ends with square roots at both edges, times a factor that is linear between the surface nodes; s is the mean between a
-node and the next one upstream, where its mix comes from. Which nodes stick is found by exchanging those that break the
-law. The creep is such that q sums to what the torque on the roller asks. Pressure and shear are found in turn.
+vanishes at both edges as a square root, times a factor linear between the surface nodes. The slip of a node is the mean
+over the interval on its upstream side. An active-set method finds the nodes that stick; the creepage follows from the
+prescribed sum of q, which is the torque over the radius. Pressure and shear are solved alternately.
+
+References
+----------
+J. J. Kalker, Three-dimensional elastic bodies in rolling contact (Kluwer, 1990); K. L. Johnson, Contact
+mechanics (Cambridge, 1985), chapter 8; B. M. Irons and R. C. Tuck, Int. J. Numer. Meth. Eng. 1 (1969) 275 (Aitken
+relaxation).
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from compact.engines.fem.contact_patch import UnresolvedError, interpolation, press, quadrature, with_peaks
+from compact.engines.fem.contact_patch import (
+    ContactPatch,
+    EdgeHistory,
+    Indenter,
+    UnresolvedError,
+    solve_contact_patch,
+    with_peak_pressures,
+)
+from compact.engines.fem.surface import FloatArray, SurfaceCompliance, contact_quadrature, shape_matrix
 
-TURNS = 60  # of pressure and shear
-TURN_TOLERANCE = 1e-7  # of the largest displacement, about 1e-6 of the peak pressure
-FREE_TURNS = 5  # after which shear takes no more nodes in, lest one at an edge come and go for ever
-SHARES = 0.1, 2.0  # of the change that the shear asks for, between which Aitken's rule chooses
-EXCHANGES = 200
-NEAR_EDGE = 0.5  # of the distance to the next node: what is nearer to an edge sees too little of the contact
-AT_BOUND = 1e-9  # share by which a sticking traction may pass f p
+MAX_ALTERNATIONS = 60  # [-], solves for pressure and shear
+SHEAR_TOLERANCE = 1e-7  # [-], change of the largest displacement at convergence; some 1e-6 of the peak pressure
+FREE_ALTERNATIONS = 5  # [-], before the set of nodes is fixed; a node at an edge may otherwise alternate without end
+RELAXATION_LIMITS = 0.1, 2.0  # [-], of the relaxation factor by Aitken's rule
+MAX_EXCHANGES = 200  # [-], of nodes between stick and slip
+EDGE_CLEARANCE = 0.5  # [-], least distance of a node from an edge over its distance to the next node
+FRICTION_ROUNDING = 1e-9  # [-], by which a traction that sticks may exceed f p
+
+BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class FrictionCondition:
-    """Friction f, int q dx `asked` [m of relaxed modulus], and the `direction` of travel, 1 along +x or -1.
+    """Coulomb friction of a roller under a prescribed tangential force.
 
-    Where the motion is not steady the slip has a rate besides, and is one itself, v s as above:
+    In unsteady motion the slip is a velocity and includes the rate of the displacement,
 
-        v s = v (1 + creep - t.(e_x + du/dx)) + rate t.(u - before),    the last at the nodes
+        v s = v (1 + creepage - t.(e_x + du/dx)) + rate t.(u - previous),    the last term at the nodes.
 
-    velocity : v;  rate : one over a step in time;  aside, before : displacement of the surface nodes besides that by
-    pressure and shear, and all of it before the step, seen from the roller, shape (2, n)
-    In steady motion v s is s with the sign of the travel, and the creep has no unit.
+    In steady motion v s is s with the sign of the travel, and the creepage is dimensionless.
+
+    Parameters
+    ----------
+    friction : float
+        Coefficient of friction f [-].
+    tangential_force : float
+        Prescribed int q dx over the relaxed modulus [m].
+    direction : float
+        Direction of travel, 1 along +x or -1.
+    velocity : float, optional
+        Velocity v of the roller [m/s]; None in steady motion.
+    rate : float
+        Inverse of the time step [1/s].
+    previous : ndarray
+        Displacement of the surface nodes one step earlier in coordinates of the roller [m], shape (2, n).
     """
 
     friction: float
-    asked: float
+    tangential_force: float
     direction: float
     velocity: float | None = None
     rate: float = 0.0
-    aside: np.ndarray | float = 0.0
-    before: np.ndarray | float = 0.0
+    previous: FloatArray | float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
-class Shear:
-    """Shear traction q on the mix at `x`, the edges and the nodes between them, and what it does.
+class ShearSolution:
+    """Shear traction on the mix, in units of the relaxed modulus.
 
-    creep : angular speed x radius/speed - 1;  sticks : of the nodes inside, shape (k,)
-    sum : of the traction as a force (x, y) [m of relaxed modulus], shape (2,)
-    forces : on the loaded nodes, shape (2, m);  displacement : of the surface nodes, shape (2, n)
-    lost : work of slip per length rolled, - sign(v) int q s dx
+    Parameters
+    ----------
+    x, traction : ndarray
+        Edges and the nodes between them [m], and the traction there [-], shape (k + 2,).
+    creepage : float
+        Angular speed x radius/speed - 1 [-]; in unsteady motion the excess of the peripheral speed [m/s].
+    sticks : ndarray of bool
+        Nodes between the edges that stick, shape (k,).
+    resultant : ndarray
+        Force (x, y) by the traction [m], shape (2,).
+    forces : ndarray
+        Forces on the loaded nodes [m], shape (2, m).
+    displacement : ndarray
+        Displacement of the surface nodes by these forces [m], shape (2, n).
+    slip_work : float
+        Energy dissipated by slip per length rolled, - sign(v) int q s dx [m].
     """
 
-    x: np.ndarray
-    traction: np.ndarray
-    creep: float
-    sticks: np.ndarray
-    sum: np.ndarray
-    forces: np.ndarray
-    displacement: np.ndarray
-    lost: float
+    x: FloatArray
+    traction: FloatArray
+    creepage: float
+    sticks: BoolArray
+    resultant: FloatArray
+    forces: FloatArray
+    displacement: FloatArray
+    slip_work: float
 
-    def at(self, x):
-        """The traction at x, shape (q,)."""
-        return _shapes(self.x, x) @ self.traction[1:-1]
+    def traction_at(self, x: FloatArray) -> FloatArray:
+        """Interpolate the traction [-] to points x [m], shape (q,)."""
+        return _traction_functions(self.x, x) @ self.traction[1:-1]
 
 
-def pressed_and_sheared(surface, roll, terms, grip, patch=None, shear=None):
-    """The `Patch`, with its peaks, and the `Shear` that belong together, from others near them on; terms as of `press`.
+def solve_stick_slip(
+    surface: SurfaceCompliance,
+    indenter: Indenter,
+    terms: int,
+    friction: FrictionCondition,
+    patch: ContactPatch | None = None,
+    shear: ShearSolution | None = None,
+) -> tuple[ContactPatch, ShearSolution]:
+    """Solve pressure and shear alternately, with Aitken relaxation of the displacement by shear.
 
-    Aitken's rule chooses how much of each change is taken, so that what swings or creeps settles too. RuntimeError with
-    the changes if nothing does, or if the roller skids.
+    Parameters
+    ----------
+    surface : SurfaceCompliance
+        Compliance of the layer.
+    indenter : Indenter
+        Roller at its indentation.
+    terms : int
+        Largest number of pressure terms.
+    friction : FrictionCondition
+        Coefficient of friction and tangential force.
+    patch, shear : optional
+        Initial guess.
+
+    Returns
+    -------
+    tuple
+        The `ContactPatch`, with its peak pressures, and the `ShearSolution`.
+
+    Raises
+    ------
+    UnresolvedError
+        If the alternation does not converge; the message lists the changes.
+    RuntimeError
+        If the tangential force reaches the friction limit.
     """
     drawn = np.zeros((2, len(surface.x))) if shear is None else shear.displacement
-    nodes, share, before, changes, history = None, 1.0, None, [], ()
-    for turn in range(TURNS):
-        under = roll.over(surface.x, drawn)
-        patch = press(surface, under, terms, patch)
+    nodes, relaxation, previous, changes = None, 1.0, None, []
+    history: EdgeHistory = ()
+    for alternation in range(MAX_ALTERNATIONS):
+        sheared = surface.with_initial(drawn)
+        patch = solve_contact_patch(sheared, indenter, terms, patch)
         history += patch.history
-        shear = stick_and_slip(surface, patch, grip, nodes)
+        shear = solve_shear(surface, patch, friction, nodes)
         change = shear.displacement - drawn
         changes.append(float(np.abs(change).max() / np.abs(patch.displacement).max()))
-        if changes[-1] < TURN_TOLERANCE:
-            return with_peaks(surface, under, replace(patch, history=history)), shear
-        if before is not None:
-            fall = before - change
-            share = np.clip(share * np.sum(before * fall) / np.sum(fall**2), *SHARES)
-        drawn, before = drawn + share * change, change
-        nodes = None if turn < FREE_TURNS else shear.x[1:-1]
-    raise UnresolvedError(f"pressure and shear did not settle: changes by shear over the displacement were {changes}")
-
-
-def stick_and_slip(surface, patch, grip, nodes=None):
-    """The `Shear` under the pressure of a patch, on all surface nodes or on some; RuntimeError if the roller skids."""
-    x = _from_edge_to_edge(patch, surface.x if nodes is None else nodes)
-    hats, share = _hats(surface, patch, x)
-    bound = grip.friction * np.maximum(np.interp(x[1:-1], patch.x, patch.pressure), 0)
-    if abs(grip.asked) >= bound @ share:
-        raise RuntimeError(f"the roller skids: {abs(grip.asked) / (bound @ share):.3g} times the friction limit asked")
-    response = np.einsum("iakb,kbj->iaj", surface.response, hats, optimize=True)
-    upstream = slice(1, None) if grip.direction > 0 else slice(0, -1)  # of the intervals, the one before each node
-    at_nodes, velocity = interpolation(surface.x, x), grip.direction if grip.velocity is None else grip.velocity
-    slope = (np.diff(at_nodes, axis=0) / np.diff(x)[:, None])[upstream]
-    rising = grip.rate * at_nodes[1:-1]  # at the nodes: means would not see tractions that alternate
-    tangent = _tangent(patch, ((x[1:] + x[:-1]) / 2)[upstream])
-    A = sum(part[:, None] * ((rising - velocity * slope) @ response[i]) for i, part in enumerate(tangent))
-    u, risen = (patch.displacement + given for given in (grip.aside, grip.aside - grip.before))
-    moved = sum(part * (rising @ risen[i] - velocity * (slope @ u[i])) for i, part in enumerate(tangent))
-    b = velocity * (1 - tangent[0]) + moved
-    q, creep, sticks = _exchanged(A, b, bound, share, grip.asked)
-    return Shear(
-        x=x,
-        traction=np.concatenate([[0.0], q, [0.0]]),
-        creep=float(grip.direction * creep),
-        sticks=sticks,
-        sum=hats.sum(axis=1) @ q,
-        forces=hats @ q,
-        displacement=response @ q,
-        lost=-float(np.sum(share * q * (A @ q + b + creep))),
+        if changes[-1] < SHEAR_TOLERANCE:
+            return with_peak_pressures(sheared, indenter, replace(patch, history=history)), shear
+        if previous is not None:
+            fall = previous - change
+            relaxation = np.clip(relaxation * np.sum(previous * fall) / np.sum(fall**2), *RELAXATION_LIMITS)
+        drawn, previous = drawn + relaxation * change, change
+        nodes = None if alternation < FREE_ALTERNATIONS else shear.x[1:-1]
+    raise UnresolvedError(
+        f"pressure and shear did not converge to {SHEAR_TOLERANCE:g} in {MAX_ALTERNATIONS} alternations; the changes "
+        f"by shear over the displacement are {changes}"
     )
 
 
-def _exchanged(A, b, bound, share, asked):
-    """q, creep and who sticks: s = A q + b + creep, sum share q = asked, all with the sign of the travel."""
-    sticks, sign, seen = np.ones(len(b), dtype=bool), np.zeros(len(b)), set()
-    for _ in range(EXCHANGES):
-        q, creep = _solved(A, b, sign * bound, share, asked, sticks)
-        slip = A @ q + b + creep
-        over, drags = sticks & (np.abs(q) > bound * (1 + AT_BOUND)), ~sticks & (slip * sign > 0)
+def solve_shear(
+    surface: SurfaceCompliance, patch: ContactPatch, friction: FrictionCondition, nodes: FloatArray | None = None
+) -> ShearSolution:
+    """Solve Coulomb's law under the pressure of a patch.
+
+    Parameters
+    ----------
+    surface : SurfaceCompliance
+        Compliance of the layer; its initial displacement is part of the slip.
+    patch : ContactPatch
+        Pressure and its displacement.
+    friction : FrictionCondition
+        Coefficient of friction and tangential force.
+    nodes : ndarray, optional
+        Nodes of the traction [m]; all surface nodes unless given.
+
+    Raises
+    ------
+    RuntimeError
+        If the tangential force reaches the friction limit.
+    """
+    x = _nodes_between_edges(patch, surface.x if nodes is None else nodes)
+    hats, share = _nodal_forces(surface, patch, x)
+    bound = friction.friction * np.maximum(np.interp(x[1:-1], patch.x, patch.pressure), 0)
+    force = friction.tangential_force
+    if abs(force) >= bound @ share:
+        raise RuntimeError(
+            f"the roller skids: the torque is {abs(force) / (bound @ share):.3g} times the friction limit; reduce the "
+            "torque, or raise the load or `friction`"
+        )
+    response = surface.displacement(hats)
+    A, b = _slip_equations(surface, patch, friction, x, response)
+    q, creepage, sticks = _stick_slip_active_set(A, b, bound, share, force)
+    return ShearSolution(
+        x=x,
+        traction=np.concatenate([[0.0], q, [0.0]]),
+        creepage=float(friction.direction * creepage),
+        sticks=sticks,
+        resultant=hats.sum(axis=1) @ q,
+        forces=hats @ q,
+        displacement=response @ q,
+        slip_work=-float(np.sum(share * q * (A @ q + b + creepage))),
+    )
+
+
+def _slip_equations(
+    surface: SurfaceCompliance, patch: ContactPatch, friction: FrictionCondition, x: FloatArray, response: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Assemble A and b of the slip s = A q + b + creepage at the nodes between the edges."""
+    velocity = friction.direction if friction.velocity is None else friction.velocity
+    upstream = slice(1, None) if friction.direction > 0 else slice(0, -1)  # intervals on the upstream side of the nodes
+    at_nodes = shape_matrix(surface.x, x)
+    slope = (np.diff(at_nodes, axis=0) / np.diff(x)[:, None])[upstream]
+    rising = friction.rate * at_nodes[1:-1]  # at the nodes, since means filter out alternating tractions
+    tangent = _tangent(patch, ((x[1:] + x[:-1]) / 2)[upstream])
+    A = sum(part[:, None] * ((rising - velocity * slope) @ response[i]) for i, part in enumerate(tangent))
+    initial = 0.0 if surface.initial is None else surface.initial.values
+    u, risen = (patch.displacement + given for given in (initial, initial - friction.previous))
+    moved = sum(part * (rising @ risen[i] - velocity * (slope @ u[i])) for i, part in enumerate(tangent))
+    return A, velocity * (1 - tangent[0]) + moved
+
+
+def _stick_slip_active_set(
+    A: FloatArray, b: FloatArray, bound: FloatArray, share: FloatArray, force: float
+) -> tuple[FloatArray, float, BoolArray]:
+    """Traction, creepage and nodes that stick: s = A q + b + creepage and share.q = force, signed along the travel."""
+    sticks, sign, visited = np.ones(len(b), dtype=bool), np.zeros(len(b)), set()
+    for _ in range(MAX_EXCHANGES):
+        q, creepage = _solve_stick_zone(A, b, sign * bound, share, force, sticks)
+        slip = A @ q + b + creepage
+        over, drags = sticks & (np.abs(q) > bound * (1 + FRICTION_ROUNDING)), ~sticks & (slip * sign > 0)
         if not (over | drags).any():
-            return q, creep, sticks
+            return q, creepage, sticks
         state, direction = (sticks & ~over) | drags, np.where(over, np.sign(q), sign)
-        if (state.tobytes(), direction.tobytes()) in seen:  # one at a time where all at once goes round
+        if (state.tobytes(), direction.tobytes()) in visited:  # exchange one node where exchanges cycle
             worst = np.argmax(np.where(over, np.abs(q), 0) + np.where(drags, bound.max(), 0))
             state, direction = sticks.copy(), sign.copy()
             state[worst], direction[worst] = ~sticks[worst], np.sign(q[worst])
-        if not state.any():  # one has to stick, or nothing tells the creep
-            state[_first_to_stick(A, b, direction * bound, share, asked)] = True
-        seen.add((state.tobytes(), direction.tobytes()))
+        if not state.any():  # the creepage is undetermined unless a node sticks
+            state[_first_to_stick(A, b, direction * bound, share, force)] = True
+        visited.add((state.tobytes(), direction.tobytes()))
         sticks, sign = state, direction
-    raise UnresolvedError(f"zones of stick and slip did not settle in {EXCHANGES} exchanges")
+    raise UnresolvedError(f"the zones of stick and slip did not converge in {MAX_EXCHANGES} exchanges")
 
 
-def _first_to_stick(A, b, q, share, asked):
-    """Of the nodes whose slip keeps the sum of q from what is asked, the one that slips least."""
-    lacking = np.sign(asked - share @ q)
+def _first_to_stick(A: FloatArray, b: FloatArray, q: FloatArray, share: FloatArray, force: float) -> np.intp:
+    """Node of least slip among those whose traction opposes the force that is lacking."""
+    lacking = np.sign(force - share @ q)
     return np.argmin(np.where(q * lacking < 0, lacking * (A @ q + b), np.inf))
 
 
-def _solved(A, b, slipping, share, asked, sticks):
-    """q as given where it slips and with s = 0 where it sticks, and the creep that makes it sum to what is asked."""
+def _solve_stick_zone(
+    A: FloatArray, b: FloatArray, slipping: FloatArray, share: FloatArray, force: float, sticks: BoolArray
+) -> tuple[FloatArray, float]:
+    """Traction that is given where it slips and has s = 0 where it sticks, and the creepage of the prescribed sum."""
     q, k = np.where(sticks, 0.0, slipping), np.flatnonzero(sticks)
     left = np.block([[A[np.ix_(k, k)], np.ones((len(k), 1))], [share[k][None], np.zeros((1, 1))]])
-    answer = np.linalg.solve(left, np.append(-(A @ q + b)[k], asked - share @ q))
+    answer = np.linalg.solve(left, np.append(-(A @ q + b)[k], force - share @ q))
     q[k] = answer[:-1]
     return q, answer[-1]
 
 
-def _from_edge_to_edge(patch, nodes):
-    """The two edges and the nodes between them, but for such as crowd an edge."""
+def _nodes_between_edges(patch: ContactPatch, nodes: FloatArray) -> FloatArray:
+    """Both edges and the nodes between them, without nodes close to an edge."""
     x = nodes[(nodes > patch.trailing) & (nodes < patch.leading)]
     if len(x) > 2:
-        crowds = x[0] - patch.trailing < NEAR_EDGE * (x[1] - x[0]), patch.leading - x[-1] < NEAR_EDGE * (x[-1] - x[-2])
-        x = x[int(crowds[0]) : len(x) - int(crowds[1])]
+        low = x[0] - patch.trailing < EDGE_CLEARANCE * (x[1] - x[0])
+        high = patch.leading - x[-1] < EDGE_CLEARANCE * (x[-1] - x[-2])
+        x = x[int(low) : len(x) - int(high)]
     return np.concatenate([[patch.trailing], x, [patch.leading]])
 
 
-def _hats(surface, patch, x):
-    """Nodal forces of the tractions that `_shapes` are, shape (2, m, k), and their integrals."""
-    points, weight, _, _ = quadrature(surface.x, (patch.trailing, patch.leading))
-    hats = _shapes(x, points) * weight[:, None]
-    loads = interpolation(surface.x, points)[:, surface.first : surface.last].T
-    forces = np.stack([loads @ (hats * part[:, None]) for part in _tangent(patch, points)])
-    return forces, hats.sum(axis=0)
+def _nodal_forces(surface: SurfaceCompliance, patch: ContactPatch, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Nodal forces of the traction functions, shape (2, m, k), and their integrals, shape (k,)."""
+    points, weight, _, _ = contact_quadrature(surface.x, patch.edges)
+    functions = _traction_functions(x, points) * weight[:, None]
+    loads = shape_matrix(surface.x, points)[:, surface.loaded].T
+    forces = np.stack([loads @ (functions * part[:, None]) for part in _tangent(patch, points)])
+    return forces, functions.sum(axis=0)
 
 
-def _shapes(x, points):
-    """Tractions that are one at one of the nodes between the edges x[0], x[-1] and zero at the others, shape (q, k).
+def _traction_functions(x: FloatArray, points: FloatArray) -> FloatArray:
+    """Functions that are 1 at one node between the edges x[0] and x[-1] and 0 at the others, shape (q, k).
 
-    Hats between the nodes, flat from the outermost to the edges, times the square roots of the distances to the edges.
+    Hats between the nodes, constant outside the outermost ones, times square roots of the distances to the edges.
     """
     hats = np.array([np.interp(points, x[1:-1], row) for row in np.eye(len(x) - 2)]).T
     root, unit = (np.sqrt(np.maximum((at - x[0]) * (x[-1] - at), 0)) for at in (points, x[1:-1]))
     return hats * root[:, None] / unit
 
 
-def _tangent(patch, x):
-    """Unit tangent of the roller towards +x, shape (2, q); without friction the traction points along the normal."""
+def _tangent(patch: ContactPatch, x: FloatArray) -> FloatArray:
+    """Tangent of the roller towards +x, of unit length, shape (2, q)."""
     normal = np.stack([np.interp(x, patch.x, part) for part in patch.direction - patch.shear])
     return np.stack([-normal[1], normal[0]])

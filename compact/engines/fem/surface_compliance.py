@@ -1,97 +1,171 @@
-"""The elastic layer of unit modulus, factorised once and condensed to its surface.
+"""Elastic layer of unit modulus in plane strain, factorised once and condensed to its surface.
 
-    K u = f,   K = int B' c C B dA,   plane strain, E = 1, c(y) the stiffness of the plies, quadratic quadrilaterals
+    K u = f,   K = int B' c C B dA,   E = 1, c(y) the relative modulus of the plies, quadratic quadrilaterals
 
-Columns of K^-1 for unit nodal forces under the possible contact, read along the whole surface, are all that a contact
-needs; every modulus, relaxation spectrum, speed and roller shares them.
+A contact needs the columns of K^-1 for unit forces on the loaded nodes, read at all surface nodes. Every modulus,
+relaxation spectrum, speed and roller shares them.
+
+References
+----------
+T. Gustafsson and G. D. McBain, scikit-fem, J. Open Source Softw. 5 (2020) 2369; X. S. Li, ACM Trans. Math. Softw. 31
+(2005) 302 (SuperLU).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 from skfem import Basis, ElementQuad2, MeshQuad
 from threadpoolctl import threadpool_limits
 
-from compact.engines.fem.contact_patch import Surface
-from compact.numerics.assembly import assembled, element_matrices, global_matrix, moduli, strain_matrix
+from compact.engines.fem.surface import FloatArray, SurfaceCompliance
+from compact.mesh import RowMesh
+from compact.numerics.assembly import assemble_matrix, assemble_stiffness, element_matrices, strain_matrix, unit_moduli
+from compact.rolling_contact import Layer
 
-GAUSS_ORDER = 4  # 3 x 3 points: exact stiffness of rectangles, three streamlines in each row
-EVEN = 1e-9  # of the window, by which rounding may leave one of two mirrored nodes out
-AT_ONCE = 128  # forces whose displacements are solved for together
-RESIDUAL = 1e-9  # above it the weakened pivoting is not trusted and the matrix is factorised again
+GAUSS_ORDER = 4  # [-], 3 x 3 points: exact stiffness of rectangles, and three streamlines in each row
+WINDOW_ROUNDING = 1e-9  # [-], of the window; rounding must not exclude one of two mirrored nodes
+LOAD_BLOCK = 128  # [-], unit forces per triangular solve
+SOLVE_TOLERANCE = 1e-9  # [-], residual of a probe solve; above it the reduced pivoting is rejected
+
+Solve = Callable[[FloatArray], FloatArray]
+End = Literal[0, 1]
 
 
 @dataclass(frozen=True, eq=False)
-class Stiffness:
-    """Factorised stiffness of a layer of unit modulus, and what reads strains from its displacements.
+class LayerStiffness:
+    """Factorised stiffness of a layer of unit modulus.
 
-    basis : scalar scikit-fem basis; dof d of component i is unknown 2 d + i
-    surface : scalar dofs along the surface, ascending x
-    solve : displacements of all unknowns under forces on them
-    ends : a unit force along x on the lower and on the upper end in x, shape (dofs, 2, 2)
+    Parameters
+    ----------
+    basis : skfem.Basis
+        Scalar basis of the nodes; component i of node d is unknown 2 d + i.
+    lines : ndarray of int
+        Nodes of the lines of equal height from the base up, each with x ascending, shape (lines, n).
+    solve : callable
+        Displacements of all unknowns under forces on them, shape (unknowns, k).
+    end_tension : ndarray
+        Nodal forces of a unit force along x on the end at lower and at upper x, shape (nodes, 2, 2).
     """
 
     basis: Basis
-    surface: np.ndarray
-    solve: object
-    ends: np.ndarray
+    lines: NDArray[np.intp]
+    solve: Solve
+    end_tension: FloatArray
 
-    def displacement(self, forces):
-        """Nodal displacements, shape (dofs, 2, k), under forces of shape (dofs, 2, k)."""
+    @property
+    def surface(self) -> NDArray[np.intp]:
+        """Nodes of the surface, x ascending, shape (n,)."""
+        return self.lines[-1]
+
+    def displacement(self, forces: FloatArray) -> FloatArray:
+        """Displacements of the nodes under nodal forces, both of shape (nodes, 2, k)."""
         with threadpool_limits(1):  # two threads are 3-6 times slower in the triangular solves
             return self.solve(forces.reshape(len(forces) * 2, -1)).reshape(forces.shape)
 
 
-def element_moduli(mesh, poisson, layer):
-    """`moduli` times the stiffness of the ply that each element lies in, shape (elements, 4)."""
-    stiffness = layer.stiffness((mesh.y[1:] + mesh.y[:-1]) / 2)
-    return np.repeat(stiffness, mesh.shape[1])[:, None] * moduli(poisson)
+def element_moduli(mesh: RowMesh, poisson: float, layer: Layer) -> FloatArray:
+    """Moduli (2 mu, 2 mu, mu, lambda) of the elements for E = 1 times the relative modulus of their ply.
+
+    Parameters
+    ----------
+    mesh : RowMesh
+        Mesh of the layer.
+    poisson : float
+        Poisson's ratio [-].
+    layer : Layer
+        Plies and their relative moduli.
+
+    Returns
+    -------
+    ndarray
+        Shape (elements, 4) [-].
+    """
+    relative = layer.stiffness((mesh.y[1:] + mesh.y[:-1]) / 2)
+    return np.repeat(relative, mesh.shape[1])[:, None] * unit_moduli(poisson)
 
 
-@lru_cache(maxsize=2)  # a mesh and its refined one, 0.1 GB; every speed, modulus and spectrum on a mesh shares them
-def stiffness(mesh, poisson, layer):
-    """The factorised `Stiffness` of a RowMesh that has a line of nodes at every interface of the layer's plies."""
+@lru_cache(maxsize=2)  # a mesh and its refinement, 0.1 GB; every speed, modulus and spectrum on a mesh shares them
+def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer) -> LayerStiffness:
+    """Assemble and factorise the stiffness of a layer.
+
+    Parameters
+    ----------
+    mesh : RowMesh
+        Mesh with a line of nodes at every interface of plies.
+    poisson : float
+        Poisson's ratio [-].
+    layer : Layer
+        Plies and base.
+
+    Raises
+    ------
+    RuntimeError
+        If the stiffness is singular to working precision.
+    """
     quads = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
     basis = Basis(quads, ElementQuad2(), intorder=GAUSS_ORDER)
-    K = assembled(basis, element_moduli(mesh, poisson, layer))
-    held = _held(basis, layer.base)
-    free = np.setdiff1d(np.arange(K.shape[0]), held)
-    factor = _factorised(K[free][:, free].tocsc())
+    K = assemble_stiffness(basis, element_moduli(mesh, poisson, layer))
+    lines = _node_lines(basis, mesh)
+    free = np.setdiff1d(np.arange(K.shape[0]), _fixed_unknowns(basis, lines[0], layer))
+    solve_free = _factorised(K[free][:, free].tocsc())
 
-    def solve(forces):
+    def solve(forces: FloatArray) -> FloatArray:
         displacement = np.zeros_like(forces)
-        displacement[free] = factor(forces[free])
+        displacement[free] = solve_free(forces[free])
         return displacement
 
-    x, y = basis.doflocs
-    surface = np.flatnonzero(y > mesh.height * (1 - 1e-9))
-    return Stiffness(basis, surface[np.argsort(x[surface])], solve, _end_pull(mesh, layer, basis))
+    return LayerStiffness(basis, lines, solve, _end_tension(mesh, layer, lines, basis.N))
 
 
 @lru_cache(maxsize=8)
-def condensed(mesh, poisson, layer, window, sheared, behind):
-    """The `Surface` of a layer for loads on |x - mesh.centre| <= window: pressures, and shear tractions if `sheared`.
+def surface_compliance(
+    mesh: RowMesh, poisson: float, layer: Layer, window: float, sheared: bool, behind: End
+) -> SurfaceCompliance:
+    """Condense a layer to its surface.
 
-    A layer on a slipping base is held against these at one end, `behind` the roller: 0 the lower in x, 1 the upper.
-    The layer ahead is as it was fed: displacements along x count from its end. Half of the loads will do where the mesh
-    mirrors itself.
+    Parameters
+    ----------
+    mesh : RowMesh
+        Mesh of the layer; symmetry of a mirrored mesh halves the number of unit forces.
+    poisson : float
+        Poisson's ratio [-].
+    layer : Layer
+        Plies and base.
+    window : float
+        Half-width of the loaded zone about the centre of the mesh [m].
+    sheared : bool
+        Include forces along x.
+    behind : 0 or 1
+        End at which a layer on a frictionless base is held along x: that behind the roller, 0 at lower and 1 at upper
+        x. Displacements along x count from the end ahead.
     """
-    body = stiffness(mesh, poisson, layer)
+    body = layer_stiffness(mesh, poisson, layer)
     return _condensed(body, mesh, layer, window, sheared, behind, body.displacement)
 
 
 @lru_cache(maxsize=4)
-def stretched(mesh, poisson, layer, window, sheared, behind):
-    """The `Surface` whose response is the derivative of that of `condensed` as every x grows in proportion.
+def stretch_derivative(
+    mesh: RowMesh, poisson: float, layer: Layer, window: float, sheared: bool, behind: End
+) -> SurfaceCompliance:
+    """Differentiate the `surface_compliance` with respect to the log of a uniform stretch s of the mesh along x.
 
-    du/d ln s = -K^-1 (dK/d ln s) K^-1 f,   s the stretch along x, f and y held
+        du/d ln s = -K^-1 (dK/d ln s) K^-1 f,   f and y fixed
+
+    Parameters
+    ----------
+    mesh, poisson, layer, window, sheared, behind
+        As of `surface_compliance`.
     """
-    body = stiffness(mesh, poisson, layer)
-    change = _stretching(body.basis, element_moduli(mesh, poisson, layer))
+    body = layer_stiffness(mesh, poisson, layer)
+    change = _stretch_derivative_of_stiffness(body.basis, element_moduli(mesh, poisson, layer))
 
-    def respond(forces):
+    def respond(forces: FloatArray) -> FloatArray:
         displacement = body.displacement(forces)
         resisted = change @ displacement.reshape(len(displacement) * 2, -1)
         return -body.displacement(resisted.reshape(displacement.shape))
@@ -99,70 +173,83 @@ def stretched(mesh, poisson, layer, window, sheared, behind):
     return _condensed(body, mesh, layer, window, sheared, behind, respond)
 
 
-def _condensed(body, mesh, layer, window, sheared, behind, respond):
-    """The `Surface` by the displacements of all nodes, shape (dofs, 2, k), that `respond` gives to forces on them."""
+def _condensed(
+    body: LayerStiffness, mesh: RowMesh, layer: Layer, window: float, sheared: bool, behind: End, respond: Solve
+) -> SurfaceCompliance:
+    """Compliance from the displacements of all nodes that `respond` returns for nodal forces."""
     x = body.basis.doflocs[0][body.surface]
-    inside = np.flatnonzero(np.abs(x[::2] - mesh.centre) <= window * (1 + EVEN))
+    inside = np.flatnonzero(np.abs(x[::2] - mesh.centre) <= window * (1 + WINDOW_ROUNDING))
     first, last = 2 * inside[0], 2 * inside[-1] + 1
     count = last - first
-    left = count // 2 if mesh.mirrored else 0
-    loaded = body.surface[first + left : last]
+    mirrored = count // 2 if mesh.mirrored else 0
+    loaded = body.surface[first + mirrored : last]
+    slipping = layer.base == "slip"
     response = np.zeros((2, len(x), 2, count))
     for k in range(0 if sheared else 1, 2):
-        for start in range(0, count - left, AT_ONCE):
-            some = loaded[start : start + AT_ONCE]
+        for start in range(0, count - mirrored, LOAD_BLOCK):
+            some = loaded[start : start + LOAD_BLOCK]
             forces = np.zeros((body.basis.N, 2, len(some)))
             forces[some, k, np.arange(len(some))] = 1
-            if k == 0 and layer.base == "slip":
-                forces -= body.ends.mean(axis=2, keepdims=True)
-            columns = slice(left + start, left + start + len(some))
+            if k == 0 and slipping:
+                forces -= body.end_tension.mean(axis=2, keepdims=True)
+            columns = slice(mirrored + start, mirrored + start + len(some))
             response[:, :, k, columns] = respond(forces)[body.surface].transpose(1, 0, 2)
-    turned = np.array([[1, -1], [-1, 1]])[:, None, :, None]  # a force and a displacement along x turn round, y does not
-    response[..., :left] = (turned * response[:, ::-1, :, ::-1])[..., :left]
-    if sheared and layer.base == "slip":  # held half at either end so far
-        stretch = (body.ends @ [[-0.5], [0.5]]) * (1 - 2 * behind)
-        response[:, :, 0] += respond(stretch)[body.surface].transpose(1, 0, 2)
-        response[0] -= response[0, behind - 1]  # counted from the end ahead, which has not moved yet
-    return Surface(x, first, last, response)
+    sign = np.array([[1, -1], [-1, 1]])[:, None, :, None]  # mirroring reverses components along x, not along y
+    response[..., :mirrored] = (sign * response[:, ::-1, :, ::-1])[..., :mirrored]
+    if sheared and slipping:  # each end holds half of the shear so far
+        tension = (body.end_tension @ [[-0.5], [0.5]]) * (1 - 2 * behind)
+        response[:, :, 0] += respond(tension)[body.surface].transpose(1, 0, 2)
+        response[0] -= response[0, behind - 1]  # displacements count from the end ahead, which is undisturbed
+    return SurfaceCompliance(x, first, last, response)
 
 
-def _stretching(basis, moduli):
-    """dK/d ln s of `assembled` as every x grows by s: strains along x fall by it and areas grow."""
+def _stretch_derivative_of_stiffness(basis: Basis, moduli: FloatArray) -> csr_matrix:
+    """dK/d ln s: strains along x decrease with s and areas increase."""
     B = strain_matrix(basis)
     mixed = element_matrices(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)
-    return global_matrix(basis, mixed + mixed.transpose(0, 2, 1) + element_matrices(basis, B, B, moduli))
+    return assemble_matrix(basis, mixed + mixed.transpose(0, 2, 1) + element_matrices(basis, B, B, moduli))
 
 
-def _held(basis, base):
-    """Unknowns held by the rigid base; a slipping layer is kept in place by its middle, without reaction."""
-    x, y = basis.doflocs
-    bottom = np.flatnonzero(y < 1e-9 * y.max())
-    if base == "bonded":
+def _node_lines(basis: Basis, mesh: RowMesh) -> NDArray[np.intp]:
+    """Nodes of corners, sides and centres of the elements as a grid, shape (2 rows + 1, 2 columns + 1)."""
+    rows, columns = mesh.shape
+    lines = np.empty((2 * rows + 1, 2 * columns + 1), dtype=np.intp)
+    numbers = basis.element_dofs.reshape(-1, rows, columns)
+    for (x, y), nodes in zip(basis.elem.doflocs, numbers, strict=True):
+        lines[int(2 * y) :: 2, int(2 * x) :: 2][:rows, :columns] = nodes
+    return lines
+
+
+def _fixed_unknowns(basis: Basis, bottom: NDArray[np.intp], layer: Layer) -> NDArray[np.intp]:
+    """Unknowns fixed by the base; along x a slipping layer is fixed at one node in the middle, without reaction."""
+    if layer.base == "bonded":
         return np.concatenate([2 * bottom, 2 * bottom + 1])
-    return np.append(2 * bottom + 1, 2 * bottom[np.argmin(np.abs(x[bottom]))])
+    middle = bottom[np.argmin(np.abs(basis.doflocs[0][bottom]))]
+    return np.append(2 * bottom + 1, 2 * middle)
 
 
-def _end_pull(mesh, layer, basis):
-    """Nodal forces of unit sum along x on either end, which stretch all plies alike, shape (dofs, 2, 2)."""
-    x, y = basis.doflocs
-    lines = np.lexsort((x, np.round(y / mesh.height, 12))).reshape(2 * mesh.shape[0] + 1, -1)
+def _end_tension(mesh: RowMesh, layer: Layer, lines: NDArray[np.intp], count: int) -> FloatArray:
+    """Nodal forces of unit sum along x on either end that stretch all plies equally, shape (count, 2, 2)."""
     rows = np.diff(mesh.y) * layer.stiffness((mesh.y[1:] + mesh.y[:-1]) / 2)
     share = np.zeros(len(lines))
-    share[1::2] = 4 * rows  # as of a uniform stress on quadratic sides: anything else would disturb the strains
+    share[1::2] = 4 * rows  # consistent forces of a uniform stress on quadratic sides, which leave the strains uniform
     share[:-2:2] += rows
     share[2::2] += rows
-    forces = np.zeros((basis.N, 2, 2))
+    forces = np.zeros((count, 2, 2))
     forces[lines[:, 0], 0, 0] = forces[lines[:, -1], 0, 1] = share / share.sum()
     return forces
 
 
-def _factorised(K):
-    """A solver of K x = b that has passed a test of its residual."""
-    tuned = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 1e-3, "options": {"SymmetricMode": True}}
+def _factorised(K: csr_matrix) -> Solve:
+    """Solver of K x = b whose residual has been verified."""
+    symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 1e-3, "options": {"SymmetricMode": True}}
     probe = np.ones(K.shape[0])
-    for options in (tuned, {}):
+    for options in (symmetric, {}):
         solve = splu(K, **options).solve
         answer = solve(probe)
-        if np.abs(K @ answer - probe).max() < RESIDUAL * np.abs(answer).max():  # entries of K are of order one
+        if np.abs(K @ answer - probe).max() < SOLVE_TOLERANCE * np.abs(answer).max():  # entries of K are of order one
             return solve
-    raise RuntimeError("the stiffness of the layer is singular to working precision")
+    raise RuntimeError(
+        "the stiffness of the layer is singular to working precision; use a mesh with less distorted elements or a "
+        "smaller Poisson's ratio"
+    )

@@ -1,390 +1,527 @@
-"""The engine "fem" through time: a roller of changing speed on an elastic or viscoelastic layer.
+"""Roller of varying speed on an elastic or viscoelastic layer.
 
-The mesh goes with the roller, what the mix remembers stays with the mix. With s(t) the way of the roller, branch k of
-the creep function, see `streamline`, follows at every place X of the layer
+The mesh moves with the roller, the internal variables z_k belong to points X of the layer (see `convected_memory`):
 
     theta_k dz_k/dt + z_k = w(X - s(t), t),    u = J_0 w + sum J_k z_k,
 
-w the displacement of the elastic layer as seen from the roller. During a time step w is taken linear in time at each x
-under the roller, and what fades is summed along the way s(t) itself:
+with the position s(t) of the roller and the displacement w of the elastic layer in coordinates of the roller. Over a
+time step w is linear in time at each x, and the convolution is integrated along s(t) itself:
 
     z_k <- exp(-T/theta_k) z_k + int exp(-(T - t)/theta_k) [(1 - t/T) w_old + (t/T) w_new](X - s(t)) dt/theta_k
 
-Steady motion is met exactly by steps of any length, and v = 0 is a place like any other. What is known of z stands as a
-surface set aside, what is sought as a response: every step is one contact on the layer that was condensed once. Steps
-are of second order; their length follows from how far the forces leave their own tangent.
+The known part of u is the initial displacement of the surface, the part by w_new its compliance: each step is one
+contact on the layer that was condensed once. Steady motion is exact for any step length, and rest is no special case.
+The method is of second order; the step length follows from the deviation of the forces from their linear extrapolation.
 
-A roller that turns with friction sticks and slips by Coulomb's law on the slip at the end of a step (`stickslip.Grip`),
-du/dt taken as seen from the roller: exact in steady motion too, of first order else. Where it turns back nothing jumps.
-The traction of a roller that slides, and a torque, turn round at once where it turns; there the time stands twice.
+A roller that turns with friction has zones of stick and slip by Coulomb's law on the slip velocity at the end of a step
+(`stick_slip.FrictionCondition`): exact in steady motion, otherwise of first order. Its tractions are continuous at a
+reversal. The traction of a sliding roller and a prescribed torque jump there; the time then occurs twice.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from compact.engines.fem import engine as fem_engine
-from compact.engines.fem.contact_patch import BeyondWindowError, Surface, interpolation, press
-from compact.engines.fem.convected_memory import Creep, creep, fading_over, retained_by, steadily_retained, within
-from compact.engines.fem.stick_slip import FrictionCondition, pressed_and_sheared
-from compact.engines.stroke_schedule import smooth_pieces
+from compact.engines.fem.contact_patch import BeyondWindowError, solve_contact_patch
+from compact.engines.fem.contact_problem import (
+    ContactSolution,
+    Discretisation,
+    RollingProblem,
+    elastic_surface,
+    expand_window,
+    solve_at_target,
+    steady_surface,
+)
+from compact.engines.fem.convected_memory import (
+    CreepFunction,
+    clipped_to_mesh,
+    creep_function,
+    internal_variable_step,
+    retarded_displacement,
+    steady_internal_variables,
+)
+from compact.engines.fem.discretisation import initial_discretisation
+from compact.engines.fem.engine import require_linear_range
+from compact.engines.fem.fields import transient_frames
+from compact.engines.fem.stick_slip import FrictionCondition, solve_stick_slip
+from compact.engines.fem.surface import FloatArray, SurfaceCompliance, shape_matrix
+from compact.engines.stroke_schedule import smooth_intervals
 from compact.material.laws import Elastic
-from compact.mesh import DEFAULT_ERROR
+from compact.mesh import DEFAULT_ERROR, RowMesh
 from compact.numerics.validation import require_finite, require_positive
-from compact.rolling_contact import TransientResult, require_no_torque
+from compact.rolling_contact import Layer, Roller, TransientResult, require_torque_allowed
 
-TIME_TOLERANCE = 1e-3  # of int p |x| dx/R, by which steps in time may miss the resistance
-PLACES = 40  # of the layer, and instants of the way, per half-width
-FEWEST = 4  # instants of the way in a step
-LONGEST = 2.0  # half-widths travelled in a step
-FIRST = 0.02  # of the shortest time of creep, after the law has jumped
-SHORTEST = 1e-3  # of the same: shorter steps would only see the mesh
-SAME = 1e-9  # of the duration: instants closer than this are one
-GROWING, SHRINKING = 2.0, 0.25  # ratio of a step to the one before, at most and at least
-SAFE = 0.9  # of the step that would meet the tolerance
+TIME_TOLERANCE = 1e-3  # [-], of int p |x| dx/R; error of the resistance by the time steps
+POINTS_PER_WIDTH = 40  # [-], points of the layer, and instants of the motion, per half-width
+MIN_INSTANTS = 4  # [-], instants of the motion in a step
+MAX_TRAVEL = 2.0  # [-], travel in a step over the half-width
+INITIAL_STEP = 0.02  # [-], over the shortest retardation time, after a discontinuity of the motion
+MIN_STEP = 1e-3  # [-], over the same; shorter steps resolve the mesh only
+TIME_ROUNDING = 1e-9  # [-], of the duration, within which two instants coincide
+MAX_STEP_GROWTH, MIN_STEP_GROWTH = 2.0, 0.25  # [-], ratio of successive steps
+STEP_SAFETY = 0.9  # [-], step over the one estimated to meet the tolerance
 
 
-def simulate_transient(
-    layer, roller, material, motion, *, torque=None, instants=(), frames=(), mesh=None, tolerance=DEFAULT_ERROR,
-    time_tolerance=TIME_TOLERANCE, estimate=True,
-):  # fmt: skip
-    """A roller in any motion at a given indentation over a linear layer, a `TransientResult`.
+class PrescribedMotion(Protocol):
+    """Motion of the roller; `joins` and `legs`, where present, end steps at discontinuities."""
 
-    Before the motion the roller has kept its first velocity for ever: it comes in steady rolling, or has stood.
+    duration: float
+
+    def position(self, time: FloatArray) -> FloatArray:
+        """Position [m] at times [s]."""
+
+    def velocity(self, time: FloatArray) -> FloatArray:
+        """Velocity [m/s] at times [s]."""
+
+
+def simulate_transient(  # noqa: PLR0913 - the four physical inputs, and keywords of output and accuracy
+    layer: Layer,
+    roller: Roller,
+    material: Elastic,
+    motion: PrescribedMotion,
+    *,
+    torque: float | None = None,
+    instants: Sequence[float] = (),
+    frames: Sequence[float] = (),
+    mesh: RowMesh | None = None,
+    tolerance: float = DEFAULT_ERROR,
+    time_tolerance: float = TIME_TOLERANCE,
+    estimate: bool = True,
+) -> TransientResult:
+    """Simulate the motion of a roller at a constant indentation over a linear layer.
+
+    Before t = 0 the roller is in steady motion at its initial velocity, or at rest on the relaxed layer.
 
     Parameters
     ----------
-    layer : Layer, of any height and plies
-    roller : Roller, every profile; "sliding" with the traction f p on the mix along the travel, "free" or "driven",
-        which stick and slip. Over a slipping layer without friction, and with a gap that is vertical
+    layer : Layer
+        Layer of any height, base and plies.
+    roller : Roller
+        Roller with an `indentation`, of any profile. A "sliding" one exerts the traction f p along the travel; a "free"
+        or "driven" one has zones of stick and slip. On a frictionless base it must have no friction and a vertical gap.
     material : Elastic or Viscoelastic
-    motion : with `position` and `velocity` of time, and `duration` [s]; no step passes its `joins`
-    torque : on a roller that is free or driven, per unit length, + turning it the way it travels [N]; without it a
-        free roller has none
-    instants : times at which a step shall end [s]
-    frames : times of which to keep the fields inside [s], for `TransientResult.film`
-    mesh, tolerance : as of `fem_engine.roll`
-    time_tolerance : of int p |x| dx/R, by which the steps in time may miss the resistance
-    estimate : whether to tell the error of the steps, from steps twice as long; half as much work again
+        Material of the layer.
+    motion : PrescribedMotion
+        Position and velocity over the duration.
+    torque : float, optional
+        Torque on a free or driven roller per unit length [N], positive in the sense of rolling along the travel.
+    instants : sequence of float
+        Times at which steps end [s].
+    frames : sequence of float
+        Times at which the fields inside the layer are computed [s].
+    mesh : RowMesh, optional
+        Mesh of the layer, as of `engine.roll`.
+    tolerance : float
+        Relative error for which a mesh is chosen [-].
+    time_tolerance : float
+        Error of the resistance by the time steps, relative to int p |x| dx/R [-].
+    estimate : bool
+        Estimate the error by the time steps from steps twice as long, for half the work again.
 
+    Returns
+    -------
+    TransientResult
+        Load, resistance and edges over time, and frames.
+
+    Raises
+    ------
+    ValueError
+        If an argument is outside the range of the engine.
+    RuntimeError
+        If a contact is not found.
+
+    Examples
+    --------
     >>> from compact.material.laws import Viscoelastic
     >>> from compact.motion.profile import law
     >>> from compact.rolling_contact import Layer, Roller
     >>> mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
     >>> stroke = law("quintic", stroke=0.1, duration=1.0)
-    >>> done = travel(Layer(0.22), Roller(0.11, indentation=0.003), mix, stroke)
-    >>> f"{done.resistance.max():.0f} N/m at most, within {100 * done.error:.1f} % for the steps"
-    '505 N/m at most, within 0.1 % for the steps'
+    >>> result = simulate_transient(Layer(0.22), Roller(0.11, indentation=0.003), mix, stroke)
+    >>> f"{result.resistance.max():.0f} N/m at most, error by the time steps {100 * result.error:.1f} %"
+    '505 N/m at most, error by the time steps 0.1 %'
     """
-    _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, (*instants, *frames))
-    require_no_torque(roller, torque)
-    case = fem_engine.Case(layer, roller, material, float(np.sign(_first_velocity(motion))), torque or 0.0)
-    drags = roller.friction > 0 and roller.rolling != "frictionless"
-    breaks = smooth_pieces(motion, turns=drags)
-    instants, frames = _rounded(instants, breaks), _rounded(frames, breaks)
-    with threadpool_limits(1):  # matrices are small, threads only quarrel
-        first = _before(case, motion)
-        task = fem_engine.task_of(first, mesh, tolerance)
+    require_linear_range(layer, roller, material, 1.0, mesh, tolerance)
+    require_positive(time_tolerance=time_tolerance)
+    _require_times_within(motion, (*instants, *frames))
+    _require_transient_range(layer, roller)
+    require_torque_allowed(roller, torque)
+    problem = RollingProblem(layer, roller, material, float(np.sign(_initial_velocity(motion))), torque or 0.0)
+    reversible = roller.friction > 0 and roller.rolling != "frictionless"
+    breaks = smooth_intervals(motion, turns=reversible)
+    instants, frames = _snapped(instants, breaks), _snapped(frames, breaks)
+    with threadpool_limits(1):  # the matrices are small; threads cost more than they save
+        previous = _problem_before(problem, motion)
+        discretisation = initial_discretisation(previous, mesh, tolerance)
 
-        def marched(window):
-            start, pace = _begun(case, first, task, window, motion, time_tolerance)
-            path = _marched(pace, start, breaks, sorted({*breaks, *instants, *frames}))
-            return (path, pace), _judged(pace, start, breaks, _every_second(path, breaks)) if estimate else None
+        def integrate(window: float) -> tuple[TransientProblem, list[TransientState], list[TransientState] | None]:
+            start, transient = _initial_state(problem, previous, discretisation, window, motion, time_tolerance)
+            states = _integrate_adaptively(transient, start, breaks, sorted({*breaks, *instants, *frames}))
+            coarse = _integrate_at(transient, start, breaks, _every_second(states, breaks)) if estimate else None
+            return transient, states, coarse
 
-        (path, pace), judge = fem_engine.widening(task, marched)
-        taken = ()
-        if frames:
-            from compact.engines.fem.fields import filmed
-
-            velocity = _first_velocity(motion)
-            taken = filmed(layer, material, task.mesh, path, pace.way, velocity, frames)
-    return _travelled(path, judge, case, motion, taken)
+        transient, states, coarse = expand_window(discretisation, integrate)
+        result = _transient_result(states, coarse, problem, motion)
+        if not frames:
+            return result
+        velocity, mesh = _initial_velocity(motion), discretisation.mesh
+        meshes = transient_frames(layer, material, mesh, states, transient.positions, velocity, frames)
+    return replace(result, frames=meshes)
 
 
 @dataclass(frozen=True, eq=False)
-class Pace:
-    """What all steps share: the elastic surface, the case, the creep, the motion, and lengths to go by.
+class TransientProblem:
+    """Data common to all time steps.
 
-    The speed of the case is 1 or -1 for the way of the roller, 0 as long as it has stood.
+    Parameters
+    ----------
+    surface : SurfaceCompliance
+        Compliance of the elastic layer.
+    problem : RollingProblem
+        Layer, roller and material; its speed is the direction of travel, 1 or -1, or 0 while the roller is at rest.
+    terms : int
+        Pressure terms.
+    creep : CreepFunction
+        Creep function of the mix.
+    motion : PrescribedMotion
+        Motion of the roller.
+    half_width : float
+        Half-width of the contact [m].
+    tolerance : float
+        Error of the resistance by the time steps, relative to int p |x| dx/R [-].
     """
 
-    surface: Surface
-    case: fem_engine.Case
+    surface: SurfaceCompliance
+    problem: RollingProblem
     terms: int
-    law: Creep
-    motion: object
+    creep: CreepFunction
+    motion: PrescribedMotion
     half_width: float
     tolerance: float
 
     @property
-    def roll(self):
-        return self.case.pressed(self.case.roller.indentation)
+    def jumps_at_reversal(self) -> bool:
+        """Whether the tractions are discontinuous at a reversal, by sliding or by a torque."""
+        problem = self.problem
+        return bool(problem.traction_ratio or (problem.turns_with_friction and problem.torque))
 
     @property
-    def set_valued(self):
-        """Whether the roller drags or is turned one way or the other, and at rest anything between."""
-        return bool(self.case.friction or (self.case.sticks and self.case.torque))
+    def shortest_time(self) -> float:
+        """Shortest retardation time; the duration of the motion for an elastic layer [s]."""
+        return min(self.creep.times, default=self.motion.duration)
 
-    def grip(self, velocity, interval, aside, before):
-        """The `FrictionCondition` of a roller that turns, on a surface that stands aside and stood elsewhere an interval before."""
-        case, direction = self.case, self.case.speed or 1.0
-        asked = -direction * case.torque / case.roller.radius / case.material.youngs_modulus
-        return FrictionCondition(case.roller.friction, asked, direction, velocity, 1 / interval, aside, before)
+    def friction(self, velocity: float, interval: float, previous: FloatArray) -> FrictionCondition | None:
+        """Friction condition of a roller that turns, for its velocity [m/s] and a step [s]; None of any other.
 
-    @property
-    def quickest(self):
-        """Shortest time of creep; the duration of the motion where nothing creeps [s]."""
-        return min(self.law.times, default=self.motion.duration)
+        `previous` is the displacement before the step at the surface nodes of the step [m], shape (2, n).
+        """
+        if not self.problem.turns_with_friction:
+            return None
+        direction = self.problem.speed or 1.0
+        force = self.problem.tangential_force(direction)
+        return FrictionCondition(self.problem.roller.friction, force, direction, velocity, 1 / interval, previous)
 
-    def way(self, begin, end):
-        """Positions at even instants from one time to another, close enough for the contact, shape (n + 1,)."""
-        rough = self.motion.position(np.linspace(begin, end, 2 * PLACES + 1))
-        count = max(FEWEST, int(np.ceil(np.abs(np.diff(rough)).sum() * PLACES / self.half_width)))
+    def positions(self, begin: float, end: float) -> FloatArray:
+        """Positions [m] at even instants between two times [s], close enough for the contact, shape (n + 1,)."""
+        rough = self.motion.position(np.linspace(begin, end, 2 * POINTS_PER_WIDTH + 1))
+        count = max(MIN_INSTANTS, int(np.ceil(np.abs(np.diff(rough)).sum() * POINTS_PER_WIDTH / self.half_width)))
         return self.motion.position(np.linspace(begin, end, count + 1))
 
 
 @dataclass(frozen=True, eq=False)
-class Instant:
-    """Where the roller is and its angle, the contact it makes, w of the surface, shape (2, n), and z of the `places`,
-    (k, 2, m)."""
+class TransientState:
+    """State of the motion at one instant.
+
+    Parameters
+    ----------
+    time, position : float
+        Time [s] and position of the roller [m].
+    contact : ContactSolution
+        Contact in coordinates of the roller.
+    displacement : ndarray
+        Elastic displacement w of the surface nodes [m], shape (2, n).
+    places : ndarray
+        Points of the layer [m], shape (m,).
+    internal : ndarray
+        Internal variables z_k there [m], shape (k, 2, m).
+    angle : float
+        Rotation of a roller that turns [rad].
+    """
 
     time: float
     position: float
-    contact: fem_engine.Contact
-    displacement: np.ndarray
-    places: np.ndarray
-    retained: np.ndarray
+    contact: ContactSolution
+    displacement: FloatArray
+    places: FloatArray
+    internal: FloatArray
     angle: float = 0.0
 
     @property
-    def moment(self):
-        """Forces on the nodes times |x|/R."""
-        surface, roll = self.contact.surface, self.contact.roll
-        return self.contact.forces * np.abs(surface.x) / roll.radius
+    def forces(self) -> FloatArray:
+        """Forces on the surface nodes over the relaxed modulus [m], shape (2, n)."""
+        return self.contact.forces
+
+    @property
+    def moments(self) -> FloatArray:
+        """Forces on the nodes times |x|/R [m], shape (2, n)."""
+        return self.contact.forces * np.abs(self.contact.surface.x) / self.contact.indenter.radius
 
 
-def _before(case, motion):
-    """The `Case` before the motion: at its first velocity, or, relaxed and without traction, where the roller stood."""
-    if case.speed:
-        return replace(case, speed=_first_velocity(motion))
-    material, roller = case.material, replace(case.roller, rolling="frictionless")
-    return fem_engine.Case(case.layer, roller, Elastic(material.youngs_modulus, material.poisson), 1.0)
+def _problem_before(problem: RollingProblem, motion: PrescribedMotion) -> RollingProblem:
+    """Steady problem before t = 0; for a roller at rest the relaxed layer without traction."""
+    if problem.speed:
+        return replace(problem, speed=_initial_velocity(motion))
+    material, roller = problem.material, replace(problem.roller, rolling="frictionless")
+    return RollingProblem(problem.layer, roller, Elastic(material.youngs_modulus, material.poisson), 1.0)
 
 
-def _begun(case, first, task, window, motion, tolerance):
-    """The `Instant` before the motion, and the `Pace` of all steps."""
-    surface = fem_engine.elastic_surface(replace(case, speed=case.speed or 1.0), task.mesh, window)
-    law = creep(case.material)
-    contact = fem_engine.at_target(first, fem_engine.surface_of(first, task.mesh, window), task)
-    pace = Pace(surface, case, task.terms, law, motion, task.half_width, tolerance)
-    places, start = _places(pace), float(motion.position(np.zeros(1))[0])
-    w = _displacement(surface, contact)
-    retained = steadily_retained(law, surface.x, w, _first_velocity(motion), places - start)
-    return Instant(0.0, start, contact, w, places, retained), pace
+def _initial_state(
+    problem: RollingProblem,
+    previous: RollingProblem,
+    discretisation: Discretisation,
+    window: float,
+    motion: PrescribedMotion,
+    tolerance: float,
+) -> tuple[TransientState, TransientProblem]:
+    """State at t = 0 and the data of all steps."""
+    surface = elastic_surface(replace(problem, speed=problem.speed or 1.0), discretisation.mesh, window)
+    creep = creep_function(problem.material)
+    contact = solve_at_target(previous, steady_surface(previous, discretisation.mesh, window), discretisation)
+    terms, half_width = discretisation.terms, discretisation.half_width
+    transient = TransientProblem(surface, problem, terms, creep, motion, half_width, tolerance)
+    places, position = _layer_points(transient), float(motion.position(np.zeros(1))[0])
+    w = surface.displacement(contact.forces[:, surface.loaded])
+    internal = steady_internal_variables(creep, surface.x, w, _initial_velocity(motion), places - position)
+    return TransientState(0.0, position, contact, w, places, internal), transient
 
 
-def _first_velocity(motion):
+def _initial_velocity(motion: PrescribedMotion) -> float:
     return float(motion.velocity(np.zeros(1))[0])
 
 
-def _places(pace):
-    """Places of the layer, close where the roller passes and as far as the mesh reaches, shape (m,)."""
-    x, size = pace.surface.x, pace.half_width / PLACES
-    way = pace.way(0.0, pace.motion.duration)
-    low, high = way.min() - 2 * pace.half_width, way.max() + 2 * pace.half_width
-    close = np.linspace(low, high, int(np.ceil((high - low) / size)) + 1)
-    ahead, behind = x[x > 2 * pace.half_width] + way.max(), x[x < -2 * pace.half_width] + way.min()
-    return np.concatenate([behind, close, ahead])
+def _layer_points(transient: TransientProblem) -> FloatArray:
+    """Points of the layer [m], dense where the roller passes and as far as the mesh extends, shape (m,)."""
+    x, size = transient.surface.x, transient.half_width / POINTS_PER_WIDTH
+    passed = transient.positions(0.0, transient.motion.duration)
+    low, high = passed.min() - 2 * transient.half_width, passed.max() + 2 * transient.half_width
+    dense = np.linspace(low, high, int(np.ceil((high - low) / size)) + 1)
+    ahead = x[x > 2 * transient.half_width] + passed.max()
+    behind = x[x < -2 * transient.half_width] + passed.min()
+    return np.concatenate([behind, dense, ahead])
 
 
-def _displacement(surface, contact):
-    """w at the surface nodes."""
-    forces = contact.forces[:, surface.first : surface.last]
-    return np.einsum("iakb,kb->ia", surface.response, forces, optimize=True)
+def _step(
+    transient: TransientProblem, before: TransientState | None, now: TransientState, time: float
+) -> TransientState:
+    """State at a later time; the state before the present one, if any, extrapolates the edges."""
+    x, interval = transient.surface.x, time - now.time
+    step = internal_variable_step(transient.creep, transient.positions(now.time, time), interval)
+    end = step.positions[-1]
+    operator = transient.creep.instant * np.eye(len(x))
+    known = retarded_displacement(step.shares, now.places, step.decayed(now.internal), x + end)
+    for position, fraction, weight in zip(step.positions, step.fractions, step.shares @ step.weights, strict=True):
+        N = shape_matrix(x, clipped_to_mesh(x, x + end - position))
+        operator += weight * fraction * N
+        known += weight * (1 - fraction) * now.displacement @ N.T
+    velocity = (end - now.position) / interval
+    friction = transient.friction(velocity, interval, _surface_displacement(transient, now))
+    contact = _solve_step(transient, operator, known, _extrapolated(before, now, time), friction)
+    w = transient.surface.displacement(contact.forces[:, transient.surface.loaded])
+    internal = step.updated(x, now.places, now.internal, now.displacement, w)
+    rolled = end - now.position + interval * _slip_velocity(transient, contact)
+    angle = now.angle + rolled / transient.problem.roller.radius
+    return TransientState(time, float(end), contact, w, now.places, internal, float(angle))
 
 
-def _stepped(pace, before, now, time):
-    """The `Instant` at a later time; the one before, or None, tells where the edges go."""
-    x, step = pace.surface.x, fading_over(pace.law, pace.way(now.time, time), time - now.time)
-    end, interval = step.way[-1], time - now.time
-    sought = pace.law.instant * np.eye(len(x))
-    known = retained_by(step.shares, now.places, step.faded(now.retained), x + end)
-    for place, share, weight in zip(step.way, step.new, step.shares @ step.weights, strict=True):
-        N = interpolation(x, within(x, x + end - place))
-        sought += weight * share * N
-        known += weight * (1 - share) * now.displacement @ N.T
-    grip = pace.grip((end - now.position) / interval, interval, known, _shown(pace, now)) if pace.case.sticks else None
-    contact = _pressed(pace, sought, known, _ahead(before, now, time), grip)
-    w = _displacement(pace.surface, contact)
-    retained = step.retained(x, now.places, now.retained, now.displacement, w)
-    angle = now.angle + (end - now.position + interval * _ahead_of_way(contact, grip)) / pace.case.roller.radius
-    return Instant(time, float(end), contact, w, now.places, retained, float(angle))
+def _reversed_state(transient: TransientProblem, now: TransientState) -> TransientState:
+    """State at the same instant with the sliding traction or the torque of the new direction."""
+    x, creep = transient.surface.x, transient.creep
+    known = retarded_displacement(creep.shares, now.places, now.internal, x + now.position)
+    friction = transient.friction(0.0, 1.0, _surface_displacement(transient, now))
+    contact = _solve_step(transient, creep.instant * np.eye(len(x)), known, now.contact, friction)
+    angle = now.angle + _slip_velocity(transient, contact) / transient.problem.roller.radius
+    w = transient.surface.displacement(contact.forces[:, transient.surface.loaded])
+    return replace(now, contact=contact, displacement=w, angle=angle)
 
 
-def _at_once(pace, now):
-    """The `Instant` again with the drag or the torque of the way to come; nothing fades meanwhile."""
-    x, law = pace.surface.x, pace.law
-    known = retained_by(law.shares, now.places, now.retained, x + now.position)
-    grip = pace.grip(0.0, 1.0, known, _shown(pace, now)) if pace.case.sticks else None
-    contact = _pressed(pace, law.instant * np.eye(len(x)), known, now.contact, grip)
-    angle = now.angle + _ahead_of_way(contact, grip) / pace.case.roller.radius
-    return replace(now, contact=contact, displacement=_displacement(pace.surface, contact), angle=angle)
+def _surface_displacement(transient: TransientProblem, now: TransientState) -> FloatArray:
+    """Displacement u of the surface nodes [m], shape (2, n)."""
+    creep, x = transient.creep, transient.surface.x
+    retarded = retarded_displacement(creep.shares, now.places, now.internal, x + now.position)
+    return creep.instant * now.displacement + retarded
 
 
-def _shown(pace, now):
-    """u at the surface nodes, shape (2, n)."""
-    kept = retained_by(pace.law.shares, now.places, now.retained, pace.surface.x + now.position)
-    return pace.law.instant * now.displacement + kept
+def _slip_velocity(transient: TransientProblem, contact: ContactSolution) -> float:
+    """Peripheral speed of the roller in excess of its speed along +x [m/s]."""
+    return 0.0 if contact.shear is None else contact.shear.creepage * (transient.problem.speed or 1.0)
 
 
-def _ahead_of_way(contact, grip):
-    """How much faster along +x the surface of the roller turns than it travels [m/s]."""
-    return 0.0 if grip is None else contact.shear.creep * grip.direction
-
-
-def _pressed(pace, sought, known, start, grip=None):
-    """The contact on the surface of which a part is known, from another one on."""
-    response = np.einsum("ca,iakb->ickb", sought, pace.surface.response, optimize=True)
-    surface = replace(pace.surface, response=response)
-    roll = pace.roll.over(surface.x, known)
-    # anew where edges jump: the print of the roller nearly fits it where it turns
-    for patch, shear in ((start.patch, start.shear), (None, None)):
+def _solve_step(
+    transient: TransientProblem,
+    operator: FloatArray,
+    known: FloatArray,
+    initial_guess: ContactSolution,
+    friction: FrictionCondition | None,
+) -> ContactSolution:
+    """Contact on a surface with a known displacement and a compliance for the new forces."""
+    surface = transient.surface.retarded(operator).with_initial(known)
+    indenter = transient.problem.indenter(transient.problem.roller.target[1])
+    # from scratch where the edges jump: at a reversal the roller nearly fits its own impression
+    for patch, shear in ((initial_guess.patch, initial_guess.shear), (None, None)):
         try:
-            if grip is None:
-                return fem_engine.Contact(surface, roll, press(surface, roll, pace.terms, patch))
-            return fem_engine.Contact(
-                surface, roll, *pressed_and_sheared(surface, roll, pace.terms, grip, patch, shear)
+            if friction is None:
+                return ContactSolution(
+                    surface, indenter, solve_contact_patch(surface, indenter, transient.terms, patch)
+                )
+            return ContactSolution(
+                surface, indenter, *solve_stick_slip(surface, indenter, transient.terms, friction, patch, shear)
             )
         except BeyondWindowError:
             raise
-        except RuntimeError as unsettled:
-            reason = unsettled
-    raise reason
+        except RuntimeError as error:
+            failure = error
+    raise failure
 
 
-def _ahead(before, now, time):
-    """The contact from which to start, its edges gone on as before."""
+def _extrapolated(before: TransientState | None, now: TransientState, time: float) -> ContactSolution:
+    """Extrapolate the edges linearly for an initial guess of a contact."""
     patch = now.contact.patch
     if before is None:
         return now.contact
     share = (time - now.time) / (now.time - before.time)
-    trailing, leading = (new + share * (new - old) for new, old in
-                         zip(patch.edges, before.contact.patch.edges, strict=True))  # fmt: skip
+    trailing, leading = (
+        new + share * (new - old) for new, old in zip(patch.edges, before.contact.patch.edges, strict=True)
+    )
     return replace(now.contact, patch=replace(patch, trailing=trailing, leading=leading))
 
 
-def _miss(pace, before, now, later):
-    """What the resistance misses for w being taken linear in time, over the tolerance.
+def _step_error(
+    transient: TransientProblem, before: TransientState | None, now: TransientState, later: TransientState
+) -> float:
+    """Error of the resistance by w linear in time, over the tolerance.
 
-    The mean over a step of what a parabola leaves its chord by is dt^2/12 of its second derivative; it leaves the
-    tangent of the step before by dt (dt + dt')/2 of that.
+    The mean deviation of a parabola from its chord over a step dt is dt^2/12 of its second derivative; its deviation
+    from the tangent of the previous step dt' is dt (dt + dt')/2 of that.
     """
     step, earlier = later.time - now.time, 0.0 if before is None else now.time - before.time
-    gone = 0.0 if before is None else (now.moment - before.moment) * step / earlier
-    miss = np.abs(later.moment - now.moment - gone).sum() * step / (6 * (step + earlier))
-    return miss / (pace.tolerance * np.abs(later.moment).sum())
+    predicted = 0.0 if before is None else (now.moments - before.moments) * step / earlier
+    error = np.abs(later.moments - now.moments - predicted).sum() * step / (6 * (step + earlier))
+    return error / (transient.tolerance * np.abs(later.moments).sum())
 
 
-def _marched(pace, start, breaks, stops):
-    """All `Instant`s, by steps of the length that the tolerance asks; `stops` holds the breaks too."""
-    path, shortest = [start], SHORTEST * pace.quickest
+def _integrate_adaptively(
+    transient: TransientProblem, start: TransientState, breaks: Sequence[float], stops: Sequence[float]
+) -> list[TransientState]:
+    """States at the ends of steps of adapted length; `stops` [s] include the breaks of the motion."""
+    states, shortest = [start], MIN_STEP * transient.shortest_time
     for begin, end in pairwise(breaks):
-        pace = _turned(pace, path, begin, end)
-        before, step = None, FIRST * pace.quickest
-        while path[-1].time < end:
-            now = path[-1]
-            time = _end_of_step(pace, now.time, step, stops)
+        transient = _directed(transient, states, begin, end)
+        before, step = None, INITIAL_STEP * transient.shortest_time
+        while states[-1].time < end:
+            now = states[-1]
+            time = _end_of_step(transient, now.time, step, stops)
             tried = time - now.time
             try:
-                later = _stepped(pace, before, now, time)
-                miss = _miss(pace, before, now, later)
+                later = _step(transient, before, now, time)
+                error = _step_error(transient, before, now, later)
             except BeyondWindowError:
                 raise
             except RuntimeError:
                 if tried < 2 * shortest:
                     raise
-                miss = np.inf
-            ratio = np.clip(SAFE / np.sqrt(max(miss, SAME)), SHRINKING, GROWING)
-            if miss > 1 and tried > shortest:
-                step = max(tried * min(ratio, SAFE), shortest)
+                error = np.inf
+            ratio = np.clip(STEP_SAFETY / np.sqrt(max(error, TIME_ROUNDING)), MIN_STEP_GROWTH, MAX_STEP_GROWTH)
+            if error > 1 and tried > shortest:
+                step = max(tried * min(ratio, STEP_SAFETY), shortest)
                 continue
             step = max(tried * ratio, step if time in stops else shortest)
             before = now
-            path.append(later)
-    return path
+            states.append(later)
+    return states
 
 
-def _turned(pace, path, begin, end):
-    """The `Pace` of a piece of the motion; if drag or torque turn round the path has the instant before it twice."""
-    way = float(np.sign(np.diff(pace.motion.position(np.array([begin, end])))[0])) or pace.case.speed
-    if way == pace.case.speed:
-        return pace
-    pace = replace(pace, case=replace(pace.case, speed=way))
-    if pace.set_valued:
-        path.append(_at_once(pace, path[-1]))
-    return pace
+def _directed(transient: TransientProblem, states: list[TransientState], begin: float, end: float) -> TransientProblem:
+    """Problem with the direction of an interval; appends the state after a reversal if the tractions jump."""
+    direction = float(np.sign(np.diff(transient.motion.position(np.array([begin, end])))[0])) or transient.problem.speed
+    if direction == transient.problem.speed:
+        return transient
+    transient = replace(transient, problem=replace(transient.problem, speed=direction))
+    if transient.jumps_at_reversal:
+        states.append(_reversed_state(transient, states[-1]))
+    return transient
 
 
-def _end_of_step(pace, begin, step, stops):
-    """Where a step ends that is about so long, passes no stop and travels `LONGEST` half-widths at most."""
-    stop = next(each for each in stops if each > begin + SAME * stops[-1])
+def _end_of_step(transient: TransientProblem, begin: float, step: float, stops: Sequence[float]) -> float:
+    """End of a step of about the given length [s] that passes no stop and travels `MAX_TRAVEL` half-widths at most."""
+    stop = next(each for each in stops if each > begin + TIME_ROUNDING * stops[-1])
     end = min(begin + step, stop)
-    while np.abs(np.diff(pace.way(begin, end))).sum() > LONGEST * pace.half_width * (1 + SAME):
-        end = begin + (end - begin) * SAFE
-    return stop if stop - end < SAME * stops[-1] else end
+    longest = MAX_TRAVEL * transient.half_width * (1 + TIME_ROUNDING)
+    while np.abs(np.diff(transient.positions(begin, end))).sum() > longest:
+        end = begin + (end - begin) * STEP_SAFETY
+    return stop if stop - end < TIME_ROUNDING * stops[-1] else end
 
 
-def _judged(pace, start, breaks, times):
-    """The `Instant`s at given times, from the start on; None where the contact is lost."""
-    path = [start]
+def _integrate_at(
+    transient: TransientProblem, start: TransientState, breaks: Sequence[float], times: Sequence[float]
+) -> list[TransientState] | None:
+    """States at given times [s]; None where a contact is not found."""
+    states = [start]
     for begin, end in pairwise(breaks):
-        pace, before = _turned(pace, path, begin, end), None
+        transient, before = _directed(transient, states, begin, end), None
         for time in times:
             if begin < time <= end:
                 try:
-                    later = _stepped(pace, before, path[-1], time)
+                    later = _step(transient, before, states[-1], time)
                 except BeyondWindowError:
                     raise
                 except RuntimeError:
                     return None
-                before = path[-1]
-                path.append(later)
-    return path
+                before = states[-1]
+                states.append(later)
+    return states
 
 
-def _every_second(path, breaks):
-    """Times of every second instant of each piece between breaks, and of its end."""
-    times = np.unique([each.time for each in path])
-    chosen = []
+def _every_second(states: Iterable[TransientState], breaks: Sequence[float]) -> list[float]:
+    """Select the times [s] of every second state of each interval between breaks, and of its end."""
+    times = np.unique([each.time for each in states])
+    chosen: list[float] = []
     for begin, end in pairwise(breaks):
         piece = times[(times > begin) & (times <= end)]
         chosen += [*piece[1:-1:2], piece[-1]]
     return chosen
 
 
-def _rounded(times, breaks):
-    """The times [s]; those that miss a break by rounding are there."""
-    nearest = [min(breaks, key=lambda each, time=time: abs(each - time)) for time in times]
-    near = SAME * breaks[-1]
-    return [each if abs(each - time) <= near else float(time) for time, each in zip(times, nearest, strict=True)]
+def _snapped(times: Iterable[float], breaks: Sequence[float]) -> list[float]:
+    """Move times [s] within rounding of a break to it."""
+    nearest = [(time, breaks[int(np.argmin(np.abs(np.array(breaks) - time)))]) for time in times]
+    rounding = TIME_ROUNDING * breaks[-1]
+    return [each if abs(each - time) <= rounding else float(time) for time, each in nearest]
 
 
-def _travelled(path, judge, case, motion, frames):
-    modulus = case.material.youngs_modulus
-    forces = modulus * np.array([each.contact.force for each in path])
-    edges = np.array([each.contact.patch.edges for each in path])
-    time = np.array([each.time for each in path])
-    error, steps = None, len(path) - 1
-    if judge is not None:
-        known = dict(zip(time.tolist(), forces[:, 0], strict=True))
-        apart = [abs(modulus * each.contact.force[0] - known[each.time]) for each in judge]
-        error = float(max(apart) / max(np.abs(forces[:, 0]).max(), 1e-3 * np.abs(forces[:, 1]).max()))
-        steps += len(judge) - 1
+def _transient_result(
+    states: Sequence[TransientState],
+    coarse: Sequence[TransientState] | None,
+    problem: RollingProblem,
+    motion: PrescribedMotion,
+) -> TransientResult:
+    """Collect the result without frames; the error is the largest difference from a coarse solution."""
+    modulus = problem.material.youngs_modulus
+    forces = modulus * np.array([each.contact.resultant for each in states])
+    edges = np.array([each.contact.patch.edges for each in states])
+    time = np.array([each.time for each in states])
+    error, steps = None, len(states) - 1
+    if coarse is not None:
+        fine = dict(zip(time.tolist(), forces[:, 0], strict=True))
+        differences = [abs(modulus * each.contact.resultant[0] - fine[each.time]) for each in coarse]
+        error = float(max(differences) / max(np.abs(forces[:, 0]).max(), 1e-3 * np.abs(forces[:, 1]).max()))
+        steps += len(coarse) - 1
     return TransientResult(
         time=time,
-        position=np.array([each.position for each in path]),
+        position=np.array([each.position for each in states]),
         velocity=motion.velocity(time),
         load=-forces[:, 1],
         resistance=forces[:, 0],
@@ -392,24 +529,32 @@ def _travelled(path, judge, case, motion, frames):
         trailing=edges[:, 0],
         error=error,
         steps=steps,
-        frames=frames,
-        angle=np.array([each.angle for each in path]) if case.sticks else None,
+        angle=np.array([each.angle for each in states]) if problem.turns_with_friction else None,
     )
 
 
-def _refuse(layer, roller, material, motion, mesh, tolerance, time_tolerance, instants):
-    fem_engine.require_linear_range(layer, roller, material, 1.0, mesh, tolerance)
-    require_positive(time_tolerance=time_tolerance, duration=motion.duration)
-    require_finite(instants=instants, position=motion.position(np.linspace(0, motion.duration, 2 * PLACES)))
+def _require_times_within(motion: PrescribedMotion, instants: Sequence[float]) -> None:
+    require_positive(duration=motion.duration)
+    require_finite(instants=instants, position=motion.position(np.linspace(0, motion.duration, 2 * POINTS_PER_WIDTH)))
     outside = [time for time in instants if not 0 <= time <= motion.duration]
     if outside:
-        raise ValueError(f"`instants` must lie within the motion, 0 to {motion.duration:g} s, got {outside[0]!r}")
+        raise ValueError(
+            f"`instants` and `frames` must lie within the motion, 0 to {motion.duration:g} s, got {outside[0]!r} s"
+        )
+
+
+def _require_transient_range(layer: Layer, roller: Roller) -> None:
     if roller.indentation is None:
-        raise ValueError(f"a motion through time keeps an `indentation`, got `{roller.target[0]}`; give that instead")
+        raise ValueError(
+            f"an unsteady motion needs a roller with an `indentation`, got `{roller.target[0]}`; give `indentation`"
+        )
     if layer.base == "slip" and roller.friction > 0 and roller.rolling != "frictionless":
         raise ValueError(
-            f"over a slipping layer, which nothing holds along x where the motion turns, a roller is known in time "
-            f"without friction only, got `rolling` '{roller.rolling}' with `friction` {roller.friction!r}"
+            "an unsteady motion over a frictionless base needs a roller without friction, since nothing holds the "
+            f"layer along x at a reversal; got `rolling` '{roller.rolling}' with `friction` {roller.friction!r}; use "
+            "`base` 'bonded' or `rolling` 'frictionless'"
         )
     if layer.base == "slip" and roller.profile == "deformed":
-        raise ValueError("over a slipping layer the gap must be vertical, got `profile` 'deformed'; use 'circle'")
+        raise ValueError(
+            "an unsteady motion over a frictionless base needs a vertical gap, got `profile` 'deformed'; use 'circle'"
+        )

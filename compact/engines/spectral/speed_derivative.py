@@ -29,7 +29,7 @@ from compact.engines.spectral import engine as spectral
 from compact.engines.spectral import galerkin_system
 from compact.engines.spectral.elastic_estimate import first_half_width
 from compact.numerics.validation import require_positive
-from compact.resistance import Modulation
+from compact.resistance import ResistanceExpansion
 
 RTOL = 1e-4  # wanted error of M over the larger of |M| and |tau dF_ss/dv|
 ACCEPTED = 1e-2  # the same above which nothing is returned
@@ -45,7 +45,7 @@ SECOND = np.array([-1, 16, -30, 16, -1]) / 12
 
 
 def modulation(layer, roller, material, speed, *, rtol=RTOL):
-    """The `Modulation` of a roller on a linear layer, to an error of `rtol` over the larger of |M| and |tau dF_ss/dv|.
+    """The `ResistanceExpansion` of a roller on a linear layer, to an error of `rtol` over the larger of |M| and |tau dF_ss/dv|.
 
     layer, roller, material, speed : as of `spectral.roll`, sliding rollers too
 
@@ -57,19 +57,19 @@ def modulation(layer, roller, material, speed, *, rtol=RTOL):
     branches = getattr(material, "branches", ())
     if not branches:
         rolled = spectral.roll(layer, roller, material, speed)
-        return Modulation(speed, rolled.resistance, slope=0.0, added_mass=0.0, error=0.0, time=0.0)
+        return ResistanceExpansion(speed, rolled.resistance, slope=0.0, added_mass=0.0, error=0.0, relaxation_time=0.0)
     scene = spectral.scene_of(layer, roller, material, speed)
     time = max(time for _, time in branches)
     first = min(first_half_width(layer, material, roller.radius, scene.target, scene.value), scene.widest)
     with threadpool_limits(1):  # matrices are small, threads only quarrel
         resistance, slope, added_mass, error = _resolved(scene, first, rtol, time * abs(speed))
-    return Modulation(
+    return ResistanceExpansion(
         speed=speed,
         resistance=float(np.sign(speed) * resistance),
         slope=float(slope / abs(speed)),
         added_mass=float(added_mass / speed**2),
         error=float(error / speed**2),
-        time=time,
+        relaxation_time=time,
     )
 
 

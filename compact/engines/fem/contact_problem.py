@@ -1,0 +1,362 @@
+"""Contact of one roller in steady motion on one mesh, at a prescribed indentation, load or peak pressure.
+
+    u = C(v) S f + u0,    n.u = d under the pressure,    target(indentation) = prescribed value
+
+S is the compliance of the elastic layer (`surface_compliance`), C(v) its retardation by the material at the speed
+(`convected_memory`). The contact at an indentation is that of `contact_patch`, with the shear of `stick_slip` where the
+roller turns. The secant method in logarithms finds the indentation of a prescribed load or peak pressure.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from compact.engines.fem.contact_patch import (
+    BeyondWindowError,
+    ContactPatch,
+    Edges,
+    Indenter,
+    UnresolvedError,
+    beyond_circle_message,
+    solve_contact_patch,
+    with_peak_pressures,
+)
+from compact.engines.fem.convected_memory import steady_creep_operator
+from compact.engines.fem.stick_slip import FrictionCondition, ShearSolution, solve_stick_slip
+from compact.engines.fem.surface import FloatArray, SurfaceCompliance
+from compact.engines.fem.surface_compliance import stretch_derivative, surface_compliance
+from compact.engines.halfplane import pressure_exponent
+from compact.material.laws import Elastic
+from compact.mesh import RowMesh
+from compact.rolling_contact import Layer, Roller
+
+WINDOW = 1.3  # [-], half-width of the loaded zone over that of the estimated contact
+WINDOW_GROWTH = 1.5  # [-], of a loaded zone that does not contain the contact
+MAX_WINDOWS = 8  # [-], loaded zones
+TARGET_TOLERANCE = 1e-9  # [-], of a prescribed load or peak pressure
+STICK_TARGET_TOLERANCE = 1e-6  # [-], the same with stick and slip, whose shear converges to 1e-7
+MAX_SECANTS = 20  # [-], contacts solved for a prescribed load or peak pressure
+INITIAL_POWER = 1.2  # [-], of load or peak pressure in the indentation, before two contacts are known
+MAX_LOG_STEP = 1.0  # [-], of the log of the indentation
+
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True)
+class RollingProblem:
+    """Roller in steady motion over a linear layer.
+
+    Parameters
+    ----------
+    layer : Layer
+        Height, base and plies.
+    roller : Roller
+        Geometry, friction and target.
+    material : Elastic or Viscoelastic
+        Material of the layer.
+    speed : float
+        Speed along x [m/s].
+    torque : float
+        Torque on a roller that turns, per unit length, positive in the sense of rolling along the travel [N].
+    """
+
+    layer: Layer
+    roller: Roller
+    material: Elastic
+    speed: float
+    torque: float = 0.0
+
+    @property
+    def direction(self) -> float:
+        """Direction of travel, 1 along +x or -1."""
+        return float(np.sign(self.speed))
+
+    @property
+    def traction_ratio(self) -> float:
+        """Shear traction on the mix along +x over pressure where the whole contact slides [-]."""
+        return self.direction * self.roller.friction if self.roller.rolling == "sliding" else 0.0
+
+    @property
+    def turns_with_friction(self) -> bool:
+        """Whether the contact has zones of stick and slip."""
+        return self.roller.rolling in ("free", "driven") and self.roller.friction > 0
+
+    @property
+    def needs_shear(self) -> bool:
+        """Whether forces along x act on the surface."""
+        return self.traction_ratio != 0 or self.turns_with_friction or self.roller.profile == "deformed"
+
+    @property
+    def target_tolerance(self) -> float:
+        """Relative tolerance of a prescribed load or peak pressure [-]."""
+        return STICK_TARGET_TOLERANCE if self.turns_with_friction else TARGET_TOLERANCE
+
+    def indenter(self, indentation: float) -> Indenter:
+        """Roller at an indentation [m]."""
+        exponent = float(pressure_exponent(self.material.poisson, self.traction_ratio))
+        return Indenter(self.roller.radius, indentation, self.roller.profile, self.traction_ratio, exponent)
+
+    def tangential_force(self, direction: float) -> float:
+        """Sum of the shear traction under the torque over the relaxed modulus [m], for a direction of travel."""
+        return -direction * self.torque / self.roller.radius / self.material.youngs_modulus
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSolution:
+    """Contact of an indenter on a surface, in units of the relaxed modulus.
+
+    Parameters
+    ----------
+    surface : SurfaceCompliance
+        Compliance of the layer.
+    indenter : Indenter
+        Roller at its indentation.
+    patch : ContactPatch
+        Edges and pressure.
+    shear : ShearSolution, optional
+        Shear traction of a roller with stick and slip.
+    """
+
+    surface: SurfaceCompliance
+    indenter: Indenter
+    patch: ContactPatch
+    shear: ShearSolution | None = None
+
+    @property
+    def resultant(self) -> FloatArray:
+        """Force (x, y) on the mix [m], shape (2,)."""
+        patch = self.patch
+        along = patch.direction[0] - self.indenter.slope(patch.x) * patch.direction[1]
+        force = np.array([patch.integral(patch.pressure * part) for part in (along, patch.direction[1])])
+        return force if self.shear is None else force + self.shear.resultant
+
+    @property
+    def forces(self) -> FloatArray:
+        """Forces on all surface nodes [m], shape (2, n)."""
+        forces = np.zeros((2, len(self.surface.x)))
+        forces[:, self.surface.loaded] = self.patch.forces
+        if self.shear is not None:
+            forces[:, self.surface.loaded] += self.shear.forces
+        return forces
+
+    @property
+    def is_beyond_circle(self) -> bool:
+        """Whether the contact includes points above the centre of the roller, or of vertical tangent."""
+        patch, indenter = self.patch, self.indenter
+        if indenter.profile == "circle":
+            return bool(np.abs(patch.x).max() >= indenter.radius)
+        return indenter.profile == "deformed" and bool((patch.direction - patch.shear)[1].max() >= 0)
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """Mesh and pressure terms for a contact, with an initial guess of it.
+
+    Parameters
+    ----------
+    mesh : RowMesh
+        Mesh of the layer.
+    half_width : float
+        Half-width of the contact for which the mesh is fine [m].
+    indentation : float
+        Initial guess of the indentation [m].
+    terms : int
+        Pressure terms.
+    edges : (float, float), optional
+        Initial guess of the trailing and leading edge in x [m].
+    """
+
+    mesh: RowMesh
+    half_width: float
+    indentation: float
+    terms: int
+    edges: Edges | None = None
+
+
+def solve_contact(
+    problem: RollingProblem, discretisation: Discretisation, tolerance: float = TARGET_TOLERANCE
+) -> ContactSolution:
+    """Solve a steady contact in a loaded zone that is wide enough.
+
+    Parameters
+    ----------
+    problem : RollingProblem
+        Layer, roller, material and speed.
+    discretisation : Discretisation
+        Mesh and pressure terms.
+    tolerance : float
+        Relative tolerance of a prescribed load or peak pressure [-].
+
+    Raises
+    ------
+    UnresolvedError
+        If the contact does not converge.
+    RuntimeError
+        If the roller skids or the contact is wider than the roller.
+    """
+    mesh = discretisation.mesh
+    return expand_window(
+        discretisation,
+        lambda window: solve_at_target(problem, steady_surface(problem, mesh, window), discretisation, tolerance),
+    )
+
+
+def expand_window(discretisation: Discretisation, solve: Callable[[float], Found]) -> Found:
+    """Call `solve(window)` with a growing half-width of the loaded zone [m] until the zone contains the contact.
+
+    Parameters
+    ----------
+    discretisation : Discretisation
+        Gives the half-width of the estimated contact.
+    solve : callable
+        Raises `BeyondWindowError` where the zone is too small.
+
+    Raises
+    ------
+    UnresolvedError
+        If `MAX_WINDOWS` loaded zones are too small.
+    """
+    window = WINDOW * discretisation.half_width
+    for _ in range(MAX_WINDOWS):
+        try:
+            return solve(window)
+        except BeyondWindowError as beyond:
+            window, reason = WINDOW_GROWTH * window, beyond
+    raise UnresolvedError(f"the contact extends beyond a loaded zone of {window:.3g} m to either side: {reason}")
+
+
+def steady_surface(problem: RollingProblem, mesh: RowMesh, window: float) -> SurfaceCompliance:
+    """Compliance of the viscoelastic layer in steady motion.
+
+    Parameters
+    ----------
+    problem : RollingProblem
+        Layer, material and speed.
+    mesh : RowMesh
+        Mesh of the layer.
+    window : float
+        Half-width of the loaded zone about the centre of the mesh [m].
+    """
+    surface = elastic_surface(problem, mesh, window)
+    return surface.retarded(steady_creep_operator(surface.x, problem.material, problem.speed))
+
+
+def elastic_surface(
+    problem: RollingProblem, mesh: RowMesh, window: float, stretch_rate: bool = False
+) -> SurfaceCompliance:
+    """Compliance of the elastic layer of unit modulus.
+
+    Parameters
+    ----------
+    problem, mesh, window
+        As of `steady_surface`.
+    stretch_rate : bool
+        Return the derivative of the compliance with respect to the log of a uniform stretch of the mesh along x.
+    """
+    behind = 0 if problem.speed > 0 or problem.layer.base == "bonded" else 1
+    condense = stretch_derivative if stretch_rate else surface_compliance
+    return condense(mesh, problem.material.poisson, problem.layer, window, problem.needs_shear, behind)
+
+
+def solve_at_target(
+    problem: RollingProblem,
+    surface: SurfaceCompliance,
+    discretisation: Discretisation,
+    tolerance: float = TARGET_TOLERANCE,
+    initial_guess: ContactSolution | None = None,
+) -> ContactSolution:
+    """Solve the contact with the prescribed indentation, load or peak pressure of the roller.
+
+    Parameters
+    ----------
+    problem : RollingProblem
+        Layer, roller, material and speed.
+    surface : SurfaceCompliance
+        Compliance of the layer at the speed.
+    discretisation : Discretisation
+        Pressure terms and initial guess of the indentation.
+    tolerance : float
+        Relative tolerance of a prescribed load or peak pressure [-]; `STICK_TARGET_TOLERANCE` at least with stick.
+    initial_guess : ContactSolution, optional
+        Contact of a similar problem.
+
+    Raises
+    ------
+    BeyondWindowError
+        If the contact leaves the loaded zone.
+    UnresolvedError
+        If the contact or the secant method does not converge.
+    """
+    if problem.roller.indentation is not None:
+        return solve_at_indentation(problem, surface, problem.roller.indentation, discretisation, initial_guess)
+    tolerance = max(tolerance, problem.target_tolerance)
+    logs: list[float] = []
+    errors: list[float] = []
+    history: tuple = ()
+    contact, beyond, log = initial_guess, None, np.log(discretisation.indentation)
+    for _ in range(MAX_SECANTS):
+        found = solve_at_indentation(problem, surface, float(np.exp(log)), discretisation, contact)
+        history += found.patch.history
+        if found.is_beyond_circle:  # the resultant needs the slope of the circle
+            beyond, log = found, (log + logs[-1]) / 2 if logs else log - 1
+            continue
+        contact = found
+        logs.append(log)
+        errors.append(_log_target_error(problem, contact))
+        if abs(errors[-1]) < tolerance:
+            return replace(contact, patch=replace(contact.patch, history=history))
+        slope = INITIAL_POWER if len(logs) == 1 else (errors[-1] - errors[-2]) / (logs[-1] - logs[-2])
+        log = log - np.clip(errors[-1] / slope, -MAX_LOG_STEP, MAX_LOG_STEP)
+    if beyond is not None:
+        raise RuntimeError(beyond_circle_message(beyond.patch.edges, problem.roller.radius))
+    raise UnresolvedError(_unreached_target_message(problem, logs, errors))
+
+
+def solve_at_indentation(
+    problem: RollingProblem,
+    surface: SurfaceCompliance,
+    indentation: float,
+    discretisation: Discretisation,
+    initial_guess: ContactSolution | None = None,
+) -> ContactSolution:
+    """Solve the contact at an indentation, with its shear where the roller turns with friction.
+
+    Parameters
+    ----------
+    problem, surface, discretisation, initial_guess
+        As of `solve_at_target`.
+    indentation : float
+        Indentation [m].
+
+    Raises
+    ------
+    UnresolvedError
+        If the contact does not converge.
+    """
+    indenter, terms = problem.indenter(indentation), discretisation.terms
+    patch, shear = (None, None) if initial_guess is None else (initial_guess.patch, initial_guess.shear)
+    if patch is None or not problem.turns_with_friction:
+        patch = solve_contact_patch(surface, indenter, terms, patch, discretisation.edges)
+    if not problem.turns_with_friction:
+        return ContactSolution(surface, indenter, with_peak_pressures(surface, indenter, patch))
+    direction = problem.direction
+    friction = FrictionCondition(problem.roller.friction, problem.tangential_force(direction), direction)
+    return ContactSolution(surface, indenter, *solve_stick_slip(surface, indenter, terms, friction, patch, shear))
+
+
+def _log_target_error(problem: RollingProblem, contact: ContactSolution) -> float:
+    """Log of the load or peak pressure over the prescribed one."""
+    modulus, (name, value) = problem.material.youngs_modulus, problem.roller.target
+    reached = -modulus * contact.resultant[1] if name == "load" else modulus * contact.patch.peak
+    return float(np.log(reached / value))
+
+
+def _unreached_target_message(problem: RollingProblem, logs: list[float], errors: list[float]) -> str:
+    nearest, (name, value) = int(np.argmin(np.abs(errors))), problem.roller.target
+    error, depth = np.expm1(errors[nearest]), 1e3 * np.exp(logs[nearest])
+    return (
+        f"`{name}` {value:.6g} is not reached in {len(logs)} secant steps; the nearest is {error:+.1e} off, at an "
+        f"indentation of {depth:.4g} mm"
+    )

@@ -1,0 +1,160 @@
+"""The content of summary.json: the results of a finished study as dictionaries with values, units and errors.
+
+Numbers become dictionaries here and in `contact_to_json`, and nowhere else.
+"""
+
+import platform
+from collections.abc import Iterable
+from dataclasses import asdict
+from importlib.metadata import version
+from typing import Any
+
+from compact import quantities
+from compact.analysis.contact_cases import contact_to_json
+from compact.analysis.engines import HeldQuantity
+from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.study import Study
+from compact.machine.ranking import CRITERIA, value_of
+from compact.report import drive_tables, ranking_tables
+
+SCHEMA = 2  # of summary.json; raised when a key in it changes its meaning
+PACKAGES = ("compact", "numpy", "scipy")  # whose versions are recorded
+HELD_KEYS = {"height": ("indentation", "m"), "load": ("load", "N/m"), "peak_pressure": ("peak_pressure", "Pa")}
+
+
+def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
+    """Build the content of summary.json.
+
+    Parameters
+    ----------
+    study : Study
+        A study whose results have been written.
+    files : list of str
+        Paths of its files, relative to the directory of the results.
+
+    Returns
+    -------
+    dict
+    """
+    scene = study.scene
+    reach = study.mix.density_achievable
+    return {
+        "schema": SCHEMA,
+        "title": scene.title,
+        "scene_hash": scene.hash,
+        "versions": versions(),
+        "engine": scene.accuracy.engine,
+        "drive_resistance": _drive_resistance(study),
+        "held": _held(study.held),
+        "return_stroke": _return_stroke(study),
+        "steady_forces": _steady_forces(study),
+        "advice": list(scene.advice),
+        "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
+        "reachable": {"by_rolling": reach.possible, "reason": reach.reason},
+        "numbers": {name: asdict(number) for name, number in study.numbers.items()},
+        "contacts": [contact_to_json(contact) for contact in study.contacts],
+        "laws": {name: _run_numbers(study, run) for name, run in study.runs.items()},
+        "laws_not_made": study.laws_not_made,
+        "rankings": _rankings(study.places[scene.drive.kind]),
+        "rigid_rankings": _rankings(study.places.get("rigid", {})),
+        "roller_motors": drive_tables.roller_motor_numbers(study) if "cams" in scene.output.items else {},
+        "beside": _comparison(study),
+        "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
+        "stages": dict(study.counts),
+        "files": files,
+    }
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of PACKAGES by name."""
+    return {"python": platform.python_version()} | {name: version(name) for name in PACKAGES}
+
+
+def _held(held: HeldQuantity | None) -> dict[str, Any] | None:
+    """Convert the quantity that is held constant over speed."""
+    if held is None:
+        return None
+    key, unit = HELD_KEYS[held.name]
+    return {
+        "quantity": held.name,
+        key: {"value": held.value, "unit": unit},
+        "found_at": {"value": held.speed, "unit": "m/s"},
+    }
+
+
+def _drive_resistance(study: Study) -> dict[str, Any]:
+    """Convert the resistance to the cart and its error estimates."""
+    if not study.layered:
+        return {"by": "eq 1.8"}
+    resistance_map = study.resistance_map
+    return {
+        "by": study.scene.accuracy.engine,
+        "speeds": resistance_map.speeds,
+        "error_between_speeds": resistance_map.error,
+        "error_of_the_engine": resistance_map.engine_error,
+        "added_masses": resistance_map.added_masses,
+        "relaxation_time": resistance_map.relaxation_time,
+        "kept": study.kept is not None,
+    }
+
+
+def _return_stroke(study: Study) -> dict[str, Any]:
+    """Convert the state of the mix under the return stroke, the ratios of a second pass and the energy of a cycle."""
+    load, resistance = study.second_pass or (None, None)
+    return {
+        "over": study.scene.layer.return_stroke,
+        "second_pass_load": {"value": load, "unit": "1"},
+        "second_pass_resistance": {"value": resistance, "unit": "1"},
+        "energy": {over: {"value": energy, "unit": "J"} for over, energy in study.cycle_energies.items()},
+    }
+
+
+def _steady_forces(study: Study) -> dict[str, Any]:
+    """Convert the forces on one cart at constant mean speed."""
+    force, guides = (float(each[0]) for each in (study.steady.drive_force, study.steady.guide_friction))
+    return {
+        "drive_force": {"value": force, "unit": "N"},
+        "resistance": {"value": force - guides, "unit": "N"},
+        "guide_friction": {"value": guides, "unit": "N"},
+    }
+
+
+def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
+    """Convert the criteria of a run, their errors and the quantities of its kind of drive."""
+    own = [name for name in quantities.RUN if name != "unsteady_share" and hasattr(run, name)]
+    unsteady = {"unsteady_share": run.time_fraction(study.resistance.is_unsteady)} if study.layered else {}
+    errors = {"errors": {by: ranking_tables.moved(study, run, by) for by in CRITERIA}}
+    criteria = {by: value_of(run, by) for by in CRITERIA}
+    return criteria | {name: getattr(run, name) for name in own} | unsteady | errors
+
+
+def _comparison(study: Study) -> dict[str, Any]:
+    """Convert the results of each engine of the comparison."""
+    agreed = ranking_tables.agreements(study) if study.beside else []
+    return {
+        name: {
+            "contacts": [contact_to_json(contact) for contact in other.contacts],
+            "held": _held(other.held),
+            "resistance_error": other.error,
+            "roller_load": {"value": other.roller_load, "unit": "N"},
+            "rankings": {kind: _rankings(order) for kind, order in other.places.items()},
+            "agreement": [
+                {"drive": kind, "criterion": by} | found._asdict() | {"first": one, "its_first": first}
+                for _, kind, engine, _, by, found, one, first in agreed
+                if engine == name
+            ],
+            "stages": dict(other.counts),
+        }
+        for name, other in study.beside.items()
+    }
+
+
+def _rankings(order: dict[str, Iterable[Place]]) -> dict[str, list[dict[str, Any]]]:
+    """Convert the places by criterion."""
+    return {by: [_place(place) for place in found] for by, found in order.items()}
+
+
+def _place(place: Place) -> dict[str, Any]:
+    """Convert a place; `reason` is for infinite values only."""
+    content = place._asdict() | {"tie": place.tie}
+    return content if place.reason else {name: content[name] for name in content if name != "reason"}

@@ -1,0 +1,78 @@
+"""Cache of compiled functions: it follows changes of functions and constants in other modules."""
+
+import importlib
+import sys
+
+import pytest
+
+from compact.numerics.jit import source_files
+
+CALLER = """\
+from compact.numerics.jit import compiled
+{imports}
+@compiled
+def result():
+    return 10 * {package}middle.value()
+"""
+MIDDLE = """\
+from compact.numerics.jit import compiled
+import {package}constants
+from {package}callee import step
+OFFSET = 5
+@compiled
+def value():
+    return step() + {package}constants.SCALE + OFFSET
+"""
+CALLEE = "from compact.numerics.jit import compiled\n@compiled\ndef step():\n    return 1\n"
+CONSTANTS = "SCALE = 100\n"
+CHANGES = {
+    "constant of the called module": ("middle.py", "OFFSET = 5", "OFFSET = 6", 1070),
+    "constant two modules away": ("constants.py", "SCALE = 100", "SCALE = 200", 2060),
+    "function two modules away": ("callee.py", "return 1", "return 22", 1270),
+}
+
+
+def compiled_result(module):
+    """Result, and number of cache hits, of a function imported as by a new process."""
+    source_files.cache_clear()
+    for name in ["caller", "middle", "callee", "constants", "jit_sample"]:
+        for loaded in [loaded for loaded in sys.modules if loaded.split(".")[0] == name]:
+            del sys.modules[loaded]
+    importlib.invalidate_caches()
+    function = importlib.import_module(module).result
+    return function(), sum(function.stats.cache_hits.values())
+
+
+@pytest.fixture(params=["", "jit_sample."], ids=["modules", "package"])
+def sample(request, tmp_path, monkeypatch):
+    """Folder and name of a module whose compiled function calls others."""
+    package = request.param
+    folder = tmp_path / package.rstrip(".")
+    folder.mkdir(exist_ok=True)
+    if package:
+        (folder / "__init__.py").touch()
+    (folder / "caller.py").write_text(CALLER.format(package=package, imports=f"import {package}middle"))
+    (folder / "middle.py").write_text(MIDDLE.format(package=package))
+    (folder / "callee.py").write_text(CALLEE)
+    (folder / "constants.py").write_text(CONSTANTS)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # changes within one second must be read
+    return folder, f"{package}caller"
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_change_in_another_module_recompiles_the_caller(sample, change):
+    folder, module = sample
+    assert compiled_result(module) == (1060, 0)
+    assert compiled_result(module) == (1060, 1)
+    file, old, new, expected = CHANGES[change]
+    path = folder / file
+    path.write_text(path.read_text().replace(old, new))
+    assert compiled_result(module) == (expected, 0)
+
+
+def test_source_files_contain_indirect_imports_of_the_package():
+    from compact.engines.column import column_ode
+
+    files = {path.rpartition("compact/")[2] for path in source_files(column_ode.__name__)}
+    assert {"engines/column/column_ode.py", "material/cap_plasticity.py", "material/laws.py"} <= files

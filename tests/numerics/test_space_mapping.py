@@ -1,0 +1,104 @@
+"""Space mapping: closed forms, noisy and failing fine models, data that do not determine the unknowns."""
+
+import numpy as np
+import pytest
+
+from compact.numerics.space_mapping import fit_parameters
+
+
+def fine(u):
+    return np.exp([1.1 * u[0] + 0.5 * u[1] + 0.9, 0.95 * u[0] - 0.6 * u[1] - 0.2 + 0.05 * u[0] ** 2])
+
+
+def coarse(u):
+    return np.exp([u[0] + 0.4 * u[1], u[0] - 0.7 * u[1]])
+
+
+def test_two_power_laws_are_identified():
+    found = fit_parameters(coarse, [6.0, 1.5], [0.0, 0.0])
+    exact = np.linalg.solve([[1, 0.4], [1, -0.7]], np.log([6.0, 1.5]))
+    assert found.unknowns == pytest.approx(exact, rel=1e-8)
+    assert found.sensitivity == pytest.approx(np.linalg.inv([[1, 0.4], [1, -0.7]]), rel=1e-6)
+
+
+def test_more_data_than_unknowns_give_the_least_squares_solution():
+    found = fit_parameters(lambda u: np.exp([u[0]] * 3), [1.0, 2.0, 4.0], [0.0])
+    assert np.exp(found.unknowns) == pytest.approx([2.0], rel=1e-8)
+    assert found.misfit == pytest.approx(np.log([2.0, 1.0, 0.5]), abs=1e-8)
+
+
+def test_corrected_coarse_model_reproduces_the_fine_one():
+    found = fit_parameters(coarse, [6.0, 1.5], [0.0, 0.0], fine)
+    assert fine(found.unknowns) == pytest.approx([6.0, 1.5], rel=1e-3)
+    assert len(found.history) < 6
+    again = fit_parameters(coarse, [6.0, 1.5], [0.0, 0.0], correction=found.correction)
+    assert again.unknowns == pytest.approx(found.unknowns, abs=2e-3)
+
+
+def test_slope_of_the_correction_converges():
+    """A constant correction of u by u^2.5 would overshoot more at each step."""
+    found = fit_parameters(np.exp, [6.0], [0.0], lambda u: np.exp(2.5 * u))
+    assert found.unknowns == pytest.approx([np.log(6.0) / 2.5], abs=1e-3)
+    assert found.correction.slope == pytest.approx(np.array([[1.5]]), rel=0.02)
+    assert found.sensitivity == pytest.approx(np.array([[1 / 2.5]]), rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noisy_fine_model_is_fitted_in_the_mean(seed):
+    rng = np.random.default_rng(seed)
+    found = fit_parameters(np.exp, [6.0], [1.0], lambda u: np.exp(1.2 * u + rng.uniform(-5e-3, 5e-3)))
+    assert found.unknowns == pytest.approx([np.log(6.0) / 1.2], abs=4e-3)
+    assert found.correction.slope == pytest.approx(np.array([[0.2]]), abs=0.1)
+    assert found.scatter[0] < 1.5e-2
+
+
+def test_correction_does_not_depend_on_a_constant_unknown():
+    def fine_model(u):
+        return np.exp([u[0] + 0.5 * u[1] + 0.7, 1.3 * u[1]])
+
+    def coarse_model(u):
+        return np.exp([u[0] + 0.4 * u[1], u[1]])
+
+    found = fit_parameters(coarse_model, [6.0, 1.5], [0.0, 0.0], fine_model, varying=[False, True])
+    assert fine_model(found.unknowns) == pytest.approx([6.0, 1.5], rel=1e-3)
+    assert found.correction.slope == pytest.approx(np.array([[0.0, 0.1], [0.0, 0.3]]), rel=0.1)
+
+
+def test_failed_fine_evaluation_halves_the_step():
+    evaluated = []
+
+    def fragile(u):
+        evaluated.append(float(u[0]))
+        if u[0] > 0.75 and len(evaluated) < 3:
+            raise RuntimeError("not steady")
+        return np.exp(1.2 * u)
+
+    found = fit_parameters(np.exp, [2.3], [0.4], fragile)
+    assert found.unknowns == pytest.approx([np.log(2.3) / 1.2], abs=2e-3)
+    assert np.isnan(found.history[1][1]).all()
+    assert evaluated[2] == pytest.approx((evaluated[0] + evaluated[1]) / 2)
+
+
+def test_more_unknowns_than_data_raise_an_error():
+    with pytest.raises(ValueError, match="2 unknowns cannot be determined from 1 data"):
+        fit_parameters(coarse, [6.0], [0.0, 0.0])
+
+
+def test_data_that_do_not_determine_the_unknowns_raise_an_error():
+    with pytest.raises(ValueError, match="the data do not determine the unknowns"):
+        fit_parameters(lambda u: np.exp([u[0] + u[1], u[0] + u[1]]), [6.0, 6.0], [0.0, 0.0])
+
+
+def test_models_that_never_agree_raise_an_error():
+    runs = iter(range(100))
+    message = r"did not converge in 24 evaluations of the fine model: u and ln\(predicted/measured\) were \["
+    with pytest.raises(RuntimeError, match=message):
+        fit_parameters(np.exp, [6.0], [0.0], lambda u: np.exp(u + (-1) ** next(runs)))
+
+
+def test_fine_model_that_fails_at_the_start_raises_an_error():
+    def fails(u):
+        raise RuntimeError("not steady")
+
+    with pytest.raises(RuntimeError, match=r"the fine model failed at the initial unknowns \[0\.0\]: not steady"):
+        fit_parameters(np.exp, [6.0], [0.0], fails)
