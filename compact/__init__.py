@@ -30,7 +30,7 @@ _HOMES = {
     "machine.roller_motors": ("CreepFreeRoller", "DrivenRoller", "RollerMotor"),
     "material.laws": ("Elastic", "Viscoelastic"),
     "material.mix": ("Mix", "prior"),
-    "motion": ("LAWS", "CamLimits", "Cycle", "InfeasibleError", "Limits", "Motion", "law", "optimise"),
+    "motion": ("LAWS", "CamLimits", "Cycle", "InfeasibleError", "Limits", "MotionProfile", "law", "optimise"),
     "motion.minimum_criterion": ("ComplexLaw", "minimiser"),
     "motion.tabulated": ("from_table",),
     "resistance": ("ResistanceMap", "sample_resistance"),
@@ -43,6 +43,7 @@ _ALIASES = {"column": "engines.column.engine", "spectral": "engines.spectral.eng
 _RENAMED = {
     "Driven": "DrivenRoller",
     "FirstOrder": "CreepFreeRoller",
+    "Motion": "MotionProfile",
     "Opposition": "MotionResistance",
     "Rolled": "ContactResult",
     "Straight": "LinearTorqueCurve",

@@ -167,6 +167,7 @@ def run(
         relative error tolerance that replaces the tolerance of the scene
     """
     from compact.analysis.worker_pool import Processes, cores
+    from compact.report import text
     from compact.report import writer as report
     from compact.report.progress import Progress
 
@@ -174,15 +175,15 @@ def run(
     directory = out or default_directory(scene)
     study = _study(
         scene, quiet, {"accuracy.engine": engine, "accuracy.tolerance": tolerance}, changes, directory=directory,
-        step=lambda stage: progress.begin(stage, study.cost(stage), total=study.whole_cost), progress=progress.report,
+        step=lambda stage: progress.begin(stage, study.plan.cost(stage), total=study.plan.total_cost), progress=progress.report,
     )  # fmt: skip
-    progress.total = study.whole_cost
+    progress.total = study.plan.total_cost
     others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
     helpers = Processes(min(cores(), len(others))) if others else None
     with progress:
         report.write_study(study, directory, force, helpers)
     if not quiet:
-        print(report.study_digest(study))
+        print(text.study_digest(study))
         print(f"\nresults: {directory}")
 
 
@@ -208,7 +209,7 @@ def roll(
         folder of the results; default out/NAME-ENGINE, NAME as in `compact run`
     """
     from compact.files import claimed_directory
-    from compact.report import contact_tables
+    from compact.report import contact_tables, text
     from compact.report.progress import Progress
     from compact.scene.plausible_ranges import check_speed
 
@@ -225,7 +226,7 @@ def roll(
         progress.begin("tables and figures")
         contact_tables.write_contact(directory, study, speed, passes)
     if not quiet:
-        print(contact_tables.contact_digest(study, speed, passes))
+        print(text.contact_digest(study, speed, passes))
         print(f"\nresults: {directory}")
 
 
@@ -260,13 +261,13 @@ def cam(
         folder of the results; default out/NAME-cams, NAME as in `compact run`
     """
     from compact.cams import export as cam_files
-    from compact.report import writer as report
+    from compact.report import text
 
     study = _study(scene, quiet, {} if law.startswith("least-") else {"motion.laws": (law,)}, changes)
-    made = study.cam(law, follower)
+    made = study.law_stage.cam(law, follower)
     written = cam_files.write_cam_files(out or default_directory(scene, "cams"), study.scene, made, cutter, tolerance)
     if not quiet:
-        print(report.cam_digest(law, made))
+        print(text.cam_digest(law, made))
         print("\n".join(f"  {path}" for path in written))
 
 

@@ -1,55 +1,98 @@
-"""Writing results so that none is lost or half-written: aside first, then renamed; never over another scene's.
+"""File formats and result directories.
 
-A results directory belongs to the scene whose fingerprint its file `scene.hash` holds.
+Every file is written under a temporary name and renamed when complete, so that an interrupted run leaves no partial
+file. A result directory belongs to the scene whose hash its file `scene.hash` contains; another scene is refused.
 """
 
 import csv
 import json
 import math
 import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, Literal
 from xml.etree import ElementTree
 
-OWNER_FILE = "scene.hash"
-FIGURE_DPI = 110
-NETCDF_CLASSIC, NETCDF_HDF5 = "NETCDF3_CLASSIC", "NETCDF4"  # numbers alone, for any reader; strings too
-NETCDF_BACKENDS = {NETCDF_CLASSIC: "scipy", NETCDF_HDF5: "h5netcdf"}  # of xarray
-GENERIC_STEM = "scene"  # of the file that `compact new` writes into a folder of the user's name
+if TYPE_CHECKING:
+    import meshio
+    import numpy as np
+    import xarray
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+OWNER_FILE = "scene.hash"  # file of a result directory with the hash of its scene
+FIGURE_DPI = 110  # [1/inch], resolution of figures
+NetcdfFormat = Literal["NETCDF3_CLASSIC", "NETCDF4"]
+NETCDF_CLASSIC: NetcdfFormat = "NETCDF3_CLASSIC"  # numbers only, for any reader
+NETCDF_HDF5: NetcdfFormat = "NETCDF4"  # strings too
+NETCDF_BACKENDS: dict[NetcdfFormat, Literal["scipy", "h5netcdf"]] = {
+    NETCDF_CLASSIC: "scipy",
+    NETCDF_HDF5: "h5netcdf",
+}  # xarray backend of each format
+GENERIC_STEM = "scene"  # stem of the scene file that `compact new` writes into a folder of the user's name
 
 
 class ResultsError(RuntimeError):
-    """A result could not be written, or stands where another scene's stands."""
+    """Error for a result that could not be written, or a directory with results of another scene."""
 
 
 @contextmanager
-def atomic_file(path, mode="w"):
-    """Open a file that appears under `path` whole, when the block ends without an error, or not at all."""
-    path = Path(path).resolve()  # a link is followed, not replaced
-    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    options = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
+def atomic_file(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
+    """Open a file that appears under its name when the block ends without an error, or not at all.
+
+    Parameters
+    ----------
+    path : path
+        Name of the file; a symbolic link is followed. Missing directories are created.
+    mode : {"w", "wb"}
+        Mode of `open`; text is UTF-8.
+
+    Yields
+    ------
+    file object
+        Temporary file.
+
+    Raises
+    ------
+    ResultsError
+        If the file cannot be written.
+    """
+    path = Path(path).resolve()
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    encoding, newline = (None, None) if "b" in mode else ("utf-8", "")
     try:
         if path.exists() and not path.is_file():
-            raise ResultsError(f"{path}: is no regular file; give another name")
+            raise ResultsError(f"{path}: not a regular file; use another name")
         path.parent.mkdir(parents=True, exist_ok=True)
-        with aside.open(mode, **options) as stream:
+        with temporary.open(mode, encoding=encoding, newline=newline) as stream:
             yield stream
             stream.flush()
             os.fsync(stream.fileno())
-        aside.replace(path)
+        temporary.replace(path)
     except OSError as error:
         raise ResultsError(f"{path}: could not be written: {error.strerror or error}") from error
     finally:
-        with suppress(OSError):  # of a path that cannot be there is nothing to remove
-            aside.unlink(missing_ok=True)
+        with suppress(OSError):  # an invalid path has no temporary file
+            temporary.unlink(missing_ok=True)
 
 
-def default_directory(scene_path, suffix=""):
-    """Directory for the results of a scene file if the caller names none: `out/NAME` or `out/NAME-SUFFIX`.
+def default_directory(scene_path: str | Path, suffix: str = "") -> Path:
+    """Return the default directory for the results of a scene file.
 
-    NAME is the name of the file without its ending. For a file `scene.toml` NAME is the name of its folder, so that
-    `a/scene.toml` and `b/scene.toml` have separate results.
+    Parameters
+    ----------
+    scene_path : path
+        Scene file.
+    suffix : str
+        Kind of the results.
+
+    Returns
+    -------
+    Path
+        `out/NAME` or `out/NAME-SUFFIX`. NAME is the stem of the file, or the name of its folder for a file
+        `scene.toml`, so that `a/scene.toml` and `b/scene.toml` have separate results.
     """
     path = Path(scene_path)
     name = path.stem
@@ -58,17 +101,32 @@ def default_directory(scene_path, suffix=""):
     return Path("out") / (f"{name}-{suffix}" if suffix else name)
 
 
-def write_csv(path, header, rows):
-    """Write rows of numbers and words under a header of names with units, numbers with 12 digits; the path."""
+def write_csv(path: Path, header: Sequence[str], rows: Iterable[Iterable[Any]]) -> Path:
+    """Write rows of numbers, with 12 digits, and words.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+    header : sequence of str
+        Column names with units.
+    rows : iterable
+        Rows.
+
+    Returns
+    -------
+    Path
+        `path`.
+    """
     with atomic_file(path) as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)
-        writer.writerows([_cell(value) for value in row] for row in rows)
+        writer.writerows([f"{value:.12g}" if isinstance(value, float) else value for value in row] for row in rows)
     return path
 
 
-def write_columns(path, header, columns):
-    """Write arrays, columns of numbers alone, as `write_csv` does and in a third of the time; the path."""
+def write_columns(path: Path, header: Sequence[str], columns: Sequence["NDArray[np.float64]"]) -> Path:
+    """Write arrays as columns, in the format of `write_csv` and three times as fast; return the path."""
     line = ",".join(["%.12g"] * len(columns)) + "\n"
     with atomic_file(path) as stream:
         stream.write(",".join(header) + "\n")
@@ -76,86 +134,136 @@ def write_columns(path, header, columns):
     return path
 
 
-def _cell(value):
-    return f"{value:.12g}" if isinstance(value, float) else value
-
-
-def write_json(path, content):
-    """JSON with infinities as "infinite" and nan as null, since JSON has no words for them."""
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write JSON, with infinity as "infinite" and nan as null."""
     with atomic_file(path) as stream:
-        json.dump(_plain(content), stream, indent=2, allow_nan=False)
+        json.dump(_json_value(content), stream, indent=2, allow_nan=False)
         stream.write("\n")
 
 
-def _plain(value):
+def _json_value(value: Any) -> Any:
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): _json_value(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [_json_value(item) for item in value]
     if hasattr(value, "tolist"):
-        return _plain(value.tolist())
+        return _json_value(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):
         return None if math.isnan(value) else "infinite" if value > 0 else "-infinite"
     return value
 
 
-def write_bytes(path, content):
-    """Write bytes as they are; the path."""
+def write_bytes(path: Path, content: bytes) -> Path:
+    """Write bytes; return the path."""
     with atomic_file(path, "wb") as stream:
         stream.write(content)
     return path
 
 
-def write_netcdf(path, dataset, kind):
-    """Write an xarray Dataset as netCDF of one of NETCDF_BACKENDS; the path."""
-    return write_bytes(path, dataset.to_netcdf(format=kind, engine=NETCDF_BACKENDS[kind]))
+def write_netcdf(path: Path, dataset: "xarray.Dataset", kind: NetcdfFormat) -> Path:
+    """Write a dataset as netCDF of a format of `NETCDF_BACKENDS`; return the path."""
+    return write_bytes(path, bytes(dataset.to_netcdf(format=kind, engine=NETCDF_BACKENDS[kind])))
 
 
-def read_netcdf(path, kind):
-    """The xarray Dataset of a netCDF file of one of NETCDF_BACKENDS, all of it in memory.
+def read_netcdf(path: str | Path, kind: NetcdfFormat) -> "xarray.Dataset":
+    """Read a netCDF file into memory.
 
-    Raises OSError, TypeError or LookupError for a file that is no such netCDF.
+    Parameters
+    ----------
+    path : path
+        File.
+    kind : str
+        Format, a key of `NETCDF_BACKENDS`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Content of the file.
+
+    Raises
+    ------
+    OSError, TypeError, LookupError
+        If the file is not of that format.
     """
     import xarray
 
     return xarray.load_dataset(path, engine=NETCDF_BACKENDS[kind])
 
 
-def write_figure(path, figure):
-    """Write a matplotlib figure as PNG; the path."""
+def write_figure(path: Path, figure: "Figure") -> Path:
+    """Write a matplotlib figure as PNG; return the path."""
     return write_bytes(path, render_png(figure))
 
 
-def render_png(figure):
-    """A matplotlib figure as bytes of PNG."""
-    held = BytesIO()
-    figure.savefig(held, format="png", dpi=FIGURE_DPI)
-    return held.getvalue()
+def render_png(figure: "Figure") -> bytes:
+    """Render a matplotlib figure as PNG."""
+    buffer = BytesIO()
+    figure.savefig(buffer, format="png", dpi=FIGURE_DPI)
+    return buffer.getvalue()
 
 
-def write_vtu(mesh, path):
-    """Write a meshio mesh as VTU, whole or not at all."""
+def write_vtu(mesh: "meshio.Mesh", path: str | Path) -> None:
+    """Write a mesh with its fields as VTU."""
     import meshio
 
-    with atomic_file(path, "wb") as stream:  # its name, since meshio opens the file itself
+    with atomic_file(path, "wb") as stream:  # meshio opens the file by its name
         meshio.write(stream.name, mesh, file_format="vtu")
 
 
-def write_pvd_collection(path, members):
-    """A series of fields as PVD, a collection of ParaView: (value, file) pairs, the value in the place of time."""
+def write_vtu_series(
+    collection: Path, folder: str, label: str, frames: Iterable[tuple[float, "meshio.Mesh"]]
+) -> Iterator[Path]:
+    """Write a series of fields as VTU files with a PVD collection of ParaView.
+
+    Parameters
+    ----------
+    collection : Path
+        PVD file, written last, so that all files it names exist.
+    folder : str
+        Folder of the VTU files beside the collection.
+    label : str
+        Name of the series parameter; a file is called LABEL=VALUE.vtu.
+    frames : iterable of (float, meshio.Mesh)
+        Parameter, in the place of the time of ParaView, and fields.
+
+    Yields
+    ------
+    Path
+        Each file after it is written.
+    """
+    members = []
+    for value, mesh in frames:
+        path = collection.parent / folder / f"{label}={value!r}.vtu"
+        write_vtu(mesh, path)
+        members.append((value, path))
+        yield path
+    write_pvd_collection(collection, members)
+    yield collection
+
+
+def write_pvd_collection(path: str | Path, members: Iterable[tuple[float, Path]]) -> None:
+    """Write a PVD collection of ParaView.
+
+    Parameters
+    ----------
+    path : path
+        PVD file.
+    members : iterable of (float, Path)
+        Series parameter and file below the folder of the collection.
+    """
     series = ElementTree.Element("VTKFile", type="Collection", version="0.1")
-    collection = ElementTree.SubElement(series, "Collection")
+    element = ElementTree.SubElement(series, "Collection")
     for value, file in members:
         name = Path(file).relative_to(Path(path).parent).as_posix()
-        ElementTree.SubElement(collection, "DataSet", timestep=repr(value), part="0", file=name)
+        ElementTree.SubElement(element, "DataSet", timestep=repr(value), part="0", file=name)
     ElementTree.indent(series)
     with atomic_file(path, "wb") as stream:
         ElementTree.ElementTree(series).write(stream, encoding="utf-8", xml_declaration=True)
 
 
 @contextmanager
-def claimed_directory(directory, scene_hash, force=False):
-    """The directory as of `claim`, given back if the block fails before a result is written."""
+def claimed_directory(directory: str | Path, scene_hash: str, force: bool = False) -> Iterator[Path]:
+    """Claim a result directory, as `claim_directory`, and release it if the block fails before it writes a result."""
     directory = claim_directory(directory, scene_hash, force)
     try:
         yield directory
@@ -166,10 +274,27 @@ def claimed_directory(directory, scene_hash, force=False):
         raise
 
 
-def claim_directory(directory, scene_hash, force=False):
-    """The directory, made if need be and marked as this scene's; refused where another scene's results stand.
+def claim_directory(directory: str | Path, scene_hash: str, force: bool = False) -> Path:
+    """Create a result directory where necessary and mark it with the hash of its scene.
 
-    With `force` the other scene's results are overwritten file by file. Raises ResultsError.
+    Parameters
+    ----------
+    directory : path
+        Directory.
+    scene_hash : str
+        Hash of the scene.
+    force : bool
+        True to overwrite results of another scene, file by file.
+
+    Returns
+    -------
+    Path
+        The directory.
+
+    Raises
+    ------
+    ResultsError
+        If the directory contains results of another scene or other files.
     """
     directory = Path(directory)
     mark = directory / OWNER_FILE
@@ -177,16 +302,16 @@ def claim_directory(directory, scene_hash, force=False):
         owner = mark.read_text(encoding="utf-8", errors="replace").strip() if mark.exists() else None
         foreign = owner is None and directory.exists() and any(map(_is_foreign, directory.iterdir()))
     except OSError as error:
-        raise ResultsError(f"{directory}: {error.strerror or error}; give another --out") from error
+        raise ResultsError(f"{directory}: {error.strerror or error}; use another --out") from error
     if foreign and not force:
-        raise ResultsError(f"{directory}: holds files that are not compact's; give another --out, or --force")
+        raise ResultsError(f"{directory}: contains files of other programs; use another --out, or --force")
     if owner not in (None, scene_hash) and not force:
-        raise ResultsError(f"{directory}: holds results of another scene; give another --out, or --force")
+        raise ResultsError(f"{directory}: holds results of another scene; use another --out, or --force")
     with atomic_file(mark) as stream:
         stream.write(scene_hash + "\n")
     return directory
 
 
-def _is_foreign(path):
-    """Whether a file is more than what a killed run had set aside."""
+def _is_foreign(path: Path) -> bool:
+    """Return True for a file that is not a temporary file of an interrupted run."""
     return not (path.name.startswith(".") and path.name.endswith(".part"))

@@ -1,99 +1,135 @@
-"""What every contact engine takes and gives: a layer, a roller, and the result of rolling one over the other.
+"""Common interface of the contact engines: layer, roller, and results of steady and transient rolling.
 
 All engines share one call,
 
-    rolled = engine.roll(layer, roller, material, speed)
+    result = engine.roll(layer, roller, material, speed)
 
-so that a study swaps them by name. x runs along the travel, y up; the base lies at y = 0. Quantities are per unit
-roller length, SI.
-
-The result of moving a roller through time: what the layer resists, instant by instant, and its fields.
+so that a study selects them by name. The x axis points along the travel and y upwards; the base is at y = 0. Quantities
+are per unit roller length, in SI units.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from compact.files import write_pvd_collection, write_vtu
+from compact.files import write_vtu_series
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 BaseCondition = Literal["bonded", "slip"]
 RollerCondition = Literal["frictionless", "sliding", "free", "driven"]
 GapGeometry = Literal["parabola", "circle", "deformed"]
 
-
-HEIGHT_TOLERANCE = 1e-9  # of the layer's height: what decimal fractions of thicknesses may miss
+HEIGHT_TOLERANCE = 1e-9  # [-], of the layer height; rounding of decimal thicknesses
 
 
 @dataclass(frozen=True)
 class Ply:
-    """One ply of a layer: `thickness` [m] > 0; `stiffness`, its moduli over those of the material [-] > 0."""
+    """Ply of a layer.
+
+    Parameters
+    ----------
+    thickness : float
+        Thickness [m], > 0.
+    stiffness : float
+        Relative modulus: moduli of the ply over those of the material [-], > 0.
+    """
 
     thickness: float
     stiffness: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_positive(thickness=self.thickness, stiffness=self.stiffness)
 
 
 @dataclass(frozen=True)
 class Layer:
-    """A layer of mix on a rigid base: `height` H [m] > 0; `base` "bonded" or "slip"; `plies` from the base upwards.
+    """Layer on a rigid base, of one material or of plies.
 
-        E(y, t) = c(y) E(t),  c the stiffness of the ply at y
+        E(y, t) = c(y) E(t),  c the relative modulus of the ply at y
 
-    The plies stick to one another and share Poisson's ratio and the relaxation spectrum of the material: one function
-    of time multiplies all of the stiffness. Without plies the layer is one of stiffness 1.
+    The plies are bonded to one another and share Poisson's ratio and the relaxation spectrum of the material.
+
+    Parameters
+    ----------
+    height : float
+        Height H [m], > 0; that of the mix as fed where it compacts.
+    base : {"bonded", "slip"}
+        Bonded or frictionless base.
+    plies : tuple of Ply
+        Plies from the base upwards; without plies the layer has the relative modulus 1.
+
+    Raises
+    ------
+    ValueError
+        If the thicknesses do not add up to the height.
     """
 
     height: float
     base: BaseCondition = "bonded"
     plies: tuple[Ply, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_positive(height=self.height)
         object.__setattr__(self, "plies", tuple(self.plies))
         total = sum(ply.thickness for ply in self.plies)
         if self.plies and abs(total - self.height) > HEIGHT_TOLERANCE * self.height:
             raise ValueError(
-                f"`plies` must be as thick together as the layer is high, {self.height!r} m, got {total:.12g} m"
+                f"the thicknesses of `plies` must add up to the layer height, {self.height!r} m, got {total:.12g} m"
             )
 
     @cached_property
-    def stack(self):
-        """The plies, one at least."""
+    def stack(self) -> tuple[Ply, ...]:
+        """Plies from the base upwards, at least one."""
         return self.plies or (Ply(self.height, 1.0),)
 
     @property
-    def top(self):
-        """The ply under the roller."""
+    def top(self) -> Ply:
+        """Ply in contact with the roller."""
         return self.stack[-1]
 
     @cached_property
-    def interfaces(self):
-        """Heights [m] at which one ply ends and the next begins, ascending."""
+    def interfaces(self) -> tuple[float, ...]:
+        """Heights of the interfaces between plies [m], ascending."""
         return tuple(accumulate(ply.thickness for ply in self.stack[:-1]))
 
-    def stiffness(self, y):
-        """c of the plies at the heights y [m], which are not those of interfaces."""
+    def stiffness(self, y: ArrayLike) -> NDArray[np.float64]:
+        """Return the relative modulus c [-] at heights y [m] off the interfaces."""
         return np.array([ply.stiffness for ply in self.stack])[np.searchsorted(self.interfaces, y)]
 
 
 @dataclass(frozen=True)
 class Roller:
-    """A rigid roller and how deep, or how hard, it is pressed in.
+    """Rigid roller with one prescribed contact quantity; the engine computes the others.
 
-    Exactly one of `indentation` [m], `load` P [N/m] and `peak_pressure` p0 [Pa] is given; the engine finds the others.
-    `radius` R [m] > 0; `friction` mu >= 0 of mix on roller. `rolling` says which way the traction acts on the mix:
-    "frictionless" none, "sliding" along the travel, "free" none in sum, "driven" against it; the engines "formula" and
-    "spectral" take "driven" as full slip, "fem" and "compaction" let a free or driven roller stick and slip under a
-    torque. `profile`
-    is where the gap is measured: vertical to the parabola, vertical to the circle, or normal to the circle on the
-    deformed surface.
+    Parameters
+    ----------
+    radius : float
+        Radius R [m], > 0.
+    indentation : float, optional
+        Indentation [m], > 0.
+    friction : float
+        Friction coefficient mu of mix on roller [-], >= 0.
+    rolling : {"frictionless", "sliding", "free", "driven"}
+        Traction on the mix: none, along the travel, zero in sum, or against the travel. The engines "formula" and
+        "spectral" treat "driven" as full slip; "fem" and "compaction" solve stick and slip of a free or driven roller
+        under a torque.
+    profile : {"parabola", "circle", "deformed"}
+        Gap measured vertically to the parabola, vertically to the circle, or normal to the circle on the deformed
+        surface.
+    load : float, optional
+        Load P per unit roller length [N/m], > 0.
+    peak_pressure : float, optional
+        Peak pressure p0 [Pa], > 0.
+
+    Raises
+    ------
+    ValueError
+        Unless exactly one of `indentation`, `load` and `peak_pressure` is set.
     """
 
     radius: float
@@ -104,27 +140,42 @@ class Roller:
     load: float | None = None
     peak_pressure: float | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_positive(radius=self.radius)
         require_nonnegative(friction=self.friction)
-        given = self._given
-        if len(given) != 1:
-            raise ValueError(f"give one of `indentation`, `load`, `peak_pressure`, got {sorted(given) or 'none'}")
-        require_positive(**given)
+        prescribed = self._prescribed
+        if len(prescribed) != 1:
+            raise ValueError(
+                f"exactly one of `indentation`, `load`, `peak_pressure` must be set, got {sorted(prescribed) or 'none'}"
+            )
+        require_positive(**prescribed)
 
     @property
-    def target(self):
-        """Name and value of what is prescribed."""
-        return next(iter(self._given.items()))
+    def target(self) -> tuple[str, float]:
+        """Name and value of the prescribed quantity."""
+        return next(iter(self._prescribed.items()))
 
     @property
-    def _given(self):
+    def _prescribed(self) -> dict[str, float]:
         targets = {name: getattr(self, name) for name in ("indentation", "load", "peak_pressure")}
         return {name: value for name, value in targets.items() if value is not None}
 
 
-def require_torque_allowed(roller, torque):
-    """A torque is for a roller that turns with friction; one that is driven needs it."""
+def require_torque_allowed(roller: Roller, torque: float | None) -> None:
+    """Require a torque only for a free or driven roller with friction, and always for a driven one.
+
+    Parameters
+    ----------
+    roller : Roller
+        Roller.
+    torque : float, optional
+        Torque per unit roller length [N].
+
+    Raises
+    ------
+    ValueError
+        If the torque is not allowed, or missing for a driven roller.
+    """
     turns = roller.rolling in ("free", "driven")
     if torque is not None:
         require_finite(torque=torque)
@@ -137,124 +188,191 @@ def require_torque_allowed(roller, torque):
         raise ValueError("`torque` must be given for a 'driven' roller, got None; a 'free' one needs none")
 
 
-def require_target_reached(name, wanted, reached, tolerance, scale=None):
-    """Raise RuntimeError unless a prescribed quantity is reached.
+def require_target_reached(
+    name: str, prescribed: float, reached: float, tolerance: float, scale: float | None = None
+) -> None:
+    """Require a prescribed quantity to be reached.
 
     Parameters
     ----------
-    name : of the quantity, as the user prescribes it
-    wanted, reached : its values, of one unit
-    tolerance : promised by the engine [-], relative to `scale`
-    scale : size of the quantity; `wanted` unless given
+    name : str
+        Name of the quantity.
+    prescribed, reached : float
+        Its values, in one unit.
+    tolerance : float
+        Tolerance of the engine relative to `scale` [-].
+    scale : float, optional
+        Magnitude of the quantity; |prescribed| by default.
+
+    Raises
+    ------
+    RuntimeError
+        If the quantity is not reached.
     """
-    scale = abs(wanted) if scale is None else scale
-    if not abs(reached - wanted) <= tolerance * scale:
+    scale = abs(prescribed) if scale is None else scale
+    if not abs(reached - prescribed) <= tolerance * scale:
         raise RuntimeError(
-            f"`{name}` {wanted:.9g} was prescribed and {reached:.9g} reached: {abs(reached - wanted) / scale:.1e} off, "
-            f"where {tolerance:.0e} is promised; the contact is not returned"
+            f"`{name}` {prescribed:.9g} was prescribed and {reached:.9g} reached: relative error "
+            f"{abs(reached - prescribed) / scale:.1e}, tolerance {tolerance:.0e}; the contact is discarded"
         )
 
 
-def require_on_target(rolled, roller, tolerance, *, exit_density_ratio=None, torque=None):
-    """Raise RuntimeError unless a contact has what was prescribed: every engine calls this before it returns.
+def require_on_target(
+    result: "ContactResult",
+    roller: Roller,
+    tolerance: float,
+    *,
+    exit_density_ratio: float | None = None,
+    torque: tuple[float, float] | None = None,
+) -> None:
+    """Require a contact to have the prescribed quantities; every engine calls this before it returns.
 
     Parameters
     ----------
-    rolled : ContactResult
-    roller : Roller, whose target is prescribed
-    tolerance : promised by the engine, relative [-]
-    exit_density_ratio : prescribed instead of the target of the roller, or None
-    torque : (prescribed, reached) of a roller that sticks and slips [N], or None; the tolerance is of the largest
-        torque that friction holds
+    result : ContactResult
+        Contact.
+    roller : Roller
+        Roller with the prescribed quantity.
+    tolerance : float
+        Relative tolerance of the engine [-].
+    exit_density_ratio : float, optional
+        Exit density ratio prescribed in place of the target of the roller [-].
+    torque : (float, float), optional
+        Prescribed and reached torque of a roller with stick and slip [N]; the tolerance is relative to the largest
+        torque of friction.
+
+    Raises
+    ------
+    RuntimeError
+        If a prescribed quantity is not reached.
     """
-    name, wanted = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
-    require_target_reached(name, wanted, getattr(rolled, name), tolerance)
+    name, prescribed = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
+    require_target_reached(name, prescribed, getattr(result, name), tolerance)
     if torque is not None:
-        require_target_reached("torque", *torque, tolerance, roller.friction * rolled.load * roller.radius)
+        require_target_reached("torque", *torque, tolerance, roller.friction * result.load * roller.radius)
 
 
 @dataclass(frozen=True)
 class ContactResult:
-    """One contact: what the layer does to the roller, per unit roller length.
+    """Steady contact of a roller with a layer, per unit roller length.
 
-    load : normal force P [N/m]
-    resistance : minus the x-force of the mix on the roller [N/m]; odd in speed
-    leading, trailing : contact edges [m] from the lowest point, + ahead
-    x, pressure, shear_traction : along the contact [m], [Pa], [Pa], shape (n,); pressure positive in compression
-    error : (load, resistance) estimated relative errors, or None where the engine cannot tell
-    work_residual : relative gap of the energy balance of steady rolling, or None for an engine without fields
-    peak_pressure : p0, between the samples too [Pa]
-    history : what the engine went through, a row for each iteration; empty for a closed form
+    Parameters
+    ----------
+    load : float
+        Normal force P [N/m].
+    resistance : float
+        Rolling resistance: minus the x-force of the mix on the roller [N/m]; odd in the speed.
+    leading, trailing : float
+        Contact edges from the lowest point of the roller, positive ahead [m].
+    x, pressure, shear_traction : ndarray, shape (n,)
+        Position along the contact [m], pressure, positive in compression, and shear traction [Pa].
+    error : (float, float), optional
+        Estimated relative errors of load and resistance [-]; None without an estimate.
+    work_residual : float, optional
+        Relative energy-balance residual of steady rolling [-]; None for an engine without fields.
+    peak_pressure : float
+        Peak pressure p0 between the samples too [Pa].
+    history : tuple
+        One row per iteration of the engine; empty for a closed form.
 
-    RuntimeError where there is no contact, or no number for its resistance.
+    Raises
+    ------
+    RuntimeError
+        If the roller has no contact or the resistance is not finite.
     """
 
     load: float
     resistance: float
     leading: float
     trailing: float
-    x: np.ndarray
-    pressure: np.ndarray
-    shear_traction: np.ndarray
+    x: NDArray[np.float64]
+    pressure: NDArray[np.float64]
+    shear_traction: NDArray[np.float64]
     error: tuple[float, float] | None = None
     work_residual: float | None = None
     peak_pressure: float = np.nan
-    history: tuple = ()
+    history: tuple[Any, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (0 < self.load < np.inf and self.trailing < self.leading):
             raise RuntimeError(
                 f"the roller does not touch the layer: load {self.load:.3g} N/m, contact from {self.trailing:.3g} to "
-                f"{self.leading:.3g} m; press deeper"
+                f"{self.leading:.3g} m; increase the indentation"
             )
         if not np.isfinite(self.resistance):
-            raise RuntimeError(f"no resistance found, got {self.resistance} N/m at a load of {self.load:.3g} N/m")
+            raise RuntimeError(
+                f"the resistance must be finite, got {self.resistance} N/m at a load of {self.load:.3g} N/m"
+            )
 
 
 @dataclass(frozen=True, eq=False)
 class TransientResult:
-    """A motion of one roller over a layer, per unit roller length, at the ends of its time steps, arrays of shape (n,).
+    """Transient rolling of one roller over a layer, per unit roller length, at the ends of the n time steps.
 
-    time [s], from 0 on;  position, velocity : of the motion there [m], [m/s]
-    load : normal force P [N/m]
-    resistance : minus the x-force of the mix on the roller [N/m], + against a motion along +x; the x axis stays
-    leading, trailing : contact edges [m] from the lowest point, the one at larger and the one at smaller x,
-        whichever way the roller goes
-    angle : by which a roller with friction that turns has turned [rad], + as it rolls along +x, or None
-    error : estimated error of the resistance from the time steps, the largest over the largest |resistance|, or None
-    steps : number of time steps solved, those of the estimate too
-    frames : (time, meshio mesh of the fields) of each instant that was asked for
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Time from 0 on [s].
+    position, velocity : ndarray, shape (n,)
+        Position [m] and velocity [m/s] of the motion.
+    load : ndarray, shape (n,)
+        Normal force P [N/m].
+    resistance : ndarray, shape (n,)
+        Minus the x-force of the mix on the roller [N/m], positive against a motion along +x, in the fixed x axis.
+    leading, trailing : ndarray, shape (n,)
+        Contact edges at larger and at smaller x, from the lowest point [m], in either direction of travel.
+    error : float, optional
+        Estimated time-integration error of the resistance, the largest over the largest |resistance| [-].
+    steps : int
+        Number of time steps solved, those of the estimate included.
+    frames : tuple of (float, meshio.Mesh)
+        Time [s] and fields at each requested instant.
+    angle : ndarray, shape (n,), optional
+        Rotation of a roller with friction, positive when rolling along +x [rad].
 
-    RuntimeError where a number is not finite.
+    Raises
+    ------
+    RuntimeError
+        If a load or a resistance is not finite.
     """
 
-    time: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    load: np.ndarray
-    resistance: np.ndarray
-    leading: np.ndarray
-    trailing: np.ndarray
+    time: NDArray[np.float64]
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    load: NDArray[np.float64]
+    resistance: NDArray[np.float64]
+    leading: NDArray[np.float64]
+    trailing: NDArray[np.float64]
     error: float | None = None
     steps: int = 0
-    frames: tuple = ()
-    angle: np.ndarray | None = None
+    frames: tuple[tuple[float, Any], ...] = ()
+    angle: NDArray[np.float64] | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("load", "resistance"):
-            lost = np.flatnonzero(~np.isfinite(getattr(self, name)))
-            if lost.size:
-                raise RuntimeError(f"no {name} found at t = {self.time[lost[0]]:.6g} s")
+            undefined = np.flatnonzero(~np.isfinite(getattr(self, name)))
+            if undefined.size:
+                raise RuntimeError(f"the {name} is not finite at t = {self.time[undefined[0]]:.6g} s")
 
-    def write_frames(self, directory):
-        """Write the frames as film/time=T.vtu and as film.pvd, their series over time, which comes last; its path."""
+    def write_frames(self, directory: str | Path) -> Path:
+        """Write the frames as film/time=T.vtu and their time series as film.pvd.
+
+        Parameters
+        ----------
+        directory : path
+            Directory of the results.
+
+        Returns
+        -------
+        Path
+            The file film.pvd, written last.
+
+        Raises
+        ------
+        ValueError
+            If the motion was simulated without frames.
+        """
         if not self.frames:
-            raise ValueError("no frames to film; ask for `frames` at the instants wanted when travelling")
-        members = []
-        for time, mesh in self.frames:
-            path = Path(directory) / "film" / f"time={time!r}.vtu"
-            write_vtu(mesh, path)
-            members.append((time, path))
-        series = Path(directory) / "film.pvd"
-        write_pvd_collection(series, members)
-        return series
+            raise ValueError("no frames to write; simulate with `frames` at the required instants")
+        *_, collection = write_vtu_series(Path(directory) / "film.pvd", "film", "time", self.frames)
+        return collection

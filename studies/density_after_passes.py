@@ -1,14 +1,15 @@
-"""What does a density ratio of 0.98 take in one to six passes: which load, which radius, which moisture?
+"""Effect of compaction in one to six lifts on load and resistance, over radius and moisture.
 
-The mix of one product is fed in as many equal lifts as there are passes. Under each the roller stands so high that all
-that lies there has, after its rebound, the density asked for: by columns, which press every lift evenly. What a lift
-takes is its own work: the resistance falls with the number of passes, and the load, whose contact gets shorter, by a
-quarter for two passes and by half for six; what rebounds below bears the rest. The load goes with the root of the
-radius, the resistance does not know it; both fall by a fifth for each percent of water, within what the prior knows.
+The mix of one product is fed in as many equal lifts as there are passes. In each pass the height of the roller is such
+that the mix has the required density after elastic recovery: by columns, which compact every lift uniformly. The work
+belongs to the lift, so the resistance decreases with the number of passes. The load decreases by a quarter for two
+passes and by half for six, because the contact becomes shorter while the recovery of the mix below continues. The load
+is proportional to the root of the radius; the resistance is independent of it. Both decrease by a fifth for each
+percent of moisture, within the spread of the prior.
 
-Passing again at the same height is no substitute: columns do not change, and finite elements, with which the density
-falls from the top down, press the top 4 mm a little more each time, beyond full density, and nothing below
-(`profiles`, four minutes of processor time).
+Further passes at the same height do not replace lifts. Columns do not change; finite elements, in which the density
+decreases from the top downwards, compact the top 4 mm a little more in each pass, beyond full density, and nothing
+below (`profiles`, four minutes of processor time).
 """
 
 import itertools
@@ -16,8 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.calibration import blend
-from compact.analysis.engines import compaction
+from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.analysis.multipass import Pass, density, passes, there_and_back
 from compact.engines.column.engine import required_feed
 from compact.report.progress import tracked
@@ -35,8 +35,8 @@ TOP = 0.01  # m below the surface, where passes at one height differ
 
 
 def in_lifts(scene, count):
-    """The `ColumnContactResult` of each pass over a layer fed in so many equal lifts, pressed to the scene's density."""
-    material, wanted = compaction(scene, blend(scene)), scene.mix.density_ratio
+    """Contacts of all passes over a layer fed in equal lifts, each compacted to the density of the scene."""
+    material, wanted = compaction_material(scene, scene_mix(scene)), scene.mix.density_ratio
     speed = scene.motion.stroke / scene.motion.duration
     lift = required_feed(scene.product.height, wanted, material, speed).height / count
     roller = Roller(scene.machine.roller_radius, indentation=lift / 100, profile="circle")  # gives way to the density
@@ -45,12 +45,13 @@ def in_lifts(scene, count):
 
 
 def profiles(scene="loveikin-2015", changes=CALIBRATED, indentation=0.002, count=6, **numerics):
-    """Rows of PROFILE_HEADER, by columns and by finite elements; all is fed at once, one height for all passes.
+    """Rows of PROFILE_HEADER, by columns and by finite elements; the whole layer is fed first, with one height for all
+    passes.
 
-    numerics : of the finite elements, ELEMENTS unless given
+    numerics : options of the finite elements, default ELEMENTS
     """
     scene, rows = load_scene(SCENES / f"{scene}.toml", **changes), []
-    material, speed = compaction(scene, blend(scene)), scene.motion.stroke / scene.motion.duration
+    material, speed = compaction_material(scene, scene_mix(scene)), scene.motion.stroke / scene.motion.duration
     layer = Layer(scene.product.height * scene.mix.density_ratio / material.fed_density_ratio)
     roller = Roller(scene.machine.roller_radius, indentation, profile="deformed")
     asked = {"column": {}, "compaction": ELEMENTS | numerics}
@@ -65,15 +66,15 @@ def profiles(scene="loveikin-2015", changes=CALIBRATED, indentation=0.002, count
 
 
 def at(base, radius, moisture):
-    """The scene with another roller and another moisture; Heckel's slope moves by the prior's factor."""
+    """Scene with another roller and another moisture; the Heckel slope changes by the factor of the prior."""
     prior = {"mix.overrides.heckel_slope": None}
-    there = blend(base.replaced(**prior | {"mix.moisture": moisture})).heckel_slope
-    factor = there / blend(base.replaced(**prior)).heckel_slope
+    there = scene_mix(base.replaced(**prior | {"mix.moisture": moisture})).heckel_slope
+    factor = there / scene_mix(base.replaced(**prior)).heckel_slope
     return base.replaced(
         **{
             "machine.roller_radius": radius,
             "mix.moisture": moisture,
-            "mix.overrides.heckel_slope": blend(base).heckel_slope * factor,
+            "mix.overrides.heckel_slope": scene_mix(base).heckel_slope * factor,
         }
     )
 
@@ -102,10 +103,10 @@ def main(
 
 
 def _draw(rows):
-    """Largest load and resistance over the number of passes, a line for each roller and mix."""
+    """Draw the largest load and the resistance over the number of passes, one line for each roller and mix."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures import PALETTE
+    from compact.report.figure_style import PALETTE
 
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True)
@@ -129,10 +130,10 @@ def _draw(rows):
 
 
 def draw_profiles(rows):
-    """Density over the depth after each pass; all of it, and the top, where passes differ."""
+    """Draw the density over depth behind each pass: the whole layer, and the top, where passes differ."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures import PALETTE
+    from compact.report.figure_style import PALETTE
 
     figure = Figure(figsize=(9.0, 4.4), layout="constrained")
     panels = figure.subplots(1, 2)

@@ -1,11 +1,11 @@
-"""How stiff must a drive be, and which laws does it spoil?
+"""Required stiffness of an elastic drive, and motion laws that excite it.
 
-Each law carries the cart through a spring of growing stiffness, at one damping ratio, in the periodic regime. Ringing
-is the peak force over that of a rigid drive. Stiffness alone does not end it: where friction stops the cart at a turn,
-the spring must first swing from pulling to pushing, the far end gathers speed meanwhile, and sets the cart off with a
-knock. For a law whose acceleration a does not vanish at the turn the knock is the same for any stiffness,
-sqrt(4 F m a - (m a)^2) above F + m a without damping. Laws that leave the turn gently have it die, slowly: with
-k^(-1/6) where the turn has a jerk, with k^(-1/4) where it has a snap only.
+Each law moves the cart through a spring of increasing stiffness, at one damping ratio, in the periodic regime. The
+dynamic amplification is the peak force over that of a rigid drive. Stiffness alone does not remove it. Where friction
+stops the cart at a reversal, the spring must reverse its force first; the driven end gains speed meanwhile, and the
+cart starts with an impact. For a law whose acceleration a does not vanish at the reversal, the impact is independent
+of stiffness: sqrt(4 F m a - (m a)^2) above F + m a without damping. For laws with vanishing acceleration it decreases
+slowly, with k^(-1/6) if the law has a jerk at the reversal and k^(-1/4) if it has only a snap.
 """
 
 from itertools import product
@@ -36,7 +36,7 @@ def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9)
         working = (motion.run_up, 1 - motion.run_down)
         run = runs[name, stiffness] = simulate(study.cart, spring, cycle, study.resistance, working=working)
         rows.append((
-            name, stiffness, run.peak_force, run.ringing, run.nonuniformity, run.peak_power, run.stick_time,
+            name, stiffness, run.peak_force, run.ringing, run.nonuniformity, run.peak_power, run.standing,
             run.energy_residual, run.cost.intervals,
         ))  # fmt: skip
     if out:
@@ -48,25 +48,27 @@ def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9)
 
 
 def _draw(rows, runs):
-    """Ringing and non-uniformity over the stiffness, a line for each law; the force of two laws over a cycle."""
+    """Draw dynamic amplification and non-uniformity over stiffness, one line for each law, and the force of two laws.
+    """
     from matplotlib.figure import Figure
 
-    from compact.report.figures import look
+    from compact.report.figure_style import law_style
 
     figure = Figure(figsize=(13.0, 4.0), layout="constrained")
     panels = figure.subplots(1, 3)
     names, stiffnesses = list(dict.fromkeys(row[0] for row in rows)), sorted({row[1] for row in rows})
     for name in names:
         _, stiffness, _, ringing, nonuniformity, *_ = zip(*(row for row in rows if row[0] == name), strict=True)
-        panels[0].semilogx(stiffness, ringing, marker="o", markersize=3, **look(name), label=name)
-        panels[1].semilogx(stiffness, nonuniformity, marker="o", markersize=3, **look(name), label=name)
+        panels[0].semilogx(stiffness, ringing, marker="o", markersize=3, **law_style(name), label=name)
+        panels[1].semilogx(stiffness, nonuniformity, marker="o", markersize=3, **law_style(name), label=name)
     panels[0].set(xlabel="stiffness k [N/m]", ylabel="ringing: peak force over that of a rigid drive [-]")
     panels[1].set(xlabel="stiffness k [N/m]", ylabel="non-uniformity of speed, working part [-]")
     panels[1].legend(frameon=False, fontsize=8)
     middle = stiffnesses[len(stiffnesses) // 2]
     for name in (names[0], names[-1]):
         run = runs[name, middle]
-        panels[2].plot(run.time, run.drive_force / 1e3, linewidth=0.8, **look(name) | {"linestyle": "-"}, label=name)
+        style = law_style(name) | {"linestyle": "-", "linewidth": 0.8}
+        panels[2].plot(run.time, run.drive_force / 1e3, **style, label=name)
         panels[2].plot(run.rigid.time, run.rigid.drive_force / 1e3, linewidth=0.8, color="0.6", zorder=0)
     panels[2].set(xlabel="time t [s]", ylabel=f"drive force H [kN], k = {middle:g} N/m (grey: rigid)")
     panels[2].legend(frameon=False, fontsize=8)

@@ -1,15 +1,15 @@
-"""How far are eqs 1.5-1.8 from what a layer under the roller really does, as long as it is linear?
+"""Distance of equations 1.5-1.8 to a viscoelastic layer under the roller.
 
-Over moisture, density ratio and radius the same peak pressure, that which the mix needs, is asked of the engineering
-formulas, of exact Galin theory and of the engines named, without friction. Modulus and branch are
-the prior's. The spectral engine, whose own error is far below the differences, is the reference.
+Over moisture, density ratio and radius, the required pressure of the mix is prescribed as the peak pressure of the
+engineering formulas, of the exact theory of Galin and of the named engines, without friction. Modulus and relaxation
+are those of the prior. The spectral engine is the reference; its own error is far below the differences.
 
-Where the formulas may be trusted: at a given peak pressure 1.7 meets the contact length of a linear layer within 2 % at
-8 % of moisture and 11 % at 10 %, and 1.6 its load within 8 and 3 %: 1.5 is too low where Galin is too high, and the
-two errors cancel in part. At 12 % they are 80 and 70 % too large, since the prior's mix then relaxes in 0.4 s, longer
-than the roller takes to pass: it answers with its instant modulus, which no formula knows. The resistance is
-nothing like the 0.17 that f2 and f3 put into 1.8: viscosity alone gives 0.01 to 0.06. What is missing is compaction,
-which no linear layer has.
+Result: at a given peak pressure, 1.7 agrees with the contact length of the layer within 2 % at 8 % of moisture and 11 %
+at 10 %, and 1.6 with its load within 8 and 3 %. Equation 1.5 is too low where Galin is too high, and the two errors
+cancel in part. At 12 % they are 80 and 70 % too large, because the mix of the prior then relaxes in 0.4 s, longer than
+the passage of the roller; it responds with its instantaneous modulus, which no formula contains. The
+rolling-resistance coefficient differs most: f2 and f3 of 1.8 result in 0.17, viscosity alone in 0.01 to 0.06. The
+difference is irreversible compaction, which no linear layer has.
 """
 
 import itertools
@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.engines import roll
+from compact.analysis.contact_stage import roll_scene
 from compact.analysis.study import Study
 from compact.engines.halfplane import galin
 from compact.report.progress import tracked
@@ -35,14 +35,14 @@ HEADER = ("moisture", "density_ratio", "radius_m", "engine", "capture_angle_rad"
 
 
 def of_formulas(study):
-    """Capture angle, contact length, load and resistance coefficient by 1.5-1.8, per unit roller length."""
+    """Capture angle, contact length, load and coefficient by 1.5-1.8, per unit roller length."""
     said = study.engineering
     load = said.roller_force / study.scene.machine.roller_length
     return said.capture_angle, said.contact_length, load, said.resistance_coefficient
 
 
 def of_contact(rolled, radius):
-    """The same of a contact."""
+    """Capture angle, contact length, load and coefficient of a contact, per unit roller length."""
     length = rolled.leading - rolled.trailing
     return np.arcsin(rolled.leading / radius), length, rolled.load, rolled.resistance / rolled.load
 
@@ -72,7 +72,7 @@ def main(
         study = Study(case)
         found = {"1.5-1.8": of_formulas(study), "galin": of_half_plane(study.mix, radius)}
         for engine in engines:
-            found[engine] = of_contact(roll(case, study.mix, case.mean_speed, engine), radius)
+            found[engine] = of_contact(roll_scene(case, study.mix, case.mean_speed, engine), radius)
         rows += [(moisture, ratio, radius, engine, *map(float, values)) for engine, values in found.items()]
     if out:
         from compact.files import atomic_file, write_csv
@@ -84,22 +84,22 @@ def main(
 
 
 def differences(rows, reference="spectral"):
-    """Relative difference of each row to the reference's row of the same mix and radius, for the last four columns."""
+    """Relative differences of each row to the reference with the same mix and radius, for the last four columns."""
     exact = {row[:3]: np.array(row[4:]) for row in rows if row[3] == reference}
     return [(*row[:4], *(np.array(row[4:]) / exact[row[:3]] - 1)) for row in rows if row[3] != reference]
 
 
 def figure(rows):
-    """Relative differences to the spectral engine, a panel per quantity, a colour per engine."""
+    """Draw the relative differences to the spectral engine, one panel for each quantity, one colour for each engine."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures import PALETTE
-    from compact.report.ranking_figures import ENGINE_LOOKS
+    from compact.report.figure_style import PALETTE
+    from compact.report.ranking_figures import ENGINE_STYLES
 
     drawn = Figure(figsize=(12, 3.8), layout="constrained")
     panels = drawn.subplots(1, 3)
     found = differences(rows)
-    looks = {"1.5-1.8": ENGINE_LOOKS["formula"][:2], "galin": (PALETTE[4], "+"), "fem": ENGINE_LOOKS["fem"][:2]}
+    looks = {"1.5-1.8": ENGINE_STYLES["formula"][:2], "galin": (PALETTE[4], "+"), "fem": ENGINE_STYLES["fem"][:2]}
     for engine, (color, mark) in looks.items():
         chosen = [row for row in found if row[3] == engine]
         if not chosen:

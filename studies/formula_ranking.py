@@ -1,7 +1,8 @@
-"""Does the order of the laws survive the spread of the mix, by the engineering formulas alone?
+"""Ranking of the motion laws over the spread of the mix, by the engineering formulas.
 
-The required pressure of the mix is known within a factor; the resistance follows its square. The laws are ranked at
-the low, the expected and the high end. Limits: eqs 1.1-1.10, a resistance that does not depend on speed, rigid drive.
+The required pressure of the mix is known within a factor, and the resistance is proportional to its square. The laws
+are ranked at the low, the expected and the high end. Limits: equations 1.1-1.10, a resistance independent of speed, a
+rigid drive.
 """
 
 from pathlib import Path

@@ -1,8 +1,8 @@
-"""Does every part hold where digits die: at the ends of Poisson's ratio, width, depth, speed, friction, stiffness?
+"""Numerical stability at the limits of Poisson's ratio, width, depth, speed, friction and stiffness.
 
-Each case is solved and held against something that does not share its method: a closed form, another engine, a
-limit, or a balance. The table has what was reached, the relative error against that, and the processor time. A case
-that cannot be solved must be refused in words; then `reached` is the refusal and there is no error.
+Each case is solved and compared with a result of another method: a closed form, another engine, a limit or a balance.
+The table has the result, its relative error and the processor time. A case without a solution must be refused with a
+sentence; `reached` is then the refusal, without an error.
 """
 
 import math
@@ -14,7 +14,7 @@ from time import process_time
 import numpy as np
 
 from compact import fem, resistance
-from compact.analysis import engines
+from compact.analysis import contact_cases, contact_stage
 from compact.analysis.study import Study
 from compact.cams import profile as cam
 from compact.drive import Rigid, simulate
@@ -36,7 +36,7 @@ CASES = {}
 
 
 def case(name, against):
-    """Enter a function that returns what was reached and its relative error."""
+    """Register a function that returns a result and its relative error."""
 
     def enter(solve):
         CASES[name] = (against, solve)
@@ -46,7 +46,7 @@ def case(name, against):
 
 
 def both_engines(layer, roller, material, speed=0.2):
-    """Load by the spectral engine, and how far finite elements are from it."""
+    """Load by the spectral engine, and the relative difference of finite elements to it."""
     exact = spectral.roll(layer, roller, material, speed)
     found = fem.roll(layer, roller, material, speed, tolerance=5e-3)
     return f"P {found.load:.6g} N/m", found.load / exact.load - 1
@@ -124,7 +124,7 @@ def stiff_ply():
 @case("columns pressed to a density ratio of 0.995", "balance of mass")
 def pressed_shut():
     scene = load_scene(SCENE)
-    material = engines.compaction(scene, Study(scene).mix)
+    material = contact_cases.compaction_material(scene, Study(scene).mix)
     fed = column.required_feed(0.22, 0.995, material, 0.2)
     roller = Roller(1.0, indentation=fed.indentation)
     found = column.roll(Layer(fed.height), roller, material, 0.2)
@@ -134,7 +134,7 @@ def pressed_shut():
 @case("columns under the same roller again", "no resistance: the mix lies already")
 def again():
     scene = load_scene(SCENE)
-    layer, roller, material = engines.inputs(scene, Study(scene).mix, "column", 0.2)
+    layer, roller, material = contact_cases.contact_inputs(scene, Study(scene).mix, "column", 0.2)
     roller = replace(roller, rolling="frictionless")
     first = column.roll(layer, roller, material, 0.2)
     height = layer.height - first.indentation
@@ -158,7 +158,7 @@ def stiff_drive():
 def crossing():
     study = Study(load_scene(SCENE, **{"motion.laws": ["quintic"], "output.items": []}))
     run = simulate(study.cart, ElasticDrive(2e5, 1e3), study.cycles["quintic"], study.resistance)
-    return f"stands {run.stick_time:.4f} s", run.energy_residual
+    return f"stands {run.standing:.4f} s", run.energy_residual
 
 
 @case("complex law at a double root", "the same weights off by 1e-9")
@@ -203,7 +203,7 @@ def through_the_base():
         "machine.roller_condition": "frictionless",
     }
     scene = load_scene(SCENE, **{"contact.load": 1e7, **plain})
-    return engines.roll(scene, Study(scene).mix, 0.2).load, math.nan
+    return contact_stage.roll_scene(scene, Study(scene).mix, 0.2).load, math.nan
 
 
 @case("non-finite speed, load, depth", "refused in words, every one")

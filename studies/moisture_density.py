@@ -1,13 +1,15 @@
-"""How do load and resistance go with moisture and density by formula, columns and finite elements; where do they part?
+"""Load and resistance over moisture and density, by formula, columns and finite elements.
 
-One sweep over moisture, density ratio and engine, of the prior's mix and a smooth roller that presses it as the mix
-needs. Finite elements solve the linear layer that eqs 1.5-1.7 idealise: where the two part the formula is wrong.
-Columns are pressed for good: where they part from both a linear layer is the wrong layer.
+One sweep over moisture, density ratio and engine, with the mix of the prior and a frictionless roller at the required
+pressure. Finite elements solve the viscoelastic layer that equations 1.5-1.7 idealise, so a difference between the two
+is an error of the formula. Columns compact irreversibly; a difference between them and both others is an error of the
+linear model.
 
-What it shows: the load by formula meets the linear layer within 7 % up to 10 % of moisture, and is 1.3 times too large
-at 11 %, 1.7 times at 12 %, where the mix relaxes slower than the roller passes. In the resistance they part everywhere:
-the formulas say 3.5 to 18 times that of a linear layer, columns 1.2 to 16 times, most in dry mix: compaction is what
-resists. The formulas have one coefficient, f2 + f3 = 0.168; columns have 0.13 to 0.24, with the density pressed in.
+Result: the load by formula agrees with the viscoelastic layer within 7 % up to 10 % of moisture, and is 1.3 times too
+large at 11 % and 1.7 times at 12 %, where the mix relaxes more slowly than the roller passes. The resistance differs
+everywhere: the formulas have 3.5 to 18 times that of a viscoelastic layer, columns 1.2 to 16 times, most in dry mix.
+Compaction causes the resistance. The formulas have one coefficient, f2 + f3 = 0.168; columns have 0.13 to 0.24,
+increasing with the density change.
 """
 
 import sys
@@ -42,7 +44,7 @@ def main(
     out=None,
     **changes,
 ):
-    """The table of the sweep, moisture x density ratio x engine; kept in `out` and gone on with from there."""
+    """Table of the sweep, moisture x density ratio x engine; kept in `out` and resumed from there."""
     from tempfile import TemporaryDirectory
 
     base = load_scene(SCENES / f"{scene}.toml", **PLAIN | changes)
@@ -69,7 +71,7 @@ def ratios_to(table, reference):
 
 
 def figure(table, reference="fem"):
-    """Maps of every engine over the reference, a row for each engine, a panel for each quantity."""
+    """Draw maps of every engine over the reference, one row for each engine, one panel for each quantity."""
     from matplotlib.figure import Figure
     from matplotlib.patheffects import withStroke
 
@@ -94,7 +96,7 @@ def figure(table, reference="fem"):
 
 
 def show(table, reference="fem"):
-    """Print where the engines part."""
+    """Print the largest differences between the engines."""
     for (engine, name), values in ratios_to(table, reference).items():
         told = values.values[np.isfinite(values.values)]
         if told.size:

@@ -1,9 +1,9 @@
-"""How evenly does one induction motor turn one to four carts, and what does a flywheel on its shaft save?
+"""Speed fluctuation of one induction motor that drives one to four carts, and the effect of a flywheel.
 
-The carts hang on one shaft at their usual angles; motor and gear grow with their number, so that each cart has the same
-share. The inertia sits on the motor's shaft, where the gear makes it count by its square. Three carts out of step even
-the load out by themselves; four at right angles do no better than two, since a cart going and one coming load the shaft
-alike. The motor is assumed, no source names one.
+The carts share one shaft at their usual angles; motor and gear grow with their number, so that each cart has the same
+share. The inertia is on the motor shaft, where the gear multiplies it by the square of its ratio. Three carts balance
+the load by themselves. Four carts at right angles are no better than two, because a forward and a returning cart load
+the shaft alike. The motor is assumed; no source specifies one.
 """
 
 from itertools import product
@@ -53,7 +53,7 @@ def main(scene="loveikin-2015", laws=("cubic", "reversal-4"), carts=(1, 2, 3, 4)
 
 
 def _draw(rows, runs):
-    """Fluctuation over the inertia, and the motor's power over a turn with the least and the most of it."""
+    """Draw the fluctuation over the inertia, and the motor power over a turn with the least and the largest inertia."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12.5, 3.9), layout="constrained")

@@ -1,16 +1,15 @@
-"""Which model gives the published operating point, 9740 N on a roller and 3562 N to move the cart?
+"""Models that reproduce the published operating point: 9740 N on a roller and 3562 N to move the cart.
 
-Two rollers of the published machine, one pass that leaves the product its height and density. Formulas, columns and the
-linear layer first say what the prior gives, before anything is fitted; then the engines that compact are calibrated to
-the two printed forces (Heckel's slope and the density of the mix as fed), and edges and pressures stand beside eqs
-1.5-1.7. The finite elements press a lift, whose height is assumed, and are fitted again, on a coarse mesh, with what
-nobody measured at the end of its range and with the whole product in one pass (VARIANTS); what moves the columns and,
-by their slopes, the finite elements, is told by the calibration.
+Two rollers of the published machine, one pass that leaves the product at its height and density. First the prior alone,
+by formulas, columns and the viscoelastic layer. Then the compacting engines are calibrated to the two printed forces
+(Heckel slope and initial density ratio), and edges and pressures are compared with equations 1.5-1.7. The finite
+elements roll one lift, whose thickness is assumed. They are fitted again on a coarse mesh with each unmeasured quantity
+at the end of its range, and with the whole product in one pass (VARIANTS). The calibration reports the sensitivities.
 
-A linear layer cannot: at the pressure that the mix needs it resists with 1 to 7 % of its load, where the plant needs
-18 %. Columns that stay pressed give 17 % before any fit. In two dimensions mix heaps up before the roller, so that the
-same resistance comes from a quarter of the depth; only in lifts do they meet both forces inside the prior. The force on
-the cart is two rollers and the friction of its guides, 0.008 of what the rollers lift beyond the weight.
+A viscoelastic layer fails: at the required pressure its coefficient is 0.01 to 0.07, where the plant needs 0.18.
+Columns have 0.17 before any fit. In two dimensions a bow wave forms ahead of the roller, so a quarter of the
+indentation has the same resistance. In lifts only, both forces are reproduced inside the prior. The force on the cart
+is that of two rollers plus the guide friction, 0.008 of the load of the rollers above the weight.
 """
 
 import itertools
@@ -20,9 +19,11 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.calibration import blend, calibrate, digest
+from compact.analysis.calibration import calibrate, digest
+from compact.analysis.contact_cases import scene_mix
+from compact.analysis.contact_stage import roll_scene
 from compact.analysis.engineering_summary import engineering
-from compact.analysis.engines import COMPACTING, roll
+from compact.analysis.engines import ENGINES
 from compact.report.progress import tracked
 from compact.scene.loader import load_scene
 from compact.scene.plant_data import read_measurements
@@ -54,7 +55,7 @@ HEADER = (
 
 def of_formulas(scene):
     """A row of HEADER by eqs 1.5-1.8."""
-    said = engineering(scene, blend(scene), blend(scene).required_pressure)
+    said = engineering(scene, scene_mix(scene), scene_mix(scene).required_pressure)
     force = _cart_force(scene, said.roller_force, said.resistance_coefficient)
     return (
         "1.5-1.8", np.nan, np.nan, said.roller_force, said.resistance_coefficient, force, said.capture_angle,
@@ -65,9 +66,9 @@ def of_formulas(scene):
 def of_contact(engine, scene, rolled):
     """A row of HEADER by an engine."""
     load, coefficient = rolled.load * scene.machine.roller_length, rolled.resistance / rolled.load
-    compacts = engine.split(",")[0] in COMPACTING
+    compacts = ENGINES[engine.split(",")[0]].compacting
     return (
-        engine, blend(scene).heckel_slope if compacts else np.nan,
+        engine, scene_mix(scene).heckel_slope if compacts else np.nan,
         scene.layer.fed_density_ratio if compacts else np.nan, load, coefficient,
         _cart_force(scene, load, coefficient), float(np.arcsin(rolled.leading / scene.machine.roller_radius)),
         rolled.leading - rolled.trailing, rolled.peak_pressure, getattr(rolled, "bow_wave", np.nan),
@@ -75,17 +76,17 @@ def of_contact(engine, scene, rolled):
 
 
 def _cart_force(scene, load, coefficient):
-    """Force [N] to move the cart: its rollers, and guides that carry what they lift beyond the weight."""
+    """Force [N] to move the cart: resistance of its rollers and friction of the guides."""
     machine = scene.machine
     lifted = abs(machine.rollers * load - machine.weight)
     return machine.rollers * load * coefficient + machine.guide_friction * lifted
 
 
 def calibrated(scene, readings, engines, variants):
-    """`Calibration` by name: of columns, and of finite elements for each of the variants.
+    """Calibrations by name: of columns, and of finite elements for each of the variants.
 
-    A variant begins where the first one has ended, but for another height, far from there. One that fails is told and
-    left out: those before it took long.
+    A variant starts from the result of the first one, except for another lift thickness. A variant that fails is
+    reported and left out, because the others take minutes each.
     """
     fits, first = {"column": calibrate(scene, readings)} if "column" in engines else {}, None
     asked_for = variants.items() if "compaction" in engines else ()
@@ -103,7 +104,7 @@ def calibrated(scene, readings, engines, variants):
 
 
 def length_for(calibration, slope):
-    """Roller length [m] at which Heckel's slope [1/Pa] comes out as wanted, between those refitted; nan beyond."""
+    """Roller length [m] with a given Heckel slope [1/Pa], interpolated between the refits; nan outside."""
     key = "machine.roller_length"
     known = {refit.value: refit.heckel_slope for refit in calibration.refits if refit.name == key and not refit.reason}
     known[calibration.scene.machine.roller_length] = calibration.heckel_slope
@@ -121,15 +122,16 @@ def main(
     changes=None,
     out=None,
 ):
-    """(rows before, rows after the calibration of HEADER, `Calibration`s by name); only what compacts is calibrated.
+    """(rows before, rows after the calibration of HEADER, calibrations by name); compacting engines only are
+    calibrated.
 
-    Finite elements that compact tell nothing of the prior: as deep as it asks, mix heaps up without end.
+    Finite elements have no row before: at the indentation of the prior, the bow wave grows without end.
     """
     scene = load_scene(SCENES / f"{scene}.toml", **(changes or {}))
     readings = read_measurements(SCENES / f"{measured}.toml")
     speed = scene.motion.stroke / scene.motion.duration
     linear = [engine for engine in engines if engine != "compaction"]
-    found = {engine: roll(scene, blend(scene), speed, engine) for engine in tracked(linear, str, alike=False)}
+    found = {engine: roll_scene(scene, scene_mix(scene), speed, engine) for engine in tracked(linear, str, alike=False)}
     before = [of_formulas(scene)] + [of_contact(engine, scene, rolled) for engine, rolled in found.items()]
     fits = calibrated(scene, readings, engines, variants)
     after = [of_contact(name, fit.scene, fit.rolled[0]) for name, fit in fits.items()]
@@ -145,11 +147,11 @@ def main(
 
 
 def _draw(contacts, fits):
-    """Contact pressure of each engine; fitted numbers beside what the prior allows."""
+    """Draw the contact pressure of each engine, and the fitted parameters compared with the prior."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-    from compact.report.figures import PALETTE
+    from compact.report.figure_style import PALETTE
 
     figure = Figure(figsize=(10.4, 5.6), layout="constrained")
     left, right = figure.subplots(1, 2)
@@ -186,7 +188,7 @@ def _in_words(name):
 
 
 def show(result):
-    """Print the rows of `main`, and what the calibrations leave uncertain."""
+    """Print the rows of `main`, and the uncertainty of the calibrations."""
     before, after, fits = result
     for title, rows in (("as the prior has it", before), ("calibrated", after)):
         print(f"{title:<44}{'K_H 1/MPa':>10}{'k fed':>8}{'load N':>9}{'coeff':>8}{'cart N':>8}{'angle':>8}"

@@ -1,10 +1,10 @@
-"""How much less can a law made for the machine ask of its drive, and what does each demand on the law cost?
+"""Gain of optimal motion laws, and the cost of each requirement on a law.
 
-The published machine: laws of least peak force and least peak power with two thirds of constant speed and a bound on
-the acceleration, beside the best published law that keeps the same bounds, and both again at the ends of the mix's
-spread. Two fronts: least peak power over the share of constant speed, least peak force over the jerk. Limits: eqs
-1.1-1.10, a resistance that does not depend on speed; a rigid drive. Without the bound on acceleration least peak power
-is 479 W, of a law that brakes with 300 m/s2 at the end.
+The published machine: laws of least peak force and least peak power with constant speed over two thirds of the pass and
+a bound on the acceleration, compared with the best published law within the same bounds, at the nominal resistance and
+at both ends of the spread of the mix. Two fronts: least peak power over the share of constant speed, least peak force
+over the jerk. Limits: equations 1.1-1.10, a resistance independent of speed; a rigid drive. Without the bound on
+acceleration the least peak power is 479 W, of a law that brakes with 300 m/s2 at the end.
 """
 
 from pathlib import Path
@@ -13,8 +13,9 @@ import numpy as np
 
 from compact.analysis.study import Study
 from compact.drive import Rigid, simulate
-from compact.motion.limits import broken
-from compact.motion.profile import Limits, law, optimise
+from compact.motion.limits import Limits, violations
+from compact.motion.optimal_motion import optimise
+from compact.motion.profile import law
 from compact.report.progress import tracked
 from compact.scene.loader import LAW_NAMES, load_scene
 
@@ -30,7 +31,7 @@ FRONT = ("front", "bound", "least", "best_published", "published", "gap")
 def main(scene="loveikin-2015", shares=SHARES, jerks=JERKS, out=None):
     """Rows of GAINS, at the nominal resistance and at both ends of its spread, and rows of FRONT; SI.
 
-    `least` is of the law made for the nominal resistance, `robust` of the one of least regret over the spread.
+    `least` is optimal for the nominal resistance, `robust` has the least regret over the spread.
     """
     scene = load_scene(SCENES / f"{scene}.toml", **{"output.items": []})
     table = {"objectives": list(OBJECTIVES), "smoothness": 1, "acceleration": ACCELERATION, "steady_tolerance": 0.0}
@@ -56,9 +57,13 @@ def main(scene="loveikin-2015", shares=SHARES, jerks=JERKS, out=None):
 
 def _gains(objective, nominal, robust):
     name = f"least-{objective.replace('_', '-')}"
-    rivals = [cycle.there for cycle in nominal.given_cycles.values() if not broken(nominal.limits, cycle.there)]
-    for push in robust.oppositions:
-        made, suited = (_asked(objective, push, study.cycles[name].there) for study in (nominal, robust))
+    rivals = [
+        cycle.forward
+        for cycle in nominal.prescribed_laws.cycles.values()
+        if not violations(nominal.law_stage.limits, cycle.forward)
+    ]
+    for push in robust.law_stage.motion_resistances:
+        made, suited = (_asked(objective, push, study.cycles[name].forward) for study in (nominal, robust))
         best, least = _best(objective, push, rivals)
         yield objective, push.resistance.force, best, least, made, 1 - made / least, suited, 1 - suited / least
 
@@ -74,30 +79,42 @@ def _best(objective, push, rivals):
 
 
 def _held(study, objective, run, jerk=None):
-    """Least value with run-up and run-down of such shares, the best published law within the same limits, the gap."""
+    """Least value for given acceleration and deceleration shares, the best published law within the same limits, the
+    gap.
+    """
     motion = study.scene.motion
     limits = Limits(acceleration=ACCELERATION, run_up=run, run_down=run, jerk=jerk)
-    made = optimise(objective, motion.stroke, motion.duration, study.cart.mass, study.push, limits)
+    made = optimise(
+        objective, motion.stroke, motion.duration, study.cart.mass, study.resistance_stage.motion_resistance, limits
+    )
     laws = [law(name, motion.stroke, motion.duration, run, run, rod_length=motion.rod_length) for name in LAW_NAMES]
-    return made.value, *_best(objective, study.push, [one for one in laws if not broken(limits, one)]), made.gap
+    return (
+        made.value,
+        *_best(
+            objective, study.resistance_stage.motion_resistance, [one for one in laws if not violations(limits, one)]
+        ),
+        made.gap,
+    )
 
 
 def _draw(study, front):
-    """Speed and power of the laws made and of two published ones; both fronts."""
+    """Draw speed and power of the optimal laws and of two published ones, and both fronts."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures import PALETTE, look
+    from compact.report.figure_style import PALETTE, law_style
 
     figure = Figure(figsize=(12.5, 7.2), layout="constrained")
     (speed, power), panels = figure.subplots(2, 2)
     time = np.linspace(0, study.scene.motion.duration, 3001)
     looks = {"least-peak-power": {"color": PALETTE[0]}, "least-peak-force": {"color": PALETTE[4]}}
-    looks |= {name: look(name) for name in ("reversal-4-free-acceleration", "reversal-2")}
+    looks |= {name: law_style(name) for name in ("reversal-4-free-acceleration", "reversal-2")}
     for name, drawn in looks.items():
-        there = study.cycles[name].there
+        there = study.cycles[name].forward
         v, a = there.velocity(time), there.acceleration(time)
         speed.plot(time, v, **drawn, label=name)
-        power.plot(time, (study.cart.mass * a + study.push(np.maximum(v, 1e-9), a)) * v, **drawn)
+        power.plot(
+            time, (study.cart.mass * a + study.resistance_stage.motion_resistance(np.maximum(v, 1e-9), a)) * v, **drawn
+        )
     speed.set(xlabel="time t [s]", ylabel="velocity v [m/s]")
     power.set(xlabel="time t [s]", ylabel="drive power P [W]")
     speed.legend(frameon=False, fontsize=8, loc="lower center")
@@ -112,7 +129,7 @@ def _draw(study, front):
 
 
 def show(result):
-    """Print what `main` found."""
+    """Print the results of `main`."""
     gains, front = result
     for objective, force, best, published, least, gain, robust, robust_gain in gains:
         print(f"{objective:<11}at {force:6.0f} N: {published:8.2f} {best:<29}", end="")

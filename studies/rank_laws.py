@@ -1,19 +1,19 @@
-"""Which law asks least of the drive, do finite elements say what the formula says, and how sure is the order?
+"""Best motion law by formula, columns and finite elements, for each drive, and the resolution of the ranking.
 
-Every law, by every engine, against every drive. A place is sure where no law behind it can pass, each at its own worst,
-and no other comes closer than the 1 % to which a machine is built: one law is run with the resistance less its error,
-the other with the resistance and its error. The error is that of the map and of the engine, not that of the model: for
-that the engines stand side by side, and formula and columns are ranked again over a sample of the prior's spread, with
-nothing calibrated. The calibrated columns resist as the formula does, so they repeat its order; an order can change
-only where the resistance knows the speed.
+Every law, by every engine, with every drive. A rank is resolved if no law behind it can pass, each at its worst, and no
+other is within the 1 % to which a machine is built: one law runs with the resistance less its error, the other with the
+resistance plus its error. The error is that of the map and of the engine, not of the model. For the latter the engines
+are compared, and formula and columns are ranked again over a sample of the spread of the prior, without calibration.
+The calibrated columns have the resistance of the formula and repeat its ranking; a ranking can change only if the
+resistance depends on speed.
 
-Limits: the resistance is that of a steady motion at the speed of the moment, which the turns are not (`reversal`). The
-linear layer resists with a seventh of what the plant needs. Finite elements that compact press by 3 mm under a smooth
-roller, with a rate of the mix, at three speeds: most of the time of all. Spring, its damping and motor are assumed, no
-source names one. A hydraulic drive imposes the law: its forces are rigid ones.
+Limits: the resistance is that of steady rolling at the momentary speed, which does not hold near reversals
+(`reversal`). The viscoelastic layer has a seventh of the required resistance. Compaction by finite elements uses an
+indentation of 3 mm, a frictionless roller, a rate effect and three speeds; it takes most of the time. Spring, damping
+and motor are assumed; no source specifies them. A hydraulic drive imposes the law: its forces are those of a rigid one.
 
-`markdown` makes the table of the README. Each row names the roller, the gap and the quantity that is kept over speed,
-so that a row of an engine is the main job of the scene with that engine unless the row says otherwise.
+`markdown` makes the table of `docs/which_law.md`. Each row names the roller, the gap and the quantity held over speed,
+so a row is the main job of the scene with that engine unless the row states otherwise.
 """
 
 from pathlib import Path
@@ -22,7 +22,7 @@ import numpy as np
 from scipy.stats import kendalltau
 
 from compact.analysis import machine_models as machine
-from compact.analysis.engines import inputs
+from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.ranking_uncertainty import ties
 from compact.analysis.study import Study
 from compact.drive import CRITERIA, rank, simulate
@@ -68,13 +68,13 @@ HEADER = (
     "engine", "drive", "criterion", "rank", "law", "value", "margin", "low", "high", "error", "sure", "roller", "gap",
     "held",
 )  # fmt: skip
-TITLES = {  # of the rows of the README's table
+TITLES = {  # of the rows of the table
     "formula": "formula",
     "column": "columns, calibrated",
-    "fem": "linear layer, `fem`",
-    "compaction": "`compaction`, 3 mm, rate of the mix, coarse mesh",
+    "fem": "viscoelastic layer, `fem`",
+    "compaction": "`compaction`, 3 mm, rate effect, coarse mesh",
 }
-MARKDOWN = ("resistance by", "roller, gap; kept over speed", "drive", "least peak force", "least peak power")
+MARKDOWN = ("resistance by", "roller, gap; held over speed", "drive", "least peak force", "least peak power")
 SPREAD_HEADER = (
     "engine", "drive", "criterion", "first", "stays_first", "kendall_tau", "least_resistance_N",
     "largest_resistance_N", "mixes",
@@ -100,7 +100,7 @@ def main(scene="loveikin-2015", engines=tuple(ENGINES), drives=tuple(DRIVES), sa
 
 
 def ranked(base, engine, drives, directory):
-    """Rows of HEADER by one engine, every law against every drive; the map is that of a drive that swings, if any."""
+    """Rows of HEADER by one engine, every law with every drive; the map extends to the speeds of an elastic drive."""
     swings = next((name for name in drives if name != "rigid"), "rigid")
     fastest = Study(base.replaced(**DRIVES[swings]), directory=directory)
     if engine == "compaction":
@@ -123,7 +123,7 @@ def ranked(base, engine, drives, directory):
 
 
 def condition(study):
-    """Roller, gap and quantity kept over speed, as the engine of a study has them; empty for the formulas."""
+    """Roller, gap and quantity held over speed of the engine of a study; empty for the formulas."""
     if not study.layered:
         return "", "", ""
     machine = adapt(study.scene, study.scene.accuracy.engine)[0].machine
@@ -131,14 +131,14 @@ def condition(study):
 
 
 def compacting(study, increments=INCREMENTS):
-    """(cart, `ResistanceMap`) by finite elements that compact, on a mesh a third as fine as the engine's own.
+    """(cart, resistance map) by compaction with finite elements, on a mesh a third as fine as the default.
 
-    Three speeds do: the rate enters with a small power of the speed, and the middle one tells what a line misses.
+    Three speeds suffice: the rate enters with a small power of the speed, and the middle one measures the curvature.
     """
     scene, rolls = study.scene, []
     speeds = study.fastest * np.array([1 / 10, 1 / 3, 1])
     for speed in speeds:
-        layer, roller, material = inputs(scene, study.mix, "compaction", float(speed))
+        layer, roller, material = contact_inputs(scene, study.mix, "compaction", float(speed))
         near = rolls[-1] if rolls else None
         rolls.append(compaction.roll(layer, roller, material, float(speed), increments=increments, start=near))
     load, force = scene.machine.roller_length * np.array([[rolled.load, rolled.resistance] for rolled in rolls]).T
@@ -149,16 +149,16 @@ def compacting(study, increments=INCREMENTS):
 
 
 def runs(study, cart, resistance):
-    """Law -> its run with a cart and a resistance, by the drive of the study."""
+    """Runs by law with a cart and a resistance, behind the drive of the study."""
     working = (study.scene.motion.run_up, 1 - study.scene.motion.run_down)
     return {
-        name: simulate(cart, study.means(name), cycle, resistance, working=working)
+        name: simulate(cart, study.drive_stage.drive_of(name), cycle, resistance, working=working)
         for name, cycle in study.cycles.items()
     }
 
 
 def places(by, runs, moved, error):
-    """(rank, law, value, margin, low, high, error, sure) in order of a criterion."""
+    """(rank, law, value, margin, low, high, error, resolved) in the order of a criterion."""
     ends = {name: [getattr(some[name], by) for some in (runs, *moved)] for name in runs}
     ordered = rank(runs.values(), by)
     for place, tied in zip(ordered, ties(ordered, by), strict=True):
@@ -169,7 +169,7 @@ def places(by, runs, moved, error):
 
 
 def spread(base, drives, samples):
-    """Rows of SPREAD_HEADER: over the prior's spread of all that the engine looks at of the mix, nothing calibrated."""
+    """Rows of SPREAD_HEADER: over the spread of all parameters that the engine uses, without calibration."""
     base = base.replaced(**{"drive.rank_by": list(SHOWN)})
     given = base.mix.overrides.model_dump(exclude_none=True)
     prior = base.replaced(**{f"mix.overrides.{name}": None for name in given})
@@ -205,7 +205,7 @@ def _tau(one, other):
 
 
 def agreement(rows, engine, other, drive="rigid"):
-    """Kendall's tau between the orders by two engines, by criterion of SHOWN."""
+    """Kendall's tau between the rankings of two engines, by criterion of SHOWN."""
     found = {}
     for by in SHOWN:
         one, beside = (_finite(rows, name, drive, by) for name in (engine, other))
@@ -214,15 +214,17 @@ def agreement(rows, engine, other, drive="rigid"):
 
 
 def _finite(rows, *key):
-    """Law -> value by engine, drive and criterion, where it is finite."""
+    """Finite values by law, for an engine, drive and criterion."""
     return {row[4]: row[5] for row in rows if row[:3] == key and np.isfinite(row[5])}
 
 
 def _draw(rows, spreads, most=8):
-    """What each law asks above the least with its error, by engine; and the share of mixes in which the first stays."""
+    """Draw the excess of each law over the best with its error, by engine, and the share of mixes with the same best
+    law.
+    """
     from matplotlib.figure import Figure
 
-    from compact.report.ranking_figures import ENGINE_LOOKS, dodges
+    from compact.report.ranking_figures import ENGINE_STYLES, mark_offsets
 
     figure = Figure(figsize=(12.5, 4.6), layout="constrained")
     panels = figure.subplots(1, len(SHOWN) + 1, width_ratios=[3] * len(SHOWN) + [2])
@@ -231,9 +233,9 @@ def _draw(rows, spreads, most=8):
         values = {engine: _excess(rows, engine, by) for engine in engines}
         laws = sorted(values[engines[0]], key=lambda law: min(values[engine][law][0] for engine in engines))[:most]
         laws.sort(key=lambda law: values[engines[0]][law][0])
-        for engine, dodge in zip(engines, dodges(len(engines)), strict=True):
+        for engine, dodge in zip(engines, mark_offsets(len(engines)), strict=True):
             value, below, above = np.transpose([values[engine][law] for law in laws])
-            color, mark, _ = ENGINE_LOOKS[engine]
+            color, mark, _ = ENGINE_STYLES[engine]
             error = np.where((below > 0) | (above > 0), [below, above], np.nan)  # no whisker of none
             drawn = {"color": color, "mfc": "white", "markersize": 5, "linewidth": 1.0, "capsize": 2.5}
             ax.errorbar(value, np.arange(len(laws)) + dodge, xerr=error, fmt=mark, label=engine, **drawn)
@@ -257,9 +259,9 @@ def _draw(rows, spreads, most=8):
 
 
 def _excess(rows, engine, by):
-    """Law -> (what it asks above the least, how much less and how much more its error makes of that) [%], rigid drive.
+    """Law -> (excess over the best law, decrease and increase by its error) [%], rigid drive.
 
-    The least is that without the error, so that the error of all laws together shows too.
+    The best value is that without the error, so that the common error of all laws is visible.
     """
     found = {row[4]: (row[5], row[7], row[8]) for row in rows if row[:3] == (engine, "rigid", by)}
     found = {law: ends for law, ends in found.items() if np.isfinite(ends).all()}
@@ -271,7 +273,7 @@ def _excess(rows, engine, by):
 
 
 def markdown(rows):
-    """Lines of the README's table: the first law by force and by power, by engine and drive."""
+    """Lines of the table of `docs/which_law.md`: the best law by force and by power, by engine and drive."""
     lines = [f"| {' | '.join(MARKDOWN)} |", "|" + "---|" * len(MARKDOWN)]
     for engine, title in TITLES.items():
         drives = dict.fromkeys(row[1] for row in rows if row[0] == engine)
@@ -285,7 +287,7 @@ def markdown(rows):
 
 
 def _first_cell(row, unit):
-    """Law, value and margin of a first place; tie below the build tolerance, * if an error can change it."""
+    """Law, value and margin of the first rank; tie below the build tolerance, * if an error can change it."""
     if is_tie(row[6]):
         return f"{row[4]}, {row[5]:.0f} {unit} (tie)"
     doubt = "" if row[10] else " *"
@@ -293,7 +295,7 @@ def _first_cell(row, unit):
 
 
 def show(result, best=3):
-    """Print the best places of `main`, and what the spread leaves of them."""
+    """Print the first ranks of `main`, and their stability over the spread."""
     rows, spreads = result
     print(f"{'engine':<21}{'drive':<9}{'criterion':<12}{'':>2} {'law':<30}{'value':>8}{'margin':>8}{'error':>8}  sure")
     for engine, drive, by, place, law, value, margin, _, _, error, sure, *_ in rows:

@@ -17,8 +17,10 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from compact import fem
-from compact.analysis.engines import inputs, modulation
-from compact.analysis.study import SWING, Study
+from compact.analysis.contact_cases import contact_inputs
+from compact.analysis.engines import modulation
+from compact.analysis.law_stage import OVERSHOOT
+from compact.analysis.study import Study
 from compact.drive import simulate
 from compact.engines.spectral import engine as spectral
 from compact.machine.elastic_drive import ElasticDrive
@@ -46,7 +48,7 @@ MOTOR = Motor(LinearTorqueCurve(16.0, 160.0), 100.0, 0.02, 0.0)  # assumed: turn
 def pressed(scene):
     """Layer, roller at the indentation that the scene's target asks at the mean speed, and material."""
     speed = scene.motion.stroke / scene.motion.duration
-    layer, roller, material = inputs(scene, Study(scene).mix, "spectral", speed)
+    layer, roller, material = contact_inputs(scene, Study(scene).mix, "spectral", speed)
     indentation = spectral.roll(layer, roller, material, speed).indentation
     return layer, Roller(roller.radius, indentation=indentation), material
 
@@ -119,7 +121,7 @@ def main(scene="loveikin-2015", laws=("parabolic", "quintic", "septic", "reversa
     motions = {name: law(name, scene.motion.stroke, scene.motion.duration) for name in laws}
     fastest = max(motion.peaks().velocity for motion in motions.values())
     with spinning("models"):
-        made, steady, lag = models(contact, SWING * fastest, samples)
+        made, steady, lag = models(contact, OVERSHOOT * fastest, samples)
     rows, courses = [], {}
     for name, motion in tracked(motions.items(), "law"):
         cycle = motion.cycle()
@@ -148,7 +150,7 @@ def figure(rows, courses):
     """Force over time of the first law; error against the time that a cycle takes, of all."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures import PALETTE
+    from compact.report.figure_style import PALETTE
 
     drawn = Figure(figsize=(10.5, 4.0), layout="constrained")
     left, right = drawn.subplots(1, 2)

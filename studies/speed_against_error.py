@@ -1,10 +1,11 @@
-"""What does an error cost, and what do the defaults buy?
+"""Cost of an error, and the effect of the default settings.
 
-One figure a question: seconds over the true relative error, a line for each method, the default ringed. Seconds belong
-to the machine; `work` counts what does not. Layers: the spectral and the finite-element engine, judged by the spectral
-one at a tolerance of 1e-8. Drives: a cart behind a spring by our arcs and by scipy's solvers, judged by the closed form
-of the harmonic law from rest. Maps: contacts that a resistance map takes for its tolerance. Columns, judged by an
-integration to 1e-13. Compaction by finite elements, minutes, only when asked for: `speed_against_error.py compaction`.
+One figure for each question: seconds over the true relative error, one line for each method, the default marked.
+Seconds depend on the machine; `work` counts evaluations. Layers: the spectral and the finite-element engine, compared
+with the spectral one at a tolerance of 1e-8. Drives: a cart behind a spring by our event-driven integration and by the
+solvers of scipy, compared with the closed form of the harmonic law from rest. Maps: contacts that a resistance map
+requires for its tolerance. Columns, compared with an integration to 1e-13. Compaction by finite elements, minutes, on
+request: `speed_against_error.py compaction`.
 """
 
 import sys
@@ -41,7 +42,7 @@ HEADER = ("question", "method", "setting", "relative_error", "seconds", "work")
 
 
 def timed(solve, repeats):
-    """What `solve` returns, once it is compiled and cached, and its least seconds."""
+    """Result of `solve` after compilation, and its least seconds."""
     return solve(), min(repeat(solve, number=1, repeat=repeats))
 
 
@@ -89,7 +90,7 @@ def drives(settings, repeats, stiffness=1e6, ratio=0.05):
 
 
 def harmonic_response(time, natural, ratio, omega):
-    """x(t) from rest: H = (w^2 + 2 i z w W)/(w^2 - W^2 + 2 i z w W) for the far end, and the ringing that it leaves."""
+    """x(t) from rest: H = (w^2 + 2 i z w W)/(w^2 - W^2 + 2 i z w W) for the driven end, plus the free vibration."""
     pull = natural**2 + 2j * ratio * natural * omega
     H = pull / (pull - omega**2)
     fading, ringing = ratio * natural, natural * np.sqrt(1 - ratio**2)
@@ -140,11 +141,11 @@ def compactions(settings, _):
 
 @dataclass(frozen=True)
 class Question:
-    """What one figure shows.
+    """One figure.
 
-    rows : generator of (method, setting, error, seconds, work) for settings, the least seconds of so many repeats
-    settings : of the full figure;  defaults : those of them that the package takes; 0.01 is the tolerance of the scenes
-    error : of what it is
+    rows : generator of (method, setting, error, seconds, work) for settings, the least seconds of several repeats
+    settings : of the full figure;  defaults : those of the package; 0.01 is the tolerance of the scenes
+    error : quantity of the error
     """
 
     rows: Callable
@@ -181,7 +182,7 @@ QUICK = ("layers", "drives", "maps", "columns")
 
 
 def main(questions=QUICK, repeats=3, out=None, **settings):
-    """Rows by question; `out` names a directory for a table and the figures, `settings` replace those of a question."""
+    """Rows by question; `out` is a folder for a table and the figures, `settings` replace those of a question."""
     answers = {
         name: [tuple(row) for row in QUESTIONS[name].rows(settings.get(name, QUESTIONS[name].settings), repeats)]
         for name in tracked(questions, str, alike=False)
@@ -197,7 +198,7 @@ def main(questions=QUICK, repeats=3, out=None, **settings):
 
 
 def draw(question, rows):
-    """Seconds over the error, a line for each method, the default ringed."""
+    """Draw seconds over the error, one line for each method, the default marked."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(5.6, 4.0), layout="constrained")

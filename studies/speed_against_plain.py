@@ -1,10 +1,10 @@
-"""How fast is each method beside the plain one that anybody would write?
+"""Time of each method compared with plain code.
 
-Ratios count, seconds belong to the machine. Formulas: points per second over arrays in which every argument varies.
-Laws: position to snap at many instants against one numpy.polyval of the law's degree per derivative. Peaks: sampling a
-law at n instants against the roots that `peaks` solves for. Layers: what a first speed, a further one and twenty cost
-by finite elements; and a direct solve on the same mesh with one LU for each set of nodes that touch. Command: whole
-processes.
+Ratios count; seconds depend on the machine. Formulas: points per second over arrays in which every argument varies.
+Laws: position to snap at many instants compared with one numpy.polyval of the degree of the law per derivative. Peaks:
+sampling at n instants compared with the roots that `peaks` solves for. Layers: cost of a first speed, a further one and
+twenty by finite elements, and a direct solve on the same mesh with one LU for each set of nodes in contact. Command:
+whole processes.
 """
 
 import resource
@@ -108,7 +108,7 @@ def peaks(samples, repeats):
 def speeds_in_a_row(count, targets=TARGETS, tolerance=5e-3):
     """(target, seconds of the first speed on a new mesh, of a further one, of all of them, peak memory [MB]).
 
-    Each with its error told, which takes a second mesh, four times as large.
+    Each with its error estimate, which requires a second mesh, four times as large.
     """
     rows = []
     for target in targets:
@@ -147,10 +147,10 @@ def against_plain(tolerances, velocity=0.3):
 
 
 def plain_roll(rows, roller, mix, speed):
-    """Resistance of a bonded layer [N/m], frictionless, parabola: nodes that touch, and strains that are remembered.
+    """Resistance of a bonded layer [N/m], frictionless, parabola: active set of nodes, and internal strains.
 
-    Stress is C (e + s (e - z)) with the strain z that the one branch remembers, v tau dz/dx = z - e. Instant stiffness
-    on the left, stress of s z on the right, in turn until the surface rests; a sparse LU for each set of nodes.
+    Stress is C (e + s (e - z)) with the internal strain z of the one branch, v tau dz/dx = z - e. Fixed point with the
+    instantaneous stiffness on the left and the stress of s z on the right; one sparse LU for each set of nodes.
     """
     ((share, _),), (lam, mu) = mix.branches, lame_parameters(mix.youngs_modulus, mix.poisson)
     mesh = MeshQuad(np.ascontiguousarray(rows.points.T), np.ascontiguousarray(rows.quads.T))
@@ -180,7 +180,7 @@ def plain_roll(rows, roller, mix, speed):
 
 
 def plain_memory(basis, rows, mix, speed):
-    """z of displacements u at the quadrature points, with e piecewise linear along their lines."""
+    """Internal strain z of displacements u at the quadrature points, with e piecewise linear along their lines."""
     x, y = np.asarray(basis.global_coordinates()).reshape(2, -1)
     lines = np.lexsort((-x, np.round(y / rows.height, 9))).reshape(3 * rows.shape[0], -1)  # downstream
     steps = -np.diff(x[lines], axis=1) / (speed * mix.branches[0][1])
@@ -223,7 +223,7 @@ def main(
     tolerances=(5e-3, 2e-3),
     out=None,
 ):
-    """All figures; `out` names a directory for speed.csv."""
+    """All figures; `out` is a folder for speed.csv."""
     with Progress() as progress:
         progress.begin("commands")
         seconds, memory = commands(max(1, repeats // 3))  # first, as a child starts with the memory of its parent

@@ -1,23 +1,22 @@
 """Rolling resistance of the return stroke over mix that the roller has just compacted.
 
-A roller, at first without friction, goes there and back along a law over compacting mix, by finite elements that stay
-with the mix. On the way there the resistance grows until the bow wave is full; going back it is gone within a small
-part of the contact, and compacted mix resists with a few per cent of it, until at the very end the roller is back in
-the dent that it pressed at first, against its wall. The layer is shallower than that of the scene. A free roller with
-friction gives nearly the same.
+A roller, first without friction, moves forward and back along a law over compacting mix, by finite elements that move
+with the mix. On the forward stroke the resistance increases until the bow wave is complete. On the return stroke it
+vanishes within a small part of the contact, and compacted mix has a few per cent of it, until the roller reaches the
+wall of its initial indentation at the very end. The layer is thinner than that of the scene. A free roller with
+friction has nearly the same resistance.
 
-Limits: the resistance still rises where the roller turns, since its bow wave takes three heights of travel to fill. At
-0.12 m it is 13 % below that of steady rolling, drawn beside it, and at 0.28 m 3 %. The teeth are an artefact of the
-mesh, one for each element that the roller meets: 1.3 % to either side with 6 elements a contact, half as much with 12.
-The mean over an element, drawn over the teeth, is 1.3 % higher with 12.
+Limits: the resistance still increases at the reversal, because the bow wave requires a travel of three layer heights.
+At 0.12 m it is 13 % below that of steady rolling, drawn for comparison, and at 0.28 m 3 %. The teeth are an artefact of
+the mesh, one for each element: 1.3 % with 6 elements per contact, half as much with 12. The mean over an element, drawn
+over the teeth, is 1.3 % higher with 12.
 """
 
 from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.calibration import blend
-from compact.analysis.engines import compaction
+from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.engines.compaction import engine as rolling
 from compact.engines.compaction.reciprocating import simulate_reciprocating
 from compact.motion.profile import law
@@ -48,7 +47,7 @@ def main(
     roller = Roller(scene.machine.roller_radius, indentation, profile="deformed", **turning)
     cycle = law(name, stroke, scene.motion.duration).cycle()
     instants = tuple(share * scene.motion.duration for share in SHOWN)
-    mix = compaction(scene, blend(scene))
+    mix = compaction_material(scene, scene_mix(scene))
     with spinning("there and back"):
         done = simulate_reciprocating(
             Layer(height), roller, mix, cycle, increments=increments, instants=instants, estimate=False
@@ -66,12 +65,12 @@ def main(
 
 
 def turning(done):
-    """Resistance where the roller turns, in the direction of the way there [N/m]."""
+    """Resistance at the reversal, in the direction of the forward stroke [N/m]."""
     return float(done.resistance[done.stroke == 1][-1])
 
 
 def release_length(done):
-    """Distance from the turn [m] over which the resistance falls to RELEASED of `turning`."""
+    """Distance from the reversal [m] over which the resistance decreases to RELEASED of `turning`."""
     back = done.stroke == 2
     distance = done.position[done.stroke == 1][-1] - done.position[back]
     left = done.resistance[back] / turning(done)
@@ -81,7 +80,7 @@ def release_length(done):
 
 
 def settled(done):
-    """Resistance of the return stroke [N/m], mean over its second half but for the last contact length."""
+    """Resistance of the return stroke [N/m], mean over its second half without the last contact length."""
     there, back = done.stroke == 1, done.stroke == 2
     distance = done.position[there][-1] - done.position[back]
     end = distance[-1] - max(done.leading[there][-1], -done.trailing[there][-1])
@@ -89,7 +88,7 @@ def settled(done):
 
 
 def over_an_element(position, resistance, element):
-    """(position [m], mean of the resistance over an element about it [N/m]), which knows no teeth of the mesh."""
+    """(position [m], mean of the resistance over one element length [N/m]), without the teeth of the mesh."""
     order = np.argsort(position)
     x, force = np.asarray(position)[order], np.asarray(resistance)[order]
     work = np.concatenate([[0.0], np.cumsum(np.diff(x) * (force[1:] + force[:-1]) / 2)])
@@ -99,10 +98,10 @@ def over_an_element(position, resistance, element):
 
 
 def _draw(done, radius, increments, steady):
-    """Resistance over the way beside that of steady rolling, and the density at three instants."""
+    """Draw the resistance over the travel compared with steady rolling, and the density at three instants."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures import PALETTE
+    from compact.report.figure_style import PALETTE
 
     figure = Figure(figsize=(10.5, 5.2), layout="constrained")
     grid = figure.add_gridspec(len(done.frames), 2, width_ratios=(1.0, 1.35))
@@ -138,7 +137,7 @@ def _draw(done, radius, increments, steady):
 
 
 def _density(ax, mesh):
-    """The density ratio on the elements where they lie."""
+    """Density ratio on the elements in their current position."""
     from matplotlib.collections import PolyCollection
 
     places = (mesh.points + mesh.point_data["displacement"])[:, :2] * 1e3
@@ -151,7 +150,7 @@ def _density(ax, mesh):
 
 
 def show(done):
-    """Print the resistance of the way there and of the return stroke."""
+    """Print the resistance of the forward and the return stroke."""
     there, back = (done.resistance[done.stroke == number] for number in (1, 2))
     print(f"largest resistance there {there.max():.0f} N/m, where it turns {turning(done):.0f} N/m")
     print(f"way back {settled(done):.1f} N/m, {settled(done) / turning(done):.1%}; largest {-back.min():.0f} N/m")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from compact.engines.spectral import engine as spectral
-from compact.engines.spectral.elastic_estimate import as_wide
+from compact.engines.spectral.elastic_estimate import contact_of_half_width
 from compact.material.laws import Viscoelastic
 from compact.rolling_contact import Layer, Roller
 
@@ -54,7 +54,7 @@ def stiff_scene(seed, number):
     friction = draw.uniform(0.02, 0.8) * (rolling != "frictionless")
     roller = Roller(
         radius,
-        indentation=as_wide(layer, mix, radius, a).indentation,
+        indentation=contact_of_half_width(layer, mix, radius, a).indentation,
         friction=friction,
         rolling=rolling,
         profile=str(draw.choice(["parabola", "circle", "deformed"])),

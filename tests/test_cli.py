@@ -56,7 +56,7 @@ def test_new_scene_runs_as_it_is(compact, tmp_path):
     assert "laws by peak drive force [N]" in done.stdout
 
 
-def test_new_keeps_a_scene_that_stands(tmp_path):
+def test_new_never_overwrites_a_scene(tmp_path):
     (tmp_path / "scene.toml").write_text("mine")
     told = compact_alone("new", tmp_path)
     assert told.returncode == 1
@@ -64,7 +64,7 @@ def test_new_keeps_a_scene_that_stands(tmp_path):
     assert (tmp_path / "scene.toml").read_text() == "mine"
 
 
-def test_quiet_run_says_nothing(tmp_path):
+def test_quiet_run_prints_nothing(tmp_path):
     done = compact_alone("run", SMALL, "--out", tmp_path / "out", "--set", "output.items=[]", "--quiet")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
@@ -74,13 +74,13 @@ def test_digest_has_the_published_force(compact, tmp_path):
     assert "roller force                  9740 N" in done.stdout
 
 
-def test_run_ends_well_where_one_law_cannot_be_made(compact, tmp_path):
+def test_run_succeeds_if_one_optimal_law_is_infeasible(compact, tmp_path):
     bounds = '[motion.optimise]\nobjectives = ["peak_force"]\nsmoothness = 1\nacceleration = 0.1\n'
     (tmp_path / "scene.toml").write_text(f"{SMALL.read_text()}\n{bounds}")
-    with pytest.warns(UserWarning, match="least-peak-force is not made: no law keeps all limits"):
+    with pytest.warns(UserWarning, match="least-peak-force is not made: no law satisfies all limits"):
         done = compact("run", tmp_path / "scene.toml", "--out", tmp_path / "out", "--set", "output.items=['tables']")
     assert done.returncode == 0
-    assert "not made: least-peak-force: no law keeps all limits; what would do, the others kept: accel" in done.stdout
+    assert "not made: least-peak-force: no law satisfies all limits; relax, the others unchanged: accel" in done.stdout
     assert (tmp_path / "out" / "ranking.csv").exists()
 
 
@@ -116,7 +116,7 @@ def test_roll_by_finite_elements_writes_the_fields_of_a_free_roller(compact, tmp
     assert re.search(r"energy balance closes to \d\.\de-\d\d; iterations: \d+\n", done.stdout)
 
 
-def test_contact_that_cannot_be_computed_says_why_and_leaves_nothing(compact, tmp_path):
+def test_contact_without_a_solution_states_the_reason_and_leaves_no_files(compact, tmp_path):
     told = compact("roll", SMALL, "--engine", "compaction", "--out", tmp_path / "contact")
     assert told.returncode == 1
     assert re.search(
@@ -139,7 +139,7 @@ def test_each_engine_has_its_own_place_for_a_contact(compact, tmp_path):
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"small-formula", "small-spectral"}
 
 
-def test_check_finds_our_side_unchanged(compact):
+def test_check_finds_the_computed_numbers_unchanged(compact):
     done = compact("check")
     assert done.returncode == 0
     assert "all are unchanged" in done.stdout
@@ -185,7 +185,7 @@ def test_bad_calls_end_in_a_sentence(compact, arguments, code, words, tmp_path):
     assert "Traceback" not in told.stdout + told.stderr
 
 
-def test_mistakes_of_a_scene_are_told_together_with_lines(compact, tmp_path):
+def test_mistakes_of_a_scene_are_reported_together_with_lines(compact, tmp_path):
     text = SMALL.read_text().replace("roller_radius = 0.11 ", "roller_radius = -0.11 ").replace("mass =", "mas =")
     (tmp_path / "bad.toml").write_text(text)
     told = compact("run", "bad.toml", cwd=tmp_path)

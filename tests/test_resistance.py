@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compact.analysis import engines, resistance_stage
+from compact.analysis import contact_stage, kept_results
 from compact.analysis.study import Study
 from compact.engines.spectral import engine as spectral
 from compact.files import ResultsError
@@ -244,7 +244,7 @@ def left(written, tmp_path):
 def test_mass_of_a_cart_is_that_of_all_its_rollers():
     study = of_scene()
     met, machine = study.resistance, study.scene.machine
-    mass, time = engines.added_mass(study.scene, study.mix, float(met.speeds[-1]), study.held)
+    mass, time = contact_stage.added_mass(study.scene, study.mix, float(met.speeds[-1]), study.held)
     assert met.added_masses[-1] == pytest.approx(machine.rollers * machine.roller_length * mass, rel=1e-12)
     assert met.relaxation_time == time == pytest.approx(study.mix.relaxation_time)
 
@@ -268,7 +268,7 @@ def test_share_beyond_first_order_is_told(left):
 )
 def test_mix_without_relaxation_has_no_mass(changes, known):
     study = of_scene(**changes)
-    assert engines.added_mass(study.scene, study.mix, 0.1, study.held) == ((0.0, 0.0) if known else None)
+    assert contact_stage.added_mass(study.scene, study.mix, 0.1, study.held) == ((0.0, 0.0) if known else None)
 
 
 def test_next_run_rolls_nothing_and_writes_the_same(left, written):
@@ -298,7 +298,7 @@ def test_map_is_kept_for_all_that_it_does_not_depend_on(written, changes, reused
 
 
 def test_faster_law_adds_speeds_to_the_map(written):
-    before, study = of_scene(written).kept.met, of_scene(written, **{"motion.laws": ["septic"]})
+    before, study = of_scene(written).kept.resistance_map, of_scene(written, **{"motion.laws": ["septic"]})
     met = study.resistance_map
     assert met.speeds[-1] == pytest.approx(2.1875 * 0.4 / 3, rel=1e-9)  # D: 35/16 of the mean
     assert study.counts["resistance"] <= 2
@@ -306,7 +306,7 @@ def test_faster_law_adds_speeds_to_the_map(written):
     assert met(before.speeds) == pytest.approx(before.forces, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", [resistance_stage.MAP, resistance_stage.CONTACTS])
+@pytest.mark.parametrize("name", [kept_results.MAP_FILE, kept_results.CONTACTS_FILE])
 @pytest.mark.parametrize("content", [b"", b"{}", None], ids=["empty", "other", "gone"])
 def test_broken_remains_are_not_taken(left, name, content):
     (left / name).unlink() if content is None else (left / name).write_bytes(content)

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from compact.analysis.engines import inputs, roll
+from compact.analysis.contact_cases import contact_inputs, scene_mix
+from compact.analysis.contact_stage import roll_scene
 from compact.material import mix
 from compact.numerics.space_mapping import SpaceMappingFit, fit_parameters
 from compact.scene.loader import SceneError
@@ -103,7 +104,7 @@ def calibrate(scene, measured, engine="column", unknowns=UNKNOWNS, near=None, **
     readings = measured.measurements
     return Calibration(
         scene=found,
-        heckel_slope=blend(found).heckel_slope,
+        heckel_slope=scene_mix(found).heckel_slope,
         fed_density_ratio=found.layer.fed_density_ratio,
         unknowns=tuple(unknowns),
         names=model.names,
@@ -119,11 +120,6 @@ def calibrate(scene, measured, engine="column", unknowns=UNKNOWNS, near=None, **
 def _known(near, measured):
     """By how much the finite elements of a neighbour leave each measurement denser than columns."""
     return {} if near is None else dict(zip(measured.measurements, near.elements.excess.values(), strict=True))
-
-
-def blend(scene):
-    """The mix of a scene: prior and overrides."""
-    return mix.prior(scene.mix.moisture, scene.mix.density_ratio, scene.mix.overrides.model_dump(exclude_none=True))
 
 
 @dataclass(frozen=True)
@@ -151,7 +147,7 @@ class _Model:
         asked = self.scene.mix.density_ratio
         share = (self.scene.layer.fed_density_ratio - LOOSE) / (asked - LOOSE)
         logit = np.log(share / (1 - share)) if 0 < share < 1 else START
-        known = {"heckel_slope": np.log(blend(self.scene).heckel_slope), "fed_density_ratio": float(logit)}
+        known = {"heckel_slope": np.log(scene_mix(self.scene).heckel_slope), "fed_density_ratio": float(logit)}
         return np.array([known[name] for name in self.unknowns])
 
     @property
@@ -227,7 +223,7 @@ class _Model:
 
     def _assumptions(self):
         """(low, high) by key: those stated with the data, and the prior's spreads of what is not overridden."""
-        parameters = {f"mix.overrides.{name}": blend(self.scene).parameter(name) for name in SPREADS}
+        parameters = {f"mix.overrides.{name}": scene_mix(self.scene).parameter(name) for name in SPREADS}
         spreads = {key: (p.low, p.high) for key, p in parameters.items() if p.low < p.high}
         return spreads | self.measured.assumptions
 
@@ -238,7 +234,7 @@ class _Model:
         except (RuntimeError, ValueError) as error:
             return Refit(name, bound, reason=str(error))
         found = model.scene_at(met.unknowns)
-        return Refit(name, bound, blend(found).heckel_slope, found.layer.fed_density_ratio)
+        return Refit(name, bound, scene_mix(found).heckel_slope, found.layer.fed_density_ratio)
 
 
 def _as_measured(scene, measurement):
@@ -251,7 +247,7 @@ def _as_measured(scene, measurement):
 def _column(scene, measurement):
     """One contact of a scene as it was measured."""
     scene, speed = _as_measured(scene, measurement)
-    return roll(scene, blend(scene), speed, "column")
+    return roll_scene(scene, scene_mix(scene), speed, "column")
 
 
 @dataclass(eq=False)
@@ -273,7 +269,7 @@ class _FiniteElements:
         from compact.engines.compaction import engine as compaction
 
         scene, speed = _as_measured(scene, measurement)
-        layer, roller, material = inputs(scene, blend(scene), "compaction", speed)
+        layer, roller, material = contact_inputs(scene, scene_mix(scene), "compaction", speed)
         asked = scene.mix.density_ratio - self.excess.get(measurement, 0.0)
         fed = required_feed(layer.height, asked, material, speed)
         roller = replace(roller, indentation=layer.height * fed.indentation / fed.height)

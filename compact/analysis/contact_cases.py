@@ -1,23 +1,225 @@
-"""Results of the contact of one roller as typed records, and the file that keeps them for the next run.
+"""Contacts of a scene: their inputs, their scalar results as typed records, and the file that keeps these results.
 
-A `ContactRecord` holds the scalar results of one contact, a `PassRecord` those of one pass over a layer with
-irreversible compaction. Dictionaries with units exist in JSON only; `contact_to_json` and `contact_from_json` convert.
+`contact_inputs` converts a scene to layer, roller and material law. A `ContactRecord` holds the scalar results of one
+contact, a `PassRecord` those of one pass over a layer with irreversible compaction. Dictionaries with units exist in
+JSON only; `contact_to_json` and `contact_from_json` convert.
 """
 
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from compact import quantities
+from compact.analysis.engines import ENGINES
 from compact.files import write_json
-from compact.rolling_contact import ContactResult
+from compact.material.laws import Compaction, Elastic, Viscoelastic
+from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
+from compact.numerics.validation import require_finite
+from compact.rolling_contact import ContactResult, Layer, Ply, Roller
+from compact.scene.engine_capabilities import adapt
+from compact.scene.loader import Scene
 
 COMPACTED = (  # fields of engines with irreversible compaction only
     "exit_density_ratio", "exit_height", "peak_density_ratio", "mass_residual", "yield_residual", "equilibrium_residual",
 )  # fmt: skip
 COMMON = tuple(name for name in quantities.CONTACT if name not in COMPACTED)
 ERRORS = {"load": "load_error", "resistance": "resistance_error"}  # quantity -> field of its relative error
+SPEED_SHARES = tuple(2.0**power for power in range(-4, 2))  # [-], of the mean speed; default speeds of the contacts
+TARGETS = MappingProxyType(  # held quantity -> keyword of `Roller`
+    {"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"}
+)
+
+
+@dataclass(frozen=True)
+class HeldQuantity:
+    """Quantity of the contact that is constant over the speed of the roller.
+
+    The rollers run in fixed guides, so that a resistance over speed requires such a condition. The contact reaches the
+    target of the scene at the mean speed of a pass; from that contact the quantity has its value.
+
+    Parameters
+    ----------
+    name : {"height", "load", "peak_pressure"}
+        Height of the lowest generatrix, load or peak pressure.
+    value : float
+        Indentation [m], load per unit roller length [N/m] or peak pressure [Pa].
+    speed : float
+        Mean speed of a pass [m/s].
+    """
+
+    name: str
+    value: float
+    speed: float
+
+    @property
+    def target(self) -> dict[str, float]:
+        """The value as a keyword of `Roller`."""
+        return {TARGETS[self.name]: self.value}
+
+
+def scene_mix(scene: Scene) -> Mix:
+    """Return the mix of a scene: the prior with the overrides of the scene."""
+    overrides = scene.mix.overrides.model_dump(exclude_none=True)
+    return prior(scene.mix.moisture, scene.mix.density_ratio, overrides)
+
+
+def contact_speeds(scene: Scene) -> tuple[float, ...]:
+    """Return the speeds of the contacts of a scene [m/s], ascending."""
+    if scene.contact is not None and scene.contact.speeds is not None:
+        return scene.contact.speeds
+    return tuple(scene.mean_speed * share for share in SPEED_SHARES)
+
+
+def prescribed_target(scene: Scene) -> dict[str, float]:
+    """Return the target of the table [contact] as a keyword of `Roller`; empty without one."""
+    target = scene.target
+    if "load" in target:
+        target["load"] /= scene.machine.roller_length
+    return target
+
+
+def has_density_target(scene: Scene, engine: str) -> bool:
+    """Return True if the engine iterates to the density of the product; "column" inverts it in closed form."""
+    return ENGINES[engine].density_target and not prescribed_target(scene)
+
+
+def held_quantity(scene: Scene) -> str:
+    """Return the name of the quantity that a scene holds constant over speed.
+
+    `contact.held` if the scene sets it, else a prescribed load or peak pressure, else the height.
+    """
+    if scene.contact is not None and scene.contact.held is not None:
+        return scene.contact.held
+    return next((name for name in ("load", "peak_pressure") if name in prescribed_target(scene)), "height")
+
+
+def hold_quantity(scene: Scene, mix: Mix, reference: ContactResult | None = None) -> HeldQuantity | None:
+    """Determine the value of the quantity that a scene holds constant over speed.
+
+    Parameters
+    ----------
+    scene : Scene
+        A scene whose engine is layered.
+    mix : Mix
+    reference : ContactResult, optional
+        Contact at the mean speed that reaches the target of the scene.
+
+    Returns
+    -------
+    HeldQuantity or None
+        None if the value depends on the reference contact and `reference` is None.
+    """
+    name, speed, engine = held_quantity(scene), scene.mean_speed, scene.accuracy.engine
+    target, value = contact_inputs(scene, mix, engine, speed)[1].target
+    if target == TARGETS[name] and not has_density_target(scene, engine):
+        return HeldQuantity(name, value, speed)
+    return reference and HeldQuantity(name, float(getattr(reference, TARGETS[name])), speed)
+
+
+def contact_inputs(
+    scene: Scene, mix: Mix, engine: str, speed: float, held: HeldQuantity | None = None
+) -> tuple[Layer, Roller, Elastic | Viscoelastic | Compaction]:
+    """Convert a scene to the arguments of an engine, with the replacements of `engine_capabilities.adapt`.
+
+    Parameters
+    ----------
+    scene : Scene
+    mix : Mix
+    engine : str
+        Name of the engine; "formula" has the relaxed modulus.
+    speed : float
+        Speed of the roller [m/s].
+    held : HeldQuantity, optional
+        Replaces the target of the scene.
+
+    Returns
+    -------
+    tuple of Layer, Roller and material law
+    """
+    require_finite(speed=speed)
+    scene, _ = adapt(scene, engine)
+    target = prescribed_target(scene)
+    material: Elastic | Viscoelastic | Compaction
+    if ENGINES[engine].compacting:
+        material = compaction_material(scene, mix)
+        layer, target = _layer_before_pass(scene, material, target, held.speed if held else speed)
+    else:
+        target = target or {"peak_pressure": mix.required_pressure}
+        plies = (Ply(ply.thickness, ply.relative_modulus) for ply in scene.layer.plies or ())
+        layer = Layer(scene.lift_thickness, scene.layer.base, tuple(plies))
+        material = _linear_material(mix, relaxed=not ENGINES[engine].layered)
+    roller = Roller(
+        scene.machine.roller_radius,
+        friction=mix.steel_friction,
+        rolling=scene.machine.roller_condition,
+        profile=scene.machine.gap_geometry,
+        **(held.target if held else target),
+    )
+    return layer, roller, material
+
+
+def _linear_material(mix: Mix, relaxed: bool) -> Elastic | Viscoelastic:
+    if relaxed:
+        return Elastic(mix.effective_modulus, mix.poisson)
+    branches = ((mix.instant_over_relaxed - 1, mix.relaxation_time),) if mix.instant_over_relaxed > 1 else ()
+    return Viscoelastic(mix.effective_modulus, mix.poisson, branches)
+
+
+def compaction_material(scene: Scene, mix: Mix) -> Compaction:
+    """Convert the mix of a scene to its law of irreversible compaction.
+
+        M = sqrt(3) sin phi,  pt = c cot phi,  K_H isotropic = A K_H,  A = (1 + sqrt(1 + 4 M^2/9))/2
+
+    Parameters
+    ----------
+    scene : Scene
+    mix : Mix
+
+    Returns
+    -------
+    Compaction
+
+    Notes
+    -----
+    phi and c are the angle of internal friction and the cohesion: the critical state line equals the Mohr-Coulomb
+    limit in plane strain at constant volume. A = d s_v/d pc of confined compression converts the one-dimensional
+    Heckel slope of mix tables to the isotropic one.
+    """
+    angle = np.radians(mix.friction_angle)
+    slope = float(np.sqrt(3) * np.sin(angle))
+    speed = scene.mix.reference_speed
+    return Compaction(
+        unloading_modulus=mix.unloading_modulus,
+        poisson=mix.poisson,
+        heckel_slope=mix.heckel_slope * (1 + float(np.sqrt(1 + 4 * slope**2 / 9))) / 2,
+        loose_density_ratio=LOOSE_DENSITY_RATIO,
+        critical_slope=slope,
+        tensile_strength=float(mix.cohesion / np.tan(angle)),
+        fed_density_ratio=scene.layer.fed_density_ratio,
+        rate_exponent=mix.rate_exponent if speed else 0.0,
+        reference_speed=speed,
+    )
+
+
+def _layer_before_pass(
+    scene: Scene, material: Compaction, target: dict[str, float], speed: float
+) -> tuple[Layer, dict[str, float]]:
+    """Return the layer before the pass and the target of the roller.
+
+    With a prescribed target the height conserves the mass, `h_in = h0 k_out/k_in`. Without one, height and indentation
+    are those that result in the lift thickness and density of the product after the elastic recovery.
+    """
+    from compact.engines.column.engine import required_feed
+
+    height, density_ratio = scene.lift_thickness, scene.mix.density_ratio
+    if target:
+        return Layer(height * density_ratio / material.fed_density_ratio, scene.layer.base), target
+    before = required_feed(height, density_ratio, material, speed)
+    return Layer(before.height, scene.layer.base), {"indentation": before.indentation}
 
 
 @dataclass(frozen=True)

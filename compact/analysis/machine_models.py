@@ -14,7 +14,7 @@ from compact.machine.hydraulic_drive import Hydraulic
 from compact.machine.motor_characteristics import Belt, Kloss, LinearTorqueCurve
 from compact.machine.motor_drive import Motor
 from compact.machine.rigid_drive import Crank, Rigid
-from compact.motion.profile import CamLimits, InfeasibleError, Limits, law, optimise
+from compact.motion.profile import law
 from compact.motion.tabulated import from_table
 from compact.scene.loader import SceneError
 
@@ -60,7 +60,7 @@ def laws(scene):
     yield from map(_tabled, scene.table_paths)
 
 
-def means(scene, cycle):
+def drive_of(scene, cycle):
     """The drive that carries a law; the law of the crank goes through its rod where the machine has one.
 
     A law whose velocity jumps stays with the rigid drive, which says that its force is infinite: no motor follows.
@@ -72,9 +72,9 @@ def means(scene, cycle):
         return ElasticDrive(table.stiffness, table.damping, table.backlash or 0.0, bool(table.include_added_mass))
     if table.kind == "hydraulic":
         return Hydraulic(**table.hydraulics.model_dump())
-    through_rod = cycle.there.name == "crank" and rod is not None and scene.motion.dwell == 0
+    through_rod = cycle.forward.name == "crank" and rod is not None and scene.motion.dwell == 0
     linked = rod if through_rod and table.kind in ("crank", "motor") else Rigid()
-    if table.kind != "motor" or any(join.order == 1 for join in cycle.joins()):
+    if table.kind != "motor" or any(join.order == 1 for join in cycle.discontinuities()):
         return linked
     motor = table.motor
     curve = (
@@ -103,62 +103,3 @@ def _is_number(cell):
     except ValueError:
         return False
     return True
-
-
-REACHES, FARTHER = 8, 1.3  # times that the resistance is carried on, to a speed so many times as large
-NEAR = 1 - 1e-6  # of the bound on the velocity: a law there is held back by it
-
-
-def limits(scene, fastest):
-    """`Limits` of a scene with [motion.optimise]; `fastest` [m/s] is what the resistance is known up to, or inf."""
-    table, motion = scene.motion.optimise, scene.motion
-    velocity = min(fastest, table.velocity or np.inf)
-    shares = {} if table.steady_tolerance is None else {"run_up": motion.run_up, "run_down": motion.run_down}
-    return Limits(
-        velocity=velocity if np.isfinite(velocity) else None,
-        acceleration=table.acceleration,
-        jerk=table.jerk,
-        snap=table.snap,
-        steady_tolerance=table.steady_tolerance or 0.0,
-        smoothness=table.smoothness,
-        turn="dwell" if motion.dwell else "reversal",
-        cam=_cam(scene),
-        **shares,
-    )
-
-
-def _cam(scene):
-    table = scene.motion.optimise
-    asked = table.pressure_angle, table.radius_of_curvature, table.profile_radius
-    if asked == (None, None, None):
-        return None
-    angle, flat, profile = asked
-    return CamLimits(scene.cam.breadth, angle, flat, scene.motion.dwell, profile, scene.cam.roller_follower_radius)
-
-
-def optimal_law(scene, objective, study):
-    """The law that asks least of one objective, an `OptimalMotion`; over a spread of the mix the one of least regret.
-
-    study : a `Study` of the scene, with its `limits` and `oppositions`; its resistance is carried on to faster motion
-        as long as the law wants to go as fast as that is known, and the scene lets it.
-
-    Raises RuntimeError if the law reaches the largest velocity each time, InfeasibleError if no law keeps the limits.
-    """
-    motion, method = scene.motion, scene.motion.optimise.method
-    for _ in range(REACHES):
-        limits, pushes = study.limits, study.oppositions
-        task = objective, motion.stroke, motion.duration, study.cart.mass, pushes, limits
-        bounded = limits.velocity in (None, motion.optimise.velocity)
-        try:
-            made = optimise(*task, regret=len(pushes) > 1, method=method)
-        except InfeasibleError as error:
-            if bounded or "velocity" not in {conflict.name for conflict in error.conflicts}:
-                raise
-        else:
-            if bounded or made.peaks().velocity < NEAR * limits.velocity:
-                return made
-        study.reach(FARTHER * limits.velocity)
-    raise RuntimeError(
-        f"the law of least {objective.replace('_', ' ')} wants to go as fast as {limits.velocity:.3g} m/s and faster; "
-        "bound its `velocity` or `acceleration` in [motion.optimise]"
-    )

@@ -1,146 +1,138 @@
-"""The resistance map of a scene, made from its contacts, and what a results directory keeps of both for the next run.
+"""Resistance stage of a study: the resistance of the mix to one cart over its speed, and the cart itself.
 
-A kept map serves every scene with the same key: the same roller, layer, mix, contact, accuracy, engine, speeds and
-versions. Cart, laws, drive and output are not in the key. Where a law is faster than the map only speeds are added.
+The resistance of a layered engine is a `ResistanceMap`, sampled from the contacts of the scene and further ones. The
+formulas have a dry resistance by eq 1.8. Where a law is faster than the map, speeds are added to it.
 """
 
-import json
 import warnings
-from dataclasses import asdict, dataclass, replace
-from hashlib import sha256
-from importlib.metadata import version
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
-from compact import resistance
-from compact.analysis.contact_cases import ContactRecord, read_contacts, write_contacts
-from compact.analysis.engines import HeldQuantity, added_mass, roll, speeds
+from compact import contact, resistance
+from compact.analysis import machine_models
+from compact.analysis.contact_stage import ContactStage, added_mass, roll_scene
+from compact.contact import DryResistance
+from compact.machine.cart import Balance, Cart, MotionResistance
+from compact.machine.rigid_drive import steady_balance
 from compact.resistance import ResistanceMap, sample_resistance
 
-SLOWEST = 1 / 50  # of the fastest, where samples of the resistance begin
-MAP, CONTACTS = "resistance.nc", "contacts.json"
-LASTING = (
-    "passes.csv",
-    "density.csv",
-    "pressure.png",
-    "fields.pvd",
-    "fields.png",
-    "fields/",
-)  # files that contacts alone decide
-VERSIONED = ("compact", "numpy", "scipy", "scikit-fem")
-BESIDE = {  # what of the machine no engine of a layer looks at
-    *("mass", "weight", "roller_positions", "guide_positions", "pin_position", "pin_height", "guide_wheel_diameter"),
-    *("guide_friction", "journal_diameter", "bearing_friction", "rolling_arm", "rib_factor", "roller_friction"),
-    *("feeder_sleeve", "overlap", "pressure_nonuniformity", "one_sided"),
-}
+LEAST_SPEED_SHARE = 1 / 50  # [-], of the largest speed; least speed of the samples
 
 
-@dataclass(frozen=True)
-class Kept:
-    """What an earlier run has left: numbers of its contacts, what they hold over speed, its map, and files that need
-    not be made again."""
-
-    contacts: list[ContactRecord]
-    held: HeldQuantity
-    second_pass: tuple[float, float] | None
-    met: ResistanceMap
-    files: tuple[str, ...]
+def reaches(resistance_map: ResistanceMap, speed: float) -> bool:
+    """Return True if a map has samples up to a speed [m/s]."""
+    return speed <= resistance_map.speeds[-1] * (1 + resistance.SPEED_ROUNDING)
 
 
-def key(scene, mix):
-    """Fingerprint of all that decides the contacts and the resistance of a scene."""
-    decides = {
-        "machine": scene.machine.model_dump(exclude=BESIDE),
-        "height": scene.lift_thickness,
-        "mix": [scene.mix.model_dump(exclude={"overrides"}), {each.name: each.value for each in mix.parameters}],
-        "layer": scene.layer.model_dump(),
-        "contact": scene.contact and scene.contact.model_dump(),
-        "accuracy": scene.accuracy.model_dump(),
-        "speeds": speeds(scene),
-        "versions": [version(name) for name in VERSIONED],
-    }
-    return sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()
+class ResistanceStage:
+    """Resistance of the mix to one cart; each attribute is computed when first used.
 
-
-def kept(directory, wanted):
-    """`Kept` of a results directory under a key; None where there is none, or one under another key."""
-    try:
-        found, more, files = read_contacts(directory / CONTACTS, wanted)
-        met = resistance.load_resistance_map(directory / MAP, wanted)
-    except (OSError, ValueError):
-        return None
-    second = more["second_pass"] and tuple(more["second_pass"])
-    return Kept(
-        found, HeldQuantity(**more["held"]), second, met, tuple(name for name in files if (directory / name).is_file())
-    )
-
-
-def save(directory, found, held, second_pass, met, wanted, files):
-    """Keep contacts, what they hold, the ratios of a second pass and the map under a key, and those of the files that
-    last; yields what is written."""
-    (directory / CONTACTS).unlink(missing_ok=True)  # it vouches for the files, so it goes first and comes last
-    met.save(directory / MAP, wanted)
-    more = {"held": asdict(held), "second_pass": second_pass}
-    write_contacts(directory / CONTACTS, found, more, wanted, [name for name in files if name.startswith(LASTING)])
-    yield directory / MAP
-    yield directory / CONTACTS
-
-
-def mapped(
-    scene,
-    mix,
-    fastest,
-    found,
-    held,
-    *,
-    return_ratio=1.0,
-    near=(),
-    met=None,
-    count=lambda stage: None,
-    progress=None,
-):
-    """The `ResistanceMap` of one cart up to its fastest [m/s], by the scene's engine.
-
-    found : records of the contacts so far;  held : kept at every speed, a `HeldQuantity`
-    return_ratio : resistance of the return stroke over that of the way out [-]
-    near : (speed, `ContactResult`) from which others go on
-    met : a map whose samples are there too;  count : called with the stage of each solution
-    progress : called with lines of text by "compaction"
+    Parameters
+    ----------
+    contacts : ContactStage
+    largest_speed : callable
+        Returns the largest speed of the cart under the laws of the scene [m/s]; called for layered engines only.
     """
-    near = list(near)
-    whole = scene.machine.rollers * scene.machine.roller_length
 
-    def force(speed):
-        count("resistance")
-        start = min(near, key=lambda rolled: abs(np.log(rolled[0] / speed)))[1] if near else None
-        rolled = roll(scene, mix, speed, near=start, held=held, progress=progress)
-        near.append((speed, rolled))
-        return whole * rolled.resistance, (rolled.error or (None, None))[1]
+    def __init__(self, contacts: ContactStage, largest_speed: Callable[[], float]) -> None:
+        self.contacts, self.scene, self.mix = contacts, contacts.scene, contacts.mix
+        self._largest_speed = largest_speed
 
-    known = [(each.speed, whole * each.resistance, each.resistance_error) for each in found]
-    if met is not None:
-        known = [
-            (float(speed), float(each), met.engine_error) for speed, each in zip(met.speeds, met.forces, strict=True)
-        ]
-    least = min(SLOWEST * fastest, known[0][0])
-    met = sample_resistance(force, least, fastest, scene.accuracy.tolerance, known)
-    met = replace(met, return_ratio=return_ratio)
-    return _with_masses(scene, mix, met, held, whole, count)
+    @cached_property
+    def largest_speed(self) -> float:
+        """Speed up to which the resistance is known [m/s]."""
+        return self._largest_speed()
 
+    @cached_property
+    def map(self) -> ResistanceMap:
+        """Resistance of one cart up to `largest_speed`, by a layered engine."""
+        kept = self.contacts.kept.resistance_map if self.contacts.kept else None
+        if kept and reaches(kept, self.largest_speed):
+            return kept
+        return self.sampled_map(kept, self.largest_speed)
 
-def covers(met, fastest):
-    """Whether a map reaches a speed [m/s]."""
-    return fastest <= met.speeds[-1] * (1 + resistance.SPEED_ROUNDING)
+    @cached_property
+    def resistance(self) -> ResistanceMap | DryResistance:
+        """Resistance of the mix to one cart [N], a function of velocity and acceleration."""
+        if self.contacts.engine.layered:
+            return self.map
+        return contact.dry_resistance(self.scene.machine.rollers * self.contacts.engineering.roller_resistance)
 
+    @property
+    def error(self) -> float | None:
+        """Relative error estimate of the resistance [-], of the interpolation and the engine; None if unknown."""
+        if not self.contacts.engine.layered or self.map.engine_error is None:
+            return None
+        return self.map.error + self.map.engine_error
 
-def _with_masses(scene, mix, met, held, whole, count):
-    """The map with M at its speeds; without it where the engine cannot tell."""
-    try:
-        found = [added_mass(scene, mix, float(speed), held, count) for speed in met.speeds]
-    except RuntimeError as error:
-        warnings.warn(f"acceleration is left out of the resistance: {error}", stacklevel=2)
-        return met
-    if None in found:
-        return met
-    masses, times = np.array(found).T
-    return replace(met, added_masses=whole * masses, relaxation_time=float(times.max()))
+    @cached_property
+    def cart(self) -> Cart:
+        """Cart with the reactions of its rollers."""
+        return machine_models.cart(self.scene, self.contacts.roller_load, self.contacts.return_ratios[0])
+
+    @cached_property
+    def motion_resistance(self) -> MotionResistance:
+        """All forces on a cart that moves along a straight path, but its inertia."""
+        return MotionResistance(self.cart, self.resistance)
+
+    @cached_property
+    def steady(self) -> Balance:
+        """Forces on the cart at constant mean speed, arrays of shape (1,)."""
+        return steady_balance(self.cart, self.scene.mean_speed, self.resistance)
+
+    def extend(self, speed: float) -> None:
+        """Add samples to the map up to a speed [m/s]; existing samples remain."""
+        self.map = self.sampled_map(self.map, speed)
+        self.largest_speed = speed
+        for stale in ("resistance", "motion_resistance"):
+            self.__dict__.pop(stale, None)
+
+    def sampled_map(self, known: ResistanceMap | None, speed: float) -> ResistanceMap:
+        """Sample the resistance of one cart up to a speed.
+
+        Parameters
+        ----------
+        known : ResistanceMap or None
+            Map whose samples are used; those of the contacts by default.
+        speed : float
+            Largest speed [m/s].
+
+        Returns
+        -------
+        ResistanceMap
+        """
+        stage, machine = self.contacts, self.scene.machine
+        length = machine.rollers * machine.roller_length
+        guesses = [] if stage.kept else list(stage.first_passes)
+
+        def force(at: float) -> tuple[float, float | None]:
+            stage.count("resistance")
+            guess = min(guesses, key=lambda each: abs(np.log(each[0] / at)))[1] if guesses else None
+            result = roll_scene(self.scene, self.mix, at, None, guess, stage.held, stage.progress)
+            guesses.append((at, result))
+            return length * result.resistance, (result.error or (None, None))[1]
+
+        samples = [(each.speed, length * each.resistance, each.resistance_error) for each in stage.records]
+        if known is not None:
+            pairs = zip(known.speeds, known.forces, strict=True)
+            samples = [(float(at), float(each), known.engine_error) for at, each in pairs]
+        least = min(LEAST_SPEED_SHARE * speed, samples[0][0])
+        sampled = sample_resistance(force, least, speed, self.scene.accuracy.tolerance, samples)
+        return self._with_added_masses(replace(sampled, return_ratio=stage.return_ratios[1]), length)
+
+    def _with_added_masses(self, sampled: ResistanceMap, length: float) -> ResistanceMap:
+        """Return the map with the added mass at its speeds; without it where the engine does not have it."""
+        stage = self.contacts
+        try:
+            found = [added_mass(self.scene, self.mix, float(at), stage.held, stage.count) for at in sampled.speeds]
+        except RuntimeError as error:
+            warnings.warn(f"acceleration is left out of the resistance: {error}", stacklevel=2)
+            return sampled
+        known = [each for each in found if each is not None]
+        if len(known) < len(found):
+            return sampled
+        masses, times = np.array(known).T
+        return replace(sampled, added_masses=length * masses, relaxation_time=float(times.max()))

@@ -1,38 +1,47 @@
-"""What moves the answer: one input after another from its low to its high end, with a rigid drive.
+"""One-at-a-time sensitivity of the least peaks of force and power to the inputs, with a rigid drive.
 
-Inputs of the mix go over the spread of the prior; those that are given as one number, and those of the machine, go a
-tenth down and up, the fed density a tenth of the way that it is pressed. Each end is a scene of its own, ranked afresh:
+Inputs of the mix vary over the spread of the prior. Inputs without spread, and those of the machine, vary by a tenth;
+the density ratio before the pass varies by a tenth of its change. At each end the scene is ranked again:
 
-    column, spectral     by the engine itself, rolled anew at the speeds of the scene
-    fem, compaction      by the engine's map where the input leaves the layer alone, else by formula, as every other
-                         end would cost what the study itself does
+    column, spectral     by the engine, with new contacts at the speeds of the scene
+    fem, compaction      by the resistance map if the input does not change the layer, else by formula, as a new
+                         map would cost as much as the study itself
     formula              by formula
 
-What is rolled anew is the resistance at steady speed. A `Shift` says by what it is, and what its `base` is: the scene
-as it is, by the same means. Peaks are those of the samples of a cycle, right to 1e-3.
+New contacts are steady: they have no added mass. Peaks are those of the samples of a cycle, accurate to 1e-3.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from compact import drive
 from compact.analysis import machine_models
-from compact.analysis.engines import roll, speeds
-from compact.analysis.study import Study
+from compact.analysis.contact_cases import contact_speeds
+from compact.analysis.contact_stage import roll_scene
+from compact.analysis.engines import ENGINES
+from compact.analysis.pipeline import Stages, build_stages
+from compact.contact import DryResistance
+from compact.machine.cart import Cart
 from compact.machine.ranking import BUILD_TOLERANCE, ROUNDING_TIE
+from compact.material.mix import Parameter
+from compact.motion.profile import Cycle
 from compact.resistance import ResistanceMap
+from compact.scene.loader import Scene
 
-TENTH = 0.1
-ROOM = 1.2  # times the fastest law, up to which an engine is asked: a duration a tenth shorter has its place
-ELASTIC = ("required_pressure", "effective_modulus", "poisson", "steel_friction")
-MIX = {  # what each engine knows of it
-    "formula": ELASTIC,
-    "spectral": (*ELASTIC, "instant_over_relaxed", "relaxation_time"),
+VARIATION = 0.1  # [-], relative variation of an input without spread
+SPEED_MARGIN = 1.2  # [-], range of new contacts over the largest speed; a duration shorter by a tenth is within it
+MIX_INPUTS = {  # engine -> parameters of the mix that it depends on
+    "formula": ("required_pressure", "effective_modulus", "poisson", "steel_friction"),
+    "spectral": (
+        "required_pressure", "effective_modulus", "poisson", "steel_friction", "instant_over_relaxed",
+        "relaxation_time",
+    ),
     "column": ("heckel_slope", "friction_angle", "cohesion", "unloading_modulus", "poisson", "steel_friction"),
-}
-RATE = "rate_exponent"  # of a column whose mix knows a speed to count from
-MACHINE = {  # inputs besides, and their units
+}  # fmt: skip
+RATE_INPUT = "rate_exponent"  # of a compacting engine whose mix has a reference speed
+MACHINE_UNITS = {  # inputs of the machine and the motion
     "machine.roller_length": "m",
     "machine.roller_friction": "1",
     "machine.bearing_friction": "1",
@@ -40,34 +49,57 @@ MACHINE = {  # inputs besides, and their units
     "machine.mass": "kg",
     "motion.duration": "s",
 }
-ENGINEERING = ("machine.roller_friction", "machine.bearing_friction")  # what eqs 1.8 and 1.9 alone know
-BESIDE = ("machine.guide_friction", "machine.mass", "motion.duration")  # what the layer does not know
-FED = "layer.fed_density_ratio"
+FORMULA_INPUTS = ("machine.roller_friction", "machine.bearing_friction")  # of eqs 1.8 and 1.9 only
+CART_INPUTS = ("machine.guide_friction", "machine.mass", "motion.duration")  # on which no layer depends
+DENSITY_INPUT = "layer.fed_density_ratio"
 PEAKS = {"peak_force": "drive_force", "peak_power": "drive_power"}
 PRIOR, SHARE, PRESSED = "spread of the prior", "a tenth less, more", "a tenth of what is pressed"
+
+Range = tuple[float, float, str, str]  # low, high, kind of variation, unit
 
 
 @dataclass(frozen=True)
 class End:
-    """Result at one end of an input: least peak over all laws and the law that has it, by quantity of PEAKS.
+    """Least peaks over all laws at one value of an input.
 
-    `ties` are the laws within the build tolerance of the least peak, that law among them.
+    Parameters
+    ----------
+    least : dict
+        Least peak by quantity of PEAKS [N], [W].
+    law : dict
+        Law with the least peak by quantity.
+    ties : dict
+        Laws within the build tolerance of the least peak by quantity, that law among them.
     """
 
-    least: dict
-    law: dict
-    ties: dict
+    least: dict[str, float]
+    law: dict[str, str]
+    ties: dict[str, frozenset[str]]
 
 
 @dataclass(frozen=True)
 class Shift:
-    """An input that is moved to both `ends` in `unit`, how far, and what is made of it there by an engine or formula.
+    """Sensitivity to one input.
 
-    `base` is what is made of the scene as it is; `low` and `high` are None where that engine does not reach.
+    Parameters
+    ----------
+    name : str
+        Scene key of the input.
+    ends : tuple of float
+        Low and high value of the input.
+    unit : str
+    how : {PRIOR, SHARE, PRESSED}
+        Kind of variation.
+    by : str
+        Engine of the results at the ends.
+    base : End
+        Result of the scene itself by the same engine.
+    low, high : End or None
+        Results at the ends; None where the engine has no solution.
     """
 
     name: str
-    ends: tuple
+    ends: tuple[float, float]
     unit: str
     how: str
     by: str
@@ -76,115 +108,138 @@ class Shift:
     high: End | None
 
 
-def shifts(study):
-    """A `Shift` for each input of the mix and the machine that the scene's engine or the formulas know."""
-    asked = _Asked(study)
+def sensitivities(stages: Stages) -> list[Shift]:
+    """Compute the sensitivity to each input of the mix and the machine that the engine or the formulas depend on.
+
+    Parameters
+    ----------
+    stages : Stages
+        Stages of the study.
+
+    Returns
+    -------
+    list of Shift
+    """
+    variation = _Variation(stages)
     found = []
-    for key, (low, high, how, unit) in _moved(study).items():
+    for key, (low, high, how, unit) in _ranges(stages).items():
         if high > low:
-            by = asked.by(key)
-            ends = (asked.reached(by, {key: float(value)}) for value in (low, high))
-            found.append(Shift(key, (low, high), unit, how, by, asked.base(by), *ends))
+            by = variation.engine_for(key)
+            ends = (variation.reached(by, {key: float(value)}) for value in (low, high))
+            found.append(Shift(key, (low, high), unit, how, by, variation.base(by), *ends))
     return found
 
 
-def _moved(study):
-    """Key to (low, high, how far that is, unit)."""
-    scene, mix, engine = study.scene, study.mix, study.scene.accuracy.engine
-    names = [*MIX.get(engine, ELASTIC), *([RATE] if engine == "column" and scene.mix.reference_speed else [])]
-    moved = {f"mix.overrides.{name}": (*_ends(mix.parameter(name)), mix.parameter(name).unit) for name in names}
-    if engine == "column":
-        fed = scene.layer.fed_density_ratio
-        step = TENTH * (scene.mix.density_ratio - fed)
-        moved[FED] = (fed - step, fed + step, PRESSED, "1")
-    keys = MACHINE if engine not in MIX or engine == "formula" else MACHINE.keys() - ENGINEERING
-    return moved | {key: (*_tenth(_at(scene, key)), MACHINE[key]) for key in MACHINE if key in keys}
+def _ranges(stages: Stages) -> dict[str, Range]:
+    """Return the range of each input by its scene key."""
+    scene, mix, engine = stages.contacts.scene, stages.contacts.mix, stages.contacts.engine
+    names = list(MIX_INPUTS[engine.name if engine.cheap else "formula"])
+    new_layer = engine.cheap and engine.compacting
+    if new_layer and scene.mix.reference_speed:
+        names.append(RATE_INPUT)
+    ranges = {f"mix.overrides.{name}": (*_spread(mix.parameter(name)), mix.parameter(name).unit) for name in names}
+    if new_layer:
+        before = scene.layer.fed_density_ratio
+        step = VARIATION * (scene.mix.density_ratio - before)
+        ranges[DENSITY_INPUT] = (before - step, before + step, PRESSED, "1")
+    by_formula = not (engine.cheap and engine.layered)
+    keys = [key for key in MACHINE_UNITS if by_formula or key not in FORMULA_INPUTS]
+    return ranges | {key: (*_tenth(_value_at(scene, key)), MACHINE_UNITS[key]) for key in keys}
 
 
-def _ends(parameter):
+def _spread(parameter: Parameter) -> tuple[float, float, str]:
     if parameter.low < parameter.high:
         return parameter.low, parameter.high, PRIOR
     return _tenth(parameter.value)
 
 
-def _tenth(value):
-    return value * (1 - TENTH), value * (1 + TENTH), SHARE
+def _tenth(value: float) -> tuple[float, float, str]:
+    return value * (1 - VARIATION), value * (1 + VARIATION), SHARE
 
 
-def _at(scene, key):
+def _value_at(scene: Scene, key: str) -> float:
     table, name = key.split(".")
     return getattr(getattr(scene, table), name)
 
 
-class _Asked:
-    """What is made of scenes that differ in one input from that of a study, by formula or by its engine."""
+class _Variation:
+    """Results of scenes that differ in one input, by formula or by the engine of the study."""
 
-    def __init__(self, study):
-        self.study, self.bases, self.met = study, {}, None
-        self.engine = study.scene.accuracy.engine
+    def __init__(self, stages: Stages) -> None:
+        self.stages, self.scene, self.engine = stages, stages.contacts.scene, stages.contacts.engine
+        self.bases: dict[str, End] = {}
+        self.own_layer: tuple[float, ResistanceMap] | None = None
 
-    def by(self, key):
-        """Who is asked about an input: the scene's engine where that is cheap, else "formula"."""
-        if self.engine in MIX:
-            return self.engine
-        covered = ROOM * self.study.fastest <= self.study.resistance_map.speeds[-1]
-        return self.engine if key in BESIDE and (covered or key != "motion.duration") else "formula"
+    @property
+    def largest_speed(self) -> float:
+        """Largest speed of new contacts [m/s]."""
+        return SPEED_MARGIN * self.stages.resistance.largest_speed
 
-    def base(self, by):
-        """The `End` of the scene as it is."""
+    def engine_for(self, key: str) -> str:
+        """Return the engine of the scene if it can vary an input, else "formula"."""
+        if self.engine.cheap:
+            return self.engine.name
+        covered = self.largest_speed <= self.stages.resistance.map.speeds[-1]
+        return self.engine.name if key in CART_INPUTS and (covered or key != "motion.duration") else "formula"
+
+    def base(self, by: str) -> End:
+        """Return the result of the scene itself."""
         if by not in self.bases:
             self.bases[by] = self.end(by, {})
         return self.bases[by]
 
-    def reached(self, by, changes):
-        """The `End` of a changed scene, None where the engine or the formulas do not reach."""
+    def reached(self, by: str, changes: dict[str, float]) -> End | None:
+        """Return the result of a changed scene, None where the engine or the formulas have no solution."""
         try:
             return self.end(by, changes)
-        except (ValueError, RuntimeError):  # no such angle, no such machine, or no solution there
+        except (ValueError, RuntimeError):
             return None
 
-    def end(self, by, changes):
-        """The `End` of a changed scene."""
-        end = Study(self.study.scene.with_engine(by).replaced(**changes))
-        cycles = self._stretched(end) if "motion.duration" in changes else self.study.cycles
-        if by == "formula":
-            return _least(end.cart, end.resistance, cycles)
-        load, resistance = self._layer(end, changes)
-        return _least(machine_models.cart(end.scene, load, end.return_ratios[0]), resistance, cycles)
+    def end(self, by: str, changes: dict[str, float]) -> End:
+        """Return the result of a changed scene."""
+        changed = build_stages(self.scene.with_engine(by).replaced(**changes))
+        cycles = self._stretched_laws(changed) if "motion.duration" in changes else self.stages.laws.cycles
+        if not ENGINES[by].layered:
+            return _least_peaks(changed.resistance.cart, changed.resistance.resistance, cycles)
+        load, resistance = self._layer(changed, changes)
+        cart = machine_models.cart(changed.contacts.scene, load, changed.contacts.return_ratios[0])
+        return _least_peaks(cart, resistance, cycles)
 
-    def _stretched(self, end):
-        """The laws in the duration of a changed scene; those made for the machine keep their shape."""
-        duration, dwell = end.scene.motion.duration, end.scene.motion.dwell
-        made = {name: cycle.there for name, cycle in self.study.optimal_cycles.items()}
-        return end.given_cycles | {
-            name: replace(there, duration=duration).cycle(dwell, dwell) for name, there in made.items()
+    def _stretched_laws(self, changed: Stages) -> dict[str, Cycle]:
+        """Return the laws over the duration of a changed scene; optimal laws keep their shape."""
+        motion = changed.contacts.scene.motion
+        optimal = {
+            name: replace(cycle.forward, duration=motion.duration).cycle(motion.dwell, motion.dwell)
+            for name, cycle in self.stages.laws.optimal_cycles.items()
         }
+        return changed.prescribed.cycles | optimal
 
-    def _layer(self, end, changes):
-        """(force on a roller, resistance) by the engine; rolled anew where the layer knows of the change."""
-        if self.engine not in MIX:
-            return self.study.roller_load, self.study.resistance_map
-        if changes and not changes.keys() & set(BESIDE):
-            return _rolled(end, ROOM * self.study.fastest)
-        if self.met is None:
-            self.met = _rolled(self.study, ROOM * self.study.fastest)
-        return self.met
-
-
-def _rolled(study, fastest):
-    """(force on a roller at the mean speed, resistance over speed) of a study by its engine."""
-    places = [speed for speed in speeds(study.scene) if speed < fastest] + [fastest]
-    rolled = [roll(study.scene, study.mix, speed, held=study.held) for speed in places]
-    length = study.scene.machine.roller_length
-    load = length * np.interp(np.log(study.scene.mean_speed), np.log(places), [each.load for each in rolled])
-    forces = study.scene.machine.rollers * length * np.array([each.resistance for each in rolled])
-    ratio = study.return_ratios[1]
-    return float(load), ResistanceMap(np.array(places), forces, error=np.nan, return_ratio=ratio)
+    def _layer(self, changed: Stages, changes: dict[str, float]) -> tuple[float, ResistanceMap]:
+        """Return load on a roller [N] and resistance by the engine, from new contacts if the layer changes."""
+        if not self.engine.cheap:
+            return self.stages.contacts.roller_load, self.stages.resistance.map
+        if changes and not changes.keys() & set(CART_INPUTS):
+            return _new_contacts(changed, self.largest_speed)
+        if self.own_layer is None:
+            self.own_layer = _new_contacts(self.stages, self.largest_speed)
+        return self.own_layer
 
 
-def _least(cart, resistance, cycles):
+def _new_contacts(stages: Stages, largest_speed: float) -> tuple[float, ResistanceMap]:
+    """Return load on a roller at the mean speed [N], and resistance over speed, from new contacts."""
+    contacts, scene = stages.contacts, stages.contacts.scene
+    speeds = [speed for speed in contact_speeds(scene) if speed < largest_speed] + [largest_speed]
+    rolled = [roll_scene(scene, contacts.mix, speed, held=contacts.held) for speed in speeds]
+    length = scene.machine.roller_length
+    load = length * np.interp(np.log(scene.mean_speed), np.log(speeds), [each.load for each in rolled])
+    forces = scene.machine.rollers * length * np.array([each.resistance for each in rolled])
+    return float(load), ResistanceMap(np.array(speeds), forces, error=np.nan, return_ratio=contacts.return_ratios[1])
+
+
+def _least_peaks(cart: Cart, resistance: ResistanceMap | DryResistance, cycles: Mapping[str, Cycle]) -> End:
+    """Return the least peaks over all laws with a rigid drive."""
     least, law = dict.fromkeys(PEAKS, np.inf), dict.fromkeys(PEAKS, "")
-    peaks = {peak: {} for peak in PEAKS}
+    peaks: dict[str, dict[str, float]] = {peak: {} for peak in PEAKS}
     for name, cycle in cycles.items():
         run = drive.simulate(cart, drive.Rigid(), cycle, resistance)
         for peak, quantity in PEAKS.items():

@@ -1,22 +1,25 @@
-"""Costs of the stages of a study, by which the progress of the main job is weighed.
+"""Expected work of a study, by which its progress is measured.
 
-All are seconds of processor time on one core of a machine of 2026, measured on the published machine
-(studies/scenes/loveikin-2015*.toml) at the tolerance of its scene. Only their ratios matter.
+Costs are seconds of processor time on one core of a machine of 2026, measured on the published machine
+(studies/scenes/loveikin-2015*.toml) at the tolerance of its scene. Only their ratios matter. Those of an engine are in
+`engines.EngineCost`.
 """
 
-CONTACT = {"formula": 0.001, "column": 0.03, "spectral": 0.02, "fem": 0.55, "compaction": 60.0}  # by engine
-FIRST = {"formula": 0.0, "column": 0.3, "spectral": 0.07, "fem": 0.7, "compaction": 15.0}  # more, of the first of them
-RESISTANCE = {"column": 0.03, "spectral": 0.016, "fem": 0.45, "compaction": 45.0}  # a contact that starts from another
-CROWDED = 1.5  # times that contacts take longer while other processes have the engines beside
-ADDED_MASS = {"spectral": 0.046, "fem": 0.6}
-DRIVEN = {"fem": 0.15, "compaction": 45.0}  # a roller under a torque
+from collections import Counter
+from dataclasses import dataclass
+
+from compact.analysis.contact_cases import contact_speeds, hold_quantity, scene_mix
+from compact.analysis.engines import ENGINES, Engine
+from compact.analysis.law_stage import FOLLOWERS
+from compact.machine.crankshaft import CRANK_ANGLES
+from compact.material.mix import Mix
+from compact.scene.loader import Scene
+
+CONCURRENCY_FACTOR = 1.5  # [-], of contacts while other processes compute the engines of the comparison
 RUN = {"rigid": 0.0025, "crank": 0.0025, "hydraulic": 0.05, "elastic": 0.017, "motor": 0.018}  # of a law, by drive
-RUN_OVER_A_LAYER = {"rigid": 0.014, "crank": 0.014, "hydraulic": 0.014, "elastic": 0.035, "motor": 0.035}  # more
-SECOND_PASS = {"formula": 0.0, "column": 0.01, "spectral": 0.0, "fem": 0.0, "compaction": 20.0}  # back
-SPEEDS_ADDED = {"column": 1, "spectral": 7, "fem": 7, "compaction": 3}  # to those of the scene, for the map of it
-REPORT = {"formula": 1.1, "column": 2.0, "spectral": 2.9, "fem": 1.0, "compaction": 1.0}  # with its sensitivities
-TORQUES = 3  # at each speed, of a driven roller
-OTHERS = {
+RUN_OVER_A_LAYER = {"rigid": 0.014, "crank": 0.014, "hydraulic": 0.014, "elastic": 0.035, "motor": 0.035}  # in addition
+TORQUES = 3  # usual number of torques of a driven roller at each speed
+OTHERS = {  # that depend neither on the engine nor on the drive
     "contact": 0.01,
     "kept": 0.01,
     "laws": 0.003,
@@ -29,27 +32,122 @@ OTHERS = {
     "passage": 0.3,
     "run-up": 0.3,
 }
-OPTIMISED = 2.0  # a law that is made for the machine
-BY_OTHERS = 0.3  # of a task that another process has, the part that this one waits for
+OPTIMAL_LAW = 2.0  # one optimal law
+WAIT_SHARE = 0.3  # [-], of the work of another process that this one waits for
+COUNTED_LATER = ("resistance", "added mass", "kept", "second pass", "passage", "run-up", "driven")  # number not known
 
 
-def cost(stage, engine, drive, layered, crowded):
-    """Cost of one run of a stage [s], other than "laws" that are optimised and "beside".
+@dataclass(frozen=True)
+class WorkPlan:
+    """Expected number and cost of the stages of a study.
 
     Parameters
     ----------
-    stage : name as in `Study.counts`
-    engine, drive : of the scene
-    layered : whether the resistance is a map over speed
-    crowded : whether other processes are at work meanwhile
-
-    Raises KeyError for a stage that is not in the tables.
+    scene : Scene
+    mix : Mix
+    counts : Counter
+        Number of runs of each stage so far.
+    laws_not_made : int
+        Number of optimal laws that have been left out so far.
     """
-    if stage == "runs":
-        return RUN[drive] + RUN_OVER_A_LAYER[drive] * layered
-    by_engine = {
-        "rolled": CONTACT, "resistance": RESISTANCE, "added mass": ADDED_MASS, "driven": DRIVEN, "report": REPORT,
-        "second pass": SECOND_PASS,
-    }  # fmt: skip
-    found = by_engine[stage][engine] if stage in by_engine else OTHERS[stage]
-    return found * CROWDED if crowded and stage in ("rolled", "resistance") else found
+
+    scene: Scene
+    mix: Mix
+    counts: Counter[str]
+    laws_not_made: int = 0
+
+    @property
+    def engine(self) -> Engine:
+        """Engine of the scene."""
+        return ENGINES[self.scene.accuracy.engine]
+
+    @property
+    def planned(self) -> Counter[str]:
+        """Number of runs of each stage that the scene requires.
+
+        Stages whose number is not known in advance are included as often as they have been run.
+        """
+        items, layered = set(self.scene.output.items), self.engine.layered
+        laws = self._laws - self.laws_not_made
+        rolled = 0 if self.counts["kept"] or not layered else len(self._speeds)
+        fields = "fields" in items and rolled > 0
+        figures = 3 + len({"cams", "reactions", "crank"} & items) + 4 * layered
+        cams = laws * len(FOLLOWERS) * ("cams" in items)
+        planned = Counter({
+            "contact": 1, "rankings": 1, "laws": self._laws, "runs": laws * (1 + layered), "rolled": rolled,
+            "fields": rolled * fields, "figures": figures * bool({"figures", "report"} & items) + fields,
+            "cams": cams, "cams measured": cams, "crank": (len(CRANK_ANGLES) + 1) * ("crank" in items),
+            "beside": len(self.scene.compared_engines), "report": int("report" in items),
+        })  # fmt: skip
+        for stage in COUNTED_LATER:
+            planned[stage] = self.counts[stage]
+        return planned
+
+    @property
+    def total_cost(self) -> float:
+        """Cost of all stages that the scene requires [s]."""
+        return self._sum(self.planned | self._usual)
+
+    @property
+    def contact_cost(self) -> float:
+        """Cost of contacts, resistance map and drives [s], the work of an engine of the comparison."""
+        expected = self.planned | self._usual
+        return self._sum({stage: expected[stage] for stage in ("rolled", "resistance", "added mass", "runs")})
+
+    def cost(self, stage: str) -> float:
+        """Return the cost of the last counted run of a stage [s]."""
+        first = stage == "rolled" and self.counts[stage] == 1
+        return self._usual_cost(stage) + first * self.engine.cost.first_contact
+
+    @property
+    def _laws(self) -> int:
+        """Number of laws of the scene, with optimal ones."""
+        optimised = self.scene.motion.optimise
+        return len(self.scene.law_names) + len(self.scene.table_paths) + (len(optimised.objectives) if optimised else 0)
+
+    @property
+    def _speeds(self) -> set[float]:
+        """Speeds of all contacts [m/s]: those of the scene, and the mean speed where a contact there is required."""
+        required = self.engine.compacting or hold_quantity(self.scene, self.mix) is None
+        return {*contact_speeds(self.scene), *([self.scene.mean_speed] if required else [])}
+
+    @property
+    def _usual(self) -> Counter[str]:
+        """Usual number of runs of stages whose number is not known yet."""
+        usual: Counter[str] = Counter()
+        if not self.engine.layered or self.counts["kept"]:
+            return usual
+        rolled, cost = len(self._speeds), self.engine.cost
+        if not self.counts["added mass"] and not self.counts["runs"]:
+            usual["resistance"] = cost.map_speeds
+        if cost.added_mass and not self.counts["runs"]:
+            usual["added mass"] = rolled + max(usual["resistance"], self.counts["resistance"])
+        if cost.torque and "cams" in self.scene.output.items and not self.counts["rankings"]:
+            usual["driven"] = TORQUES * rolled
+        return usual
+
+    def _usual_cost(self, stage: str) -> float:
+        """Return the cost of a run of a stage that is not its first [s]."""
+        scene = self.scene
+        if stage == "beside":
+            others = [scene.with_engine(name) for name in scene.compared_engines]
+            costs = [WorkPlan(other, scene_mix(other), Counter()).contact_cost for other in others]
+            return WAIT_SHARE * sum(costs) / len(costs)
+        if stage == "runs":
+            return RUN[scene.drive.kind] + RUN_OVER_A_LAYER[scene.drive.kind] * self.engine.layered
+        cost = self.engine.cost
+        by_engine = {
+            "rolled": cost.contact, "resistance": cost.continued_contact, "added mass": cost.added_mass,
+            "driven": cost.torque, "report": cost.report, "second pass": cost.second_pass,
+        }  # fmt: skip
+        found = by_engine[stage] if stage in by_engine else OTHERS[stage]
+        if scene.compare and stage in ("rolled", "resistance"):
+            found *= CONCURRENCY_FACTOR
+        if stage == "laws" and scene.motion.optimise:
+            found += OPTIMAL_LAW * len(scene.motion.optimise.objectives) / self._laws
+        return found
+
+    def _sum(self, expected: dict[str, int]) -> float:
+        """Return the cost of stages by their number [s]."""
+        first = self.engine.cost.first_contact * bool(expected["rolled"])
+        return first + sum(count * self._usual_cost(stage) for stage, count in expected.items() if count)

@@ -1,91 +1,104 @@
-"""How a torque drives the rollers of a scene: `roller_motors.DrivenRoller`, sampled from the engine of the scene.
+"""Response of the rollers of a scene to a torque: pull, creepage and load, sampled from the engine of the scene.
 
-At each speed the roller keeps the height of the scene's own contact while its motor turns harder or brakes, in equal
-steps of `roller_motors.carter_parameter` so far as the laws ask. Mix that stays pressed is asked at one speed: it hardly knows of
-any, and costs much.
+At each speed the roller keeps the height of the contact of the scene while its motor drives or brakes, in equal steps
+of `roller_motors.carter_parameter` up to the largest pull of the laws. A compacting mix, which depends weakly on the
+speed and is expensive, is sampled at one speed.
 """
 
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from compact.analysis.engines import COMPACTING, TOLERANCE, inputs, solver
+from compact.analysis.contact_cases import ContactRecord, contact_inputs
+from compact.analysis.contact_stage import ContactStage
 from compact.machine.roller_motors import FULL_SLIP_SHARE, CreepFreeRoller, DrivenRoller, carter_parameter
-from compact.scene.engine_capabilities import TURNED
+from compact.rolling_contact import ContactResult
 
-STEP = 0.3  # of `carter_parameter`, at most: creep is straight in it on a half-plane, and nearly so on layers
-ROOM = 1.15  # times the traction asked, so far samples reach: T/(R pull) is 1.03 by "fem", 0.87 by "compaction"
-LEAST = 0.1  # share of friction, so far samples reach at least: near none they would tell their rounding
+STEP = 0.3  # [-], largest step of `carter_parameter`; creepage is linear in it on a half-plane, and nearly so on layers
+TRACTION_MARGIN = 1.15  # [-], sampled over required traction; T/(R pull) is 1.03 by "fem", 0.87 by "compaction"
+LEAST_SHARE = 0.1  # [-], of friction, sampled at least; smaller samples are dominated by rounding errors
+
+Row = tuple[float, float, float, float]  # torque [N m], pull [N], creepage [-], load [N]
 
 
-def driven(scene, mix, load, found, asked, near=(), count=lambda stage: None):
-    """How a roller of the scene answers its motor: `DrivenRoller`, or `CreepFreeRoller` where the engine does not tell.
+def torque_response(contacts: ContactStage, pull_range: tuple[float, float]) -> DrivenRoller | CreepFreeRoller:
+    """Sample the response of one roller to its motor.
 
-    load : of the mix on one roller [N];  found : numbers of the scene's contacts;  asked : least and largest pull [N]
-    near : (speed, first `ContactResult`), from which "compaction" goes on;  count : called with the stage of each solution
+    Parameters
+    ----------
+    contacts : ContactStage
+    pull_range : tuple of float
+        Least and largest pull of one roller [N].
 
-    Where the engine does not converge a warning says so, and creep is left out.
+    Returns
+    -------
+    DrivenRoller or CreepFreeRoller
+        `CreepFreeRoller`, without creepage, if the engine has no torque, the roller no friction, or the engine does not
+        converge; the latter with a warning.
     """
-    radius, friction = scene.machine.roller_radius, mix.steel_friction
-    plain = CreepFreeRoller(radius, load, friction)
-    if scene.accuracy.engine not in TURNED or friction == 0:
-        return plain
-    least = scene.machine.roller_length * min(contact.load for contact in found)
-    shares = [ROOM * pull / (friction * least) for pull in asked]
-    sides = [_steps(min(shares[0], -LEAST) if shares[0] < 0 else 0.0), _steps(max(shares[1], LEAST))]
-    if scene.accuracy.engine in COMPACTING:
-        mean = scene.mean_speed
-        found = [min(found, key=lambda contact: abs(np.log(contact.speed / mean)))]
+    scene, records, friction = contacts.scene, contacts.records, contacts.mix.steel_friction
+    radius = scene.machine.roller_radius
+    without_creep = CreepFreeRoller(radius, contacts.roller_load, friction)
+    if not contacts.engine.torque or friction == 0:
+        return without_creep
+    least_load = scene.machine.roller_length * min(record.load for record in records)
+    low, high = (TRACTION_MARGIN * pull / (friction * least_load) for pull in pull_range)
+    sides = [_friction_shares(min(low, -LEAST_SHARE) if low < 0 else 0.0), _friction_shares(max(high, LEAST_SHARE))]
+    if contacts.engine.compacting:
+        records = [min(records, key=lambda record: abs(np.log(record.speed / scene.mean_speed)))]
     try:
-        curves = [_curve(scene, mix, contact, sides, dict(near), count) for contact in found]
+        curves = [_curve(contacts, record, sides) for record in records]
     except RuntimeError as error:
         warnings.warn(f"creep of the driven rollers is left out: {error}", stacklevel=2)
-        return plain
-    speeds = np.array([contact.speed for contact in found])
+        return without_creep
+    speeds = np.array([record.speed for record in records])
     return DrivenRoller(radius, friction, speeds, *np.moveaxis(np.array(curves), -1, 0))
 
 
-def _steps(share):
-    """Shares of friction from near 0 to one, but no more than is held, in equal steps of `carter_parameter`."""
+def _friction_shares(share: float) -> NDArray[np.float64]:
+    """Return shares of friction up to a share, limited to FULL_SLIP_SHARE, in equal steps of `carter_parameter`."""
     end = carter_parameter(np.clip(share, -FULL_SLIP_SHARE, FULL_SLIP_SHARE))
     w = np.linspace(0, end, int(np.ceil(abs(end) / STEP)) + 1)[1:]
     return np.sign(w) * (1 - (1 - np.abs(w)) ** 2)
 
 
-def _curve(scene, mix, contact, sides, near, count):
-    """Rows (torque, pull, creep, load) of one roller at the speed of a contact, torques rising."""
-    speed, resistance = contact.speed, contact.resistance
-    length, radius = scene.machine.roller_length, scene.machine.roller_radius
-    rolled = _roller(scene, mix, speed, contact.indentation, count)
+def _curve(contacts: ContactStage, record: ContactRecord, sides: list[NDArray[np.float64]]) -> list[Row]:
+    """Return the response at the speed of a contact, torques ascending."""
+    machine = contacts.scene.machine
+    length, radius = machine.roller_length, machine.roller_radius
+    roll = _driven_roller(contacts, record)
 
-    def row(torque, at):
-        return torque * length, (resistance - at.resistance) * length, at.creep, at.load * length
+    def row(torque: float, at: ContactResult) -> Row:
+        return torque * length, (record.resistance - at.resistance) * length, at.creep, at.load * length
 
-    free = rolled(0.0, near.get(speed))
+    known = dict(contacts.first_passes) if contacts.engine.continuation and not contacts.kept else {}
+    free = roll(0.0, known.get(record.speed))
     rows = [row(0.0, free)]
     for side in sides:
         before, last = free, free
         for share in side:
-            load = 2 * last.load - before.load  # as it goes on; friction must hold the torque
-            torque = share * mix.steel_friction * radius * load
-            before, last = last, rolled(torque, last)
+            load = 2 * last.load - before.load  # extrapolated; friction must hold the torque
+            torque = share * contacts.mix.steel_friction * radius * load
+            before, last = last, roll(torque, last)
             rows.append(row(torque, last))
     return sorted(rows)
 
 
-def _roller(scene, mix, speed, indentation, count):
-    """rolled(torque per length [N], near): the driven roller of a scene at a speed and a height, by its engine."""
-    engine = scene.accuracy.engine
-    layer, roller, material = inputs(scene, mix, engine, scene.mean_speed)
-    roller = replace(roller, rolling="driven", indentation=indentation, load=None, peak_pressure=None)
-    roll = solver(engine)
+def _driven_roller(
+    contacts: ContactStage, record: ContactRecord
+) -> Callable[[float, ContactResult | None], ContactResult]:
+    """Return a function of torque per length [N] and initial guess: the driven roller at the height of a contact."""
+    scene, engine = contacts.scene, contacts.engine
+    layer, roller, material = contact_inputs(scene, contacts.mix, engine.name, scene.mean_speed)
+    roller = replace(roller, rolling="driven", indentation=record.indentation, load=None, peak_pressure=None)
+    options = engine.tolerance(scene.accuracy.tolerance) | ({"estimate": False} if engine.optional_estimate else {})
 
-    def rolled(torque, near):
-        count("driven")
-        if engine in COMPACTING:
-            return roll(layer, roller, material, speed, torque=torque, start=near)
-        asked = {TOLERANCE[engine]: scene.accuracy.tolerance, "estimate": False}
-        return roll(layer, roller, material, speed, torque=torque, **asked)
+    def roll(torque: float, initial_guess: ContactResult | None) -> ContactResult:
+        contacts.count("driven")
+        start = {"start": initial_guess} if engine.continuation else {}
+        return engine.roll(layer, roller, material, record.speed, torque=torque, **options, **start)
 
-    return rolled
+    return roll

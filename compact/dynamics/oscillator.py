@@ -115,7 +115,7 @@ def differentiate(signal: Signal) -> Signal:
 
 @compiled
 def combine(elongation: Signal, far_end: NDArray[np.float64], a: float, b: float, c: float, d: float) -> Signal:
-    """a e + b de/dt + c y + d dy/dt for the signal e and the polynomial y(u) of one interval."""
+    """Return a e + b de/dt + c y + d dy/dt for the signal e and the polynomial y(u) of one interval."""
     rate, h = differentiate(elongation), elongation.scale
     polynomial = a * elongation.polynomial + b / h * rate.polynomial
     for j in range(len(far_end)):
@@ -128,13 +128,13 @@ def combine(elongation: Signal, far_end: NDArray[np.float64], a: float, b: float
 
 @compiled
 def cart_velocity(elongation: Signal, far_end: NDArray[np.float64]) -> Signal:
-    """x' = y' - e' [m/s] as a signal."""
+    """Return the velocity of the cart, y' - e' [m/s], as a signal."""
     return combine(elongation, far_end, 0.0, -1.0, 0.0, 1.0)
 
 
 @compiled
 def multiply(signal: Signal, factor: float) -> Signal:
-    """A signal times a number."""
+    """Multiply a signal by a number."""
     return Signal(
         factor * signal.polynomial, factor * signal.cosine, factor * signal.sine, signal.decay, signal.discriminant,
         signal.scale,

@@ -197,7 +197,7 @@ def _newton_step(residual, angle, width, energy, periodic):
 
 
 def _propagate(particular, propagation, gaps, periodic):
-    """Changes s at the starts of the elements: s_(i+1) = particular_i + propagation_i s_i - gap_(i+1)."""
+    """Compute s at the starts of the elements: s_(i+1) = particular_i + propagation_i s_i - gap_(i+1)."""
 
     def from_start(start):
         starts = [start]

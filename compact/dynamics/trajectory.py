@@ -99,7 +99,7 @@ class Trajectory:
         return edges if resolved == duration else np.append(edges, np.linspace(resolved, duration, 3)[1:])
 
     def _cell_count(self, i: int, duration: float) -> int:
-        """Number of cells that resolve the oscillation of interval i, 0 without one."""
+        """Count the cells that resolve the oscillation of interval i, 0 without one."""
         cosine, sine, decay, discriminant = self.intervals.oscillation[i]
         if not (cosine or sine) or discriminant >= 0:
             return 0
@@ -205,7 +205,7 @@ def oscillation_time(decay: float, duration: float) -> float:
 
 
 def _acceleration_limit(rate_limit: float, speed: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A |v| [m/s^2], infinite also at rest for an infinite A."""
+    """Return A |v| [m/s^2], infinite also at rest for an infinite A."""
     return np.full(np.shape(speed), np.inf) if rate_limit == np.inf else rate_limit * speed
 
 
@@ -217,7 +217,7 @@ def _derivative(polynomial: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _table_slope(table: PiecewisePolynomial, speed: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Derivative of a table with respect to |v|."""
+    """Differentiate a table with respect to |v|."""
     i = np.clip(np.searchsorted(table.breaks, speed, side="right") - 1, 0, len(table.coefficients) - 1)
     width = table.breaks[i + 1] - table.breaks[i]
     return horner(_derivative(table.coefficients)[i], (speed - table.breaks[i]) / width) / width

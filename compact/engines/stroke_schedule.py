@@ -66,7 +66,7 @@ class Strokes:
 
 def stroke_schedule(motion):
     """The `Strokes` of a motion, its turns found on a grid that is fine at its joins."""
-    joins = [join.time for join in motion.joins()] if hasattr(motion, "joins") else []
+    joins = [join.time for join in motion.discontinuities()] if hasattr(motion, "discontinuities") else []
     times = graded_grid(np.unique([0.0, *joins, motion.duration]))
     moves = np.diff(motion.position(times))
     ways = np.where(np.abs(moves) > ROUNDING * np.ptp(motion.position(times)), np.sign(moves), 0.0)
@@ -79,7 +79,7 @@ def stroke_schedule(motion):
 
 def smooth_intervals(motion, turns=False):
     """Times between which a motion is smooth, and if asked goes one way; 0 and its duration are among them."""
-    joins = {float(join.time) for join in motion.joins()} if hasattr(motion, "joins") else set()
+    joins = {float(join.time) for join in motion.discontinuities()} if hasattr(motion, "discontinuities") else set()
     starts = {float(leg.start) for leg in motion.legs()} if hasattr(motion, "legs") else set()
     breaks, near = [0.0], NEAR * motion.duration
     for time in sorted(joins | starts):

@@ -217,7 +217,7 @@ def simulate_crankshaft(
 
 
 def _flatten(cart):
-    """A `CartRevolution` with its pieces in one dimension."""
+    """Flatten the arrays of a `CartRevolution`."""
     columns = {field.name: getattr(cart, field.name) for field in fields(cart)}
     forces = Balance(*(column.ravel() for column in astuple(columns.pop("forces"))))
     return CartRevolution(**{name: column.ravel() for name, column in columns.items()}, forces=forces)

@@ -144,11 +144,11 @@ class PeriodicProblem:
         self.cost = SolutionCost()
         self.oscillator = _oscillator(cart, drive)
         self.law = _polynomial_law(cycle)
-        self.half_stroke_time = cycle.there.duration / 2
+        self.half_stroke_time = cycle.forward.duration / 2
         self.total = _total_resistance(cart, resistance)
         self.sampled_speeds = getattr(resistance, "speeds", ())
-        phases = interior_grid(cycle.there.curve.x)
-        velocity, acceleration = (np.abs(cycle.there.at_phase(phases, k)).max() for k in (1, 2))
+        phases = interior_grid(cycle.forward.curve.x)
+        velocity, acceleration = (np.abs(cycle.forward.at_phase(phases, k)).max() for k in (1, 2))
         self.max_speed, self.standstill_speed = SPEED_MARGIN * velocity, STANDSTILL_SPEED * velocity
         impact = velocity * math.sqrt(drive.stiffness * cart.mass) if acceleration == 0 else 0.0
         inertia = cart.mass * acceleration + impact
@@ -410,8 +410,8 @@ def _polynomial_law(cycle: Cycle) -> PiecewisePolynomial:
     breaks, rows = [], []
     for leg in cycle.legs():
         curvature = partial(_curvature, leg)
-        tolerance = LAW_TOLERANCE * np.abs(curvature(interior_grid(leg.joined_at()))).max()
-        second = fit_piecewise(curvature, leg.joined_at(), tolerance)
+        tolerance = LAW_TOLERANCE * np.abs(curvature(interior_grid(leg.breakpoints()))).max()
+        second = fit_piecewise(curvature, leg.breakpoints(), tolerance)
         starts = second.breaks[:-1] + BREAK_OFFSET
         velocity = antiderivative(second, leg.at_phase(starts, 1) * leg.duration)
         position = antiderivative(velocity, leg.at_phase(starts, 0))

@@ -48,7 +48,7 @@ from compact.machine.rigid_drive import (
     mean_speed_force,
     simulate,
 )
-from compact.motion.profile import Cycle, Join, Motion
+from compact.motion.profile import Cycle, Discontinuity, MotionProfile
 from compact.numerics.validation import require_known, require_nonnegative, require_opposing, require_positive
 
 REGIMES = ("periodic", "rest")
@@ -94,7 +94,7 @@ def damping_ratio(cart: Cart, drive: ElasticDrive) -> float:
 def simulate_elastic(
     cart: Cart,
     drive: ElasticDrive,
-    motion: Motion | Cycle,
+    motion: MotionProfile | Cycle,
     resistance: Resistance,
     *,
     regime: str = "periodic",
@@ -109,8 +109,8 @@ def simulate_elastic(
         Cart of mass > 0.
     drive : ElasticDrive
         Spring and damper.
-    motion : Motion or Cycle
-        Law of the far end; a `Motion` is repeated without dwells.
+    motion : MotionProfile or Cycle
+        Law of the far end; a `MotionProfile` is repeated without dwells.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2], linear in the acceleration, with a jump at
         speed 0 only. A `ResistanceMap` provides its sampled speeds and the limit of |a|/|v| of its linear range.
@@ -137,7 +137,7 @@ def simulate_elastic(
     require_positive(mass=cart.mass, tolerance=tolerance)
     require_known("regime", regime, REGIMES)
     cycle = motion if isinstance(motion, Cycle) else motion.cycle()
-    require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
+    require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
     _require_resolvable(cart, drive, cycle, _expected_samples(cart, drive, cycle))
     problem = PeriodicProblem(cart, drive, cycle, resistance, tolerance)
     if regime == "rest":
@@ -152,12 +152,12 @@ def simulate_elastic(
 
 
 def _expected_samples(cart, drive, cycle):
-    """Samples that resolve the oscillation after each join of the law, without dwells, where friction may hold."""
+    """Estimate the samples that resolve the oscillation after each join of the law, outside dwells."""
     decay = drive.damping / (2 * cart.mass)
     square = drive.stiffness / cart.mass - decay**2
     if square <= 0:
         return 0
-    pieces = [leg.duration * np.diff(leg.joined_at()) for leg in cycle.legs() if leg.direction]
+    pieces = [leg.duration * np.diff(leg.breakpoints()) for leg in cycle.legs() if leg.direction]
     resolved = sum(oscillation_time(decay, float(duration)) for duration in np.concatenate(pieces))
     return CELL_POINTS * resolved * math.sqrt(drive.stiffness / cart.mass) / CELL_ANGLE
 
@@ -167,7 +167,7 @@ def _require_resolvable(cart, drive, cycle, samples):
     if samples <= MAX_SAMPLES:
         return
     frequency = math.sqrt(drive.stiffness / cart.mass)
-    excitations = sum(len(leg.joined_at()) for leg in cycle.legs())
+    excitations = sum(len(leg.breakpoints()) for leg in cycle.legs())
     decay = 2 * excitations * CELL_POINTS * -math.log(OSCILLATION_FLOOR) * frequency / CELL_ANGLE / MAX_SAMPLES
     raise ValueError(
         f"`stiffness` {drive.stiffness:g} N/m with `damping` {drive.damping:g} N s/m: the cart oscillates "
@@ -213,7 +213,7 @@ class ElasticRun(CycleStatistics):
     @property
     def name(self) -> str:
         """Name of the law."""
-        return self.cycle.there.name
+        return self.cycle.forward.name
 
     @property
     def period(self) -> float:
@@ -223,7 +223,7 @@ class ElasticRun(CycleStatistics):
     @property
     def steady_force(self) -> float:
         """Force at the constant mean speed [N]."""
-        return mean_speed_force(self.cart, self.cycle.there, self.resistance)
+        return mean_speed_force(self.cart, self.cycle.forward, self.resistance)
 
     @cached_property
     def _points(self):
@@ -257,7 +257,7 @@ class ElasticRun(CycleStatistics):
         force, end_force = self.trajectory.drive_force(i, u), self.trajectory.end_spring_force(i, u)
         slip, zero, pull = self.trajectory.intervals.slip[i], np.zeros(force.shape), force + end_force
         moves, direction = slip != 0, np.where(slip != 0, slip, np.sign(pull))
-        slowest = direction * STANDSTILL_SPEED_RATIO * self.cycle.there.stroke / self.cycle.there.duration
+        slowest = direction * STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
         mix = evaluate_resistance(
             self.resistance, np.where(velocity != 0, velocity, slowest), self.include_added_mass * acceleration
         )
@@ -312,7 +312,7 @@ class ElasticRun(CycleStatistics):
         return math.inf if self.shocks else float(np.abs(self.state.jerk).max())
 
     @cached_property
-    def shocks(self) -> tuple[Join, ...]:
+    def shocks(self) -> tuple[Discontinuity, ...]:
         """Jumps of the acceleration of the cart."""
         intervals = self.trajectory.intervals
         rows = np.arange(len(intervals.start))
@@ -321,7 +321,7 @@ class ElasticRun(CycleStatistics):
         largest = np.abs(self.state.acceleration).max()
         jumps = [(i, before[i - 1], after[i]) for i in rows]
         return tuple(
-            Join(float(intervals.start[i]), 2, float(a), float(b))
+            Discontinuity(float(intervals.start[i]), 2, float(a), float(b))
             for i, a, b in jumps
             if abs(a - b) > JUMP_TOLERANCE * largest
         )
@@ -334,14 +334,14 @@ class ElasticRun(CycleStatistics):
     @cached_property
     def nonuniformity(self) -> float:
         """(v_max - v_min)/v_mean of the cart over the working part of the forward stroke [-]."""
-        time = np.linspace(*self.working, NONUNIFORMITY_SAMPLES) * self.cycle.there.duration
+        time = np.linspace(*self.working, NONUNIFORMITY_SAMPLES) * self.cycle.forward.duration
         position, velocity, *_ = self.trajectory.kinematics(*self.trajectory.locate(time))
         mean = (position[-1] - position[0]) / (time[-1] - time[0])
         return float((velocity.max() - velocity.min()) / mean)
 
     @property
-    def stick_time(self) -> float:
-        """Time during which friction holds the cart at rest [s]."""
+    def standing(self) -> float:
+        """Stick time: time during which friction holds the cart at rest [s]; named as in summary.json."""
         intervals = self.trajectory.intervals
         return float(intervals.duration[intervals.slip == 0].sum())
 

@@ -259,7 +259,7 @@ class HydraulicRun(Run):
         """Simulate the forward stroke under these valve areas with compressible oil, from the initial pressures."""
         dynamics, valves = self.inverse_dynamics, self.valve_flow
         pressures = float(valves.inlet_pressure[0]), float(valves.outlet_pressure[0])
-        stroke = dynamics.cycle.there.stroke
+        stroke = dynamics.cycle.forward.stroke
         return simulate_stroke(
             dynamics.cart, self.hydraulic, stroke, self.valve_areas(), dynamics.resistance, pressures
         )
@@ -423,7 +423,7 @@ class _Circuit:
         return flow, drive.supply_pressure
 
     def _jacobian(self, time, state, direction, scale):
-        """Derivatives of the rates with respect to the state; the rates do not depend on the work terms."""
+        """Differentiate the rates with respect to the state; they do not depend on the work terms."""
         jacobian, here = np.zeros((len(state), len(state))), self._rates(time, state, direction)
         for k in range(4):
             perturbed = state.copy()

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from compact.dynamics.shaft_speed import solve_shaft_speed
 from compact.machine.cart import Cart, Resistance
 from compact.machine.motor_drive import Motor, MotorRun, ShaftLoad, simulate_motor
-from compact.motion.profile import Cycle, Motion
+from compact.motion.profile import Cycle, MotionProfile
 from compact.numerics.validation import require_positive
 
 PERIODIC_TOLERANCE = 1e-3  # [-], of the initial speed of the periodic regime; end of the acceleration phase
@@ -66,7 +66,7 @@ class AccelerationPhase:
 def simulate_acceleration_phase(
     cart: Cart,
     motor: Motor,
-    motion: Motion | Cycle,
+    motion: MotionProfile | Cycle,
     resistance: Resistance,
     *,
     tolerance: float = PERIODIC_TOLERANCE,
@@ -124,7 +124,7 @@ def _solve_section(
 
 
 def _graded_sections(first: float, breaks: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """Breaks of the first revolution in sections that are solved in turn, since the energy grows by decades."""
+    """Split the breaks of the first revolution into sections, since the energy grows by decades."""
     edges = first * GRADING ** np.arange(math.floor(math.log(breaks[1] / first, GRADING)))
     yield from map(np.array, pairwise([*edges, breaks[1]]))
     yield breaks[1:]

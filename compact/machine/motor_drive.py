@@ -35,7 +35,7 @@ from compact.machine.rigid_drive import (
     require_law_of_drive,
     simulate,
 )
-from compact.motion.profile import Cycle, Join, Motion
+from compact.motion.profile import Cycle, Discontinuity, MotionProfile
 from compact.numerics.piecewise import find_maximum, interior_grid
 from compact.numerics.validation import (
     require_finite,
@@ -143,7 +143,7 @@ class ShaftLoad:
     def breaks(self) -> NDArray[np.float64]:
         """Angles in [0, 2 pi] at joins of the law and spring contacts of any cart, ends included [rad]."""
         rate = 2 * np.pi / self.cycle.period
-        joins = np.concatenate([rate * (leg.start + leg.duration * leg.joined_at()) for leg in self.cycle.legs()])
+        joins = np.concatenate([rate * (leg.start + leg.duration * leg.breakpoints()) for leg in self.cycle.legs()])
         angles = np.mod(np.subtract.outer(joins, self.motor.angles).ravel(), 2 * np.pi)
         if self.cart.end_springs is not None:
             contacts = np.mod(np.subtract.outer(self._zones.breaks, self.motor.angles).ravel(), 2 * np.pi)
@@ -181,7 +181,7 @@ class ShaftLoad:
         speed = np.sqrt(2 * energy)
         velocity, cart_acceleration = slope * speed, curvature * 2 * energy + slope * acceleration
         direction = np.sign(slope.mean(axis=-1, keepdims=True))
-        slowest = STANDSTILL_SPEED_RATIO * self.cycle.there.stroke / self.cycle.there.duration
+        slowest = STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
         moving = np.where(np.abs(velocity) < slowest, direction * slowest, velocity)
         force = evaluate_resistance(self.resistance, moving, cart_acceleration)
         tangent = self.motor.rod.rod_tangent(angle / (2 * np.pi) * self.cycle.period, self.cycle.period)
@@ -219,7 +219,7 @@ class ShaftLoad:
 def simulate_motor(
     cart: Cart,
     motor: Motor,
-    motion: Motion | Cycle,
+    motion: MotionProfile | Cycle,
     resistance: Resistance,
     *,
     working: tuple[float, float] = WORKING_PART,
@@ -234,8 +234,8 @@ def simulate_motor(
         Cart.
     motor : Motor
         Motor and shaft.
-    motion : Motion or Cycle
-        Law, one cycle per revolution; a `Motion` is repeated without dwells.
+    motion : MotionProfile or Cycle
+        Law, one cycle per revolution; a `MotionProfile` is repeated without dwells.
     resistance : callable
         Force of the mix on one cart [N] of velocity [m/s] and acceleration [m/s^2].
     working : tuple of float
@@ -258,13 +258,13 @@ def simulate_motor(
         If the motor stalls, the belt slips, or the solution does not converge.
     """
     cycle = motion if isinstance(motion, Cycle) else motion.cycle()
-    if any(join.order == 1 for join in cycle.joins()):
+    if any(join.order == 1 for join in cycle.discontinuities()):
         raise ValueError(
-            f"the velocity of '{cycle.there.name}' jumps, which requires an infinite torque; use a law with continuous "
+            f"the velocity of '{cycle.forward.name}' jumps, which requires an infinite torque; use a law with continuous "
             "velocity"
         )
     require_law_of_drive(motor.rod, cycle)
-    require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
+    require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
     load = ShaftLoad(cart, motor, cycle, resistance)
     speed = _first_guess(load) if start_speed is None else start_speed
     revolution = solve_shaft_speed(load.residual, load.breaks(), speed, tolerance, periodic=start_speed is None)
@@ -292,7 +292,7 @@ def _first_guess(load: ShaftLoad) -> float:
 
 @dataclass(frozen=True)
 class MotorRun(CycleStatistics):
-    """One revolution of the shaft; arrays of shape (n,), elements in order of angle. Forces act on the first cart.
+    """One revolution of the shaft; arrays of shape (n,) in order of angle. Forces are those of the first cart.
 
     Parameters
     ----------
@@ -313,7 +313,7 @@ class MotorRun(CycleStatistics):
     @property
     def name(self) -> str:
         """Name of the law."""
-        return self.load.cycle.there.name
+        return self.load.cycle.forward.name
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -341,7 +341,7 @@ class MotorRun(CycleStatistics):
     @cached_property
     def steady_force(self) -> float:
         """Force at the constant mean speed of the law [N]."""
-        return mean_speed_force(self.load.cart, self.load.cycle.there, self.load.resistance)
+        return mean_speed_force(self.load.cart, self.load.cycle.forward, self.load.resistance)
 
     @cached_property
     def state(self) -> DriveState:
@@ -446,9 +446,9 @@ class MotorRun(CycleStatistics):
         return (self.largest_speed - self.least_speed) * self.period / (2 * math.pi)
 
     @property
-    def shocks(self) -> tuple[Join, ...]:
+    def shocks(self) -> tuple[Discontinuity, ...]:
         """Jumps of the acceleration of the law, at uniform speed."""
-        return tuple(join for join in self.load.cycle.joins() if join.order == 2)
+        return tuple(join for join in self.load.cycle.discontinuities() if join.order == 2)
 
     @cached_property
     def peak_jerk(self) -> float:
@@ -484,7 +484,7 @@ class MotorRun(CycleStatistics):
     @cached_property
     def nonuniformity(self) -> float:
         """(v_max - v_min)/v_mean over the working part of the forward stroke [-]."""
-        first, last = (share * self.load.cycle.there.duration / self.load.cycle.period for share in self.working)
+        first, last = (share * self.load.cycle.forward.duration / self.load.cycle.period for share in self.working)
         angle = 2 * np.pi * np.linspace(first, last, NONUNIFORMITY_SAMPLES)
         energy, acceleration, _ = self.revolution.evaluate(angle[None])
         velocity = self.load.states_at(angle[None], energy, acceleration)[0].velocity

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from compact.machine.cart import Balance, Cart, Resistance, balance
-from compact.motion.profile import Cycle, Join, Leg, Motion
+from compact.motion.profile import Cycle, Discontinuity, Leg, MotionProfile
 from compact.numerics.piecewise import BREAK_OFFSET, clenshaw_curtis, find_maximum, interior_grid
 from compact.numerics.validation import require_opposing, require_positive
 
@@ -132,7 +132,7 @@ class InverseDynamics:
 
     def breaks(self, leg: Leg) -> NDArray[np.float64]:
         """Phases of a leg between which all forces are smooth, ends included."""
-        return leg.joined_at() if self.cart.end_springs is None else self._zones[leg.start].breaks
+        return leg.breakpoints() if self.cart.end_springs is None else self._zones[leg.start].breaks
 
     def _end_force(self, leg, phase, position):
         """Force of the end springs [N]."""
@@ -144,13 +144,13 @@ class InverseDynamics:
         """Zones of the end springs for each leg."""
         zones = self.cart.end_springs.zones
         return {
-            leg.start: zones(lambda phase, leg=leg: leg.at_phase(phase, 0), leg.joined_at())
+            leg.start: zones(lambda phase, leg=leg: leg.at_phase(phase, 0), leg.breakpoints())
             for leg in self.cycle.legs()
         }
 
     def _nonzero_velocity(self, leg, velocity):
         """Velocity [m/s], replaced at rest by the limit from inside the motion."""
-        slowest = STANDSTILL_SPEED_RATIO * self.cycle.there.stroke / self.cycle.there.duration
+        slowest = STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
         return np.where(np.abs(velocity) < slowest, leg.direction * slowest, velocity)
 
 
@@ -256,9 +256,9 @@ class Run(CycleStatistics):
         Force at the constant mean speed [N].
     nonuniformity : float
         (v_max - v_min)/v_mean over the working part [-].
-    impulses : tuple of Join
+    impulses : tuple of Discontinuity
         Jumps of velocity.
-    shocks : tuple of Join
+    shocks : tuple of Discontinuity
         Jumps of velocity or acceleration.
     """
 
@@ -269,13 +269,13 @@ class Run(CycleStatistics):
     state: DriveState
     steady_force: float
     nonuniformity: float
-    impulses: tuple[Join, ...]
-    shocks: tuple[Join, ...]
+    impulses: tuple[Discontinuity, ...]
+    shocks: tuple[Discontinuity, ...]
 
     @property
     def name(self) -> str:
         """Name of the law."""
-        return self.inverse_dynamics.cycle.there.name
+        return self.inverse_dynamics.cycle.forward.name
 
     @property
     def period(self) -> float:
@@ -324,7 +324,7 @@ class Run(CycleStatistics):
         )
 
 
-def _kinetic_gain(mass: float, join: Join) -> float:
+def _kinetic_gain(mass: float, join: Discontinuity) -> float:
     """Kinetic energy [J] that a velocity jump supplies to the cart; energy of a stop is lost."""
     before = join.before if join.before * join.after > 0 else 0.0
     return max(0.0, mass / 2 * (join.after**2 - before**2))
@@ -333,7 +333,7 @@ def _kinetic_gain(mass: float, join: Join) -> float:
 def simulate(
     cart: Cart,
     drive: Any,
-    motion: Motion | Cycle,
+    motion: MotionProfile | Cycle,
     resistance: Resistance,
     *,
     working: tuple[float, float] = WORKING_PART,
@@ -346,8 +346,8 @@ def simulate(
         Cart.
     drive : Rigid, Crank, ElasticDrive, Motor or Hydraulic
         Drive. A drive with a method `run` solves its own equation of motion.
-    motion : Motion or Cycle
-        Law; a `Motion` is repeated without dwells.
+    motion : MotionProfile or Cycle
+        Law; a `MotionProfile` is repeated without dwells.
     resistance : callable
         Force of the mix on all rollers of the cart [N] of velocity [m/s] and acceleration [m/s^2], with the sign of
         the velocity; `contact.dry_resistance` makes one of a constant force.
@@ -370,18 +370,18 @@ def simulate(
     if hasattr(drive, "run"):
         return drive.run(cart, cycle, resistance, working)
     require_law_of_drive(drive, cycle)
-    require_opposing(resistance, cycle.there.stroke / cycle.there.duration)
+    require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
     dynamics = InverseDynamics(cart, drive, cycle, resistance)
     time, weights, direction, state = _sample(dynamics)
-    joins = cycle.joins()
+    joins = cycle.discontinuities()
     return Run(
         inverse_dynamics=dynamics,
         time=time,
         weights=weights,
         direction=direction,
         state=state,
-        steady_force=mean_speed_force(cart, cycle.there, resistance),
-        nonuniformity=_nonuniformity(cycle.there, working),
+        steady_force=mean_speed_force(cart, cycle.forward, resistance),
+        nonuniformity=_nonuniformity(cycle.forward, working),
         impulses=tuple(join for join in joins if join.order == 1),
         shocks=tuple(join for join in joins if join.order <= 2),
     )
@@ -403,7 +403,7 @@ def _sample(dynamics):
     return time, weights, direction, DriveState(*rest[:6], Balance(*rest[6:]))
 
 
-def mean_speed_force(cart: Cart, motion: Motion, resistance: Resistance) -> float:
+def mean_speed_force(cart: Cart, motion: MotionProfile, resistance: Resistance) -> float:
     """|H| at the constant mean speed of a motion [N]."""
     return abs(float(steady_balance(cart, motion.stroke / motion.duration, resistance).drive_force[0]))
 
@@ -414,7 +414,7 @@ def steady_balance(cart: Cart, speed: float, resistance: Resistance) -> Balance:
     return balance(cart, zero, evaluate_resistance(resistance, np.array([speed]), zero), 1.0)
 
 
-def _nonuniformity(motion: Motion, working: tuple[float, float]) -> float:
+def _nonuniformity(motion: MotionProfile, working: tuple[float, float]) -> float:
     """(v_max - v_min)/v_mean over the working part of the forward stroke [-]."""
     time = np.linspace(*working, NONUNIFORMITY_SAMPLES) * motion.duration
     velocity, ends = motion.velocity(time), motion.position(time[[0, -1]])
@@ -434,12 +434,12 @@ def require_law_of_drive(drive: Any, cycle: Cycle) -> None:
         return
     psi = np.linspace(0, np.pi, 9)
     travel = drive.radius * (1 - np.cos(psi)) + drive.rod_length * (1 - np.cos(drive.rod_angle(psi)))
-    gap = np.abs(cycle.there.at_phase(psi / np.pi, 0) - travel).max()
-    if gap > CRANK_LAW_TOLERANCE * cycle.there.stroke:
+    gap = np.abs(cycle.forward.at_phase(psi / np.pi, 0) - travel).max()
+    if gap > CRANK_LAW_TOLERANCE * cycle.forward.stroke:
         raise ValueError(
-            f"a crank imposes its own law only, got '{cycle.there.name}', which differs by {gap:g} m; "
+            f"a crank imposes its own law only, got '{cycle.forward.name}', which differs by {gap:g} m; "
             f"use Rigid(), or law('crank', ..., rod_length={drive.rod_length:g})"
         )
-    if cycle.period > 2 * cycle.there.duration:
-        dwells = cycle.period - 2 * cycle.there.duration
+    if cycle.period > 2 * cycle.forward.duration:
+        dwells = cycle.period - 2 * cycle.forward.duration
         raise ValueError(f"a crank cannot dwell, got dwells of {dwells:g} s in all; use Rigid(), or no dwells")

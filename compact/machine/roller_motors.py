@@ -21,7 +21,7 @@ from scipy.interpolate import PchipInterpolator
 
 from compact.machine.cart import balance
 from compact.machine.rigid_drive import DriveState, InverseDynamics
-from compact.motion.profile import Leg
+from compact.motion.profile import Cycle, Leg
 from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
 from compact.numerics.validation import require_nonnegative, require_positive
 
@@ -237,7 +237,7 @@ class RollerMotor:
     @property
     def lack(self) -> str:
         """Quantity of the drive that is insufficient for the law; empty for a sufficient drive."""
-        if any(join.order == 1 for join in self.dynamics.cycle.joins()):
+        if any(join.order == 1 for join in self.dynamics.cycle.discontinuities()):
             return "force: the velocity jumps"
         limit = FULL_SLIP_SHARE if self.roller.has_creep else 1.0
         return f"friction: {self.share:.3g} of the Coulomb limit" if self.share > limit else ""
@@ -291,7 +291,7 @@ def _total_pull(dynamics: InverseDynamics, state: DriveState, way: int) -> NDArr
         if np.all(np.abs(residual) <= FORCE_TOLERANCE * scale):
             return pull
     raise RuntimeError(
-        f"the guide wheels lock the cart under '{dynamics.cycle.there.name}': the residual force at the pin is "
+        f"the guide wheels lock the cart under '{dynamics.cycle.forward.name}': the residual force at the pin is "
         f"{np.abs(residual).max():g} N after {MAX_ITERATIONS} iterations; use less `guide_friction`"
     )
 
@@ -305,3 +305,50 @@ def _monotone_curve(x: NDArray[np.float64], y: NDArray[np.float64], slope: float
         return curve(within) + slope * (place - within)
 
     return value
+
+
+@dataclass(frozen=True)
+class RollerRotation:
+    """Rotation of a roller that rolls without slip; arrays of the shape of `time`.
+
+    Attributes
+    ----------
+    time : ndarray
+        Time of the cycle [s].
+    angle, angular_velocity, angular_acceleration, angular_jerk : ndarray
+        Angle of rotation [rad] and its time derivatives [rad/s], [rad/s^2], [rad/s^3].
+    """
+
+    time: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    angular_velocity: NDArray[np.float64]
+    angular_acceleration: NDArray[np.float64]
+    angular_jerk: NDArray[np.float64]
+
+
+def roller_rotation(cycle: Cycle, roller_radius: float, time: ArrayLike) -> RollerRotation:
+    """Rotation of a motor inside a roller that rolls without slip: angle = x/R and its derivatives.
+
+    Parameters
+    ----------
+    cycle : Cycle
+        Motion of the cart.
+    roller_radius : float
+        Radius R of the roller [m].
+    time : array_like
+        Time of the cycle [s].
+
+    References
+    ----------
+    Paper B, eqs (44)-(52), with the signs and the scale of reference/errata.md B-7, B-8.
+
+    Examples
+    --------
+    >>> from compact.motion.profile import law
+    >>> rotation = roller_rotation(Cycle(law("reversal-4-free-both", 0.4, 3.0)), roller_radius=0.11, time=[1.5, 4.5])
+    >>> rotation.angular_velocity.round(4).tolist()
+    [1.3531, -1.3531]
+    """
+    require_positive(roller_radius=roller_radius)
+    time = np.asarray(time, float)
+    return RollerRotation(time, *(cycle.derivative(time, order) / roller_radius for order in range(4)))

@@ -1,134 +1,150 @@
-"""What a compacting mix does at a point: one implicit step of the elliptic cap, for many points at once.
+"""Elliptic cap plasticity with Heckel hardening: implicit integration of many material points.
 
     f = q^2/M^2 + r y^2 - a^2 <= 0,    a = (pc + pt)/2,  c = (pc - pt)/2,  compression positive
-    wet   p > c:           y = p - c,   r = 1
-    flat  p0 <= p <= c:    y = 0
-    dry   p < p0:          y = p - p0,  r = a^2/(p0 + pt)^2
+    cap             p > c:           y = p - c,   r = 1
+    flat part       p0 <= p <= c:    y = 0
+    subcritical     p < p0:          y = p - p0,  r = a^2/(p0 + pt)^2
 
-The full ellipse has p0 = c and no flat part; the flat dry side has p0 = min(c, 0). Flow is associated, pc hardens with
-the plastic volume strain V, k = k_n exp(V). All is implicit (backward Euler): with the multiplier m,
+p is the mean pressure and q the von Mises stress. The full ellipse has p0 = c and no flat part; otherwise p0 =
+min(c, 0). Flow is associated; pc hardens with the plastic volumetric strain V, k = k_n exp(V). Return mapping by
+backward Euler with the plastic multiplier m gives
 
     p = p_tr - K V,  V = 2 m r y,    q = q_tr/(1 + 6 G m/M^2),    f(p, q, pc(k)) = 0,
 
-where the trial state tr is elastic. Flow brings p and c together on either side and ends before they meet, so the side
-is known, and one unknown is left: x >= 0 of V = A x/((1 + x) K), A the pressure of the trial beyond the flat part; x is
-2 r K m while nothing hardens. As x grows from 0 the trial stress moves inwards, from f > 0 to y = 0 and q = 0: a root
-is always there, and only one if H = dpc/dV < 12 G/M^2. With N^2 = f + a^2, a/N is nearly straight in x; Newton's method
-on a/N = 1 is kept between bounds and bisects where it would leave them.
+where tr denotes the elastic trial state. Plastic flow moves p and c towards one another and ends before they coincide,
+so that the trial state determines the side. One unknown remains: x >= 0 of V = A x/((1 + x) K), with A the trial
+pressure beyond the flat part; without hardening x = 2 r K m. As x grows from 0 the stress moves inwards, from f > 0 to
+y = 0 and q = 0. A root always exists, and is unique if H = dpc/dV < 12 G/M^2. With N^2 = f + a^2 the ratio a/N is
+nearly linear in x; Newton's method on a/N = 1 is safeguarded by bisection.
+
+References
+----------
+J. C. Simo and T. J. R. Hughes, Computational Inelasticity, Springer 1998, chapter 3 (return mapping);
+R. W. Heckel, Trans. Metall. Soc. AIME 221 (1961) 671 (hardening curve).
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
-from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, HECKEL_MIN_PRESSURE
+from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, HECKEL_MIN_PRESSURE, Compaction
 from compact.numerics.jit import compiled
-from compact.numerics.validation import require_finite, require_nonnegative, require_positive
+from compact.numerics.validation import require_finite, require_positive
 
-SLACK = 1e-13  # of N against a, where Newton's method stops
-ROUNDING = 4e-16  # of x, where it stops too, if N is within ROUGHEST of a: far from c, x has no more digits to give
-ROUGHEST = 1e-6
-NEAREST = 1e-12  # of a, from a trial to p = c: nearer ones take it, since at c itself V tells nothing of x
-ATTEMPTS = 300  # of Newton's method; 4 to 6 are usual, bisection alone needs up to 200
-SLICE = 20_000  # points of one compiled call: some 20 ms, half a second where each takes all attempts
-LOOSEST = np.exp(-HECKEL_MIN_PRESSURE)  # (1 - k)/(1 - k0) where pc leaves Heckel's curve
+RESIDUAL_TOLERANCE = 1e-13  # [-], |a/N - 1| at convergence of Newton's method
+STEP_TOLERANCE = 4e-16  # [-], relative change of x at convergence; far from c, x has no more digits
+RESIDUAL_ACCEPTED = 1e-6  # [-], |a/N - 1| accepted with STEP_TOLERANCE
+MIN_TRIAL_DISTANCE = 1e-12  # [-], |p_tr - c| over a; closer trial states use it, since V determines no x at c itself
+MAX_ITERATIONS = 300  # [-], of Newton's method; 4 to 6 are usual, bisection alone needs up to 200
+BATCH_POINTS = 20_000  # [-], points of one compiled call; some 20 ms, so that an interrupt is handled between calls
+MIN_POROSITY_RATIO = np.exp(-HECKEL_MIN_PRESSURE)  # [-], (1 - k)/(1 - k0) where pc leaves Heckel's curve
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class MaterialPoint:
-    """Of n points: where they are on their way.
+    """State of n material points.
 
-    stress : Cauchy (xx, yy, zz, xy), tension positive [Pa], shape (n, 4)
-    density_ratio : k, shape (n,);  hardened : the k that pc remembers, shape (n,), k itself on the full ellipse
-    plastic_work : of all steps, in the volume of its time [J/m3], shape (n,)
+    Parameters
+    ----------
+    stress : ndarray, shape (n, 4)
+        Cauchy stress xx, yy, zz, xy, tension positive [Pa].
+    density_ratio : ndarray, shape (n,)
+        Density ratio k [-].
+    max_density_ratio : ndarray, shape (n,)
+        Largest density ratio so far [-], which determines pc; k itself on the full ellipse.
+    plastic_work : ndarray, shape (n,)
+        Accumulated plastic work per current volume [J/m3].
     """
 
-    stress: np.ndarray
-    density_ratio: np.ndarray
-    max_density_ratio: np.ndarray
-    plastic_work: np.ndarray
+    stress: Array
+    density_ratio: Array
+    max_density_ratio: Array
+    plastic_work: Array
 
 
-def initial_state(law, n):
-    """The `MaterialPoint` of n points of mix as it is fed: free of stress at `law.fed_density_ratio`."""
+def initial_state(law: Compaction, n: int) -> MaterialPoint:
+    """Return n stress-free points at the initial density ratio of a law."""
     density_ratio = np.full(n, float(law.fed_density_ratio))
     return MaterialPoint(np.zeros((n, 4)), density_ratio, density_ratio.copy(), np.zeros(n))
 
 
-def integrate_points(law, state, strain, rate_factor=1.0, tangent=True):
-    """The next `MaterialPoint` and d stress/d strain, shape (n, 3, 3), of (xx, yy, xy); None without `tangent`.
+def integrate_points(
+    law: Compaction, state: MaterialPoint, strain: Array, rate_factor: float = 1.0, tangent: bool = True
+) -> tuple[MaterialPoint, Array | None]:
+    """Integrate the constitutive law over one strain increment.
 
-    law : `Compaction`;  rate_factor : by which the speed raises pc, `law.rate_factor(speed)`
-    strain : increments (xx, yy, 2 xy) of plane strain, tension positive, shape (n, 3); logarithmic in the turned frame
-        where strains are finite
+    Parameters
+    ----------
+    law : Compaction
+        Material law.
+    state : MaterialPoint
+        State of n points before the increment.
+    strain : ndarray, shape (n, 3)
+        Increments xx, yy, 2 xy of plane strain, tension positive [-]; logarithmic, in the rotated frame, where strains
+        are finite.
+    rate_factor : float
+        Factor of pc at the speed, `law.rate_factor(speed)` [-].
+    tangent : bool
+        True to compute the consistent tangent.
 
-    The tangent is that of the step, not of the rate: unsymmetric where the cap hardens, by a share that falls with the
-    increment.
+    Returns
+    -------
+    state : MaterialPoint
+        State after the increment.
+    tangent : ndarray, shape (n, 3, 3), or None
+        Algorithmic tangent d stress/d strain of (xx, yy, xy) [Pa]. It is unsymmetric where the cap hardens, by a share
+        that decreases with the increment.
+
+    Raises
+    ------
+    RuntimeError
+        If the return mapping does not converge at a point.
     """
     require_positive(rate_factor=rate_factor)
     before = (strain, state.stress, state.density_ratio, state.max_density_ratio, state.plastic_work)
-    strain, *before = (np.ascontiguousarray(values, dtype=float) for values in before)  # one layout, compiled once
-    n = len(strain)
-    stress, numbers = np.empty((n, 4)), np.empty((3, n))
-    slopes = np.empty((n, 3, 3) if tangent else (0, 3, 3))
-    given = cap_constants(law, rate_factor), *before, strain, stress, numbers, slopes
-    for first in range(0, n, SLICE):  # an interrupt gets in between two calls
-        failed = _sweep(first, min(first + SLICE, n), *given)
+    strain, *arrays = (np.ascontiguousarray(values, dtype=float) for values in before)  # one layout, compiled once
+    n, constants = len(strain), cap_constants(law, rate_factor)
+    stress, scalars = np.empty((n, 4)), np.empty((3, n))
+    tangents = np.empty((n, 3, 3) if tangent else (0, 3, 3))
+    for first in range(0, n, BATCH_POINTS):
+        end = min(first + BATCH_POINTS, n)
+        failed = _integrate_batch(first, end, constants, tuple(arrays), strain, (stress, scalars, tangents))
         if failed >= 0:
-            _raise(failed, state, strain)
-    return MaterialPoint(stress, *numbers), slopes if tangent else None
+            _raise_not_converged(failed, state, strain)
+    return MaterialPoint(stress, *scalars), tangents if tangent else None
 
 
-def viscous_step(law, state, strain, lag, rate_factor=1.0, tangent=True):
-    """The same for a mix that lags behind (Duvaut and Lions): tau de_p/dt = C^-1 (stress - stress on the limit).
-
-        stress = (stress_c + lag stress_tr)/(1 + lag),    k = k_n (k_c/k_n)^(1/(1 + lag)),    by backward Euler
-
-    lag : relaxation time tau over the duration of the step, >= 0; 0 gives `step`
-
-    The overstress is that of unloading and large: a tau [s] that slows the yielding of a layer by little is far below
-    the relaxation times of a viscoelastic mix.
-    """
-    require_nonnegative(lag=lag)
-    closest, slopes = integrate_points(law, state, strain, rate_factor, tangent)
-    share, elastic = 1 / (1 + lag), _elasticity(law)
-    trial = state.stress + strain @ elastic.T
-    stress = share * closest.stress + (1 - share) * trial
-    density_ratio = state.density_ratio * (closest.density_ratio / state.density_ratio) ** share
-    hardened = density_ratio if law.dry_side == "ellipse" else np.maximum(state.max_density_ratio, density_ratio)
-    work = state.plastic_work + share * _work(law, stress, trial - closest.stress)
-    if tangent:
-        slopes = share * slopes + (1 - share) * elastic[[0, 1, 3]]
-    return MaterialPoint(stress, density_ratio, hardened, work), slopes
-
-
-def _elasticity(law):
-    """d stress (xx, yy, zz, xy)/d strain (xx, yy, 2 xy), shape (4, 3)."""
-    K, G = cap_constants(law, 1.0)[:2]
-    wide, side = K + 4 * G / 3, K - 2 * G / 3
-    return np.array([[wide, side, 0], [side, wide, 0], [side, side, 0], [0, 0, G]])
-
-
-def _work(law, stress, other):
-    """stress : C^-1 other, shape (n,)."""
-    K, G = cap_constants(law, 1.0)[:2]
-    traces = stress[:, :3].sum(axis=1) * other[:, :3].sum(axis=1) / 3
-    products = (stress * other) @ np.array([1.0, 1.0, 1.0, 2.0])
-    return traces / (3 * K) + (products - traces) / (2 * G)
-
-
-def _raise(i, state, strain):
+def _raise_not_converged(i: int, state: MaterialPoint, strain: Array) -> NoReturn:
     require_finite(strain=strain, stress=state.stress, density_ratio=state.density_ratio)
     raise RuntimeError(
-        f"the yield limit is not met after a strain increment of {np.abs(strain[i]).max():.3g} from a stress of "
-        f"{np.abs(state.stress[i]).max():.3g} Pa at density ratio {state.density_ratio[i]:.6g} (point {i}); take "
+        f"the return mapping did not converge for a strain increment of {np.abs(strain[i]).max():.3g} from a stress of "
+        f"{np.abs(state.stress[i]).max():.3g} Pa at density ratio {state.density_ratio[i]:.6g} (point {i}); use "
         "smaller increments"
     )
 
 
-class Constants(NamedTuple):
-    """Of a `Compaction` at one speed, for compiled code: `slope` is K_H over the rate factor, `loose` k0."""
+class CapConstants(NamedTuple):
+    """CapConstants of a `Compaction` at one speed, for compiled code.
+
+    Parameters
+    ----------
+    K, G : float
+        Bulk and shear modulus of unloading [Pa].
+    M : float
+        Slope of the critical state [-].
+    pt : float
+        Isotropic tensile strength [Pa].
+    slope : float
+        Heckel's slope K_H over the rate factor [1/Pa].
+    loose : float
+        Density ratio k0 at which Heckel's curve starts [-].
+    flat : bool
+        True for a flat subcritical side.
+    """
 
     K: float
     G: float
@@ -139,10 +155,10 @@ class Constants(NamedTuple):
     flat: bool
 
 
-def cap_constants(law, rate_factor):
-    """The `Constants` of a law."""
+def cap_constants(law: Compaction, rate_factor: float) -> CapConstants:
+    """Return the `CapConstants` of a law at a rate factor [-]."""
     E, nu = float(law.unloading_modulus), float(law.poisson)
-    return Constants(
+    return CapConstants(
         K=E / (3 - 6 * nu),
         G=E / (2 + 2 * nu),
         M=float(law.critical_slope),
@@ -154,8 +170,21 @@ def cap_constants(law, rate_factor):
 
 
 @compiled
-def hardening(law, k):
-    """pc and H = dpc/dV at the density ratio k: `Compaction.yield_pressure` point by point."""
+def hardening(law: CapConstants, k: float) -> tuple[float, float]:
+    """Evaluate the hardening law of one point, as `Compaction.yield_pressure`.
+
+    Parameters
+    ----------
+    law : CapConstants
+        CapConstants of the law.
+    k : float
+        Density ratio [-].
+
+    Returns
+    -------
+    pc, H : float
+        Preconsolidation pressure and its derivative dpc/dV by the plastic volumetric strain [Pa].
+    """
     if k >= HECKEL_MAX_DENSITY_RATIO:
         stiffness = HECKEL_MAX_DENSITY_RATIO / (1 - HECKEL_MAX_DENSITY_RATIO)
         xi = np.log((1 - law.loose) / (1 - HECKEL_MAX_DENSITY_RATIO)) + stiffness * np.log(k / HECKEL_MAX_DENSITY_RATIO)
@@ -169,29 +198,53 @@ def hardening(law, k):
 
 
 @compiled
-def _sweep(first, end, law, stress, density_ratio, hardened, work, strain, new_stress, new_numbers, slopes):
-    """Each point from `first` to before `end` in turn; the first that failed, or -1."""
+def _integrate_batch(first, end, law, state, strain, results):
+    """Integrate points `first` to `end` - 1; return the first that did not converge, or -1."""
+    stress, density_ratio, max_density_ratio, work = state
+    new_stress, new_scalars, tangents = results
     for i in range(first, end):
-        before = (stress[i, 0], stress[i, 1], stress[i, 2], stress[i, 3], density_ratio[i], hardened[i])
-        closed, after, dissipated, slope, (sxx, syy, sxy) = integrate_point(
+        before = (stress[i, 0], stress[i, 1], stress[i, 2], stress[i, 3], density_ratio[i], max_density_ratio[i])
+        converged, after, dissipated, coefficients, (sxx, syy, sxy) = integrate_point(
             law, before, strain[i, 0], strain[i, 1], strain[i, 2]
         )
-        if not closed:
+        if not converged:
             return i
-        for k in range(4):
-            new_stress[i, k] = after[k]
-        new_numbers[0, i] = after[4]
-        new_numbers[1, i] = after[5]
-        new_numbers[2, i] = work[i] + dissipated
-        if len(slopes):
-            _tangent(slopes[i], slope, sxx, syy, sxy)
+        for j in range(4):
+            new_stress[i, j] = after[j]
+        new_scalars[0, i] = after[4]
+        new_scalars[1, i] = after[5]
+        new_scalars[2, i] = work[i] + dissipated
+        if len(tangents):
+            _tangent(tangents[i], coefficients, sxx, syy, sxy)
     return -1
 
 
 @compiled
-def integrate_point(law, before, exx, eyy, gamma):
-    """One point: closed or not, (xx, yy, zz, xy, k, hardened) after, plastic work, and (B, G', R, L, S) and the stress
-    deviator (xx, yy, xy) of `_tangent`."""
+def integrate_point(law: CapConstants, before: tuple, exx: float, eyy: float, gamma: float) -> tuple:
+    """Integrate the constitutive law at one point.
+
+    Parameters
+    ----------
+    law : CapConstants
+        CapConstants of the law.
+    before : tuple of float
+        Stress xx, yy, zz, xy [Pa], density ratio and largest density ratio [-] before the increment.
+    exx, eyy, gamma : float
+        Strain increment xx, yy, 2 xy [-].
+
+    Returns
+    -------
+    converged : bool
+        False if the return mapping did not converge.
+    after : tuple of float
+        State after the increment, as `before`.
+    plastic_work : float
+        Plastic work of the increment [J/m3].
+    coefficients : tuple of float
+        B, G', R, L, S of the tangent B 1x1 + 2 G' (I - 1x1/3) + R 1xs + L sx1 + S sxs.
+    deviator : tuple of float
+        Stress deviator s of the tangent, xx, yy, xy [Pa].
+    """
     # elastic trial
     third = (exx + eyy) / 3
     mean = (before[0] + before[1] + before[2]) / 3
@@ -201,18 +254,18 @@ def integrate_point(law, before, exx, eyy, gamma):
     szz = before[2] - mean - 2 * law.G * third
     sxy = before[3] + law.G * gamma
     q = np.sqrt(1.5 * (sxx * sxx + syy * syy + szz * szz + 2 * sxy * sxy))
-    memory = before[5] if law.flat else before[4]
+    densest = before[5] if law.flat else before[4]
 
-    attempts, p, shrink, k, memory, dissipated, slope = return_map(law, p, q, before[4], memory)
-    closed = attempts <= ATTEMPTS and np.isfinite(p + k + dissipated)
-    sxx, syy, szz, sxy = shrink * sxx, shrink * syy, shrink * szz, shrink * sxy
-    return closed, (sxx - p, syy - p, szz - p, sxy, k, memory), dissipated, slope, (sxx, syy, sxy)
+    iterations, p, scale, k, densest, dissipated, coefficients = return_map(law, p, q, before[4], densest)
+    converged = iterations <= MAX_ITERATIONS and np.isfinite(p + k + dissipated)
+    sxx, syy, szz, sxy = scale * sxx, scale * syy, scale * szz, scale * sxy
+    return converged, (sxx - p, syy - p, szz - p, sxy, k, densest), dissipated, coefficients, (sxx, syy, sxy)
 
 
 @compiled
-def _tangent(out, slope, sxx, syy, sxy):
-    """B 1x1 + 2 G' (I - 1x1/3) + R 1xs + L sx1 + S sxs of the stress deviator s, in (xx, yy, xy)."""
-    B, G, R, L, S = slope
+def _tangent(out, coefficients, sxx, syy, sxy):
+    """Compute the tangent of (xx, yy, xy) from its coefficients and the stress deviator, as of `integrate_point`."""
+    B, G, R, L, S = coefficients
     s = (sxx, syy, sxy)
     one = (1.0, 1.0, 0.0)
     shear = (2 * G, 2 * G, G)
@@ -223,122 +276,145 @@ def _tangent(out, slope, sxx, syy, sxy):
 
 
 @compiled
-def return_map(law, p, q, k, memory):
-    """From the trial p and q: attempts, p, q/q_trial, k, memory, plastic work, and (B, G', R, L, S) of `_tangent`."""
-    pc, _ = hardening(law, memory)
+def return_map(law: CapConstants, p: float, q: float, k: float, densest: float) -> tuple:
+    """Map a trial state back to the yield surface.
+
+    Parameters
+    ----------
+    law : CapConstants
+        CapConstants of the law.
+    p, q : float
+        Trial mean pressure and von Mises stress [Pa].
+    k, densest : float
+        Density ratio before the step and the largest so far [-].
+
+    Returns
+    -------
+    iterations : int
+        Newton iterations, more than MAX_ITERATIONS without convergence.
+    p, scale : float
+        Mean pressure [Pa] and von Mises stress over its trial value [-].
+    k, densest : float
+        Density ratios after the step [-].
+    plastic_work : float
+        Plastic work [J/m3].
+    coefficients : tuple of float
+        Coefficients of the tangent, as of `integrate_point`.
+    """
+    pc, _ = hardening(law, densest)
     a, c = (pc + law.pt) / 2, (pc - law.pt) / 2
     p0 = min(c, 0.0) if law.flat else c
-    reach = p0 + law.pt  # of the dry side
-    if law.flat and (p0 <= p <= c or (p < p0 and reach == 0)):  # no strength in tension is a wall at p = 0
-        return _flat(law, p, q, k, memory, max(p, p0), law.M * a)
+    half_axis = p0 + law.pt  # of the subcritical side
+    if law.flat and (p0 <= p <= c or (p < p0 and half_axis == 0)):  # without tensile strength p >= 0
+        return _return_to_flat(law, p, q, k, densest, max(p, p0), law.M * a)
     start = c if p > c else p0
-    r = (a / reach) ** 2 if law.flat and p < p0 else 1.0
-    if q * q / law.M**2 + r * (p - start) ** 2 <= (a * (1 + 2 * SLACK)) ** 2:
-        return 0, p, 1.0, k, memory, 0.0, (law.K, law.G, 0.0, 0.0, 0.0)
-    beyond = max(abs(p - start), NEAREST * a)
-    return _closed(law, start, beyond if p >= start else -beyond, q, k, memory, a, r)
+    r = (a / half_axis) ** 2 if law.flat and p < p0 else 1.0
+    if q * q / law.M**2 + r * (p - start) ** 2 <= (a * (1 + 2 * RESIDUAL_TOLERANCE)) ** 2:
+        return 0, p, 1.0, k, densest, 0.0, (law.K, law.G, 0.0, 0.0, 0.0)
+    distance = max(abs(p - start), MIN_TRIAL_DISTANCE * a)
+    return _return_to_curve(law, start, distance if p >= start else -distance, q, k, densest, a, r)
 
 
 @compiled
-def _flat(law, p_trial, q_trial, k, memory, p, limit):
-    """The same where the limit is q <= `limit` at the pressure p."""
+def _return_to_flat(law, p_trial, q_trial, k, densest, p, max_q):
+    """Return the results of `return_map` on the flat part, q <= `max_q` at the pressure p."""
     V = (p_trial - p) / law.K
-    q = min(q_trial, limit)
+    q = min(q_trial, max_q)
     work = p * V + q * (q_trial - q) / (3 * law.G)
     bulk = law.K if p == p_trial else 0.0
     if q == q_trial:
-        return 0, p, 1.0, k * np.exp(V), memory, work, (bulk, law.G, 0.0, 0.0, 0.0)
-    shrink = q / q_trial
-    return 0, p, shrink, k * np.exp(V), memory, work, (bulk, shrink * law.G, 0.0, 0.0, -3 * law.G * shrink / q**2)
+        return 0, p, 1.0, k * np.exp(V), densest, work, (bulk, law.G, 0.0, 0.0, 0.0)
+    scale = q / q_trial
+    return 0, p, scale, k * np.exp(V), densest, work, (bulk, scale * law.G, 0.0, 0.0, -3 * law.G * scale / q**2)
 
 
 @compiled
-def _closed(law, start, A, q_trial, k, memory, a, r):
-    """The same where the trial lies outside, at the pressure A != 0 beyond the `start` of a curved part."""
-    older = np.log(memory / k) if law.flat else 0.0  # the V at which the mix is as dense as it ever was
-    attempts, V, y, a, h, m, shrink, N, _ = _root(law, A, q_trial / law.M, memory, older, a, r)
+def _return_to_curve(law, start, A, q_trial, k, densest, a, r):
+    """Return the results of `return_map` for p_trial = start + A, A != 0, outside a curved part."""
+    onset = np.log(densest / k) if law.flat else 0.0  # V at which hardening starts
+    iterations, V, y, a, h, m, scale, N, _ = _solve_multiplier(law, A, q_trial / law.M, densest, onset, a, r)
     k *= np.exp(V)
-    memory = max(k, memory) if law.flat else k
-    a = (hardening(law, memory)[0] + law.pt) / 2
-    if r == 1.0:  # c has moved
+    densest = max(k, densest) if law.flat else k
+    a = (hardening(law, densest)[0] + law.pt) / 2
+    if r == 1.0:  # c depends on pc
         start = a - law.pt
-    p = start + y * (a / N)  # a/N takes the last rounding off the yield limit
-    shrink *= a / N
-    q = q_trial * shrink
+    p = start + y * (a / N)  # a/N removes the remaining residual
+    scale *= a / N
+    q = q_trial * scale
     work = p * V + q * (q_trial - q) / (3 * law.G)
-    return attempts, p, shrink, k, memory, work, _slopes(law, y, a, h, m, r, q, shrink)
+    return iterations, p, scale, k, densest, work, _tangent_coefficients(law, y, a, h, m, r, q, scale)
 
 
 @compiled
-def _root(law, A, d_trial, memory, older, a_before, r):
-    """Attempts, more than ATTEMPTS where all failed, and what `_inwards` gives at the last x."""
+def _solve_multiplier(law, A, d_trial, densest, onset, a_before, r):
+    """Return the iterations, more than MAX_ITERATIONS without convergence, and the results of `_evaluate` at x."""
     low, high, x = 0.0, np.inf, 0.0
-    for attempt in range(ATTEMPTS):
-        there = _inwards(law, A, d_trial, memory, older, a_before, r, x)
-        V, y, a, h, _, _, N, dN = there
-        defect = a / N - 1 if y * A > 0 else np.inf  # past y = 0
-        if defect <= 1:
-            newton = x + defect * N * N * law.K * (1 + x) ** 2 / ((a * dN - h * N) * A)
-        else:  # so deep inside N is the straighter one, in V
+    for iteration in range(MAX_ITERATIONS):
+        values = _evaluate(law, A, d_trial, densest, onset, a_before, r, x)
+        V, y, a, h, _, _, N, dN = values
+        residual = a / N - 1 if y * A > 0 else np.inf  # y has changed its sign
+        if residual <= 1:
+            next_x = x + residual * N * N * law.K * (1 + x) ** 2 / ((a * dN - h * N) * A)
+        else:  # far inside N is closer to linear, in V
             inner = V - (N - a) / (dN - h)
-            newton = law.K * inner / (A - law.K * inner) if defect < np.inf else -1.0
-        still = min(abs(newton - x), high - low) <= ROUNDING * x
-        if abs(defect) <= SLACK or (still and abs(defect) <= ROUGHEST):
-            return attempt + 1, *there
-        if defect < 0:
+            next_x = law.K * inner / (A - law.K * inner) if residual < np.inf else -1.0
+        stalled = min(abs(next_x - x), high - low) <= STEP_TOLERANCE * x
+        if abs(residual) <= RESIDUAL_TOLERANCE or (stalled and abs(residual) <= RESIDUAL_ACCEPTED):
+            return iteration + 1, *values
+        if residual < 0:
             low = x
         else:
             high = x
         middle = (low + high) / 2 if high < np.inf else 2 * x + 1
-        x = newton if low < newton < high else middle
-        if x >= high:  # nothing lies between
+        x = next_x if low < next_x < high else middle
+        if x >= high:  # no number between the bounds
             x = low
-    return ATTEMPTS + 1, *there
+    return MAX_ITERATIONS + 1, *values
 
 
 @compiled
-def _inwards(law, A, d_trial, memory, older, a_before, r, x):
-    """At x: V, y, a, h = da/dV, m, q/q_trial, N = sqrt(d^2 + r y^2) with d = q/M, and dN/dV."""
+def _evaluate(law, A, d_trial, densest, onset, a_before, r, x):
+    """Return V, y, a, h = da/dV, m, q/q_trial, N = sqrt(d^2 + r y^2) with d = q/M, and dN/dV at x."""
     b, outer = 6 * law.G / law.M**2, 1 / (1 + x)
     V = A * x * outer / law.K
     rise, H = 0.0, 0.0
-    if not law.flat or older < V:
-        rise, H = _rise(law, memory, V - older)
+    if not law.flat or onset < V:
+        rise, H = _pressure_rise(law, densest, V - onset)
     a, h = a_before + rise / 2, H / 2
     y, dy = A * outer - rise / 2, -law.K - h
-    ease = 1 / (2 * r * y)
-    m = V * ease
-    shrink = 1 / (1 + b * m)
-    d, dm = d_trial * shrink, (1 - 2 * r * m * dy) * ease
+    inverse = 1 / (2 * r * y)
+    m = V * inverse
+    scale = 1 / (1 + b * m)
+    d, dm = d_trial * scale, (1 - 2 * r * m * dy) * inverse
     N = np.sqrt(d * d + r * y * y)
-    return V, y, a, h, m, shrink, N, (r * y * dy - d * d * shrink * b * dm) / N
+    return V, y, a, h, m, scale, N, (r * y * dy - d * d * scale * b * dm) / N
 
 
 @compiled
-def _rise(law, k, V):
-    """pc(k exp V) - pc(k) and H at its end, without the rounding of the difference on Heckel's curve."""
+def _pressure_rise(law, k, V):
+    """Return pc(k exp V) - pc(k) and the final H, without cancellation on Heckel's curve."""
     gain = k * np.expm1(V)
-    sparse, dense = min(k, k + gain), max(k, k + gain)
-    if dense <= HECKEL_MAX_DENSITY_RATIO and 1 - sparse < (1 - law.loose) * LOOSEST:
+    low_k, high_k = min(k, k + gain), max(k, k + gain)
+    if high_k <= HECKEL_MAX_DENSITY_RATIO and 1 - low_k < (1 - law.loose) * MIN_POROSITY_RATIO:
         return -np.log1p(-gain / (1 - k)) / law.slope, (k + gain) / (1 - k - gain) / law.slope
     pc, H = hardening(law, k + gain)
-    if sparse >= HECKEL_MAX_DENSITY_RATIO:
+    if low_k >= HECKEL_MAX_DENSITY_RATIO:
         return H * V, H
     return pc - hardening(law, k)[0], H
 
 
 @compiled
-def _slopes(law, y, a, h, m, r, q, shrink):
-    """(B, G', R, L, S) of `_tangent`: derivatives of p and q by the trial pair, through V = 2 m r y and f = 0."""
+def _tangent_coefficients(law, y, a, h, m, r, q, scale):
+    """Return the coefficients of the tangent: derivatives of p and q by the trial pair, from V = 2 m r y and f = 0."""
     K, G, M2 = law.K, law.G, law.M**2
     along = 1 + 2 * r * m * (K + h)
-    Q = 6 * G * q * q * shrink / M2**2
+    Q = 6 * G * q * q * scale / M2**2
     D = along * Q + 2 * r * y * (a * h + r * y * (K + h))
-    cross = 6 * K * G * r * shrink / (M2 * D)
+    cross = 6 * K * G * r * scale / (M2 * D)
     return (
         K * (1 - 2 * K * r * (r * y * y + m * Q) / D),
-        shrink * G,
+        scale * G,
         cross * y,
         cross * (y - 2 * a * h * m),
-        -18 * G**2 * shrink**2 * along / (M2**2 * D),
+        -18 * G**2 * scale**2 * along / (M2**2 * D),
     )

@@ -1,42 +1,74 @@
-"""What the mix does: linear elastic, viscoelastic, or compacting for good; one Poisson's ratio each."""
+"""Material laws of the layer: linear elastic, linear viscoelastic, and irreversible compaction by an elliptic cap.
+
+Every law has one Poisson's ratio. The laws are parameter records; the engines integrate them.
+
+References
+----------
+R. W. Heckel, Trans. Metall. Soc. AIME 221 (1961) 671 (pressure over density); K. H. Roscoe and J. B. Burland, On the
+generalised stress-strain behaviour of wet clay, CUP 1968 (elliptic cap).
+"""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 
-HECKEL_MAX_DENSITY_RATIO = (
-    0.99  # density ratio where measured curves end; beyond, pc keeps the curve's modulus k dpc/dk
-)
-HECKEL_MIN_PRESSURE = 0.01  # K_H pc below which pc no longer falls along the curve but levels off at half of it
+HECKEL_MAX_DENSITY_RATIO = 0.99  # [-], end of measured curves; beyond, pc keeps the modulus k dpc/dk of the curve
+HECKEL_MIN_PRESSURE = 0.01  # [-], K_H pc below which pc departs from the curve and tends to half of this value
+
+SubcriticalSide = Literal["ellipse", "flat"]
+
+
+def _require_poisson(poisson: float) -> None:
+    if not 0 <= poisson < 0.5:
+        raise ValueError(f"`poisson` must lie in [0, 0.5), got {poisson!r}")
 
 
 @dataclass(frozen=True)
 class Elastic:
-    """Isotropic linear elastic mix: `youngs_modulus` E [Pa] > 0, `poisson` nu, 0 <= nu < 0.5."""
+    """Isotropic linear elastic layer.
+
+    Parameters
+    ----------
+    youngs_modulus : float
+        Young's modulus E [Pa], > 0.
+    poisson : float
+        Poisson's ratio nu [-], 0 <= nu < 0.5.
+    """
 
     youngs_modulus: float
     poisson: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_positive(youngs_modulus=self.youngs_modulus)
-        if not 0 <= self.poisson < 0.5:
-            raise ValueError(f"`poisson` must lie in [0, 0.5), got {self.poisson!r}")
+        _require_poisson(self.poisson)
 
     @property
-    def contact_modulus(self):
-        """E* = E/(1 - nu^2) [Pa] under a rigid roller in plane strain."""
+    def contact_modulus(self) -> float:
+        """Contact modulus E* = E/(1 - nu^2) under a rigid roller in plane strain [Pa]."""
         return self.youngs_modulus / (1 - self.poisson**2)
 
 
 @dataclass(frozen=True)
 class Viscoelastic(Elastic):
-    """Prony series on the fully relaxed modulus: E(t) = E [1 + sum_i share_i exp(-t/time_i)].
+    """Viscoelastic layer: a Prony series on the relaxed modulus.
 
-    `branches` are pairs (stiffness share > 0, relaxation time [s] > 0) beside the `youngs_modulus` E [Pa].
+        E(t) = E [1 + sum_i share_i exp(-t/time_i)]
 
+    Parameters
+    ----------
+    youngs_modulus : float
+        Relaxed modulus E [Pa], > 0.
+    poisson : float
+        Poisson's ratio nu [-], 0 <= nu < 0.5, constant in time.
+    branches : tuple of (float, float)
+        Stiffness share [-] > 0 and relaxation time [s] > 0 of each branch.
+
+    Examples
+    --------
     >>> mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
     >>> mix.instant_modulus, abs(mix.complex_modulus(10.0))
     (20000000.0, 15811388.300841896)
@@ -44,7 +76,7 @@ class Viscoelastic(Elastic):
 
     branches: tuple[tuple[float, float], ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         super().__post_init__()
         if not all(len(branch) == 2 for branch in self.branches):
             raise ValueError(f"`branches` must be pairs (stiffness share, relaxation time), got {self.branches!r}")
@@ -52,33 +84,61 @@ class Viscoelastic(Elastic):
             require_positive(stiffness_share=share, relaxation_time=time)
 
     @property
-    def instant_modulus(self):
-        """E(0) = E (1 + sum of shares) [Pa]."""
+    def instant_modulus(self) -> float:
+        """Instantaneous modulus E(0) = E (1 + sum of shares) [Pa]."""
         return self.youngs_modulus * (1 + sum(share for share, _ in self.branches))
 
-    def complex_modulus(self, frequency):
-        """E (1 + sum share i w t/(1 + i w t)) [Pa] at the angular frequency w [rad/s]."""
+    def complex_modulus(self, frequency: float) -> complex:
+        """Compute the complex modulus.
+
+            E*(w) = E [1 + sum_i share_i i w time_i/(1 + i w time_i)]
+
+        Parameters
+        ----------
+        frequency : float
+            Angular frequency w [rad/s].
+
+        Returns
+        -------
+        complex
+            Complex modulus [Pa].
+        """
         terms = (share * 1j * frequency * time / (1 + 1j * frequency * time) for share, time in self.branches)
         return self.youngs_modulus * (1 + sum(terms))
 
 
 @dataclass(frozen=True)
 class Compaction:
-    """Mix that compacts for good: an elliptic cap that hardens along Heckel's curve, elastic inside.
+    """Irreversible compaction: an elliptic cap that hardens along Heckel's curve, elastic inside.
 
-        f = q^2/M^2 + (p + pt)(p - pc) <= 0,  associated flow,  dk/k = plastic volume strain,
+        f = q^2/M^2 + (p + pt)(p - pc) <= 0,  associated flow,  dk/k = plastic volumetric strain
         pc(k) = ln[(1 - k0)/(1 - k)] / K_H * (speed/reference_speed)^m
 
-    p mean pressure, q von Mises stress, compression positive; k density ratio.
+    p is the mean pressure and q the von Mises stress, compression positive; k is the density ratio.
 
-    unloading_modulus : E_u of unloading and reloading [Pa];  poisson : nu
-    heckel_slope : K_H of the isotropic curve [1/Pa], 1.10-1.19 times the one-dimensional one of mix tables
-    loose_density_ratio : k0, where Heckel's curve starts, a constant of the curve
-    critical_slope : M = q/(p + pt) at constant volume;  tensile_strength : pt [Pa]
-    fed_density_ratio : k of the mix in front of the roller, between k0 and 1
-    rate_exponent, reference_speed : m and the speed [m/s] at which K_H holds; m = 0 is a mix that knows no rate
-    dry_side : where p < (pc - pt)/2 the yield limit is the "ellipse", whose flow dilates, or "flat": q = M (pc + pt)/2
-        down to p = 0, then a quarter ellipse to -pt, and pc remembers the largest k
+    Parameters
+    ----------
+    unloading_modulus : float
+        Young's modulus of unloading and reloading E_u [Pa], > 0.
+    poisson : float
+        Poisson's ratio nu [-], 0 <= nu < 0.5.
+    heckel_slope : float
+        K_H of the isotropic curve [1/Pa], > 0; 1.10-1.19 times the one-dimensional one of mix tables.
+    loose_density_ratio : float
+        k0, start of Heckel's curve and a constant of the curve [-], > 0.
+    critical_slope : float
+        M = q/(p + pt) at constant volume [-], > 0.
+    tensile_strength : float
+        Isotropic tensile strength pt [Pa], >= 0.
+    fed_density_ratio : float
+        Initial density ratio in front of the roller [-], between k0 and 1.
+    rate_exponent : float
+        m [-], >= 0; 0 for a rate-independent mix.
+    reference_speed : float, optional
+        Roller speed for which K_H is valid [m/s], > 0; required with a rate exponent.
+    dry_side : {"ellipse", "flat"}
+        Yield limit on the subcritical side, p < (pc - pt)/2: the ellipse, with dilatant flow, or flat. Flat is
+        q = M (pc + pt)/2 down to p = 0, then a quarter ellipse to -pt; pc depends on the largest k so far.
     """
 
     unloading_modulus: float
@@ -90,9 +150,9 @@ class Compaction:
     fed_density_ratio: float
     rate_exponent: float = 0.0
     reference_speed: float | None = None
-    dry_side: Literal["ellipse", "flat"] = "flat"
+    dry_side: SubcriticalSide = "flat"
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_positive(
             unloading_modulus=self.unloading_modulus,
             heckel_slope=self.heckel_slope,
@@ -100,34 +160,46 @@ class Compaction:
             critical_slope=self.critical_slope,
         )
         require_nonnegative(tensile_strength=self.tensile_strength, rate_exponent=self.rate_exponent)
-        if not 0 <= self.poisson < 0.5:
-            raise ValueError(f"`poisson` must lie in [0, 0.5), got {self.poisson!r}")
+        _require_poisson(self.poisson)
         if not self.loose_density_ratio < self.fed_density_ratio < 1:
             raise ValueError(
                 f"`fed_density_ratio` must lie between `loose_density_ratio` {self.loose_density_ratio!r} and 1, "
                 f"got {self.fed_density_ratio!r}"
             )
-        require_known("dry_side", self.dry_side, ("ellipse", "flat"))
+        require_known("dry_side", self.dry_side, get_args(SubcriticalSide))
         if self.rate_exponent:
             if self.reference_speed is None:
-                raise ValueError("`reference_speed` must be given where `rate_exponent` is not 0, got None")
+                raise ValueError("`reference_speed` must be set where `rate_exponent` is not 0, got None")
             require_positive(reference_speed=self.reference_speed)
 
-    def yield_pressure(self, density_ratio):
-        """pc(k) [Pa] under hydrostatic pressure at the reference speed, for any k > 0.
+    def yield_pressure(self, density_ratio: ArrayLike) -> NDArray[np.float64]:
+        """Compute the preconsolidation pressure pc(k) at the reference speed.
 
-        Heckel's curve up to k = 0.99; there it would soon be a wall at k = 1, where no number is left to tell pc, so
-        it goes on along its tangent over ln k and k may pass 1: a mix pressed beyond what the law knows. Near k0 pc
-        levels off above 0. Both joints are smooth.
+        Parameters
+        ----------
+        density_ratio : array_like
+            Density ratio k [-], > 0.
+
+        Returns
+        -------
+        ndarray
+            pc under hydrostatic pressure [Pa].
+
+        Notes
+        -----
+        Heckel's curve is used up to k = 0.99. Beyond, pc continues along the tangent of the curve over ln k, so that
+        it stays finite and k may exceed 1 outside the range of validity. Near k0 pc tends to a small positive value.
+        Both transitions are smooth.
         """
         k, k0 = np.asarray(density_ratio, dtype=float), self.loose_density_ratio
         curve = np.log((1 - k0) / (1 - np.minimum(k, HECKEL_MAX_DENSITY_RATIO)))
-        curve = curve + HECKEL_MAX_DENSITY_RATIO / (1 - HECKEL_MAX_DENSITY_RATIO) * np.log(
-            np.maximum(k / HECKEL_MAX_DENSITY_RATIO, 1)
-        )
+        stiffness = HECKEL_MAX_DENSITY_RATIO / (1 - HECKEL_MAX_DENSITY_RATIO)
+        curve = curve + stiffness * np.log(np.maximum(k / HECKEL_MAX_DENSITY_RATIO, 1))
         level = np.expm1(2 * np.minimum(curve / HECKEL_MIN_PRESSURE - 1, 0)) * HECKEL_MIN_PRESSURE / 2
         return (np.maximum(curve, HECKEL_MIN_PRESSURE) + level) / self.heckel_slope
 
-    def rate_factor(self, speed):
-        """(|speed|/reference_speed)^m, by which pc is larger at a speed [m/s]."""
-        return (abs(speed) / self.reference_speed) ** self.rate_exponent if self.rate_exponent else 1.0
+    def rate_factor(self, speed: float) -> float:
+        """Return the factor (|speed|/reference_speed)^m of pc at a speed [m/s]."""
+        if not self.rate_exponent or self.reference_speed is None:
+            return 1.0
+        return (abs(speed) / self.reference_speed) ** self.rate_exponent

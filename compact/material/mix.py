@@ -1,42 +1,62 @@
-"""From moisture and density ratio of the mix to its parameters, each with its spread and its origin.
+"""Prior parameters of a mix from its moisture and density ratio, each with its spread and source.
 
-No publication gives these as functions of moisture W and density ratio k: `data/mix.csv` is a prior for a stiff
-fine-grained mix, in which only the required pressure and the relaxed modulus at W 0.10, k 0.98 are tied to a published
-machine. Whoever shows a number shows its spread. Between the nodes the table is interpolated, never beyond them.
+No publication states these parameters as functions of moisture W and density ratio k. `data/mix.csv` is a prior for a
+stiff fine-grained mix; only the required pressure and the relaxed modulus at W 0.10, k 0.98 are calibrated to a
+published machine. Values are interpolated between the nodes of the table and never extrapolated.
 
-The coordinate along k is u = -ln(1 - k), the one of Heckel's curve
+The coordinate along k is u = -ln(1 - k), that of Heckel's curve
 
-    q = ln[(1 - k0)/(1 - k)] / K_H,    K_H = 13/MPa x factor(W),    k0 = 0.72,
+    q = ln[(1 - k0)/(1 - k)] / K_H,    K_H = 13/MPa x factor(W),    k0 = 0.72.
 
-on which the required pressure is a straight line and every power of 1 - k (pore air, plastic slope) a straight line of
-its logarithm. All pressures and moduli scale as 1/L with the roller length L, which no source gives.
+The required pressure is linear in u, and so is the logarithm of every power of 1 - k (pore air, plastic slope). All
+pressures and moduli scale as 1/L with the roller length L, which no source states.
+
+References
+----------
+R. W. Heckel, Trans. Metall. Soc. AIME 221 (1961) 671.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from compact.numerics.validation import require_between, require_known, require_nonnegative, require_positive
 
-SOLIDS = 2650.0  # density of the grains [kg/m3]
-WATER = 1000.0  # density of water [kg/m3]
-LOOSE_DENSITY_RATIO = 0.72  # k0, where Heckel's curve starts [-]; a constant of the curve, not an allowed density
-HECKEL_SLOPE = 13e-6  # K_H at moisture 0.10 [1/Pa], one-dimensional; fits the table's required pressures to rounding
-RATE_EXPONENT = 0.018  # of yield pressure over speed: 4.2 % per decade, middle of the 2.5-7 % of unsaturated clay
-HECKEL_FACTOR = (0.55, 0.78, 1.0, 1.22, 1.45)  # K_H over that at the table's moistures: wetter mix presses easier
-PUBLISHED = (0.10, 0.98)  # moisture and density ratio of the published machine
-ROLLING_PRESSURE = 0.5e6  # required pressure beyond which rolling does not reach the density [Pa]
-ROLLING_SATURATION = 0.95  # saturation beyond which pore water carries the roller [-]
+GRAIN_DENSITY = 2650.0  # [kg/m3], density of the solids
+WATER_DENSITY = 1000.0  # [kg/m3], density of water
+LOOSE_DENSITY_RATIO = 0.72  # [-], k0, start of Heckel's curve; a constant of the curve, not an allowed density
+HECKEL_SLOPE = 13e-6  # [1/Pa], one-dimensional K_H at moisture 0.10; fits the required pressures to rounding
+HECKEL_SLOPE_FACTORS = (0.55, 0.78, 1.0, 1.22, 1.45)  # [-], K_H over that at the moistures of the table
+RATE_EXPONENT = 0.018  # [-], of yield pressure over speed; 4.2 % per decade, middle of 2.5-7 % of unsaturated clay
+PUBLISHED_MOISTURE, PUBLISHED_DENSITY_RATIO = 0.10, 0.98  # [-], of the published machine
+PUBLISHED_TOLERANCE = 1e-9  # [-], of moisture and density ratio
+CALIBRATED_SPREAD = 1.5  # [-], factor of the spread of parameters calibrated to the published machine
+ROLLING_PRESSURE = 0.5e6  # [Pa], largest required pressure at which rolling achieves the density
+ROLLING_SATURATION = 0.95  # [-], largest saturation at which pore water does not carry the roller
+
+Spread = Callable[[float], tuple[float, float]]
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of the mix: its value with its spread from `low` to `high`, in `unit`.
+    """Parameter of a mix with its spread.
 
-    `flag` says how it is known: measured, analogous (to another material), assumed, calibrated (to the published
-    machine), derived (phase relations) or given; `origin` says it in words.
+    Parameters
+    ----------
+    name : str
+        Name, one of `PARAMETER_NAMES`.
+    value, low, high : float
+        Value and spread, in `unit`.
+    unit : str
+        Unit.
+    flag : str
+        Source in one word: measured, analogous (another material), assumed, calibrated (to the published machine),
+        derived (phase relations) or given (by the user).
+    origin : str
+        Source in words.
     """
 
     name: str
@@ -47,9 +67,21 @@ class Parameter:
     flag: str
     origin: str
 
-    def at(self, share):
-        """The value at a share of the spread, 0 to 1: by ratio where the value is in the middle by ratio, else evenly.
+    def at(self, share: float) -> float:
+        """Interpolate the spread.
 
+        Parameters
+        ----------
+        share : float
+            Position in the spread, 0 at `low` and 1 at `high` [-].
+
+        Returns
+        -------
+        float
+            Geometric interpolation where the value is the geometric mean of the spread, else linear.
+
+        Examples
+        --------
         >>> f"{prior(0.10, 0.98).parameter('required_pressure').at(0.5) / 1e3:.0f} kPa"
         '203 kPa'
         """
@@ -60,108 +92,135 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Achievability:
-    """Whether rolling can reach the density (`possible`), and if not the `reason` in words."""
+    """Result of the check that rolling can achieve a density.
+
+    Parameters
+    ----------
+    possible : bool
+        True if rolling can achieve the density.
+    reason : str
+        Reason in words; empty if possible.
+    """
 
     possible: bool
     reason: str
 
-    def __bool__(self):
+    def __bool__(self) -> bool:
         return self.possible
 
 
 @dataclass(frozen=True)
 class Mix:
-    """A mix at one moisture W and density ratio k [-], made by `prior`; `mix.poisson` is the value of "poisson"."""
+    """Mix at one moisture and density ratio, built by `prior`.
+
+    Parameters
+    ----------
+    moisture : float
+        Moisture W, water mass over dry mass [-].
+    density_ratio : float
+        Density ratio k, bulk density over zero-air density [-].
+    parameters : tuple of Parameter
+        All parameters; `mix.poisson` is the value of the parameter "poisson".
+    """
 
     moisture: float
     density_ratio: float
     parameters: tuple[Parameter, ...]
 
-    def parameter(self, name):
-        """The `Parameter` of that name: value, spread, unit, flag and origin."""
+    def parameter(self, name: str) -> Parameter:
+        """Return the parameter of a name; raise ValueError for an unknown name."""
         require_known("mix parameter", name, PARAMETER_NAMES)
         return next(parameter for parameter in self.parameters if parameter.name == name)
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> float:
         if name in PARAMETER_NAMES:
             return self.parameter(name).value
         raise AttributeError(f"a mix has no '{name}'; it has {', '.join(PARAMETER_NAMES)}")
 
     @property
-    def density_achievable(self):
-        """`Achievability`: not reachable by rolling above 0.5 MPa of required pressure or 0.95 of saturation."""
+    def density_achievable(self) -> Achievability:
+        """Achievability of the density: required pressure <= 0.5 MPa and saturation <= 0.95."""
         reasons = []
         if self.required_pressure > ROLLING_PRESSURE:
             reasons.append(
-                f"it takes {self.required_pressure / 1e6:.2f} MPa, more than the {ROLLING_PRESSURE / 1e6:g} MPa of "
-                "rolling: add water or ask for less density"
+                f"the required pressure of {self.required_pressure / 1e6:.2f} MPa exceeds the "
+                f"{ROLLING_PRESSURE / 1e6:g} MPa of rolling; add water or reduce the density ratio"
             )
         if self.saturation > ROLLING_SATURATION:
             reasons.append(
-                f"its pores are filled to {self.saturation:.4f}, more than {ROLLING_SATURATION:g}, and the water would "
-                "carry the roller: take less water or ask for less density"
+                f"the saturation of {self.saturation:.4f} exceeds {ROLLING_SATURATION:g}, and pore water would carry "
+                "the roller; use less water or reduce the density ratio"
             )
         if not reasons:
             return Achievability(True, "")
-        where = f"density ratio {self.density_ratio:g} at moisture {self.moisture:g}"
-        return Achievability(False, f"{where} is not reachable by rolling: {'; '.join(reasons)}")
+        state = f"density ratio {self.density_ratio:g} at moisture {self.moisture:g}"
+        return Achievability(False, f"{state} is not achievable by rolling: {'; '.join(reasons)}")
 
 
 @dataclass(frozen=True)
 class ParameterSource:
-    """What `mix.csv` does not say of a parameter; `spread` maps a value to its (low, high)."""
+    """Unit and source of a parameter, which `mix.csv` does not contain.
+
+    Parameters
+    ----------
+    unit : str
+        Unit.
+    flag, words : str
+        Source, as of `Parameter`.
+    spread : callable
+        Spread (low, high) of a value.
+    """
 
     unit: str
     flag: str
     words: str
-    spread: Callable[[float], tuple[float, float]]
+    spread: Spread
 
 
-def factor(by):
-    """Spread of x/by ... x by."""
+def _factor(by: float) -> Spread:
     return lambda value: (value / by, value * by)
 
 
-def plus_minus(by):
-    """Spread of x - by ... x + by."""
+def _plus_minus(by: float) -> Spread:
     return lambda value: (value - by, value + by)
 
 
-def between(low, high):
-    """Spread of one range for the whole table."""
-    return lambda value: (low, high)
+def _range(low: float, high: float) -> Spread:
+    return lambda _: (low, high)
 
 
-_HECKEL = "Heckel curve through the published operating point; curve and moisture factor assumed"
-_PHASES = "phase relations, grains 2650 kg/m3"
+_HECKEL_CURVE = "Heckel curve through the published operating point; curve and moisture factor assumed"
+_PHASE_RELATIONS = "phase relations, grains 2650 kg/m3"
 _TRIBOMETRY = "soil on steel and fresh-concrete tribometry"
 _TRIAXIAL = "triaxial tests on fresh concrete, soils"
 
-PARAMETER_SOURCES = {
-    "bulk_density": ParameterSource("kg/m3", "derived", _PHASES, factor(1.02)),
-    "saturation": ParameterSource("-", "derived", _PHASES, factor(1.02)),
-    "required_pressure": ParameterSource("Pa", "assumed", _HECKEL, factor(2.5)),
-    "plastic_modulus": ParameterSource("Pa", "assumed", f"one-pass column slope at k; {_HECKEL}", factor(2.5)),
-    "relaxed_modulus": ParameterSource("Pa", "assumed", f"two-sided contact, no compaction; {_HECKEL}", factor(2.5)),
-    "unloading_modulus": ParameterSource("Pa", "analogous", "compacted unsaturated sandy soil", factor(2.0)),
-    "poisson": ParameterSource("-", "analogous", "compacted soil, 0.30 at the operating point", plus_minus(0.07)),
-    "instant_over_relaxed": ParameterSource(
-        "-", "assumed", "trapped air beside the skeleton (argued)", between(1.3, 2.0)
+PARAMETER_SOURCES: dict[str, ParameterSource] = {
+    "bulk_density": ParameterSource("kg/m3", "derived", _PHASE_RELATIONS, _factor(1.02)),
+    "saturation": ParameterSource("-", "derived", _PHASE_RELATIONS, _factor(1.02)),
+    "required_pressure": ParameterSource("Pa", "assumed", _HECKEL_CURVE, _factor(2.5)),
+    "plastic_modulus": ParameterSource("Pa", "assumed", f"one-pass column slope at k; {_HECKEL_CURVE}", _factor(2.5)),
+    "relaxed_modulus": ParameterSource(
+        "Pa", "assumed", f"two-sided contact, no compaction; {_HECKEL_CURVE}", _factor(2.5)
     ),
-    "relaxation_time": ParameterSource("s", "assumed", "drainage of pore air (argued)", factor(5.0)),
-    "pore_air_modulus": ParameterSource("Pa", "derived", "atmospheric pressure / (1 - k)", factor(2.0)),
-    "friction_angle": ParameterSource("deg", "analogous", _TRIAXIAL, plus_minus(5.0)),
-    "cohesion": ParameterSource("Pa", "analogous", _TRIAXIAL, factor(2.0)),
-    "steel_friction": ParameterSource("-", "analogous", _TRIBOMETRY, plus_minus(0.1)),
-    "heckel_slope": ParameterSource("1/Pa", "assumed", f"one-dimensional K_H; {_HECKEL}", factor(2.5)),
-    "rate_exponent": ParameterSource("-", "analogous", "relaxation of unsaturated clay", between(0.011, 0.029)),
+    "unloading_modulus": ParameterSource("Pa", "analogous", "compacted unsaturated sandy soil", _factor(2.0)),
+    "poisson": ParameterSource("-", "analogous", "compacted soil, 0.30 at the operating point", _plus_minus(0.07)),
+    "instant_over_relaxed": ParameterSource(
+        "-", "assumed", "trapped air in parallel with the skeleton (estimated)", _range(1.3, 2.0)
+    ),
+    "relaxation_time": ParameterSource("s", "assumed", "drainage of pore air (estimated)", _factor(5.0)),
+    "pore_air_modulus": ParameterSource("Pa", "derived", "atmospheric pressure / (1 - k)", _factor(2.0)),
+    "friction_angle": ParameterSource("deg", "analogous", _TRIAXIAL, _plus_minus(5.0)),
+    "cohesion": ParameterSource("Pa", "analogous", _TRIAXIAL, _factor(2.0)),
+    "steel_friction": ParameterSource("-", "analogous", _TRIBOMETRY, _plus_minus(0.1)),
+    "heckel_slope": ParameterSource("1/Pa", "assumed", f"one-dimensional K_H; {_HECKEL_CURVE}", _factor(2.5)),
+    "rate_exponent": ParameterSource("-", "analogous", "relaxation of unsaturated clay", _range(0.011, 0.029)),
     "effective_modulus": ParameterSource(
-        "Pa", "assumed", "secant modulus of (1.5)-(1.6): relaxed_modulus", factor(2.5)
+        "Pa", "assumed", "secant modulus of (1.5)-(1.6): relaxed_modulus", _factor(2.5)
     ),
 }
 PARAMETER_NAMES = tuple(PARAMETER_SOURCES)
-TIED = ("required_pressure", "plastic_modulus", "relaxed_modulus", "heckel_slope", "effective_modulus")  # to PUBLISHED
-LOGARITHMIC = (  # parameters that span decades and are interpolated by ratio
+CALIBRATED = ("required_pressure", "plastic_modulus", "relaxed_modulus", "heckel_slope", "effective_modulus")
+LOGARITHMIC = (  # parameters that span decades; their logarithms are interpolated
     "plastic_modulus",
     "relaxed_modulus",
     "unloading_modulus",
@@ -171,17 +230,31 @@ LOGARITHMIC = (  # parameters that span decades and are interpolated by ratio
 )
 
 
-def prior(moisture, density_ratio, overrides=None):
-    """What the table expects of a mix, a `Mix`; `overrides` replace values by name.
+def prior(moisture: float, density_ratio: float, overrides: Mapping[str, float] | None = None) -> Mix:
+    """Return the prior parameters of a mix.
 
     Parameters
     ----------
-    moisture : W, water mass / dry mass [-], 0.08 ... 0.12
-    density_ratio : k, bulk density / zero-air density [-], 0.90 ... 0.99
-    overrides : name -> value [SI, friction_angle in degrees]; flagged "given", without spread
+    moisture : float
+        Moisture W, water mass over dry mass [-], 0.08 to 0.12.
+    density_ratio : float
+        Density ratio k, bulk density over zero-air density [-], 0.90 to 0.99.
+    overrides : mapping of str to float, optional
+        Values by name that replace the prior [SI, friction_angle in degrees]; flagged "given", without spread.
+        `effective_modulus` equals `relaxed_modulus` unless it is overridden itself.
 
-    `effective_modulus` follows `relaxed_modulus`, overridden or not, unless it is overridden itself.
+    Returns
+    -------
+    Mix
+        Parameters with spread and source.
 
+    Raises
+    ------
+    ValueError
+        If a state lies outside the table or an override is invalid.
+
+    Examples
+    --------
     >>> mix = prior(moisture=0.10, density_ratio=0.98)
     >>> q = mix.parameter("required_pressure")
     >>> f"{q.value / 1e3:.0f} kPa ({q.low / 1e3:.0f} to {q.high / 1e3:.0f}), {q.flag}"
@@ -190,73 +263,93 @@ def prior(moisture, density_ratio, overrides=None):
     overrides = dict(overrides or {})
     values = _table_values(moisture, density_ratio)
     for name, value in overrides.items():
-        _refuse_override(name, value)
+        _require_override(name, value)
     values.update(overrides)
     if "relaxed_modulus" in overrides:
         overrides.setdefault("effective_modulus", values["relaxed_modulus"])
     values["effective_modulus"] = overrides.get("effective_modulus", values["relaxed_modulus"])
-    published = max(abs(moisture - PUBLISHED[0]), abs(density_ratio - PUBLISHED[1])) < 1e-9
+    distance = max(abs(moisture - PUBLISHED_MOISTURE), abs(density_ratio - PUBLISHED_DENSITY_RATIO))
+    published = distance < PUBLISHED_TOLERANCE
     parameters = (_parameter(name, float(values[name]), name in overrides, published) for name in PARAMETER_NAMES)
     return Mix(float(moisture), float(density_ratio), tuple(parameters))
 
 
-def table_nodes():
-    """(moistures [-], density ratios [-]) at which the table has values, ascending."""
+def table_nodes() -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the moistures and the density ratios of the nodes of the table [-], ascending."""
     moistures, ratios, _ = _table()
     return tuple(moistures.tolist()), tuple(ratios.tolist())
 
 
-def bulk_density(moisture, density_ratio):
-    """Bulk density rho [kg/m3] of a mix.
+def bulk_density(moisture: ArrayLike, density_ratio: ArrayLike) -> NDArray[np.float64]:
+    """Compute the bulk density of a mix.
 
         rho = k (1 + W)/(1/rho_s + W/rho_w)
 
     Parameters
     ----------
-    moisture : W, water mass / dry mass [-], >= 0
-    density_ratio : k, bulk density / zero-air density [-], 0 < k <= 1
+    moisture : array_like
+        Moisture W, water mass over dry mass [-], >= 0.
+    density_ratio : array_like
+        Density ratio k, bulk density over zero-air density [-], 0 < k <= 1.
+
+    Returns
+    -------
+    float or ndarray
+        Bulk density rho [kg/m3].
 
     References
     ----------
-    Phase relations of soil mechanics, rho_s 2650, rho_w 1000 kg/m3.
+    Phase relations of soil mechanics with rho_s 2650 and rho_w 1000 kg/m3.
 
+    Examples
+    --------
     >>> f"{bulk_density(0.10, 0.98):.0f} kg/m3"
     '2258 kg/m3'
     """
-    _refuse_phases(moisture, density_ratio)
-    return density_ratio * (1 + np.asarray(moisture)) / (1 / SOLIDS + np.asarray(moisture) / WATER)
+    _require_phases(moisture, density_ratio)
+    W, k = np.asarray(moisture), np.asarray(density_ratio)
+    return k * (1 + W) / (1 / GRAIN_DENSITY + W / WATER_DENSITY)
 
 
-def saturation(moisture, density_ratio):
-    """Saturation S [-], the share of the pores that water fills.
+def saturation(moisture: ArrayLike, density_ratio: ArrayLike) -> NDArray[np.float64]:
+    """Compute the saturation, the share of the pore volume filled with water.
 
         S = (W/rho_w) / [(1/rho_s + W/rho_w)/k - 1/rho_s]
 
     Parameters
     ----------
-    moisture : W, water mass / dry mass [-], > 0
-    density_ratio : k, bulk density / zero-air density [-], 0 < k <= 1
+    moisture : array_like
+        Moisture W, water mass over dry mass [-], > 0.
+    density_ratio : array_like
+        Density ratio k, bulk density over zero-air density [-], 0 < k <= 1.
+
+    Returns
+    -------
+    float or ndarray
+        Saturation S [-].
 
     References
     ----------
-    Phase relations of soil mechanics, rho_s 2650, rho_w 1000 kg/m3.
+    Phase relations of soil mechanics with rho_s 2650 and rho_w 1000 kg/m3.
 
+    Examples
+    --------
     >>> f"{saturation(0.10, 0.98):.3f}"
     '0.911'
     """
     require_positive(moisture=moisture)
-    _refuse_phases(moisture, density_ratio)
-    water = np.asarray(moisture) / WATER
-    return water / ((1 / SOLIDS + water) / density_ratio - 1 / SOLIDS)
+    _require_phases(moisture, density_ratio)
+    water = np.asarray(moisture) / WATER_DENSITY
+    return water / ((1 / GRAIN_DENSITY + water) / np.asarray(density_ratio) - 1 / GRAIN_DENSITY)
 
 
-def _refuse_phases(moisture, density_ratio):
+def _require_phases(moisture: ArrayLike, density_ratio: ArrayLike) -> None:
     require_nonnegative(moisture=moisture)
     require_positive(density_ratio=density_ratio)
     require_between(0, 1, density_ratio=density_ratio)
 
 
-def _refuse_override(name, value):
+def _require_override(name: str, value: float) -> None:
     require_known("mix parameter", name, PARAMETER_NAMES)
     if name in ("cohesion", "steel_friction", "rate_exponent"):
         require_nonnegative(**{name: value})
@@ -266,61 +359,62 @@ def _refuse_override(name, value):
         require_positive(**{name: value})
 
 
-def _parameter(name, value, given, published):
-    origin = PARAMETER_SOURCES[name]
-    if given:
-        return Parameter(name, value, value, value, origin.unit, "given", "given in place of the prior")
-    if name in TIED and published:
-        return Parameter(name, value, *factor(1.5)(value), origin.unit, "calibrated", origin.words)
-    return Parameter(name, value, *origin.spread(value), origin.unit, origin.flag, origin.words)
+def _parameter(name: str, value: float, overridden: bool, published: bool) -> Parameter:
+    source = PARAMETER_SOURCES[name]
+    if overridden:
+        return Parameter(name, value, value, value, source.unit, "given", "prescribed in place of the prior")
+    if name in CALIBRATED and published:
+        return Parameter(name, value, *_factor(CALIBRATED_SPREAD)(value), source.unit, "calibrated", source.words)
+    return Parameter(name, value, *source.spread(value), source.unit, source.flag, source.words)
 
 
-def _table_values(moisture, density_ratio):
-    """Every parameter but effective_modulus at (W, k), by name."""
+def _table_values(moisture: float, density_ratio: float) -> dict[str, float]:
+    """Return every parameter but effective_modulus at (W, k), by name."""
     moistures, ratios, _ = _table()
     require_between(moistures[0], moistures[-1], moisture=moisture)
     require_between(ratios[0], ratios[-1], density_ratio=density_ratio)
-    values = _between_nodes(moisture, density_ratio)
-    values["bulk_density"] = bulk_density(moisture, density_ratio)
-    values["saturation"] = saturation(moisture, density_ratio)
-    values["heckel_slope"] = HECKEL_SLOPE * np.exp(np.interp(moisture, moistures, np.log(HECKEL_FACTOR)))
+    values = _interpolated(moisture, density_ratio)
+    values["bulk_density"] = float(bulk_density(moisture, density_ratio))
+    values["saturation"] = float(saturation(moisture, density_ratio))
+    values["heckel_slope"] = HECKEL_SLOPE * np.exp(np.interp(moisture, moistures, np.log(HECKEL_SLOPE_FACTORS)))
     values["rate_exponent"] = RATE_EXPONENT
     return values
 
 
-def _between_nodes(moisture, density_ratio):
-    """Every column at (W, k): linear in u = -ln(1 - k), then linear in W, of the value or of its logarithm.
+def _interpolated(moisture: float, density_ratio: float) -> dict[str, float]:
+    """Return every column at (W, k).
 
-    Linear pieces pass through the nodes and are monotone where the nodes are. The required pressure is Heckel's:
-    linear in u, its logarithm linear in W as that of 1/K_H.
+    Interpolation is linear in u = -ln(1 - k), then linear in W, of the value or of its logarithm. It passes through the
+    nodes and is monotone where the nodes are. The required pressure is Heckel's: linear in u, its logarithm linear in W
+    as that of 1/K_H.
     """
     moistures, ratios, columns = _table()
-    rows = _between(-np.log1p(-ratios), _scaled(), -np.log1p(-density_ratio))
+    rows = _linear(-np.log1p(-ratios), _transformed_columns(), -np.log1p(-density_ratio))
     pressure = tuple(columns).index("required_pressure")
     rows[pressure] = np.log(rows[pressure])
-    values = dict(zip(columns, _between(moistures, rows, moisture).tolist(), strict=True))
+    values = dict(zip(columns, _linear(moistures, rows, moisture).tolist(), strict=True))
     exponential = (*LOGARITHMIC, "required_pressure")
     return {name: float(np.exp(value)) if name in exponential else value for name, value in values.items()}
 
 
-def _between(nodes, values, x):
-    """Values along the last axis, one at each node, by straight lines at x."""
+def _linear(nodes: NDArray[np.float64], values: NDArray[np.float64], x: float) -> NDArray[np.float64]:
+    """Interpolate values along the last axis, one at each node, linearly at x."""
     left = min(int(np.searchsorted(nodes, x, side="right")) - 1, len(nodes) - 2)
     share = (x - nodes[left]) / (nodes[left + 1] - nodes[left])
     return (1 - share) * values[..., left] + share * values[..., left + 1]
 
 
 @cache
-def _scaled():
-    """The columns as they are interpolated over u, shape (columns, moistures, ratios)."""
+def _transformed_columns() -> NDArray[np.float64]:
+    """Columns as interpolated over u, the logarithm of some, shape (columns, moistures, ratios)."""
     _, _, columns = _table()
     return np.array([np.log(column) if name in LOGARITHMIC else column for name, column in columns.items()])
 
 
 @cache
-def _table():
-    """Nodes of moisture and of density ratio, and each column as an array of shape (moistures, ratios)."""
-    from importlib.resources import files  # 40 ms that a start-up without a mix need not pay
+def _table() -> tuple[NDArray[np.float64], NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+    """Nodes of moisture and density ratio, and each column of mix.csv, shape (moistures, ratios)."""
+    from importlib.resources import files  # its import costs 40 ms, which scenes without a mix avoid
 
     text = files("compact").joinpath("data/mix.csv").read_text().splitlines()
     header = text[0].split(",")

@@ -1,31 +1,52 @@
-"""The motion laws as normalised curves s(z), s(0) = 0, s(1) = 1, and the table LAWS that names them.
+"""Motion laws as normalised curves s(z), s(0) = 0, s(1) = 1, and the table LAWS of the laws by name.
 
-A curve is called as `curve(z, nu=k)` for the derivative of order k at phase z = t/T and holds in `curve.x` the phases
-where its pieces join: the protocol of scipy's PPoly, which most laws are. Sections are those of the monograph D.
+The phase is z = t/T. Curves follow the protocol of scipy's PPoly (`NormalisedCurve`), which most laws are. Section
+numbers are those of the monograph D.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Protocol
 
 import numpy as np
 from numpy.polynomial import Polynomial
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PPoly
 
 from compact.motion.minimum_criterion import ComplexLaw, minimiser
 from compact.numerics.validation import require_between
 
-SHORTEST = 1e-12  # share of the duration that still counts as a run-up or run-down: below it, phases blur to rounding
+# [-], of the duration: a shorter acceleration or deceleration phase is left out, its breakpoints coincide in rounding
+SHORTEST_PHASE = 1e-12
+SUM_TOLERANCE = 1e-12  # [-], of the sum of run_up and run_down
+
+
+class NormalisedCurve(Protocol):
+    """Law s(z), 0 <= z <= 1, as a callable of phase and order of derivative."""
+
+    @property
+    def x(self) -> NDArray[np.float64]:
+        """Breakpoints between the pieces, both ends included [-]."""
+
+    def __call__(self, z: ArrayLike, nu: int = 0) -> NDArray[np.float64]:
+        """Return the derivative of order `nu` at phase z [-]."""
 
 
 @dataclass(frozen=True)
-class Shape:
-    """What a law may be shaped by; each law takes what it needs.
+class LawParameters:
+    """Parameters of the laws; each law uses those that it needs.
 
-    run_up, run_down : shares of the stroke's duration, >= 0 with a sum <= 1 (combined and reversal laws)
-    energy_weight, acceleration_weight : d1, d2 of the complex law
-    rod_ratio : crank radius over rod length, 0 <= ratio < 1, or None where no rod is given (crank)
+    Attributes
+    ----------
+    run_up, run_down : float
+        Duration of the acceleration and of the deceleration phase over that of the pass [-], >= 0 with a sum <= 1;
+        combined and reversal laws.
+    energy_weight, acceleration_weight : float
+        Weights d1, d2 of the complex law [-].
+    rod_ratio : float, optional
+        Crank radius over rod length [-], 0 <= ratio < 1; crank.
     """
 
     run_up: float = 1 / 6
@@ -34,50 +55,79 @@ class Shape:
     acceleration_weight: float = 0.3
     rod_ratio: float | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_between(0, 1, run_up=self.run_up, run_down=self.run_down)
-        if self.run_up + self.run_down > 1 + 1e-12:
+        if self.run_up + self.run_down > 1 + SUM_TOLERANCE:
             raise ValueError(f"`run_up` + `run_down` must not exceed 1, got {self.run_up!r} + {self.run_down!r}")
 
 
 @dataclass(frozen=True)
-class Law:
-    """One entry of LAWS: how to build the curve, where it is printed, whether the way back retraces the way out."""
+class LawDefinition:
+    """Entry of `LAWS`.
 
-    build: Callable[[Shape], Callable]
+    Attributes
+    ----------
+    build : callable
+        Returns the curve of a set of parameters.
+    source : str
+        Section of the source.
+    retraces : bool
+        True if the return stroke is the forward stroke reversed in time.
+    """
+
+    build: Callable[[LawParameters], NormalisedCurve]
     source: str
     retraces: bool = False
 
 
-def point_to_point(order):
-    """Rest to rest, x^(2n) = 0 (D 2.1-2.4): s^(k) = 0 for 0 < k < n at both ends."""
+def point_to_point(order: int) -> PPoly:
+    """Return the rest-to-rest law x^(2n) = 0 of order n (D 2.1-2.4): s^(k) = 0 for 0 < k < n at both ends."""
     rest = dict.fromkeys(range(1, order), 0)
     return _one_piece(minimiser(order, {0: 0} | rest, {0: 1} | rest))
 
 
-def with_steady_part(order, start, end, shape):
-    """Run-up, constant speed, run-down that mirrors the run-up (D 2.6-2.8, 3, 4).
+def with_constant_velocity(
+    order: int, start: Mapping[int, float], end: Mapping[int, float], parameters: LawParameters
+) -> PPoly:
+    """Return a law of acceleration, constant velocity and deceleration, its mirror image (D 2.6-2.8, 3, 4).
 
-    The run-up is `minimiser(order, {x: 0} | start, end)` to unit speed in unit time; its length A closes the stroke:
-    v = 1/(A run_up + 1 - run_up - run_down + A run_down).
+    The acceleration phase is `minimiser(order, {x: 0} | start, end)` to unit velocity in unit time; with its travel A
+    the velocity of the law is v = 1/(A run_up + 1 - run_up - run_down + A run_down).
+
+    Parameters
+    ----------
+    order : int
+        Order n of the criterion.
+    start, end : mapping of int to float
+        Derivatives given at rest and at the constant velocity, by their order; see `minimiser`.
+    parameters : LawParameters
+        Durations of both phases.
     """
-    run = minimiser(order, {0: 0} | start, end)
-    up, down = (share if share > SHORTEST else 0.0 for share in (shape.run_up, shape.run_down))
-    down = 1 - (1 - down)  # the width that is left after its break is rounded
+    run = minimiser(order, {0: 0} | dict(start), end)
+    up, down = (share if share > SHORTEST_PHASE else 0.0 for share in (parameters.run_up, parameters.run_down))
+    down = 1 - (1 - down)  # the width that remains after rounding of its breakpoint
     steady = max(0.0, 1 - up - down)
     speed = 1 / (run(1.0) * (up + down) + steady)
     pieces = []
     if up > 0:
         pieces.append((up, speed * up * run(Polynomial([0, 1 / up]))))
-    if steady > SHORTEST:
+    if steady > SHORTEST_PHASE:
         pieces.append((steady, Polynomial([speed * up * run(1.0), speed])))
     if down > 0:
         pieces.append((down, 1 - speed * down * run(Polynomial([1, -1 / down]))))
     return piecewise([width for width, _ in pieces], [piece for _, piece in pieces])
 
 
-def piecewise(widths, polynomials):
-    """PPoly on 0 <= z <= 1 from the width of each piece and its polynomial in the distance from its start."""
+def piecewise(widths: Sequence[float], polynomials: Sequence[Polynomial]) -> PPoly:
+    """Return the piecewise polynomial on 0 <= z <= 1.
+
+    Parameters
+    ----------
+    widths : sequence of float
+        Width of each piece [-].
+    polynomials : sequence of Polynomial
+        Polynomial of each piece in the distance from its start.
+    """
     breaks = np.concatenate([[0.0], np.cumsum(widths)])
     breaks[-1] = 1.0
     if len(widths) > 1:
@@ -88,13 +138,23 @@ def piecewise(widths, polynomials):
     return PPoly(coefficients, breaks)
 
 
-def _one_piece(polynomial):
+def _one_piece(polynomial: Polynomial) -> PPoly:
     return piecewise([1.0], [polynomial])
 
 
 @dataclass(frozen=True)
 class SineCurve:
-    """Pieces of polynomial plus sine: s(z) = P(z) + A sin(w z + phase), A and phase by piece."""
+    """Piecewise polynomial plus sine: s(z) = P(z) + A sin(w z + phase), with A and phase of each piece.
+
+    Attributes
+    ----------
+    polynomial : PPoly
+        Piecewise polynomial P.
+    frequency : float
+        Angular frequency w over the phase [rad].
+    amplitudes, phases : tuple of float
+        Amplitude [-] and phase [rad] of each piece.
+    """
 
     polynomial: PPoly
     frequency: float
@@ -102,42 +162,42 @@ class SineCurve:
     phases: tuple[float, ...]
 
     @property
-    def x(self):
-        """Phases where pieces join."""
+    def x(self) -> NDArray[np.float64]:
+        """Breakpoints between the pieces, both ends included [-]."""
         return self.polynomial.x
 
-    def __call__(self, z, nu=0):
-        """Derivative of order `nu` at z."""
+    def __call__(self, z: ArrayLike, nu: int = 0) -> NDArray[np.float64]:
+        """Return the derivative of order `nu` at phase z [-]."""
         z = np.asarray(z, float)
         piece = np.clip(np.searchsorted(self.x, z, side="right") - 1, 0, len(self.amplitudes) - 1)
         angle = self.frequency * z + np.take(self.phases, piece) + nu * np.pi / 2
         return self.polynomial(z, nu=nu) + np.take(self.amplitudes, piece) * self.frequency**nu * np.sin(angle)
 
 
-def harmonic():
-    """s = (1 - cos pi z)/2: the acceleration jumps at both ends."""
+def harmonic() -> SineCurve:
+    """Return the simple harmonic law s = (1 - cos pi z)/2, whose acceleration is not zero at the ends."""
     return SineCurve(_one_piece(Polynomial([0.5])), np.pi, (-0.5,), (np.pi / 2,))
 
 
-def cycloidal():
-    """s = z - sin(2 pi z)/(2 pi)."""
+def cycloidal() -> SineCurve:
+    """Return the cycloidal law s = z - sin(2 pi z)/(2 pi)."""
     return SineCurve(_one_piece(Polynomial([0, 1])), 2 * np.pi, (-1 / (2 * np.pi),), (0.0,))
 
 
-def parabolic():
-    """Constant acceleration and deceleration: s'' = 4, then -4."""
+def parabolic() -> PPoly:
+    """Return the law of constant acceleration and deceleration: s'' = 4, then -4."""
     return piecewise([0.5, 0.5], [Polynomial([0, 0, 2]), Polynomial([0.5, 2, -2])])
 
 
-def modified_trapezoid():
-    """Acceleration C sin 4 pi z (z < 1/8), C (1/8-3/8), C cos 4 pi (z - 3/8) (3/8-5/8), then antisymmetric.
+def modified_trapezoid() -> SineCurve:
+    """Return the modified trapezoidal law (VDI 2143; Norton, Cam Design and Manufacturing Handbook).
 
-    C = 8 pi/(2 + pi) = 4.8881 closes the stroke (VDI 2143; Norton, Cam Design and Manufacturing Handbook).
+    Its acceleration is C sin 4 pi z (z < 1/8), C (1/8-3/8), C cos 4 pi (z - 3/8) (3/8-5/8), then antisymmetric;
+    C = 8 pi/(2 + pi) = 4.8881 gives s(1) = 1.
     """
     c, w = 8 * np.pi / (2 + np.pi), 4 * np.pi
-    # sine part of s with s'' = C sin(w z), C, C sin(w z - pi), -C, C sin(w z - 2 pi)
+    # s'' = C sin(w z), C, C sin(w z - pi), -C, C sin(w z - 2 pi): sine part of s, and half the constant s''
     amplitudes, phases = (-c / w**2, 0, -c / w**2, 0, -c / w**2), (0, 0, -np.pi, 0, 0)
-    sine = SineCurve(_one_piece(Polynomial([0.0])), w, (1.0,), (0.0,))
     widths, halves = (1 / 8, 1 / 4, 1 / 4, 1 / 4, 1 / 8), (0, c / 2, 0, -c / 2, 0)
     position, speed, start, pieces = 0.0, 0.0, 0.0, []
     for width, amplitude, phase, half in zip(widths, amplitudes, phases, halves, strict=True):
@@ -147,33 +207,40 @@ def modified_trapezoid():
         start += width
         position = piece(width) + amplitude * math.sin(w * start + phase)
         speed = piece.deriv()(width) + amplitude * w * math.cos(w * start + phase)
-    return SineCurve(piecewise(widths, pieces), sine.frequency, amplitudes, phases)
+    return SineCurve(piecewise(widths, pieces), w, amplitudes, phases)
 
 
 @dataclass(frozen=True)
 class CrankCurve:
-    """Half a turn of a crank and connecting rod from the outer dead centre, at uniform speed.
+    """Half a turn of a slider-crank mechanism from the outer dead centre, at uniform angular velocity.
 
         s = (1 - cos psi)/2 + r,  r - k r^2 = (k/4) sin^2 psi,  psi = pi z,  k = radius/rod
 
-    where r is the rod's share; its derivatives follow by Leibniz' rule. k = 0 is the harmonic law.
+    where r is due to the finite rod; its derivatives follow by the Leibniz rule. k = 0 is the harmonic law.
+
+    Attributes
+    ----------
+    ratio : float
+        Crank radius over rod length k [-], 0 <= k < 1.
     """
 
     ratio: float
     x = np.array([0.0, 1.0])
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not 0 <= self.ratio < 1:
-            raise ValueError(f"radius/rod must lie in [0, 1), got {self.ratio!r}; the rod is longer than the crank")
+            raise ValueError(
+                f"crank radius over rod length must lie in [0, 1), got {self.ratio!r}; use a rod longer than the crank"
+            )
 
-    def __call__(self, z, nu=0):
-        """Derivative of order `nu` at z."""
+    def __call__(self, z: ArrayLike, nu: int = 0) -> NDArray[np.float64]:
+        """Return the derivative of order `nu` at phase z [-]."""
         psi = np.pi * np.asarray(z, float)
-        cosine = np.sin(psi / 2) ** 2 if nu == 0 else -np.cos(psi + nu * np.pi / 2) / 2
-        return np.pi**nu * (cosine + self._rod(psi, nu))
+        infinite_rod = np.sin(psi / 2) ** 2 if nu == 0 else -np.cos(psi + nu * np.pi / 2) / 2
+        return np.pi**nu * (infinite_rod + self._rod_term(psi, nu))
 
-    def _rod(self, psi, nu):
-        """Derivative of order `nu` of r by psi."""
+    def _rod_term(self, psi, nu):
+        """Return the derivative of order `nu` of r with respect to psi."""
         k = self.ratio
         q = np.sqrt(1 - (k * np.sin(psi)) ** 2)  # = 1 - 2 k r
         r = [k * np.sin(psi) ** 2 / (2 * (1 + q))]
@@ -183,41 +250,49 @@ class CrankCurve:
         return r[nu]
 
 
-def _crank(shape):
-    if shape.rod_ratio is None:
-        raise ValueError("the law 'crank' needs `rod_length`, got None; give the connecting rod's length in m")
-    return CrankCurve(shape.rod_ratio)
+def _crank(parameters: LawParameters) -> CrankCurve:
+    if parameters.rod_ratio is None:
+        raise ValueError("the law 'crank' requires `rod_length`, got None; set the length of the connecting rod [m]")
+    return CrankCurve(parameters.rod_ratio)
 
 
-def _steady(order, start, end):
-    return lambda shape: with_steady_part(order, start, end, shape)
+def _complex(parameters: LawParameters) -> ComplexLaw:
+    return ComplexLaw(parameters.energy_weight, parameters.acceleration_weight)
 
 
-# Order, what is given where the run-up leaves rest, what is given where it meets the constant speed. The position
-# there is free, so its natural condition joins unless the given ones fill all n places.
-LAWS = MappingProxyType(
+def _rest_to_rest(order: int) -> Callable[[LawParameters], PPoly]:
+    return lambda _: point_to_point(order)
+
+
+def _steady(order: int, start: Mapping[int, float], end: Mapping[int, float]) -> Callable[[LawParameters], PPoly]:
+    return lambda parameters: with_constant_velocity(order, start, end, parameters)
+
+
+# Arguments of `_steady`: order, derivatives given at rest, derivatives given at the constant velocity. The position
+# there is free: its natural condition is added unless n derivatives are given.
+LAWS: Mapping[str, LawDefinition] = MappingProxyType(
     {
-        "constant-velocity": Law(lambda shape: point_to_point(1), "D 2.1"),
-        "cubic": Law(lambda shape: point_to_point(2), "D 2.2"),
-        "quintic": Law(lambda shape: point_to_point(3), "D 2.3"),
-        "septic": Law(lambda shape: point_to_point(4), "D 2.4"),
-        "complex": Law(lambda shape: ComplexLaw(shape.energy_weight, shape.acceleration_weight), "D 2.5"),
-        "combined-2": Law(_steady(2, {1: 0}, {1: 1, 2: 0}), "D 2.6"),
-        "combined-3": Law(_steady(3, {1: 0, 2: 0}, {1: 1, 2: 0, 3: 0}), "D 2.7"),
-        "combined-4": Law(_steady(4, {1: 0, 2: 0, 3: 0}, {1: 1, 2: 0, 3: 0, 4: 0}), "D 2.8"),
-        "reversal-2": Law(_steady(2, {1: 0}, {1: 1}), "D 3.1"),
-        "reversal-3": Law(_steady(3, {1: 0, 2: 0}, {1: 1, 2: 0}), "D 3.2"),
-        "reversal-4": Law(_steady(4, {1: 0, 2: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 3.3, A"),
-        "reversal-3-free-acceleration": Law(_steady(3, {1: 0}, {1: 1, 2: 0}), "D 4.1"),
-        "reversal-4-free-acceleration": Law(_steady(4, {1: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 4.2"),
-        # Free jerk at the turn: brake and start share it, and reversing time turns it into minus itself, so it is 0.
-        "reversal-4-free-jerk": Law(_steady(4, {1: 0, 2: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 4.3"),
-        "reversal-4-free-both": Law(_steady(4, {1: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 4.4, B"),
-        "crank": Law(_crank, "crank and connecting rod, uniform rotation; C", retraces=True),
-        "gear-sector": Law(lambda shape: point_to_point(1), "gear sector: constant speed, shock at both ends; D 1.5"),
-        "parabolic": Law(lambda shape: parabolic(), "constant acceleration; D 1.5"),
-        "harmonic": Law(lambda shape: harmonic(), "simple harmonic; VDI 2143, D 1.5"),
-        "cycloidal": Law(lambda shape: cycloidal(), "VDI 2143, D 1.5"),
-        "modified-trapezoid": Law(lambda shape: modified_trapezoid(), "VDI 2143, D 1.5"),
+        "constant-velocity": LawDefinition(_rest_to_rest(1), "D 2.1"),
+        "cubic": LawDefinition(_rest_to_rest(2), "D 2.2"),
+        "quintic": LawDefinition(_rest_to_rest(3), "D 2.3"),
+        "septic": LawDefinition(_rest_to_rest(4), "D 2.4"),
+        "complex": LawDefinition(_complex, "D 2.5"),
+        "combined-2": LawDefinition(_steady(2, {1: 0}, {1: 1, 2: 0}), "D 2.6"),
+        "combined-3": LawDefinition(_steady(3, {1: 0, 2: 0}, {1: 1, 2: 0, 3: 0}), "D 2.7"),
+        "combined-4": LawDefinition(_steady(4, {1: 0, 2: 0, 3: 0}, {1: 1, 2: 0, 3: 0, 4: 0}), "D 2.8"),
+        "reversal-2": LawDefinition(_steady(2, {1: 0}, {1: 1}), "D 3.1"),
+        "reversal-3": LawDefinition(_steady(3, {1: 0, 2: 0}, {1: 1, 2: 0}), "D 3.2"),
+        "reversal-4": LawDefinition(_steady(4, {1: 0, 2: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 3.3, A"),
+        "reversal-3-free-acceleration": LawDefinition(_steady(3, {1: 0}, {1: 1, 2: 0}), "D 4.1"),
+        "reversal-4-free-acceleration": LawDefinition(_steady(4, {1: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 4.2"),
+        # The free jerk at the reversal is shared by deceleration and acceleration and odd in time, hence zero.
+        "reversal-4-free-jerk": LawDefinition(_steady(4, {1: 0, 2: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 4.3"),
+        "reversal-4-free-both": LawDefinition(_steady(4, {1: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 4.4, B"),
+        "crank": LawDefinition(_crank, "crank and connecting rod, uniform rotation; C", retraces=True),
+        "gear-sector": LawDefinition(_rest_to_rest(1), "gear sector: constant speed, shock at both ends; D 1.5"),
+        "parabolic": LawDefinition(lambda _: parabolic(), "constant acceleration; D 1.5"),
+        "harmonic": LawDefinition(lambda _: harmonic(), "simple harmonic; VDI 2143, D 1.5"),
+        "cycloidal": LawDefinition(lambda _: cycloidal(), "VDI 2143, D 1.5"),
+        "modified-trapezoid": LawDefinition(lambda _: modified_trapezoid(), "VDI 2143, D 1.5"),
     }
 )

@@ -1,121 +1,174 @@
-"""What a drive is spared: criteria of a motion law and their tangents, for programs that make them least.
+"""Drive criteria of a motion law and their convex linearisations, for sequential convex programming.
 
     H = m a + R(v, a),    P = H v
 
-A `Tangent` is a criterion near a law, convex in the change d of its unknowns: peaks and positive parts stay what they
-are over the tangents of H and P, and a smooth criterion keeps its curvature where that is convex.
+H is the drive force, P the drive power. A `Linearisation` approximates a criterion near a law, convex in the change d
+of its unknowns: peaks and positive parts are taken over the linearised H and P, and a smooth criterion keeps the
+positive semidefinite part of its curvature (Gauss-Newton).
 """
 
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-CREEP = 1e-12  # share of the mean speed that stands for "just moving" at rest
-SECANT = 1e-4  # share of the mean speed, and of that over the duration, by which the resistance is differenced
+Resistance = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]  # R(v [m/s], a [m/s^2]) -> [N]
+
+VELOCITY_FLOOR = 1e-12  # [-], of the mean velocity: the resistance at rest is its limit from inside the motion
+DIFFERENCE_STEP = 1e-4  # [-], of the mean velocity, and of that over the duration: step of difference quotients
 
 
-class Nodes(NamedTuple):
-    """Where a law is looked at: x [m], v [m/s] and a [m/s^2] by the unknowns, rows of shape (nodes, unknowns).
+class QuadratureNodes(NamedTuple):
+    """Nodes at which a law is evaluated: x, v and a are linear in the unknowns.
 
-    `weights` [s] integrate over one pass; `mean` is the mean speed [m/s].
+    Attributes
+    ----------
+    position, velocity, acceleration : ndarray, shape (nodes, unknowns)
+        Matrices that give x [m], v [m/s] and a [m/s^2] from the unknowns.
+    weights : ndarray, shape (nodes,)
+        Quadrature weights over one pass [s]; 0 for a node that is only checked for peaks.
+    mean_velocity : float
+        Stroke over duration [m/s].
     """
 
-    place: np.ndarray
-    speed: np.ndarray
-    change: np.ndarray
-    weights: np.ndarray
-    mean: float
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    mean_velocity: float
 
 
 class MotionState(NamedTuple):
-    """Motion and forces at the `nodes` against one sample of the resistance; arrays of shape (nodes,), SI."""
+    """Motion and drive force at the nodes for one resistance; arrays of shape (nodes,).
 
-    nodes: Nodes
-    velocity: np.ndarray
-    resistance: np.ndarray
-    force: np.ndarray
-    slope: np.ndarray
-    inertia: np.ndarray
-
-    def force_rows(self):
-        """H by the unknowns: dR/dv v + (m + dR/da) a."""
-        return self.slope[:, None] * self.nodes.speed + self.inertia[:, None] * self.nodes.change
-
-    def power_rows(self):
-        """H v by the unknowns."""
-        return self.velocity[:, None] * self.force_rows() + self.force[:, None] * self.nodes.speed
-
-
-def state(nodes, unknowns, mass, resistance):
-    """`MotionState` of a law; at rest the resistance has the limit from inside the motion. Secants stand for derivatives."""
-    v, a = np.maximum(nodes.speed @ unknowns, CREEP * nodes.mean), nodes.change @ unknowns
-    step = SECANT * nodes.mean
-    shift = step / nodes.weights.sum()
-    beside = np.where(v > 2 * step, v - step, v + step)  # never beyond the fastest
-    here, slower, later = (np.broadcast_to(resistance(*at), v.shape) for at in ((v, a), (beside, a), (v, a + shift)))
-    slope, lag = (slower - here) / (beside - v), (later - here) / shift
-    return MotionState(nodes, v, here, mass * a + here, slope, mass + lag)
-
-
-class Tangent(NamedTuple):
-    """A criterion near a law: max(values + rows d) + (1/2) d' curvature d.
-
-    With `shares` it is instead the sum of shares max(values + rows d, 0).
+    Attributes
+    ----------
+    nodes : QuadratureNodes
+        Nodes of the law.
+    velocity : ndarray
+        v [m/s], at least the velocity floor.
+    resistance, force : ndarray
+        R and H [N].
+    damping : ndarray
+        dR/dv [N s/m].
+    inertia : ndarray
+        m + dR/da [kg].
     """
 
-    values: np.ndarray
-    rows: np.ndarray
-    curvature: np.ndarray | None = None
-    shares: np.ndarray | None = None
+    nodes: QuadratureNodes
+    velocity: NDArray[np.float64]
+    resistance: NDArray[np.float64]
+    force: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    inertia: NDArray[np.float64]
+
+    def force_gradient(self) -> NDArray[np.float64]:
+        """Return the derivative of H by the unknowns, shape (nodes, unknowns): dR/dv dv + (m + dR/da) da."""
+        return self.damping[:, None] * self.nodes.velocity + self.inertia[:, None] * self.nodes.acceleration
+
+    def power_gradient(self) -> NDArray[np.float64]:
+        """Return the derivative of H v by the unknowns, shape (nodes, unknowns)."""
+        return self.velocity[:, None] * self.force_gradient() + self.force[:, None] * self.nodes.velocity
+
+
+def evaluate_state(
+    nodes: QuadratureNodes, unknowns: NDArray[np.float64], mass: float, resistance: Resistance
+) -> MotionState:
+    """Evaluate motion and drive force of a law; derivatives of the resistance are difference quotients.
+
+    Parameters
+    ----------
+    nodes : QuadratureNodes
+        Nodes of the law.
+    unknowns : ndarray, shape (unknowns,)
+        Coefficients of the law [-].
+    mass : float
+        Mass of the cart [kg].
+    resistance : callable
+        R(v, a) [N].
+    """
+    v, a = np.maximum(nodes.velocity @ unknowns, VELOCITY_FLOOR * nodes.mean_velocity), nodes.acceleration @ unknowns
+    step = DIFFERENCE_STEP * nodes.mean_velocity
+    shift = step / nodes.weights.sum()
+    other = np.where(v > 2 * step, v - step, v + step)  # a lower velocity where there is one: R may end at the largest
+    here, at_other, at_shift = (
+        np.broadcast_to(resistance(*at), v.shape) for at in ((v, a), (other, a), (v, a + shift))
+    )
+    damping, added_mass = (at_other - here) / (other - v), (at_shift - here) / shift
+    return MotionState(nodes, v, here, mass * a + here, damping, mass + added_mass)
+
+
+class Linearisation(NamedTuple):
+    """Convex model of a criterion near a law: max(values + gradients d) + d' curvature d / 2.
+
+    With `shares` the model is the sum of shares max(values + gradients d, 0) instead.
+
+    Attributes
+    ----------
+    values : ndarray, shape (rows,)
+        Values at d = 0, in the unit of the criterion.
+    gradients : ndarray, shape (rows, unknowns)
+        Derivatives by the unknowns.
+    curvature : ndarray, shape (unknowns, unknowns), optional
+        Positive semidefinite Hessian.
+    shares : ndarray, shape (rows,), optional
+        Weights of a sum of positive parts.
+    """
+
+    values: NDArray[np.float64]
+    gradients: NDArray[np.float64]
+    curvature: NDArray[np.float64] | None = None
+    shares: NDArray[np.float64] | None = None
 
     @property
-    def value(self):
-        """The criterion itself, d = 0."""
+    def value(self) -> float:
+        """The criterion at d = 0."""
         return float(np.max(self.values) if self.shares is None else self.shares @ np.maximum(self.values, 0.0))
 
 
-def _peak_force(state):
-    return _magnitude(PEAKS["peak_force"](state), state.force_rows())
+def _peak_force(state: MotionState) -> Linearisation:
+    return _magnitude(PEAKS["peak_force"](state), state.force_gradient())
 
 
-def _peak_power(state):
-    return _magnitude(PEAKS["peak_power"](state), state.power_rows())
+def _peak_power(state: MotionState) -> Linearisation:
+    return _magnitude(PEAKS["peak_power"](state), state.power_gradient())
 
 
-def _magnitude(values, rows):
-    return Tangent(np.concatenate([values, -values]), np.concatenate([rows, -rows]))
+def _magnitude(values: NDArray[np.float64], gradients: NDArray[np.float64]) -> Linearisation:
+    return Linearisation(np.concatenate([values, -values]), np.concatenate([gradients, -gradients]))
 
 
-def _rms_force(state):
+def _rms_force(state: MotionState) -> Linearisation:
     """(1/T int H^2 dt)^(1/2), a norm: its Hessian is that of the squares less the part along the gradient."""
     root = np.sqrt(state.nodes.weights / state.nodes.weights.sum())
-    rows, force = root[:, None] * state.force_rows(), root * state.force
+    rows, force = root[:, None] * state.force_gradient(), root * state.force
     rms = max(np.sqrt(force @ force), np.finfo(float).tiny)
     gradient = force @ rows / rms
     across = rows - np.outer(force / rms, gradient)  # its square is the Hessian, semidefinite to rounding
-    return Tangent(np.array([rms]), gradient[None], across.T @ across / rms)
+    return Linearisation(np.array([rms]), gradient[None], across.T @ across / rms)
 
 
-def _energy(state):
-    """2 int R v dt, there and back. Its bend in v is taken as 2 dR/dv: not less than the true one where R'' < 0."""
-    speed, weights = state.nodes.speed, 2 * state.nodes.weights
-    bend = weights * np.maximum(2 * state.slope, 0.0)
-    work = np.array([weights @ (state.resistance * state.velocity)])  # inertia takes none over a pass
-    return Tangent(work, (weights @ state.power_rows())[None], (speed.T * bend) @ speed)
+def _energy(state: MotionState) -> Linearisation:
+    """2 int R v dt over both strokes. Its curvature in v, 2 dR/dv + v R'', is replaced by 2 dR/dv >= 0."""
+    velocity, weights = state.nodes.velocity, 2 * state.nodes.weights
+    curvature = weights * np.maximum(2 * state.damping, 0.0)
+    work = np.array([weights @ (state.resistance * state.velocity)])  # the work of inertia over a pass is zero
+    return Linearisation(work, (weights @ state.power_gradient())[None], (velocity.T * curvature) @ velocity)
 
 
-def _drawn_energy(state):
-    """2 int max(H v, 0) dt, there and back: what a drive gives that cannot take back."""
-    return Tangent(state.force * state.velocity, state.power_rows(), shares=2 * state.nodes.weights)
+def _drawn_energy(state: MotionState) -> Linearisation:
+    """2 int max(H v, 0) dt over both strokes: work of a drive that recovers none."""
+    return Linearisation(state.force * state.velocity, state.power_gradient(), shares=2 * state.nodes.weights)
 
 
-# name to what is largest at an instant
-PEAKS = MappingProxyType(
+# Quantity whose largest magnitude is the criterion, by name of the criterion
+PEAKS: Mapping[str, Callable[[MotionState], NDArray[np.float64]]] = MappingProxyType(
     {"peak_force": lambda state: state.force, "peak_power": lambda state: state.force * state.velocity}
 )
-# name, as in `ranking.CRITERIA`, to the tangent of a `MotionState`
-OBJECTIVES = MappingProxyType(
+# Linearisation of each criterion, by the names of `ranking.CRITERIA`
+OBJECTIVES: Mapping[str, Callable[[MotionState], Linearisation]] = MappingProxyType(
     {
         "peak_force": _peak_force,
         "peak_power": _peak_power,

@@ -1,363 +1,492 @@
-"""Motion laws that ask least of a drive against a resistance, by sequential linear or quadratic programs.
+"""Optimal motion laws by sequential convex programming with a trust region.
 
-    least  J = sum_j w_j J_j  of H = m a + R(v, a) and P = H v,  the worst over samples of R, or a quantile
+    minimise  J = sum_j w_j J_j  of H = m a + R(v, a) and P = H v,  the largest over samples of R, or a quantile
 
-The law is a spline (`lawspace`) within linear limits (`limits`); `criteria` has the J_j and their tangents. A step goes
-where the tangents are least, inside a trust region; it is taken only where J itself falls, else the region shrinks.
+The law is a spline (`spline_space`) within linear constraints (`constraint_set`); `objectives` provides the J_j and
+their convex linearisations. Each step minimises the linearised criterion inside a trust region and is accepted only if
+J itself decreases; otherwise the region shrinks. The curvature of a cam for a roller follower enters as an exact
+penalty. Peaks between the nodes are added as nodes (exchange method).
 
-The result tells its `gap`: by how much the tangents at the result would let *any* law within the limits do better,
-relative. Where H is linear in v and a and no power is asked for, J is convex, its tangents bound it from below, and the
-gap is a duality gap: no law of the space is better by more. Elsewhere it measures how stationary the result is.
+The result states its `gap`: the relative decrease that the linearisations at the result allow *any* law within the
+constraints. Where H is linear in v and a and no power is a criterion, J is convex, its linearisations bound it from
+below, and the gap is a duality gap: no law of the space is better by more. Otherwise it measures stationarity.
+
+References
+----------
+J. Nocedal and S. J. Wright, Numerical Optimization, Springer 2006, ch. 17-18 (exact penalty, trust region).
 """
 
-from collections.abc import Callable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
+from scipy.interpolate import PPoly
 
-from compact.motion.limits import MARGIN, Conflict, ConstraintSet, InfeasibleError, space_of
-from compact.motion.objectives import OBJECTIVES, PEAKS, Nodes, state
+from compact.motion.constraint_set import ConstraintSet, spline_space_for
+from compact.motion.limits import Conflict, InfeasibleError, Limits
+from compact.motion.objectives import OBJECTIVES, PEAKS, Linearisation, QuadratureNodes, Resistance, evaluate_state
+from compact.motion.pitch_curve import CURVATURE_MARGIN
 from compact.numerics.convex_programs import LinearConstraints, minimise_linear, minimise_quadratic
 
-PIECES = {1: 128, 2: 64, 3: 48}  # of a law in C1, C2, C3: the doubling before gains about 1e-3, 1e-4, 1e-4
-PIECES_OF_A_CAM = 64  # its bounds are on the travel, which depends on all unknowns before it
-PIECES_OF_A_PROFILE = 48  # of a roller's cam, which takes steps where others take none; the doubling gains 1e-3
-NODES = np.array([0.0, (1 - (3 / 7) ** 0.5) / 2, 0.5, (1 + (3 / 7) ** 0.5) / 2, 1.0])  # Lobatto's, ends included
-WEIGHTS = np.array([9.0, 49.0, 64.0, 49.0, 9.0]) / 180
-FINE = 33  # places of a piece where peaks are looked for between the nodes
-HIGHER = 1e-5  # relative, by which a peak between nodes is missed
-ROUNDS = 8  # of adding such peaks to the nodes: 2 to 4 are taken
-COARSEST = 16  # pieces to begin with, or some more, halved until there are as many as asked
-MOST = 60  # steps on one set of pieces
-STATIONARY = 1e-5  # largest gap of a result
-CLOSED = 1e-9  # fall, relative, that is no more worth a step
-SMALLEST = 1e-9  # share of the unknowns' size below which the trust region holds nothing
-NEAR = 1e-6  # of the worst sample, relative, within which others lend their curvature
-PRICE = 10.0  # of a curvature twice the allowed, in J of the first law; ten times that while it does not suffice
-LITTLE = 1e-4  # relative, of a radius that is no more worth a search
-DEAREST = 1e5  # times J
-TAKEN, POOR, GOOD = 0.02, 0.25, 0.75  # of the promised fall: a step is taken, the region shrinks, the region grows
+# Pieces of a law, by its smoothness [-]: the last doubling gains about 1e-3, 1e-4, 1e-4 of the criterion
+PIECES_BY_SMOOTHNESS = {1: 128, 2: 64, 3: 48}
+CAM_PIECES = 64  # [-], at most with a cam: its bounds on the travel are dense, each depends on all unknowns before it
+PROFILE_PIECES = 48  # [-], at most with a limit on the profile, whose penalty takes more steps; doubling gains 1e-3
+COARSEST_PIECES = 16  # [-], at least, of the first search; they are halved until the number is reached
+LOBATTO_NODES = np.array([0.0, (1 - (3 / 7) ** 0.5) / 2, 0.5, (1 + (3 / 7) ** 0.5) / 2, 1.0])  # [-], of a piece
+LOBATTO_WEIGHTS = np.array([9.0, 49.0, 64.0, 49.0, 9.0]) / 180  # [-], their sum is 1
+PEAK_SAMPLES = 33  # [-], of a piece: samples of the search for peaks between the nodes
+PEAK_TOLERANCE = 1e-5  # [-], relative, by which a peak between the nodes may exceed those at the nodes
+EXCHANGE_ROUNDS = 8  # [-], of adding such peaks to the nodes; 2 to 4 are usual
+STEP_LIMIT = 60  # [-], convex subproblems on one set of pieces
+GAP_TOLERANCE = 1e-5  # [-], largest optimality gap of a result
+DECREASE_TOLERANCE = 1e-9  # [-], relative predicted decrease at which a search ends
+RADIUS_TOLERANCE = 1e-9  # [-], of the largest unknown: smallest trust region
+ACTIVE_TOLERANCE = 1e-6  # [-], relative to the worst sample, within which samples contribute their curvature
+RESTORATION_TOLERANCE = 1e-4  # [-], relative increase of the radius below which the feasibility restoration ends
+PENALTY_FACTORS = np.geomspace(10.0, 1e5, 5)  # [-], times J of the first law: price of a curvature ratio of 2
+ACCEPTED, POOR, GOOD = 0.02, 0.25, 0.75  # [-], actual over predicted decrease: accept the step, shrink, enlarge region
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
-    """What is asked: weights of criteria by name, mass [kg], samples of the resistance, limits held on a space.
+class DriveCriterion:
+    """Weighted sum of drive criteria over samples of the resistance.
 
-    `least` is what J of each sample is counted in, 1 for all but in a search of least regret; `more` are phases beside
-    the nodes that peaks are watched at.
+    Attributes
+    ----------
+    weights : mapping of str to float
+        Weight >= 0 of each criterion, by its name in `OBJECTIVES`.
+    mass : float
+        Mass of the cart [kg].
+    resistances : tuple of callables
+        Samples of R(v, a) [N].
+    quantile : float
+        Quantile over the samples [-]; 1 for the largest.
+    minima : tuple of float
+        Divisor of the criterion of each sample, in the unit of the criterion; empty for 1.
     """
 
-    held: ConstraintSet
-    weights: dict
+    weights: Mapping[str, float]
     mass: float
-    resistances: tuple[Callable, ...]
+    resistances: tuple[Resistance, ...]
     quantile: float = 1.0
-    least: tuple[float, ...] = ()
-    more: tuple[float, ...] = ()
-    price: float = 1.0
+    minima: tuple[float, ...] = ()
+
+    def relative_to(self, minima: tuple[float, ...]) -> "DriveCriterion":
+        """Return the criterion of each sample relative to its minimum (regret)."""
+        return replace(self, minima=minima)
+
+
+@dataclass(frozen=True, eq=False)
+class OptimisationProblem:
+    """Criterion and constraints of a law on one spline space.
+
+    Attributes
+    ----------
+    constraints : ConstraintSet
+        Linear constraints and spline space.
+    criterion : DriveCriterion
+        Criterion to minimise; without weights the largest curvature ratio of the pitch curve.
+    extra_phases : tuple of float
+        Phases t/T of peaks between the nodes, checked besides the nodes.
+    penalty : float
+        Weight of the violation of the curvature limit, in the unit of the criterion.
+    """
+
+    constraints: ConstraintSet
+    criterion: DriveCriterion
+    extra_phases: tuple[float, ...] = ()
+    penalty: float = 1.0
 
     @cached_property
-    def nodes(self):
-        """`Nodes` of every piece, and `more` phases that peaks are watched at."""
-        space, weights = self.held.space, np.outer(np.diff(self.held.space.breaks), WEIGHTS).ravel()
-        rows = (np.concatenate([space.values(k, NODES), space.rows_at(k, np.array(self.more))]) for k in range(3))
-        return self._nodes(*rows, np.append(weights, np.zeros(len(self.more))))
+    def nodes(self) -> QuadratureNodes:
+        """Lobatto nodes of every piece, and the extra phases with zero weight."""
+        space = self.constraints.space
+        weights = np.outer(np.diff(space.breaks), LOBATTO_WEIGHTS).ravel()
+        extra = np.array(self.extra_phases)
+        rows = (np.concatenate([space.values(k, LOBATTO_NODES), space.rows_at(k, extra)]) for k in range(3))
+        return self._scaled_nodes(rows, np.append(weights, np.zeros(len(extra))))
 
     @cached_property
-    def _fine(self):
-        space = self.held.space
-        rows = (space.values(k, np.linspace(0, 1, FINE)) for k in range(3))
-        return self._nodes(*rows, np.repeat(np.diff(space.breaks), FINE) / FINE)
+    def _fine_nodes(self):
+        space = self.constraints.space
+        rows = (space.values(k, np.linspace(0, 1, PEAK_SAMPLES)) for k in range(3))
+        return self._scaled_nodes(rows, np.repeat(np.diff(space.breaks), PEAK_SAMPLES) / PEAK_SAMPLES)
 
-    def _nodes(self, place, speed, change, weights):
-        held, mean = self.held, self.held.stroke / self.held.duration
-        return Nodes(held.stroke * place, mean * speed, mean / held.duration * change, held.duration * weights, mean)
+    def _scaled_nodes(self, rows: Iterable[NDArray[np.float64]], weights: NDArray[np.float64]) -> QuadratureNodes:
+        """Nodes in SI units from rows of s, s', s'' and weights over the phase."""
+        stroke, duration = self.constraints.stroke, self.constraints.duration
+        place, speed, change = rows
+        mean = stroke / duration
+        return QuadratureNodes(stroke * place, mean * speed, mean / duration * change, duration * weights, mean)
 
-    def between(self, unknowns):
-        """Phases where a peak is higher between the nodes than at any of them, the highest of each piece.
+    def peaks_between_nodes(self, unknowns: NDArray[np.float64]) -> tuple[float, ...]:
+        """Return the phases of peaks between the nodes that exceed all nodes, the largest of each piece.
 
-        A peak is that of the parabola through three of the `FINE` places.
+        Each peak is that of the parabola through three samples.
+
+        Parameters
+        ----------
+        unknowns : ndarray, shape (unknowns,)
+            Coefficients of the law [-].
         """
-        found, space = [], self.held.space
-        watched = (self._watched(nodes, unknowns) for nodes in (self._fine, self.nodes))
-        for (fine, least), (coarse, _) in zip(*watched, strict=True):
-            values = fine.reshape(-1, FINE)
+        phases, space = [], self.constraints.space
+        quantities = (self._peak_quantities(nodes, unknowns) for nodes in (self._fine_nodes, self.nodes))
+        for (fine, threshold), (coarse, _) in zip(*quantities, strict=True):
+            values = fine.reshape(-1, PEAK_SAMPLES)
             left, top, right = values[:, :-2], values[:, 1:-1], values[:, 2:]
             bend, tilt = 2 * top - left - right, right - left
             bend[(top < left) | (top < right) | (bend <= 0)] = np.inf
             tops = np.where(np.isfinite(bend), top + tilt**2 / (8 * bend), 0.0)
             pieces, i = np.arange(len(tops)), tops.argmax(axis=1)
-            high = tops[pieces, i] > max(coarse.max(), least) * (1 + HIGHER)
-            u = (i + 1 + (tilt / (2 * bend))[pieces, i]) / (FINE - 1)
-            found += list((space.breaks[:-1] + np.diff(space.breaks) * u)[high])
-        return tuple(found)
+            high = tops[pieces, i] > max(coarse.max(), threshold) * (1 + PEAK_TOLERANCE)
+            u = (i + 1 + (tilt / (2 * bend))[pieces, i]) / (PEAK_SAMPLES - 1)
+            phases += list((space.breaks[:-1] + np.diff(space.breaks) * u)[high])
+        return tuple(phases)
 
-    def _watched(self, nodes, unknowns):
-        """(values of shape (nodes,), least that counts) of what peaks are looked for in."""
-        peaks = [PEAKS[name] for name in self.weights if name in PEAKS]
-        for resistance in self.resistances if peaks else ():
-            here = state(nodes, unknowns, self.mass, resistance)
-            yield from ((np.abs(peak(here)), 0.0) for peak in peaks)
-        if self.held.pitch:
-            yield from ((row, 1 - MARGIN) for row in self.held.pitch.crowded(nodes, unknowns))
+    def _peak_quantities(
+        self, nodes: QuadratureNodes, unknowns: NDArray[np.float64]
+    ) -> Iterator[tuple[NDArray[np.float64], float]]:
+        """(values of shape (nodes,), threshold below which a peak is irrelevant) of each quantity with a peak."""
+        peaks = [PEAKS[name] for name in self.criterion.weights if name in PEAKS]
+        for resistance in self.criterion.resistances if peaks else ():
+            state = evaluate_state(nodes, unknowns, self.criterion.mass, resistance)
+            yield from ((np.abs(peak(state)), 0.0) for peak in peaks)
+        if self.constraints.pitch:
+            yield from ((row, 1 - CURVATURE_MARGIN) for row in self.constraints.pitch.nodal_ratios(nodes, unknowns))
 
-    def tangents(self, unknowns):
-        """`Tangent`s of every criterion, a list for each sample of the resistance."""
-        states = [state(self.nodes, unknowns, self.mass, resistance) for resistance in self.resistances]
-        found = [[OBJECTIVES[name](one) for name in self.weights] for one in states]
-        if pitch := self.held.pitch:
-            crowding = (pitch.excess if self.weights else pitch.tangent)(self.nodes, unknowns)
-            found = [[*of_sample, crowding] for of_sample in found]
-        return found
+    def linearise(self, unknowns: NDArray[np.float64]) -> list[list[Linearisation]]:
+        """Return the `Linearisation` of every criterion, a list for each sample of the resistance.
 
-    def value(self, unknowns):
-        """J of a law."""
-        return self.kept(self.tangents(unknowns))[1]
+        Parameters
+        ----------
+        unknowns : ndarray, shape (unknowns,)
+            Coefficients of the law [-].
+        """
+        criterion = self.criterion
+        states = [evaluate_state(self.nodes, unknowns, criterion.mass, one) for one in criterion.resistances]
+        models = [[OBJECTIVES[name](state) for name in criterion.weights] for state in states]
+        if pitch := self.constraints.pitch:
+            linearise = pitch.linearise_violation if criterion.weights else pitch.linearise
+            curvature = linearise(self.nodes, unknowns)
+            models = [[*of_sample, curvature] for of_sample in models]
+        return models
 
-    def weights_of(self, k):
-        """Weights of the criteria against sample k."""
-        weights = [weight / (self.least[k] if self.least else 1.0) for weight in self.weights.values()]
-        return [*weights, self.price] if self.held.pitch else weights
+    def value(self, unknowns: NDArray[np.float64]) -> float:
+        """Return the criterion J of a law."""
+        return self.counted_samples(self.linearise(unknowns))[1]
 
-    def kept(self, tangents):
-        """(samples that the quantile counts, those of least J; the value of the worst of them)."""
-        weights = [self.weights_of(k) for k in range(len(tangents))]
-        sums = [sum(w * t.value for w, t in zip(*pair, strict=True)) for pair in zip(weights, tangents, strict=True)]
-        order = np.argsort(sums, kind="stable")[: max(1, int(np.ceil(self.quantile * len(sums) - 1e-9)))]
+    def weights_of(self, k: int) -> list[float]:
+        """Return the weights of the linearisations of sample k, the penalty last."""
+        divisor = self.criterion.minima[k] if self.criterion.minima else 1.0
+        weights = [weight / divisor for weight in self.criterion.weights.values()]
+        return [*weights, self.penalty] if self.constraints.pitch else weights
+
+    def counted_samples(self, models: list[list[Linearisation]]) -> tuple[NDArray[np.intp], float]:
+        """Return the samples within the quantile, in ascending order of J, and the J of the last of them.
+
+        Parameters
+        ----------
+        models : list of lists of Linearisation
+            Result of `linearise`.
+        """
+        weights = [self.weights_of(k) for k in range(len(models))]
+        sums = [sum(w * m.value for w, m in zip(*pair, strict=True)) for pair in zip(weights, models, strict=True)]
+        count = max(1, int(np.ceil(self.criterion.quantile * len(sums) - 1e-9)))
+        order = np.argsort(sums, kind="stable")[:count]
         return order, sums[order[-1]]
 
 
-class _Model:
-    """The tangents of a task about a law as a program: changes d, the top T that is made least, parts >= 0 of it."""
+class _Subproblem:
+    """Linearised problem as a convex program: changes d, epigraph variable T to minimise, and auxiliary variables."""
 
-    def __init__(self, task, unknowns, tangents):
+    def __init__(self, problem, unknowns, models) -> None:
         self.size = len(unknowns)
         self.rows, self.values, self.entries, self.height = [], [], [], 0
         self.width = self.size + 1
-        kept, worst = task.kept(tangents)
+        counted, worst = problem.counted_samples(models)
         self.scale = abs(worst) or 1.0
-        weights = {k: [weight / self.scale for weight in task.weights_of(k)] for k in kept}
-        for k in kept:
-            tops = [self._top(tangent, weight) for tangent, weight in zip(tangents[k], weights[k], strict=True)]
-            self._below(np.zeros((1, self.size)), [0.0], [(0, top, 1.0) for top in tops] + [(0, self.size, -1.0)])
-        self.curvature = self._bend(tangents, kept, weights)
-        self.program = self._with_limits(task.held.program, unknowns)
+        weights = {k: [weight / self.scale for weight in problem.weights_of(k)] for k in counted}
+        for k in counted:
+            tops = [self._add_epigraph(model, weight) for model, weight in zip(models[k], weights[k], strict=True)]
+            entries = [(0, top, 1.0) for top in tops] + [(0, self.size, -1.0)]
+            self._add_rows(np.zeros((1, self.size)), [0.0], entries)
+        self.curvature = self._mean_curvature(models, counted, weights)
+        self.program = self._program_with(problem.constraints.program, unknowns)
 
-    def _below(self, rows, values, entries):
-        """rows d + entries of the other unknowns <= values."""
+    def _add_rows(self, rows, values, entries):
+        """Add rows d + entries of the other variables <= values."""
         self.rows.append(rows)
         self.values.append(values)
         self.entries += [(self.height + row, column, value) for row, column, value in entries]
         self.height += len(values)
 
-    def _new(self, count):
+    def _add_variables(self, count):
         self.width += count
         return range(self.width - count, self.width)
 
-    def _top(self, tangent, weight):
-        """A new unknown that is not less than a weighted tangent."""
-        (top,), count = self._new(1), len(tangent.values)
-        if tangent.shares is None:
-            self._below(weight * tangent.rows, -weight * tangent.values, [(i, top, -1.0) for i in range(count)])
+    def _add_epigraph(self, model, weight):
+        """Add a variable that is at least a weighted linearisation; return its column."""
+        (top,), count = self._add_variables(1), len(model.values)
+        gradients, values = weight * model.gradients, -weight * model.values
+        if model.shares is None:
+            self._add_rows(gradients, values, [(i, top, -1.0) for i in range(count)])
             return top
-        parts = self._new(count)
-        nothing = np.zeros((count, self.size))
-        self._below(weight * tangent.rows, -weight * tangent.values, [(i, part, -1.0) for i, part in enumerate(parts)])
-        self._below(nothing, np.zeros(count), [(i, part, -1.0) for i, part in enumerate(parts)])
-        shared = [(0, part, share) for part, share in zip(parts, tangent.shares, strict=True)]
-        self._below(nothing[:1], [0.0], [*shared, (0, top, -1.0)])
+        parts = self._add_variables(count)
+        zeros = np.zeros((count, self.size))
+        self._add_rows(gradients, values, [(i, part, -1.0) for i, part in enumerate(parts)])
+        self._add_rows(zeros, np.zeros(count), [(i, part, -1.0) for i, part in enumerate(parts)])
+        shared = [(0, part, share) for part, share in zip(parts, model.shares, strict=True)]
+        self._add_rows(zeros[:1], [0.0], [*shared, (0, top, -1.0)])
         return top
 
-    def _bend(self, tangents, kept, weights):
-        """Mean curvature of the samples that are about as bad as the worst."""
-        near = [k for k in kept if sum(w * t.value for w, t in zip(weights[k], tangents[k], strict=True)) > 1 - NEAR]
-        bends = [
-            weight * tangent.curvature / max(len(near), 1)
-            for k in near
-            for tangent, weight in zip(tangents[k], weights[k], strict=True)
-            if tangent.curvature is not None
+    def _mean_curvature(self, models, counted, weights):
+        """Mean weighted curvature of the samples within `ACTIVE_TOLERANCE` of the worst, or None."""
+        active = [
+            k
+            for k in counted
+            if sum(w * m.value for w, m in zip(weights[k], models[k], strict=True)) > 1 - ACTIVE_TOLERANCE
         ]
-        return sum(bends) if bends else None
+        curvatures = [
+            weight * model.curvature / max(len(active), 1)
+            for k in active
+            for model, weight in zip(models[k], weights[k], strict=True)
+            if model.curvature is not None
+        ]
+        return sum(curvatures) if curvatures else None
 
-    def _with_limits(self, limits, unknowns):
-        more = self.width - self.size
+    def _program_with(self, constraints, unknowns):
+        added = self.width - self.size
         entries = np.array(self.entries).T
         right = sparse.coo_array((entries[2], entries[:2].astype(int)), shape=(self.height, self.width))
         left = sparse.csr_array(np.concatenate(self.rows))
         left.resize((self.height, self.width))
-        wide = limits.inequality_matrix.copy()
-        wide.resize((wide.shape[0], self.width))
-        room = limits.inequality_bounds - limits.inequality_matrix @ unknowns
+        below = constraints.inequality_matrix.copy()
+        below.resize((below.shape[0], self.width))
+        room = constraints.inequality_bounds - constraints.inequality_matrix @ unknowns
         return LinearConstraints(
-            np.column_stack([limits.equality_matrix, np.zeros((len(limits.equality_matrix), more))]),
-            limits.equality_values - limits.equality_matrix @ unknowns,
-            sparse.csr_array(sparse.vstack([wide, left + right])),
+            np.column_stack([constraints.equality_matrix, np.zeros((len(constraints.equality_matrix), added))]),
+            constraints.equality_values - constraints.equality_matrix @ unknowns,
+            sparse.csr_array(sparse.vstack([below, left + right])),
             np.concatenate([room, *self.values]),
         )
 
-    def least(self, radius=np.inf, curved=True):
-        """(change of the unknowns, none by more than the radius; J that the tangents promise after it)."""
+    def solve(self, radius=np.inf, with_curvature=True):
+        """(change of the unknowns, each within the radius; criterion predicted after the change)."""
         cost = np.zeros(self.width)
         cost[self.size] = 1.0
         box = np.full(self.width, np.inf)
         box[: self.size] = radius
-        if self.curvature is None or not curved:
-            found = minimise_linear(cost, self.program, box)
-            if found is None:
-                raise RuntimeError("HiGHS finds no law within limits that the law before kept")
-            return found[: self.size], self.scale * found[self.size]
+        if self.curvature is None or not with_curvature:
+            solution = minimise_linear(cost, self.program, box)
+            if solution is None:
+                raise RuntimeError("the linear subproblem is infeasible although the present law satisfies its limits")
+            return solution[: self.size], self.scale * solution[self.size]
         curvature = np.zeros((self.width, self.width))
         curvature[: self.size, : self.size] = self.curvature
-        found = minimise_quadratic(curvature, cost, self.program, box)
-        change = found[: self.size]
-        return change, self.scale * (found[self.size] + change @ self.curvature @ change / 2)
+        solution = minimise_quadratic(curvature, cost, self.program, box)
+        change = solution[: self.size]
+        return change, self.scale * (solution[self.size] + change @ self.curvature @ change / 2)
 
 
-class Optimum(NamedTuple):
-    """The curve s(z), a PPoly, and how it was found.
+class OptimalLaw(NamedTuple):
+    """Normalised optimal law and the record of its search.
 
-    value : the criterion; peaks between the nodes are met to 3e-4, of laws without a near jump to 1e-5
-    gap : what the tangents would let any law do better, relative
-    refinement : what the last doubling of pieces gained, relative, or nan
-    steps : convex steps taken
+    Attributes
+    ----------
+    curve : PPoly
+        Law s(z), 0 <= z <= 1 [-].
+    value : float
+        Criterion; peaks between the nodes are exact to 3e-4, without steep ramps to 1e-5.
+    gap : float
+        Relative optimality gap [-].
+    refinement : float
+        Relative decrease by the last halving of the pieces [-], or nan.
+    steps : int
+        Number of convex subproblems accepted.
     """
 
-    curve: object
+    curve: PPoly
     value: float
     gap: float
     refinement: float
     steps: int
 
 
-def search(task, unknowns):
-    """(unknowns, J, steps): sequential convex steps from a law within the limits to one that is stationary.
+def trust_region_search(
+    problem: OptimisationProblem, unknowns: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], float, int]:
+    """Minimise the criterion by sequential convex programming from a law within the constraints.
 
-    Raises RuntimeError, with the gap reached, after `MOST` steps.
+    Parameters
+    ----------
+    problem : OptimisationProblem
+        Criterion and constraints.
+    unknowns : ndarray, shape (unknowns,)
+        Initial law [-].
+
+    Returns
+    -------
+    unknowns, value, steps : ndarray, float, int
+        Stationary law, its criterion and the number of accepted steps.
+
+    Raises
+    ------
+    RuntimeError
+        If no stationary law is found in `STEP_LIMIT` steps.
+    ValueError
+        If the criterion of the initial law is zero.
     """
-    radius, tangents = np.inf, task.tangents(unknowns)
-    value = task.kept(tangents)[1]
+    radius, models = np.inf, problem.linearise(unknowns)
+    value = problem.counted_samples(models)[1]
     if value == 0:
-        raise ValueError("every law asks for nothing: give a mass or a resistance that the criterion meets")
-    for steps in range(MOST):
-        model = _Model(task, unknowns, tangents)
+        raise ValueError("the criterion is zero for every law; set a `mass` > 0 or a resistance that enters it")
+    for steps in range(STEP_LIMIT):
+        subproblem = _Subproblem(problem, unknowns, models)
         while True:
-            change, promised = model.least(radius)
-            there = task.tangents(unknowns + change)
-            reached = task.kept(there)[1]
-            if value - promised <= CLOSED * abs(value) or radius < SMALLEST * np.abs(unknowns).max():
+            change, predicted = subproblem.solve(radius)
+            models = problem.linearise(unknowns + change)
+            reached = problem.counted_samples(models)[1]
+            if (
+                value - predicted <= DECREASE_TOLERANCE * abs(value)
+                or radius < RADIUS_TOLERANCE * np.abs(unknowns).max()
+            ):
                 return (unknowns + change, reached, steps) if reached <= value else (unknowns, value, steps)
-            fall = (value - reached) / (value - promised)
+            ratio = (value - reached) / (value - predicted)
             longest = np.abs(change).max()
-            if fall < POOR:
+            if ratio < POOR:
                 radius = longest / 4
-            elif fall > GOOD and longest > 0.99 * radius:
+            elif ratio > GOOD and longest > 0.99 * radius:
                 radius *= 2
-            if fall > TAKEN:
+            if ratio > ACCEPTED:
                 break
-        unknowns, tangents, value = unknowns + change, there, reached
+        unknowns, value = unknowns + change, reached
     raise RuntimeError(
-        f"no stationary law after {MOST} steps: {value:g} reached, {value - promised:g} less promised; `method` casadi "
-        "may find one"
+        f"no stationary law after {STEP_LIMIT} steps: criterion {value:g}, predicted decrease {value - predicted:g}; "
+        "use fewer `pieces` or wider limits"
     )
 
 
-def gap(task, unknowns):
-    """By how much the tangents would let any law within the limits do better, relative."""
-    tangents = task.tangents(unknowns)
-    value = task.kept(tangents)[1]
-    _, promised = _Model(task, unknowns, tangents).least(curved=False)
-    return max(0.0, (value - promised) / abs(value))
+def optimality_gap(problem: OptimisationProblem, unknowns: NDArray[np.float64]) -> float:
+    """Return the relative decrease that the linearisations allow any law within the constraints [-].
 
-
-def _pieces(limits):
-    if limits.cam is None:
-        return PIECES[limits.continuous]
-    of_cam = PIECES_OF_A_CAM if limits.cam.profile_radius is None else PIECES_OF_A_PROFILE
-    return min(PIECES[limits.continuous], of_cam)
-
-
-def _uncrowded(task, unknowns):
-    """Unknowns of a law within the limits whose cam keeps the bound on its profile, from one that need not.
-
-    Raises `limits.InfeasibleError` where the search for the least crowding finds none.
+    Parameters
+    ----------
+    problem : OptimisationProblem
+        Criterion and constraints.
+    unknowns : ndarray, shape (unknowns,)
+        Coefficients of the law [-].
     """
-    asked, most = task.held.limits.cam.profile_radius, -np.inf
-    if task.held.pitch.crowded(task.nodes, unknowns).max() <= 1 - MARGIN:
-        return unknowns
-    task = replace(task, weights={})
-    for _ in range(ROUNDS):
-        unknowns, *_ = search(task, unknowns)
-        before, most = most, task.held.pitch.reached(task.nodes, unknowns)
-        if most >= asked:
-            return unknowns
-        higher = task.between(unknowns)
-        if most <= 0 or (not higher and abs(most - before) <= LITTLE * most):
-            break
-        task = replace(task, more=task.more + higher, held=task.held.asking(most))  # it weighs convex parts and hollows
-    raise InfeasibleError([Conflict("least radius of curvature of the roller's cam", "m", asked, most)], alone=True)
+    models = problem.linearise(unknowns)
+    value = problem.counted_samples(models)[1]
+    _, predicted = _Subproblem(problem, unknowns, models).solve(with_curvature=False)
+    return max(0.0, (value - predicted) / abs(value))
 
 
-def _priced(task, unknowns):
-    """(unknowns, J, steps, task) of a `search` at a price that makes no law worth a profile too curved."""
-    if task.held.pitch is None:
-        return *search(task, unknowns), task
-    value = replace(task, price=0.0).value(unknowns)
-    for price in np.geomspace(PRICE, DEAREST, 5):
-        task = replace(task, price=price * abs(value))
-        found = search(task, unknowns)
-        if task.held.pitch.crowded(task.nodes, found[0]).max() <= 1 - MARGIN / 2:
-            return *found, task
-    raise RuntimeError(f"the profile of the cam is too curved for any price up to {task.price:g}")
+def find_optimal_law(
+    limits: Limits, stroke: float, duration: float, criterion: DriveCriterion, pieces: int | None = None
+) -> OptimalLaw:
+    """Find the law that minimises a criterion within limits, first on few pieces, which are then halved.
 
+    Parameters
+    ----------
+    limits : Limits
+        Limits of the law.
+    stroke : float
+        Travel of one pass [m].
+    duration : float
+        Time of one pass [s].
+    criterion : DriveCriterion
+        Criterion to minimise.
+    pieces : int, optional
+        Number of pieces of the acceleration and deceleration phases; `PIECES_BY_SMOOTHNESS` if not given.
 
-def _by_ipopt(task, unknowns):
-    """(unknowns, J, iterations, task) by casadi's IPOPT, J as of `search`."""
-    from compact.motion.ipopt_reference import descent
-
-    unknowns, _, taken = descent(task, unknowns)
-    value = replace(task, price=0.0).value(unknowns)
-    return unknowns, value, taken, replace(task, price=PRICE * abs(value))
-
-
-METHODS = MappingProxyType({"steps": _priced, "casadi": _by_ipopt})
-
-
-def optimum(limits, stroke, duration, weights, mass, resistances, quantile=1.0, pieces=None, least=(), method="steps"):
-    """`Optimum` of a task: on few pieces first, which are then halved; `pieces` of run-up and run-down, see `PIECES`.
-
-    method : of METHODS; of "casadi" the gap is told, and not asked to be small: it follows the resistance by a spline
-
-    Raises `limits.InfeasibleError` where no law keeps the limits, RuntimeError where the search does not end.
+    Raises
+    ------
+    InfeasibleError
+        If no law satisfies the limits.
+    RuntimeError
+        If the search does not converge.
     """
-    pieces = pieces or _pieces(limits)
-    rounds = max(0, int(np.log2(pieces / COARSEST)))
-    before, curve, taken = np.nan, None, 0
+    pieces = pieces or _default_pieces(limits)
+    rounds = max(0, int(np.log2(pieces / COARSEST_PIECES)))
+    previous, curve, steps = np.nan, None, 0
     for halvings in range(rounds + 1):
-        space = space_of(limits, pieces >> rounds, halvings)
-        task = Task(ConstraintSet(limits, space, stroke, duration), weights, mass, resistances, quantile, least)
+        space = spline_space_for(limits, pieces >> rounds, halvings)
+        problem = OptimisationProblem(ConstraintSet(limits, space, stroke, duration), criterion)
         try:
-            start = task.held.calmest if curve is None else space.taken_over(curve)
-            if task.held.pitch:
-                start = _uncrowded(task, start)
-        except InfeasibleError:  # finer pieces may do
+            start = problem.constraints.min_acceleration_law if curve is None else space.interpolate(curve)
+            start = _restore_feasibility(problem, start)
+        except InfeasibleError:
             if halvings < rounds:
-                continue
+                continue  # smaller pieces may admit a law
             raise
-        unknowns, value, steps, task = METHODS[method](task, start)
-        curve, refinement, before, taken = space.curve(unknowns), before / value - 1, value, taken + steps
-    for _ in range(ROUNDS):
-        higher = task.between(unknowns)
-        if not higher:
+        unknowns, value, taken, problem = _penalty_search(problem, start)
+        curve, refinement, previous, steps = space.curve(unknowns), previous / value - 1, value, steps + taken
+    for _ in range(EXCHANGE_ROUNDS):
+        peaks = problem.peaks_between_nodes(unknowns)
+        if not peaks:
             break
-        task = replace(task, more=task.more + higher)
-        unknowns, value, steps, task = METHODS[method](task, unknowns)
-        taken += steps
-    unknowns = task.held.closed(unknowns)
-    left = gap(task, unknowns)
-    if left > STATIONARY and method == "steps":
-        raise RuntimeError(f"the search stopped at {value:g} after {taken} steps, not stationary: a gap of {left:.1e}")
-    return Optimum(space.curve(unknowns), value, left, refinement, taken)
+        problem = replace(problem, extra_phases=problem.extra_phases + peaks)
+        unknowns, value, taken, problem = _penalty_search(problem, unknowns)
+        steps += taken
+    unknowns = problem.constraints.project(unknowns)
+    gap = optimality_gap(problem, unknowns)
+    if gap > GAP_TOLERANCE:
+        raise RuntimeError(
+            f"the search ended after {steps} steps without a stationary law: criterion {value:g}, optimality gap "
+            f"{gap:.1e}, allowed {GAP_TOLERANCE:g}; use fewer `pieces` or wider limits"
+        )
+    return OptimalLaw(space.curve(unknowns), value, gap, refinement, steps)
+
+
+def _default_pieces(limits):
+    if limits.cam is None:
+        return PIECES_BY_SMOOTHNESS[limits.continuous]
+    of_cam = CAM_PIECES if limits.cam.profile_radius is None else PROFILE_PIECES
+    return min(PIECES_BY_SMOOTHNESS[limits.continuous], of_cam)
+
+
+def _restore_feasibility(problem: OptimisationProblem, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unknowns that satisfy the curvature limit too, by minimising the largest curvature ratio.
+
+    Raises InfeasibleError, with the largest radius reached, if the search finds none.
+    """
+    pitch = problem.constraints.pitch
+    if pitch is None or pitch.nodal_ratios(problem.nodes, unknowns).max() <= 1 - CURVATURE_MARGIN:
+        return unknowns
+    limit, reached = pitch.profile_radius, -np.inf
+    problem = replace(problem, criterion=replace(problem.criterion, weights={}))
+    for _ in range(EXCHANGE_ROUNDS):
+        unknowns, *_ = trust_region_search(problem, unknowns)
+        previous, reached = reached, problem.constraints.pitch.reached_radius(problem.nodes, unknowns)
+        if reached >= limit:
+            return unknowns
+        peaks = problem.peaks_between_nodes(unknowns)
+        if reached <= 0 or (not peaks and abs(reached - previous) <= RESTORATION_TOLERANCE * reached):
+            break
+        # the radius reached balances convex and concave parts
+        constraints = problem.constraints.with_profile_radius(reached)
+        problem = replace(problem, extra_phases=problem.extra_phases + peaks, constraints=constraints)
+    name = "smallest radius of curvature of the cam for the roller follower"
+    raise InfeasibleError([Conflict(name, "m", limit, reached)], alone=True)
+
+
+def _penalty_search(problem, unknowns):
+    """(unknowns, J, steps, problem): search with the smallest penalty that leaves no violation of the curvature."""
+    if problem.constraints.pitch is None:
+        return *trust_region_search(problem, unknowns), problem
+    value = replace(problem, penalty=0.0).value(unknowns)
+    for factor in PENALTY_FACTORS:
+        problem = replace(problem, penalty=factor * abs(value))
+        result = trust_region_search(problem, unknowns)
+        if problem.constraints.pitch.nodal_ratios(problem.nodes, result[0]).max() <= 1 - CURVATURE_MARGIN / 2:
+            return *result, problem
+    raise RuntimeError(
+        f"the cam profile violates its limit of curvature at any penalty up to {problem.penalty:g}; "
+        "increase the breadth of the cam or lower `profile_radius`"
+    )

@@ -1,52 +1,104 @@
-"""The page `report.html` of a study: the answer in plain words, how sure it is, and behind it all that was computed.
+"""The HTML page of a study, `report.html`: the answer, its uncertainty, and all results in sections.
 
-One file that needs no network. What a scene does not want is not computed for it. Pictures come by the names of the
-figures, each as what gives its bytes of PNG, which may still be drawn in another process.
+The page is one file without external resources. Results are computed by the stages of the study; this module selects
+and formats them.
 """
 
-from html import escape
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
-from compact.analysis import sensitivity
+from compact.analysis.sensitivity import Shift
+from compact.analysis.study import Study
 from compact.files import atomic_file
-from compact.report import html_contact, html_machine
-from compact.report.html_answer import answer, asked
-from compact.report.page import Section, page, paragraph, table
-from compact.verification.balance_checks import balance_checks
+from compact.report.html_answer import answer, question
+from compact.report.html_contact import contact_section, mix_section
+from compact.report.html_machine import (
+    cams_section,
+    checks_section,
+    forces_section,
+    laws_section,
+    ranking_section,
+    scene_section,
+    sensitivity_section,
+)
+from compact.report.page import Block, Paragraph, Section, Table, render_page
+from compact.report.ranking_tables import RankingAgreement
+from compact.verification.balance_checks import BalanceCheck
+
+FILES_REMARK = "The tables and `summary.json` in the same directory hold every number with twelve digits."
 
 
-def write_page(path, study, pictures, versions):
-    """Write the page of a study; `versions` of packages by name. Returns the path."""
-    title = study.scene.title or "untitled scene"
-    shifts = sensitivity.shifts(study)
-    found = balance_checks(study)
-    parts = [
-        html_machine.ranking(study, pictures),
-        html_contact.contact(study, pictures),
-        html_machine.laws(study, pictures),
-        html_machine.forces(study, pictures),
-        html_machine.cams(study, pictures),
-        html_machine.moves(shifts),
-        html_machine.scene(study.scene),
-        html_contact.mix(study),
-        html_machine.built_in(found),
-        _versions(study, versions),
+@dataclass(frozen=True)
+class PageResults:
+    """Finished results of a page that are no attributes of its study.
+
+    Parameters
+    ----------
+    pictures : mapping of str to bytes
+        PNG files by the name of the figure.
+    shifts : sequence of Shift
+        Sensitivities.
+    checks : sequence of BalanceCheck
+    agreements : sequence of RankingAgreement
+        Comparisons with other engines and drives.
+    first_cam : sequence of Block or None
+        Drawing of the cam of the first law; None without cams.
+    versions : mapping of str to str
+        Versions by package.
+    """
+
+    pictures: Mapping[str, bytes]
+    shifts: Sequence[Shift]
+    checks: Sequence[BalanceCheck]
+    agreements: Sequence[RankingAgreement]
+    first_cam: Sequence[Block] | None
+    versions: Mapping[str, str]
+
+
+def write_page(path: Path, study: Study, results: PageResults) -> Path:
+    """Write the page of a study.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    study : Study
+    results : PageResults
+
+    Returns
+    -------
+    Path
+        The path of the file.
+    """
+    pictures = results.pictures
+    sections = [
+        ranking_section(study, pictures, results.agreements),
+        contact_section(study, pictures),
+        laws_section(study, pictures),
+        forces_section(study, pictures),
+        *([] if results.first_cam is None else [cams_section(study, pictures, results.first_cam)]),
+        sensitivity_section(results.shifts),
+        scene_section(study.scene),
+        mix_section(study),
+        checks_section(results.checks),
+        _versions_section(study, results.versions),
     ]
-    parts = [part for part in parts if part is not None]
-    body = [
-        f"<header><h1>{escape(title)}</h1>{asked(study)}</header>",
-        answer(study, shifts, found),
-        f'<nav aria-label="details">{" ".join(part.link() for part in parts)}</nav>',
-        *(part.html() for part in parts),
-    ]
+    content = render_page(
+        study.scene.title or "untitled scene",
+        sections=sections,
+        answer=answer(study, results.shifts, results.checks, results.agreements),
+        **question(study),
+    )
     with atomic_file(path) as stream:
-        stream.write(page(title, "\n".join(body)))
+        stream.write(content)
     return path
 
 
-def _versions(study, versions):
-    rows = [(escape(name), escape(version)) for name, version in versions.items()]
-    rows += [("scene", f"<code>{study.scene.hash}</code>")]
-    rows += [(f"computed: {escape(stage)}", str(count)) for stage, count in study.counts.items()]
-    said = paragraph("The tables and <code>summary.json</code> beside this page hold every number with twelve digits.")
-    body = said + table(("of", "is"), rows, "Versions, fingerprint of the scene, and how often each stage was computed")
-    return Section("versions", "Versions and files", "What made this page.", body)
+def _versions_section(study: Study, versions: Mapping[str, str]) -> Section:
+    rows = [*versions.items(), ("scene", f"`{study.scene.hash}`")]
+    rows += [(f"computed: {stage}", str(count)) for stage, count in study.counts.items()]
+    table = Table("Versions, fingerprint of the scene, and number of computations of each stage", ("of", "value"), rows)
+    return Section(
+        "versions", "Versions and files", "Packages, scene and stages of this page.", [Paragraph(FILES_REMARK), table]
+    )

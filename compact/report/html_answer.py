@@ -1,253 +1,356 @@
-"""What the page says first: what was asked, which law, how much it takes, and how sure that is; in plain words."""
+"""Selection of the results that the page states first: best laws, resistance, and the uncertainty of both.
 
-from html import escape
+The templates `question.html.j2` and `answer.html.j2` phrase them.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from compact import quantities
-from compact.analysis.engines import COMPACTING
+from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.sensitivity import Shift
+from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
-from compact.report.contact_tables import guide_sentence, return_sentence
-from compact.report.page import listed, paragraph, percent, quantity, sentence, strong
-from compact.report.ranking_tables import agreements, places
+from compact.material.mix import Parameter
+from compact.report.number_format import format_percent, format_quantity
+from compact.report.ranking_tables import RankingAgreement, places
+from compact.report.text import guide_sentence, return_sentence
+from compact.verification.balance_checks import BalanceCheck
 
-WORDS = {name: quantity.term for name, quantity in quantities.CRITERIA.items()}
-TIED = "closer than the 1 % to which a machine is built"
-SAID = 2  # criteria in the answer, those that the scene names first
-ENGINES = {
+ANSWER_CRITERIA = 2  # [-], number of criteria in the answer; the tables have the others
+CONTACT_MODELS = {
     "formula": "the engineering formulas 1.1–1.10",
-    "column": "columns of a layer that stays pressed",
-    "spectral": "an elastic or relaxing layer on its base, solved in Fourier space",
-    "fem": "an elastic or relaxing layer by finite elements",
-    "compaction": "a layer that stays pressed, by finite elements",
+    "column": "confined-compression columns with irreversible compaction",
+    "spectral": "an elastic or viscoelastic layer on its base, solved in Fourier space",
+    "fem": "an elastic or viscoelastic layer by finite elements",
+    "compaction": "a layer with irreversible compaction by finite elements",
 }
 
 
-def asked(study):
-    """The question, in a paragraph."""
-    scene, laws = study.scene, len(study.cycles)
-    machine, motion = scene.machine, scene.motion
-    rollers = f"{machine.rollers} roller{'s' if machine.rollers > 1 else ''}"
-    lifts = f", in lifts of {quantity(scene.lift_thickness, 'm')}," if scene.layer.lift_thickness else ""
-    stands = f" and stands {quantity(motion.dwell, 's')} at each end" if motion.dwell else ""
-    return paragraph(
-        f"A cart of {quantity(machine.mass, 'kg')} with {rollers} of radius {quantity(machine.roller_radius, 'm')} and "
-        f"length {quantity(machine.roller_length, 'm')} goes {quantity(motion.stroke, 'm')} there and back, "
-        f"{quantity(motion.duration, 's')} each way{stands}, and presses a product "
-        f"{quantity(scene.product.height, 'm')} high{lifts} to the density ratio {scene.mix.density_ratio:g} from a "
-        f"mix of {100 * scene.mix.moisture:g} % moisture. "
-        + (
-            f"Which of {laws} motion laws asks least"
-            if laws > 1
-            else f"What does the law {next(iter(study.cycles))} ask"
-        )
-        + f" of the drive ({escape(scene.drive.kind)})? The contact is that of {escape(ENGINES[_engine(study)])}."
+@dataclass(frozen=True)
+class BestLaw:
+    """First law by a criterion; `next_amount` and `last_amount` are the requirements of the next and the last law.
+
+    `reason` is set where all values are infinite, `single` where there is one law only.
+    """
+
+    term: str
+    laws: tuple[str, ...] = ()
+    value: str = ""
+    single: bool = False
+    tied: bool = False
+    next_law: str = ""
+    next_amount: str = ""
+    last_law: str = ""
+    last_amount: str = ""
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """Requirement by one criterion of the law that is first by another."""
+
+    law: str
+    term: str
+    amount: str
+    other_term: str
+
+
+@dataclass(frozen=True)
+class Unfollowable:
+    """Laws without a finite value, and the reason."""
+
+    laws: tuple[str, ...]
+    reason: str
+
+
+@dataclass(frozen=True)
+class EngineAccuracy:
+    """Error estimates of a layered engine [-], `interpolation` over the largest resistance; the kind of its model."""
+
+    engine: str
+    error: float | None
+    interpolation: float
+    speeds: int
+    compacting: bool
+    one_dimensional: bool
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """Resolution of rank 1 against the error of the resistance; `error` is empty where it is unknown."""
+
+    term: str
+    tied: bool
+    error: str
+    resolved: bool
+
+
+@dataclass(frozen=True)
+class ComparedFirst:
+    """First law by another engine, with the pairs of laws that are discordant beyond the errors."""
+
+    law: str
+    same: bool
+    term: str
+    value: str
+    discordant: int
+    pairs: int
+
+
+@dataclass(frozen=True)
+class SensitivitySummary:
+    """Inputs that change the first law, by name, and how the ends were computed."""
+
+    methods: str
+    inputs: int
+    out_of_range: int
+    changes: Mapping[str, Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Results of the answer box and of the list of uncertainties."""
+
+    winners: list[BestLaw]
+    rigid_winners: list[BestLaw]
+    unfollowable: list[Unfollowable]
+    conflicts: list[Conflict]
+    omitted_laws: Mapping[str, str]
+    mean_speed: float
+    mean_resistance: float
+    roller_load: float
+    guide_sentence: str
+    return_sentence: str
+    unreachable: str
+    engine_accuracy: EngineAccuracy | None
+    resolutions: list[Resolution]
+    required_pressure: Parameter
+    roller_force_low: float | None
+    roller_force_high: float | None
+    comparisons: Mapping[str, list[ComparedFirst]]
+    sensitivity: SensitivitySummary
+    checks: int
+    failed_checks: list[str]
+    remarks: list[str]
+    advice: tuple[str, ...]
+
+
+def question(study: Study) -> dict[str, Any]:
+    """Select the variables of the template of the question.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    dict
+    """
+    scene = study.scene
+    return {
+        "scene": scene,
+        "laws": list(study.cycles),
+        "lift_thickness": scene.lift if scene.layer.lift_thickness else None,
+        "contact_model": CONTACT_MODELS[scene.accuracy.engine],
+    }
+
+
+def answer(
+    study: Study,
+    shifts: Sequence[Shift],
+    checks: Sequence[BalanceCheck],
+    agreements: Sequence[RankingAgreement],
+) -> Answer:
+    """Select the results that the page states first.
+
+    Parameters
+    ----------
+    study : Study
+    shifts : sequence of Shift
+        Sensitivities of the rankings.
+    checks : sequence of BalanceCheck
+    agreements : sequence of RankingAgreement
+        Comparisons with other engines and drives.
+
+    Returns
+    -------
+    Answer
+    """
+    scene, kind = study.scene, study.scene.drive.kind
+    orders = _first_criteria(study.places[kind])
+    rigid = _first_criteria(study.places.get("rigid", {}) if kind != "rigid" else {})
+    force = study.numbers["roller_force"]
+    reach = study.mix.density_achievable
+    resistance = study.resistance(np.array([scene.mean_speed]), np.zeros(1))
+    return Answer(
+        winners=[_best_law(by, order) for by, order in orders.items()],
+        rigid_winners=[_best_law(by, order) for by, order in rigid.items()],
+        unfollowable=_unfollowable(orders),
+        conflicts=_conflicts(orders),
+        omitted_laws=study.laws_not_made,
+        mean_speed=scene.mean_speed,
+        mean_resistance=float(np.ravel(resistance)[0]),
+        roller_load=study.roller_load,
+        guide_sentence=guide_sentence(study),
+        return_sentence=return_sentence(study),
+        unreachable="" if reach else reach.reason,
+        engine_accuracy=_engine_accuracy(study) if study.layered else None,
+        resolutions=list(_resolutions(orders)),
+        required_pressure=study.mix.parameter("required_pressure"),
+        roller_force_low=None if force.high is None else force.low,
+        roller_force_high=None if force.low is None else force.high,
+        comparisons=_comparisons(study, agreements),
+        sensitivity=_sensitivity(shifts),
+        checks=len(checks),
+        failed_checks=[check.name for check in checks if not check.passed],
+        remarks=[sentence for sentences in scene.replacements.values() for sentence in sentences],
+        advice=scene.advice,
     )
 
 
-def answer(study, shifts, found):
-    """The answer and how sure it is; `shifts` as of `sensitivity`, `found` as of `checks`."""
-    orders = _first_few(study.places[study.scene.drive.kind])
-    said = [_winner(by, order) for by, order in orders.items()] + _endless(orders) + _conflict(orders)
-    rigid = _first_few(study.places.get("rigid", {}) if study.scene.drive.kind != "rigid" else {})
-    said += [f"With a rigid drive: {_winner(by, order)}" for by, order in rigid.items()]
-    said += [f"The law {strong(name)} is not made: {escape(why)}." for name, why in study.laws_not_made.items()]
-    said.append(_met(study))
-    if not study.mix.density_achievable:
-        said.append(f"{strong('Not reachable by rolling:')} {escape(study.mix.density_achievable.reason)}.")
-    sure = [
-        _known_by_engine(study),
-        *_first_is_sure(orders),
-        _known_by_mix(study),
-        *_by_engines_beside(study),
-        _order_holds(shifts),
-    ]
-    failed = [check.name for check in found if not check.passed]
-    sure.append(
-        f"{strong('Built-in checks that fail:')} {escape(', '.join(failed))}."
-        if failed
-        else f"All {len(found)} built-in checks hold: balances of energy and forces, and the published numbers."
-    )
-    sure += [f"{escape(sentence)}." for told in study.scene.replacements.values() for sentence in told]
-    sure += [escape(sentence) for sentence in study.scene.advice]
-    return (
-        f'<section class="answer" aria-label="answer">{"".join(map(paragraph, said))}</section>'
-        f'<section class="sure" aria-label="how sure"><h3>How sure is this?</h3>{listed(sure)}</section>'
-    )
+def _first_criteria(orders: Mapping[str, list[Place]]) -> dict[str, list[Place]]:
+    return dict(list(orders.items())[:ANSWER_CRITERIA])
 
 
-def _first_few(orders):
-    """The orders by the criteria that the scene names first; the others stand in the tables."""
-    return dict(list(orders.items())[:SAID])
+def _term(by: str) -> str:
+    return CRITERIA[by].quantity.term
 
 
-def _engine(study):
-    return study.scene.accuracy.engine
-
-
-def _winner(by, places):
-    """Who is first by a criterion, by how much, and what the last asks."""
-    first = _firsts(places)
+def _best_law(by: str, order: list[Place]) -> BestLaw:
+    """Select the first law by a criterion, with the requirements of the next and the last one."""
+    first = _first_places(order)
     if not first:
-        return f"No law has a finite {WORDS[by]}: {escape(places[0].reason)}."
-    if len(places) == 1:
-        return f"Its {WORDS[by]} is {strong(quantity(first[0].value, CRITERIA[by].unit, 3))}."
-    names = " and ".join(strong(place.law) for place in first)
-    value = strong(quantity(first[0].value, CRITERIA[by].unit, 3))
-    finite = [place for place in places if not place.reason]
-    asks = f"The law {names} asks" if len(first) == 1 else f"The laws {names} ask"
-    said = f"{asks} for the least {WORDS[by]}: {value}."
-    if finite[-1].rank > 1:
-        following, last = finite[len(first)], finite[-1]
-        said += f" The next, {escape(following.law)}, "
-        said += f"ties with it, {TIED}" if first[0].tie else f"takes {_taken(following.value, first[0].value, by)}"
-        if last is not following:
-            said += f"; the last, {escape(last.law)}, takes {_taken(last.value, first[0].value, by)}"
-        said += "."
-    return said
+        return BestLaw(_term(by), reason=order[0].reason)
+    least = first[0].value
+    value = format_quantity(least, CRITERIA[by].unit, 3)
+    laws = tuple(place.law for place in first)
+    finite = [place for place in order if not place.reason]
+    if finite[-1].rank == 1:
+        return BestLaw(_term(by), laws, value, single=len(order) == 1)
+    following, last = finite[len(first)], finite[-1]
+    return BestLaw(
+        _term(by),
+        laws,
+        value,
+        tied=first[0].tie,
+        next_law=following.law,
+        next_amount=_excess(following.value, least, by),
+        last_law=last.law if last is not following else "",
+        last_amount=_excess(last.value, least, by),
+    )
 
 
-def _firsts(places):
-    """The places that are first; none where all are infinite."""
-    return [place for place in places if place.rank == 1 and not place.reason]
+def _first_places(order: list[Place]) -> list[Place]:
+    """Return the places of rank 1; none where all values are infinite."""
+    return [place for place in order if place.rank == 1 and not place.reason]
 
 
-def _taken(value, least, by):
-    """A value in words: its share above the least, or itself where that share means nothing."""
+def _excess(value: float, least: float, by: str) -> str:
+    """Format a value as its share above the least, or as itself where that share has no meaning."""
     criterion = CRITERIA[by]
     if criterion.floor or not least > 0:
-        return quantity(value, criterion.unit, 3)
-    return f"{percent(value / least - 1)} more"
+        return format_quantity(value, criterion.unit, 3)
+    return f"{format_percent(value / least - 1)} more"
 
 
-def _endless(orders):
-    """The laws that have no finite peak, each reason once for all criteria."""
-    reasons = {}
+def _unfollowable(orders: Mapping[str, list[Place]]) -> list[Unfollowable]:
+    """Collect the laws without a finite value, each reason once for all criteria."""
+    reasons: dict[str, dict[str, None]] = {}
     for place in (place for order in orders.values() for place in order if place.reason):
         reasons.setdefault(place.reason, {})[place.law] = None
-    return [f"No machine can follow {escape(' and '.join(names))}: {escape(why)}." for why, names in reasons.items()]
+    return [Unfollowable(tuple(laws), reason) for reason, laws in reasons.items()]
 
 
-def _conflict(orders):
-    """What the first by one criterion takes by another, where they differ."""
-    said = []
-    firsts = {by: _firsts(order) for by, order in orders.items()}
-    for by, first in firsts.items():
-        for other, order in orders.items():
-            best = firsts[other]
-            if by == other or not first or not best or best[0].law in [p.law for p in first]:
-                continue
-            value = next(p.value for p in order if p.law == first[0].law)
-            if np.isfinite(value):
-                law, taken = escape(first[0].law), _taken(value, best[0].value, other)
-                said.append(f"The law {law} pays for its {WORDS[by]} with {taken} {WORDS[other]}.")
-    return [" ".join(dict.fromkeys(said))] if said else []
-
-
-def _met(study):
-    """What the machine meets at its mean speed."""
-    mean = study.scene.mean_speed
-    force = float(np.ravel(study.resistance(np.array([mean]), np.zeros(1)))[0])
-    return (
-        f"At its mean speed of {quantity(mean, 'm/s', 3)} the cart meets {strong(quantity(force, 'N', 3))} of "
-        "resistance of the mix; "
-        f"each roller is held down by {strong(quantity(study.roller_load, 'N', 3))}. "
-        f"{sentence(guide_sentence(study))} {sentence(return_sentence(study))}"
-    )
-
-
-def _known_by_engine(study):
-    engine = _engine(study)
-    if not study.layered:
-        return (
-            "The formulas cannot tell their own error. They are reconstructed from a damaged source, with a confidence "
-            "of 60–95 % each, and know no speed and no depth of the layer."
-        )
-    met = study.resistance_map
-    own = "does not know its own error"
-    if met.engine_error is not None:
-        own = f"puts its own error at {percent(met.engine_error)}"
-    own += ", of its arithmetic alone: columns know no second dimension," if engine == "column" else ""
-    model = (
-        "the mix stays pressed, as it does"
-        if engine in COMPACTING
-        else "the mix springs back, which leaves out most of the resistance of a mix that stays pressed"
-    )
-    return (
-        f"The engine {escape(engine)} {own}, and between its {len(met.speeds)} speeds the resistance is read to "
-        f"{percent(met.error)} of the largest. In it {model}."
-    )
-
-
-def _first_is_sure(orders):
-    """Whether the error of the resistance leaves the first law first."""
+def _conflicts(orders: Mapping[str, list[Place]]) -> list[Conflict]:
+    """Collect the requirements by each criterion of the laws that are first by another one only."""
+    found: dict[Conflict, None] = {}
     for by, order in orders.items():
-        first = _firsts(order)
+        first = _first_places(order)
+        for other, other_order in orders.items():
+            best = _first_places(other_order)
+            if by == other or not first or not best or best[0].law in [place.law for place in first]:
+                continue
+            value = next(place.value for place in other_order if place.law == first[0].law)
+            if np.isfinite(value):
+                found[Conflict(first[0].law, _term(by), _excess(value, best[0].value, other), _term(other))] = None
+    return list(found)
+
+
+def _engine_accuracy(study: Study) -> EngineAccuracy:
+    engine, resistance = study.scene.accuracy.engine, study.resistance_map
+    return EngineAccuracy(
+        engine=engine,
+        error=resistance.engine_error,
+        interpolation=resistance.error,
+        speeds=len(resistance.speeds),
+        compacting=study.engine.compacting,
+        one_dimensional=engine == "column",
+    )
+
+
+def _resolutions(orders: Mapping[str, list[Place]]) -> Iterator[Resolution]:
+    """State for each criterion whether the error of the resistance leaves the first law first."""
+    for by, order in orders.items():
+        first = _first_places(order)
         if not first or len(first) == len(order):
             continue
-        if first[0].tie:
-            yield f"The first law by {WORDS[by]} is one of several that tie: they are {TIED}."
-        if first[0].error is None or first[0].tie:
+        tied, error = first[0].tie, ""
+        if first[0].error is not None and not tied:
+            error = format_quantity(max(place.error or 0.0 for place in first), CRITERIA[by].unit, 2)
+        yield Resolution(_term(by), tied, error, all(place.sure for place in first))
+
+
+def _comparisons(study: Study, agreements: Sequence[RankingAgreement]) -> dict[str, list[ComparedFirst]]:
+    """Collect the first laws by the other engines under the drive of the scene."""
+    kind = study.scene.drive.kind
+    criteria = _first_criteria(study.places[kind])
+    found: dict[str, list[ComparedFirst]] = {name: [] for name in study.beside}
+    for each in agreements:
+        if each.other_engine == each.engine or not each.drive == each.other_drive == kind or each.by not in criteria:
             continue
-        moved = quantity(max(place.error for place in first), CRITERIA[by].unit, 2)
-        told = "does not reach the next" if all(place.sure for place in first) else "may put another law first"
-        yield f"The error of the resistance moves the least {WORDS[by]} by {moved}: it {told}."
-
-
-def _known_by_mix(study):
-    needed, force = study.mix.parameter("required_pressure"), study.numbers["roller_force"]
-    low, high = quantity(needed.low, "Pa", 3), quantity(needed.high, "Pa", 3)
-    said = (
-        "The mix is known from a table, not measured: the pressure that it needs is "
-        f"{quantity(needed.value, 'Pa', 3)}, but may be {low} to {high}"
-    )
-    if needed.flag == "given":
-        return f"The pressure that the mix needs, {quantity(needed.value, 'Pa', 3)}, is yours."
-    if force.low is None or force.high is None:
-        return f"{said}."
-    return (
-        f"{said}; by formula that alone makes the force on a roller {quantity(force.low, 'N', 3)} to "
-        f"{quantity(force.high, 'N', 3)}. Measure it, and give it under <code>[mix.overrides]</code>."
-    )
-
-
-def _by_engines_beside(study):
-    """Whether the engines beside agree on who is first behind the scene's drive; the orders stand in the tables."""
-    own, said = study.scene.drive.kind, {name: [] for name in study.beside}
-    for _, kind, engine, also, by, found, first, other in agreements(study) if study.beside else []:
-        if not kind == also == own or by not in _first_few(study.places[own]):
-            continue
-        theirs = places(study)[engine][own][by][0]
-        who = "first as well" if first == other else "first"
-        said[engine].append(
-            f"{escape(theirs.law)} is {who} by {WORDS[by]} ({quantity(theirs.value, CRITERIA[by].unit, 3)}; "
-            f"{found.sure} of {found.pairs} pairs of laws turn round beyond the errors)"
+        best = places(study)[each.other_engine][kind][each.by][0]
+        found[each.other_engine].append(
+            ComparedFirst(
+                law=best.law,
+                same=each.first == each.other_first,
+                term=_term(each.by),
+                value=format_quantity(best.value, CRITERIA[each.by].unit, 3),
+                discordant=each.agreement.sure,
+                pairs=each.agreement.pairs,
+            )
         )
-    return [f"By {escape(engine)} {', '.join(sentences)}." for engine, sentences in said.items()]
+    return {name: firsts for name, firsts in found.items() if firsts}
 
 
-def means(shifts):
-    """By what the ends of inputs were computed, in words."""
+def methods(shifts: Sequence[Shift]) -> str:
+    """Name the means by which the ends of the inputs were computed.
+
+    Parameters
+    ----------
+    shifts : sequence of Shift
+
+    Returns
+    -------
+    str
+    """
     found = dict.fromkeys("formula" if shift.by == "formula" else f"the engine {shift.by}" for shift in shifts)
     return f"By {' or '.join(found) or 'formula'}"
 
 
-def _order_holds(shifts):
-    """Which inputs change who is first."""
-    changed = {}
+def _sensitivity(shifts: Sequence[Shift]) -> SensitivitySummary:
+    """Collect the inputs with an end at which another law is first."""
+    changed: dict[str, set[str]] = {}
     for shift in shifts:
         for by, law in shift.base.law.items():
             ends = [end for end in (shift.low, shift.high) if end is not None and law not in end.ties[by]]
             if ends:
-                changed.setdefault(shift.name, set()).update(f"{end.law[by]} by {WORDS[by]}" for end in ends)
-    beyond = sum((shift.low is None) + (shift.high is None) for shift in shifts)
-    if not changed:
-        return (
-            f"{means(shifts)} and with a rigid drive, moving any one of {len(shifts)} inputs to either end of its "
-            "spread (a tenth where it has none) leaves the first law first"
-            + (f"; {beyond} of the ends are beyond reach." if beyond else ".")
-        )
-    who = "; ".join(f"{name}: {', '.join(sorted(laws))}" for name, laws in changed.items())
-    return (
-        f"{means(shifts)} and with a rigid drive the first law is another where one input is at an end: {escape(who)}."
+                changed.setdefault(shift.name, set()).update(f"{end.law[by]} by {_term(by)}" for end in ends)
+    return SensitivitySummary(
+        methods=methods(shifts),
+        inputs=len(shifts),
+        out_of_range=sum((shift.low is None) + (shift.high is None) for shift in shifts),
+        changes={name: sorted(laws) for name, laws in changed.items()},
     )

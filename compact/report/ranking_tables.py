@@ -1,13 +1,19 @@
-"""The order of the laws by every engine and drive of a study: tables, whether they agree, and what is kept of each."""
+"""Rankings of the laws by every engine and drive of a study: tables, and the agreement of the rankings."""
 
-from compact.analysis import resistance_stage
-from compact.analysis.ranking_uncertainty import agreement, error
-from compact.analysis.study import BESIDE
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from compact.analysis.comparison import DIRECTORY
+from compact.analysis.kept_results import KeptResults, write_results
+from compact.analysis.ranking_uncertainty import Agreement, Place, agreement, error
+from compact.analysis.study import Study
 from compact.files import write_csv
 from compact.machine.ranking import CRITERIA, value_of
-from compact.report.contact_tables import ENGINE_HEADER, row
+from compact.report.contact_tables import ENGINE_HEADER, contact_row
 
-FEW = 3  # laws that share a place are named
+NAMED_LAWS = 3  # [-], largest number of laws of one rank that are named
 RANKING_HEADER = (
     "engine", "drive", "criterion", "rank", "law", "value", "unit", "margin", "tie", "error", "sure",
     "reason",
@@ -19,97 +25,189 @@ AGREEMENT_HEADER = (
 )  # fmt: skip
 
 
-def places(study):
-    """Lists of `Place` by engine, drive and criterion, the scene's engine and drive first."""
-    return {study.scene.accuracy.engine: study.places} | {name: aside.places for name, aside in study.beside.items()}
+@dataclass(frozen=True)
+class RankingAgreement:
+    """Agreement of two rankings by one criterion.
 
-
-def beside(study, kind, by):
-    """Law -> `Place`, of each engine beside the scene's, for one drive and criterion."""
-    return {name: {place.law: place for place in aside.places[kind][by]} for name, aside in study.beside.items()}
-
-
-def agreements(study):
-    """(engine, drive, other engine, other drive, criterion, `Agreement`, first of one, first of the other).
-
-    Every engine beside the scene's, under each drive; and of the scene's engine the other drive beside its own.
+    Parameters
+    ----------
+    engine, drive : str
+        Engine and drive of the first ranking.
+    other_engine, other_drive : str
+        Engine and drive of the second ranking.
+    by : str
+        Criterion.
+    agreement : Agreement
+    first, other_first : str
+        First law of either ranking; several laws, their number or "none" where there is not one.
     """
-    found, ours = [], study.scene.accuracy.engine
-    pairs = [(ours, kind, name, kind) for name in study.beside for kind in study.places]
-    own, *others = study.places
-    for pair in pairs + [(ours, own, ours, other) for other in others]:
-        one, other = (places(study)[engine][kind] for engine, kind in (pair[:2], pair[2:]))
-        found += [(*pair, by, agreement(one[by], other[by], by), _first(one[by]), _first(other[by])) for by in one]
+
+    engine: str
+    drive: str
+    other_engine: str
+    other_drive: str
+    by: str
+    agreement: Agreement
+    first: str
+    other_first: str
+
+
+def places(study: Study) -> dict[str, Mapping[str, Mapping[str, list[Place]]]]:
+    """Collect the rankings by engine, drive and criterion.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    dict of str to mapping
+        Lists of `Place`, engine and drive of the scene first.
+    """
+    return {study.scene.accuracy.engine: study.places} | {name: other.places for name, other in study.beside.items()}
+
+
+def comparison_places(study: Study, kind: str, by: str) -> dict[str, dict[str, Place]]:
+    """Collect the places of each law by the engines of the comparison.
+
+    Parameters
+    ----------
+    study : Study
+    kind : str
+        Kind of drive.
+    by : str
+        Criterion.
+
+    Returns
+    -------
+    dict of str to dict
+        Places by engine and law.
+    """
+    return {name: {place.law: place for place in other.places[kind][by]} for name, other in study.beside.items()}
+
+
+def agreements(study: Study) -> list[RankingAgreement]:
+    """Compare the ranking of the scene with those of every other engine, and of its other drive.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    list of RankingAgreement
+    """
+    engine = study.scene.accuracy.engine
+    drive, *other_drives = study.places
+    cases = [(kind, name, kind) for name in study.beside for kind in study.places]
+    found = []
+    for kind, other_engine, other_kind in cases + [(drive, engine, other) for other in other_drives]:
+        one, other = places(study)[engine][kind], places(study)[other_engine][other_kind]
+        found += [
+            RankingAgreement(
+                engine=engine,
+                drive=kind,
+                other_engine=other_engine,
+                other_drive=other_kind,
+                by=by,
+                agreement=agreement(one[by], other[by], by),
+                first=_first_laws(one[by]),
+                other_first=_first_laws(other[by]),
+            )
+            for by in one
+        ]
     return found
 
 
-def _first(order):
-    """The law that is first; a few that share the place, and of more their number; none where all are infinite."""
+def _first_laws(order: list[Place]) -> str:
+    """Name the laws of rank 1, or their number where they are many; "none" where all values are infinite."""
     laws = [place.law for place in order if place.rank == 1 and not place.reason]
     if not laws:
         return "none"
-    return "/".join(sorted(laws)) if len(laws) <= FEW else f"{len(laws)} laws alike"
+    return "/".join(sorted(laws)) if len(laws) <= NAMED_LAWS else f"{len(laws)} laws alike"
 
 
-def write_ranking_tables(study, directory):
-    """Every place with its margin and error, every criterion of every law, and where orders agree; yields paths."""
+def write_ranking_tables(study: Study, directory: Path) -> Iterator[Path]:
+    """Write ranking.csv, criteria.csv and, where engines are compared, agreement.csv and their contacts.
+
+    Parameters
+    ----------
+    study : Study
+    directory : Path
+        Directory of the results.
+
+    Yields
+    ------
+    Path
+        Path of each file.
+    """
     yield write_csv(directory / "ranking.csv", RANKING_HEADER, [
         (
-            engine, kind, by, p.rank, p.law, p.value, CRITERIA[by].unit, p.margin, p.tie, _told(p.error),
-            _told(p.sure), p.reason,
+            engine, kind, by, p.rank, p.law, p.value, CRITERIA[by].unit, p.margin, p.tie, _or_empty(p.error),
+            _or_empty(p.sure), p.reason,
         )
         for engine, orders in places(study).items() for kind, order in orders.items()
         for by, found in order.items() for p in found
     ])  # fmt: skip
     yield write_csv(directory / "criteria.csv", CRITERIA_HEADER, [
-        (name, study.scene.drive.kind, by, value_of(run, by), criterion.unit, _told(moved(study, run, by)))
+        (
+            name, study.scene.drive.kind, by, value_of(run, by), criterion.unit,
+            _or_empty(criterion_error(study, run, by)),
+        )
         for name, run in study.runs.items() for by, criterion in CRITERIA.items()
     ])  # fmt: skip
     if study.beside:
-        rows = [
-            (*who, by, *agreed, *firsts)
-            for *who, by, agreed, one, other in agreements(study)
-            for firsts in [(one, other)]
-        ]
-        yield write_csv(directory / "agreement.csv", AGREEMENT_HEADER, rows)
-    for name, aside in study.beside.items():
-        if aside.contacts:
-            path = directory / BESIDE / name / "contact.csv"
-            yield write_csv(path, ENGINE_HEADER, [row(contact) for contact in aside.contacts])
+        yield write_csv(directory / "agreement.csv", AGREEMENT_HEADER, [
+            (
+                a.engine, a.drive, a.other_engine, a.other_drive, a.by, a.agreement.tau, a.agreement.swaps,
+                a.agreement.sure, a.agreement.pairs, a.first, a.other_first,
+            )
+            for a in agreements(study)
+        ])  # fmt: skip
+    for name, other in study.beside.items():
+        if other.contacts:
+            path = directory / DIRECTORY / name / "contact.csv"
+            yield write_csv(path, ENGINE_HEADER, [contact_row(contact) for contact in other.contacts])
 
 
-def _told(known):
-    return "" if known is None else known
+def _or_empty(value: Any) -> Any:
+    return "" if value is None else value
 
 
-def moved(study, run, by):
-    """How far the error of the resistance moves a criterion of a run, in its unit; None where it is not known."""
+def criterion_error(study: Study, run: Any, by: str) -> float | None:
+    """Estimate the error of a criterion from the error of the resistance.
+
+    Parameters
+    ----------
+    study : Study
+    run : Run
+        Run of one law.
+    by : str
+        Criterion.
+
+    Returns
+    -------
+    float or None
+        Error in the unit of the criterion; None where the error of the resistance is unknown.
+    """
     return None if study.heavier_runs is None else error(run, study.heavier_runs.get(run.name), by)
 
 
-def keep(study, directory):
-    """Leave contacts and maps of the engines beside for the next run; yields what is written."""
-    for name, aside in study.beside.items():
-        if aside.contacts:
-            found = aside.contacts, aside.held, aside.second_pass, aside.resistance
-            yield from resistance_stage.save(directory / BESIDE / name, *found, aside.key, [])
+def save_comparisons(study: Study, directory: Path) -> Iterator[Path]:
+    """Save contacts and resistance maps of the compared engines for the next run.
 
+    Parameters
+    ----------
+    study : Study
+    directory : Path
+        Directory of the results.
 
-def lines(study, criteria):
-    """How far each engine beside agrees, a line for each drive and criterion."""
-    for engine, kind, other, also, by, found, one, first in agreements(study) if study.beside else []:
-        if by not in criteria:
-            continue
-        who = f"{other} beside {engine}, {kind} drive" if other != engine else f"{engine}, {also} beside {kind} drive"
-        same = "the same first" if one == first else f"first {first}, not {one}"
-        yield (
-            f"  {by.replace('_', ' ')}, {who}: {found.swaps} of {found.pairs} pairs swapped, {found.sure} beyond "
-            f"the errors, Kendall's tau {found.tau:.3f}; {same}"
-        )
-
-
-def resistances(study):
-    """Resistance of one cart by engine, the scene's first."""
-    return {study.scene.accuracy.engine: study.resistance} | {
-        name: aside.resistance for name, aside in study.beside.items()
-    }
+    Yields
+    ------
+    Path
+        Path of each file.
+    """
+    for name, other in study.beside.items():
+        if other.contacts:
+            results = KeptResults(other.contacts, other.held, other.second_pass, other.resistance)
+            yield from write_results(directory / DIRECTORY / name, results, other.key)

@@ -10,8 +10,7 @@ from importlib.metadata import version
 from typing import Any
 
 from compact import quantities
-from compact.analysis.contact_cases import contact_to_json
-from compact.analysis.engines import HeldQuantity
+from compact.analysis.contact_cases import HeldQuantity, contact_to_json
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, value_of
@@ -123,7 +122,7 @@ def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
     """Convert the criteria of a run, their errors and the quantities of its kind of drive."""
     own = [name for name in quantities.RUN if name != "unsteady_share" and hasattr(run, name)]
     unsteady = {"unsteady_share": run.time_fraction(study.resistance.is_unsteady)} if study.layered else {}
-    errors = {"errors": {by: ranking_tables.moved(study, run, by) for by in CRITERIA}}
+    errors = {"errors": {by: ranking_tables.criterion_error(study, run, by) for by in CRITERIA}}
     criteria = {by: value_of(run, by) for by in CRITERIA}
     return criteria | {name: getattr(run, name) for name in own} | unsteady | errors
 
@@ -139,9 +138,11 @@ def _comparison(study: Study) -> dict[str, Any]:
             "roller_load": {"value": other.roller_load, "unit": "N"},
             "rankings": {kind: _rankings(order) for kind, order in other.places.items()},
             "agreement": [
-                {"drive": kind, "criterion": by} | found._asdict() | {"first": one, "its_first": first}
-                for _, kind, engine, _, by, found, one, first in agreed
-                if engine == name
+                {"drive": each.drive, "criterion": each.by}
+                | each.agreement._asdict()
+                | {"first": each.first, "its_first": each.other_first}
+                for each in agreed
+                if each.other_engine == name
             ],
             "stages": dict(other.counts),
         }

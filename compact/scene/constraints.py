@@ -11,7 +11,7 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
-from compact.scene.engine_capabilities import TURNED, refusals
+from compact.scene.engine_capabilities import TORQUE_ENGINES, refusals
 from compact.scene.errors import Key, Mistake, Source
 
 GUARD = 1 + 1e-9  # [-], relative rounding margin; the published machine satisfies 2R + B_T = stroke exactly
@@ -189,7 +189,7 @@ def _torque_turns_a_roller(torque, rolling):
 
 @_rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine")
 def _driven_roller_has_a_torque(torque, rolling, engine):
-    if torque is None and rolling == "driven" and engine in TURNED:
+    if torque is None and rolling == "driven" and engine in TORQUE_ENGINES:
         return (
             f'is missing, and the engine "{engine}" rolls a "driven" roller by it; give the torque on one roller in N m'
         )
@@ -347,13 +347,13 @@ def _weight_suits_the_mass(weight, mass):
 
 @_rule("machine.roller_condition", "accuracy.engine", into=ADVICE)
 def _driven_roller_may_stick(rolling, engine):
-    if engine not in TURNED and rolling == "driven":
+    if engine not in TORQUE_ENGINES and rolling == "driven":
         return f'the engine "{engine}" assumes full slip of a driven roller, whatever its torque; "fem" resolves stick'
 
 
 @_rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine", into=ADVICE)
 def _torque_is_heeded(torque, rolling, engine):
-    if engine not in TURNED and torque and rolling != "driven":
+    if engine not in TORQUE_ENGINES and torque and rolling != "driven":
         return f'the engine "{engine}" neglects machine.roller_torque; "fem" and "compaction" use it'
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 OPTIONAL = ("machine.roller_condition", "machine.gap_geometry", "layer.plies")  # keys that a scene need not have
-TURNED = ("fem", "compaction")  # engines of a roller that sticks and slips under a torque
+TORQUE_ENGINES = ("fem", "compaction")  # engines of a roller that sticks and slips under a torque
 
 NAMES = {  # of values, in the sentences about replacements
     ("machine.roller_condition", "frictionless"): "frictionless roller",

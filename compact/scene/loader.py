@@ -111,7 +111,7 @@ class Scene(Table):
             Name of a contact engine.
         """
         given = None if self.compare is None else getattr(self.compare, engine)
-        changes = {"accuracy.engine": engine, "compare": None, "output.items": ()}
+        changes: dict[str, object] = {"accuracy.engine": engine, "compare": None, "output.items": ()}
         if engine == "formula":  # compared with every engine, whatever the scene sets for that engine
             changes |= {limit.key: limit.taken[0] for limit in LIMITS[engine] if not limit.fixed}
         for table, keys in (given.model_dump(exclude_none=True) if given else {}).items():

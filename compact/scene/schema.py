@@ -6,9 +6,10 @@ that it accepts (`engine_capabilities`). A scene that sets them keeps its values
 Rules between the keys are in `constraints`; `loader` reads files into these tables and reports mistakes.
 """
 
+import warnings
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, Strict
+from pydantic import BaseModel, ConfigDict, Field, Strict, field_validator
 
 from compact.rolling_contact import BaseCondition, GapGeometry, RollerCondition
 
@@ -185,9 +186,19 @@ class Optimise(Table):
     spread: Spreads = Field(
         default=(), description="the parameters of the mix over whose spread the regret is minimised"
     )
-    method: Literal["steps", "casadi"] = Field(
-        default="steps", description="sequential convex steps, or IPOPT by casadi (the extra optimise)"
+    method: Literal["steps", "casadi"] | None = Field(
+        default=None, description="without effect, accepted for one release"
     )
+
+    @field_validator("method")
+    @classmethod
+    def _method_has_no_effect(cls, _: str | None) -> None:
+        warnings.warn(
+            "`motion.optimise.method` has no effect: sequential convex programming is the only method; the key is "
+            "accepted for one release, delete it",
+            DeprecationWarning,
+            stacklevel=2,
+        )
 
 
 class Motion(Table):

@@ -18,6 +18,7 @@ from math import prod
 
 import numpy as np
 
+from compact.analysis.engines import ENGINES
 from compact.material import mix
 from compact.numerics.validation import require_known
 from compact.scene.former_names import current_path
@@ -26,16 +27,6 @@ from compact.scene.loader import SceneError
 OVERRIDES = "mix.overrides"
 MOST_POINTS = 1_000_000  # [-], of a sweep: about 2 GB with all that is kept of each; more go into several sweeps
 SEED = 2015  # of the scrambling of Sobol points: the same sample in every run
-# Parameters of the mix that decide the contact by an engine.
-_LINEAR = ("required_pressure", "effective_modulus", "poisson", "instant_over_relaxed", "relaxation_time")
-_COMPACTING = ("heckel_slope", "unloading_modulus", "poisson", "friction_angle", "cohesion")
-COUNTED = {
-    "formula": ("required_pressure", "effective_modulus", "poisson", "steel_friction"),
-    "column": _COMPACTING,
-    "spectral": _LINEAR,
-    "fem": (*_LINEAR, "steel_friction"),
-    "compaction": (*_COMPACTING, "steel_friction"),
-}
 
 
 @dataclass(frozen=True)
@@ -182,9 +173,9 @@ def _refuse_keys(keys):
 def _sampled_names(scene, axes, samples):
     """Parameters of the mix to be sampled, in the order of the table."""
     engines = next((axis.values for axis in axes if axis.key == "accuracy.engine"), (scene.accuracy.engine,))
-    counted = {name for engine in engines for name in COUNTED[engine]}
-    if scene.mix.reference_speed:
-        counted |= {"rate_exponent"} if counted & set(_COMPACTING[:1]) else set()
+    counted = {name for engine in engines for name in ENGINES[engine].mix_parameters}
+    if scene.mix.reference_speed and any(ENGINES[engine].compacting for engine in engines):
+        counted.add("rate_exponent")
     given = set(scene.mix.overrides.model_dump(exclude_none=True)) | {axis.key.split(".")[-1] for axis in axes}
     names = set()
     for sample in samples:

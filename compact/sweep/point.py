@@ -18,7 +18,8 @@ import numpy as np
 
 import compact
 from compact import quantities
-from compact.analysis.engines import passes
+from compact.analysis.contact_stage import roll_passes
+from compact.analysis.engines import ENGINES
 from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
 from compact.analysis.study import Study
 from compact.scene.engine_capabilities import adapt
@@ -59,7 +60,7 @@ def headline(scene, rank=False, near=None):
             found["reason"] = reason(error)
     found["replaced"] = "; ".join(adapt(scene, scene.accuracy.engine)[1])
     found["warnings"] = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))[:LONGEST]
-    return found, contact if scene.accuracy.engine == "compaction" else None
+    return found, contact if ENGINES[scene.accuracy.engine].continuation else None
 
 
 def reason(error):
@@ -85,7 +86,7 @@ def _computed(study, rank, near):
     """Numbers and words of the contact at the mean speed, and the contact, by formula None."""
     scene = study.scene
     speed = scene.mean_speed
-    if scene.accuracy.engine == "formula":
+    if not study.layered:
         contact, found = None, _of_formulas(study)
     else:
         contact, *later = _rolled(scene, study.mix, speed, near)
@@ -99,10 +100,10 @@ def _computed(study, rank, near):
 
 def _rolled(scene, blend, speed, near):
     """The contact of each pass, from a neighbour where that helps, and else from nothing."""
-    if near is not None and scene.layer.passes == 1 and scene.accuracy.engine == "compaction":
+    if near is not None and scene.layer.passes == 1 and ENGINES[scene.accuracy.engine].continuation:
         with suppress(RuntimeError):
-            return passes(scene, blend, speed, near=(near,))
-    return passes(scene, blend, speed)
+            return roll_passes(scene, blend, speed, (near,))
+    return roll_passes(scene, blend, speed)
 
 
 def _of_formulas(study):

@@ -22,6 +22,7 @@ from hashlib import sha256
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from compact.analysis.engines import ENGINES
 from compact.analysis.worker_pool import WorkerDied, outcomes
 from compact.files import NETCDF_BACKENDS, NETCDF_HDF5, ResultsError, claimed_directory, read_netcdf, write_netcdf
 from compact.material import mix
@@ -32,10 +33,8 @@ from compact.sweep import design as vary
 from compact.sweep.checkpoints import Store
 from compact.sweep.point import WORDS, headline, ranked, reason, versions
 
-LINE = 8  # neighbours of the engine "compaction" from one cold start to the next
-# Points in one task: a tenth of a second of work or more, which is all that a killed worker loses.
-CHUNK = {"formula": 100, "column": 100, "spectral": 5, "fem": 1, "compaction": LINE}
-SLOW = ("spectral", "fem", "compaction")
+LINE = 8  # neighbours of an engine with continuation from one computation from scratch to the next
+FAST_POINTS = 100  # points per task of an engine whose contacts cost less than a ranking
 _ONE_AT_A_TIME = threading.Lock()  # in threads of a cluster: BLAS threads and warnings belong to the whole process
 POINTS = "points"  # where the points are kept, under the directory of the results
 
@@ -103,7 +102,7 @@ class Sweep:
     @property
     def chained(self):
         """Whether neighbours start from one another."""
-        return "compaction" in self.engines and not self.design.names
+        return not self.design.names and any(ENGINES[engine].continuation for engine in self.engines)
 
     def run(self, directory, *, crew, resume=False, force=False, step=lambda points, failed: None):
         """Compute what is missing, keep it, and write sweep.nc; the table.
@@ -166,7 +165,8 @@ class Sweep:
             groups = [group for group in groups if any(key not in known for key, *_ in group)]
         else:
             missing = [point for point in keyed if point[0] not in known]
-            size = 1 if self.rank and set(self.engines) & set(SLOW) else min(CHUNK[engine] for engine in self.engines)
+            size = min(ENGINES[engine].points_per_task for engine in self.engines)
+            size = 1 if self.rank and size < FAST_POINTS else size
             size = max(1, size // 100) if self.rank else size
             groups = [missing[start : start + size] for start in range(0, len(missing), size)]
         return [Task(self.scene, tuple(group), self.rank, self.chained, versions()) for group in groups]

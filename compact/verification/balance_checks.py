@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compact.analysis.engines import COMPACTING
-
 if TYPE_CHECKING:
     from compact.analysis.study import Study
 
@@ -46,7 +44,7 @@ class BalanceCheck:
 
     @property
     def passed(self) -> bool:
-        """Whether the residual is within its limit."""
+        """True if the residual is within its limit."""
         return abs(self.residual) <= self.limit
 
 
@@ -67,14 +65,14 @@ def balance_checks(study: "Study") -> list[BalanceCheck]:
         checks += [
             BalanceCheck(f"constant breadth of the cam, {law}", cam.breadth_error / cam.breadth, BREADTH_LIMIT)
             for (law, follower), cam in study.cams.items()
-            if follower == "roller" and not cam.cycle.there.retraces
+            if follower == "roller" and not cam.cycle.forward.retraces
         ]
     return checks
 
 
 def _contact_checks(study: "Study") -> Iterator[BalanceCheck]:
     """Check energy of every contact; of a compacting layer also mass, yield condition and forces."""
-    work_limit = COMPACTED_WORK_LIMIT if study.scene.accuracy.engine in COMPACTING else LINEAR_WORK_LIMIT
+    work_limit = COMPACTED_WORK_LIMIT if study.engine.compacting else LINEAR_WORK_LIMIT
     limits = RESIDUALS | {"work_residual": ("work of the contact", work_limit)}
     for contact in study.contacts:
         case = f"at {contact.speed:.4g} m/s"

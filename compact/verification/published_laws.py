@@ -10,10 +10,11 @@ from itertools import product
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from compact.cams.profile import Cam, FlatFace, Pointed, least_breadth, stepper
+from compact.cams.profile import Cam, FlatFace, Pointed, least_breadth
+from compact.machine.roller_motors import roller_rotation
 from compact.motion.laws import piecewise
 from compact.motion.minimum_criterion import minimiser
-from compact.motion.profile import Cycle, Motion, law
+from compact.motion.profile import Cycle, MotionProfile, law
 from compact.numerics.piecewise import integrate
 
 STROKE, DURATION = 0.4, 3.0  # [m], [s], of D ch. 5
@@ -43,7 +44,7 @@ def peak_numbers() -> dict[str, float]:
     for name in PRINTED_LAWS:
         largest = law(name, STROKE, DURATION).peaks()
         found |= {f"{name}_acceleration": largest.acceleration, f"{name}_jerk": largest.jerk}
-    jumps = [join for join in law("reversal-2", STROKE, DURATION).joins("dwell") if join.order == 2]
+    jumps = [join for join in law("reversal-2", STROKE, DURATION).discontinuities("dwell") if join.order == 2]
     return found | {"reversal-2_jerk_at_joins": math.inf if jumps else 0.0} | _coarse_readings() | _wrong_closures()
 
 
@@ -74,7 +75,7 @@ def _wrong_closures() -> dict[str, float]:
     return found
 
 
-def _unit(name: str) -> Motion:
+def _unit(name: str) -> MotionProfile:
     return law(name, stroke=1.0, duration=1.0)
 
 
@@ -92,7 +93,7 @@ def claim_numbers() -> dict[str, float]:
 def _steady_speeds() -> dict[str, float]:
     """Compute steady speeds, travels of the acceleration phase and the speed of the roller."""
     a, b, early = _unit(A), _unit(B), 0.1
-    roller = stepper(Cycle(b), roller_radius=1.0, time=[0.5, 5 / 6])
+    roller = roller_rotation(Cycle(b), roller_radius=1.0, time=[0.5, 5 / 6])
     return {
         "a_speed": a.velocity(0.5),
         "a_run_up": 6 * a.position(1 / 6) / a.velocity(0.5),
@@ -108,18 +109,18 @@ def _steady_speeds() -> dict[str, float]:
     }
 
 
-def printed_law_of_b() -> Motion:
+def printed_law_of_b() -> MotionProfile:
     """Build the law of B (28)-(30) as printed: correct shapes at the wrong steady speed, continuous in position.
 
     Returns
     -------
-    Motion
+    MotionProfile
         Law with the stroke and duration of D ch. 5 [m], [s].
     """
     run = PRINTED_B_SPEED / 6 * _run_up_of_b()(Polynomial([0, 6]))
     steady = Polynomial([run(1 / 6), PRINTED_B_SLOPE])
     curve = piecewise([1 / 6, 2 / 3, 1 / 6], [run, steady, 1 - run(Polynomial([1 / 6, -1]))])
-    return Motion("B as printed", STROKE, DURATION, curve)
+    return MotionProfile("B as printed", STROKE, DURATION, curve)
 
 
 def _run_up_of_b() -> Polynomial:
@@ -127,7 +128,7 @@ def _run_up_of_b() -> Polynomial:
 
 
 def _defects_of_printed_b() -> dict[str, float]:
-    steps = [join.after - join.before for join in printed_law_of_b().joins() if join.order == 1]
+    steps = [join.after - join.before for join in printed_law_of_b().discontinuities() if join.order == 1]
     return {
         "b_closure": PRINTED_B_SPEED * (_run_up_of_b()(1.0) / 3 + 2 / 3),
         "b_velocity_step": np.abs(steps).max(),
@@ -148,7 +149,8 @@ def _jumps_at_the_turn() -> dict[str, float]:
     """Compute the jump of the jerk at the reversal without a dwell; 0 where the jerk is continuous."""
     found = {}
     for name in ("cubic", "quintic", "combined-3", "reversal-2", "reversal-3-free-acceleration", B):
-        jumps = [join.after - join.before for join in _unit(name).joins() if join.time == 0 and join.order == 3]
+        steps = _unit(name).discontinuities()
+        jumps = [step.after - step.before for step in steps if step.time == 0 and step.order == 3]
         found[f"{name}_jerk_jump"] = abs(sum(jumps))
     return found
 
@@ -206,13 +208,13 @@ def _profile_of_a() -> dict[str, float]:
 
 def _profiles_of_b() -> dict[str, float]:
     cam = Cam(Cycle(_unit(B)), breadth=2.0, follower=Pointed())
-    steps = [join.after - join.before for join in printed_law_of_b().cycle().joins() if join.order == 1]
+    steps = [join.after - join.before for join in printed_law_of_b().cycle().discontinuities() if join.order == 1]
     printed = Cam(printed_law_of_b().cycle(), breadth=2 * STROKE, follower=Pointed())
     return {
         "b_breadth": _breadth(cam),
         "b41_start": cam.radius(np.pi) - 1.0,
         "b_printed_breadth": _breadth(printed),
-        "b_kinks": len(printed.kinks),
+        "b_kinks": len(printed.corner_angles),
         "b_kink": np.abs(steps).max() * DURATION / np.pi / STROKE,
     }
 

@@ -15,6 +15,7 @@ from interrupts import heed_interrupts
 
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Processes
+from compact.report import text
 from compact.report import writer as report
 from compact.report.ranking_tables import agreements
 from compact.scene.loader import SceneError, load_scene
@@ -38,7 +39,7 @@ def written(tmp_path_factory):
     """Study, summary and directory of a scene whose engines beside answered in other processes."""
     directory = tmp_path_factory.mktemp("beside")
     study = Study(scene(), directory=directory)
-    return study, report.write_study(study, directory, crew=Processes(2)), directory
+    return study, report.write_study(study, directory, executor=Processes(2)), directory
 
 
 def rows(path):
@@ -107,7 +108,7 @@ def test_formulas_know_no_error():
 
 def test_orders_of_engines_that_resist_alike_agree(written):
     study, _, directory = written
-    agreed = {(other, by): found for _, _, other, _, by, found, *_ in agreements(study)}
+    agreed = {(each.other_engine, each.by): each.agreement for each in agreements(study)}
     assert agreed["formula", "peak_force"].tau == pytest.approx(1.0)  # m a + F is in the order of a for any F
     assert {row["other_engine"] for row in rows(directory / "agreement.csv")} == {"formula", "column"}
 
@@ -120,7 +121,7 @@ def test_all_files_of_the_summary_stand_and_steps_are_counted(written):
     found = {str(path.relative_to(directory)) for path in directory.rglob("*") if path.is_file()}
     assert found == {*summary["files"], "summary.json", "scene.hash"}
     assert "engines.png" in found
-    assert sum(summary["stages"].values()) == study.steps
+    assert sum(summary["stages"].values()) == study.plan.planned.total()
     assert summary["beside"]["column"]["stages"]["rolled"] == 2
 
 
@@ -227,4 +228,4 @@ def test_laws_without_a_finite_peak_are_reported_by_every_engine(tmp_path):
     report.write_study(study, tmp_path / "out")
     assert (tmp_path / "out" / "engines.png").stat().st_size > 5_000
     assert "No law has a finite peak drive force" in (tmp_path / "out" / "report.html").read_text("utf-8")
-    assert "infinite" in report.study_digest(study)
+    assert "infinite" in text.study_digest(study)

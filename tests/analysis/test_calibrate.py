@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from compact import cli
-from compact.analysis.calibration import blend, calibrate, digest
-from compact.analysis.engines import compaction, inputs, roll
+from compact.analysis.calibration import calibrate, digest
+from compact.analysis.contact_cases import compaction_material, contact_inputs, scene_mix
+from compact.analysis.contact_stage import roll_scene
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as finite_elements
 from compact.engines.compaction.results import CompactionContactResult
@@ -52,7 +53,7 @@ def test_column_remembers_what_it_was_made_of():
         }
     )
     found = calibrate(scene, reading(load=8367.7, resistance_coefficient=0.182854))
-    material = compaction(found.scene, blend(found.scene))
+    material = compaction_material(found.scene, scene_mix(found.scene))
     assert found.fed_density_ratio == pytest.approx(0.93246, abs=1e-5)
     assert material.heckel_slope == pytest.approx(16.1919e-6, rel=1e-5)
     assert found.rolled[0].exit_density_ratio == pytest.approx(0.98, abs=1e-9)
@@ -144,7 +145,7 @@ def test_the_scene_alone_gives_the_last_trial_again(doubled):
     """Of the scene's own layer, as deep as columns of the same mix for a density that makes up for what they miss."""
     found, double = doubled
     _, layer, roller = double.calls[-1]
-    material = compaction(found.scene, blend(found.scene))
+    material = compaction_material(found.scene, scene_mix(found.scene))
     assert layer.height == pytest.approx(column.required_feed(0.22, 0.98, material, 0.13).height, rel=1e-5)
     fed = column.required_feed(layer.height, 0.98 + 2e-3, material, 0.13)
     assert roller.indentation == pytest.approx(layer.height * fed.indentation / fed.height, rel=1e-3)
@@ -226,7 +227,7 @@ def test_scene_calibrated_in_lifts_gives_the_published_point_at_default_settings
     """As fitted on 12 increments; a march meets the density to 1e-4, which is 0.2 % of the load."""
     mix = LIFT | {"mix.overrides.heckel_slope": 14.9605e-6, "layer.fed_density_ratio": 0.935763}
     scene = load_scene(PUBLISHED, **mix)
-    rolled = roll(scene, blend(scene), 0.4 / 3, "compaction")
+    rolled = roll_scene(scene, scene_mix(scene), 0.4 / 3, "compaction")
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-4)
     assert rolled.load * 1.164 == pytest.approx(9740, rel=3e-3)
     assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=3e-3)
@@ -234,7 +235,7 @@ def test_scene_calibrated_in_lifts_gives_the_published_point_at_default_settings
 
 def pressed(scene, depth):
     """A contact of a scene by finite elements on 4 increments, from rest."""
-    layer, roller, material = inputs(scene, blend(scene), "compaction", 0.4 / 3)
+    layer, roller, material = contact_inputs(scene, scene_mix(scene), "compaction", 0.4 / 3)
     return finite_elements.roll(layer, replace(roller, indentation=depth), material, 0.4 / 3, increments=4)
 
 
@@ -262,7 +263,7 @@ def test_moved_datum_stays_within_its_band():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "holds no measurement; write one under"),
+        ("", "contains no measurement; add a table"),
         ("x = 1", "the file has no key `x`; it takes measurement, assumptions"),
         ("measurement = 3", "`measurement` must be tables"),
         ("[[measurement]]\nlod = 3.0", "measurement 1 has no key `lod`; it takes load, resistance"),
@@ -293,7 +294,7 @@ def test_readings_are_refused(tmp_path, text, message):
     [
         ("load\nx\n", "`load` must be a number, got 'x'"),
         ("load,speed\n3\n", "each row must have one cell for each name"),
-        ("load\n", "holds no measurement"),
+        ("load\n", "contains no measurement"),
         ("lod\n3\n", "row 1 has no key `lod`"),
     ],
 )

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from compact.analysis import engines
+from compact.analysis import contact_cases, contact_stage
 from compact.analysis.study import Study
 from compact.engines.column.engine import simulate_oedometer
 from compact.engines.compaction.results import CompactionContactResult
@@ -41,7 +41,7 @@ def study(**changes):
 @pytest.mark.parametrize(("speed", "load", "resistance"), [(0.03, 15386.4, 289.42), (0.3, 20455.8, 392.89)])
 def test_scene_reaches_the_published_contact(speed, load, resistance):
     case = study(**CASE_G, **{"accuracy.engine": "spectral"})
-    rolled = engines.roll(case.scene, case.mix, speed)
+    rolled = contact_stage.roll_scene(case.scene, case.mix, speed)
     assert rolled.load == pytest.approx(load, rel=1e-5)
     assert rolled.resistance == pytest.approx(resistance, rel=1e-4)
 
@@ -49,24 +49,24 @@ def test_scene_reaches_the_published_contact(speed, load, resistance):
 def test_plies_of_a_scene_reach_the_engine():
     plies = [{"thickness": 0.2, "relative_modulus": 1.0}, {"thickness": 0.02, "relative_modulus": 20.0}]
     case = study(**CASE_G, **{"layer.plies": plies, "accuracy.engine": "spectral"})
-    rolled = engines.roll(case.scene, case.mix, 0.3)
+    rolled = contact_stage.roll_scene(case.scene, case.mix, 0.3)
     mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
     layer = Layer(0.22, plies=(Ply(0.2, 1.0), Ply(0.02, 20.0)))
     direct = spectral.roll(layer, Roller(0.11, indentation=0.003), mix, 0.3)
     assert (rolled.load, rolled.resistance) == pytest.approx((direct.load, direct.resistance), rel=1e-4)
     with pytest.raises(ValueError, match="the formula engine knows one modulus, got 2 `plies`; use spectral or fem"):
-        engines.roll(case.scene, case.mix, 0.3, "formula")
+        contact_stage.roll_scene(case.scene, case.mix, 0.3, "formula")
 
 
 def test_without_a_target_the_pressure_is_what_the_mix_needs():
     case = study(**{"machine.roller_condition": "frictionless", "machine.gap_geometry": "parabola"})
-    rolled = engines.roll(case.scene, case.mix, 0.1, "spectral")
+    rolled = contact_stage.roll_scene(case.scene, case.mix, 0.1, "spectral")
     assert rolled.peak_pressure == pytest.approx(case.mix.required_pressure, rel=1e-6)
 
 
 def test_finite_elements_reach_the_same_contact():
     case = study(**CASE_G, **{"accuracy.engine": "fem"})
-    rolled = engines.roll(case.scene, case.mix, 0.3)
+    rolled = contact_stage.roll_scene(case.scene, case.mix, 0.3)
     assert rolled.load == pytest.approx(20455.8, rel=5e-4)
     assert rolled.resistance == pytest.approx(392.89, rel=5e-3)
     assert rolled.work_residual < 5e-3
@@ -74,7 +74,7 @@ def test_finite_elements_reach_the_same_contact():
 
 def test_tolerance_of_the_scene_is_what_the_engine_is_asked_for():
     coarse, fine = (study(**CASE_G, **{"accuracy.engine": "fem", "accuracy.tolerance": t}) for t in (1e-2, 1e-3))
-    rough, close = (engines.roll(case.scene, case.mix, 0.3) for case in (coarse, fine))
+    rough, close = (contact_stage.roll_scene(case.scene, case.mix, 0.3) for case in (coarse, fine))
     assert close.forces.shape[1] > rough.forces.shape[1]  # more nodes on the surface
     assert abs(close.resistance / 392.888 - 1) < 1e-3  # contact.md g, digits of the spectral engine
     assert abs(rough.resistance / 392.888 - 1) < 1e-2
@@ -88,27 +88,27 @@ def test_tolerance_of_the_scene_is_what_the_engine_is_asked_for():
 def test_torque_of_the_scene_turns_the_whole_roller(rolling, torque, speed):
     free = study(**SHALLOW)
     turned = study(**SHALLOW, **{"machine.roller_condition": rolling, "machine.roller_torque": torque})
-    rolled = engines.roll(turned.scene, turned.mix, speed)
+    rolled = contact_stage.roll_scene(turned.scene, turned.mix, speed)
     pull = np.sign(speed) * torque / 1.164 / 0.11  # T/(L R)
     assert np.trapezoid(rolled.shear_traction, rolled.x) == pytest.approx(-pull, rel=2e-3)
-    unloaded = engines.roll(free.scene, free.mix, speed)
+    unloaded = contact_stage.roll_scene(free.scene, free.mix, speed)
     assert rolled.resistance - unloaded.resistance == pytest.approx(-pull, rel=0.03)  # first order in the slope
 
 
 def test_load_of_the_scene_is_that_of_the_whole_roller():
     case = study(**{"contact.load": 9740.0})
-    _, roller, _ = engines.inputs(case.scene, case.mix, "formula", 0.2)
+    _, roller, _ = contact_cases.contact_inputs(case.scene, case.mix, "formula", 0.2)
     assert roller.load == pytest.approx(9740 / 1.164, rel=1e-12)
 
 
 def test_mix_without_a_branch_is_elastic():
     case = study(**{"mix.overrides.instant_over_relaxed": 1.0})
-    assert engines.inputs(case.scene, case.mix, "spectral", 0.2)[2].branches == ()
+    assert contact_cases.contact_inputs(case.scene, case.mix, "spectral", 0.2)[2].branches == ()
 
 
 def test_speeds_are_those_of_the_scene_or_span_the_motion():
-    assert engines.speeds(study(**{"contact.speeds": [0.1, 0.2]}).scene) == (0.1, 0.2)
-    found = np.array(engines.speeds(study().scene))
+    assert contact_cases.contact_speeds(study(**{"contact.speeds": [0.1, 0.2]}).scene) == (0.1, 0.2)
+    found = np.array(contact_cases.contact_speeds(study().scene))
     assert len(found) >= 5
     assert (found[0], found[-1]) == pytest.approx((0.4 / 3 / 16, 0.4 / 3 * 2))
     assert study().scene.mean_speed in found
@@ -140,7 +140,7 @@ def test_fields_are_written_as_a_series_over_the_speeds(tmp_path):
         "contact": 1, "rolled": 2, "fields": 2, "laws": 1, "runs": 2, "rankings": 1, "figures": 8, "beside": 1,
         "resistance": added, "added mass": added + 1,
     }  # fmt: skip
-    assert sum(summary["stages"].values()) == case.steps
+    assert sum(summary["stages"].values()) == case.plan.planned.total()
     members = ElementTree.parse(tmp_path / "out" / "fields.pvd").getroot().iter("DataSet")
     series = {float(member.get("timestep")): member.get("file") for member in members}
     assert tuple(series) == speeds
@@ -170,10 +170,12 @@ def test_compaction_goes_on_from_the_speed_before_if_it_matters(monkeypatch, ref
     passed = study(**given).passes
     assert [rolled.speed for _, (rolled,) in passed] == [0.05, 0.1, 0.2]
     assert starts == [None, *(rolled for _, (rolled,) in passed)][:count]
-    back = engines.roll(study(**given).scene, study(**given).mix, -0.1, "compaction", near=passed[0][1][0])
+    back = contact_stage.roll_scene(
+        study(**given).scene, study(**given).mix, -0.1, "compaction", initial_guess=passed[0][1][0]
+    )
     assert (back.speed, starts[-1]) == (-0.1, None)  # one the other way is no help
     other = study(**given, **{"mix.overrides.heckel_slope": 14e-6})
-    engines.roll(other.scene, other.mix, 0.1, "compaction", near=passed[0][1][0])
+    contact_stage.roll_scene(other.scene, other.mix, 0.1, "compaction", initial_guess=passed[0][1][0])
     assert starts[-1] is passed[0][1][0]  # of another mix, never its result
 
 
@@ -190,12 +192,12 @@ def test_speed_that_moves_the_rebound_starts_from_the_last_contact_and_its_layer
     monkeypatch.setattr("compact.engines.compaction.engine.roll", rolled)
     given = {"mix.reference_speed": 0.2}
     case = study(**given)
-    last = engines.roll(case.scene, case.mix, 0.2, "compaction")
-    assert engines.inputs(case.scene, case.mix, "compaction", 0.05)[0] != last.layer
-    engines.roll(case.scene, case.mix, 0.05, "compaction", near=last)
+    last = contact_stage.roll_scene(case.scene, case.mix, 0.2, "compaction")
+    assert contact_cases.contact_inputs(case.scene, case.mix, "compaction", 0.05)[0] != last.layer
+    contact_stage.roll_scene(case.scene, case.mix, 0.05, "compaction", initial_guess=last)
     assert asked[-1] == (last.layer, last, case.scene.mix.density_ratio)
     higher = study(**given, **{"product.height": 0.2201})
-    engines.roll(higher.scene, higher.mix, 0.05, "compaction", near=last)
+    contact_stage.roll_scene(higher.scene, higher.mix, 0.05, "compaction", initial_guess=last)
     assert asked[-1][1] is None
 
 
@@ -256,9 +258,12 @@ def test_what_the_scene_sets_and_the_engine_does_not_take_is_refused():
         ({**SHALLOW, "contact.indentation": 1e-15}, "too narrow for a mesh; use spectral"),
         (
             {**SHALLOW, "machine.roller_condition": "driven", "machine.roller_torque": 1e3},
-            r"the roller skids: 10\.\d times the",
+            r"the roller skids: the torque is 10\.\d times the",
         ),
-        ({**SHALLOW, **PARABOLA, "contact.indentation": None, "contact.load": 1e8}, "in a layer 0.22 m high, beyond"),
+        (
+            {**SHALLOW, **PARABOLA, "contact.indentation": None, "contact.load": 1e8},
+            "reaches the base of a layer 0.22 m high",
+        ),
         (
             {**SHALLOW, "machine.gap_geometry": "circle", "contact.indentation": 0.215},
             "is wider than the circle of radius",
@@ -272,25 +277,25 @@ def test_what_the_scene_sets_and_the_engine_does_not_take_is_refused():
 def test_contact_that_cannot_be_computed_names_scene_engine_and_speed(changes, words):
     case = study(**changes, unusual=[f"contact.{target}" for target in ("indentation", "load", "peak_pressure")])
     with pytest.raises(RuntimeError, match=rf"^Small: .*, {case.scene.accuracy.engine} at 0\.1 m/s: .*{words}"):
-        engines.roll(case.scene, case.mix, 0.1)
+        contact_stage.roll_scene(case.scene, case.mix, 0.1)
 
 
 @pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure"])
 def test_roller_that_is_not_pressed_does_not_touch(target):
-    with pytest.raises(SceneError, match=rf"contact.{target}: must be positive, got 0.0; .* \(at zero the roller does"):
+    with pytest.raises(SceneError, match=rf"contact.{target}: must be positive, got 0.0; .* \(zero means no contact"):
         study(**{f"contact.{target}": 0.0})
 
 
 def test_columns_leave_the_product_as_the_scene_wants_it():
     case = study(**{"accuracy.engine": "column"})
-    rolled = engines.roll(case.scene, case.mix, 0.2)
+    rolled = contact_stage.roll_scene(case.scene, case.mix, 0.2)
     assert rolled.exit_height == pytest.approx(case.scene.product.height, rel=1e-9)
     assert rolled.exit_density_ratio == pytest.approx(case.scene.mix.density_ratio, abs=1e-9)
 
 
 def test_compaction_meets_mohr_coulomb_and_the_one_dimensional_slope():
     case = study(**{"mix.overrides.friction_angle": 30.0, "mix.overrides.cohesion": 10e3})
-    material = engines.compaction(case.scene, case.mix)
+    material = contact_cases.compaction_material(case.scene, case.mix)
     assert material.critical_slope == pytest.approx(np.sqrt(3) / 2)
     assert material.tensile_strength == pytest.approx(10e3 * np.sqrt(3))
     stiff = replace(material, unloading_modulus=4e9, fed_density_ratio=0.9)  # elastic strain out of sight
@@ -302,28 +307,28 @@ def test_compaction_meets_mohr_coulomb_and_the_one_dimensional_slope():
 @pytest.mark.parametrize(("reference", "ratio"), [(None, 1.0), (0.2, 10**0.018)])
 def test_rate_needs_a_reference_speed(reference, ratio):
     case = study(**{"mix.reference_speed": reference})
-    material = engines.compaction(case.scene, case.mix)
+    material = contact_cases.compaction_material(case.scene, case.mix)
     assert material.rate_factor(2.0) == pytest.approx(ratio)
 
 
 def test_prescribed_load_meets_mix_of_the_nominal_height():
     case = study(**{"accuracy.engine": "column", "contact": {"load": 9740.0}})
-    rolled = engines.roll(case.scene, case.mix, 0.2)
+    rolled = contact_stage.roll_scene(case.scene, case.mix, 0.2)
     assert rolled.load * case.scene.machine.roller_length == pytest.approx(9740, rel=1e-9)
-    layer, *_ = engines.inputs(case.scene, case.mix, "column", 0.2)
+    layer, *_ = contact_cases.contact_inputs(case.scene, case.mix, "column", 0.2)
     assert layer.height == pytest.approx(0.22 * 0.98 / 0.94)
 
 
 @pytest.mark.parametrize(("name", "height"), [("spectral", 0.06), ("column", 0.06 * 0.98 / 0.94)])
 def test_a_product_in_lifts_is_rolled_a_lift_at_a_time(name, height):
     case = study(**{"layer.lift_thickness": 0.06, "contact.indentation": 2.5e-3, "accuracy.engine": name})
-    layer, *_ = engines.inputs(case.scene, case.mix, name, 0.2)
+    layer, *_ = contact_cases.contact_inputs(case.scene, case.mix, name, 0.2)
     assert layer.height == pytest.approx(height)
 
 
 def test_a_lift_leaves_with_its_height_and_density():
     case = study(**{"layer.lift_thickness": 0.06, "accuracy.engine": "column"})
-    rolled = engines.roll(case.scene, case.mix, 0.2)
+    rolled = contact_stage.roll_scene(case.scene, case.mix, 0.2)
     assert rolled.exit_height == pytest.approx(0.06, rel=1e-6)
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=1e-6)
 
@@ -332,6 +337,6 @@ def test_a_lift_leaves_with_its_height_and_density():
 @pytest.mark.parametrize("ratio", [1.5, 5.0])
 def test_no_contact_of_a_scene_comes_without_an_error(name, ratio):
     case = study(**{"accuracy.engine": name, "layer.lift_thickness": 0.06, "mix.overrides.instant_over_relaxed": ratio})
-    load, resistance = engines.roll(case.scene, case.mix, 0.033).error
+    load, resistance = contact_stage.roll_scene(case.scene, case.mix, 0.033).error
     assert 0 < load <= case.scene.accuracy.tolerance
     assert 0 < resistance <= case.scene.accuracy.tolerance

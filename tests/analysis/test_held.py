@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact.analysis import engines
+from compact.analysis import contact_cases, contact_stage
 from compact.analysis.study import Study
 from compact.machine.cart import balance, moment_residual
-from compact.report import contact_tables
+from compact.report import text
 from compact.report import writer as report
 from compact.scene.loader import SceneError, load_scene
 
@@ -78,13 +78,13 @@ def test_the_added_mass_belongs_to_the_quantity_that_is_kept():
 
     case = study(**PLAIN)
     speed = 0.1
-    layer, roller, material = engines.inputs(case.scene, case.mix, "spectral", speed, case.held)
+    layer, roller, material = contact_cases.contact_inputs(case.scene, case.mix, "spectral", speed, case.held)
     assert roller.indentation == case.held.value
     direct = modulation(layer, roller, material, speed, engine="spectral", rtol=case.scene.accuracy.tolerance)
-    found, _ = engines.added_mass(case.scene, case.mix, speed, case.held)
+    found, _ = contact_stage.added_mass(case.scene, case.mix, speed, case.held)
     assert found == pytest.approx(direct.added_mass, rel=1e-12)
     pressed = study(**PLAIN, **{"contact.held": "peak_pressure"})
-    other, _ = engines.added_mass(pressed.scene, pressed.mix, speed, pressed.held)
+    other, _ = contact_stage.added_mass(pressed.scene, pressed.mix, speed, pressed.held)
     assert abs(other / found - 1) > 0.05
 
 
@@ -92,7 +92,7 @@ def test_one_contact_at_another_speed_keeps_the_height_too():
     case = study(**PLAIN)
     (rolled,) = case.passes_at(0.5)
     assert rolled.indentation == pytest.approx(case.held.value, rel=1e-9)
-    assert "height of the roller" in contact_tables.held_sentence(case)
+    assert "height of the roller" in text.held_sentence(case)
 
 
 def test_the_answer_names_what_is_kept(tmp_path):
@@ -100,12 +100,12 @@ def test_the_answer_names_what_is_kept(tmp_path):
     summary = report.write_study(case, tmp_path / "out")
     assert summary["held"]["quantity"] == "height"
     assert summary["held"]["indentation"] == {"value": case.held.value, "unit": "m"}
-    line = contact_tables.held_sentence(case)
-    assert line.startswith("kept at every speed: the height of the roller")
+    line = text.held_sentence(case)
+    assert line.startswith("constant over speed: the height of the roller")
     assert "203 kPa that the density requires" in line
-    assert line[:40] in " ".join(report.study_digest(case).split())
+    assert line[:40] in " ".join(text.study_digest(case).split())
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "Kept at every speed: the height of the roller" in page
+    assert "Constant over speed: the height of the roller" in page
 
 
 def test_a_kept_run_holds_the_same_quantity(tmp_path):
@@ -166,10 +166,10 @@ def test_the_drive_has_one_guide_friction_and_eq_1_9_is_a_comparison():
     assert float(case.steady.drive_force[0]) == pytest.approx(run.steady_force, rel=1e-12)
     rollers = 2 * case.engineering.roller_resistance
     assert case.engineering.cart_resistance - rollers == pytest.approx(case.engineering.guide_coefficient * lifted)
-    sentence = contact_tables.guide_sentence(case)
+    sentence = text.guide_sentence(case)
     assert "guide_friction 0.008" in sentence
-    assert "not used by the drives" in sentence
-    assert sentence[:30] in " ".join(report.study_digest(case).split())
+    assert "the drives do not use it" in sentence
+    assert sentence[:30] in " ".join(text.study_digest(case).split())
 
 
 def test_a_second_pass_of_columns_recovers_all_its_work():
@@ -226,4 +226,4 @@ def test_the_answer_says_over_what_the_cart_returns(tmp_path):
     assert told["over"] == "fresh"
     assert told["energy"]["fresh"]["value"] == pytest.approx(case.cycle_energies["fresh"])
     assert summary["steady_forces"]["guide_friction"]["unit"] == "N"
-    assert "return stroke: over fresh mix" in " ".join(report.study_digest(case).split())
+    assert "return stroke: over fresh mix" in " ".join(text.study_digest(case).split())

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact.analysis import engines
+from compact.analysis import contact_stage
 from compact.analysis.multipass import Pass, density, passes, there_and_back
 from compact.analysis.study import Study
 from compact.engines.column import engine as column
@@ -13,7 +13,7 @@ from compact.engines.compaction import engine as compaction
 from compact.engines.compaction.roller_frame import Frame, LayerState, fresh, rolling_mesh
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
-from compact.report import contact_tables
+from compact.report import contact_tables, text
 from compact.report import writer as report
 from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
@@ -235,8 +235,8 @@ def study(**changes):
 
 def test_passes_of_a_scene_go_there_and_back_at_one_height():
     case = study()
-    done = engines.passes(case.scene, case.mix, 0.2)
-    first = engines.roll(case.scene, case.mix, 0.2)
+    done = contact_stage.roll_passes(case.scene, case.mix, 0.2)
+    first = contact_stage.roll_scene(case.scene, case.mix, 0.2)
     assert len(done) == 3
     assert (done[0].load, done[0].exit_height) == (first.load, first.exit_height)
     assert [rolled.exit_height for rolled in done] == pytest.approx([0.22] * 3, rel=1e-9)
@@ -258,7 +258,7 @@ def test_results_tell_of_every_pass(tmp_path):
     done = dict(case.passes)[0.2]
     contact_tables.write_contact(tmp_path / "one", case, 0.2, done)
     assert (tmp_path / "one" / "density.png").stat().st_size > 5_000
-    table = contact_tables.contact_digest(case, 0.2, done).splitlines()[-3:]
+    table = text.contact_digest(case, 0.2, done).splitlines()[-3:]
     assert [line.split()[0] for line in table] == ["1", "2", "3"]
 
 
@@ -271,7 +271,7 @@ def test_engine_without_a_mark_has_one_pass():
             "machine.gap_geometry": "circle",
         }
     )
-    (only,) = engines.passes(case.scene, case.mix, 0.2)
+    (only,) = contact_stage.roll_passes(case.scene, case.mix, 0.2)
     assert only.load > 0
 
 

@@ -13,14 +13,14 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from compact.analysis import engines
+from compact.analysis import contact_stage
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.study import Study
 from compact.drive import CRITERIA
 from compact.files import ResultsError
-from compact.motion import profile as motion
+from compact.motion import optimal_motion
 from compact.motion.profile import LAWS
-from compact.report import contact_tables
+from compact.report import text
 from compact.report import writer as report
 from compact.scene.loader import LAW_NAMES, SceneError, load_scene
 from compact.scene.schema import RankBy
@@ -104,7 +104,7 @@ def test_elastic_drive_goes_from_the_scene_to_the_summary(tmp_path):
     with (tmp_path / "out" / "ringing.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [row["law"] for row in rows] == ["cubic", "septic"]
-    assert "rings 1." in report.study_digest(study)
+    assert "amplification 1." in text.study_digest(study)
 
 
 @pytest.mark.parametrize("followed", [True, False], ids=["first-order", "steady"])
@@ -213,7 +213,7 @@ def test_hydraulic_drive_goes_from_the_scene_to_the_summary(tmp_path):
     passed = np.genfromtxt(tmp_path / "out" / f"passage-{best}.csv", delimiter=",", names=True)
     assert np.abs(passed["position_m"] - passed["law_position_m"]).max() < 1e-3
     assert f"throttles/{best}.csv" in summary["files"]
-    assert sum(summary["stages"].values()) == study.steps
+    assert sum(summary["stages"].values()) == study.plan.planned.total()
 
 
 def test_power_of_the_shaft_is_that_of_the_run_through_the_rod():
@@ -245,7 +245,7 @@ def test_each_stage_is_run_once_and_counted(written):
     assert summary["stages"] == {
         "contact": 1, "laws": 3, "runs": 3, "rankings": 1, "cams": 9, "cams measured": 9, "crank": 5, "figures": 6,
     }  # fmt: skip
-    assert sum(summary["stages"].values()) == study.steps
+    assert sum(summary["stages"].values()) == study.plan.planned.total()
 
 
 def test_every_file_of_the_summary_stands_and_no_other(written):
@@ -313,11 +313,11 @@ def test_figures_have_labelled_axes_and_pixels(written):
 
 
 def test_a_law_keeps_its_look_in_every_figure():
-    from compact.report.figures import look
+    from compact.report.figure_style import law_style
 
-    assert {name: look(name) for name in LAW_NAMES}.keys() == set(LAW_NAMES)
-    assert look("cubic") == look("cubic") != look("quintic")
-    assert look("own table")["color"] == "black"
+    assert {name: law_style(name) for name in LAW_NAMES}.keys() == set(LAW_NAMES)
+    assert law_style("cubic") == law_style("cubic") != law_style("quintic")
+    assert law_style("own table")["color"] == "black"
 
 
 OPTIMISE = {"objectives": ["peak_force", "peak_power"], "smoothness": 1, "steady_tolerance": 0.0, "acceleration": 0.6}
@@ -329,7 +329,7 @@ def test_laws_made_for_the_machine_lead_those_with_a_steady_speed():
     assert study.rankings["peak_force"][0].run.name == "least-peak-force"
     assert study.rankings["peak_power"][0].run.name == "least-peak-power"
     for objective in OPTIMISE["objectives"]:
-        made = study.cycles[f"least-{objective.replace('_', '-')}"].there
+        made = study.cycles[f"least-{objective.replace('_', '-')}"].forward
         assert getattr(study.runs[made.name], objective) == pytest.approx(made.value, rel=1e-4)
         assert made.limits.velocity is None  # the formulas know no speed
     assert study.counts["laws"] == 6
@@ -349,7 +349,7 @@ SPECTRAL = COLUMN | {
 def test_map_reaches_as_fast_as_the_law_that_is_made_wants_to_go(layer):
     study = Study(scene(**layer, **{"motion.optimise": RESTLESS}))
     given = study.fastest
-    there = study.optimal_cycles["least-peak-force"].there
+    there = study.optimal_cycles["least-peak-force"].forward
     assert given < there.peaks().velocity < 0.999 * there.limits.velocity
     assert there.limits.velocity == study.fastest == pytest.approx(study.resistance_map.speeds[-1])
     assert study.runs["least-peak-force"].peak_force == pytest.approx(there.value, rel=1e-3)
@@ -358,15 +358,17 @@ def test_map_reaches_as_fast_as_the_law_that_is_made_wants_to_go(layer):
 def test_bound_of_the_scene_on_the_velocity_is_kept():
     given = Study(scene(**COLUMN)).fastest
     held = Study(scene(**COLUMN, **{"motion.optimise": RESTLESS | {"velocity": given}}))
-    assert held.optimal_cycles["least-peak-force"].there.peaks().velocity == pytest.approx(given)
+    assert held.optimal_cycles["least-peak-force"].forward.peaks().velocity == pytest.approx(given)
     assert held.fastest == given  # nothing is computed beyond it
 
 
 def test_law_that_wants_ever_more_speed_is_left_out(monkeypatch):
-    monkeypatch.setattr("compact.analysis.machine_models.NEAR", 0.0)
+    monkeypatch.setattr("compact.analysis.law_stage.BOUND_SHARE", 0.0)
     study = Study(scene(**COLUMN, **{"motion.optimise": RESTLESS}))
-    monkeypatch.setattr("compact.analysis.machine_models.REACHES", 2)
-    reason = r"least peak force wants to go as fast as .* m/s and faster; bound its"
+    monkeypatch.setattr("compact.analysis.law_stage.EXTENSIONS", 2)
+    reason = (
+        r"least peak force reaches the largest velocity of the resistance map, .* m/s, after 2 extensions; bound its"
+    )
     with pytest.warns(UserWarning, match=f"least-peak-force is not made: .*{reason}"):
         assert list(study.cycles) == ["reversal-4"]
     assert study.fastest == pytest.approx(study.resistance_map.speeds[-1])  # the map goes as far as it says
@@ -377,12 +379,12 @@ def test_resistance_is_carried_on_where_no_law_is_as_slow_as_it_reaches():
     slow = COLUMN | {"motion.laws": ["constant-velocity"]}
     study = Study(scene(**slow, **{"motion.optimise": RESTLESS | {"acceleration": 0.18}}))
     given = study.fastest
-    top = study.optimal_cycles["least-peak-force"].there.peaks().velocity
+    top = study.optimal_cycles["least-peak-force"].forward.peaks().velocity
     assert top >= (0.54 - np.sqrt(0.54**2 - 4 * 0.18 * 0.4)) / 2 * (1 - 1e-3) > given
 
 
 def test_study_without_a_resistance_blames_no_law(monkeypatch):
-    monkeypatch.setattr("compact.analysis.resistance_stage.mapped", _fails)
+    monkeypatch.setattr("compact.analysis.resistance_stage.ResistanceStage.sampled_map", _fails)
     study = Study(scene(**COLUMN, **{"motion.optimise": RESTLESS}))
     with pytest.raises(RuntimeError, match="no contact"):
         _ = study.cycles
@@ -396,9 +398,9 @@ def _fails(*_, **__):
 def test_law_made_for_the_spread_of_the_mix_costs_little_at_any_end_of_it():
     made = OPTIMISE | {"objectives": ["peak_power"], "spread": ["required_pressure"]}
     study = Study(scene(**{"motion.laws": ["reversal-4"], "motion.optimise": made}))
-    low, high = (study.oppositions[k].resistance.force / study.resistance.force for k in (1, 2))
+    low, high = (study.law_stage.motion_resistances[k].resistance.force / study.resistance.force for k in (1, 2))
     assert low < 1 / 2.2 < 2.2 < high  # the force follows the square of the pressure
-    assert 1 < study.cycles["least-peak-power"].there.value < 1.05
+    assert 1 < study.cycles["least-peak-power"].forward.value < 1.05
 
 
 def test_cam_for_a_roller_is_cut_as_the_scene_asks():
@@ -410,15 +412,15 @@ def test_cam_for_a_roller_is_cut_as_the_scene_asks():
         )
         for asked in ({}, {"profile_radius": 0.12})
     )
-    assert free.cam("least-peak-power", "roller").undercut
-    cam = held.cam("least-peak-power", "roller")
+    assert free.law_stage.cam("least-peak-power", "roller").undercut
+    cam = held.law_stage.cam("least-peak-power", "roller")
     assert not cam.undercut
     assert min(cam.least_radius_of_curvature, cam.least_hollow_radius) == pytest.approx(0.12, rel=1e-4)
 
 
 def test_cam_of_a_given_law_waits_for_no_other():
     study = Study(scene(**{"motion.laws": ["cubic"], "motion.optimise": OPTIMISE}))
-    study.cam("cubic", "flat")
+    study.law_stage.cam("cubic", "flat")
     assert study.counts["laws"] == 1
 
 
@@ -426,7 +428,7 @@ INFEASIBLE = {
     "motion.laws": ["cubic", "reversal-4"], "motion.optimise": OPTIMISE | {"acceleration": 0.1},
     "output.items": ["tables", "report"],
 }  # fmt: skip
-NOT_MADE = "no law keeps all limits; what would do, the others kept: acceleration"
+NOT_MADE = "no law satisfies all limits; relax, the others unchanged: acceleration"
 
 
 @pytest.mark.parametrize(
@@ -445,31 +447,31 @@ def test_bounds_that_no_law_keeps_leave_out_its_law_and_nothing_else(tmp_path, l
     assert bare["laws_not_made"] == {}
     reason = summary["laws_not_made"]["least-peak-force"]
     assert reason.startswith(NOT_MADE)
-    assert f"not made: least-peak-force: {reason}" in report.study_digest(study).splitlines()
+    assert f"not made: least-peak-force: {reason}" in text.study_digest(study).splitlines()
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert f"The law <strong>least-peak-force</strong> is not made: {NOT_MADE}" in page
+    assert f"The law <strong>least-peak-force</strong> is omitted: {NOT_MADE}" in page
 
 
 def test_law_whose_search_does_not_converge_costs_no_other(monkeypatch):
     def optimise(objective, *task, **how):
         if objective == "peak_power":
             raise RuntimeError("no stationary law after 60 steps")
-        return motion.optimise(objective, *task, **how)
+        return optimal_motion.optimise(objective, *task, **how)
 
-    monkeypatch.setattr("compact.analysis.machine_models.optimise", optimise)
+    monkeypatch.setattr("compact.analysis.law_stage.optimise", optimise)
     study = Study(scene(**{"motion.laws": ["cubic"], "motion.optimise": OPTIMISE}))
     with pytest.warns(UserWarning, match="least-peak-power is not made: no stationary law after 60 steps"):
         assert list(study.cycles) == ["cubic", "least-peak-force"]
     assert study.laws_not_made == {"least-peak-power": "no stationary law after 60 steps"}
     with pytest.raises(RuntimeError, match="no cam: least-peak-power is not made: no stationary law"):
-        study.cam("least-peak-power", "roller")
+        study.law_stage.cam("least-peak-power", "roller")
 
 
 def test_limits_out_of_range_are_still_refused(monkeypatch):
     def optimise(*_, **__):
         raise ValueError("`breadth` must exceed 1 m")
 
-    monkeypatch.setattr("compact.analysis.machine_models.optimise", optimise)
+    monkeypatch.setattr("compact.analysis.law_stage.optimise", optimise)
     with pytest.raises(ValueError, match="`breadth` must exceed 1 m"):
         _ = Study(scene(**{"motion.optimise": OPTIMISE})).cycles
 
@@ -477,7 +479,7 @@ def test_limits_out_of_range_are_still_refused(monkeypatch):
 def test_cam_of_an_unknown_law_is_refused_with_the_choices():
     study = Study(scene(**{"motion.laws": ["cubic"]}))
     with pytest.raises(ValueError, match="no motion law 'least-noise'; choose from cubic"):
-        study.cam("least-noise", "roller")
+        study.law_stage.cam("least-noise", "roller")
 
 
 def test_own_table_is_ranked_beside_the_laws(tmp_path):
@@ -504,14 +506,14 @@ def test_broken_table_is_refused_with_its_name(tmp_path):
 def test_cam_without_its_table_is_refused(tmp_path):
     study = Study(scene("small", **{"cam": None}))
     with pytest.raises(SceneError, match=r"cam: missing; a cam needs a table \[cam\]"):
-        study.cam("cubic", "roller")
+        study.law_stage.cam("cubic", "roller")
 
 
 def test_results_of_another_scene_are_kept(written, tmp_path):
     study, _, directory = written
     other = Study(study.scene.replaced(**{"motion.duration": 2.5}))
     before = (directory / "summary.json").read_bytes()
-    with pytest.raises(ResultsError, match="holds results of another scene; give another --out, or --force"):
+    with pytest.raises(ResultsError, match="holds results of another scene; use another --out, or --force"):
         report.write_study(other, directory)
     assert (directory / "summary.json").read_bytes() == before
 
@@ -547,17 +549,17 @@ def test_too_few_rollers_are_told_with_a_remedy_that_is_enough():
         mended = Study(scene(**change))
         assert mended.engineering.rollers_needed == mended.scene.machine.rollers
         assert coverage(mended.scene, mended.engineering) == ""
-    assert said in " ".join(report.study_digest(Study(scene("small"))).split())
+    assert said in " ".join(text.study_digest(Study(scene("small"))).split())
 
 
-def test_rigid_drives_are_not_said_to_ring():
-    assert "rings" not in report.study_digest(Study(scene("small")))
+def test_digest_of_a_rigid_drive_has_no_dynamic_amplification():
+    assert "amplification" not in text.study_digest(Study(scene("small")))
 
 
 def test_one_contact_is_told_by_metre_and_by_roller():
     study = Study(scene())
-    rolled = engines.passes(study.scene, study.mix, 0.1)
-    lines = contact_tables.contact_digest(study, 0.1, rolled).splitlines()
+    rolled = contact_stage.roll_passes(study.scene, study.mix, 0.1)
+    lines = text.contact_digest(study, 0.1, rolled).splitlines()
     load, force, resistance, pull = ([float(n) for n in line[20:].split() if n != "-"] for line in lines[1:5])
     length = study.scene.machine.roller_length
     assert force == pytest.approx([length * each for each in load], rel=1e-4)

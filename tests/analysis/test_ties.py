@@ -7,12 +7,14 @@ import re
 from pathlib import Path
 
 import pytest
+from pages import answer_words, section_html
 
 from compact.analysis.study import Study
 from compact.drive import CRITERIA
 from compact.machine.ranking import BUILD_TOLERANCE
-from compact.report import html_answer, html_machine, ranking_figures
+from compact.report import html_machine, ranking_figures, text
 from compact.report import writer as report
+from compact.report.ranking_tables import agreements
 from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
@@ -31,7 +33,7 @@ def written(tmp_path_factory):
     study = Study(load_scene(SMALL, **changes))
     directory = tmp_path_factory.mktemp("ties")
     report.write_study(study, directory)
-    return study, directory, report.study_digest(study)
+    return study, directory, text.study_digest(study)
 
 
 def rows(directory, by, engine="column"):
@@ -77,7 +79,7 @@ def test_force_has_ties_and_sure_places(written):
 
 
 def test_page_prints_ties_as_such(written):
-    page = html_machine.ranking(written[0], {}).html()
+    page = section_html(html_machine.ranking_section(written[0], {}, agreements(written[0])))
     table = re.search(r"<caption>Laws by peak drive force, rigid.*?</table>", page, re.DOTALL).group(0)
     cells = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", table)[1:]]
     ties = {row["law"] for row in rows(written[1], "peak_force") if row["tie"] == "True"}
@@ -92,7 +94,7 @@ def test_summary_and_digest_tell_ties(written):
     ranked = json.loads((directory / "summary.json").read_text())["rankings"]["peak_force"]
     ties = [place["law"] for place in ranked if place["tie"]]
     assert ties
-    lines = [line for line in digest.split("laws by peak power")[0].splitlines() if "tie with the next" in line]
+    lines = [line for line in digest.split("laws by peak drive power")[0].splitlines() if "tie with the next" in line]
     assert [line.split()[1] for line in lines] == ties
 
 
@@ -101,7 +103,7 @@ def test_one_law_of_infinite_peaks_is_none_and_no_first(tmp_path):
     study = Study(load_scene(SMALL, **changes, **{"accuracy.engine": "formula", "drive.rank_by": ["peak_force"]}))
     report.write_study(study, tmp_path)
     assert [row["rank"] for row in rows(tmp_path, "peak_force", "formula")] == ["2", "2"]
-    assert "No law has a finite peak drive force" in html_answer.answer(study, [], [])
+    assert "No law has a finite peak drive force" in answer_words(study)
     assert study.places["rigid"]["peak_force"][0].sure is False
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower, least_breadth, stepper
+from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower, least_breadth
 from compact.motion.profile import LAWS, Cycle, law
 
 STROKE, DURATION, BREADTH = 0.4, 3.0, 1.0
@@ -30,7 +30,7 @@ def made(name, follower, breadth=BREADTH, **options):
 def inside_pieces(cam, count=240, margin=1e-3):
     """Angles at least a margin from any join."""
     angle = np.linspace(0, 2 * np.pi, count, endpoint=False) + 0.001234
-    joins = np.concatenate([leg.start + leg.duration * leg.joined_at() for leg in cam.cycle.legs()])
+    joins = np.concatenate([leg.start + leg.duration * leg.breakpoints() for leg in cam.cycle.legs()])
     joins = 2 * np.pi * joins / cam.cycle.period
     return angle[np.abs(angle[:, None] - joins).min(axis=1) > margin]
 
@@ -267,16 +267,16 @@ def test_least_breadth_lets_the_path_of_the_centre_bend_as_the_roller(name, radi
 
 
 def test_velocity_jumps_are_kinks_of_the_path():
-    assert made("constant-velocity", Pointed()).kinks == pytest.approx((0, np.pi), abs=1e-15)
+    assert made("constant-velocity", Pointed()).corner_angles == pytest.approx((0, np.pi), abs=1e-15)
     standing = made("constant-velocity", Pointed(), far_dwell=1.0, near_dwell=2.0)
-    assert standing.kinks == pytest.approx([2 * np.pi * time / 9 for time in (0, 3, 4, 7)], abs=1e-14)
+    assert standing.corner_angles == pytest.approx([2 * np.pi * time / 9 for time in (0, 3, 4, 7)], abs=1e-14)
     assert not standing.undercut
     assert standing.least_radius_of_curvature == 0
 
 
 @pytest.mark.parametrize("name", SMOOTH)
 def test_no_kink_without_a_jump_of_velocity(name):
-    assert made(name, Pointed()).kinks == ()
+    assert made(name, Pointed()).corner_angles == ()
 
 
 def test_jump_of_acceleration_jumps_the_curvature_alone():
@@ -383,7 +383,7 @@ def test_least_breadth_scales_with_the_lengths(shape, scale, radius):
     assert other == pytest.approx(scale * one, rel=1e-9)
 
 
-# table and stepper
+# table
 
 
 def test_table_is_the_cam_along_a_closed_turn():
@@ -408,18 +408,6 @@ def test_table_holds_each_join_once():
     assert angle == pytest.approx(np.linspace(0, 2 * np.pi, 13), abs=1e-14)
 
 
-def test_stepper_turns_by_the_travel_over_the_radius():
-    """Paper B, steady part: 48 dx/(43 T R), errata B-8; and each derivative is that of the one before."""
-    motion, time, h = cycle("reversal-4-free-both"), np.linspace(0.05, 5.95, 40), 1e-5
-    turn = stepper(motion, 0.11, time)
-    assert stepper(motion, 0.11, 1.5).angular_velocity == pytest.approx(48 * STROKE / (43 * DURATION * 0.11), rel=1e-13)
-    assert turn.angle == pytest.approx(motion.derivative(time, 0) / 0.11, rel=1e-15)
-    after, before = stepper(motion, 0.11, time + h), stepper(motion, 0.11, time - h)
-    names = ("angle", "angular_velocity", "angular_acceleration", "angular_jerk")
-    slopes = [(getattr(after, name) - getattr(before, name)) / (2 * h) for name in names[:-1]]
-    assert np.array(slopes) == pytest.approx(np.array([getattr(turn, name) for name in names[1:]]), abs=1e-4)
-
-
 # (g) refusals
 
 
@@ -436,14 +424,12 @@ def test_breadth_within_the_stroke_is_refused(breadth):
         (lambda: made("quintic", Pointed(), breadth=np.nan), "`breadth` must be positive and finite, got nan"),
         (lambda: made("quintic", Pointed(), breadth=np.inf), "`breadth` must be positive and finite, got inf"),
         (lambda: RollerFollower(0.0), "`radius` must be positive and finite, got 0.0"),
-        (lambda: Pointed(0.1), "a pointed follower has `radius` 0, got 0.1; take RollerFollower"),
+        (lambda: Pointed(0.1), "a pointed follower has `radius` 0, got 0.1; use RollerFollower"),
         (lambda: made("quintic", Pointed()).radius(np.nan), "`angle` must be finite, got nan"),
         (lambda: made("quintic", Pointed()).table(1), "`points` must be at least 2, got 1"),
         (lambda: made("quintic", Pointed()).table(10**9), "`points` must be at most 1000000, got 1000000000; "),
-        (lambda: stepper(cycle("quintic"), -1.0, 0.0), "`roller_radius` must be positive and finite, got -1.0"),
-        (lambda: stepper(cycle("quintic"), 0.1, np.nan), "`time` must be finite, got nan"),
     ],
-    ids=["nan", "inf", "radius", "pointed", "angle", "points", "many points", "roller", "time"],
+    ids=["nan", "inf", "radius", "pointed", "angle", "points", "many points"],
 )
 def test_refusals(call, message):
     with pytest.raises(ValueError, match=message):

@@ -275,7 +275,7 @@ def test_energy_balance_with_a_saturated_added_mass(name):
 def test_small_power_of_the_speed_sticks_without_chattering(name):
     run = simulate_elastic(CART_OF_C, spring(1e6, 0.05), published_law(name), power_law_map(0.02))
     stops = np.count_nonzero(np.diff(np.abs(run.trajectory.intervals.slip)) == -1)
-    assert run.stick_time > 0.1
+    assert run.standing > 0.1
     assert stops <= 12  # two reversals with their residual vibration
     assert run.cost.intervals < 1500
     assert run.energy_residual < 1e-6
@@ -378,7 +378,7 @@ def test_stick_and_slip_agree_with_a_general_solver(name):
     drive, cycle = spring(2e5, 0.1), published_law(name).cycle()
     trajectory = simulate_elastic(CART, drive, cycle, stribeck, regime="rest").trajectory
     reference = ReferenceSolver(drive, cycle, stribeck)
-    joins = {leg.start + leg.duration * z for leg in cycle.legs() for z in leg.joined_at()}
+    joins = {leg.start + leg.duration * z for leg in cycle.legs() for z in leg.breakpoints()}
     for start, stop in itertools.pairwise(sorted({time for time in joins if time < ends[-1]} | set(ends))):
         reference.integrate(start, stop)
         if stop in ends:
@@ -473,7 +473,7 @@ def test_friction_within_rounding_does_not_cause_sticking(name, size):
     cart, drive = replace(CART, mass=10.0), ElasticDrive(5e6, 8 * math.sqrt(5e6 * 10.0))
     cubic = lambda velocity, acceleration: size * np.sign(velocity) + 1e5 * velocity**3  # noqa: E731
     run = simulate_elastic(cart, drive, published_law(name), cubic, regime="rest")
-    assert run.stick_time < 1e-6
+    assert run.standing < 1e-6
     assert run.energy_residual < 1e-6
 
 
@@ -508,7 +508,7 @@ def test_closure_of_the_cycle_is_relative_to_the_amplitude_near_a_resonance():
 def test_cart_is_exactly_at_rest_in_a_dwell():
     run = simulate_elastic(CART, spring(1e6, 0.1), published_law("quintic").cycle(1.0, 1.0), dry(3486.0))
     at_rest = run.trajectory.intervals.slip[run.trajectory.sample_points()[0]] == 0
-    assert run.stick_time > 2.0
+    assert run.standing > 2.0
     assert np.all(run.state.velocity[at_rest] == 0)
     assert np.all(np.abs(run.drive_force[at_rest]) <= 3486.0 * (1 + 1e-9))
 
@@ -624,7 +624,7 @@ def test_cost_of_a_search_does_not_grow_with_the_number_of_oscillations(count):
 def test_cost_is_limited_for_an_extreme_stiffness():
     """The speed of the law ends as (1 - z)^3, and rounding touches zero in millions of oscillations."""
     run = simulate_elastic(CART, spring(1e26, 0.05), published_law("septic"), free)
-    assert np.abs(run.drive_force).max() == pytest.approx(MASS * run.cycle.there.peaks().acceleration, rel=1e-3)
+    assert np.abs(run.drive_force).max() == pytest.approx(MASS * run.cycle.forward.peaks().acceleration, rel=1e-3)
 
 
 def test_search_budget_covers_the_largest_number_of_samples():
@@ -686,10 +686,10 @@ simulate = elastic_drive.simulate_elastic
 def simulate_long_dwell(cart, drive, cycle, *_, **__):
     cart, spring = replace(cart, guide_friction=0.0), elastic_drive.ElasticDrive(1e6, 0.0)
     free = lambda velocity, acceleration: np.zeros_like(velocity)
-    simulate(cart, spring, cycle.there.cycle(1.0, 1.0), free, regime="rest")
+    simulate(cart, spring, cycle.forward.cycle(1.0, 1.0), free, regime="rest")
     elastic_cycle.MAX_INTERVALS = 2_000_000
     print("begun", flush=True)
-    return simulate(cart, spring, cycle.there.cycle(1e6, 0.0), free, regime="rest")
+    return simulate(cart, spring, cycle.forward.cycle(1e6, 0.0), free, regime="rest")
 
 elastic_drive.simulate_elastic = simulate_long_dwell
 sys.argv = ["compact", "run", {scene!r}, "--engine", "formula", "--out", {out!r}, "--quiet",

@@ -580,7 +580,9 @@ def test_mean_of_peaks_by_few_and_many_terms_is_nearer_than_either():
 def test_no_result_without_an_error_where_the_refined_solution_is_not_found(monkeypatch):
     coarse = mesh.RowMesh(np.tile([-1.0, 0.0, 1.0], (2, 1)), np.array([0.0, 0.22]))
     monkeypatch.setattr(mesh.RowMesh, "refined", lambda rows: coarse)
-    with pytest.raises(RuntimeError, match="the error cannot be estimated; on the refined mesh no corner node is in contact"):
+    with pytest.raises(
+        RuntimeError, match="the error cannot be estimated; on the refined mesh no corner node is in contact"
+    ):
         fem.roll(LAYER, Roller(0.11, 0.003), MIX, 1.0, mesh=SMALL)
 
 
@@ -667,7 +669,9 @@ def test_speeds_share_one_factorisation():
     for speed in (0.003, 0.03, 0.3, -0.3):
         fem.roll(LAYER, Roller(0.11, 0.006), SLS, speed)
     fem.roll(LAYER, Roller(0.11, 0.006), replace(SLS, youngs_modulus=3e6), 0.1)
-    assert surface_compliance.layer_stiffness.cache_info().misses <= 2  # the mesh and the refined one that tells the error
+    assert (
+        surface_compliance.layer_stiffness.cache_info().misses <= 2
+    )  # the mesh and the refined one that tells the error
 
 
 # fields
@@ -725,7 +729,9 @@ def test_what_fem_cannot_do_is_refused(change, message):
 
 def test_mesh_too_coarse_for_the_contact_raises():
     coarse = mesh.RowMesh(np.tile([-1.0, 0.0, 1.0], (2, 1)), np.array([0.0, 0.22]))
-    with pytest.raises(RuntimeError, match=r"at an indentation of 0.003 m: the mesh is too coarse under the contact, or the"):
+    with pytest.raises(
+        RuntimeError, match=r"at an indentation of 0.003 m: the mesh is too coarse under the contact, or the"
+    ):
         roll(LAYER, Roller(0.11, 0.003), MIX, 1.0, mesh=coarse)
 
 
@@ -739,5 +745,8 @@ def test_contact_that_no_mesh_settles_is_refused_with_the_remedy(monkeypatch):
 
 def test_failure_tells_its_history(monkeypatch):
     monkeypatch.setattr(contact_patch, "MAX_ITERATIONS", 2)
-    with pytest.raises(RuntimeError, match=r"did not converge in 2 iterations; the last \(trailing \[m\], leading \[m\], step over length\) are \[\(-0"):
+    with pytest.raises(
+        RuntimeError,
+        match=r"did not converge in 2 iterations; the last \(trailing \[m\], leading \[m\], step over length\) are \[\(-0",
+    ):
         roll(LAYER, Roller(0.11, 0.0031), MIX, 1.0, mesh=SMALL)

@@ -13,16 +13,11 @@ from compact.analysis.engines import modulation
 from compact.engines.fem import contact_problem, discretisation, surface_compliance
 from compact.engines.fem.convected_memory import creep_function, retardation_operator
 from compact.engines.fem.surface import NodalField
-from compact.engines.spectral import (
-    engine as spectral,
-)
-from compact.engines.spectral import (
-    galerkin_system,
-)
-from compact.engines.spectral import (
-    speed_derivative as spectral_modulation,
-)
-from compact.engines.spectral.elastic_estimate import first_half_width
+from compact.engines.spectral import engine as spectral
+from compact.engines.spectral import rolling_problem as problems
+from compact.engines.spectral import speed_derivative as spectral_modulation
+from compact.engines.spectral.galerkin_system import assemble_system
+from compact.engines.spectral.rolling_problem import build_rolling_problem, solve_contact
 from compact.material.laws import Elastic, Viscoelastic
 from compact.resistance import UNSTEADINESS_LIMIT, ResistanceExpansion
 from compact.rolling_contact import Layer, Ply, Roller
@@ -117,9 +112,9 @@ def test_what_is_left_is_of_second_order_in_the_acceleration():
 
 
 def test_error_falls_geometrically_with_the_modes():
-    scene, modes = spectral.scene_of(BONDED, pressed(), MIX, 0.1), np.array([4, 7, 10])
-    contacts = [spectral.settle(scene, int(count), 0.017, []) for count in (*modes, 40)]
-    *masses, exact = (spectral_modulation._followed(scene, contact)[1] for contact in contacts)
+    (scene, _), modes = build_rolling_problem(BONDED, pressed(), MIX, 0.1), np.array([4, 7, 10])
+    contacts = [solve_contact(scene, int(count), 0.017, []) for count in (*modes, 40)]
+    *masses, exact = (spectral_modulation._expansion(scene, contact)[1] for contact in contacts)
     rate = -np.polyfit(modes, np.log(np.abs(np.array(masses) / exact - 1)), 1)[0]
     assert rate > 1, f"error falls by exp(-{rate:.2f}) a mode"
 
@@ -341,9 +336,8 @@ def test_error_told_is_the_true_one(scenes):
             continue
         given = prescribing(roller, name, getattr(spectral.roll(layer, roller, mix, SPEED), name))
         found = modulation(layer, given, mix, SPEED)
-        scene = spectral.scene_of(layer, given, mix, SPEED)
-        half_width = first_half_width(layer, mix, given.radius, scene.target, scene.value)
-        exact = spectral_modulation._followed(scene, spectral.settle(scene, 200, half_width, []))[1] / SPEED**2
+        scene, half_width = build_rolling_problem(layer, given, mix, SPEED)
+        exact = spectral_modulation._expansion(scene, solve_contact(scene, 200, half_width, []))[1] / SPEED**2
         assert abs(found.added_mass - exact) <= 2 * found.error
 
 
@@ -357,8 +351,9 @@ def test_error_told_by_finite_elements_is_the_true_one():
 
 
 def test_few_systems_are_assembled(monkeypatch):
-    calls, system = [], galerkin_system.system
-    monkeypatch.setattr(galerkin_system, "system", lambda *given: calls.append(given[1]) or system(*given))
+    calls = []
+    for module in (spectral_modulation, problems):
+        monkeypatch.setattr(module, "assemble_system", lambda *given: calls.append(given[1]) or assemble_system(*given))
     modulation(BONDED, pressed(), MIX, 0.3)
     assert len(calls) <= 40
     assert max(calls) <= 36
@@ -400,13 +395,16 @@ def test_refused_with_the_reason(engine, change, words):
 
 
 def test_speed_too_low_to_tell_raises():
-    with pytest.raises(RuntimeError, match=r"creeps along .* half-widths only, too short to tell M; it has reached"):
+    with pytest.raises(
+        RuntimeError,
+        match=r"the longest creep length is .* half-widths, too short for the digits of M; use a higher speed",
+    ):
         modulation(BONDED, pressed(), MIX, 1e-14)
 
 
 def test_too_few_modes_raise_with_what_was_tried(monkeypatch):
-    monkeypatch.setattr(spectral, "LADDER", (3, 4, 6))
-    with pytest.raises(RuntimeError, match=r"M does not settle: \(modes, error .*\) were \[\(6, "):
+    monkeypatch.setattr(spectral, "MODE_COUNTS", (3, 4, 6))
+    with pytest.raises(RuntimeError, match=r"the added mass M does not converge: \(modes, error .*\) were \[\(6, "):
         modulation(BONDED, pressed(), replace(MIX, branches=((30.0, 0.01),)), 0.03)
 
 

@@ -9,7 +9,11 @@ from rolling_scenes import SPEED, prescribing, random_scenes, told_over_true, tr
 
 from compact.engines.halfplane import galin, hertz
 from compact.engines.spectral import engine as spectral
-from compact.engines.spectral import galerkin_system
+from compact.engines.spectral import rolling_problem as problems
+from compact.engines.spectral.galerkin_system import assemble_system, creep_branch_matrices
+from compact.engines.spectral.jacobi_basis import build_jacobi_basis
+from compact.engines.spectral.layer_compliance import creep_compliance
+from compact.engines.spectral.rolling_problem import build_rolling_problem, solve_contact, solve_pressure
 from compact.material.laws import Elastic, Viscoelastic
 from compact.rolling_contact import Layer, Roller
 
@@ -34,7 +38,7 @@ def exponential_rule(low=-60.0, high=6.0, count=1201):
 
 
 def test_creep_is_the_inverse_of_the_complex_modulus():
-    creep = galerkin_system.creep(DECADES.branches, speed=0.7, height=H)
+    creep = creep_compliance(DECADES.branches, speed=0.7, height=H)
     k = np.geomspace(1e-8, 1e12, 401)
     modulus = DECADES.complex_modulus(-0.7 * k) / DECADES.youngs_modulus  # d/dt = -v d/dx
     assert np.max(np.abs(creep.at(k) * modulus - 1)) < 1e-8
@@ -43,7 +47,7 @@ def test_creep_is_the_inverse_of_the_complex_modulus():
 
 @pytest.mark.parametrize("beta", [1e-6, 1e-3, 0.3, 1.0, 30.0, 2e3])
 def test_edge_memory_without_friction_is_bessels(beta):
-    memory = galerkin_system.edge_memory(np.array([beta]), 0.5, 24)[0]
+    memory = creep_branch_matrices(np.array([beta]), 0.5, 24)[0]
     for m, k in ((0, 1), (1, 1), (0, 2), (3, 2), (2, 5), (24, 24), (24, 1), (5, 24)):
         Z = 2 * mpmath.besseli(max(m, k), beta) * mpmath.besselk(min(m, k), beta)
         expected = (m == k) - k * Z if m >= k else -((-1) ** (m + k)) * k * Z
@@ -57,18 +61,18 @@ def test_edge_memory_of_galins_pressure(exponent, beta):
     A, B, modes = 1 - exponent, exponent, 10
     t, weight = exponential_rule()
     ahead = beta * np.sum(weight / beta * np.exp(-t) * (t / beta) ** A * (2 + t / beta) ** B)
-    basis = galerkin_system.jacobi_basis(exponent, modes, 600)
+    basis = build_jacobi_basis(exponent, modes, 600)
     x = basis.nodes
     slope = x - (1 - 2 * B) + 1 / beta - np.exp(-beta * (1 - x)) * ahead
     expected = basis.tests @ slope / basis.sine / basis.unit_load
-    assert galerkin_system.edge_memory(np.array([beta]), exponent, modes)[0, :, 0] == pytest.approx(expected, abs=3e-9)
+    assert creep_branch_matrices(np.array([beta]), exponent, modes)[0, :, 0] == pytest.approx(expected, abs=3e-9)
 
 
 @pytest.mark.parametrize("exponent", [0.35, 0.5, 0.62])
 def test_transforms_are_those_of_the_pressure(exponent):
-    basis = galerkin_system.jacobi_basis(exponent, 12, 60)
+    basis = build_jacobi_basis(exponent, 12, 60)
     tau = np.array([1e-10, 1e-3, 1.0, 10.0])
-    direct = basis.pressures @ np.exp(-1j * np.multiply.outer(basis.seats, tau))
+    direct = basis.pressures @ np.exp(-1j * np.multiply.outer(basis.pressure_nodes, tau))
     signs = (-1.0) ** np.arange(12)
     assert np.max(np.abs(signs[:, None] * basis.transforms(tau)[1:] - direct)) < 1e-12
 
@@ -125,10 +129,10 @@ def test_high_viscoelastic_layer_is_hunter(deborah, ratio):
 
 
 def test_error_falls_geometrically_with_the_modes():
-    scene = spectral.scene_of(LAYER, pressed(), SOLID, 0.1)
+    scene, _ = build_rolling_problem(LAYER, pressed(), SOLID, 0.1)
     modes = np.array([4, 8, 12])
-    reference = spectral.settle(scene, 40, 0.013, [])
-    contacts = [spectral.settle(scene, int(count), 0.013, []) for count in modes]
+    reference = solve_contact(scene, 40, 0.013, [])
+    contacts = [solve_contact(scene, int(count), 0.013, []) for count in modes]
     errors = [abs(contact.resistance / reference.resistance - 1) for contact in contacts]
     rate = -np.polyfit(modes, np.log(errors), 1)[0]
     assert rate > 1, f"error falls by exp(-{rate:.2f}) a mode"
@@ -163,8 +167,8 @@ def test_elastic_layer_of_table_c(base, ratio, B0, D, PM):
 def unit_load(ratio, poisson):
     """B0 of table c at a prescribed a/h."""
     mix = Elastic(1e7, poisson)
-    scene = spectral.scene_of(LAYER, pressed(), mix, 1.0)
-    contact = spectral._solve(scene, galerkin_system.system(scene.ground, 24, ratio * H), 24)
+    scene, _ = build_rolling_problem(LAYER, pressed(), mix, 1.0)
+    contact = solve_pressure(scene, assemble_system(scene.response, 24, ratio * H), 24)
     return contact.load / (np.pi * mix.contact_modulus * (ratio * H) ** 2 / (4 * R))
 
 
@@ -450,8 +454,11 @@ def test_error_told_is_the_true_one(count):
         rolled = spectral.roll(layer, given, mix, SPEED)
 
         def judge(roller, layer=layer, mix=mix, rolled=rolled):
-            scene, half_width = spectral.scene_of(layer, roller, mix, SPEED), (rolled.leading - rolled.trailing) / 2
-            return spectral.settle(scene, max(400, 2 * rolled.modes), half_width, [])
+            (scene, _), half_width = (
+                build_rolling_problem(layer, roller, mix, SPEED),
+                (rolled.leading - rolled.trailing) / 2,
+            )
+            return solve_contact(scene, max(400, 2 * rolled.modes), half_width, [])
 
         told.append(rolled.error)
         true.append(true_errors(rolled, given, judge))
@@ -467,7 +474,7 @@ def test_wanted_error_is_met():
     loose, strict = (spectral.roll(LAYER, pressed(), DECADES, 1e-4, rtol=rtol) for rtol in (1e-4, 1e-8))
     assert max(strict.error) <= 1e-8 < max(loose.error) <= 1e-4
     assert loose.modes < strict.modes
-    assert [step.modes for step in strict.history] == list(spectral.LADDER[: len(strict.history)])
+    assert [step.modes for step in strict.history] == list(spectral.MODE_COUNTS[: len(strict.history)])
     assert strict.history[-1].load == strict.load
 
 
@@ -475,8 +482,9 @@ def test_wanted_error_is_met():
 
 
 def test_few_systems_are_assembled(monkeypatch):
-    calls, system = [], galerkin_system.system
-    monkeypatch.setattr(galerkin_system, "system", lambda *given: calls.append(given[1]) or system(*given))
+    calls = []
+    for module in (spectral, problems):
+        monkeypatch.setattr(module, "assemble_system", lambda *given: calls.append(given[1]) or assemble_system(*given))
     spectral.roll(LAYER, pressed(), SOLID, 0.3)
     assert len(calls) <= 9
     assert max(calls) <= 24
@@ -495,7 +503,7 @@ def test_few_systems_are_assembled(monkeypatch):
         ({"roller": pressed(rolling="stuck")}, "no rolling 'stuck'; choose from"),
         (
             {"roller": pressed(rolling="free", friction=0.3)},
-            "full slip only, got `rolling` 'free', `friction` 0.3; use fem",
+            "full slip only, got `rolling` 'free' with `friction` 0.3; use fem",
         ),
         ({"layer": Layer(H, "glued")}, "no base 'glued'; choose from bonded, slip"),
         ({"material": "clay"}, "needs a `material` Elastic or Viscoelastic, got str; use fem"),
@@ -515,24 +523,26 @@ def test_free_roller_without_friction_is_frictionless():
 
 
 def test_too_few_modes_raise_with_the_history(monkeypatch):
-    monkeypatch.setattr(spectral, "LADDER", (4, 6, 8))
+    monkeypatch.setattr(spectral, "MODE_COUNTS", (4, 6, 8))
     mix = Viscoelastic(10e6, 0.3, branches=((30.0, 0.01),))
-    with pytest.raises(RuntimeError, match=r"6 modes reach a relative error of .* only; history: 4 modes: a 0\.01"):
+    with pytest.raises(RuntimeError, match=r"6 modes reach a relative error of .*; history: 4 modes: a 0\.01"):
         spectral.roll(LAYER, pressed(), mix, 0.03)
 
 
 def test_half_width_not_found_raises_with_the_history(monkeypatch):
-    monkeypatch.setattr(spectral, "STEPS", 2)
-    with pytest.raises(RuntimeError, match="half-width not found in 2 steps with 16 modes, `indentation` is off by"):
+    monkeypatch.setattr(problems, "HALF_WIDTH_STEPS_MAX", 2)
+    with pytest.raises(
+        RuntimeError, match="half-width not found in 2 steps with 16 modes, relative residual of `indentation`"
+    ):
         spectral.roll(LAYER, pressed(), MIX, 1.0)
 
 
 def test_centre_not_found_raises(monkeypatch):
-    scene = spectral.scene_of(LAYER, pressed(profile="circle"), SOLID, 0.3)
-    system = galerkin_system.system(scene.ground, 16, 0.01)
-    monkeypatch.setattr(spectral, "STEPS", 1)
+    scene, _ = build_rolling_problem(LAYER, pressed(profile="circle"), SOLID, 0.3)
+    system = assemble_system(scene.response, 16, 0.01)
+    monkeypatch.setattr(problems, "HALF_WIDTH_STEPS_MAX", 1)
     with pytest.raises(RuntimeError, match="centre of the contact not found in 1 steps, last"):
-        spectral._solve(scene, system, 16)
+        solve_pressure(scene, system, 16)
 
 
 def test_circle_ends_at_its_radius():
@@ -541,6 +551,6 @@ def test_circle_ends_at_its_radius():
 
 
 def test_impossible_target_raises(monkeypatch):
-    monkeypatch.setattr(spectral.Contact, "peak_pressure", -1.0)
-    with pytest.raises(RuntimeError, match="no `peak_pressure` but -1 at half-width"):
+    monkeypatch.setattr(problems.ContactSolution, "peak_pressure", -1.0)
+    with pytest.raises(RuntimeError, match="`peak_pressure` must be positive, got -1 at the half-width"):
         spectral.roll(LAYER, Roller(R, peak_pressure=1e5), MIX, 1.0)

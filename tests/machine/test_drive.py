@@ -88,7 +88,7 @@ def test_free_cart_requires_mass_times_acceleration(name):
 def test_peak_jerk_is_the_jerk_of_the_law(name):
     motion = published_law(name)
     run = simulate(CART, Rigid(), motion, dry(3562.0))
-    jumps = any(join.order == 2 for join in motion.joins())
+    jumps = any(join.order == 2 for join in motion.discontinuities())
     assert run.peak_jerk == (math.inf if jumps else pytest.approx(motion.peaks().jerk, rel=1e-8))
 
 

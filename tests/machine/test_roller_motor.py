@@ -1,6 +1,7 @@
 """Motors inside the rollers: rolling without creepage, Carter's cylinder, the finite-element engine, balances."""
 
 import math
+from copy import copy
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,9 @@ from scipy.integrate import quad
 
 from compact import fem
 from compact.analysis import contact_cases
-from compact.analysis import torque_response as driving
-from compact.analysis.engines import inputs
+from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.study import Study
+from compact.analysis.torque_response import torque_response
 from compact.contact import dry_resistance
 from compact.drive import Rigid, simulate
 from compact.engines.compaction import engine as compaction
@@ -28,6 +29,7 @@ from compact.machine.roller_motors import (
     RollerMotor,
     carter_parameter,
     pull_range,
+    roller_rotation,
 )
 from compact.material.laws import Elastic
 from compact.motion.profile import law
@@ -100,7 +102,7 @@ def test_pin_force_is_zero(springs):
             0.0
             if springs is None
             else springs.force(
-                state.position, springs.zones(lambda z, leg=leg: leg.at_phase(z, 0), leg.joined_at()).side_at(phase)
+                state.position, springs.zones(lambda z, leg=leg: leg.at_phase(z, 0), leg.breakpoints()).side_at(phase)
             )
         )
         left = state.resistance - ROLLERS * result.torque / R
@@ -124,14 +126,14 @@ def test_pull_range_is_that_of_the_cycle():
 def test_angle_is_the_integral_of_travel_and_creep(time):
     motors, steps = motor(roller=carter(), dwell=0.25), np.linspace(0, time, 400)
 
-    def angular_velocity(at):
+    def rotation_speed(at):
         velocity, force = (f(at) for f in (_velocity(motors), _force(motors)))
         w = carter_parameter(np.sign(velocity) * force / ROLLERS / LOAD / FRICTION) if velocity else 0.0
         return (1 + FREE_CREEP + CREEP_SLOPE * w) * velocity / R
 
-    exact = quad(angular_velocity, 0, time, points=[3.0, 3.25], limit=400, epsabs=1e-9)[0]
+    exact = quad(rotation_speed, 0, time, points=[3.0, 3.25], limit=400, epsabs=1e-9)[0]
     assert motors.angle(steps)[-1] == pytest.approx(exact, abs=3e-5)
-    assert motors.angular_velocity(np.array([time])) == pytest.approx(angular_velocity(time), rel=1e-9, abs=1e-12)
+    assert motors.angular_velocity(np.array([time])) == pytest.approx(rotation_speed(time), rel=1e-9, abs=1e-12)
 
 
 def _velocity(motors):
@@ -197,13 +199,17 @@ def by_fem():
     """Study of a heavy cart whose contacts are the samples of its resistance map."""
     changes = {"accuracy.engine": "fem", "motion.laws": ["septic"], "machine.gap_geometry": "circle"}
     study = Study(load_scene(SCENES / "loveikin-2015.toml", **changes, **{"machine.mass": 4e3}))
-    rolled = [fem.roll(*inputs(study.scene, study.mix, "fem", speed), speed, estimate=False) for speed in SPEEDS]
-    study.contacts = [
+    rolled = [
+        fem.roll(*contact_inputs(study.scene, study.mix, "fem", speed), speed, estimate=False) for speed in SPEEDS
+    ]
+    study.contact_stage.records = [
         contact_cases.contact_record("fem", *each) for each in zip(SPEEDS, [(one,) for one in rolled], strict=True)
     ]
     whole = ROLLERS * study.scene.machine.roller_length
-    study.resistance = ResistanceMap(np.array(SPEEDS), whole * np.array([each.resistance for each in rolled]), 0.0)
-    study.kept = None
+    study.resistance_stage.resistance = ResistanceMap(
+        np.array(SPEEDS), whole * np.array([each.resistance for each in rolled]), 0.0
+    )
+    study.contact_stage.kept = None
     return study
 
 
@@ -212,7 +218,7 @@ def test_engine_reproduces_the_interpolated_traction(by_fem, time):
     motors, scene = by_fem.roller_motors["septic"], by_fem.scene
     (velocity,), result = motors.traction_over(np.array([time]))
     speed, way, length = abs(velocity), np.sign(velocity), scene.machine.roller_length
-    layer, roller, material = inputs(scene, by_fem.mix, "fem", speed)
+    layer, roller, material = contact_inputs(scene, by_fem.mix, "fem", speed)
     own = fem.roll(layer, roller, material, speed, estimate=False)
     held = Roller(R, own.indentation, by_fem.mix.steel_friction, "driven", scene.machine.gap_geometry)
     torque = way * result.torque[0] / length
@@ -243,9 +249,9 @@ def test_samples_cover_the_range_of_the_laws(by_fem):
 
 
 def test_samples_end_at_the_coulomb_limit(by_fem):
-    found = by_fem.contacts[:1]
-    load = by_fem.scene.machine.roller_length * found[0].load
-    roller = driving.driven(by_fem.scene, by_fem.mix, load, found, (-1e9, 1e9))
+    contacts = copy(by_fem.contact_stage)
+    contacts.records = by_fem.contacts[:1]
+    roller = torque_response(contacts, (-1e9, 1e9))
     shares = roller.torques[0] / (by_fem.mix.steel_friction * R * roller.loads[0])
     assert shares[[0, -1]] == pytest.approx([-FULL_SLIP_SHARE, FULL_SLIP_SHARE], abs=5e-3)
     assert np.diff(carter_parameter(shares)) == pytest.approx(0.3, abs=0.02)
@@ -260,8 +266,8 @@ def test_failed_solution_warns_and_leaves_out_the_creep(by_fem, monkeypatch):
 
     monkeypatch.setattr(fem_engine, "roll", slides)
     with pytest.warns(UserWarning, match="creep of the driven rollers is left out: the roller slides"):
-        result = driving.driven(by_fem.scene, by_fem.mix, LOAD, by_fem.contacts, (-100.0, 900.0))
-    assert result == CreepFreeRoller(R, LOAD, by_fem.mix.steel_friction)
+        result = torque_response(by_fem.contact_stage, (-100.0, 900.0))
+    assert result == CreepFreeRoller(R, by_fem.roller_load, by_fem.mix.steel_friction)
 
 
 def test_engines_without_torque_have_no_creep():
@@ -278,10 +284,12 @@ def test_creep_of_the_compaction_engine():
     changes = {"accuracy.engine": "compaction", "contact.indentation": 0.002, "product.height": 0.1}
     scene = load_scene(SCENES / "small.toml", **changes, **{"mix.density_ratio": 0.95})
     study, speed = Study(scene), scene.motion.stroke / scene.motion.duration
-    free = compaction.roll(*inputs(scene, study.mix, "compaction", speed), speed, increments=6)
-    found = [contact_cases.contact_record("compaction", each, (free,)) for each in (speed, 2 * speed)]
+    free = compaction.roll(*contact_inputs(scene, study.mix, "compaction", speed), speed, increments=6)
+    contacts = study.contact_stage
+    contacts.records = [contact_cases.contact_record("compaction", each, (free,)) for each in (speed, 2 * speed)]
+    contacts.passes = [(speed, (free,))]
     load = scene.machine.roller_length * free.load
-    roller = driving.driven(scene, study.mix, load, found, (0.0, 0.2 * load), [(speed, free)])
+    roller = torque_response(contacts, (0.0, 0.2 * load))
     assert roller.speeds == pytest.approx([speed])
     assert roller.pulls[0, 0] == pytest.approx(0, abs=1e-4 * load)
     assert roller.creeps[0, 0] == pytest.approx(free.creep, rel=1e-3)
@@ -346,3 +354,27 @@ def test_locking_guide_wheels_raise():
 def test_invalid_roller_raises(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_rotation_is_the_travel_over_the_radius():
+    """Paper B, constant speed: 48 dx/(43 T R), errata B-8; each derivative is that of the one before."""
+    cycle, time, h = law("reversal-4-free-both", 0.4, 3.0).cycle(), np.linspace(0.05, 5.95, 40), 1e-5
+    rotation = roller_rotation(cycle, R, time)
+    assert roller_rotation(cycle, R, 1.5).angular_velocity == pytest.approx(48 * 0.4 / (43 * 3.0 * R), rel=1e-13)
+    assert rotation.angle == pytest.approx(cycle.derivative(time, 0) / R, rel=1e-15)
+    after, before = roller_rotation(cycle, R, time + h), roller_rotation(cycle, R, time - h)
+    names = ("angle", "angular_velocity", "angular_acceleration", "angular_jerk")
+    slopes = [(getattr(after, name) - getattr(before, name)) / (2 * h) for name in names[:-1]]
+    assert np.array(slopes) == pytest.approx(np.array([getattr(rotation, name) for name in names[1:]]), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("radius", "time", "message"),
+    [
+        (-1.0, 0.0, "`roller_radius` must be positive and finite, got -1.0"),
+        (0.1, np.nan, "`time` must be finite, got nan"),
+    ],
+)
+def test_rotation_rejects_invalid_input(radius, time, message):
+    with pytest.raises(ValueError, match=message):
+        roller_rotation(law("quintic", 0.4, 3.0).cycle(), radius, time)

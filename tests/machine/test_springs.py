@@ -177,7 +177,9 @@ def test_energy_balance_of_an_elastic_drive_with_springs(name, stiffness, regime
     assert run.energy_residual < 1e-6
     assert {-1, 0, 1} & set(run.trajectory.intervals.zone.tolist())
     if regime == "periodic":
-        lost = run.trajectory.oscillator.damping * run.trajectory.elongation(*run.trajectory.sample_points()[:2])[1] ** 2
+        lost = (
+            run.trajectory.oscillator.damping * run.trajectory.elongation(*run.trajectory.sample_points()[:2])[1] ** 2
+        )
         assert run.energy == pytest.approx(np.sum(run.weights * (lost + SIZE * np.abs(run.state.velocity))), rel=1e-6)
 
 

@@ -95,7 +95,7 @@ def test_unknown_dry_side_names_the_choices():
 
 
 def test_rate_without_its_speed_is_refused():
-    with pytest.raises(ValueError, match="`reference_speed` must be given where `rate_exponent` is not 0, got None"):
+    with pytest.raises(ValueError, match="`reference_speed` must be set where `rate_exponent` is not 0, got None"):
         replace(MIX, rate_exponent=0.02)
 
 

@@ -57,7 +57,7 @@ def test_clean_table_of_a_smooth_law_gives_its_jerk(name, rows, tolerance):
 
 def test_jerk_is_continuous():
     motion = noisy_quintic(0, 61, "exact ends")
-    assert {join.time for join in motion.joins() if join.order <= 3} <= {0.0, DURATION}
+    assert {join.time for join in motion.discontinuities() if join.order <= 3} <= {0.0, DURATION}
 
 
 # ---- (b) order -------------------------------------------------------------------------------------------------------
@@ -210,8 +210,8 @@ def test_curve_scales_with_the_table(seed, scale):
         (np.r_[np.arange(12.0), np.inf], np.arange(13.0), r"`time` must be finite, got .*inf.* at index 12"),
         (np.r_[0.0, 1.0, 1.0, np.arange(2.0, 12.0)], np.arange(13.0), "`time` must increase, got 1 after 1 in row 3"),
         (np.r_[0.0, 2.0, 1.5, np.arange(3.0, 13.0)], np.arange(13.0), "`time` must increase, got 1.5 after 2 in row 3"),
-        (np.arange(13.0), 5 - np.arange(13.0), "`position` must end ahead of its start, got 5 to -7"),
-        (np.arange(13.0), np.full(13, 2.0), "`position` must end ahead of its start, got 2 to 2"),
+        (np.arange(13.0), 5 - np.arange(13.0), "`position` must end above its start, got 5 to -7"),
+        (np.arange(13.0), np.full(13, 2.0), "`position` must end above its start, got 2 to 2"),
     ],
     ids=["few", "unequal", "two columns", "nan", "inf", "twice", "backwards in time", "backwards", "standing"],
 )

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.polynomial import legendre
 from published import CHAPTER_5, COMPLEX_LAW, CRITERIA, LAWS_OF_D, RUN_UP_TRAVEL, VDI_2143
 
-from compact.motion.laws import CrankCurve, Shape
-from compact.motion.profile import LAWS, Cycle, Join, Motion, law
+from compact.motion.laws import CrankCurve, LawParameters
+from compact.motion.profile import LAWS, Cycle, Discontinuity, MotionProfile, law
 
 NAMES = list(LAWS)
 SHAPED = list(RUN_UP_TRAVEL)
@@ -150,7 +150,7 @@ def test_crank_accelerates_most_at_the_dead_centres(time, sign):
 
 def test_crank_without_ratio_is_harmonic():
     z = np.linspace(0, 1, 33)
-    assert CrankCurve(0.0)(z, nu=3) == pytest.approx(LAWS["harmonic"].build(Shape())(z, nu=3), abs=1e-13 * 16)
+    assert CrankCurve(0.0)(z, nu=3) == pytest.approx(LAWS["harmonic"].build(LawParameters())(z, nu=3), abs=1e-13 * 16)
 
 
 @pytest.mark.parametrize(
@@ -311,24 +311,24 @@ def test_criterion_is_finite_without_an_impulse(name, order, turn, exact):
     ],
 )
 def test_joins_hold_both_sides(name, turn, expected):
-    joins = [astuple(join) for join in unit(name).joins(turn)]
+    joins = [astuple(join) for join in unit(name).discontinuities(turn)]
     assert np.reshape(joins, (-1, 4)) == pytest.approx(np.reshape(expected, (-1, 4)), rel=1e-10, abs=1e-10)
 
 
 @pytest.mark.parametrize(("order", "quantity"), [(1, "velocity"), (2, "acceleration"), (3, "jerk"), (4, "snap")])
 def test_join_names_its_quantity(order, quantity):
-    assert Join(0.0, order, 0.0, 1.0).quantity == quantity
+    assert Discontinuity(0.0, order, 0.0, 1.0).quantity == quantity
 
 
 def test_joins_scale_with_stroke_and_duration():
-    first = law("cubic", 0.4, 3.0).joins("dwell")[0]
+    first = law("cubic", 0.4, 3.0).discontinuities("dwell")[0]
     assert (first.time, first.quantity, first.before, first.after) == pytest.approx((0.0, "acceleration", 0.0, 0.8 / 3))
 
 
 def test_asymmetric_law_jumps_in_acceleration_at_a_reversal():
     # run-up .05 T and run-down .3 T turn with different free accelerations
     motion = unit("reversal-4-free-both", run_up=0.05, run_down=0.3)
-    jump = motion.joins()[0]
+    jump = motion.discontinuities()[0]
     assert (jump.time, jump.order, jump.before / jump.after) == pytest.approx((0.0, 2, 0.05 / 0.3), rel=1e-12)
     assert motion.smoothness() == 1
 
@@ -393,7 +393,7 @@ def test_period_counts_both_dwells():
 @pytest.mark.parametrize("name", NAMES)
 def test_dwell_of_zero_length_equals_no_dwell(name):
     motion = law(name, 0.4, 3.0, rod_length=0.5)
-    assert motion.cycle(0.0, 0.0).joins() == motion.cycle().joins()
+    assert motion.cycle(0.0, 0.0).discontinuities() == motion.cycle().discontinuities()
     assert [leg.direction for leg in motion.cycle(0.0, 0.0).legs()] == [1, -1]
     assert Cycle(motion).period == 6.0
 
@@ -401,7 +401,7 @@ def test_dwell_of_zero_length_equals_no_dwell(name):
 @pytest.mark.parametrize(("name", "far", "near"), CYCLES)
 def test_joins_of_the_cycle_are_its_sides(name, far, near):
     cycle = cycle_of(name, far, near)
-    joins, step = cycle.joins(), 1e-7
+    joins, step = cycle.discontinuities(), 1e-7
     got = [[cycle.derivative(join.time + side, join.order) for side in (-step, step)] for join in joins]
     sizes = {k: np.abs(cycle.derivative(np.linspace(0, cycle.period, 999), k)).max() for k in range(1, 5)}
     expected = [[join.before, join.after] for join in joins]
@@ -423,7 +423,7 @@ def test_cycle_jumps_nowhere_but_at_its_joins(name, far, near):
         )
     )
     step = 1e-8
-    named = {k: {round(join.time, 6) for join in cycle.joins() if join.order == k} for k in range(1, 5)}
+    named = {k: {round(join.time, 6) for join in cycle.discontinuities() if join.order == k} for k in range(1, 5)}
     jumps = {k: np.abs(cycle.derivative(phases + step, k) - cycle.derivative(phases - step, k)) for k in range(1, 5)}
     sizes = {k: np.abs(cycle.derivative(np.linspace(0, cycle.period, 999), k)).max() for k in range(1, 5)}
     found = {
@@ -434,16 +434,16 @@ def test_cycle_jumps_nowhere_but_at_its_joins(name, far, near):
 
 def test_cycle_at_a_join_takes_what_follows():
     cycle = law("cubic", 0.4, 3.0).cycle(far_dwell=0.5)
-    got = [(cycle.derivative(join.time, join.order), join.after) for join in cycle.joins()]
+    got = [(cycle.derivative(join.time, join.order), join.after) for join in cycle.discontinuities()]
     assert [value for value, _ in got] == pytest.approx([after for _, after in got], abs=1e-12)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_way_back_has_the_same_peaks_and_criteria(name):
     motion = law(name, 0.4, 3.0, run_up=0.05, run_down=0.3, rod_length=0.5)
-    assert astuple(motion.back().peaks()) == pytest.approx(astuple(motion.peaks()), rel=1e-11)
-    assert motion.back().criterion(2) == pytest.approx(motion.criterion(2), rel=1e-12)
-    assert motion.back().smoothness("dwell") == motion.smoothness("dwell")
+    assert astuple(motion.return_stroke().peaks()) == pytest.approx(astuple(motion.peaks()), rel=1e-11)
+    assert motion.return_stroke().criterion(2) == pytest.approx(motion.criterion(2), rel=1e-12)
+    assert motion.return_stroke().smoothness("dwell") == motion.smoothness("dwell")
 
 
 # ---- (e) properties --------------------------------------------------------------------------------------------------
@@ -526,7 +526,7 @@ def test_peak_velocity_is_at_least_the_mean(name, run, share, split):
 @settings(max_examples=25)
 @given(motions(), st.integers(1, 4))
 def test_peaks_and_criteria_scale_with_stroke_and_time(motion, order):
-    twin = Motion(motion.name, 1.0, 1.0, motion.curve, motion.retraces)
+    twin = MotionProfile(motion.name, 1.0, 1.0, motion.curve, motion.retraces)
     scale = motion.stroke / motion.duration**order
     assert astuple(motion.peaks())[order - 1] == pytest.approx(scale * astuple(twin.peaks())[order - 1], rel=1e-12)
     assert motion.criterion(order) == pytest.approx(scale**2 * motion.duration * twin.criterion(order), rel=1e-12)
@@ -636,7 +636,7 @@ def test_time_takes_any_shape(name, shape):
     motion = law(name, 0.4, 3.0, rod_length=0.5)
     time = np.full(shape, 0.7)
     assert {np.shape(motion.derivative(time, k)) for k in range(5)} == {shape}
-    assert {np.shape(motion.back().derivative(time, k)) for k in range(5)} == {shape}
+    assert {np.shape(motion.return_stroke().derivative(time, k)) for k in range(5)} == {shape}
     assert {np.shape(motion.cycle(0.2).derivative(time, k)) for k in range(5)} == {shape}
 
 
@@ -697,16 +697,14 @@ def test_law_refuses_weights_off_the_triangle():
 
 
 def test_crank_asks_for_its_rod():
-    with pytest.raises(
-        ValueError, match="the law 'crank' needs `rod_length`, got None; give the connecting rod's length in m"
-    ):
+    with pytest.raises(ValueError, match="the law 'crank' requires `rod_length`, got None; set the length"):
         law("crank", 0.4, 3.0)
 
 
 @pytest.mark.parametrize("rod_length", [0.2, 0.1])
 def test_crank_refuses_a_rod_shorter_than_the_crank(rod_length):
     with pytest.raises(
-        ValueError, match=r"radius/rod must lie in \[0, 1\), got [12].0; the rod is longer than the crank"
+        ValueError, match=r"crank radius over rod length must lie in \[0, 1\), got [12].0; use a rod longer"
     ):
         law("crank", 0.4, 3.0, rod_length=rod_length)
 

@@ -10,11 +10,11 @@ from matplotlib.colors import LogNorm, to_rgb
 
 from compact.analysis.ranking_uncertainty import Place
 from compact.motion.profile import LAWS, law
-from compact.report import figures, ranking_figures
-from compact.report import writer as report
+from compact.report import contact_figures, figure_style, figures, ranking_figures, writer
+from compact.report.figure_style import law_style
 from compact.rolling_contact import Layer, Roller
 
-COLOURS = {name: figures.look(name)["color"] for name in LAWS}
+COLOURS = {name: law_style(name)["color"] for name in LAWS}
 # Machado, Oliveira and Fernandes, IEEE Trans. Vis. Comput. Graph. 15 (2009) 1291, severity 1, on linear RGB
 SIGHT = {
     "all cones": np.eye(3),
@@ -53,15 +53,15 @@ def test_no_two_laws_share_a_colour_for_any_sight(sight):
     assert nearest > 16
 
 
-@pytest.mark.parametrize("family", figures.FAMILIES)
+@pytest.mark.parametrize("family", figure_style.FAMILIES)
 def test_laws_of_a_family_differ_in_grey(family):
-    lightness = [lab(COLOURS[name])[0] for name in figures.FAMILIES[family]]
+    lightness = [lab(COLOURS[name])[0] for name in figure_style.FAMILIES[family]]
     assert np.diff(lightness).min() > 14
 
 
 @pytest.mark.parametrize("sight", SIGHT)
 def test_engines_have_colours_of_their_own_for_any_sight(sight):
-    shades = [lab(shade, sight) for shade, _, _ in ranking_figures.ENGINE_LOOKS.values()]
+    shades = [lab(shade, sight) for shade, _, _ in ranking_figures.ENGINE_STYLES.values()]
     assert min(np.linalg.norm(one - other) for one, other in combinations(shades, 2)) > 16
 
 
@@ -75,7 +75,7 @@ def test_kinematics_are_those_of_the_laws():
         for order, ax in enumerate(ax_row, start=1):
             line = next(line for line in ax.lines if line.get_label().startswith(name))
             time, value = line.get_data()
-            there = cycles[name].there
+            there = cycles[name].forward
             inside = np.abs(time[:, None] / 3.0 - there.curve.x).min(axis=1) > 1e-9  # at a join either side will do
             assert np.count_nonzero(inside) > 200
             assert value[inside] == pytest.approx(there.at_phase(time / 3.0, order)[inside], abs=1e-12)
@@ -86,15 +86,14 @@ def test_kinematics_are_those_of_the_laws():
     assert np.abs(np.diff(acceleration)[upright]).max() == pytest.approx(0.32, rel=1e-9)  # 36/5 stroke/duration^2
 
 
-def test_kinematics_of_a_report_are_given_the_laws_and_no_response(monkeypatch):
-    given, study = [], SimpleNamespace(
-        scene=SimpleNamespace(output=SimpleNamespace(wanted=()), drive=SimpleNamespace(kind="elastic")),
+def test_kinematics_of_a_report_are_those_of_the_laws():
+    study = SimpleNamespace(
+        scene=SimpleNamespace(output=SimpleNamespace(items=()), drive=SimpleNamespace(kind="elastic")),
         places={"elastic": {}}, runs="runs", cycles="cycles", layered=False, count=lambda stage: None,
     )  # fmt: skip
-    monkeypatch.setattr(figures, "kinematics", lambda *of: given.append(of) or figures.Figure())
-    picture = report._pictures(study)["kinematics"]
-    assert picture() == picture()
-    assert given == [("cycles",)]
+    figure, *results = writer._figures(study)["kinematics"]
+    assert figure is figures.kinematics
+    assert results == ["cycles"]
 
 
 def run(name, peak_force, peak_power=1.0, impulses=()):
@@ -133,9 +132,9 @@ def test_an_undercut_cam_keeps_the_colour_of_its_law_and_is_named():
         )
 
     names = ["constant-velocity", "reversal-4-free-acceleration"]
-    figure = figures.cams({(names[0], "roller"): cam(True), (names[1], "roller"): cam(False)}, names, "roller")
+    figure = figures.cam_profiles({(names[0], "roller"): cam(True), (names[1], "roller"): cam(False)}, names, "roller")
     bad, good = figure.axes
-    assert [ax.lines[0].get_color() for ax in figure.axes] == [figures.look(name)["color"] for name in names]
+    assert [ax.lines[0].get_color() for ax in figure.axes] == [law_style(name)["color"] for name in names]
     assert ["UNDERCUT" in ax.get_title() for ax in (bad, good)] == [True, False]
     assert bad.get_facecolor() != good.get_facecolor()
 
@@ -163,7 +162,7 @@ def layer_of(pressure, dissipation, height=0.22, speed=0.1, contact=0.05, base="
 
 def test_a_field_has_one_colour_scale_for_all_speeds():
     layers = [layer_of([-1e3, 50e3], [0.0, 1e3], speed=0.01), layer_of([0.0, 140e3], [5.0, 30e3], speed=0.1)]
-    figure = figures.fields(layers)
+    figure = contact_figures.fields(layers)
     panels, scales = figure.axes[:4], figure.axes[4:]
     pressures, heats = ([panels[i].collections[0].norm for i in which] for which in ((0, 2), (1, 3)))
     assert [(norm.vmin, norm.vmax) for norm in pressures] == [(-1.0, 140.0)] * 2
@@ -173,23 +172,23 @@ def test_a_field_has_one_colour_scale_for_all_speeds():
 
 
 def test_fields_reach_down_to_the_base_and_name_it():
-    figure = figures.fields([layer_of([0.0, 1e3], [0.0, 1.0], base="slip")])
+    figure = contact_figures.fields([layer_of([0.0, 1e3], [0.0, 1.0], base="slip")])
     ax = figure.axes[0]
     low, high = ax.get_ylim()
     assert low < 0 < 220 < high
     assert any(np.allclose(line.get_ydata(), 0.0) for line in ax.lines)
-    assert "rigid base, mix slips" in words(figure)
+    assert "rigid base, frictionless" in words(figure)
 
 
 def test_fields_say_how_far_below_the_base_of_a_deep_layer_lies():
-    figure = figures.fields([layer_of([0.0, 1e3], [0.0, 1.0], height=2.0)])
+    figure = contact_figures.fields([layer_of([0.0, 1e3], [0.0, 1.0], height=2.0)])
     low = figure.axes[0].get_ylim()[0]
     assert low == pytest.approx(2000 - 2.5 * 2.5 * 50)
     assert f"rigid base, bonded, {low:.0f} mm below" in words(figure)
 
 
 def test_fields_of_a_layer_that_dissipates_nothing_are_drawn():
-    norm = figures.fields([layer_of([0.0, 1e3], [0.0, 0.0])]).axes[1].collections[0].norm
+    norm = contact_figures.fields([layer_of([0.0, 1e3], [0.0, 0.0])]).axes[1].collections[0].norm
     assert (norm.vmin, norm.vmax) == (0.0, 1.0)
 
 
@@ -270,6 +269,6 @@ def test_engines_that_resist_alike_are_both_seen():
             return 400.0 + 0 * speed
 
     flat = lambda speed, acceleration: 3500.0 + 0 * speed  # noqa: E731
-    figure = ranking_figures.resistance({"fem": Map(), "formula": flat, "column": flat})
+    figure = ranking_figures.resistances({"fem": Map(), "formula": flat, "column": flat})
     widths = {line.get_label(): line.get_linewidth() for line in figure.axes[0].lines if line.get_linestyle() != "None"}
     assert widths["column"] > widths["formula"] + 1  # the broader below

@@ -131,7 +131,7 @@ def test_really_full_device_is_told(tmp_path, monkeypatch, size):
 
 def test_directory_in_the_way_is_told(tmp_path):
     (tmp_path / "result.csv").mkdir()
-    with pytest.raises(ResultsError, match=r"result\.csv: is no regular file; give another name"):
+    with pytest.raises(ResultsError, match=r"result\.csv: not a regular file; use another name"):
         write_csv(tmp_path / "result.csv", ("a",), [])
     assert names(tmp_path) == ["result.csv"]
 
@@ -170,7 +170,7 @@ def test_path_that_cannot_be_is_told(tmp_path, path_in):
 def test_what_is_not_a_file_is_not_replaced(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    with pytest.raises(ResultsError, match="pipe: is no regular file; give another name"):
+    with pytest.raises(ResultsError, match="pipe: not a regular file; use another name"):
         write_csv(pipe, ("a",), [])
     assert stat.S_ISFIFO(pipe.stat().st_mode)
 
@@ -289,7 +289,7 @@ def test_own_directory_is_used_again(tmp_path):
 
 def test_directory_of_another_scene_is_refused(tmp_path):
     claim_directory(tmp_path, "abc")
-    with pytest.raises(ResultsError, match="holds results of another scene; give another --out, or --force"):
+    with pytest.raises(ResultsError, match="holds results of another scene; use another --out, or --force"):
         claim_directory(tmp_path, "xyz")
     assert (tmp_path / OWNER_FILE).read_text() == "abc\n"
 
@@ -304,7 +304,7 @@ def test_force_takes_the_directory_of_another_scene(tmp_path):
 
 def test_foreign_files_are_refused_and_kept_under_force(tmp_path):
     (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(ResultsError, match="holds files that are not compact's; give another --out, or --force"):
+    with pytest.raises(ResultsError, match="contains files of other programs; use another --out, or --force"):
         claim_directory(tmp_path, "abc")
     assert names(tmp_path) == ["thesis.tex"]
     claim_directory(tmp_path, "abc", force=True)
@@ -314,7 +314,7 @@ def test_foreign_files_are_refused_and_kept_under_force(tmp_path):
 @pytest.mark.parametrize("force", [False, True])
 def test_file_in_the_way_is_refused(tmp_path, force):
     (tmp_path / "out").write_text("a file")
-    with pytest.raises(ResultsError, match="out: Not a directory; give another --out"):
+    with pytest.raises(ResultsError, match="out: Not a directory; use another --out"):
         claim_directory(tmp_path / "out", "abc", force)
     assert (tmp_path / "out").read_text() == "a file"
 
@@ -324,7 +324,7 @@ def test_directory_that_may_not_be_read_is_told(tmp_path, monkeypatch):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
     monkeypatch.setattr(Path, "iterdir", forbidden)
-    with pytest.raises(ResultsError, match="Permission denied; give another --out"):
+    with pytest.raises(ResultsError, match="Permission denied; use another --out"):
         claim_directory(tmp_path, "abc")
 
 
@@ -335,7 +335,7 @@ def test_place_where_nothing_can_be_written_is_told():
 
 def test_directory_as_a_mark_is_refused(tmp_path):
     (tmp_path / OWNER_FILE).mkdir()
-    with pytest.raises(ResultsError, match="Is a directory; give another --out"):
+    with pytest.raises(ResultsError, match="Is a directory; use another --out"):
         claim_directory(tmp_path, "abc")
 
 

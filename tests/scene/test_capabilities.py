@@ -6,15 +6,16 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+from pages import answer_words
 
 from compact import cli, contact
-from compact.analysis.engines import inputs
+from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.study import Study
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
 from compact.engines.fem import engine as fem_engine
 from compact.engines.spectral import engine as spectral
-from compact.report import html_answer
+from compact.report import text
 from compact.report import writer as report
 from compact.rolling_contact import BaseCondition, GapGeometry, Layer, Ply, Roller, RollerCondition
 from compact.scene.engine_capabilities import LIMITS, adapt
@@ -50,9 +51,9 @@ def taken(engine, key, value, friction):
 
 @pytest.mark.parametrize("engine", LIMITS)
 @pytest.mark.parametrize("friction", [0.0, 0.35])
-def test_table_and_engines_agree_on_what_is_taken(engine, friction):
+def test_table_and_engines_accept_the_same_values(engine, friction):
     study = Study(load_scene(SMALL, **{"mix.overrides.steel_friction": friction}))
-    layer, _, material = inputs(study.scene, study.mix, engine, SPEED)
+    layer, _, material = contact_inputs(study.scene, study.mix, engine, SPEED)
     plies = (), (Ply(layer.height, 2.0),)
     cases = product(get_args(RollerCondition), get_args(GapGeometry), get_args(BaseCondition), plies)
     for rolling, profile, base, stack in cases:
@@ -85,7 +86,7 @@ def test_scenes_leave_open_what_an_engine_may_replace(name, engine):
             assert limit.takes(getattr(getattr(given, table), key), None), limit.key
 
 
-def test_spectral_takes_the_nearest_roller_and_gap_and_says_so():
+def test_spectral_replaces_roller_and_gap_and_states_it():
     scene = load_scene(SMALL, **{"accuracy.engine": "spectral"})
     given, sentences = adapt(scene, "spectral")
     assert (given.machine.roller_condition, given.machine.gap_geometry) == ("frictionless", "circle")
@@ -97,13 +98,13 @@ def test_spectral_takes_the_nearest_roller_and_gap_and_says_so():
     assert (scene.machine.roller_condition, scene.machine.gap_geometry) == ("free", "deformed")
 
 
-def test_a_free_roller_without_friction_is_no_other_for_spectral():
+def test_spectral_accepts_a_free_roller_without_friction():
     scene = load_scene(SMALL, **{"mix.overrides.steel_friction": 0.0, "machine.gap_geometry": "parabola"})
     assert adapt(scene, "spectral") == (scene, ())
 
 
 @pytest.mark.parametrize("engine", ["fem", "compaction"])
-def test_engines_that_take_every_roller_and_gap_replace_nothing(engine):
+def test_engines_that_accept_every_roller_and_gap_replace_nothing(engine):
     assert adapt(load_scene(SMALL), engine)[1] == ()
 
 
@@ -149,7 +150,7 @@ def test_a_key_set_to_its_default_stays_set_through_changes(key, default):
     assert (held == scene, held.hash == scene.hash) == (True, True)
 
 
-def test_the_formulas_beside_another_engine_leave_out_what_they_cannot_take():
+def test_compared_formulas_neglect_keys_that_they_do_not_accept():
     plies = [{"thickness": 0.16, "stiffness": 2.0}, {"thickness": 0.06, "stiffness": 1.0}]
     scene = load_scene(SMALL, **{"accuracy.engine": "fem", "layer.plies": plies, "contact": {"indentation": 0.002}})
     assert scene.with_engine("formula").contact.indentation is None
@@ -189,31 +190,31 @@ def test_the_new_scene_is_rolled_by_the_engine_compaction(tmp_path, monkeypatch)
     assert contact["replaced"] == []
 
 
-def test_a_run_says_what_each_engine_replaced(tmp_path):
+def test_a_run_states_the_replacements_of_each_engine(tmp_path):
     few = {"motion.laws": ["cubic"], "contact.speeds": [0.1, 0.2], "output.items": [], "accuracy.tolerance": 0.1}
     study = Study(load_scene(SMALL, **{"accuracy.engine": "spectral"} | few))
     summary = report.write_study(study, tmp_path / "out")
     assert set(summary["replaced"]) == {"spectral", "formula"}
-    told, page = report.study_digest(study), html_answer.answer(study, [], [])
+    told, page = text.study_digest(study), answer_words(study)
     for sentence in (each for told_of in summary["replaced"].values() for each in told_of):
         assert sentence in " ".join(told.split())
         assert sentence in page
 
 
-def test_a_point_of_a_sweep_says_what_was_replaced():
+def test_a_point_of_a_sweep_states_the_replacements():
     scene = load_scene(SMALL, **{"accuracy.engine": "spectral"})
     assert headline.headline(scene)[0]["replaced"] == "; ".join(adapt(scene, "spectral")[1])
 
 
 @pytest.mark.parametrize("load", [2000.0, 9740.0, 15000.0])
-def test_formulas_carry_the_load_that_is_prescribed(load):
+def test_formulas_meet_a_prescribed_load(load):
     study = Study(load_scene(SMALL, **{"contact.load": load}))
     assert study.engineering.roller_force == pytest.approx(load, rel=1e-12)
     assert study.numbers["roller_force"].low is None
     assert study.numbers["pressure"].known_by.startswith("contact: as prescribed")
 
 
-def test_formulas_press_as_hard_as_is_prescribed():
+def test_formulas_meet_a_prescribed_peak_pressure():
     assert Study(load_scene(SMALL, **{"contact.peak_pressure": 1.5e5})).engineering.pressure == 1.5e5
 
 
@@ -237,7 +238,7 @@ def test_the_table_names_keys_of_the_scene():
         assert any(key in getattr(kind, "model_fields", {}) for kind in kinds)
 
 
-def test_an_insisting_scene_leaves_out_the_estimate_of_heaping(monkeypatch):
+def test_unusual_disables_the_estimate_of_heaping(monkeypatch):
     asked = []
 
     def rolled(*_, **options):

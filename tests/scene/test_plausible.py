@@ -58,7 +58,7 @@ def test_values_in_other_units_are_refused_with_a_guess(key, value, guess):
     assert any(guess in mistake for mistake in caught.value.mistakes), caught.value.mistakes
 
 
-def test_every_key_of_the_mix_is_compared_with_the_spread_of_the_prior():
+def test_every_key_of_the_mix_is_checked_against_the_spread_of_the_prior():
     for name in Overrides.model_fields:
         found = plausible_ranges.of_mix(name)
         for moisture, ratio in ((0.08, 0.90), (0.10, 0.98), (0.12, 0.99), (0.093, 0.957)):
@@ -83,7 +83,7 @@ def test_outside_is_advice_and_ten_times_outside_is_refused(times, advised, refu
     assert bool(plausible_ranges.refusal(key, -value, found)) == bool(refused)
 
 
-def test_advice_stands_at_the_line_of_its_key():
+def test_advice_names_the_line_of_its_key():
     scene = load_scene(SMALL, **{"mix.overrides.heckel_slope": 2e-4})
     (sentence,) = scene.advice
     assert sentence.endswith(
@@ -99,7 +99,7 @@ def test_a_key_named_unusual_is_neither_refused_nor_advised_against():
     assert scene.replaced(**{"mix.overrides.heckel_slope": 2e-4}).advice == ()
 
 
-def test_to_insist_changes_no_number():
+def test_unusual_changes_no_number():
     insisted = load_scene(SMALL, unusual=["product.height"])
     assert insisted.hash == load_scene(SMALL).hash
 
@@ -122,7 +122,7 @@ def test_zero_is_no_magnitude():
     assert load_scene(SMALL, **none).advice == ()
 
 
-def test_plies_are_compared_too():
+def test_plies_are_checked():
     plies = [{"thickness": 0.2, "relative_modulus": 2.0}, {"thickness": 0.02, "relative_modulus": 1e6}]
     with pytest.raises(
         SceneError, match=r"layer\.plies: relative_modulus 1e\+06 is far outside the plausible 0\.001 to 1000"
@@ -130,7 +130,7 @@ def test_plies_are_compared_too():
         load_scene(SMALL, **{"accuracy.engine": "fem", "layer.plies": plies})
 
 
-def test_what_an_engine_beside_is_given_is_compared():
+def test_keys_of_a_compared_engine_are_checked():
     given = {"column": {"mix": {"overrides": {"heckel_slope": 13.0}}}}
     with pytest.raises(SceneError, match=r"compare\.column: with it mix\.overrides\.heckel_slope: 13 1/Pa is far"):
         load_scene(SMALL, compare=given)
@@ -141,7 +141,7 @@ def test_a_sweep_refuses_implausible_values_before_it_computes():
         load_scene(SMALL).require_fields(**{"mix.overrides.heckel_slope": 13.0})
 
 
-def test_the_speed_of_a_contact_is_compared(tmp_path, capsys):
+def test_the_speed_of_a_contact_is_checked(tmp_path, capsys):
     assert cli._exit_code(["roll", str(SMALL), "--speed", "1e6", "--out", str(tmp_path / "out")]) == 2
     assert "--speed: 1e+06 m/s is far outside the plausible 0.0001 to 5 m/s" in capsys.readouterr().err
 
@@ -162,7 +162,7 @@ def test_ranges_are_of_keys_of_the_scene():
         assert found is not None
 
 
-def test_ranges_are_ordered_and_say_why():
+def test_ranges_are_ordered_and_state_a_reason():
     for key in plausible_ranges.compared_keys():
         if key != "layer.plies":
             found = plausible_ranges.range_of(key)

@@ -88,7 +88,7 @@ def test_every_value_of_a_study_scene_states_its_origin(name):
     assert [line for line in values if not re.search(r"# .*(published|assumed|calibrated)", line)] == []
 
 
-def test_the_starter_is_valid_and_asks_for_the_formula_engine():
+def test_the_starter_is_valid_and_uses_the_formula_engine():
     scene = parse_scene(starter_scene(), "new.toml")
     assert scene.accuracy.engine == "formula"
     assert scene.advice == ()
@@ -101,7 +101,7 @@ def test_the_starter_shows_every_key_there_is():
     beside = {"formula", "column", "spectral", "fem", "compaction"}
     assert known - keys == {"overrides", "motor", "optimise", "end_springs", "hydraulics"} | beside
     shown = (Motor, BeltTable, Optimise, EndSpringTable, Hydraulics)
-    assert {key for table in shown for key in table.model_fields} - keys == {"belt"}
+    assert {key for table in shown for key in table.model_fields} - keys == {"belt", "method"}  # method: deprecated
 
 
 def fields_of(table):
@@ -140,12 +140,12 @@ def test_whole_numbers_are_read_as_floats():
     assert repr(parse_scene(edited("mass = 1000.0", "mass = 1000")).machine.mass) == "1000.0"
 
 
-def test_all_spells_out_every_law(published):
+def test_all_expands_to_every_law(published):
     assert published.law_names == LAW_NAMES
     assert published.replaced(**{"motion.laws": ["cubic", "crank"]}).law_names == ("cubic", "crank")
 
 
-def test_tables_are_found_beside_the_scene(tmp_path):
+def test_tables_are_found_in_the_folder_of_the_scene(tmp_path):
     (tmp_path / "own.csv").write_text("0,0\n1,1\n")
     path = tmp_path / "scene.toml"
     path.write_text(edited('laws = ["all"]', 'tables = ["own.csv"]\nlaws = ["all"]'))
@@ -178,12 +178,12 @@ def test_a_scene_is_equal_to_its_copy_from_another_file(published):
     assert published == parse_scene(PUBLISHED, "elsewhere/copy.toml")
 
 
-def test_a_scene_survives_a_trip_to_another_process(published):
+def test_a_scene_can_be_pickled(published):
     twin = pickle.loads(pickle.dumps(published))
     assert (twin, twin.hash) == (published, published.hash)
 
 
-def test_a_scene_error_survives_a_trip_to_another_process():
+def test_a_scene_error_can_be_pickled():
     error = pickle.loads(pickle.dumps(SceneError(["one", "two"])))
     assert (error.mistakes, str(error)) == (("one", "two"), "one\ntwo")
 
@@ -194,7 +194,7 @@ def test_the_hash_is_a_sha256(published):
 
 @given(st.randoms())
 @settings(max_examples=20, deadline=None)
-def test_the_hash_forgets_order_comments_and_title(random):
+def test_the_hash_is_independent_of_order_comments_and_title(random):
     head, *tables = re.split(r"\n(?=\[)", re.sub(r" *#.*", "", PUBLISHED))
     shuffled = []
     for table in tables:
@@ -206,23 +206,23 @@ def test_the_hash_forgets_order_comments_and_title(random):
     assert parse_scene(text).hash == parse_scene(PUBLISHED).hash
 
 
-def test_the_hash_forgets_how_a_number_is_written(published):
+def test_the_hash_is_independent_of_number_format(published):
     assert parse_scene(edited("mass = 1000.0", "mass = 1e3")).hash == published.hash
 
 
-def test_the_hash_forgets_what_is_to_be_written(published):
+def test_the_hash_is_independent_of_the_output(published):
     assert published.replaced(**{"output.items": []}).hash == published.hash
 
 
 @pytest.mark.parametrize("path", sorted(LEAVES.keys() - {"title", "output.items"}))
-def test_the_hash_knows_every_other_key(published, path):
+def test_the_hash_depends_on_every_other_key(published, path):
     value = OTHER_TEXTS[path] if path in OTHER_TEXTS else another(LEAVES[path])
     changed = published.replaced(**TIED.get(path, {path: value}))
     assert changed.hash != published.hash
     assert changed != published
 
 
-def test_the_hash_knows_the_contents_of_the_tables(tmp_path):
+def test_the_hash_depends_on_the_contents_of_the_tables(tmp_path):
     table = tmp_path / "own.csv"
     table.write_text("0,0\n1,1\n")
     scene = parse_scene(edited('laws = ["all"]', 'tables = ["own.csv"]\nlaws = ["all"]'), str(tmp_path / "scene.toml"))
@@ -240,7 +240,7 @@ def test_a_changed_scene_is_new_and_the_old_one_stays(published):
     assert wetter.replaced(**{"mix.moisture": 0.10}) == published
 
 
-def test_a_change_to_none_takes_an_optional_key_out(published):
+def test_a_change_to_none_removes_an_optional_key(published):
     prior = published.replaced(**{"mix.overrides.effective_modulus": None})
     assert prior.mix.overrides.effective_modulus is None
 
@@ -263,8 +263,16 @@ def test_optimisation_of_an_unknown_objective_is_refused():
         parse_scene(starter_scene()).replaced(**{"motion.optimise": {"objectives": ["peak_noise"], "smoothness": 1}})
 
 
+@pytest.mark.parametrize("method", ["steps", "casadi"])
+def test_method_of_optimal_laws_is_deprecated_and_has_no_effect(method):
+    table = {"objectives": ["peak_force"], "smoothness": 1}
+    with pytest.warns(DeprecationWarning, match=r"`motion\.optimise\.method` has no effect.* accepted for one release"):
+        scene = parse_scene(starter_scene()).replaced(**{"motion.optimise": table | {"method": method}})
+    assert scene == parse_scene(starter_scene()).replaced(**{"motion.optimise": table})
+
+
 def test_objectives_and_parameters_of_scenes_are_those_of_the_modules():
-    from compact.motion.profile import OBJECTIVES as KNOWN
+    from compact.motion.objectives import OBJECTIVES as KNOWN
     from compact.scene.schema import MixParameter, Objective, Overrides
 
     assert get_args(Objective) == tuple(KNOWN)
@@ -1055,7 +1063,7 @@ def test_plies_are_read_from_either_form_of_table():
         "engine",
     ],
 )
-def test_plies_are_refused_where_they_stand(text, words):
+def test_invalid_plies_are_refused_at_their_line(text, words):
     mistakes = mistakes_of(text)
     assert any(words in mistake for mistake in mistakes), mistakes
     assert all(":" in mistake.removeprefix(FILE)[:5] for mistake in mistakes)  # the line is told
@@ -1068,7 +1076,7 @@ def mistakes_of(text, file=FILE):
 
 
 @pytest.mark.parametrize(("text", "line", "words"), BROKEN)
-def test_a_refusal_says_where_what_and_what_to_do(text, line, words):
+def test_a_refusal_states_place_rule_value_and_remedy(text, line, words):
     mistakes = mistakes_of(text)
     blamed = [mistake for mistake in mistakes if mistake.startswith(f"{FILE}:{line}: {words[0]}")]
     assert blamed, mistakes
@@ -1100,7 +1108,7 @@ def test_a_missing_table_has_no_line_but_its_name():
     )
 
 
-def test_cams_want_a_cam():
+def test_output_of_cams_requires_a_cam():
     start, end = PUBLISHED.index("[cam]"), PUBLISHED.index("[accuracy]")
     assert mistakes_of(PUBLISHED[:start] + PUBLISHED[end:]) == (
         f'{FILE}: cam: the table [cam] is missing, and output.items holds "cams"; give [cam] with breadth and '
@@ -1114,7 +1122,7 @@ def test_run_up_and_run_down_of_a_half_fill_the_pass(published):
 
 
 @pytest.mark.parametrize("user", ["laws", "kind", "wanted"])
-def test_each_user_of_the_crank_asks_for_the_rod(published, user):
+def test_each_use_of_the_crank_requires_the_rod(published, user):
     base = {"motion.laws": ["cubic"], "drive.kind": "rigid", "output.items": [], "motion.rod_length": None}
     asks = {"laws": ("motion.laws", ["crank"]), "kind": ("drive.kind", "crank"), "wanted": ("output.items", ["crank"])}
     path, value = asks[user]
@@ -1158,7 +1166,7 @@ def test_ten_mistakes_are_reported_together_in_the_order_of_the_file():
     assert mistakes_of(text) == tuple(str(SceneError(mistakes)).split("\n"))
 
 
-def test_a_rule_between_keys_stays_silent_on_a_key_that_is_refused_already():
+def test_a_rule_between_keys_is_skipped_for_a_refused_key():
     mistakes = mistakes_of(edited("stroke = 0.4 ", "stroke = -0.4 "))
     assert mistakes == (
         f"{FILE}:48: motion.stroke: must be positive, got -0.4; give the travel between the two ends in m",
@@ -1168,7 +1176,7 @@ def test_a_rule_between_keys_stays_silent_on_a_key_that_is_refused_already():
 # (h) files
 
 
-def test_a_missing_file_is_refused_with_its_neighbour():
+def test_a_missing_file_is_refused_with_a_similar_name():
     with pytest.raises(SceneError, match=r"loveikin-2051\.toml: no such file; did you mean 'loveikin-2015\.toml'\?"):
         load_scene(SCENES / "loveikin-2051.toml")
 

@@ -43,7 +43,7 @@ def swept(directory, scene=COLUMNS, varied=GRID, crew=None, resume=False, step=l
 @pytest.fixture
 def small_tasks(monkeypatch):
     """Three points in a task, so that there is something to interrupt."""
-    monkeypatch.setitem(sweep.CHUNK, "column", 3)
+    monkeypatch.setattr(sweep, "ENGINES", {"column": replace(sweep.ENGINES["column"], points_per_task=3)})
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def cluster():
 def test_points_are_those_of_single_studies(whole):
     there = COLUMNS.replaced(**{"mix.moisture": 0.12, "mix.density_ratio": 0.96})
     study = Study(there)
-    rolled = headline.passes(there, study.mix, 0.4 / 3)[0]
+    rolled = headline.roll_passes(there, study.mix, 0.4 / 3)[0]
     point = whole.sel(moisture=0.12, density_ratio=0.96)
     assert float(point["load"]) == 1.164 * rolled.load
     assert float(point.resistance) == 2 * 1.164 * rolled.resistance
@@ -233,7 +233,7 @@ def test_fault_of_ours_is_a_reason_too(monkeypatch):
     def broken(*_, **__):
         raise TypeError("boom")
 
-    monkeypatch.setattr(headline, "passes", broken)
+    monkeypatch.setattr(headline, "roll_passes", broken)
     found, _ = headline.headline(COLUMNS)
     assert found["reason"] == "internal error, please report it: TypeError: boom"
     assert found["required_pressure"] == pytest.approx(203e3)
@@ -338,7 +338,7 @@ def test_maps_bands_and_best_laws_are_drawn(tmp_path):
     sweep_writer.write_sweep_report(tmp_path, table)
     for name in ("maps", "bands", "best_laws"):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
-    assert float(sweep_figures.reach(table).max()) > 1  # hatched
+    assert float(sweep_figures.required_share(table).max()) > 1  # hatched
     assert sweep_figures._most_frequent(table.best_law_by_peak_force)[0].tolist()[0] == ""
 
 
@@ -384,7 +384,7 @@ def test_interrupt_of_the_command_keeps_whole_points_and_resume_needs_the_rest(t
         (
             ("--vary", "machine.gap_geometry=deformed", "--engine", "spectral", "--workers", "1"),
             1,
-            "no point has numbers",
+            "no point has a result",
         ),
     ],
 )

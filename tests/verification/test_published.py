@@ -232,7 +232,7 @@ def test_table_marks_a_changed_number(rows, key):
 
 
 def test_documentation_ends_with_the_table(rows):
-    text = (Path(__file__).parents[2] / "docs" / "how_do_we_know.md").read_text("utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "verification.md").read_text("utf-8")
     assert text.endswith(published_numbers.markdown(list(rows.values())))
 
 

@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from compact.material.cap_plasticity import Constants, hardening
+from compact.material.cap_plasticity import CapConstants, hardening
 from compact.numerics.jit import compiled
 
 STAGES, ORDER = 12, 8  # [-], of the Dormand-Prince method
@@ -100,7 +100,7 @@ class ColumnProblem(NamedTuple):
 
     Attributes
     ----------
-    law : Constants
+    law : CapConstants
         Material constants at the rolling speed.
     stack : ColumnStack
         Columns before the pass.
@@ -110,7 +110,7 @@ class ColumnProblem(NamedTuple):
         LOGARITHMIC, SMALL or MASS_TRUE.
     """
 
-    law: Constants
+    law: CapConstants
     stack: ColumnStack
     gap: GapGeometry
     strain_measure: int
@@ -380,7 +380,7 @@ def _rates(u, y, out, problem, state):
 
 
 @compiled
-def stiffness_ratio(law: Constants, density_ratio: float) -> float:
+def stiffness_ratio(law: CapConstants, density_ratio: float) -> float:
     """Estimate the stiffness of the differential equation from a density ratio to full density.
 
         int 4 G A (1 + 9/(4 M^2))/(g B (pc + pt)) dV,    A = s_v/pc, B = (p + pt)/(pc + pt) of the rigid-plastic column
@@ -389,7 +389,7 @@ def stiffness_ratio(law: Constants, density_ratio: float) -> float:
 
     Parameters
     ----------
-    law : Constants
+    law : CapConstants
         Material constants.
     density_ratio : float
         Density ratio k at the start [-].

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from compact.engines.column import column_ode as ode
 from compact.engines.column.column_ode import STRESS, ColumnProblem, ColumnStack, GapGeometry, PathControl
-from compact.material.cap_plasticity import Constants, cap_constants, hardening
+from compact.material.cap_plasticity import CapConstants, cap_constants, hardening
 from compact.material.laws import Compaction
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
@@ -74,7 +74,7 @@ class ColumnLayer:
 
     Parameters
     ----------
-    law : Constants
+    law : CapConstants
         Material constants at the rolling speed.
     stack : ColumnStack
         Columns from the base upwards.
@@ -84,7 +84,7 @@ class ColumnLayer:
         One of the values of STRAINS.
     """
 
-    law: Constants
+    law: CapConstants
     stack: ColumnStack
     gap: GapGeometry
     strain_measure: int

@@ -12,7 +12,6 @@ along each line of nodes, in steady motion and at chosen instants of an unsteady
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +27,6 @@ from compact.engines.fem.convected_memory import (
 )
 from compact.engines.fem.surface import FloatArray
 from compact.engines.fem.surface_compliance import LayerStiffness, element_moduli, layer_stiffness
-from compact.files import write_pvd_collection, write_vtu
 from compact.material.laws import Elastic
 from compact.mesh import RowMesh
 from compact.numerics.assembly import element_unknowns, strain_matrix
@@ -123,34 +121,6 @@ def fields(result: "FemContactResult") -> "meshio.Mesh":
     loaded = result.loaded_layer
     dissipation = abs(loaded.speed) * np.sum(loaded.averaging * _dissipation(loaded, loaded.elastic_strain()), axis=1)
     return _field_mesh(loaded, _steady_displacement(loaded), dissipation=dissipation)
-
-
-def write_series(contacts: Sequence[tuple["meshio.Mesh", "FemContactResult"]], directory: str | Path) -> Iterator[Path]:
-    """Write the fields at several speeds as fields/speed=V.vtu, and their series over V as fields.pvd.
-
-    The series is written last, so that all its members exist.
-
-    Parameters
-    ----------
-    contacts : sequence of (meshio.Mesh, ContactResult)
-        Fields and the contact with its speed.
-    directory : path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Each file after it has been written.
-    """
-    members = []
-    for mesh, contact in contacts:
-        path = Path(directory) / "fields" / f"speed={contact.speed!r}.vtu"
-        write_vtu(mesh, path)
-        members.append((contact.speed, path))
-        yield path
-    series = Path(directory) / "fields.pvd"
-    write_pvd_collection(series, members)
-    yield series
 
 
 def dissipated_work(loaded: LoadedLayer) -> float:

@@ -1,9 +1,9 @@
-"""What to expect of a contact: that of an elastic layer without friction under a parabola, by a few polynomials.
+"""Elastic frictionless contact under a parabola, solved with few modes: an estimate for meshes and initial guesses.
 
     p = (E* a/2R) sum b_k sqrt(1 - xi^2) Q_{k-1}(xi),  u' = -x/R  on |x| <= a,  xi = x/a
 
-in the words of `kernel`. Good to a per mille, to a few percent where the contact is many times as wide as the top ply
-is thick: enough to choose a mesh and a first depth.
+with the polynomials of `jacobi_basis`. The error is 1e-3, and a few percent if the contact is many times as wide as the
+top ply is thick.
 """
 
 from dataclasses import dataclass
@@ -11,23 +11,38 @@ from functools import lru_cache
 
 import numpy as np
 
-from compact.engines.spectral import galerkin_system
-from compact.material.laws import Elastic
+from compact.engines.spectral.galerkin_system import assemble_system
+from compact.engines.spectral.jacobi_basis import pressure_polynomials
+from compact.engines.spectral.layer_compliance import LayerResponse, creep_compliance
+from compact.material.laws import Elastic, Viscoelastic
+from compact.rolling_contact import Layer, Roller
 
-MODES = 12
-SAMPLES = 65  # of the pressure, from the middle to an edge
-NEAR = 1e-6  # relative distance to the target
-STEPS = 60
-AT_ONCE = 1.0  # farthest step of the log of the half-width
-NOTHING = 1e-12  # layer heights: atoms are wider than such a contact
-WIDTH_STEP = 1.2  # contacts that differ by less in width share a mesh where the indentation is not prescribed
-WIDTHS = 4  # tried in turn for the modulus that such a contact meets
-NARROW = 2.0  # top plies to either side at first, since a contact much wider than a ply costs more to try
+ESTIMATE_MODES = 12  # [-], pressure polynomials
+ESTIMATE_SAMPLES = 65  # [-], of the pressure, from the middle to an edge
+ESTIMATE_TOLERANCE = 1e-6  # [-], relative residual of the target
+ESTIMATE_STEPS_MAX = 60  # [-], of the secant method
+LOG_STEP_MAX = 1.0  # [-], largest step of the logarithm of the half-width
+HALF_WIDTH_SHARE_MIN = 1e-12  # [-], over the height; below it the contact is narrower than an atom
+WIDTH_RATIO = 1.2  # [-], of the half-widths that share a mesh where the indentation is not prescribed
+WIDTH_ITERATIONS = 4  # [-], fixed-point iterations for the modulus at the frequency of the contact
+INITIAL_WIDTH_MAX = 2.0  # [-], initial half-width over the top ply, since wide contacts cost more modes
 
 
 @dataclass(frozen=True)
 class ElasticEstimate:
-    """Half-width a, indentation [m], load [N/m] and peak pressure [Pa] of an elastic contact."""
+    """Elastic contact.
+
+    Parameters
+    ----------
+    half_width : float
+        Half-width a [m].
+    indentation : float
+        Indentation [m].
+    load : float
+        Load per unit roller length [N/m].
+    peak_pressure : float
+        Peak pressure [Pa].
+    """
 
     half_width: float
     indentation: float
@@ -36,80 +51,158 @@ class ElasticEstimate:
 
 
 @lru_cache(maxsize=256)
-def elastic_estimate(layer, material, radius, target, value):
-    """The `ElasticEstimate` contact with a given "indentation", "load" or "peak_pressure".
+def estimate_contact(layer: Layer, material: Elastic, radius: float, target: str, value: float) -> ElasticEstimate:
+    """Estimate the contact with a given indentation, load or peak pressure.
 
-    material : Elastic;  radius : of the roller [m];  value : of the target, in its unit
+    Parameters
+    ----------
+    layer : Layer
+        Geometry and plies.
+    material : Elastic
+        Mix with its relaxed modulus.
+    radius : float
+        Roller radius [m].
+    target : str
+        "indentation", "load" or "peak_pressure".
+    value : float
+        Its value [m], [N/m] or [Pa].
 
-    Raises RuntimeError where it is not found.
+    Returns
+    -------
+    ElasticEstimate
+
+    Raises
+    ------
+    RuntimeError
+        If the half-width is not found.
     """
-    log, power, step, miss = np.log(first_half_width(layer, material, radius, target, value)), 2.0, 0.0, 0.0
-    for _ in range(STEPS):
-        contact = as_wide(layer, material, radius, float(np.exp(log)))
-        before, miss = miss, np.log(getattr(contact, target) / value)
-        if abs(miss) < NEAR:
+    log_a = np.log(initial_half_width(layer, material, radius, target, value))
+    power, step, residual = 2.0, 0.0, 0.0
+    for _ in range(ESTIMATE_STEPS_MAX):
+        contact = contact_of_half_width(layer, material, radius, float(np.exp(log_a)))
+        previous, residual = residual, np.log(getattr(contact, target) / value)
+        if abs(residual) < ESTIMATE_TOLERANCE:
             return contact
         if step:
-            power = np.clip((miss - before) / step, 0.5, 20)
-        step = np.clip(-miss / power, -AT_ONCE, AT_ONCE)
-        log += step
-    raise RuntimeError(f"no elastic contact with `{target}` {value!r} on {layer}: off by {miss:.1g} of itself")
-
-
-def as_wide(layer, material, radius, half_width):
-    """The `ElasticEstimate` contact with a given half-width a [m]."""
-    a, modulus = half_width, surface_modulus(layer, material)
-    system = galerkin_system.system(
-        galerkin_system.LayerResponse(layer, material.poisson, 0.0, galerkin_system.creep((), 1.0, layer.height)),
-        MODES,
-        a,
+            power = np.clip((residual - previous) / step, 0.5, 20)
+        step = np.clip(-residual / power, -LOG_STEP_MAX, LOG_STEP_MAX)
+        log_a += step
+    raise RuntimeError(
+        f"no elastic contact with `{target}` {value!r} on {layer}, relative residual {residual:.1g}; change the target"
     )
+
+
+def contact_of_half_width(layer: Layer, material: Elastic, radius: float, half_width: float) -> ElasticEstimate:
+    """Compute the contact with a given half-width.
+
+    Parameters
+    ----------
+    layer : Layer
+        Geometry and plies.
+    material : Elastic
+        Mix with its relaxed modulus.
+    radius : float
+        Roller radius [m].
+    half_width : float
+        Half-width a [m].
+
+    Returns
+    -------
+    ElasticEstimate
+    """
+    a, modulus = half_width, surface_modulus(layer, material)
+    response = LayerResponse(layer, material.poisson, 0.0, creep_compliance((), 1.0, layer.height))
+    system = assemble_system(response, ESTIMATE_MODES, a)
     basis, scale = system.basis, modulus * a / (2 * radius)
-    b = np.linalg.solve(system.rows[1:], basis.tests[1:] @ basis.nodes)
-    sinking = system.depths @ b + basis.tests[0] @ basis.nodes**2 / 2
-    xi = np.linspace(0, 1, SAMPLES)
-    pressure = np.sqrt(1 - xi**2) * (b @ galerkin_system.pressure_polynomials(xi, basis.trailing_exponent, MODES))
+    b = np.linalg.solve(system.matrix[1:], basis.tests[1:] @ basis.nodes)
+    depth = system.depths @ b + basis.tests[0] @ basis.nodes**2 / 2
+    xi = np.linspace(0, 1, ESTIMATE_SAMPLES)
+    pressure = np.sqrt(1 - xi**2) * (b @ pressure_polynomials(xi, basis.trailing_exponent, ESTIMATE_MODES))
     return ElasticEstimate(
         half_width=a,
-        indentation=float(a**2 / radius * sinking / basis.tests[0].sum()),
+        indentation=float(a**2 / radius * depth / basis.tests[0].sum()),
         load=float(scale * a * basis.unit_load * b[0]),
         peak_pressure=float(scale * pressure.max()),
     )
 
 
-def half_width_met(layer, roller, material, speed):
-    """Half-width [m] of the contact with the relaxed modulus, or with the one met at that width and speed [m/s] where
-    the indentation is not prescribed."""
+def expected_half_width(layer: Layer, roller: Roller, material: Elastic, speed: float) -> float:
+    """Estimate the half-width of a rolling contact.
 
-    def elastic(modulus):
-        return elastic_estimate(layer, Elastic(modulus, material.poisson), roller.radius, *roller.target).half_width
+    Parameters
+    ----------
+    layer : Layer
+        Geometry and plies.
+    roller : Roller
+        Roller with its target.
+    material : Elastic
+        Elastic or viscoelastic mix.
+    speed : float
+        Speed [m/s].
+
+    Returns
+    -------
+    float
+        Half-width [m] with the relaxed modulus if the indentation is prescribed, else with the modulus at the frequency
+        speed/half-width, quantised.
+    """
+
+    def elastic(modulus: float) -> float:
+        mix = Elastic(modulus, material.poisson)
+        return estimate_contact(layer, mix, roller.radius, *roller.target).half_width
 
     half_width = relaxed = elastic(material.youngs_modulus)
-    if roller.indentation is not None or not getattr(material, "branches", ()):
+    if roller.indentation is not None or not isinstance(material, Viscoelastic) or not material.branches:
         return relaxed
-    for _ in range(WIDTHS):
+    for _ in range(WIDTH_ITERATIONS):
         half_width = elastic(float(abs(material.complex_modulus(speed / half_width))))
-    return shared_half_width(half_width, relaxed)
+    return quantise_half_width(half_width, relaxed)
 
 
-def shared_half_width(half_width, widest):
-    """A half-width not much larger, one of few below the widest, for speeds to share the mesh made for it."""
-    return float(widest / WIDTH_STEP ** np.floor(np.log(widest / half_width) / np.log(WIDTH_STEP)))
+def quantise_half_width(half_width: float, widest: float) -> float:
+    """Round a half-width up to one of few values, so that contacts at several speeds share a mesh.
+
+    Parameters
+    ----------
+    half_width : float
+        Half-width [m].
+    widest : float
+        Largest value [m]; the others are smaller by powers of WIDTH_RATIO.
+    """
+    return float(widest / WIDTH_RATIO ** np.floor(np.log(widest / half_width) / np.log(WIDTH_RATIO)))
 
 
-def first_half_width(layer, material, radius, target, value):
-    """Half-width [m] of Hertz with the modulus of the surface, or sqrt(R delta), but narrow at first."""
+def initial_half_width(layer: Layer, material: Elastic, radius: float, target: str, value: float) -> float:
+    """Return a first guess of the half-width, by Hertz or as sqrt(R delta), at most two top plies.
+
+    Parameters
+    ----------
+    layer, material, radius, target, value
+        See `estimate_contact`.
+
+    Returns
+    -------
+    float
+        Half-width [m].
+
+    Raises
+    ------
+    RuntimeError
+        If there is no contact.
+    """
     modulus = surface_modulus(layer, material)
-    wide = {
+    half_width = {
         "indentation": lambda depth: np.sqrt(radius * depth),
         "load": lambda load: np.sqrt(4 * load * radius / (np.pi * modulus)),
         "peak_pressure": lambda pressure: 2 * radius * pressure / modulus,
     }[target](value)
-    if wide < NOTHING * layer.height:
-        raise RuntimeError(f"the roller does not touch the layer: `{target}` {value!r} makes a contact of {wide:.1g} m")
-    return min(wide, NARROW * layer.top.thickness)
+    if half_width < HALF_WIDTH_SHARE_MIN * layer.height:
+        raise RuntimeError(
+            f"the roller does not touch the layer: `{target}` {value!r} makes a contact of {half_width:.1g} m; raise it"
+        )
+    return min(half_width, INITIAL_WIDTH_MAX * layer.top.thickness)
 
 
-def surface_modulus(layer, material):
-    """E* of the top ply, relaxed [Pa]."""
+def surface_modulus(layer: Layer, material: Elastic) -> float:
+    """Return the relaxed contact modulus E* of the top ply [Pa] for a layer and its material."""
     return material.contact_modulus * layer.top.stiffness

@@ -1,64 +1,275 @@
-"""The surface of a layer of plies on a rigid base, in Fourier space.
+"""Surface compliance of a viscoelastic layer of plies on a rigid base, in Fourier space.
 
-Under tractions that vary as exp(ikx) each ply, plane strain and K = 3 - 4 nu, is crossed by four waves. With y counted
-in 1/k, u_x = i U, s_xy = i k mu T and s_yy = k mu S, two of them die out downwards,
+Under tractions that vary as exp(ikx) each ply, in plane strain with K = 3 - 4 nu, carries four waves. With y in units
+of 1/k, u_x = i U, s_xy = i k mu T and s_yy = k mu S, two waves decay downwards,
 
     (U, V, T, S) = (1, 1, 2, 2) e^y  and  (y, y - K, 2y + 1 - K, 2y - 1 - K) e^y,
 
-and two upwards, the mirror images of these. What the lower end of a ply throws back of the former is a 2 x 2 matrix,
-the echo: that of the base follows from what the base holds, each ply carries it to its top, where it is fainter by
-exp(-2 k thickness) for the way down and up, and every interface passes it on to the next ply. No wave ever grows on its
-way, so that neither short waves nor stiff plies cost digits.
+and two upwards, their mirror images. The ratio of upward to downward waves is a 2 x 2 reflection matrix. That of the
+base follows from its boundary condition. It is carried through each ply, where it decays by exp(-2 k thickness), and
+across each interface by continuity of displacement and traction. No exponential grows, so that neither short waves nor
+stiff plies lose digits.
+
+Under a roller at steady speed, d/dt = -v d/dx. The compliance is multiplied by that of the Prony series at the
+frequency -v k, which is a sum of branches 1/(1 - i k length) with lengths v theta.
+
+References
+----------
+K. L. Johnson, Contact Mechanics, CUP 1985, section 5.8, for one ply.
 """
 
+from dataclasses import dataclass
+from functools import lru_cache
+
 import numpy as np
+from numpy.typing import NDArray
 
-LONGEST = 1e4  # wave length over 2 pi heights: beyond it sinking falls with k exactly, and digits would be lost
+from compact.engines.halfplane import pressure_exponent
+from compact.rolling_contact import Layer
+
+WAVELENGTH_MAX = 1e4  # [-], over 2 pi heights; beyond it the compliance is proportional to k, and digits would be lost
+CREEP_LENGTH_BOUNDS = 1e-30, 1e10  # [-], over the height; beyond them speed is indistinguishable from 0 or infinity
+PANEL_POINTS = 10  # [-], Gauss points on each panel of the wave-number grid
+DECAY_DEPTH = 20.0  # [-], k depth from which exp(-2 k depth) is neglected
 
 
-def surface_defects(wave_number, layer, poisson):
-    """L - 1 and M - b [-] at wave numbers k [1/m] >= 0, shape (n,) each.
+@dataclass(frozen=True)
+class CreepCompliance:
+    """Compliance over its relaxed value on the path of the mix, C = instant + sum share/(1 - i k length).
 
-    L and M are the sinking under a pressure and under a shear traction, over that of the half-plane of the top ply
-    under a pressure; b = (1 - 2 nu)/(2 - 2 nu) is M of the half-plane. One bonded ply has
-
-        L = (2K sinh 2z - 4z)/(2K cosh 2z + 4z^2 + 1 + K^2),  z = k H;  one that slips  L = (cosh 2z - 1)/(sinh 2z + 2z)
-
-    References
+    Parameters
     ----------
-    K. L. Johnson, Contact Mechanics, CUP 1985, section 5.8, for one ply.
+    instant : float
+        Instantaneous compliance [-].
+    shares : ndarray
+        Shares of the branches [-], shape (n,); `instant` and the shares of a material add up to 1.
+    lengths : ndarray
+        Retardation lengths v theta [m], ascending, shape (n,).
+    """
 
+    instant: float
+    shares: NDArray[np.float64]
+    lengths: NDArray[np.float64]
+
+    @property
+    def relaxed(self) -> float:
+        """Compliance C at k = 0 [-]."""
+        return self.instant + self.shares.sum()
+
+    def at(self, wave_number: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Evaluate C [-] at wave numbers k [1/m]."""
+        terms = self.shares / (1 - 1j * np.multiply.outer(wave_number, self.lengths))
+        return self.instant + terms.sum(axis=-1)
+
+
+def creep_compliance(branches: tuple[tuple[float, float], ...], speed: float, height: float) -> CreepCompliance:
+    """Convert a relaxation spectrum, 1 + sum share_i exp(-t/time_i), to the `CreepCompliance` at a speed.
+
+        Theta = diag(t) + r r^T,  r = sqrt(share time);  retardation times theta = eigenvalues of Theta,
+        shares (v.r)^2/theta of its eigenvectors v
+
+    Parameters
+    ----------
+    branches : tuple of (share, time)
+        Prony series: stiffness shares [-] and relaxation times [s].
+    speed : float
+        Speed [m/s], > 0.
+    height : float
+        Height of the layer [m]; it scales CREEP_LENGTH_BOUNDS.
+
+    Returns
+    -------
+    CreepCompliance
+
+    Examples
+    --------
+    >>> creep = creep_compliance(((1.0, 0.1),), speed=2.0, height=0.2)
+    >>> f"{creep.instant}, {creep.shares[0]:.3f}, {creep.lengths[0]:.3f}"
+    '0.5, 0.500, 0.400'
+    """
+    if not branches:
+        return CreepCompliance(1.0, np.empty(0), np.empty(0))
+    stiffness, time = np.array(branches, dtype=float).T
+    root = np.sqrt(stiffness * time)
+    theta, vectors = np.linalg.eigh(np.diag(time) + np.outer(root, root))
+    lengths = height * np.clip(speed / height * theta, *CREEP_LENGTH_BOUNDS)
+    return CreepCompliance(1 / (1 + stiffness.sum()), (vectors.T @ root) ** 2 / theta, lengths)
+
+
+@dataclass(frozen=True)
+class LayerResponse:
+    """Response of a layer to a pressure and a proportional traction that move at a steady speed.
+
+    Parameters
+    ----------
+    layer : Layer
+        Geometry and plies.
+    poisson : float
+        Poisson's ratio nu [-].
+    friction : float
+        Traction on the mix over the pressure, f [-], positive along the travel.
+    creep : CreepCompliance
+        Compliance on the path of the mix.
+    """
+
+    layer: Layer
+    poisson: float
+    friction: float
+    creep: CreepCompliance
+
+    @property
+    def trailing_exponent(self) -> float:
+        """Edge exponent alpha of (1.4) [-]; it is independent of the modulus and thus of creep."""
+        return float(pressure_exponent(self.poisson, self.friction))
+
+    @property
+    def coupling(self) -> float:
+        """Coupling of traction and normal displacement on the half-plane, f b = cot(pi alpha) [-]."""
+        return self.friction * (1 - 2 * self.poisson) / (2 - 2 * self.poisson)
+
+    @property
+    def top_thickness(self) -> float:
+        """Thickness of the top ply [m]."""
+        return self.layer.top.thickness
+
+    @property
+    def far_coupling(self) -> float:
+        """Coupling f M at k = 0 [-]; on a frictionless base the traction raises the surface far ahead."""
+        return self.coupling + self.friction * far_shear_deviation(self.layer, self.poisson)
+
+    def symbols(self, half_width: float) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
+        """Evaluate the compliance on a grid that resolves the waves of a contact.
+
+        Parameters
+        ----------
+        half_width : float
+            Half-width of the contact [m].
+
+        Returns
+        -------
+        zeta, weights, normal, shear, creep : ndarray
+            Wave number times thickness of the top ply, quadrature weights, L - 1, M - b and C [-], shape (n,) each.
+        """
+        width = 2.0 ** np.floor(np.log2(min(2.0, 2.5 * self.top_thickness / half_width)))
+        longest = max((self.layer.height, *self.creep.lengths)) / self.top_thickness
+        decades = 6 + int(np.ceil(np.log10(longest)))
+        zeta, weight, normal, shear = _layer_symbols(self.layer, self.poisson, decades, width)
+        return zeta, weight, normal, shear, self.creep.at(zeta / self.top_thickness)
+
+    def dissipation_symbol(self, wave_number: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Evaluate L Im C - f M Re C [-], the share of the work of a pressure wave that is not returned.
+
+        Parameters
+        ----------
+        wave_number : ndarray
+            Wave numbers k [1/m], shape (n,).
+        """
+        normal, shear = compliance_deviation(wave_number, self.layer, self.poisson)
+        creep = self.creep.at(wave_number)
+        return (1 + normal) * creep.imag - (self.coupling + self.friction * shear) * creep.real
+
+
+@lru_cache(maxsize=64)
+def wave_grid(decades: int, width: float, end: float = DECAY_DEPTH) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Build a composite Gauss rule on (0, end).
+
+    Parameters
+    ----------
+    decades : int
+        Decades below 1 that the panels resolve; they grow fourfold from there.
+    width : float
+        Largest panel [-].
+    end : float
+        Upper limit [-].
+
+    Returns
+    -------
+    nodes, weights : ndarray
+        Shape (n,).
+    """
+    start = min(1.0, width)
+    growing = start * 4.0 ** np.arange(-np.ceil(decades / np.log10(4)), 0)
+    even = np.linspace(start, end, 1 + int(np.ceil((end - start) / width)))
+    edges = np.concatenate([[0], growing, even])
+    node, weight = np.polynomial.legendre.leggauss(PANEL_POINTS)
+    half = np.diff(edges)[:, None] / 2
+    return (edges[:-1, None] + half * (1 + node)).ravel(), (half * weight).ravel()
+
+
+@lru_cache(maxsize=64)
+def _layer_symbols(layer, poisson, decades, width):
+    """Nodes zeta, weights, L - 1 and M - b on the `wave_grid`."""
+    zeta, weight = wave_grid(decades, width)
+    return zeta, weight, *compliance_deviation(zeta / layer.top.thickness, layer, poisson)
+
+
+@lru_cache(maxsize=64)
+def far_shear_deviation(layer: Layer, poisson: float) -> float:
+    """Return M - b at k = 0 [-] for a layer and Poisson's ratio."""
+    return float(compliance_deviation(0.0, layer, poisson)[1])
+
+
+def compliance_deviation(
+    wave_number: NDArray[np.float64] | float, layer: Layer, poisson: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Compute the deviation of the surface compliance from that of the half-plane.
+
+    Parameters
+    ----------
+    wave_number : ndarray
+        Wave numbers k [1/m], >= 0, shape (n,).
+    layer : Layer
+        Geometry and plies.
+    poisson : float
+        Poisson's ratio nu [-].
+
+    Returns
+    -------
+    normal, shear : ndarray
+        L - 1 and M - b [-], shape (n,). L and M are the normal displacements under a pressure and under a shear
+        traction, over that of the half-plane of the top ply under a pressure. b = (1 - 2 nu)/(2 - 2 nu) is M of the
+        half-plane.
+
+    Notes
+    -----
+    For one ply, with z = k H,
+
+        L = (2K sinh 2z - 4z)/(2K cosh 2z + 4z^2 + 1 + K^2) bonded,  L = (cosh 2z - 1)/(sinh 2z + 2z) without friction.
+
+    Examples
+    --------
     >>> from compact.rolling_contact import Layer, Ply
     >>> one, two = Layer(1.0), Layer(1.0, plies=(Ply(0.8, 20.0), Ply(0.2, 1.0)))
-    >>> [f"{surface_defects(np.array([1.0]), layer, 0.3)[0][0]:.6f}" for layer in (one, two)]
+    >>> [f"{compliance_deviation(np.array([1.0]), layer, 0.3)[0][0]:.6f}" for layer in (one, two)]
     ['-0.584248', '-0.901422']
     """
-    k = np.maximum(wave_number, 1 / (LONGEST * layer.height))
-    down, up = _waves(poisson)
-    echo = _echo_at_the_surface(k, layer, down, up)
+    k = np.maximum(wave_number, 1 / (WAVELENGTH_MAX * layer.height))
+    down, up = _wave_amplitudes(poisson)
+    reflection = _surface_reflection(k, layer, down, up)
     half_plane = down[:2] @ np.linalg.inv(down[2:])
-    more = (up[:2] - half_plane @ up[2:]) @ echo @ np.linalg.inv(down[2:] + up[2:] @ echo)
-    normal, shear = more[..., 1, 1] / (1 - poisson), -more[..., 1, 0] / (1 - poisson)
+    deviation = (up[:2] - half_plane @ up[2:]) @ reflection @ np.linalg.inv(down[2:] + up[2:] @ reflection)
+    normal, shear = deviation[..., 1, 1] / (1 - poisson), -deviation[..., 1, 0] / (1 - poisson)
     return normal + (1 + normal) * (wave_number / k - 1), shear
 
 
-def _waves(poisson):
-    """(U, V, T, S) at y = 0 of the waves that die out downwards, and of those upwards: shape (4, 2) each."""
+def _wave_amplitudes(poisson):
+    """(U, V, T, S) at y = 0 of the waves that decay downwards and of those that decay upwards, shape (4, 2) each."""
     K = 3 - 4 * poisson
     down = np.array([[1, 0], [1, -K], [2, 1 - K], [2, -1 - K]])
     return down, down * np.array([1, -1, -1, 1])[:, None]
 
 
-def _echo_at_the_surface(k, layer, down, up):
-    """Waves sent up by all that lies below the surface over those sent down, shape (n, 2, 2)."""
-    held = [0, 1] if layer.base == "bonded" else [1, 2]
-    echo, below = -np.linalg.solve(up[held], down[held]), None
+def _surface_reflection(k, layer, down, up):
+    """Reflection matrix of everything below the surface, shape (n, 2, 2)."""
+    fixed = [0, 1] if layer.base == "bonded" else [1, 2]
+    reflection, below = -np.linalg.solve(up[fixed], down[fixed]), None
     for ply in layer.stack:
         if below is not None:
-            same = np.array([1, 1, below / ply.stiffness, below / ply.stiffness])  # displacement and stress
-            waves = np.linalg.solve(np.hstack([down, up]), same[:, None] * (down + up @ echo))
-            echo = waves[..., 2:, :] @ np.linalg.inv(waves[..., :2, :])
+            ratio = below / ply.stiffness
+            continuity = np.array([1, 1, ratio, ratio])  # displacement and traction
+            waves = np.linalg.solve(np.hstack([down, up]), continuity[:, None] * (down + up @ reflection))
+            reflection = waves[..., 2:, :] @ np.linalg.inv(waves[..., :2, :])
         z = (k * ply.thickness)[..., None, None]
-        passed = np.exp(-z) * (np.eye(2) - z * np.array([[0, 1], [0, 0]]))
-        echo, below = passed @ echo @ passed, ply.stiffness
-    return echo
+        transfer = np.exp(-z) * (np.eye(2) - z * np.array([[0, 1], [0, 0]]))
+        reflection, below = transfer @ reflection @ transfer, ply.stiffness
+    return reflection

@@ -1,56 +1,81 @@
-"""Slow changes of speed in Fourier space: dF_ss/dv and M of the engine "spectral".
+"""Derivative of the resistance by speed, and added mass M, of a rolling contact by the Galerkin method.
 
-Seen from the roller a creep branch z of a displacement w follows z + theta (dz/dt - v dz/dx) = w. While dv/dt = a is
-small, p = p_ss(x; v) + a p_1(x; v) and d/dt = a d/dv. With the symbols D = 1/(1 - ik v theta) of the branches and the
-C, S of `kernel` this leaves, in contact and with edges that are free to move,
+In the roller frame a creep branch z of a displacement w follows z + theta (dz/dt - v dz/dx) = w. For a small
+acceleration a, p = p_ss(x; v) + a p_1(x; v) and d/dt = a d/dv. With the symbols D = 1/(1 - ik v theta) of the branches
+and the C, S of `galerkin_system` this gives, in contact and with edges free to move,
 
     C S dp_ss/dv = -C_v S p_ss,    C S p_1 = Z S p_ss + Y S dp_ss/dv,
     C_v = sum share/v (D^2 - D),   Y = C_v/(ik) = sum share theta D^2,   Z = C_vv/(2ik) = sum share theta/v (D^3 - D^2).
 
-Both pressures are singular at the edges, which move, so they are not looked for as functions of x. A change of the
-pressure is one of its coefficients b, of the log of the half-width and of the centre; all that goes with the contact
-is held at xi = (x - centre)/half-width, and at a fixed x a field q changes by
+Both pressures are singular at the edges, which move, so they are not computed as functions of x. A change of the
+pressure is a change of its coefficients b, of the logarithm of the half-width and of the centre, at constant
+xi = (x - centre)/half-width. At a fixed x a field q changes by
 
     dq|x = dq|xi - (d centre + half-width xi d log half-width) dq/dx.
 
-Powers of D are derivatives of D over the length l = v theta, D^2 = (l D)' and D^3 = (l^2 D)''/2, and these are taken
-from the exact matrices of `kernel` at five lengths. Speeds are counted by their logs, so that what enters is v C_v,
-v Y and v^2 Z.
+Powers of D are derivatives of D by the length l = v theta, D^2 = (l D)' and D^3 = (l^2 D)''/2. They are taken by
+central differences from the exact matrices at five lengths. Derivatives are by the logarithm of the speed, which
+requires v C_v, v Y and v^2 Z.
 """
 
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
 from threadpoolctl import threadpool_limits
 
 from compact.engines.spectral import engine as spectral
-from compact.engines.spectral import galerkin_system
-from compact.engines.spectral.elastic_estimate import first_half_width
+from compact.engines.spectral.galerkin_system import assemble_system
+from compact.engines.spectral.jacobi_basis import pressure_polynomials
+from compact.engines.spectral.layer_compliance import CreepCompliance
+from compact.engines.spectral.rolling_problem import (
+    ContactSolution,
+    RollingProblem,
+    build_rolling_problem,
+    solve_contact,
+)
+from compact.material.laws import Elastic
 from compact.numerics.validation import require_positive
 from compact.resistance import ResistanceExpansion
+from compact.rolling_contact import Layer, Roller
 
-RTOL = 1e-4  # wanted error of M over the larger of |M| and |tau dF_ss/dv|
-ACCEPTED = 1e-2  # the same above which nothing is returned
-RUNGS = 3  # of the ladder of modes, that agree: a short branch may hide from two
-CAUTION = 2.0  # times the largest change among them
-DIFFERENCES = 1e-6  # error by differences for derivatives, in the same terms
-ROUNDING = 1e-12  # error by arithmetic, in the same terms, over the longest length of creep in half-widths
-APART = 0.01  # relative distance of the lengths from which powers of D are made
-NUDGE = 3e-4  # relative change of the half-width either way
+ADDED_MASS_RTOL = 1e-4  # [-], default tolerance of M over the larger of |M| and |tau dF_ss/dv|
+ADDED_MASS_RTOL_MAX = 1e-2  # [-], error with the most modes above which M is not returned
+AGREEING_SOLUTIONS = 3  # [-], numbers of modes that must agree: two may both miss a short branch
+CHANGE_ERROR_FACTOR = 2.0  # [-], error over the largest change among them
+DIFFERENCE_ERROR = 1e-6  # [-], error of the finite differences, over the same scale
+LENGTH_ERROR = 1e-12  # [-], error by rounding times the longest creep length in half-widths, over the same scale
+LENGTH_STEP = 0.01  # [-], relative distance of the lengths in the finite differences
+WIDTH_STEP = 3e-4  # [-], relative change of the half-width in central differences
 STENCIL = np.arange(-2, 3)
-FIRST = np.array([1, -8, 0, 8, -1]) / 12
-SECOND = np.array([-1, 16, -30, 16, -1]) / 12
+FIRST_DERIVATIVE = np.array([1, -8, 0, 8, -1]) / 12
+SECOND_DERIVATIVE = np.array([-1, 16, -30, 16, -1]) / 12
 
 
-def modulation(layer, roller, material, speed, *, rtol=RTOL):
-    """The `ResistanceExpansion` of a roller on a linear layer, to an error of `rtol` over the larger of |M| and |tau dF_ss/dv|.
+def modulation(
+    layer: Layer, roller: Roller, material: Elastic, speed: float, *, rtol: float = ADDED_MASS_RTOL
+) -> ResistanceExpansion:
+    """Compute the expansion of the resistance in speed and acceleration.
 
-    layer, roller, material, speed : as of `spectral.roll`, sliding rollers too
+    Parameters
+    ----------
+    layer, roller, material, speed
+        See `spectral.roll`; the prescribed quantity is constant during the motion.
+    rtol : float
+        Tolerance of M over the larger of |M| and |tau dF_ss/dv| [-].
 
-    The roller keeps what it prescribes all through the motion. Speeds so low that the mix creeps along less than 1e-10
-    half-widths leave no digits; RuntimeError says so.
+    Returns
+    -------
+    ResistanceExpansion
+
+    Raises
+    ------
+    ValueError
+        If the arguments are outside the range of the engine.
+    RuntimeError
+        If M does not converge, or the creep lengths are below 1e-10 half-widths, where it has no digits.
     """
     spectral.require_spectral_range(layer, roller, material, speed)
     require_positive(rtol=rtol)
@@ -58,11 +83,10 @@ def modulation(layer, roller, material, speed, *, rtol=RTOL):
     if not branches:
         rolled = spectral.roll(layer, roller, material, speed)
         return ResistanceExpansion(speed, rolled.resistance, slope=0.0, added_mass=0.0, error=0.0, relaxation_time=0.0)
-    scene = spectral.scene_of(layer, roller, material, speed)
+    problem, half_width = build_rolling_problem(layer, roller, material, speed)
     time = max(time for _, time in branches)
-    first = min(first_half_width(layer, material, roller.radius, scene.target, scene.value), scene.widest)
-    with threadpool_limits(1):  # matrices are small, threads only quarrel
-        resistance, slope, added_mass, error = _resolved(scene, first, rtol, time * abs(speed))
+    with threadpool_limits(1):  # the matrices are too small for threads
+        resistance, slope, added_mass, error = _refine_modes(problem, half_width, rtol, time * abs(speed))
     return ResistanceExpansion(
         speed=speed,
         resistance=float(np.sign(speed) * resistance),
@@ -73,148 +97,178 @@ def modulation(layer, roller, material, speed, *, rtol=RTOL):
     )
 
 
-def _resolved(scene, half_width, rtol, reach):
-    """(F_ss, v dF_ss/dv, v^2 M, error of the last), of as many modes as `rtol` asks for; `reach` is v tau [m]."""
-    masses, told, crept = [], [], scene.ground.creep.lengths[-1]
-    for modes in spectral.LADDER:
-        contact = spectral.settle(scene, modes, half_width, [])
+def _refine_modes(problem, half_width, rtol, length):
+    """F_ss, v dF_ss/dv, v^2 M and the error of M, with as many modes as `rtol` requires; `length` is v tau [m]."""
+    masses, errors, longest = [], [], problem.response.creep.lengths[-1]
+    for modes in spectral.MODE_COUNTS:
+        contact = solve_contact(problem, modes, half_width, [])
         half_width = contact.half_width
-        if not ROUNDING * half_width < ACCEPTED * crept:
+        if not LENGTH_ERROR * half_width < ADDED_MASS_RTOL_MAX * longest:
             raise RuntimeError(
-                f"the mix creeps along {crept / half_width:.1g} half-widths only, too short to tell M; it has reached "
-                "the limit of a lag"
+                f"the longest creep length is {longest / half_width:.1g} half-widths, too short for the digits of M; "
+                "use a higher speed, or M = -tau dF_ss/dv, the limit of low speed"
             )
-        slope, mass = _followed(scene, contact)
+        slope, mass = _expansion(problem, contact)
         masses.append(mass)
-        if len(masses) < RUNGS:
+        if len(masses) < AGREEING_SOLUTIONS:
             continue
-        scale = max(abs(mass), reach * abs(slope))
-        changed = CAUTION * np.abs(np.diff(masses[-RUNGS:])).max() / scale
-        told.append((modes, float(changed)))
-        if changed <= rtol:
+        scale = max(abs(mass), length * abs(slope))
+        error = CHANGE_ERROR_FACTOR * np.abs(np.diff(masses[-AGREEING_SOLUTIONS:])).max() / scale
+        errors.append((modes, float(error)))
+        if error <= rtol:
             break
-    if not changed <= max(rtol, ACCEPTED):
-        raise RuntimeError(f"M does not settle: (modes, error over the larger of |M| and |tau dF/dv|) were {told}")
-    return contact.resistance, slope, mass, (changed + DIFFERENCES + ROUNDING * half_width / crept) * scale
+    if not error <= max(rtol, ADDED_MASS_RTOL_MAX):
+        raise RuntimeError(
+            f"the added mass M does not converge: (modes, error over the larger of |M| and |tau dF/dv|) were {errors}; "
+            "use the engine fem"
+        )
+    return contact.resistance, slope, mass, (error + DIFFERENCE_ERROR + LENGTH_ERROR * half_width / longest) * scale
 
 
-def _followed(scene, contact):
-    """v dF_ss/dv and v^2 M of a contact."""
-    near, creep = _Near(scene, contact), scene.ground.creep
+def _expansion(problem, contact):
+    """Compute v dF_ss/dv and v^2 M of a contact."""
+    linearisation, creep = ContactLinearisation(problem, contact), problem.response.creep
     length = creep.lengths
-    faster = near.surface(_powers(creep, -1, 1, 0))  # of v C_v
-    change = near.change(faster)
-    late = near.surface(_powers(creep, 0, -length, length))  # of v^2 Z
-    late += near.surface_changed(_powers(creep, 0, length, 0), change, faster)  # of v Y
-    return near.pushed @ change, near.pushed @ near.change(-late)
+    speed_load = linearisation.surface(_creep_polynomial(creep, -1, 1, 0))  # of v C_v
+    change = linearisation.solve(speed_load)
+    acceleration_load = linearisation.surface(_creep_polynomial(creep, 0, -length, length))  # of v^2 Z
+    memory = _creep_polynomial(creep, 0, length, 0)  # of v Y
+    acceleration_load += linearisation.surface_change(memory, change, speed_load)
+    gradient = linearisation.resistance_gradient
+    return gradient @ change, gradient @ linearisation.solve(-acceleration_load)
 
 
-def _powers(creep, first, second, third):
-    """The `Creep` sum share (first D + second D^2 + third D^3), by central differences over the length of each D."""
-    ratio = 1 + APART * STENCIL
+def _creep_polynomial(creep, first, second, third):
+    """`CreepCompliance` sum share (first D + second D^2 + third D^3), by central differences over the lengths."""
+    ratio = 1 + LENGTH_STEP * STENCIL
     shares = np.multiply.outer(creep.shares * first, STENCIL == 0)
-    shares = shares + np.multiply.outer(creep.shares * second, ratio * FIRST / APART)
-    shares = shares + np.multiply.outer(creep.shares * third, ratio**2 * SECOND / (2 * APART**2))
-    return galerkin_system.Creep(0.0, shares.ravel(), np.outer(creep.lengths, ratio).ravel())
+    shares = shares + np.multiply.outer(creep.shares * second, ratio * FIRST_DERIVATIVE / LENGTH_STEP)
+    shares = shares + np.multiply.outer(creep.shares * third, ratio**2 * SECOND_DERIVATIVE / (2 * LENGTH_STEP**2))
+    return CreepCompliance(0.0, shares.ravel(), np.outer(creep.lengths, ratio).ravel())
 
 
 @dataclass(frozen=True)
-class _Near:
-    """A contact and what changes of it do.
+class ContactLinearisation:
+    """Contact and its linear response to small changes.
 
-    A change is one of the coefficients b, the log of the half-width and the centre [m], shape (modes + 2,). A surface
-    is told by -u' under T_0 ... T_modes and u under T_0, shape (modes + 2,) too.
+    A change is a vector of the coefficients b, the logarithm of the half-width and the centre [m], shape (modes + 2,).
+    A surface is represented by -u' under T_0 ... T_modes and u under T_0, shape (modes + 2,) too.
+
+    Parameters
+    ----------
+    problem : RollingProblem
+        Contact without its half-width.
+    contact : ContactSolution
+        Contact at the steady speed.
     """
 
-    scene: spectral.Scene
-    contact: spectral.Contact
+    problem: RollingProblem
+    contact: ContactSolution
 
     @property
-    def x(self):
-        """Nodes of the tests [m] from the middle of the contact."""
+    def x(self) -> NDArray[np.float64]:
+        """Nodes of the tests [m] from the middle of the contact, shape (n,)."""
         return self.contact.half_width * self.contact.system.basis.nodes
 
-    def surfaces(self, creep, wider=0.0):
-        """Surfaces under the pressures of b_k = 1 after any `Creep`, shape (modes + 2, modes).
+    def surfaces(self, creep: CreepCompliance, widening: float = 0.0) -> NDArray[np.float64]:
+        """Compute the surfaces under the pressures b_k = 1.
 
-        wider : by what share the contact is so
+        Parameters
+        ----------
+        creep : CreepCompliance
+            Compliance in place of that of the material.
+        widening : float
+            Relative change of the half-width [-].
+
+        Returns
+        -------
+        ndarray
+            Shape (modes + 2, modes).
         """
-        ground, a = replace(self.scene.ground, creep=creep), self.contact.half_width * (1 + wider)
-        system = galerkin_system.system(ground, len(self.contact.coefficients), a)
-        return a / self.scene.radius * np.vstack([system.rows, a * system.depths])
+        response, a = replace(self.problem.response, creep=creep), self.contact.half_width * (1 + widening)
+        system = assemble_system(response, len(self.contact.coefficients), a)
+        return a / self.problem.radius * np.vstack([system.matrix, a * system.depths])
 
-    def surface(self, creep):
-        """The surface under the pressure of the contact after any `Creep`."""
+    def surface(self, creep: CreepCompliance) -> NDArray[np.float64]:
+        """Compute the surface under the pressure of the contact, with another `creep`."""
         return self.surfaces(creep) @ self.contact.coefficients
 
-    def widened(self, creep):
-        """What the surface changes with the log of the half-width, b and xi held."""
-        change = self.surfaces(creep, NUDGE) - self.surfaces(creep, -NUDGE)
-        return change @ self.contact.coefficients / (2 * NUDGE)
+    def width_derivative(self, creep: CreepCompliance) -> NDArray[np.float64]:
+        """Compute the derivative of the surface by the logarithm of the half-width at constant b and xi."""
+        change = self.surfaces(creep, WIDTH_STEP) - self.surfaces(creep, -WIDTH_STEP)
+        return change @ self.contact.coefficients / (2 * WIDTH_STEP)
 
-    def surface_changed(self, creep, change, gradient):
-        """What the surface after a `Creep` changes with the pressure at a fixed x.
+    def surface_change(
+        self, creep: CreepCompliance, change: NDArray[np.float64], gradient: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Compute the change of a surface at fixed x under a change of the pressure.
 
-        gradient : the surface whose u is du/dx of this one
+        Parameters
+        ----------
+        creep : CreepCompliance
+            Compliance of the surface.
+        change : ndarray
+            Change of the contact, shape (modes + 2,).
+        gradient : ndarray
+            Surface whose u is du/dx of this one, shape (modes + 2,).
         """
-        along, (b, width, centre) = self.surfaces(creep), (change[:-2], *change[-2:])
+        surfaces, (b, width, centre) = self.surfaces(creep), (change[:-2], *change[-2:])
         tests, shift = self.contact.system.basis.tests, centre + width * self.x
-        steeper = -tests @ (shift * self._values(gradient[:-1]))
-        deeper = tests[0] @ (shift * self._values(along[:-1] @ self.contact.coefficients))
-        return along @ b + width * self.widened(creep) + np.append(steeper, deeper)
+        slope_change = -tests @ (shift * self._nodal_values(gradient[:-1]))
+        depth_change = tests[0] @ (shift * self._nodal_values(surfaces[:-1] @ self.contact.coefficients))
+        return surfaces @ b + width * self.width_derivative(creep) + np.append(slope_change, depth_change)
 
-    def _values(self, tested):
-        """At the nodes, of a field tested with T_0 ... T_modes."""
+    def _nodal_values(self, moments):
+        """Values at the nodes of a field with given moments under T_0 ... T_modes."""
         basis = self.contact.system.basis
-        shapes = basis.tests / basis.tests[0] * (2 / basis.unit_test)
-        return tested[0] / 2 * shapes[0] + tested[1:] @ shapes[1:]
+        polynomials = basis.tests / basis.tests[0] * (2 / basis.unit_test)
+        return moments[0] / 2 * polynomials[0] + moments[1:] @ polynomials[1:]
 
     @cached_property
-    def tangent(self):
-        """What a change does to the surface less the roller; the last row is that of what is prescribed."""
-        scene, contact = self.scene, self.contact
-        tests, (slope, curvature) = contact.system.basis.tests, scene.slope(contact.centre + self.x)
+    def tangent(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """LU factors of the derivative of the surface less the roller; the last row is the prescribed quantity."""
+        problem, contact = self.problem, self.contact
+        tests, (slope, curvature) = contact.system.basis.tests, problem.slope(contact.centre + self.x)
         rows = np.zeros((len(tests) + 1, len(tests) + 1))
-        rows[:, :-2] = self.surfaces(scene.ground.creep)
-        rows[:, -2] = self.widened(scene.ground.creep)
+        rows[:, :-2] = self.surfaces(problem.response.creep)
+        rows[:, -2] = self.width_derivative(problem.response.creep)
         for column, shift in ((-2, self.x), (-1, 1.0)):
             rows[:-1, column] -= tests @ (shift * curvature)
             rows[-1, column] += tests[0] @ (shift * slope)
-        if scene.target != "indentation":
-            rows[-1] = self.kept
+        if problem.target != "indentation":
+            rows[-1] = self.target_gradient
         return lu_factor(rows)
 
     @property
-    def kept(self):
-        """What a change does to the load or the peak pressure, each over its scale."""
-        contact, kept = self.contact, np.zeros(len(self.contact.coefficients) + 2)
-        if self.scene.target == "load":
-            kept[0], kept[-2] = 1.0, 2 * contact.coefficients[0]
-            return kept
-        xi, alpha = contact.peak_place, contact.system.basis.trailing_exponent
-        kept[:-2] = (
-            galerkin_system.pressure_polynomials(xi, alpha, len(kept) - 2) * (1 - xi) ** (1 - alpha) * (1 + xi) ** alpha
-        )
-        kept[-2] = kept[:-2] @ contact.coefficients
-        return kept
+    def target_gradient(self) -> NDArray[np.float64]:
+        """Derivative of the load or the peak pressure by a change of the contact, over its scale."""
+        contact, gradient = self.contact, np.zeros(len(self.contact.coefficients) + 2)
+        if self.problem.target == "load":
+            gradient[0], gradient[-2] = 1.0, 2 * contact.coefficients[0]
+            return gradient
+        xi, alpha = contact.peak_position, contact.system.basis.trailing_exponent
+        polynomials = pressure_polynomials(xi, alpha, len(gradient) - 2)
+        gradient[:-2] = polynomials * (1 - xi) ** (1 - alpha) * (1 + xi) ** alpha
+        gradient[-2] = gradient[:-2] @ contact.coefficients
+        return gradient
 
-    def change(self, surface):
-        """The change of the contact that makes up for what is added to the surface."""
-        added = surface.copy()
-        if self.scene.target != "indentation":
-            added[-1] = 0.0
-        return lu_solve(self.tangent, -added)
+    def solve(self, surface: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Solve for the change of the contact that compensates an additional surface, shape (modes + 2,)."""
+        residual = surface.copy()
+        if self.problem.target != "indentation":
+            residual[-1] = 0.0
+        return lu_solve(self.tangent, -residual)
 
     @cached_property
-    def pushed(self):
-        """What a change does to the resistance."""
-        contact, basis, friction = self.contact, self.contact.system.basis, self.scene.ground.friction
-        x = contact.half_width * basis.seats
-        slope, curvature = self.scene.slope(contact.centre + x)
+    def resistance_gradient(self) -> NDArray[np.float64]:
+        """Derivative of the resistance [N/m] by a change of the contact, shape (modes + 2,)."""
+        contact, basis, friction = self.contact, self.contact.system.basis, self.problem.response.friction
+        x = contact.half_width * basis.pressure_nodes
+        slope, curvature = self.problem.slope(contact.centre + x)
         force, b = contact.scale * contact.half_width, contact.coefficients
-        pushed = np.empty(len(b) + 2)
-        pushed[:-2] = force * (basis.pressures @ slope)
-        pushed[0] += force * friction * basis.unit_load
-        pushed[-2] = 2 * contact.resistance + force * b @ (basis.pressures @ (x * curvature))
-        pushed[-1] = force * b @ (basis.pressures @ curvature)
-        return pushed
+        gradient = np.empty(len(b) + 2)
+        gradient[:-2] = force * (basis.pressures @ slope)
+        gradient[0] += force * friction * basis.unit_load
+        gradient[-2] = 2 * contact.resistance + force * b @ (basis.pressures @ (x * curvature))
+        gradient[-1] = force * b @ (basis.pressures @ curvature)
+        return gradient

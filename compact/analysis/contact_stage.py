@@ -1,0 +1,446 @@
+"""Contact stage of a study: the formulas, and one roller at every speed by the engine of the scene.
+
+`roll_scene`, `roll_passes` and `added_mass` compute single contacts of a scene by one of the engines. `ContactStage`
+holds all contacts of a study; each is computed when first used.
+"""
+
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from compact.analysis.contact_cases import (
+    ContactRecord,
+    HeldQuantity,
+    contact_inputs,
+    contact_record,
+    contact_speeds,
+    has_density_target,
+    hold_quantity,
+)
+from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
+from compact.analysis.engines import ENGINES, Engine, modulation
+from compact.analysis.kept_results import KeptResults, read_results, results_key
+from compact.engines.halfplane import LineContact, galin
+from compact.material.laws import Compaction
+from compact.material.mix import Mix
+from compact.numerics.validation import NotFiniteError
+from compact.rolling_contact import ContactResult, Layer, Roller
+from compact.scene.loader import Scene
+
+SAME_LAYER = 5e-5  # [-], of the height before the pass; its change with speed, by the elastic recovery, is smaller
+
+Count = Callable[[str], None]  # of the runs of a stage, by its name
+Progress = Callable[[str], None]  # of lines of text
+Passes = tuple[ContactResult, ...]
+
+
+def no_count(stage: str) -> None:
+    """Ignore the run of a stage."""
+
+
+def roll_scene(
+    scene: Scene,
+    mix: Mix,
+    speed: float,
+    engine: str | None = None,
+    initial_guess: ContactResult | None = None,
+    held: HeldQuantity | None = None,
+    progress: Progress | None = None,
+) -> ContactResult:
+    """Compute the contact of one roller of a scene in its first pass.
+
+    Parameters
+    ----------
+    scene : Scene
+    mix : Mix
+    speed : float
+        Speed of the roller [m/s].
+    engine : str, optional
+        Name of the engine; that of the scene by default.
+    initial_guess : ContactResult, optional
+        Contact at another speed in the same direction, or of another mix. Engines with continuation use it if the layer
+        is the same. If only the speed differs and the mix has no rate, it is the result.
+    held : HeldQuantity, optional
+        Replaces the target of the scene.
+    progress : callable, optional
+        Called with lines of text by engines with continuation.
+
+    Returns
+    -------
+    ContactResult
+
+    Raises
+    ------
+    ValueError
+        If the engine does not cover the scene.
+    RuntimeError
+        If the engine does not converge, or the roller would reach the base.
+    """
+    used = ENGINES[engine or scene.accuracy.engine]
+    layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
+    options = _engine_options(scene, used, held, progress)
+    if initial_guess is not None and used.continuation and _is_continuable(initial_guess, layer, speed):
+        if _differs_in_speed_only(roller, material, initial_guess, speed):
+            return replace(initial_guess, speed=speed)
+        options["start"], layer = initial_guess, initial_guess.layer
+    with _named_errors(scene, used.name, speed):
+        result = used.roll(layer, roller, material, speed, **options)
+        _require_above_base(result, layer)
+    return result
+
+
+def roll_passes(
+    scene: Scene,
+    mix: Mix,
+    speed: float,
+    initial_guess: Sequence[ContactResult] | None = None,
+    held: HeldQuantity | None = None,
+    count: int | None = None,
+    first: ContactResult | None = None,
+    progress: Progress | None = None,
+) -> Passes:
+    """Compute the contacts of all passes of a scene, forward and back over the same mix.
+
+    The first pass is that of `roll_scene`. Later ones hold the load or peak pressure that the scene prescribes or
+    holds, else the height of the first.
+
+    Parameters
+    ----------
+    scene : Scene
+    mix : Mix
+    speed : float
+        Speed of the first pass [m/s].
+    initial_guess : sequence of ContactResult, optional
+        Passes at another speed.
+    held : HeldQuantity, optional
+        Replaces the target of the scene.
+    count : int, optional
+        Number of passes; that of the scene by default.
+    first : ContactResult, optional
+        Contact of the first pass if it is known.
+    progress : callable, optional
+        Called with lines of text by engines with continuation.
+
+    Returns
+    -------
+    tuple of ContactResult
+        One result for a linear layer, which recovers between passes.
+    """
+    used, count = ENGINES[scene.accuracy.engine], count or scene.layer.passes
+    if not used.compacting or count == 1:
+        guess = initial_guess[0] if initial_guess else None
+        return (roll_scene(scene, mix, speed, None, guess, held, progress),)
+    from compact.analysis.multipass import passes, there_and_back
+
+    layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
+    if (
+        initial_guess
+        and used.continuation
+        and _is_continuable(initial_guess[0], layer, speed)
+        and _differs_in_speed_only(roller, material, initial_guess[0], speed)
+    ):
+        return tuple(replace(each, speed=float(np.copysign(speed, each.speed))) for each in initial_guess)
+    forward, *later = there_and_back(count)
+    options = _engine_options(scene, used, held, progress)
+    numerics = {key: options.pop(key) for key in ("torque", "progress", "steepest") if key in options}
+    stages = (replace(forward, **options), *later)
+    with _named_errors(scene, used.name, speed):
+        return passes(layer, roller, material, speed, stages, engine=used.name, first=first, **numerics)
+
+
+def added_mass(
+    scene: Scene, mix: Mix, speed: float, held: HeldQuantity | None, count: Count = no_count
+) -> tuple[float, float] | None:
+    """Compute the added mass of one roller, see `engines.modulation`.
+
+    Parameters
+    ----------
+    scene : Scene
+    mix : Mix
+    speed : float
+        Speed of the roller [m/s].
+    held : HeldQuantity or None
+        Quantity that is constant over speed.
+    count : callable
+        Called with "added mass" if an engine solves for it.
+
+    Returns
+    -------
+    tuple of float or None
+        Added mass per unit length [kg/m] and relaxation time [s]; None where the mass is not known.
+
+    Notes
+    -----
+    A compacting layer without rate dependence has no added mass: its state depends on the path, not on time. The added
+    mass of a roller with stick and slip is that without friction; the two differ by about a tenth.
+    """
+    used = ENGINES[scene.accuracy.engine]
+    layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
+    if isinstance(material, Compaction):
+        mass = used.rate_added_mass if material.rate_exponent else 0.0
+        return None if mass is None else (mass, 0.0)
+    if used.torque and roller.rolling in ("free", "driven"):
+        roller = replace(roller, rolling="frictionless")
+    count("added mass")
+    options = used.tolerance(scene.accuracy.tolerance) | ({"estimate": False} if used.optional_estimate else {})
+    with _named_errors(scene, used.name, speed):
+        found = modulation(layer, roller, material, speed, engine=used.name, **options)
+    return found.added_mass, found.relaxation_time
+
+
+def _is_continuable(guess: ContactResult, layer: Layer, speed: float) -> bool:
+    """Return True for a contact in the same direction over the same layer, but for the elastic recovery."""
+    if guess.speed * speed <= 0:
+        return False
+    same = replace(guess.layer, height=layer.height) == layer
+    return same and abs(guess.layer.height / layer.height - 1) < SAME_LAYER
+
+
+def _differs_in_speed_only(roller: Roller, material: Any, guess: ContactResult, speed: float) -> bool:
+    """Return True if the contact differs from the guess by its speed only, and the mix has no rate."""
+    if speed == guess.speed or material != guess.material:
+        return False
+    as_found = replace(guess.roller, indentation=guess.indentation, load=None, peak_pressure=None)
+    same_rate = material.rate_factor(speed) == material.rate_factor(guess.speed)
+    return same_rate and roller in (guess.roller, as_found)
+
+
+@contextmanager
+def _named_errors(scene: Scene, engine: str, speed: float) -> Iterator[None]:
+    """Name scene, engine and speed in errors of an engine."""
+    case = f"{scene.title or 'untitled scene'}, {engine} at {speed:g} m/s"
+    try:
+        yield
+    except NotFiniteError as error:  # a quantity of the iteration, as the inputs are finite
+        raise RuntimeError(
+            f"{case}: the iteration diverged, a stress or strain is no longer finite; press less, or feed denser mix"
+        ) from error
+    except ValueError as error:
+        if "load" not in scene.target or not str(error).startswith("`load`"):
+            raise
+        machine, load = scene.machine, scene.target["load"]
+        raise ValueError(
+            f"{error} (contact.load = {load:g} N over roller_length = {machine.roller_length:g} m)"
+        ) from error
+    except RuntimeError as error:
+        hint = f'; unusual = ["{_target_key(scene)}"] computes it all the same' if _is_estimate(error) else ""
+        raise RuntimeError(f"{case}: {error}{hint}") from error
+
+
+def _is_estimate(error: RuntimeError) -> bool:
+    """Return True for a refusal of "compaction" by its estimate of heaping, whose module need not be imported."""
+    return type(error).__name__ == "HeapingError"
+
+
+def _engine_options(
+    scene: Scene, engine: Engine, held: HeldQuantity | None, progress: Progress | None
+) -> dict[str, Any]:
+    """Return the keyword arguments of `roll` for a scene."""
+    options: dict[str, Any] = dict(engine.tolerance(scene.accuracy.tolerance))
+    if not engine.layered:  # factors of eqs 1.6 and 1.8
+        machine = scene.machine
+        options["rolling_friction"] = machine.roller_friction + machine.bearing_friction
+        options |= {"nonuniformity": machine.pressure_nonuniformity, "one_sided": machine.one_sided}
+    if engine.torque and scene.machine.roller_torque is not None:
+        options["torque"] = scene.machine.roller_torque / scene.machine.roller_length
+    if engine.continuation and progress is not None:
+        options["progress"] = progress
+    if engine.continuation and _target_key(scene) in scene.unusual:
+        options["steepest"] = None  # without the estimate of heaping
+    if held is None and has_density_target(scene, engine.name):
+        options["exit_density_ratio"] = scene.mix.density_ratio
+    return options
+
+
+def _target_key(scene: Scene) -> str:
+    """Return the scene key of the target of the contact."""
+    return next((f"contact.{name}" for name in scene.target), "mix.density_ratio")
+
+
+def _require_above_base(result: ContactResult, layer: Layer) -> None:
+    """Raise RuntimeError if the indentation exceeds the layer, which small strains do not prevent."""
+    indentation = getattr(result, "indentation", 0.0)  # none on a half-plane
+    if indentation >= layer.height:
+        raise RuntimeError(
+            f"the indentation of {indentation:.3g} m reaches the base of a layer {layer.height:g} m high; press less"
+        )
+
+
+class ContactStage:
+    """Contacts of one roller of a scene; each attribute is computed when first used.
+
+    Parameters
+    ----------
+    scene : Scene
+    mix : Mix
+    count : callable
+        Called with the name of each stage that begins.
+    directory : Path, optional
+        Results of an earlier run, which are used if they have the same key.
+    progress : callable, optional
+        Called with lines of text by engines with continuation.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        mix: Mix,
+        count: Count = no_count,
+        directory: Path | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        self.scene, self.mix, self.count, self.progress = scene, mix, count, progress
+        self.engine = ENGINES[scene.accuracy.engine]
+        self._directory = directory
+
+    @cached_property
+    def engineering(self) -> Engineering:
+        """Eqs 1.1-1.10 at the prescribed pressure, or at the pressure that the density requires."""
+        self.count("contact")
+        try:
+            return engineering(self.scene, self.mix, peak_pressure(self.scene, self.mix))
+        except ValueError as error:
+            if not (self.engine.layered and self.scene.target):
+                raise
+            reason, required = error, self.mix.required_pressure
+        warnings.warn(
+            f"the formulas do not reach the prescribed contact ({reason}); they are shown at {required / 1e3:.4g} kPa, "
+            "as the density requires",
+            stacklevel=2,
+        )
+        return engineering(self.scene, self.mix, required)
+
+    @cached_property
+    def exact(self) -> LineContact:
+        """Galin's exact contact at the peak pressure of the formulas, with the traction of a driven roller."""
+        return galin(
+            radius=self.scene.machine.roller_radius,
+            youngs_modulus=self.mix.effective_modulus,
+            poisson=self.mix.poisson,
+            friction=-self.mix.steel_friction,
+            peak_pressure=self.engineering.pressure,
+        )
+
+    @cached_property
+    def numbers(self) -> dict[str, Number]:
+        """Results of the formulas and of the exact theory by name."""
+        return numbers(self.scene, self.mix, self.engineering, self.exact)
+
+    @cached_property
+    def key(self) -> str:
+        """Hash of all inputs of the contacts and the resistance map."""
+        return results_key(self.scene, self.mix)
+
+    @cached_property
+    def kept(self) -> KeptResults | None:
+        """Results of an earlier run in the directory."""
+        found = read_results(self._directory, self.key) if self._directory and self.engine.layered else None
+        if found:
+            self.count("kept")
+        return found
+
+    @cached_property
+    def reference(self) -> Passes:
+        """All passes at the mean speed, where the contact reaches the target of the scene."""
+        self.count("rolled")
+        return roll_passes(self.scene, self.mix, self.scene.mean_speed, progress=self.progress)
+
+    @cached_property
+    def held(self) -> HeldQuantity | None:
+        """Quantity that is constant over speed; None for the formulas."""
+        if not self.engine.layered:
+            return None
+        if self.kept:
+            return self.kept.held
+        return hold_quantity(self.scene, self.mix) or hold_quantity(self.scene, self.mix, self.reference[0])
+
+    @cached_property
+    def passes(self) -> list[tuple[float, Passes]]:
+        """Speed [m/s] and results of all passes at each speed of the scene; empty for the formulas."""
+        found: list[tuple[float, Passes]] = []
+        for speed in contact_speeds(self.scene) if self.engine.layered else ():
+            found.append((speed, self.passes_at(speed, found[-1][1] if found else None)))
+        return found
+
+    def passes_at(self, speed: float, initial_guess: Passes | None = None) -> Passes:
+        """Compute all passes at a speed.
+
+        Parameters
+        ----------
+        speed : float
+            Speed of the first pass [m/s].
+        initial_guess : tuple of ContactResult, optional
+            Passes at another speed.
+
+        Returns
+        -------
+        tuple of ContactResult
+        """
+        if speed == self.scene.mean_speed:
+            return self.reference
+        held, guess = self.held, initial_guess or self.__dict__.get("reference")
+        self.count("rolled")
+        return roll_passes(self.scene, self.mix, speed, guess, held, progress=self.progress)
+
+    @property
+    def first_passes(self) -> list[tuple[float, ContactResult]]:
+        """Speed [m/s] and result of the first pass at each speed."""
+        return [(speed, first) for speed, (first, *_) in self.passes]
+
+    @cached_property
+    def records(self) -> list[ContactRecord]:
+        """Scalar results at each speed; empty for the formulas."""
+        if self.kept:
+            return self.kept.contacts
+        return [contact_record(self.engine.name, *each) for each in self.passes]
+
+    @cached_property
+    def fields(self) -> list[tuple[Any, ContactResult]]:
+        """Mesh with fields, and result, at each speed, by an engine with fields."""
+        found = []
+        for _, result in self.first_passes:
+            self.count("fields")
+            found.append((self.engine.fields(result), result))
+        return found
+
+    @cached_property
+    def roller_load(self) -> float:
+        """Load of one roller [N]: of the engine at the mean speed, or by eq 1.6."""
+        if not self.engine.layered:
+            return self.engineering.roller_force
+        speed, load = np.array([[each.speed, each.load] for each in self.records]).T
+        mean = self.scene.mean_speed
+        return float(self.scene.machine.roller_length * np.interp(np.log(mean), np.log(speed), load))
+
+    @cached_property
+    def second_pass(self) -> tuple[float, float] | None:
+        """Load and resistance of a second pass over those of the first, at the mean speed [-].
+
+        None for a linear layer, which recovers, and for the formulas, which state one stroke.
+        """
+        if not self.engine.compacting:
+            return None
+        if self.kept:
+            return self.kept.second_pass
+        scene, first = self.scene, self.reference[0]
+        self.count("second pass")
+        try:
+            back = roll_passes(scene, self.mix, scene.mean_speed, count=2, first=first, progress=self.progress)[1]
+        except RuntimeError as error:
+            if scene.layer.return_stroke == "compacted":
+                raise
+            warnings.warn(f"the return stroke over compacted mix is left out: {error}", stacklevel=2)
+            return None
+        return back.load / first.load, max(-back.resistance / first.resistance, 0.0)
+
+    @property
+    def return_ratios(self) -> tuple[float, float]:
+        """Load and resistance of the return stroke over those of the forward stroke [-]."""
+        compacted = self.scene.layer.return_stroke == "compacted"
+        return self.second_pass if compacted and self.second_pass else (1.0, 1.0)

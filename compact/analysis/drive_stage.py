@@ -1,0 +1,132 @@
+"""Drive stage of a study: every law under the drive of the scene, their ranking, and roller motors and crankshaft."""
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from compact import drive
+from compact.analysis import machine_models
+from compact.analysis.contact_stage import ContactStage
+from compact.analysis.law_stage import LawStage
+from compact.analysis.ranking_uncertainty import Place, places
+from compact.analysis.resistance_stage import ResistanceStage
+from compact.analysis.torque_response import torque_response
+from compact.machine.crankshaft import CRANK_ANGLES, CrankshaftRevolution, simulate_crankshaft
+from compact.machine.ranking import Ranked
+from compact.machine.rigid_drive import InverseDynamics
+from compact.machine.roller_motors import RollerMotor, pull_range
+
+Runs = dict[str, Any]  # name of a law -> `Run`, `ElasticRun`, `HydraulicRun` or `MotorRun`
+
+
+class DriveStage:
+    """Runs of all laws of a scene; each attribute is computed when first used.
+
+    Parameters
+    ----------
+    contacts : ContactStage
+    resistance : ResistanceStage
+    laws : LawStage
+    """
+
+    def __init__(self, contacts: ContactStage, resistance: ResistanceStage, laws: LawStage) -> None:
+        self.scene, self.count = contacts.scene, contacts.count
+        self.contacts, self.resistance, self.laws = contacts, resistance, laws
+
+    def drive_of(self, name: str) -> Any:
+        """Return the drive of the cart under a law."""
+        return machine_models.drive_of(self.scene, self.laws.cycles[name])
+
+    @cached_property
+    def runs(self) -> Runs:
+        """A `Run`, `ElasticRun`, `HydraulicRun` or `MotorRun` by name of the law."""
+        return dict(self._runs(self.resistance.resistance, nullcontext()))
+
+    @cached_property
+    def heavier_runs(self) -> Runs | None:
+        """Runs under the resistance plus its error; None without error estimate.
+
+        A law that the drive cannot follow under this resistance has no run.
+        """
+        if self.resistance.error is None:
+            return None
+        return dict(self._runs(self.resistance.map.scaled(1 + self.resistance.error), suppress(RuntimeError)))
+
+    def _runs(self, resistance: Any, tolerated: AbstractContextManager[Any]) -> Iterator[tuple[str, Any]]:
+        motion, cart = self.scene.motion, self.resistance.cart
+        working = (motion.run_up, 1 - motion.run_down)
+        for name, cycle in self.laws.cycles.items():
+            self.count("runs")
+            with tolerated:
+                yield name, drive.simulate(cart, self.drive_of(name), cycle, resistance, working=working)
+
+    @cached_property
+    def rankings(self) -> dict[str, list[Ranked]]:
+        """Laws in order, by each criterion of the scene."""
+        self.count("rankings")
+        return {by: drive.rank(self.runs.values(), by) for by in self.scene.drive.rank_by}
+
+    @property
+    def best_law(self) -> str:
+        """Name of the first law by the first criterion of the scene."""
+        return next(iter(self.rankings.values()))[0].run.name
+
+    @cached_property
+    def places(self) -> dict[str, dict[str, list[Place]]]:
+        """Places of the laws by drive and criterion: the drive of the scene, and a rigid one if that is elastic."""
+        runs = {self.scene.drive.kind: (self.rankings, self.heavier_runs)}
+        if self.scene.drive.kind == "elastic":
+            rigid = {name: run.rigid for name, run in self.runs.items()}
+            heavier = self.heavier_runs and {name: run.rigid for name, run in self.heavier_runs.items()}
+            runs["rigid"] = ({by: drive.rank(rigid.values(), by) for by in self.rankings}, heavier)
+        return {
+            kind: {by: places(ranked, by, heavier) for by, ranked in rankings.items()}
+            for kind, (rankings, heavier) in runs.items()
+        }
+
+    @cached_property
+    def cycle_energies(self) -> dict[str, float]:
+        """Energy of a cycle [J] over "fresh" and "compacted" mix on the return stroke; empty without a second pass.
+
+        The drive is rigid, the law is `best_law`.
+        """
+        if self.contacts.second_pass is None:
+            return {}
+        cycle = self.laws.cycles[self.best_law]
+        ratios = {"fresh": (1.0, 1.0), "compacted": self.contacts.second_pass}
+        return {
+            over: drive.simulate(
+                machine_models.cart(self.scene, self.contacts.roller_load, load), drive.Rigid(), cycle,
+                replace(self.resistance.map, return_ratio=resistance),
+            ).energy
+            for over, (load, resistance) in ratios.items()
+        }  # fmt: skip
+
+    @cached_property
+    def roller_motors(self) -> dict[str, RollerMotor]:
+        """Motors in the rollers by name of the law: the same cart without any other drive."""
+        stage, rollers = self.contacts, self.scene.machine.rollers
+        required = {
+            name: InverseDynamics(self.resistance.cart, drive.Rigid(), cycle, self.resistance.resistance)
+            for name, cycle in self.laws.cycles.items()
+        }
+        range_of_pulls = np.transpose([pull_range(each, rollers) for each in required.values()])
+        response = torque_response(stage, (float(range_of_pulls.min()), float(range_of_pulls.max())))
+        return {name: RollerMotor(each, response, rollers) for name, each in required.items()}
+
+    @cached_property
+    def turns(self) -> dict[str, CrankshaftRevolution]:
+        """One turn of the crankshaft with 1 to 4 carts at their usual angles, and under "scene" that of the scene."""
+        angles = {str(count): usual for count, usual in CRANK_ANGLES.items()}
+        angles["scene"] = machine_models.angles(self.scene)
+        speed = np.pi / self.scene.motion.duration
+        turns = {}
+        for key, ahead in angles.items():
+            self.count("crank")
+            crank = machine_models.crank(self.scene)
+            turns[key] = simulate_crankshaft(self.resistance.cart, crank, speed, self.resistance.resistance, ahead)
+        return turns

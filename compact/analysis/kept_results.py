@@ -1,0 +1,130 @@
+"""Contacts and resistance map that a results directory keeps for the next run.
+
+Kept results serve every scene with the same key: the same roller, layer, mix, contact, accuracy, engine, speeds and
+package versions. Cart, laws, drive and output are not in the key.
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+
+from compact import resistance
+from compact.analysis.contact_cases import ContactRecord, HeldQuantity, contact_speeds, read_contacts, write_contacts
+from compact.material.mix import Mix
+from compact.resistance import ResistanceMap
+from compact.scene.loader import Scene
+
+MAP_FILE, CONTACTS_FILE = "resistance.nc", "contacts.json"
+KEPT_FILES = (  # prefixes of files that depend on the contacts alone
+    "passes.csv", "density.csv", "pressure.png", "fields.pvd", "fields.png", "fields/",
+)  # fmt: skip
+PACKAGES = ("compact", "numpy", "scipy", "scikit-fem")
+CART_KEYS = {  # of [machine], on which no layered engine depends
+    *("mass", "weight", "roller_positions", "guide_positions", "pin_position", "pin_height", "guide_wheel_diameter"),
+    *("guide_friction", "journal_diameter", "bearing_friction", "rolling_arm", "rib_factor", "roller_friction"),
+    *("feeder_sleeve", "overlap", "pressure_nonuniformity", "one_sided"),
+}
+
+
+@dataclass(frozen=True)
+class KeptResults:
+    """Results of an earlier run.
+
+    Parameters
+    ----------
+    contacts : list of ContactRecord
+    held : HeldQuantity
+        Quantity that is constant over speed.
+    second_pass : tuple of float or None
+        Load and resistance of a second pass over those of the first [-].
+    resistance_map : ResistanceMap
+    files : tuple of str
+        Result files, relative to the directory.
+    """
+
+    contacts: list[ContactRecord]
+    held: HeldQuantity
+    second_pass: tuple[float, float] | None
+    resistance_map: ResistanceMap
+    files: tuple[str, ...] = ()
+
+
+def results_key(scene: Scene, mix: Mix) -> str:
+    """Hash all inputs of the contacts and the resistance map of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    mix : Mix
+
+    Returns
+    -------
+    str
+        SHA-256, hexadecimal.
+    """
+    inputs = {
+        "machine": scene.machine.model_dump(exclude=CART_KEYS),
+        "height": scene.lift_thickness,
+        "mix": [scene.mix.model_dump(exclude={"overrides"}), {each.name: each.value for each in mix.parameters}],
+        "layer": scene.layer.model_dump(),
+        "contact": scene.contact and scene.contact.model_dump(),
+        "accuracy": scene.accuracy.model_dump(),
+        "speeds": contact_speeds(scene),
+        "versions": [version(name) for name in PACKAGES],
+    }
+    return sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
+
+
+def read_results(directory: Path, key: str) -> KeptResults | None:
+    """Read the results of an earlier run.
+
+    Parameters
+    ----------
+    directory : Path
+    key : str
+        Of `results_key`.
+
+    Returns
+    -------
+    KeptResults or None
+        None without results, or with results under another key.
+    """
+    try:
+        contacts, more, files = read_contacts(directory / CONTACTS_FILE, key)
+        resistance_map = resistance.load_resistance_map(directory / MAP_FILE, key)
+    except (OSError, ValueError):
+        return None
+    return KeptResults(
+        contacts,
+        HeldQuantity(**more["held"]),
+        more["second_pass"] and tuple(more["second_pass"]),
+        resistance_map,
+        tuple(name for name in files if (directory / name).is_file()),
+    )
+
+
+def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[Path]:
+    """Write results for the next run; of their files those that depend on the contacts alone.
+
+    Parameters
+    ----------
+    directory : Path
+    results : KeptResults
+    key : str
+        Of `results_key`.
+
+    Yields
+    ------
+    Path
+        Of each file that is written.
+    """
+    path = directory / CONTACTS_FILE
+    path.unlink(missing_ok=True)  # it lists the valid files: removed first, written last
+    results.resistance_map.save(directory / MAP_FILE, key)
+    more = {"held": asdict(results.held), "second_pass": results.second_pass}
+    write_contacts(path, results.contacts, more, key, [name for name in results.files if name.startswith(KEPT_FILES)])
+    yield directory / MAP_FILE
+    yield path

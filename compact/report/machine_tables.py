@@ -1,0 +1,217 @@
+"""Files of the motion laws and the machine: laws, cycles, guide-wheel reactions, cams and crankshaft."""
+
+from collections.abc import Iterator
+from dataclasses import astuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from compact.analysis.study import Study
+from compact.cams.profile import Cam
+from compact.files import write_columns, write_csv
+from compact.machine.roller_motors import roller_rotation
+from compact.motion.profile import Cycle, EndCondition
+from compact.report import drive_tables
+
+if TYPE_CHECKING:
+    from compact.report.page import Block
+
+CAM_POINTS = 721  # [-], rows of the table of a cam, each half degree
+FORMULA_HEADER = ("quantity", "value", "unit", "low", "high", "known_by")
+MIX_HEADER = ("parameter", "value", "unit", "low", "high", "flag", "origin")
+JOIN_HEADER = ("law", "time_s", "quantity", "before_SI", "after_SI")
+LAW_HEADER = (
+    "law", "peak_velocity_m/s", "peak_acceleration_m/s2", "peak_jerk_m/s3", "peak_snap_m/s4", "continuity",
+    "J1_m2/s", "J2_m2/s3", "J3_m2/s5", "J4_m2/s7",
+)  # fmt: skip
+CYCLE_HEADER = (
+    "time_s", "position_m", "velocity_m/s", "acceleration_m/s2", "jerk_m/s3", "resistance_N", "drive_force_N",
+    "drive_power_W", "front_reaction_N", "rear_reaction_N",
+)  # fmt: skip
+REACTION_HEADER = ("law", "front_least_N", "front_largest_N", "rear_least_N", "rear_largest_N", "lifted_off_share")
+CAM_HEADER = (
+    "law", "follower", "breadth_m", "least_breadth_m", "rule", "undercut", "least_radius_of_curvature_m",
+    "largest_pressure_angle_rad", "largest_contact_offset_m", "breadth_error_m",
+)  # fmt: skip
+STEPPER_HEADER = (
+    "time_s", "angle_rad", "angular_velocity_rad/s", "angular_acceleration_rad/s2", "angular_jerk_rad/s3",
+)  # fmt: skip
+CRANK_HEADER = ("carts", "mean_power_W", "peak_power_W", "peak_over_mean", "peak_torque_Nm")
+
+
+def write_law_tables(study: Study, directory: Path) -> Iterator[Path]:
+    """Write formulas, mix, laws with their joins, and the cycle of every law.
+
+    Parameters
+    ----------
+    study : Study
+    directory : Path
+        Directory of the results.
+
+    Yields
+    ------
+    Path
+        Path of each file.
+    """
+    formulas = [(name, n.value, n.unit, n.low, n.high, n.known_by) for name, n in study.numbers.items()]
+    yield write_csv(directory / "engineering.csv", FORMULA_HEADER, formulas)
+    mix = [(p.name, p.value, p.unit, p.low, p.high, p.flag, p.origin) for p in study.mix.parameters]
+    yield write_csv(directory / "mix.csv", MIX_HEADER, mix)
+    yield write_csv(directory / "laws.csv", LAW_HEADER, [_law_row(cycle) for cycle in study.cycles.values()])
+    yield write_csv(directory / "joins.csv", JOIN_HEADER, [
+        (name, join.time, join.quantity, join.before, join.after)
+        for name, cycle in study.cycles.items() for join in cycle.discontinuities()
+    ])  # fmt: skip
+    for name, run in study.runs.items():
+        yield write_columns(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, _cycle_columns(run))
+
+
+def _law_row(cycle: Cycle) -> tuple[Any, ...]:
+    forward, peaks = cycle.forward, cycle.forward.peaks()
+    turn: EndCondition = "dwell" if cycle.far_dwell > 0 else "reversal"
+    criteria = [forward.criterion(order, turn) for order in range(1, 5)]
+    continuity = f"C{forward.smoothness(turn)}"
+    return (forward.name, peaks.velocity, peaks.acceleration, peaks.jerk, peaks.snap, continuity, *criteria)
+
+
+def _cycle_columns(run: Any) -> tuple[Any, ...]:
+    return (
+        run.time, *run.state[:5], run.drive_force, run.drive_power,
+        run.state.forces.front_reaction, run.state.forces.rear_reaction,
+    )  # fmt: skip
+
+
+def write_reactions(study: Study, directory: Path) -> Iterator[Path]:
+    """Write reactions.csv, the extremes of the guide-wheel reactions.
+
+    Parameters
+    ----------
+    study : Study
+    directory : Path
+        Directory of the results.
+
+    Yields
+    ------
+    Path
+        Path of the file.
+    """
+    rows = []
+    for name, run in study.runs.items():
+        front, rear = run.state.forces.front_reaction, run.state.forces.rear_reaction
+        lifted = float(np.sum(run.weights * ((front < 0) | (rear < 0))) / run.period)
+        rows.append((name, *(float(v) for v in (front.min(), front.max(), rear.min(), rear.max())), lifted))
+    yield write_csv(directory / "reactions.csv", REACTION_HEADER, rows)
+
+
+def write_cams(study: Study, directory: Path) -> Iterator[Path]:
+    """Write cams.csv, the profiles of all cams, and the rotation of the rollers with the requirements on their motors.
+
+    Parameters
+    ----------
+    study : Study
+    directory : Path
+        Directory of the results.
+
+    Yields
+    ------
+    Path
+        Path of each file.
+    """
+    rows = []
+    for (law, follower), cam in study.cams.items():
+        study.count("cams measured")
+        least = cam.least_breadth()
+        rows.append((
+            law, follower, cam.breadth, least.breadth, least.rule, cam.undercut, cam.least_radius_of_curvature,
+            cam.largest_pressure_angle, cam.largest_contact_offset, cam.breadth_error,
+        ))  # fmt: skip
+        yield write_cam(directory / "cams" / f"{law}-{follower}.csv", cam)
+    yield write_csv(directory / "cams.csv", CAM_HEADER, rows)
+    for law, cycle in study.cycles.items():
+        turned = roller_rotation(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
+        header, columns = drive_tables.roller_motor_columns(study.roller_motors[law], turned.time)
+        path = directory / "cams" / f"{law}-stepper.csv"
+        yield write_columns(path, STEPPER_HEADER + header, (*astuple(turned), *columns))
+    yield from drive_tables.write_roller_motors(study, directory)
+
+
+def write_cam(path: Path, cam: Cam) -> Path:
+    """Write the profile of one cam as CSV.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    cam : Cam
+
+    Returns
+    -------
+    Path
+        The path of the file.
+    """
+    table = cam.table(CAM_POINTS)
+    return write_csv(path, table.header, table.rows())
+
+
+def write_crank(study: Study, directory: Path) -> Iterator[Path]:
+    """Write crank.csv for 1 to 4 carts, and crank-turn.csv, one turn of the shaft of the scene.
+
+    Parameters
+    ----------
+    study : Study
+    directory : Path
+        Directory of the results.
+
+    Yields
+    ------
+    Path
+        Path of each file.
+    """
+    rows = []
+    for key, turn in study.turns.items():
+        mean, peak = turn.mean(turn.power), turn.peak_power
+        rows.append((key, mean, peak, peak / mean, turn.peak_torque))
+    yield write_csv(directory / "crank.csv", CRANK_HEADER, rows)
+    turn = study.turns["scene"]
+    names = [f"{name}_{i}" for i in range(1, len(turn.carts) + 1) for name in ("rod_force_N", "torque_Nm", "power_W")]
+    columns = [column for cart in turn.carts for column in (cart.rod_force, cart.torque, cart.power)]
+    table = np.column_stack([turn.angle, turn.torque, turn.power, *columns]).tolist()
+    yield write_csv(directory / "crank-turn.csv", ("angle_rad", "torque_Nm", "power_W", *names), table)
+
+
+def first_cam_blocks(study: Study) -> "list[Block]":
+    """Draw the cam of the first law, and animate it with the cart.
+
+    Parameters
+    ----------
+    study : Study
+        Study whose scene has a table [cam].
+
+    Returns
+    -------
+    list of Block
+        Two pictures; a paragraph with the reason where the cam cannot be cut.
+    """
+    from html import escape
+
+    from compact.cams.animation import animated_svg
+    from compact.cams.machining import cut
+    from compact.cams.workshop_drawing import describe, workshop_drawing
+    from compact.report.page import Paragraph, Picture
+
+    law = next(iter(study.rankings.values()))[0].run.name
+    machine = study.scene.machine
+    try:
+        outline = cut(study.cams[law, "roller"])
+        drawing = workshop_drawing(outline, study.scene.cam.bore).svg(describe(outline))
+    except ValueError as error:
+        return [Paragraph(f"The cam of {law}, the first law, cannot be cut: {error}.")]
+    caption = f"{law}, true to scale in the file; `compact cam` writes it as CSV, SVG and DXF."
+    words = f"The cam of {law} turns, and its followers move the cart through a cycle"
+    animation = animated_svg(outline.cam, machine.roller_radius, machine.roller_positions, escape(words))
+    svg = "image/svg+xml"
+    return [
+        Picture(drawing.encode(), describe(outline), caption, svg),
+        Picture(animation.encode(), words, "One turn is a whole cycle.", svg, "Show the cam and the cart in motion"),
+    ]

@@ -1,0 +1,312 @@
+"""Results as text: the digests that the commands print, and sentences that the page shares with them.
+
+Numbers are in SI units with the unit in the text.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from compact.analysis.engineering_summary import Number, coverage
+from compact.analysis.law_stage import COMPLIANT_DRIVES
+from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.study import Study
+from compact.cams.profile import Cam
+from compact.machine.ranking import CRITERIA
+from compact.report import ranking_tables
+from compact.rolling_contact import ContactResult
+
+TEXT_WIDTH = 116  # characters of a line
+DIGEST_CRITERIA = 2  # [-], number of criteria in the digest, the first of the scene
+DIGEST_NUMBERS = ("capture_angle", "contact_length", "roller_force", "resistance_coefficient")
+
+
+def study_digest(study: Study) -> str:
+    """Summarise a study: contact, forces, and the laws by the first criteria.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    str
+        Lines of text.
+    """
+    lines = [study.scene.title or "untitled scene", ""]
+    lines += [_number_line(name, study.numbers[name]) for name in DIGEST_NUMBERS]
+    if short := coverage(study.scene, study.engineering):
+        lines += _wrapped(short)
+    lines.append("")
+    for sentence in (held_sentence(study), return_sentence(study), guide_sentence(study)):
+        lines += _wrapped(sentence)
+    if not study.mix.density_achievable:
+        lines.append(f"  {study.mix.density_achievable.reason}")
+    for sentences in study.scene.replacements.values():
+        for sentence in sentences:
+            lines += _wrapped(sentence)
+    lines += _ranking_lines(study)
+    if study.laws_not_made:
+        lines += ["", *(f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())]
+    lines += ["", *_agreement_lines(study)]
+    return "\n".join(lines)
+
+
+def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) -> str:
+    """Summarise one contact against the formulas and the exact half-plane, with all its passes.
+
+    Parameters
+    ----------
+    study : Study
+    speed : float
+        Speed of the roller [m/s].
+    passes : sequence of ContactResult
+        Results of the passes in order.
+
+    Returns
+    -------
+    str
+        Lines of text.
+    """
+    first, engine = passes[0], study.scene.accuracy.engine
+    length = study.scene.machine.roller_length
+    lines = [f"{'at ' + format(speed, 'g') + ' m/s':<20}{engine:>12}{'eqs 1.5-1.8':>14}{'Galin':>12}"]
+    lines += [
+        f"{name:<20}{_cell(computed):>12}{_cell(formula):>14}{_cell(exact):>12}"
+        for name, computed, formula, exact in _contact_rows(study, first)
+    ]
+    lines.append(f"a roller is {length:g} m long, the cart has {study.scene.machine.rollers}")
+    if first.error:
+        lines += _accuracy_lines(first)
+    if study.held is not None:
+        lines.append(held_sentence(study))
+    lines += study.scene.replacements[engine]
+    if len(passes) > 1:
+        lines += ["", "pass   load [N/m]   resistance [N/m]   exit height [mm]   density ratio"]
+        lines += [_pass_line(number, each) for number, each in enumerate(passes, start=1)]
+    return "\n".join(lines)
+
+
+def cam_digest(law: str, cam: Cam) -> str:
+    """Summarise the dimensions of one cam.
+
+    Parameters
+    ----------
+    law : str
+        Name of the motion law.
+    cam : Cam
+
+    Returns
+    -------
+    str
+        Lines of text.
+    """
+    least = cam.least_breadth()
+    lines = [
+        f"cam for {law}, {type(cam.follower).__name__}, breadth {cam.breadth:g} m{' UNDERCUT' * cam.undercut}",
+        f"  least breadth                 {least.breadth:.6g} m: {least.rule}",
+        f"  least radius of curvature     {cam.least_radius_of_curvature:.6g} m",
+        f"  largest pressure angle        {np.degrees(cam.largest_pressure_angle):.2f} deg",
+        f"  largest offset of the contact {cam.largest_contact_offset:.6g} m",
+    ]
+    return "\n".join(lines)
+
+
+def held_sentence(study: Study) -> str:
+    """State the quantity of the contact that is constant over speed.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    str
+        One sentence without a full stop; empty for the engine "formula".
+    """
+    held = study.held
+    if held is None:
+        return ""
+    quantity = {
+        "height": f"the height of the roller, {held.value * 1e3:.4g} mm deep",
+        "load": f"the load, {held.value * study.scene.machine.roller_length:.4g} N on a roller",
+        "peak_pressure": f"the peak pressure, {held.value / 1e3:.4g} kPa",
+    }[held.name]
+    return f"constant over speed: {quantity}, determined at {held.speed:.4g} m/s for {_target(study)}"
+
+
+def return_sentence(study: Study) -> str:
+    """State the mix under the return stroke, with the energy per cycle where both states are computed.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    str
+        One sentence without a full stop.
+    """
+    if not study.cycle_energies:
+        reason = "a linear layer recovers" if study.layered else "the formulas have no other state"
+        return f"return stroke: over fresh mix, with the resistance of the forward stroke ({reason})"
+    load, resistance = study.second_pass
+    fresh, compacted = (study.cycle_energies[state] for state in ("fresh", "compacted"))
+    law = next(iter(study.rankings.values()))[0].run.name
+    return (
+        f"return stroke: over {study.scene.layer.return_stroke} mix; over compacted mix it requires {load:.1%} of the "
+        f"load and {resistance:.1%} of the resistance; energy per cycle with {law}: {fresh:.4g} J over fresh mix, "
+        f"{compacted:.4g} J over compacted mix"
+    )
+
+
+def guide_sentence(study: Study) -> str:
+    """State the drive force at the mean speed, its guide friction, and the value of eq 1.9.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    str
+        One sentence without a full stop.
+    """
+    steady, formula = study.steady, study.engineering
+    force, guides = (float(each[0]) for each in (steady.drive_force, steady.guide_friction))
+    return (
+        f"drive force at the mean speed: {force:.4g} N, of which {guides:.3g} N at the guide wheels (guide_friction "
+        f"{study.scene.machine.guide_friction:g}); for comparison, eq 1.9 gives {formula.cart_resistance:.4g} N with "
+        f"the coefficient {formula.guide_coefficient:.3g} of the guide wheels from journal, rolling arm and rib; the "
+        "drives do not use it"
+    )
+
+
+def _wrapped(text: str) -> list[str]:
+    return [f"  {line}" for line in wrap(text, TEXT_WIDTH)]
+
+
+def _number_line(name: str, number: Number) -> str:
+    spread = "" if number.low is None else f"   {number.low:.4g} to {number.high:.4g} over the spread of the mix"
+    return f"  {name.replace('_', ' '):<24}{number.value:>10.4g} {number.unit:<4}{spread}"
+
+
+def _ranking_lines(study: Study) -> Iterator[str]:
+    """List the laws by the first criteria for each drive."""
+    engine = study.scene.accuracy.engine
+    for kind, orders in study.places.items():
+        compliant = kind == study.scene.drive.kind and kind in COMPLIANT_DRIVES
+        for by, order in list(orders.items())[:DIGEST_CRITERIA]:
+            others = ranking_tables.comparison_places(study, kind, by)
+            yield ""
+            yield f"laws by {CRITERIA[by].quantity.term} [{CRITERIA[by].unit}], {engine}, {kind} drive"
+            if others:
+                yield f"{'':>66}{''.join(f'{name:>18}' for name in others)}".rstrip()
+            for place in order:
+                yield _place_line(place, study.runs.get(place.law) if compliant else None, others)
+
+
+def _place_line(place: Place, run: Any, others: Mapping[str, Mapping[str, Place]]) -> str:
+    """List rank, value, dynamic amplification, margin ("?" where the rank is not resolved) and ranks by engines."""
+    if place.reason:
+        return f"  {place.rank:>2}  {place.law:<30}  infinite: {place.reason}"
+    margin = f"+{place.margin:.2%} to the next" if np.isfinite(place.margin) else ""
+    margin = "tie with the next" if place.tie else margin
+    unresolved = "" if place.sure in (True, None) or place.tie else " ?"
+    amplification = getattr(run, "ringing", np.nan)
+    amplified = f"amplification {amplification:.3f}   " if np.isfinite(amplification) else ""
+    compared = (order.get(place.law) for order in others.values())
+    values = "".join(f"{other.value:>13.1f} ({other.rank:>2})" if other else f"{'':>18}" for other in compared)
+    value = f"  {place.rank:>2}  {place.law:<30}{place.value:>10.1f}"
+    return f"{value}   {amplified}{margin + unresolved:<22}{values}".rstrip()
+
+
+def _agreement_lines(study: Study) -> Iterator[str]:
+    """State the agreement of the rankings, a line for each comparison and criterion."""
+    criteria = list(study.rankings)[:DIGEST_CRITERIA]
+    for each in ranking_tables.agreements(study) if study.beside else []:
+        if each.by not in criteria:
+            continue
+        if each.other_engine == each.engine:
+            case = f"{each.engine}, {each.other_drive} and {each.drive} drive"
+        else:
+            case = f"{each.other_engine} and {each.engine}, {each.drive} drive"
+        found = each.agreement
+        same = "same first law" if each.first == each.other_first else f"first {each.other_first}, not {each.first}"
+        yield (
+            f"  {CRITERIA[each.by].quantity.term}, {case}: {found.swaps} of {found.pairs} pairs discordant, "
+            f"{found.sure} beyond the errors, Kendall's tau {found.tau:.3f}; {same}"
+        )
+
+
+def _contact_rows(study: Study, contact: ContactResult) -> list[tuple[str, float, float, float]]:
+    """List (label, computed, by formula, exact) of one contact."""
+    formulas, exact, length = study.engineering, study.exact, study.scene.machine.roller_length
+    resistance = formulas.roller_resistance
+    return [
+        ("load [N/m]", contact.load, formulas.roller_force / length, exact.load),
+        ("  a roller [N]", contact.load * length, formulas.roller_force, exact.load * length),
+        ("resistance [N/m]", contact.resistance, resistance / length, np.nan),
+        ("  a roller [N]", contact.resistance * length, resistance, np.nan),
+        ("resistance/load", contact.resistance / contact.load, formulas.resistance_coefficient, np.nan),
+        ("contact length [m]", contact.leading - contact.trailing, formulas.contact_length, exact.contact_length),
+        (
+            "leading edge [m]",
+            contact.leading,
+            study.scene.machine.roller_radius * np.sin(formulas.capture_angle),
+            exact.leading,
+        ),
+        ("peak pressure [Pa]", contact.peak_pressure, formulas.pressure, exact.peak_pressure),
+    ]
+
+
+def _cell(value: float) -> str:
+    return f"{value:.5g}" if np.isfinite(value) else "-"
+
+
+def _accuracy_lines(contact: Any) -> Iterator[str]:
+    """State error estimates, the exit density ratio of a compacting layer, and the balances."""
+    yield f"error estimate of the load {contact.error[0]:.1e}, of the resistance {contact.error[1]:.1e}"
+    if hasattr(contact, "exit_density_ratio"):
+        yield (
+            f"density ratio {contact.exit_density_ratio:.4f} behind the roller, exit height "
+            f"{contact.exit_height * 1e3:.2f} mm; mass-balance residual {abs(contact.mass_residual):.1e}"
+        )
+    if getattr(contact, "over_pressed", False):
+        yield f"over-compacted: the mix exceeds full density, density ratio {contact.peak_density_ratio:.3f} at most"
+    yield f"energy-balance residual {contact.work_residual:.1e}; {_effort(contact)}"
+
+
+def _effort(contact: Any) -> str:
+    """State the number of evaluations, iterations or steps of an engine."""
+    if hasattr(contact, "evaluations"):
+        return f"evaluations: {contact.evaluations}"
+    march = getattr(contact, "march", None)
+    if march is None:
+        return f"iterations: {len(contact.history)}"
+    method = "direct steady solve" if march.at_once else f"incremental rolling, {len(contact.steps)} steps"
+    return f"force residual {contact.equilibrium_residual:.1e}; {method}; bow wave {contact.bow_wave * 1e3:.2f} mm"
+
+
+def _pass_line(number: int, contact: Any) -> str:
+    """List one pass; the resistance is positive against the travel of either direction."""
+    resistance = contact.resistance if number % 2 else -contact.resistance
+    return (
+        f"{number:>4}{contact.load:>13.5g}{resistance:>19.4g}{contact.exit_height * 1e3:>19.2f}"
+        f"{contact.exit_density_ratio:>16.4f}"
+    )
+
+
+def _target(study: Study) -> str:
+    """Name the target that the contact reaches at the mean speed."""
+    for name, value in study.scene.target.items():
+        return {
+            "indentation": f"the prescribed indentation of {value * 1e3:.4g} mm",
+            "load": f"the prescribed load of {value:.4g} N on a roller",
+            "peak_pressure": f"the prescribed peak pressure of {value / 1e3:.4g} kPa",
+        }[name]
+    if study.engine.compacting:
+        return f"the density ratio {study.scene.mix.density_ratio:g} of the product"
+    return f"the peak pressure of {study.mix.required_pressure / 1e3:.4g} kPa that the density requires"

@@ -1,0 +1,45 @@
+"""Parts of the HTML page as text, for tests."""
+
+from html.parser import HTMLParser
+
+from compact.report import html_answer
+from compact.report.page import render_block, render_page
+
+
+class PageReader(HTMLParser):
+    """Start tags of a page with their attributes, and its text."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.tags, self.text = [], ""
+        self.feed(html)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+
+    def handle_data(self, data):
+        self.text += data
+
+    def all(self, name):
+        return [attributes for tag, attributes in self.tags if tag == name]
+
+    @property
+    def words(self):
+        """The text with single spaces."""
+        return " ".join(self.text.split())
+
+
+def answer_html(study, shifts=(), checks=(), agreements=()):
+    """HTML of question, answer and uncertainty."""
+    answer = html_answer.answer(study, shifts, checks, agreements)
+    return render_page("page", sections=[], answer=answer, **html_answer.question(study))
+
+
+def answer_words(*results):
+    """Text of question, answer and uncertainty."""
+    return PageReader(answer_html(*results)).words
+
+
+def section_html(section):
+    """HTML of the blocks of a section."""
+    return "".join(render_block(block) for block in section.blocks)
