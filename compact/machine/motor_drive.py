@@ -260,8 +260,8 @@ def simulate_motor(
     cycle = motion if isinstance(motion, Cycle) else motion.cycle()
     if any(join.order == 1 for join in cycle.discontinuities()):
         raise ValueError(
-            f"the velocity of '{cycle.forward.name}' jumps, which requires an infinite torque; use a law with continuous "
-            "velocity"
+            f"the velocity of '{cycle.forward.name}' jumps, which requires an infinite torque; use a law with "
+            "continuous velocity"
         )
     require_law_of_drive(motor.rod, cycle)
     require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
