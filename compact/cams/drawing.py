@@ -262,8 +262,8 @@ class DistanceDimension:
         lines += [(end - 0.3 * h * (along + across), end + 0.3 * h * (along + across)) for end in (first, last)]
         text = f"{self.prefix}{_dimension_number(np.hypot(*(last - first)))}"
         place = (first + last) / 2 - [LETTER_WIDTH * h * len(text) / 2, -h / 2]
-        shapes = [Line(tuple(a), tuple(b), DIMENSION_LAYER) for a, b in lines]
-        return "".join(shape.svg() for shape in [*shapes, Text(tuple(place), text, h, DIMENSION_LAYER)])
+        drawn = [Line(tuple(a), tuple(b), DIMENSION_LAYER).svg() for a, b in lines]
+        return "".join([*drawn, Text(tuple(place), text, h, DIMENSION_LAYER).svg()])
 
     def add_to(self, space: "Modelspace") -> None:
         """Add the shape to a DXF model space."""

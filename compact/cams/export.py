@@ -48,7 +48,7 @@ def write_cam_files(
         If no polygon keeps the tolerance.
     """
     outline = cut(cam, cutter_radius, tolerance)
-    drawing = workshop_drawing.workshop_drawing(outline, scene.cam.bore)
+    drawing = workshop_drawing.workshop_drawing(outline, scene.cam.bore if scene.cam else None)
     table = point_table(outline)
     law, machine = cam.cycle.forward.name, scene.machine
     kind = type(cam.follower).__name__.removesuffix("Follower").removesuffix("Face").lower()

@@ -125,8 +125,8 @@ def _dimensions(cut: Cut, bore: float | None, letter: float) -> Iterator[Shape]:
     below = MM * cut.profile[:, 1].min() - 6 * letter
     yield DistanceDimension((left, 0.0), (right, 0.0), below, letter, "b = ")
     yield RadiusDimension((0.0, 0.0), MM * float(radius.min()), np.radians(-110), letter)
-    ends = sorted([(0.0, 0.0), tuple((MM * cut.profile[radius.argmax()]).tolist())])  # text from left to right
-    yield DistanceDimension(*ends, 4 * letter, letter, "R")
+    start, end = sorted([(0.0, 0.0), tuple((MM * cut.profile[radius.argmax()]).tolist())])  # text from left to right
+    yield DistanceDimension(start, end, 4 * letter, letter, "R")
     if bore is not None:
         yield RadiusDimension((0.0, 0.0), MM * bore / 2, np.radians(-45), letter, diameter=True)
     if not isinstance(cam.follower, FlatFace | Pointed):

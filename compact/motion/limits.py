@@ -86,7 +86,7 @@ class CamLimits:
         ValueError
             If the axis of the cam lies outside the profile.
         """
-        if self.profile_radius is None:
+        if self.profile_radius is None or self.roller_radius is None:
             return None
         minimum = stroke + 2 * self.roller_radius
         if self.breadth <= minimum:

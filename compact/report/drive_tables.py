@@ -83,7 +83,7 @@ def _write_start(study: Study, directory: Path) -> Iterator[Path]:
     """Write the start from rest with the first law; warn where the motor does not start."""
     from compact.machine.motor_acceleration import simulate_acceleration_phase
 
-    first = next((place.run for place in next(iter(study.rankings.values())) if hasattr(place.run, "load")), None)
+    first: Any = next((place.run for place in next(iter(study.rankings.values())) if hasattr(place.run, "load")), None)
     if first is None:
         return
     study.count("run-up")
@@ -150,7 +150,7 @@ def write_roller_motors(study: Study, directory: Path) -> Iterator[Path]:
     header = ("law", *column_names(ROLLER_MOTOR), "lack")
     rows = [(law, *numbers.values()) for law, numbers in roller_motor_numbers(study).items()]
     yield write_csv(directory / "roller-motors.csv", header, rows)
-    roller = next(iter(study.roller_motors.values())).roller
+    roller: Any = next(iter(study.roller_motors.values())).roller
     if roller.has_creep:
         sampled = np.broadcast_arrays(roller.speeds[:, None], roller.torques, roller.pulls, roller.creeps, roller.loads)
         columns = [column.ravel() for column in sampled]
@@ -165,7 +165,8 @@ def _write_hydraulics(study: Study, directory: Path) -> Iterator[Path]:
         columns = (run.time, *run.state[:2], *vars(run.valve_flow).values())
         table = np.column_stack(columns).tolist()
         yield write_csv(directory / "throttles" / f"{run.name}.csv", THROTTLE_HEADER, table)
-    first = next((place.run for place in next(iter(study.rankings.values())) if not place.run.lack), None)
+    runs_in_order: list[Any] = [place.run for place in next(iter(study.rankings.values()))]
+    first = next((run for run in runs_in_order if not run.lack), None)
     if first is not None:
         study.count("passage")
         stroke = first.simulate_stroke()

@@ -339,7 +339,7 @@ def test_refusals_name_the_remedy():
     with pytest.raises(ValueError, match=r"corner where the velocity of the law jumps, at the angle 0 rad; use a law"):
         cut(made("constant-velocity", Pointed()))
     with pytest.raises(
-        ValueError, match=r"`cutter_radius` must be at most 0\.09999999 m, .* got 0\.2 m; use a smaller cutter"
+        ValueError, match=r"`cutter_radius` must be at most 0\.09999999 m to fit .* got 0\.2 m; use a smaller cutter"
     ):
         cut(made("harmonic", Pointed(), breadth=0.6), cutter_radius=0.2)
     with pytest.raises(ValueError, match="`cutter_radius` must be positive and finite, got -1"):
