@@ -127,8 +127,9 @@ def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
         "drive": (figures.drive, study.runs),
     }
     if "reactions" in items:
-        first: Any = next(iter(study.rankings.values()))[0].run
-        names = dict.fromkeys([first.name, *(name for name, run in study.runs.items() if run.state.rod_tangent.any())])
+        names = dict.fromkeys(
+            [study.drive_stage.best_law, *(name for name, run in study.runs.items() if run.state.rod_tangent.any())]
+        )
         found["reactions"] = (figures.reactions, study.runs, list(names))
     if "cams" in items:
         found["cams"] = (figures.cam_profiles, study.cams, list(study.cycles), "roller")
