@@ -341,7 +341,9 @@ def test_speed_beyond_the_samples_is_refused():
 
 def test_scatter_that_no_samples_resolve_is_told():
     draw = np.random.default_rng(1)
-    with pytest.raises(RuntimeError, match=r"have a cross-validation error of 0\.\d+ of the largest force, tolerance 0\.001"):
+    with pytest.raises(
+        RuntimeError, match=r"have a cross-validation error of 0\.\d+ of the largest force, tolerance 0\.001"
+    ):
         mapped(lambda speed: (300 + draw.normal(), None))
     assert MAX_SAMPLES < 100
 

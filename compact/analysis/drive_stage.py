@@ -119,7 +119,9 @@ class DriveStage:
             return None
         self.count("run-up")
         try:
-            return first.name, simulate_acceleration_phase(first.load.cart, first.load.motor, first.load.cycle, first.load.resistance)
+            return first.name, simulate_acceleration_phase(
+                first.load.cart, first.load.motor, first.load.cycle, first.load.resistance
+            )
         except RuntimeError as error:
             warnings.warn(f"no start from rest under '{first.name}': {error}", stacklevel=2)
             return None

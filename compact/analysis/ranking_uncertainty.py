@@ -14,7 +14,7 @@ class Place(NamedTuple):
     rank : from 1, shared by values that are equal but for rounding, infinite ones share the last
     margin : to the next worse value, over `Criterion.scale`
     error : of the value, in its own unit, None where the resistance does not know its error
-    sure : whether no law behind it can pass, each moved by its own error; None where that is not known. Infinite values
+    resolved : whether no law behind it can pass, each moved by its own error; None where that is not known. Infinite values
         are not sure, nor is a law that another of another rank comes closer to than the build tolerance
     reason : why the value is infinite
     """
@@ -24,7 +24,7 @@ class Place(NamedTuple):
     value: float
     margin: float
     error: float | None
-    sure: bool | None
+    resolved: bool | None
     reason: str
 
     @property
@@ -49,10 +49,10 @@ def places(ranked, by, heavier):
             other.value - error for other, error in zip(ranked, errors, strict=True) if other.rank > place.rank
         ] if heavier is not None else []  # fmt: skip
         if ambiguous or place.reason:
-            sure = False
+            resolved = False
         else:
-            sure = None if heavier is None else place.value + own <= min(behind, default=math.inf)
-        placed.append(Place(place.rank, place.run.name, place.value, place.margin, own, sure, place.reason))
+            resolved = None if heavier is None else place.value + own <= min(behind, default=math.inf)
+        placed.append(Place(place.rank, place.run.name, place.value, place.margin, own, resolved, place.reason))
     return placed
 
 
@@ -75,13 +75,13 @@ class Agreement(NamedTuple):
     """How far two orders of the same laws agree.
 
     tau : Kendall's, 1 for the same order, ties in both counted (tau-b); nan for fewer than two laws
-    swaps : pairs of laws that the other order turns round, of `pairs`;  sure : those whose values differ in both by
+    discordant_pairs : pairs of laws in opposite order, of `pairs`;  resolved_discordant_pairs : those whose values differ in both by
         more than their errors, an unknown error counting as none, and by the build tolerance
     """
 
     tau: float
-    swaps: int
-    sure: int
+    discordant_pairs: int
+    resolved_discordant_pairs: int
     pairs: int
 
 
@@ -96,8 +96,8 @@ def agreement(one, other, by):
     size = math.sqrt(np.sum(first**2) * np.sum(second**2))
     return Agreement(
         tau=float(np.sum(first * second) / size) if size else math.nan,
-        swaps=int(np.sum(turned)) // 2,
-        sure=int(np.sum(turned & apart)) // 2,
+        discordant_pairs=int(np.sum(turned)) // 2,
+        resolved_discordant_pairs=int(np.sum(turned & apart)) // 2,
         pairs=len(laws) * (len(laws) - 1) // 2,
     )
 

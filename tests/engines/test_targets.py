@@ -196,9 +196,7 @@ def test_torque_that_is_missed_raises():
     found = fem.roll(LAYER, Roller(R, indentation=3e-3), LINEAR, SPEED, estimate=False)
     roller = Roller(R, indentation=found.indentation, friction=0.3, rolling="free")
     require_on_target(found, roller, 1e-8, torque=(0.0, 0.0))
-    with pytest.raises(
-        RuntimeError, match=r"`torque` 0 was prescribed and 0.1 reached: .* tolerance 1e-08"
-    ):
+    with pytest.raises(RuntimeError, match=r"`torque` 0 was prescribed and 0.1 reached: .* tolerance 1e-08"):
         require_on_target(found, roller, 1e-8, torque=(0.0, 0.1))
 
 

@@ -161,7 +161,12 @@ def test_the_spread_holds_the_value(moisture, density_ratio, name):
         (0.10, 0.98, {}, "^$"),
         (0.08, 0.99, {}, "^$"),
         (0.09, 0.99, {}, "^density ratio 0.99 at moisture 0.09 is not achievable by rolling: .* saturation of 0.9502"),
-        (0.12, 0.98, {"required_pressure": 0.6e6}, "the required pressure of 0.60 MPa exceeds the 0.5 MPa of rolling; add water"),
+        (
+            0.12,
+            0.98,
+            {"required_pressure": 0.6e6},
+            "the required pressure of 0.60 MPa exceeds the 0.5 MPa of rolling; add water",
+        ),
         (0.12, 0.99, {"required_pressure": 0.6e6}, "the required pressure of 0.60 MPa.*; the saturation of 0.9598"),
     ],
 )
