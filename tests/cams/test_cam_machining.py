@@ -115,8 +115,11 @@ def test_number_of_points_grows_as_the_root_of_the_tolerance(follower):
 @pytest.mark.parametrize(
     ("follower", "name"),
     [
-        *((RollerFollower(0.03), name) for name in SMOOTH),
-        *((follower, name) for follower in (Pointed(), FlatFace()) for name in KINDS),
+        *((follower, name) for follower in FOLLOWERS for name in KINDS),
+        *(
+            pytest.param(RollerFollower(0.03), name, marks=pytest.mark.slow)
+            for name in sorted(set(SMOOTH) - set(KINDS))
+        ),
     ],
     ids=lambda value: value if isinstance(value, str) else type(value).__name__,
 )
