@@ -219,7 +219,8 @@ def test_no_mark_of_a_ranking_hides_another():
 def test_the_legend_of_a_ranking_has_marks_that_only_a_later_panel_shows():
     order = {"peak_force": places(VALUES), "peak_power": places(VALUES)}
     none = {name: place._replace(value=np.inf, reason="velocity jumps") for name, place in by_law(VALUES).items()}
-    figure = ranking_figures.draw_rankings(order, {"peak_force": {"column": none}, "peak_power": {"column": by_law(VALUES)}})
+    comparisons = {"peak_force": {"column": none}, "peak_power": {"column": by_law(VALUES)}}
+    figure = ranking_figures.draw_rankings(order, comparisons)
     assert [text.get_text() for text in figure.legends[0].texts] == ["by column"]
 
 
