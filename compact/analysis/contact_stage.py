@@ -148,7 +148,7 @@ def roll_passes(
         return tuple(replace(each, speed=float(np.copysign(speed, each.speed))) for each in initial_guess)
     forward, *later = there_and_back(count)
     options = _engine_options(scene, used, held, progress)
-    numerics = {key: options.pop(key) for key in ("torque", "progress", "steepest") if key in options}
+    numerics = {key: options.pop(key) for key in ("torque", "progress", "max_contact_angle") if key in options}
     stages = (replace(forward, **options), *later)
     with _named_errors(scene, used.name, speed):
         return passes(layer, roller, material, speed, stages, engine=used.name, first=first, **numerics)
@@ -252,7 +252,7 @@ def _engine_options(
     if engine.continuation and progress is not None:
         options["progress"] = progress
     if engine.continuation and _target_key(scene) in scene.unusual:
-        options["steepest"] = None  # without the estimate of heaping
+        options["max_contact_angle"] = None  # without the estimate of heaping
     if held is None and has_density_target(scene, engine.name):
         options["exit_density_ratio"] = scene.mix.density_ratio
     return options
@@ -392,6 +392,14 @@ class ContactStage:
     def first_passes(self) -> list[tuple[float, ContactResult]]:
         """Speed [m/s] and result of the first pass at each speed."""
         return [(speed, first) for speed, (first, *_) in self.passes]
+
+    @cached_property
+    def typical(self) -> tuple[float, ContactResult]:
+        """Speed [m/s] and contact of the first pass at the mean speed, of a layer at the nearest speed of the scene."""
+        mean_speed = self.scene.mean_speed
+        if not self.engine.layered:
+            return mean_speed, roll_scene(self.scene, self.mix, mean_speed)
+        return min(self.first_passes, key=lambda pair: abs(np.log(pair[0] / mean_speed)))
 
     @cached_property
     def records(self) -> list[ContactRecord]:

@@ -1,5 +1,6 @@
 """Drive stage of a study: every law under the drive of the scene, their ranking, and roller motors and crankshaft."""
 
+import warnings
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
@@ -73,7 +74,8 @@ class DriveStage:
     @property
     def best_law(self) -> str:
         """Name of the first law by the first criterion of the scene."""
-        return next(iter(self.rankings.values()))[0].run.name
+        run: Any = self._first_ranking[0].run
+        return run.name
 
     @cached_property
     def places(self) -> dict[str, dict[str, list[Place]]]:
@@ -105,6 +107,36 @@ class DriveStage:
             ).energy
             for over, (load, resistance) in ratios.items()
         }  # fmt: skip
+
+    @cached_property
+    def motor_start(self) -> tuple[str, Any] | None:
+        """First law that the motor drives, and the start from rest with it; None where the motor does not start."""
+        from compact.machine.motor_drive import runup
+
+        runs: list[Any] = [each.run for each in self._first_ranking]
+        first = next((run for run in runs if hasattr(run, "load")), None)
+        if first is None:
+            return None
+        self.count("run-up")
+        try:
+            return first.name, runup(first.load.cart, first.load.motor, first.load.cycle, first.load.resistance)
+        except RuntimeError as error:
+            warnings.warn(f"no start from rest under '{first.name}': {error}", stacklevel=2)
+            return None
+
+    @cached_property
+    def hydraulic_stroke(self) -> tuple[Any, Any] | None:
+        """Run of the first law that the throttles realise, and its stroke with compressible oil; None without one."""
+        runs: list[Any] = [each.run for each in self._first_ranking]
+        first = next((run for run in runs if not run.lack), None)
+        if first is None:
+            return None
+        self.count("passage")
+        return first, first.forward()
+
+    @property
+    def _first_ranking(self) -> list[Ranked]:
+        return next(iter(self.rankings.values()))
 
     @cached_property
     def roller_motors(self) -> dict[str, RollerMotor]:

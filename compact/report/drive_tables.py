@@ -1,6 +1,5 @@
 """Files of the drives: dynamic amplification of elastic ones, motors, hydraulics, and motors in the rollers."""
 
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -80,20 +79,12 @@ def _motor_row(run: Any) -> tuple[Any, ...]:
 
 
 def _write_start(study: Study, directory: Path) -> Iterator[Path]:
-    """Write the start from rest with the first law; warn where the motor does not start."""
-    from compact.machine.motor_drive import runup
-
-    first = next((place.run for place in next(iter(study.rankings.values())) if hasattr(place.run, "load")), None)
-    if first is None:
+    """Write the start from rest with the first law."""
+    if study.drive_stage.motor_start is None:
         return
-    study.count("run-up")
-    try:
-        start = runup(first.load.cart, first.load.motor, first.load.cycle, first.load.resistance)
-    except RuntimeError as error:
-        warnings.warn(f"no start from rest under '{first.name}': {error}", stacklevel=2)
-        return
+    law, start = study.drive_stage.motor_start
     table = np.column_stack([start.time, start.angle, start.speed]).tolist()
-    yield write_csv(directory / f"run-up-{first.name}.csv", ("time_s", "angle_rad", "speed_rad/s"), table)
+    yield write_csv(directory / f"run-up-{law}.csv", ("time_s", "angle_rad", "speed_rad/s"), table)
 
 
 def roller_motor_columns(motor: RollerMotor, time: ArrayLike) -> tuple[tuple[str, ...], tuple[Any, ...]]:
@@ -150,7 +141,7 @@ def write_roller_motors(study: Study, directory: Path) -> Iterator[Path]:
     header = ("law", *column_names(ROLLER_MOTOR), "lack")
     rows = [(law, *numbers.values()) for law, numbers in roller_motor_numbers(study).items()]
     yield write_csv(directory / "roller-motors.csv", header, rows)
-    roller = next(iter(study.roller_motors.values())).roller
+    roller: Any = next(iter(study.roller_motors.values())).roller
     if roller.tells_creep:
         sampled = np.broadcast_arrays(roller.speeds[:, None], roller.torques, roller.pulls, roller.creeps, roller.loads)
         columns = [column.ravel() for column in sampled]
@@ -165,13 +156,11 @@ def _write_hydraulics(study: Study, directory: Path) -> Iterator[Path]:
         columns = (run.time, *run.state[:2], *vars(run.throttled).values())
         table = np.column_stack(columns).tolist()
         yield write_csv(directory / "throttles" / f"{run.name}.csv", THROTTLE_HEADER, table)
-    first = next((place.run for place in next(iter(study.rankings.values())) if not place.run.lack), None)
-    if first is not None:
-        study.count("passage")
-        stroke = first.forward()
-        law = first.demand.cycle.forward.position(stroke.time)
+    if study.drive_stage.hydraulic_stroke is not None:
+        run, stroke = study.drive_stage.hydraulic_stroke
+        law = run.demand.cycle.forward.position(stroke.time)
         columns = (stroke.time, stroke.position, stroke.velocity, law, stroke.inlet_pressure, stroke.outlet_pressure)
-        yield write_csv(directory / f"passage-{first.name}.csv", STROKE_HEADER, np.column_stack(columns).tolist())
+        yield write_csv(directory / f"passage-{run.name}.csv", STROKE_HEADER, np.column_stack(columns).tolist())
 
 
 def _hydraulic_row(run: Any) -> tuple[Any, ...]:

@@ -67,7 +67,7 @@ STEP_SAFETY = 0.9  # [-], step over the one estimated to meet the tolerance
 
 
 class PrescribedMotion(Protocol):
-    """Motion of the roller; `joins` and `legs`, where present, end steps at discontinuities."""
+    """Motion of the roller; `discontinuities()` and `legs()`, where present, end steps."""
 
     duration: float
 
