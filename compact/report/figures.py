@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from compact.cams.profile import Cam
-from compact.machine.crankshaft import Turn
+from compact.machine.crankshaft import CrankshaftRevolution
 from compact.motion.profile import Cycle
 from compact.quantities import CRITERIA, MOTION, TIME
 from compact.report.figure_style import FAMILIES, PALETTE, TITLE_HEIGHT, law_style, legend_below, panels
@@ -231,12 +231,12 @@ def cam_profiles(cams: Mapping[tuple[str, str], Cam], names: Sequence[str], foll
     return figure
 
 
-def crank_turns(turns: Mapping[str, Turn]) -> Figure:
+def crank_turns(turns: Mapping[str, CrankshaftRevolution]) -> Figure:
     """Draw torque and power of the shaft over a turn for 1 to 4 carts, with dashed means.
 
     Parameters
     ----------
-    turns : mapping of str to Turn
+    turns : mapping of str to CrankshaftRevolution
         Turns by the number of carts.
 
     Returns
