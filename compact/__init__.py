@@ -19,7 +19,7 @@ _HOMES = {
     "analysis.study": ("Study",),
     "cams.machining": ("Cut", "cut"),
     "cams.profile": ("Cam", "FlatFace", "Pointed", "RollerFollower"),
-    "contact": ("DryResistance", "dry_resistance"),
+    "resistance": ("DryResistance", "ResistanceMap", "dry_resistance", "sample_resistance"),
     "drive": ("Crank", "Rigid", "Run", "rank", "simulate"),
     "engines.halfplane": ("galin", "hertz", "pressure_exponent"),
     "files": ("ResultsError",),
@@ -27,13 +27,12 @@ _HOMES = {
     "machine.elastic_drive": ("ElasticDrive", "ElasticRun", "simulate_elastic"),
     "machine.motor_characteristics": ("Belt", "Kloss", "LinearTorqueCurve"),
     "machine.motor_drive": ("Motor", "MotorRun", "simulate_motor"),
-    "machine.roller_motors": ("Driven", "FirstOrder", "RollerMotor"),
+    "machine.roller_motors": ("CreepFreeRoller", "DrivenRoller", "RollerMotor"),
     "material.laws": ("Elastic", "Viscoelastic"),
     "material.mix": ("Mix", "prior"),
     "motion": ("LAWS", "CamLimits", "Cycle", "InfeasibleError", "Limits", "MotionProfile", "law", "optimise"),
     "motion.minimum_criterion": ("ComplexLaw", "minimiser"),
     "motion.tabulated": ("from_table",),
-    "resistance": ("ResistanceMap", "sample_resistance"),
     "rolling_contact": ("Layer", "Roller", "ContactResult"),
     "scene.loader": ("Scene", "SceneError", "load_scene", "parse_scene"),
 }
@@ -41,6 +40,8 @@ _HOMES = {
 _ALIASES = {"column": "engines.column.engine", "spectral": "engines.spectral.engine", "mix": "material.mix"}
 # Former names, accepted for one release
 _RENAMED = {
+    "Driven": "DrivenRoller",
+    "FirstOrder": "CreepFreeRoller",
     "Motion": "MotionProfile",
     "Opposition": "MotionResistance",
     "Rolled": "ContactResult",

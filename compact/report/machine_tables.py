@@ -200,11 +200,11 @@ def first_cam_blocks(study: Study) -> "list[Block]":
     from compact.cams.workshop_drawing import describe, workshop_drawing
     from compact.report.page import Paragraph, Picture
 
-    law = next(iter(study.rankings.values()))[0].run.name
-    machine = study.scene.machine
+    law = study.drive_stage.best_law
+    machine, table = study.scene.machine, study.scene.cam
     try:
         outline = cut(study.cams[law, "roller"])
-        drawing = workshop_drawing(outline, study.scene.cam.bore).svg(describe(outline))
+        drawing = workshop_drawing(outline, table.bore if table else None).svg(describe(outline))
     except ValueError as error:
         return [Paragraph(f"The cam of {law}, the first law, cannot be cut: {error}.")]
     caption = f"{law}, true to scale in the file; `compact cam` writes it as CSV, SVG and DXF."

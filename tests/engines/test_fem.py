@@ -1,14 +1,15 @@
-"""The engine "fem" against closed forms, published tables and a spectral twin; its order, its energy, its limits."""
+"""Engine "fem": closed forms, published tables, the engine "spectral", convergence, energy balance and refusals."""
 
 import itertools
 import re
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rolling_scenes import SPEED, prescribing, random_scenes, stiff_scene, told_over_true, true_errors
+from rolling_scenes import SPEED, error_ratios, prescribing, random_scenes, stiff_scene, true_errors
 from scipy.sparse.linalg import spsolve
 from scipy.special import jv
 
@@ -63,13 +64,13 @@ TABLE_G = [
 
 
 def roll(*case, **numerics):
-    """By finite elements, without the error that another mesh would tell."""
+    """Contact by finite elements without the error estimate."""
     return fem.roll(*case, estimate=False, **numerics)
 
 
-def spectral_layer(ratio, poisson, base, terms=24):
-    """B0, D, PM of an elastic layer at a/h: the equation of contact.md c, a naive twin of tables c."""
-    nodes, weights = np.polynomial.legendre.leggauss(40)
+def spectral_layer(ratio, poisson, base, terms=16):
+    """B0, D and PM of an elastic layer at a/h by the integral equation of contact.md c, solved independently."""
+    nodes, weights = np.polynomial.legendre.leggauss(16)
     near = np.linspace(0, 40, 1 + int(np.ceil(20 * max(1, ratio))))
     ends = np.concatenate([near, 40 + np.arange(1, 200) * 2 / ratio])
     z = (ends[:-1, None] + np.diff(ends)[:, None] * (nodes + 1) / 2).ravel()
@@ -87,15 +88,15 @@ def spectral_layer(ratio, poisson, base, terms=24):
     return b[0], depth, b @ (-1.0) ** m
 
 
-def rolled_at(ratio, depth, base="bonded", poisson=0.3, **numerics):
-    """A roller pressed in to D = delta R/a^2 of an elastic layer with E = 1."""
+def contact_at(ratio, depth, base="bonded", poisson=0.3, **numerics):
+    """Contact at the indentation D = delta R/a^2 on an elastic layer with E = 1."""
     half_width = ratio * 0.22
     roller = Roller(0.11, indentation=depth * half_width**2 / 0.11)
     return roll(Layer(0.22, base), roller, Elastic(1.0, poisson), 1.0, **numerics)
 
 
 def scaled(rolled, ratio):
-    """B0, edges over a, PM of an elastic result."""
+    """B0, both edges over a, and PM of an elastic contact."""
     a, modulus = ratio * 0.22, rolled.material.contact_modulus
     load = rolled.load / (np.pi * modulus * a**2 / (4 * 0.11))
     return load, rolled.leading / a, -rolled.trailing / a, rolled.peak_pressure / (modulus * a / (2 * 0.11))
@@ -105,7 +106,7 @@ def scaled(rolled, ratio):
 
 
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49])
-def test_confined_layer_settles_as_oedometer(poisson):
+def test_confined_layer_settles_by_the_oedometric_modulus(poisson):
     E, p, H = 1.0, 50e3, SMALL.height
     basis = surface_compliance.layer_stiffness(SMALL, poisson, LAYER).basis
     K = assembly.assemble_stiffness(basis, assembly.unit_moduli(poisson))
@@ -124,7 +125,7 @@ def test_confined_layer_settles_as_oedometer(poisson):
 
 @pytest.mark.parametrize("behind", [0, 1])
 @pytest.mark.parametrize("base", ["bonded", "slip"])
-def test_half_of_a_mirrored_mesh_is_enough(base, behind, monkeypatch):
+def test_symmetry_of_a_mirrored_mesh_gives_the_full_compliance(base, behind, monkeypatch):
     task = SMALL, 0.3, Layer(0.22, base), 0.03, True, behind
     half = surface_compliance.surface_compliance(*task).response
     monkeypatch.setattr(mesh.RowMesh, "mirrored", False)
@@ -132,7 +133,7 @@ def test_half_of_a_mirrored_mesh_is_enough(base, behind, monkeypatch):
     assert np.abs(half - full).max() < 1e-10 * np.abs(full).max()
 
 
-def test_skewed_mesh_gives_the_same():
+def test_skewed_mesh_gives_the_contact_of_a_straight_one():
     straight = mesh.graded_mesh(0.22, 0.014, 8)
     lean = np.sin(np.pi * straight.y / 0.22)[:, None] * 0.4 * np.diff(straight.x[-1]).min()
     skewed = mesh.RowMesh(straight.x + lean, straight.y)
@@ -154,8 +155,16 @@ def test_hertz_stress_on_the_axis():
     assert stress[:, 0] / p0 == pytest.approx(-((a**2 + 2 * z**2) / (a * np.hypot(a, z)) - 2 * z / a), abs=0.01)
 
 
-@pytest.mark.parametrize(("friction", "speed"), [(0.1, 1.0), (0.5, 1.0), (0.5, -1.0), (1.0, -1.0)])
-def test_sliding_roller_is_galins(friction, speed):
+@pytest.mark.parametrize(
+    ("friction", "speed"),
+    [
+        (0.5, 1.0),
+        (1.0, -1.0),
+        pytest.param(0.1, 1.0, marks=pytest.mark.slow),
+        pytest.param(0.5, -1.0, marks=pytest.mark.slow),
+    ],
+)
+def test_sliding_contact_is_that_of_galin(friction, speed):
     exact = galin(radius=0.11, youngs_modulus=1e6, poisson=0.3, friction=friction, contact_length=0.02)
     roller = Roller(0.11, load=float(exact.load), friction=friction, rolling="sliding")
     rolled = roll(Layer(1.1), roller, Elastic(1e6, 0.3), speed)
@@ -168,7 +177,7 @@ def test_sliding_roller_is_galins(friction, speed):
     assert rolled.work_residual < 1e-4
 
 
-def test_creep_function_answers_the_relaxation():
+def test_creep_function_is_the_inverse_of_the_relaxation_function():
     law = convected_memory.creep_function(Viscoelastic(1.0, 0.3, branches=((0.5, 1e-3), (2.0, 0.1), (0.1, 1e3))))
     assert law.instant + sum(law.shares) == pytest.approx(1, rel=1e-12)
     for frequency in (1e-4, 0.3, 12.0, 1e5):
@@ -180,7 +189,7 @@ def test_creep_function_answers_the_relaxation():
 
 
 @pytest.mark.parametrize("length", [1e-6, 0.03, 1.0, 1e5, -0.5])
-def test_memory_is_exact_for_a_parabola(length):
+def test_retardation_is_exact_for_a_parabola(length):
     corners = np.array([-1.0, -0.7, -0.2, 0.1, 1.0])
     x = np.sort(np.concatenate([corners, (corners[1:] + corners[:-1]) / 2]))
     z = convected_memory.retardation_operator(x, length) @ x**2
@@ -192,7 +201,7 @@ def test_memory_is_exact_for_a_parabola(length):
 
 
 @pytest.mark.parametrize("length", [1e-6, 0.3, 1e4, -0.3])
-def test_retarded_line_is_exact(length):
+def test_retardation_along_rows_is_exact_for_a_line(length):
     x = np.array([[-1.0, -0.3, 0.2, 1.0]])
     z = convected_memory.retarded_along_rows(x[..., None].copy(), x, length)[0, :, 0]
     start = np.sign(length)
@@ -200,8 +209,9 @@ def test_retarded_line_is_exact(length):
     assert z == pytest.approx(exact, abs=1e-12 * max(1, abs(length)))
 
 
+@cache
 def traction_of(poisson, share):
-    """Driven or braked roller on a thick layer: traction over f p0 and creep over f a/R, scaled as Carter's."""
+    """Traction over f p0 and creepage over f a/R of a driven or braked roller on a thick layer."""
     a, friction, radius, E = 0.011, 0.3, 0.11, 1e6
     load = np.pi * E / (1 - poisson**2) * a**2 / (4 * radius)
     roller = Roller(radius, load=load, friction=friction, rolling="driven")
@@ -212,7 +222,7 @@ def traction_of(poisson, share):
 
 
 @pytest.mark.parametrize("share", [0.5, pytest.param(-0.5, marks=pytest.mark.slow)], ids=["driven", "braked"])
-def test_rolling_contact_is_carters(share):
+def test_traction_of_a_driven_roller_is_that_of_carter(share):
     # F. W. Carter 1926; Johnson, Contact Mechanics, 8.3: stick width a sqrt(1 - Q/fP) from the leading edge
     nus = np.array([0.45, 0.47, 0.49])
     fitted = np.polynomial.polynomial.polyfit(nus - 0.5, [traction_of(nu, share) for nu in nus], 1)[0]
@@ -221,17 +231,18 @@ def test_rolling_contact_is_carters(share):
     assert np.trapezoid(np.abs(fitted[:-1] + np.sign(share) * carter), x) < 0.02 * np.pi / 2
 
 
-def test_creep_is_carters():
-    # half the difference of both directions: a layer of finite height stretches under any pressure
-    creep = (traction_of(0.49, 0.5)[-1] - traction_of(0.49, -0.5)[-1]) / 2
-    assert creep == pytest.approx(1 - np.sqrt(0.5), rel=0.01)
+def test_creepage_is_that_of_carter():
+    # half the difference of both torques, since a layer of finite height stretches under any pressure
+    creepage = (traction_of(0.49, 0.5)[-1] - traction_of(0.49, -0.5)[-1]) / 2
+    assert creepage == pytest.approx(1 - np.sqrt(0.5), rel=0.01)
 
 
 # (b) order
 
 
-def observed_orders(material, speed, names, meshes=4):
-    layer, results = mesh.graded_mesh(0.22, 0.01385, 3, growth=1.5), []
+def observed_orders(material, speed, names, meshes=4, elements=3, reach=20.0):
+    """Exponents of the element size in the errors of quantities, against the finest of several meshes."""
+    layer, results = mesh.graded_mesh(0.22, 0.01385, elements, growth=1.5, reach=reach), []
     for _ in range(meshes):
         rolled = fem.roll(LAYER, Roller(0.11, indentation=0.003), material, speed, mesh=layer, estimate=False)
         results.append([getattr(rolled, name) for name in names])
@@ -243,23 +254,26 @@ def observed_orders(material, speed, names, meshes=4):
 @pytest.mark.slow
 def test_load_and_resistance_converge():
     load, resistance, residual = observed_orders(SLS, 0.003, ("load", "resistance", "work_residual"))
-    said = f"observed order: load {load:.2f}, resistance {resistance:.2f}, work residual {residual:.2f}"
-    assert load >= 2, said
-    assert resistance >= 1.5, said
-    assert residual > 0.5, said
+    orders = f"observed order: load {load:.2f}, resistance {resistance:.2f}, work residual {residual:.2f}"
+    assert load >= 2, orders
+    assert resistance >= 1.5, orders
+    assert residual > 0.5, orders
 
 
 def test_elastic_load_converges():
-    order = observed_orders(MIX, 1.0, ("load",), meshes=3)[0]
+    order = observed_orders(MIX, 1.0, ("load",), meshes=3, elements=2, reach=4.0)[0]
     assert order >= 2, f"observed order of the load {order:.2f}"
 
 
 # (c) published numbers
 
 
-@pytest.mark.parametrize(("base", "ratio", "load", "depth", "peak"), TABLE_C)
+@pytest.mark.parametrize(
+    ("base", "ratio", "load", "depth", "peak"),
+    [pytest.param(*row, marks=[pytest.mark.slow] * (row[1] in (0.2, 1.0))) for row in TABLE_C],
+)
 def test_table_of_elastic_layers(base, ratio, load, depth, peak):
-    got = scaled(rolled_at(ratio, depth, base), ratio)
+    got = scaled(contact_at(ratio, depth, base), ratio)
     assert got[0] == pytest.approx(load, rel=5e-4)
     assert got[1:3] == pytest.approx([1, 1], rel=3e-3)
     if peak:
@@ -298,7 +312,10 @@ def test_table_of_steady_forces(speed, resistance):
     assert rolled.resistance / mix.contact_modulus == pytest.approx(resistance, rel=1e-3)
 
 
-@pytest.mark.parametrize(("deborah", "trailing", "load", "resistance"), TABLE_E)
+@pytest.mark.parametrize(
+    ("deborah", "trailing", "load", "resistance"),
+    [pytest.param(*row, marks=[pytest.mark.slow] * (row[0] != 1.0)) for row in TABLE_E],
+)
 def test_thin_slipping_layer_is_a_winkler_foundation(deborah, trailing, load, resistance):
     b, R = 0.02, 0.11
     mix = Viscoelastic(1e6, 0.3, branches=((1.0, 1.0),))
@@ -308,7 +325,7 @@ def test_thin_slipping_layer_is_a_winkler_foundation(deborah, trailing, load, re
         rolled = roll(Layer(height, "slip"), Roller(R, indentation=b**2 / (2 * R)), mix, deborah * b)
         force = rolled.load * R / (k * b**3), rolled.resistance * R**2 / (k * b**4)
         numbers.append((rolled.leading / b, -rolled.trailing / b, *force))
-    thin = 2 * np.array(numbers[1]) - numbers[0]  # to no height at all
+    thin = 2 * np.array(numbers[1]) - numbers[0]  # extrapolated to zero height
     assert thin[:2] == pytest.approx((1, trailing), rel=5e-3)
     assert thin[2:] == pytest.approx((load, resistance), rel=5e-3)
 
@@ -320,20 +337,20 @@ def test_thin_slipping_layer_is_a_winkler_foundation(deborah, trailing, load, re
     ("base", "poisson", "ratio"),
     [("bonded", 0.49, 3.0), ("slip", 0.49, 3.0), ("bonded", 0.49, 0.05), ("bonded", 0.2, 1.0), ("slip", 0.45, 0.2)],
 )
-def test_layers_between_the_rows_of_the_table(base, poisson, ratio):
+def test_layer_between_rows_of_the_table(base, poisson, ratio):
     load, depth, peak = spectral_layer(ratio, poisson, base)
-    got = scaled(rolled_at(ratio, depth, base, poisson), ratio)
+    got = scaled(contact_at(ratio, depth, base, poisson), ratio)
     assert got[0] == pytest.approx(load, rel=5e-4)
     assert got[1:3] == pytest.approx([1, 1], rel=3e-3)
     assert got[3] == pytest.approx(peak, rel=3e-3)
 
 
-def test_twin_gives_the_table():
+def test_independent_solution_reproduces_the_table():
     assert spectral_layer(0.5, 0.3, "bonded") == pytest.approx((1.166134, 0.819921, 1.172175), rel=2e-6)
 
 
 @pytest.mark.parametrize("deborah", [1e-4, 1e4])
-def test_limits_of_speed(deborah):
+def test_load_and_resistance_in_the_limits_of_slow_and_fast_rolling(deborah):
     # contact.md d: mu -> v (tau_c - tau_r)/R, F -> 0; the load is that of the relaxed, or of the instant modulus
     a, R, depth = 0.0208, 0.11, 0.006
     rolled = roll(LAYER, Roller(R, depth), SLS, deborah * a)
@@ -354,7 +371,7 @@ def test_smallest_indentation():
 
 
 @pytest.mark.parametrize("base", ["bonded", "slip"])
-def test_friction_of_one_at_any_speed(base):
+def test_friction_of_one_on_both_bases(base):
     roller = Roller(0.11, 0.006, friction=1.0, rolling="sliding", profile="deformed")
     rolled = roll(Layer(0.22, base), roller, SLS, 0.03)
     assert rolled.resistance == pytest.approx(rolled.load, rel=0.1)
@@ -363,54 +380,57 @@ def test_friction_of_one_at_any_speed(base):
 
 SIX_DECADES = Viscoelastic(10e6, 0.3, branches=tuple((0.5, 10.0**k) for k in range(-4, 3)))
 NEARLY_INCOMPRESSIBLE = Viscoelastic(10e6, 0.49, branches=((1.0, 1.0),))
-DRAGGED = {"friction": 1.0, "rolling": "sliding"}
-CORNERS = {
+SLIDING = {"friction": 1.0, "rolling": "sliding"}
+EXTREMES = {
     **{f"De 1e{k}": (LAYER, Roller(0.11, 0.006), SLS, 10.0**k * 0.0208) for k in range(-4, 5)},
     "six decades": (LAYER, Roller(0.11, 0.006), SIX_DECADES, 0.2),
-    "friction 1": (LAYER, Roller(0.11, 0.006, profile="circle", **DRAGGED), SLS, 0.03),
-    "friction 1, back": (LAYER, Roller(0.11, 0.006, profile="circle", **DRAGGED), SLS, -0.03),
-    "friction 1, slip base": (Layer(0.22, "slip"), Roller(0.11, 0.006, **DRAGGED), SLS, 0.03),
-    "friction 1, slip base, back": (Layer(0.22, "slip"), Roller(0.11, 0.006, **DRAGGED), SLS, -0.03),
+    "friction 1": (LAYER, Roller(0.11, 0.006, profile="circle", **SLIDING), SLS, 0.03),
+    "friction 1, back": (LAYER, Roller(0.11, 0.006, profile="circle", **SLIDING), SLS, -0.03),
+    "friction 1, slip base": (Layer(0.22, "slip"), Roller(0.11, 0.006, **SLIDING), SLS, 0.03),
+    "friction 1, slip base, back": (Layer(0.22, "slip"), Roller(0.11, 0.006, **SLIDING), SLS, -0.03),
     "depth 1e-6": (LAYER, Roller(0.11, 1e-6), SLS, 5e-4),
     "a/h 3, nu .49": (Layer(0.02), Roller(0.5, 0.004), NEARLY_INCOMPRESSIBLE, 0.05),
-    "a/h 3, nu .49, friction 1": (Layer(0.02), Roller(0.5, 0.004, **DRAGGED), NEARLY_INCOMPRESSIBLE, 0.05),
+    "a/h 3, nu .49, friction 1": (Layer(0.02), Roller(0.5, 0.004, **SLIDING), NEARLY_INCOMPRESSIBLE, 0.05),
 }
 
 
-BETWEEN = ("De 1e-3", "De 1e-2", "De 1e2", "De 1e3")  # corners that lie between others
+INTERMEDIATE = ("De 1e-3", "De 1e-2", "De 1e-1", "De 1e1", "De 1e2", "De 1e3", "friction 1", "friction 1, slip base")
 
 
 @pytest.mark.parametrize(
     ("layer", "roller", "mix", "speed"),
-    [pytest.param(*corner, id=name, marks=[pytest.mark.slow] * (name in BETWEEN)) for name, corner in CORNERS.items()],
+    [
+        pytest.param(*case, id=name, marks=[pytest.mark.slow] * (name in INTERMEDIATE))
+        for name, case in EXTREMES.items()
+    ],
 )
-def test_hard_corner_is_that_of_the_spectral_engine(layer, roller, mix, speed):
-    rolled, judge = roll(layer, roller, mix, speed), spectral.roll(layer, roller, mix, speed)
-    assert rolled.load == pytest.approx(judge.load, rel=5e-4)
-    assert rolled.resistance == pytest.approx(judge.resistance, rel=5e-3)
-    assert rolled.peak_pressure == pytest.approx(judge.peak_pressure, rel=3e-3)
+def test_extreme_case_agrees_with_the_spectral_engine(layer, roller, mix, speed):
+    rolled, exact = roll(layer, roller, mix, speed), spectral.roll(layer, roller, mix, speed)
+    assert rolled.load == pytest.approx(exact.load, rel=5e-4)
+    assert rolled.resistance == pytest.approx(exact.resistance, rel=5e-3)
+    assert rolled.peak_pressure == pytest.approx(exact.peak_pressure, rel=3e-3)
     assert rolled.work_residual < 5e-3
 
 
 def test_free_roller_confines_a_thin_slipping_layer():
-    # it sticks, so e_x = 0 under it: p = E_oed (delta - x^2/2R)/h, q = nu/(1 - nu) h dp/dx; frictionless it were
-    # E/(1 - nu^2) instead, 18 % less
+    # full stick, e_x = 0: p = E_oed (delta - x^2/2R)/h, q = nu/(1 - nu) h dp/dx; without friction the modulus would be
+    # E/(1 - nu^2), 18 % less
     b, R, nu = 0.02, 0.11, 0.3
     oedometric, loads = 1e6 * (1 - nu) / ((1 + nu) * (1 - 2 * nu)), []
     for height in (b / 10, b / 20):
         roller = Roller(R, indentation=b**2 / (2 * R), friction=1.0, rolling="free")
         rolled = roll(Layer(height, "slip"), roller, Elastic(1e6, nu), 1.0)
         loads.append(rolled.load / (2 / 3 * oedometric * b**3 / (R * height)))
-    assert 2 * loads[1] - loads[0] == pytest.approx(1, rel=5e-3)  # to no height at all
+    assert 2 * loads[1] - loads[0] == pytest.approx(1, rel=5e-3)  # extrapolated to zero height
     middle = np.linspace(-b / 2, b / 2, 9)
     shear = np.interp(middle, rolled.x, rolled.shear_traction)
     assert shear == pytest.approx(-nu / (1 - nu) * oedometric * middle / R, abs=1e-4 * rolled.peak_pressure)
 
 
 @pytest.mark.parametrize("speed", [1.0, -1.0])
-def test_slipping_layer_is_held_behind_and_undisturbed_ahead(speed):
+def test_layer_on_a_frictionless_base_is_held_behind_and_undisturbed_ahead(speed):
     E, nu, h = 1e6, 0.3, 0.22
-    rolled = roll(Layer(h, "slip"), Roller(0.11, 0.003, **DRAGGED), Elastic(E, nu), speed)
+    rolled = roll(Layer(h, "slip"), Roller(0.11, 0.003, **SLIDING), Elastic(E, nu), speed)
     content = fem.fields(rolled)
     surface = np.flatnonzero(content.points[:, 1] > h * (1 - 1e-9))
     ends = surface[np.argsort(speed * content.points[surface, 0])[[0, -1]]]  # behind, ahead
@@ -420,7 +440,7 @@ def test_slipping_layer_is_held_behind_and_undisturbed_ahead(speed):
     assert content.cell_data["stress"][0][behind, 0] == pytest.approx(rolled.load / h, rel=1e-3)
 
 
-def test_stiff_branch_leaves_contact_in_front_only():
+def test_contact_on_a_stiff_branch_lies_ahead_of_the_lowest_point():
     mix = Viscoelastic(1e6, 0.3, branches=((100.0, 1.0),))
     rolled = roll(LAYER, Roller(0.11, 0.006), mix, 0.1 * 0.0208)
     assert 0 < rolled.trailing < rolled.leading
@@ -433,9 +453,9 @@ def test_stiff_branch_leaves_contact_in_front_only():
 depths = st.floats(1e-5, 0.02)
 
 
-@settings(max_examples=5)
+@settings(max_examples=3)
 @given(depths, st.floats(0.05, 0.45), st.sampled_from(["bonded", "slip"]), st.floats(-2, 2))
-def test_resistance_is_odd_and_pressure_carries_the_load(depth, poisson, base, decade):
+def test_resistance_is_odd_in_speed_and_the_pressure_integrates_to_the_load(depth, poisson, base, decade):
     mix = Viscoelastic(10e6, poisson, branches=((1.0, 1.0), (0.5, 0.1)))
     forth, back = (roll(Layer(0.22, base), Roller(0.11, depth), mix, s * 10**decade * 0.02) for s in (1, -1))
     assert back.resistance == pytest.approx(-forth.resistance, rel=1e-6)
@@ -446,7 +466,7 @@ def test_resistance_is_odd_and_pressure_carries_the_load(depth, poisson, base, d
     assert forth.work_residual < 5e-3
 
 
-def test_load_and_peak_pressure_find_the_indentation():
+def test_prescribed_load_and_peak_pressure_give_the_indentation():
     given_depth = roll(LAYER, Roller(0.11, indentation=0.003), SLS, 0.03)
     for target in ("load", "peak_pressure"):
         found = roll(LAYER, Roller(0.11, **{target: getattr(given_depth, target)}), SLS, 0.03)
@@ -455,7 +475,7 @@ def test_load_and_peak_pressure_find_the_indentation():
         assert found.resistance == pytest.approx(given_depth.resistance, rel=2e-3)
 
 
-def test_reaction_of_the_base_is_the_load():
+def test_reaction_of_the_base_equals_the_load():
     rolled = roll(LAYER, Roller(0.11, 0.003, profile="deformed"), SLS, 0.03, mesh=SMALL)
     layer = surface_compliance.layer_stiffness(SMALL, 0.3, LAYER)
     forces = np.zeros((layer.basis.N, 2, 1))
@@ -466,8 +486,8 @@ def test_reaction_of_the_base_is_the_load():
     assert SLS.youngs_modulus * reaction[0] == pytest.approx(-rolled.resistance, rel=1e-6)
 
 
-TURNED = itertools.product(["parabola", "circle", "deformed"], ["bonded", "slip"], [0.0, 700.0, -700.0])
-DAILY = (  # every profile on every base, every torque on either base
+TORQUE_CASES = itertools.product(["parabola", "circle", "deformed"], ["bonded", "slip"], [0.0, 700.0, -700.0])
+DEFAULT_TORQUE_CASES = (  # every profile on every base, every torque on either base
     ("parabola", "bonded", 0.0), ("circle", "bonded", 700.0), ("deformed", "bonded", -700.0),
     ("parabola", "slip", 700.0), ("circle", "slip", -700.0), ("deformed", "slip", 0.0),
 )  # fmt: skip
@@ -475,9 +495,9 @@ DAILY = (  # every profile on every base, every torque on either base
 
 @pytest.mark.parametrize(
     ("profile", "base", "torque"),
-    [pytest.param(*case, marks=[pytest.mark.slow] * (case not in DAILY)) for case in TURNED],
+    [pytest.param(*case, marks=[pytest.mark.slow] * (case not in DEFAULT_TORQUE_CASES)) for case in TORQUE_CASES],
 )
-def test_energy_of_stick_and_slip_is_balanced(profile, base, torque):
+def test_energy_balance_with_stick_and_slip(profile, base, torque):
     roller = Roller(0.11, 0.006, friction=0.3, rolling="driven", profile=profile)
     rolled = roll(Layer(0.22, base), roller, SLS, 0.03, torque=torque)
     assert rolled.work_residual < 5e-3
@@ -485,7 +505,7 @@ def test_energy_of_stick_and_slip_is_balanced(profile, base, torque):
     assert np.trapezoid(rolled.shear_traction, rolled.x) == pytest.approx(-torque / 0.11, abs=2e-3 * rolled.load)
 
 
-def test_free_roller_sticks_and_slips_alike_both_ways():
+def test_free_rolling_is_mirrored_by_reversing_the_speed():
     roller = Roller(0.11, 0.006, friction=0.1, rolling="free")
     forth, back = (roll(LAYER, roller, SLS, speed) for speed in (0.03, -0.03))
     assert back.resistance == pytest.approx(-forth.resistance, rel=1e-6)
@@ -494,7 +514,7 @@ def test_free_roller_sticks_and_slips_alike_both_ways():
 
 
 @pytest.mark.slow
-def test_free_rolling_on_a_thick_layer_has_no_traction_as_it_turns_incompressible():
+def test_traction_of_free_rolling_vanishes_as_a_thick_layer_becomes_incompressible():
     largest = []
     for poisson in (0.45, 0.47, 0.49):
         roller = Roller(0.11, load=1100.0, friction=0.3, rolling="free")
@@ -504,57 +524,49 @@ def test_free_rolling_on_a_thick_layer_has_no_traction_as_it_turns_incompressibl
     assert np.polyval(np.polyfit([0.05, 0.03, 0.01], largest, 1), 0) == pytest.approx(0, abs=0.02)
 
 
-def test_roller_driven_too_hard_skids():
+def test_torque_beyond_the_friction_limit_skids():
     roller = Roller(0.11, 0.006, friction=0.1, rolling="driven")
     with pytest.raises(RuntimeError, match=r"the roller skids: the torque is 2\.\d+ times the friction limit"):
         roll(LAYER, roller, SLS, 0.03, torque=0.25 * 44e3 * 0.11)
 
 
-def test_free_rolling_without_friction_is_frictionless():
+def test_free_rolling_without_friction_is_frictionless_rolling():
     free = fem.roll(LAYER, Roller(0.11, 0.003, rolling="free"), SLS, 0.03, mesh=SMALL)
     assert free.resistance == fem.roll(LAYER, Roller(0.11, 0.003), SLS, 0.03, mesh=SMALL).resistance
 
 
-# its own error, against the spectral engine at a hundredth of it or less
+# error estimate, against the engine "spectral" with a hundredth of the error or less
 
 
-def errors_told_and_true(count):
-    """Two arrays of (load, resistance), one row for each scene."""
-    told, true = [], []
-    for layer, roller, mix, name in random_scenes(count):
+def estimated_and_true_errors(scenes):
+    """Estimated and true errors of (load, resistance), one row per scene."""
+    estimated, true = [], []
+    for layer, roller, mix, name in list(random_scenes(60))[scenes]:
 
-        def judge(roller, layer=layer, mix=mix):
+        def exact(roller, layer=layer, mix=mix):
             return spectral.roll(layer, roller, mix, SPEED, rtol=1e-8)
 
-        given = prescribing(roller, name, getattr(judge(roller), name))
+        given = prescribing(roller, name, getattr(exact(roller), name))
         rolled = fem.roll(layer, given, mix, SPEED)
-        told.append(rolled.error)
-        true.append(true_errors(rolled, given, judge))
-    return np.array(told), np.array(true)
+        estimated.append(rolled.error)
+        true.append(true_errors(rolled, given, exact))
+    return np.array(estimated), np.array(true)
 
 
-def test_error_told_is_no_less_than_half_the_true_one_and_mostly_near_it():
-    told, true = errors_told_and_true(8)
+@pytest.mark.parametrize("scenes", [slice(5, 7), pytest.param(slice(60), marks=pytest.mark.slow)], ids=["few", "many"])
+def test_error_estimate_is_between_half_and_five_times_the_true_error(scenes):
+    """Five times in the median, twenty times in 95 %."""
+    estimated, true = estimated_and_true_errors(scenes)
     for column in range(2):
-        smallest, median, _, rest = told_over_true(told[:, column], true[:, column], 1e-9)
-        assert smallest >= 0.5
-        assert median <= 5
-        assert rest < 1e-7
-
-
-@pytest.mark.slow
-def test_error_told_over_the_true_one_in_sixty_scenes():
-    told, true = errors_told_and_true(60)
-    for column in range(2):
-        smallest, median, large, rest = told_over_true(told[:, column], true[:, column], 1e-9)
+        smallest, median, large, rest = error_ratios(estimated[:, column], true[:, column], 1e-9)
         assert smallest >= 0.5
         assert median <= 5
         assert large <= 20
         assert rest < 1e-7
 
 
-def test_error_of_a_roller_that_sticks_and_slips_covers_a_finer_mesh():
-    """The published machine: its prescribed peak pressure is the least certain, and its profile the deformed one."""
+def test_error_estimate_with_stick_and_slip_covers_the_difference_from_a_finer_mesh():
+    """The published machine, with a prescribed peak pressure and the gap on the deformed surface."""
     mix = Viscoelastic(1364535.2, 0.3, branches=((0.5, 0.1),))
     roller = Roller(0.11, friction=0.35, rolling="free", profile="deformed", peak_pressure=0.203e6)
     rolled = fem.roll(LAYER, roller, mix, 0.03, tolerance=0.01)
@@ -564,9 +576,10 @@ def test_error_of_a_roller_that_sticks_and_slips_covers_a_finer_mesh():
     assert finer.error is None
 
 
-def test_mean_of_peaks_by_few_and_many_terms_is_nearer_than_either():
+@pytest.mark.parametrize("scenes", [4, pytest.param(10, marks=pytest.mark.slow)])
+def test_mean_of_the_peak_pressures_by_fewer_and_by_all_terms_is_closer_than_either(scenes):
     misses = []
-    for layer, roller, mix, _ in random_scenes(10):
+    for layer, roller, mix, _ in random_scenes(scenes):
         exact = spectral.roll(layer, roller, mix, SPEED, rtol=1e-8).peak_pressure
         case = contact_problem.RollingProblem(layer, roller, mix, SPEED)
         contact = contact_problem.solve_contact(case, discretisation.initial_discretisation(case, None, 2e-3))
@@ -577,7 +590,7 @@ def test_mean_of_peaks_by_few_and_many_terms_is_nearer_than_either():
     assert mean < 3e-4
 
 
-def test_no_result_without_an_error_where_the_refined_solution_is_not_found(monkeypatch):
+def test_failure_of_the_error_estimate_raises(monkeypatch):
     coarse = mesh.RowMesh(np.tile([-1.0, 0.0, 1.0], (2, 1)), np.array([0.0, 0.22]))
     monkeypatch.setattr(mesh.RowMesh, "refined", lambda rows: coarse)
     with pytest.raises(
@@ -586,51 +599,49 @@ def test_no_result_without_an_error_where_the_refined_solution_is_not_found(monk
         fem.roll(LAYER, Roller(0.11, 0.003), MIX, 1.0, mesh=SMALL)
 
 
-STIFF = Viscoelastic(10e6, 0.3, branches=((49.0, 0.1),))  # 50 times as stiff at once as relaxed
+STIFF = Viscoelastic(10e6, 0.3, branches=((49.0, 0.1),))  # instantaneous modulus 50 times the relaxed one
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rolling", ["frictionless", "free"])
-def test_tolerance_is_met_by_refinement_where_the_mix_is_fifty_times_as_stiff_at_once(rolling):
-    """On the first mesh 1.7 and 6.7 % are estimated, and the resistance is 4.4 % off."""
-    pressed = Roller(0.11, 0.003, friction=0.0 if rolling == "frictionless" else 0.3, rolling=rolling)
-    rolled = fem.roll(LAYER, pressed, STIFF, 0.001, tolerance=7e-3)
+def test_refinement_reaches_the_tolerance_on_a_mix_of_fifty_times_the_instantaneous_modulus(rolling):
+    """On the first mesh the estimates are 1.7 and 6.7 %, and the error of the resistance is 4.4 %."""
+    roller = Roller(0.11, 0.003, friction=0.0 if rolling == "frictionless" else 0.3, rolling=rolling)
+    rolled = fem.roll(LAYER, roller, STIFF, 0.001, tolerance=7e-3)
     assert max(rolled.error) <= 7e-3
     if rolling == "frictionless":
-        assert np.all(
-            np.array(true_errors(rolled, pressed, lambda roller: spectral.roll(LAYER, roller, STIFF, 0.001))) < 7e-3
-        )
+        true = true_errors(rolled, roller, lambda other: spectral.roll(LAYER, other, STIFF, 0.001))
+        assert max(true) < 7e-3
 
 
 @pytest.mark.slow
-def test_wrong_contact_of_the_first_mesh_is_not_returned():
-    """Its peak pressure is that prescribed, its load 4.2 times the right one, and no refined mesh confirms it."""
+def test_wrong_contact_on_the_first_mesh_is_rejected():
+    """It has the prescribed peak pressure, but 4.2 times the correct load; no refined mesh confirms it."""
     mix, speed = Viscoelastic(1e7, 0.30958, ((36.54716, 1.3330992), (2.4788208, 0.2237176))), 1.20106e-3
-    pressed = Roller(1.4626081, 1.430974e-3, friction=0.3547987, rolling="sliding", profile="circle")
-    exact = spectral.roll(LAYER, pressed, mix, speed)
-    rolled = fem.roll(LAYER, prescribing(pressed, "peak_pressure", exact.peak_pressure), mix, speed, tolerance=7e-3)
+    roller = Roller(1.4626081, 1.430974e-3, friction=0.3547987, rolling="sliding", profile="circle")
+    exact = spectral.roll(LAYER, roller, mix, speed)
+    rolled = fem.roll(LAYER, prescribing(roller, "peak_pressure", exact.peak_pressure), mix, speed, tolerance=7e-3)
     assert (rolled.load, rolled.resistance) == pytest.approx((exact.load, exact.resistance), rel=7e-3)
 
 
 @pytest.mark.parametrize(
-    ("pressed", "remedy"),
+    ("roller", "remedy"),
     [
         (Roller(0.11, 0.003), "or use spectral"),
         (Roller(0.11, 0.003, 0.3, profile="deformed"), "without stick and slip"),
     ],
     ids=["smooth", "deformed"],
 )
-def test_tolerance_out_of_reach_is_refused_with_the_error_reached_and_the_remedy(pressed, remedy, monkeypatch):
+def test_unreachable_tolerance_raises_with_the_error_and_the_remedy(roller, remedy, monkeypatch):
     monkeypatch.setattr(discretisation, "MAX_UNKNOWNS", 9000)
     monkeypatch.setattr(fem_engine, "MAX_UNKNOWNS", 9000)
     words = rf"`tolerance` 0.007 is not reached: .* \d\.\de-0\d for the load .* 9000 unknowns; raise .*{remedy}"
     with pytest.raises(RuntimeError, match=words):
-        fem.roll(LAYER, pressed, STIFF, 0.001, tolerance=7e-3)
+        fem.roll(LAYER, roller, STIFF, 0.001, tolerance=7e-3)
 
 
-def test_contact_on_a_slipping_layer_stays_under_the_roller_at_any_speed():
-    """Displacements along x count from the end ahead: what a layer that hardly changes its volume is pressed out by, as
-    it has relaxed there, is no shift of the roller; it was 44 mm of 73 mm."""
+def test_contact_on_a_frictionless_base_is_nearly_centred_at_high_speed():
+    """Displacements along x count from the end ahead; the relaxed outflow is no shift of the roller."""
     mix = Viscoelastic(1e7, 0.494, branches=((61.0, 100.0),))
     rolled = fem.roll(Layer(0.22, "slip"), Roller(0.41, 0.0046, profile="deformed"), mix, 1.0, estimate=False)
     assert abs(rolled.leading + rolled.trailing) < 0.1 * (rolled.leading - rolled.trailing)
@@ -638,16 +649,14 @@ def test_contact_on_a_slipping_layer_stays_under_the_roller_at_any_speed():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(12))
-def test_random_scenes_of_stiff_mix_meet_the_tolerance_or_are_refused_in_words(number):
+def test_random_scene_of_stiff_mix_reaches_the_tolerance_or_raises(number):
     layer, roller, mix, speed = stiff_scene(7, number)
     torque = 0.0 if roller.rolling == "driven" else None
-    refused = None
     try:
         rolled = fem.roll(layer, roller, mix, speed, torque=torque, tolerance=7e-3)
     except RuntimeError as error:
-        refused = str(error)
-    if refused is not None:
-        assert re.search("`tolerance` 0.007 is not reached|no contact found on|skids|wider than the circle", refused)
+        known = "`tolerance` 0.007 is not reached|no contact found on|skids|wider than the circle"
+        assert re.search(known, str(error))  # noqa: PT017
         return
     assert max(rolled.error) <= 7e-3
     if roller.rolling in ("frictionless", "sliding") and roller.profile != "deformed":
@@ -658,26 +667,26 @@ def test_random_scenes_of_stiff_mix_meet_the_tolerance_or_are_refused_in_words(n
 # (f) cost
 
 
-def test_few_iterations_and_unknowns():
-    rolled = fem.roll(LAYER, Roller(0.11, 0.006), SLS, 0.03)
+def test_number_of_iterations_and_unknowns():
+    rolled = roll(LAYER, Roller(0.11, 0.006), SLS, 0.03)
     assert len(rolled.history) < 25
     assert rolled.mesh.dofs < 25_000
 
 
 def test_speeds_share_one_factorisation():
     surface_compliance.layer_stiffness.cache_clear()
-    for speed in (0.003, 0.03, 0.3, -0.3):
+    for speed in (0.03, -0.3):
         fem.roll(LAYER, Roller(0.11, 0.006), SLS, speed)
     fem.roll(LAYER, Roller(0.11, 0.006), replace(SLS, youngs_modulus=3e6), 0.1)
     assert (
         surface_compliance.layer_stiffness.cache_info().misses <= 2
-    )  # the mesh and the refined one that tells the error
+    )  # the mesh and the refined one of the error estimate
 
 
 # fields
 
 
-def test_fields_hold_what_was_rolled(tmp_path):
+def test_fields_agree_with_the_contact(tmp_path):
     import meshio
 
     rolled = roll(LAYER, Roller(0.11, 0.003), SLS, 0.03, mesh=SMALL)
@@ -721,7 +730,7 @@ def test_fields_hold_what_was_rolled(tmp_path):
         *("rolling", "profile", "base", "mesh"),
     ],
 )
-def test_what_fem_cannot_do_is_refused(change, message):
+def test_invalid_argument_is_refused(change, message):
     call = {"layer": LAYER, "roller": Roller(0.11, 0.003), "material": MIX, "speed": 1.0} | change
     with pytest.raises(ValueError, match=message):
         roll(**call)
@@ -735,18 +744,18 @@ def test_mesh_too_coarse_for_the_contact_raises():
         roll(LAYER, Roller(0.11, 0.003), MIX, 1.0, mesh=coarse)
 
 
-def test_contact_that_no_mesh_settles_is_refused_with_the_remedy(monkeypatch):
+def test_contact_without_convergence_on_any_mesh_raises_with_the_remedy(monkeypatch):
     monkeypatch.setattr(contact_patch, "MAX_ITERATIONS", 2)
     with pytest.raises(
         RuntimeError, match=r"no contact found on 5 meshes .*; use spectral; the contact edges did not converge"
     ):
-        fem.roll(LAYER, Roller(0.11, 0.0031), MIX, 1.0, tolerance=0.01)
+        fem.roll(LAYER, Roller(0.11, 0.0031), MIX, 1.0, tolerance=0.05)
 
 
-def test_failure_tells_its_history(monkeypatch):
+def test_failure_lists_the_last_iterations(monkeypatch):
     monkeypatch.setattr(contact_patch, "MAX_ITERATIONS", 2)
     with pytest.raises(
         RuntimeError,
-        match=r"did not converge in 2 iterations; the last \(trailing \[m\], leading \[m\], step over length\) are \[\(-0",
+        match=r"did not converge in 2 iterations; the last .* are \[\(-0",
     ):
         roll(LAYER, Roller(0.11, 0.0031), MIX, 1.0, mesh=SMALL)

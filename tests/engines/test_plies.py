@@ -346,7 +346,7 @@ def test_speeds_share_one_factorisation():
         ),
         (
             lambda: contact.roll(two_plies(0.1, 2.0), Roller(R, load=1e3), MIX, 1.0),
-            "the formula engine knows one modulus, got 2 `plies`; use spectral or fem",
+            "the formula engine needs one modulus, got 2 `plies`; use spectral or fem",
         ),
         (
             lambda: roll(two_plies(0.1, 2.0), PRESSED, MIX, 1.0, mesh=mesh.graded_mesh(H, 0.02, 4)),
