@@ -394,6 +394,14 @@ class ContactStage:
         return [(speed, first) for speed, (first, *_) in self.passes]
 
     @cached_property
+    def mean_speed_contact(self) -> tuple[float, ContactResult]:
+        """Speed [m/s] and contact at the mean speed, of a layered engine at the nearest speed of the scene."""
+        mean = self.scene.mean_speed
+        if not self.engine.layered:
+            return mean, roll_scene(self.scene, self.mix, mean)
+        return min(self.first_passes, key=lambda each: abs(np.log(each[0] / mean)))
+
+    @cached_property
     def records(self) -> list[ContactRecord]:
         """Scalar results at each speed; empty for the formulas."""
         if self.kept:

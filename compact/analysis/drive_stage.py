@@ -1,5 +1,6 @@
 """Drive stage of a study: every law under the drive of the scene, their ranking, and roller motors and crankshaft."""
 
+import warnings
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
@@ -117,6 +118,35 @@ class DriveStage:
         range_of_pulls = np.transpose([pulls(each, rollers) for each in required.values()])
         response = torque_response(stage, (float(range_of_pulls.min()), float(range_of_pulls.max())))
         return {name: RollerMotor(each, response, rollers) for name, each in required.items()}
+
+    @property
+    def _ranked_runs(self) -> list[Any]:
+        """Runs in order by the first criterion of the scene."""
+        return [place.run for place in next(iter(self.rankings.values()))]
+
+    @cached_property
+    def start_from_rest(self) -> tuple[str, Any] | None:
+        """Law and `RunUp` of the motor with the first feasible law; None, with a warning, if it does not start."""
+        from compact.machine.motor_drive import runup
+
+        first = next((run for run in self._ranked_runs if hasattr(run, "load")), None)
+        if first is None:
+            return None
+        self.count("run-up")
+        try:
+            return first.name, runup(first.load.cart, first.load.motor, first.load.cycle, first.load.resistance)
+        except RuntimeError as error:
+            warnings.warn(f"no start from rest under '{first.name}': {error}", stacklevel=2)
+            return None
+
+    @cached_property
+    def compressible_stroke(self) -> tuple[Any, Any] | None:
+        """Run and `Passage` of the first feasible law under its throttles with compressible oil."""
+        first = next((run for run in self._ranked_runs if not run.lack), None)
+        if first is None:
+            return None
+        self.count("passage")
+        return first, first.forward()
 
     @cached_property
     def turns(self) -> dict[str, Turn]:

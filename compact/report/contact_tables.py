@@ -8,7 +8,6 @@ import numpy as np
 
 from compact import quantities
 from compact.analysis.contact_cases import ContactRecord, contact_record, contact_to_json
-from compact.analysis.contact_stage import roll_scene
 from compact.analysis.study import Study
 from compact.files import write_csv, write_figure, write_json, write_vtu_series
 from compact.rolling_contact import ContactResult
@@ -105,11 +104,7 @@ def write_pressure_figure(study: Study, directory: Path) -> Path:
         return standing[0]
     from compact.report import contact_figures
 
-    speed = study.scene.mean_speed
-    if study.layered:
-        speed, contact = min(study.rolled, key=lambda pair: abs(np.log(pair[0] / speed)))
-    else:
-        contact = roll_scene(study.scene, study.mix, speed)
+    speed, contact = study.contact_stage.mean_speed_contact
     return write_figure(directory / "pressure.png", contact_figures.pressure(contact, study.exact, speed))
 
 

@@ -1,6 +1,5 @@
 """Files of the drives: dynamic amplification of elastic ones, motors, hydraulics, and motors in the rollers."""
 
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -80,20 +79,12 @@ def _motor_row(run: Any) -> tuple[Any, ...]:
 
 
 def _write_start(study: Study, directory: Path) -> Iterator[Path]:
-    """Write the start from rest with the first law; warn where the motor does not start."""
-    from compact.machine.motor_drive import runup
-
-    first: Any = next((place.run for place in next(iter(study.rankings.values())) if hasattr(place.run, "load")), None)
-    if first is None:
+    """Write the start from rest with the first feasible law."""
+    if study.drive_stage.start_from_rest is None:
         return
-    study.count("run-up")
-    try:
-        start = runup(first.load.cart, first.load.motor, first.load.cycle, first.load.resistance)
-    except RuntimeError as error:
-        warnings.warn(f"no start from rest under '{first.name}': {error}", stacklevel=2)
-        return
+    law, start = study.drive_stage.start_from_rest
     table = np.column_stack([start.time, start.angle, start.speed]).tolist()
-    yield write_csv(directory / f"run-up-{first.name}.csv", ("time_s", "angle_rad", "speed_rad/s"), table)
+    yield write_csv(directory / f"run-up-{law}.csv", ("time_s", "angle_rad", "speed_rad/s"), table)
 
 
 def roller_motor_columns(motor: RollerMotor, time: ArrayLike) -> tuple[tuple[str, ...], tuple[Any, ...]]:
@@ -165,11 +156,8 @@ def _write_hydraulics(study: Study, directory: Path) -> Iterator[Path]:
         columns = (run.time, *run.state[:2], *vars(run.throttled).values())
         table = np.column_stack(columns).tolist()
         yield write_csv(directory / "throttles" / f"{run.name}.csv", THROTTLE_HEADER, table)
-    runs_in_order: list[Any] = [place.run for place in next(iter(study.rankings.values()))]
-    first = next((run for run in runs_in_order if not run.lack), None)
-    if first is not None:
-        study.count("passage")
-        stroke = first.forward()
+    if study.drive_stage.compressible_stroke is not None:
+        first, stroke = study.drive_stage.compressible_stroke
         law = first.demand.cycle.forward.position(stroke.time)
         columns = (stroke.time, stroke.position, stroke.velocity, law, stroke.inlet_pressure, stroke.outlet_pressure)
         yield write_csv(directory / f"passage-{first.name}.csv", STROKE_HEADER, np.column_stack(columns).tolist())
