@@ -348,7 +348,9 @@ class _FiniteElements:
         target = scene.mix.density_ratio - self.excess.get(measurement, 0.0)
         feed = required_feed(layer.height, target, material, speed)
         roller = replace(roller, indentation=layer.height * feed.indentation / feed.height)
-        result = compaction.roll(layer, roller, material, speed, **{"steady": STEADY_TOLERANCE} | self.options)
+        result = compaction.roll(
+            layer, roller, material, speed, **{"steady_tolerance": STEADY_TOLERANCE} | self.options
+        )
         self.excess[measurement], self.rolled[measurement] = result.exit_density_ratio - target, result
         return result
 

@@ -24,7 +24,7 @@ from compact.analysis.contact_cases import (
     hold_quantity,
 )
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
-from compact.analysis.engines import ENGINES, Engine, modulation
+from compact.analysis.engines import ENGINES, Engine, expand_resistance
 from compact.analysis.kept_results import KeptResults, read_results, results_key
 from compact.engines.halfplane import LineContact, galin
 from compact.material.laws import Compaction
@@ -148,7 +148,7 @@ def roll_passes(
         return tuple(replace(each, speed=float(np.copysign(speed, each.speed))) for each in initial_guess)
     forward, *later = there_and_back(count)
     options = _engine_options(scene, used, held, progress)
-    numerics = {key: options.pop(key) for key in ("torque", "progress", "steepest") if key in options}
+    numerics = {key: options.pop(key) for key in ("torque", "progress", "max_contact_angle") if key in options}
     stages = (replace(forward, **options), *later)
     with _named_errors(scene, used.name, speed):
         return passes(layer, roller, material, speed, stages, engine=used.name, first=first, **numerics)
@@ -157,7 +157,7 @@ def roll_passes(
 def added_mass(
     scene: Scene, mix: Mix, speed: float, held: HeldQuantity | None, count: Count = no_count
 ) -> tuple[float, float] | None:
-    """Compute the added mass of one roller, see `engines.modulation`.
+    """Compute the added mass of one roller, see `engines.expand_resistance`.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def added_mass(
     count("added mass")
     options = used.tolerance(scene.accuracy.tolerance) | ({"estimate": False} if used.optional_estimate else {})
     with _named_errors(scene, used.name, speed):
-        found = modulation(layer, roller, material, speed, engine=used.name, **options)
+        found = expand_resistance(layer, roller, material, speed, engine=used.name, **options)
     return found.added_mass, found.relaxation_time
 
 
@@ -252,7 +252,7 @@ def _engine_options(
     if engine.continuation and progress is not None:
         options["progress"] = progress
     if engine.continuation and _target_key(scene) in scene.unusual:
-        options["steepest"] = None  # without the estimate of heaping
+        options["max_contact_angle"] = None  # without the estimate of heaping
     if held is None and has_density_target(scene, engine.name):
         options["exit_density_ratio"] = scene.mix.density_ratio
     return options
@@ -394,7 +394,7 @@ class ContactStage:
         return [(speed, first) for speed, (first, *_) in self.passes]
 
     @cached_property
-    def mean_speed_contact(self) -> tuple[float, ContactResult]:
+    def typical(self) -> tuple[float, ContactResult]:
         """Speed [m/s] and contact at the mean speed, of a layered engine at the nearest speed of the scene."""
         mean = self.scene.mean_speed
         if not self.engine.layered:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from compact.machine.cart import Cart, EndSprings
-from compact.machine.crankshaft import USUAL_ANGLES
+from compact.machine.crankshaft import CRANK_ANGLES
 from compact.machine.hydraulic_drive import Hydraulic
 from compact.machine.motor_characteristics import Belt, Kloss, LinearTorqueCurve
 from compact.machine.motor_drive import Motor
@@ -61,7 +61,7 @@ def crank(scene: Scene) -> Crank | None:
 
 def angles(scene: Scene) -> tuple[float, ...]:
     """Return the crank angle of each cart relative to the first [rad]."""
-    return scene.drive.angles or USUAL_ANGLES[scene.drive.carts]
+    return scene.drive.angles or CRANK_ANGLES[scene.drive.carts]
 
 
 def laws(scene: Scene) -> Iterator[MotionProfile]:

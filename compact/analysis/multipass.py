@@ -170,7 +170,7 @@ def density(result: ContactResult) -> NDArray[np.float64]:
         Bottom [m], top [m] and density ratio [-] of each row of mix, from the base upwards.
     """
     if hasattr(result, "exit"):
-        heights, ratios = result.exit.heights, result.exit.state.density_ratio
+        heights, ratios = result.exit.heights, result.exit.points.density_ratio
     else:
         heights, ratios = np.array([(column.height, column.density_ratio) for column in result.columns]).T
     tops = np.cumsum(heights)
@@ -232,7 +232,7 @@ class _ElementLayer(_LayerBetweenPasses):
     """Layer of the engine "compaction"; its state is a `LayerState`."""
 
     def covered(self, lift: float) -> Any:
-        return self.state.under(lift, self.material)
+        return self.state.with_lift(lift, self.material)
 
     def state_of(self, result: Any) -> Any:
         return result.exit
@@ -245,7 +245,7 @@ class _ElementLayer(_LayerBetweenPasses):
         if target is not None and target > before:  # initial guess, for a layer without elastic recovery
             depth = self.layer.height * (1 - before / target)
             roller = replace(roller, indentation=depth, load=None, peak_pressure=None)
-        return compaction.roll(self.layer, roller, self.material, speed, fed=self.state, **options)
+        return compaction.roll(self.layer, roller, self.material, speed, fed_layer=self.state, **options)
 
 
 LAYERS = {"column": _ColumnLayer, "compaction": _ElementLayer}
