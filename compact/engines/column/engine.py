@@ -36,19 +36,15 @@ from compact.engines.column.indentation_search import (
     solve_target,
 )
 from compact.material.laws import Compaction
-from compact.numerics.validation import require_finite, require_known, require_nonnegative, require_positive
-from compact.rolling_contact import ContactResult, Layer, Roller, require_on_target, require_target_reached
-
-__all__ = [
-    "Column",
-    "ColumnContactResult",
-    "OedometerResult",
-    "RequiredFeed",
-    "required_feed",
-    "roll",
-    "roll_over",
-    "simulate_oedometer",
-]
+from compact.numerics.validation import require_known, require_nonnegative, require_positive
+from compact.rolling_contact import (
+    ContactResult,
+    Layer,
+    Roller,
+    require_moving,
+    require_on_target,
+    require_target_reached,
+)
 
 INTEGRATION_RTOL = 1e-9  # [-], default error of a step over the size of the whole pass
 ERROR_RTOL_RATIO = 100.0  # [-], `rtol` of the comparison pass over `rtol`; the difference is the error estimate
@@ -395,12 +391,7 @@ def require_column_range(roller: Roller, material: Compaction, speed: float) -> 
         Speed [m/s], finite and not 0.
     """
     _require_compaction(material)
-    require_finite(speed=speed)
-    if speed == 0:
-        raise ValueError(
-            "`speed` must not be 0, got 0: the resistance at rest is set-valued; use a small speed, whose sign is the "
-            "direction"
-        )
+    require_moving(speed)
     require_known("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
     require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
     if roller.friction and roller.rolling in ("sliding", "driven"):
