@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from compact.engines.column.column_ode import COLUMN_STATE, STRESS, GapGeometry, PathControl
+from compact.engines.column.column_ode import COLUMN_STATE, STRESS, GapShape, PathControl
 from compact.engines.column.column_pass import (
     PLATE,
     STIFFNESS_RATIO_MAX,
@@ -206,7 +206,7 @@ def roll_over(
     require_column_range(roller, material, speed)
     require_known("strain", strain, STRAINS)
     require_positive(rtol=rtol)
-    gap = GapGeometry(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
+    gap = GapShape(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
     layer = _integrable_layer(tuple(columns), material, material.rate_factor(speed), gap, STRAINS[strain])
     if exit_density_ratio is None:
         result, evaluations = solve_target(layer, roller, rtol)
@@ -312,7 +312,7 @@ def _unit_layer(material: Compaction, rate_factor: float) -> ColumnLayer:
 
 
 def _integrable_layer(
-    columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapGeometry, strain_measure: int
+    columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapShape, strain_measure: int
 ) -> ColumnLayer:
     """Build the `ColumnLayer`; raise ValueError if its equation is too stiff for an explicit method."""
     layer = column_layer(columns, material, rate_factor, gap, strain_measure)
