@@ -5,7 +5,7 @@ The pressure on trailing < x < leading vanishes at both edges with the exponents
     p = xi^alpha (1 - xi)^(1 - alpha) [c_0 T_0 + ... + c_(n-1) T_(n-1)](2 xi - 1),   xi = (x - trailing)/length.
 
 Petrov-Galerkin equations require the surface to follow the indenter; their test functions may be singular at an edge.
-Between given edges the solution contains two further pressures, singular at one edge each. Newton's method moves the
+Between fixed edges the solution contains two further pressures, singular at one edge each. Newton's method moves the
 edges until both singular amplitudes vanish. The pressure is then unilateral, and the edges are independent of the mesh.
 
 References
@@ -15,14 +15,13 @@ secant update.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compact.engines.fem.surface import FloatArray, SurfaceCompliance, contact_quadrature, shape_matrix
+from compact.rolling_contact import GapGeometry
 
-Profile = Literal["parabola", "circle", "deformed"]
 Edges = tuple[float, float]
 EdgeHistory = tuple[tuple[float, float, float], ...]
 
@@ -50,7 +49,7 @@ class BeyondWindowError(UnresolvedError):
 
 @dataclass(frozen=True, eq=False)
 class Indenter:
-    """Rigid roller at a given indentation with a given ratio of traction to pressure.
+    """Rigid roller at an indentation, with a constant ratio of traction to pressure.
 
     Parameters
     ----------
@@ -66,7 +65,7 @@ class Indenter:
 
     radius: float
     indentation: float
-    profile: Profile
+    profile: GapGeometry
     friction: float
     exponent: float
 
@@ -334,7 +333,7 @@ class _EdgeSolver:
         )
 
     def _is_consistent(self, patch: ContactPatch, displacement: FloatArray) -> bool:
-        """Whether the displacement for which the normal was computed is that of the patch."""
+        """Return True if the normal was computed for the displacement of the patch."""
         change = np.abs(patch.displacement - displacement).max()
         return self.indenter.profile != "deformed" or change <= EDGE_TOLERANCE * np.abs(patch.displacement).max()
 
@@ -347,7 +346,7 @@ class _EdgeSolver:
         return (np.array([patch.coefficients[-2:] for patch in shifted]) - amplitudes).T / reach
 
     def _solve_between(self, edges: FloatArray, displacement: FloatArray, terms: int) -> ContactPatch:
-        """Solve between given edges; the last two coefficients are the amplitudes of the singular pressures."""
+        """Solve between fixed edges; the last two coefficients are the amplitudes of the singular pressures."""
         surface, indenter = self.surface, self.indenter
         _require_edges_on_mesh(surface, edges)
         x, weight, fraction, complement = contact_quadrature(surface.x, edges)

@@ -80,12 +80,12 @@ class RollingProblem:
 
     @property
     def turns_with_friction(self) -> bool:
-        """Whether the contact has zones of stick and slip."""
+        """True if the contact has zones of stick and slip."""
         return self.roller.rolling in ("free", "driven") and self.roller.friction > 0
 
     @property
     def needs_shear(self) -> bool:
-        """Whether forces along x act on the surface."""
+        """True if forces along x act on the surface."""
         return self.traction_ratio != 0 or self.turns_with_friction or self.roller.profile == "deformed"
 
     @property
@@ -143,7 +143,7 @@ class ContactSolution:
 
     @property
     def is_beyond_circle(self) -> bool:
-        """Whether the contact includes points above the centre of the roller, or of vertical tangent."""
+        """True if the contact includes points where the roller has a vertical tangent or lies above its centre."""
         patch, indenter = self.patch, self.indenter
         if indenter.profile == "circle":
             return bool(np.abs(patch.x).max() >= indenter.radius)
@@ -209,7 +209,7 @@ def expand_window(discretisation: Discretisation, solve: Callable[[float], Found
     Parameters
     ----------
     discretisation : Discretisation
-        Gives the half-width of the estimated contact.
+        Half-width of the estimated contact.
     solve : callable
         Raises `BeyondWindowError` where the zone is too small.
 

@@ -5,8 +5,8 @@ creep function dissipates, per length rolled and unit volume,
 
     W' = E sum_k J_k (e - z_k) : c : (e - z_k)/l_k,    l_k = |v| theta_k,
 
-where z_k is the retarded strain. The displacement of a viscoelastic layer follows from the elastic one by retardation
-along each line of nodes, in steady motion and at chosen instants of an unsteady one.
+where z_k is the retarded strain. Retardation of the elastic displacement along each line of nodes gives that of the
+viscoelastic layer, in steady motion and at chosen instants of an unsteady one.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -164,7 +164,7 @@ def transient_frames(
     states : sequence of TransientState
         States of the motion; before the first one the motion is steady.
     positions : callable
-        `positions(begin, end)` gives positions of the roller at even instants between two times [m].
+        `positions(begin, end)` returns positions of the roller at even instants between two times [m].
     initial_velocity : float
         Velocity before the first state [m/s].
     times : sequence of float
