@@ -19,7 +19,7 @@ _HOMES = {
     "analysis.study": ("Study",),
     "cams.machining": ("Cut", "cut"),
     "cams.profile": ("Cam", "FlatFace", "Pointed", "RollerFollower"),
-    "contact": ("DryResistance", "dry_resistance"),
+    "resistance": ("DryResistance", "ResistanceMap", "dry_resistance", "sample_resistance"),
     "drive": ("Crank", "Rigid", "Run", "rank", "simulate"),
     "engines.halfplane": ("galin", "hertz", "pressure_exponent"),
     "files": ("ResultsError",),
@@ -33,7 +33,6 @@ _HOMES = {
     "motion": ("LAWS", "CamLimits", "Cycle", "InfeasibleError", "Limits", "MotionProfile", "law", "optimise"),
     "motion.minimum_criterion": ("ComplexLaw", "minimiser"),
     "motion.tabulated": ("from_table",),
-    "resistance": ("ResistanceMap", "sample_resistance"),
     "rolling_contact": ("Layer", "Roller", "ContactResult"),
     "scene.loader": ("Scene", "SceneError", "load_scene", "parse_scene"),
 }

@@ -166,7 +166,7 @@ def run(
     tolerance
         relative error tolerance that replaces the tolerance of the scene
     """
-    from compact.analysis.worker_pool import Processes, cores
+    from compact.analysis.worker_pool import ProcessExecutor, cores
     from compact.report import text
     from compact.report import writer as report
     from compact.report.progress import Progress
@@ -179,7 +179,7 @@ def run(
     )  # fmt: skip
     progress.total = study.plan.total_cost
     others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
-    helpers = Processes(min(cores(), len(others))) if others else None
+    helpers = ProcessExecutor(min(cores(), len(others))) if others else None
     with progress:
         report.write_study(study, directory, force, helpers)
     if not quiet:
@@ -358,13 +358,13 @@ def sweep(
     tolerance
         relative error tolerance that replaces the tolerance of the scene
     """
-    from compact.analysis.worker_pool import crew
+    from compact.analysis.worker_pool import choose_executor
     from compact.report import sweep_writer
     from compact.report.progress import Progress
     from compact.sweep import design as varying
     from compact.sweep.run import Sweep
 
-    workforce = crew(workers, scheduler)
+    workforce = choose_executor(workers, scheduler)
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
     many = Sweep(
         _scene(scene, quiet, changes, asked), [varying.read_design(text) for text in vary], rank=rank, indices=sobol
@@ -379,7 +379,7 @@ def sweep(
 
     with Progress(total=many.size, quiet=quiet) as progress:
         progress.begin(f"{many.size} points", 0.0)
-        table = many.run(directory, crew=workforce, resume=resume, force=force, step=step)
+        table = many.run(directory, executor=workforce, resume=resume, force=force, step=step)
     sweep_writer.write_sweep_report(directory, table)
     if not quiet:
         for name in many.broken:

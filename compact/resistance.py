@@ -1,61 +1,130 @@
-"""How the resistance follows a speed that changes slowly, at first order in the acceleration.
+"""Rolling resistance as a function of speed and acceleration: dry friction, first-order expansion, sampled map.
 
-    F(v, a) ~ F_ss(v) + a M(v)
+To first order in the acceleration the resistance of a viscoelastic layer is
 
-The surface of a viscoelastic layer still remembers a lower speed under a roller that gathers speed: M is an added mass,
-of no matter but of memory. At low speeds it is negative, a pure lag; at high ones it fades.
+    F(v, a) ~ F_ss(v) + a M(v).
+
+F_ss is odd and M even in v. M is an added mass due to the memory of the layer, whose surface under an accelerating
+roller corresponds to a lower speed. Its limits, for gaps measured vertically, are
 
     v -> 0     M -> -t dF_ss/dv,  t = sum share time^2/sum share time
-    v -> inf   M ~ 1/v^3
+    v -> inf   M ~ 1/v^3.
 
-The lag is that of gaps measured vertically; normal to the circle on the deformed surface it is longer by about the
-indentation over the radius. F_ss is odd in v, M even. What the roller prescribes, be it indentation, load or peak
-pressure, is kept at every instant of the motion as F_ss(v) keeps it over v. Inertia of layer and roller is not in it.
+For gaps normal to the circle on the deformed surface the lag is longer by about the indentation over the radius. The
+prescribed quantity (indentation, load or peak pressure) is constant in time. Inertia of layer and roller is excluded.
+Confined-compression columns depend on the path only, so that M = 0; so does a rate-independent compacting layer.
 
-Layers of columns, engine "column", remember the way, not the time: at a given indentation the density under the roller
-is a matter of geometry and the yield limit one of the speed now, so that M = 0 exactly. The same holds for the engine
-"compaction" where the mix knows no rate.
+A `ResistanceMap` samples an engine over the speeds of a motion:
 
-What the mix resists at any speed: an engine sampled over the speeds of a motion until it predicts itself.
+    F(v, a) = F(v) + a' M(v),    a' = a for |a| <= A, else A sign(a),    A = UNSTEADINESS_LIMIT |v|/tau
 
-    F(v, a) = F(v) + a' M(v),    a' = a while |a| <= A, else A sign(a),    A = UNSTEADINESS_LIMIT |v|/tau
+F and M are cubic splines over ln |v|; F is monotone where its samples are. For v < 0 both are multiplied by a constant
+ratio if the return stroke rolls over compacted mix. Below the slowest sample F follows the power law v^n of the two
+slowest samples, 0 <= n <= 1 (1 for a relaxing layer, 0 for a rate-independent one), and M is constant. The error of the
+map is a cross-validation error: each sample is predicted by the others, and samples are added where that fails. At rest
+the resistance is set-valued; the call returns the middle, 0.
 
-F and M over ln |v| by cubics, F monotone where the samples are; F is odd in v, M even. If the return stroke, v < 0,
-rolls over compacted mix, both are smaller there by a constant ratio. Below the slowest sample F
-follows the power law v^n that it has there, 0 <= n <= 1: n = 1 for a layer that relaxes, 0 for one that resists at any
-speed alike; M stays as it is. The map tells its own error: each sample is predicted by the others, and where that
-fails new ones are put on both sides of it. At rest the resistance is set-valued; the call returns the middle, 0.
+The expansion is valid for an unsteadiness |a| tau/|v| below UNSTEADINESS_LIMIT, hence never at a reversal. Beyond, the
+added-mass term is held at its limit: it is continuous and zero at rest. On a Winkler foundation (operating point,
+Eg/Er 1.5, tau 0.1 s, four laws) the largest error of a pass of 3 s is 0.16-0.41 of the peak force without M and
+0.14-0.39 with it; of a pass of 0.6 s, mostly beyond the limit, 0.8-1.6 with both. Without the limit M halves the
+root-mean-square error in 3 s, but errs by 1.4-50 peak forces in 0.6 s. Near a reversal, and for a few tau after a jump
+of the acceleration, the history matters, which the unsteadiness does not measure.
 
-First order in the acceleration holds while |a| tau/|v| is below UNSTEADINESS_LIMIT (`modulation`), so never at a turn; `beyond` says
-where. There the second term is held at what it is at the limit: continuous, and gone at rest. That repairs little: on a
-Winkler foundation (operating point's contact, Eg/Er 1.5, tau 0.1 s, four laws) the largest miss of a pass of 3 s is
-0.16-0.41 of the peak force without M, 0.14-0.39 with it; in 0.6 s, where most is beyond, both miss 0.8-1.6. M without a
-limit misses half as much by root mean square in 3 s, and 1.4-50 peak forces in 0.6 s. Beside a turn, and for a few tau
-after the acceleration jumps, history decides, of which |a| tau/|v| knows nothing.
+References
+----------
+F. N. Fritsch and R. E. Carlson, SIAM J. Numer. Anal. 17 (1980) 238 (monotone cubic interpolation).
 """
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 
-from compact.numerics.validation import require_finite, require_positive
+from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
-UNSTEADINESS_LIMIT = 0.1  # unsteadiness at which the first order leaves out 0.4 % of F on a Winkler foundation, or less
+UNSTEADINESS_LIMIT = 0.1  # [-], |a| tau/|v| at which the expansion errs by at most 0.4 % on a Winkler foundation
+MIN_SAMPLES = 5  # [-], initial samples of a map
+MAX_SAMPLES = 64  # [-], samples of a map
+BLOCK_SIZE = 8192  # [-], speeds evaluated together; they fit in the processor cache
+MIN_SPEED_RATIO = 1e-6  # [-], slowest sample over the fastest speed
+SPEED_REDUCTION = 4.0  # [-], ratio of the slowest samples added while the power law fails
+SPEED_ROUNDING = 1e-9  # [-], by which a speed may exceed the fastest sample
+VERSIONED_PACKAGES = ("compact", "numpy", "scipy")  # whose versions a stored map contains
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class DryResistance:
+    """Dry friction: a force of constant magnitude against the motion.
+
+    Parameters
+    ----------
+    force : float
+        Magnitude F [N], >= 0. At velocity 0 the resistance is set-valued, -F to F: the call returns the middle, 0, and
+        a drive with a cart that may stick reads the limit from `force`.
+    """
+
+    force: float
+
+    def __post_init__(self) -> None:
+        require_nonnegative(force=self.force)
+
+    def __call__(self, velocity: ArrayLike, acceleration: ArrayLike) -> Array:
+        """Return F sign(velocity) [N], of the common shape of velocity [m/s] and acceleration [m/s2]."""
+        velocity, _ = np.broadcast_arrays(velocity, acceleration)
+        return self.force * np.sign(velocity)
+
+
+def dry_resistance(force: float) -> DryResistance:
+    """Return a constant resistance that opposes the motion in either direction (dry friction).
+
+        R(v, a) = force sign(v)
+
+    Parameters
+    ----------
+    force : float
+        Magnitude [N], >= 0.
+
+    Returns
+    -------
+    DryResistance
+        Resistance for `simulate` and the other drives. A plain constant, `lambda v, a: 3486.0`, would accelerate the
+        cart on the return stroke and is refused.
+
+    Examples
+    --------
+    >>> resistance = dry_resistance(3486.0)
+    >>> [float(resistance(v, 0.0)) for v in (-0.2, 0.0, 0.2)]
+    [-3486.0, 0.0, 3486.0]
+    """
+    return DryResistance(force)
 
 
 @dataclass(frozen=True)
 class ResistanceExpansion:
-    """Resistance of one roller near a steady speed, per unit roller length.
+    """First-order expansion of the resistance of one roller about a steady speed, per unit roller length.
 
-    speed : v [m/s]
-    resistance : F_ss [N/m]
-    slope : dF_ss/dv [N s/m2]
-    added_mass : M [N s2/m2]
-    error : estimated, of `added_mass` [N s2/m2], or None where the engine cannot tell; not relative, as M passes zero
-    time : tau, the longest relaxation time [s], 0 of an elastic layer
+    Parameters
+    ----------
+    speed : float
+        Speed v [m/s].
+    resistance : float
+        Steady resistance F_ss [N/m].
+    slope : float
+        Derivative dF_ss/dv [N s/m2].
+    added_mass : float
+        Added mass M [N s2/m2].
+    error : float, optional
+        Estimated absolute error of the added mass [N s2/m2]; None without an estimate. M changes its sign.
+    relaxation_time : float
+        Longest relaxation time tau [s]; 0 for an elastic layer.
     """
 
     speed: float
@@ -65,121 +134,154 @@ class ResistanceExpansion:
     error: float | None
     relaxation_time: float
 
-    def unsteadiness(self, acceleration):
-        """|a| tau/|v| [-] at accelerations a [m/s2]: use F_ss + a M below `UNSTEADINESS_LIMIT`; at 1 and above it is void.
+    def unsteadiness(self, acceleration: ArrayLike) -> Array:
+        """Compute the unsteadiness |a| tau/|v| of accelerations.
 
-        A contact that is short, 2b/v < tau with b its half-width, forgets sooner: then |a| 2b/v^2 << 1 is enough.
+        Parameters
+        ----------
+        acceleration : array_like
+            Acceleration a [m/s2].
 
-        >>> found = ResistanceExpansion(0.5, 100.0, 20.0, -3.0, error=0.0, relaxation_time=0.1)
-        >>> f"{found.unsteadiness(-0.25):.2f}"
+        Returns
+        -------
+        ndarray
+            Unsteadiness [-]. The expansion is valid below `UNSTEADINESS_LIMIT` and void from 1 on. For a short contact,
+            2b/v < tau with the half-width b, the weaker condition |a| 2b/v^2 << 1 suffices.
+
+        Examples
+        --------
+        >>> expansion = ResistanceExpansion(0.5, 100.0, 20.0, -3.0, error=0.0, relaxation_time=0.1)
+        >>> f"{expansion.unsteadiness(-0.25):.2f}"
         '0.05'
         """
         require_finite(acceleration=acceleration)
         return np.abs(acceleration) * self.relaxation_time / abs(self.speed)
 
 
-FEWEST = 5  # samples to begin with
-MAX_SAMPLES = 64
-BLOCK = 8192  # speeds at a time, which stay in the processor's cache
-SLOWEST = 1e-6  # of the fastest: where nothing still changes by the tolerance
-SLOWER = 4.0  # times, each step down while the power law does not hold
-SPEED_ROUNDING = 1e-9  # by which a speed may pass the fastest sample
-VERSIONED = ("compact", "numpy", "scipy")
-
-
 @dataclass(frozen=True, eq=False)
 class ResistanceMap:
-    """A resistance over speed and acceleration; call it with velocities [m/s] and accelerations [m/s2].
+    """Sampled resistance over speed and acceleration; call it with velocities [m/s] and accelerations [m/s2].
 
-    speeds, forces : the samples [m/s], [N], rising speeds > 0, shape (n,)
-    error : largest miss of a sample predicted by the others, over the largest force
-    engine_error : largest relative error that the engine told of a sample, or None
-    added_masses : M at the speeds [kg], shape (n,), or None where it is not known and left out
-    time : tau, the longest relaxation time [s], 0 of a mix that forgets at once
-    return_ratio : resistance of the return stroke, v < 0, over that of the way out [-]
+    Parameters
+    ----------
+    speeds : ndarray, shape (n,)
+        Speeds of the samples [m/s], > 0, ascending.
+    forces : ndarray, shape (n,)
+        Resistance of the samples [N].
+    error : float
+        Largest cross-validation error of a sample over the largest force [-].
+    engine_error : float, optional
+        Largest relative error estimate of the engine for a sample [-].
+    added_masses : ndarray, shape (n,), optional
+        Added mass M of the samples [kg]; None where it is unknown and neglected.
+    relaxation_time : float
+        Longest relaxation time tau [s]; 0 for a mix without memory.
+    return_ratio : float
+        Resistance of the return stroke, v < 0, over that of the forward stroke [-].
     """
 
-    speeds: np.ndarray
-    forces: np.ndarray
+    speeds: Array
+    forces: Array
     error: float
     engine_error: float | None = None
-    added_masses: np.ndarray | None = None
+    added_masses: Array | None = None
     relaxation_time: float = 0.0
     return_ratio: float = 1.0
 
-    odd = True  # with either sign: a driven roller pulls its cart
+    odd = True  # either sign is accepted: a driven roller pulls its cart
 
-    def __call__(self, velocity, acceleration=0.0):
-        """F [N], of the common shape of velocity and acceleration.
+    def __call__(self, velocity: ArrayLike, acceleration: ArrayLike = 0.0) -> Array:
+        """Evaluate the resistance.
 
-        Raises ValueError beyond the fastest sample.
+        Parameters
+        ----------
+        velocity, acceleration : array_like
+            Velocity [m/s] and acceleration [m/s2].
+
+        Returns
+        -------
+        ndarray
+            Resistance [N], of the common shape of velocity and acceleration.
+
+        Raises
+        ------
+        ValueError
+            If a speed exceeds the fastest sample.
         """
-        self._refuse_faster(np.abs(velocity))
-        kinds = [["readonly"], ["readonly"], ["writeonly", "allocate"]]
+        self._require_sampled(np.abs(velocity))
+        flags = [["readonly"], ["readonly"], ["writeonly", "allocate"]]
         blocks = np.nditer(
             [np.asarray(velocity, float), np.asarray(acceleration, float), None],
-            ["external_loop", "buffered", "zerosize_ok"], kinds, order="C", buffersize=BLOCK,
+            ["external_loop", "buffered", "zerosize_ok"], flags, order="C", buffersize=BLOCK_SIZE,
         )  # fmt: skip
         with blocks:
-            for some_velocity, some_acceleration, force in blocks:
-                force[...] = self._at(some_velocity, some_acceleration)
+            for velocities, accelerations, force in blocks:
+                force[...] = self._evaluate(velocities, accelerations)
             return blocks.operands[2][()]
 
-    def _at(self, velocity, acceleration):
+    def _evaluate(self, velocity: Array, acceleration: Array) -> Array:
         slowest, speed = self.speeds[0], np.abs(velocity)
-        sample_resistance = self._cubics(np.log(np.clip(speed, slowest, self.speeds[-1])))
-        force = sample_resistance[:, 0]
+        values = self._splines(np.log(np.clip(speed, slowest, self.speeds[-1])))
+        force = values[:, 0]
         if self.exponent and np.min(speed) < slowest:
             force = force * np.minimum(speed / slowest, 1.0) ** self.exponent
         force = np.sign(velocity) * force
         if self.added_masses is not None:
             if self.relaxation_time:
-                most = self.rate_limit * speed
-                acceleration = np.clip(acceleration, -most, most)
-            force = force + acceleration * sample_resistance[:, 1]
+                largest = self.rate_limit * speed
+                acceleration = np.clip(acceleration, -largest, largest)
+            force = force + acceleration * values[:, 1]
         return force if self.return_ratio == 1 else np.where(velocity < 0, self.return_ratio, 1.0) * force
 
     @property
-    def rate_limit(self):
-        """A/|v| [1/s], up to which the second term follows the acceleration; infinite where nothing is remembered."""
+    def rate_limit(self) -> float:
+        """Largest |a|/|v| at which the added-mass term is linear [1/s]; infinite without memory."""
         return UNSTEADINESS_LIMIT / self.relaxation_time if self.relaxation_time else np.inf
 
-    def unsteadiness(self, velocity, acceleration):
-        """|a| tau/|v| [-]; infinite at a turn, 0 where the cart stands."""
-        hurry = self.relaxation_time * np.abs(np.asarray(acceleration, float))
+    def unsteadiness(self, velocity: ArrayLike, acceleration: ArrayLike) -> Array:
+        """Return |a| tau/|v| [-] at velocities [m/s] and accelerations [m/s2]; inf at a reversal, 0 at rest."""
+        numerator = self.relaxation_time * np.abs(np.asarray(acceleration, float))
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(hurry > 0, hurry / np.abs(velocity), 0.0)[()]
+            return np.where(numerator > 0, numerator / np.abs(velocity), 0.0)[()]
 
-    def is_unsteady(self, velocity, acceleration):
-        """Whether a motion is too unsteady there for first order in its acceleration."""
+    def is_unsteady(self, velocity: ArrayLike, acceleration: ArrayLike) -> NDArray[np.bool_]:
+        """Return True where the unsteadiness reaches `UNSTEADINESS_LIMIT`, at velocities and accelerations."""
         return self.unsteadiness(velocity, acceleration) >= UNSTEADINESS_LIMIT
 
     @cached_property
-    def _cubics(self):
+    def _splines(self) -> PPoly:
         """F, and M where it is known, over ln v."""
         columns = [self.forces] if self.added_masses is None else [self.forces, self.added_masses]
-        fitted = [cubics(self.speeds, values) for values in columns]
-        return PPoly(np.stack([each.c for each in fitted], axis=-1), fitted[0].x)
+        splines = [_monotone_spline(self.speeds, values) for values in columns]
+        return PPoly(np.stack([spline.c for spline in splines], axis=-1), splines[0].x)
 
     @cached_property
-    def exponent(self):
-        """n of the power law below the slowest sample."""
-        return _exponent(self.speeds, self.forces)
+    def exponent(self) -> float:
+        """Exponent n of the power law below the slowest sample [-]."""
+        return _power_law_exponent(self.speeds, self.forces)
 
-    def _refuse_faster(self, speed):
+    def _require_sampled(self, speed: Array) -> None:
         if np.max(speed, initial=0.0) > self.speeds[-1] * (1 + SPEED_ROUNDING):
             raise ValueError(
                 f"the resistance was computed up to {self.speeds[-1]:g} m/s, got {np.max(speed):g} m/s; "
                 "sample it over the speeds of the motion"
             )
 
-    def scaled(self, share):
-        """The map of a resistance that is so many times as large."""
-        masses = None if self.added_masses is None else share * self.added_masses
-        return replace(self, forces=share * self.forces, added_masses=masses)
+    def scaled(self, factor: float) -> "ResistanceMap":
+        """Return the map with all forces and added masses multiplied by a factor [-]."""
+        masses = None if self.added_masses is None else factor * self.added_masses
+        return replace(self, forces=factor * self.forces, added_masses=masses)
 
-    def save(self, path, key=""):
-        """Write the map as netCDF, with the key of all it depends on and the versions that made it; whole or not."""
+    def save(self, path: Path, key: str = "") -> None:
+        """Write the map as netCDF.
+
+        Parameters
+        ----------
+        path : Path
+            File.
+        key : str
+            Key of all inputs of the map; stored with the versions of the packages.
+        """
         import xarray
 
         from compact.files import NETCDF_CLASSIC, write_netcdf
@@ -201,100 +303,145 @@ class ResistanceMap:
         write_netcdf(path, xarray.Dataset(columns, attrs=attributes), NETCDF_CLASSIC)
 
 
-def load_resistance_map(path, key=""):
-    """The `ResistanceMap` of a file; ValueError where it has another key, is of other versions, or is no such file."""
+def load_resistance_map(path: str | Path, key: str = "") -> ResistanceMap:
+    """Read a map written by `ResistanceMap.save`.
+
+    Parameters
+    ----------
+    path : path
+        File.
+    key : str
+        Key of all inputs of the map.
+
+    Returns
+    -------
+    ResistanceMap
+        Map.
+
+    Raises
+    ------
+    ValueError
+        If the file has another key or other versions, or is no resistance map.
+    """
     from compact.files import NETCDF_CLASSIC, read_netcdf
 
     try:
         table = read_netcdf(path, NETCDF_CLASSIC)
-        made = table.attrs["key"], table.attrs["versions"]
-        error, told, time, ratio = (
+        source = table.attrs["key"], table.attrs["versions"]
+        error, engine_error, time, ratio = (
             float(table.attrs[name]) for name in ("error", "engine_error", "relaxation_time", "return_ratio")
         )
         columns = {name: np.array(variable, dtype=float) for name, variable in table.variables.items()}
         speeds, forces = columns["speed"], columns["resistance"]
-    except (LookupError, TypeError) as wrong:
-        reason = str(wrong).partition("\n")[0]
+    except (LookupError, TypeError) as invalid:
+        reason = str(invalid).partition("\n")[0]
         raise ValueError(f"{path}: no resistance map: {reason}; compute it again") from None
-    if made != (key, _versions()):
+    if source != (key, _versions()):
         raise ValueError(
-            f"{path}: made under key {made[0] or 'none'} by {made[1]}, wanted {key or 'none'} and {_versions()}; "
-            "compute it again"
+            f"{path}: computed with key {source[0] or 'none'} by {source[1]}, required {key or 'none'} and "
+            f"{_versions()}; compute it again"
         )
-    engine_error = None if np.isnan(told) else told
-    return ResistanceMap(speeds, forces, error, engine_error, columns.get("added_mass"), time, ratio)
+    estimate = None if np.isnan(engine_error) else engine_error
+    return ResistanceMap(speeds, forces, error, estimate, columns.get("added_mass"), time, ratio)
 
 
-def _versions():
-    return ", ".join(f"{name} {version(name)}" for name in VERSIONED)
+def _versions() -> str:
+    return ", ".join(f"{name} {version(name)}" for name in VERSIONED_PACKAGES)
 
 
-def sample_resistance(resistance, slowest, fastest, tolerance, known=()):
-    """The `ResistanceMap` from a slowest to a fastest speed [m/s] of resistance(speed) -> (force [N], relative error).
+def sample_resistance(
+    resistance: Callable[[float], tuple[float, float | None]],
+    slowest: float,
+    fastest: float,
+    tolerance: float,
+    known: Iterable[tuple[float, float, float | None]] = (),
+) -> ResistanceMap:
+    """Sample a resistance over a range of speeds until each sample is predicted by the others.
 
-    known : (speed, force, error) that are there already; an error may be None
-    tolerance : of the largest force, by which a sample may be missed by the others
+    Parameters
+    ----------
+    resistance : callable
+        Force [N] and its relative error estimate [-], or None, at a speed [m/s].
+    slowest, fastest : float
+        Range of speeds [m/s], > 0.
+    tolerance : float
+        Largest cross-validation error over the largest force [-], > 0.
+    known : iterable of (float, float, float or None)
+        Speed, force and error of samples that exist already.
 
-    Raises RuntimeError where so many samples as `MAX_SAMPLES` do not suffice.
+    Returns
+    -------
+    ResistanceMap
+        Map without added masses.
+
+    Raises
+    ------
+    RuntimeError
+        If `MAX_SAMPLES` samples do not suffice.
     """
     require_positive(slowest=slowest, fastest=fastest, tolerance=tolerance)
     samples = {speed: (force, error) for speed, force, error in known if speed <= fastest}
-    wanted = [fastest] if len(samples) >= FEWEST - 1 else np.geomspace(slowest, fastest, FEWEST).tolist()
+    initial = len(samples) < MIN_SAMPLES - 1
+    required = np.geomspace(slowest, fastest, MIN_SAMPLES).tolist() if initial else [fastest]
     while len(samples) < MAX_SAMPLES:
-        for speed in wanted:
+        for speed in required:
             if speed not in samples:
                 samples[speed] = resistance(speed)
         speeds = np.array(sorted(samples))
         forces = np.array([samples[speed][0] for speed in speeds])
         require_finite(resistance=forces)
-        misses = _misses(speeds, forces)
-        wanted = _wanted(speeds, misses > tolerance, SLOWEST * fastest)
-        if not wanted:
-            told = [error for _, error in samples.values() if error is not None]
-            return ResistanceMap(speeds, forces, float(misses.max()), max(told, default=None))
+        errors = _cross_validation_errors(speeds, forces)
+        required = _refined_speeds(speeds, errors > tolerance, MIN_SPEED_RATIO * fastest)
+        if not required:
+            estimates = [error for _, error in samples.values() if error is not None]
+            return ResistanceMap(speeds, forces, float(errors.max()), max(estimates, default=None))
     raise RuntimeError(
-        f"{len(samples)} speeds from {speeds[0]:.3g} to {speeds[-1]:.3g} m/s predict each other to {misses.max():.2g} "
-        f"of the largest force only, {tolerance:g} was asked; the engine's own error may be larger than that"
+        f"{len(samples)} speeds from {speeds[0]:.3g} to {speeds[-1]:.3g} m/s have a cross-validation error of "
+        f"{errors.max():.2g} of the largest force, tolerance {tolerance:g}; the error of the engine may exceed the "
+        "tolerance, so raise the tolerance or refine the engine"
     )
 
 
-def _misses(speeds, forces):
-    """How far each sample lies from what the others predict, over the largest force; the fastest is not predicted."""
-    misses = np.zeros(len(speeds))
+def _cross_validation_errors(speeds: Array, forces: Array) -> Array:
+    """Error of each sample predicted by the others, over the largest force; 0 for the fastest."""
+    errors = np.zeros(len(speeds))
     for k in range(len(speeds) - 1):
         others, rest = np.delete(speeds, k), np.delete(forces, k)
         if k:
-            predicted = cubics(others, rest)(np.log(speeds[k]))
+            predicted = _monotone_spline(others, rest)(np.log(speeds[k]))
         else:
-            predicted = rest[0] * (speeds[0] / others[0]) ** _exponent(others, rest)
-        misses[k] = abs(predicted - forces[k])
-    return misses / max(np.abs(forces).max(), np.finfo(float).tiny)
+            predicted = rest[0] * (speeds[0] / others[0]) ** _power_law_exponent(others, rest)
+        errors[k] = abs(predicted - forces[k])
+    return errors / max(np.abs(forces).max(), np.finfo(float).tiny)
 
 
-def _wanted(speeds, missed, slowest):
-    """Speeds between each sample that is missed and its neighbours; below the slowest a slower one."""
+def _refined_speeds(speeds: Array, inaccurate: NDArray[np.bool_], slowest: float) -> list[float]:
+    """Speeds between each inaccurate sample and its neighbours; a slower one below an inaccurate slowest sample."""
     between = np.sqrt(speeds[:-1] * speeds[1:])
-    wanted = between[missed[:-1] | missed[1:]].tolist()
-    return [float(speeds[0] / SLOWER), *wanted] if missed[0] and speeds[0] > slowest else wanted
+    refined = between[inaccurate[:-1] | inaccurate[1:]].tolist()
+    return [float(speeds[0] / SPEED_REDUCTION), *refined] if inaccurate[0] and speeds[0] > slowest else refined
 
 
-def cubics(speeds, forces):
-    """The cubic spline over ln v; where samples rise or fall on and on, slopes are cut so that it does too (Fritsch and
-    Carlson). Beside a sample where they turn the top may lie between samples, and nothing is cut."""
+def _monotone_spline(speeds: Array, values: Array) -> CubicHermiteSpline:
+    """Cubic spline over ln v with slopes limited by Fritsch and Carlson where the samples are monotone.
+
+    Slopes next to a local extremum of the samples are not limited, since the extremum may lie between samples.
+    """
     x = np.log(speeds)
-    rises = np.diff(forces) / np.diff(x)
-    ways = np.sign(np.concatenate([rises[:1], rises, rises[-1:]]))
-    before, here, after = ways[:-2], ways[1:-1], ways[2:]
-    same = (before * here >= 0) & (here * after >= 0) & (before * after >= 0)
-    low, high = np.where(same, np.minimum(3 * rises, 0), -np.inf), np.where(same, np.maximum(3 * rises, 0), np.inf)
-    slopes = CubicSpline(x, forces)(x, 1)
+    secants = np.diff(values) / np.diff(x)
+    signs = np.sign(np.concatenate([secants[:1], secants, secants[-1:]]))
+    before, here, after = signs[:-2], signs[1:-1], signs[2:]
+    monotone = (before * here >= 0) & (here * after >= 0) & (before * after >= 0)
+    low = np.where(monotone, np.minimum(3 * secants, 0), -np.inf)
+    high = np.where(monotone, np.maximum(3 * secants, 0), np.inf)
+    slopes = CubicSpline(x, values)(x, 1)
     slopes = np.clip(slopes, np.append(low, -np.inf), np.append(high, np.inf))
     slopes = np.clip(slopes, np.insert(low, 0, -np.inf), np.insert(high, 0, np.inf))
-    return CubicHermiteSpline(x, forces, slopes)
+    return CubicHermiteSpline(x, values, slopes)
 
 
-def _exponent(speeds, forces):
-    """Slope of ln F over ln v at the slowest sample, by the next; 0 where the force changes its sign."""
+def _power_law_exponent(speeds: Array, forces: Array) -> float:
+    """Slope of ln F over ln v between the two slowest samples, within [0, 1]; 0 where the force changes its sign."""
     if forces[0] * forces[1] <= 0:
         return 0.0
     return float(np.clip(np.log(forces[1] / forces[0]) / np.log(speeds[1] / speeds[0]), 0.0, 1.0))

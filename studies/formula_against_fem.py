@@ -94,12 +94,12 @@ def figure(rows):
     from matplotlib.figure import Figure
 
     from compact.report.figure_style import PALETTE
-    from compact.report.ranking_figures import ENGINE_LOOKS
+    from compact.report.ranking_figures import ENGINE_STYLES
 
     drawn = Figure(figsize=(12, 3.8), layout="constrained")
     panels = drawn.subplots(1, 3)
     found = differences(rows)
-    looks = {"1.5-1.8": ENGINE_LOOKS["formula"][:2], "galin": (PALETTE[4], "+"), "fem": ENGINE_LOOKS["fem"][:2]}
+    looks = {"1.5-1.8": ENGINE_STYLES["formula"][:2], "galin": (PALETTE[4], "+"), "fem": ENGINE_STYLES["fem"][:2]}
     for engine, (color, mark) in looks.items():
         chosen = [row for row in found if row[3] == engine]
         if not chosen:

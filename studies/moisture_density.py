@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.worker_pool import Here, Processes
+from compact.analysis.worker_pool import ProcessExecutor, SerialExecutor
 from compact.report.progress import Progress
 from compact.scene.loader import load_scene
 from compact.sweep import design as vary
@@ -49,13 +49,13 @@ def main(
 
     base = load_scene(SCENES / f"{scene}.toml", **PLAIN | changes)
     varied = [f"accuracy.engine={','.join(engines)}", f"mix.moisture={moistures}", f"mix.density_ratio={ratios}"]
-    crew = Here() if workers == 1 else Processes(workers)
+    executor = SerialExecutor() if workers == 1 else ProcessExecutor(workers)
     with TemporaryDirectory() as aside:
         many = Sweep(base, [vary.read_design(text) for text in varied])
         with Progress(total=many.size) as progress:
             progress.begin(f"{many.size} points", 0.0)
             step = lambda points, failed: progress.advance(points)  # noqa: E731
-            table = many.run(out or aside, crew=crew, resume=True, step=step)
+            table = many.run(out or aside, executor=executor, resume=True, step=step)
     if out:
         from compact.files import write_figure
 

@@ -224,7 +224,7 @@ def _draw(rows, spreads, most=8):
     """
     from matplotlib.figure import Figure
 
-    from compact.report.ranking_figures import ENGINE_LOOKS, dodges
+    from compact.report.ranking_figures import ENGINE_STYLES, mark_offsets
 
     figure = Figure(figsize=(12.5, 4.6), layout="constrained")
     panels = figure.subplots(1, len(SHOWN) + 1, width_ratios=[3] * len(SHOWN) + [2])
@@ -233,9 +233,9 @@ def _draw(rows, spreads, most=8):
         values = {engine: _excess(rows, engine, by) for engine in engines}
         laws = sorted(values[engines[0]], key=lambda law: min(values[engine][law][0] for engine in engines))[:most]
         laws.sort(key=lambda law: values[engines[0]][law][0])
-        for engine, dodge in zip(engines, dodges(len(engines)), strict=True):
+        for engine, dodge in zip(engines, mark_offsets(len(engines)), strict=True):
             value, below, above = np.transpose([values[engine][law] for law in laws])
-            color, mark, _ = ENGINE_LOOKS[engine]
+            color, mark, _ = ENGINE_STYLES[engine]
             error = np.where((below > 0) | (above > 0), [below, above], np.nan)  # no whisker of none
             drawn = {"color": color, "mfc": "white", "markersize": 5, "linewidth": 1.0, "capsize": 2.5}
             ax.errorbar(value, np.arange(len(laws)) + dodge, xerr=error, fmt=mark, label=engine, **drawn)

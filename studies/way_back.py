@@ -123,7 +123,7 @@ def _draw(done, radius, increments, steady):
     for ax, (time, mesh) in zip(panels, done.frames, strict=True):
         shades = _density(ax, mesh)
         place = float(np.interp(time, done.time, done.position))
-        lowest = float(np.interp(time, done.time, done.lowest))
+        lowest = float(np.interp(time, done.time, done.bottom_height))
         angle = np.linspace(-0.7, 0.7, 100)
         ax.plot((place + radius * np.sin(angle)) * 1e3, (lowest + radius - radius * np.cos(angle)) * 1e3, "k-", lw=0.8)
         ax.set(ylabel="y [mm]", xlim=(-40, turn * 1e3 + 40), ylim=(-4, lowest * 1e3 + 14), aspect="equal")

@@ -1,5 +1,6 @@
 """Parts of the HTML page as text, for tests."""
 
+from copy import copy
 from html.parser import HTMLParser
 
 from compact.report import html_answer
@@ -29,15 +30,17 @@ class PageReader(HTMLParser):
         return " ".join(self.text.split())
 
 
-def answer_html(study, shifts=(), checks=(), agreements=()):
+def answer_html(study, checks=(), shifts=()):
     """HTML of question, answer and uncertainty."""
-    answer = html_answer.answer(study, shifts, checks, agreements)
+    study = copy(study)
+    study.sensitivities = list(shifts)
+    answer = html_answer.answer(study, checks)
     return render_page("page", sections=[], answer=answer, **html_answer.question(study))
 
 
-def answer_words(*results):
+def answer_words(study, checks=(), shifts=()):
     """Text of question, answer and uncertainty."""
-    return PageReader(answer_html(*results)).words
+    return PageReader(answer_html(study, checks, shifts)).words
 
 
 def section_html(section):

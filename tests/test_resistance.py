@@ -191,7 +191,7 @@ def test_error_that_is_not_known_stays_unknown_in_the_file(tmp_path):
 def test_map_under_another_key_is_refused(tmp_path):
     mapped().save(tmp_path / "map.nc", "abc")
     with pytest.raises(
-        ValueError, match=r"map\.nc: made under key abc by compact .*, wanted def and .*; compute it again"
+        ValueError, match=r"map\.nc: computed with key abc by compact .*, required def and .*; compute it again"
     ):
         load_resistance_map(tmp_path / "map.nc", "def")
 
@@ -341,7 +341,7 @@ def test_speed_beyond_the_samples_is_refused():
 
 def test_scatter_that_no_samples_resolve_is_told():
     draw = np.random.default_rng(1)
-    with pytest.raises(RuntimeError, match=r"predict each other to 0\.\d+ of the largest force only, 0\.001 was asked"):
+    with pytest.raises(RuntimeError, match=r"have a cross-validation error of 0\.\d+ of the largest force, tolerance 0\.001"):
         mapped(lambda speed: (300 + draw.normal(), None))
     assert MAX_SAMPLES < 100
 

@@ -273,7 +273,7 @@ class _FiniteElements:
         asked = scene.mix.density_ratio - self.excess.get(measurement, 0.0)
         fed = required_feed(layer.height, asked, material, speed)
         roller = replace(roller, indentation=layer.height * fed.indentation / fed.height)
-        there = compaction.roll(layer, roller, material, speed, **{"steady": STEADY} | self.options)
+        there = compaction.roll(layer, roller, material, speed, **{"steady_tolerance": STEADY} | self.options)
         self.excess[measurement], self.rolled[measurement] = there.exit_density_ratio - asked, there
         return there
 

@@ -2,16 +2,18 @@
 
 import warnings
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity
 from compact.analysis.pipeline import Cycles, build_stages
-from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.ranking_uncertainty import Agreement, Place, agreement
 from compact.scene.loader import Scene
 
 DIRECTORY = "beside"  # under the results; kept results of the engines of the comparison
+
+NAMED_LAWS = 3  # [-], largest number of laws of one rank that are named
 
 Places = dict[str, dict[str, list[Place]]]  # by drive and criterion
 
@@ -107,3 +109,72 @@ def run_engine_alternative(request: ComparisonRequest) -> EngineComparison:
         scene, contacts.records, contacts.held, second_pass, resistance.resistance, resistance.error,
         contacts.roller_load, places, contacts.key, counts, tuple(dict.fromkeys(str(each.message) for each in warned)),
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RankingAgreement:
+    """Agreement of two rankings by one criterion.
+
+    Parameters
+    ----------
+    engine, drive : str
+        Engine and drive of the first ranking.
+    other_engine, other_drive : str
+        Engine and drive of the second ranking.
+    by : str
+        Criterion.
+    agreement : Agreement
+    first, other_first : str
+        First law of either ranking; several laws, their number or "none" where there is not one.
+    """
+
+    engine: str
+    drive: str
+    other_engine: str
+    other_drive: str
+    by: str
+    agreement: Agreement
+    first: str
+    other_first: str
+
+
+def ranking_agreements(places: Mapping[str, Places]) -> list[RankingAgreement]:
+    """Compare the first ranking with those of every other engine, and with those of its other drives.
+
+    Parameters
+    ----------
+    places : mapping of str to Places
+        Places by engine, drive and criterion; engine and drive of the scene first.
+
+    Returns
+    -------
+    list of RankingAgreement
+    """
+    engine, *other_engines = places
+    drive, *other_drives = places[engine]
+    cases = [(kind, name, kind) for name in other_engines for kind in places[engine]]
+    found = []
+    for kind, other_engine, other_kind in cases + [(drive, engine, other) for other in other_drives]:
+        one, other = places[engine][kind], places[other_engine][other_kind]
+        found += [
+            RankingAgreement(
+                engine=engine,
+                drive=kind,
+                other_engine=other_engine,
+                other_drive=other_kind,
+                by=by,
+                agreement=agreement(one[by], other[by], by),
+                first=_first_laws(one[by]),
+                other_first=_first_laws(other[by]),
+            )
+            for by in one
+        ]
+    return found
+
+
+def _first_laws(order: list[Place]) -> str:
+    """Name the laws of rank 1, or their number where they are many; "none" where all values are infinite."""
+    laws = [place.law for place in order if place.rank == 1 and not place.reason]
+    if not laws:
+        return "none"
+    return "/".join(sorted(laws)) if len(laws) <= NAMED_LAWS else f"{len(laws)} laws alike"

@@ -148,7 +148,7 @@ def roll_passes(
         return tuple(replace(each, speed=float(np.copysign(speed, each.speed))) for each in initial_guess)
     forward, *later = there_and_back(count)
     options = _engine_options(scene, used, held, progress)
-    numerics = {key: options.pop(key) for key in ("torque", "progress", "steepest") if key in options}
+    numerics = {key: options.pop(key) for key in ("torque", "progress", "max_contact_angle") if key in options}
     stages = (replace(forward, **options), *later)
     with _named_errors(scene, used.name, speed):
         return passes(layer, roller, material, speed, stages, engine=used.name, first=first, **numerics)
@@ -252,7 +252,7 @@ def _engine_options(
     if engine.continuation and progress is not None:
         options["progress"] = progress
     if engine.continuation and _target_key(scene) in scene.unusual:
-        options["steepest"] = None  # without the estimate of heaping
+        options["max_contact_angle"] = None  # without the estimate of heaping
     if held is None and has_density_target(scene, engine.name):
         options["exit_density_ratio"] = scene.mix.density_ratio
     return options

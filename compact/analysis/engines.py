@@ -144,7 +144,7 @@ ENGINES: Mapping[str, Engine] = MappingProxyType({
     each.name: each
     for each in (
         Engine(
-            "formula", "compact.contact",
+            "formula", "compact.engines.formula",
             EngineCost(contact=0.001, first_contact=0.0, report=1.1),
             ("required_pressure", "effective_modulus", "poisson", "steel_friction"),
             layered=False, points_per_task=100,

@@ -113,7 +113,7 @@ def passes(layer, roller, material, speed, stages, *, engine="column", first=Non
 def density(rolled):
     """What a pass leaves, by rows of mix from the base up: bottom [m], top [m], density ratio; shape (rows, 3)."""
     if hasattr(rolled, "exit"):
-        heights, ratios = rolled.exit.heights, rolled.exit.state.density_ratio
+        heights, ratios = rolled.exit.heights, rolled.exit.points.density_ratio
     else:
         heights, ratios = np.array([(column.height, column.density_ratio) for column in rolled.columns]).T
     tops = np.cumsum(heights)
@@ -172,10 +172,10 @@ class _Columns(_Bed):
 
 
 class _Rows(_Bed):
-    """Mix between passes of the engine "compaction"; its rest is a `Fed`."""
+    """Mix between passes of the engine "compaction"; its rest is a `LayerState`."""
 
     def covered(self, lift):
-        return self.rest.under(lift, self.material)
+        return self.rest.with_lift(lift, self.material)
 
     def rest_of(self, rolled):
         return rolled.exit
@@ -188,7 +188,7 @@ class _Rows(_Bed):
         if wanted is not None and wanted > fed:  # a first guess, that of a layer without rebound
             depth = self.layer.height * (1 - fed / wanted)
             roller = replace(roller, indentation=depth, load=None, peak_pressure=None)
-        return compaction.roll(self.layer, roller, self.material, speed, fed=self.rest, **asked)
+        return compaction.roll(self.layer, roller, self.material, speed, fed_layer=self.rest, **asked)
 
 
 BEDS = {"column": _Columns, "compaction": _Rows}

@@ -16,7 +16,14 @@ from pathlib import Path
 from typing import Any
 
 from compact.analysis import comparison
-from compact.analysis.comparison import ComparisonRequest, EngineComparison, run_engine_alternative
+from compact.analysis.comparison import (
+    ComparisonRequest,
+    EngineComparison,
+    Places,
+    RankingAgreement,
+    ranking_agreements,
+    run_engine_alternative,
+)
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mix
 from compact.analysis.contact_stage import Count, Passes, Progress, no_count
 from compact.analysis.engineering_summary import Engineering, Number
@@ -26,7 +33,7 @@ from compact.analysis.pipeline import build_stages
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.sensitivity import Shift, sensitivities
 from compact.analysis.stage_costs import WorkPlan
-from compact.analysis.worker_pool import Errands, Here
+from compact.analysis.worker_pool import BackgroundTasks, SerialExecutor
 from compact.cams.profile import Cam
 from compact.contact import DryResistance
 from compact.engines.halfplane import LineContact
@@ -72,7 +79,7 @@ class Study:
         self.scene, self.counts = scene, Counter[str]()
         self._step, self._directory = step, directory
         self._answers: dict[str, Any] | None = None
-        self._errands: Errands | None = None
+        self._background: BackgroundTasks | None = None
         self.mix: Mix = scene_mix(scene)
         self.stages = build_stages(scene, self.mix, self.count, directory, progress)
         self.prescribed_laws, self.contact_stage = self.stages.prescribed, self.stages.contacts
@@ -83,8 +90,8 @@ class Study:
         """Count one run of a stage."""
         self.counts[stage] += 1
         self._step(stage)
-        if self._errands:
-            self._errands.turn()
+        if self._background:
+            self._background.poll()
 
     # progress
 
@@ -287,7 +294,7 @@ class Study:
     def helped(self, executor: Any) -> Iterator[None]:
         """Run the engines of the comparison by an executor of `worker_pool` while this process computes its part."""
         directory = self._directory and self._directory / comparison.DIRECTORY
-        with Errands(executor) as errands:
+        with BackgroundTasks(executor) as tasks:
             self._answers = {}
             for name in self.scene.compared_engines:
                 request = ComparisonRequest(
@@ -296,18 +303,18 @@ class Study:
                     self.cycles,
                     directory and directory / name,
                 )
-                self._answers[name] = errands.send(name, run_engine_alternative, request)
-            self._errands = errands
+                self._answers[name] = tasks.submit(name, run_engine_alternative, request)
+            self._background = tasks
             try:
                 yield
             finally:
-                self._errands = None
+                self._background = None
 
     @cached_property
     def beside(self) -> dict[str, EngineComparison]:
         """Results of each engine of the comparison by name."""
         if self._answers is None:
-            with self.helped(Here()):
+            with self.helped(SerialExecutor()):
                 return self.beside
         found = {}
         for name, answer in self._answers.items():
@@ -316,3 +323,13 @@ class Study:
             for words in found[name].warned:
                 warnings.warn(f"{name}: {words}", stacklevel=2)
         return found
+
+    @property
+    def places_by_engine(self) -> dict[str, Places]:
+        """Places by engine, drive and criterion; engine and drive of the scene first."""
+        return {self.scene.accuracy.engine: self.places} | {name: each.places for name, each in self.beside.items()}
+
+    @cached_property
+    def agreements(self) -> list[RankingAgreement]:
+        """Agreement of the ranking of the scene with those of the other engines and of its other drive."""
+        return ranking_agreements(self.places_by_engine)

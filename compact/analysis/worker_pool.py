@@ -1,266 +1,364 @@
-"""Tasks spread over processes of this machine, or over a dask cluster; a worker that dies takes nothing with it.
+"""Tasks in this process, in worker processes, or on a dask cluster; a worker that dies does not end the job.
 
-    for number, outcome in outcomes(work, tasks, Processes(2)):
+    for number, outcome in run_tasks(work, tasks, ProcessExecutor(2)):
         ...
 
-`work` is a function of a task that a worker can import. A task whose worker died is done again by a new one; after
-ATTEMPTS deaths its outcome is `WorkerDied`. Every process has a pipe of its own: when one is killed it is known which task it
-had, which no pool of the standard library tells. Workers compute with one BLAS thread.
+`work` is a function of one task that a worker can import. If a worker process dies, the pool is rebuilt and the tasks
+that were running are repeated one at a time; a task whose worker dies ATTEMPTS times has the outcome `WorkerDied`.
+Workers use one BLAS thread.
 """
 
 import os
 import signal
+import threading
 from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing import connection, get_context
+from multiprocessing import parent_process
+from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.synchronize import Event
+from types import ModuleType, TracebackType
+from typing import Any, Protocol, Self
 
-ATTEMPTS = 3
-WINDOW = 2  # tasks at once for every thread of a cluster, so that none waits for the next
-SEEK = 20  # seconds to find a scheduler
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+ATTEMPTS = 3  # deaths of a worker process after which its task is abandoned
+TASKS_PER_THREAD = 2  # of a cluster, so that no thread waits for its next task
+SCHEDULER_TIMEOUT = 20.0  # [s], to connect to a dask scheduler
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+Work = Callable[[Any], Any]
+Outcomes = list[tuple[Any, Any]]  # name of a task and its outcome
 
 
 @dataclass(frozen=True)
 class WorkerDied:
-    """The outcome of a task that no worker survived."""
+    """Outcome of a task that no worker process survived."""
 
     reason: str
 
 
-def cores():
-    """Processors that this process may use."""
+class Executor(Protocol):
+    """Place where tasks are run."""
+
+    def __enter__(self) -> Self:
+        """Start."""
+
+    def __exit__(self, *error: object) -> None:
+        """Stop, and abandon unfinished tasks."""
+
+    @property
+    def free(self) -> bool:
+        """True if a further task would start now."""
+
+    def submit(self, name: Any, work: Work, task: Any) -> None:
+        """Start a task."""
+
+    def finished(self, timeout: float | None = None) -> Outcomes:
+        """Return the outcomes that are available, after at most `timeout` [s]; at least one without timeout."""
+
+
+def cores() -> int:
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def crew(workers=None, scheduler=None):
-    """Who computes: the dask cluster of a scheduler, so many processes, by default one for each processor, or for one
-    this process itself."""
+def choose_executor(workers: int | None = None, scheduler: str | None = None) -> Executor:
+    """Return the executor for the options of a command.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Number of processes; one per processor by default, none for 1.
+    scheduler : str, optional
+        Address of a dask scheduler.
+
+    Returns
+    -------
+    Executor
+    """
     if workers is not None and scheduler is not None:
         raise ValueError("give --workers or --scheduler, got both")
     if scheduler is not None:
-        return Cluster(scheduler)
+        return DaskExecutor(scheduler)
     count = cores() if workers is None else workers
     if count < 1:
         raise ValueError(f"--workers must be at least 1, got {count}")
-    return Here() if count == 1 else Processes(count)
+    return SerialExecutor() if count == 1 else ProcessExecutor(count)
 
 
-def outcomes(work, tasks, crew, meanwhile=lambda: None):
-    """(number of the task, outcome), as they come; the crew is dismissed at the end, however it comes.
+def run_tasks(
+    work: Work, tasks: Sequence[Any], executor: Executor, meanwhile: Callable[[], None] = lambda: None
+) -> Iterator[tuple[int, Any]]:
+    """Run tasks; the executor is stopped at the end, and also if the caller stops early.
 
-    meanwhile : called once, here, when the first tasks are given and workers have still to start
+    Parameters
+    ----------
+    work : callable
+        Function of one task.
+    tasks : sequence
+    executor : Executor
+    meanwhile : callable
+        Called once after the first tasks have been submitted, while workers start.
+
+    Yields
+    ------
+    tuple
+        Number of a task and its outcome, in the order of completion.
     """
     waiting, pending = deque(enumerate(tasks)), len(tasks)
-    with crew:
+    with executor:
         while pending:
-            while waiting and crew.free:
+            while waiting and executor.free:
                 number, task = waiting.popleft()
-                crew.give(number, work, task)
+                executor.submit(number, work, task)
             if pending == len(tasks):
                 meanwhile()
-            for number, outcome in crew.finished():
+            for number, outcome in executor.finished():
                 pending -= 1
                 yield number, outcome
 
 
-class Errands:
-    """Tasks for a crew of this machine while the caller goes on, done in the order in which they are sent.
+class BackgroundTasks:
+    """Tasks that an executor runs in their order while the caller continues.
 
-        with Errands(crew) as errands:
-            answer = errands.send("name", work, task)
+        with BackgroundTasks(executor) as tasks:
+            result = tasks.submit("name", work, task)
             ...
-            answer()  # waits for the outcome
+            result()  # waits for the outcome
 
-    Who waits has the crew busy; who does not calls `turn` now and then, so that none of it is idle.
+    The caller calls `poll` now and then, so that no worker is idle.
+
+    Parameters
+    ----------
+    executor : Executor
     """
 
-    def __init__(self, crew):
-        self._crew, self._waiting, self._found = crew, deque(), {}
+    def __init__(self, executor: Executor) -> None:
+        self._executor, self._waiting = executor, deque[tuple[Any, Work, Any]]()
+        self._found: dict[Any, Any] = {}
 
-    def __enter__(self):
-        self._crew.__enter__()
+    def __enter__(self) -> Self:
+        self._executor.__enter__()
         return self
 
-    def __exit__(self, *how):
-        self._crew.__exit__(*how)
+    def __exit__(self, *error: object) -> None:
+        self._executor.__exit__(*error)
 
-    def send(self, name, work, task):
-        """What waits for the outcome of a task, and gives it; raises RuntimeError for one that is `WorkerDied`."""
+    def submit(self, name: str, work: Work, task: Any) -> Callable[[], Any]:
+        """Queue a task.
+
+        Parameters
+        ----------
+        name : str
+            Unique name of the task.
+        work : callable
+            Function of one task.
+        task : object
+
+        Returns
+        -------
+        callable
+            Waits for the outcome and returns it; raises RuntimeError if it is `WorkerDied`.
+        """
         self._waiting.append((name, work, task))
-        self.turn()
+        self.poll()
         return partial(self._outcome, name)
 
-    def turn(self):
-        """Take what is done, and give what waits to those who are free."""
-        self._take(timeout=0)
+    def poll(self) -> None:
+        """Collect outcomes and start waiting tasks, without waiting."""
+        self._collect(timeout=0)
 
-    def _take(self, timeout=None):
-        self._found.update(self._crew.finished(timeout))
-        while self._waiting and self._crew.free:
-            self._crew.give(*self._waiting.popleft())
+    def _collect(self, timeout: float | None = None) -> None:
+        self._found.update(self._executor.finished(timeout))
+        while self._waiting and self._executor.free:
+            self._executor.submit(*self._waiting.popleft())
 
-    def _outcome(self, name):
-        self._waiting = deque(sorted(self._waiting, key=lambda task: task[0] != name))  # what is waited for comes first
+    def _outcome(self, name: str) -> Any:
+        self._waiting = deque(sorted(self._waiting, key=lambda task: task[0] != name))  # this one first
         while name not in self._found:
-            self._take()
+            self._collect()
         if isinstance(self._found[name], WorkerDied):
             raise RuntimeError(f"{name}: {self._found[name].reason}")
         return self._found[name]
 
 
-class Here:
-    """A crew of this process alone."""
+class SerialExecutor:
+    """Executor in this process; a task runs when its outcome is waited for."""
 
-    def __init__(self):
-        self._given = []
+    def __init__(self) -> None:
+        self._submitted: list[tuple[Any, Work, Any]] = []
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_):
-        self._given.clear()
+    def __exit__(self, *error: object) -> None:
+        self._submitted.clear()
 
     @property
-    def free(self):
-        return not self._given
+    def free(self) -> bool:
+        """True if no task is submitted."""
+        return not self._submitted
 
-    def give(self, number, work, task):
-        self._given.append((number, work, task))
+    def submit(self, name: Any, work: Work, task: Any) -> None:
+        """Keep a task until `finished`."""
+        self._submitted.append((name, work, task))
 
-    def finished(self, timeout=None):
-        """The outcome of what was given; none where that would take more than no time."""
+    def finished(self, timeout: float | None = None) -> Outcomes:
+        """Run the submitted task; return nothing if there is a timeout [s]."""
         if timeout is not None:
             return []
-        number, work, task = self._given.pop()
-        return [(number, work(task))]
+        name, work, task = self._submitted.pop()
+        return [(name, work(task))]
 
 
-class Processes:
-    """A crew of worker processes; those that die are replaced."""
+@dataclass(frozen=True)
+class _Job:
+    """A task in a worker process, and how often its worker has died."""
 
-    def __init__(self, count):
-        self.count = count
-        self.deaths = 0
-        self._stillborn = 0  # one after the other
-        self._workers = []
+    name: Any
+    work: Work
+    task: Any
+    deaths: int = 0
 
-    def __enter__(self):
-        self._workers = [_Worker() for _ in range(self.count)]
+
+class _RecordingContext(SpawnContext):
+    """Start method "spawn", with a record of the processes, so that they can be killed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.started: list[SpawnProcess] = []
+
+    def Process(self, *args: Any, **options: Any) -> SpawnProcess:  # noqa: N802 - name of multiprocessing
+        process = SpawnProcess(*args, **options)
+        self.started.append(process)
+        return process
+
+
+class ProcessExecutor:
+    """Executor in worker processes.
+
+    Parameters
+    ----------
+    count : int
+        Number of worker processes.
+
+    Attributes
+    ----------
+    deaths : int
+        Number of times that the pool was rebuilt after the death of a worker.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.count, self.deaths = count, 0
+        self._failed_starts = 0  # in succession
+        self._running: dict[Future[Any], _Job] = {}
+        self._repeated = deque[_Job]()  # after the death of a worker; one at a time, so that the cause is known
+
+    def __enter__(self) -> Self:
+        self._start_pool()
         return self
 
-    def __exit__(self, *_):
-        for worker in self._workers:
-            worker.dismiss()
+    def __exit__(self, *error: object) -> None:
+        self._stop_pool()
 
     @property
-    def pids(self):
-        """Numbers of the processes at work."""
-        return [worker.process.pid for worker in self._workers]
+    def pids(self) -> list[int | None]:
+        """Numbers of the worker processes."""
+        return [process.pid for process in self._context.started if process.is_alive()]
 
     @property
-    def free(self):
-        return any(worker.task is None for worker in self._workers)
+    def free(self) -> bool:
+        """True if a worker is idle and no task has to be repeated."""
+        return not self._repeated and len(self._running) < self.count
 
-    def give(self, number, work, task):
-        next(worker for worker in self._workers if worker.task is None).take(number, work, task, attempt=1)
+    def submit(self, name: Any, work: Work, task: Any) -> None:
+        """Start a task."""
+        self._submit(_Job(name, work, task))
 
-    def finished(self, timeout=None):
-        """The outcomes that have come in, at least one; fewer where none comes in the seconds given."""
-        told, ready = [], True
-        while ready and not told:
-            ready = connection.wait([worker.pipe for worker in self._workers], timeout)
-            for i, worker in enumerate(self._workers):
-                if worker.pipe in ready:
-                    told += self._heard(i, worker)
-        return told
+    def finished(self, timeout: float | None = None) -> Outcomes:
+        """Return the outcomes that are available, after at most `timeout` [s]; at least one without timeout."""
+        found: Outcomes = []
+        while not found:
+            if self._repeated and not self._running:
+                self._submit(self._repeated.popleft())
+            done = wait(self._running, timeout, FIRST_COMPLETED).done
+            found = self._collect(done)
+            if timeout is not None or not done:
+                break
+        return found
 
-    def _heard(self, i, worker):
-        """What a worker says, or for one that died, its task to another."""
-        try:
-            answers = worker.answers()
-            self._stillborn = 0
-            return answers
-        except (EOFError, OSError):
-            worker.dismiss()
+    def _submit(self, job: _Job) -> None:
+        with _one_thread():  # the pool starts its processes as they are required
+            try:
+                future = self._pool.submit(job.work, job.task)
+            except BrokenProcessPool:
+                if self._running:  # `finished` rebuilds the pool
+                    self._repeated.append(job)
+                    return
+                self._rebuild_pool()
+                future = self._pool.submit(job.work, job.task)
+        self._running[future] = job
+
+    def _collect(self, done: Iterable[Future[Any]]) -> Outcomes:
+        """Return outcomes; after the death of a worker all tasks are done, but most without result."""
+        broken = any(isinstance(future.exception(), BrokenProcessPool) for future in done)
+        found: Outcomes = []
+        for future in wait(self._running).done if broken else done:
+            job = self._running.pop(future)
+            if not isinstance(future.exception(), BrokenProcessPool):
+                found.append((job.name, future.result()))
+            elif job.deaths + 1 == ATTEMPTS and self._begun.is_set():
+                found.append((job.name, WorkerDied(f"its worker process died {ATTEMPTS} times")))
+            else:
+                self._repeated.append(replace(job, deaths=job.deaths + self._begun.is_set()))
+        if broken:
+            self._rebuild_pool()
+        return found
+
+    def _rebuild_pool(self) -> None:
         self.deaths += 1
-        self._stillborn += not worker.started
-        if self._stillborn == ATTEMPTS:
+        self._failed_starts = 0 if self._begun.is_set() else self._failed_starts + 1
+        if self._failed_starts == ATTEMPTS:
             raise RuntimeError(
                 f"{ATTEMPTS} worker processes ended before they could begin; a script that sweeps needs "
                 '`if __name__ == "__main__":`, or give one worker'
             )
-        self._workers[i] = _Worker()
-        if worker.task is None:
-            return []
-        number, work, task, attempt = worker.task
-        if attempt == ATTEMPTS:
-            return [
-                (
-                    number,
-                    WorkerDied(f"its worker process died {ATTEMPTS} times, last with code {worker.process.exitcode}"),
-                )
-            ]
-        self._workers[i].take(number, work, task, attempt + worker.started)
-        return []
+        self._stop_pool()
+        self._start_pool()
+
+    def _start_pool(self) -> None:
+        self._context = _RecordingContext()  # threads of numpy and of the progress do not survive a fork
+        self._begun = self._context.Event()
+        self._pool = ProcessPoolExecutor(self.count, self._context, _begin_worker, (self._begun,))
+
+    def _stop_pool(self) -> None:
+        for process in self._context.started:
+            process.kill()
+        self._pool.shutdown(cancel_futures=True)
 
 
-class _Worker:
-    """One process, the pipe to it, and the task it has: (number, work, task, attempt) or None."""
-
-    def __init__(self):
-        context = get_context("spawn")  # threads of numpy and of the progress do not survive a fork
-        self.pipe, other = context.Pipe()
-        self.process = context.Process(target=_serve, args=(other,), daemon=True)
-        with _one_thread():
-            self.process.start()
-        other.close()  # so that the pipe ends when the process does
-        self.task, self.started = None, False
-
-    def take(self, number, work, task, attempt):
-        self.task = number, work, task, attempt
-        with suppress(OSError):  # one that has just died: its pipe tells
-            self.pipe.send((work, task))
-
-    def answers(self):
-        """[(number, outcome)] of the task at hand, nothing when the process has only begun; EOFError when it died."""
-        answer = self.pipe.recv()
-        if not self.started:
-            self.started = True
-            return []
-        number, self.task = self.task[0], None
-        if isinstance(answer, Exception):
-            raise answer
-        return [(number, answer)]
-
-    def dismiss(self):
-        self.pipe.close()
-        self.process.kill()
-        self.process.join()
+def _begin_worker(begun: Event) -> None:
+    """Prepare a worker process: it ignores interrupts and ends with its parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent receives it and kills its workers
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    begun.set()
 
 
-def _serve(pipe):
-    """Do tasks until the pipe ends, with one thread for linear algebra."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the command is told, and dismisses us
-    with suppress(EOFError, OSError):
-        pipe.send("begun")
-        while True:
-            pipe.send(_answer(*pipe.recv()))
-
-
-def _answer(work, task):
-    try:
-        return work(task)
-    except Exception as error:
-        return error
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 @contextmanager
-def _one_thread():
-    """An environment for new processes in which linear algebra takes one thread."""
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
+def _one_thread() -> Iterator[None]:
+    """Set the environment of new processes to one thread of linear algebra."""
+    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
     try:
         yield
     finally:
@@ -271,18 +369,24 @@ def _one_thread():
                 os.environ[name] = value
 
 
-class Cluster:
-    """A crew of the workers of a dask scheduler at an address such as tcp://host:8786."""
+class DaskExecutor:
+    """Executor on the workers of a dask scheduler.
 
-    def __init__(self, address):
+    Parameters
+    ----------
+    address : str
+        Address of the scheduler, such as tcp://host:8786.
+    """
+
+    def __init__(self, address: str) -> None:
         self.address = address
-        self._client = None
-        self._futures = {}
+        self._client: Any = None
+        self._futures: dict[Any, Any] = {}
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         client = _distributed().Client
         try:
-            self._client = client(self.address, timeout=SEEK, set_as_default=False)
+            self._client = client(self.address, timeout=SCHEDULER_TIMEOUT, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise RuntimeError(
                 f"no dask scheduler answers at {self.address!r}: {error}; start one with `dask scheduler`, or give "
@@ -290,32 +394,38 @@ class Cluster:
             ) from error
         return self
 
-    def __exit__(self, *_):
-        with suppress(Exception):  # a cluster that is gone cancels nothing
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with suppress(Exception):  # the cluster may be gone
             self._client.cancel(list(self._futures))
         self._client.close()
 
     @property
-    def free(self):
-        return len(self._futures) < WINDOW * max(1, sum(self._client.nthreads().values()))
+    def free(self) -> bool:
+        """True if the cluster has fewer than TASKS_PER_THREAD tasks per thread."""
+        return len(self._futures) < TASKS_PER_THREAD * max(1, sum(self._client.nthreads().values()))
 
-    def give(self, number, work, task):
-        self._futures[self._client.submit(work, task, pure=False)] = number
+    def submit(self, name: Any, work: Work, task: Any) -> None:
+        """Start a task."""
+        self._futures[self._client.submit(work, task, pure=False)] = name
 
-    def finished(self):
+    def finished(self, timeout: float | None = None) -> Outcomes:
+        """Return the outcomes that are available, after at most `timeout` [s]; at least one without timeout."""
         distributed = _distributed()
         with self._client.as_current():
-            done = distributed.wait(list(self._futures), return_when="FIRST_COMPLETED").done
-        return [(self._futures.pop(future), self._outcome(future, distributed.KilledWorker)) for future in done]
-
-    def _outcome(self, future, killed):
-        try:
-            return future.result()
-        except killed as error:
-            return WorkerDied(f"its workers died: {error}")
+            done = distributed.wait(list(self._futures), timeout, return_when="FIRST_COMPLETED").done
+        return [(self._futures.pop(future), _dask_outcome(future, distributed.KilledWorker)) for future in done]
 
 
-def _distributed():
+def _dask_outcome(future: Any, killed: type[Exception]) -> Any:
+    try:
+        return future.result()
+    except killed as error:
+        return WorkerDied(f"its workers died: {error}")
+
+
+def _distributed() -> ModuleType:
     try:
         import distributed
     except ImportError:

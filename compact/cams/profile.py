@@ -1,55 +1,72 @@
-"""The cam that makes a motion there and back, one turn a cycle.
+"""Profile of a disc cam that drives a cycle, one turn of the cam a cycle.
 
     phi = 2 pi t/period,  rho(phi) = b/2 + x(t) - stroke/2,  rho(phi) + rho(phi + pi) = b
 
-b is the breadth, rho what the follower follows: the radius to a point or to a roller's centre, or the distance to a
-flat face. The breadth is constant where the way back mirrors the way out and the two dwells are equal: see
-`breadth_error`.
-A point of the profile lies `radial` along the follower's travel and `offset` across it, in the frame of the cam:
+b is the breadth, rho the distance of the follower from the axis: of its point, its roller centre or its flat face. The
+breadth is constant if the return stroke is the mirror image of the forward stroke and both dwells are equal, see
+`Cam.breadth_error`. A point of the profile lies `radial` along the follower's travel and `offset` across it, in the
+frame of the cam:
 
     radial (cos phi, sin phi) + offset (-sin phi, cos phi)
 
-Along phi the profile turns by `turn` dphi over an arc of `arc` dphi: its curvature is turn/arc, convex > 0, and where
-arc <= 0 it would run backwards: the cutter that makes one part removes another, and the cam is undercut.
-Angles in rad, lengths in m; primes are derivatives by phi, exact from the law; at a join the value just after it holds.
+Over dphi the tangent of the profile turns by `turn` dphi along an arc of `arc` dphi: its curvature is turn/arc, convex
+> 0. Where arc <= 0 the profile runs backwards: the cutter of one part removes another, the cam is undercut. Angles in
+rad, lengths in m; primes are derivatives by phi, exact from the law, right limits at a breakpoint.
+
+References
+----------
+R. L. Norton, Cam Design and Manufacturing Handbook, Industrial Press 2009, ch. 7 (size, pressure angle, undercut).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from compact.cams.followers import FlatFace, Pointed, RollerFollower
-from compact.motion.profile import Cycle
+from compact.motion.profile import Cycle, Discontinuity, Leg
 from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
 from compact.numerics.validation import require_at_most, require_between, require_finite, require_positive
-
-MOST_POINTS = 1_000_000  # [-], of a table: a step of a micrometre round a cam of 0.3 m
 
 __all__ = [
     "Cam",
     "FlatFace",
     "LeastBreadth",
     "Pointed",
+    "ProfileTable",
     "RollerFollower",
-    "Table",
     "breadth_for_pressure_angle",
     "least_breadth",
 ]
 
+Follower = Pointed | RollerFollower | FlatFace
+Measure = Callable[..., NDArray[np.float64]]  # of phi [rad] and the travel x, x', x'' by phi [m]
+
+POINT_LIMIT = 1_000_000  # [-], rows of a table: a step of a micrometre round a cam of 0.3 m
+BREADTH_SAMPLES = 361  # [-], over half a turn: the breadth is either constant at all of them or clearly not
+LEG_SAMPLES = 2000  # [-], for crossing flanks: least breadth within 4e-7 of the stroke (compared with 32000)
+ANGLE_TOLERANCE = 1e-9  # [rad], between distinct angles of a table
+LENGTH_ROUNDING = 1e-12  # [-], of the length
 AXIS = "the axis must lie inside the profile"
 ARC = "the profile must not run backwards"
 FLANKS = "the flanks of the lobe must not cross"
-EVEN_SAMPLES = 361  # of the breadth, which is constant or plainly not
-SAMPLES = 2000  # a leg, where flanks may cross: least breadth then within 4e-7 of the stroke (against 32000)
 
 
 @dataclass(frozen=True)
 class LeastBreadth:
-    """A cam must be broader than `breadth` [m], infinite if none will do; `rule` says why, `angle` [rad] where.
+    """Breadth that a cam must exceed.
 
-    The angle is nan where the lobe as a whole is too thin.
+    Attributes
+    ----------
+    breadth : float
+        Limit of the breadth [m]; infinite if no cam is possible.
+    angle : float
+        Cam angle that determines it [rad]; nan where the flanks of the lobe would cross.
+    rule : str
+        Condition that determines it.
     """
 
     breadth: float
@@ -57,33 +74,50 @@ class LeastBreadth:
     rule: str
 
 
-class Table(NamedTuple):
-    """Names with units, and as many columns, ndarray of shape (names, rows)."""
+class ProfileTable(NamedTuple):
+    """Table of a cam.
 
-    header: tuple
-    columns: np.ndarray
+    Attributes
+    ----------
+    header : tuple of str
+        Names of the columns with their units.
+    columns : ndarray, shape (names, rows)
+        Values.
+    """
 
-    def rows(self):
-        """The columns as rows of numbers."""
+    header: tuple[str, ...]
+    columns: NDArray[np.float64]
+
+    def rows(self) -> list[list[float]]:
+        """Return the values row by row."""
         return self.columns.T.tolist()
 
 
-def least_breadth(cycle, follower):
-    """`LeastBreadth` that a cam must exceed so that its profile holds the axis and does not run backwards.
+def least_breadth(cycle: Cycle, follower: Follower) -> LeastBreadth:
+    """Compute the breadth that a cam must exceed so that its profile contains the axis and is not undercut.
 
         pointed    b > stroke
-        roller     b > stroke + 2 max(r, rho_g - x), rho_g the pitch radius of curvature r (see `base_radius`)
+        roller     b > stroke + 2 max(r, rho_g - x), with rho_g of `RollerFollower.base_radius`
         flat face  b > max(stroke, 2 max(stroke/2 - x - x''))
 
-    over both passes and both sides of every join. Every broader cam will do. Where the velocity jumps down no roller
-    and no flat face can follow; upwards the profile gets a round hollow (roller) or a flat (flat face). A law and
-    its mirror image always jump both ways. After a long near dwell the lobe may be thinner than the roller asks:
-    where the flanks would cross, b is bisected on dense samples (to about 1e-6 of the stroke, elsewhere to rounding).
+    over both passes and both sides of every breakpoint. Every broader cam is valid. Where the velocity jumps down, no
+    roller and no flat face can follow; where it jumps up, the profile has a concave arc (roller) or a straight part
+    (flat face). A law and its mirror image always jump both ways. After a long near dwell the lobe may be too thin for
+    the roller: b is then bisected on dense samples (to about 1e-6 of the stroke, otherwise to rounding).
+
+    Parameters
+    ----------
+    cycle : Cycle
+        Motion of the follower.
+    follower : Pointed, RollerFollower or FlatFace
+        Follower.
 
     References
     ----------
     Monograph D, cams of laws 2.1-4.4; the flat-faced ones with the law as support function (reference/errata.md).
 
+    Examples
+    --------
     >>> from compact.motion.profile import law
     >>> least = least_breadth(Cycle(law("combined-4", stroke=0.4, duration=3.0)), FlatFace())
     >>> f"{least.breadth / 0.4:.3f}: {least.rule}"
@@ -92,39 +126,59 @@ def least_breadth(cycle, follower):
     inf
     """
     stroke = cycle.forward.stroke
-    drop = next((join for join in _velocity_jumps(cycle) if join.after < join.before), None)
+    drop = next((jump for jump in _velocity_jumps(cycle) if jump.after < jump.before), None)
     if drop is not None and follower.radius_at_kink < 0:
         angle = _to_angle(cycle, drop.time)
         rule = f"impossible: the velocity drops by {drop.before - drop.after:.4g} m/s at the angle {angle:.4g} rad"
         return LeastBreadth(np.inf, angle, rule)
-    base, angle = _largest(cycle, lambda _, x, slope, second: follower.base_radius(x, slope, second))
+    base, angle = _maximum(cycle, lambda _, x, slope, second: follower.base_radius(x, slope, second))
     axis = getattr(follower, "radius", 0.0)
-    rule = ARC if base > axis + 1e-12 * stroke else AXIS
+    rule = ARC if base > axis + LENGTH_ROUNDING * stroke else AXIS
     if isinstance(follower, RollerFollower):
-        thicker = _uncrossed(cycle, follower, base)
-        base, angle, rule = (thicker, np.nan, FLANKS) if thicker > base else (base, angle, rule)
+        larger = _base_without_crossing(cycle, follower, base)
+        base, angle, rule = (larger, np.nan, FLANKS) if larger > base else (base, angle, rule)
     return LeastBreadth(stroke + 2 * base, angle, rule)
 
 
-def breadth_for_pressure_angle(cycle, follower, limit):
-    """Breadth [m] from which on the pressure angle keeps within `limit` [rad]; that of a flat face is always zero.
+def breadth_for_pressure_angle(cycle: Cycle, follower: Follower, limit: float) -> float:
+    """Compute the smallest breadth [m] whose pressure angle stays within a limit; the stroke for a flat face.
 
     tan(limit) = |x'|/rho:  b = stroke + 2 max(|x'|/tan(limit) - x, 0)
+
+    Parameters
+    ----------
+    cycle : Cycle
+        Motion of the follower.
+    follower : Pointed, RollerFollower or FlatFace
+        Follower.
+    limit : float
+        Largest pressure angle [rad].
     """
     require_between(1e-3, 1.57, limit=limit)
     stroke = cycle.forward.stroke
     if isinstance(follower, FlatFace):
         return stroke
     steep = np.tan(limit)
-    return stroke + 2 * max(_largest(cycle, lambda _, x, slope, second: np.abs(slope) / steep - x)[0], 0.0)
+    return stroke + 2 * max(_maximum(cycle, lambda _, x, slope, __: np.abs(slope) / steep - x)[0], 0.0)
 
 
 @dataclass(frozen=True)
 class Cam:
-    """The cam of a `breadth` b [m] > stroke that moves a `follower` through a `Cycle`.
+    """Cam of constant breadth that moves a follower through a cycle.
 
-    An undercut cam can be made and drawn; `undercut` says so and `least_breadth` what would do.
+    An undercut cam can be computed and drawn; `undercut` reports it, `least_breadth` the breadth to exceed.
 
+    Attributes
+    ----------
+    cycle : Cycle
+        Motion of the follower.
+    breadth : float
+        Breadth b [m], > stroke.
+    follower : Pointed, RollerFollower or FlatFace
+        Follower.
+
+    Examples
+    --------
     >>> from compact.motion.profile import law
     >>> cam = Cam(Cycle(law("harmonic", stroke=0.4, duration=3.0)), breadth=1.0, follower=FlatFace())
     >>> cam.radius_of_curvature([0.0, 1.0, 4.0]).round(12).tolist()  # an eccentric circle
@@ -133,179 +187,196 @@ class Cam:
 
     cycle: Cycle
     breadth: float
-    follower: Pointed | RollerFollower | FlatFace
+    follower: Follower
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_positive(breadth=self.breadth)
         stroke = self.cycle.forward.stroke
         if not self.breadth > stroke:
             raise ValueError(
                 f"`breadth` must be greater than the stroke, got {self.breadth:g} m for {stroke:g} m; "
-                "the axis would lie outside the cam: give more than `least_breadth`"
+                "the axis would lie outside the cam: set more than `least_breadth`"
             )
 
-    def derivative(self, angle, order):
-        """Derivative by phi of order 0, 1, 2 … of rho [m] at angle [rad], any shape."""
+    def derivative(self, angle: ArrayLike, order: int) -> NDArray[np.float64]:
+        """Return the derivative of rho by phi [m].
+
+        Parameters
+        ----------
+        angle : array_like
+            Cam angle phi [rad], any shape.
+        order : int
+            Order of the derivative, >= 0.
+        """
         require_finite(angle=angle)
         radians = self.cycle.period / (2 * np.pi)
-        value = radians**order * self.cycle.derivative(self._after_join(angle), order)
+        value = radians**order * self.cycle.derivative(self._time_after_break(angle), order)
         return value + (self.breadth - self.cycle.forward.stroke) / 2 if order == 0 else value
 
-    def radius(self, angle):
-        """The law rho [m]: polar radius of a point or of the roller's centre, distance of a flat face."""
+    def radius(self, angle: ArrayLike) -> NDArray[np.float64]:
+        """Return rho [m] at an angle [rad]: radius to the point or roller centre, or distance of the flat face."""
         return self.derivative(angle, 0)
 
-    def profile(self, angle):
-        """Points (x, y) of the profile [m] in the frame of the cam, ndarray of shape (2, n)."""
+    def profile(self, angle: ArrayLike) -> NDArray[np.float64]:
+        """Return the points (x, y) of the profile [m] at angles [rad] in the frame of the cam, shape (2, n)."""
         angle = np.atleast_1d(np.asarray(angle, float))
         radial, offset = self.follower.contact(self.derivative(angle, 0), self.derivative(angle, 1))
         cos, sin = np.cos(angle), np.sin(angle)
         return np.array([radial * cos - offset * sin, radial * sin + offset * cos])
 
-    def contact_offset(self, angle):
-        """Distance [m] of the contact from the follower's line of travel; of a flat face rho'."""
+    def contact_offset(self, angle: ArrayLike) -> NDArray[np.float64]:
+        """Return the distance [m] of the contact from the follower's line of travel at an angle [rad]."""
         return self.follower.contact(self.derivative(angle, 0), self.derivative(angle, 1))[1]
 
-    def rates(self, angle):
-        """Turn [-] and arc [m] of the profile by phi."""
+    def rates(self, angle: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return turn [-] and arc [m] of the profile by phi at an angle [rad]."""
         return self.follower.rates(*(self.derivative(angle, order) for order in range(3)))
 
-    def curvature(self, angle):
-        """Curvature of the profile [1/m], convex > 0."""
+    def curvature(self, angle: ArrayLike) -> NDArray[np.float64]:
+        """Return the curvature of the profile [1/m] at an angle [rad], convex > 0."""
         turn, arc = self.rates(angle)
         with np.errstate(divide="ignore"):
             return turn / arc
 
-    def radius_of_curvature(self, angle):
-        """Radius of curvature of the profile [m], convex > 0, infinite where it is straight."""
+    def radius_of_curvature(self, angle: ArrayLike) -> NDArray[np.float64]:
+        """Return the radius of curvature of the profile [m] at an angle [rad], convex > 0, infinite where straight."""
         turn, arc = self.rates(angle)
         with np.errstate(divide="ignore"):
             return arc / turn
 
-    def pressure_angle(self, angle):
-        """Angle [rad] between the follower's travel and the common normal, > 0 on the way out."""
+    def pressure_angle(self, angle: ArrayLike) -> NDArray[np.float64]:
+        """Return the angle [rad] between travel and common normal at an angle [rad], > 0 on the forward stroke."""
         return self.follower.pressure_angle(self.derivative(angle, 0), self.derivative(angle, 1))
 
     @cached_property
-    def kinks(self):
-        """Angles [rad] where the velocity jumps: corners of the path of a point or of a roller's centre."""
-        return tuple(_to_angle(self.cycle, join.time) for join in _velocity_jumps(self.cycle))
+    def corner_angles(self) -> tuple[float, ...]:
+        """Angles [rad] where the velocity jumps: corners of the path of the point or of the roller centre."""
+        return tuple(_to_angle(self.cycle, jump.time) for jump in _velocity_jumps(self.cycle))
 
     @cached_property
-    def breakpoints(self):
-        """Angles [rad] in [0, 2 pi) where pieces of the law and dwells meet, rising."""
-        angles = np.unique([_to_angle(self.cycle, time) for time in self._breaks])
-        distinct = angles[np.append(True, np.diff(angles) > 1e-9)]
-        return tuple(distinct[distinct < 2 * np.pi - 1e-9].tolist())
+    def breakpoints(self) -> tuple[float, ...]:
+        """Angles [rad] in [0, 2 pi) between the pieces of the laws and the dwells, ascending."""
+        angles = np.unique([_to_angle(self.cycle, time) for time in self._break_times])
+        distinct = angles[np.append(True, np.diff(angles) > ANGLE_TOLERANCE)]
+        return tuple(distinct[distinct < 2 * np.pi - ANGLE_TOLERANCE].tolist())
 
     @cached_property
-    def breadth_error(self):
+    def breadth_error(self) -> float:
         """Largest |rho(phi) + rho(phi + pi) - b| [m]: rounding if the breadth is constant."""
 
-        def error(angle, *_):
+        def error(angle, *_: NDArray[np.float64]):
             return np.abs(self.radius(angle) + self.radius(angle + np.pi) - self.breadth)
 
-        sampled = float(error(np.linspace(0, np.pi, EVEN_SAMPLES)).max())
-        return sampled if sampled < 1e-12 * self.breadth else _largest(self.cycle, error)[0]
+        sampled = float(error(np.linspace(0, np.pi, BREADTH_SAMPLES)).max())
+        return sampled if sampled < LENGTH_ROUNDING * self.breadth else _maximum(self.cycle, error)[0]
 
     @cached_property
-    def least_radius_of_curvature(self):
-        """Least radius [m] of the convex parts; <= 0 where they are undercut, 0 at a pointed follower's corner."""
-
-        def depth(_, *travel):
-            turn, arc = self.follower.rates(*self._raised(*travel))
-            return -np.divide(arc, turn, out=np.full_like(arc, np.inf), where=turn > 0)
-
-        least = -_largest(self.cycle, depth)[0]
-        return min(least, self.follower.radius_at_kink) if self._drops else least
+    def least_radius_of_curvature(self) -> float:
+        """Smallest radius [m] of the convex parts; <= 0 if undercut, 0 at a corner of a pointed follower."""
+        smallest = self._smallest_radius(convex=True)
+        return min(smallest, self.follower.radius_at_kink) if self._velocity_drops else smallest
 
     @cached_property
-    def least_hollow_radius(self):
-        """Least radius [m] of the concave parts, which a cutter must not exceed; infinite where there are none."""
-
-        def depth(_, *travel):
-            turn, arc = self.follower.rates(*self._raised(*travel))
-            return -np.divide(arc, -turn, out=np.full_like(arc, np.inf), where=turn < 0)
-
-        return -_largest(self.cycle, depth)[0]
+    def least_hollow_radius(self) -> float:
+        """Smallest radius [m] of the concave parts, the limit of the cutter radius; infinite without concave parts."""
+        return self._smallest_radius(convex=False)
 
     @cached_property
-    def largest_pressure_angle(self):
-        """Largest |pressure angle| [rad] of the turn, both sides of every join."""
-        return _largest(self.cycle, lambda _, *t: np.abs(self.follower.pressure_angle(*self._raised(*t)[:2])))[0]
+    def largest_pressure_angle(self) -> float:
+        """Largest |pressure angle| [rad] over the turn, both sides of every breakpoint."""
+        return _maximum(self.cycle, lambda _, *t: np.abs(self.follower.pressure_angle(*self._raised(*t)[:2])))[0]
 
     @cached_property
-    def largest_contact_offset(self):
-        """Largest distance [m] of the contact from the line of travel: the half-width that a flat face needs."""
-        return _largest(self.cycle, lambda _, *t: np.abs(self.follower.contact(*self._raised(*t)[:2])[1]))[0]
+    def largest_contact_offset(self) -> float:
+        """Largest distance [m] of the contact from the line of travel: required half-width of a flat face."""
+        return _maximum(self.cycle, lambda _, *t: np.abs(self.follower.contact(*self._raised(*t)[:2])[1]))[0]
 
     @cached_property
-    def undercut(self):
-        """Whether the profile runs backwards, crosses itself or, of a roller, reaches the axis; see `least_breadth`."""
-        if self._drops and self.follower.radius_at_kink < 0:
+    def undercut(self) -> bool:
+        """True if the profile runs backwards, crosses itself or, for a roller, reaches the axis: `least_breadth`."""
+        if self._velocity_drops and self.follower.radius_at_kink < 0:
             return True
         if isinstance(self.follower, RollerFollower):
-            angle, *travel = _dense(self.cycle)
+            angle, *travel = _dense_samples(self.cycle)
             rho, slope, _ = self._raised(*travel)
             if rho.min() <= self.follower.radius or self.follower.flanks_cross(angle, rho, slope):
                 return True
-        return bool(_largest(self.cycle, lambda _, *t: -self.follower.rates(*self._raised(*t))[1])[0] >= 0)
+        return bool(_maximum(self.cycle, lambda _, *t: -self.follower.rates(*self._raised(*t))[1])[0] >= 0)
 
-    def least_breadth(self):
-        """`LeastBreadth` of this cycle and follower."""
+    def least_breadth(self) -> LeastBreadth:
+        """Return the `LeastBreadth` of this cycle and follower."""
         return self._least_breadth
 
     @cached_property
     def _least_breadth(self):
         return least_breadth(self.cycle, self.follower)
 
-    def table(self, points):
-        """`Table` of the cam over a closed turn: at least `points` >= 2 equal steps' ends, and every join.
+    def table(self, points: int) -> ProfileTable:
+        """Return the `ProfileTable` over a closed turn.
 
-        Angles rise strictly from 0 to 2 pi; an end of a step closer than 1e-9 rad to a join gives way to it.
+        Parameters
+        ----------
+        points : int
+            Number of equal steps plus one, >= 2; breakpoints are added. Angles ascend strictly from 0 to 2 pi; an equal
+            step closer than 1e-9 rad to a breakpoint is replaced by it.
+
+        Raises
+        ------
+        ValueError
+            If the number of points is out of range.
         """
         if not points >= 2:
             raise ValueError(f"`points` must be at least 2, got {points!r}")
-        require_at_most(MOST_POINTS, "steps below a micrometre cut nothing", points=points)
-        joins = np.array(self.breakpoints)
+        require_at_most(POINT_LIMIT, "steps below a micrometre change no cam", points=points)
+        breaks = np.array(self.breakpoints)
         grid = np.linspace(0, 2 * np.pi, points)
-        angle = np.sort(np.append(grid[np.abs(grid[:, None] - joins).min(axis=1) > 1e-9], joins))
-        angle = angle[np.append(True, np.diff(angle) > 1e-9)]
+        angle = np.sort(np.append(grid[np.abs(grid[:, None] - breaks).min(axis=1) > ANGLE_TOLERANCE], breaks))
+        angle = angle[np.append(True, np.diff(angle) > ANGLE_TOLERANCE)]
         names = ("angle_rad", "radius_m", "x_m", "y_m", "pressure_angle_rad", "curvature_per_m", "contact_offset_m")
         quantities = (self.pressure_angle, self.curvature, self.contact_offset)
         columns = [angle, self.radius(angle), *self.profile(angle), *(quantity(angle) for quantity in quantities)]
-        return Table(names, np.array(columns))
+        return ProfileTable(names, np.array(columns))
+
+    def _smallest_radius(self, convex: bool) -> float:
+        """Smallest |radius of curvature| [m] of the convex or of the concave parts, both sides of every breakpoint."""
+        sign = 1 if convex else -1
+
+        def negative_radius(_, *travel: NDArray[np.float64]):
+            turn, arc = self.follower.rates(*self._raised(*travel))
+            return -np.divide(arc, sign * turn, out=np.full_like(arc, np.inf), where=sign * turn > 0)
+
+        return -_maximum(self.cycle, negative_radius)[0]
 
     @property
-    def _drops(self):
-        return any(join.after < join.before for join in _velocity_jumps(self.cycle))
+    def _velocity_drops(self):
+        return any(jump.after < jump.before for jump in _velocity_jumps(self.cycle))
 
     @cached_property
-    def _breaks(self):
+    def _break_times(self):
         return np.unique(np.concatenate([leg.start + leg.duration * leg.breakpoints() for leg in self.cycle.legs()]))
 
-    def _after_join(self, angle):
-        """Time [s] in the cycle at angle; what rounding may have put before a join is put after it."""
+    def _time_after_break(self, angle):
+        """Time [s] in the cycle; a time that rounding placed before a breakpoint is moved behind it."""
         period = self.cycle.period
         time = np.mod(np.asarray(angle, float) / (2 * np.pi), 1.0) * period
-        join = self._breaks[np.abs(time[..., None] - self._breaks).argmin(axis=-1)]
-        return np.where(np.abs(time - join) <= BREAK_OFFSET * period, join + BREAK_OFFSET * period, time)
+        nearest = self._break_times[np.abs(time[..., None] - self._break_times).argmin(axis=-1)]
+        return np.where(np.abs(time - nearest) <= BREAK_OFFSET * period, nearest + BREAK_OFFSET * period, time)
 
     def _raised(self, x, slope, second):
         """rho, rho', rho'' from the travel."""
         return x + (self.breadth - self.cycle.forward.stroke) / 2, slope, second
 
 
-def _velocity_jumps(cycle):
-    return [join for join in cycle.discontinuities() if join.order == 1]
+def _velocity_jumps(cycle: Cycle) -> list[Discontinuity]:
+    return [jump for jump in cycle.discontinuities() if jump.order == 1]
 
 
-def _to_angle(cycle, time):
+def _to_angle(cycle: Cycle, time: float) -> float:
     return float(2 * np.pi * (time / cycle.period))
 
 
-def _largest(cycle, measure):
-    """Largest `measure(phi, x, x', x'')` of the turn and its angle, both sides of every join."""
+def _maximum(cycle: Cycle, measure: Measure) -> tuple[float, float]:
+    """Largest `measure(phi, x, x', x'')` over the turn and its angle, both sides of every breakpoint."""
     best = (-np.inf, 0.0)
     for leg in cycle.legs():
 
@@ -318,38 +389,38 @@ def _largest(cycle, measure):
     return best
 
 
-def _angle_in(cycle, leg, z):
+def _angle_in(cycle: Cycle, leg: Leg, z):
     return 2 * np.pi * (leg.start + leg.duration * z) / cycle.period
 
 
-def _uncrossed(cycle, follower, base):
-    """Least (b - stroke)/2 [m] from `base` on where no flanks cross, between it and where rho^2/w > r all round."""
+def _base_without_crossing(cycle: Cycle, follower: RollerFollower, base: float) -> float:
+    """Smallest (b - stroke)/2 [m] >= base without crossing flanks; rho^2/w > r all round is sufficient."""
+    angle, x, slope, _ = _dense_samples(cycle)
 
     def crossed(base):
         return follower.flanks_cross(angle, base + x, slope)
 
-    def seen_whole(_, x, slope, second):
+    def sufficient(_, x, slope, __):
         r = follower.radius
         return np.sqrt((r**2 + r * np.hypot(r, 2 * slope)) / 2) - x
 
-    angle, x, slope, _ = _dense(cycle)
     if not crossed(base * (1 + 1e-9)):
         return base
-    low, high = base, _largest(cycle, seen_whole)[0]
-    while high - low > 1e-12 * (high + cycle.forward.stroke):
+    low, high = base, _maximum(cycle, sufficient)[0]
+    while high - low > LENGTH_ROUNDING * (high + cycle.forward.stroke):
         middle = (low + high) / 2
         low, high = (middle, high) if crossed(middle) else (low, middle)
     return high
 
 
-def _dense(cycle):
+def _dense_samples(cycle: Cycle) -> tuple[NDArray[np.float64], ...]:
     """Angle, x, x', x'' on dense samples of every leg."""
-    z = np.linspace(BREAK_OFFSET, 1 - BREAK_OFFSET, SAMPLES)
+    z = np.linspace(BREAK_OFFSET, 1 - BREAK_OFFSET, LEG_SAMPLES)
     legs = [(_angle_in(cycle, leg, z), *_travel(cycle, leg, z)) for leg in cycle.legs()]
     return tuple(np.concatenate(column) for column in zip(*legs, strict=True))
 
 
-def _travel(cycle, leg, z):
-    """x, x', x'' [m] at phase z of a leg; taken there, not from the time, so that a join keeps its sides."""
+def _travel(cycle: Cycle, leg: Leg, z) -> tuple[NDArray[np.float64], ...]:
+    """x, x', x'' [m] at phase z of a leg, evaluated by phase so that a breakpoint keeps its sides."""
     radians = cycle.period / (2 * np.pi)
     return tuple(radians**order * leg.at_phase(z, order) for order in range(3))

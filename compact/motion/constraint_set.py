@@ -6,7 +6,6 @@ elastic bounds (phase-one relaxation). The curvature of a cam for a roller follo
 the condition that its flanks do not cross is included here.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -91,9 +90,9 @@ class ConstraintSet:
     @cached_property
     def program(self) -> LinearConstraints:
         """The `LinearConstraints` of all limits."""
-        rows = [bound.rows / bound.limit for bound in self.bounds]
-        values = [1 - bound.offset / bound.limit for bound in self.bounds]
-        return self._program_with(rows, values)
+        (equal, equal_to), (hard, hard_to) = self._equal, self._hard
+        below = sparse.csr_array(np.concatenate([hard, *self._relative_rows]))
+        return LinearConstraints(equal, equal_to, below, np.concatenate([hard_to, *self._relative_values]))
 
     @cached_property
     def min_acceleration_law(self) -> NDArray[np.float64]:
@@ -117,22 +116,23 @@ class ConstraintSet:
     @cached_property
     def max_margin_law(self) -> NDArray[np.float64]:
         """Unknowns of the law with the largest relative distance from the nearest bound."""
-        program = self._program_with([], [])
-        rows = np.concatenate([bound.rows / bound.limit for bound in self.bounds])
-        below = np.concatenate([program.inequality_matrix.toarray(), rows])
-        margin = np.repeat([0.0, 1.0], [program.inequality_matrix.shape[0], len(rows)])
-        values = [program.inequality_bounds, *(1 - bound.offset / bound.limit for bound in self.bounds)]
+        (equal, equal_to), (hard, hard_to) = self._equal, self._hard
+        below = np.concatenate([hard, *self._relative_rows])
+        margin = np.repeat([0.0, 1.0], [len(hard), len(below) - len(hard)])
         extended = LinearConstraints(
-            np.column_stack([program.equality_matrix, np.zeros(len(program.equality_matrix))]),
-            program.equality_values,
+            np.column_stack([equal, np.zeros(len(equal))]),
+            equal_to,
             np.column_stack([below, margin]),
-            np.concatenate(values),
+            np.concatenate([hard_to, *self._relative_values]),
         )
-        return minimise_linear(np.append(np.zeros(self.space.size), -1.0), extended)[: self.space.size]
+        solution = minimise_linear(np.append(np.zeros(self.space.size), -1.0), extended)
+        if solution is None:
+            raise RuntimeError("no law satisfies the limits on these pieces; raise `pieces` or lower `smoothness`")
+        return solution[: self.space.size]
 
     def with_profile_radius(self, profile_radius: float) -> "ConstraintSet":
         """Return the same constraints with another limit on the profile of a cam for a roller follower [m]."""
-        cam = replace(self.limits.cam, profile_radius=profile_radius)
+        cam = self.limits.cam and replace(self.limits.cam, profile_radius=profile_radius)
         return replace(self, limits=self.limits.replaced(cam=cam))
 
     def project(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -180,11 +180,15 @@ class ConstraintSet:
             rows = np.concatenate([rows[:, :1], inner, rows[:, -1:]], axis=1)
         return self.stroke / self.duration**order * rows.reshape(-1, self.space.size)
 
-    def _program_with(self, rows: Sequence[NDArray[np.float64]], values: Sequence[NDArray[np.float64]]) -> LinearConstraints:
-        """`LinearConstraints` of the constraints that are never relaxed, and of further rows."""
-        hard, hard_to = self._hard
-        below = sparse.csr_array(np.concatenate([hard, *rows]))
-        return LinearConstraints(*self._equal, below, np.concatenate([hard_to, *values]))
+    @property
+    def _relative_rows(self):
+        """Rows of each bound over its limit."""
+        return [bound.rows / bound.limit for bound in self.bounds]
+
+    @property
+    def _relative_values(self):
+        """Values of each bound over its limit, less its offset."""
+        return [1 - bound.offset / bound.limit for bound in self.bounds]
 
     @cached_property
     def _equal(self):
@@ -235,17 +239,16 @@ class ConstraintSet:
 
     def _relaxed_bounds(self, costs: NDArray[np.float64]) -> list[Conflict]:
         """`Conflict` of each relaxed bound where the sum of costs times relative violations is smallest."""
-        count, program = len(self.bounds), self._program_with([], [])
+        (equal, equal_to), (hard, hard_to), count = self._equal, self._hard, len(self.bounds)
         identity = np.eye(count)
-        rows = [program.inequality_matrix.toarray(), np.zeros((count, self.space.size)), *(b.rows / b.limit for b in self.bounds)]
-        slacks = [np.zeros((rows[0].shape[0], count)), -identity]
+        rows = [hard, np.zeros((count, self.space.size)), *self._relative_rows]
+        slacks = [np.zeros((len(hard), count)), -identity]
         slacks += [np.tile(-identity[i], (len(bound.rows), 1)) for i, bound in enumerate(self.bounds)]
-        values = [program.inequality_bounds, np.zeros(count), *(1 - bound.offset / bound.limit for bound in self.bounds)]
         elastic = LinearConstraints(
-            np.column_stack([program.equality_matrix, np.zeros((len(program.equality_matrix), count))]),
-            program.equality_values,
+            np.column_stack([equal, np.zeros((len(equal), count))]),
+            equal_to,
             np.column_stack([np.concatenate(rows), np.concatenate(slacks)]),
-            np.concatenate(values),
+            np.concatenate([hard_to, np.zeros(count), *self._relative_values]),
         )
         solution = minimise_linear(np.concatenate([np.zeros(self.space.size), costs]), elastic)
         if solution is None:

@@ -240,7 +240,7 @@ class CrankCurve:
         return np.pi**nu * (infinite_rod + self._rod_term(psi, nu))
 
     def _rod_term(self, psi, nu):
-        """Derivative of order `nu` of r with respect to psi."""
+        """Return the derivative of order `nu` of r with respect to psi."""
         k = self.ratio
         q = np.sqrt(1 - (k * np.sin(psi)) ** 2)  # = 1 - 2 k r
         r = [k * np.sin(psi) ** 2 / (2 * (1 + q))]

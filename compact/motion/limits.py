@@ -86,7 +86,7 @@ class CamLimits:
         ValueError
             If the axis of the cam lies outside the profile.
         """
-        if self.profile_radius is None:
+        if self.profile_radius is None or self.roller_radius is None:
             return None
         minimum = stroke + 2 * self.roller_radius
         if self.breadth <= minimum:
@@ -197,7 +197,7 @@ class InfeasibleError(ValueError):
         True if relaxing any one of them suffices; otherwise all of them have to be relaxed.
     """
 
-    def __init__(self, conflicts: Iterable[Conflict], alone: bool):
+    def __init__(self, conflicts: Iterable[Conflict], alone: bool) -> None:
         self.conflicts, self.alone = tuple(conflicts), alone
         changes = (" or " if alone else " together with ").join(map(str, self.conflicts))
         super().__init__(f"no law satisfies all limits; relax, the others unchanged: {changes}")

@@ -18,7 +18,9 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
-Mode = Callable[[ArrayLike, int], NDArray[np.float64]]  # odd solution about z = 1/2, by phase and order of derivative
+Mode = Callable[
+    [NDArray[np.float64], int], NDArray[np.float64]
+]  # odd solution about z = 1/2, by phase and order of derivative
 
 SERIES_LIMIT = 12.0  # [-], root |p| up to which a power series about z = 1/2 is exact: cancellation costs e^(0.15 |p|)
 THINNEST_LAYER = 1e12  # [-], root p; a thinner boundary layer is below the resolution of the phase and left out
@@ -56,18 +58,18 @@ def minimiser(order: int, start: Mapping[int, float], end: Mapping[int, float]) 
     >>> minimiser(3, {0: 0, 1: 0, 2: 0}, {0: 1, 1: 0, 2: 0}).coef.round(12).tolist()
     [0.0, 0.0, 0.0, 10.0, -15.0, 6.0]
     """
-    rows, values = [], []
+    rows, right_side = [], []
     for z, given in ((0, start), (1, end)):
         for k, value in sorted(_with_natural_conditions(order, given).items()):
             rows.append([math.perm(j, k) * z ** (j - k) if j >= k else 0 for j in range(2 * order)])
-            values.append(value)
-    matrix, values = np.array(rows, float), np.array(values, float)
+            right_side.append(value)
+    matrix = np.array(rows, float)
     if np.linalg.matrix_rank(matrix) < 2 * order:
         raise ValueError(f"`start` {start} and `end` {end} leave x undetermined; add a position, order 0, at one end")
-    return Polynomial(_solve_to_rounding(matrix, values))
+    return Polynomial(_solve_to_rounding(matrix, np.array(right_side, float)))
 
 
-def _solve_to_rounding(matrix: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _solve_to_rounding(matrix: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.floating]:
     """Solve a system of integer entries to rounding by iterative refinement in extended precision."""
     solution = np.linalg.solve(matrix, values)
     for _ in range(2):
@@ -197,7 +199,7 @@ class _Series:
 
     derivatives: list[Polynomial]
 
-    def __call__(self, z: ArrayLike, nu: int) -> NDArray[np.float64]:
+    def __call__(self, z: NDArray[np.float64], nu: int) -> NDArray[np.float64]:
         while len(self.derivatives) <= nu:
             self.derivatives.append(self.derivatives[-1].deriv())
         return self.derivatives[nu](z - 0.5)
@@ -221,7 +223,7 @@ class _EndLayer:
         slowest = self.mean - math.sqrt(max(0.0, self.half_gap_squared))
         return LAYER_DEPTH / slowest
 
-    def __call__(self, z: ArrayLike, nu: int) -> NDArray[np.float64]:
+    def __call__(self, z: NDArray[np.float64], nu: int) -> NDArray[np.float64]:
         rate = np.array([[-self.mean, 1.0], [self.half_gap_squared, -self.mean]])
         factors = np.linalg.matrix_power(rate, nu) @ ([1.0, 0.0] if self.first else [0.0, 1.0])
         return (-1) ** nu * self._layer(1 - z, factors) - self._layer(z, factors)

@@ -53,7 +53,7 @@ class OptimalMotion(MotionProfile):
     limits: Limits = field(default_factory=Limits)
 
 
-def optimise(
+def optimise(  # noqa: PLR0913, public signature: each argument is one physical input
     objective: str | Mapping[str, float],
     stroke: float,
     duration: float,
@@ -122,8 +122,11 @@ def optimise(
         alone = (DriveCriterion(weights, float(mass), (one,)) for one in resistances)
         minima = tuple(find_optimal_law(limits, stroke, duration, one, pieces).value for one in alone)
         criterion = criterion.relative_to(minima)
-    curve, *record = find_optimal_law(limits, stroke, duration, criterion, pieces)
-    return OptimalMotion(optimal_law_name(weights), stroke, duration, curve, False, *record, limits)
+    found = find_optimal_law(limits, stroke, duration, criterion, pieces)
+    return OptimalMotion(
+        optimal_law_name(weights), stroke, duration, found.curve, False,
+        found.value, found.gap, found.refinement, found.steps, limits,
+    )  # fmt: skip
 
 
 def optimal_law_name(objectives: Iterable[str]) -> str:

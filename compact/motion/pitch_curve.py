@@ -148,7 +148,7 @@ class PitchCurve:
 
     @property
     def _spans(self):
-        """r + R and r - R [m], shape (2, 1, 1)."""
+        """Sum and difference of roller radius and profile radius [m], shape (2, 1, 1)."""
         r, R = self.roller_radius, self.profile_radius
         return np.array([r + R, r - R])[:, None, None]
 

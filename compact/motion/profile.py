@@ -14,6 +14,7 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PPoly
 
 from compact.motion.laws import LAWS, LawParameters, NormalisedCurve
 from compact.numerics.piecewise import find_roots, graded_grid, integrate
@@ -390,10 +391,10 @@ class Cycle:
             Order of the derivative, >= 0.
         """
         require_finite(time=time)
-        time = np.mod(np.asarray(time, float), self.period)
+        instants = np.mod(np.asarray(time, float), self.period)
         legs = self.legs()
-        which = np.searchsorted([leg.start for leg in legs], time, side="right") - 1
-        phases = [np.clip(time - leg.start, 0.0, leg.duration) / leg.duration for leg in legs]
+        which = np.searchsorted([leg.start for leg in legs], instants, side="right") - 1
+        phases = [np.clip(instants - leg.start, 0.0, leg.duration) / leg.duration for leg in legs]
         values = [leg.at_phase(phase, order) for leg, phase in zip(legs, phases, strict=True)]
         return np.select([which == i for i in range(len(legs))], values)
 
@@ -427,7 +428,7 @@ def extremum_candidates(curve: NormalisedCurve, order: int) -> NDArray[np.float6
         Order of the derivative.
     """
     edges = np.concatenate([np.nextafter(curve.x[:-1], 2.0), np.nextafter(curve.x[1:], -1.0)])
-    if hasattr(curve, "roots"):
+    if isinstance(curve, PPoly):
         roots = curve.derivative(order + 1).roots(discontinuity=False, extrapolate=False)
         return np.concatenate([edges, roots[np.isfinite(roots)]])
     # the grid resolves a plateau next to a thin boundary layer, where the next derivative is zero without a sign change

@@ -16,7 +16,7 @@ References
 J. Nocedal and S. J. Wright, Numerical Optimization, Springer 2006, ch. 17-18 (exact penalty, trust region).
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -204,9 +204,12 @@ class OptimisationProblem:
 class _Subproblem:
     """Linearised problem as a convex program: changes d, epigraph variable T to minimise, and auxiliary variables."""
 
-    def __init__(self, problem, unknowns, models):
+    def __init__(self, problem, unknowns, models) -> None:
         self.size = len(unknowns)
-        self.rows, self.values, self.entries, self.height = [], [], [], 0
+        self.rows: list[NDArray[np.float64]] = []
+        self.values: list[Sequence[float] | NDArray[np.float64]] = []
+        self.entries: list[tuple[int, int, float]] = []
+        self.height = 0
         self.width = self.size + 1
         counted, worst = problem.counted_samples(models)
         self.scale = abs(worst) or 1.0
@@ -463,7 +466,7 @@ def _restore_feasibility(problem: OptimisationProblem, unknowns: NDArray[np.floa
     problem = replace(problem, criterion=replace(problem.criterion, weights={}))
     for _ in range(EXCHANGE_ROUNDS):
         unknowns, *_ = trust_region_search(problem, unknowns)
-        previous, reached = reached, problem.constraints.pitch.reached_radius(problem.nodes, unknowns)
+        previous, reached = reached, pitch.reached_radius(problem.nodes, unknowns)
         if reached >= limit:
             return unknowns
         peaks = problem.peaks_between_nodes(unknowns)

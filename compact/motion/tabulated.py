@@ -13,7 +13,7 @@ References
 P. H. C. Eilers and B. D. Marx, Statist. Sci. 11 (1996) 89.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,8 +44,8 @@ class TabulatedMotion(MotionProfile):
     """
 
     scatter: float = 0.0
-    covariance: NDArray[np.float64] | None = None
-    knots: NDArray[np.float64] | None = None
+    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    knots: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     def standard_error(self, time: ArrayLike, order: int) -> NDArray[np.float64]:
         """Return the standard error of a derivative [m/s^order] due to noise in the table, without smoothing bias.

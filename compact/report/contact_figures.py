@@ -169,7 +169,7 @@ def _plot_accelerated(
     ax.plot(speed, np.where(beyond, force, np.nan), color=color, linestyle=":")
 
 
-def fields(layers: Sequence[tuple["Mesh", ContactResult]]) -> Figure:
+def fields(layers: Sequence[tuple["Mesh", Any]]) -> Figure:
     """Draw the fields of an engine on the deformed layer, to scale, a row for each contact.
 
     Each field has one colour scale for all rows.
@@ -177,7 +177,7 @@ def fields(layers: Sequence[tuple["Mesh", ContactResult]]) -> Figure:
     Parameters
     ----------
     layers : sequence of tuples
-        Mesh with displacement and element means, and the contact.
+        Mesh with displacement and element means, and the `ContactResult` of the engine.
 
     Returns
     -------
@@ -193,7 +193,7 @@ def fields(layers: Sequence[tuple["Mesh", ContactResult]]) -> Figure:
     deep = height > DEEPEST_RATIO * reach
     low, high = height - DEEPEST_RATIO * reach if deep else -0.08 * reach, height + 0.35 * reach
     size = FIELD_PANEL_WIDTH, FIELD_PANEL_WIDTH * (high - low) / (2 * reach)
-    margins = {"bottom": 1.15, "top": 0.1, "gaps": (0.35, 0.15)}
+    margins: dict[str, Any] = {"bottom": 1.15, "top": 0.1, "gaps": (0.35, 0.15)}
     figure, axes = panels(len(layers), len(names), size, **margins, sharex=True, sharey=True)
     for column, name in zip(axes.T, names, strict=True):
         norm = _colour_norm([layer.cell_data[name][0] for layer, _ in layers], name)
@@ -222,7 +222,7 @@ def _draw_field(ax: Axes, layer: "Mesh", name: str, norm: Normalize) -> PolyColl
     """Draw the element means of one field on the displaced elements."""
     displaced = (layer.points + layer.point_data["displacement"])[:, :2] * 1e3
     elements = displaced[layer.cells[0].data[:, OUTLINE_NODES]]
-    values = np.maximum(layer.cell_data[name][0] * FIELD[name].plot_factor, norm.vmin)  # zero has no logarithm
+    values = np.maximum(layer.cell_data[name][0] * FIELD[name].plot_factor, float(norm.vmin or 0.0))
     shown = PolyCollection(elements, array=values, cmap=FIELD_COLOURS[name], norm=norm, antialiased=False, linewidth=0)
     ax.add_collection(shown)
     ax.set_aspect("equal")
@@ -255,7 +255,7 @@ def _draw_base(ax: Axes, base: str, reach: float, bottom: float | None) -> None:
     ax.text(0, 0.02 * reach, BASE_LABELS[base], ha="center", va="bottom", fontsize=8, color="white")
 
 
-def _draw_roller(ax: Axes, contact: ContactResult) -> None:
+def _draw_roller(ax: Axes, contact: Any) -> None:
     """Draw the roller [mm] and the direction of its travel."""
     bottom, radius = (contact.layer.height - contact.indentation) * 1e3, contact.roller.radius * 1e3
     ax.add_patch(Circle((0, bottom + radius), radius, facecolor="0.92", edgecolor="0.3", linewidth=0.8))

@@ -132,13 +132,13 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     columns = np.column_stack([first.x, first.pressure, first.shear_traction]).tolist()
     write_csv(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
     replaced = {"replaced": list(study.scene.replacements[engine])}
-    write_json(directory / "contact.json", contact_to_json(contact_record(engine, speed, passes)) | replaced)
+    write_json(directory / "contact.json", contact_to_json(contact_record(engine, speed, tuple(passes))) | replaced)
     write_figure(directory / "pressure.png", contact_figures.pressure(first, study.exact, speed))
     if study.engine.compacting:
         list(_write_passes([(speed, passes)], directory))
         write_figure(directory / "density.png", contact_figures.density(passes))
     if study.engine.fields_module:
-        layers = [(study.engine.fields(first), first)]
+        layers: list[tuple[Any, Any]] = [(study.engine.fields(first), first)]
         frames = ((contact.speed, mesh) for mesh, contact in layers)
         list(write_vtu_series(directory / "fields.pvd", "fields", "speed", frames))
         write_figure(directory / "fields.png", contact_figures.fields(layers))

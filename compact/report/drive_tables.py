@@ -1,102 +1,26 @@
-"""What is said of drives with a life of their own: tables of ringing, of motors, of cylinders and throttles."""
+"""Files of the drives: dynamic amplification of elastic ones, motors, hydraulics, and motors in the rollers."""
 
 import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from compact.analysis.study import Study
 from compact.files import write_columns, write_csv
+from compact.machine.roller_motors import RollerMotor
 from compact.quantities import ROLLER_MOTOR, column_names
 
-
-def write_drive_tables(study, directory):
-    """The tables of the scene's kind of drive; yields their paths."""
-    runs = study.runs.values()
-    if study.scene.drive.kind == "elastic":
-        yield write_csv(directory / "ringing.csv", RINGING_HEADER, [_ringing_row(run) for run in runs])
-    if study.scene.drive.kind == "motor":
-        turned = [run for run in runs if hasattr(run, "motor_torque")]
-        yield write_csv(directory / "motor.csv", MOTOR_HEADER, [_motor_row(run) for run in turned])
-        yield from _run_up(study, directory)
-    if study.scene.drive.kind == "hydraulic":
-        yield from _hydraulics(study, directory)
-
-
-RINGING_HEADER = (
+ELASTIC_HEADER = (
     "law", "peak_force_N", "rigid_peak_force_N", "ringing", "peak_power_W", "rigid_peak_power_W", "nonuniformity",
     "rigid_nonuniformity", "standing_s", "energy_residual", "arcs",
 )  # fmt: skip
-
-
-def _ringing_row(run):
-    rigid = run.rigid
-    return (
-        run.name, run.peak_force, rigid.peak_force, run.ringing, run.peak_power, rigid.peak_power, run.nonuniformity,
-        rigid.nonuniformity, run.standing, run.energy_residual, run.work.arcs,
-    )  # fmt: skip
-
-
 MOTOR_HEADER = (
     "law", "period_s", "least_speed_rad/s", "largest_speed_rad/s", "fluctuation", "peak_motor_torque_Nm",
     "peak_motor_power_W", "work_of_a_cycle_J", "nonuniformity", "energy_residual", "belt_creep", "belt_loss_J",
 )  # fmt: skip
-
-
-def _motor_row(run):
-    work = float(np.sum(run.weights * run.motor_power))
-    return (
-        run.name, run.period, run.least_speed, run.largest_speed, run.fluctuation, run.peak_motor_torque,
-        run.peak_motor_power, work, run.nonuniformity, run.energy_residual, run.belt_creep, run.belt_loss,
-    )  # fmt: skip
-
-
-def _run_up(study, directory):
-    """The start from rest under the best law; a motor that does not start says so."""
-    from compact.machine.motor_drive import runup
-
-    best = next((place.run for place in next(iter(study.rankings.values())) if hasattr(place.run, "load")), None)
-    if best is None:
-        return
-    study.count("run-up")
-    try:
-        start = runup(best.load.cart, best.load.motor, best.load.cycle, best.load.resistance)
-    except RuntimeError as error:
-        warnings.warn(f"no start from rest under '{best.name}': {error}", stacklevel=2)
-        return
-    table = np.column_stack([start.time, start.angle, start.speed]).tolist()
-    yield write_csv(directory / f"run-up-{best.name}.csv", ("time_s", "angle_rad", "speed_rad/s"), table)
-
-
-TURN_HEADER = ("torque_Nm", "power_W", "traction")
-CREEP_HEADER = ("creep", "angle_with_creep_rad", "angular_velocity_with_creep_rad/s")
-MOTOR_NUMBERS = (*ROLLER_MOTOR, "lack")
-DRIVEN_HEADER = ("speed_m/s", "torque_Nm", "pull_N", "creep", "load_N")
-
-
-def roller_motor_columns(motor, time):
-    """Header and columns that a `RollerMotor` adds to the turn of a roller at times [s]; creep where it is told."""
-    _, answer = motor.over(time)
-    columns = answer.torque, motor.power(time), answer.traction
-    if not motor.roller.tells_creep:
-        return TURN_HEADER, columns
-    return TURN_HEADER + CREEP_HEADER, (*columns, answer.creep, motor.angle(time), motor.angular_velocity(time))
-
-
-def roller_motor_numbers(study):
-    """What each law asks of the motors in the rollers, by its name and that of the number."""
-    return {law: {name: getattr(motor, name) for name in MOTOR_NUMBERS} for law, motor in study.roller_motors.items()}
-
-
-def write_roller_motors(study, directory):
-    """Tables of what all laws ask of the motors in the rollers, and of how a roller answers; yields their paths."""
-    header = ("law", *column_names(ROLLER_MOTOR), "lack")
-    rows = [(law, *numbers.values()) for law, numbers in roller_motor_numbers(study).items()]
-    yield write_csv(directory / "roller-motors.csv", header, rows)
-    roller = next(iter(study.roller_motors.values())).roller
-    if roller.tells_creep:
-        sampled = np.broadcast_arrays(roller.speeds[:, None], roller.torques, roller.pulls, roller.creeps, roller.loads)
-        yield write_columns(directory / "driven-roller.csv", DRIVEN_HEADER, [column.ravel() for column in sampled])
-
-
 HYDRAULIC_HEADER = (
     "law", "lack", "peak_inlet_pressure_Pa", "peak_outlet_pressure_Pa", "peak_flow_m3/s", "largest_inlet_area_m2",
     "least_outlet_area_m2", "pump_work_J", "work_on_the_cart_J", "throttle_heat_J", "relief_heat_J", "energy_residual",
@@ -105,32 +29,156 @@ THROTTLE_HEADER = (
     "time_s", "position_m", "velocity_m/s", "flow_m3/s", "inlet_pressure_Pa", "outlet_pressure_Pa", "inlet_area_m2",
     "outlet_area_m2",
 )  # fmt: skip
-PASSAGE_HEADER = (
+STROKE_HEADER = (
     "time_s", "position_m", "velocity_m/s", "law_position_m", "inlet_pressure_Pa", "outlet_pressure_Pa",
 )  # fmt: skip
+ROLLER_MOTOR_FIELDS = (*ROLLER_MOTOR, "lack")
+ROTATION_HEADER = ("torque_Nm", "power_W", "traction")
+CREEPAGE_HEADER = ("creep", "angle_with_creep_rad", "angular_velocity_with_creep_rad/s")
+DRIVEN_ROLLER_HEADER = ("speed_m/s", "torque_Nm", "pull_N", "creep", "load_N")
 
 
-def _hydraulics(study, directory):
-    """Of all laws what throttles must do; of the best law that they can make, what oil that yields makes of it."""
+def write_drive_tables(study: Study, directory: Path) -> Iterator[Path]:
+    """Write the tables of the kind of drive of the scene.
+
+    Parameters
+    ----------
+    study : Study
+    directory : Path
+        Directory of the results.
+
+    Yields
+    ------
+    Path
+        Path of each file.
+    """
+    runs = study.runs.values()
+    if study.scene.drive.kind == "elastic":
+        yield write_csv(directory / "ringing.csv", ELASTIC_HEADER, [_elastic_row(run) for run in runs])
+    if study.scene.drive.kind == "motor":
+        turned = [run for run in runs if hasattr(run, "motor_torque")]
+        yield write_csv(directory / "motor.csv", MOTOR_HEADER, [_motor_row(run) for run in turned])
+        yield from _write_start(study, directory)
+    if study.scene.drive.kind == "hydraulic":
+        yield from _write_hydraulics(study, directory)
+
+
+def _elastic_row(run: Any) -> tuple[Any, ...]:
+    rigid = run.rigid
+    return (
+        run.name, run.peak_force, rigid.peak_force, run.ringing, run.peak_power, rigid.peak_power, run.nonuniformity,
+        rigid.nonuniformity, run.standing, run.energy_residual, run.work.arcs,
+    )  # fmt: skip
+
+
+def _motor_row(run: Any) -> tuple[Any, ...]:
+    work = float(np.sum(run.weights * run.motor_power))
+    return (
+        run.name, run.period, run.least_speed, run.largest_speed, run.fluctuation, run.peak_motor_torque,
+        run.peak_motor_power, work, run.nonuniformity, run.energy_residual, run.belt_creep, run.belt_loss,
+    )  # fmt: skip
+
+
+def _write_start(study: Study, directory: Path) -> Iterator[Path]:
+    """Write the start from rest with the first law; warn where the motor does not start."""
+    from compact.machine.motor_drive import runup
+
+    first: Any = next((place.run for place in next(iter(study.rankings.values())) if hasattr(place.run, "load")), None)
+    if first is None:
+        return
+    study.count("run-up")
+    try:
+        start = runup(first.load.cart, first.load.motor, first.load.cycle, first.load.resistance)
+    except RuntimeError as error:
+        warnings.warn(f"no start from rest under '{first.name}': {error}", stacklevel=2)
+        return
+    table = np.column_stack([start.time, start.angle, start.speed]).tolist()
+    yield write_csv(directory / f"run-up-{first.name}.csv", ("time_s", "angle_rad", "speed_rad/s"), table)
+
+
+def roller_motor_columns(motor: RollerMotor, time: ArrayLike) -> tuple[tuple[str, ...], tuple[Any, ...]]:
+    """Return the columns of a motor in a roller over a cycle.
+
+    Parameters
+    ----------
+    motor : RollerMotor
+    time : array_like
+        Times [s], shape (n,).
+
+    Returns
+    -------
+    tuple
+        Names of the columns and the columns; with the creepage where the contact model has one.
+    """
+    _, state = motor.over(time)
+    columns = state.torque, motor.power(time), state.traction
+    if not motor.roller.tells_creep:
+        return ROTATION_HEADER, columns
+    return ROTATION_HEADER + CREEPAGE_HEADER, (*columns, state.creep, motor.angle(time), motor.angular_velocity(time))
+
+
+def roller_motor_numbers(study: Study) -> dict[str, dict[str, Any]]:
+    """Collect the requirements of each law on the motors in the rollers.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    dict of str to dict
+        Numbers by law and name, in the units of `quantities.ROLLER_MOTOR`.
+    """
+    motors = study.roller_motors.items()
+    return {law: {name: getattr(motor, name) for name in ROLLER_MOTOR_FIELDS} for law, motor in motors}
+
+
+def write_roller_motors(study: Study, directory: Path) -> Iterator[Path]:
+    """Write roller-motors.csv and, where the contact model has a creepage, the response of a driven roller.
+
+    Parameters
+    ----------
+    study : Study
+    directory : Path
+        Directory of the results.
+
+    Yields
+    ------
+    Path
+        Path of each file.
+    """
+    header = ("law", *column_names(ROLLER_MOTOR), "lack")
+    rows = [(law, *numbers.values()) for law, numbers in roller_motor_numbers(study).items()]
+    yield write_csv(directory / "roller-motors.csv", header, rows)
+    roller: Any = next(iter(study.roller_motors.values())).roller
+    if roller.tells_creep:
+        sampled = np.broadcast_arrays(roller.speeds[:, None], roller.torques, roller.pulls, roller.creeps, roller.loads)
+        columns = [column.ravel() for column in sampled]
+        yield write_columns(directory / "driven-roller.csv", DRIVEN_ROLLER_HEADER, columns)
+
+
+def _write_hydraulics(study: Study, directory: Path) -> Iterator[Path]:
+    """Write the throttle areas of all laws, and the stroke with compressible oil of the first feasible law."""
     runs = study.runs.values()
     yield write_csv(directory / "hydraulic.csv", HYDRAULIC_HEADER, [_hydraulic_row(run) for run in runs])
     for run in runs:
         columns = (run.time, *run.state[:2], *vars(run.throttled).values())
         table = np.column_stack(columns).tolist()
         yield write_csv(directory / "throttles" / f"{run.name}.csv", THROTTLE_HEADER, table)
-    best = next((place.run for place in next(iter(study.rankings.values())) if not place.run.lack), None)
-    if best is not None:
+    runs_in_order: list[Any] = [place.run for place in next(iter(study.rankings.values()))]
+    first = next((run for run in runs_in_order if not run.lack), None)
+    if first is not None:
         study.count("passage")
-        made = best.forward()
-        law = best.demand.cycle.forward.position(made.time)
-        columns = (made.time, made.position, made.velocity, law, made.inlet_pressure, made.outlet_pressure)
-        yield write_csv(directory / f"passage-{best.name}.csv", PASSAGE_HEADER, np.column_stack(columns).tolist())
+        stroke = first.forward()
+        law = first.demand.cycle.forward.position(stroke.time)
+        columns = (stroke.time, stroke.position, stroke.velocity, law, stroke.inlet_pressure, stroke.outlet_pressure)
+        yield write_csv(directory / f"passage-{first.name}.csv", STROKE_HEADER, np.column_stack(columns).tolist())
 
 
-def _hydraulic_row(run):
-    made = run.throttled
+def _hydraulic_row(run: Any) -> tuple[Any, ...]:
+    throttled = run.throttled
     return (
-        run.name, run.lack, float(made.inlet_pressure.max()), float(made.outlet_pressure.max()), run.peak_flow,
-        float(made.inlet_area.max()), float(made.outlet_area.min()), run.pump_work, run.energy, run.throttle_heat,
-        run.relief_heat, run.energy_residual,
+        run.name, run.lack, float(throttled.inlet_pressure.max()), float(throttled.outlet_pressure.max()),
+        run.peak_flow, float(throttled.inlet_area.max()), float(throttled.outlet_area.min()), run.pump_work,
+        run.energy, run.throttle_heat, run.relief_heat, run.energy_residual,
     )  # fmt: skip

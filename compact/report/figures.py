@@ -78,11 +78,11 @@ def kinematics(cycles: Mapping[str, Cycle]) -> Figure:
     figure, axes = _grid(families, ("velocity", "acceleration", "jerk"))
     for row, members in zip(axes, families.values(), strict=True):
         for name in members:
-            there = cycles[name].forward
-            phase = _phases(there.curve.x)
-            impulsive = any(join.order == 1 for join in there.discontinuities())
+            forward: Any = cycles[name].forward
+            phase = _phases(forward.curve.x)
+            impulsive = any(join.order == 1 for join in forward.discontinuities())
             for ax, order in zip(row, (1, 2, 3), strict=True):
-                _plot_law(ax, name, phase * there.duration, there.at_phase(phase, order), impulsive)
+                _plot_law(ax, name, phase * forward.duration, forward.at_phase(phase, order), impulsive)
     _legends(axes)
     return figure
 

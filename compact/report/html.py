@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from compact.analysis.sensitivity import Shift
 from compact.analysis.study import Study
 from compact.files import atomic_file
 from compact.report.html_answer import answer, question
@@ -23,7 +22,6 @@ from compact.report.html_machine import (
     sensitivity_section,
 )
 from compact.report.page import Block, Paragraph, Section, Table, render_page
-from compact.report.ranking_tables import RankingAgreement
 from compact.verification.balance_checks import BalanceCheck
 
 FILES_REMARK = "The tables and `summary.json` in the same directory hold every number with twelve digits."
@@ -37,11 +35,7 @@ class PageResults:
     ----------
     pictures : mapping of str to bytes
         PNG files by the name of the figure.
-    shifts : sequence of Shift
-        Sensitivities.
     checks : sequence of BalanceCheck
-    agreements : sequence of RankingAgreement
-        Comparisons with other engines and drives.
     first_cam : sequence of Block or None
         Drawing of the cam of the first law; None without cams.
     versions : mapping of str to str
@@ -49,9 +43,7 @@ class PageResults:
     """
 
     pictures: Mapping[str, bytes]
-    shifts: Sequence[Shift]
     checks: Sequence[BalanceCheck]
-    agreements: Sequence[RankingAgreement]
     first_cam: Sequence[Block] | None
     versions: Mapping[str, str]
 
@@ -73,12 +65,12 @@ def write_page(path: Path, study: Study, results: PageResults) -> Path:
     """
     pictures = results.pictures
     sections = [
-        ranking_section(study, pictures, results.agreements),
+        ranking_section(study, pictures),
         contact_section(study, pictures),
         laws_section(study, pictures),
         forces_section(study, pictures),
         *([] if results.first_cam is None else [cams_section(study, pictures, results.first_cam)]),
-        sensitivity_section(results.shifts),
+        sensitivity_section(study.sensitivities),
         scene_section(study.scene),
         mix_section(study),
         checks_section(results.checks),
@@ -87,7 +79,7 @@ def write_page(path: Path, study: Study, results: PageResults) -> Path:
     content = render_page(
         study.scene.title or "untitled scene",
         sections=sections,
-        answer=answer(study, results.shifts, results.checks, results.agreements),
+        answer=answer(study, results.checks),
         **question(study),
     )
     with atomic_file(path) as stream:

@@ -15,7 +15,6 @@ from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
 from compact.material.mix import Parameter
 from compact.report.number_format import format_percent, format_quantity
-from compact.report.ranking_tables import RankingAgreement, places
 from compact.report.text import guide_sentence, return_sentence
 from compact.verification.balance_checks import BalanceCheck
 
@@ -80,7 +79,7 @@ class EngineAccuracy:
 
 @dataclass(frozen=True)
 class Resolution:
-    """Whether the error of the resistance leaves the first law first; `error` is empty where it is unknown."""
+    """Resolution of rank 1 against the error of the resistance; `error` is empty where it is unknown."""
 
     term: str
     tied: bool
@@ -153,27 +152,18 @@ def question(study: Study) -> dict[str, Any]:
     return {
         "scene": scene,
         "laws": list(study.cycles),
-        "lift_thickness": scene.lift if scene.layer.lift_thickness else None,
+        "lift_thickness": scene.lift_thickness if scene.layer.lift_thickness else None,
         "contact_model": CONTACT_MODELS[scene.accuracy.engine],
     }
 
 
-def answer(
-    study: Study,
-    shifts: Sequence[Shift],
-    checks: Sequence[BalanceCheck],
-    agreements: Sequence[RankingAgreement],
-) -> Answer:
+def answer(study: Study, checks: Sequence[BalanceCheck]) -> Answer:
     """Select the results that the page states first.
 
     Parameters
     ----------
     study : Study
-    shifts : sequence of Shift
-        Sensitivities of the rankings.
     checks : sequence of BalanceCheck
-    agreements : sequence of RankingAgreement
-        Comparisons with other engines and drives.
 
     Returns
     -------
@@ -202,8 +192,8 @@ def answer(
         required_pressure=study.mix.parameter("required_pressure"),
         roller_force_low=None if force.high is None else force.low,
         roller_force_high=None if force.low is None else force.high,
-        comparisons=_comparisons(study, agreements),
-        sensitivity=_sensitivity(shifts),
+        comparisons=_comparisons(study),
+        sensitivity=_sensitivity(study.sensitivities),
         checks=len(checks),
         failed_checks=[check.name for check in checks if not check.passed],
         remarks=[sentence for sentences in scene.replacements.values() for sentence in sentences],
@@ -303,15 +293,15 @@ def _resolutions(orders: Mapping[str, list[Place]]) -> Iterator[Resolution]:
         yield Resolution(_term(by), tied, error, all(place.sure for place in first))
 
 
-def _comparisons(study: Study, agreements: Sequence[RankingAgreement]) -> dict[str, list[ComparedFirst]]:
+def _comparisons(study: Study) -> dict[str, list[ComparedFirst]]:
     """Collect the first laws by the other engines under the drive of the scene."""
     kind = study.scene.drive.kind
     criteria = _first_criteria(study.places[kind])
     found: dict[str, list[ComparedFirst]] = {name: [] for name in study.beside}
-    for each in agreements:
+    for each in study.agreements:
         if each.other_engine == each.engine or not each.drive == each.other_drive == kind or each.by not in criteria:
             continue
-        best = places(study)[each.other_engine][kind][each.by][0]
+        best = study.places_by_engine[each.other_engine][kind][each.by][0]
         found[each.other_engine].append(
             ComparedFirst(
                 law=best.law,

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from compact.analysis.comparison import RankingAgreement
 from compact.analysis.law_stage import COMPLIANT_DRIVES, FOLLOWERS
 from compact.analysis.ranking_uncertainty import Place, ties
 from compact.analysis.sensitivity import PRIOR, End, Shift
@@ -12,6 +13,7 @@ from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.machine.roller_motors import RollerMotor
+from compact.motion.profile import EndCondition
 from compact.report.html_answer import methods
 from compact.report.number_format import (
     ZERO_SHARE,
@@ -21,7 +23,7 @@ from compact.report.number_format import (
     format_quantity,
 )
 from compact.report.page import Block, Cell, Mark, Paragraph, Picture, Section, Table
-from compact.report.ranking_tables import RankingAgreement, comparison_places
+from compact.report.ranking_tables import comparison_places
 from compact.scene.loader import Scene
 from compact.verification.balance_checks import BalanceCheck
 
@@ -64,7 +66,7 @@ def _pictures(pictures: Mapping[str, bytes], figures: Mapping[str, tuple[str, st
     return [Picture(pictures[name], *texts) for name, texts in figures.items() if name in pictures]
 
 
-def ranking_section(study: Study, pictures: Mapping[str, bytes], agreements: Sequence[RankingAgreement]) -> Section:
+def ranking_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     """Tabulate the rankings by each criterion and drive, and their agreement.
 
     Parameters
@@ -72,15 +74,14 @@ def ranking_section(study: Study, pictures: Mapping[str, bytes], agreements: Seq
     study : Study
     pictures : mapping of str to bytes
         PNG files by the name of the figure.
-    agreements : sequence of RankingAgreement
 
     Returns
     -------
     Section
     """
     blocks: list[Block] = [*_pictures(pictures, RANKING_FIGURES)]
-    if agreements:
-        blocks.append(_agreement_table(agreements))
+    if study.agreements:
+        blocks.append(_agreement_table(study.agreements))
     for kind, orders in study.places.items():
         blocks += [_ranking_table(kind, by, order, comparison_places(study, kind, by)) for by, order in orders.items()]
     lead = f"{len(study.cycles)} laws by {', '.join(_term(by) for by in study.rankings)}."
@@ -143,7 +144,7 @@ def laws_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     Section
     """
     cycles, order = study.cycles.values(), ("velocity", "acceleration", "jerk", "snap")
-    turn = "dwell" if study.scene.motion.dwell > 0 else "reversal"
+    turn: EndCondition = "dwell" if study.scene.motion.dwell > 0 else "reversal"
     peaks = [cycle.forward.peaks() for cycle in cycles]
     jumps = [sorted({join.quantity for join in cycle.discontinuities()}, key=order.index) for cycle in cycles]
     columns = {
@@ -218,7 +219,8 @@ def cams_section(study: Study, pictures: Mapping[str, bytes], first_cam: Sequenc
         "Profiles of the cams for roller followers, a panel for each law, undercut ones shaded",
         "Dashed: path of the centre of the roller follower. Shaded: undercut, so that the cam cannot be cut.",
     )
-    caption = f"Cams with a breadth of {format_quantity(study.scene.cam.breadth, 'm')}; marked where it is too small"
+    breadth = next(iter(study.cams.values())).breadth
+    caption = f"Cams with a breadth of {format_quantity(breadth, 'm')}; marked where it is too small"
     table = Table(caption, header, rows, range(1, len(header)))
     lead = f"{len(study.cycles)} laws for {len(FOLLOWERS)} followers; workshop drawing of one."
     return Section("cams", "Cams", lead, [*first_cam, profiles, table, _roller_motor_table(study.roller_motors)])

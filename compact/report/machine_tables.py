@@ -11,7 +11,7 @@ from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.files import write_columns, write_csv
 from compact.machine.roller_motors import roller_rotation
-from compact.motion.profile import Cycle
+from compact.motion.profile import Cycle, EndCondition
 from compact.report import drive_tables
 
 if TYPE_CHECKING:
@@ -68,11 +68,11 @@ def write_law_tables(study: Study, directory: Path) -> Iterator[Path]:
 
 
 def _law_row(cycle: Cycle) -> tuple[Any, ...]:
-    peaks = cycle.forward.peaks()
-    turn = "dwell" if cycle.far_dwell > 0 else "reversal"
-    criteria = [cycle.forward.criterion(order, turn) for order in range(1, 5)]
-    continuity = f"C{cycle.forward.smoothness(turn)}"
-    return (cycle.forward.name, peaks.velocity, peaks.acceleration, peaks.jerk, peaks.snap, continuity, *criteria)
+    forward, peaks = cycle.forward, cycle.forward.peaks()
+    turn: EndCondition = "dwell" if cycle.far_dwell > 0 else "reversal"
+    criteria = [forward.criterion(order, turn) for order in range(1, 5)]
+    continuity = f"C{forward.smoothness(turn)}"
+    return (forward.name, peaks.velocity, peaks.acceleration, peaks.jerk, peaks.snap, continuity, *criteria)
 
 
 def _cycle_columns(run: Any) -> tuple[Any, ...]:
@@ -195,23 +195,24 @@ def first_cam_blocks(study: Study) -> "list[Block]":
     """
     from html import escape
 
-    from compact.cams.export import moving
+    from compact.cams.animation import animated_svg
     from compact.cams.machining import cut
-    from compact.cams.workshop_drawing import described, sheet
+    from compact.cams.workshop_drawing import describe, workshop_drawing
     from compact.report.page import Paragraph, Picture
 
-    law = next(iter(study.rankings.values()))[0].run.name
-    machine = study.scene.machine
+    first: Any = next(iter(study.rankings.values()))[0].run
+    law = first.name
+    machine, table = study.scene.machine, study.scene.cam
     try:
         outline = cut(study.cams[law, "roller"])
-        drawing = sheet(outline, study.scene.cam.bore).svg(described(outline))
+        drawing = workshop_drawing(outline, table.bore if table else None).svg(describe(outline))
     except ValueError as error:
         return [Paragraph(f"The cam of {law}, the first law, cannot be cut: {error}.")]
     caption = f"{law}, true to scale in the file; `compact cam` writes it as CSV, SVG and DXF."
     words = f"The cam of {law} turns, and its followers move the cart through a cycle"
-    animation = moving(outline.cam, machine.roller_radius, machine.roller_positions, escape(words))
+    animation = animated_svg(outline.cam, machine.roller_radius, machine.roller_positions, escape(words))
     svg = "image/svg+xml"
     return [
-        Picture(drawing.encode(), described(outline), caption, svg),
+        Picture(drawing.encode(), describe(outline), caption, svg),
         Picture(animation.encode(), words, "One turn is a whole cycle.", svg, "Show the cam and the cart in motion"),
     ]

@@ -116,7 +116,7 @@ class Picture:
 
     @property
     def wide(self) -> bool:
-        """Whether the picture scrolls sideways on a narrow screen."""
+        """True if the picture scrolls sideways on a narrow screen."""
         return self.media_type != "image/png" or int.from_bytes(self.data[PNG_WIDTH], "big") > WIDE_PICTURE
 
 
@@ -140,7 +140,7 @@ class Section:
     name : str
         Target of links.
     title, lead : str
-        Heading, and the line beside it.
+        Heading, and the line behind it.
     blocks : sequence of Block
     """
 

@@ -1,4 +1,4 @@
-"""Progress of a long job on the terminal: stage, share of the work that is done, elapsed time and an estimate.
+"""Progress of a long job on the terminal: stage, share of the work done, elapsed and estimated remaining time.
 
     with Progress(total=job.cost) as progress:
         progress.begin("contact", cost=0.7)
@@ -7,61 +7,112 @@
     for case in tracked(cases, "case"):
         ...
 
-Work is weighed by its cost, in seconds on any machine: the speed of this one shows as the job goes on. The line appears
-after two seconds, moves by a thread of its own, and is gone when the job ends. Nothing is written where the standard
-error is no terminal, or where the caller asks for quiet.
+Work is weighted by its cost, in seconds of a reference machine; the speed of the present machine is estimated on the
+way. The line appears after two seconds, is refreshed by its own thread, and is erased at the end. Nothing is written
+where standard error is no terminal, or where `quiet` is set.
 
-Let c be the cost of all finished stages, t_0 the time that they took, t the time and c_1 the cost of the running stage.
-The speed is s = c/t_0; done is d = c + min(s (t - t_0), c_1), and (total - d) t/d is left.
+Let c be the cost of all finished stages, t_0 their time, t the elapsed time and c_1 the cost of the running stage. With
+the speed s = c/t_0 the work done is d = c + min(s (t - t_0), c_1), and (total - d) t/d remains.
 """
 
 import sys
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from threading import Timer
 from time import monotonic
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self, TextIO, TypeVar
 
-AFTER = 2.0  # seconds before the line appears
-PER_SECOND = 4  # times that it is drawn
-LEAST_SHARE = 0.02  # of the work, below which no estimate is given
+if TYPE_CHECKING:
+    from rich.live import Live
+    from rich.spinner import Spinner
+    from rich.table import Table
+
+DELAY = 2.0  # [s], before the line appears
+REFRESH_RATE = 4  # [1/s]
+LEAST_SHARE = 0.02  # [-], of the work, below which the remaining time is not estimated
+BAR_WIDTH = 24  # characters
+
+Item = TypeVar("Item")
 
 
 class Progress:
-    """A line of progress on the standard error, inside a `with` block.
+    """Line of progress on standard error, inside a `with` block.
 
     Parameters
     ----------
-    total : cost of the whole job, in the unit of the costs of its stages; None where it is not known, which shows a
-        spinner, the stage and the elapsed time
-    quiet : whether to write nothing
-    stream : in place of the standard error
-    after : seconds before the line appears, AFTER unless given
-    clock : seconds of any origin, never going back
+    total : float, optional
+        Cost of the whole job in the unit of the costs of its stages; without it the line has a spinner and no estimate.
+    quiet : bool
+        Suppress the line.
+    stream : TextIO, optional
+        Stream in place of standard error.
+    after : float, optional
+        Delay before the line appears [s]; `DELAY` by default.
+    clock : callable
+        Monotonic time [s].
 
-    Raises ValueError for a cost or a total that is negative or not finite.
+    Attributes
+    ----------
+    stage, detail : str
+        Running stage, and a line of text on it.
+    silent : bool
+        Nothing is written.
+
+    Raises
+    ------
+    ValueError
+        If a cost or the total is negative or not finite.
     """
 
-    def __init__(self, *, total=None, quiet=False, stream=None, after=None, clock=monotonic):
+    def __init__(
+        self,
+        *,
+        total: float | None = None,
+        quiet: bool = False,
+        stream: TextIO | None = None,
+        after: float | None = None,
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
         self._stream = sys.stderr if stream is None else stream
         self.silent = quiet or not self._stream.isatty()
-        self._after, self._clock = AFTER if after is None else after, clock
+        self._delay, self._clock = DELAY if after is None else after, clock
         self._finished, self._finished_at, self._running = 0.0, 0.0, 0.0  # cost, seconds, cost
-        self._began = clock()
-        self._line = self._timer = None
-        self.stage, self.detail, self.total = "", "", total
+        self._start = clock()
+        self._line: Live | None = None
+        self._timer: Timer | None = None
+        self._spinner: Spinner | None = None
+        self.stage, self.detail = "", ""
+        self.total = total
 
     @property
-    def total(self):
-        """Cost of the whole job, None where it is not known."""
+    def total(self) -> float | None:
+        """Cost of the whole job; None where it is unknown."""
         return self._total
 
     @total.setter
-    def total(self, value):
+    def total(self, value: float | None) -> None:
         if value is not None and not 0 <= value < float("inf"):
-            raise ValueError(f"`total` must be finite and not negative, got {value!r}; give None where it is not known")
+            raise ValueError(f"`total` must be finite and not negative, got {value!r}; give None if it is unknown")
         self._total = value
 
-    def begin(self, stage, cost=1.0, *, total=None):
-        """A stage begins, and with it the one before has ended; `total` of the job where that has changed."""
+    def begin(self, stage: str, cost: float = 1.0, *, total: float | None = None) -> None:
+        """Begin a stage and finish the one before.
+
+        Parameters
+        ----------
+        stage : str
+            Name of the stage.
+        cost : float
+            Cost of the stage.
+        total : float, optional
+            New cost of the whole job.
+
+        Raises
+        ------
+        ValueError
+            If the cost or the total is negative or not finite.
+        """
         if not 0 <= cost < float("inf"):
             raise ValueError(f"`cost` of a stage must be finite and not negative, got {cost!r}; give seconds")
         self._finished, self._finished_at, self._running = self._finished + self._running, self.elapsed, cost
@@ -69,23 +120,35 @@ class Progress:
         if total is not None:
             self.total = total
 
-    def advance(self, cost=1.0):
-        """Count finished work; the stage goes on."""
+    def advance(self, cost: float = 1.0) -> None:
+        """Count finished work of the running stage.
+
+        Parameters
+        ----------
+        cost : float
+            Cost of the finished work.
+        """
         self.begin(self.stage, 0.0)
         self._finished += cost
 
-    def report(self, detail):
-        """Show a line of text beside the stage; the callback of a solver that takes one."""
+    def report(self, detail: str) -> None:
+        """Show a line of text on the running stage; the callback of solvers.
+
+        Parameters
+        ----------
+        detail : str
+            Text.
+        """
         self.detail = detail
 
     @property
-    def elapsed(self):
-        """Time since the job began [s]."""
-        return self._clock() - self._began
+    def elapsed(self) -> float:
+        """Time since the start of the job [s]."""
+        return self._clock() - self._start
 
     @property
-    def share(self):
-        """Share of the work that is done, at most 1; None where the whole is not known."""
+    def share(self) -> float | None:
+        """Share of the work that is done [-], at most 1; None where the total is unknown."""
         if not self.total:
             return None
         running = 0.0
@@ -95,84 +158,120 @@ class Progress:
         return min((self._finished + running) / self.total, 1.0)
 
     @property
-    def left(self):
-        """Estimate of the time that the job still takes [s]; None where nothing is known of it."""
+    def remaining(self) -> float | None:
+        """Estimated remaining time [s]; None without an estimate."""
         share = self.share
         if share is None or share < LEAST_SHARE:
             return None
         return self.elapsed * (1 - share) / share
 
-    def __enter__(self):
-        self._began = self._clock()
+    def __enter__(self) -> Self:
+        self._start = self._clock()
         if not self.silent:
-            self._timer = Timer(self._after, self._appear)
+            self._timer = Timer(self._delay, self._show)
             self._timer.daemon = True
             self._timer.start()
         return self
 
-    def __exit__(self, *_):
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
         if self._timer is not None:
             self._timer.cancel()
-            self._timer.join()  # a line that is about to appear does so before it goes
+            self._timer.join()  # a line that is about to appear must exist before it is erased
         if self._line is not None:
             self._line.stop()
 
-    def _appear(self):
+    def _show(self) -> None:
         from rich.console import Console
         from rich.live import Live
 
         console = Console(file=self._stream)
-        self._line = Live(get_renderable=self._drawn, console=console, transient=True, refresh_per_second=PER_SECOND)
+        self._line = Live(get_renderable=self._render, console=console, transient=True, refresh_per_second=REFRESH_RATE)
         self._line.start(refresh=True)
 
-    def _drawn(self):
+    def _render(self) -> "Table":
         from rich.progress_bar import ProgressBar
         from rich.spinner import Spinner
         from rich.table import Table
 
         share, line = self.share, Table.grid(padding=(0, 1))
-        what = ", ".join(filter(None, (self.stage, self.detail)))
+        text = ", ".join(filter(None, (self.stage, self.detail)))
         if share is None:
-            self._spinner = getattr(self, "_spinner", None) or Spinner("line")
-            line.add_row(self._spinner, what, f"{spoken(self.elapsed)} elapsed")
+            self._spinner = self._spinner or Spinner("line")
+            line.add_row(self._spinner, text, f"{format_time(self.elapsed)} elapsed")
         else:
-            left = "" if self.left is None else f", about {spoken(self.left)} left"
-            bar = ProgressBar(total=1.0, completed=share, width=24)
-            line.add_row(bar, f"{share:4.0%}", f"{spoken(self.elapsed)} elapsed{left}", what)
+            remaining = "" if self.remaining is None else f", about {format_time(self.remaining)} left"
+            bar = ProgressBar(total=1.0, completed=share, width=BAR_WIDTH)
+            line.add_row(bar, f"{share:4.0%}", f"{format_time(self.elapsed)} elapsed{remaining}", text)
         return line
 
 
-def spoken(seconds):
-    """Seconds as minutes:seconds, with hours where there are any.
-
-    >>> spoken(82.4), spoken(3725)
-    ('1:22', '1:02:05')
-    """
-    minutes, seconds = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"
-
-
-def tracked(items, stage="case", *, alike=True, **options):
-    """Yield each of some items while the line of `Progress` shows how many are done.
+def format_time(seconds: float) -> str:
+    """Format a time as minutes:seconds, from an hour as hours:minutes:seconds.
 
     Parameters
     ----------
-    items : iterable; a list is made of it
-    stage : name of what is done with each, or a callable that names it from the item
-    alike : whether all cost about the same, so that there is an estimate; otherwise a spinner
-    options : of `Progress`
+    seconds : float
+        Time [s].
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> format_time(82.4), format_time(3725)
+    ('1:22', '1:02:05')
     """
-    items = list(items)
-    with Progress(total=len(items) if alike else None, **options) as progress:
-        for number, item in enumerate(items, start=1):
-            progress.begin(f"{stage(item) if callable(stage) else stage}, {number} of {len(items)}")
-            yield item
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
+
+
+def tracked(
+    items: Iterable[Item], stage: str | Callable[[Item], str] = "case", *, alike: bool = True, **options: Any
+) -> Iterator[Item]:
+    """Iterate over items while a line of `Progress` counts them.
+
+    Parameters
+    ----------
+    items : iterable
+        Items; a list is made of them.
+    stage : str or callable
+        Name of the stage, or a function of the item that returns it.
+    alike : bool
+        All items have about the same cost, so that the remaining time is estimated.
+    **options
+        Parameters of `Progress`.
+
+    Yields
+    ------
+    object
+        Each item.
+    """
+    cases = list(items)
+    with Progress(total=len(cases) if alike else None, **options) as progress:
+        for number, case in enumerate(cases, start=1):
+            progress.begin(f"{stage(case) if callable(stage) else stage}, {number} of {len(cases)}")
+            yield case
 
 
 @contextmanager
-def spinning(stage, **options):
-    """Show a stage whose cost is not known, with a spinner and the elapsed time; gives the `Progress`."""
+def spinning(stage: str, **options: Any) -> Iterator[Progress]:
+    """Show a stage of unknown cost with a spinner and the elapsed time.
+
+    Parameters
+    ----------
+    stage : str
+        Name of the stage.
+    **options
+        Parameters of `Progress`.
+
+    Yields
+    ------
+    Progress
+    """
     with Progress(**options) as progress:
         progress.begin(stage)
         yield progress

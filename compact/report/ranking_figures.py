@@ -1,146 +1,222 @@
-"""Figures of the order of the laws: bars of a ranking, what engines say side by side, and what each resists.
+"""Figures of the rankings: bars with the values by other engines, excess over the first law, and resistances by engine.
 
-Each function draws one figure and returns it; an engine keeps its colour and mark in all of them.
+Each function draws one figure from finished results and returns it; an engine has the same colour and mark in all.
 """
 
 import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
+from compact.analysis.ranking_uncertainty import Place
 from compact.machine.ranking import CRITERIA
 from compact.quantities import MOTION, SPEED
 from compact.report.figure_style import PALETTE, law_style, panels
 
-PANELS = 2  # criteria of the comparison of engines, for each drive
-LETTER = 0.061  # width of a letter of 8 points [inch]
-SHOWN = 4  # criteria, those that the scene names first
-ENGINE_LOOKS = {  # colour, mark and dash of an engine
+DRIVE_PANELS = 2  # [-], number of criteria of the comparison of engines, for each drive
+RANKING_PANELS = 4  # [-], number of criteria of the rankings, the first of the scene
+LETTER_WIDTH = 0.061  # [inch], of a letter of 8 points
+ROW_HEIGHT, PANEL_WIDTH = 0.24, 2.8  # [inch]; a panel and its labels fit a narrow screen
+MARK_SPREAD = 0.6  # [-], of a row, over which the marks of engines are spread so that none hides another
+ENGINE_STYLES = {  # colour, mark and dash
     "formula": ("0.35", "x", ":"),
     "column": (PALETTE[2], "o", "--"),
     "spectral": (PALETTE[0], "s", "-."),
     "fem": (PALETTE[1], "D", "-"),
     "compaction": (PALETTE[3], "^", "-"),
 }
-ROW, PANEL_WIDTH = 0.24, 2.8  # of a panel of laws: height of a row and width [inch]; names and it fit a narrow screen
-SPREAD = 0.6  # of a row, over which the marks of engines stand one above the other, so that none hides another
 
 
-def ranking(order, beside):
-    """Bars of the ranked laws, best on top, a panel for each of the first criteria; infinite ones are named.
+def ranking(orders: Mapping[str, list[Place]], comparisons: Mapping[str, Mapping[str, Mapping[str, Place]]]) -> Figure:
+    """Draw bars of the ranked laws, first law on top, a panel for each of the first criteria.
 
-    order : lists of `ordering.Place` by criterion;  beside : criterion -> engine -> law -> `Place`, marks on the bars
+    Parameters
+    ----------
+    orders : mapping of str to list of Place
+        Rankings by criterion.
+    comparisons : mapping
+        Places by criterion, engine and law, drawn as marks.
+
+    Returns
+    -------
+    Figure
+        Infinite values are named in place of a bar.
     """
-    order = dict(list(order.items())[:SHOWN])
-    named = {by: [f"{place.rank}  {place.law}  {_said(by, place)}" for place in places] for by, places in order.items()}
-    figure, axes = _below_one_another(len(order), max(map(len, order.values())), itertools.chain(*named.values()))
-    for ax, (by, places) in zip(axes, order.items(), strict=True):
-        _bars(ax, by, places, named[by])
-        _marks(ax, by, places, beside.get(by, {}))
-    _legend(figure, axes)
+    orders = dict(list(orders.items())[:RANKING_PANELS])
+    labels = {
+        by: [f"{place.rank}  {place.law}  {_value_label(by, place)}" for place in order] for by, order in orders.items()
+    }
+    figure, axes = _stacked_panels(len(orders), max(map(len, orders.values())), itertools.chain(*labels.values()))
+    for ax, (by, order) in zip(axes, orders.items(), strict=True):
+        _draw_bars(ax, by, order, labels[by])
+        _draw_marks(ax, by, order, comparisons.get(by, {}))
+    _common_legend(figure, axes)
     return figure
 
 
-def _below_one_another(count, rows, names):
-    """A figure of so many panels, one below the other, with room for the names of their rows."""
-    room = _room(names)
-    size, margins = (PANEL_WIDTH, ROW * rows + 0.2), {"left": room, "top": 0.5, "gaps": (0.0, 0.6)}
-    figure, axes = panels(count, 1, size, **margins)
+def engines(orders: Mapping[str, Mapping[str, Mapping[str, list[Place]]]], most: int = 12) -> Figure:
+    """Draw the excess of the laws over the first one, a mark with its error for each engine.
+
+    Parameters
+    ----------
+    orders : mapping
+        Rankings by engine, drive and criterion, the engine of the scene first.
+    most : int
+        Largest number of laws in a panel: those that are first by any engine, in the order of the first engine.
+
+    Returns
+    -------
+    Figure
+        A panel for each drive and criterion.
+    """
+    reference = next(iter(orders))
+    shown = [(kind, by) for kind, found in orders[reference].items() for by in list(found)[:DRIVE_PANELS]]
+    names = (place.law for kind, by in shown for place in orders[reference][kind][by])
+    rows = min(most, max(len(orders[reference][kind][by]) for kind, by in shown))
+    figure, axes = _stacked_panels(len(shown), rows, names)
+    for ax, (kind, by) in zip(axes, shown, strict=True):
+        _draw_excess(ax, {engine: _excess(found[kind][by], by) for engine, found in orders.items()}, by, most)
+        ax.set_xlabel(f"excess {CRITERIA[by].quantity.term} [%], {kind} drive", fontsize=9)
+    _common_legend(figure, axes)
+    return figure
+
+
+def resistances(maps: Mapping[str, Callable[[NDArray[np.float64], float], NDArray[np.float64]]]) -> Figure:
+    """Draw the resistance of one cart over speed by each engine.
+
+    Parameters
+    ----------
+    maps : mapping of str to callable
+        Resistance [N] of velocity [m/s] and acceleration [m/s2] by engine; the first is a `ResistanceMap`, whose
+        computed values are drawn as well.
+
+    Returns
+    -------
+    Figure
+    """
+    figure, ((ax,),) = panels(1, 1, (6.2, 3.1))
+    reference: str
+    first: Any
+    reference, first = next(iter(maps.items()))
+    widths = np.linspace(4.0, 1.5, len(maps))  # the lower line is broader, so that none hides another
+    for (engine, force), width in zip(reversed(list(maps.items())), widths, strict=True):
+        (color, _, dash), fastest = ENGINE_STYLES[engine], getattr(force, "speeds", first.speeds)[-1]
+        speed = np.linspace(0, min(fastest, first.speeds[-1]), 801)[1:]
+        ax.plot(speed, force(speed, 0.0) / 1e3, dash, color=color, linewidth=width, label=engine)
+    computed = {"color": ENGINE_STYLES[reference][0], "markersize": 4, "label": f"{reference}, computed"}
+    ax.plot(first.speeds, first.forces / 1e3, "o", **computed)
+    ax.set_xlabel(SPEED.axis_label)
+    ax.set_ylabel(MOTION["cart_resistance"].axis_label)
+    ax.set_xlim(0, 1.02 * first.speeds[-1])
+    ax.set_ylim(min(0.0, 1.1 * first.forces.min() / 1e3), None)
+    ax.legend(frameon=False, reverse=True, handlelength=3.2)
+    return figure
+
+
+def _stacked_panels(count: int, rows: int, labels: Iterable[str]) -> tuple[Figure, NDArray[Any]]:
+    """Make a column of panels with a margin for the labels of their rows."""
+    margin = 0.3 + LETTER_WIDTH * max(map(len, labels))
+    size = (PANEL_WIDTH, ROW_HEIGHT * rows + 0.2)
+    figure, axes = panels(count, 1, size, left=margin, top=0.5, gaps=(0.0, 0.6))
     return figure, axes[:, 0]
 
 
-def _legend(figure, axes):
-    """One legend above all panels, of what any of them shows."""
+def _common_legend(figure: Figure, axes: Iterable[Axes]) -> None:
+    """Place one legend with the labels of all panels above them."""
     found = {label: mark for ax in axes for mark, label in zip(*ax.get_legend_handles_labels(), strict=True)}
-    figure.legend(found.values(), found, loc="upper center", ncols=len(found), frameon=False, fontsize=8)
+    figure.legend(list(found.values()), list(found), loc="upper center", ncols=len(found), frameon=False, fontsize=8)
 
 
-def _bars(ax, by, places, named):
-    """A bar with its error and its name for each place, in its order."""
+def _draw_bars(ax: Axes, by: str, order: list[Place], labels: Sequence[str]) -> None:
+    """Draw a bar with its error and its label for each place."""
     quantity = CRITERIA[by].quantity
     factor = quantity.plot_factor
-    for row, place in enumerate(places):
+    for row, place in enumerate(order):
         if place.reason:
             ax.text(0, row, f" infinite: {place.reason.split(':')[0]}", va="center", fontsize=8, color="0.35")
-    rows = [row for row, place in enumerate(places) if not place.reason]
-    finite = np.array([places[row].value * factor for row in rows])
-    errors = np.nan_to_num([(places[row].error or 0.0) * factor for row in rows], posinf=0.0)
-    colors = [law_style(places[row].law)["color"] for row in rows]
+    rows = [row for row, place in enumerate(order) if not place.reason]
+    finite = np.array([order[row].value * factor for row in rows])
+    errors = np.nan_to_num([(order[row].error or 0.0) * factor for row in rows], posinf=0.0)
+    colors = [law_style(order[row].law)["color"] for row in rows]
     ax.barh(rows, finite, color=colors, height=0.72, edgecolor="black", linewidth=0.4)
-    told = np.flatnonzero(errors)
-    if told.size:
-        whisker = {"fmt": "none", "ecolor": "black", "capsize": 2.5, "elinewidth": 1.2, "label": "error"}
-        ax.errorbar(finite[told], np.array(rows)[told], xerr=errors[told], **whisker)
-    ax.set_yticks(range(len(places)), named, fontsize=8)
+    known = np.flatnonzero(errors)
+    if known.size:
+        whisker: dict[str, Any] = {
+            "fmt": "none",
+            "ecolor": "black",
+            "capsize": 2.5,
+            "elinewidth": 1.2,
+            "label": "error",
+        }
+        ax.errorbar(finite[known], np.array(rows)[known], xerr=errors[known], **whisker)
+    ax.set_yticks(range(len(order)), labels, fontsize=8)
     ax.set_xlim(0, 1.15 * max(finite + errors, default=1.0) or 1.0)
-    ax.set_ylim(len(places) - 0.4, -0.6)
+    ax.set_ylim(len(order) - 0.4, -0.6)
     ax.set_xlabel(quantity.axis_label)
     ax.spines[["top", "right"]].set_visible(False)
 
 
-def _said(by, place):
+def _value_label(by: str, place: Place) -> str:
     return "" if place.reason else f"{place.value * CRITERIA[by].quantity.plot_factor:#.4g}".rstrip(".")
 
 
-def _room(names):
-    """Inches that the longest of the names beside an axis takes."""
-    return 0.3 + LETTER * max(map(len, names))
+def mark_offsets(count: int) -> NDArray[np.float64]:
+    """Return the vertical offsets of the marks of engines in a row.
+
+    Parameters
+    ----------
+    count : int
+        Number of engines.
+
+    Returns
+    -------
+    ndarray
+        Offsets over the height of a row [-], shape (count,).
+    """
+    return np.linspace(-MARK_SPREAD / 2, MARK_SPREAD / 2, count) if count > 1 else np.zeros(count)
 
 
-def dodges(count):
-    """Heights of the marks of engines in a row, so that none hides another."""
-    return np.linspace(-SPREAD / 2, SPREAD / 2, count) if count > 1 else np.zeros(count)
-
-
-def _marks(ax, by, places, beside):
-    """The values by other engines beside the bars."""
+def _draw_marks(ax: Axes, by: str, order: list[Place], comparison: Mapping[str, Mapping[str, Place]]) -> None:
+    """Mark the values by other engines."""
     factor = CRITERIA[by].quantity.plot_factor
-    for (engine, order), dodge in zip(beside.items(), dodges(len(beside)), strict=True):
-        found = [(order[place.law].value * factor, row) for row, place in enumerate(places) if place.law in order]
+    for (engine, places), offset in zip(comparison.items(), mark_offsets(len(comparison)), strict=True):
+        found = [(places[place.law].value * factor, row) for row, place in enumerate(order) if place.law in places]
         found = [mark for mark in found if np.isfinite(mark[0])]
         if found:
-            color, mark, _ = ENGINE_LOOKS[engine]
+            color, mark, _ = ENGINE_STYLES[engine]
             value, row = np.transpose(found)
-            seen = {"mfc": "white", "markersize": 4, "linestyle": "none", "clip_on": False}
-            ax.plot(value, row + dodge, mark, color=color, label=f"by {engine}", **seen)
+            style: dict[str, Any] = {"mfc": "white", "markersize": 4, "linestyle": "none", "clip_on": False}
+            ax.plot(value, row + offset, mark, color=color, label=f"by {engine}", **style)
             ax.set_xlim(0, max(ax.get_xlim()[1], 1.05 * value.max()))
 
 
-def engines(orders, most=12):
-    """What the laws ask above the least, a mark with its error for each engine, panels for drives and criteria.
-
-    orders : lists of `ordering.Place` by engine, drive and criterion; laws are those that are best by any engine, in
-    the order of the first engine
-    """
-    ours = next(iter(orders))
-    shown = [(kind, by) for kind, found in orders[ours].items() for by in list(found)[:PANELS]]
-    names = (place.law for kind, by in shown for place in orders[ours][kind][by])
-    rows = min(most, max(len(orders[ours][kind][by]) for kind, by in shown))
-    figure, axes = _below_one_another(len(shown), rows, names)
-    for ax, (kind, by) in zip(axes, shown, strict=True):
-        excess = {engine: _excess(found[kind][by], by) for engine, found in orders.items()}
-        laws = sorted(excess[ours], key=lambda law: min(found[law][0] for found in excess.values() if law in found))
-        laws = sorted(laws[:most], key=lambda law: excess[ours][law][0])
-        for (engine, found), dodge in zip(excess.items(), dodges(len(excess)), strict=True):
-            color, mark, _ = ENGINE_LOOKS[engine]
-            value, error = np.reshape([found.get(law, (np.nan, 0.0)) for law in laws], (-1, 2)).T
-            drawn = {"color": color, "mfc": "white", "markersize": 4, "lw": 0.8, "capsize": 2}
-            error = np.where(error, error, np.nan)  # no whisker of none
-            ax.errorbar(value, np.arange(len(laws)) + dodge, xerr=error, fmt=mark, label=engine, **drawn)
-        if not laws:
-            none = f"no law has a finite {CRITERIA[by].quantity.term}"
-            ax.text(0.5, 0.5, none, transform=ax.transAxes, ha="center", va="center", fontsize=9)
-        ax.set_yticks(range(len(laws)), laws, fontsize=8)
-        ax.set_ylim(len(laws) - 0.4, -0.6)
-        ax.set_xlabel(f"excess {CRITERIA[by].quantity.term} [%], {kind} drive", fontsize=9)
-        ax.set_yticks(np.arange(max(len(laws) - 1, 0)) + 0.5, minor=True)
-        ax.grid(axis="y", which="minor", color="0.9")
-        ax.tick_params(axis="y", which="minor", length=0)
-    _legend(figure, axes)
-    return figure
+def _draw_excess(ax: Axes, excess: Mapping[str, Mapping[str, tuple[float, float]]], by: str, most: int) -> None:
+    """Mark the excess of the laws by each engine, with its error."""
+    reference = next(iter(excess.values()))
+    laws = sorted(reference, key=lambda law: min(found[law][0] for found in excess.values() if law in found))
+    laws = sorted(laws[:most], key=lambda law: reference[law][0])
+    for (engine, found), offset in zip(excess.items(), mark_offsets(len(excess)), strict=True):
+        color, mark, _ = ENGINE_STYLES[engine]
+        value, error = np.reshape([found.get(law, (np.nan, 0.0)) for law in laws], (-1, 2)).T
+        style: dict[str, Any] = {"color": color, "mfc": "white", "markersize": 4, "lw": 0.8, "capsize": 2}
+        error = np.where(error, error, np.nan)  # no whisker without an error
+        ax.errorbar(value, np.arange(len(laws)) + offset, xerr=error, fmt=mark, label=engine, **style)
+    if not laws:
+        text = f"no law has a finite {CRITERIA[by].quantity.term}"
+        ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", fontsize=9)
+    ax.set_yticks(range(len(laws)), laws, fontsize=8)
+    ax.set_ylim(len(laws) - 0.4, -0.6)
+    ax.set_yticks(np.arange(max(len(laws) - 1, 0)) + 0.5, minor=True)
+    ax.grid(axis="y", which="minor", color="0.9")
+    ax.tick_params(axis="y", which="minor", length=0)
 
 
-def _excess(order, by):
-    """Law -> (what it asks above the least, the error of that) [%], of finite places."""
+def _excess(order: Iterable[Place], by: str) -> dict[str, tuple[float, float]]:
+    """Return excess over the first law and its error [%] by law, of finite values."""
     finite = [place for place in order if not place.reason]
     least = min((place.value for place in finite), default=0.0)
     scale = CRITERIA[by].scale(least) or max((place.value for place in finite), default=0.0) or 1.0
@@ -149,21 +225,3 @@ def _excess(order, by):
         place.law: (100 * (place.value - least) / scale, 100 * error / scale)
         for place, error in zip(finite, errors, strict=True)
     }
-
-
-def resistances(resistances):
-    """Resistance of one cart over speed by each engine, callables by name; of the first, a map, its samples too."""
-    figure, ((ax,),) = panels(1, 1, (6.2, 3.1))
-    ours, met = next(iter(resistances.items()))
-    widths = np.linspace(4.0, 1.5, len(resistances))  # those below are the broader, so that none hides another
-    for (engine, force), width in zip(reversed(resistances.items()), widths, strict=True):
-        (color, _, dash), fastest = ENGINE_LOOKS[engine], getattr(force, "speeds", met.speeds)[-1]
-        speed = np.linspace(0, min(fastest, met.speeds[-1]), 801)[1:]
-        ax.plot(speed, force(speed, 0.0) / 1e3, dash, color=color, linewidth=width, label=engine)
-    ax.plot(met.speeds, met.forces / 1e3, "o", color=ENGINE_LOOKS[ours][0], markersize=4, label=f"{ours}, computed")
-    ax.set_xlabel(SPEED.axis_label)
-    ax.set_ylabel(MOTION["cart_resistance"].axis_label)
-    ax.set_xlim(0, 1.02 * met.speeds[-1])
-    ax.set_ylim(min(0.0, 1.1 * met.forces.min() / 1e3), None)
-    ax.legend(frameon=False, reverse=True, handlelength=3.2)
-    return figure

@@ -4,7 +4,7 @@ Numbers become dictionaries here and in `contact_to_json`, and nowhere else.
 """
 
 import platform
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
@@ -121,7 +121,7 @@ def _steady_forces(study: Study) -> dict[str, Any]:
 def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
     """Convert the criteria of a run, their errors and the quantities of its kind of drive."""
     own = [name for name in quantities.RUN if name != "unsteady_share" and hasattr(run, name)]
-    unsteady = {"unsteady_share": run.share(study.resistance.is_unsteady)} if study.layered else {}
+    unsteady = {"unsteady_share": run.share(study.resistance_map.is_unsteady)} if study.layered else {}
     errors = {"errors": {by: ranking_tables.criterion_error(study, run, by) for by in CRITERIA}}
     criteria = {by: value_of(run, by) for by in CRITERIA}
     return criteria | {name: getattr(run, name) for name in own} | unsteady | errors
@@ -129,7 +129,7 @@ def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
 
 def _comparison(study: Study) -> dict[str, Any]:
     """Convert the results of each engine of the comparison."""
-    agreed = ranking_tables.agreements(study) if study.beside else []
+    agreed = study.agreements if study.beside else []
     return {
         name: {
             "contacts": [contact_to_json(contact) for contact in other.contacts],
@@ -150,7 +150,7 @@ def _comparison(study: Study) -> dict[str, Any]:
     }
 
 
-def _rankings(order: dict[str, Iterable[Place]]) -> dict[str, list[dict[str, Any]]]:
+def _rankings(order: Mapping[str, Iterable[Place]]) -> dict[str, list[dict[str, Any]]]:
     """Convert the places by criterion."""
     return {by: [_place(place) for place in found] for by, found in order.items()}
 

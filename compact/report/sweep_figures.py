@@ -1,98 +1,160 @@
-"""Figures of a sweep: maps over two keys, bands over one, best laws, and bars of Sobol indices.
+"""Figures of a sweep: maps over two keys, bands over one, first laws, and bars of Sobol indices.
 
-Each function draws one figure from the table of a sweep and returns it. Of a sample, maps show the median and how many
-times the upper end of the band is above the lower one; the band holds BAND of the sample. Where rolling does not reach
-the density the map is hatched, where there is no number it is grey.
+Each function draws one figure from the table of a sweep and returns it. Maps of a sample show the median, and the ratio
+of the upper to the lower quantile BAND. A map is hatched where rolling cannot reach the density, and grey where there
+is no number.
 """
 
 import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
 
 from compact.material.mix import ROLLING_PRESSURE, ROLLING_SATURATION
-from compact.quantities import INPUT, SWEEP_POINT
+from compact.quantities import CRITERIA, INPUT, SWEEP_POINT
 from compact.report.figure_style import law_style
 from compact.sweep.sobol_indices import of_table
 
-BAND = (0.05, 0.95)
-BAND_SAID = f"{BAND[0]:.0%} to {BAND[1]:.0%} of the sample"
-SHOWN = ("resistance", "load", "power", "capture_angle", "exit_density_ratio", "resistance_coefficient")
-LEVELS = 9
-COLUMNS = 3
-DECADE = 10  # by which values differ that are shown by their logarithm
-CHANGES = 1e-9  # relative, below which a quantity is one number and no map
-NO_NUMBER = "0.82"
+if TYPE_CHECKING:
+    from xarray import DataArray, Dataset
+
+BAND = (0.05, 0.95)  # [-], quantiles of a sample
+BAND_LABEL = f"{BAND[0]:.0%} to {BAND[1]:.0%} of the sample"
+DRAWN_QUANTITIES = ("resistance", "load", "power", "capture_angle", "exit_density_ratio", "resistance_coefficient")
+CONTOUR_LEVELS = 9  # [-]
+PANEL_COLUMNS = 3  # [-]
+LOGARITHMIC_RATIO = 10  # [-], of largest to smallest value, above which an axis is logarithmic
+CONSTANT_SPAN = 1e-9  # [-], relative range below which a quantity is constant
+NO_NUMBER = "0.82"  # grey
 
 
-def numeric_axes(table):
-    """Names of the keys varied over two numbers or more, in the order of the table."""
-    return [name for name in table["load"].dims if name != "sample" and _is_numeric(table[name])]
+def numeric_axes(table: "Dataset") -> list[str]:
+    """List the keys varied over two or more numbers.
+
+    Parameters
+    ----------
+    table : Dataset
+        Table of a sweep.
+
+    Returns
+    -------
+    list of str
+        Names of the axes in the order of the table.
+    """
+    return [str(name) for name in table["load"].dims if name != "sample" and _is_numeric(table[name])]
 
 
-def _axis_label(name):
+def _axis_label(name: str) -> str:
     return INPUT[name].axis_label if name in INPUT else name.replace("_", " ")
 
 
-def _is_numeric(values):
+def _is_numeric(values: "DataArray") -> bool:
     return values.dtype.kind in "fi" and values.size > 1
 
 
-def drawn(table):
-    """Quantities of the table that have numbers, and more than one."""
+def varying_quantities(table: "Dataset") -> list[str]:
+    """List the quantities that vary over the table.
+
+    Parameters
+    ----------
+    table : Dataset
+        Table of a sweep.
+
+    Returns
+    -------
+    list of str
+    """
     found = []
-    for name in SHOWN:
+    for name in DRAWN_QUANTITIES:
         values = table[name].values
         values = values[np.isfinite(values)]
-        if values.size and np.ptp(values) > CHANGES * np.abs(values).max():
+        if values.size and np.ptp(values) > CONSTANT_SPAN * np.abs(values).max():
             found.append(name)
     return found
 
 
-def _sample(table):
-    """The rows of a sample that are drawn at random; the table itself without one."""
+def _sample(table: "Dataset") -> "Dataset":
+    """Select the independent rows of a sample; a table without a sample is returned unchanged."""
     return table.isel(sample=np.isin(table["part"].values, ("A", "B"))) if "sample" in table.dims else table
 
 
-def band(table, quantity):
-    """(low, middle, high) of a quantity over the sample: quantiles BAND and the median; the same thrice without one."""
+def band(table: "Dataset", quantity: str) -> "tuple[DataArray, DataArray, DataArray]":
+    """Compute the quantiles BAND and the median of a quantity over a sample.
+
+    Parameters
+    ----------
+    table : Dataset
+        Table of a sweep.
+    quantity : str
+        Name of the quantity.
+
+    Returns
+    -------
+    tuple of DataArray
+        Lower quantile, median, upper quantile; three times the values without a sample.
+    """
     values = _sample(table)[quantity]
     if "sample" not in table.dims:
         return values, values, values
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # where all of the sample failed there is no band
+        warnings.simplefilter("ignore", RuntimeWarning)  # all of a sample failed
         low, middle, high = values.quantile([BAND[0], 0.5, BAND[1]], dim="sample", skipna=True)
     return low, middle, high
 
 
-def reach(table):
-    """The larger of required pressure and saturation over what rolling reaches: above 1 it does not."""
+def required_share(table: "Dataset") -> Any:
+    """Compute the larger of required pressure and saturation over their limits of rolling.
+
+    Parameters
+    ----------
+    table : Dataset
+        Table of a sweep.
+
+    Returns
+    -------
+    DataArray
+        Share [-]; rolling cannot reach the density where it is above 1.
+    """
     pressure, filled = (band(table, name)[1] for name in ("required_pressure", "saturation"))
     return np.maximum(pressure / ROLLING_PRESSURE, filled / ROLLING_SATURATION)
 
 
-def maps(table, point=None):
-    """A panel for every quantity over the two keys varied last, a second row for the bands of a sample.
+def maps(table: "Dataset", point: tuple[float, float] | None = None) -> Figure:
+    """Draw every quantity over the last two varied keys, with a second row for the bands of a sample.
 
-    point : (x, y) of a mark, in the units of the table
+    Parameters
+    ----------
+    table : Dataset
+        Table of a sweep with two numeric axes or more.
+    point : tuple of float, optional
+        Position of a mark, in the units of the table.
+
+    Returns
+    -------
+    Figure
     """
     y, x = numeric_axes(table)[-2:]
     table = _plane(table, x, y)
-    quantities, deep = drawn(table), 2 if "sample" in table.dims else 1
-    rows = -(-len(quantities) // COLUMNS) * deep
-    figure = Figure(figsize=(4.3 * COLUMNS, 3.3 * rows + 0.5), layout="constrained")
-    panels = figure.subplots(rows, COLUMNS, squeeze=False, sharex=True, sharey=True)
+    quantities, deep = varying_quantities(table), 2 if "sample" in table.dims else 1
+    rows = -(-len(quantities) // PANEL_COLUMNS) * deep
+    figure = Figure(figsize=(4.3 * PANEL_COLUMNS, 3.3 * rows + 0.5), layout="constrained")
+    panels = figure.subplots(rows, PANEL_COLUMNS, squeeze=False, sharex=True, sharey=True)
     for ax in panels.ravel():
         ax.set_visible(False)
     for place, name in enumerate(quantities):
         shown, (low, middle, high) = SWEEP_POINT[name], band(table, name)
-        row, column = place // COLUMNS * deep, place % COLUMNS
-        _map(panels[row, column], table, middle * shown.plot_factor, x, y, "viridis", shown.axis_label)
+        row, column = place // PANEL_COLUMNS * deep, place % PANEL_COLUMNS
+        _draw_map(panels[row, column], table, middle * shown.plot_factor, "viridis", shown.axis_label)
         if deep == 2:
-            _map(panels[row + 1, column], table, high / low, x, y, "magma_r", f"{shown.term}: band, high over low [-]")
+            _draw_map(panels[row + 1, column], table, high / low, "magma_r", f"{shown.term}: upper over lower band [-]")
     for ax in panels.ravel():
         ax.tick_params(labelbottom=True)
         if point is not None:
@@ -101,63 +163,73 @@ def maps(table, point=None):
     return figure
 
 
-def _plane(table, x, y):
-    """The table over two keys and the sample; of other keys the first value."""
+def _plane(table: "Dataset", x: str, y: str) -> "Dataset":
+    """Select the table over two keys and the sample, at the first value of other keys."""
     others = {name: 0 for name in table["load"].dims if name not in (x, y, "sample")}
     return table.isel(others).transpose(y, x, ...)
 
 
-def _map(ax, table, values, x, y, cmap, title):
-    """Filled and labelled contours; hatched where rolling does not reach, grey where there is no number."""
+def _draw_map(ax: Axes, table: "Dataset", values: "DataArray", cmap: str, title: str) -> None:
+    """Draw filled and labelled contours over the axes of the values."""
+    y, x = map(str, values.dims[:2])
     ax.set_visible(True)
     ax.set_facecolor(NO_NUMBER)
     ax.set(xlabel=_axis_label(x), ylabel=_axis_label(y))
     ax.set_title(title, fontsize=10)
     shown = np.ma.masked_invalid(values.values)
-    if shown.count() and np.ptp(shown.compressed()) <= CHANGES * np.abs(shown).max():
+    if shown.count() and np.ptp(shown.compressed()) <= CONSTANT_SPAN * np.abs(shown).max():
         ax.set_facecolor("white")
         ax.text(0.5, 0.5, f"{_short(shown.max())} everywhere", transform=ax.transAxes, ha="center")
     elif shown.count():
-        filled = ax.contourf(table[x], table[y], shown, LEVELS, cmap=cmap)
+        filled = ax.contourf(table[x], table[y], shown, CONTOUR_LEVELS, cmap=cmap)
         lines = ax.contour(filled, colors="black", linewidths=0.6)
         for text in ax.clabel(lines, fontsize=8, fmt=_short):
             text.set_path_effects([withStroke(linewidth=2, foreground="white")])
-    beyond = reach(table).transpose(y, x).values
+    beyond = required_share(table).transpose(y, x).values
     if np.nanmax(beyond, initial=0.0) > 1:
         ax.contourf(table[x], table[y], beyond, [1, np.inf], colors="none", hatches=["////"])
     ax.set_xlim(float(table[x].min()), float(table[x].max()))
     ax.set_ylim(float(table[y].min()), float(table[y].max()))
 
 
-def _short(value):
+def _short(value: float) -> str:
     return f"{value:.4g}"
 
 
-def _legend(figure, table):
+def _legend(figure: Figure, table: "Dataset") -> None:
     marks = []
-    if np.nanmax(reach(table).values, initial=0.0) > 1:
+    if np.nanmax(required_share(table).values, initial=0.0) > 1:
         marks.append(Patch(facecolor="none", edgecolor="black", hatch="////", label="not reachable by rolling"))
     if (table["reason"] != "").any():
-        marks.append(Patch(facecolor=NO_NUMBER, label="no number: see the reasons"))
+        marks.append(Patch(facecolor=NO_NUMBER, label="no number, for the stated reasons"))
     if "sample" in table.dims:
-        marks.append(Patch(facecolor="none", label=f"above: median; below: its band, {BAND_SAID}"))
+        marks.append(Patch(facecolor="none", label=f"above: median; below: its band, {BAND_LABEL}"))
     if marks:
         figure.legend(handles=marks, loc="outside lower center", ncols=len(marks), frameon=False, fontsize=9)
 
 
-def bands(table, point=None):
-    """A panel for every quantity over the key varied last, a line for each value of the one before; bands of a sample.
+def bands(table: "Dataset", point: Mapping[str, float] | None = None) -> Figure:
+    """Draw every quantity over the last varied key, a line for each value of the key before, with bands of a sample.
 
-    point : {name: value} of a mark, names of the keys and quantities among them
+    Parameters
+    ----------
+    table : Dataset
+        Table of a sweep with a numeric axis.
+    point : mapping of str to float, optional
+        Coordinates of a mark by the names of keys and quantities.
+
+    Returns
+    -------
+    Figure
     """
     *_, x = numeric_axes(table)
-    before = [name for name in table["load"].dims if name not in (x, "sample")][-1:]
-    quantities = drawn(table)
-    rows = -(-len(quantities) // COLUMNS)
-    figure = Figure(figsize=(4.3 * COLUMNS, 3.3 * rows + 0.7), layout="constrained")
-    panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
+    before = [str(name) for name in table["load"].dims if name not in (x, "sample")][-1:]
+    quantities = varying_quantities(table)
+    rows = -(-len(quantities) // PANEL_COLUMNS)
+    figure = Figure(figsize=(4.3 * PANEL_COLUMNS, 3.3 * rows + 0.7), layout="constrained")
+    panels = figure.subplots(rows, PANEL_COLUMNS, squeeze=False).ravel()
     for ax, name in zip(panels, quantities, strict=False):
-        _bands(ax, table, name, x, before)
+        _draw_bands(ax, table, name, x, before)
         if point is not None and name in point:
             value = point[name] * SWEEP_POINT[name].plot_factor
             ax.plot(point[x], value, "o", color="white", markeredgecolor="black", label="calibrated")
@@ -172,43 +244,51 @@ def bands(table, point=None):
     return figure
 
 
-def _bands(ax, table, name, x, before):
+def _draw_bands(ax: Axes, table: "Dataset", name: str, x: str, before: Sequence[str]) -> None:
     quantity = SWEEP_POINT[name]
     values = table[name].values
-    for color, line, said in _lines(table, x, before):
+    for color, line, label in _lines(table, x, before):
         low, middle, high = (part.values * quantity.plot_factor for part in band(line, name))
-        ax.plot(line[x], middle, color=color, marker=".", label=said)
+        ax.plot(line[x], middle, color=color, marker=".", label=label)
         ax.fill_between(line[x], low, high, color=color, alpha=0.15, linewidth=0)
     ax.set(xlabel=_axis_label(x), ylabel=quantity.axis_label)
     ax.margins(x=0)
-    if np.nanmin(values) > 0 and np.nanmax(values) > DECADE * np.nanmin(values):
+    if np.nanmin(values) > 0 and np.nanmax(values) > LOGARITHMIC_RATIO * np.nanmin(values):
         ax.set_yscale("log")
 
 
-def _lines(table, x, before):
-    """(colour, table over x and the sample, label) for each value of the key before."""
-    from matplotlib import colormaps
-
+def _lines(table: "Dataset", x: str, before: Sequence[str]) -> "Iterator[tuple[Any, Dataset, str | None]]":
+    """Return colour, table over x and the sample, and label for each value of the key before."""
     values = table[before[0]].values if before else [None]
     for i, value in enumerate(values):
         line = table.isel({before[0]: i}) if before else table
         line = line.isel({name: 0 for name in line["load"].dims if name not in (x, "sample")})
-        said = f"{before[0].replace('_', ' ')} {_word(value)}" if before else None
-        yield colormaps["viridis"](0.9 * i / max(len(values) - 1, 1)), line, said
+        label = f"{before[0].replace('_', ' ')} {_value_label(value)}" if before else None
+        yield colormaps["viridis"](0.9 * i / max(len(values) - 1, 1)), line, label
 
 
-def _word(value):
+def _value_label(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, int | float | np.number) else str(value)
 
 
-def best_laws(table):
-    """The law that ranks first, of a sample most often, over the two keys varied last; a panel for each criterion."""
+def best_laws(table: "Dataset") -> Figure:
+    """Draw the first law over the last two varied keys, of a sample the most frequent one, for each criterion.
+
+    Parameters
+    ----------
+    table : Dataset
+        Table of a sweep with rankings.
+
+    Returns
+    -------
+    Figure
+    """
     y, x = numeric_axes(table)[-2:]
     table = _plane(table, x, y)
-    criteria = [name for name in table if name.startswith("best_law_by_")]
+    criteria = [str(name) for name in table if str(name).startswith("best_law_by_")]
     figure = Figure(figsize=(5.2 * len(criteria), 4.6), layout="constrained")
     panels = figure.subplots(1, len(criteria), squeeze=False, sharex=True, sharey=True)[0]
-    shown = {}
+    shown: dict[str, str] = {}
     for ax, criterion in zip(panels, criteria, strict=True):
         best = _most_frequent(table[criterion])
         names = sorted(set(best.ravel()) - {""})
@@ -219,15 +299,15 @@ def best_laws(table):
         ax.pcolormesh(
             table[x], table[y], numbers, cmap=colours, vmin=-0.5, vmax=max(len(names), 1) - 0.5, shading="nearest"
         )
-        ax.set_title(f"least {criterion.removeprefix('best_law_by_').replace('_', ' ')}", fontsize=10)
+        ax.set_title(f"least {CRITERIA[criterion.removeprefix('best_law_by_')].term}", fontsize=10)
         ax.set(xlabel=_axis_label(x), ylabel=_axis_label(y))
     marks = [Patch(facecolor=color, label=name) for name, color in shown.items()]
     figure.legend(handles=marks, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     return figure
 
 
-def _most_frequent(laws):
-    """The word that is most frequent along the sample, empty ones left out."""
+def _most_frequent(laws: "DataArray") -> NDArray[Any]:
+    """Return the most frequent law along the sample; empty names do not count."""
     values = laws.values.astype(str)
     if "sample" not in laws.dims:
         return values
@@ -236,8 +316,20 @@ def _most_frequent(laws):
     return np.where(counts.sum(axis=0) > 0, np.array(names)[counts.argmax(axis=0)], "")
 
 
-def sobol_bars(table, quantities):
-    """First-order and total Sobol indices of some quantities, bars with their confidence intervals."""
+def sobol_bars(table: "Dataset", quantities: Sequence[str]) -> Figure:
+    """Draw first-order and total Sobol indices with their confidence intervals.
+
+    Parameters
+    ----------
+    table : Dataset
+        Table of a sweep over a sample.
+    quantities : sequence of str
+        Quantities that are drawn.
+
+    Returns
+    -------
+    Figure
+    """
     figure = Figure(figsize=(3.9 * len(quantities) + 0.8, 3.4), layout="constrained")
     panels = figure.subplots(1, len(quantities), squeeze=False, sharey=True)[0]
     for ax, quantity in zip(panels, quantities, strict=True):
@@ -246,8 +338,8 @@ def sobol_bars(table, quantities):
         for shift, kind, color in ((-0.2, "first", "tab:blue"), (0.2, "total", "0.65")):
             value, low, high = (getattr(found, kind + end) for end in ("", "_low", "_high"))
             error = np.maximum([value - low, high - value], 0)
-            said = {"first": "first order", "total": "in total"}[kind]
-            ax.barh(place + shift, value, 0.38, xerr=error, color=color, error_kw={"linewidth": 1}, label=said)
+            label = {"first": "first order", "total": "total"}[kind]
+            ax.barh(place + shift, value, 0.38, xerr=error, color=color, error_kw={"linewidth": 1}, label=label)
         ax.set_yticks(place, [name.replace("_", " ") for name in names])
         ax.set_xlabel("share of the variance [-]")
         ax.set_title(f"{SWEEP_POINT[quantity].term} ({found.rows} rows)", fontsize=10)

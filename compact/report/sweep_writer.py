@@ -1,7 +1,10 @@
-"""What `compact sweep` leaves behind beside sweep.nc, and what it says: figures, Sobol indices, grouped reasons."""
+"""Results of a sweep in addition to sweep.nc: figures, Sobol indices, and the digest on the terminal."""
 
 import re
 from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -9,61 +12,59 @@ from compact.files import write_csv, write_figure
 from compact.quantities import SWEEP_POINT, unit_symbol
 from compact.sweep.sobol_indices import of_table
 
-SHOWN = 6  # reasons on the screen
-TOLD = ("load", "resistance", "resistance_coefficient", "power", "capture_angle", "exit_density_ratio")
-EXPLAINED = ("load", "resistance", "resistance_coefficient", "capture_angle")  # by Sobol indices
-INDEX_HEADER = ("quantity", "input", "first", "first_low", "first_high", "total", "total_low", "total_high", "rows")
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+SHOWN_SENTENCES = 6  # [-], number of different sentences in the digest
+DIGEST_QUANTITIES = ("load", "resistance", "resistance_coefficient", "power", "capture_angle", "exit_density_ratio")
+SOBOL_QUANTITIES = ("load", "resistance", "resistance_coefficient", "capture_angle")
+SOBOL_HEADER = ("quantity", "input", "first", "first_low", "first_high", "total", "total_low", "total_high", "rows")
+SOBOL_FIELDS = SOBOL_HEADER[2:-1]
+DIGITS = re.compile(r"\d[\d.e+-]*")
 
 
-def write_sweep_report(directory, table):
-    """Figures and Sobol indices of a table of a sweep, as far as it has what they need."""
+def write_sweep_report(directory: Path, table: "Dataset") -> None:
+    """Write the figures and Sobol indices that the axes and numbers of a sweep admit.
+
+    Parameters
+    ----------
+    directory : Path
+        Directory of the results.
+    table : Dataset
+        Table of the sweep.
+    """
     from compact.report import sweep_figures
 
-    if explained := _explained(table):
-        write_csv(directory / "sobol.csv", INDEX_HEADER, list(_index_rows(table, explained)))
-        write_figure(directory / "sobol.png", sweep_figures.sobol_bars(table, explained))
-    if not sweep_figures.drawn(table):
+    if quantities := _sobol_quantities(table):
+        write_csv(directory / "sobol.csv", SOBOL_HEADER, list(_sobol_rows(table, quantities)))
+        write_figure(directory / "sobol.png", sweep_figures.sobol_bars(table, quantities))
+    if not sweep_figures.varying_quantities(table):
         return
     axes = sweep_figures.numeric_axes(table)
     if len(axes) >= 2:
         write_figure(directory / "maps.png", sweep_figures.maps(table))
     if axes:
         write_figure(directory / "bands.png", sweep_figures.bands(table))
-    if len(axes) >= 2 and any(name.startswith("best_law_by_") for name in table):
+    if len(axes) >= 2 and any(str(name).startswith("best_law_by_") for name in table):
         write_figure(directory / "best_laws.png", sweep_figures.best_laws(table))
 
 
-def _explained(table):
-    """Quantities of which a sample without other axes tells indices."""
-    if table["load"].dims != ("sample",) or set(table["part"].values) == {"A"}:
-        return ()
-    enough = [name for name in EXPLAINED if np.isfinite(table[name].values).any()]
-    return tuple(name for name in enough if _has_indices(table, name))
+def sweep_digest(table: "Dataset") -> str:
+    """Summarise a sweep: ranges of the quantities, failures, warnings and Sobol indices.
 
+    Parameters
+    ----------
+    table : Dataset
+        Table of the sweep.
 
-def _has_indices(table, name):
-    try:
-        of_table(table, name)
-    except ValueError:  # too few rows without a failure
-        return False
-    return True
-
-
-def _index_rows(table, quantities):
-    for quantity in quantities:
-        names, found = of_table(table, quantity)
-        columns = (
-            found.first, found.first_low, found.first_high, found.total, found.total_low, found.total_high,
-        )  # fmt: skip
-        for name, values in zip(names, np.array(columns).T.tolist(), strict=True):
-            yield (quantity, name, *values, found.rows)
-
-
-def sweep_digest(table):
-    """What a person wants to read: how many points have numbers, their range, and why the others have none."""
+    Returns
+    -------
+    str
+        Lines of text.
+    """
     failed = (table["reason"] != "").values
     lines = [f"{failed.size} points by {table.attrs['engine']}, {failed.sum()} without numbers"]
-    for name in TOLD:
+    for name in DIGEST_QUANTITIES:
         values = table[name].values
         values = values[np.isfinite(values)]
         if values.size:
@@ -72,24 +73,50 @@ def sweep_digest(table):
             lines.append(f"  {name:<24}{low:>10.4g} to {high:<10.4g} {unit:<4} median {middle:.4g}")
     beyond = (table["not_reachable"] != "").values.sum()
     if beyond:
-        lines.append(f"  not reachable by rolling: {beyond} points, as not_reachable says")
+        lines.append(f"  not reachable by rolling: {beyond} points, reasons in not_reachable")
     for name, words in (("reason", "without numbers"), ("warnings", "warned"), ("replaced", "replaced")):
-        lines += [f"  {words}: {said}" for said in _grouped(table[name].values.ravel())]
-    for quantity in _explained(table):
+        lines += [f"  {words}: {sentence}" for sentence in _count_sentences(table[name].values.ravel())]
+    for quantity in _sobol_quantities(table):
         names, found = of_table(table, quantity)
         shares = zip(names, found.first, found.first_low, found.first_high, strict=True)
-        said = ", ".join(f"{name} {share:.2f} ({low:.2f} to {high:.2f})" for name, share, low, high in shares)
-        lines.append(f"  variance of {quantity}, first order: {said}")
+        text = ", ".join(f"{name} {share:.2f} ({low:.2f} to {high:.2f})" for name, share, low, high in shares)
+        lines.append(f"  variance of {quantity}, first order: {text}")
     return "\n".join(lines)
 
 
-def _grouped(sentences):
-    """How often each sentence is told, numbers in it apart; the most frequent ones."""
-    groups, first = Counter(), {}
+def _sobol_quantities(table: "Dataset") -> tuple[str, ...]:
+    """Return the quantities with Sobol indices; they require a sample without other axes."""
+    if table["load"].dims != ("sample",) or set(table["part"].values) == {"A"}:
+        return ()
+    finite = [name for name in SOBOL_QUANTITIES if np.isfinite(table[name].values).any()]
+    return tuple(name for name in finite if _has_indices(table, name))
+
+
+def _has_indices(table: "Dataset", name: str) -> bool:
+    try:
+        of_table(table, name)
+    except ValueError:  # too few rows without a failure
+        return False
+    return True
+
+
+def _sobol_rows(table: "Dataset", quantities: Sequence[str]) -> Iterator[tuple[Any, ...]]:
+    for quantity in quantities:
+        names, found = of_table(table, quantity)
+        columns = np.array([getattr(found, name) for name in SOBOL_FIELDS])
+        for name, values in zip(names, columns.T.tolist(), strict=True):
+            yield (quantity, name, *values, found.rows)
+
+
+def _count_sentences(sentences: Iterable[str]) -> list[str]:
+    """Count sentences that differ in numbers only; return the most frequent ones."""
+    counts: Counter[str] = Counter()
+    examples: dict[str, str] = {}
     for sentence in filter(None, sentences):
-        kind = re.sub(r"\d[\d.e+-]*", "#", sentence)
-        groups[kind] += 1
-        first.setdefault(kind, sentence)
-    said = [f"{count} x {first[kind]}" for kind, count in groups.most_common(SHOWN)]
-    rest = sum(groups.values()) - sum(count for _, count in groups.most_common(SHOWN))
-    return [*said, f"{rest} x for other reasons"] if rest else said
+        kind = DIGITS.sub("#", sentence)
+        counts[kind] += 1
+        examples.setdefault(kind, sentence)
+    shown = counts.most_common(SHOWN_SENTENCES)
+    lines = [f"{count} x {examples[kind]}" for kind, count in shown]
+    rest = counts.total() - sum(count for _, count in shown)
+    return [*lines, f"{rest} x for other reasons"] if rest else lines

@@ -149,16 +149,16 @@ def return_sentence(study: Study) -> str:
     str
         One sentence without a full stop.
     """
-    if not study.cycle_energies:
+    if not study.cycle_energies or study.second_pass is None:
         reason = "a linear layer recovers" if study.layered else "the formulas have no other state"
         return f"return stroke: over fresh mix, with the resistance of the forward stroke ({reason})"
     load, resistance = study.second_pass
     fresh, compacted = (study.cycle_energies[state] for state in ("fresh", "compacted"))
-    law = next(iter(study.rankings.values()))[0].run.name
+    first: Any = next(iter(study.rankings.values()))[0].run
     return (
         f"return stroke: over {study.scene.layer.return_stroke} mix; over compacted mix it requires {load:.1%} of the "
-        f"load and {resistance:.1%} of the resistance; energy per cycle with {law}: {fresh:.4g} J over fresh mix, "
-        f"{compacted:.4g} J over compacted mix"
+        f"load and {resistance:.1%} of the resistance; energy per cycle with {first.name}: {fresh:.4g} J over fresh "
+        f"mix, {compacted:.4g} J over compacted mix"
     )
 
 
@@ -226,7 +226,7 @@ def _place_line(place: Place, run: Any, others: Mapping[str, Mapping[str, Place]
 def _agreement_lines(study: Study) -> Iterator[str]:
     """State the agreement of the rankings, a line for each comparison and criterion."""
     criteria = list(study.rankings)[:DIGEST_CRITERIA]
-    for each in ranking_tables.agreements(study) if study.beside else []:
+    for each in study.agreements if study.beside else []:
         if each.by not in criteria:
             continue
         if each.other_engine == each.engine:
@@ -274,7 +274,7 @@ def _accuracy_lines(contact: Any) -> Iterator[str]:
             f"density ratio {contact.exit_density_ratio:.4f} behind the roller, exit height "
             f"{contact.exit_height * 1e3:.2f} mm; mass-balance residual {abs(contact.mass_residual):.1e}"
         )
-    if getattr(contact, "over_pressed", False):
+    if getattr(contact, "exceeds_full_density", False):
         yield f"over-compacted: the mix exceeds full density, density ratio {contact.peak_density_ratio:.3f} at most"
     yield f"energy-balance residual {contact.work_residual:.1e}; {_effort(contact)}"
 
@@ -283,10 +283,10 @@ def _effort(contact: Any) -> str:
     """State the number of evaluations, iterations or steps of an engine."""
     if hasattr(contact, "evaluations"):
         return f"evaluations: {contact.evaluations}"
-    march = getattr(contact, "march", None)
-    if march is None:
+    solution = getattr(contact, "solution", None)
+    if solution is None:
         return f"iterations: {len(contact.history)}"
-    method = "direct steady solve" if march.at_once else f"incremental rolling, {len(contact.steps)} steps"
+    method = "direct steady solve" if solution.is_direct else f"incremental rolling, {len(contact.steps)} steps"
     return f"force residual {contact.equilibrium_residual:.1e}; {method}; bow wave {contact.bow_wave * 1e3:.2f} mm"
 
 

@@ -7,14 +7,16 @@ from typing import Any
 import numpy as np
 
 from compact.analysis.study import Study
-from compact.analysis.worker_pool import Here
+from compact.analysis.worker_pool import Executor, SerialExecutor
 from compact.files import claimed_directory, render_png, write_bytes, write_figure, write_json, write_vtu_series
 from compact.report import contact_tables, drive_tables, machine_tables, ranking_tables
 from compact.report.summary import study_summary, versions
 from compact.verification.balance_checks import balance_checks
 
 
-def write_study(study: Study, directory: Path | str, force: bool = False, crew: Any = None) -> dict[str, Any]:
+def write_study(
+    study: Study, directory: Path | str, force: bool = False, executor: Executor | None = None
+) -> dict[str, Any]:
     """Write the results of a study into a directory.
 
     Parameters
@@ -24,7 +26,7 @@ def write_study(study: Study, directory: Path | str, force: bool = False, crew: 
         Directory of the results; it is created where it is missing.
     force : bool
         Whether results of another scene are overwritten.
-    crew : Here or Processes, optional
+    executor : Executor, optional
         Executor of `analysis.worker_pool` for the engines of the comparison; this process by default.
 
     Returns
@@ -38,7 +40,7 @@ def write_study(study: Study, directory: Path | str, force: bool = False, crew: 
         If a file cannot be written or the directory holds results of another scene.
     """
     items = study.scene.output.items
-    with claimed_directory(directory, study.scene.hash, force) as place, study.helped(crew or Here()):
+    with claimed_directory(directory, study.scene.hash, force) as place, study.helped(executor or SerialExecutor()):
         files = list(contact_tables.write_contact_tables(study, place)) if study.layered else []
         kept = list(study.keep(place, files)) if study.layered else []
         for item, write in WRITERS.items():
@@ -65,7 +67,8 @@ def _write_fields(study: Study, directory: Path) -> Iterator[Path]:
     if not standing:
         from compact.report import contact_figures
 
-        frames = ((contact.speed, mesh) for mesh, contact in study.fields)
+        layers: list[tuple[Any, Any]] = study.fields
+        frames = ((contact.speed, mesh) for mesh, contact in layers)
         yield from write_vtu_series(directory / "fields.pvd", "fields", "speed", frames)
         study.count("figures")
         yield write_figure(directory / "fields.png", contact_figures.fields(study.fields))
@@ -98,9 +101,7 @@ def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) 
     yield pressure
     results = PageResults(
         pictures=found,
-        shifts=study.sensitivities,
         checks=balance_checks(study),
-        agreements=ranking_tables.agreements(study),
         first_cam=machine_tables.first_cam_blocks(study) if "cams" in items else None,
         versions=versions(),
     )
@@ -126,8 +127,8 @@ def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
         "drive": (figures.drive, study.runs),
     }
     if "reactions" in items:
-        first = next(iter(study.rankings.values()))[0].run.name
-        names = dict.fromkeys([first, *(name for name, run in study.runs.items() if run.state.rod_tangent.any())])
+        first: Any = next(iter(study.rankings.values()))[0].run
+        names = dict.fromkeys([first.name, *(name for name, run in study.runs.items() if run.state.rod_tangent.any())])
         found["reactions"] = (figures.reactions, study.runs, list(names))
     if "cams" in items:
         found["cams"] = (figures.cam_profiles, study.cams, list(study.cycles), "roller")
@@ -135,12 +136,12 @@ def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
         found["crank"] = (figures.crank_turns, study.turns)
     if study.layered:
         peaks = [cycle.forward.peaks().acceleration for cycle in study.cycles.values()]
-        resistances = {study.scene.accuracy.engine: study.resistance}
+        resistances: dict[str, Any] = {study.scene.accuracy.engine: study.resistance}
         resistances |= {name: other.resistance for name, other in study.beside.items()}
         found["contact"] = (contact_figures.speeds, study.contacts)
         found["resistance"] = (contact_figures.resistance, study.resistance_map, float(np.median(peaks)))
         found["resistances"] = (ranking_figures.resistances, resistances)
-        found["engines"] = (ranking_figures.engines, ranking_tables.places(study))
+        found["engines"] = (ranking_figures.engines, study.places_by_engine)
     comparisons = {by: ranking_tables.comparison_places(study, study.scene.drive.kind, by) for by in places}
     found["ranking"] = (ranking_figures.ranking, places, comparisons)
     return found

@@ -1,7 +1,7 @@
 """A sweep: one scene with some of its keys varied, every point computed, kept, and put into one labelled table.
 
     sweep = Sweep(load_scene("scene.toml"), [vary.read("mix.moisture=0.08:0.12:5")])
-    table = sweep.run("out/sweep", crew=Processes(2))
+    table = sweep.run("out/sweep", executor=ProcessExecutor(2))
     table["resistance"]
 
 `table` is an xarray Dataset over the varied keys, also written as sweep.nc. A point that fails has nan and its reason.
@@ -23,7 +23,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from compact.analysis.engines import ENGINES
-from compact.analysis.worker_pool import WorkerDied, outcomes
+from compact.analysis.worker_pool import WorkerDied, run_tasks
 from compact.files import NETCDF_BACKENDS, NETCDF_HDF5, ResultsError, claimed_directory, read_netcdf, write_netcdf
 from compact.material import mix
 from compact.quantities import SWEEP_POINT, Quantity
@@ -104,7 +104,7 @@ class Sweep:
         """Whether neighbours start from one another."""
         return not self.design.names and any(ENGINES[engine].continuation for engine in self.engines)
 
-    def run(self, directory, *, crew, resume=False, force=False, step=lambda points, failed: None):
+    def run(self, directory, *, executor, resume=False, force=False, step=lambda points, failed: None):
         """Compute what is missing, keep it, and write sweep.nc; the table.
 
         Raises ResultsError where points of this scene stand already and are neither to be gone on with nor forgotten.
@@ -116,7 +116,7 @@ class Sweep:
             points = {key: known[key] for key, *_ in keyed if key in known}
             step(len(points), _failures(points))
             tasks = self._tasks(keyed, points)
-            with closing(outcomes(compute, tasks, crew, meanwhile=_bring_netcdf)) as coming:
+            with closing(run_tasks(compute, tasks, executor, meanwhile=_bring_netcdf)) as coming:
                 for number, outcome in coming:
                     points |= self._kept(store, tasks[number], outcome, points, step)
             table = self._table([points[key] for key, *_ in keyed])

@@ -44,7 +44,7 @@ class BalanceCheck:
 
     @property
     def passed(self) -> bool:
-        """Whether the residual is within its limit."""
+        """True if the residual is within its limit."""
         return abs(self.residual) <= self.limit
 
 

@@ -214,7 +214,7 @@ def _profiles_of_b() -> dict[str, float]:
         "b_breadth": _breadth(cam),
         "b41_start": cam.radius(np.pi) - 1.0,
         "b_printed_breadth": _breadth(printed),
-        "b_kinks": len(printed.kinks),
+        "b_kinks": len(printed.corner_angles),
         "b_kink": np.abs(steps).max() * DURATION / np.pi / STROKE,
     }
 

@@ -81,7 +81,7 @@ class PublishedNumber:
 
     @property
     def matches_print(self) -> bool:
-        """Whether computed and printed number agree to half a unit of the last digit; a fraction must agree exactly."""
+        """True if computed and printed number agree to half a unit of the last digit; a fraction must agree exactly."""
         if not self.printed:
             return False
         if "/" in self.printed:
@@ -95,7 +95,7 @@ class PublishedNumber:
 
     @property
     def unchanged(self) -> bool:
-        """Whether the computed value is the expected one and the verdict is correct."""
+        """True if the computed value is the expected one and the verdict is correct."""
         if not math.isclose(self.computed, self.expected, rel_tol=TOLERANCE):
             return False
         if not self.printed:

@@ -14,10 +14,9 @@ import pytest
 from interrupts import heed_interrupts
 
 from compact.analysis.study import Study
-from compact.analysis.worker_pool import Processes
+from compact.analysis.worker_pool import ProcessExecutor
 from compact.report import text
 from compact.report import writer as report
-from compact.report.ranking_tables import agreements
 from compact.scene.loader import SceneError, load_scene
 
 ROOT = Path(__file__).parents[2]
@@ -39,7 +38,7 @@ def written(tmp_path_factory):
     """Study, summary and directory of a scene whose engines beside answered in other processes."""
     directory = tmp_path_factory.mktemp("beside")
     study = Study(scene(), directory=directory)
-    return study, report.write_study(study, directory, crew=Processes(2)), directory
+    return study, report.write_study(study, directory, executor=ProcessExecutor(2)), directory
 
 
 def rows(path):
@@ -108,7 +107,7 @@ def test_formulas_know_no_error():
 
 def test_orders_of_engines_that_resist_alike_agree(written):
     study, _, directory = written
-    agreed = {(each.other_engine, each.by): each.agreement for each in agreements(study)}
+    agreed = {(each.other_engine, each.by): each.agreement for each in study.agreements}
     assert agreed["formula", "peak_force"].tau == pytest.approx(1.0)  # m a + F is in the order of a for any F
     assert {row["other_engine"] for row in rows(directory / "agreement.csv")} == {"formula", "column"}
 
@@ -174,7 +173,7 @@ def test_interrupted_job_leaves_whole_files_and_no_process(tmp_path):
 
 
 def children(pid):
-    """Processes that a process has begun."""
+    """ProcessExecutor that a process has begun."""
     found = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:

@@ -54,7 +54,7 @@ def test_plies_of_a_scene_reach_the_engine():
     layer = Layer(0.22, plies=(Ply(0.2, 1.0), Ply(0.02, 20.0)))
     direct = spectral.roll(layer, Roller(0.11, indentation=0.003), mix, 0.3)
     assert (rolled.load, rolled.resistance) == pytest.approx((direct.load, direct.resistance), rel=1e-4)
-    with pytest.raises(ValueError, match="the formula engine knows one modulus, got 2 `plies`; use spectral or fem"):
+    with pytest.raises(ValueError, match="the formula engine needs one modulus, got 2 `plies`; use spectral or fem"):
         contact_stage.roll_scene(case.scene, case.mix, 0.3, "formula")
 
 

@@ -14,7 +14,6 @@ from compact.drive import CRITERIA
 from compact.machine.ranking import BUILD_TOLERANCE
 from compact.report import html_machine, ranking_figures, text
 from compact.report import writer as report
-from compact.report.ranking_tables import agreements
 from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
@@ -79,7 +78,7 @@ def test_force_has_ties_and_sure_places(written):
 
 
 def test_page_prints_ties_as_such(written):
-    page = section_html(html_machine.ranking_section(written[0], {}, agreements(written[0])))
+    page = section_html(html_machine.ranking_section(written[0], {}))
     table = re.search(r"<caption>Laws by peak drive force, rigid.*?</table>", page, re.DOTALL).group(0)
     cells = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", table)[1:]]
     ties = {row["law"] for row in rows(written[1], "peak_force") if row["tie"] == "True"}

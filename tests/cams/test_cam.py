@@ -267,16 +267,16 @@ def test_least_breadth_lets_the_path_of_the_centre_bend_as_the_roller(name, radi
 
 
 def test_velocity_jumps_are_kinks_of_the_path():
-    assert made("constant-velocity", Pointed()).kinks == pytest.approx((0, np.pi), abs=1e-15)
+    assert made("constant-velocity", Pointed()).corner_angles == pytest.approx((0, np.pi), abs=1e-15)
     standing = made("constant-velocity", Pointed(), far_dwell=1.0, near_dwell=2.0)
-    assert standing.kinks == pytest.approx([2 * np.pi * time / 9 for time in (0, 3, 4, 7)], abs=1e-14)
+    assert standing.corner_angles == pytest.approx([2 * np.pi * time / 9 for time in (0, 3, 4, 7)], abs=1e-14)
     assert not standing.undercut
     assert standing.least_radius_of_curvature == 0
 
 
 @pytest.mark.parametrize("name", SMOOTH)
 def test_no_kink_without_a_jump_of_velocity(name):
-    assert made(name, Pointed()).kinks == ()
+    assert made(name, Pointed()).corner_angles == ()
 
 
 def test_jump_of_acceleration_jumps_the_curvature_alone():
@@ -424,7 +424,7 @@ def test_breadth_within_the_stroke_is_refused(breadth):
         (lambda: made("quintic", Pointed(), breadth=np.nan), "`breadth` must be positive and finite, got nan"),
         (lambda: made("quintic", Pointed(), breadth=np.inf), "`breadth` must be positive and finite, got inf"),
         (lambda: RollerFollower(0.0), "`radius` must be positive and finite, got 0.0"),
-        (lambda: Pointed(0.1), "a pointed follower has `radius` 0, got 0.1; take RollerFollower"),
+        (lambda: Pointed(0.1), "a pointed follower has `radius` 0, got 0.1; use RollerFollower"),
         (lambda: made("quintic", Pointed()).radius(np.nan), "`angle` must be finite, got nan"),
         (lambda: made("quintic", Pointed()).table(1), "`points` must be at least 2, got 1"),
         (lambda: made("quintic", Pointed()).table(10**9), "`points` must be at most 1000000, got 1000000000; "),

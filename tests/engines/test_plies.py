@@ -1,4 +1,4 @@
-"""Layers of plies: their symbols against mpmath, their limits, and two engines that judge each other."""
+"""Layers of plies: surface compliance against mpmath, limits, comparison of the engines "spectral" and "fem"."""
 
 import mpmath
 import numpy as np
@@ -23,21 +23,21 @@ PRESSED = Roller(R, indentation=0.003)
 
 
 def roll(*case, **numerics):
-    """By finite elements, without the error that another mesh would tell."""
+    """Contact by finite elements, without the error estimate from another mesh."""
     return fem.roll(*case, estimate=False, **numerics)
 
 
 def two_plies(depth, jump, base="bonded"):
-    """The upper ply is so deep [m], its stiffness over that of the lower is `jump`."""
+    """Two plies; the upper one has the thickness `depth` [m] and the relative stiffness `jump`."""
     return Layer(H, base, (Ply(H - depth, 1.0), Ply(depth, jump)))
 
 
-# the symbols
+# surface compliance
 
 
 def fourier_modes(wave_number, layer, poisson):
-    """L and M from the 4x4 system of one Fourier mode: (U, V, T, S) of (i u_x, u_y, i s_xy, s_yy) carried over y."""
-    nu, carried = mpmath.mpf(poisson), mpmath.eye(4)
+    """L and M from the 4x4 system of one Fourier mode, (U, V, T, S) of (i u_x, u_y, i s_xy, s_yy) integrated over y."""
+    nu, transfer = mpmath.mpf(poisson), mpmath.eye(4)
     for ply in layer.stack:
         G = mpmath.mpf(ply.stiffness)
         lame = 2 * G * nu / (1 - 2 * nu)
@@ -50,11 +50,11 @@ def fourier_modes(wave_number, layer, poisson):
                 [0, 0, 1, 0],
             ]
         )
-        carried = mpmath.expm(rates * mpmath.mpf(wave_number) * mpmath.mpf(ply.thickness)) * carried
-    free = (2, 3) if layer.base == "bonded" else (0, 3)
-    tractions = mpmath.matrix([[carried[row, col] for col in free] for row in (2, 3)])
-    sinking = mpmath.matrix([[carried[1, col] for col in free]]) * tractions**-1
-    return G / (1 - nu) * sinking[1], -G / (1 - nu) * sinking[0]
+        transfer = mpmath.expm(rates * mpmath.mpf(wave_number) * mpmath.mpf(ply.thickness)) * transfer
+    unknown = (2, 3) if layer.base == "bonded" else (0, 3)
+    tractions = mpmath.matrix([[transfer[row, col] for col in unknown] for row in (2, 3)])
+    depth = mpmath.matrix([[transfer[1, col] for col in unknown]]) * tractions**-1
+    return G / (1 - nu) * depth[1], -G / (1 - nu) * depth[0]
 
 
 @pytest.mark.parametrize("base", ["bonded", "slip"])
@@ -70,7 +70,7 @@ def fourier_modes(wave_number, layer, poisson):
     ids=["one", "stiff-above", "soft-above", "three"],
 )
 @pytest.mark.parametrize("zeta", [1e-3, 1.0, 12.0])
-def test_symbols_are_those_of_the_fourier_mode(zeta, plies, poisson, base):
+def test_compliance_agrees_with_the_fourier_mode(zeta, plies, poisson, base):
     layer = Layer(1.0, base, plies)
     with mpmath.workdps(60):
         L, M = fourier_modes(zeta, layer, poisson)
@@ -89,7 +89,7 @@ waves = np.geomspace(1e-7, 1e3, 41)
 
 
 @given(layers, st.floats(0, 0.49), st.integers(0, 3), st.floats(0.1, 0.9))
-def test_cutting_a_ply_in_two_changes_nothing(layer, poisson, which, share):
+def test_dividing_a_ply_leaves_the_compliance_unchanged(layer, poisson, which, share):
     which %= len(layer.stack)
     ply = layer.stack[which]
     halves = (Ply(ply.thickness * share, ply.stiffness), Ply(ply.thickness * (1 - share), ply.stiffness))
@@ -101,7 +101,7 @@ def test_cutting_a_ply_in_two_changes_nothing(layer, poisson, which, share):
 
 
 @given(layers, st.floats(0, 0.49), st.floats(1.1, 10))
-def test_a_stiffer_base_ply_lets_nothing_sink_deeper(layer, poisson, factor):
+def test_stiffer_lower_ply_reduces_the_compliance(layer, poisson, factor):
     soft = Layer(layer.height + 0.5, layer.base, (Ply(0.5, 1.0), *layer.plies))
     hard = Layer(layer.height + 0.5, layer.base, (Ply(0.5, factor), *layer.plies))
     assert np.all(
@@ -114,23 +114,23 @@ def test_a_stiffer_base_ply_lets_nothing_sink_deeper(layer, poisson, factor):
 
 
 @given(layers, st.floats(0, 0.49))
-def test_long_waves_press_plies_in_series(layer, poisson):
-    """Bonded: oedometers, sum d/(c M). Slipping: a stack free to stretch, with no force along x in sum."""
+def test_long_waves_compress_the_plies_in_series(layer, poisson):
+    """A bonded stack has the compliance sum d/(c M); without friction at the base it stretches freely."""
     d = np.array([ply.thickness for ply in layer.stack])
     c = np.array([ply.stiffness for ply in layer.stack])
     contact_modulus, oedometer = 1 / (1 - poisson**2), (1 - poisson) / ((1 + poisson) * (1 - 2 * poisson))
-    sinking = np.sum(d / c) / oedometer
+    displacement = np.sum(d / c) / oedometer
     if layer.base == "slip":
         sideways = poisson / (1 - poisson)
-        sinking += sideways**2 * d.sum() ** 2 / (contact_modulus * np.sum(c * d))
+        displacement += sideways**2 * d.sum() ** 2 / (contact_modulus * np.sum(c * d))
     k = 1e-3 / layer.height
     L = 1 + compliance_deviation(np.array([k]), layer, poisson)[0][0]
-    assert L * 2 / (contact_modulus * c[-1]) / k == pytest.approx(sinking, rel=1e-3)
+    assert L * 2 / (contact_modulus * c[-1]) / k == pytest.approx(displacement, rel=1e-3)
 
 
 @given(layers, st.floats(0, 0.49))
-def test_a_drag_stretches_slipping_plies_alike(layer, poisson):
-    """Far behind the surface has sunk as the whole stack got thinner: M = -c_top H nu/(2 (1 - nu) sum c d)."""
+def test_traction_stretches_plies_on_a_frictionless_base_equally(layer, poisson):
+    """Far behind, the stretched stack is thinner: M = -c_top H nu/(2 (1 - nu) sum c d)."""
     b, far = (1 - 2 * poisson) / (2 - 2 * poisson), 0.0
     if layer.base == "slip":
         spread = sum(ply.stiffness * ply.thickness for ply in layer.stack)
@@ -139,7 +139,7 @@ def test_a_drag_stretches_slipping_plies_alike(layer, poisson):
 
 
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49])
-def test_confined_plies_settle_as_oedometers_in_series(poisson):
+def test_confined_plies_are_oedometers_in_series(poisson):
     layer = Layer(H, plies=(Ply(0.1, 20.0), Ply(0.07, 1.0), Ply(0.05, 5.0)))
     rows = mesh.graded_mesh(H, 0.02, 4, interfaces=layer.interfaces)
     basis = surface_compliance.layer_stiffness(rows, poisson, layer).basis
@@ -150,17 +150,17 @@ def test_confined_plies_settle_as_oedometers_in_series(poisson):
     load, sizes = np.zeros(basis.N), np.diff(x[surface][::2])
     for place, share in ((0, 1), (1, 4), (2, 1)):
         np.add.at(load, surface[place : place + 2 * len(sizes) - 1 : 2], -share * sizes / 6)
-    settled = spsolve(K[1::2, 1::2][free][:, free].tocsc(), load[free])
+    displacement = spsolve(K[1::2, 1::2][free][:, free].tocsc(), load[free])
     exact = (0.1 / 20 + 0.07 + 0.05 / 5) * (1 + poisson) * (1 - 2 * poisson) / (1 - poisson)
-    assert -settled[y[free] > H * (1 - 1e-12)] == pytest.approx(exact, rel=1e-9)
+    assert -displacement[y[free] > H * (1 - 1e-12)] == pytest.approx(exact, rel=1e-9)
 
 
 @pytest.mark.parametrize("base", ["bonded", "slip"])
-def test_plies_of_one_stiffness_are_one_layer_of_that_modulus(base):
+def test_plies_of_one_stiffness_equal_one_layer(base):
     roller = Roller(R, indentation=0.003, friction=0.2, rolling="sliding")
     one = Layer(H, base), roller, Viscoelastic(30e6, 0.3, SLS.branches), 0.03
     two = Layer(H, base, (Ply(H / 2, 3.0), Ply(H / 2, 3.0))), roller, SLS, 0.03
-    rows = mesh.graded_mesh(H, 0.0138, 4, interfaces=two[0].interfaces)
+    rows = mesh.graded_mesh(H, 0.0138, 2, interfaces=two[0].interfaces, growth=1.7)
     for engine, numerics in ((spectral, {"rtol": 1e-8}), (fem, {"mesh": rows})):
         whole, parts = (engine.roll(*case, **numerics) for case in (one, two))
         assert (parts.load, parts.resistance) == pytest.approx((whole.load, whole.resistance), rel=1e-10)
@@ -168,12 +168,12 @@ def test_plies_of_one_stiffness_are_one_layer_of_that_modulus(base):
 
 
 @pytest.mark.parametrize("base", ["bonded", "slip"])
-def test_a_rigid_lower_ply_is_a_bonded_base(base):
+def test_rigid_lower_ply_is_a_bonded_base(base):
     top = spectral.roll(Layer(0.05), PRESSED, SLS, 0.03)
-    for hard, nearness in ((1e3, 3e-3), (1e6, 3e-6)):
+    for hard, deviation in ((1e3, 3e-3), (1e6, 3e-6)):
         layer = Layer(H, base, (Ply(H - 0.05, hard), Ply(0.05, 1.0)))
         rolled = spectral.roll(layer, PRESSED, SLS, 0.03)
-        assert (rolled.load, rolled.resistance) == pytest.approx((top.load, top.resistance), rel=nearness)
+        assert (rolled.load, rolled.resistance) == pytest.approx((top.load, top.resistance), rel=deviation)
     rolled = roll(layer, PRESSED, SLS, 0.03)
     assert rolled.load == pytest.approx(top.load, rel=1e-4)
     assert rolled.resistance == pytest.approx(top.resistance, rel=1e-3)
@@ -193,95 +193,93 @@ def test_load_on_plies_converges():
     assert order >= 2, f"observed order of the load {order:.2f}"
 
 
-# hard cases: jumps of 20, wherever the interface lies
+# comparison of the engines with stiffness ratios of 20 at several depths of the interface
 
 
 def assert_engines_agree(layer, roller, material, speed, load=5e-4, resistance=5e-3):
-    judge, rolled = spectral.roll(layer, roller, material, speed, rtol=1e-6), fem.roll(layer, roller, material, speed)
-    assert rolled.load == pytest.approx(judge.load, rel=load)
-    assert rolled.indentation == pytest.approx(judge.indentation, rel=load)
-    assert rolled.resistance == pytest.approx(judge.resistance, rel=resistance)
-    assert rolled.peak_pressure == pytest.approx(judge.peak_pressure, rel=0.01)
-    assert max(rolled.work_residual, judge.work_residual) < 5e-3
+    exact, rolled = spectral.roll(layer, roller, material, speed, rtol=1e-6), fem.roll(layer, roller, material, speed)
+    assert rolled.load == pytest.approx(exact.load, rel=load)
+    assert rolled.indentation == pytest.approx(exact.indentation, rel=load)
+    assert rolled.resistance == pytest.approx(exact.resistance, rel=resistance)
+    assert rolled.peak_pressure == pytest.approx(exact.peak_pressure, rel=0.01)
+    assert max(rolled.work_residual, exact.work_residual) < 5e-3
     assert rolled.error[0] < 2 * load
     assert rolled.error[1] < 2 * resistance
 
 
-DAILY = ((0.2, "bonded", 20.0), (0.2, "bonded", 1 / 20), (7.0, "slip", 20.0))
+DEFAULT_CASE = (0.2, "bonded", 20.0)
 
 
 @pytest.mark.parametrize(
     ("depth", "base", "jump"),
     [
-        pytest.param(depth, base, jump, marks=[pytest.mark.slow] * ((depth, base, jump) not in DAILY))
+        pytest.param(depth, base, jump, marks=[pytest.mark.slow] * ((depth, base, jump) != DEFAULT_CASE))
         for depth, base in ((0.2, "bonded"), (0.2, "slip"), (1.0, "bonded"), (7.0, "slip"))
         for jump in (20.0, 1 / 20)
     ],
 )
-def test_both_engines_agree_across_a_jump(depth, jump, base):
+def test_engines_agree_for_two_plies(depth, jump, base):
     layer, half_width = two_plies(depth * 0.01, jump, base), 0.01
     roller = Roller(R, indentation=contact_of_half_width(layer, MIX, R, half_width).indentation)
     assert_engines_agree(layer, roller, SLS, 0.01)
 
 
-@pytest.mark.parametrize(
-    "jump", [20.0, pytest.param(1 / 20, marks=pytest.mark.slow)], ids=["stiff-above", "soft-above"]
-)
-def test_load_is_found_across_a_jump(jump):
+@pytest.mark.slow
+@pytest.mark.parametrize("jump", [20.0, 1 / 20], ids=["stiff-above", "soft-above"])
+def test_engines_agree_at_a_load_on_two_plies(jump):
     layer = two_plies(0.002, jump)
     assert_engines_agree(layer, Roller(R, load=contact_of_half_width(layer, MIX, R, 0.01).load), SLS, 0.01)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "jump", [20.0, pytest.param(1 / 20, marks=pytest.mark.slow)], ids=["stiff-above", "soft-above"]
-)
-def test_peak_pressure_is_found_across_a_jump(jump):
-    """The peak of a viscoelastic layer is known to half a percent at default, and load and resistance follow it."""
+@pytest.mark.parametrize("jump", [20.0, 1 / 20], ids=["stiff-above", "soft-above"])
+def test_engines_agree_at_a_peak_pressure_on_two_plies(jump):
+    """The default tolerance of a peak pressure on a viscoelastic layer is half a percent; the forces follow it."""
     layer = two_plies(0.002, jump)
     roller = Roller(R, peak_pressure=contact_of_half_width(layer, MIX, R, 0.01).peak_pressure)
     assert_engines_agree(layer, roller, SLS, 0.01, load=5e-3, resistance=1e-2)
 
 
-@pytest.mark.parametrize("base", ["bonded", pytest.param("slip", marks=pytest.mark.slow)])
-def test_sliding_across_a_jump(base):
-    """At one load: how deep a dragged layer that slips lies depends on what holds it, and the engines differ there."""
+@pytest.mark.slow
+@pytest.mark.parametrize("base", ["bonded", "slip"])
+def test_engines_agree_for_sliding_on_two_plies(base):
+    """The load is prescribed, since the engines define the indentation on a frictionless base differently."""
     layer = two_plies(0.005, 1 / 20, base)
     roller = Roller(R, load=8e3, friction=0.5, rolling="sliding")
-    judge, rolled = (engine.roll(layer, roller, SLS, 0.01) for engine in (spectral, fem))
-    assert rolled.resistance - 4e3 == pytest.approx(judge.resistance - 4e3, rel=5e-3)
-    assert (rolled.leading, rolled.trailing) == pytest.approx((judge.leading, judge.trailing), rel=3e-3)
+    exact, rolled = (engine.roll(layer, roller, SLS, 0.01) for engine in (spectral, fem))
+    assert rolled.resistance - 4e3 == pytest.approx(exact.resistance - 4e3, rel=5e-3)
+    assert (rolled.leading, rolled.trailing) == pytest.approx((exact.leading, exact.trailing), rel=3e-3)
     assert rolled.work_residual < 5e-3
 
 
 @pytest.mark.slow
-def test_a_hard_sheet_between_soft_plies():
+def test_engines_agree_for_a_stiff_sheet_between_soft_plies():
     layer = Layer(H, plies=(Ply(0.2, 1.0), Ply(0.001, 50.0), Ply(0.019, 1.0)))
     assert_engines_agree(layer, PRESSED, SLS, 0.01)
 
 
 @pytest.mark.slow
-def test_a_hard_crust_makes_two_peaks():
-    """A plate on a soft bed is bent to the roller's curvature and pressed most towards the edges of the contact."""
+def test_stiff_crust_has_two_pressure_peaks():
+    """A plate on a soft bed bends to the curvature of the roller, with the largest pressure near the edges."""
     layer = two_plies(0.003, 20.0)
-    rolled, judge = (engine.roll(layer, Roller(R, load=20e3), MIX, 1.0) for engine in (fem, spectral))
+    rolled, exact = (engine.roll(layer, Roller(R, load=20e3), MIX, 1.0) for engine in (fem, spectral))
     middle = np.interp(0.0, rolled.x, rolled.pressure)
     assert middle < 0.9 * rolled.peak_pressure
-    assert middle == pytest.approx(np.interp(0.0, judge.x, judge.pressure), rel=3e-3)
-    assert rolled.peak_pressure == pytest.approx(judge.peak_pressure, rel=3e-3)
+    assert middle == pytest.approx(np.interp(0.0, exact.x, exact.pressure), rel=3e-3)
+    assert rolled.peak_pressure == pytest.approx(exact.peak_pressure, rel=3e-3)
 
 
 # balances
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=3)
 @given(
     st.lists(st.builds(Ply, st.floats(0.02, 0.2), st.floats(0.05, 20)), min_size=2, max_size=3),
     st.sampled_from(["bonded", "slip"]),
     st.sampled_from(["frictionless", "sliding", "free"]),
     st.floats(-2.5, -0.5),
 )
-def test_energy_is_balanced_on_any_plies(plies, base, rolling, decade):
+def test_energy_balance_on_random_plies(plies, base, rolling, decade):
     layer = Layer(sum(ply.thickness for ply in plies), base, plies)
     roller = Roller(R, indentation=0.003, friction=0.3, rolling=rolling, profile="deformed")
     rolled = roll(layer, roller, SLS, 10**decade)
@@ -289,7 +287,7 @@ def test_energy_is_balanced_on_any_plies(plies, base, rolling, decade):
     assert rolled.pressure.min() > -2e-3 * rolled.peak_pressure
 
 
-def test_fields_of_plies_carry_the_load_through_every_row_and_hold_the_work():
+def test_fields_of_plies_balance_load_and_work():
     layer = two_plies(0.01, 20.0)
     rolled = roll(layer, PRESSED, SLS, 0.03)
     content = fem.fields(rolled)
@@ -298,13 +296,13 @@ def test_fields_of_plies_carry_the_load_through_every_row_and_hold_the_work():
     work = (width * height) @ content.cell_data["dissipation"][0] / 0.03
     assert work == pytest.approx(rolled.resistance, rel=5e-3)
     relaxed = fem.fields(roll(layer, PRESSED, MIX, 1.0, mesh=rolled.mesh))
-    carried = (width * relaxed.cell_data["stress"][0][:, 1]).reshape(rolled.mesh.shape).sum(axis=1)
-    assert -carried == pytest.approx(carried[0] * -np.ones(len(carried)), rel=1e-6)
-    assert -carried[0] == pytest.approx(roll(layer, PRESSED, MIX, 1.0, mesh=rolled.mesh).load, rel=1e-6)
+    transfer = (width * relaxed.cell_data["stress"][0][:, 1]).reshape(rolled.mesh.shape).sum(axis=1)
+    assert -transfer == pytest.approx(transfer[0] * -np.ones(len(transfer)), rel=1e-6)
+    assert -transfer[0] == pytest.approx(roll(layer, PRESSED, MIX, 1.0, mesh=rolled.mesh).load, rel=1e-6)
 
 
-def test_stretch_across_an_interface_is_one_and_stress_along_x_jumps_with_the_stiffness():
-    """s_xx = c E* e_xx + nu/(1 - nu) s_yy, where e_xx and s_yy go on; here the crust is bent and stretched below."""
+def test_stress_along_x_jumps_with_the_stiffness_at_an_interface():
+    """s_xx = c E* e_xx + nu/(1 - nu) s_yy with continuous e_xx and s_yy; the bent crust is stretched below."""
     layer = two_plies(0.01, 20.0)
     rows = mesh.graded_mesh(H, 0.0138, 10, interfaces=layer.interfaces, growth=1.25)
     content = fem.fields(roll(layer, PRESSED, MIX, 1.0, mesh=rows))
@@ -323,16 +321,18 @@ def test_stretch_across_an_interface_is_one_and_stress_along_x_jumps_with_the_st
 # cost
 
 
-def test_speeds_on_plies_share_one_factorisation():
+def test_speeds_share_one_factorisation():
     layer = two_plies(0.01, 20.0)
     surface_compliance.layer_stiffness.cache_clear()
     surface_compliance.surface_compliance.cache_clear()
     for speed in (0.003, -0.3):
-        fem.roll(layer, PRESSED, SLS, speed)
-    assert surface_compliance.layer_stiffness.cache_info().misses == 2  # the mesh and its coarser one
+        fem.roll(layer, PRESSED, SLS, speed, tolerance=0.05)
+    assert (
+        surface_compliance.layer_stiffness.cache_info().misses == 2
+    )  # the mesh and the coarser one of the error estimate
 
 
-# refusals
+# refused arguments and failures
 
 
 @pytest.mark.parametrize(
@@ -346,7 +346,7 @@ def test_speeds_on_plies_share_one_factorisation():
         ),
         (
             lambda: contact.roll(two_plies(0.1, 2.0), Roller(R, load=1e3), MIX, 1.0),
-            "the formula engine knows one modulus, got 2 `plies`; use spectral or fem",
+            "the formula engine needs one modulus, got 2 `plies`; use spectral or fem",
         ),
         (
             lambda: roll(two_plies(0.1, 2.0), PRESSED, MIX, 1.0, mesh=mesh.graded_mesh(H, 0.02, 4)),
@@ -359,13 +359,13 @@ def test_speeds_on_plies_share_one_factorisation():
     ],
     ids=["thickness", "stiffness", "sum", "formula", "mesh", "interfaces"],
 )
-def test_plies_that_cannot_be_are_refused(make, message):
+def test_invalid_plies_are_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
 
 
 @pytest.mark.parametrize("engine", [spectral, fem])
-def test_a_skin_under_a_wide_contact_raises(engine):
+def test_thin_top_ply_under_a_wide_contact_raises(engine):
     with pytest.raises(
         RuntimeError, match=r"more than 100 times the thickness of the top ply, 0.0001 m; join that ply"
     ):

@@ -61,7 +61,7 @@ def test_laws_of_a_family_differ_in_grey(family):
 
 @pytest.mark.parametrize("sight", SIGHT)
 def test_engines_have_colours_of_their_own_for_any_sight(sight):
-    shades = [lab(shade, sight) for shade, _, _ in ranking_figures.ENGINE_LOOKS.values()]
+    shades = [lab(shade, sight) for shade, _, _ in ranking_figures.ENGINE_STYLES.values()]
     assert min(np.linalg.norm(one - other) for one, other in combinations(shades, 2)) > 16
 
 

@@ -104,7 +104,7 @@ def test_text_is_escaped():
     blocks = [Table("<script>", ("<script>",), [("<script>",)]), Picture(b"", "<script>", "<script>")]
     sections = [Section("name", "<script>", "<script>", blocks)]
     study = Study(scene(title="<b>", **{"output.items": []}))
-    answer = html_answer.answer(study, [], [], [])
+    answer = html_answer.answer(study, [])
     page = render_page("<b>", sections=sections, answer=answer, **html_answer.question(study))
     assert page.count("<script>") == 1
     assert "<b>" not in page
@@ -247,7 +247,7 @@ def test_a_balance_that_does_not_close_is_told():
     study.drive_stage.runs = {"cubic": replace(run, state=run.state._replace(resistance=1.001 * run.state.resistance))}
     failed = [check for check in balance_checks.balance_checks(study) if not check.passed]
     assert [check.name for check in failed] == ["work over a cycle, cubic"]
-    assert "Built-in checks that fail: work over a cycle, cubic." in answer_words(study, [], failed)
+    assert "Built-in checks that fail: work over a cycle, cubic." in answer_words(study, failed)
 
 
 def test_contact_that_does_not_close_its_balance_is_told(written):
@@ -319,7 +319,7 @@ def test_ends_beyond_the_formulas_are_told():
     study = Study(scene(**{"output.items": [], "motion.laws": ["cubic"], "mix.overrides.effective_modulus": 0.5e6}))
     shifts = study.sensitivities
     assert next(shift for shift in shifts if shift.name.endswith("required_pressure")).high is None  # sin phi > 1
-    assert "1 of the ends are out of range" in answer_words(study, shifts)
+    assert "1 of the ends are out of range" in answer_words(study, shifts=shifts)
 
 
 def test_input_that_turns_the_order_is_named():
@@ -331,7 +331,7 @@ def test_input_that_turns_the_order_is_named():
     other = dict.fromkeys(shifts[0].base.law, "another")
     for ties, turns in (({"another"}, True), ({"another", *shifts[0].base.law.values()}, False)):
         low = replace(shifts[0].low, law=other, ties=dict.fromkeys(other, frozenset(ties)))
-        told = answer_words(study, [replace(shifts[0], low=low), *shifts[1:]])
+        told = answer_words(study, shifts=[replace(shifts[0], low=low), *shifts[1:]])
         assert (words in told) == turns  # a law within the build tolerance of the first is not another
 
 

@@ -15,7 +15,7 @@ from compact import cli
 from compact.analysis import stage_costs
 from compact.analysis.study import Study
 from compact.report import progress
-from compact.report.progress import Progress, spinning, spoken, tracked
+from compact.report.progress import Progress, format_time, spinning, tracked
 from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
@@ -51,7 +51,7 @@ def test_work_is_weighed_by_its_cost():
         clock.now += 0.4
     job.begin("large", 9.0)
     assert job.share == pytest.approx(0.1)
-    assert job.left == pytest.approx(18.0)
+    assert job.remaining == pytest.approx(18.0)
 
 
 def test_time_goes_down_inside_a_long_stage_and_waits_at_its_end():
@@ -61,7 +61,7 @@ def test_time_goes_down_inside_a_long_stage_and_waits_at_its_end():
     job.begin("second", 4.0)
     left = []
     for clock.now in (4.0, 8.0, 12.0, 16.0):
-        left.append(job.left)
+        left.append(job.remaining)
     assert left[:3] == pytest.approx([16.0, 12.0, 8.0])  # half a unit of cost a second
     assert job.share == pytest.approx(0.6)  # not beyond the stage that still runs
 
@@ -71,14 +71,14 @@ def test_a_total_that_grows_on_the_way_moves_the_estimate():
     job.begin("first", 2.0)
     clock.now = 2.0
     job.begin("second", 2.0, total=8.0)
-    assert job.left == pytest.approx(6.0)
+    assert job.remaining == pytest.approx(6.0)
 
 
 def test_nothing_is_estimated_before_anything_is_done():
     clock, job = paced(4.0)
     job.begin("first", 4.0)
     clock.now = 100.0
-    assert job.left is None
+    assert job.remaining is None
 
 
 @pytest.mark.parametrize("bad", [-1.0, float("nan"), float("inf")])
@@ -90,8 +90,8 @@ def test_costs_that_are_none_are_refused(bad):
         job.begin("first", 1.0, total=bad)
 
 
-def test_times_are_spoken_in_minutes():
-    assert [spoken(seconds) for seconds in (0.2, 82.4, 3725)] == ["0:00", "1:22", "1:02:05"]
+def test_times_are_formatted_in_minutes():
+    assert [format_time(seconds) for seconds in (0.2, 82.4, 3725)] == ["0:00", "1:22", "1:02:05"]
 
 
 # seconds of processor time, each stage as often as it ran; measured on one machine, not by these costs
@@ -120,7 +120,7 @@ def test_the_main_job_is_estimated_within_half_from_a_third_on(name):
             job.begin(stage, study.plan.cost(stage), total=study.plan.total_cost)
             clock.now += seconds / count
             if whole / 3 < clock.now < 0.9 * whole:
-                told.append(job.left / (whole - clock.now))
+                told.append(job.remaining / (whole - clock.now))
     assert 1 / 1.5 < min(told) < max(told) < 1.5
 
 
@@ -237,9 +237,9 @@ CALLS = {
 @pytest.mark.parametrize("command", CALLS)
 def test_commands_show_their_progress(command, quiet, tmp_path, monkeypatch):
     drawn, stream = [], Terminal()
-    monkeypatch.setattr(progress, "AFTER", 0.0)
+    monkeypatch.setattr(progress, "DELAY", 0.0)
     monkeypatch.setattr(sys, "stderr", stream)
-    monkeypatch.setattr(Progress, "_drawn", lambda self: drawn.append((self.stage, self.elapsed)) or self.stage)
+    monkeypatch.setattr(Progress, "_render", lambda self: drawn.append((self.stage, self.elapsed)) or self.stage)
     name, *options = CALLS[command]
     scene = str(SCENES / ("loveikin-2015.toml" if command == "calibrate" else "small.toml"))
     ahead = [scene, options.pop(0)] if command == "calibrate" else [scene]

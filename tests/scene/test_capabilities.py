@@ -42,7 +42,7 @@ def doors(engine, layer, roller, material):
     elif engine == "fem":
         fem_engine.require_linear_range(layer, roller, material, SPEED, None, 0.01)
     else:
-        compaction.require_compactable(layer, roller, material, SPEED, "finite", None, None)
+        compaction.require_compactable(layer, roller, material, SPEED)
 
 
 def taken(engine, key, value, friction):
@@ -253,4 +253,4 @@ def test_unusual_disables_the_estimate_of_heaping(monkeypatch):
     insisting = Study(load_scene(SMALL, **whole, unusual=["mix.density_ratio"]))
     with pytest.raises(RuntimeError, match=r"reached the engine$"):
         insisting.passes_at(insisting.scene.mean_speed)
-    assert asked[-1]["steepest"] is None
+    assert asked[-1]["max_contact_angle"] is None

@@ -17,7 +17,7 @@ from interrupts import heed_interrupts
 
 from compact import cli
 from compact.analysis.study import Study
-from compact.analysis.worker_pool import Cluster, Here, Processes, WorkerDied, outcomes
+from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, SerialExecutor, WorkerDied, run_tasks
 from compact.files import ResultsError
 from compact.report import sweep_figures, sweep_writer
 from compact.scene.loader import load_scene
@@ -34,10 +34,12 @@ COLUMNS = SCENE.replaced(**{"accuracy.engine": "column"})
 GRID = ("mix.moisture=0.08:0.12:4", "mix.density_ratio=0.94:0.98:3")
 
 
-def swept(directory, scene=COLUMNS, varied=GRID, crew=None, resume=False, step=lambda points, failed: None, **options):
+def swept(
+    directory, scene=COLUMNS, varied=GRID, executor=None, resume=False, step=lambda points, failed: None, **options
+):
     """The table, and the sweep."""
     many = Sweep(scene, [vary.read_design(text) for text in varied], **options)
-    return many.run(directory, crew=crew or Here(), resume=resume, step=step), many
+    return many.run(directory, executor=executor or SerialExecutor(), resume=resume, step=step), many
 
 
 @pytest.fixture
@@ -108,23 +110,23 @@ def test_laws_are_ranked_at_every_point(tmp_path):
 
 @pytest.mark.usefixtures("small_tasks")
 def test_cluster_gives_the_same_bits(whole, cluster, tmp_path):
-    table, many = swept(tmp_path, crew=Cluster(cluster))
+    table, many = swept(tmp_path, executor=DaskExecutor(cluster))
     assert many.computed == 12
     xarray.testing.assert_identical(table, whole)
 
 
 @pytest.mark.usefixtures("small_tasks")
 def test_two_processes_give_the_same_bits_though_one_is_killed(whole, tmp_path):
-    crew, killed = Processes(2), []
+    executor, killed = ProcessExecutor(2), []
 
     def kill(points, failed):
         if points and not killed:
-            killed.append(crew.pids[0])
+            killed.append(executor.pids[0])
             os.kill(killed[0], signal.SIGKILL)
 
-    table, _ = swept(tmp_path, crew=crew, step=kill)
+    table, _ = swept(tmp_path, executor=executor, step=kill)
     assert killed
-    assert crew.deaths == 1
+    assert executor.deaths == 1
     xarray.testing.assert_identical(table, whole)
 
 
@@ -133,9 +135,9 @@ def test_worker_of_other_versions_is_refused_in_words(cluster):
     (task,) = many._tasks(many._keyed(), {})
     older = replace(task, versions=task.versions | {"numpy": "1.0"})
     words = rf"a worker has other versions than the command: numpy {re.escape(np.__version__)} for 1.0; .*same on both"
-    for crew in (Here(), Cluster(cluster)):
+    for executor in (SerialExecutor(), DaskExecutor(cluster)):
         with pytest.raises(RuntimeError, match=words):
-            list(sweep.outcomes(sweep.compute, [older], crew))
+            list(run_tasks(sweep.compute, [older], executor))
 
 
 # (c) whatever happens, nothing is lost and nothing computed twice
@@ -195,11 +197,12 @@ def test_points_of_other_versions_are_computed_anew(monkeypatch, tmp_path):
 def test_point_whose_workers_died_is_tried_again_by_the_next_run(monkeypatch, tmp_path):
     varied = ["mix.moisture=0.1,0.11"]
 
-    class Deadly(Here):
-        def finished(self):
-            return [(number, WorkerDied("its worker process died 3 times")) for number, *_ in (self._given.pop(),)]
+    class Deadly(SerialExecutor):
+        def finished(self, timeout=None):
+            number, *_ = self._submitted.pop()
+            return [(number, WorkerDied("its worker process died 3 times"))]
 
-    table, _ = swept(tmp_path, varied=varied, crew=Deadly())
+    table, _ = swept(tmp_path, varied=varied, executor=Deadly())
     assert set(table.reason.values) == {"its worker process died 3 times"}
     table, many = swept(tmp_path, varied=varied, resume=True)
     assert many.computed == 2
@@ -213,7 +216,7 @@ def test_points_that_stand_are_neither_mixed_nor_forgotten_unasked(tmp_path):
     with pytest.raises(ResultsError, match="holds results of another scene"):
         swept(tmp_path, SCENE, ["mix.moisture=0.1,0.11"])
     many = Sweep(COLUMNS, [vary.read_design("mix.moisture=0.1")])
-    many.run(tmp_path, crew=Here(), force=True)
+    many.run(tmp_path, executor=SerialExecutor(), force=True)
     assert many.computed == 1
 
 
@@ -299,7 +302,7 @@ def held(task):
 def test_memory_of_a_worker_is_flat_over_a_thousand_points(engine):
     grid = [vary.read_design("mix.moisture=0.08:0.12:25"), vary.read_design("mix.density_ratio=0.94:0.98:40")]
     many = Sweep(SCENE.replaced(**{"accuracy.engine": engine}), grid)
-    memory = dict(outcomes(held, many._tasks(many._keyed(), {}), Processes(1)))
+    memory = dict(run_tasks(held, many._tasks(many._keyed(), {}), ProcessExecutor(1)))
     last = len(memory) - 1
     assert memory[last] - memory[last // 10] < 2
 
@@ -338,7 +341,7 @@ def test_maps_bands_and_best_laws_are_drawn(tmp_path):
     sweep_writer.write_sweep_report(tmp_path, table)
     for name in ("maps", "bands", "best_laws"):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
-    assert float(sweep_figures.reach(table).max()) > 1  # hatched
+    assert float(sweep_figures.required_share(table).max()) > 1  # hatched
     assert sweep_figures._most_frequent(table.best_law_by_peak_force)[0].tolist()[0] == ""
 
 

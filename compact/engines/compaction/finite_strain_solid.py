@@ -1,149 +1,186 @@
-"""From displacements to strain increments, small or finite, and what a stress becomes on the way.
+"""Plane-strain finite elements of the compacting layer in small or finite strain.
 
-Finite: the deformation gradients F before and after an increment give dF = F_after F_before^-1 = R U. Its strain is
-ln U, taken in the frame of the mix before the increment; the Cauchy stress found there turns with it,
+    internal force on a node = int J sigma grad N dV,    eight-node quadrilaterals with 2 x 2 Gauss points
 
-    sigma = R sigma_turned R',    force on a node = int J sigma grad N dV,    J = det F_after.
+A displacement increment strains every Gauss point along a straight path, on which the constitutive law is integrated in
+substeps (`cap_plasticity.integrate_points`). The error thus depends on the substeps and hardly on the increment.
+Reduced integration avoids volumetric locking; its only hourglass mode cannot propagate between elements.
 
-Small: the strain is the symmetric gradient of the displacement increment, nothing turns and J = 1.
+Finite strain: the deformation gradients F before and after an increment give dF = F_after F_before^-1 = R U. The strain
+is ln U in the unrotated frame, and the Cauchy stress found there is rotated,
 
-Gradients have the components (xx, xy, yx, yy), g_ij = du_i/dx_j, along the second axis; all is batched over n points.
+    sigma = R sigma_unrotated R',    J = det F_after.
 
-A layer of compacting mix in finite elements: what its nodes feel when they are moved.
+Small strain: the strain is the symmetric gradient of the displacement increment, without rotation and with J = 1.
 
-    residual = int J sigma grad N dV,    eight-node quadrilaterals with 2 x 2 points, plane strain
-
-Every point remembers a `MaterialPoint`; moving the nodes from one displacement to the next strains it along a straight path,
-which the mix follows in small steps (`cap.step`), so that the strain between two positions of the roller, not the
-step, is what is approximated. Reduced integration keeps flow at constant volume from locking, and its only hourglass
-mode cannot pass from one element to the next.
+Gradients have the components (xx, xy, yx, yy), g_ij = du_i/dx_j, along the second axis; n is the number of points.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.lapack import dgbtrf, dgbtrs
 from skfem import Basis, ElementQuadS2, MeshQuad
 
 from compact.material import cap_plasticity
+from compact.material.laws import Compaction
+from compact.mesh import RowMesh
 from compact.numerics.assembly import element_unknowns, unit_moduli
 
-UNITY = np.array([1.0, 0.0, 0.0, 1.0])
-NEARLY_ROUND = 1e-4  # half the logarithm of the stretches' ratio; below it atanh(z)/z is 1 + z^2/3 to rounding
-TO_STRAIN = np.array([[1.0, 0, 0, 0], [0, 0, 0, 1.0], [0, 1.0, 1.0, 0]])  # (xx, yy, 2 xy) of a gradient
-FROM_STRESS = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, 0, 1.0], [0, 1.0, 0]])  # a tensor of (xx, yy, xy)
+IDENTITY = np.array([1.0, 0.0, 0.0, 1.0])
+SERIES_LIMIT = 1e-4  # [-], half the logarithm of the stretch ratio; below it atanh(z)/z is 1 + z^2/3 to rounding
+STRAIN_FROM_GRADIENT = np.array([[1.0, 0, 0, 0], [0, 0, 0, 1.0], [0, 1.0, 1.0, 0]])  # (xx, yy, 2 xy)
+TENSOR_FROM_STRESS = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, 0, 1.0], [0, 1.0, 0]])  # of (xx, yy, xy)
+GAUSS_ORDER = 3  # [-], polynomial order of 2 x 2 points
+SUBSTEPS = 4  # [-], of the stress integration in one increment; 2 leave an error of up to 0.3 % in the resistance
+STRAIN_DIFFERENCE = 1e-8  # [-], of the tangent by differences; 1e-5 of the yield strain
+IN_PLANE = [0, 1, 3]  # xx, yy, xy
+POINT_FIELDS = ("stress", "density_ratio", "max_density_ratio", "plastic_work")  # of a `MaterialPoint`
 
 
 @dataclass(frozen=True, eq=False)
-class Small:
-    """Increment of linear kinematics; `strain` (xx, yy, 2 xy), shape (n, 3)."""
+class SmallIncrement:
+    """Increment of small strain.
 
-    strain: np.ndarray
+    Parameters
+    ----------
+    strain : ndarray, shape (n, 3)
+        Strain increment (xx, yy, 2 xy) [-].
+    """
+
+    strain: NDArray[np.float64]
 
     @classmethod
-    def between(cls, before, after):
-        """The increment between two displacement gradients, shape (n, 4)."""
-        return cls((after - before) @ TO_STRAIN.T)
+    def from_gradients(cls, before: NDArray[np.float64], after: NDArray[np.float64]) -> "SmallIncrement":
+        """Return the increment between two displacement gradients, shape (n, 4)."""
+        return cls((after - before) @ STRAIN_FROM_GRADIENT.T)
 
     @property
-    def volume(self):
-        """Volume over that of the reference, J."""
+    def volume_ratio(self) -> NDArray[np.float64]:
+        """Volume over reference volume, J = 1 [-], shape (n,)."""
         return np.ones(len(self.strain))
 
     @property
-    def volume_midway(self):
-        """The same in the middle of the increment."""
-        return self.volume
+    def midpoint_volume_ratio(self) -> NDArray[np.float64]:
+        """Volume ratio in the middle of the increment [-], shape (n,)."""
+        return self.volume_ratio
 
     @property
-    def pull_back(self):
-        """dX/dx, by which gradients over the reference become spatial, shape (n, 2, 2)."""
+    def inverse_gradient(self) -> NDArray[np.float64]:
+        """Inverse deformation gradient dX/dx = 1 [-], shape (n, 2, 2)."""
         return np.broadcast_to(np.eye(2), (len(self.strain), 2, 2))
 
-    def turned(self, stress):
-        """The stress (xx, yy, zz, xy) in the axes of the layer."""
+    def rotate(self, stress: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the stress (xx, yy, zz, xy) in the axes of the layer [Pa], shape (n, 4)."""
         return stress
 
-    def moduli(self, stress, tangent):
-        """d(force density) by the spatial gradient of a change of the displacement, shape (n, 4, 4)."""
-        return FROM_STRESS @ tangent @ TO_STRAIN
+    def spatial_tangent(self, stress: NDArray[np.float64], tangent: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return d(force density)/d(spatial displacement gradient) [Pa], shape (n, 4, 4).
+
+        Parameters
+        ----------
+        stress : ndarray, shape (n, 4)
+            Stress after the increment [Pa]; without effect in small strain.
+        tangent : ndarray, shape (n, 3, 3)
+            d stress/d strain of (xx, yy, xy) [Pa].
+        """
+        del stress  # no geometric stiffness in small strain
+        return TENSOR_FROM_STRESS @ tangent @ STRAIN_FROM_GRADIENT
 
 
 @dataclass(frozen=True, eq=False)
-class Finite:
-    """Increment of finite kinematics; `strain` ln U (xx, yy, 2 xy), shape (n, 3).
+class FiniteIncrement:
+    """Increment of finite strain.
 
-    gradient : F after it, shape (n, 4);  cosine, sine : of R;  stretch : of U, (mean, half difference, xy)
+    Parameters
+    ----------
+    strain : ndarray, shape (n, 3)
+        Logarithmic strain ln U (xx, yy, 2 xy) [-].
+    gradient : ndarray, shape (n, 4)
+        Deformation gradient F after the increment [-].
+    cosine, sine : ndarray, shape (n,)
+        Components of the rotation R [-].
+    stretch : ndarray, shape (3, n)
+        Mean, half difference and xy component of U [-].
     """
 
-    strain: np.ndarray
-    gradient: np.ndarray
-    cosine: np.ndarray
-    sine: np.ndarray
-    stretch: np.ndarray
+    strain: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    cosine: NDArray[np.float64]
+    sine: NDArray[np.float64]
+    stretch: NDArray[np.float64]
 
     @classmethod
-    def between(cls, before, after):
-        """The increment between two displacement gradients, shape (n, 4), in closed form.
+    def from_gradients(cls, before: NDArray[np.float64], after: NDArray[np.float64]) -> "FiniteIncrement":
+        """Return the increment between two displacement gradients, shape (n, 4), in closed form.
 
-        R turns by the angle of (dF_xx + dF_yy, dF_yx - dF_xy); with m, d the spherical and deviatoric part of
-        U = R' dF, ln U = ln(det U)/2 + atanh(|d|/m)/|d| d.
+        R is the rotation by the angle of (dF_xx + dF_yy, dF_yx - dF_xy). With the spherical and deviatoric parts m and
+        d of U = R' dF, ln U = ln(det U)/2 + atanh(|d|/m)/|d| d.
         """
-        F = UNITY + after
-        xx, xy, yx, yy = (_matrix(F) @ _inverse(_matrix(UNITY + before))).reshape(-1, 4).T
+        F = IDENTITY + after
+        xx, xy, yx, yy = (_as_matrix(F) @ _invert(_as_matrix(IDENTITY + before))).reshape(-1, 4).T
         size = np.hypot(xx + yy, yx - xy)
         c, s = (xx + yy) / size, (yx - xy) / size
         stretch = np.array([size / 2, (c * (xx - yy) + s * (yx + xy)) / 2, (c * (xy + yx) + s * (yy - xx)) / 2])
         ratio = np.hypot(*stretch[1:]) / stretch[0]
-        safe = np.maximum(ratio, NEARLY_ROUND)
-        rise = np.where(ratio > NEARLY_ROUND, np.arctanh(safe) / safe, 1 + ratio**2 / 3) / stretch[0]
+        safe = np.maximum(ratio, SERIES_LIMIT)
+        factor = np.where(ratio > SERIES_LIMIT, np.arctanh(safe) / safe, 1 + ratio**2 / 3) / stretch[0]
         half_volume = np.log(xx * yy - xy * yx) / 2
-        strain = [half_volume + rise * stretch[1], half_volume - rise * stretch[1], 2 * rise * stretch[2]]
+        strain = [half_volume + factor * stretch[1], half_volume - factor * stretch[1], 2 * factor * stretch[2]]
         return cls(np.array(strain).T, F, c, s, stretch)
 
     @property
-    def volume(self):
-        """Volume over that of the reference, J."""
+    def volume_ratio(self) -> NDArray[np.float64]:
+        """Volume over reference volume, J [-], shape (n,)."""
         F = self.gradient
         return F[:, 0] * F[:, 3] - F[:, 1] * F[:, 2]
 
     @property
-    def volume_midway(self):
-        """The same in the middle of the increment."""
-        return self.volume * np.exp(-(self.strain[:, 0] + self.strain[:, 1]) / 2)
+    def midpoint_volume_ratio(self) -> NDArray[np.float64]:
+        """Volume ratio in the middle of the increment [-], shape (n,)."""
+        return self.volume_ratio * np.exp(-(self.strain[:, 0] + self.strain[:, 1]) / 2)
 
     @property
-    def pull_back(self):
-        """dX/dx, by which gradients over the reference become spatial, shape (n, 2, 2)."""
-        return _inverse(_matrix(self.gradient))
+    def inverse_gradient(self) -> NDArray[np.float64]:
+        """Inverse deformation gradient dX/dx [-], shape (n, 2, 2)."""
+        return _invert(_as_matrix(self.gradient))
 
-    def turned(self, stress):
-        """The stress (xx, yy, zz, xy) in the axes of the layer."""
+    def rotate(self, stress: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the stress (xx, yy, zz, xy) in the axes of the layer [Pa], shape (n, 4)."""
         xx, yy, zz, xy = stress.T
         c, s = self.cosine, self.sine
-        across = 2 * c * s * xy
+        cross = 2 * c * s * xy
         return np.array(
             [
-                c * c * xx + s * s * yy - across,
-                s * s * xx + c * c * yy + across,
+                c * c * xx + s * s * yy - cross,
+                s * s * xx + c * c * yy + cross,
                 zz,
                 c * s * (xx - yy) + (c * c - s * s) * xy,
             ]
         ).T
 
-    def moduli(self, stress, tangent):
-        """d(force density) by the spatial gradient l of a change of the displacement, shape (n, 4, 4).
+    def spatial_tangent(self, stress: NDArray[np.float64], tangent: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return d(force density)/d(spatial displacement gradient) [Pa], shape (n, 4, 4).
 
             d(J sigma grad N)/J = [tr(l) sigma + d sigma - sigma l'] grad N
 
-        seen in the frame before the turn, where `stress` and `tangent` are given. There d ln U is the symmetric part of
-        l but for squares of the strain increment, and R spins with the skew part less (U/m) times the shear of l.
+        d ln U is the symmetric part of the spatial gradient l, except for squares of the strain increment. R rotates
+        with the skew part of l minus U/m times its shear.
+
+        Parameters
+        ----------
+        stress : ndarray, shape (n, 4)
+            Stress after the increment in the unrotated frame [Pa].
+        tangent : ndarray, shape (n, 3, 3)
+            d stress/d strain of (xx, yy, xy) in the unrotated frame [Pa].
         """
         n = len(stress)
         sxx, syy, sxy = stress[:, 0], stress[:, 1], stress[:, 3]
         sigma = np.array([sxx, sxy, sxy, syy]).T
-        A = FROM_STRESS @ tangent @ TO_STRAIN + sigma[:, :, None] * UNITY
+        A = TENSOR_FROM_STRESS @ tangent @ STRAIN_FROM_GRADIENT + sigma[:, :, None] * IDENTITY
         a, b = self.stretch[1:] / self.stretch[0]
         spin = np.array([b / 2, (1 - a) / 2, -(1 + a) / 2, -b / 2]).T
         A += np.array([2 * sxy, syy - sxx, syy - sxx, -2 * sxy]).T[:, :, None] * spin[:, None, :]
@@ -152,162 +189,257 @@ class Finite:
         ):  # fmt: skip
             A[:, row, column] -= part
         R = np.array([self.cosine, -self.sine, self.sine, self.cosine]).T.reshape(n, 2, 2)
-        turn = np.einsum("nij,nkl->nikjl", R, R).reshape(n, 4, 4)
-        return turn @ A @ turn.transpose(0, 2, 1)
+        rotation = np.einsum("nij,nkl->nikjl", R, R).reshape(n, 4, 4)
+        return rotation @ A @ rotation.transpose(0, 2, 1)
 
 
-def _matrix(gradient):
+def _as_matrix(gradient):
     return gradient.reshape(-1, 2, 2)
 
 
-def _inverse(matrix):
+def _invert(matrix):
     (a, b), (c, d) = matrix.transpose(1, 2, 0)
     return np.array([[d, -b], [-c, a]]).transpose(2, 0, 1) / (a * d - b * c)[:, None, None]
 
 
-GAUSS_ORDER = 3  # 2 x 2 points
-SUBSTEPS = 4  # of the mix in one increment: 2 leave up to 0.3 % in the resistance
-NEARBY = 1e-8  # strain by which paths differ for their tangent: 1e-5 of what yields
-IN_PLANE = [0, 1, 3]  # xx, yy, xy
-STATE = ("stress", "density_ratio", "max_density_ratio", "plastic_work")
-
-
 @dataclass(frozen=True, eq=False)
-class Condition:
-    """Of a layer: displacement of its nodes, shape (N, 2), `MaterialPoint` of its points, and what they have taken up.
+class SolidState:
+    """State of a layer.
 
-    work : int J sigma : d strain since the mix was fed [J/m3 of the mix as it was fed], shape (n,)
+    Parameters
+    ----------
+    displacement : ndarray, shape (N, 2)
+        Displacement of the nodes [m].
+    points : MaterialPoint
+        Material state of the Gauss points.
+    work : ndarray, shape (n,)
+        Work of deformation since feeding, int J sigma : d strain [J/m3 of fed mix].
     """
 
-    displacement: np.ndarray
-    state: cap_plasticity.MaterialPoint
-    work: np.ndarray
+    displacement: NDArray[np.float64]
+    points: cap_plasticity.MaterialPoint
+    work: NDArray[np.float64]
 
 
-class Solid:
-    """The elements of a layer on its reference, the fed layer.
+class FiniteStrainSolid:
+    """Finite elements of a layer; the reference configuration is the fed layer.
 
-    mesh : RowMesh, or any skfem.MeshQuad;  law : Compaction;  finite : strains are finite
-    held : unknowns that are not free, indices; node i has the unknowns 2 i and 2 i + 1
+    Parameters
+    ----------
+    mesh : RowMesh or skfem.MeshQuad
+        Quadrilaterals of the reference configuration.
+    material : Compaction
+        Constitutive law.
+    fixed_dofs : array_like of int
+        Prescribed degrees of freedom; node i has 2 i and 2 i + 1.
+    finite : bool
+        True for finite strain, False for small strain.
+    rate_factor : float
+        Factor of the yield pressure by the speed [-].
+    substeps : int
+        Substeps of the stress integration in one increment.
     """
 
-    def __init__(self, mesh, law, *, held=(), finite=True, rate_factor=1.0, substeps=SUBSTEPS):
+    def __init__(
+        self,
+        mesh: RowMesh | MeshQuad,
+        material: Compaction,
+        *,
+        fixed_dofs: ArrayLike = (),
+        finite: bool = True,
+        rate_factor: float = 1.0,
+        substeps: int = SUBSTEPS,
+    ) -> None:
         if not isinstance(mesh, MeshQuad):
             mesh = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
         self.basis = Basis(mesh, ElementQuadS2(), intorder=GAUSS_ORDER)
-        self.law, self.rate_factor, self.substeps = law, rate_factor, substeps
-        self.finite, self.kinematics = finite, Finite if finite else Small
-        self.unknowns = element_unknowns(self.basis)
-        self.held = np.unique(np.asarray(held, dtype=int))
-        self.free = np.setdiff1d(np.arange(2 * self.basis.N), self.held)
+        self.material, self.rate_factor, self.substeps = material, rate_factor, substeps
+        self.finite = finite
+        self.kinematics: type[FiniteIncrement] | type[SmallIncrement] = FiniteIncrement if finite else SmallIncrement
+        self.element_dofs = element_unknowns(self.basis)
+        self.fixed_dofs = np.unique(np.asarray(fixed_dofs, dtype=int))
 
     @cached_property
-    def slopes(self):
-        """dN/dX of the nodes of each element at its points, shape (elements, points, 8, 2)."""
+    def shape_gradients(self) -> NDArray[np.float64]:
+        """Gradients dN/dX of the shape functions [1/m], shape (elements, points, 8, 2)."""
         grad = np.array([self.basis.basis[j][0].grad for j in range(self.basis.Nbfun)])
         return np.ascontiguousarray(grad.transpose(2, 3, 0, 1))
 
     @cached_property
-    def points(self):
-        """Where the points lie on the reference, shape (n, 2)."""
+    def point_coordinates(self) -> NDArray[np.float64]:
+        """Coordinates of the Gauss points in the reference configuration [m], shape (n, 2)."""
         return np.asarray(self.basis.global_coordinates()).reshape(2, -1).T
 
     @cached_property
-    def area(self):
-        """Of the points on the reference, shape (n,)."""
+    def point_areas(self) -> NDArray[np.float64]:
+        """Integration weights of the Gauss points in the reference configuration [m2], shape (n,)."""
         return self.basis.dx.ravel()
 
-    def at_rest(self):
-        """The `Condition` of the mix as it is fed, free of stress."""
-        return Condition(
-            np.zeros((self.basis.N, 2)),
-            cap_plasticity.initial_state(self.law, self.area.size),
-            np.zeros(self.area.size),
+    def undeformed_state(self) -> SolidState:
+        """Return the state of fresh mix without stress and displacement."""
+        count = self.point_areas.size
+        return SolidState(
+            np.zeros((self.basis.N, 2)), cap_plasticity.initial_state(self.material, count), np.zeros(count)
         )
 
-    def gradient(self, displacement):
-        """du_i/dX_j at the points, (xx, xy, yx, yy), shape (n, 4)."""
+    def displacement_gradient(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return du_i/dX_j at the Gauss points, (xx, xy, yx, yy) [-], shape (n, 4).
+
+        Parameters
+        ----------
+        displacement : ndarray, shape (N, 2)
+            Displacement of the nodes [m].
+        """
         nodal = displacement[self.basis.element_dofs.T]
-        return np.matmul(nodal.transpose(0, 2, 1)[:, None], self.slopes).reshape(-1, 4)
+        return np.matmul(nodal.transpose(0, 2, 1)[:, None], self.shape_gradients).reshape(-1, 4)
 
-    def moved(self, before, displacement, tangent=True):
-        """The layer moved from the `Condition` before to a displacement, a `Motion`."""
-        change = self.kinematics.between(self.gradient(before.displacement), self.gradient(displacement))
-        state, work = self._followed(before.state, change.strain)
-        turned = cap_plasticity.MaterialPoint(
-            change.turned(state.stress), state.density_ratio, state.max_density_ratio, state.plastic_work
+    def increment(
+        self, before: SolidState, displacement: NDArray[np.float64], tangent: bool = True
+    ) -> "SolidIncrement":
+        """Integrate the stresses from a state to a displacement.
+
+        Parameters
+        ----------
+        before : SolidState
+            State before the increment.
+        displacement : ndarray, shape (N, 2)
+            Displacement of the nodes after the increment [m].
+        tangent : bool
+            True to compute the tangent too.
+
+        Returns
+        -------
+        SolidIncrement
+
+        Raises
+        ------
+        RuntimeError
+            If the stress integration fails.
+        ValueError
+            If elements invert, so that the strain is not finite.
+        """
+        kinematics = self.kinematics.from_gradients(
+            self.displacement_gradient(before.displacement), self.displacement_gradient(displacement)
         )
-        after = Condition(displacement, turned, before.work + change.volume_midway * work)
-        slope = self._tangent(before.state, change.strain, state) if tangent else None
-        return Motion(self, change, after, change.moduli(state.stress, slope) if tangent else None)
+        points, work = self.integrate_path(before.points, kinematics.strain)
+        rotated = cap_plasticity.MaterialPoint(
+            kinematics.rotate(points.stress), points.density_ratio, points.max_density_ratio, points.plastic_work
+        )
+        after = SolidState(displacement, rotated, before.work + kinematics.midpoint_volume_ratio * work)
+        moduli = None
+        if tangent:
+            algorithmic = self._algorithmic_tangent(before.points, kinematics.strain, points)
+            moduli = kinematics.spatial_tangent(points.stress, algorithmic)
+        return SolidIncrement(self, kinematics, after, moduli)
 
-    def _followed(self, state, strain):
-        """The state at the end of a straight path of strain, and the work along it."""
+    def integrate_path(
+        self, points: cap_plasticity.MaterialPoint, strain: NDArray[np.float64]
+    ) -> tuple[cap_plasticity.MaterialPoint, NDArray[np.float64]]:
+        """Integrate the constitutive law along a straight strain path.
+
+        Parameters
+        ----------
+        points : MaterialPoint
+            State before the path.
+        strain : ndarray, shape (n, 3)
+            Strain (xx, yy, 2 xy) of the whole path [-].
+
+        Returns
+        -------
+        points : MaterialPoint
+            State after the path in the unrotated frame.
+        work : ndarray, shape (n,)
+            Work per volume [J/m3].
+        """
         part, work = strain / self.substeps, np.zeros(len(strain))
         for _ in range(self.substeps):
-            start = state.stress
-            state, _ = cap_plasticity.integrate_points(self.law, state, part, self.rate_factor, tangent=False)
-            work += np.sum((start + state.stress)[:, IN_PLANE] * part, axis=1) / 2
-        return state, work
+            start = points.stress
+            points, _ = cap_plasticity.integrate_points(self.material, points, part, self.rate_factor, tangent=False)
+            work += np.sum((start + points.stress)[:, IN_PLANE] * part, axis=1) / 2
+        return points, work
 
-    def _tangent(self, before, strain, after):
-        """d stress/d strain of the whole path, shape (n, 3, 3): elastic, or by differences where the mix yields."""
+    def _algorithmic_tangent(self, before, strain, after):
+        """Return d stress/d strain of the whole path, shape (n, 3, 3): by differences at yielding points."""
         if self.substeps == 1:
-            return cap_plasticity.integrate_points(self.law, before, strain, self.rate_factor)[1]
-        slope = np.tile(self._elastic, (len(strain), 1, 1))
-        yields = np.flatnonzero(after.plastic_work != before.plastic_work)
-        start = cap_plasticity.MaterialPoint(*(getattr(before, name)[yields] for name in STATE))
+            return cap_plasticity.integrate_points(self.material, before, strain, self.rate_factor)[1]
+        tangent = np.tile(self._elastic_moduli, (len(strain), 1, 1))
+        yielding = np.flatnonzero(after.plastic_work != before.plastic_work)
+        start = cap_plasticity.MaterialPoint(*(getattr(before, name)[yielding] for name in POINT_FIELDS))
         for k in range(3):
-            nearby = strain[yields].copy()
-            nearby[:, k] += NEARBY
-            change = self._followed(start, nearby)[0].stress - after.stress[yields]
-            slope[yields, :, k] = change[:, IN_PLANE] / NEARBY
-        return slope
+            perturbed = strain[yielding].copy()
+            perturbed[:, k] += STRAIN_DIFFERENCE
+            change = self.integrate_path(start, perturbed)[0].stress - after.stress[yielding]
+            tangent[yielding, :, k] = change[:, IN_PLANE] / STRAIN_DIFFERENCE
+        return tangent
 
     @cached_property
-    def _elastic(self):
-        """d stress/d strain inside the cap, shape (3, 3)."""
-        along, across, shear, lame = self.law.unloading_modulus * unit_moduli(self.law.poisson)
+    def _elastic_moduli(self):
+        """Elastic d stress/d strain of (xx, yy, xy) [Pa], shape (3, 3)."""
+        along, across, shear, lame = self.material.unloading_modulus * unit_moduli(self.material.poisson)
         return np.array([[along + lame, lame, 0], [lame, across + lame, 0], [0, 0, shear]])
 
-    @cached_property
-    def order(self):
-        """Free unknowns column by column of nodes along x, which keeps the band of their matrix narrow."""
-        x, y = np.repeat(self.basis.doflocs, 2, axis=1)[:, self.free]
-        return self.free[np.lexsort((y, np.round(x / np.ptp(x), 9)))]
+    def elastic_element_stiffness(self) -> NDArray[np.float64]:
+        """Return the stiffness of the undeformed elements [N/m2], shape (elements, 16, 16)."""
+        undeformed = self.undeformed_state()
+        return self.increment(undeformed, undeformed.displacement).element_stiffness
 
     @cached_property
-    def number(self):
-        """Place of each unknown in `order`, -1 where it is held."""
-        number = np.full(2 * self.basis.N, -1)
-        number[self.order] = np.arange(self.order.size)
-        return number
+    def ordered_dofs(self) -> NDArray[np.int64]:
+        """Free degrees of freedom, ordered by columns of nodes along x for a narrow matrix band."""
+        free = np.setdiff1d(np.arange(2 * self.basis.N), self.fixed_dofs)
+        x, y = np.repeat(self.basis.doflocs, 2, axis=1)[:, free]
+        return free[np.lexsort((y, np.round(x / np.ptp(x), 9)))]
 
     @cached_property
-    def _band(self):
-        """Half-width of the band; the entries of the elements that are kept, and where they go."""
-        rows, columns = np.broadcast_arrays(
-            self.number[self.unknowns][:, :, None], self.number[self.unknowns][:, None, :]
-        )
+    def equation_numbers(self) -> NDArray[np.int64]:
+        """Index of each degree of freedom in `ordered_dofs`, -1 if it is fixed."""
+        numbers = np.full(2 * self.basis.N, -1)
+        numbers[self.ordered_dofs] = np.arange(self.ordered_dofs.size)
+        return numbers
+
+    @cached_property
+    def _band_layout(self):
+        """Half-width of the band, indices of the kept element entries, and their positions in the band matrix."""
+        numbers = self.equation_numbers[self.element_dofs]
+        rows, columns = np.broadcast_arrays(numbers[:, :, None], numbers[:, None, :])
         kept = np.flatnonzero((rows >= 0) & (columns >= 0))
         rows, columns = rows.ravel()[kept], columns.ravel()[kept]
         width = int(np.abs(rows - columns).max())
         return width, kept, columns * (3 * width + 1) + 2 * width + rows - columns
 
-    def factorised(self, blocks, nodes, added):
-        """Solver of the free unknowns, in their `order`, for the stiffness of the elements and more at some nodes.
+    def factorise(
+        self, element_stiffness: NDArray[np.float64], nodes: ArrayLike, nodal_stiffness: NDArray[np.float64]
+    ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+        """Assemble and factorise the stiffness of the free degrees of freedom.
 
-        blocks : shape (elements, 16, 16);  added : on the diagonal blocks of the `nodes`, shape (n, 2, 2)
+        LAPACK's banded LU is twice as fast as a sparse one for some thousand unknowns.
 
-        LAPACK's banded elimination with pivoting: twice as fast as a sparse one for some thousand unknowns.
+        Parameters
+        ----------
+        element_stiffness : ndarray, shape (elements, 16, 16)
+            Stiffness of the elements [N/m2].
+        nodes : array_like of int, shape (n,)
+            Nodes with an additional stiffness.
+        nodal_stiffness : ndarray, shape (n, 2, 2)
+            Their additional diagonal blocks [N/m2].
+
+        Returns
+        -------
+        callable
+            Solver for right-hand sides in the order of `ordered_dofs`.
+
+        Raises
+        ------
+        RuntimeError
+            If the stiffness is singular.
         """
-        width, kept, place = self._band
-        height, size = 3 * width + 1, self.order.size
-        band = np.bincount(place, weights=blocks.ravel()[kept], minlength=height * size)
-        number = self.number[2 * np.asarray(nodes)[:, None] + np.arange(2)]
-        rows, columns = np.broadcast_arrays(number[:, :, None], number[:, None, :])
+        width, kept, position = self._band_layout
+        height, size = 3 * width + 1, self.ordered_dofs.size
+        band = np.bincount(position, weights=element_stiffness.ravel()[kept], minlength=height * size)
+        numbers = self.equation_numbers[2 * np.asarray(nodes)[:, None] + np.arange(2)]
+        rows, columns = np.broadcast_arrays(numbers[:, :, None], numbers[:, None, :])
         free = (rows >= 0) & (columns >= 0)
-        band[(columns * height + 2 * width + rows - columns)[free]] += added[free]
+        band[(columns * height + 2 * width + rows - columns)[free]] += nodal_stiffness[free]
         factors, pivots, info = dgbtrf(band.reshape(size, height).T, width, width, overwrite_ab=1)
         if info:
             raise RuntimeError("the stiffness of the layer is singular to working precision")
@@ -315,37 +447,52 @@ class Solid:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """One increment of a `Solid`: the `Condition` after it, and its forces and stiffness."""
+class SolidIncrement:
+    """Increment of a `FiniteStrainSolid` with its internal forces and stiffness.
 
-    solid: Solid
-    change: object
-    after: Condition
-    moduli: np.ndarray | None
+    Parameters
+    ----------
+    solid : FiniteStrainSolid
+        Finite elements of the layer.
+    kinematics : FiniteIncrement or SmallIncrement
+        Strain, rotation and volume change of the Gauss points.
+    after : SolidState
+        State after the increment.
+    tangent : ndarray, shape (n, 4, 4), or None
+        Spatial tangent of the Gauss points [Pa].
+    """
+
+    solid: FiniteStrainSolid
+    kinematics: FiniteIncrement | SmallIncrement
+    after: SolidState
+    tangent: NDArray[np.float64] | None
 
     @cached_property
-    def _spatial(self):
-        """Spatial slopes of the nodes, shape (elements, points, 8, 2), and the volume of the points."""
-        slopes, weight = self.solid.slopes, (self.solid.area * self.change.volume).reshape(self.solid.basis.dx.shape)
-        return np.matmul(slopes, self.change.pull_back.reshape(*slopes.shape[:2], 2, 2)), weight
+    def _spatial_gradients(self):
+        """Spatial gradients of the shape functions, shape (elements, points, 8, 2), and the areas of the points."""
+        gradients = self.solid.shape_gradients
+        area = (self.solid.point_areas * self.kinematics.volume_ratio).reshape(self.solid.basis.dx.shape)
+        return np.matmul(gradients, self.kinematics.inverse_gradient.reshape(*gradients.shape[:2], 2, 2)), area
 
     @property
-    def forces(self):
-        """That the nodes must bear, shape (N, 2)."""
-        slopes, weight = self._spatial
-        xx, yy, _, xy = self.after.state.stress.T.reshape(4, *weight.shape) * weight
+    def internal_forces(self) -> NDArray[np.float64]:
+        """Internal forces of the nodes [N/m], shape (N, 2)."""
+        gradients, area = self._spatial_gradients
+        xx, yy, _, xy = self.after.points.stress.T.reshape(4, *area.shape) * area
         stress = np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -2)
-        nodal = np.matmul(slopes, stress).sum(axis=1)
-        dofs = self.solid.basis.element_dofs.T.ravel()
+        nodal = np.matmul(gradients, stress).sum(axis=1)
+        nodes = self.solid.basis.element_dofs.T.ravel()
         count = self.solid.basis.N
-        return np.stack([np.bincount(dofs, nodal[..., i].ravel(), count) for i in range(2)], axis=-1)
+        return np.stack([np.bincount(nodes, nodal[..., i].ravel(), count) for i in range(2)], axis=-1)
 
     @property
-    def blocks(self):
-        """Stiffness of the elements, d forces/d displacement, shape (elements, 16, 16)."""
-        slopes, weight = self._spatial
-        count, points = weight.shape
+    def element_stiffness(self) -> NDArray[np.float64]:
+        """Stiffness d(internal forces)/d(displacement) of the elements [N/m2], shape (elements, 16, 16)."""
+        if self.tangent is None:
+            raise ValueError("`tangent` must be computed for the stiffness, got None; use increment(..., tangent=True)")
+        gradients, area = self._spatial_gradients
+        count, points = area.shape
         G = np.zeros((count, points, 4, 16))
-        G[:, :, 0:2, 0::2] = G[:, :, 2:4, 1::2] = slopes.transpose(0, 1, 3, 2)
-        AG = np.matmul(self.moduli.reshape(count, points, 4, 4) * weight[..., None, None], G)
+        G[:, :, 0:2, 0::2] = G[:, :, 2:4, 1::2] = gradients.transpose(0, 1, 3, 2)
+        AG = np.matmul(self.tangent.reshape(count, points, 4, 4) * area[..., None, None], G)
         return np.matmul(G.reshape(count, -1, 16).transpose(0, 2, 1), AG.reshape(count, -1, 16))

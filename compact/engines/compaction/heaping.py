@@ -1,172 +1,220 @@
-"""Estimate of the depth that fresh mix can take up under a roller, before anything is solved.
+"""Closed-form estimate of the largest depth of a roller in fresh mix, computed before any finite elements.
 
-A height that is prescribed prescribes the mean density that leaves. What the mix under the roller does not take up
-stays in front as a bow wave, which lengthens the contact until its pressure reaches deep enough. A contact steeper than
-an angle pushes the mix ahead rather than down, so the depth is limited by
+A prescribed height prescribes the mean exit density. Mix that is not compacted under the roller stays ahead of it as a
+bow wave. The wave lengthens the contact until its pressure reaches deep enough. At a contact angle beyond a limit the
+roller pushes the mix ahead instead of compacting it, so the depth is limited by
 
     D = int_0^H [1 - k_in/k(s)] dy,    A pc(k(s)) = s = p min(1, f(y) + f(2 H - y)),    A = [1 + sqrt(1 + 4 M^2/9)]/2
     f(y) = (2/pi) [atan b + b/(1 + b^2)],  b = L/(2 y),    L = 1.07 R sin(angle)
     p = 1.3 [1 + L/(2 H)] (2 + pi) s_u,    s_u = M (pc(k_in) + pt)/(2 sqrt 3)
 
-y depth below the surface, H height of the layer as fed. s is the vertical stress of an elastic half-plane under a
-uniform pressure p over the length L, with its mirror image at the rigid base; k(s) is the density ratio of confined
-compression; p is Prandtl's bearing capacity of the loose mix, whose shear strength in plane strain is s_u.
+with y the depth below the surface and H the height of the fed layer. s is the vertical stress in an elastic half-plane
+under a uniform pressure p over the length L, with its mirror image at the rigid base. k(s) is the density ratio in
+confined compression. p is Prandtl's bearing capacity of the fresh mix, with its plane-strain shear strength s_u.
 
-This is a heuristic. Two numbers are fitted to 47 scenes with a computed steady state: their contacts reach 35 degrees,
-the mean pressure of the wide ones is 1.2 to 2.0 times the bearing capacity, and the largest of their depths is 0.85 D.
-It stays a module of its own since nothing in it needs a mesh.
+This is a heuristic with two factors fitted to 47 scenes with a computed steady state: their contact angles reach 35
+degrees, the mean pressure of the wide contacts is 1.2 to 2.0 times the bearing capacity, and the largest of their
+depths is 0.85 D. The module is separate because the estimate needs no mesh.
+
+References
+----------
+L. Prandtl, Ueber die Haerte plastischer Koerper, Nachr. Ges. Wiss. Goettingen (1920) 74-85.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-STEEPEST = np.pi / 4  # contact angle [rad]; steeper, a roller pushes more ahead than down
-USUAL = np.pi / 9  # contact angle [rad] of which remedies make use; that of most of the lifts that get steady
-TRAILING = 1.07  # [-], contact length over that in front of the lowest generatrix
-CAPACITY = 1.3  # [-], mean pressure over the bearing capacity of a half-plane of loose mix
-CONFINED = 0.5  # [-], increase of that with the contact length over the height: the rigid base confines the mix
-LOAD = 2.0  # [-], load over pressure times length, which the mix hardened by compaction may still bear
-SURPLUS = 1.2  # [-], of what mix can take up over what it must, where a remedy is computed
-SHARES = 200  # [-], parts of a layer, a depth or a range of densities that are tried as remedies
-DENSEST = 1.3  # [-], density ratio up to which confined compression is tabulated
-ROWS = 200  # [-], of the integral over the height
+from compact.material.laws import Compaction
+
+MAX_CONTACT_ANGLE = np.pi / 4  # [rad], beyond which a roller pushes the mix ahead
+REMEDY_CONTACT_ANGLE = np.pi / 9  # [rad], of remedies; that of most of the lifts with a steady state
+LENGTH_RATIO = 1.07  # [-], contact length over that ahead of the lowest generatrix; fitted
+BEARING_RATIO = 1.3  # [-], mean pressure over the bearing capacity of a half-plane of fresh mix; fitted
+CONFINEMENT = 0.5  # [-], increase of the bearing capacity with contact length over height by the rigid base
+LOAD_RATIO = 2.0  # [-], load over pressure times length, with the hardening of the mix
+REMEDY_RESERVE = 1.2  # [-], limit over required depth of a remedy
+REMEDY_TRIALS = 200  # [-], parts of a layer, depth or density range that are tried as remedies
+DENSEST_TABULATED = 1.3  # [-], density ratio up to which confined compression is tabulated
+TABLE_SIZE = 3000  # [-], points of that table
+INTEGRATION_ROWS = 200  # [-], of the integral over the height
 
 
 class HeapingError(RuntimeError):
-    """Loose mix would heap up, or heaps up, in front of the roller without end."""
+    """Fresh mix would heap up, or heaps up, in front of the roller without a steady state."""
 
 
 @dataclass(frozen=True)
-class Heaping:
-    """Limits of the depth and the load of a roller on a layer of fresh mix.
+class HeapingEstimate:
+    """Limits of depth and load of a roller on a layer of fresh mix.
 
     Parameters
     ----------
-    height : of the layer as fed, H [m]
-    radius : of the roller, R [m]
+    height : float
+        Height of the fed layer, H [m].
+    radius : float
+        Roller radius, R [m].
     material : Compaction
-    steepest : largest contact angle [rad]
-    rate_factor : by which the speed raises pc [-]
+        Constitutive law.
+    contact_angle : float
+        Largest contact angle [rad].
+    rate_factor : float
+        Factor of the yield pressure by the speed [-].
     """
 
     height: float
     radius: float
-    material: object
-    steepest: float = STEEPEST
+    material: Compaction
+    contact_angle: float = MAX_CONTACT_ANGLE
     rate_factor: float = 1.0
 
     @property
-    def length(self):
-        """Longest contact, L [m]."""
-        return TRAILING * self.radius * np.sin(self.steepest)
+    def contact_length(self) -> float:
+        """Largest contact length, L [m]."""
+        return LENGTH_RATIO * self.radius * np.sin(self.contact_angle)
 
     @property
-    def highest(self):
-        """Height above the lowest generatrix at which the roller is so steep [m]."""
-        return self.radius * (1 - np.cos(self.steepest))
+    def contact_height(self) -> float:
+        """Height of the contact edge above the lowest generatrix at the largest contact angle [m]."""
+        return self.radius * (1 - np.cos(self.contact_angle))
 
     @property
-    def pressure(self):
-        """Mean pressure that the mix bears without flowing from under such a contact, p [Pa]."""
-        law = self.material
-        yields = self.rate_factor * float(law.yield_pressure(law.fed_density_ratio))
-        limit = law.critical_slope * (yields + law.tensile_strength)
+    def bearing_pressure(self) -> float:
+        """Mean pressure of the largest contact at the bearing capacity, p [Pa]."""
+        material = self.material
+        yield_pressure = self.rate_factor * float(material.yield_pressure(material.fed_density_ratio))
+        limit = material.critical_slope * (yield_pressure + material.tensile_strength)
         bearing = (2 + np.pi) * limit / (2 * np.sqrt(3))
-        return CAPACITY * (1 + CONFINED * self.length / self.height) * bearing
+        return BEARING_RATIO * (1 + CONFINEMENT * self.contact_length / self.height) * bearing
 
     @property
-    def depth(self):
-        """Largest depth that the mix takes up, D [m]."""
-        edges = np.linspace(0, self.height, ROWS + 1)
-        y, thickness = (edges[1:] + edges[:-1]) / 2, self.height / ROWS
-        stress = self.pressure * np.minimum(self._spread(y) + self._spread(2 * self.height - y), 1)
-        loose = self.material.fed_density_ratio
-        return float(np.sum(1 - loose / np.maximum(self._confined(stress), loose)) * thickness)
+    def max_depth(self) -> float:
+        """Largest depth that compaction can accommodate, D [m]."""
+        edges = np.linspace(0, self.height, INTEGRATION_ROWS + 1)
+        y, thickness = (edges[1:] + edges[:-1]) / 2, self.height / INTEGRATION_ROWS
+        stress = self.bearing_pressure * np.minimum(self._stress_ratio(y) + self._stress_ratio(2 * self.height - y), 1)
+        fed = self.material.fed_density_ratio
+        return float(np.sum(1 - fed / np.maximum(self._confined_density_ratio(stress), fed)) * thickness)
 
     @property
-    def load(self):
-        """Largest load that the mix bears under such a contact [N/m]."""
-        return LOAD * self.pressure * self.length
+    def max_load(self) -> float:
+        """Largest load of the mix at the bearing capacity [N/m]."""
+        return LOAD_RATIO * self.bearing_pressure * self.contact_length
 
-    def _spread(self, y):
-        half = self.length / (2 * y)
+    def _stress_ratio(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Vertical stress at a depth y [m] in a half-plane under a unit pressure over the contact length [-]."""
+        half = self.contact_length / (2 * y)
         return 2 / np.pi * (np.arctan(half) + half / (1 + half**2))
 
-    def _confined(self, stress):
+    def _confined_density_ratio(self, stress: ArrayLike) -> NDArray[np.float64]:
         """Density ratio under a vertical stress [Pa] in confined compression."""
-        law = self.material
-        turned = (1 + np.sqrt(1 + 4 * law.critical_slope**2 / 9)) / 2
-        ratios = np.linspace(law.loose_density_ratio, DENSEST, 3000)
-        return np.interp(stress, turned * self.rate_factor * law.yield_pressure(ratios), ratios)
+        material = self.material
+        vertical = (1 + np.sqrt(1 + 4 * material.critical_slope**2 / 9)) / 2  # vertical stress over yield pressure
+        ratios = np.linspace(material.loose_density_ratio, DENSEST_TABULATED, TABLE_SIZE)
+        return np.interp(stress, vertical * self.rate_factor * material.yield_pressure(ratios), ratios)
 
 
-def require_no_heaping(heaping, name, value, depth):
-    """Raise HeapingError for a depth that the mix cannot take up, or a load that it cannot bear.
+def require_no_heaping(estimate: HeapingEstimate, name: str, value: float, depth: float | None) -> None:
+    """Require a depth or load within the limits of the estimate.
 
     Parameters
     ----------
-    heaping : Heaping
-    name, value : of what is prescribed: "indentation" [m], "exit_density_ratio" [-] or "load" [N/m]
-    depth : that it requires [m], None for a load
+    estimate : HeapingEstimate
+        Limits of the layer.
+    name : {"indentation", "exit_density_ratio", "load", "peak_pressure"}
+        Prescribed quantity.
+    value : float
+        Its value.
+    depth : float or None
+        Depth that it requires [m], None for a load or pressure.
 
-    The message has the limit and remedies, each computed by the same estimate.
+    Raises
+    ------
+    HeapingError
+        If the limit is exceeded; the message contains the limit and remedies from the same estimate.
     """
-    contact = f"a contact of {np.degrees(heaping.steepest):.3g} degrees, {_mm(heaping.length)} long,"
-    if name == "load" and value > heaping.load:
+    angle = f"{np.degrees(estimate.contact_angle):.3g} degrees"
+    contact = f"a contact of {angle}, {_millimetres(estimate.contact_length)} long,"
+    if name == "load" and value > estimate.max_load:
         raise HeapingError(
-            f"`load` must be at most about {heaping.load:.0f} N/m, which the mix bears over {contact} before it heaps "
-            f"up in front of the roller (an estimate), got {value:.0f} N/m; prescribe less or take a larger roller"
+            f"`load` must be at most about {estimate.max_load:.0f} N/m, the bearing capacity over {contact} before the "
+            f"mix heaps up in front of the roller (an estimate), got {value:.0f} N/m; reduce the load or use a larger "
+            "roller"
         )
-    if depth is None or depth <= min(heaping.depth, heaping.highest):
+    if depth is None or depth <= min(estimate.max_depth, estimate.contact_height):
         return
-    if depth > heaping.highest:
+    if depth > estimate.contact_height:
         raise HeapingError(
-            f"`{name}` requires a depth of {_mm(depth)}, at which the roller meets the surface at more than "
-            f"{np.degrees(heaping.steepest):.3g} degrees and pushes the mix ahead; stay below "
-            f"{_mm(heaping.highest)} or take a larger roller"
+            f"`{name}` requires a depth of {_millimetres(depth)}, at which the contact angle exceeds {angle} and the "
+            f"roller pushes the mix ahead; stay below {_millimetres(estimate.contact_height)} or use a larger roller"
         )
-    rule = f"`indentation` must be at most about {_mm(heaping.depth)}, got {_mm(depth)}"
+    limit = _millimetres(estimate.max_depth)
+    rule = f"`indentation` must be at most about {limit}, got {_millimetres(depth)}"
     if name == "exit_density_ratio":
-        rule = f"`exit_density_ratio` {value:.4g} requires {_mm(depth)} of depth, more than about {_mm(heaping.depth)}"
+        rule = f"`exit_density_ratio` {value:.4g} requires a depth of {_millimetres(depth)}, more than about {limit}"
     raise HeapingError(
-        f"{rule}: the mix bears about {heaping.pressure / 1e3:.3g} kPa over {contact} which presses no more into its "
-        "voids, and the rest heaps up in front of the roller (an estimate); "
-        + remedies(heaping, depth, for_density=name == "exit_density_ratio")
+        f"{rule}: the bearing capacity is about {estimate.bearing_pressure / 1e3:.3g} kPa over {contact} which "
+        "compacts the voids no further, and the rest heaps up in front of the roller (an estimate); "
+        + remedies(estimate, depth, for_density=name == "exit_density_ratio")
     )
 
 
-def remedies(heaping, depth, *, for_density):
-    """Clause with the changes of a scene that each suffice for a depth [m] by the estimate at the USUAL angle.
+def remedies(estimate: HeapingEstimate, depth: float, *, for_density: bool) -> str:
+    """Return a clause with changes of a scene that each suffice for a depth by the estimate.
 
-    for_density : the depth follows from the density that leaves and changes with the density that is fed
+    Parameters
+    ----------
+    estimate : HeapingEstimate
+        Limits of the layer; the remedies use REMEDY_CONTACT_ANGLE if that is smaller.
+    depth : float
+        Required depth [m].
+    for_density : bool
+        True if the depth follows from the exit density and changes with the fed density.
     """
-
-    def suffices(depth, **changes):
-        return replace(heaping, steepest=min(heaping.steepest, USUAL), **changes).depth >= SURPLUS * depth
-
-    if suffices(depth):
-        return "press less deep, feed it in lifts, or take a larger roller"
-    height, law, found = heaping.height, heaping.material, []
-    shares = np.linspace(1, 0, SHARES, endpoint=False)[1:]
-    for share in shares:
-        if suffices(share * depth, height=share * height):
-            found.append(f"feed it in lifts of at most {share * (height - depth):.2g} m (`layer.lift_thickness`)")
-            break
-    leaving = law.fed_density_ratio * height / (height - depth)
-    for share in shares[::-1] if for_density and leaving < 1 else ():
-        ratio = float(law.fed_density_ratio + share * (leaving - law.fed_density_ratio))
-        fed_height = (height - depth) * leaving / ratio
-        denser = replace(law, fed_density_ratio=ratio)
-        if suffices(depth + fed_height - height, height=fed_height, material=denser):
-            found.append(f"feed it at a density ratio of {ratio:.3f} or denser (`layer.fed_density_ratio`)")
-            break
-    for share in shares if not for_density else ():
-        if suffices(share * depth):
-            found.append(f"press at most {_mm(share * depth)} deep (`contact.indentation`)")
-            break
-    return "; or ".join(found) or "take a larger roller"
+    if _suffices(estimate, depth):
+        return "reduce the depth, feed the mix in lifts, or use a larger roller"
+    found = [*_lift_remedy(estimate, depth)]
+    found += _feed_remedy(estimate, depth) if for_density else _depth_remedy(estimate, depth)
+    return "; or ".join(found) or "use a larger roller"
 
 
-def _mm(length):
+def _suffices(estimate: HeapingEstimate, depth: float, **changes: float | Compaction) -> bool:
+    """Return whether a changed layer accommodates a depth [m] with reserve."""
+    angle = min(estimate.contact_angle, REMEDY_CONTACT_ANGLE)
+    return replace(estimate, contact_angle=angle, **changes).max_depth >= REMEDY_RESERVE * depth
+
+
+def _shares() -> NDArray[np.float64]:
+    return np.linspace(1, 0, REMEDY_TRIALS, endpoint=False)[1:]
+
+
+def _lift_remedy(estimate: HeapingEstimate, depth: float) -> Iterator[str]:
+    for share in _shares():
+        if _suffices(estimate, share * depth, height=share * estimate.height):
+            yield f"feed the mix in lifts of at most {share * (estimate.height - depth):.2g} m (`layer.lift_thickness`)"
+            return
+
+
+def _feed_remedy(estimate: HeapingEstimate, depth: float) -> Iterator[str]:
+    height, fed = estimate.height, estimate.material.fed_density_ratio
+    exit_ratio = fed * height / (height - depth)
+    for share in _shares()[::-1] if exit_ratio < 1 else ():
+        ratio = float(fed + share * (exit_ratio - fed))
+        fed_height = (height - depth) * exit_ratio / ratio
+        denser = replace(estimate.material, fed_density_ratio=ratio)
+        if _suffices(estimate, depth + fed_height - height, height=fed_height, material=denser):
+            yield f"feed the mix at a density ratio of at least {ratio:.3f} (`layer.fed_density_ratio`)"
+            return
+
+
+def _depth_remedy(estimate: HeapingEstimate, depth: float) -> Iterator[str]:
+    for share in _shares():
+        if _suffices(estimate, share * depth):
+            yield f"reduce the depth to at most {_millimetres(share * depth)} (`contact.indentation`)"
+            return
+
+
+def _millimetres(length: float) -> str:
     return f"{1e3 * length:.3g} mm"

@@ -1,197 +1,271 @@
-"""One increment of a layer under the roller: Newton's method on the balance of its nodes.
+"""Static equilibrium of one increment by Newton's method.
 
-    forces of the roller - forces of the layer = 0    on the free unknowns
+    contact forces of the roller - internal forces of the layer = 0    on the free degrees of freedom
 
-An increment of associated, hardening mix minimises a convex energy, so a step along Newton's direction is cut until the
-residual along that direction has shrunk. The factorised tangent is kept, from one increment to the next too, as long as
-it shrinks the residual well; where steps stay short a share of the elastic stiffness is added to it.
+An increment of an associated, hardening material minimises a convex energy. A step along the Newton direction is
+therefore cut until the residual along that direction has decreased. The factorised tangent is reused, across
+increments too, as long as it reduces the residual well (modified Newton). If steps remain short, a share of the elastic
+stiffness is added to the tangent.
 
-A layer that flows with hardly any stiffness, as a bow wave does, may be held by drag: a share of the elastic forces of
-its departure from the motion foreseen. Drag is none where the motion goes on as it was.
+A layer in plastic flow, such as a bow wave, has almost no stiffness. Artificial damping then stabilises it: a share of
+the elastic forces of the departure from the predicted displacement. It vanishes if the prediction is exact.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-RESIDUAL = 1e-6  # of the nodal forces
-ITERATIONS = 60
-WELL = 0.3  # ratio of successive residuals up to which a factorised tangent is kept
-ALONG = 0.3  # of the residual along the direction may be left by a step that goes too far
-CUTS = 8
-SHORT = 0.2  # a step below this asks for elastic stiffness
-FIRST_SHARE = 0.005  # of the elastic stiffness
+from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, SolidState
+from compact.engines.compaction.roller_contact import ContactForces
+
+RESIDUAL_TOLERANCE = 1e-6  # [-], of the nodal forces
+MAX_ITERATIONS = 60  # [-], Newton iterations of one increment
+GOOD_REDUCTION = 0.3  # [-], ratio of successive residuals up to which a factorised tangent is reused
+OVERSHOOT_LIMIT = 0.3  # [-], residual along the direction that a step beyond the minimum may leave, over its start
+MAX_STEP_CUTS = 8  # [-], step lengths tried by one line search
+SHORT_STEP = 0.2  # [-], step length below which elastic stiffness is added
+FIRST_ELASTIC_SHARE = 0.005  # [-], share of the elastic stiffness that is added first
+MAX_ELASTIC_SHARE = 10.0  # [-], share beyond which the increment fails
+
+LinearSolver = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
-class NotBalancedError(RuntimeError):
-    """An increment found no balance; the smallest residual reached is in its message."""
+class EquilibriumError(RuntimeError):
+    """No equilibrium was found; the message contains the smallest residual reached."""
 
 
-def unbalanced(sizes):
-    """Clause of a message about the forces that stay unbalanced after the iterations of the residuals `sizes`."""
-    return f"after {len(sizes)} iterations {min(sizes):.1e} of the forces stay unbalanced"
+class ContactSurface(Protocol):
+    """Any surface with contact forces on displaced nodes."""
+
+    def contact_forces(self, displacement: NDArray[np.float64]) -> ContactForces:
+        """Return the forces on nodes with displacements of shape (n, 2)."""
+
+
+def residual_clause(residuals: list[float]) -> str:
+    """Return the clause of an error message for the relative residuals of all iterations."""
+    return f"residual {min(residuals):.1e} of the nodal forces after {len(residuals)} iterations"
 
 
 @dataclass(frozen=True, eq=False)
-class Balance:
-    """A balanced increment: the `Condition` after it, the `Push` of the roller, residual over forces, iterations.
+class Equilibrium:
+    """Equilibrium at the end of an increment.
 
-    The residual is that without drag.
+    Parameters
+    ----------
+    state : SolidState
+        State of the layer.
+    contact : ContactForces
+        Contact with the roller.
+    residual : float
+        Norm of the residual without damping over that of the nodal forces [-].
+    iterations : int
+        Newton iterations.
     """
 
-    after: object
-    push: object
+    state: SolidState
+    contact: ContactForces
     residual: float
     iterations: int
 
 
-class Balancer:
-    """Balances increments of one `Solid` under one row of surface `nodes`, and remembers the factorised tangent."""
+class IncrementSolver:
+    """Newton solver for increments of one layer; it keeps the factorised tangent between increments.
 
-    def __init__(self, solid, nodes, residual=RESIDUAL):
-        self.solid, self.nodes, self.residual = solid, np.asarray(nodes, dtype=int), residual
-        self.factor, self.factorised = None, 0
+    Parameters
+    ----------
+    solid : FiniteStrainSolid
+        Finite elements of the layer.
+    nodes : array_like of int, shape (n,)
+        Surface nodes that the roller may touch.
+    tolerance : float
+        Relative tolerance of the residual [-].
+    """
 
-    def balanced(self, before, face, displacement, drag=0.0):
-        """The `Balance` from a `Condition`, near a displacement foreseen whose held unknowns are final.
+    def __init__(self, solid: FiniteStrainSolid, nodes: ArrayLike, tolerance: float = RESIDUAL_TOLERANCE) -> None:
+        self.solid, self.nodes, self.tolerance = solid, np.asarray(nodes, dtype=int), tolerance
+        self.solve_tangent: LinearSolver | None = None
 
-        drag : share of the elastic stiffness that resists departures from the displacement foreseen
-        face : `Face` or anything whose `push` answers displacements of the nodes
+    def solve(
+        self, before: SolidState, surface: ContactSurface, prediction: NDArray[np.float64], damping: float = 0.0
+    ) -> Equilibrium:
+        """Find the equilibrium that follows a state.
 
-        The search starts from the displacement before where elements fold over in the one foreseen.
+        Parameters
+        ----------
+        before : SolidState
+            State before the increment.
+        surface : ContactSurface
+            Roller at the end of the increment.
+        prediction : ndarray, shape (N, 2)
+            Predicted displacement [m]; its fixed degrees of freedom are final. If elements invert in it, the iteration
+            starts from the displacement before.
+        damping : float
+            Share of the elastic stiffness that resists departures from the prediction [-].
 
-        Raises NotBalancedError with the smallest residual reached.
+        Returns
+        -------
+        Equilibrium
+
+        Raises
+        ------
+        EquilibriumError
+            If Newton's method does not converge.
         """
-        trial, share, history = self._first(before, face, displacement, drag), 0.0, []
-        for iteration in range(ITERATIONS):
-            history.append(trial.size)
-            if trial.size <= self.residual:
-                return Balance(trial.motion.after, trial.push, trial.unbalanced, iteration)
-            stalled = iteration > 0 and history[-1] > WELL * history[-2]
-            fresh = self.factor is None or stalled
-            if fresh:
+        trial, share, residuals = self._first_trial(before, surface, prediction, damping), 0.0, []
+        for iteration in range(MAX_ITERATIONS):
+            residuals.append(trial.size)
+            if trial.size <= self.tolerance:
+                return Equilibrium(trial.increment.after, trial.contact, trial.undamped_size, iteration)
+            stalled = iteration > 0 and residuals[-1] > GOOD_REDUCTION * residuals[-2]
+            refactorised = self.solve_tangent is None or stalled
+            if refactorised:
                 self._factorise(trial, share)
-            direction = self.factor(trial.residual)
-            length, moved = _searched(trial, direction)
-            if moved is None and not fresh:  # an old tangent may point uphill
-                self.factor = None
+            direction = self.solve_tangent(trial.residual)
+            length, next_trial = _line_search(trial, direction)
+            if next_trial is None and not refactorised:  # an outdated tangent may give no descent direction
+                self.solve_tangent = None
                 continue
-            if moved is None or length < SHORT:
-                share, self.factor = max(4 * share, FIRST_SHARE), None
-                if share > 10:
+            if next_trial is None or length < SHORT_STEP:
+                share, self.solve_tangent = max(4 * share, FIRST_ELASTIC_SHARE), None
+                if share > MAX_ELASTIC_SHARE:
                     break
             elif length == 1:
-                share = share / 4 if share > FIRST_SHARE / 20 else 0.0
-            trial = moved or trial
-        raise NotBalancedError(f"no balance: {unbalanced(history)}")
+                share = share / 4 if share > FIRST_ELASTIC_SHARE / 20 else 0.0
+            trial = next_trial or trial
+        raise EquilibriumError(f"no equilibrium: {residual_clause(residuals)}")
 
-    def _first(self, before, face, foreseen, drag):
-        """The `_Trial` at the displacement foreseen, or before the increment where elements fold over there."""
-        held, start = self.solid.held, before.displacement.copy()
-        start.ravel()[held] = foreseen.ravel()[held]
-        for displacement in (foreseen, start):
-            trial = _tried(self, before, face, displacement, drag, foreseen)
+    def _first_trial(
+        self, before: SolidState, surface: ContactSurface, prediction: NDArray[np.float64], damping: float
+    ) -> "_Trial":
+        """Evaluate the prediction, or the displacement before the increment if elements invert in it."""
+        fixed, start = self.solid.fixed_dofs, before.displacement.copy()
+        start.ravel()[fixed] = prediction.ravel()[fixed]
+        for displacement in (prediction, start):
+            trial = _try_displacement(self, before, surface, displacement, damping, prediction)
             if trial is not None:
                 return trial
-        raise NotBalancedError("no balance: elements of the layer fold over before the first iteration")
+        raise EquilibriumError("no equilibrium: elements of the layer invert before the first iteration")
 
-    def _factorise(self, trial, share):
-        blocks = trial.stiffness()
-        if share + trial.drag:
-            blocks = blocks + (share + trial.drag) * self.elastic_blocks
+    def _factorise(self, trial: "_Trial", share: float) -> None:
+        stiffness = trial.element_stiffness()
+        if share + trial.damping:
+            stiffness = stiffness + (share + trial.damping) * self.elastic_stiffness
         try:
-            self.factor = self.solid.factorised(blocks, self.nodes, trial.push.stiffness)
+            self.solve_tangent = self.solid.factorise(stiffness, self.nodes, trial.contact.stiffness)
         except RuntimeError as error:
-            raise NotBalancedError(f"no balance: {error}") from error
-        if trial.push.coupling is not None:
-            self.factor = _coupled(self.factor, *(self._free(part) for part in trial.push.coupling))
-        self.factorised += 1
+            raise EquilibriumError(f"no equilibrium: {error}") from error
+        if trial.contact.creep_coupling is not None:
+            column, row = (self._scatter(part) for part in trial.contact.creep_coupling)
+            self.solve_tangent = _rank_one_update(self.solve_tangent, column, row)
 
-    def _free(self, values):
-        """Values at the surface nodes, shape (n, 2), on the free unknowns in their order."""
+    def _scatter(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Scatter values at the surface nodes, shape (n, 2), to the ordered free degrees of freedom."""
         spread = np.zeros((self.solid.basis.N, 2))
         spread[self.nodes] = values
-        return spread.ravel()[self.solid.order]
+        return spread.ravel()[self.solid.ordered_dofs]
 
     @cached_property
-    def elastic_blocks(self):
-        """Of the mix at rest, shape (elements, 16, 16)."""
-        rest = self.solid.at_rest()
-        return self.solid.moved(rest, rest.displacement).blocks
+    def elastic_stiffness(self) -> NDArray[np.float64]:
+        """Stiffness of the undeformed elements [N/m2], shape (elements, 16, 16)."""
+        return self.solid.elastic_element_stiffness()
 
-    def elastic_forces(self, displacement):
-        """That the nodes of an elastic layer would bear, shape (N, 2)."""
-        unknowns = self.solid.unknowns
-        forces = np.matmul(self.elastic_blocks, displacement.ravel()[unknowns][..., None])
-        return np.bincount(unknowns.ravel(), forces.ravel(), displacement.size).reshape(-1, 2)
+    def elastic_forces(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the nodal forces of an elastic layer.
+
+        Parameters
+        ----------
+        displacement : ndarray, shape (N, 2)
+            Displacement of the nodes [m].
+
+        Returns
+        -------
+        ndarray, shape (N, 2)
+            Internal forces [N/m].
+        """
+        dofs = self.solid.element_dofs
+        forces = np.matmul(self.elastic_stiffness, displacement.ravel()[dofs][..., None])
+        return np.bincount(dofs.ravel(), forces.ravel(), displacement.size).reshape(-1, 2)
 
 
 class _Trial:
-    """A displacement, what the layer and the roller answer to it, and what is left on the free unknowns."""
+    """A displacement with the internal and contact forces and the residual that follow from it."""
 
-    def __init__(self, balancer, before, face, displacement, drag, foreseen):
-        self.balancer, self.before, self.face, self.drag, self.foreseen = balancer, before, face, drag, foreseen
-        solid = balancer.solid
-        self.motion = solid.moved(before, displacement, tangent=False)
-        self.push = face.push(displacement[balancer.nodes])
-        forces = self.motion.forces
-        pushed = np.zeros_like(forces)
-        pushed[balancer.nodes] = self.push.forces
-        scale = max(np.linalg.norm(forces), np.linalg.norm(pushed)) or 1.0
-        self.residual = (pushed - forces).ravel()[solid.order]
-        self.unbalanced = np.linalg.norm(self.residual) / scale
-        if drag:
-            self.residual = self.residual - drag * balancer.elastic_forces(displacement - foreseen).ravel()[solid.order]
+    def __init__(
+        self,
+        solver: IncrementSolver,
+        before: SolidState,
+        surface: ContactSurface,
+        displacement: NDArray[np.float64],
+        damping: float,
+        prediction: NDArray[np.float64],
+    ) -> None:
+        self.solver, self.before, self.surface = solver, before, surface
+        self.damping, self.prediction = damping, prediction
+        solid = solver.solid
+        self.increment = solid.increment(before, displacement, tangent=False)
+        self.contact = surface.contact_forces(displacement[solver.nodes])
+        internal = self.increment.internal_forces
+        external = np.zeros_like(internal)
+        external[solver.nodes] = self.contact.forces
+        scale = max(np.linalg.norm(internal), np.linalg.norm(external)) or 1.0
+        self.residual = (external - internal).ravel()[solid.ordered_dofs]
+        self.undamped_size = np.linalg.norm(self.residual) / scale
+        if damping:
+            departure = solver.elastic_forces(displacement - prediction).ravel()[solid.ordered_dofs]
+            self.residual = self.residual - damping * departure
         self.size = np.linalg.norm(self.residual) / scale
         if not np.isfinite(self.size):
-            raise FloatingPointError("the layer folds over")
+            raise FloatingPointError("elements of the layer invert")
 
-    def stiffness(self):
-        """Blocks of the elements, the tangent found again with the same displacement."""
-        return self.balancer.solid.moved(self.before, self.motion.after.displacement).blocks
+    def element_stiffness(self) -> NDArray[np.float64]:
+        """Return the tangent stiffness of the elements; the increment is integrated again."""
+        return self.solver.solid.increment(self.before, self.increment.after.displacement).element_stiffness
 
-    def along(self, length, direction):
-        """The trial a step further, or None where elements would fold over or the mix does not follow."""
-        displacement = self.motion.after.displacement.copy()
-        displacement.ravel()[self.balancer.solid.order] += length * direction
-        return _tried(self.balancer, self.before, self.face, displacement, self.drag, self.foreseen)
+    def step(self, length: float, direction: NDArray[np.float64]) -> "_Trial | None":
+        """Return the trial one step further, or None if elements invert or the stress integration fails."""
+        displacement = self.increment.after.displacement.copy()
+        displacement.ravel()[self.solver.solid.ordered_dofs] += length * direction
+        return _try_displacement(self.solver, self.before, self.surface, displacement, self.damping, self.prediction)
 
 
-def _tried(*given):
-    """The `_Trial` of these arguments, or None where elements fold over or the mix does not follow."""
+def _try_displacement(*arguments: Any) -> _Trial | None:
+    """Return the `_Trial` of these arguments, or None if elements invert or the stress integration fails."""
     try:
         with np.errstate(invalid="raise", divide="raise", over="raise"):
-            return _Trial(*given)
+            return _Trial(*arguments)
     except (FloatingPointError, RuntimeError, ValueError):
         return None
 
 
-def _coupled(factor, column, row):
-    """Solver of a matrix and column x row more, from the solver of the matrix, by Sherman and Morrison."""
-    answer = factor(column)
-    part = answer / (1 + row @ answer)
+def _rank_one_update(solve: LinearSolver, column: NDArray[np.float64], row: NDArray[np.float64]) -> LinearSolver:
+    """Return the solver of A + column row' from that of A by the Sherman-Morrison formula."""
+    solved_column = solve(column)
+    part = solved_column / (1 + row @ solved_column)
 
-    def solve(residual):
-        plain = factor(residual)
+    def solve_updated(residual: NDArray[np.float64]) -> NDArray[np.float64]:
+        plain = solve(residual)
         return plain - (row @ plain) * part
 
-    return solve
+    return solve_updated
 
 
-def _searched(trial, direction):
-    """Length of the step and the trial there: the residual along the direction must shrink; None where none does."""
+def _line_search(trial: _Trial, direction: NDArray[np.float64]) -> tuple[float, _Trial | None]:
+    """Return the step length and the trial with a smaller residual along the direction; None if there is none."""
     start = direction @ trial.residual
     if start <= 0:
         return 0.0, None
     length = 1.0
-    for _ in range(CUTS):
-        moved = trial.along(length, direction)
-        if moved is not None:
-            left = direction @ moved.residual
-            if -ALONG * start <= left <= start or moved.size < WELL * trial.size:
-                return length, moved
-            length *= np.clip(start / (start - left), 0.1, 0.7) if left < 0 else 0.25  # the secant
+    for _ in range(MAX_STEP_CUTS):
+        candidate = trial.step(length, direction)
+        if candidate is not None:
+            slope = direction @ candidate.residual
+            if -OVERSHOOT_LIMIT * start <= slope <= start or candidate.size < GOOD_REDUCTION * trial.size:
+                return length, candidate
+            length *= np.clip(start / (start - slope), 0.1, 0.7) if slope < 0 else 0.25  # secant
         else:
             length /= 4
     return length, None

@@ -1,456 +1,635 @@
-"""A roller on its way over a layer whose mesh stays with the mix: one balanced step after the other, any way.
+"""Roller in reciprocating motion over compacting mix, on a mesh fixed to the mix.
 
-The tractions that the roller carries stay with it: before a step they go along the surface with the roller, and with
-them the change of the displacement, as they were when it came to the node one element before.
+    position x_0, x_1, ...: each step is an increment in equilibrium of the whole layer
 
-A roller that travels over compacting mix along a motion law: there and back, through v = 0, over what it pressed.
+The mesh covers the stroke and a length beyond its ends, and the roller moves over it. No state is convected, so that
+the return stroke needs no special treatment. The multiplier tractions move along the surface with the roller by whole
+elements. Mix without rate effect depends on the path alone; with it, the yield pressure follows the mean |v| of each
+step. Nothing changes while the roller is at rest.
 
-    position x_0, x_1, ...: each step a balanced increment of the whole layer,  Newton's method of `equilibrium`
-
-The mesh stays with the mix, as long as the stroke and what lies beyond its ends, and the roller rolls over it: no state
-is ever carried, so that going back needs nothing of its own. Tractions stay with the roller and go along the surface by
-whole elements. Mix that knows no rate answers the path alone, not the time it takes; with the rate effect pc follows
-the mean |v| of each step. A roller that stands waits without effect.
-
-Steps are half elements, as far as the points of an element lie apart, which is how the mix steps in the balance that
-`compaction` solves at once; after a turn they begin at the 16th part of an element. The error told is the change from
-steps twice as long, on the same mesh. Besides, the forces rise and fall a little within each element, as its nodes meet
-the roller: on 6 elements a contact by 1.3 % of the resistance and 0.3 % of the load to either side of their mean.
+Steps are half elements, the spacing of the Gauss points, which is also the step of the streamline integration. After a
+reversal they begin with 1/16 of an element. The error estimate is the change from steps twice as long on the same mesh.
+The forces also oscillate within each element as its nodes enter the contact: with 6 elements per contact length by
+1.3 % of the resistance and 0.3 % of the load.
 
 Friction
-    A roller that turns grips the mix by Coulomb's law, slip being what a node moves along its surface in a step, and
-    its angle follows from its torque (`turning`). Where it turns back nothing jumps: all sticks until slip begins anew.
-    A roller that slides drags the mix by f p whichever way it goes; at v = 0 that is anything between, and so is a
-    torque that turns with the travel. There the time stands twice, before and after. The drag then moves the mix at
-    once, while the roller stands, and what slip takes may fall by that work.
+    A rotating roller has Coulomb friction with stick and slip; its rotation follows from the torque
+    (`roller_contact`). At a reversal nothing jumps: the whole contact sticks until slip begins again. A sliding roller
+    has the traction f p along its travel, which is set-valued at v = 0, like a torque that changes sign with the
+    travel. The instant of a reversal then appears twice, before and after. The change of sign moves the mix while the
+    roller is at rest, and the slip work may decrease by that work.
 
-Envelope: 2 mm deep in 0.1 m, 6 elements a contact, mean load and resistance within 0.5 % of steady rolling after three
-heights of travel; 0.4 s of processor time a step, 65 s there and back over 0.12 m, half as much again with the error.
-Free with friction 0.3 within 0.4 % and 0.8 %, on 8 elements 0.25 % and 0.5 %, at the same cost. A layer that slips is
-refused, and so is a load instead of an indentation.
+Range
+    2 mm depth in 0.1 m, 6 elements per contact length: mean load and resistance within 0.5 % of steady rolling after a
+    travel of three heights, 0.4 s of processor time for a step, 65 s for both strokes over 0.12 m, half as much again
+    with the error estimate. Free with friction 0.3: within 0.4 % and 0.8 %, on 8 elements 0.25 % and 0.5 %. Layers on a
+    frictionless base and rollers with a prescribed load are refused.
 
-Feed
-    Between two strokes the roller is taken off, and fresh mix spread on a flat layer of rows as they lie in the middle
-    of the stroke; the roller comes down to its indentation below the new surface. The ends of the stroke, about as long
-    as the contact, are taken as its middle. The layer grows by what it is fed less what is pressed. That is how
-    `passes` goes from pass to pass, which judges it.
+Lifts
+    Between two strokes a lift of fresh mix may be added on a flat layer of rows in the state of the middle of the
+    stroke; then the roller is pressed to its indentation below the new surface. The ends of the stroke, about as long
+    as the contact, are approximated by the middle. `multipass` proceeds likewise from pass to pass and is the reference
+    for it.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Literal, Protocol, TypedDict, Unpack
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 from threadpoolctl import threadpool_limits
 
 from compact.engines.compaction.engine import require_compactable
-from compact.engines.compaction.incremental_rolling import PENALTY, SOFTER, THIN
-from compact.engines.compaction.newton import Balancer, NotBalancedError
-from compact.engines.compaction.results import drawn, left
-from compact.engines.compaction.roller_contact import RollerSurface, RollingSurface
-from compact.engines.compaction.roller_frame import Frame, LayerState, stroke_mesh, transferred
-from compact.engines.stroke_schedule import PLACE_TOLERANCE, STEP_LENGTH, stroke_schedule
-from compact.numerics.validation import require_finite, require_integers, require_nonnegative
-from compact.rolling_contact import TransientResult, require_torque_allowed
+from compact.engines.compaction.incremental_rolling import PENALTY, PENALTY_REDUCTION, PENALTY_ROWS, IncrementalRolling
+from compact.engines.compaction.newton import Equilibrium, EquilibriumError, IncrementSolver
+from compact.engines.compaction.results import CompactionContactResult, exit_layer, fields_mesh
+from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface, RollingSurface
+from compact.engines.compaction.roller_frame import LayerState, RollerFrame, stroke_mesh, transfer_state
+from compact.engines.stroke_schedule import PLACE_TOLERANCE, STEP_LENGTH, Strokes, stroke_schedule
+from compact.material.laws import Compaction
+from compact.numerics.validation import require_finite, require_integers, require_known, require_nonnegative
+from compact.rolling_contact import Layer, Roller, TransientResult, require_torque_allowed
 
-PRESSING = 6  # steps of a roller that comes down
-RESIDUAL = 1e-4  # of the nodal forces
-ENTERED = 0.01  # of the largest pressure, by which that of a node may miss what was given on
-GIVEN_ON = 10  # times in a step at most; one in ten steps on thick mix leaves more, which the next ones make up
+if TYPE_CHECKING:
+    import meshio
+
+INCREMENTS = 6  # [-], elements per contact length sqrt(2 R depth)
+PRESSING_STEPS = 6  # [-], steps in which the roller is pressed to its depth
+STEP_TOLERANCE = 1e-4  # [-], residual of a step over the nodal forces
+MULTIPLIER_TOLERANCE = 0.01  # [-], change of a multiplier in an augmentation over the largest pressure
+MAX_AUGMENTATIONS = 10  # [-], in a step; one in ten steps on thick layers ends with more, which the next steps reduce
+STEPS_PER_ELEMENT = round(1 / STEP_LENGTH)  # [-], steps with stored changes for the prediction
+STATE_FIELDS = (
+    "position", "bottom_height", "load", "resistance", "leading", "trailing", "angle", "input_work", "slip_work",
+    "stored_work",
+)  # fmt: skip  # of a `RollerState` in a `CompactionTransientResult`
+
+
+class PrescribedMotion(Protocol):
+    """Motion of the roller."""
+
+    duration: float
+
+    def position(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Position [m] at times [s]."""
+
+    def velocity(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Velocity [m/s] at times [s]."""
+
+
+class ReciprocatingOptions(TypedDict, total=False):
+    """Numerical options of `simulate_reciprocating`; see `ReciprocatingNumerics`."""
+
+    strain: Literal["finite", "small"]
+    increments: int
+    instants: Sequence[float]
+    estimate: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReciprocatingNumerics:
+    """Numerical options of `simulate_reciprocating`.
+
+    Parameters
+    ----------
+    strain : {"finite", "small"}
+        Strain measure.
+    increments : int
+        Elements per contact length; each is travelled in two steps.
+    instants : sequence of float
+        Times at which fields are kept as `frames`, each at the nearest end of a step [s].
+    estimate : bool
+        True for an error estimate from steps twice as long, at half as much work again.
+
+    Raises
+    ------
+    ValueError
+        If an option is out of its range.
+    """
+
+    strain: Literal["finite", "small"] = "finite"
+    increments: int = INCREMENTS
+    instants: Sequence[float] = ()
+    estimate: bool = True
+
+    def __post_init__(self) -> None:
+        require_known("strain", self.strain, ("finite", "small"))
+        require_integers(increments=self.increments)
+        require_finite(instants=self.instants)
 
 
 @dataclass(frozen=True)
 class RollerState:
-    """Where a roller is and what the layer does to it: as `CompactionTransientResult` has it."""
+    """Position, forces and works of a roller; see `CompactionTransientResult`."""
 
     position: float
-    lowest: float
+    bottom_height: float
     load: float
     resistance: float
     leading: float
     trailing: float
     angle: float
-    given: float
-    rubbed: float
-    kept: float
-
-
-class Trip:
-    """A roller on its way over one layer, at first where it just touches it, at x = `low`.
-
-    way : `Strokes`;  element, length : of the mesh along x, and about that of the contact [m]
-    fed : what lies there, a `LayerState` or None for fresh mix of a `height`;  place : x of the roller [m]
-    torque : on a roller that turns, + the way it travels [N]
-    """
-
-    def __init__(self, way, roller, law, height, *, torque, element, length, finite, fed, place):
-        self.low, self.span, self.element = way.low, way.span, element
-        self.turns = roller.rolling in ("free", "driven") and roller.friction > 0
-        # along +x: traction over pressure where all slides, sum of the tractions where the roller turns
-        self.friction = roller.friction if roller.rolling == "sliding" else 0.0
-        self.pull = -(torque or 0.0) / roller.radius
-        mesh = stroke_mesh(height, length, element, round(way.span / element))
-        self.frame = frame = Frame(mesh, law, "bonded", length, fed=fed, finite=finite)
-        nodes = frame.nodes[frame.surface] + [way.low, 0.0]
-        penalty = PENALTY * law.unloading_modulus / min(element, height / THIN)
-        given = {"profile": roller.profile, "offset": float(place)}
-        given |= {"grip": roller.friction, "sheared": np.zeros(len(nodes))} if self.turns else {}
-        kind = RollingSurface if self.turns else RollerSurface
-        self.face = kind(nodes, frame.weights, roller.radius, height, penalty, np.zeros(len(nodes)), **given)
-        self.balancer = Balancer(frame.solid, frame.surface, RESIDUAL)
-        self.condition, self.past, self.iterations = frame.at_rest(), [], 0
-        self.push = self.face.pressed(self.condition.displacement[frame.surface])
-        self.angle, self.given, self.rubbed, self.kept = 0.0, 0.0, 0.0, 0.0
-
-    def take_over(self, march):
-        """Be at `low` as a steady `March` is, which has x = 0 under the roller."""
-        frame = self.frame
-        x, old = frame.nodes[frame.surface, 0], march.frame.nodes[march.frame.surface, 0]
-        pressure, shear = (np.interp(x, old, of, left=0.0, right=0.0) for of in (march.push.pressure, march.push.shear))
-        self.condition = transferred(march.condition, march.frame, frame)
-        face = self._facing(1.0).carrying(pressure, shear, march.push.creep)
-        self.face = replace(face, lowest=march.steps[-1].lowest).starting(self.condition.displacement[frame.surface])
-        self.push = self.face.push(self.condition.displacement[frame.surface])
-
-    def press(self, lowest, rate_factor, every=1):
-        """Come down in steps, or in `every` second one."""
-        for height in np.linspace(self.face.lowest, lowest, PRESSING + 1)[every::every]:
-            self.go(self.face.offset, height, rate_factor)
-
-    def go(self, x, lowest, rate_factor):
-        """Step to a place and a height, pc being larger by the rate factor meanwhile."""
-        self._go(x, lowest, rate_factor, np.sign(x - self.face.offset))
-
-    def turn_round(self, sign, rate_factor):
-        """Take the friction and the torque of a way along `sign` x before it is gone."""
-        self._go(self.face.offset, self.face.lowest, rate_factor, sign)
-
-    def _go(self, x, lowest, rate_factor, sign):
-        way, before = x - self.face.offset, self.face.forces(self.push)
-        tractions, change = self._foreseen(way)
-        face = self._facing(sign).carrying(*tractions, self.push.creep)
-        face = face.starting(self.condition.displacement[self.frame.surface]).at(lowest, x)
-        self.frame.solid.rate_factor = rate_factor
-        balance = self._balanced(face, self.condition.displacement + change)
-        self._refuse_skid(face, balance.push)
-        push, change = balance.push, balance.after.displacement - self.condition.displacement
-        turned = way + push.ahead if self.turns else 0.0
-        load, resistance = np.add(before, face.forces(push)) / 2
-        rubbed = self._rubbed(face, balance, change, way, turned)
-        self.angle += turned / face.radius
-        self.given += resistance * way - load * (lowest - self.face.lowest) - sign * self.pull * turned - rubbed
-        self.rubbed += rubbed
-        self.kept += self.frame.solid.area @ (balance.after.work - self.condition.work)
-        self.past = [*self.past[1 - round(1 / STEP_LENGTH) :], (x, way, (push.pressure, push.shear), change)]
-        self.condition, self.push, self.iterations = balance.after, push, self.iterations + balance.iterations
-        self.face = face.carrying(push.pressure, push.shear, push.creep)
-
-    def _facing(self, sign):
-        """The face of a roller that goes along `sign` x, or comes down for 0."""
-        return replace(self.face, **({"pull": sign * self.pull} if self.turns else {"friction": sign * self.friction}))
-
-    @property
-    def set_valued(self):
-        """Whether the roller drags or is turned one way or the other, and at rest anything between."""
-        return bool(self.friction or self.pull)
-
-    @property
-    def stand(self):
-        """The `RollerState` now."""
-        x = self.face.place[:, 0] + self.condition.displacement[self.frame.surface, 0] - self.face.offset
-        touching, edges = np.flatnonzero(self.push.pressure > 0), (np.nan, np.nan)
-        if len(touching):
-            first, last = touching[[0, -1]]
-            edges = float(x[last] + x[last + 1]) / 2, float(x[first - 1] + x[first]) / 2
-        forces = self.face.forces(self.push)
-        works = self.given, self.rubbed, self.kept
-        return RollerState(self.face.offset, self.face.lowest, *forces, *edges, self.angle, *works)
-
-    @property
-    def left(self):
-        """`LayerState` of what lies in the middle of the way."""
-        middle = int(np.searchsorted(self.frame.row_x, self.span / 2))
-        return left(self.frame, self.condition, middle)[0]
-
-    @property
-    def fields(self):
-        """meshio mesh of the fields, as `compacted.fields` has them, in the places of the motion."""
-        mesh = drawn(self.frame, self.condition)
-        mesh.points[:, 0] += self.low
-        return mesh
-
-    def _foreseen(self, way):
-        """Tractions and change of the displacement in a step: as one element before, or as the tractions were last."""
-        x, sign = self.face.offset + way, np.sign(way)
-        shift, tractions = way, (self.push.pressure, self.push.shear)
-        change = np.zeros_like(self.condition.displacement)
-        for place, gone, pressed, moved in self.past:
-            if way and abs(x - place - sign * self.element) + abs(way - gone) < PLACE_TOLERANCE * self.element:
-                shift, tractions, change = sign * self.element, pressed, self._moved[sign] @ moved
-        change.ravel()[self.frame.held] = 0.0
-        nodes = self.face.place[:, 0]
-        return [np.interp(nodes - shift, nodes, traction) for traction in tractions], change
-
-    @cached_property
-    def _moved(self):
-        """Fields of the nodes moved on by an element, by the sign of the way."""
-        (x, y), probes = self.frame.nodes.T, self.frame.solid.basis.probes
-        low, high = x.min(), x.max()
-        return {sign: probes(np.array([np.clip(x - sign * self.element, low, high), y])) for sign in (1.0, -1.0)}
-
-    def _balanced(self, face, guess):
-        """The `Balance` of a step: the roller's pressures are given on until the mix does not enter it."""
-        iterations = 0
-        for _ in range(GIVEN_ON):
-            balance = self._pressed(face, guess)
-            iterations += balance.iterations
-            push = balance.push
-            if face.missed(push) <= ENTERED * push.pressure.max():
-                break
-            face, guess = face.carrying(push.pressure, push.shear, push.creep), balance.after.displacement
-        return replace(balance, iterations=iterations)
-
-    def _pressed(self, face, guess):
-        """The `Balance` with the pressures carried, of a softer roller if need be."""
-        try:
-            return self.balancer.balanced(self.condition, face, guess)
-        except NotBalancedError:
-            self.balancer.factor = None
-        try:
-            soft = replace(face, penalty=SOFTER * face.penalty)
-            return self.balancer.balanced(self.condition, soft, self.condition.displacement)
-        except NotBalancedError as reason:
-            load, resistance = self.face.forces(self.push)
-            raise RuntimeError(
-                f"no balance on the way from {self.face.offset:.6g} to {face.offset:.6g} m, lowest generatrix "
-                f"{face.lowest:.6g} m: {reason}; reached: load {load:.6g} N/m, resistance {resistance:.6g} N/m"
-            ) from reason
-
-    def _refuse_skid(self, face, push):
-        """A torque beyond what friction holds slips all over, and nothing tells how fast."""
-        if self.turns and face.pull and face.asked(push) >= 1:
-            raise RuntimeError(
-                f"the roller skids at {face.offset:.6g} m: {face.asked(push):.3g} times the friction limit asked"
-            )
-
-    def _rubbed(self, face, balance, change, way, turned):
-        """Work that slip of the mix along the roller takes, whose surface has `turned` back under its axle [J/m]."""
-        surface = self.frame.surface
-        slip = np.array([way, 0.0]) - change[surface]
-        along = np.sum(face.tangent(balance.after.displacement[surface]) * slip, axis=1) - turned
-        return face.weight * (self.push.shear + balance.push.shear) / 2 @ along
-
-
-INCREMENTS = 6  # elements per contact length sqrt(2 R depth)
-NUMBERS = (
-    "position",
-    "lowest",
-    "load",
-    "resistance",
-    "leading",
-    "trailing",
-    "angle",
-    "given",
-    "rubbed",
-    "kept",
-)  # of a `RollerState`
+    input_work: float
+    slip_work: float
+    stored_work: float
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CompactionTransientResult(TransientResult):
     """A `TransientResult` over compacting mix.
 
-    Where mix is fed, or friction or torque turns round, the time of the turn stands twice, before and after.
-
-    stroke : number of the stroke, from 1, shape (n,)
-    lowest : height of the lowest generatrix [m], shape (n,)
-    angle : by which the roller has turned [rad], + as it rolls along +x; 0 of one that does not turn, shape (n,)
-    given : work of the roller, int resistance dx - int load dlowest + int torque dangle, without what slip takes
-        [J/m], shape (n,)
-    rubbed : work that slip takes [J/m], shape (n,)
-    kept : work that the mix took up meanwhile, int J sigma : d strain [J/m], shape (n,)
-    left : `LayerState` of what lies in the middle of the stroke after each
-    iterations : of Newton's method, all of them
-    """
-
-    stroke: np.ndarray
-    lowest: np.ndarray
-    angle: np.ndarray
-    given: np.ndarray
-    rubbed: np.ndarray
-    kept: np.ndarray
-    left: tuple[LayerState, ...]
-    iterations: int
-
-    @property
-    def work_residual(self):
-        """Largest difference of work given and kept over the most that was given."""
-        return float(np.abs(self.given - self.kept).max() / np.abs(self.given).max())
-
-    @property
-    def density_ratio(self):
-        """Mean over the height in the middle of the stroke, after each."""
-        return tuple(lies.density_ratio for lies in self.left)
-
-
-def simulate_reciprocating(
-    layer,
-    roller,
-    material,
-    motion,
-    *,
-    torque=None,
-    feed=0.0,
-    fed=None,
-    start=None,
-    strain="finite",
-    increments=INCREMENTS,
-    instants=(),
-    estimate=True,
-):
-    """A roller at a given indentation that travels over compacting mix, a `CompactionTransientResult`.
-
-    At first the roller stands pressed into mix that lies flat, or comes in steady motion from a `start`.
+    If a lift is added, or friction or torque change sign, the instant of a reversal appears twice, before and after.
 
     Parameters
     ----------
-    layer : Layer, bonded; its height is that of the mix before the first stroke
-    roller : Roller with an `indentation`, every profile; "sliding" with the traction f p on the mix along the travel,
-        "free" or "driven", which stick and slip
-    material : Compaction
-    motion : with `position` and `velocity` of time and `duration` [s], as `Motion` and `Cycle`
-    torque : on a roller that is free or driven, per unit length, + turning it the way it travels [N]; without it a
-        free roller has none
-    feed : height of fresh mix that is spread before every stroke but the first [m]
-    fed : `LayerState` of an earlier pass, as of `compaction.roll`; without it fresh mix
-    start : CompactionContactResult over the same layer, towards which the motion begins
-    strain : "finite" or "small"
-    increments : elements per contact length, each travelled in two steps
-    instants : times whose fields are kept as `frames`, each at the nearest end of a step [s]
-    estimate : whether to tell the error, from steps twice as long; half as much work again
-
-    Raises RuntimeError with the place reached where no balance is found or the torque makes the roller skid.
+    stroke : ndarray, shape (n,)
+        Number of the stroke, from 1.
+    bottom_height : ndarray, shape (n,)
+        Height of the lowest generatrix [m].
+    angle : ndarray, shape (n,)
+        Rotation of the roller [rad], + as it rolls along +x; 0 without rotation.
+    input_work : ndarray, shape (n,)
+        Work of the roller without slip work, int resistance dx - int load d(bottom height) + int torque dangle [J/m].
+    slip_work : ndarray, shape (n,)
+        Work of slip [J/m].
+    stored_work : ndarray, shape (n,)
+        Work of deformation of the layer, int J sigma : d strain [J/m].
+    exit_layers : tuple of LayerState
+        State in the middle of the stroke, after each stroke.
+    iterations : int
+        Newton iterations of all steps.
     """
-    way = stroke_schedule(motion)
-    _refuse(layer, roller, material, way, feed, strain, fed, start)
+
+    stroke: NDArray[np.int64]
+    bottom_height: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    input_work: NDArray[np.float64]
+    slip_work: NDArray[np.float64]
+    stored_work: NDArray[np.float64]
+    exit_layers: tuple[LayerState, ...]
+    iterations: int
+
+    @property
+    def work_residual(self) -> float:
+        """Largest difference of input and stored work over the largest input work [-]."""
+        return float(np.abs(self.input_work - self.stored_work).max() / np.abs(self.input_work).max())
+
+    @property
+    def density_ratio(self) -> tuple[float, ...]:
+        """Mean density ratios over the height in the middle of the stroke, after each stroke [-]."""
+        return tuple(layer.density_ratio for layer in self.exit_layers)
+
+
+def simulate_reciprocating(
+    layer: Layer,
+    roller: Roller,
+    material: Compaction,
+    motion: PrescribedMotion,
+    *,
+    torque: float | None = None,
+    lift_thickness: float = 0.0,
+    fed_layer: LayerState | None = None,
+    start: CompactionContactResult | None = None,
+    **options: Unpack[ReciprocatingOptions],
+) -> CompactionTransientResult:
+    """Simulate the motion of a roller at a constant indentation over compacting mix.
+
+    The motion begins with the roller pressed into flat mix at rest, or in steady motion from a `start`.
+
+    Parameters
+    ----------
+    layer : Layer
+        Bonded layer with the height of the mix before the first stroke.
+    roller : Roller
+        Roller with an `indentation`, of any profile. A sliding one has the traction f p on the mix along the travel; a
+        free or driven one sticks and slips.
+    material : Compaction
+        Constitutive law.
+    motion : PrescribedMotion
+        Position and velocity over the duration, such as `Motion` and `Cycle`.
+    torque : float, optional
+        Torque per unit length on a free or driven roller, + along its travel [N]; 0 by default for a free one.
+    lift_thickness : float
+        Thickness of fresh mix that is added before every stroke but the first [m].
+    fed_layer : LayerState, optional
+        Layer of an earlier pass; fresh mix by default.
+    start : CompactionContactResult, optional
+        Steady rolling along +x on the same layer, from which the motion begins.
+    **options
+        Numerical options, see `ReciprocatingNumerics`.
+
+    Returns
+    -------
+    CompactionTransientResult
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range.
+    RuntimeError
+        If a step has no equilibrium or the roller skids; the message contains the position.
+    """
+    numerics = ReciprocatingNumerics(**options)
+    strokes = stroke_schedule(motion)
+    _require_simulable(layer, roller, material, strokes, lift_thickness, fed_layer)
+    if start is not None:
+        _require_same_start(start, layer, roller, strokes, fed_layer)
     require_torque_allowed(roller, torque)
-    require_integers(increments=increments)
-    require_finite(instants=instants)
     length = float(np.sqrt(2 * roller.radius * roller.indentation))
-    element = way.span / np.ceil(way.span * increments / length * (1 - PLACE_TOLERANCE))
-    job = _Job(layer, roller, torque, material, way, element, length, feed, fed, start, strain == "finite")
+    element = strokes.span / np.ceil(strokes.span * numerics.increments / length * (1 - PLACE_TOLERANCE))
+    case = _ReciprocatingCase(roller, material, strokes, torque or 0.0, element, length, numerics.strain == "finite")
+    program = _StrokeProgram(case, layer.height, lift_thickness, fed_layer, start)
     with threadpool_limits(1):
-        done = job.done(1, instants)
-        rough = job.done(2) if estimate else None
-    return _result(way, done, rough)
-
-
-@dataclass(eq=False)
-class _Done:
-    """What strokes have given: (stroke, time, `RollerState`) of each step, `LayerState` of each stroke, frames, and the `Trip`s."""
-
-    steps: list
-    left: list
-    frames: list
-    trips: list
+        history = program.simulate(1, numerics.instants)
+        coarse = program.simulate(2) if numerics.estimate else None
+    return _build_transient_result(strokes, history, coarse)
 
 
 @dataclass(frozen=True, eq=False)
-class _Job:
-    """What is asked of `simulate_reciprocating`, and the lengths of an element and of the contact."""
+class _ReciprocatingCase:
+    """Roller, mix and strokes, with the lengths of an element and of the contact [m]."""
 
-    layer: object
-    roller: object
-    torque: float | None
-    material: object
-    way: object
+    roller: Roller
+    material: Compaction
+    strokes: Strokes
+    torque: float
     element: float
-    length: float
-    feed: float
-    fed: LayerState | None
-    start: object
+    contact_length: float
     finite: bool
 
-    def done(self, every, instants=()):
-        """The `_Done` of all strokes, in steps or in `every` second one."""
-        done, trip = _Done([], [], [], []), None
-        for stroke in range(self.way.count):
-            times, places = self.way.steps(stroke, self.element, every)
-            rates = [self.material.rate_factor(speed) for speed in np.diff(places) / np.diff(times)]
-            wanted = self.way.nearest(stroke, times, instants)
-            anew = trip is None or self.feed > 0
-            trip = self._begun(done, places[0], rates[0], every) if anew else trip
-            if trip.set_valued:
-                if anew:
-                    done.steps.append((stroke, times[0], trip.stand))
-                trip.turn_round(np.sign(places[1] - places[0]), rates[0])
-            for k, (time, place) in enumerate(zip(times, places, strict=True)):
-                if k:
-                    trip.go(place, trip.face.lowest, rates[k - 1])
-                if k or anew or trip.set_valued:
-                    done.steps.append((stroke, time, trip.stand))
-                if k in wanted:
-                    done.frames.append((float(time), trip.fields))
-            done.left.append(trip.left)
-        return done
 
-    def _begun(self, done, place, rate, every):
-        """The `Trip` before a stroke: over what was left and is fed now, over the first layer or from the start."""
-        fed = done.left[-1].under(self.feed, self.material) if done.left else self.fed
-        height = self.layer.height if fed is None else fed.height
-        given = {"torque": self.torque, "element": self.element, "length": self.length, "finite": self.finite}
-        trip = Trip(self.way, self.roller, self.material, height, fed=fed, place=place, **given)
-        if done.trips:
-            trip.given, trip.kept = done.trips[-1].given, done.trips[-1].kept
-        done.trips.append(trip)
-        if self.start is not None and not done.left:
-            trip.take_over(self.start.march)
+class ReciprocatingRoller:
+    """Roller on one layer, at first just in touch with it.
+
+    Parameters
+    ----------
+    case : _ReciprocatingCase
+        Roller, mix and strokes.
+    height : float
+        Height of the layer [m].
+    fed_layer : LayerState or None
+        Layer of an earlier pass, None for fresh mix.
+    position : float
+        x of the roller [m].
+    """
+
+    def __init__(self, case: _ReciprocatingCase, height: float, fed_layer: LayerState | None, position: float) -> None:
+        roller, strokes, element = case.roller, case.strokes, case.element
+        self.strokes, self.element = strokes, element
+        self.rotates = roller.rolling in ("free", "driven") and roller.friction > 0
+        # for travel along +x: traction over pressure of a sliding roller, sum of the tractions of a rotating one
+        self.traction_ratio = roller.friction if roller.rolling == "sliding" else 0.0
+        self.tangential_force = -case.torque / roller.radius
+        mesh = stroke_mesh(height, case.contact_length, element, round(strokes.span / element))
+        self.frame = frame = RollerFrame(
+            mesh, case.material, "bonded", case.contact_length, fed_layer=fed_layer, finite=case.finite
+        )
+        coordinates = frame.nodes[frame.surface_nodes] + [strokes.low, 0.0]
+        penalty = PENALTY * case.material.unloading_modulus / min(element, height / PENALTY_ROWS)
+        geometry = coordinates, frame.surface_weights, roller.radius, height, penalty, np.zeros(len(coordinates))
+        keywords = {"profile": roller.profile, "position": float(position)}
+        self.surface: RollerSurface = (
+            RollingSurface(*geometry, **keywords, friction=roller.friction, multiplier_shear=np.zeros(len(coordinates)))
+            if self.rotates
+            else RollerSurface(*geometry, **keywords)
+        )
+        self.solver = IncrementSolver(frame.solid, frame.surface_nodes, STEP_TOLERANCE)
+        self.state, self.iterations = frame.initial_state(), 0
+        self._past: list[_PastStep] = []
+        self.contact = self.surface.normal_contact(self._surface_displacement())
+        self.angle, self.input_work, self.slip_work, self.stored_work = 0.0, 0.0, 0.0, 0.0
+
+    @property
+    def is_set_valued(self) -> bool:
+        """True if the friction or torque change sign with the travel."""
+        return bool(self.traction_ratio or self.tangential_force)
+
+    @property
+    def roller_state(self) -> RollerState:
+        """Present position, forces and works."""
+        surface = self.surface
+        x = surface.coordinates[:, 0] + self._surface_displacement()[:, 0] - surface.position
+        touching, edges = np.flatnonzero(self.contact.pressure > 0), (np.nan, np.nan)
+        if len(touching):
+            first, last = touching[[0, -1]]
+            edges = float(x[last] + x[last + 1]) / 2, float(x[first - 1] + x[first]) / 2
+        forces = surface.load_and_resistance(self.contact)
+        works = self.input_work, self.slip_work, self.stored_work
+        return RollerState(surface.position, surface.bottom_height, *forces, *edges, self.angle, *works)
+
+    @property
+    def middle_layer(self) -> LayerState:
+        """State of the layer in the middle of the stroke."""
+        middle = int(np.searchsorted(self.frame.row_x, self.strokes.span / 2))
+        return exit_layer(self.frame, self.state, middle)[0]
+
+    @property
+    def fields(self) -> "meshio.Mesh":
+        """Fields of the layer as of `results.fields`, a meshio mesh at the positions of the motion."""
+        mesh = fields_mesh(self.frame, self.state)
+        mesh.points[:, 0] += self.strokes.low
+        return mesh
+
+    def initialise_from(self, solution: IncrementalRolling) -> None:
+        """Continue from steady rolling with x = 0 at the lower end of the stroke.
+
+        Parameters
+        ----------
+        solution : IncrementalRolling
+            Steady solution.
+        """
+        x, old = (frame.nodes[frame.surface_nodes, 0] for frame in (self.frame, solution.frame))
+        pressure, shear = (
+            np.interp(x, old, traction, left=0.0, right=0.0)
+            for traction in (solution.contact.pressure, solution.contact.shear)
+        )
+        self.state = transfer_state(solution.state, solution.frame, self.frame)
+        surface = self._surface_along(1.0).with_multipliers(
+            ContactTractions(pressure, shear, solution.contact.creepage)
+        )
+        surface = replace(surface, bottom_height=solution.steps[-1].bottom_height)
+        self.surface = surface.begin_increment(self._surface_displacement())
+        self.contact = self.surface.contact_forces(self._surface_displacement())
+
+    def press(self, bottom_height: float, rate_factor: float, every: int = 1) -> None:
+        """Press the roller down.
+
+        Parameters
+        ----------
+        bottom_height : float
+            Final height of the lowest generatrix [m].
+        rate_factor : float
+            Factor of the yield pressure by the speed [-].
+        every : int
+            1 for all steps, 2 for every second step.
+        """
+        for height in np.linspace(self.surface.bottom_height, bottom_height, PRESSING_STEPS + 1)[every::every]:
+            self.move_to(self.surface.position, height, rate_factor)
+
+    def move_to(self, x: float, bottom_height: float, rate_factor: float) -> None:
+        """Move the roller by one step.
+
+        Parameters
+        ----------
+        x, bottom_height : float
+            Position and height of the lowest generatrix after the step [m].
+        rate_factor : float
+            Factor of the yield pressure by the speed [-].
+        """
+        self._step(x, bottom_height, rate_factor, np.sign(x - self.surface.position))
+
+    def reverse_friction(self, sign: float, rate_factor: float) -> None:
+        """Apply the friction and torque of a travel along `sign` x [-] at rest, with a `rate_factor` [-]."""
+        self._step(self.surface.position, self.surface.bottom_height, rate_factor, sign)
+
+    def _surface_displacement(self) -> NDArray[np.float64]:
+        return self.state.displacement[self.frame.surface_nodes]
+
+    def _step(self, x: float, bottom_height: float, rate_factor: float, sign: float) -> None:
+        old, travel = self.surface, x - self.surface.position
+        forces_before = old.load_and_resistance(self.contact)
+        tractions, prediction = self._predict(travel)
+        surface = self._surface_along(sign).with_multipliers(tractions)
+        surface = surface.begin_increment(self._surface_displacement()).moved_to(bottom_height, x)
+        self.frame.solid.rate_factor = rate_factor
+        equilibrium = self._solve_augmented(surface, self.state.displacement + prediction)
+        contact, change = equilibrium.contact, equilibrium.state.displacement - self.state.displacement
+        self._require_grip(surface, contact)
+        rotation = travel + contact.creep_travel if self.rotates else 0.0
+        load, resistance = np.add(forces_before, surface.load_and_resistance(contact)) / 2
+        slip_work = self._slip_work(surface, equilibrium, change, travel, rotation)
+        self.angle += rotation / surface.radius
+        self.input_work += (
+            resistance * travel
+            - load * (bottom_height - old.bottom_height)
+            - sign * self.tangential_force * rotation
+            - slip_work
+        )
+        self.slip_work += slip_work
+        self.stored_work += self.frame.solid.point_areas @ (equilibrium.state.work - self.state.work)
+        self._past = [*self._past[1 - STEPS_PER_ELEMENT :], _PastStep(x, travel, contact, change)]
+        self.state, self.contact = equilibrium.state, contact
+        self.iterations += equilibrium.iterations
+        self.surface = surface.with_multipliers(contact)
+
+    def _surface_along(self, sign: float) -> RollerSurface:
+        """Return the surface of a roller with travel along `sign` x, 0 for none."""
+        if isinstance(self.surface, RollingSurface):
+            return replace(self.surface, tangential_force=sign * self.tangential_force)
+        return replace(self.surface, traction_ratio=sign * self.traction_ratio)
+
+    def _predict(self, travel: float) -> tuple[ContactTractions, NDArray[np.float64]]:
+        """Predict tractions and displacement change: as one element before, or with the last tractions."""
+        x, sign = self.surface.position + travel, np.sign(travel)
+        shift, tractions = travel, self.contact
+        change = np.zeros_like(self.state.displacement)
+        for past in self._past:
+            distance = abs(x - past.position - sign * self.element) + abs(travel - past.travel)
+            if travel and distance < PLACE_TOLERANCE * self.element:
+                shift, tractions = sign * self.element, past.contact
+                change = self._shift_matrices[sign] @ past.displacement_change
+        change.ravel()[self.frame.solid.fixed_dofs] = 0.0
+        nodes = self.surface.coordinates[:, 0]
+        pressure, shear = (
+            np.interp(nodes - shift, nodes, traction) for traction in (tractions.pressure, tractions.shear)
+        )
+        return ContactTractions(pressure, shear, self.contact.creepage), change
+
+    @cached_property
+    def _shift_matrices(self) -> dict[float, csr_matrix]:
+        """Matrices that shift nodal fields by one element, by the sign of the travel."""
+        (x, y), probes = self.frame.nodes.T, self.frame.solid.basis.probes
+        low, high = x.min(), x.max()
+        return {sign: probes(np.array([np.clip(x - sign * self.element, low, high), y])) for sign in (1.0, -1.0)}
+
+    def _solve_augmented(self, surface: RollerSurface, guess: NDArray[np.float64]) -> Equilibrium:
+        """Solve a step, with updates of the multipliers until they no longer change."""
+        iterations = 0
+        for _ in range(MAX_AUGMENTATIONS):
+            equilibrium = self._solve_penalised(surface, guess)
+            iterations += equilibrium.iterations
+            contact = equilibrium.contact
+            if surface.multiplier_error(contact) <= MULTIPLIER_TOLERANCE * contact.pressure.max():
+                break
+            surface, guess = surface.with_multipliers(contact), equilibrium.state.displacement
+        return replace(equilibrium, iterations=iterations)
+
+    def _solve_penalised(self, surface: RollerSurface, guess: NDArray[np.float64]) -> Equilibrium:
+        """Solve a step with constant multipliers, with a lower penalty if necessary."""
+        try:
+            return self.solver.solve(self.state, surface, guess)
+        except EquilibriumError:
+            self.solver.solve_tangent = None
+        try:
+            soft = replace(surface, penalty=PENALTY_REDUCTION * surface.penalty)
+            return self.solver.solve(self.state, soft, self.state.displacement)
+        except EquilibriumError as reason:
+            load, resistance = self.surface.load_and_resistance(self.contact)
+            raise RuntimeError(
+                f"step from {self.surface.position:.6g} to {surface.position:.6g} m, lowest generatrix at "
+                f"{surface.bottom_height:.6g} m: {reason}; last step: load {load:.6g} N/m, resistance "
+                f"{resistance:.6g} N/m"
+            ) from reason
+
+    def _require_grip(self, surface: RollerSurface, contact: ContactForces) -> None:
+        """Require a torque within the friction limit; the creepage of a skidding roller is undetermined."""
+        if not isinstance(surface, RollingSurface) or not surface.tangential_force:
+            return
+        utilisation = surface.friction_utilisation(contact)
+        if utilisation >= 1:
+            raise RuntimeError(
+                f"the roller skids at {surface.position:.6g} m: the torque requires {utilisation:.3g} times the "
+                "friction limit; reduce the torque"
+            )
+
+    def _slip_work(self, surface, equilibrium, change, travel, rotation):
+        """Return the work of slip along the roller surface, which has moved back by `rotation` [m] [J/m]."""
+        nodes = self.frame.surface_nodes
+        slip = np.array([travel, 0.0]) - change[nodes]
+        along = np.sum(surface.tangents(equilibrium.state.displacement[nodes]) * slip, axis=1) - rotation
+        return surface.weights * (self.contact.shear + equilibrium.contact.shear) / 2 @ along
+
+
+@dataclass(frozen=True, eq=False)
+class _PastStep:
+    """Position, travel [m], contact and displacement change [m] of a step."""
+
+    position: float
+    travel: float
+    contact: ContactForces
+    displacement_change: NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class _StrokeHistory:
+    """Results of strokes: (stroke, time, `RollerState`) of each step, layers, frames, and the rollers."""
+
+    steps: list[tuple[int, float, RollerState]] = field(default_factory=list)
+    exit_layers: list[LayerState] = field(default_factory=list)
+    frames: list[tuple] = field(default_factory=list)
+    rollers: list[ReciprocatingRoller] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class _StrokeProgram:
+    """Strokes over a layer, with lifts between them."""
+
+    case: _ReciprocatingCase
+    height: float
+    lift_thickness: float
+    fed_layer: LayerState | None
+    start: CompactionContactResult | None
+
+    def simulate(self, every: int, instants: Sequence[float] = ()) -> _StrokeHistory:
+        """Simulate all strokes in all steps, or in every second one."""
+        history, roller = _StrokeHistory(), None
+        for stroke in range(self.case.strokes.count):
+            roller = self._simulate_stroke(history, stroke, roller, every, instants)
+        return history
+
+    def _simulate_stroke(self, history, stroke, roller, every, instants):
+        """Simulate a stroke and return its roller, a new one after a lift."""
+        strokes = self.case.strokes
+        times, positions = strokes.steps(stroke, self.case.element, every)
+        speeds = np.diff(positions) / np.diff(times)
+        rate_factors = [self.case.material.rate_factor(speed) for speed in speeds]
+        frames_at = strokes.nearest(stroke, times, instants)
+        is_new = roller is None or self.lift_thickness > 0
+        if is_new:
+            roller = self._create_roller(history, positions[0], rate_factors[0], every)
+        if roller.is_set_valued:
+            if is_new:
+                history.steps.append((stroke, times[0], roller.roller_state))
+            roller.reverse_friction(np.sign(positions[1] - positions[0]), rate_factors[0])
+        for k, (time, position) in enumerate(zip(times, positions, strict=True)):
+            if k:
+                roller.move_to(position, roller.surface.bottom_height, rate_factors[k - 1])
+            if k or is_new or roller.is_set_valued:
+                history.steps.append((stroke, time, roller.roller_state))
+            if k in frames_at:
+                history.frames.append((float(time), roller.fields))
+        history.exit_layers.append(roller.middle_layer)
+        return roller
+
+    def _create_roller(self, history, position, rate_factor, every):
+        """Create the roller on the last layer with its lift, on the first layer, or in steady motion."""
+        fed_layer = self.fed_layer
+        if history.exit_layers:
+            fed_layer = history.exit_layers[-1].with_lift(self.lift_thickness, self.case.material)
+        height = self.height if fed_layer is None else fed_layer.height
+        roller = ReciprocatingRoller(self.case, height, fed_layer, position)
+        if history.rollers:
+            last = history.rollers[-1]
+            roller.input_work, roller.stored_work = last.input_work, last.stored_work
+        history.rollers.append(roller)
+        if self.start is not None and not history.exit_layers:
+            roller.initialise_from(self.start.solution)
         else:
-            trip.press(height - self.roller.indentation, rate, every)
-        return trip
+            roller.press(height - self.case.roller.indentation, rate_factor, every)
+        return roller
 
 
-def _result(way, done, rough):
-    """The `CompactionTransientResult`, with the error that steps twice as long tell."""
-    stroke, time, stands = zip(*done.steps, strict=True)
-    numbers = {name: np.array([getattr(stand, name) for stand in stands]) for name in NUMBERS}
+def _build_transient_result(
+    strokes: Strokes, history: _StrokeHistory, coarse: _StrokeHistory | None
+) -> CompactionTransientResult:
+    stroke, time, states = zip(*history.steps, strict=True)
+    values = {name: np.array([getattr(state, name) for state in states]) for name in STATE_FIELDS}
     return CompactionTransientResult(
         time=np.array(time),
-        velocity=way.motion.velocity(np.array(time)),
+        velocity=strokes.motion.velocity(np.array(time)),
         stroke=np.array(stroke) + 1,
-        left=tuple(done.left),
-        frames=tuple(done.frames),
-        iterations=sum(trip.iterations for trip in done.trips),
-        error=None if rough is None else _error(done, rough),
-        steps=len(done.steps) + (len(rough.steps) if rough else 0),
-        **numbers,
+        exit_layers=tuple(history.exit_layers),
+        frames=tuple(history.frames),
+        iterations=sum(roller.iterations for roller in history.rollers),
+        error=None if coarse is None else _step_error(history, coarse),
+        steps=len(history.steps) + (len(coarse.steps) if coarse else 0),
+        **values,
     )
 
 
-def _error(done, rough):
-    """Largest difference of the resistance where both have been, over the largest resistance."""
-    fine, coarse = ({(stroke, time): stand.resistance for stroke, time, stand in run.steps} for run in (done, rough))
-    return max(abs(fine[where] - coarse[where]) for where in coarse) / max(map(abs, fine.values()))
+def _step_error(history: _StrokeHistory, coarse: _StrokeHistory) -> float:
+    """Return the largest difference of the resistance at common steps over the largest resistance."""
+    fine, rough = ({(stroke, time): state.resistance for stroke, time, state in run.steps} for run in (history, coarse))
+    return max(abs(fine[step] - rough[step]) for step in rough) / max(map(abs, fine.values()))
 
 
-def _refuse(layer, roller, material, way, feed, strain, fed, start):
+def _require_simulable(
+    layer: Layer,
+    roller: Roller,
+    material: Compaction,
+    strokes: Strokes,
+    lift_thickness: float,
+    fed_layer: LayerState | None,
+) -> None:
+    """Require a case that can be simulated."""
     if roller.indentation is None:
-        raise ValueError(f"a roller that travels keeps its height: give its `indentation`, got its {roller.target[0]}")
-    require_compactable(layer, roller, material, 1.0, strain, None, fed)
+        raise ValueError(f"`indentation` must be given for a roller of constant height, got its {roller.target[0]}")
+    require_compactable(layer, roller, material, 1.0, fed_layer)
     if layer.base != "bonded":
-        raise ValueError(f"`base` must be 'bonded': nothing holds the ends of a layer that slips, got {layer.base!r}")
-    if not way.span > 0:
-        raise ValueError(f"`motion` must move the roller, got one that stays at {way.low!r} m")
-    require_nonnegative(feed=feed)
-    if feed and not roller.indentation < feed * (1 - material.fed_density_ratio):
-        least = roller.indentation / (1 - material.fed_density_ratio)
-        raise ValueError(f"`feed` must be more than {least:.4g} m to leave mix short of full density, got {feed!r} m")
-    if start is not None:
-        _refuse_start(start, layer, roller, way, fed)
+        raise ValueError(f"`base` must be 'bonded', got {layer.base!r}: a frictionless base leaves the layer free")
+    if not strokes.span > 0:
+        raise ValueError(f"`motion` must move the roller, got a constant position of {strokes.low!r} m")
+    require_nonnegative(lift_thickness=lift_thickness)
+    least = roller.indentation / (1 - material.fed_density_ratio)
+    if lift_thickness and not roller.indentation < lift_thickness * (1 - material.fed_density_ratio):
+        raise ValueError(
+            f"`lift_thickness` must be more than {least:.4g} m for an exit density below full density, got "
+            f"{lift_thickness!r} m"
+        )
 
 
-def _refuse_start(start, layer, roller, way, fed):
-    same = start.layer == layer and start.march.frame.given is fed
+def _require_same_start(
+    start: CompactionContactResult, layer: Layer, roller: Roller, strokes: Strokes, fed_layer: LayerState | None
+) -> None:
+    """Require a start on the same layer, at the same depth and along the first stroke."""
+    same = start.layer == layer and start.solution.frame.inflow is fed_layer
     if not same or abs(start.indentation - roller.indentation) > PLACE_TOLERANCE * roller.indentation:
-        raise ValueError("`start` must have rolled over the same `layer` and `fed` mix at the same `indentation`")
-    if start.speed < 0 or way.places[1] < way.places[0]:
-        raise ValueError("`start` must roll along +x, and the `motion` begin that way")
+        raise ValueError("`start` must have the same `layer`, `fed_layer` and `indentation`, got a result of others")
+    if start.speed < 0 or strokes.places[1] < strokes.places[0]:
+        raise ValueError(
+            f"`start` must roll along +x and the `motion` begin along +x, got {start.speed!r} m/s and a first stroke "
+            f"from {strokes.places[0]:.6g} to {strokes.places[1]:.6g} m"
+        )

@@ -1,37 +1,66 @@
-"""What rolling over compacting mix gives: forces, contact, the mix that leaves, and whether the numbers may be trusted.
+"""Results of rolling over compacting mix: forces, contact, exit state, balances and fields.
 
-mass    grains and water of the column that leaves = those of the column that was fed, both at rest (`Fed.solid`)
-work    resistance = sum of W dY + int t (slip velocity) dx/v,    W = int J sigma : d strain of the mix that leaves
+mass    solids and water of the exit column = those of the fed column, both at rest (`LayerState.solid_height`)
+work    resistance = sum of W dY + int t (slip velocity) dx/v,    W = int J sigma : d strain of the exit column
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from compact.engines.compaction.finite_strain_solid import STATE
-from compact.engines.compaction.roller_frame import LayerState
+from compact.engines.compaction.finite_strain_solid import POINT_FIELDS, FiniteStrainSolid, SolidState
+from compact.engines.compaction.incremental_rolling import IncrementalRolling, RollingStep
+from compact.engines.compaction.roller_contact import RollingSurface
+from compact.engines.compaction.roller_frame import LayerState, RollerFrame
 from compact.material import cap_plasticity
+from compact.material.laws import Compaction
 from compact.numerics.assembly import unit_moduli
 from compact.rolling_contact import ContactResult, Layer, Roller
 
-ITERATIONS = 2100  # of the mix that leaves, towards its rest: one as a rule, hundreds where it yields on the way
-SURE = 2000  # of them as if it were elastic, which always come nearer; then by its own slope, which may overshoot
-ELASTIC = 1e-4  # of the elastic stiffness, beside that of mix which yields and may have none
-FREE = 1e-9  # of the unloading modulus, what horizontal planes may still bear then
+if TYPE_CHECKING:
+    import meshio
+
+MAX_ITERATIONS = 2100  # [-], of the exit state at rest; one as a rule, hundreds if it yields
+ELASTIC_ITERATIONS = 2000  # [-], of them with the elastic stiffness, which converge monotonically; then Newton's method
+ELASTIC_SHARE = 1e-4  # [-], of the elastic stiffness, added to the tangent of yielding mix, which may be singular
+STRESS_TOLERANCE = 1e-9  # [-], stress on horizontal planes at rest over the unloading modulus
+MIN_RESISTANCE = 1e-3  # [-], least scale of the work residual over the load
 
 
 @dataclass(frozen=True)
 class CompactionContactResult(ContactResult):
     """A `ContactResult` over compacting mix.
 
-    indentation : fed height less that of the lowest generatrix [m]
-    creep : angular speed x radius/speed - 1 of a roller that sticks and slips, else None
-    exit : mix that leaves, by rows from the base up, a `LayerState` for the next pass;  exit_height : its surface [m]
-    exit_density_ratio : its mean over the height;  spring_back : rise behind the lowest generatrix [m]
-    bow_wave : rise of the surface in front of the roller above the fed height [m]
-    peak_density_ratio : the largest anywhere;  over_pressed : it is more than 1
-    mass_residual, equilibrium_residual : relative;  yield_residual : largest stress beyond the cap over its pressure
-    steps : of the march, a tuple of `Step`;  march : its last state, from which a neighbour starts
+    Parameters
+    ----------
+    indentation : float
+        Depth of the lowest generatrix below the fed surface [m].
+    creep : float or None
+        Creepage, angular speed x radius/speed - 1, of a roller that sticks and slips [-], else None.
+    exit : LayerState
+        Exit state by rows from the base up, for the next pass.
+    exit_height : float
+        Height of the layer behind the roller [m].
+    exit_density_ratio : float
+        Mean density ratio over the exit height [-].
+    elastic_recovery : float
+        Rise of the surface behind the lowest generatrix [m].
+    bow_wave : float
+        Rise of the surface ahead of the roller above the fed layer [m].
+    peak_density_ratio : float
+        Largest density ratio [-].
+    mass_residual, equilibrium_residual : float
+        Relative residuals of mass and nodal forces [-].
+    yield_residual : float
+        Largest stress beyond the cap over its pressure [-].
+    steps : tuple of RollingStep
+        Steps of the solution.
+    solution : IncrementalRolling
+        Finite-element solution, the initial guess of a neighbour.
+    layer, roller, material, speed : Layer, Roller, Compaction, float
+        Case.
     """
 
     indentation: float = 0.0
@@ -39,55 +68,78 @@ class CompactionContactResult(ContactResult):
     exit: LayerState | None = None
     exit_height: float = 0.0
     exit_density_ratio: float = 0.0
-    spring_back: float = 0.0
+    elastic_recovery: float = 0.0
     bow_wave: float = 0.0
     peak_density_ratio: float = 0.0
     mass_residual: float = 0.0
     equilibrium_residual: float = 0.0
     yield_residual: float = 0.0
-    steps: tuple = ()
-    march: object = None
+    steps: tuple[RollingStep, ...] = ()
+    solution: IncrementalRolling | None = None
     layer: Layer | None = None
     roller: Roller | None = None
-    material: object = None
+    material: Compaction | None = None
     speed: float = 0.0
 
     @property
-    def over_pressed(self):
-        """Whether the mix passes full density somewhere, beyond what its law knows."""
+    def exceeds_full_density(self) -> bool:
+        """True if the density ratio exceeds 1 anywhere, outside the range of the constitutive law."""
         return self.peak_density_ratio > 1
 
 
-def build_result(march, layer, roller, material, speed):
-    """The `CompactionContactResult` of a `March` that is steady."""
-    frame, condition, last = march.frame, march.condition, march.steps[-1]
-    law, way = frame.solid.law, 1.0 if speed > 0 else -1.0
-    x, pressure, shear, trailing, leading = _contact(march)
-    _refuse_skid(march)
-    leaving, length = left(frame, condition, frame.exit)
+def build_result(
+    solution: IncrementalRolling, layer: Layer, roller: Roller, material: Compaction, speed: float
+) -> CompactionContactResult:
+    """Evaluate a steady solution.
+
+    Parameters
+    ----------
+    solution : IncrementalRolling
+        Steady solution.
+    layer, roller, material : Layer, Roller, Compaction
+        Case.
+    speed : float
+        Speed of the roller along x [m/s].
+
+    Returns
+    -------
+    CompactionContactResult
+
+    Raises
+    ------
+    RuntimeError
+        If the roller has no contact or skids, the contact reaches the end of the mesh, or the exit state has no
+        equilibrium at rest.
+    """
+    frame, state, last = solution.frame, solution.state, solution.steps[-1]
+    direction = 1.0 if speed > 0 else -1.0
+    x, pressure, shear = _contact_tractions(solution)
+    _require_grip(solution)
+    exit_state, length_ratio = exit_layer(frame, state, frame.exit_column)
+    solid = frame.solid.material
     return CompactionContactResult(
         load=last.load,
-        resistance=way * last.resistance,
-        leading=leading,
-        trailing=trailing,
-        x=x if way > 0 else -x[::-1],
-        pressure=pressure if way > 0 else pressure[::-1],
-        shear_traction=shear if way > 0 else -shear[::-1],
-        work_residual=work_residual(march),
+        resistance=direction * last.resistance,
+        leading=float(x[-1]),
+        trailing=float(x[0]),
+        x=x if direction > 0 else -x[::-1],
+        pressure=pressure if direction > 0 else pressure[::-1],
+        shear_traction=shear if direction > 0 else -shear[::-1],
+        work_residual=work_residual(solution),
         peak_pressure=float(pressure.max()),
-        indentation=layer.height - last.lowest,
-        creep=march.push.creep,
-        exit=leaving,
-        exit_height=leaving.height,
-        exit_density_ratio=leaving.density_ratio,
-        spring_back=leaving.height - last.lowest,
-        bow_wave=float(max(march.places[:, 1].max() - layer.height, 0.0)),
-        peak_density_ratio=float(condition.state.density_ratio.max()),
-        mass_residual=abs(leaving.solid(law) * length / frame.fed.solid(law) - 1),
+        indentation=layer.height - last.bottom_height,
+        creep=solution.contact.creepage,
+        exit=exit_state,
+        exit_height=exit_state.height,
+        exit_density_ratio=exit_state.density_ratio,
+        elastic_recovery=exit_state.height - last.bottom_height,
+        bow_wave=float(max(solution.surface_positions[:, 1].max() - layer.height, 0.0)),
+        peak_density_ratio=float(state.points.density_ratio.max()),
+        mass_residual=abs(exit_state.solid_height(solid) * length_ratio / frame.fed_layer.solid_height(solid) - 1),
         equilibrium_residual=last.residual,
-        yield_residual=_yield_residual(frame.solid, condition.state),
-        steps=march.steps,
-        march=march,
+        yield_residual=_yield_residual(frame.solid, state.points),
+        steps=solution.steps,
+        solution=solution,
         layer=layer,
         roller=roller,
         material=material,
@@ -95,128 +147,201 @@ def build_result(march, layer, roller, material, speed):
     )
 
 
-def fields(rolled):
-    """Displacement, density ratio, plastic work, pressure and stress of a `CompactionContactResult`, a meshio mesh of 8-node
-    quadrilaterals on the fed layer as it lies under the roller.
+def fields(rolled: CompactionContactResult) -> "meshio.Mesh":
+    """Return the fields inside the layer on 8-node quadrilaterals of the fed layer.
 
-    point data : displacement [m], 3 components
-    cell data, means of the elements : stress (xx, yy, zz, xy, yz, xz) [Pa], tension positive; pressure, of all
-    directions [Pa], compression positive; density_ratio; plastic_work [J/m3]
+    Parameters
+    ----------
+    rolled : CompactionContactResult
+        Result of `roll`.
+
+    Returns
+    -------
+    meshio.Mesh
+        Point data: displacement [m], 3 components. Cell data, means of the elements: stress (xx, yy, zz, xy, yz, xz)
+        [Pa], tension positive; mean pressure [Pa], compression positive; density_ratio [-]; plastic_work [J/m3].
     """
-    return drawn(rolled.march.frame, rolled.march.condition, 1.0 if rolled.speed > 0 else -1.0)
+    return fields_mesh(rolled.solution.frame, rolled.solution.state, 1.0 if rolled.speed > 0 else -1.0)
 
 
-def drawn(frame, condition, way=1.0):
-    """The meshio mesh of `fields`, mirrored where the way is -1."""
+def fields_mesh(frame: RollerFrame, state: SolidState, direction: float = 1.0) -> "meshio.Mesh":
+    """Return the mesh of `fields` for a state.
+
+    Parameters
+    ----------
+    frame : RollerFrame
+        Mesh under the roller.
+    state : SolidState
+        State of the layer.
+    direction : float
+        1, or -1 for a mesh mirrored about x = 0.
+    """
     import meshio
 
-    mirror = np.array([way, 1.0])
-    state, count = condition.state, frame.solid.basis.nelems
+    mirror = np.array([direction, 1.0])
+    points, count = state.points, frame.solid.basis.nelems
     stress = np.zeros((count, 6))
-    stress[:, :4] = state.stress.reshape(count, -1, 4).mean(axis=1) * [1, 1, 1, mirror[0]]
-    numbers = {name: getattr(state, name).reshape(count, -1).mean(axis=1) for name in ("density_ratio", "plastic_work")}
-    cells = {"stress": stress, "pressure": -stress[:, :3].mean(axis=1), **numbers}
+    stress[:, :4] = points.stress.reshape(count, -1, 4).mean(axis=1) * [1, 1, 1, mirror[0]]
+    scalars = {
+        name: getattr(points, name).reshape(count, -1).mean(axis=1) for name in ("density_ratio", "plastic_work")
+    }
+    cells = {"stress": stress, "pressure": -stress[:, :3].mean(axis=1), **scalars}
     return meshio.Mesh(
         np.pad(frame.nodes * mirror, ((0, 0), (0, 1))),
         [("quad8", frame.solid.basis.element_dofs.T)],
-        point_data={"displacement": np.pad(condition.displacement * mirror, ((0, 0), (0, 1)))},
+        point_data={"displacement": np.pad(state.displacement * mirror, ((0, 0), (0, 1)))},
         cell_data={name: [values] for name, values in cells.items()},
     )
 
 
-def work_residual(march):
-    """What the roller gives less what the mix keeps and what slip takes, over the resistance."""
-    frame, face, (load, resistance) = march.frame, march.face, march.forces()
-    kept = frame.row_heights @ frame.rows(march.condition.work)[:, frame.exit]
-    slip = np.array([1.0, 0.0]) - march.change[frame.surface] / frame.step  # of the roller on the mix, over the speed
-    rubbed = np.sum(face.tangent(march.condition.displacement[frame.surface]) * slip, axis=1)
-    # what the turning gives, - (1 + creep) times the sum of the shear, it takes off the slip
-    lost = np.sum(face.weight * march.push.shear * rubbed)
-    return float(abs(resistance - kept - lost) / max(abs(resistance), 1e-3 * load))
+def work_residual(solution: IncrementalRolling) -> float:
+    """Return the residual of the energy balance over the resistance [-].
 
+    It is the work of the roller less the work of deformation of the exit column and the work of slip.
 
-def _refuse_skid(march):
-    """A torque beyond what friction holds slips all over, and nothing tells how fast."""
-    if march.push.creep is None:
-        return
-    asked = march.face.asked(march.push)
-    if asked >= 1:
-        raise RuntimeError(f"the roller skids: {asked:.3g} times the friction limit asked")
-
-
-def _contact(march):
-    """x, pressure and shear along the contact, and its edges, half-way to the first node that is free."""
-    touching = np.flatnonzero(march.push.pressure > 0)
-    x = march.places[:, 0]
-    if not len(touching):
-        raise RuntimeError("the roller does not touch the layer")
-    first, last = touching[0], touching[-1]
-    if first == 0 or last == len(x) - 1:
-        raise RuntimeError(
-            f"the contact reaches the end of the mesh, from {x[first]:.3g} to {x[last]:.3g} m; press less deep"
-        )
-    trailing, leading = (x[first - 1] + x[first]) / 2, (x[last] + x[last + 1]) / 2
-    inside = slice(first, last + 1)
-    return (
-        np.concatenate([[trailing], x[inside], [leading]]),
-        *(np.concatenate([[0.0], traction[inside], [0.0]]) for traction in (march.pressure, march.shear)),
-        float(trailing),
-        float(leading),
-    )
-
-
-def left(frame, condition, column):
-    """The mix of a column of points as the next `LayerState`, and its length over that as it was fed.
-
-    Far behind the roller the layer is the same all along x: no stress is left on horizontal planes, and what is bonded
-    is as long as it was fed. A layer that slips keeps the force along x that it has, none.
+    Parameters
+    ----------
+    solution : IncrementalRolling
+        Steady solution.
     """
-    state = cap_plasticity.MaterialPoint(*(frame.rows(getattr(condition.state, name))[:, column] for name in STATE))
-    along = frame.rows(frame.solid.gradient(condition.displacement)[:, 0])[:, column]
+    frame, surface, (load, resistance) = solution.frame, solution.surface, solution.load_and_resistance()
+    nodes = frame.surface_nodes
+    deformation = frame.row_heights @ frame.to_rows(solution.state.work)[:, frame.exit_column]
+    slip = np.array([1.0, 0.0]) - solution.displacement_change[nodes] / frame.step  # of the roller, over its speed
+    sliding = np.sum(surface.tangents(solution.state.displacement[nodes]) * slip, axis=1)
+    # the work of rotation, - (1 + creepage) times the sum of the shear, cancels with its share of the slip
+    slip_work = np.sum(surface.weights * solution.contact.shear * sliding)
+    return float(abs(resistance - deformation - slip_work) / max(abs(resistance), MIN_RESISTANCE * load))
+
+
+def exit_layer(frame: RollerFrame, state: SolidState, column: int) -> tuple[LayerState, float]:
+    """Return the mix of a column of Gauss points as the layer of the next pass.
+
+    Far behind the roller the layer is uniform along x: horizontal planes have no stress, and a bonded layer has its fed
+    length. A layer on a frictionless base keeps its force along x, which is 0.
+
+    Parameters
+    ----------
+    frame : RollerFrame
+        Mesh under the roller.
+    state : SolidState
+        State of the layer.
+    column : int
+        Index of the column.
+
+    Returns
+    -------
+    layer : LayerState
+        Layer at rest.
+    length_ratio : float
+        Its length over that as fed [-].
+
+    Raises
+    ------
+    RuntimeError
+        If elements of the column invert, or it has no equilibrium at rest.
+    """
+    points = cap_plasticity.MaterialPoint(
+        *(frame.to_rows(getattr(state.points, name))[:, column] for name in POINT_FIELDS)
+    )
+    along = frame.to_rows(frame.solid.displacement_gradient(state.displacement)[:, 0])[:, column]
     if along.min() <= -1:
-        raise RuntimeError("the mix that leaves is folded over along the travel; press less deep")
+        raise RuntimeError("elements of the exit column invert along the travel; reduce the depth")
     stretch = np.log1p(along)
-    area = frame.row_heights * frame.rows(_volume(frame.solid, condition.displacement))[:, column]
-    mean = area @ stretch / area.sum() if frame.slips else 0.0
-    rest, volume = _at_rest(frame.solid, state, mean - stretch)
+    area = frame.row_heights * frame.to_rows(_volume_ratio(frame.solid, state.displacement))[:, column]
+    mean = area @ stretch / area.sum() if frame.has_frictionless_base else 0.0
+    rest, volume = relax_rows(frame.solid, points, mean - stretch)
     return LayerState(area * volume * np.exp(-mean), rest), float(np.exp(mean))
 
 
-def _at_rest(solid, state, stretch):
-    """Rows of mix that are strained by so much along x, and across until their horizontal planes are free of stress.
+def relax_rows(
+    solid: FiniteStrainSolid, points: cap_plasticity.MaterialPoint, strain_along: NDArray[np.float64]
+) -> tuple[cap_plasticity.MaterialPoint, NDArray[np.float64]]:
+    """Strain rows of mix along x, and across until their horizontal planes have no stress.
 
-    Returns their `MaterialPoint` and volume over that before.
+    Parameters
+    ----------
+    solid : FiniteStrainSolid
+        Solid with the constitutive law.
+    points : MaterialPoint
+        States of the rows.
+    strain_along : ndarray, shape (n,)
+        Strain along x [-].
+
+    Returns
+    -------
+    points : MaterialPoint
+        States at rest.
+    volume_ratio : ndarray, shape (n,)
+        Volumes over those before [-].
+
+    Raises
+    ------
+    RuntimeError
+        If the iteration does not converge.
     """
-    strain = np.zeros((len(stretch), 3))
-    strain[:, 0] = stretch
-    law = solid.law
-    two_shear, _, shear, lame = law.unloading_modulus * unit_moduli(law.poisson)
+    strain = np.zeros((len(strain_along), 3))
+    strain[:, 0] = strain_along
+    material = solid.material
+    two_shear, _, shear, lame = material.unloading_modulus * unit_moduli(material.poisson)
     elastic = np.diag([two_shear + lame, shear])
-    for iteration in range(ITERATIONS):
-        rest, slopes = cap_plasticity.integrate_points(law, state, strain, solid.rate_factor, tangent=iteration >= SURE)
-        if np.abs(rest.stress[:, [1, 3]]).max() < FREE * law.unloading_modulus:
+    for iteration in range(MAX_ITERATIONS):
+        rest, tangent = cap_plasticity.integrate_points(
+            material, points, strain, solid.rate_factor, tangent=iteration >= ELASTIC_ITERATIONS
+        )
+        if np.abs(rest.stress[:, [1, 3]]).max() < STRESS_TOLERANCE * material.unloading_modulus:
             rest.stress[:, [1, 3]] = 0.0
             return rest, np.exp(strain[:, 0] + strain[:, 1])
-        slope = elastic if slopes is None else slopes[:, 1:, 1:] + ELASTIC * elastic
-        strain[:, 1:] -= np.linalg.solve(slope, rest.stress[:, [1, 3], None])[..., 0]
+        stiffness = elastic if tangent is None else tangent[:, 1:, 1:] + ELASTIC_SHARE * elastic
+        strain[:, 1:] -= np.linalg.solve(stiffness, rest.stress[:, [1, 3], None])[..., 0]
     raise RuntimeError(
-        f"the mix that leaves does not come to rest: it still bears {np.abs(rest.stress[:, [1, 3]]).max():.3g} Pa on "
-        f"horizontal planes after {ITERATIONS} iterations; press less deep"
+        f"the exit column has no equilibrium at rest: {np.abs(rest.stress[:, [1, 3]]).max():.3g} Pa on horizontal "
+        f"planes after {MAX_ITERATIONS} iterations; reduce the depth"
     )
 
 
-def _volume(solid, displacement):
-    """J of the points; of linear kinematics 1 plus the change of area."""
-    gradient = solid.gradient(displacement)
+def _require_grip(solution: IncrementalRolling) -> None:
+    """Require a torque within the friction limit; the creepage of a skidding roller is undetermined."""
+    if not isinstance(solution.surface, RollingSurface):
+        return
+    utilisation = solution.surface.friction_utilisation(solution.contact)
+    if utilisation >= 1:
+        raise RuntimeError(
+            f"the roller skids: the torque requires {utilisation:.3g} times the friction limit; reduce the torque"
+        )
+
+
+def _contact_tractions(solution: IncrementalRolling) -> tuple[NDArray[np.float64], ...]:
+    """Return x, pressure and shear along the contact; its edges lie half-way to the first node without contact."""
+    touching = np.flatnonzero(solution.contact.pressure > 0)
+    x = solution.surface_positions[:, 0]
+    if not len(touching):
+        raise RuntimeError("the roller does not touch the layer; increase the depth")
+    first, last = touching[0], touching[-1]
+    if first == 0 or last == len(x) - 1:
+        raise RuntimeError(
+            f"the contact reaches the end of the mesh, from {x[first]:.3g} to {x[last]:.3g} m; reduce the depth"
+        )
+    trailing, leading = (x[first - 1] + x[first]) / 2, (x[last] + x[last + 1]) / 2
+    inside = slice(first, last + 1)
+    tractions = (solution.surface_pressure, solution.surface_shear)
+    return (
+        np.concatenate([[trailing], x[inside], [leading]]),
+        *(np.concatenate([[0.0], traction[inside], [0.0]]) for traction in tractions),
+    )
+
+
+def _volume_ratio(solid: FiniteStrainSolid, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return J of the Gauss points; 1 plus the change of area in small strain."""
+    gradient = solid.displacement_gradient(displacement)
     if solid.finite:
         return (1 + gradient[:, 0]) * (1 + gradient[:, 3]) - gradient[:, 1] * gradient[:, 2]
     return 1 + gradient[:, 0] + gradient[:, 3]
 
 
-def _yield_residual(solid, state):
-    """Largest elastic overshoot beyond the cap: the stress that one more step at rest would give up, over pc."""
-    rest, _ = cap_plasticity.integrate_points(
-        solid.law, state, np.zeros((len(state.stress), 3)), solid.rate_factor, tangent=False
-    )
-    pc = solid.law.yield_pressure(state.max_density_ratio) * solid.rate_factor
-    return float((np.abs(rest.stress - state.stress).max(axis=1) / pc).max())
+def _yield_residual(solid: FiniteStrainSolid, points: cap_plasticity.MaterialPoint) -> float:
+    """Return the largest stress correction of one more step without strain, over the yield pressure."""
+    strain = np.zeros((len(points.stress), 3))
+    rest, _ = cap_plasticity.integrate_points(solid.material, points, strain, solid.rate_factor, tangent=False)
+    yield_pressure = solid.material.yield_pressure(points.max_density_ratio) * solid.rate_factor
+    return float((np.abs(rest.stress - points.stress).max(axis=1) / yield_pressure).max())

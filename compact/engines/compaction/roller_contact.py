@@ -1,311 +1,453 @@
-"""The rigid roller on the nodes of a surface: how deep each stands in it, and the force that pushes it out.
+"""Contact of a rigid roller with the surface nodes: normal contact, sliding friction, stick and slip.
 
-    pressure = max(carried - penalty gap, 0),    force on the mix = weight pressure (n + friction t)
+Normal contact, augmented Lagrangian (Simo and Laursen 1992):
 
-The weights are Simpson's on the reference. A node that has settled carries its pressure into the next increment; what
-is left of the gap dies out as the motion gets steady, and nothing jumps where the first node touches.
+    pressure = max(multiplier pressure - penalty gap, 0),    nodal force = weight pressure (n + traction ratio t)
 
-"deformed": gap normal to the circle from where the node is now, n its normal into the mix, t along the travel.
-"circle", "parabola": gap vertical from where the node was fed, n vertical; the resistance is that of the pressure on
-the slope of the roller, the work of the vertical forces.
+The weights are those of Simpson's rule on the reference configuration. The pressure of a converged increment is the
+multiplier of the next one. The gap thus vanishes as the motion becomes steady, and no force jumps as the first node
+touches.
 
-The roller that turns on the nodes of a surface: it grips the mix, which sticks to it or slips.
+Profile "deformed": gap normal to the circle at the current position of the node, n its normal into the mix, t along the
+travel. Profiles "circle" and "parabola": vertical gap at the reference position of the node, n vertical; the pressure
+resists on the slope of the roller.
 
-    slip = arc - arc before + (1 + creep) way,    creep = angular speed x radius/speed - 1
-    shear = carried - stiffness slip, between +- grip pressure
+A roller that rotates, with Coulomb friction:
+
+    slip = arc - arc before + (1 + creepage) travel,    creepage = angular speed x radius/speed - 1
+    shear = multiplier shear - stiffness slip, between +- friction pressure
     sum of weight shear = - torque/radius
 
-The arc of a node is that of the circle from its lowest point to the node, so that slip is how far the mix moves along
-the roller's surface, + ahead, while the roller goes its way. Coulomb's law has no memory of its own: like the pressure
-the shear stays with the roller from one increment to the next, and when it changes no more, nodes that stick do not
-slip at all and nodes that slip are at their bound, whatever the stiffness. No shear rises with the creep, so that one
-creep makes their sum what the torque asks; it follows from the displacement and couples all nodes that stick. Beyond
-what friction can hold all of them are at their bounds. Where the steady motion is found at once shear has no memory at
-all: it falls with the slip between its bounds, over a slip that is small (`Slip`).
+The arc of a node is measured on the circle from its lowest point, so that the slip is the motion of the mix along the
+roller surface, + ahead. The multiplier shear moves with the roller like the multiplier pressure. If it no longer
+changes, sticking nodes have no slip and slipping nodes are at their bound for any stiffness. The shears decrease
+monotonically with the creepage, so one creepage satisfies the torque; it depends on the displacement and couples all
+sticking nodes. In the direct steady solve the shear has no multiplier: it is a regularised function of the slip rate
+(`SteadySlip`).
+
+References
+----------
+J. C. Simo and T. A. Laursen, An augmented Lagrangian treatment of contact problems involving friction, Computers and
+Structures 42 (1992) 97-116.
 """
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
+
+from compact.rolling_contact import GapGeometry
+
+REGULARISATION_SLIP = 1e-3  # [-], slip over travel at which the shear of the direct steady solve reaches its bound
+SHEAR_PENALTY_RATIO = 1.0  # [-], tangential over normal penalty; 0.2 to 5 give the same steady motion
+MIN_FRICTION_BOUND = 1e-9  # [-], of the largest bound, below which a node does not limit the creepage
+CREEPAGE_TOLERANCE = 1e-14  # [-], of the creepage in the direct steady solve
+MIN_SLOPE_ROOT = 1e-12  # [-], of R^2, least R^2 - x^2 of the slope of the circle
 
 
 @dataclass(frozen=True, eq=False)
-class ContactForces:
-    """What the roller does to the nodes: gap [m], pressure and shear on the reference [Pa], shape (n,), forces, shape
-    (n, 2), and minus their derivatives by the displacement, shape (n, 2, 2).
+class ContactTractions:
+    """Tractions of the roller on the surface nodes.
 
-    creep, ahead : of a roller that turns, creep and way [m] by which its surface turns more than it travels, else None
-    coupling : column and row, shape (n, 2) each, of what the creep adds to the derivatives, or None
+    Parameters
+    ----------
+    pressure, shear : ndarray, shape (n,)
+        Nodal tractions on the reference configuration [Pa]; shear + along the travel.
+    creepage : float or None
+        Creepage of a roller that sticks and slips [-], else None.
     """
 
-    gap: np.ndarray
-    pressure: np.ndarray
-    shear: np.ndarray
-    forces: np.ndarray
-    stiffness: np.ndarray
-    creep: float | None = None
-    ahead: float | None = None
-    coupling: tuple | None = None
+    pressure: NDArray[np.float64]
+    shear: NDArray[np.float64]
+    creepage: float | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ContactForces(ContactTractions):
+    """Tractions with the nodal forces and their derivatives.
+
+    Parameters
+    ----------
+    gap : ndarray, shape (n,)
+        Gap between node and roller [m].
+    forces : ndarray, shape (n, 2)
+        Forces of the roller on the nodes [N/m].
+    stiffness : ndarray, shape (n, 2, 2)
+        Minus the derivative of the forces by the displacement at constant creepage [N/m2].
+    creep_travel : float or None
+        Creepage times travel of the increment [m], else None.
+    creep_coupling : tuple of ndarray, shape (n, 2) each, or None
+        Column and row of the rank-one stiffness by the creepage.
+    """
+
+    gap: NDArray[np.float64]
+    forces: NDArray[np.float64]
+    stiffness: NDArray[np.float64]
+    creep_travel: float | None = None
+    creep_coupling: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SteadySlip:
+    """Slip of the mix along a roller in steady motion, and its effect on the friction of the nodes.
+
+        slip = (arc - arc upstream)/travel + 1 + creepage
+        traction ratio = - friction phi(slip/regularisation),    phi(x) = x (3 - x^2)/2
+
+    Parameters
+    ----------
+    creepage : float
+        Creepage that satisfies the torque [-].
+    slip_stiffness : ndarray, shape (n,)
+        Minus the derivative of the traction ratio by the slip [-].
+    node_gradient, upstream_gradient : ndarray, shape (n, 2)
+        Derivative of the slip by the displacements of the node and of its upstream position [1/m].
+    """
+
+    creepage: float
+    slip_stiffness: NDArray[np.float64]
+    node_gradient: NDArray[np.float64]
+    upstream_gradient: NDArray[np.float64]
+
+    def friction_change(
+        self,
+        surface: "RollerSurface",
+        pressure: NDArray[np.float64],
+        pressure_change: NDArray[np.float64],
+        displacement_change: NDArray[np.float64],
+        upstream_change: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Return the linearised change of the traction ratio at constant torque.
+
+        Parameters
+        ----------
+        surface : RollerSurface
+            Nodes with their weights and traction ratios.
+        pressure, pressure_change : ndarray, shape (n,)
+            Pressure and its change [Pa].
+        displacement_change, upstream_change : ndarray, shape (n, 2)
+            Changes of the displacements of the nodes and of their upstream positions [m].
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Change of the traction ratio [-].
+        """
+        slip = np.sum(self.node_gradient * displacement_change, axis=1)
+        slip = slip + np.sum(self.upstream_gradient * upstream_change, axis=1)
+        stiffness = surface.weights * pressure * self.slip_stiffness
+        lost_force = surface.weights @ (pressure_change * surface.traction_ratio) - stiffness @ slip
+        creepage = lost_force / stiffness.sum() if stiffness.any() else 0.0
+        return -self.slip_stiffness * (slip + creepage)
 
 
 @dataclass(frozen=True, eq=False)
 class RollerSurface:
-    """The roller and the surface nodes it may touch.
+    """Rigid roller and the surface nodes that it may touch.
 
-    place, weight : of the nodes on the reference [m], shape (n, 2), (n,);  carried : their pressures [Pa]
-    radius, profile, friction : of the roller, friction the traction on the mix along +x over pressure, one or of each
-    lowest : height of its lowest generatrix, at x = `offset` [m];  penalty : [Pa/m]
+    Parameters
+    ----------
+    coordinates : ndarray, shape (n, 2)
+        Nodes in the reference configuration [m].
+    weights : ndarray, shape (n,)
+        Integration weights of the nodes [m].
+    radius : float
+        Roller radius [m].
+    bottom_height : float
+        Height of the lowest generatrix above the base [m].
+    penalty : float
+        Normal penalty [Pa/m].
+    multiplier_pressure : ndarray, shape (n,)
+        Multiplier of the normal contact [Pa].
+    profile : {"deformed", "circle", "parabola"}
+        Geometry of the gap.
+    traction_ratio : float or ndarray, shape (n,)
+        Traction on the mix along +x over pressure [-].
+    position : float
+        x of the lowest generatrix [m].
     """
 
-    place: np.ndarray
-    weight: np.ndarray
+    coordinates: NDArray[np.float64]
+    weights: NDArray[np.float64]
     radius: float
-    lowest: float
+    bottom_height: float
     penalty: float
-    carried: np.ndarray
-    profile: str = "deformed"
-    friction: np.ndarray | float = 0.0
-    offset: float = 0.0
+    multiplier_pressure: NDArray[np.float64]
+    profile: GapGeometry = "deformed"
+    traction_ratio: NDArray[np.float64] | float = 0.0
+    position: float = 0.0
 
-    def at(self, lowest, offset=0.0):
-        """The same face at another height or place."""
-        return replace(self, lowest=lowest, offset=offset)
+    def moved_to(self, bottom_height: float, position: float = 0.0) -> Self:
+        """Return the surface with the lowest generatrix at a height and a position [m]."""
+        return replace(self, bottom_height=bottom_height, position=position)
 
-    def carrying(self, pressure, shear, creep):
-        """The same face with the pressures, and where it turns the shears and the creep, of the increment before."""
-        return replace(self, carried=pressure)
+    def with_multipliers(self, tractions: ContactTractions) -> Self:
+        """Return the surface with the tractions of the last increment as multipliers."""
+        return replace(self, multiplier_pressure=tractions.pressure)
 
-    def missed(self, push):
-        """By how much the tractions of a push miss those carried, at most [Pa]."""
-        return np.abs(push.pressure - self.carried).max()
+    def multiplier_error(self, contact: ContactForces) -> float:
+        """Return the largest difference between the tractions and their multipliers [Pa]."""
+        return np.abs(contact.pressure - self.multiplier_pressure).max()
 
-    def starting(self, displacement):
-        """The same face where an increment begins, the nodes displaced by (n, 2)."""
+    def begin_increment(self, displacement: NDArray[np.float64]) -> Self:
+        """Return the surface at the begin of an increment from nodal displacements [m], shape (n, 2)."""
+        del displacement  # needed by the slip of a rotating roller alone
         return self
 
-    def push(self, displacement):
-        """The `ContactForces` on nodes displaced by (n, 2)."""
-        return self.pressed(displacement)
+    def contact_forces(self, displacement: NDArray[np.float64]) -> ContactForces:
+        """Return the contact forces on nodes with displacements [m] of shape (n, 2)."""
+        return self.normal_contact(displacement)
 
-    def pressed(self, displacement):
-        """The same of the pressures and their friction alone."""
+    def normal_contact(self, displacement: NDArray[np.float64]) -> ContactForces:
+        """Return the contact forces of pressure and sliding friction alone.
+
+        Parameters
+        ----------
+        displacement : ndarray, shape (n, 2)
+            Displacement of the nodes [m].
+        """
         return self._normal_to_circle(displacement) if self.profile == "deformed" else self._vertical(displacement)
 
-    def at_once(self, displacement, before, pressure):
-        """The same face with the friction of steady motion, and the `Slip` where that follows from the motion."""
+    def with_steady_friction(
+        self, displacement: NDArray[np.float64], upstream: NDArray[np.float64], pressure: NDArray[np.float64]
+    ) -> tuple[Self, SteadySlip | None]:
+        """Return the surface with the friction of steady motion, and the slip that causes it.
+
+        Parameters
+        ----------
+        displacement, upstream : ndarray, shape (n, 2)
+            Displacements of the nodes and of their upstream positions [m].
+        pressure : ndarray, shape (n,)
+            Pressure of the nodes [Pa].
+
+        Returns
+        -------
+        surface : RollerSurface
+            Surface with its traction ratios.
+        slip : SteadySlip or None
+            Slip of a rotating roller, else None.
+        """
+        del displacement, upstream, pressure  # needed by the slip of a rotating roller alone
         return self, None
 
-    def slope(self):
-        """dy/dx of the roller under the nodes, by which a vertical pressure resists; 0 where it is normal to it."""
-        x = self.place[:, 0] - self.offset
+    def profile_slope(self) -> NDArray[np.float64]:
+        """Return dy/dx of the roller above the nodes; 0 for a pressure normal to the circle [-], shape (n,)."""
+        x = self.coordinates[:, 0] - self.position
         if self.profile == "deformed":
             return np.zeros_like(x)
         inside = np.abs(x) < self.radius
-        return x / self.radius if self.profile == "parabola" else np.where(inside, self._steepness(x), 0.0)
+        return x / self.radius if self.profile == "parabola" else np.where(inside, self._circle_slope(x), 0.0)
 
-    def forces(self, push):
-        """Load and resistance of a `ContactForces` [N/m]; where pressure is vertical it resists on the slope of the roller."""
-        x, y = push.forces.sum(axis=0)
-        return float(-y), float(x + np.sum(self.weight * push.pressure * self.slope()))
+    def load_and_resistance(self, contact: ContactForces) -> tuple[float, float]:
+        """Return load and resistance [N/m]; a vertical pressure resists on the slope of the roller."""
+        x, y = contact.forces.sum(axis=0)
+        return float(-y), float(x + np.sum(self.weights * contact.pressure * self.profile_slope()))
 
-    def tangent(self, displacement):
-        """Which way friction pulls the mix, unit vectors, shape (n, 2)."""
+    def tangents(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return unit vectors along positive friction at nodes displaced by (n, 2) [m], shape (n, 2)."""
         if self.profile != "deformed":
-            return np.tile([1.0, 0.0], (len(self.place), 1))
-        n, _ = self._normal(displacement)
+            return np.tile([1.0, 0.0], (len(self.coordinates), 1))
+        n, _ = self._normals(displacement)
         return np.stack([-n[:, 1], n[:, 0]], axis=-1)
 
-    def _normal(self, displacement):
-        """Unit vectors from the axis of the roller to the nodes, and their distances from it."""
-        ray = self.place + displacement - np.array([self.offset, self.lowest + self.radius])
+    def _normals(self, displacement):
+        """Return unit vectors from the roller axis to the nodes, and their distances from it."""
+        ray = self.coordinates + displacement - np.array([self.position, self.bottom_height + self.radius])
         distance = np.hypot(*ray.T)
         return ray / distance[:, None], distance
 
-    def _steepness(self, x):
-        return x / np.sqrt(np.maximum(self.radius**2 - x**2, 1e-12 * self.radius**2))
+    def _circle_slope(self, x):
+        return x / np.sqrt(np.maximum(self.radius**2 - x**2, MIN_SLOPE_ROOT * self.radius**2))
 
     def _normal_to_circle(self, displacement):
-        n, distance = self._normal(displacement)
-        t = self.tangent(displacement)
-        below = n[:, 1] < 0  # the far side of the roller touches nothing
-        gap = np.where(below, distance - self.radius, np.inf)
+        n, distance = self._normals(displacement)
+        t = self.tangents(displacement)
+        lower_half = n[:, 1] < 0  # the upper half of the roller has no contact
+        gap = np.where(lower_half, distance - self.radius, np.inf)
         pressure = self._pressure(gap)
-        pushed = n + np.reshape(self.friction, (-1, 1)) * t
-        # the roller's normal turns as the node slides along it
-        stiffness = self._rising(pressure)[:, None, None] * pushed[:, :, None] * n[:, None, :]
-        turning = (self.weight * pressure / distance)[:, None, None]
-        stiffness -= turning * (t - np.reshape(self.friction, (-1, 1)) * n)[:, :, None] * t[:, None, :]
-        return ContactForces(
-            gap, pressure, self.friction * pressure, (self.weight * pressure)[:, None] * pushed, stiffness
-        )
+        direction = n + np.reshape(self.traction_ratio, (-1, 1)) * t
+        # rotation of the normal as the node moves along the roller
+        stiffness = self._penalty_stiffness(pressure)[:, None, None] * direction[:, :, None] * n[:, None, :]
+        geometric = (self.weights * pressure / distance)[:, None, None]
+        stiffness -= geometric * (t - np.reshape(self.traction_ratio, (-1, 1)) * n)[:, :, None] * t[:, None, :]
+        return self._normal_forces(gap, pressure, direction, stiffness)
 
     def _vertical(self, displacement):
-        x = self.place[:, 0] - self.offset
+        x = self.coordinates[:, 0] - self.position
         inside = np.abs(x) < self.radius
         circle = x**2 / (self.radius + np.sqrt(np.maximum(self.radius**2 - x**2, 0)))
         rise = x**2 / (2 * self.radius) if self.profile == "parabola" else np.where(inside, circle, np.inf)
-        gap = self.lowest + rise - self.place[:, 1] - displacement[:, 1]
+        gap = self.bottom_height + rise - self.coordinates[:, 1] - displacement[:, 1]
         pressure = self._pressure(gap)
-        pushed = np.stack([np.broadcast_to(self.friction, x.shape), np.full_like(x, -1.0)], axis=-1)
-        stiffness = self._rising(pressure)[:, None, None] * pushed[:, :, None] * np.array([0.0, -1.0])
+        direction = np.stack([np.broadcast_to(self.traction_ratio, x.shape), np.full_like(x, -1.0)], axis=-1)
+        stiffness = self._penalty_stiffness(pressure)[:, None, None] * direction[:, :, None] * np.array([0.0, -1.0])
+        return self._normal_forces(gap, pressure, direction, stiffness)
+
+    def _normal_forces(self, gap, pressure, direction, stiffness):
         return ContactForces(
-            gap, pressure, self.friction * pressure, (self.weight * pressure)[:, None] * pushed, stiffness
+            pressure=pressure,
+            shear=self.traction_ratio * pressure,
+            gap=gap,
+            forces=(self.weights * pressure)[:, None] * direction,
+            stiffness=stiffness,
         )
 
     def _pressure(self, gap):
         relieved = np.multiply(self.penalty, gap, out=np.full_like(gap, np.inf), where=np.isfinite(gap))
-        return np.maximum(self.carried - relieved, 0.0)
+        return np.maximum(self.multiplier_pressure - relieved, 0.0)
 
-    def _rising(self, pressure):
-        """Minus the derivative of the nodal force by the gap."""
-        return np.where(pressure > 0, self.penalty * self.weight, 0.0)
-
-
-STICKING = 1e-3  # of the way, slip up to which shear rises to its bound where the steady motion is found at once
-STIFFNESS = 1.0  # against slip over the penalty of the gap; a fifth or five times of it give the same steady motion
-
-
-@dataclass(frozen=True, eq=False)
-class Slip:
-    """Of the mix along a roller in steady motion, and what it does to the friction of the nodes.
-
-        slip = (arc - arc before)/way + 1 + creep,    friction = - grip phi(slip/sticking),    phi = x (3 - x^2)/2
-
-    creep : with which weight pressure friction sums to the pull;  falls : minus d friction/d slip, shape (n,)
-    here, before : d slip by the displacement of the node and by that with which it came, shape (n, 2)
-    """
-
-    creep: float
-    falls: np.ndarray
-    here: np.ndarray
-    before: np.ndarray
-
-    def change(self, face, pressure, more, displacement, before):
-        """Of the friction of a face's nodes with those of pressure, displacement and displacement before."""
-        slip = np.sum(self.here * displacement, axis=1) + np.sum(self.before * before, axis=1)
-        held = face.weight * pressure * self.falls
-        lost = face.weight @ (more * face.friction) - held @ slip
-        creep = lost / held.sum() if held.any() else 0.0
-        return -self.falls * (slip + creep)
+    def _penalty_stiffness(self, pressure):
+        """Return minus the derivative of the nodal force by the gap [N/m2], shape (n,)."""
+        return np.where(pressure > 0, self.penalty * self.weights, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class RollingSurface(RollerSurface):
-    """A `RollerSurface` without friction of its own, and the shear that its turning adds.
+    """Roller that rotates, with Coulomb friction under a given torque; its own `traction_ratio` is 0.
 
-    grip : Coulomb's coefficient;  pull : sum of weight shear that is asked, + along the travel [N/m]
-    sheared : shears that the roller carries on [Pa];  creep : of the increment before
-    sticking : slip over the way at which shear is at its bound, where the steady motion is found at once
-    arcs, left : of the nodes, and where the lowest generatrix was, when the increment began [m]
+    Parameters
+    ----------
+    friction : float
+        Coulomb's coefficient [-].
+    tangential_force : float
+        Required sum of weight times shear, - torque/radius [N/m].
+    multiplier_shear : ndarray, shape (n,)
+        Multiplier of the tangential contact [Pa].
+    creepage : float
+        Creepage of the last increment [-].
+    start_arcs : ndarray, shape (n,)
+        Arcs of the nodes at the begin of the increment [m].
+    start_position : float
+        x of the lowest generatrix at the begin of the increment [m].
+    regularisation : float
+        Slip over travel at which the shear of the direct steady solve reaches its bound [-].
     """
 
-    grip: float = 0.0
-    pull: float = 0.0
-    sheared: np.ndarray | float = 0.0
-    creep: float = 0.0
-    arcs: np.ndarray | float = 0.0
-    left: float = 0.0
-    sticking: float = STICKING
+    friction: float = 0.0
+    tangential_force: float = 0.0
+    multiplier_shear: NDArray[np.float64] | float = 0.0
+    creepage: float = 0.0
+    start_arcs: NDArray[np.float64] | float = 0.0
+    start_position: float = 0.0
+    regularisation: float = REGULARISATION_SLIP
 
-    def carrying(self, pressure, shear, creep):
-        creep = self.creep if creep is None else creep
-        return replace(self, carried=pressure, sheared=shear, creep=creep)
-
-    def missed(self, push):
-        return max(super().missed(push), np.abs(push.shear - self.sheared).max())
-
-    def starting(self, displacement):
-        return replace(self, arcs=self._arcs(displacement), left=self.offset)
-
-    def push(self, displacement):
-        pressed = self.pressed(displacement)
-        bound, way = self.grip * pressed.pressure, self.offset - self.left
-        stiffness = STIFFNESS * self.penalty
-        rolling = self.sheared - stiffness * (self._arcs(displacement) - self.arcs + way)  # without creep
-        ahead = self._ahead(rolling, bound, stiffness)
-        tried = rolling - stiffness * ahead
-        shear, sticks = np.clip(tried, -bound, bound), np.abs(tried) < bound
-        n, t, turning, growing = self._axes(displacement)
-        # minus the derivatives of the nodal shear by the displacement, the creep as it is
-        falls = np.where(sticks, stiffness * self.weight * growing, 0.0)[:, None] * t
-        falls += np.where(sticks, 0.0, np.sign(shear) * self.grip * self._rising(pressed.pressure))[:, None] * n
-        turned = (self.weight * shear * turning)[:, None, None] * n[:, :, None] * t[:, None, :]
+    def with_multipliers(self, tractions: ContactTractions) -> Self:
+        """Return the surface with the tractions of the last increment as multipliers, and its creepage."""
+        creepage = self.creepage if tractions.creepage is None else tractions.creepage
         return replace(
-            pressed,
-            shear=shear,
-            forces=pressed.forces + (self.weight * shear)[:, None] * t,
-            stiffness=pressed.stiffness + t[:, :, None] * falls[:, None, :] + turned,
-            creep=ahead / way if way else self.creep,
-            ahead=ahead,
-            coupling=self._coupling(t, falls, sticks),
+            self, multiplier_pressure=tractions.pressure, multiplier_shear=tractions.shear, creepage=creepage
         )
 
-    def asked(self, push):
-        """Share of what friction can hold that the pull asks; from 1 on the roller skids."""
-        return abs(self.pull) / (self.grip * (self.weight @ push.pressure))
+    def multiplier_error(self, contact: ContactForces) -> float:
+        """Return the largest difference between the tractions and their multipliers [Pa]."""
+        return max(super().multiplier_error(contact), np.abs(contact.shear - self.multiplier_shear).max())
 
-    def at_once(self, displacement, before, pressure):
-        """The same face with the friction of nodes displaced by (n, 2) that came displaced by `before`; the `Slip`."""
-        way = self.offset - self.left
-        came = replace(self, offset=self.left)
-        slip = (self._arcs(displacement) - came._arcs(before)) / way + 1
-        bound = self.grip * np.maximum(pressure, 0.0) * self.weight
-        creep = _root(slip, bound, self.pull, self.sticking)
-        x = np.clip((slip + creep) / self.sticking, -1, 1)
+    def begin_increment(self, displacement: NDArray[np.float64]) -> Self:
+        """Return the surface at the begin of an increment from nodal displacements [m], shape (n, 2)."""
+        return replace(self, start_arcs=self.arcs(displacement), start_position=self.position)
+
+    def contact_forces(self, displacement: NDArray[np.float64]) -> ContactForces:
+        """Return the contact forces on nodes with displacements [m] of shape (n, 2)."""
+        normal = self.normal_contact(displacement)
+        bound, travel = self.friction * normal.pressure, self.position - self.start_position
+        stiffness = SHEAR_PENALTY_RATIO * self.penalty
+        without_creep = self.multiplier_shear - stiffness * (self.arcs(displacement) - self.start_arcs + travel)
+        creep_travel = self._creep_travel(without_creep, bound, stiffness)
+        trial_shear = without_creep - stiffness * creep_travel
+        shear, sticking = np.clip(trial_shear, -bound, bound), np.abs(trial_shear) < bound
+        n, t, rotation, growth = self._axes(displacement)
+        # minus the derivatives of the nodal shear by the displacement at constant creepage
+        gradient = np.where(sticking, stiffness * self.weights * growth, 0.0)[:, None] * t
+        slipping = np.sign(shear) * self.friction * self._penalty_stiffness(normal.pressure)
+        gradient += np.where(sticking, 0.0, slipping)[:, None] * n
+        geometric = (self.weights * shear * rotation)[:, None, None] * n[:, :, None] * t[:, None, :]
+        return replace(
+            normal,
+            shear=shear,
+            forces=normal.forces + (self.weights * shear)[:, None] * t,
+            stiffness=normal.stiffness + t[:, :, None] * gradient[:, None, :] + geometric,
+            creepage=creep_travel / travel if travel else self.creepage,
+            creep_travel=creep_travel,
+            creep_coupling=self._creep_coupling(t, gradient, sticking),
+        )
+
+    def friction_utilisation(self, contact: ContactForces) -> float:
+        """Return the required tangential force over the friction limit [-]; the roller skids from 1 on."""
+        return abs(self.tangential_force) / (self.friction * (self.weights @ contact.pressure))
+
+    def with_steady_friction(
+        self, displacement: NDArray[np.float64], upstream: NDArray[np.float64], pressure: NDArray[np.float64]
+    ) -> tuple[Self, SteadySlip | None]:
+        """Return the surface with the friction of steady motion, and the slip that causes it.
+
+        Parameters
+        ----------
+        displacement, upstream : ndarray, shape (n, 2)
+            Displacements of the nodes and of their upstream positions [m].
+        pressure : ndarray, shape (n,)
+            Pressure of the nodes [Pa].
+        """
+        travel = self.position - self.start_position
+        surface_before = replace(self, position=self.start_position)
+        slip = (self.arcs(displacement) - surface_before.arcs(upstream)) / travel + 1
+        bound = self.friction * np.maximum(pressure, 0.0) * self.weights
+        creepage = _steady_creepage(slip, bound, self.tangential_force, self.regularisation)
+        x = np.clip((slip + creepage) / self.regularisation, -1, 1)
         gradients = []
-        for face, where, sign in ((self, displacement, 1), (came, before, -1)):
-            _, t, _, growing = face._axes(where)
-            gradients.append(sign * growing[:, None] * t / way)
-        falls = self.grip * 1.5 * (1 - x * x) / self.sticking
-        friction = -self.grip * x * (3 - x * x) / 2
-        return replace(self, friction=friction), Slip(creep, falls, *gradients)
+        for surface, displaced, sign in ((self, displacement, 1), (surface_before, upstream, -1)):
+            _, t, _, growth = surface._axes(displaced)
+            gradients.append(sign * growth[:, None] * t / travel)
+        slip_stiffness = self.friction * 1.5 * (1 - x * x) / self.regularisation
+        traction_ratio = -self.friction * x * (3 - x * x) / 2
+        return replace(self, traction_ratio=traction_ratio), SteadySlip(creepage, slip_stiffness, *gradients)
 
-    def _ahead(self, rolling, bound, stiffness):
-        """creep way, with which the shears, `rolling` without it, sum to the pull; they are lines between bounds."""
+    def arcs(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the arcs from the lowest point of the roller to nodes displaced by (n, 2) [m], shape (n,)."""
+        x, y = (self.coordinates + displacement).T
+        if self.profile != "deformed":
+            return x - self.position
+        return self.radius * np.arctan2(x - self.position, self.bottom_height + self.radius - y)
+
+    def _creep_travel(self, without_creep, bound, stiffness):
+        """Return creepage times travel that satisfies the torque; every shear is linear in it between its bounds."""
         touching = bound > 0
         if not touching.any():
-            return self.creep * (self.offset - self.left)
-        rolling, bound, weight = rolling[touching], bound[touching], self.weight[touching]
-        ends = np.sort(np.concatenate([rolling - bound, rolling + bound])) / stiffness
-        sums = np.clip(rolling - stiffness * ends[:, None], -bound, bound) @ weight
-        return float(np.interp(self.pull, sums[::-1], ends[::-1]))
+            return self.creepage * (self.position - self.start_position)
+        without_creep, bound, weights = without_creep[touching], bound[touching], self.weights[touching]
+        ends = np.sort(np.concatenate([without_creep - bound, without_creep + bound])) / stiffness
+        sums = np.clip(without_creep - stiffness * ends[:, None], -bound, bound) @ weights
+        return float(np.interp(self.tangential_force, sums[::-1], ends[::-1]))
 
-    def _coupling(self, t, falls, sticks):
-        """What all shears lose together comes back on the nodes that stick."""
-        if not sticks.any():
+    def _creep_coupling(self, t, gradient, sticking):
+        """Return the column and row by which the sticking nodes take the loss of all shears."""
+        if not sticking.any():
             return None
-        share = np.where(sticks, self.weight, 0.0)
-        return (share / share.sum())[:, None] * t, -falls
+        share = np.where(sticking, self.weights, 0.0)
+        return (share / share.sum())[:, None] * t, -gradient
 
     def _axes(self, displacement):
-        """Normal and tangent at the nodes, shape (n, 2); per slide of a node along them their turn and its arc's
-        growth, shape (n,)."""
-        t = self.tangent(displacement)
+        """Return normals and tangents of the nodes, and their rotation and arc growth per tangential motion."""
+        t = self.tangents(displacement)
         n = np.stack([t[:, 1], -t[:, 0]], axis=-1)
         if self.profile != "deformed":
             return n, t, np.zeros(len(t)), np.ones(len(t))
-        _, distance = self._normal(displacement)
+        _, distance = self._normals(displacement)
         return n, t, 1 / distance, self.radius / distance
 
-    def _arcs(self, displacement):
-        x, y = (self.place + displacement).T
-        if self.profile != "deformed":
-            return x - self.offset
-        return self.radius * np.arctan2(x - self.offset, self.lowest + self.radius - y)
 
+def _steady_creepage(slip, bound, tangential_force, regularisation):
+    """Return the creepage with which the friction of all nodes satisfies the torque, or the nearest bound."""
 
-def _root(slip, bound, pull, sticking):
-    """The creep with which - bound phi((slip + creep)/sticking) sums to the pull, or that of the bounds beyond."""
+    def excess(creepage):
+        x = np.clip((slip + creepage) / regularisation, -1, 1)
+        return -bound @ (x * (3 - x * x) / 2) - tangential_force
 
-    def excess(creep):
-        x = np.clip((slip + creep) / sticking, -1, 1)
-        return -bound @ (x * (3 - x * x) / 2) - pull
-
-    touching = bound > 1e-9 * bound.max()
+    touching = bound > MIN_FRICTION_BOUND * bound.max()
     if not touching.any():
         return 0.0
-    low, high = -slip[touching].max() - sticking, -slip[touching].min() + sticking
+    low, high = -slip[touching].max() - regularisation, -slip[touching].min() + regularisation
     if excess(low) * excess(high) >= 0:
         return low if excess(low) <= 0 else high
-    return float(brentq(excess, low, high, xtol=1e-14))
+    return float(brentq(excess, low, high, xtol=CREEPAGE_TOLERANCE))

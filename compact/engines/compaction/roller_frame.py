@@ -1,124 +1,197 @@
-"""The layer as the roller sees it: a mesh that stands still under the roller while the mix streams through it.
+"""Roller-fixed mesh through which the mix is convected, with its inflow, and the states of a layer by rows.
 
-The mesh is fine and uniform near the roller and grows outwards; the mix moves towards -x. Displacements and states are
-functions of the place on the fed layer, so that one step of travel, the length of a fine element, is
+The mesh is fine and uniform near the roller and grows outwards; the mix moves towards -x. Displacement and material
+state are functions of the position in the fed layer. One step of travel, the length of a fine element, is
 
     value(x, y) <- value(x + step, y)
 
-exact where elements are uniform, interpolated elsewhere. In front of the roller what is interpolated is the stress
-without its elastic part, which follows from the displacement, so that the roller's reach is not smeared; behind it the
-displacement of rough mix would make stress of its own, and the stress itself is carried. Beyond the front enters the
-fed mix, and at the rear end the mix leaves with the displacement it has.
+It is exact in the uniform zone and interpolated elsewhere. Ahead of the roller the inelastic part of the stress is
+interpolated, and the elastic part follows from the displacement; the elastic field of the roller is thus not smeared.
+Behind it the stress itself is interpolated, since interpolated displacements of irreversibly deformed mix would cause
+spurious stresses. The fed mix enters at the front end, and the mix leaves at the rear end with its displacement.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 from scipy.sparse import csr_matrix
 
-from compact.engines.compaction.finite_strain_solid import STATE, SUBSTEPS, TO_STRAIN, Condition, Solid
+from compact.engines.compaction.finite_strain_solid import (
+    POINT_FIELDS,
+    STRAIN_FROM_GRADIENT,
+    SUBSTEPS,
+    FiniteStrainSolid,
+    SolidState,
+)
 from compact.material import cap_plasticity
+from compact.material.laws import Compaction
 from compact.mesh import RowMesh
 from compact.numerics.assembly import unit_moduli
+from compact.rolling_contact import BaseCondition
 
-GROWTH = 1.2  # ratio of neighbouring elements outside the uniform zone and downwards
-COARSEST = 0.4  # of the layer height
-ROWS = 6  # the top one is no higher than this part of the layer
-REACH = 2.5  # layer heights beyond the uniform zone
-AHEAD, BEHIND = 2.0, 1.2  # uniform zone over the length sqrt(2 R depth)
-EXIT = 0.3  # layer heights behind the uniform zone, where the mix is read that leaves
-
-
-def rolling_mesh(height, length, step):
-    """The `RowMesh` of a layer under a roller at x = 0 whose contact is about `length` long, uniform near it."""
-    return _uniform_between(height, -int(np.ceil(BEHIND * length / step)), int(np.ceil(AHEAD * length / step)), step)
+GROWTH = 1.2  # [-], ratio of neighbouring elements outside the uniform zone and downwards
+LARGEST_ELEMENT = 0.4  # [-], over the layer height
+TOP_ROWS = 6  # [-], layer height over the largest thickness of the top row
+OUTER_LENGTH = 2.5  # [-], length of the mesh beyond the uniform zone over the layer height
+UNIFORM_AHEAD, UNIFORM_BEHIND = 2.0, 1.2  # [-], uniform zone over the contact length sqrt(2 R depth)
+EXIT_DISTANCE = 0.3  # [-], distance of the exit column behind the uniform zone over the layer height
+SAME_PLACE = 1e-9  # [-], over a length of the mesh; closer coordinates are equal
+SAME_SOURCE = 1e-12  # [-], over x; closer source points are equal
 
 
-def stroke_mesh(height, length, step, count):
-    """The same for a roller that travels from x = 0 by `count` steps and back, uniform all along its way."""
-    ahead = int(np.ceil(AHEAD * length / step))
-    return _uniform_between(height, -ahead, count + ahead, step)
+def rolling_mesh(height: float, contact_length: float, step: float) -> RowMesh:
+    """Mesh a layer under a roller at x = 0, uniform near it.
+
+    Parameters
+    ----------
+    height : float
+        Layer height [m].
+    contact_length : float
+        Estimated contact length [m].
+    step : float
+        Length of the elements in the uniform zone [m].
+
+    Returns
+    -------
+    RowMesh
+    """
+    behind = int(np.ceil(UNIFORM_BEHIND * contact_length / step))
+    ahead = int(np.ceil(UNIFORM_AHEAD * contact_length / step))
+    return _mesh_uniform_between(height, -behind, ahead, step)
 
 
-def _uniform_between(height, first, last, step):
-    """The `RowMesh` of elements as long as a step from `first` to `last` of them, growing outwards and downwards."""
-    outward = _growing(REACH * height, step, height)
+def stroke_mesh(height: float, contact_length: float, step: float, count: int) -> RowMesh:
+    """Mesh a layer under a roller that moves between x = 0 and `count` steps, uniform along its whole way.
+
+    Parameters
+    ----------
+    height, contact_length, step : float
+        As of `rolling_mesh` [m].
+    count : int
+        Length of the stroke in steps.
+
+    Returns
+    -------
+    RowMesh
+    """
+    ahead = int(np.ceil(UNIFORM_AHEAD * contact_length / step))
+    return _mesh_uniform_between(height, -ahead, count + ahead, step)
+
+
+def _mesh_uniform_between(height: float, first: int, last: int, step: float) -> RowMesh:
+    """Mesh with elements of one step between two multiples of it, which grow outwards and downwards."""
+    outward = _growing_distances(OUTER_LENGTH * height, step, height)
     x = np.concatenate([first * step - outward[::-1], np.arange(first, last + 1) * step, last * step + outward])
-    depth = _growing(height, min(step, height / ROWS), height, exact=True)
+    depth = _growing_distances(height, min(step, height / TOP_ROWS), height)
+    depth *= height / depth[-1]
     y = np.concatenate([height - depth[::-1], [height]])
     y[0] = 0.0
     return RowMesh(np.tile(x, (len(y), 1)), y)
 
 
-def _growing(length, first, height, exact=False):
-    """Distances that grow from `first` until `length` is passed; stretched to end there if `exact`."""
+def _growing_distances(length: float, first: float, height: float) -> NDArray[np.float64]:
+    """Distances with geometrically growing differences up to at least `length`."""
     sizes = [first]
     while sum(sizes) < length:
-        sizes.append(min(sizes[-1] * GROWTH, max(COARSEST * height, first)))
-    distances = np.cumsum(sizes)
-    return distances * (length / distances[-1]) if exact else distances
+        sizes.append(min(sizes[-1] * GROWTH, max(LARGEST_ELEMENT * height, first)))
+    return np.cumsum(sizes)
 
 
 @dataclass(frozen=True, eq=False)
 class LayerState:
-    """The mix in front of the roller, at rest and the same all along x, by rows from the base up.
+    """Mix ahead of a roller, at rest and uniform along x, by rows from the base up.
 
-    heights : of the rows [m], shape (n,);  state : their means, a `MaterialPoint` without stress on horizontal planes
+    A layer at rest under a free surface has no shear stress on horizontal planes (d s_xy/dy = 0), and the cap has no
+    anisotropic memory. The state therefore holds for either direction of the next pass.
 
-    A layer at rest under a free surface bears no shear on horizontal planes (d s_xy/dy = 0), and the cap remembers no
-    direction: rolled over one way or the other the mix is the same.
+    Parameters
+    ----------
+    heights : ndarray, shape (n,)
+        Heights of the rows [m].
+    points : MaterialPoint
+        Mean states of the rows, without stress on horizontal planes.
     """
 
-    heights: np.ndarray
-    state: cap_plasticity.MaterialPoint
+    heights: NDArray[np.float64]
+    points: cap_plasticity.MaterialPoint
 
     @property
-    def height(self):
-        """Of the layer [m]."""
+    def height(self) -> float:
+        """Height of the layer [m]."""
         return float(self.heights.sum())
 
     @property
-    def y(self):
-        """Heights of the middles of the rows above the base [m]."""
+    def y(self) -> NDArray[np.float64]:
+        """Heights of the row centres above the base [m], shape (n,)."""
         return np.cumsum(self.heights) - self.heights / 2
 
     @property
-    def density_ratio(self):
-        """Mean over the height."""
-        return float(self.heights @ self.state.density_ratio / self.height)
+    def density_ratio(self) -> float:
+        """Mean density ratio over the height [-]."""
+        return float(self.heights @ self.points.density_ratio / self.height)
 
-    def solid(self, law):
-        """Height that grains and water fill [m]: what rests under pressure is denser than its k by the elastic part."""
-        bulk = law.unloading_modulus / (3 - 6 * law.poisson)
-        squeezed = np.exp(-self.state.stress[:, :3].mean(axis=1) / bulk)
-        return float(self.heights @ (self.state.density_ratio * squeezed))
+    def solid_height(self, material: Compaction) -> float:
+        """Return the height filled by solids and water [m].
 
-    def under(self, lift, law):
-        """The layer with a lift [m] of fresh mix spread on it."""
-        above = cap_plasticity.initial_state(law, 1)
-        both = (np.concatenate([getattr(self.state, name), getattr(above, name)]) for name in STATE)
-        return LayerState(np.append(self.heights, lift), cap_plasticity.MaterialPoint(*both))
+        The elastic volume strain of mix under pressure adds to its density ratio.
 
-    def on_rows(self, heights):
-        """The same layer by rows of other heights; what each holds is kept in sum."""
-        stress, k, hardened, work = (_means(getattr(self.state, name), self.heights, heights) for name in STATE)
-        return LayerState(
-            heights, cap_plasticity.MaterialPoint(stress, k, np.maximum(hardened, k), work)
-        )  # what pc remembers is k at least
+        Parameters
+        ----------
+        material : Compaction
+            Constitutive law.
+        """
+        bulk = material.unloading_modulus / (3 - 6 * material.poisson)
+        elastic = np.exp(-self.points.stress[:, :3].mean(axis=1) / bulk)
+        return float(self.heights @ (self.points.density_ratio * elastic))
+
+    def with_lift(self, lift_thickness: float, material: Compaction) -> "LayerState":
+        """Return the layer with a lift of fresh mix on top.
+
+        Parameters
+        ----------
+        lift_thickness : float
+            Thickness of the lift [m].
+        material : Compaction
+            Constitutive law with the fed density ratio.
+        """
+        lift = cap_plasticity.initial_state(material, 1)
+        stacked = (np.concatenate([getattr(self.points, name), getattr(lift, name)]) for name in POINT_FIELDS)
+        return LayerState(np.append(self.heights, lift_thickness), cap_plasticity.MaterialPoint(*stacked))
+
+    def resampled(self, heights: NDArray[np.float64]) -> "LayerState":
+        """Return the layer by rows of other heights [m]; the sums over the height are conserved."""
+        stress, k, densest, work = (
+            _conservative_means(getattr(self.points, name), self.heights, heights) for name in POINT_FIELDS
+        )
+        densest = np.maximum(densest, k)  # the preconsolidation density ratio is at least the density ratio
+        return LayerState(heights, cap_plasticity.MaterialPoint(stress, k, densest, work))
 
 
-def fresh(law, heights):
-    """Mix as it is fed, a `LayerState` of rows of some heights [m]."""
-    return LayerState(heights, cap_plasticity.initial_state(law, len(heights)))
+def fresh_layer(material: Compaction, heights: NDArray[np.float64]) -> LayerState:
+    """Return a layer of fresh mix.
+
+    Parameters
+    ----------
+    material : Compaction
+        Constitutive law with the fed density ratio.
+    heights : ndarray, shape (n,)
+        Heights of the rows [m].
+
+    Returns
+    -------
+    LayerState
+    """
+    return LayerState(heights, cap_plasticity.initial_state(material, len(heights)))
 
 
-def _means(values, old, new):
-    """Means over rows of new heights of values that are linear within the old rows, which keep their means.
+def _conservative_means(values, old, new):
+    """Means over new rows of values that are linear within the old rows and conserve their means.
 
-    A slope is the smaller one towards the two neighbours, none at an extreme or an end: nothing overshoots where fresh
-    mix lies on old.
+    A slope is the smaller one to the two neighbours, and 0 at an extremum or an end (minmod limiter). Fresh mix on
+    compacted mix thus causes no overshoot.
     """
     shape = (-1,) + (1,) * (values.ndim - 1)
     edges = np.concatenate([[0.0], np.cumsum(old)])
@@ -135,192 +208,250 @@ def _means(values, old, new):
     return np.diff(sums, axis=0) / np.diff(ends).reshape(shape)
 
 
-class Frame:
-    """The mesh under the roller with what feeds it, and the operators that carry mix through it by one step."""
+class RollerFrame:
+    """Mesh under the roller with its inflow and the operators that convect mix through it by one step.
 
-    def __init__(self, mesh, law, base, length, *, fed=None, finite=True, rate_factor=1.0, substeps=SUBSTEPS):
-        self.mesh, self.length, self.step = mesh, length, _finest(mesh)
-        plain = Solid(mesh, law)
-        nodes = plain.basis.doflocs.T
-        x, y = nodes.T
-        self.slips = base == "slip"
-        self.held = _held(x, y, base)
-        self.solid = Solid(mesh, law, held=self.held, finite=finite, rate_factor=rate_factor, substeps=substeps)
-        self.nodes = nodes
-        surface = np.flatnonzero(y > mesh.height * (1 - 1e-9))
-        self.surface = surface[np.argsort(x[surface])]
-        self._carry_nodes = self._node_operator()
-        self._rows_to_points, self.row_x, self.row_y = self._rows()
-        self.given = fed
-        self.fed = fresh(law, self.row_heights) if fed is None else fed.on_rows(self.row_heights)
+    Parameters
+    ----------
+    mesh : RowMesh
+        Mesh of the fed layer.
+    material : Compaction
+        Constitutive law.
+    base : {"bonded", "slip"}
+        Boundary condition at the base.
+    contact_length : float
+        Estimated contact length [m].
+    fed_layer : LayerState, optional
+        Layer of an earlier pass; fresh mix by default.
+    finite : bool
+        True for finite strain, False for small strain.
+    rate_factor : float
+        Factor of the yield pressure by the speed [-].
+    substeps : int
+        Substeps of the stress integration in one increment.
+    """
 
-    @property
-    def weights(self):
-        """Of the surface nodes, Simpson's rule on the reference [m]."""
-        sizes = np.diff(self.mesh.x[-1])
-        weights = np.zeros(len(self.surface))
-        for place, share in ((0, 1), (1, 4), (2, 1)):
-            weights[place : place + 2 * len(sizes) - 1 : 2] += share * sizes / 6
-        return weights
-
-    def at_rest(self):
-        """The `Condition` of the fed mix before the roller comes."""
-        state = cap_plasticity.MaterialPoint(*(self._spread(getattr(self.fed.state, name)) for name in STATE))
-        return Condition(np.zeros_like(self.nodes), state, np.zeros(len(self.solid.area)))
-
-    def carried(self, condition):
-        """The `Condition` when all mix has moved one step towards -x."""
-        displacement = self._carry_nodes @ condition.displacement
-        fed = self.fed.state
-        stress = self._carried_points(condition.state.stress, fed.stress)
-        smeared = self._carried_points(self._elastic_stress(condition.displacement), 0.0)
-        stress += self._ahead * (self._elastic_stress(displacement) - smeared)
-        numbers = (self._carried_points(getattr(condition.state, name), getattr(fed, name)) for name in STATE[1:])
-        return Condition(
-            displacement, cap_plasticity.MaterialPoint(stress, *numbers), self._carried_points(condition.work, 0.0)
+    def __init__(
+        self,
+        mesh: RowMesh,
+        material: Compaction,
+        base: BaseCondition,
+        contact_length: float,
+        *,
+        fed_layer: LayerState | None = None,
+        finite: bool = True,
+        rate_factor: float = 1.0,
+        substeps: int = SUBSTEPS,
+    ) -> None:
+        self.mesh, self.contact_length = mesh, contact_length
+        self.step = float(np.diff(mesh.x[-1]).min())
+        self.has_frictionless_base = base == "slip"
+        self.nodes = FiniteStrainSolid(mesh, material).basis.doflocs.T
+        x, y = self.nodes.T
+        self.solid = FiniteStrainSolid(
+            mesh,
+            material,
+            fixed_dofs=_fixed_dofs(x, y, base),
+            finite=finite,
+            rate_factor=rate_factor,
+            substeps=substeps,
+        )
+        surface = np.flatnonzero(y > mesh.height * (1 - SAME_PLACE))
+        self.surface_nodes = surface[np.argsort(x[surface])]
+        self._node_convection = self._node_convection_matrix()
+        self._row_layout, self.row_x, self.row_y = self._order_points_by_rows()
+        self.inflow = fed_layer
+        self.fed_layer = (
+            fresh_layer(material, self.row_heights) if fed_layer is None else fed_layer.resampled(self.row_heights)
         )
 
-    def from_upstream(self, nodes):
-        """Displacements with which the mix comes to some nodes, by those of all nodes, shape (n, N)."""
-        return self._carry_nodes[nodes]
-
-    def rows(self, values):
-        """Values of the points by rows from the base up, each along x: shape (2 rows, 2 columns, ...)."""
-        return values[self._rows_to_points]
-
-    def points(self, rows):
-        """What `rows` took apart, back in the order of the points."""
-        values = np.empty((self._rows_to_points.size, *rows.shape[2:]))
-        values[self._rows_to_points] = rows
-        return values
-
-    def passed(self, displacement):
-        """The displacement with that of the held rear end as in steady motion, when what leaves keeps its own."""
-        rear, weights = self._rear
-        passed = displacement.copy()
-        passed[rear, 0] = weights @ displacement[:, 0]
-        return passed
-
-    def flat_behind(self, displacement):
-        """The displacement, behind the uniform zone that at its end: a march makes rough waves there."""
-        x, y = self.nodes.T
-        behind = np.flatnonzero(x < -BEHIND * self.length)
-        place = np.array([np.full(behind.size, -BEHIND * self.length), y[behind]])
-        flat = displacement.copy()
-        flat[behind] = self.solid.basis.probes(place) @ displacement
-        return flat
-
-    @cached_property
-    def _rear(self):
-        """Nodes at the rear end that are held along x, and their displacement by that of all nodes."""
-        x = self.nodes[:, 0]
-        held = np.isin(2 * np.arange(len(x)), self.held) & (x < x.min() + 1e-9 * self.mesh.height)
-        rear = np.flatnonzero(held)
-        carry = self._carry_nodes[rear].toarray()
-        among = np.eye(rear.size) - carry[:, rear]
-        carry[:, rear] = 0.0
-        return rear, np.linalg.solve(among, carry)
+    @property
+    def surface_weights(self) -> NDArray[np.float64]:
+        """Integration weights of the surface nodes by Simpson's rule [m], shape (n,)."""
+        sizes = np.diff(self.mesh.x[-1])
+        weights = np.zeros(len(self.surface_nodes))
+        for first, share in ((0, 1), (1, 4), (2, 1)):
+            weights[first : first + 2 * len(sizes) - 1 : 2] += share * sizes / 6
+        return weights
 
     @property
-    def exit(self):
-        """Index of the column of points that is read as it leaves."""
-        return int(np.searchsorted(self.row_x, -self.way_out))
+    def exit_column(self) -> int:
+        """Index of the column of Gauss points at which the mix leaves."""
+        return int(np.searchsorted(self.row_x, -self.exit_distance))
 
     @property
-    def way_out(self):
-        """From the lowest generatrix to where the mix is read that leaves [m]."""
-        return BEHIND * self.length + EXIT * self.mesh.height
+    def exit_distance(self) -> float:
+        """Distance from the lowest generatrix to the exit column [m]."""
+        return UNIFORM_BEHIND * self.contact_length + EXIT_DISTANCE * self.mesh.height
 
     @property
-    def row_heights(self):
-        """Heights of the fed layer that the rows of points stand for [m]."""
+    def row_heights(self) -> NDArray[np.float64]:
+        """Heights of the fed layer that the rows of Gauss points represent [m]."""
         return np.repeat(np.diff(self.mesh.y) / 2, 2)
 
-    def exit_mean(self, density_ratio):
-        """Mean over the height that it leaves with of the density ratio of the mix: fed mass over fed mass/k."""
-        mass = self.row_heights * self.fed.state.density_ratio
-        return float(mass.sum() / np.sum(mass / self.rows(density_ratio)[:, self.exit]))
+    def initial_state(self) -> SolidState:
+        """Return the state of the fed layer before the roller arrives."""
+        points = cap_plasticity.MaterialPoint(
+            *(self._uniform_along_rows(getattr(self.fed_layer.points, name)) for name in POINT_FIELDS)
+        )
+        return SolidState(np.zeros_like(self.nodes), points, np.zeros(len(self.solid.point_areas)))
 
-    def _spread(self, profile):
-        """Values of the points, the same all along each row."""
-        values = np.empty((self._rows_to_points.size, *profile.shape[1:]))
-        values[self._rows_to_points] = profile[:, None]
+    def convect(self, state: SolidState) -> SolidState:
+        """Return the state after all mix has moved by one step towards -x."""
+        displacement = self._node_convection @ state.displacement
+        fed = self.fed_layer.points
+        stress = self._convect_points(state.points.stress, fed.stress)
+        smeared = self._convect_points(self._elastic_stress(state.displacement), 0.0)
+        ahead = (self.solid.point_coordinates[:, :1] > 0).astype(float)
+        stress += ahead * (self._elastic_stress(displacement) - smeared)
+        others = (self._convect_points(getattr(state.points, name), getattr(fed, name)) for name in POINT_FIELDS[1:])
+        points = cap_plasticity.MaterialPoint(stress, *others)
+        return SolidState(displacement, points, self._convect_points(state.work, 0.0))
+
+    def upstream_matrix(self, nodes: NDArray[np.int64]) -> csr_matrix:
+        """Return the matrix from all nodal displacements to those one step upstream of some nodes, shape (n, N)."""
+        return self._node_convection[nodes]
+
+    def to_rows(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return values of the Gauss points by rows from the base up, shape (2 rows, 2 columns, ...)."""
+        return values[self._row_layout]
+
+    def to_points(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return values by rows in the order of the Gauss points; the inverse of `to_rows`."""
+        values = np.empty((self._row_layout.size, *rows.shape[2:]))
+        values[self._row_layout] = rows
         return values
 
-    def _carried_points(self, values, fed):
-        rows = self.rows(values)
+    def with_steady_rear(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the displacement [m], shape (N, 2), with the fixed rear end as convected in steady motion."""
+        rear, weights = self._rear_convection
+        steady = displacement.copy()
+        steady[rear, 0] = weights @ displacement[:, 0]
+        return steady
+
+    def with_uniform_rear(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the displacement [m], shape (N, 2), uniform along x behind the uniform zone.
+
+        It removes the oscillations that incremental rolling leaves there.
+        """
+        x, y = self.nodes.T
+        end = -UNIFORM_BEHIND * self.contact_length
+        behind = np.flatnonzero(x < end)
+        uniform = displacement.copy()
+        uniform[behind] = self.solid.basis.probes(np.array([np.full(behind.size, end), y[behind]])) @ displacement
+        return uniform
+
+    def exit_density_ratio(self, density_ratio: NDArray[np.float64]) -> float:
+        """Return the mean density ratio over the height at the exit column [-].
+
+        It is the fed mass over the sum of fed mass/k.
+
+        Parameters
+        ----------
+        density_ratio : ndarray, shape (n,)
+            Density ratio of the Gauss points [-].
+        """
+        mass = self.row_heights * self.fed_layer.points.density_ratio
+        return float(mass.sum() / np.sum(mass / self.to_rows(density_ratio)[:, self.exit_column]))
+
+    @cached_property
+    def _rear_convection(self):
+        """Nodes at the rear end that are fixed along x, and the matrix of their steady displacement."""
+        x = self.nodes[:, 0]
+        fixed = np.isin(2 * np.arange(len(x)), self.solid.fixed_dofs)
+        rear = np.flatnonzero(fixed & (x < x.min() + SAME_PLACE * self.mesh.height))
+        convection = self._node_convection[rear].toarray()
+        among = np.eye(rear.size) - convection[:, rear]
+        convection[:, rear] = 0.0
+        return rear, np.linalg.solve(among, convection)
+
+    def _uniform_along_rows(self, profile):
+        """Values of the Gauss points from a profile over the rows."""
+        values = np.empty((self._row_layout.size, *profile.shape[1:]))
+        values[self._row_layout] = profile[:, None]
+        return values
+
+    def _convect_points(self, values, fed):
+        """Values of the Gauss points one step upstream, linear between points, `fed` beyond the front."""
+        rows = self.to_rows(values)
         fed = np.broadcast_to(fed, (len(rows), *rows.shape[2:]))
         padded = np.concatenate([rows, fed[:, None]], axis=1)
-        k, share = self._upstream
+        k, share = self._upstream_points
         share = share.reshape((1, -1) + (1,) * (rows.ndim - 2))
-        carried = np.empty_like(values)
-        carried[self._rows_to_points] = (1 - share) * padded[:, k] + share * padded[:, k + 1]
-        return carried
+        convected = np.empty_like(values)
+        convected[self._row_layout] = (1 - share) * padded[:, k] + share * padded[:, k + 1]
+        return convected
 
-    @property
-    def _ahead(self):
-        return (self.solid.points[:, :1] > 0).astype(float)
-
-    @property
-    def _upstream(self):
-        """Where the mix of each point of a row comes from: index of the point before, share of the one after."""
+    @cached_property
+    def _upstream_points(self):
+        """Index of the point before the upstream position of each point of a row, and the share of the one after."""
         x = np.append(self.row_x, self.row_x[-1] + 2 * self.step)
         source = np.minimum(self.row_x + self.step, x[-1])
-        k = np.clip(np.searchsorted(x, source * (1 - 1e-12)) - 1, 0, len(x) - 2)
+        k = np.clip(np.searchsorted(x, source * (1 - SAME_SOURCE)) - 1, 0, len(x) - 2)
         share = np.clip((source - x[k]) / (x[k + 1] - x[k]), 0.0, 1.0)
-        share[np.abs(share - np.round(share)) < 1e-9] = np.round(share[np.abs(share - np.round(share)) < 1e-9])
+        whole = np.abs(share - np.round(share)) < SAME_PLACE
+        share[whole] = np.round(share[whole])
         return k, share
 
     def _elastic_stress(self, displacement):
-        """Linear elastic stress (xx, yy, zz, xy) of a displacement, shape (n, 4)."""
-        exx, eyy, gamma = (self.solid.gradient(displacement) @ TO_STRAIN.T).T
-        law = self.solid.law
-        two_shear, _, shear, lame = law.unloading_modulus * unit_moduli(law.poisson)
-        area = lame * (exx + eyy)
-        return np.array([two_shear * exx + area, two_shear * eyy + area, area, shear * gamma]).T
+        """Linear elastic stress (xx, yy, zz, xy) of a displacement [Pa], shape (n, 4)."""
+        exx, eyy, gamma = (self.solid.displacement_gradient(displacement) @ STRAIN_FROM_GRADIENT.T).T
+        material = self.solid.material
+        two_shear, _, shear, lame = material.unloading_modulus * unit_moduli(material.poisson)
+        volumetric = lame * (exx + eyy)
+        return np.array([two_shear * exx + volumetric, two_shear * eyy + volumetric, volumetric, shear * gamma]).T
 
-    def _rows(self):
+    def _order_points_by_rows(self):
+        """Return the indices of the Gauss points by rows, and the coordinates of columns and rows."""
         rows, columns = self.mesh.shape
-        basis = self.solid.basis
-        order = np.lexsort(basis.X)
+        order = np.lexsort(self.solid.basis.X)
         index = np.arange(rows * columns * 4).reshape(rows, columns, 4)[:, :, order].reshape(rows, columns, 2, 2)
         index = index.transpose(0, 2, 1, 3).reshape(2 * rows, 2 * columns)
-        points = self.solid.points[index]
-        return index, points[0, :, 0], points[:, 0, 1]
+        coordinates = self.solid.point_coordinates[index]
+        return index, coordinates[0, :, 0], coordinates[:, 0, 1]
 
-    def _node_operator(self):
-        """Displacements of the nodes from those one step upstream, zero beyond the front."""
+    def _node_convection_matrix(self):
+        """Matrix from nodal displacements to those one step upstream, 0 beyond the front, shape (N, N)."""
         x, y = self.nodes.T
-        inside = np.flatnonzero(x + self.step < x.max() + 1e-9 * self.step)
+        inside = np.flatnonzero(x + self.step < x.max() + SAME_PLACE * self.step)
         source = np.array([np.minimum(x[inside] + self.step, x.max()), y[inside]])
         probes = self.solid.basis.probes(source).tocoo()
         return csr_matrix((probes.data, (inside[probes.row], probes.col)), shape=(len(x),) * 2)
 
 
-def transferred(condition, old, new):
-    """The `Condition` of one `Frame` on the mesh of another, linear between points."""
+def transfer_state(state: SolidState, old: RollerFrame, new: RollerFrame) -> SolidState:
+    """Interpolate a state from the mesh of one frame to that of another, linearly between Gauss points.
+
+    Parameters
+    ----------
+    state : SolidState
+        State on the old mesh.
+    old, new : RollerFrame
+        Frames of the same fed layer.
+
+    Returns
+    -------
+    SolidState
+        State on the new mesh; undisplaced beyond the front end of the old one.
+    """
     x, y = new.nodes.T
     low, high = old.mesh.x[0, [0, -1]]
-    displacement = old.solid.basis.probes(np.array([np.clip(x, low, high), y])) @ condition.displacement
+    displacement = old.solid.basis.probes(np.array([np.clip(x, low, high), y])) @ state.displacement
     displacement[x > high] = 0.0
-    displacement.ravel()[new.held[new.held % 2 == 1]] = 0.0
+    fixed = new.solid.fixed_dofs
+    displacement.ravel()[fixed[fixed % 2 == 1]] = 0.0
+    position = np.clip(new.solid.point_coordinates, [old.row_x[0], old.row_y[0]], [old.row_x[-1], old.row_y[-1]])
 
-    def at(values):
-        rows = RegularGridInterpolator((old.row_y, old.row_x), old.rows(values))
-        place = np.clip(new.solid.points, [old.row_x[0], old.row_y[0]], [old.row_x[-1], old.row_y[-1]])
-        return rows(place[:, ::-1])
+    def interpolate(values):
+        return RegularGridInterpolator((old.row_y, old.row_x), old.to_rows(values))(position[:, ::-1])
 
-    state = cap_plasticity.MaterialPoint(*(at(getattr(condition.state, name)) for name in STATE))
-    return Condition(displacement, state, at(condition.work))
+    points = cap_plasticity.MaterialPoint(*(interpolate(getattr(state.points, name)) for name in POINT_FIELDS))
+    return SolidState(displacement, points, interpolate(state.work))
 
 
-def _held(x, y, base):
-    """Unknowns held by the base, by the fed mix in front, and behind by the bonded mix; a slipping layer ends there."""
-    near = 1e-9 * np.ptp(y)
+def _fixed_dofs(x: NDArray[np.float64], y: NDArray[np.float64], base: BaseCondition) -> NDArray[np.int64]:
+    """Degrees of freedom fixed by the base and the fed mix ahead, and behind the roller by bonded mix."""
+    near = SAME_PLACE * np.ptp(y)
     bottom, front, rear = y < near, x > x.max() - near, x < x.min() + near
     along = front | ((rear | bottom) & (base == "bonded"))
     return np.concatenate([2 * np.flatnonzero(along), 2 * np.flatnonzero(bottom) + 1])
-
-
-def _finest(mesh):
-    return float(np.diff(mesh.x[-1]).min())

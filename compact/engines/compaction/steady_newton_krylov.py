@@ -1,421 +1,592 @@
-"""Steady rolling at once: the displacement under which a layer and a roller balance while the mix streams through.
+"""Direct steady solve: the displacement in equilibrium with the roller while the mix flows through the frame.
 
-    R(u, pressure) = forces of the layer(states(u)) - forces of the roller = 0,    pressure gap = skin, nearly 0
+    R(u, pressure) = internal forces(states(u)) - contact forces = 0,    pressure gap = smoothing -> 0
 
-The states follow from the displacement by one sweep along the rows (`flow`; Dang Van and Maitournam 1993), from point
-to point. Newton's method solves for all at once: GMRES with the exact derivative along the rows, preconditioned by the
-stiffness with the mix upstream frozen. A skin on the roller rounds the corner between touching and not, at which
-nodes would go to and fro; it is thinned once the balance is found. The shear of a roller that turns follows from the
-slip of the motion and one creep (`turning.Slip`). A step is cut until the residual, measured as the displacement that
-it makes with the mix upstream frozen, has shrunk: forces alone weigh the stiff, short waves too much. Where no cut
-helps, a share of the elastic stiffness is added.
+The states follow from the displacement by integration along the streamlines (`streamline_integration`). A
+Newton-Krylov method solves for displacement and pressure: GMRES uses the exact derivative along the rows, with the
+stiffness of a frozen upstream state as preconditioner. The complementarity of pressure and gap is smoothed while the
+iteration converges, since nodes at the corner would oscillate; then the smoothing is reduced. The shear of a rotating
+roller follows from the slip of the steady motion and one creepage (`SteadySlip`). A line search decreases the residual,
+measured as preconditioned displacement: the norm of the forces overweights stiff, short waves. If no step length
+decreases it, a share of the elastic stiffness is added.
 
-It needs a displacement to start from: a neighbour, a march that is roughly steady, or mix as soft as in `stiffening`.
+The initial guess is a neighbouring solution, a nearly steady state of incremental rolling, or the solution by
+continuation in the stiffness ratio:
 
-A cold start of steady rolling: the balance of a layer so soft that it hardly yields, stiffened to the one asked for.
+    R(u, ratio E_u) = 0,    stiffness ratio from SOFTEST_RATIO yield pressures over E_u to 1
 
-    R(u, share E_u) = 0,    share from SOFTEST yield pressures over E_u to 1
+A layer with a low unloading modulus E_u hardly yields, so that its equilibrium is found from scratch, like that of any
+contact. As E_u rises, irreversible compaction increases and the bow wave grows to its height, while the inelastic
+strain changes less and less. The predictor of every step is linear in the logarithm of the ratio. No incremental
+rolling is needed, and no bow wave must build up over the travel.
 
-A soft layer under the roller is found from rest, like any contact. As its modulus of unloading rises, the mix keeps
-more of what it was pressed to, and the bow wave grows to its height; the strain that is not elastic changes ever less.
-Each balance is foreseen along the line through the last two, over the logarithm of the share. Nothing is marched, and
-no wave must fill.
+References
+----------
+K. Dang Van and M. H. Maitournam, J. Mech. Phys. Solids 41 (1993) 1691-1710.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, gmres
 
-from compact.engines.compaction.finite_strain_solid import SUBSTEPS, Condition
-from compact.engines.compaction.newton import Balance, NotBalancedError, unbalanced
-from compact.engines.compaction.roller_contact import STICKING, RollingSurface
-from compact.engines.compaction.streamline_integration import StreamlineIntegrator, StreamlineState, changes
+from compact.engines.compaction.finite_strain_solid import IDENTITY, SUBSTEPS, SolidState
+from compact.engines.compaction.incremental_rolling import IncrementalRolling
+from compact.engines.compaction.newton import Equilibrium, EquilibriumError, residual_clause
+from compact.engines.compaction.roller_contact import (
+    REGULARISATION_SLIP,
+    ContactForces,
+    ContactTractions,
+    RollerSurface,
+    RollingSurface,
+    SteadySlip,
+)
+from compact.engines.compaction.roller_frame import RollerFrame
+from compact.engines.compaction.streamline_integration import (
+    StreamlineIntegrator,
+    StreamlineState,
+    propagate_changes,
+)
 from compact.material import cap_plasticity
 
-RESIDUAL = 1e-6  # of the forces of the roller
-ITERATIONS = 60  # twice as many where the balance is not one on the way to another
-PATIENCE = 20  # iterations, after which less than the forces of the roller must be left of such a one
-PRODUCTS = 150  # of GMRES in one iteration; 30 to 90 are usual
-LINEAR = 3e-2  # of the residual may be left by GMRES
-CUTS = 8
-NOTHING = 1e-9  # of the modulus times a step, a force
-LITTLE = 0.1  # of what a step promises it must keep
-SKIN = 0.1  # of the fed mix's yield pressure, that a node half in contact bears while the balance is sought
-SHARP = 3e-3  # the same once it is found: nodes that touch are then within 1e-6 of the depth
-STIFF = 1e3  # modulus over step, against which the gap of a touching node is kept closed
-FIRST_SHARE = 1e-3  # of the elastic stiffness, where no cut of a step helps
-MOST = 1.0
-MISSES = 3  # in a row, after which it gives up
-UNITY = np.array([1.0, 0.0, 0.0, 1.0])
+RESIDUAL_TOLERANCE = 1e-6  # [-], residual over the contact forces
+MAX_ITERATIONS = 60  # [-], Newton iterations of a continuation step; twice as many for a final solution
+DIVERGENCE_ITERATION = 20  # [-], iteration at which a residual above the contact forces ends a final solution
+MAX_KRYLOV_PRODUCTS = 150  # [-], of GMRES in one iteration; 30 to 90 are usual
+LINEAR_TOLERANCE = 3e-2  # [-], of GMRES
+MAX_STEP_CUTS = 8  # [-], step lengths tried by one line search
+MIN_FORCE = 1e-9  # [-], scale of the contact forces over modulus times step
+MIN_DECREASE = 0.1  # [-], decrease of the residual over that of the linearised problem that a step must reach
+SMOOTHING = 0.1  # [-], pressure at the corner of the complementarity over the yield pressure of the fed mix
+FINAL_SMOOTHING = 3e-3  # [-], of the final phase; the gap of touching nodes is then within 1e-6 of the depth
+MAX_PENALTY = 1e3  # [-], penalty of touching nodes over modulus/step
+FIRST_ELASTIC_SHARE = 1e-3  # [-], share of the elastic stiffness that is added first
+MAX_ELASTIC_SHARE = 1.0  # [-], largest share of the elastic stiffness
+MAX_FAILED_SEARCHES = 3  # [-], successive line searches without success that end the iteration
+SOFTEST_RATIO = 13.0  # [-], first stiffness ratio of the continuation in yield pressures over the modulus
+MAX_SOFTENINGS = 4  # [-], halvings of the first ratio if its equilibrium is not found
+FIRST_RATIO_STEP = 1.5  # [-], ratio of the first two stiffness ratios
+MIN_LOG_STEP = 5e-3  # [-], step of the logarithm of the ratio below which the continuation ends
+FEW_ITERATIONS, MANY_ITERATIONS = 8, 14  # [-], Newton iterations below which a step grows, above which it shrinks
+STEP_GROWTH, STEP_REDUCTION = 1.4, 1.3  # [-], factor and divisor of the step of the logarithm
+CONTINUATION_TOLERANCE = 3e-3  # [-], residual over the contact forces during the continuation
+REGULARISATION_EXPONENT = 0.85  # [-], of the stiffness ratio in the regularisation slip of the friction
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
-    """A displacement with the pressures of the touchable nodes, and what follows.
+class SteadyTrial:
+    """A displacement and the pressures of the touchable nodes, with all that follows from them.
 
-    gradients, stress : of the points;  face, slip : of the touchable nodes;  unit : `Push` of pressures of 1
-    open_ : by which pressures and gaps of nodes miss the skin [Pa]
-    residual : layer less roller, shape (N, 2);  size : of it and of the gaps, over the forces of the roller
+    Parameters
+    ----------
+    displacement : ndarray, shape (N, 2)
+        Displacement of the nodes [m].
+    pressure : ndarray, shape (n,)
+        Pressure of the touchable nodes [Pa].
+    gradients, stress : ndarray, shape (points, 4)
+        Displacement gradients [-] and stresses [Pa] of the Gauss points.
+    streamlines : StreamlineState
+        Material states by rows.
+    surface, slip : RollerSurface, SteadySlip or None
+        Touchable nodes with their friction, and the slip that causes it.
+    unit_contact : ContactForces
+        Contact forces of a unit pressure.
+    complementarity : ndarray, shape (n,)
+        Violation of the smoothed complementarity of pressure and gap [Pa].
+    residual : ndarray, shape (N, 2)
+        Internal less contact forces [N/m].
+    size : float
+        Norm of residual and complementarity over that of the contact forces [-].
     """
 
-    displacement: np.ndarray
-    pressure: np.ndarray
-    gradients: np.ndarray
-    flow: StreamlineState
-    stress: np.ndarray
-    face: object
-    slip: object
-    unit: object
-    open_: np.ndarray
-    residual: np.ndarray
+    displacement: NDArray[np.float64]
+    pressure: NDArray[np.float64]
+    gradients: NDArray[np.float64]
+    streamlines: StreamlineState
+    stress: NDArray[np.float64]
+    surface: RollerSurface
+    slip: SteadySlip | None
+    unit_contact: ContactForces
+    complementarity: NDArray[np.float64]
+    residual: NDArray[np.float64]
     size: float
 
 
-class Steady:
-    """A layer in a `Frame` under a `Face` in steady motion; `progress` is called with a line after each iteration."""
+class SteadySolver:
+    """Newton-Krylov solver of steady rolling for a frame and a roller.
 
-    def __init__(self, frame, face, substeps=SUBSTEPS, progress=None):
+    Parameters
+    ----------
+    frame : RollerFrame
+        Mesh with its inflow.
+    surface : RollerSurface
+        Roller; its multipliers are the initial guess of the tractions.
+    progress : callable, optional
+        Called with a line of text after each iteration.
+    """
+
+    def __init__(
+        self, frame: RollerFrame, surface: RollerSurface, progress: Callable[[str], None] | None = None
+    ) -> None:
         self.frame, self.solid, self.progress = frame, frame.solid, progress
         solid = frame.solid
-        self.stream = StreamlineIntegrator(solid.law, frame.fed.state, solid.rate_factor, solid.finite, substeps)
-        face = face.at(face.lowest, -frame.step).starting(np.zeros_like(face.place)).at(face.lowest)
-        self.touchable = np.flatnonzero(np.abs(face.place[:, 0] - face.offset) < face.radius * (1 - 1e-9))
-        kept = {name: getattr(face, name)[self.touchable] for name in ("place", "weight", "carried")}
-        self.nodes = frame.surface[self.touchable]
-        self.whole, self.carried = face, kept.pop("carried")
-        self.one = replace(face, **kept, penalty=0.0, carried=np.ones(len(self.nodes)))
-        self.came = frame.from_upstream(self.nodes)
-        yields = solid.law.yield_pressure(float(frame.fed.state.max_density_ratio[-1])) * solid.rate_factor
-        self.closing, self.yields = yields * 2 * face.radius / frame.step**2, yields
-        self.skin = SKIN * yields
-        self.products = 0
-
-    def balanced(self, displacement, share=0.0, residual=None):
-        """The `Balance` near a displacement and the pressures that the face carries.
-
-        share : of the elastic stiffness added at first, which keeps to a neighbour's solution
-        residual : of the forces of the roller that may be left, RESIDUAL
-
-        Raises NotBalancedError with what was reached.
-        """
-        misses, history, smooth = 0, [], None
-        trial = self._trial(displacement, self.carried)
-        for iteration in range(ITERATIONS if residual else 2 * ITERATIONS):
-            history.append(trial.size)
-            if self.progress is not None:
-                self.progress(
-                    f"{round(self.frame.length / self.frame.step)} increments a contact, direct solution, iteration "
-                    f"{iteration + 1}: {trial.size:.1e} of the forces unbalanced"
-                )
-            if trial.size <= (residual or RESIDUAL):
-                if residual or smooth:
-                    return self._balance(trial, iteration)
-                smooth, self.skin = trial, SHARP * self.yields
-                trial = self._trial(trial.displacement, trial.pressure)
-            if iteration == PATIENCE and trial.size > 1 and not residual:
-                break
-            length, moved = _Linear(self, trial, share).searched()
-            if moved is None:
-                share, misses = min(max(8 * share, FIRST_SHARE), MOST), misses + 1
-                if misses == MISSES:
-                    break
-                continue
-            share, misses, trial = _next_share(share, length), 0, moved
-        if smooth:  # the edges of the contact do not come to rest at one node
-            return self._balance(smooth, iteration)
-        raise NotBalancedError(f"no steady balance: {unbalanced(history)}")
-
-    def _balance(self, trial, iterations):
-        push = self._push(trial)
-        deepest = np.delete(push.gap, self.touchable).min(initial=0.0)
-        if deepest < 0:
-            raise NotBalancedError(f"mix from beyond the roller is carried {-deepest:.2g} m into it")
-        numbers, points = trial.flow.numbers, self.frame.points
-        state = cap_plasticity.MaterialPoint(
-            points(numbers[..., :4]), *(points(numbers[..., k]) for k in (4, 5)), points(trial.flow.plastic_work)
+        self.integrator = StreamlineIntegrator(
+            solid.material, frame.fed_layer.points, solid.rate_factor, solid.finite, SUBSTEPS
         )
-        after = Condition(trial.displacement, state, points(trial.flow.work))
-        return Balance(after, push, trial.size, iterations)
+        bottom = surface.bottom_height
+        surface = surface.moved_to(bottom, -frame.step).begin_increment(np.zeros_like(surface.coordinates))
+        surface = surface.moved_to(bottom)
+        self.touchable = np.flatnonzero(
+            np.abs(surface.coordinates[:, 0] - surface.position) < surface.radius * (1 - 1e-9)
+        )
+        kept = {name: getattr(surface, name)[self.touchable] for name in ("coordinates", "weights")}
+        self.nodes = frame.surface_nodes[self.touchable]
+        self.whole_surface, self.initial_pressure = surface, surface.multiplier_pressure[self.touchable]
+        self.unit_surface = replace(surface, **kept, penalty=0.0, multiplier_pressure=np.ones(len(self.nodes)))
+        self.upstream = frame.upstream_matrix(self.nodes)
+        fed = float(frame.fed_layer.points.max_density_ratio[-1])
+        self.yield_pressure = solid.material.yield_pressure(fed) * solid.rate_factor
+        self.penalty = self.yield_pressure * 2 * surface.radius / frame.step**2
+        self.smoothing = SMOOTHING * self.yield_pressure
 
-    def _push(self, trial):
-        """Of all surface nodes; the pressure of those that do not touch is none."""
-        touching = trial.pressure > self.closing * trial.unit.gap
-        carried, surface = np.zeros(len(self.whole.place)), self.frame.surface
-        carried[self.touchable] = np.where(touching, trial.pressure, 0.0)
-        here, before = trial.displacement[surface], self.frame.from_upstream(surface) @ trial.displacement
-        face, slip = self.whole.at_once(here, before, carried)
-        push = replace(face, carried=carried, penalty=0.0).pressed(here)
-        return push if slip is None else replace(push, creep=slip.creep)
+    def solve(
+        self, initial_guess: NDArray[np.float64], elastic_share: float = 0.0, tolerance: float | None = None
+    ) -> Equilibrium:
+        """Find the steady equilibrium.
 
-    def _trial(self, displacement, pressure):
-        """The `Trial` of a displacement and pressures; raises NotBalancedError where elements fold over."""
+        Parameters
+        ----------
+        initial_guess : ndarray, shape (N, 2)
+            Displacement of the nodes [m].
+        elastic_share : float
+            Share of the elastic stiffness that is added at first [-]; it favours the solution near the guess.
+        tolerance : float, optional
+            Residual over the contact forces that ends a continuation step [-]. By default the smoothing is reduced
+            and the residual decreased to RESIDUAL_TOLERANCE.
+
+        Returns
+        -------
+        Equilibrium
+
+        Raises
+        ------
+        EquilibriumError
+            If the method does not converge.
+        """
+        failed_searches, residuals, smoothed = 0, [], None
+        trial = self.evaluate(initial_guess, self.initial_pressure)
+        for iteration in range(MAX_ITERATIONS if tolerance else 2 * MAX_ITERATIONS):
+            residuals.append(trial.size)
+            self._report_progress(iteration, trial)
+            if trial.size <= (tolerance or RESIDUAL_TOLERANCE):
+                if tolerance or smoothed:
+                    return self.to_equilibrium(trial, iteration)
+                smoothed, self.smoothing = trial, FINAL_SMOOTHING * self.yield_pressure
+                trial = self.evaluate(trial.displacement, trial.pressure)
+            if iteration == DIVERGENCE_ITERATION and trial.size > 1 and not tolerance:
+                break
+            length, next_trial = _NewtonStep(self, trial, elastic_share).search()
+            if next_trial is not None:
+                elastic_share, failed_searches, trial = _next_elastic_share(elastic_share, length), 0, next_trial
+                continue
+            elastic_share = min(max(8 * elastic_share, FIRST_ELASTIC_SHARE), MAX_ELASTIC_SHARE)
+            failed_searches += 1
+            if failed_searches == MAX_FAILED_SEARCHES:
+                break
+        if smoothed:  # the contact edges oscillate between two nodes without smoothing
+            return self.to_equilibrium(smoothed, iteration)
+        raise EquilibriumError(f"no steady equilibrium: {residual_clause(residuals)}")
+
+    def _report_progress(self, iteration: int, trial: SteadyTrial) -> None:
+        if self.progress is not None:
+            self.progress(
+                f"{round(self.frame.contact_length / self.frame.step)} increments per contact length, direct steady "
+                f"solve, iteration {iteration + 1}: residual {trial.size:.1e}"
+            )
+
+    def to_equilibrium(self, trial: SteadyTrial, iterations: int) -> Equilibrium:
+        """Convert a converged trial.
+
+        Parameters
+        ----------
+        trial : SteadyTrial
+            Trial with a small residual.
+        iterations : int
+            Newton iterations.
+
+        Returns
+        -------
+        Equilibrium
+
+        Raises
+        ------
+        EquilibriumError
+            If a node from outside the touchable part penetrates the roller.
+        """
+        contact = self._contact_of_all_nodes(trial)
+        penetration = -np.delete(contact.gap, self.touchable).min(initial=0.0)
+        if penetration > 0:
+            raise EquilibriumError(f"nodes beyond the roller penetrate it by {penetration:.2g} m")
+        values, to_points = trial.streamlines.values, self.frame.to_points
+        points = cap_plasticity.MaterialPoint(
+            to_points(values[..., :4]),
+            *(to_points(values[..., k]) for k in (4, 5)),
+            to_points(trial.streamlines.plastic_work),
+        )
+        state = SolidState(trial.displacement, points, to_points(trial.streamlines.work))
+        return Equilibrium(state, contact, trial.size, iterations)
+
+    def _contact_of_all_nodes(self, trial: SteadyTrial) -> ContactForces:
+        """Return the contact of all surface nodes; the pressure of nodes without contact is 0."""
+        touching = trial.pressure > self.penalty * trial.unit_contact.gap
+        pressure, nodes = np.zeros(len(self.whole_surface.coordinates)), self.frame.surface_nodes
+        pressure[self.touchable] = np.where(touching, trial.pressure, 0.0)
+        displacement = trial.displacement[nodes]
+        upstream = self.frame.upstream_matrix(nodes) @ trial.displacement
+        surface, slip = self.whole_surface.with_steady_friction(displacement, upstream, pressure)
+        contact = replace(surface, multiplier_pressure=pressure, penalty=0.0).normal_contact(displacement)
+        return contact if slip is None else replace(contact, creepage=slip.creepage)
+
+    def evaluate(self, displacement: NDArray[np.float64], pressure: NDArray[np.float64]) -> SteadyTrial:
+        """Evaluate the residual of a displacement and pressures.
+
+        Parameters
+        ----------
+        displacement : ndarray, shape (N, 2)
+            Displacement of the nodes [m].
+        pressure : ndarray, shape (n,)
+            Pressure of the touchable nodes [Pa].
+
+        Returns
+        -------
+        SteadyTrial
+
+        Raises
+        ------
+        EquilibriumError
+            If elements invert.
+        """
         try:
             with np.errstate(invalid="raise", divide="raise", over="raise"):
-                return self._evaluated(displacement, pressure)
-        except (FloatingPointError, RuntimeError) as error:  # of numpy, and of the streamlines
-            raise NotBalancedError("no steady balance: elements of the layer fold over") from error
+                return self._evaluate(displacement, pressure)
+        except (FloatingPointError, RuntimeError) as error:  # of numpy, and of the streamline integration
+            raise EquilibriumError("no steady equilibrium: elements of the layer invert") from error
 
-    def _evaluated(self, displacement, pressure):
-        displacement = self.frame.passed(displacement)
-        gradients = self.solid.gradient(displacement)
-        flow = self.stream.along(self.frame.rows(gradients))
-        stress = self.frame.points(flow.numbers[..., :4])
-        face, slip = self.one.at_once(displacement[self.nodes], self.came @ displacement, pressure)
-        unit = face.pressed(displacement[self.nodes])
-        residual = self._assembled(_piola(gradients, stress, self.solid.finite))
-        pushed = unit.forces * pressure[:, None]
-        residual[self.nodes] -= pushed
-        closed = self.closing * unit.gap
-        open_ = (pressure + closed - np.hypot(pressure - closed, 2 * self.skin)) / 2
-        size = np.hypot(np.linalg.norm(residual.ravel()[self.solid.order]), np.linalg.norm(open_ * face.weight))
-        size /= max(np.linalg.norm(pushed), NOTHING * self.solid.law.unloading_modulus * self.frame.step)
-        return Trial(displacement, pressure, gradients, flow, stress, face, slip, unit, open_, residual, float(size))
+    def _evaluate(self, displacement: NDArray[np.float64], pressure: NDArray[np.float64]) -> SteadyTrial:
+        displacement = self.frame.with_steady_rear(displacement)
+        gradients = self.solid.displacement_gradient(displacement)
+        streamlines = self.integrator.integrate(self.frame.to_rows(gradients))
+        stress = self.frame.to_points(streamlines.values[..., :4])
+        nodal = displacement[self.nodes]
+        surface, slip = self.unit_surface.with_steady_friction(nodal, self.upstream @ displacement, pressure)
+        unit_contact = surface.normal_contact(nodal)
+        residual = self.assemble(_piola_stress(gradients, stress, self.solid.finite))
+        external = unit_contact.forces * pressure[:, None]
+        residual[self.nodes] -= external
+        penalised = self.penalty * unit_contact.gap
+        complementarity = (pressure + penalised - np.hypot(pressure - penalised, 2 * self.smoothing)) / 2
+        size = np.hypot(
+            np.linalg.norm(residual.ravel()[self.solid.ordered_dofs]),
+            np.linalg.norm(complementarity * surface.weights),
+        )
+        size /= max(np.linalg.norm(external), MIN_FORCE * self.solid.material.unloading_modulus * self.frame.step)
+        return SteadyTrial(
+            displacement=displacement,
+            pressure=pressure,
+            gradients=gradients,
+            streamlines=streamlines,
+            stress=stress,
+            surface=surface,
+            slip=slip,
+            unit_contact=unit_contact,
+            complementarity=complementarity,
+            residual=residual,
+            size=float(size),
+        )
 
-    def _assembled(self, piola):
-        """Forces of the nodes under stresses on the reference, shape (N, 2)."""
+    def assemble(self, piola: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Assemble the internal forces of Piola stresses.
+
+        Parameters
+        ----------
+        piola : ndarray, shape (points, 4)
+            Stress on the reference configuration (xx, xy, yx, yy) [Pa].
+
+        Returns
+        -------
+        ndarray, shape (N, 2)
+            Internal forces of the nodes [N/m].
+        """
         solid = self.solid
-        stress = (piola * solid.area[:, None]).reshape(*solid.basis.dx.shape, 2, 2)
-        nodal = np.matmul(solid.slopes, stress.transpose(0, 1, 3, 2)).sum(axis=1)
+        stress = (piola * solid.point_areas[:, None]).reshape(*solid.basis.dx.shape, 2, 2)
+        nodal = np.matmul(solid.shape_gradients, stress.transpose(0, 1, 3, 2)).sum(axis=1)
         nodes = solid.basis.element_dofs.T.ravel()
         return np.stack([np.bincount(nodes, nodal[..., i].ravel(), solid.basis.N) for i in range(2)], axis=-1)
 
     @cached_property
-    def gradient_matrix(self):
-        """Gradients of the points by the unknowns of their elements, shape (elements, points, 4, 16)."""
-        slopes = self.solid.slopes.transpose(0, 1, 3, 2)
-        matrix = np.zeros((*slopes.shape[:2], 4, 16))
-        matrix[:, :, 0:2, 0::2] = matrix[:, :, 2:4, 1::2] = slopes
+    def gradient_matrix(self) -> NDArray[np.float64]:
+        """Matrix from element displacements to gradients [1/m], shape (elements, points, 4, 16)."""
+        gradients = self.solid.shape_gradients.transpose(0, 1, 3, 2)
+        matrix = np.zeros((*gradients.shape[:2], 4, 16))
+        matrix[:, :, 0:2, 0::2] = matrix[:, :, 2:4, 1::2] = gradients
         return matrix
 
     @cached_property
-    def elastic_blocks(self):
-        """Of the mix at rest, shape (elements, 16, 16)."""
-        rest = self.solid.at_rest()
-        return self.solid.moved(rest, rest.displacement).blocks
+    def elastic_stiffness(self) -> NDArray[np.float64]:
+        """Stiffness of the undeformed elements [N/m2], shape (elements, 16, 16)."""
+        return self.solid.elastic_element_stiffness()
 
 
-class _Linear:
-    """The equations of one iteration of Newton's method, with a share of the elastic stiffness added."""
+class _NewtonStep:
+    """Linearised equations of one Newton iteration, with a share of the elastic stiffness added."""
 
-    def __init__(self, steady, trial, share):
-        self.steady, self.trial, self.share = steady, trial, share
-        frame, solid, unit = steady.frame, steady.solid, trial.unit
-        self.slopes = steady.stream.derivatives(frame.rows(trial.gradients), trial.flow)
-        here, face = trial.displacement[steady.nodes], trial.face
-        self.normal = replace(face, friction=0.0).pressed(here).forces / face.weight[:, None]
-        self.pulled = (face.weight * trial.pressure)[:, None] * face.tangent(here)
-        stiffest = STIFF * solid.law.unloading_modulus / frame.step
-        apart = trial.pressure - steady.closing * unit.gap
-        apart = apart / np.hypot(apart, 2 * steady.skin)
-        self.free = np.maximum(1 - apart, 2 * steady.closing / stiffest)  # 0 where a node touches, 2 where it does not
-        self.near = (1 + apart) * steady.closing
-        self.stiff = self.near / self.free
-        self.rest = self._apart(trial) - 2 * trial.open_
-        closing = self.stiff[:, None, None] * unit.forces[:, :, None] * self.normal[:, None, :]
-        self.added = unit.stiffness * trial.pressure[:, None, None] + closing
-        self.factor = solid.factorised(self._blocks(), steady.nodes, self.added)
+    def __init__(self, solver: SteadySolver, trial: SteadyTrial, elastic_share: float) -> None:
+        self.solver, self.trial, self.elastic_share = solver, trial, elastic_share
+        frame, solid, unit = solver.frame, solver.solid, trial.unit_contact
+        self.derivatives = solver.integrator.derivatives(frame.to_rows(trial.gradients), trial.streamlines)
+        displacement, surface = trial.displacement[solver.nodes], trial.surface
+        frictionless = replace(surface, traction_ratio=0.0)
+        self.normals = frictionless.normal_contact(displacement).forces / surface.weights[:, None]
+        self.friction_forces = (surface.weights * trial.pressure)[:, None] * surface.tangents(displacement)
+        max_penalty = MAX_PENALTY * solid.material.unloading_modulus / frame.step
+        separation = trial.pressure - solver.penalty * unit.gap
+        separation = separation / np.hypot(separation, 2 * solver.smoothing)  # 1 in contact, -1 without
+        self.pressure_weight = np.maximum(1 - separation, 2 * solver.penalty / max_penalty)
+        self.gap_weight = (1 + separation) * solver.penalty
+        self.contact_stiffness = self.gap_weight / self.pressure_weight
+        self.target = self._weighted_contact(trial) - 2 * trial.complementarity
+        contact_blocks = self.contact_stiffness[:, None, None] * unit.forces[:, :, None] * self.normals[:, None, :]
+        self.nodal_stiffness = unit.stiffness * trial.pressure[:, None, None] + contact_blocks
+        self.precondition = solid.factorise(self._frozen_stiffness(), solver.nodes, self.nodal_stiffness)
 
-    def searched(self):
-        """Length of the step and the `Trial` there; None where no cut of it does."""
-        steady, trial = self.steady, self.trial
-        change, pressure, start, promised = self._step()
+    def search(self) -> tuple[float, SteadyTrial | None]:
+        """Return the step length and the trial there; None if no length decreases the residual."""
+        solver, trial = self.solver, self.trial
+        change, pressure, start, predicted = self._solve()
         length = 1.0
-        for _ in range(CUTS):
+        for _ in range(MAX_STEP_CUTS):
             try:
-                moved = steady._trial(trial.displacement + length * change, trial.pressure + length * pressure)
+                candidate = solver.evaluate(trial.displacement + length * change, trial.pressure + length * pressure)
             except RuntimeError:
-                moved = None
-            if moved is not None and np.linalg.norm(self._local(moved)) < (1 - LITTLE * length * promised) * start:
-                return length, moved
+                candidate = None
+            limit = (1 - MIN_DECREASE * length * predicted) * start
+            if candidate is not None and np.linalg.norm(self._preconditioned_residual(candidate)) < limit:
+                return length, candidate
             length /= 2
         return 0.0, None
 
-    def _step(self):
-        """Changes of displacement and pressures, size of the residual, and the part of it that a whole step takes."""
-        steady, trial = self.steady, self.trial
-        wanted = self._local(trial)
-        operator = LinearOperator((wanted.size,) * 2, matvec=lambda x: self.factor(self._product(x)), dtype=float)
-        found, _ = gmres(operator, wanted, rtol=LINEAR, restart=PRODUCTS, maxiter=1)
-        change = self._spread(found)
-        pressure = self._missing(trial) - self.stiff * np.sum(self.normal * change[steady.nodes], axis=1)
-        left = self.factor(self._product(found) - self._elastic(change)) - wanted
-        start = np.linalg.norm(wanted)
-        return change, pressure, start, max(1 - np.linalg.norm(left) / start, 0.0)
-
-    def _local(self, trial):
-        """The displacement that a residual makes with the mix upstream frozen."""
-        nodes, missing = self.steady.nodes, self._missing(trial)
-        residual = -trial.residual
-        residual[nodes] += trial.unit.forces * missing[:, None]
-        if trial.slip is not None:
-            still = np.zeros((len(nodes), 2))
-            residual[nodes] += self.pulled * self._gripped(missing, still, still)[:, None]
-        return self.factor(residual.ravel()[self.steady.solid.order])
-
-    def _missing(self, trial):
-        """Pressure by which contact would be closed where it is open, as if nodes stayed as near to it."""
-        return (self.rest - self._apart(trial)) / self.free
-
-    def _apart(self, trial):
-        return self.free * trial.pressure + self.near * trial.unit.gap
-
-    def _gripped(self, pressure, displacement, before):
-        """Changes of friction with those of the pressure, and of displacements of the nodes."""
+    def _solve(self):
+        """Return changes of displacement and pressure, size of the residual, and its predicted relative decrease."""
         trial = self.trial
-        return trial.slip.change(trial.face, trial.pressure, pressure, displacement, before)
+        right_side = self._preconditioned_residual(trial)
+        operator = LinearOperator(
+            (right_side.size,) * 2, matvec=lambda x: self.precondition(self._multiply(x)), dtype=float
+        )
+        solution, _ = gmres(operator, right_side, rtol=LINEAR_TOLERANCE, restart=MAX_KRYLOV_PRODUCTS, maxiter=1)
+        change = self._expand(solution)
+        normal_change = np.sum(self.normals * change[self.solver.nodes], axis=1)
+        pressure = self._pressure_correction(trial) - self.contact_stiffness * normal_change
+        error = self.precondition(self._multiply(solution) - self._elastic_forces(change)) - right_side
+        start = np.linalg.norm(right_side)
+        return change, pressure, start, max(1 - np.linalg.norm(error) / start, 0.0)
 
-    def _product(self, found):
-        """Forces by the free unknowns, with all that happens downstream."""
-        steady = self.steady
-        steady.products += 1
-        change = self._spread(found)
-        gradients = steady.solid.gradient(change)
-        numbers = changes(self.slopes, steady.frame.rows(gradients))
-        stress = steady.frame.points(numbers[..., :4])
-        forces = steady._assembled(self._piola_change(gradients, stress))
-        here = change[steady.nodes]
-        forces[steady.nodes] += np.einsum("nij,nj->ni", self.added, here)
+    def _preconditioned_residual(self, trial: SteadyTrial) -> NDArray[np.float64]:
+        """Return the displacement that a residual causes with the upstream states frozen."""
+        nodes, correction = self.solver.nodes, self._pressure_correction(trial)
+        residual = -trial.residual
+        residual[nodes] += trial.unit_contact.forces * correction[:, None]
+        if trial.slip is not None:
+            zero = np.zeros((len(nodes), 2))
+            residual[nodes] += self.friction_forces * self._friction_change(correction, zero, zero)[:, None]
+        return self.precondition(residual.ravel()[self.solver.solid.ordered_dofs])
+
+    def _pressure_correction(self, trial: SteadyTrial) -> NDArray[np.float64]:
+        """Return the pressure change that satisfies the linearised complementarity at a constant gap."""
+        return (self.target - self._weighted_contact(trial)) / self.pressure_weight
+
+    def _weighted_contact(self, trial: SteadyTrial) -> NDArray[np.float64]:
+        return self.pressure_weight * trial.pressure + self.gap_weight * trial.unit_contact.gap
+
+    def _friction_change(self, pressure, displacement, upstream):
+        """Return the change of the traction ratio with changes of pressure and displacements."""
+        trial = self.trial
+        return trial.slip.friction_change(trial.surface, trial.pressure, pressure, displacement, upstream)
+
+    def _multiply(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the Jacobian, with all changes downstream, times a vector of the free degrees of freedom."""
+        solver = self.solver
+        change = self._expand(vector)
+        gradients = solver.solid.displacement_gradient(change)
+        values = propagate_changes(self.derivatives, solver.frame.to_rows(gradients))
+        stress = solver.frame.to_points(values[..., :4])
+        forces = solver.assemble(self._piola_change(gradients, stress))
+        nodal = change[solver.nodes]
+        forces[solver.nodes] += np.einsum("nij,nj->ni", self.nodal_stiffness, nodal)
         if self.trial.slip is not None:
-            pressure = -self.stiff * np.sum(self.normal * here, axis=1)
-            forces[steady.nodes] -= self.pulled * self._gripped(pressure, here, steady.came @ change)[:, None]
-        return forces.ravel()[steady.solid.order] + self._elastic(change)
+            pressure = -self.contact_stiffness * np.sum(self.normals * nodal, axis=1)
+            ratio = self._friction_change(pressure, nodal, solver.upstream @ change)
+            forces[solver.nodes] -= self.friction_forces * ratio[:, None]
+        return forces.ravel()[solver.solid.ordered_dofs] + self._elastic_forces(change)
 
-    def _spread(self, found):
-        change = np.zeros(2 * self.steady.solid.basis.N)
-        change[self.steady.solid.order] = found
-        return self.steady.frame.passed(change.reshape(-1, 2))
+    def _expand(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the nodal displacements of a vector of the free degrees of freedom."""
+        change = np.zeros(2 * self.solver.solid.basis.N)
+        change[self.solver.solid.ordered_dofs] = vector
+        return self.solver.frame.with_steady_rear(change.reshape(-1, 2))
 
-    def _elastic(self, change):
-        if not self.share:
+    def _elastic_forces(self, change):
+        """Return the forces of the added share of the elastic stiffness."""
+        if not self.elastic_share:
             return 0.0
-        solid = self.steady.solid
-        forces = np.matmul(self.steady.elastic_blocks, change.ravel()[solid.unknowns][..., None])
-        return self.share * np.bincount(solid.unknowns.ravel(), forces.ravel(), change.size)[solid.order]
+        solid = self.solver.solid
+        forces = np.matmul(self.solver.elastic_stiffness, change.ravel()[solid.element_dofs][..., None])
+        total = np.bincount(solid.element_dofs.ravel(), forces.ravel(), change.size)
+        return self.elastic_share * total[solid.ordered_dofs]
 
     def _piola_change(self, gradients, stress):
-        trial, finite = self.trial, self.steady.solid.finite
-        change = _piola(trial.gradients, stress, finite)
-        return change + _piola(gradients - UNITY, trial.stress, True) if finite else change
+        """Return the change of the Piola stress with changes of gradients and stresses."""
+        trial, finite = self.trial, self.solver.solid.finite
+        change = _piola_stress(trial.gradients, stress, finite)
+        return change + _piola_stress(gradients - IDENTITY, trial.stress, True) if finite else change
 
-    def _blocks(self):
-        """Stiffness of the elements with the mix upstream frozen."""
-        steady, matrix = self.steady, self.steady.gradient_matrix
-        by_gradient = steady.frame.points(self.slopes[..., :4, 10:])
-        moduli = np.empty((len(by_gradient), 4, 4))
+    def _frozen_stiffness(self) -> NDArray[np.float64]:
+        """Return the stiffness of the elements with the upstream states frozen, shape (elements, 16, 16)."""
+        solver, matrix = self.solver, self.solver.gradient_matrix
+        by_gradient = solver.frame.to_points(self.derivatives[..., :4, 10:])
+        tangent = np.empty((len(by_gradient), 4, 4))
         for k, gradient in enumerate(np.eye(4)):
-            moduli[:, :, k] = self._piola_change(np.broadcast_to(gradient, (len(moduli), 4)), by_gradient[:, :, k])
-        weighted = moduli.reshape(*matrix.shape[:2], 4, 4) * steady.solid.basis.dx[..., None, None]
+            tangent[:, :, k] = self._piola_change(np.broadcast_to(gradient, (len(tangent), 4)), by_gradient[:, :, k])
+        weighted = tangent.reshape(*matrix.shape[:2], 4, 4) * solver.solid.basis.dx[..., None, None]
         count = len(matrix)
-        turned = np.matmul(weighted, matrix).reshape(count, -1, 16)
-        blocks = np.matmul(matrix.reshape(count, -1, 16).transpose(0, 2, 1), turned)
-        return blocks + self.share * steady.elastic_blocks if self.share else blocks
+        right = np.matmul(weighted, matrix).reshape(count, -1, 16)
+        stiffness = np.matmul(matrix.reshape(count, -1, 16).transpose(0, 2, 1), right)
+        return stiffness + self.elastic_share * solver.elastic_stiffness if self.elastic_share else stiffness
 
 
-def _piola(gradients, stress, finite):
-    """Stress on the reference, J sigma F^-T, (xx, xy, yx, yy); sigma itself of small strains."""
+def _piola_stress(gradients, stress, finite):
+    """Return J sigma F^-T (xx, xy, yx, yy) [Pa], shape (n, 4); sigma in small strain."""
     xx, yy, _, xy = stress.T
     if not finite:
         return np.stack([xx, xy, xy, yy], axis=-1)
-    Fxx, Fxy, Fyx, Fyy = (gradients + UNITY).T
+    Fxx, Fxy, Fyx, Fyy = (gradients + IDENTITY).T
     return np.stack([xx * Fyy - xy * Fxy, xy * Fxx - xx * Fyx, xy * Fyy - yy * Fxy, yy * Fxx - xy * Fyx], axis=-1)
 
 
-def _next_share(share, length):
+def _next_elastic_share(share: float, length: float) -> float:
+    """Return the share of the elastic stiffness after a step of a length."""
     if length == 1:
-        return share / 4 if share > FIRST_SHARE / 100 else 0.0
+        return share / 4 if share > FIRST_ELASTIC_SHARE / 100 else 0.0
     if length == 0.5:
         return share / 1.4
-    return min(max(2 * share, FIRST_SHARE / 10), MOST) if length < 0.1 else share
+    return min(max(2 * share, FIRST_ELASTIC_SHARE / 10), MAX_ELASTIC_SHARE) if length < 0.1 else share
 
 
-SOFTEST = 13.0  # yield pressures of the fed mix
-SOFTER = 4  # times half as soft, where that is not found from rest
-FIRST = 1.5  # ratio of the first two shares
-SHORTEST = 5e-3  # of the logarithm of the share, a step below which it gives up
-QUICK, SLOW = 8, 14  # iterations within which a step may grow, and beyond which it shrinks
-ROUGH = 3e-3  # residual on the way, and where it ends before the last balance
-SHARPER = 0.85  # power of the share by which slip that is taken for sticking gets less
+@dataclass(frozen=True, eq=False)
+class _ContinuationStep:
+    """Steady rolling at one stiffness ratio."""
+
+    rolling: IncrementalRolling
+    ratio: float
 
 
-def stiffened(march_of, lowest):
-    """A `March` that is steady with the lowest generatrix at a height [m], found at once.
+def continue_in_stiffness(
+    create_rolling: Callable[[float], IncrementalRolling], bottom_height: float
+) -> IncrementalRolling:
+    """Solve steady rolling from scratch by continuation in the stiffness ratio.
 
-    march_of : gives a march that has not begun, of mix with a share of its unloading modulus
+    Parameters
+    ----------
+    create_rolling : callable
+        Function of the stiffness ratio [-] that returns rolling at rest over mix of that unloading modulus.
+    bottom_height : float
+        Height of the lowest generatrix [m].
 
-    Raises RuntimeError with the share reached.
+    Returns
+    -------
+    IncrementalRolling
+        Steady rolling at stiffness ratio 1.
+
+    Raises
+    ------
+    RuntimeError
+        If the continuation ends at a lower stiffness ratio.
     """
-    share, there, step = _softest(march_of(1.0).frame), None, np.log(FIRST)
-    here = _from_rest(march_of, share, lowest)
-    share = here[1]
-    while share < 1:
-        ahead = min(share * np.exp(step), 1.0)
-        march = march_of(ahead)
+    previous, step = None, np.log(FIRST_RATIO_STEP)
+    current = _solve_softest(create_rolling, _softest_ratio(create_rolling(1.0).frame), bottom_height)
+    while current.ratio < 1:
+        ratio = min(current.ratio * np.exp(step), 1.0)
+        rolling = create_rolling(ratio)
         try:
-            _settled(march, _foreseen(here, there, ahead), lowest, ahead)
+            _solve_at_ratio(rolling, _extrapolate(current, previous, ratio), bottom_height, ratio)
         except RuntimeError as error:
             step /= 2
-            if step < SHORTEST:
-                raise RuntimeError(f"found up to {share:.3g} of the unloading modulus, then: {error}") from error
+            if step < MIN_LOG_STEP:
+                raise RuntimeError(f"continuation ends at a stiffness ratio of {current.ratio:.3g}: {error}") from error
             continue
-        iterations = march.steps[-1].iterations
-        step *= 1.4 if iterations < QUICK else 1 / 1.3 if iterations > SLOW else 1.0
-        here, there, share = (march, ahead), here, ahead
-    march = here[0]
-    march.settled(
-        Steady(march.frame, march.face.at(lowest), progress=march.progress).balanced(march.condition.displacement),
-        lowest,
-    )
-    return march
+        iterations = rolling.steps[-1].iterations
+        if iterations < FEW_ITERATIONS:
+            step *= STEP_GROWTH
+        elif iterations > MANY_ITERATIONS:
+            step *= 1 / STEP_REDUCTION
+        current, previous = _ContinuationStep(rolling, ratio), current
+    rolling = current.rolling
+    solver = SteadySolver(rolling.frame, rolling.surface.moved_to(bottom_height), rolling.progress)
+    rolling.accept_steady(solver.solve(rolling.state.displacement), bottom_height)
+    return rolling
 
 
-def _from_rest(march_of, share, lowest):
-    """The first march and its share, softer where it must be."""
-    for _ in range(SOFTER):
+def _solve_softest(create_rolling, ratio, bottom_height):
+    """Return the first continuation step, with a lower ratio if necessary."""
+    for _ in range(MAX_SOFTENINGS):
+        rolling = create_rolling(ratio)
         try:
-            return _settled(march_of(share), None, lowest, share)
+            _solve_at_ratio(rolling, _solve_frictionless(rolling, bottom_height), bottom_height, ratio)
         except RuntimeError as error:
-            reason, share = error, share / 2
-    raise RuntimeError(f"not found even with {2 * share:.2g} of the unloading modulus: {reason}")
+            reason, ratio = error, ratio / 2
+        else:
+            return _ContinuationStep(rolling, ratio)
+    raise RuntimeError(f"continuation does not start at a stiffness ratio of {2 * ratio:.2g}: {reason}")
 
 
-def _softest(frame):
-    law = frame.solid.law
-    yields = law.yield_pressure(float(frame.fed.state.max_density_ratio.max())) * frame.solid.rate_factor
-    return min(SOFTEST * float(yields) / law.unloading_modulus, 1.0)
+def _softest_ratio(frame: RollerFrame) -> float:
+    material = frame.solid.material
+    densest = float(frame.fed_layer.points.max_density_ratio.max())
+    yield_pressure = material.yield_pressure(densest) * frame.solid.rate_factor
+    return min(SOFTEST_RATIO * float(yield_pressure) / material.unloading_modulus, 1.0)
 
 
-def _foreseen(here, there, share):
-    """Displacement and pressure on the line through the last two, and shear and creep of the last."""
-    (last, at), push = here, here[0].push
-    displacement, pressure = last.condition.displacement, push.pressure
-    if there is not None:
-        before, behind = there
-        way = np.log(share / at) / np.log(at / behind)
-        displacement = displacement + way * (displacement - before.condition.displacement)
-        pressure = np.maximum(pressure + way * (pressure - before.push.pressure), 0.0)
-    return displacement, pressure, push.shear, push.creep
+def _extrapolate(current, previous, ratio):
+    """Return displacement and tractions, linear in the logarithm of the ratio; the shear of the current step."""
+    rolling, contact = current.rolling, current.rolling.contact
+    displacement, pressure = rolling.state.displacement, contact.pressure
+    if previous is not None:
+        before = previous.rolling
+        share = np.log(ratio / current.ratio) / np.log(current.ratio / previous.ratio)
+        displacement = displacement + share * (displacement - before.state.displacement)
+        pressure = np.maximum(pressure + share * (pressure - before.contact.pressure), 0.0)
+    return displacement, ContactTractions(pressure, contact.shear, contact.creepage)
 
 
-def _settled(march, foreseen, lowest, share):
-    """The march in its steady balance, and the share."""
-    if foreseen is None:
-        foreseen = _without_grip(march, lowest)
-    displacement, *carried = foreseen
-    march.face = march.face.carrying(*carried)
-    face = march.face.at(lowest)
-    if isinstance(face, RollingSurface):
-        face = replace(face, sticking=STICKING * share**-SHARPER)
-    march.settled(Steady(march.frame, face, progress=march.progress).balanced(displacement, residual=ROUGH), lowest)
-    return march, share
+def _solve_at_ratio(rolling, prediction, bottom_height, ratio):
+    """Solve the steady equilibrium at a stiffness ratio from predicted displacement and tractions."""
+    displacement, tractions = prediction
+    rolling.surface = rolling.surface.with_multipliers(tractions)
+    surface = rolling.surface.moved_to(bottom_height)
+    if isinstance(surface, RollingSurface):
+        surface = replace(surface, regularisation=REGULARISATION_SLIP * ratio**-REGULARISATION_EXPONENT)
+    solver = SteadySolver(rolling.frame, surface, rolling.progress)
+    rolling.accept_steady(solver.solve(displacement, tolerance=CONTINUATION_TOLERANCE), bottom_height)
 
 
-def _without_grip(march, lowest):
-    """The balance from rest, without the shear of a roller that turns."""
-    still = march.condition.displacement
-    if not isinstance(march.face, RollingSurface):
-        return still, march.face.carried, None, None
-    face = replace(march.face, grip=0.0, pull=0.0).at(lowest)
-    found = Steady(march.frame, face, progress=march.progress).balanced(still, residual=ROUGH)
-    return found.after.displacement, found.push.pressure, found.push.shear, 0.0
+def _solve_frictionless(rolling, bottom_height):
+    """Return displacement and tractions at rest, of a rotating roller in equilibrium without friction."""
+    displacement, surface = rolling.state.displacement, rolling.surface
+    if not isinstance(surface, RollingSurface):
+        return displacement, ContactTractions(surface.multiplier_pressure, np.zeros_like(surface.multiplier_pressure))
+    surface = replace(surface, friction=0.0, tangential_force=0.0).moved_to(bottom_height)
+    solver = SteadySolver(rolling.frame, surface, rolling.progress)
+    solution = solver.solve(displacement, tolerance=CONTINUATION_TOLERANCE)
+    return solution.state.displacement, ContactTractions(solution.contact.pressure, solution.contact.shear, 0.0)

@@ -1,183 +1,249 @@
-"""What mix becomes as it streams under the roller in steady motion: every row of points from the front to the rear.
+"""Material state along the streamlines of steady rolling, integrated from the front to the rear of every row.
 
     state_j = step(state_(j+1), strain from F_(j+1) to F_j)
 
-Point j + 1 lies upstream of j in the same row of the fed layer; far in front the mix is as fed and F = 1. So the states
-of a layer follow from its displacement alone, in one sweep, and so do their derivatives, by what each point is told:
-the state that enters it and the gradients at both ends of the path. The path is straight in the logarithmic strain of
-`deformation`, and the mix follows it in small steps.
+Point j + 1 lies upstream of j in the same row of the fed layer; far ahead the mix is in its fed state and F = 1. The
+states of a layer thus follow from its displacement alone, in one sweep (Dang Van and Maitournam 1993). So do their
+derivatives by the inputs of each point: the state that enters it and the gradients at both ends of the path. The path
+is straight in the logarithmic strain of `finite_strain_solid`, and the constitutive law is integrated in substeps.
+
+References
+----------
+K. Dang Van and M. H. Maitournam, Steady-state flow in classical elastoplasticity: application to repeated rolling and
+sliding contact, J. Mech. Phys. Solids 41 (1993) 1691-1710.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from compact.engines.compaction.finite_strain_solid import SERIES_LIMIT
 from compact.material import cap_plasticity
+from compact.material.laws import Compaction
 from compact.numerics.jit import compiled
 
-NUMBERS = 6  # that a point must know: stress (xx, yy, zz, xy), density ratio, the one that pc remembers
-TOLD = 14  # what the next point follows from: these six, the gradient before, the gradient after
-NEARBY = 1e-8  # strain, density ratio and stress over the modulus by which differences are taken
-NEARLY_ROUND = 1e-4  # half the logarithm of the stretches' ratio, below which atanh(z)/z is 1 + z^2/3 to rounding
-
-SLICE = 20_000  # steps of points in one compiled call: some 20 ms, half a second where each takes all attempts
+STATE_SIZE = 6  # [-], values of a state: stress (xx, yy, zz, xy), density ratio, preconsolidation density ratio
+INPUT_SIZE = 14  # [-], inputs of a point: the state that enters it, the gradient before, the gradient after
+DIFFERENCE = 1e-8  # [-], of strain, density ratio and stress over the modulus, for derivatives by differences
+MAX_STEPS_PER_CALL = 20_000  # [-], steps of points in one compiled call; some 20 ms, at most 0.5 s
 
 
 @dataclass(frozen=True, eq=False)
 class StreamlineState:
-    """Of rows of points, x ascending: what they are, shape (rows, n, 6), and what they have taken up [J/m3].
+    """States of rows of points, x ascending.
 
-    numbers : stress (xx, yy, zz, xy) [Pa], density ratio, the one that pc remembers
-    plastic_work : in the volume of its time;  work : int J sigma : d strain of the mix as it was fed
+    Parameters
+    ----------
+    values : ndarray, shape (rows, n, 6)
+        Stress (xx, yy, zz, xy) [Pa], density ratio [-], preconsolidation density ratio [-].
+    plastic_work : ndarray, shape (rows, n)
+        Plastic work in the current volume [J/m3].
+    work : ndarray, shape (rows, n)
+        Work of deformation, int J sigma : d strain [J/m3 of fed mix].
     """
 
-    numbers: np.ndarray
-    plastic_work: np.ndarray
-    work: np.ndarray
+    values: NDArray[np.float64]
+    plastic_work: NDArray[np.float64]
+    work: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class StreamlineIntegrator:
-    """Mix that enters rows of points from the right.
+    """Integrator for mix that enters rows of points from the right.
 
-    law : Compaction;  fed : cap.State, one point a row;  finite : strains are;  substeps : of the path between points
+    Parameters
+    ----------
+    material : Compaction
+        Constitutive law.
+    fed_points : MaterialPoint
+        State of the fed mix, one point for each row.
+    rate_factor : float
+        Factor of the yield pressure by the speed [-].
+    finite : bool
+        True for finite strain, False for small strain.
+    substeps : int
+        Substeps of the path between two points.
     """
 
-    law: object
-    fed: cap_plasticity.MaterialPoint
+    material: Compaction
+    fed_points: cap_plasticity.MaterialPoint
     rate_factor: float
     finite: bool
     substeps: int
 
-    def along(self, gradients):
-        """The `StreamlineState` under displacement gradients (xx, xy, yx, yy), shape (rows, n, 4).
+    def integrate(self, gradients: NDArray[np.float64]) -> StreamlineState:
+        """Integrate the states of all rows.
 
-        Raises RuntimeError where the layer folds over.
+        Parameters
+        ----------
+        gradients : ndarray, shape (rows, n, 4)
+            Displacement gradients (xx, xy, yx, yy) [-].
+
+        Returns
+        -------
+        StreamlineState
+
+        Raises
+        ------
+        RuntimeError
+            If elements invert, or the stress integration fails.
         """
         rows, columns = gradients.shape[:2]
-        numbers, works = np.empty((rows, columns, NUMBERS)), np.empty((rows, columns, 2))
-        given = *self._constants, self.fed.plastic_work, gradients, numbers, works
-        for first, end in _slices(rows, columns * self.substeps):
-            failed = _sweep(first, end, *given)
-            if failed < 0:
-                continue
-            row, column = divmod(failed, columns)
-            raise RuntimeError(
-                f"the mix does not follow at point {column} of row {row} of points: the layer folds over"
-            )
-        return StreamlineState(numbers, works[..., 0], works[..., 1])
+        values, works = np.empty((rows, columns, STATE_SIZE)), np.empty((rows, columns, 2))
+        inputs = self._law, self._inflow, self.fed_points.plastic_work, gradients
+        for block in _row_blocks(rows, columns * self.substeps):
+            failed = _integrate_rows(block, *inputs, values, works)
+            if failed >= 0:
+                row, column = divmod(failed, columns)
+                raise RuntimeError(
+                    f"the stress integration fails at point {column} of row {row}: elements of the layer invert"
+                )
+        return StreamlineState(values, works[..., 0], works[..., 1])
 
-    def derivatives(self, gradients, flow):
-        """d numbers by what each point of a `StreamlineState` was told, shape (rows, n, 6, 14), by differences."""
-        slopes = np.empty((*gradients.shape[:2], NUMBERS, TOLD))
-        nearby = np.full(TOLD, NEARBY)
-        nearby[:4] *= self.law.unloading_modulus
-        given = *self._constants, gradients, flow.numbers, nearby, slopes
+    def derivatives(self, gradients: NDArray[np.float64], state: StreamlineState) -> NDArray[np.float64]:
+        """Return the derivatives of the values of each point by its inputs, by differences.
+
+        Parameters
+        ----------
+        gradients : ndarray, shape (rows, n, 4)
+            Displacement gradients [-].
+        state : StreamlineState
+            Their states.
+
+        Returns
+        -------
+        ndarray, shape (rows, n, 6, 14)
+        """
+        derivatives = np.empty((*gradients.shape[:2], STATE_SIZE, INPUT_SIZE))
+        differences = np.full(INPUT_SIZE, DIFFERENCE)
+        differences[:4] *= self.material.unloading_modulus
         rows, columns = gradients.shape[:2]
-        for first, end in _slices(rows, TOLD * columns * self.substeps):
-            _slopes(first, end, *given)
-        return slopes
+        for block in _row_blocks(rows, INPUT_SIZE * columns * self.substeps):
+            _differentiate_rows(block, self._law, self._inflow, gradients, state.values, differences, derivatives)
+        return derivatives
 
     @property
-    def _constants(self):
-        enters = np.column_stack([self.fed.stress, self.fed.density_ratio, self.fed.max_density_ratio])
-        return cap_plasticity.cap_constants(self.law, self.rate_factor), self.finite, self.substeps, enters
+    def _law(self):
+        """Constants of the law, kinematics and substeps for compiled code."""
+        return cap_plasticity.cap_constants(self.material, self.rate_factor), self.finite, self.substeps
+
+    @property
+    def _inflow(self):
+        """Values of the state that enters each row, shape (rows, 6)."""
+        return np.column_stack(
+            [self.fed_points.stress, self.fed_points.density_ratio, self.fed_points.max_density_ratio]
+        )
 
 
-def changes(slopes, gradients):
-    """Changes of the numbers with those of the gradients, shape (rows, n, 6), by the `derivatives`."""
-    numbers, gradients = np.empty((*gradients.shape[:2], NUMBERS)), np.ascontiguousarray(gradients)
-    for first, end in _slices(*gradients.shape[:2]):
-        _pass_on(first, end, slopes, gradients, numbers)
-    return numbers
+def propagate_changes(derivatives: NDArray[np.float64], gradient_changes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the changes of all states with changes of the gradients, by the chain rule along the rows.
+
+    Parameters
+    ----------
+    derivatives : ndarray, shape (rows, n, 6, 14)
+        Derivatives of `StreamlineIntegrator`.
+    gradient_changes : ndarray, shape (rows, n, 4)
+        Changes of the displacement gradients [-].
+
+    Returns
+    -------
+    ndarray, shape (rows, n, 6)
+        Changes of the values of the states.
+    """
+    changes = np.empty((*gradient_changes.shape[:2], STATE_SIZE))
+    gradient_changes = np.ascontiguousarray(gradient_changes)
+    for block in _row_blocks(*gradient_changes.shape[:2]):
+        _apply_chain_rule(block, derivatives, gradient_changes, changes)
+    return changes
 
 
-def _slices(rows, steps):
-    """(first, end) of blocks of rows, each of so many steps of points, for one compiled call each: an interrupt gets in
-    between two of them."""
-    most = max(SLICE // max(steps, 1), 1)
-    return [(first, min(first + most, rows)) for first in range(0, rows, most)]
+def _row_blocks(rows: int, steps_per_row: int) -> list[tuple[int, int]]:
+    """Return (first, end) of blocks of rows for one compiled call each; an interrupt is possible between two calls."""
+    size = max(MAX_STEPS_PER_CALL // max(steps_per_row, 1), 1)
+    return [(first, min(first + size, rows)) for first in range(0, rows, size)]
 
 
 @compiled
-def _sweep(first, end, law, finite, substeps, enters, plastic_work, gradients, numbers, works):
-    """Rows from `first` to before `end`, each from its right end; the first point that failed, or -1."""
-    told, columns = np.zeros(TOLD), gradients.shape[1]
-    for row in range(first, end):
+def _integrate_rows(block, law, inflow, plastic_work, gradients, values, works):
+    """Integrate a block of rows from their right ends; return the first point that fails, or -1."""
+    inputs, columns = np.zeros(INPUT_SIZE), gradients.shape[1]
+    for row in range(block[0], block[1]):
         dissipated, work = plastic_work[row], 0.0
         for j in range(columns - 1, -1, -1):
-            _tell(told, enters[row], gradients[row], numbers[row], j)
-            good, more, done = _next(law, told, finite, substeps, numbers[row, j])
+            _gather_inputs(inputs, inflow[row], gradients[row], values[row], j)
+            good, dissipation, increment = _integrate_interval(law, inputs, values[row, j])
             if not good:
                 return row * columns + j
-            dissipated, work = dissipated + more, work + done
+            dissipated, work = dissipated + dissipation, work + increment
             works[row, j, 0], works[row, j, 1] = dissipated, work
     return -1
 
 
 @compiled
-def _tell(told, enters, gradients, numbers, j):
-    """What point j of a row follows from."""
+def _gather_inputs(inputs, inflow, gradients, values, j):
+    """Collect the inputs of point j of a row."""
     if j + 1 < len(gradients):
-        told[:NUMBERS] = numbers[j + 1]
-        told[NUMBERS:10] = gradients[j + 1]
+        inputs[:STATE_SIZE] = values[j + 1]
+        inputs[STATE_SIZE:10] = gradients[j + 1]
     else:
-        told[:NUMBERS] = enters
-        told[NUMBERS:10] = 0.0
-    told[10:] = gradients[j]
+        inputs[:STATE_SIZE] = inflow
+        inputs[STATE_SIZE:10] = 0.0
+    inputs[10:] = gradients[j]
 
 
 @compiled
-def _slopes(first, end, law, finite, substeps, enters, gradients, numbers, nearby, slopes):
-    """Differences of every point by all that it was told."""
-    told, moved = np.zeros(TOLD), np.empty(NUMBERS)
-    for row in range(first, end):
+def _differentiate_rows(block, law, inflow, gradients, values, differences, derivatives):
+    """Differentiate the values of every point of a block of rows by its inputs."""
+    inputs, perturbed = np.zeros(INPUT_SIZE), np.empty(STATE_SIZE)
+    for row in range(block[0], block[1]):
         for j in range(gradients.shape[1]):
-            _tell(told, enters[row], gradients[row], numbers[row], j)
-            for k in range(TOLD):
-                held = told[k]
-                told[k] = held + nearby[k]
-                _next(law, told, finite, substeps, moved)
-                for i in range(NUMBERS):
-                    slopes[row, j, i, k] = (moved[i] - numbers[row, j, i]) / nearby[k]
-                told[k] = held
+            _gather_inputs(inputs, inflow[row], gradients[row], values[row], j)
+            for k in range(INPUT_SIZE):
+                original = inputs[k]
+                inputs[k] = original + differences[k]
+                _integrate_interval(law, inputs, perturbed)
+                for i in range(STATE_SIZE):
+                    derivatives[row, j, i, k] = (perturbed[i] - values[row, j, i]) / differences[k]
+                inputs[k] = original
 
 
 @compiled
-def _pass_on(first, end, slopes, gradients, numbers):
-    """The chain rule along each row from `first` to before `end`."""
-    told = np.zeros(TOLD)
-    for row in range(first, end):
+def _apply_chain_rule(block, derivatives, gradients, values):
+    """Apply the chain rule along each row of a block."""
+    inputs = np.zeros(INPUT_SIZE)
+    for row in range(block[0], block[1]):
         for j in range(gradients.shape[1] - 1, -1, -1):
-            told[:10] = 0.0
+            inputs[:10] = 0.0
             if j + 1 < gradients.shape[1]:
-                told[:NUMBERS] = numbers[row, j + 1]
-                told[NUMBERS:10] = gradients[row, j + 1]
-            told[10:] = gradients[row, j]
-            for i in range(NUMBERS):
+                inputs[:STATE_SIZE] = values[row, j + 1]
+                inputs[STATE_SIZE:10] = gradients[row, j + 1]
+            inputs[10:] = gradients[row, j]
+            for i in range(STATE_SIZE):
                 total = 0.0
-                for k in range(TOLD):
-                    total += slopes[row, j, i, k] * told[k]
-                numbers[row, j, i] = total
+                for k in range(INPUT_SIZE):
+                    total += derivatives[row, j, i, k] * inputs[k]
+                values[row, j, i] = total
 
 
 @compiled
-def _next(law, told, finite, substeps, after):
-    """Writes the numbers after the path from what is told; whether all went well, plastic work, and work of the fed."""
-    good, strain, volume, cosine, sine = _strained(told[6:10], told[10:], finite)
+def _integrate_interval(law, inputs, after):
+    """Write the values after the path between two points; return success, plastic work, and work of the fed volume."""
+    constants, finite, substeps = law
+    good, strain, volume, cosine, sine = _strain_increment(inputs[6:10], inputs[10:], finite)
     exx, eyy, gamma = strain[0] / substeps, strain[1] / substeps, strain[2] / substeps
-    now = (told[0], told[1], told[2], told[3], told[4], told[5])
+    now = (inputs[0], inputs[1], inputs[2], inputs[3], inputs[4], inputs[5])
     plastic_work, work = 0.0, 0.0
     for _ in range(substeps):
         before = now
-        closed, now, dissipated, _, _ = cap_plasticity.integrate_point(law, before, exx, eyy, gamma)
-        good = good and closed
+        converged, now, dissipated, _, _ = cap_plasticity.integrate_point(constants, before, exx, eyy, gamma)
+        good = good and converged
         plastic_work += dissipated
         work += ((before[0] + now[0]) * exx + (before[1] + now[1]) * eyy + (before[3] + now[3]) * gamma) / 2
     xx, yy, xy = now[0], now[1], now[3]
-    across = 2 * cosine * sine * xy
-    after[0] = cosine * cosine * xx + sine * sine * yy - across
-    after[1] = sine * sine * xx + cosine * cosine * yy + across
+    cross = 2 * cosine * sine * xy
+    after[0] = cosine * cosine * xx + sine * sine * yy - cross
+    after[1] = sine * sine * xx + cosine * cosine * yy + cross
     after[2] = now[2]
     after[3] = cosine * sine * (xx - yy) + (cosine * cosine - sine * sine) * xy
     after[4], after[5] = now[4], now[5]
@@ -185,8 +251,8 @@ def _next(law, told, finite, substeps, after):
 
 
 @compiled
-def _strained(before, after, finite):
-    """`deformation.Finite` or `Small` of one point: whether it is not folded, strain, J midway, cosine, sine."""
+def _strain_increment(before, after, finite):
+    """Return validity, strain, midpoint volume ratio, cosine and sine of a `FiniteIncrement` or `SmallIncrement`."""
     if not finite:
         strain = (after[0] - before[0], after[3] - before[3], after[1] + after[2] - before[1] - before[2])
         return True, strain, 1.0, 1.0, 0.0
@@ -199,7 +265,7 @@ def _strained(before, after, finite):
     c, s = (xx + yy) / size, (yx - xy) / size
     mean, half, cross = size / 2, (c * (xx - yy) + s * (yx + xy)) / 2, (c * (xy + yx) + s * (yy - xx)) / 2
     ratio = np.hypot(half, cross) / mean
-    rise = (np.arctanh(ratio) / ratio if ratio > NEARLY_ROUND else 1 + ratio * ratio / 3) / mean
+    factor = (np.arctanh(ratio) / ratio if ratio > SERIES_LIMIT else 1 + ratio * ratio / 3) / mean
     half_volume = np.log(volume / volume_before) / 2
-    strain = (half_volume + rise * half, half_volume - rise * half, 2 * rise * cross)
+    strain = (half_volume + factor * half, half_volume - factor * half, 2 * factor * cross)
     return volume > 0 and volume_before > 0, strain, np.sqrt(volume * volume_before), c, s

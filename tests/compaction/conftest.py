@@ -1,0 +1,41 @@
+"""Steady solutions shared by the tests of the engine "compaction"."""
+
+import pytest
+
+from compact.engines.compaction.engine import roll
+from compact.material.laws import Compaction
+from compact.rolling_contact import Layer, Roller
+
+# 2 mm depth in a layer of 100 mm: contact length 21 mm, bow wave of the height of the depth
+MIX = Compaction(60e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
+LAYER, ROLLER = Layer(0.1), Roller(0.11, 0.002, profile="deformed")
+
+
+@pytest.fixture(scope="session")
+def mix():
+    """Compacting mix."""
+    return MIX
+
+
+@pytest.fixture(scope="session")
+def layer():
+    """Layer that is high compared with the contact length."""
+    return LAYER
+
+
+@pytest.fixture(scope="session")
+def roller():
+    """Frictionless roller at a depth of 2 mm."""
+    return ROLLER
+
+
+@pytest.fixture(scope="session")
+def coarse():
+    """Direct steady solve on 4 increments per contact length."""
+    return roll(LAYER, ROLLER, MIX, 0.2, increments=4)
+
+
+@pytest.fixture(scope="session")
+def fine():
+    """Steady rolling on 8 increments per contact length, for slow tests."""
+    return roll(LAYER, ROLLER, MIX, 0.2, increments=8)

@@ -1,0 +1,207 @@
+"""Finite elements of compacting mix: uniform paths equal those of a material point on any mesh."""
+
+import numpy as np
+import pytest
+from scipy.linalg import logm, polar
+from skfem import MeshQuad
+
+from compact.engines.compaction.finite_strain_solid import FiniteIncrement, FiniteStrainSolid, SmallIncrement
+from compact.engines.compaction.newton import EquilibriumError, IncrementSolver
+from compact.engines.compaction.roller_contact import ContactForces
+from compact.material import cap_plasticity
+from compact.material.laws import Compaction
+
+MIX = Compaction(120e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94, dry_side="ellipse")
+SQUARE = MeshQuad.init_tensor(np.linspace(0, 1, 4), np.linspace(0, 1, 3))
+# independent solution, e_y < 0: e_x = -0.3 e_y and 0.3 e_y, gamma = e_y, oedometer: strain (xx, yy, 2 xy);
+# stress (xx, yy, zz, xy) [kPa] and density ratio
+PATHS = {
+    "widening": ((0.009, -0.03, 0.0), (-79.3042, -165.3647, -99.1644, 0.0, 0.95884915)),
+    "narrowing": ((-0.0045, -0.015, 0.0), (-127.7755, -163.9442, -112.2746, 0.0, 0.95721998)),
+    "sheared": ((0.0, -0.015, -0.015), (-96.8506, -146.9643, -96.8506, -25.0568, 0.95312334)),
+    "oedometer": ((0.0, -0.03, 0.0), (-122.5914, -190.1193, -122.5914, 0.0, 0.96722280)),
+}
+
+
+def skewed(mesh, amount=0.06):
+    """Move all corners at random; edges stay straight."""
+    return MeshQuad(mesh.p + amount * np.random.default_rng(7).normal(size=mesh.p.shape), mesh.t)
+
+
+def point_path(strain, steps):
+    """Stress (xx, yy, zz, xy) and density ratio of a material point strained in equal steps."""
+    points = cap_plasticity.initial_state(MIX, 1)
+    for _ in range(steps):
+        points, _ = cap_plasticity.integrate_points(MIX, points, np.array([strain]) / steps, tangent=False)
+    return points.stress[0], points.density_ratio[0]
+
+
+class NoRoller:
+    """Surface without contact."""
+
+    def contact_forces(self, displacement):
+        n = len(displacement)
+        return ContactForces(
+            pressure=np.zeros(n), shear=np.zeros(n), gap=np.full(n, np.inf), forces=np.zeros((n, 2)),
+            stiffness=np.zeros((n, 2, 2)),
+        )  # fmt: skip
+
+
+# (a) closed forms
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("mesh", [MeshQuad(), skewed(SQUARE)], ids=["one element", "six skewed"])
+def test_uniform_path_equals_that_of_a_material_point(path, mesh):
+    strain = np.array(PATHS[path][0])
+    solid = FiniteStrainSolid(mesh, MIX, finite=False, substeps=2)
+    gradient = np.array([[strain[0], strain[2] / 2], [strain[2] / 2, strain[1]]])
+    state = solid.undeformed_state()
+    for k in range(1, 11):
+        state = solid.increment(state, solid.basis.doflocs.T @ gradient * k / 10, tangent=False).after
+    stress, density_ratio = point_path(strain, 20)
+    scale = np.abs(stress).max()
+    assert state.points.stress == pytest.approx(np.tile(stress, (solid.point_areas.size, 1)), abs=1e-9 * scale)
+    assert state.points.density_ratio == pytest.approx(density_ratio, rel=1e-9)
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_uniform_path_has_the_published_digits(path):
+    """The integration is of first order in the step, so that two runs are extrapolated."""
+    strain, exact = PATHS[path]
+    coarse, fine = (np.append(*point_path(np.array(strain), n)) for n in (2000, 4000))
+    found = (2 * fine - coarse) / np.array([1e3, 1e3, 1e3, 1e3, 1])
+    assert found[:4] == pytest.approx(exact[:4], abs=2e-4)
+    assert found[4] == pytest.approx(exact[4], abs=2e-8)
+
+
+@pytest.mark.parametrize("finite", [False, True], ids=["small", "finite"])
+def test_plate_on_a_confined_slab_is_the_oedometer(finite):
+    """Smooth walls, smooth rigid plate, frictionless base: every point follows the path of a material point."""
+    mesh = MeshQuad.init_tensor(np.linspace(0, 0.4, 5), np.linspace(0, 0.2, 4))
+    corners = mesh.p.copy()
+    inner = (corners[0] > 1e-9) & (corners[0] < 0.4 - 1e-9) & (corners[1] > 1e-9) & (corners[1] < 0.2 - 1e-9)
+    corners[:, inner] += 0.01 * np.random.default_rng(7).normal(size=(2, inner.sum()))
+    mesh = MeshQuad(corners, mesh.t)
+    x, y = FiniteStrainSolid(mesh, MIX).basis.doflocs
+    walls, plate = (x < 1e-9) | (x > 0.4 - 1e-9), y > 0.2 - 1e-9
+    fixed = np.concatenate([2 * np.flatnonzero(walls), 2 * np.flatnonzero((y < 1e-9) | plate) + 1])
+    solid = FiniteStrainSolid(mesh, MIX, fixed_dofs=fixed, finite=finite, substeps=1)
+    solver = IncrementSolver(solid, np.flatnonzero(plate), tolerance=1e-12)
+    state = solid.undeformed_state()
+    for k in range(1, 11):
+        prediction = state.displacement.copy()
+        prediction[plate, 1] = -0.2 * (1 - np.exp(-0.003 * k) if finite else 0.003 * k)
+        state = solver.solve(state, NoRoller(), prediction).state
+    stress, density_ratio = point_path((0, -0.03, 0), 10)
+    assert state.points.stress == pytest.approx(np.tile(stress, (solid.point_areas.size, 1)), abs=1e-9 * abs(stress[1]))
+    assert state.points.density_ratio == pytest.approx(density_ratio, rel=1e-9)
+
+
+def test_work_of_deformation_is_that_of_the_boundary_forces():
+    solid = FiniteStrainSolid(skewed(SQUARE), MIX)
+    X = solid.basis.doflocs.T
+    state, work = solid.undeformed_state(), 0.0
+    before = np.zeros_like(X)
+    for k in range(1, 201):
+        increment = solid.increment(state, X * [0.0, -0.03 * k / 200], tangent=False)
+        displaced = increment.after.displacement - state.displacement
+        work += np.sum((before + increment.internal_forces) * displaced) / 2
+        state, before = increment.after, increment.internal_forces
+    assert np.sum(solid.point_areas * state.work) == pytest.approx(work, rel=1e-4)
+
+
+def test_damping_resists_departures_from_the_prediction_alone():
+    """It vanishes at the equilibrium; elsewhere the solution lags, and the residual contains the damping forces."""
+    x, y = FiniteStrainSolid(SQUARE, MIX).basis.doflocs
+    ends = np.flatnonzero((y == 0) | (y == 1))
+    solid = FiniteStrainSolid(SQUARE, MIX, fixed_dofs=np.concatenate([2 * ends, 2 * ends + 1]))
+    start, prediction = solid.undeformed_state(), np.stack([0 * x, -0.01 * y**2], axis=-1)
+    solver = IncrementSolver(solid, np.array([20]), tolerance=1e-9)
+    free = solver.solve(start, NoRoller(), prediction)
+    again = solver.solve(start, NoRoller(), free.state.displacement, damping=0.5)
+    damped = solver.solve(start, NoRoller(), prediction, damping=0.5)
+    assert again.state.displacement == pytest.approx(free.state.displacement, abs=1e-9)
+    lagging, moved = (np.abs(solution.state.displacement - prediction).max() for solution in (damped, free))
+    assert lagging < 0.95 * moved
+    assert free.residual < 1e-9 < damped.residual
+
+
+# (b) finite kinematics
+
+
+def test_logarithmic_strain_equals_the_matrix_logarithm():
+    before, after = 0.2 * np.random.default_rng(7).normal(size=(2, 5, 4))
+    increment = FiniteIncrement.from_gradients(before, after)
+    for k in range(5):
+        dF = (np.eye(2) + after[k].reshape(2, 2)) @ np.linalg.inv(np.eye(2) + before[k].reshape(2, 2))
+        R, U = polar(dF)
+        E = logm(U)
+        assert increment.strain[k] == pytest.approx([E[0, 0], E[1, 1], 2 * E[0, 1]], abs=1e-12)
+        assert [increment.cosine[k], increment.sine[k]] == pytest.approx(R[:, 0], abs=1e-12)
+
+
+def test_rigid_rotation_rotates_the_stress_and_changes_nothing_else():
+    solid = FiniteStrainSolid(skewed(SQUARE), MIX)
+    X = solid.basis.doflocs.T
+    pressed = solid.increment(solid.undeformed_state(), X @ np.array([[0.01, 0.02], [0.0, -0.05]]))
+    c, s = np.cos(0.7), np.sin(0.7)
+    rotation = np.array([[c, s], [-s, c]])
+    rotated = solid.increment(pressed.after, (X + pressed.after.displacement) @ rotation - X)
+    scale = np.abs(pressed.internal_forces).max()
+    assert rotated.internal_forces == pytest.approx(pressed.internal_forces @ rotation, abs=1e-9 * scale)
+    assert rotated.after.points.density_ratio == pytest.approx(pressed.after.points.density_ratio, rel=1e-12)
+
+
+def test_small_displacements_give_the_strain_of_small_kinematics():
+    before, after = 1e-5 * np.random.default_rng(7).normal(size=(2, 20, 4))
+    small = SmallIncrement.from_gradients(before, after).strain
+    assert FiniteIncrement.from_gradients(before, after).strain == pytest.approx(small, abs=1e-8)
+
+
+@pytest.mark.parametrize("finite", [False, True], ids=["small", "finite"])
+@pytest.mark.parametrize("substeps", [1, 3])
+def test_stiffness_is_the_derivative_of_the_forces(finite, substeps):
+    solid = FiniteStrainSolid(skewed(SQUARE), MIX, finite=finite, substeps=substeps)
+    X = solid.basis.doflocs.T
+    before = solid.increment(solid.undeformed_state(), X @ np.array([[0.01, 0.03], [-0.05, -0.02]])).after
+    u = before.displacement + 0.002 * np.sin(3 * X)
+    direction, size = np.random.default_rng(7).normal(size=u.shape), 1e-8
+    product = np.zeros(u.size)
+    for dofs, block in zip(solid.element_dofs, solid.increment(before, u).element_stiffness, strict=True):
+        product[dofs] += block @ direction.ravel()[dofs]
+    ahead, behind = (solid.increment(before, u + sign * size * direction).internal_forces for sign in (1, -1))
+    expected = ((ahead - behind) / (2 * size)).ravel()
+    assert product == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
+
+
+# (c) failures
+
+
+def test_failed_equilibrium_reports_its_residual():
+    solid = FiniteStrainSolid(SQUARE, MIX, fixed_dofs=np.arange(8))
+    prediction = solid.undeformed_state().displacement
+    prediction[:, 1] = -0.4 * solid.basis.doflocs[1] ** 2
+    solver = IncrementSolver(solid, np.array([20]), tolerance=1e-30)
+    with pytest.raises(
+        EquilibriumError, match=r"no equilibrium: residual \S+ of the nodal forces after \d+ iterations"
+    ):
+        solver.solve(solid.undeformed_state(), NoRoller(), prediction)
+
+
+def test_iteration_starts_from_the_displacement_before_if_elements_invert_in_the_prediction():
+    solid = FiniteStrainSolid(SQUARE, MIX, fixed_dofs=np.arange(8))
+    inverted = solid.undeformed_state().displacement
+    inverted[20] = [2.0, 0.0]  # beyond the far side of the mesh
+    with np.errstate(all="ignore"), pytest.raises(ValueError, match="`strain` must be finite"):
+        solid.increment(solid.undeformed_state(), inverted)
+    solution = IncrementSolver(solid, np.array([20])).solve(solid.undeformed_state(), NoRoller(), inverted)
+    assert np.abs(solution.state.displacement).max() == 0
+
+
+def test_fixed_nodes_that_invert_elements_are_refused():
+    solid = FiniteStrainSolid(SQUARE, MIX, fixed_dofs=[40, 41])
+    inverted = solid.undeformed_state().displacement
+    inverted[20] = [2.0, 0.0]
+    with pytest.raises(EquilibriumError, match="elements of the layer invert before the first iteration"):
+        IncrementSolver(solid, np.array([19])).solve(solid.undeformed_state(), NoRoller(), inverted)

@@ -1,0 +1,183 @@
+"""Estimate of the largest depth in fresh mix: confined compression, scaling, and remedies that satisfy it."""
+
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from compact.engines.column.engine import required_feed
+from compact.engines.compaction.engine import HeapingError, RollingCase, roll
+from compact.engines.compaction.heaping import HeapingEstimate, require_no_heaping
+from compact.engines.compaction.incremental_rolling import require_low_wave
+from compact.engines.compaction.roller_frame import fresh_layer
+from compact.material.laws import Compaction
+from compact.rolling_contact import Layer, Roller
+
+MIX = Compaction(120e6, 0.3, 14.75e-6, 0.72, 0.99345, 14281.0, 0.94)  # of the default scene
+WEAK = replace(MIX, critical_slope=0.3)
+PRODUCT = HeapingEstimate(0.2294, 0.11, MIX)
+
+
+class SolutionReached(Exception):  # noqa: N818 - no error of the package
+    """The arguments are accepted and the solution begins."""
+
+
+@pytest.fixture
+def no_solution(monkeypatch):
+    """End `roll` before any finite elements."""
+
+    def reached(*arguments):
+        raise SolutionReached
+
+    monkeypatch.setattr(RollingCase, "create_frame", reached)
+
+
+def roll_product(depth, height=0.2294, material=MIX, radius=0.11, **options):
+    return roll(Layer(height), Roller(radius, depth, 0.35, "free", "deformed"), material, 0.13, **options)
+
+
+# (a) closed forms
+
+
+def test_contact_of_three_heights_compresses_the_layer_as_an_oedometer():
+    """The whole height has the bearing pressure: k = 1 - (1 - k0) exp(-K_H p/A)."""
+    estimate = HeapingEstimate(0.1, 0.3 / 1.07 / np.sin(np.pi / 4), WEAK)
+    vertical = (1 + np.sqrt(1 + 4 * 0.3**2 / 9)) / 2
+    k = 1 - 0.28 * np.exp(-14.75e-6 * estimate.bearing_pressure / vertical)
+    assert estimate.contact_length == pytest.approx(0.3)
+    assert estimate.max_depth == pytest.approx(0.1 * (1 - 0.94 / k), rel=1e-5)
+
+
+def test_bearing_pressure_on_a_deep_layer_is_prandtls():
+    pc = np.log(0.28 / 0.06) / 14.75e-6
+    shear_strength = 0.99345 * (pc + 14281) / 2 / np.sqrt(3)
+    pressure = HeapingEstimate(1e6, 0.11, MIX).bearing_pressure
+    assert pressure == pytest.approx(1.3 * (2 + np.pi) * shear_strength, rel=1e-6)
+
+
+# (b) scaling
+
+
+def test_depth_scales_with_lengths_and_load_with_stresses():
+    stiff = replace(MIX, heckel_slope=MIX.heckel_slope / 7, tensile_strength=7 * MIX.tensile_strength)
+    assert HeapingEstimate(3 * 0.2294, 3 * 0.11, MIX).max_depth == pytest.approx(3 * PRODUCT.max_depth, rel=1e-12)
+    assert replace(PRODUCT, material=stiff).max_depth == pytest.approx(PRODUCT.max_depth, rel=1e-9)
+    assert replace(PRODUCT, material=stiff).max_load == pytest.approx(7 * PRODUCT.max_load, rel=1e-9)
+
+
+# (c) refusals before any solution
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, r"`indentation` must be at most about 6.4\d mm, got 9.[67]\d* mm: .* heaps up"),
+        ({"exit_density_ratio": 0.98}, r"`exit_density_ratio` 0.98 requires a depth of 9.\d+ mm, .* heaps up"),
+    ],
+    ids=["depth", "density"],
+)
+def test_whole_product_of_the_default_scene_is_refused(no_solution, options, message):
+    fed = required_feed(0.22, 0.98, MIX, 0.13)
+    with pytest.raises(HeapingError, match=message):
+        roll_product(fed.indentation, fed.height, **options)
+
+
+def test_load_beyond_the_bearing_capacity_is_refused(no_solution):
+    with pytest.raises(HeapingError, match=r"`load` must be at most about 4\d{4} N/m, .* got 1000000 N/m; reduce"):
+        roll(Layer(0.2294), Roller(0.11, load=1e6), MIX, 0.13)
+
+
+def test_too_large_contact_angle_is_refused(no_solution):
+    message = r"requires a depth of 8.1 mm, at which the contact angle exceeds 45 degrees .* stay below 5.86 mm"
+    with pytest.raises(HeapingError, match=message):
+        roll_product(0.0081, radius=0.02, height=0.3, material=replace(MIX, fed_density_ratio=0.9))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"max_contact_angle": None}, {"strain": "small"}, {"layer": Layer(0.2294, "slip")}],
+    ids=["omitted", "small strain", "frictionless base"],
+)
+def test_estimate_is_omitted_where_it_does_not_apply(no_solution, changes):
+    arguments = {"layer": Layer(0.2294), "roller": Roller(0.11, 0.0097), "material": MIX, "speed": 0.13} | changes
+    with pytest.raises(SolutionReached):
+        roll(**arguments)
+
+
+def test_estimate_is_omitted_on_compacted_mix(no_solution):
+    with pytest.raises(SolutionReached):
+        roll_product(0.0097, fed_layer=fresh_layer(MIX, np.full(20, 0.2294 / 20)))
+
+
+@pytest.mark.parametrize("angle", [0.0, 2.0, np.nan])
+def test_contact_angles_out_of_range_are_refused(angle):
+    with pytest.raises(ValueError, match="`max_contact_angle` must be"):
+        roll_product(0.001, max_contact_angle=angle)
+
+
+# (d) remedies
+
+
+def refusal(estimate, name, value, depth):
+    with pytest.raises(HeapingError) as refused:
+        require_no_heaping(estimate, name, value, depth)
+    return str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["indentation", "exit_density_ratio"])
+def test_lifts_of_the_remedy_are_accepted(name):
+    message = refusal(PRODUCT, name, 0.98, 0.0097)
+    lift = float(re.search(r"lifts of at most (\S+) m", message)[1])
+    share = lift / (0.2294 - 0.0097)
+    require_no_heaping(replace(PRODUCT, height=share * 0.2294), name, 0.98, share * 0.0097)
+    assert 0.05 < lift < 0.15
+
+
+def test_depth_of_the_remedy_is_accepted():
+    message = refusal(PRODUCT, "indentation", 0.0097, 0.0097)
+    depth = 1e-3 * float(re.search(r"reduce the depth to at most (\S+) mm", message)[1])
+    require_no_heaping(PRODUCT, "indentation", depth, depth)
+    assert depth > 0.001
+
+
+def test_denser_feed_of_the_remedy_is_accepted():
+    product = 0.94 * 0.2294
+    message = refusal(PRODUCT, "exit_density_ratio", 0.98, 0.2294 - product / 0.98)
+    ratio = float(re.search(r"density ratio of at least (\S+) ", message)[1])
+    denser = HeapingEstimate(product / ratio, 0.11, replace(MIX, fed_density_ratio=ratio))
+    require_no_heaping(denser, "exit_density_ratio", 0.98, product / ratio - product / 0.98)
+    assert 0.95 < ratio < 0.98
+
+
+# (e) growing bow waves
+
+
+def rolling_with(waves, max_wave_height=0.032, depth=0.01, window=8):
+    """Incremental rolling at one depth with given bow waves [m]."""
+    steps = tuple(
+        SimpleNamespace(travel=0.01 * (n + 1), load=1e4, resistance=3e3, bow_wave=wave) for n, wave in enumerate(waves)
+    )
+    return SimpleNamespace(steps=steps, max_wave_height=max_wave_height, window=window, depth=depth)
+
+
+def test_bow_wave_of_the_largest_contact_angle_ends_rolling():
+    message = (
+        "the mix heaps up in front of the roller at depth 10 mm: after 0.05 m of travel the bow wave exceeds 22 mm, at "
+        "which the contact angle is too large for compaction; load 10000 N/m, resistance 3000 N/m, bow wave 23 mm"
+    )
+    with pytest.raises(HeapingError, match=f"^{message}$"):
+        require_low_wave(rolling_with(np.linspace(0, 0.023, 5)), 0)
+
+
+def test_linearly_growing_bow_wave_ends_rolling_half_way():
+    with pytest.raises(HeapingError, match=r"the bow wave tends to [\d.]+ mm, beyond 22 mm"):
+        require_low_wave(rolling_with(np.linspace(0, 0.0115, 40)), 0)
+
+
+def test_bow_wave_that_converges_below_the_limit_is_accepted():
+    waves = 0.02 * (1 - 0.9 ** np.arange(60))
+    for count in range(1, 61):
+        require_low_wave(rolling_with(waves[:count]), 0)
+    assert waves[-1] > 0.019

@@ -1,0 +1,156 @@
+"""Random scenes of rolling over a compacting layer: those that are refused, and the balances of the others.
+
+Moisture 8 to 12 %, exit density ratio 0.92 to 0.985, fed density ratio k/(1 + depth/height), roller radius 0.08 to
+0.2 m, depth 1 to 6 % of the compacted height, free roller with friction 0 to 0.45, and the prior's mix. Products of
+0.16 to 0.28 m are much higher than the contact is long; most have no steady state. Lifts of 0.04 to 0.08 m have one.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from compact.engines.compaction import engine
+from compact.engines.compaction.engine import HeapingError, RollingCase, roll
+from compact.material.laws import Compaction
+from compact.material.mix import LOOSE_DENSITY_RATIO, prior
+from compact.rolling_contact import Layer, Roller
+
+IMPOSSIBLE = ("too deep", "too dense", "too loose", "below its axle")
+PRODUCT, LIFT = (0.16, 0.28), (0.04, 0.08)  # [m], heights of compacted layers
+
+
+def random_scene(seed, heights=PRODUCT):
+    """Layer, roller and material of a product or a lift."""
+    draw = np.random.default_rng(seed)
+    moisture, k, radius = draw.uniform(0.08, 0.12), draw.uniform(0.92, 0.985), draw.uniform(0.08, 0.2)
+    height = draw.uniform(*heights)
+    depth, friction = height * draw.uniform(0.01, 0.06), draw.uniform(0, 0.45)
+    mix = prior(moisture, k)
+    angle = np.radians(mix.friction_angle)
+    slope = float(np.sqrt(3) * np.sin(angle))
+    isotropic = mix.heckel_slope * (1 + np.sqrt(1 + 4 * slope**2 / 9)) / 2
+    strength = float(mix.cohesion / np.tan(angle))
+    fed = k / (1 + depth / height)
+    material = Compaction(mix.unloading_modulus, mix.poisson, isotropic, LOOSE_DENSITY_RATIO, slope, strength, fed)
+    return Layer(height + depth), Roller(radius, depth, friction, "free", "deformed"), material
+
+
+def random_request(seed):
+    """A scene, further options, and the reason for which it is impossible, as a fifth are."""
+    layer, roller, material = random_scene(seed)
+    draw = np.random.default_rng([seed, 1])
+    full, options = layer.height * (1 - material.fed_density_ratio), {}
+    reason = draw.choice(IMPOSSIBLE) if draw.uniform() < 0.2 else None
+    if reason == "too deep":
+        roller = replace(roller, indentation=full * draw.uniform(1, 1.5))
+    elif reason == "below its axle":
+        roller = replace(roller, radius=roller.indentation * draw.uniform(0.2, 1))
+    elif reason == "too dense":
+        options["exit_density_ratio"] = draw.uniform(1, 1.05)
+    elif reason == "too loose":
+        options["exit_density_ratio"] = material.fed_density_ratio * draw.uniform(0.95, 1)
+    elif draw.uniform() < 0.3:
+        options["exit_density_ratio"] = draw.uniform(material.fed_density_ratio, 1)
+    return (layer, roller, material), options, reason
+
+
+class SolutionReached(Exception):  # noqa: N818 - no error of the package
+    """The arguments are accepted and the solution begins."""
+
+
+@pytest.fixture
+def no_solution(monkeypatch):
+    """End `roll` before any finite elements."""
+
+    def reached(*arguments):
+        raise SolutionReached
+
+    monkeypatch.setattr(RollingCase, "create_frame", reached)
+
+
+@pytest.mark.parametrize("seed", [*range(20), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(20, 80))])
+def test_impossible_requests_alone_are_refused(seed, no_solution):
+    scene, options, impossible = random_request(seed)
+    with pytest.raises(ValueError if impossible else SolutionReached):
+        roll(*scene, 0.13, **options, max_contact_angle=None)
+
+
+def calibrated_scene(height, depth, heckel_slope, fed):
+    """A published scene with the mix fitted to it."""
+    slope = float(np.sqrt(3) * np.sin(np.radians(35)))
+    isotropic = heckel_slope * (1 + np.sqrt(1 + 4 * slope**2 / 9)) / 2
+    material = Compaction(120e6, 0.3, isotropic, LOOSE_DENSITY_RATIO, slope, 10e3 / np.tan(np.radians(35)), fed)
+    return Layer(height * 0.98 / fed), Roller(0.11, depth, 0.35, "free", "deformed"), material
+
+
+SOLVED = {
+    **{f"lift {seed}": random_scene(seed, LIFT) for seed in range(40)},
+    **{f"product {seed}": random_scene(seed) for seed in (2, 3, 25)},
+    "steep": (Layer(0.23), Roller(0.11, 0.009), Compaction(120e6, 0.3, 28e-6, LOOSE_DENSITY_RATIO, 1.2, 14e3, 0.935)),
+    "published lift": calibrated_scene(0.06, 0.003, 14.96e-6, 0.93576),
+    "published lift of 40 mm": calibrated_scene(0.04, 0.0033, 11.7e-6, 0.905),
+    "published product": calibrated_scene(0.22, 0.00275, 24.95e-6, 0.9687),
+}
+# products that the estimate refuses, of those without a solution within minutes
+UNSOLVED = (0, 1, 6, 8, 9, 16, 20, 22, 23, 26, 27, 30, 34, 37, 39)
+
+
+@pytest.mark.parametrize("scene", SOLVED)
+def test_estimate_accepts_scenes_with_a_computed_steady_state(scene, no_solution):
+    with pytest.raises(SolutionReached):
+        roll(*SOLVED[scene], 0.13)
+
+
+@pytest.mark.parametrize("seed", UNSOLVED)
+def test_estimate_refuses_products_that_heap_up(seed, no_solution):
+    message = r"heaps up in front of the roller \(an estimate\); feed the mix in lifts of"
+    with pytest.raises(HeapingError, match=message):
+        roll(*random_scene(seed), 0.13)
+
+
+@pytest.mark.slow
+def test_rolling_ends_early_if_the_mix_heaps_up(monkeypatch):
+    """The estimate refuses this scene too; without a limit of the wave rolling ends after 12 heights."""
+    monkeypatch.setattr(engine, "require_no_heaping", lambda *arguments: None)
+    lines = []
+    with pytest.raises(HeapingError, match=r"bow wave (exceeds|tends to) .* contact angle is too large for compaction"):
+        roll(*random_scene(0), 0.13, increments=4, progress=lines.append)
+    travel = float(lines[-1].split("travel ")[1].split(" m")[0])
+    assert travel < 2.4 * random_scene(0)[0].height
+
+
+def assert_balanced(rolled, work=0.02):
+    solution = rolled.solution
+    assert rolled.mass_residual < 2e-3
+    assert rolled.equilibrium_residual < (1e-6 if solution.is_direct else 1e-4)
+    assert rolled.yield_residual < 1e-9
+    assert abs(solution.surface.weights @ solution.contact.shear) < 1e-9 * rolled.load
+    assert rolled.work_residual < work
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2, 3, 25])
+def test_some_products_of_the_prior_are_solved_directly(seed):
+    """Contact angles of 16, 11 and 11 degrees; of the first 40 products the others have no solution within minutes."""
+    rolled = roll(*random_scene(seed), 0.13, increments=4)
+    assert rolled.solution.is_direct
+    assert_balanced(rolled)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(40))
+def test_lifts_become_steady_with_default_options(seed):
+    """The error is half the change from 4 increments, of incremental rolling at least 0.25/12."""
+    rolled = roll(*random_scene(seed, LIFT), 0.13)
+    assert_balanced(rolled)
+    assert (0 if rolled.solution.is_direct else 0.02) < rolled.error[0] < 0.06
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_lifts_are_solved_directly_on_a_coarse_mesh(seed):
+    """The work balances to 7 % on so coarse a mesh."""
+    rolled = roll(*random_scene(seed, LIFT), 0.13, increments=4)
+    assert rolled.solution.is_direct
+    assert_balanced(rolled, work=0.07)

@@ -1,0 +1,405 @@
+"""Reciprocating roller over compacting mix, against steady rolling, columns and its own energy balance."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from compact.analysis.multipass import Pass, passes
+from compact.engines.column import engine as column
+from compact.engines.compaction.engine import roll
+from compact.engines.compaction.reciprocating import (
+    MULTIPLIER_TOLERANCE,
+    ReciprocatingRoller,
+    _ReciprocatingCase,
+    simulate_reciprocating,
+)
+from compact.engines.stroke_schedule import stroke_schedule
+from compact.material.laws import Compaction
+from compact.motion.profile import law
+from compact.rolling_contact import Layer, Ply, Roller
+
+LENGTH = float(np.sqrt(2 * 0.11 * 0.002))  # contact length on the high layer
+# wide thin layer, for which columns are accurate: contact length ahead of ten heights
+THIN = Compaction(20e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94, dry_side="ellipse")
+HEIGHT = 0.02
+DEPTH = 0.03 * HEIGHT
+WIDE = Roller((10 * HEIGHT) ** 2 / (2 * DEPTH), DEPTH)
+WIDE_LENGTH = 10 * HEIGHT
+
+
+class RepeatedMotion:
+    """A number of strokes of a cycle."""
+
+    def __init__(self, cycle, count):
+        self.position, self.velocity = cycle.position, cycle.velocity
+        self.duration = count * cycle.period / 2
+
+
+class MirroredMotion:
+    """A motion in the opposite direction."""
+
+    def __init__(self, motion):
+        self.motion, self.duration = motion, motion.duration
+
+    def position(self, time):
+        return -self.motion.position(time)
+
+    def velocity(self, time):
+        return -self.motion.velocity(time)
+
+
+def two_strokes(stroke, name="quintic", duration=2.0):
+    return law(name, stroke, duration).cycle()
+
+
+def free_roller(friction=0.3, rolling="free"):
+    return replace(WIDE, friction=friction, rolling=rolling)
+
+
+def simulate_thin(motion, material=THIN, roller=WIDE, **options):
+    defaults = {"increments": 4, "estimate": False}
+    return simulate_reciprocating(Layer(HEIGHT), roller, material, motion, **defaults | options)
+
+
+def element_means(values):
+    """Means of neighbouring steps: the roller is above a corner and a midside node in turn."""
+    return (values[1:] + values[:-1]) / 2
+
+
+def column_forces(positions):
+    """Load and resistance of independent columns under a roller pressed at the first position and moved to others.
+
+    s_v follows the curve of fresh mix at the largest strain of a column, is elastic below it, and never negative.
+    """
+    pressures = np.linspace(0, 220e3, 441)
+    fresh = column.simulate_oedometer(THIN, pressures)
+    stiffness = THIN.unloading_modulus * 0.7 / (1.3 * 0.4)  # (1 - nu)/((1 + nu)(1 - 2 nu)) of nu = 0.3
+    x = np.linspace(-20 * HEIGHT, 40 * HEIGHT, 6001)
+    largest, forces = np.zeros_like(x), []
+    for position in positions:
+        strain = (DEPTH - (x - position) ** 2 / (2 * WIDE.radius)) / HEIGHT
+        largest = np.maximum(largest, strain)
+        recovery = stiffness * np.log((1 - strain) / (1 - largest))
+        stress = np.maximum(np.interp(largest, fresh.strain, pressures) - recovery, 0.0)
+        forces.append([np.trapezoid(stress, x), np.trapezoid(stress * (x - position) / WIDE.radius, x)])
+    return np.array(forces).T
+
+
+@pytest.fixture(scope="module", params=[8, pytest.param(12, marks=pytest.mark.slow)])
+def thin(request):
+    """Two strokes of one and a half contact lengths over the wide thin layer."""
+    return simulate_thin(two_strokes(1.5 * WIDE_LENGTH), increments=request.param, instants=(0.0, 2.0, 4.0))
+
+
+@pytest.fixture(scope="module")
+def steady(layer, roller, mix):
+    return roll(layer, roller, mix, 0.2, increments=6)
+
+
+@pytest.fixture(scope="module")
+def from_steady(steady, layer, roller, mix):
+    """Two strokes over the high layer from steady motion."""
+    return simulate_reciprocating(layer, roller, mix, two_strokes(5 * LENGTH), start=steady, estimate=False)
+
+
+# (a) columns and steady rolling
+
+
+def test_wide_thin_layer_follows_columns(thin):
+    """With 12 increments within 0.6 % of load and 1.7 % of resistance; 0.5 and 1 % are the effect of two dimensions."""
+    load, resistance = column_forces(thin.position)
+    assert thin.load == pytest.approx(load, abs=0.015 * load.max())
+    assert thin.resistance == pytest.approx(resistance, abs=0.03 * resistance.max())
+
+
+@pytest.mark.slow
+def test_roller_from_rest_becomes_steady(steady, layer, roller, mix):
+    run = simulate_reciprocating(layer, roller, mix, law("constant-velocity", 0.25, 1.25), estimate=False)
+    assert element_means(run.load)[-10:] == pytest.approx(steady.load, rel=5e-3)
+    assert element_means(run.resistance)[-10:] == pytest.approx(steady.resistance, rel=5e-3)
+    assert run.resistance[-10:] == pytest.approx(steady.resistance, rel=0.02)  # of each step
+    assert run.density_ratio[0] == pytest.approx(steady.exit_density_ratio, abs=2e-4)
+
+
+@pytest.mark.slow
+def test_steady_motion_continues(from_steady, steady):
+    steps = (from_steady.stroke == 1) & (from_steady.position > 2 * LENGTH)
+    assert element_means(from_steady.load[steps]) == pytest.approx(steady.load, rel=5e-3)
+    assert element_means(from_steady.resistance[steps]) == pytest.approx(steady.resistance, rel=5e-3)
+
+
+@pytest.mark.slow
+def test_lifts_between_strokes_agree_with_passes():
+    run = simulate_thin(RepeatedMotion(two_strokes(2 * WIDE_LENGTH), 2), increments=8, lift_thickness=HEIGHT)
+    stages = Pass(), Pass(lift=HEIGHT, height=run.bottom_height[-1], forward=False)
+    results = passes(Layer(HEIGHT), WIDE, THIN, 0.2, stages, engine="compaction", increments=8)
+    for stroke, rolled in enumerate(results, 1):
+        last = np.flatnonzero(run.stroke == stroke)[-4:]
+        assert run.load[last].mean() == pytest.approx(rolled.load, rel=5e-3)
+        assert run.resistance[last].mean() == pytest.approx(rolled.resistance, rel=0.01)
+        assert run.density_ratio[stroke - 1] == pytest.approx(rolled.exit_density_ratio, abs=2e-4)
+
+
+@pytest.mark.parametrize("torque", [pytest.param(0.0, marks=pytest.mark.slow), 2000.0], ids=["free", "driven"])
+def test_rotating_roller_becomes_steady(torque):
+    """Tolerances of resistance and creepage are relative to the effect of friction, f times contact over radius."""
+    run = simulate_thin(law("quintic", 2 * WIDE_LENGTH, 2.0), roller=free_roller(), increments=8, torque=torque)
+    steady = roll(Layer(HEIGHT), free_roller(), THIN, 0.2, torque=torque, increments=8)
+    assert element_means(run.load)[-6:] == pytest.approx(steady.load, rel=2e-3)
+    # the torque reduces the resistance by 60 of 72 N/m
+    assert element_means(run.resistance)[-6:] == pytest.approx(steady.resistance, abs=5e-3 * 72)
+    creepage = WIDE.radius * np.diff(run.angle[-9:]) / np.diff(run.position[-9:]) - 1
+    assert element_means(creepage)[-6:] == pytest.approx(steady.creep, abs=0.01 * 0.3 * WIDE_LENGTH / WIDE.radius)
+    assert run.work_residual < 5e-3
+
+
+@pytest.mark.slow
+def test_free_roller_on_a_high_layer_continues_in_steady_motion(layer, roller, mix):
+    """Friction moves the mix: creepage -0.069, 2 % less load."""
+    roller = replace(roller, friction=0.3, rolling="free")
+    steady = roll(layer, roller, mix, 0.2, increments=8)
+    motion = law("quintic", 2.5 * LENGTH, 1.0)
+    run = simulate_reciprocating(layer, roller, mix, motion, start=steady, increments=8, estimate=False)
+    assert element_means(run.load)[-6:] == pytest.approx(steady.load, rel=5e-3)
+    assert element_means(run.resistance)[-6:] == pytest.approx(steady.resistance, rel=6e-3)
+    creepage = roller.radius * np.diff(run.angle[-9:]) / np.diff(run.position[-9:]) - 1
+    assert element_means(creepage)[-6:] == pytest.approx(steady.creep, rel=0.02)
+
+
+# (b) order and balance
+
+
+@pytest.fixture(scope="module")
+def free_strokes():
+    """Free roller over two strokes; of each step the stroke, contact, slip of the nodes and roller state."""
+    strokes = stroke_schedule(two_strokes(WIDE_LENGTH))
+    element = WIDE_LENGTH / 8
+    case = _ReciprocatingCase(free_roller(), THIN, strokes, 0.0, element, WIDE_LENGTH, True)
+    roller = ReciprocatingRoller(case, HEIGHT, None, 0.0)
+    roller.press(HEIGHT - DEPTH, 1.0)
+    steps = []
+    for stroke in (0, 1):
+        for position in strokes.steps(stroke, element)[1][1:]:
+            surface, nodes = roller.surface, roller.frame.surface_nodes
+            arcs_before, start = surface.arcs(roller.state.displacement[nodes]), surface.position
+            roller.move_to(position, surface.bottom_height, 1.0)
+            slip = roller.surface.arcs(roller.state.displacement[nodes]) - arcs_before + position - start
+            steps.append((stroke, roller.contact, slip + roller.contact.creep_travel, roller.roller_state))
+    return roller, steps
+
+
+def test_free_roller_has_no_torque_and_satisfies_coulombs_law(free_strokes):
+    roller, steps = free_strokes
+    for _, contact, slip, state in steps:
+        assert abs(roller.surface.weights @ contact.shear) < 1e-12 * state.load
+        assert (np.abs(contact.shear) <= 0.3 * contact.pressure * (1 + 1e-12)).all()
+        slipping = np.abs(contact.shear) > 0.3 * contact.pressure * (1 - 1e-9)
+        assert np.where(slipping, contact.shear * slip, 0.0).max() <= 0.0  # against the slip
+        sticking = ~slipping & (contact.pressure > 0)
+        tolerance = 1.01 * MULTIPLIER_TOLERANCE * contact.pressure.max() / roller.surface.penalty
+        assert np.abs(slip[sticking]).max() <= tolerance
+
+
+def test_slip_dissipates_work_and_all_work_balances(free_strokes):
+    _, steps = free_strokes
+    names = ("slip_work", "input_work", "stored_work")
+    slip, supplied, stored = (np.array([getattr(step[-1], name) for step in steps]) for name in names)
+    assert np.diff(slip).min() > -1e-3 * slip[-1]
+    assert slip[-1] > 0
+    assert np.abs(supplied - stored).max() < 5e-3 * supplied.max()
+
+
+def test_friction_of_a_free_roller_is_continuous_at_a_reversal(free_strokes):
+    _, steps = free_strokes
+    k = next(i for i, step in enumerate(steps) if step[0] == 1)
+    (_, before, _, there), (_, after, _, back) = steps[k - 1], steps[k]
+    assert np.abs(after.shear - before.shear).max() < 0.2 * np.abs(before.shear).max()
+    assert back.load == pytest.approx(there.load, rel=0.1)
+    assert (back.angle - there.angle) * WIDE.radius == pytest.approx(back.position - there.position, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_halving_the_step_halves_the_change_at_least():
+    motion = two_strokes(1.5 * WIDE_LENGTH)
+    rough, middle, fine = (_forces_at_elements(simulate_thin(motion, increments=n)) for n in (6, 12, 24))
+    for name in ("load", "resistance"):
+        changes = [np.abs(a[name] - b[name]).max() for a, b in ((rough, middle), (middle, fine))]
+        assert changes[1] < changes[0] / 2
+
+
+def _forces_at_elements(run, element=WIDE_LENGTH / 6):
+    """Forces after whole elements of the coarsest mesh."""
+    whole = np.abs(run.position / element - np.round(run.position / element)) < 1e-6
+    return {name: getattr(run, name)[whole] for name in ("load", "resistance")}
+
+
+def test_input_work_is_stored(thin):
+    assert thin.work_residual < 5e-3
+    assert thin.input_work[-1] > 0
+
+
+def test_error_is_the_change_from_steps_twice_as_long():
+    run = simulate_thin(law("quintic", WIDE_LENGTH / 2, 1.0), estimate=True)
+    assert 0 < run.error < 0.1
+    assert run.steps > 1.4 * len(run.time)
+
+
+# (c) hard cases
+
+
+@pytest.mark.slow
+def test_dwell_has_no_effect():
+    motion = law("quintic", WIDE_LENGTH, 1.0)
+    without, with_dwell = (simulate_thin(motion.cycle(far_dwell=dwell)) for dwell in (0.0, 3.0))
+    assert with_dwell.resistance == pytest.approx(without.resistance, rel=1e-7)
+    assert with_dwell.time[-1] == pytest.approx(without.time[-1] + 3.0)
+
+
+# (d) properties
+
+
+def test_mix_without_rate_effect_depends_on_the_path_alone():
+    motions = law("quintic", WIDE_LENGTH / 2, 50.0), law("parabolic", WIDE_LENGTH / 2, 0.1)
+    slow, fast = (simulate_thin(motion) for motion in motions)
+    assert slow.position == pytest.approx(fast.position, abs=1e-12)
+    assert slow.resistance == pytest.approx(fast.resistance, rel=1e-7)
+    assert slow.load == pytest.approx(fast.load, rel=1e-7)
+
+
+def test_rate_effect_agrees_with_columns():
+    rated = replace(THIN, rate_exponent=0.025, reference_speed=0.2)
+    slow, fast = (
+        simulate_thin(law("constant-velocity", WIDE_LENGTH, WIDE_LENGTH / speed), rated) for speed in (0.2, 2.0)
+    )
+    reference, quick = (column.roll(Layer(HEIGHT), WIDE, rated, speed) for speed in (0.2, 2.0))
+    assert fast.load[-1] / slow.load[-1] == pytest.approx(quick.load / reference.load, rel=5e-3)
+    assert fast.resistance[-1] / slow.resistance[-1] == pytest.approx(quick.resistance / reference.resistance, rel=5e-3)
+
+
+@pytest.mark.slow
+def test_opposite_motion_is_the_mirror_image():
+    motion = two_strokes(WIDE_LENGTH)
+    run, mirrored = simulate_thin(motion), simulate_thin(MirroredMotion(motion))
+    assert mirrored.position == pytest.approx(-run.position, abs=1e-12)
+    assert mirrored.load == pytest.approx(run.load, rel=1e-3)
+    assert mirrored.resistance == pytest.approx(-run.resistance, abs=1e-3 * run.resistance.max())
+    assert mirrored.leading == pytest.approx(-run.trailing, abs=1e-3 * WIDE_LENGTH)
+
+
+@pytest.mark.slow
+def test_sliding_roller_becomes_steady_in_both_directions():
+    roller = free_roller(rolling="sliding")
+    steady = roll(Layer(HEIGHT), roller, THIN, 0.2, increments=8)
+    run = simulate_thin(two_strokes(1.5 * WIDE_LENGTH), roller=roller, increments=8)
+    last = np.flatnonzero(run.stroke == 1)[-4:]
+    assert run.load[last].mean() == pytest.approx(steady.load, rel=0.01)
+    assert run.resistance[last].mean() == pytest.approx(steady.resistance, rel=0.01)
+    assert run.resistance[-1] < -0.3 * run.load[-1]
+    assert run.work_residual < 0.01
+
+
+@pytest.mark.slow
+def test_return_stroke_over_compacted_mix_has_little_resistance(from_steady, steady):
+    back = from_steady.resistance[(from_steady.stroke == 2) & (from_steady.position < 4 * LENGTH)]
+    assert (back < 0).all()
+    assert np.abs(back).max() < 0.1 * steady.resistance
+
+
+@pytest.mark.slow
+def test_strokes_with_lifts_repeat(roller, mix):
+    motion = RepeatedMotion(two_strokes(0.1), 4)
+    run = simulate_reciprocating(Layer(0.2), roller, mix, motion, lift_thickness=0.05, increments=4, estimate=False)
+    peaks = [np.abs(run.resistance[run.stroke == k]).max() for k in (1, 2, 3, 4)]
+    assert np.abs(np.diff(peaks)).max() < 0.01 * peaks[0]
+    assert run.work_residual < 0.02
+
+
+def test_vanishing_friction_has_no_effect():
+    motion = law("quintic", WIDE_LENGTH / 2, 2.0)
+    slight, none = simulate_thin(motion, roller=free_roller(1e-7)), simulate_thin(motion)
+    assert slight.load == pytest.approx(none.load, rel=1e-5)
+    assert slight.resistance == pytest.approx(none.resistance, abs=1e-5 * none.resistance.max())
+
+
+@pytest.mark.slow
+def test_free_roller_depends_on_the_path_alone():
+    slow, fast = (
+        simulate_thin(two_strokes(WIDE_LENGTH, name, T), roller=free_roller())
+        for name, T in (("quintic", 50.0), ("parabolic", 0.1))
+    )
+    assert slow.resistance == pytest.approx(fast.resistance, abs=1e-7 * fast.resistance.max())
+    assert slow.angle == pytest.approx(fast.angle, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_free_roller_in_opposite_motion_is_the_mirror_image():
+    motion = two_strokes(WIDE_LENGTH)
+    run, mirrored = (simulate_thin(each, roller=free_roller()) for each in (motion, MirroredMotion(motion)))
+    assert mirrored.load == pytest.approx(run.load, rel=1e-3)
+    assert mirrored.resistance == pytest.approx(-run.resistance, abs=1e-3 * run.resistance.max())
+    assert mirrored.angle == pytest.approx(-run.angle, abs=1e-6)
+
+
+def test_friction_of_a_sliding_roller_changes_sign_at_rest():
+    run = simulate_thin(two_strokes(WIDE_LENGTH / 2), roller=free_roller(rolling="sliding"))
+    before, after = np.flatnonzero(np.abs(run.time - 2.0) < 1e-2)[:2]
+    assert run.position[before] == run.position[after]
+    jump = run.resistance[before] - run.resistance[after]
+    assert jump == pytest.approx(0.3 * (run.load[before] + run.load[after]), rel=1e-2)
+    assert run.load[after] == pytest.approx(run.load[before], rel=0.05)
+    assert run.work_residual < 0.02
+
+
+# (e) cost and fields
+
+
+def test_frames_are_at_the_requested_instants(thin, tmp_path):
+    times, meshes = zip(*thin.frames, strict=True)
+    assert times == pytest.approx([0.0, 2.0, 4.0], abs=0.01)
+    densities = [mesh.cell_data["density_ratio"][0].max() for mesh in meshes]
+    assert densities == sorted(densities)
+    assert thin.write_frames(tmp_path).exists()
+
+
+def test_steps_require_few_iterations(thin):
+    assert thin.iterations < 8 * len(thin.time)
+
+
+# (f) refusals
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"roller": Roller(0.11, load=5e3)}, "`indentation` must be given .*, got its load"),
+        ({"layer": Layer(0.1, "slip")}, "`base` must be 'bonded', got 'slip'"),
+        ({"layer": Layer(0.1, plies=(Ply(0.05, 1.0), Ply(0.05, 2.0)))}, "`plies` are for linear layers"),
+        ({"roller": Roller(0.11, 0.002, 0.3, "driven")}, "`torque` must be given for a 'driven' roller"),
+        ({"torque": 10.0}, "`torque` needs a roller that is 'free' or 'driven'"),
+        ({"material": "mix"}, "`material` must be Compaction, got str"),
+        ({"lift_thickness": -0.01}, "`lift_thickness` must be zero or positive"),
+        ({"lift_thickness": 0.02}, "`lift_thickness` must be more than 0.03333 m .*, got 0.02 m"),
+        ({"increments": 0.5}, "`increments` must be a whole number"),
+        ({"instants": (np.nan,)}, "`instants` must be finite"),
+        ({"strain": "log"}, "no strain 'log'"),
+        ({"roller": Roller(0.11, 0.01)}, "would press mix"),
+    ],
+)
+def test_arguments_out_of_range_are_refused(layer, roller, mix, changes, message):
+    arguments = {"layer": layer, "roller": roller, "material": mix, "motion": law("quintic", 0.1, 1.0)} | changes
+    with pytest.raises(ValueError, match=message):
+        simulate_reciprocating(**arguments)
+
+
+def test_torque_beyond_the_friction_limit_is_refused():
+    with pytest.raises(RuntimeError, match=r"the roller skids at .* m: the torque requires \S+ times the friction"):
+        simulate_thin(law("quintic", WIDE_LENGTH / 4, 1.0), roller=free_roller(1e-3), torque=60.0 * WIDE.radius)
+
+
+def test_start_of_another_case_is_refused():
+    start, motion = roll(Layer(HEIGHT), WIDE, THIN, 0.2, increments=4), law("quintic", 0.1, 1.0)
+    with pytest.raises(ValueError, match="`start` must have the same `layer`, `fed_layer` and `indentation`"):
+        simulate_thin(motion, roller=replace(WIDE, indentation=2 * DEPTH), start=start)
+    with pytest.raises(ValueError, match=r"`start` must roll along \+x and the `motion` begin along \+x, got 0.2 m/s"):
+        simulate_thin(MirroredMotion(motion), start=start)
