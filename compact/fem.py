@@ -64,12 +64,12 @@ def travel(layer, roller, material, motion, **accuracy):
 
 
 def fields(rolled):
-    """Fields inside the layer under a steady roller, a meshio mesh: `fields.fields`, of compacting mix
-    `compacted.fields`."""
+    """Fields inside the layer under a steady roller, a meshio mesh: `fields.field_mesh`, of compacting mix
+    `results.field_mesh`."""
     if isinstance(rolled, FemContactResult):
-        from compact.engines.fem.fields import fields as fields_of
+        from compact.engines.fem.fields import field_mesh as fields_of
     else:
-        from compact.engines.compaction.results import fields as fields_of
+        from compact.engines.compaction.results import field_mesh as fields_of
     return fields_of(rolled)
 
 

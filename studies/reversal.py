@@ -18,7 +18,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from compact import fem
 from compact.analysis.contact_cases import contact_inputs
-from compact.analysis.engines import modulation
+from compact.analysis.engines import expand_resistance
 from compact.analysis.law_stage import OVERSHOOT
 from compact.analysis.study import Study
 from compact.drive import simulate
@@ -69,7 +69,7 @@ def models(contact, fastest, samples):
 
     steady, mapping = timed(lambda: sample_resistance(resisted, SLOWEST * fastest, fastest, 2e-3))
     speeds = np.geomspace(SLOWEST * fastest, fastest, samples)
-    masses, added = timed(lambda: np.array([modulation(*contact, speed).added_mass for speed in speeds]))
+    masses, added = timed(lambda: np.array([expand_resistance(*contact, speed).added_mass for speed in speeds]))
 
     def lagging(velocity, acceleration):
         mass = np.interp(np.log(np.maximum(np.abs(velocity), speeds[0])), np.log(speeds), masses)

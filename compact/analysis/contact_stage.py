@@ -24,7 +24,7 @@ from compact.analysis.contact_cases import (
     hold_quantity,
 )
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
-from compact.analysis.engines import ENGINES, Engine, modulation
+from compact.analysis.engines import ENGINES, Engine, expand_resistance
 from compact.analysis.kept_results import KeptResults, read_results, results_key
 from compact.engines.halfplane import LineContact, galin
 from compact.material.laws import Compaction
@@ -157,7 +157,7 @@ def roll_passes(
 def added_mass(
     scene: Scene, mix: Mix, speed: float, held: HeldQuantity | None, count: Count = no_count
 ) -> tuple[float, float] | None:
-    """Compute the added mass of one roller, see `engines.modulation`.
+    """Compute the added mass of one roller, see `engines.expand_resistance`.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def added_mass(
     count("added mass")
     options = used.tolerance(scene.accuracy.tolerance) | ({"estimate": False} if used.optional_estimate else {})
     with _named_errors(scene, used.name, speed):
-        found = modulation(layer, roller, material, speed, engine=used.name, **options)
+        found = expand_resistance(layer, roller, material, speed, engine=used.name, **options)
     return found.added_mass, found.relaxation_time
 
 

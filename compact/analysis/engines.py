@@ -87,9 +87,9 @@ class Engine:
     optional_estimate : bool
         True if `roll` accepts `estimate=False`, which omits the error estimate.
     fields_module : str or None
-        Module with the function `fields`; None without fields inside the layer.
+        Module with the function `field_mesh`; None without fields inside the layer.
     derivative_module : str or None
-        Module with the function `modulation`, the derivative of the resistance by the speed; None without.
+        Module with the function `expand_resistance`, the derivative of the resistance by the speed; None without.
     points_per_task : int
         Points of a sweep in one task, for about a tenth of a second of work.
     """
@@ -133,7 +133,7 @@ class Engine:
         meshio.Mesh
         """
         require_known("engine with fields", self.name, [each.name for each in ENGINES.values() if each.fields_module])
-        return import_module(str(self.fields_module)).fields(result)
+        return import_module(str(self.fields_module)).field_mesh(result)
 
     def tolerance(self, value: float) -> dict[str, float]:
         """Return the keyword argument of `roll` for a relative tolerance [-]; empty without error control."""
@@ -179,7 +179,7 @@ ENGINES: Mapping[str, Engine] = MappingProxyType({
 })  # fmt: skip
 
 
-def modulation(
+def expand_resistance(
     layer: Layer,
     roller: Roller,
     material: Elastic | Viscoelastic,
@@ -210,10 +210,10 @@ def modulation(
     >>> from compact.material.laws import Viscoelastic
     >>> from compact.rolling_contact import Layer, Roller
     >>> mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
-    >>> found = modulation(Layer(0.22), Roller(0.11, indentation=0.003), mix, speed=0.05)
+    >>> found = expand_resistance(Layer(0.22), Roller(0.11, indentation=0.003), mix, speed=0.05)
     >>> f"{found.resistance:.2f} N/m, {found.slope:.1f} N s/m2, {found.added_mass:.3f} N s2/m2"
     '376.42 N/m, 2937.5 N s/m2, -37.732 N s2/m2'
     """
     able = [each.name for each in ENGINES.values() if each.derivative_module]
     require_known("engine with memory in time", engine, able)
-    return import_module(str(ENGINES[engine].derivative_module)).modulation(layer, roller, material, speed, **accuracy)
+    return import_module(str(ENGINES[engine].derivative_module)).expand_resistance(layer, roller, material, speed, **accuracy)

@@ -73,14 +73,14 @@ def test_the_columns_keep_the_height_that_leaves_the_density_at_the_mean_speed()
 
 
 def test_the_added_mass_belongs_to_the_quantity_that_is_kept():
-    """F(v, a) at held height differs from that at held pressure in M as in F; both by the modulation of that roller."""
-    from compact.analysis.engines import modulation
+    """F(v, a) at held height differs from that at held pressure in M as in F; both by the expansion of that roller."""
+    from compact.analysis.engines import expand_resistance
 
     case = study(**PLAIN)
     speed = 0.1
     layer, roller, material = contact_cases.contact_inputs(case.scene, case.mix, "spectral", speed, case.held)
     assert roller.indentation == case.held.value
-    direct = modulation(layer, roller, material, speed, engine="spectral", rtol=case.scene.accuracy.tolerance)
+    direct = expand_resistance(layer, roller, material, speed, engine="spectral", rtol=case.scene.accuracy.tolerance)
     found, _ = contact_stage.added_mass(case.scene, case.mix, speed, case.held)
     assert found == pytest.approx(direct.added_mass, rel=1e-12)
     pressed = study(**PLAIN, **{"contact.held": "peak_pressure"})

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from compact import mesh
-from compact.analysis.engines import modulation as spectral_modulation
+from compact.analysis.engines import expand_resistance as spectral_expansion
 from compact.engines.fem import contact_problem, discretisation, surface_compliance
 from compact.engines.fem.convected_memory import creep_function, retardation_operator
-from compact.engines.fem.speed_derivative import modulation
+from compact.engines.fem.speed_derivative import expand_resistance
 from compact.engines.fem.surface import NodalField
 from compact.material.laws import Elastic, Viscoelastic
 from compact.resistance import UNSTEADINESS_LIMIT
@@ -37,7 +37,7 @@ def scale(found):
 
 
 def test_elastic_layer_has_no_added_mass():
-    found = modulation(BONDED, roller_at(friction=0.3, rolling="sliding"), Elastic(10e6, 0.3), 0.3)
+    found = expand_resistance(BONDED, roller_at(friction=0.3, rolling="sliding"), Elastic(10e6, 0.3), 0.3)
     assert (found.slope, found.added_mass, found.error, found.relaxation_time) == (0.0, 0.0, 0.0, 0.0)
     assert found.resistance > 0
 
@@ -45,7 +45,7 @@ def test_elastic_layer_has_no_added_mass():
 @pytest.mark.slow
 def test_lag_on_a_deformed_surface_grows_with_the_indentation():
     def lag(indentation, profile):
-        found = modulation(BONDED, roller_at(indentation, profile=profile), MIX, 1e-3, estimate=False)
+        found = expand_resistance(BONDED, roller_at(indentation, profile=profile), MIX, 1e-3, estimate=False)
         return -found.added_mass / found.slope
 
     depths = np.array([0.0015, 0.003, 0.006])
@@ -63,7 +63,7 @@ def test_lag_on_a_deformed_surface_grows_with_the_indentation():
     ],
 )
 def test_layer_of_table_e2(speed, resistance, slope, mass):
-    found = modulation(BONDED, roller_at(), MIX, speed, estimate=False)
+    found = expand_resistance(BONDED, roller_at(), MIX, speed, estimate=False)
     assert found.resistance / MIX.contact_modulus == pytest.approx(resistance, rel=4e-4)
     assert found.slope / MIX.contact_modulus == pytest.approx(slope, rel=5e-3)
     assert found.added_mass / MIX.contact_modulus == pytest.approx(mass, rel=5e-3)
@@ -72,7 +72,7 @@ def test_layer_of_table_e2(speed, resistance, slope, mass):
 def test_thin_layer_on_a_frictionless_base_is_the_winkler_foundation_of_table_e():
     """contact.md e at De = 1: F R^2/(kr b^4) and M R^2/(kr b^3 tau^2)."""
     radius, height, mix = 100.0, 0.1, Viscoelastic(0.91, 0.3, branches=((1.0, 1.0),))
-    found = modulation(Layer(height, "slip"), Roller(radius, indentation=0.5 / radius), mix, 1.0, estimate=False)
+    found = expand_resistance(Layer(height, "slip"), Roller(radius, indentation=0.5 / radius), mix, 1.0, estimate=False)
     units = radius**2 * height
     assert (found.resistance * units, found.added_mass * units) == pytest.approx((0.10445711, 0.030866), rel=0.01)
 
@@ -97,7 +97,7 @@ SLOW_CASES = ("sliding circle on slip", "peak pressure")
     [pytest.param(case, id=name, marks=[pytest.mark.slow] * (name in SLOW_CASES)) for name, case in CASES.items()],
 )
 def test_agreement_with_the_spectral_engine(case):
-    exact, found = spectral_modulation(*case), modulation(*case, estimate=False)
+    exact, found = spectral_expansion(*case), expand_resistance(*case, estimate=False)
     assert found.resistance == pytest.approx(exact.resistance, rel=1e-3)
     assert found.slope == pytest.approx(exact.slope, abs=2e-3 * abs(exact.resistance / exact.speed))
     assert found.added_mass == pytest.approx(exact.added_mass, abs=0.01 * scale(exact))
@@ -106,16 +106,16 @@ def test_agreement_with_the_spectral_engine(case):
 @pytest.mark.parametrize(("ratio", "speed"), [(5.0, 0.3), pytest.param(20.0, 0.01, marks=pytest.mark.slow)])
 def test_slope_and_added_mass_of_stiff_branches_are_within_half_a_percent(ratio, speed):
     mix = Viscoelastic(10e6, 0.3, branches=((ratio - 1, 0.05),))
-    exact = spectral_modulation(BONDED, roller_at(), mix, speed)
-    found = modulation(BONDED, roller_at(), mix, speed, estimate=False)
+    exact = spectral_expansion(BONDED, roller_at(), mix, speed)
+    found = expand_resistance(BONDED, roller_at(), mix, speed, estimate=False)
     assert found.slope == pytest.approx(exact.slope, rel=5e-3)
     assert found.added_mass == pytest.approx(exact.added_mass, rel=5e-3)
 
 
 def test_error_estimate_covers_the_true_error():
     exact, found = (
-        spectral_modulation(SLIP, roller_at(), MIX, 0.3),
-        modulation(SLIP, roller_at(), MIX, 0.3, mesh=COARSE),
+        spectral_expansion(SLIP, roller_at(), MIX, 0.3),
+        expand_resistance(SLIP, roller_at(), MIX, 0.3, mesh=COARSE),
     )
     assert abs(found.added_mass - exact.added_mass) <= found.error < 0.02 * scale(exact)
 
@@ -179,7 +179,7 @@ DEFORMED_SLIDING = roller_at(profile="deformed", friction=0.3, rolling="sliding"
     ],
 )
 def test_expansion_agrees_with_a_transient(roller, speed, accuracy):
-    found = modulation(SLIP, roller, MIX, speed, estimate=False)
+    found = expand_resistance(SLIP, roller, MIX, speed, estimate=False)
     acceleration = 0.2 * UNSTEADINESS_LIMIT * speed / found.relaxation_time
     gaining, losing = (accelerated_resistance(roller, speed, side * acceleration, *accuracy) for side in (1, -1))
     assert (gaining - losing) / (2 * acceleration) == pytest.approx(found.added_mass, rel=5e-3)
@@ -187,9 +187,9 @@ def test_expansion_agrees_with_a_transient(roller, speed, accuracy):
 
 
 def test_loaded_zone_widens_for_every_contact(monkeypatch):
-    wide = modulation(SLIP, roller_at(), MIX, 0.3, mesh=COARSE, estimate=False)
+    wide = expand_resistance(SLIP, roller_at(), MIX, 0.3, mesh=COARSE, estimate=False)
     monkeypatch.setattr(contact_problem, "WINDOW", 0.3)
-    narrow = modulation(SLIP, roller_at(), MIX, 0.3, mesh=COARSE, estimate=False)
+    narrow = expand_resistance(SLIP, roller_at(), MIX, 0.3, mesh=COARSE, estimate=False)
     assert narrow.added_mass == pytest.approx(wide.added_mass, rel=1e-4)
 
 
@@ -198,7 +198,7 @@ def test_stiffness_is_factorised_once(monkeypatch):
     monkeypatch.setattr(
         surface_compliance, "splu", lambda *given, **options: calls.append(1) or splu(*given, **options)
     )
-    modulation(Layer(0.21), roller_at(), MIX, 0.3, estimate=False)
+    expand_resistance(Layer(0.21), roller_at(), MIX, 0.3, estimate=False)
     assert len(calls) == 1
 
 
@@ -217,4 +217,4 @@ def test_stiffness_is_factorised_once(monkeypatch):
 def test_invalid_argument_is_refused(change, words):
     given = {"layer": BONDED, "roller": roller_at(), "material": MIX, "speed": 0.3} | change
     with pytest.raises(ValueError, match=words):
-        modulation(**given)
+        expand_resistance(**given)

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rolling_scenes import SPEED, prescribing, random_scenes
 
-from compact.analysis.engines import modulation
+from compact.analysis.engines import expand_resistance
 from compact.engines.spectral import engine as spectral
 from compact.engines.spectral import rolling_problem as problems
-from compact.engines.spectral import speed_derivative as spectral_modulation
+from compact.engines.spectral import speed_derivative as spectral_expansion
 from compact.engines.spectral.galerkin_system import assemble_system
 from compact.engines.spectral.rolling_problem import build_rolling_problem, solve_contact
 from compact.material.laws import Elastic, Viscoelastic
@@ -37,7 +37,7 @@ def scale(found):
 def winkler(deborah, height=0.1, **engine):
     """F R^2/(kr b^4) and M R^2/(kr b^3 tau^2) of a thin slipping layer at De = v tau/b, in units of v and b."""
     radius, mix = 100.0, Viscoelastic(0.91, 0.3, branches=((1.0, deborah),))
-    found = modulation(Layer(height, "slip"), Roller(radius, indentation=0.5 / radius), mix, 1.0, **engine)
+    found = expand_resistance(Layer(height, "slip"), Roller(radius, indentation=0.5 / radius), mix, 1.0, **engine)
     return found.resistance * radius**2 * height, found.added_mass * radius**2 * height / deborah**2
 
 
@@ -57,12 +57,12 @@ def winkler(deborah, height=0.1, **engine):
 @pytest.mark.parametrize("layer", [BONDED, SLIP, PLIES], ids=["bonded", "slip", "plies"])
 def test_slow_rolling_lags_by_the_mean_relaxation_time(layer, roller):
     share, time = np.array(THREE.branches).T
-    found = modulation(layer, roller, THREE, 1e-7)
+    found = expand_resistance(layer, roller, THREE, 1e-7)
     assert found.added_mass / found.slope == pytest.approx(-(share @ time**2) / (share @ time), rel=1e-4)
 
 
 def test_elastic_layer_remembers_nothing():
-    found = modulation(BONDED, pressed(friction=0.3, rolling="sliding"), Elastic(10e6, 0.3), 0.3)
+    found = expand_resistance(BONDED, pressed(friction=0.3, rolling="sliding"), Elastic(10e6, 0.3), 0.3)
     assert (found.slope, found.added_mass, found.error, found.relaxation_time) == (0.0, 0.0, 0.0, 0.0)
     assert found.unsteadiness(5.0) == 0.0
     assert found.resistance > 0
@@ -70,7 +70,7 @@ def test_elastic_layer_remembers_nothing():
 
 def test_many_relaxation_times_of_one_length_are_one():
     split = replace(MIX, branches=((0.3, 0.05), (0.7, 0.05 * (1 + 1e-12))))
-    one, two = (modulation(SLIP, pressed(), mix, 0.3) for mix in (MIX, split))
+    one, two = (expand_resistance(SLIP, pressed(), mix, 0.3) for mix in (MIX, split))
     assert two.added_mass == pytest.approx(one.added_mass, rel=1e-8)
 
 
@@ -79,7 +79,7 @@ def test_many_relaxation_times_of_one_length_are_one():
 
 def test_memory_fades_with_the_third_power_of_speed():
     speeds = np.geomspace(1e2, 1e4, 4)
-    masses = [abs(modulation(BONDED, pressed(), MIX, speed).added_mass) for speed in speeds]
+    masses = [abs(expand_resistance(BONDED, pressed(), MIX, speed).added_mass) for speed in speeds]
     rate = np.polyfit(np.log(speeds), np.log(masses), 1)[0]
     assert rate == pytest.approx(-3, abs=0.02), f"M falls as v^{rate:.2f}"
 
@@ -96,7 +96,7 @@ def test_what_is_left_is_of_second_order_in_the_acceleration():
 def test_error_falls_geometrically_with_the_modes():
     (scene, _), modes = build_rolling_problem(BONDED, pressed(), MIX, 0.1), np.array([4, 7, 10])
     contacts = [solve_contact(scene, int(count), 0.017, []) for count in (*modes, 40)]
-    *masses, exact = (spectral_modulation._expansion(scene, contact)[1] for contact in contacts)
+    *masses, exact = (spectral_expansion._expansion(scene, contact)[1] for contact in contacts)
     rate = -np.polyfit(modes, np.log(np.abs(np.array(masses) / exact - 1)), 1)[0]
     assert rate > 1, f"error falls by exp(-{rate:.2f}) a mode"
 
@@ -128,7 +128,7 @@ CONSTANT_ACCELERATION = [  # v, a, F at that instant, m = 1, tau = b = kr = R = 
 @pytest.mark.parametrize(("speed", "resistance", "slope", "mass"), TABLE_E2)
 def test_layer_of_table_e2(speed, resistance, slope, mass):
     modulus = MIX.contact_modulus
-    found = modulation(BONDED, pressed(), MIX, speed)
+    found = expand_resistance(BONDED, pressed(), MIX, speed)
     assert found.resistance / modulus == pytest.approx(resistance, rel=4e-4)
     assert found.slope / modulus == pytest.approx(slope, rel=4e-4)
     assert found.added_mass / modulus == pytest.approx(mass, rel=4e-4)
@@ -155,7 +155,7 @@ def test_constant_acceleration_on_a_winkler_foundation(speed, acceleration, forc
 
 @pytest.mark.parametrize("speed", [1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6])
 def test_speeds_over_fifteen_decades(speed):
-    found = modulation(BONDED, pressed(), MIX, speed)
+    found = expand_resistance(BONDED, pressed(), MIX, speed)
     assert found.error <= 1e-3 * scale(found)
     assert found.slope * (1 if speed < 0.5 else -1) > 0
 
@@ -172,7 +172,7 @@ rollers = st.sampled_from(
 @settings(max_examples=6, deadline=None)
 @given(rollers, st.sampled_from([BONDED, SLIP]), speeds)
 def test_slope_is_that_of_steady_rolling(roller, layer, speed):
-    found = modulation(layer, roller, THREE, speed)
+    found = expand_resistance(layer, roller, THREE, speed)
     slower, here, faster = (
         spectral.roll(layer, roller, THREE, speed * (1 + side * 1e-3), rtol=1e-7).resistance for side in (-1, 0, 1)
     )
@@ -185,7 +185,7 @@ def test_slope_is_that_of_steady_rolling(roller, layer, speed):
 @settings(max_examples=6, deadline=None)
 @given(rollers, st.sampled_from([BONDED, SLIP]), speeds)
 def test_added_mass_is_even_in_speed(roller, layer, speed):
-    there, back = (modulation(layer, roller, MIX, side * speed) for side in (1, -1))
+    there, back = (expand_resistance(layer, roller, MIX, side * speed) for side in (1, -1))
     assert (back.resistance, back.slope, back.added_mass) == (-there.resistance, there.slope, there.added_mass)
 
 
@@ -193,7 +193,7 @@ def test_added_mass_is_even_in_speed(roller, layer, speed):
 @given(st.floats(1e-2, 1e2), st.floats(1e4, 1e9), st.floats(1e-3, 1e3), speeds)
 def test_added_mass_scales_as_modulus_and_time_squared(length, modulus, time, speed):
     small, large = (
-        modulation(
+        expand_resistance(
             Layer(each),
             Roller(0.5 * each, indentation=0.02 * each),
             Viscoelastic(stiff, 0.3, ((1.0, late), (0.5, 5 * late))),
@@ -214,9 +214,9 @@ def test_error_told_is_the_true_one(scenes):
         if not mix.branches:
             continue
         given = prescribing(roller, name, getattr(spectral.roll(layer, roller, mix, SPEED), name))
-        found = modulation(layer, given, mix, SPEED)
+        found = expand_resistance(layer, given, mix, SPEED)
         scene, half_width = build_rolling_problem(layer, given, mix, SPEED)
-        exact = spectral_modulation._expansion(scene, solve_contact(scene, 200, half_width, []))[1] / SPEED**2
+        exact = spectral_expansion._expansion(scene, solve_contact(scene, 200, half_width, []))[1] / SPEED**2
         assert abs(found.added_mass - exact) <= 2 * found.error
 
 
@@ -225,9 +225,9 @@ def test_error_told_is_the_true_one(scenes):
 
 def test_few_systems_are_assembled(monkeypatch):
     calls = []
-    for module in (spectral_modulation, problems):
+    for module in (spectral_expansion, problems):
         monkeypatch.setattr(module, "assemble_system", lambda *given: calls.append(given[1]) or assemble_system(*given))
-    modulation(BONDED, pressed(), MIX, 0.3)
+    expand_resistance(BONDED, pressed(), MIX, 0.3)
     assert len(calls) <= 40
     assert max(calls) <= 36
 
@@ -248,7 +248,7 @@ def test_few_systems_are_assembled(monkeypatch):
 def test_refused_with_the_reason(engine, change, words):
     given = {"layer": BONDED, "roller": pressed(), "material": MIX, "speed": 0.3, "engine": engine} | change
     with pytest.raises(ValueError, match=words):
-        modulation(**given)
+        expand_resistance(**given)
 
 
 def test_speed_too_low_to_tell_raises():
@@ -256,13 +256,13 @@ def test_speed_too_low_to_tell_raises():
         RuntimeError,
         match=r"the longest creep length is .* half-widths, too short for the digits of M; use a higher speed",
     ):
-        modulation(BONDED, pressed(), MIX, 1e-14)
+        expand_resistance(BONDED, pressed(), MIX, 1e-14)
 
 
 def test_too_few_modes_raise_with_what_was_tried(monkeypatch):
     monkeypatch.setattr(spectral, "MODE_COUNTS", (3, 4, 6))
     with pytest.raises(RuntimeError, match=r"the added mass M does not converge: \(modes, error .*\) were \[\(6, "):
-        modulation(BONDED, pressed(), replace(MIX, branches=((30.0, 0.01),)), 0.03)
+        expand_resistance(BONDED, pressed(), replace(MIX, branches=((30.0, 0.01),)), 0.03)
 
 
 def test_unsteadiness_of_what_is_no_acceleration_is_refused():

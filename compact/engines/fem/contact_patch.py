@@ -33,7 +33,7 @@ PEAK_TERMS_OMITTED = 2  # [-], of the second peak pressure, whose scatter has th
 PEAK_SAMPLES = 2001  # [-], points that locate the peak pressure
 MIN_LENGTH = 1e-6  # [-], contact length over the loaded zone that a mesh can resolve
 MAX_STEP = 0.25  # [-], step of an edge over the contact length
-MAX_ITERATIONS = 60  # [-], of Newton's method; damped steps need 30
+MAX_EDGE_ITERATIONS = 60  # [-], of Newton's method; damped steps need 30
 HISTORY_REPORTED = 4  # [-], iterations listed in an error message
 FULL_STEPS = 12  # [-], iterations before steps are halved, which do not cross the kink of an edge on a node
 DIFFERENCE_STEP = 1e-4  # [-], of an edge over the contact length, for the Jacobian
@@ -310,7 +310,7 @@ class _EdgeSolver:
         """Update the Jacobian by Broyden's rule; recompute it where the steps grow."""
         patch = self._solve_between(edges, displacement, terms)
         step_size = np.inf
-        for iteration in range(MAX_ITERATIONS):
+        for iteration in range(MAX_EDGE_ITERATIONS):
             amplitudes = patch.coefficients[-2:]
             if jacobian is None:
                 jacobian = self._difference_jacobian(edges, displacement, terms, amplitudes)
@@ -328,8 +328,8 @@ class _EdgeSolver:
         if self.indenter.profile == "circle" and np.abs(edges).max() > self.indenter.radius:
             raise RuntimeError(beyond_circle_message((edges[0], edges[1]), self.indenter.radius))
         raise UnresolvedError(
-            f"the contact edges did not converge in {MAX_ITERATIONS} iterations; the last (trailing [m], leading [m], "
-            f"step over length) are {self.history[-HISTORY_REPORTED:]}"
+            f"the contact edges did not converge in {MAX_EDGE_ITERATIONS} iterations; the last (trailing [m], "
+            f"leading [m], step over length) are {self.history[-HISTORY_REPORTED:]}"
         )
 
     def _is_consistent(self, patch: ContactPatch, displacement: FloatArray) -> bool:

@@ -56,7 +56,7 @@ EXTRA_TERMS = 2  # [-], pressure terms added on the refined mesh of the error es
 ERROR_FACTOR = 2.0  # [-], error estimate over the difference from the refined solution, see `_error_estimate`
 SCATTER_FACTOR = 0.15  # [-], error estimate per scatter of the peak pressure, where the difference is small by chance
 COMMON_ERROR = 3e-6  # [-], of both meshes
-MIN_RESISTANCE = 1e-3  # [-], of the load; relative errors of smaller resistances refer to it
+MIN_RESISTANCE_RATIO = 1e-3  # [-], of the load; relative errors of smaller resistances refer to it
 MESH_ROUNDING = 1e-6  # [-], of the layer height, by which a mesh may miss the surface or an interface
 
 
@@ -350,7 +350,7 @@ def _error_estimate(
 
 def _resistance_scale(result: FemContactResult) -> float:
     """Force [N/m] to which relative errors of the resistance refer."""
-    return max(abs(result.resistance), MIN_RESISTANCE * result.load)
+    return max(abs(result.resistance), MIN_RESISTANCE_RATIO * result.load)
 
 
 def _work_residual(problem: RollingProblem, result: FemContactResult, contact: ContactSolution) -> float:

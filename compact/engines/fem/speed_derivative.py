@@ -45,7 +45,7 @@ ERROR_FACTOR = 2.0  # [-], error estimate over the difference from the refined s
 MIN_ERROR = 1e-3  # [-], of the larger of |M| and |tau dF_ss/dv|, where the difference is small by chance
 
 
-def modulation(
+def expand_resistance(
     layer: Layer,
     roller: Roller,
     material: Elastic,

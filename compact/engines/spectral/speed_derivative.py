@@ -54,7 +54,7 @@ FIRST_DERIVATIVE = np.array([1, -8, 0, 8, -1]) / 12
 SECOND_DERIVATIVE = np.array([-1, 16, -30, 16, -1]) / 12
 
 
-def modulation(
+def expand_resistance(
     layer: Layer, roller: Roller, material: Elastic, speed: float, *, rtol: float = ADDED_MASS_RTOL
 ) -> ResistanceExpansion:
     """Compute the expansion of the resistance in speed and acceleration.
