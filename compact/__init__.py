@@ -27,7 +27,7 @@ _HOMES = {
     "machine.elastic_drive": ("ElasticDrive", "ElasticRun", "simulate_elastic"),
     "machine.motor_characteristics": ("Belt", "Kloss", "LinearTorqueCurve"),
     "machine.motor_drive": ("Motor", "MotorRun", "simulate_motor"),
-    "machine.roller_motors": ("Driven", "FirstOrder", "RollerMotor"),
+    "machine.roller_motors": ("CreepFreeRoller", "DrivenRoller", "RollerMotor"),
     "material.laws": ("Elastic", "Viscoelastic"),
     "material.mix": ("Mix", "prior"),
     "motion": ("LAWS", "CamLimits", "Cycle", "InfeasibleError", "Limits", "MotionProfile", "law", "optimise"),
@@ -40,6 +40,8 @@ _HOMES = {
 _ALIASES = {"column": "engines.column.engine", "spectral": "engines.spectral.engine", "mix": "material.mix"}
 # Former names, accepted for one release
 _RENAMED = {
+    "Driven": "DrivenRoller",
+    "FirstOrder": "CreepFreeRoller",
     "Motion": "MotionProfile",
     "Opposition": "MotionResistance",
     "Rolled": "ContactResult",

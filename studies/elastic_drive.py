@@ -37,7 +37,7 @@ def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9)
         run = runs[name, stiffness] = simulate(study.cart, spring, cycle, study.resistance, working=working)
         rows.append((
             name, stiffness, run.peak_force, run.ringing, run.nonuniformity, run.peak_power, run.standing,
-            run.energy_residual, run.work.arcs,
+            run.energy_residual, run.cost.intervals,
         ))  # fmt: skip
     if out:
         from compact.files import write_csv

@@ -100,7 +100,7 @@ def driven(study, contact, cycle, steady, lag):
     rows = []
     for kind in ("elastic", "motor"):
         for model, met in (("map", steady), ("map + a M", lag)):
-            drive = ElasticDrive(STIFFNESS, damping, first_order=met is lag) if kind == "elastic" else MOTOR
+            drive = ElasticDrive(STIFFNESS, damping, include_added_mass=met is lag) if kind == "elastic" else MOTOR
             run, seconds = timed(lambda drive=drive, met=met: simulate(study.cart, drive, cycle, met.scaled(share)))
             exact = fem.travel(*contact, Made(run), estimate=False)
             back = exact.time > exact.time[-1] / 2

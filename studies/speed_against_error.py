@@ -80,7 +80,7 @@ def drives(settings, repeats, stiffness=1e6, ratio=0.05):
             run = simulate_elastic(
                 CARRIED, drive, cycle, lambda v, a: np.zeros_like(v), regime="rest", tolerance=tolerance
             )
-            return run.course.motion(*run.course.at(time))[0], run.work.evaluations
+            return run.trajectory.kinematics(*run.trajectory.locate(time)).position, run.cost.evaluations
         got = solve_ivp(rates, (0, 2 * PASS), [0.0, 0.0], method, time, rtol=tolerance, atol=tolerance * STRETCH)
         return got.y[0], got.nfev
 

@@ -1,4 +1,4 @@
-"""Random scenes of steady rolling, and how far the error that an engine tells is from its true one."""
+"""Random scenes of steady rolling, and the ratio of estimated to true errors."""
 
 from dataclasses import replace
 
@@ -13,9 +13,10 @@ HEIGHT, SPEED = 0.22, 1.0
 
 
 def random_scenes(count):
-    """(layer, roller, material, what is to be prescribed): half-widths a of 0.05 to 3 heights and 0.02 to 0.4 radii,
-    nu 0.2 to 0.49, both bases, parabola and circle, frictionless and sliding, up to three branches of v tau/a 1e-4 to
-    1e4 with shares of 0.2 to 5.
+    """Yield (layer, roller, material, name of the target).
+
+    Half-widths a of 0.05 to 3 heights and 0.02 to 0.4 radii, nu 0.2 to 0.49, both bases, parabola and circle,
+    frictionless and sliding, up to three branches of v tau/a 1e-4 to 1e4 with shares of 0.2 to 5.
     """
     draw = np.random.default_rng(2015)
     for _ in range(count):
@@ -37,9 +38,11 @@ def random_scenes(count):
 
 
 def stiff_scene(seed, number):
-    """(layer, roller, material, speed): half-widths of 0.05 to 5 heights and 0.02 to 0.35 radii, nu 0.05 to 0.495, one
-    to three branches that make the mix up to 100 times as stiff at once, v tau/a over six decades, every profile,
-    rolling, base and target, friction to 0.8, both ways.
+    """Return one (layer, roller, material, speed).
+
+    Half-widths of 0.05 to 5 heights and 0.02 to 0.35 radii, nu 0.05 to 0.495, one to three branches with an
+    instantaneous modulus up to 100 times the relaxed one, v tau/a over six decades, every profile, rolling, base and
+    target, friction to 0.8, both directions.
     """
     draw = np.random.default_rng((seed, number))
     a = HEIGHT * 10 ** draw.uniform(np.log10(0.05), np.log10(5))
@@ -67,14 +70,14 @@ def stiff_scene(seed, number):
 
 
 def prescribing(roller, name, value):
-    """The roller with another target."""
+    """Return the roller with another target."""
     return Roller(
         roller.radius, friction=roller.friction, rolling=roller.rolling, profile=roller.profile, **{name: float(value)}
     )
 
 
 def true_errors(rolled, roller, judge):
-    """Relative errors of load and resistance by judge(roller); of a load that is prescribed, at the depth found."""
+    """Relative errors of load and resistance by judge(roller); of a prescribed load, at the indentation found."""
     exact = judge(roller)
     as_deep = exact if roller.load is None else judge(prescribing(roller, "indentation", rolled.indentation))
     scale = max(abs(exact.resistance), 1e-3 * exact.load)
@@ -82,7 +85,7 @@ def true_errors(rolled, roller, judge):
 
 
 def told_over_true(told, true, rounding):
-    """Smallest, median and 95 % quantile of the ratio where there is more than rounding; what is told of the rest."""
+    """Smallest, median and 95 % quantile of estimate over error above rounding; largest estimate of the others."""
     told, true = np.array(told), np.array(true)
     clear = true > rounding
     smallest, median, large = np.quantile(told[clear] / true[clear], [0, 0.5, 0.95])

@@ -394,6 +394,14 @@ class ContactStage:
         return [(speed, first) for speed, (first, *_) in self.passes]
 
     @cached_property
+    def typical(self) -> tuple[float, ContactResult]:
+        """Speed [m/s] and contact of the first pass at the mean speed, of a layer at the nearest speed of the scene."""
+        mean_speed = self.scene.mean_speed
+        if not self.engine.layered:
+            return mean_speed, roll_scene(self.scene, self.mix, mean_speed)
+        return min(self.first_passes, key=lambda pair: abs(np.log(pair[0] / mean_speed)))
+
+    @cached_property
     def records(self) -> list[ContactRecord]:
         """Scalar results at each speed; empty for the formulas."""
         if self.kept:

@@ -1,5 +1,6 @@
 """Drive stage of a study: every law under the drive of the scene, their ranking, and roller motors and crankshaft."""
 
+import warnings
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
@@ -15,10 +16,10 @@ from compact.analysis.law_stage import LawStage
 from compact.analysis.ranking_uncertainty import Place, places
 from compact.analysis.resistance_stage import ResistanceStage
 from compact.analysis.torque_response import torque_response
-from compact.machine.crankshaft import USUAL_ANGLES, Turn, turn
+from compact.machine.crankshaft import CRANK_ANGLES, CrankshaftRevolution, simulate_crankshaft
 from compact.machine.ranking import Ranked
 from compact.machine.rigid_drive import InverseDynamics
-from compact.machine.roller_motors import RollerMotor, pulls
+from compact.machine.roller_motors import RollerMotor, pull_range
 
 Runs = dict[str, Any]  # name of a law -> `Run`, `ElasticRun`, `HydraulicRun` or `MotorRun`
 
@@ -73,7 +74,8 @@ class DriveStage:
     @property
     def best_law(self) -> str:
         """Name of the first law by the first criterion of the scene."""
-        return next(iter(self.rankings.values()))[0].run.name
+        run: Any = self._first_ranking[0].run
+        return run.name
 
     @cached_property
     def places(self) -> dict[str, dict[str, list[Place]]]:
@@ -107,6 +109,36 @@ class DriveStage:
         }  # fmt: skip
 
     @cached_property
+    def motor_start(self) -> tuple[str, Any] | None:
+        """First law that the motor drives, and the start from rest with it; None where the motor does not start."""
+        from compact.machine.motor_acceleration import simulate_acceleration_phase
+
+        runs: list[Any] = [each.run for each in self._first_ranking]
+        first = next((run for run in runs if hasattr(run, "load")), None)
+        if first is None:
+            return None
+        self.count("run-up")
+        try:
+            return first.name, simulate_acceleration_phase(first.load.cart, first.load.motor, first.load.cycle, first.load.resistance)
+        except RuntimeError as error:
+            warnings.warn(f"no start from rest under '{first.name}': {error}", stacklevel=2)
+            return None
+
+    @cached_property
+    def hydraulic_stroke(self) -> tuple[Any, Any] | None:
+        """Run of the first law that the throttles realise, and its stroke with compressible oil; None without one."""
+        runs: list[Any] = [each.run for each in self._first_ranking]
+        first = next((run for run in runs if not run.lack), None)
+        if first is None:
+            return None
+        self.count("passage")
+        return first, first.simulate_stroke()
+
+    @property
+    def _first_ranking(self) -> list[Ranked]:
+        return next(iter(self.rankings.values()))
+
+    @cached_property
     def roller_motors(self) -> dict[str, RollerMotor]:
         """Motors in the rollers by name of the law: the same cart without any other drive."""
         stage, rollers = self.contacts, self.scene.machine.rollers
@@ -114,19 +146,19 @@ class DriveStage:
             name: InverseDynamics(self.resistance.cart, drive.Rigid(), cycle, self.resistance.resistance)
             for name, cycle in self.laws.cycles.items()
         }
-        range_of_pulls = np.transpose([pulls(each, rollers) for each in required.values()])
+        range_of_pulls = np.transpose([pull_range(each, rollers) for each in required.values()])
         response = torque_response(stage, (float(range_of_pulls.min()), float(range_of_pulls.max())))
         return {name: RollerMotor(each, response, rollers) for name, each in required.items()}
 
     @cached_property
-    def turns(self) -> dict[str, Turn]:
+    def turns(self) -> dict[str, CrankshaftRevolution]:
         """One turn of the crankshaft with 1 to 4 carts at their usual angles, and under "scene" that of the scene."""
-        angles = {str(count): usual for count, usual in USUAL_ANGLES.items()}
+        angles = {str(count): usual for count, usual in CRANK_ANGLES.items()}
         angles["scene"] = machine_models.angles(self.scene)
         speed = np.pi / self.scene.motion.duration
         turns = {}
         for key, ahead in angles.items():
             self.count("crank")
             crank = machine_models.crank(self.scene)
-            turns[key] = turn(self.resistance.cart, crank, speed, self.resistance.resistance, ahead)
+            turns[key] = simulate_crankshaft(self.resistance.cart, crank, speed, self.resistance.resistance, ahead)
         return turns

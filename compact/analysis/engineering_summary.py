@@ -6,6 +6,7 @@ import numpy as np
 
 from compact import contact
 from compact.engines.halfplane import pressure_exponent
+from compact.quantities import FORMULA
 
 ROUNDING = 1e-6  # of a tenth of a millimetre, by which a length may exceed a whole number of them
 
@@ -135,22 +136,22 @@ def _rounded_up(length):
 
 
 PRESCRIBED = "contact: as prescribed, or the pressure of the load that is"
-# unit and confidence of each field of Engineering (theory of the formulas: `contact`)
+# origin and confidence of each field of Engineering; theory of the formulas in `contact`
 KNOWN_BY = {
-    "pressure": ("Pa", "mix: pressure that the density requires"),
-    "exponent": ("1", "eq 1.4, exact theory"),
-    "capture_angle": ("rad", "eq 1.5, reconstructed (80 %)"),
-    "roller_force": ("N", "eq 1.6, reconstructed (65 %)"),
-    "contact_length": ("m", "eq 1.7, reconstructed (95 %)"),
-    "roller_resistance": ("N", "eq 1.8, reconstructed (60 %)"),
-    "resistance_coefficient": ("1", "eqs 1.6 and 1.8"),
-    "cart_resistance": ("N", "eq 1.9, reconstructed (60 %); its guide friction is not that of the drives"),
-    "guide_coefficient": ("1", "eq 1.9: (f3 d + 2 f4) f5/D, guide friction over the load of the guide wheels"),
-    "cart_power": ("W", "eq 1.10 at mean speed"),
-    "radius_low": ("m", "eq 1.1, printed"),
-    "radius_high": ("m", "eq 1.1, printed"),
-    "rollers_needed": ("1", "eq 1.2, reconstructed (80 %)"),
-    "stroke_needed": ("m", "eq 1.3, reconstructed (80 %)"),
+    "pressure": "mix: pressure that the density requires",
+    "exponent": "eq 1.4, exact theory",
+    "capture_angle": "eq 1.5, reconstructed (80 %)",
+    "roller_force": "eq 1.6, reconstructed (65 %)",
+    "contact_length": "eq 1.7, reconstructed (95 %)",
+    "roller_resistance": "eq 1.8, reconstructed (60 %)",
+    "resistance_coefficient": "eqs 1.6 and 1.8",
+    "cart_resistance": "eq 1.9, reconstructed (60 %); its guide friction is not that of the drives",
+    "guide_coefficient": "eq 1.9: (f3 d + 2 f4) f5/D, guide friction over the load of the guide wheels",
+    "cart_power": "eq 1.10 at mean speed",
+    "radius_low": "eq 1.1, printed",
+    "radius_high": "eq 1.1, printed",
+    "rollers_needed": "eq 1.2, reconstructed (80 %)",
+    "stroke_needed": "eq 1.3, reconstructed (80 %)",
 }
 
 
@@ -175,18 +176,19 @@ def numbers(scene, blend, said, exact):
     required = () if prescribed else (needed.low, needed.high)
     ends = [_reached(scene, blend, pressure) for pressure in required] or [None, None]
     found = {}
-    for name, (unit, known_by) in KNOWN_BY.items():
+    for name, known_by in KNOWN_BY.items():
         low, high = (None if end is None else getattr(end, name) for end in ends)
         value = getattr(said, name)
         known_by = PRESCRIBED if prescribed and name == "pressure" else known_by
         spread = {} if low == value == high else {"low": low, "high": high}
-        found[name] = Number(value, unit, known_by, **spread)
+        found[name] = Number(value, FORMULA[name].unit, known_by, **spread)
     known_by = "Galin, exact for a half-plane"
-    return found | {
-        "exact_capture_angle": Number(float(np.arcsin(exact.leading / exact.radius)), "rad", known_by),
-        "exact_roller_force": Number(float(exact.load * scene.machine.roller_length), "N", known_by),
-        "exact_contact_length": Number(float(exact.contact_length), "m", known_by),
+    half_plane = {
+        "exact_capture_angle": np.arcsin(exact.leading / exact.radius),
+        "exact_roller_force": exact.load * scene.machine.roller_length,
+        "exact_contact_length": exact.contact_length,
     }
+    return found | {name: Number(float(value), FORMULA[name].unit, known_by) for name, value in half_plane.items()}
 
 
 def _reached(scene, blend, pressure):

@@ -216,4 +216,6 @@ def expand_resistance(
     """
     able = [each.name for each in ENGINES.values() if each.derivative_module]
     require_known("engine with memory in time", engine, able)
-    return import_module(str(ENGINES[engine].derivative_module)).expand_resistance(layer, roller, material, speed, **accuracy)
+    return import_module(str(ENGINES[engine].derivative_module)).expand_resistance(
+        layer, roller, material, speed, **accuracy
+    )

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from compact.machine.cart import Cart, EndSprings
-from compact.machine.crankshaft import USUAL_ANGLES
+from compact.machine.crankshaft import CRANK_ANGLES
 from compact.machine.hydraulic_drive import Hydraulic
 from compact.machine.motor_characteristics import Belt, Kloss, LinearTorqueCurve
 from compact.machine.motor_drive import Motor
@@ -46,7 +46,7 @@ def crank(scene):
 
 def angles(scene):
     """Crank angle of each cart ahead of the first [rad]."""
-    return scene.drive.angles or USUAL_ANGLES[scene.drive.carts]
+    return scene.drive.angles or CRANK_ANGLES[scene.drive.carts]
 
 
 def laws(scene):

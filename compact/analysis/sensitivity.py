@@ -27,6 +27,7 @@ from compact.machine.cart import Cart
 from compact.machine.ranking import BUILD_TOLERANCE, ROUNDING_TIE
 from compact.material.mix import Parameter
 from compact.motion.profile import Cycle
+from compact.quantities import INPUT
 from compact.resistance import ResistanceMap
 from compact.scene.loader import Scene
 
@@ -41,14 +42,10 @@ MIX_INPUTS = {  # engine -> parameters of the mix that it depends on
     "column": ("heckel_slope", "friction_angle", "cohesion", "unloading_modulus", "poisson", "steel_friction"),
 }  # fmt: skip
 RATE_INPUT = "rate_exponent"  # of a compacting engine whose mix has a reference speed
-MACHINE_UNITS = {  # inputs of the machine and the motion
-    "machine.roller_length": "m",
-    "machine.roller_friction": "1",
-    "machine.bearing_friction": "1",
-    "machine.guide_friction": "1",
-    "machine.mass": "kg",
-    "motion.duration": "s",
-}
+MACHINE_INPUTS = (  # inputs of the machine and the motion
+    "machine.roller_length", "machine.roller_friction", "machine.bearing_friction", "machine.guide_friction",
+    "machine.mass", "motion.duration",
+)  # fmt: skip
 FORMULA_INPUTS = ("machine.roller_friction", "machine.bearing_friction")  # of eqs 1.8 and 1.9 only
 CART_INPUTS = ("machine.guide_friction", "machine.mass", "motion.duration")  # on which no layer depends
 DENSITY_INPUT = "layer.fed_density_ratio"
@@ -141,10 +138,10 @@ def _ranges(stages: Stages) -> dict[str, Range]:
     if new_layer:
         before = scene.layer.fed_density_ratio
         step = VARIATION * (scene.mix.density_ratio - before)
-        ranges[DENSITY_INPUT] = (before - step, before + step, PRESSED, "1")
+        ranges[DENSITY_INPUT] = (before - step, before + step, PRESSED, INPUT[DENSITY_INPUT].unit)
     by_formula = not (engine.cheap and engine.layered)
-    keys = [key for key in MACHINE_UNITS if by_formula or key not in FORMULA_INPUTS]
-    return ranges | {key: (*_tenth(_value_at(scene, key)), MACHINE_UNITS[key]) for key in keys}
+    keys = [key for key in MACHINE_INPUTS if by_formula or key not in FORMULA_INPUTS]
+    return ranges | {key: (*_tenth(_value_at(scene, key)), INPUT[key].unit) for key in keys}
 
 
 def _spread(parameter: Parameter) -> tuple[float, float, str]:

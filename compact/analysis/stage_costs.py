@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from compact.analysis.contact_cases import contact_speeds, hold_quantity, scene_mix
 from compact.analysis.engines import ENGINES, Engine
 from compact.analysis.law_stage import FOLLOWERS
-from compact.machine.crankshaft import USUAL_ANGLES
+from compact.machine.crankshaft import CRANK_ANGLES
 from compact.material.mix import Mix
 from compact.scene.loader import Scene
 
@@ -76,7 +76,7 @@ class WorkPlan:
         planned = Counter({
             "contact": 1, "rankings": 1, "laws": self._laws, "runs": laws * (1 + layered), "rolled": rolled,
             "fields": rolled * fields, "figures": figures * bool({"figures", "report"} & items) + fields,
-            "cams": cams, "cams measured": cams, "crank": (len(USUAL_ANGLES) + 1) * ("crank" in items),
+            "cams": cams, "cams measured": cams, "crank": (len(CRANK_ANGLES) + 1) * ("crank" in items),
             "beside": len(self.scene.compared_engines), "report": int("report" in items),
         })  # fmt: skip
         for stage in COUNTED_LATER:

@@ -38,7 +38,7 @@ from compact.cams.profile import Cam
 from compact.contact import DryResistance
 from compact.engines.halfplane import LineContact
 from compact.machine.cart import Balance, Cart
-from compact.machine.crankshaft import Turn
+from compact.machine.crankshaft import CrankshaftRevolution
 from compact.machine.ranking import Ranked
 from compact.machine.roller_motors import RollerMotor
 from compact.material.mix import Mix
@@ -279,7 +279,7 @@ class Study:
         return self.drive_stage.roller_motors
 
     @property
-    def turns(self) -> dict[str, Turn]:
+    def turns(self) -> dict[str, CrankshaftRevolution]:
         """One turn of the crankshaft with 1 to 4 carts, and under "scene" that of the scene."""
         return self.drive_stage.turns
 

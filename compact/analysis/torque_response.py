@@ -1,8 +1,8 @@
 """Response of the rollers of a scene to a torque: pull, creepage and load, sampled from the engine of the scene.
 
 At each speed the roller keeps the height of the contact of the scene while its motor drives or brakes, in equal steps
-of `roller_motors.spent` up to the largest pull of the laws. A compacting mix, which depends weakly on the speed and is
-expensive, is sampled at one speed.
+of `roller_motors.carter_parameter` up to the largest pull of the laws. A compacting mix, which depends weakly on the
+speed and is expensive, is sampled at one speed.
 """
 
 import warnings
@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 
 from compact.analysis.contact_cases import ContactRecord, contact_inputs
 from compact.analysis.contact_stage import ContactStage
-from compact.machine.roller_motors import HELD, Driven, FirstOrder, spent
+from compact.machine.roller_motors import FULL_SLIP_SHARE, CreepFreeRoller, DrivenRoller, carter_parameter
 from compact.rolling_contact import ContactResult
 
-STEP = 0.3  # [-], largest step of `spent`; creepage is linear in it on a half-plane, and nearly so on layers
+STEP = 0.3  # [-], largest step of `carter_parameter`; creepage is linear in it on a half-plane, and nearly so on layers
 TRACTION_MARGIN = 1.15  # [-], sampled over required traction; T/(R pull) is 1.03 by "fem", 0.87 by "compaction"
 LEAST_SHARE = 0.1  # [-], of friction, sampled at least; smaller samples are dominated by rounding errors
 
 Row = tuple[float, float, float, float]  # torque [N m], pull [N], creepage [-], load [N]
 
 
-def torque_response(contacts: ContactStage, pull_range: tuple[float, float]) -> Driven | FirstOrder:
+def torque_response(contacts: ContactStage, pull_range: tuple[float, float]) -> DrivenRoller | CreepFreeRoller:
     """Sample the response of one roller to its motor.
 
     Parameters
@@ -35,15 +35,15 @@ def torque_response(contacts: ContactStage, pull_range: tuple[float, float]) -> 
 
     Returns
     -------
-    Driven or FirstOrder
-        `FirstOrder`, without creepage, if the engine has no torque, the roller no friction, or the engine does not
+    DrivenRoller or CreepFreeRoller
+        `CreepFreeRoller`, without creepage, if the engine has no torque, the roller no friction, or the engine does not
         converge; the latter with a warning.
     """
     scene, records, friction = contacts.scene, contacts.records, contacts.mix.steel_friction
     radius = scene.machine.roller_radius
-    first_order = FirstOrder(radius, contacts.roller_load, friction)
+    without_creep = CreepFreeRoller(radius, contacts.roller_load, friction)
     if not contacts.engine.torque or friction == 0:
-        return first_order
+        return without_creep
     least_load = scene.machine.roller_length * min(record.load for record in records)
     low, high = (TRACTION_MARGIN * pull / (friction * least_load) for pull in pull_range)
     sides = [_friction_shares(min(low, -LEAST_SHARE) if low < 0 else 0.0), _friction_shares(max(high, LEAST_SHARE))]
@@ -53,14 +53,14 @@ def torque_response(contacts: ContactStage, pull_range: tuple[float, float]) -> 
         curves = [_curve(contacts, record, sides) for record in records]
     except RuntimeError as error:
         warnings.warn(f"creep of the driven rollers is left out: {error}", stacklevel=2)
-        return first_order
+        return without_creep
     speeds = np.array([record.speed for record in records])
-    return Driven(radius, friction, speeds, *np.moveaxis(np.array(curves), -1, 0))
+    return DrivenRoller(radius, friction, speeds, *np.moveaxis(np.array(curves), -1, 0))
 
 
 def _friction_shares(share: float) -> NDArray[np.float64]:
-    """Return shares of friction up to a share, limited to HELD, in equal steps of `spent`."""
-    end = spent(np.clip(share, -HELD, HELD))
+    """Return shares of friction up to a share, limited to FULL_SLIP_SHARE, in equal steps of `carter_parameter`."""
+    end = carter_parameter(np.clip(share, -FULL_SLIP_SHARE, FULL_SLIP_SHARE))
     w = np.linspace(0, end, int(np.ceil(abs(end) / STEP)) + 1)[1:]
     return np.sign(w) * (1 - (1 - np.abs(w)) ** 2)
 

@@ -1,206 +1,311 @@
-"""One arc of a cart that slides behind a spring: how long it may last, and the motion, by collocation.
+"""One interval of sliding of a cart behind a spring, solved by collocation of its resistance.
 
-    (m + M) e'' + (c + d) e' + K e = (m + M) y'' + n y - g + R0 + d (y' - v0) - M a0 + r(t)
-    r = R(v, a) - R0 - d (v - v0) - M (a - a0),   d = dR/dv, M = dR/da at the start of the arc
+    (m + M) e'' + (c + d) e' + K e = (m + M) y'' + d y' + n y - g + R0 - d v0 - M a0 + r(t)
+    r = R(v, a) - R0 - d (v - v0) - M (a - a0),   d = dR/dv, M = dR/da at the start of the interval
 
-r is made a polynomial by collocation, so that the stretch e is answered exactly (`oscillator`); `dynamics` has the
-letters. R is smooth but for its knots: an arc takes R as it is in the `Section` where it starts, also beyond, and ends
-where it leaves that section, if it makes a difference. So no arc is tried across a knot, and none is lost there.
+K e - n y + g is the force of the springs (`force_elements.SpringForce`). The remainder r of the linearised resistance
+is interpolated by a polynomial at Chebyshev points, so that the elongation e has a closed form (`oscillator`). The
+fixed-point iteration on r converges in one step for dry friction.
+
+R is smooth between its knots. An interval continues R smoothly beyond the `SmoothRange` of its start and ends at the
+exit from that range if the difference exceeds the tolerance. No interval extends across a knot.
 """
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from compact.dynamics.force_elements import AT, WHOLE, Section, accelerated, hold, opposed, section
+from compact.dynamics.force_elements import (
+    FULL_RANGE,
+    KNOT_TOLERANCE,
+    CartState,
+    OscillatorParameters,
+    ResistanceTable,
+    SmoothRange,
+    differentiate_resistance,
+    smooth_range,
+    solve_acceleration,
+    spring_force,
+)
 from compact.dynamics.oscillator import (
     Signal,
-    combined,
-    first_fall,
-    respond,
-    scaled,
-    shifted,
-    slope,
-    sum_of,
-    value,
+    add,
+    cart_velocity,
+    differentiate,
+    evaluate,
+    first_downcrossing,
+    limit_step,
+    multiply,
+    solve_oscillator,
+    substitute,
 )
 from compact.numerics.jit import compiled
 
-POINTS = 9  # of the collocation, so that the defect falls with the 9th power of the step
-CHECKS = 16  # places on an arc where the defect is measured
-ITERATIONS = 25  # of the collocation; 1 for dry friction, 2 to 6 are usual
-SLOWEST, FASTEST, SAFETY = 0.2, 6.0, 0.9  # of the step control
-LEAST = 0.05  # of an arc: the next one, where the cart comes to rest
-AHEAD = 1.1  # times the way to an end: an arc that is sure to get there
-EARLY = 1e-2  # of an arc: where it starts on the verge of what a M may be, it does not leave its section before
+POINTS = 9  # [-], of the collocation; the defect falls with the ninth power of the step
+DEFECT_POINTS = 16  # [-], cells between the points of an interval at which the defect is evaluated
+MAX_ITERATIONS = 25  # [-], of the collocation; 1 for dry friction, 2 to 6 are usual
+MIN_STEP_RATIO, MAX_STEP_RATIO, STEP_SAFETY = 0.2, 6.0, 0.9  # [-], of the step control
+STOP_STEP_RATIO = 0.05  # [-]; smallest step ratio while the cart comes to rest
+OVERSHOOT = 1.1  # [-], of the time to an event; the shortened interval still contains the event
+EARLIEST_SATURATION = 1e-2  # [-], of an interval; earlier changes of the saturation are rounding at the limit
 NODES = np.sin(np.pi * np.arange(POINTS) / (2 * (POINTS - 1))) ** 2
-EVENLY = np.arange(CHECKS + 1) / CHECKS
+DEFECT_NODES = np.arange(DEFECT_POINTS + 1) / DEFECT_POINTS
 TO_COEFFICIENTS = np.linalg.inv(np.vander(NODES, increasing=True))
 
 
-class Line(NamedTuple):
-    """R near the start of an arc: R0 + rise (v - v0) + added (a - a0), v0 and a0 its velocity and acceleration; and the
-    `Section` where it starts."""
+class LinearisedResistance(NamedTuple):
+    """R near the start of an interval: force + damping (v - velocity) + added_mass (a - acceleration).
+
+    Parameters
+    ----------
+    force : float
+        R0 [N].
+    damping : float
+        d = dR/dv [N s/m].
+    added_mass : float
+        M = dR/da [kg].
+    velocity, acceleration : float
+        v0 [m/s] and a0 [m/s^2] at the start.
+    smooth_range : SmoothRange
+        Range of motions at the start.
+    """
 
     force: float
-    rise: float
-    added: float
+    damping: float
+    added_mass: float
     velocity: float
     acceleration: float
-    section: Section
+    smooth_range: SmoothRange
 
 
-@compiled
-def lined(spring, resistance, state, slip, place, pace):
-    """The `Line` of a cart that moves, with the far end at a place [m] and a pace [m/s]."""
-    held = hold(spring, state.side, state.zone)
-    pull = held.stiffness * state.stretch - held.along * place + held.constant
-    pull += spring.damping * (pace - state.velocity)
-    a = accelerated(resistance, slip, state.velocity, spring.mass, pull)
-    smooth = section(resistance, slip, state.velocity, a)
-    table = resistance.there if slip > 0 else resistance.back
-    force, rise, added = opposed(table, resistance.added, resistance.pace, slip, state.velocity, a, smooth)
-    return Line(force, rise, added, state.velocity, a, smooth)
+class SlidingProblem(NamedTuple):
+    """A cart that slides from a state.
+
+    Parameters
+    ----------
+    oscillator : OscillatorParameters
+        Cart and springs.
+    resistance : ResistanceTable
+        R(v, a).
+    state : CartState
+        Initial state.
+    slip : int
+        Direction of the motion, +1 or -1.
+    linear : LinearisedResistance
+        R near the initial state.
+    tolerance : float
+        Largest defect of the resistance [N].
+    """
+
+    oscillator: OscillatorParameters
+    resistance: ResistanceTable
+    state: CartState
+    slip: int
+    linear: LinearisedResistance
+    tolerance: float
 
 
-class Slide(NamedTuple):
-    """A motion that was tried over law(u): its stretch, r(u) from its lowest coefficient, and whether it converged."""
+class SlidingSolution(NamedTuple):
+    """Result of the collocation over 0 <= u <= 1.
 
-    law: np.ndarray
-    stretch: Signal
-    rest: np.ndarray
+    Parameters
+    ----------
+    far_end : ndarray
+        Coefficients of the far-end position y(u) [m].
+    elongation : Signal
+        e(u) [m].
+    remainder : ndarray
+        Coefficients of r(u) [N].
+    converged : bool
+        True after convergence of the iteration.
+    evaluations : int
+        Evaluations of R.
+    """
+
+    far_end: NDArray[np.float64]
+    elongation: Signal
+    remainder: NDArray[np.float64]
     converged: bool
     evaluations: int
 
 
 @compiled
-def slide(spring, resistance, state, slip, line, law, h, tolerance, effort):
-    """The `Slide` of at most h [s]: no farther than a little beyond where R leaves its `Section`, if that matters."""
-    force = straight(spring, state, line, law, h)
-    stretch = answer(spring, state, line, force, law, h)
-    share = foreseen(resistance, slip, line, combined(stretch, law, 0.0, -1.0, 0.0, 1.0), tolerance, effort)
-    if share < 1:
-        law, h = shifted(law, 0.0, share), h * share
-        force = straight(spring, state, line, law, h)
-        stretch = answer(spring, state, line, force, law, h)
-    rest, before = np.zeros(len(law)), np.zeros(POINTS)
-    for iteration in range(ITERATIONS):
-        speed = combined(stretch, law, 0.0, -1.0, 0.0, 1.0)
-        there = beside(resistance, slip, line, speed, NODES, line.section)[1]
-        moved = np.abs(there - before).max()
-        if not moved < np.inf:
-            return Slide(law, stretch, rest, False, (iteration + 1) * POINTS)
-        before, rest[:POINTS] = there, TO_COEFFICIENTS @ there
-        stretch = answer(spring, state, line, force + rest, law, h)
-        if moved <= tolerance / 10:  # what is left falls by as much again
-            return Slide(law, stretch, rest, True, (iteration + 1) * POINTS)
-    return Slide(law, stretch, rest, False, ITERATIONS * POINTS)
+def set_up_sliding(
+    oscillator: OscillatorParameters,
+    resistance: ResistanceTable,
+    state: CartState,
+    slip: int,
+    position: float,
+    velocity: float,
+    tolerance: float,
+) -> SlidingProblem:
+    """Sliding problem of a state, with the far end at a position [m] and a velocity [m/s]."""
+    springs = spring_force(oscillator, state.flank, state.zone)
+    pull = springs.stiffness * state.elongation - springs.far_end_stiffness * position + springs.constant
+    pull += oscillator.damping * (velocity - state.velocity)
+    a = solve_acceleration(resistance, slip, state.velocity, oscillator.mass, pull)
+    within = smooth_range(resistance, slip, state.velocity, a)
+    table = resistance.forward if slip > 0 else resistance.backward
+    force, damping, added_mass = differentiate_resistance(
+        table, resistance.added_mass, resistance.rate_limit, slip, state.velocity, a, within
+    )
+    linear = LinearisedResistance(force, damping, added_mass, state.velocity, a, within)
+    return SlidingProblem(oscillator, resistance, state, slip, linear, tolerance)
 
 
 @compiled
-def straight(spring, state, line, law, h):
-    """Force f(u) [N] on the oscillator of a cart that moves, but for r."""
-    held, n = hold(spring, state.side, state.zone), len(law)
-    mass, force = spring.mass + line.added, held.along * law
+def limit_sliding_step(problem: SlidingProblem, h: float) -> float:
+    """Step h [s], shortened where the linearised motion grows."""
+    oscillator, state, linear = problem.oscillator, problem.state, problem.linear
+    stiffness = spring_force(oscillator, state.flank, state.zone).stiffness
+    return limit_step(oscillator.mass + linear.added_mass, oscillator.damping + linear.damping, stiffness, h)
+
+
+@compiled
+def solve_sliding(
+    problem: SlidingProblem, far_end: NDArray[np.float64], h: float, counter: NDArray[np.int64]
+) -> SlidingSolution:
+    """Solve at most h [s] of sliding under far_end(u) by collocation.
+
+    The interval is shortened to a little beyond the exit from the smooth range where the exit affects the resistance.
+    """
+    force = _linear_force(problem, far_end, h)
+    elongation = _respond(problem, force, far_end, h)
+    fraction = _range_exit_fraction(problem, cart_velocity(elongation, far_end), counter)
+    if fraction < 1:
+        far_end, h = substitute(far_end, 0.0, fraction), h * fraction
+        force = _linear_force(problem, far_end, h)
+        elongation = _respond(problem, force, far_end, h)
+    remainder, previous = np.zeros(len(far_end)), np.zeros(POINTS)
+    for iteration in range(MAX_ITERATIONS):
+        velocity = cart_velocity(elongation, far_end)
+        values = _remainder(problem, velocity, NODES, problem.linear.smooth_range)[1]
+        change = np.abs(values - previous).max()
+        if not change < np.inf:
+            return SlidingSolution(far_end, elongation, remainder, False, (iteration + 1) * POINTS)
+        previous, remainder[:POINTS] = values, TO_COEFFICIENTS @ values
+        elongation = _respond(problem, force + remainder, far_end, h)
+        if change <= problem.tolerance / 10:  # the remaining error falls by the same factor
+            return SlidingSolution(far_end, elongation, remainder, True, (iteration + 1) * POINTS)
+    return SlidingSolution(far_end, elongation, remainder, False, MAX_ITERATIONS * POINTS)
+
+
+@compiled
+def _linear_force(problem, far_end, h):
+    """Force f(u) [N] on the oscillator of a sliding cart, without r."""
+    oscillator, state, linear = problem.oscillator, problem.state, problem.linear
+    springs, n = spring_force(oscillator, state.flank, state.zone), len(far_end)
+    mass, force = oscillator.mass + linear.added_mass, springs.far_end_stiffness * far_end
     for j in range(n):
         if j + 2 < n:
-            force[j] += mass / h**2 * (j + 1) * (j + 2) * law[j + 2]
+            force[j] += mass / h**2 * (j + 1) * (j + 2) * far_end[j + 2]
         if j + 1 < n:
-            force[j] += line.rise / h * (j + 1) * law[j + 1]
-    force[0] += line.force - held.constant - line.rise * line.velocity - line.added * line.acceleration
+            force[j] += linear.damping / h * (j + 1) * far_end[j + 1]
+    force[0] += (
+        linear.force - springs.constant - linear.damping * linear.velocity - linear.added_mass * linear.acceleration
+    )
     return force
 
 
 @compiled
-def answer(spring, state, line, force, law, h):
-    """The stretch under f(u) as a `Signal`."""
-    mass, damping = spring.mass + line.added, spring.damping + line.rise
-    stiffness = hold(spring, state.side, state.zone).stiffness
-    return respond(mass, damping, stiffness, force, state.stretch, law[1] / h - state.velocity, h)
+def _respond(problem, force, far_end, h):
+    """Elongation under f(u) as a `Signal`."""
+    oscillator, state, linear = problem.oscillator, problem.state, problem.linear
+    mass, damping = oscillator.mass + linear.added_mass, oscillator.damping + linear.damping
+    stiffness = spring_force(oscillator, state.flank, state.zone).stiffness
+    return solve_oscillator(mass, damping, stiffness, force, state.elongation, far_end[1] / h - state.velocity, h)
 
 
 @compiled
-def beside(resistance, slip, line, speed, places, within):
-    """Velocities [m/s] and r [N] at places u of a motion whose velocity is a `Signal`, R as within a `Section`."""
-    table, added, pace = resistance.there if slip > 0 else resistance.back, resistance.added, resistance.pace
-    change, velocity, rest = slope(speed), np.empty(len(places)), np.empty(len(places))
+def _remainder(problem, velocity, places, within):
+    """Velocities [m/s] and r [N] at places u, with R continued beyond a smooth range."""
+    resistance, slip, linear = problem.resistance, problem.slip, problem.linear
+    table, added_mass = resistance.forward if slip > 0 else resistance.backward, resistance.added_mass
+    limit = resistance.rate_limit
+    change, velocities, remainder = differentiate(velocity), np.empty(len(places)), np.empty(len(places))
     for i in range(len(places)):
-        v = value(speed, places[i])
-        a = value(change, places[i]) / speed.span if pace > 0 else 0.0
-        force = opposed(table, added, pace, slip, v, a, within)[0]
-        straight = line.force + line.rise * (v - line.velocity) + line.added * (a - line.acceleration)
-        velocity[i], rest[i] = v, force - straight
-    return velocity, rest
+        v = evaluate(velocity, places[i])
+        a = evaluate(change, places[i]) / velocity.scale if limit > 0 else 0.0
+        force = differentiate_resistance(table, added_mass, limit, slip, v, a, within)[0]
+        tangent = linear.force + linear.damping * (v - linear.velocity) + linear.added_mass * (a - linear.acceleration)
+        velocities[i], remainder[i] = v, force - tangent
+    return velocities, remainder
 
 
 @compiled
-def foreseen(resistance, slip, line, speed, tolerance, effort):
-    """Share of a motion up to a little beyond where R leaves its `Section`, 1 where that makes no difference."""
-    velocity, there = beside(resistance, slip, line, speed, NODES, line.section)
-    low, high = (slip * velocity).min(), (slip * velocity).max()
-    if resistance.pace == 0 and line.section.low <= low and high <= line.section.high:
+def _range_exit_fraction(problem, velocity, counter):
+    """Fraction of a motion to a little beyond its exit from the smooth range; 1 where the exit has no effect."""
+    slip, within = problem.slip, problem.linear.smooth_range
+    velocities, continued = _remainder(problem, velocity, NODES, within)
+    low, high = (slip * velocities).min(), (slip * velocities).max()
+    if problem.resistance.rate_limit == 0 and within.low <= low and high <= within.high:
         return 1.0
-    true = beside(resistance, slip, line, speed, NODES, WHOLE)[1]
+    exact = _remainder(problem, velocity, NODES, FULL_RANGE)[1]
     for i in range(POINTS):
-        if slip * velocity[i] > 0 and abs(true[i] - there[i]) > tolerance:
-            return min(1.0, AHEAD * passed(resistance, slip, line, speed, effort))
+        if slip * velocities[i] > 0 and abs(exact[i] - continued[i]) > problem.tolerance:
+            return min(1.0, OVERSHOOT * range_exit(problem, velocity, counter))
     return 1.0
 
 
 @compiled
-def passed(resistance, slip, line, speed, effort):
-    """The u at which a motion first leaves the `Section` where it starts, 2.0 where it does not."""
-    smooth, first = line.section, 2.0
-    for way, limit in ((1.0, smooth.low), (-1.0, smooth.high)):
+def range_exit(problem: SlidingProblem, velocity: Signal, counter: NDArray[np.int64]) -> float:
+    """First u at which a motion leaves the smooth range of its start; 2.0 without an exit."""
+    slip, within, first = problem.slip, problem.linear.smooth_range, 2.0
+    for sign, limit in ((1.0, within.low), (-1.0, within.high)):
         if 0 < limit < np.inf:
-            left = scaled(speed, way * slip)
-            left.poly[0] -= way * limit
-            u = first_fall(left, effort)
-            first = min(first, u if u > AT else 2.0)
-    if 0 < resistance.pace < np.inf:
-        change, inside = slope(speed), smooth.held == 0
+            distance = multiply(velocity, sign * slip)
+            distance.polynomial[0] -= sign * limit
+            u = first_downcrossing(distance, counter)
+            first = min(first, u if u > KNOT_TOLERANCE else 2.0)
+    rate_limit = problem.resistance.rate_limit
+    if 0 < rate_limit < np.inf:
+        change, inside = differentiate(velocity), within.saturation == 0
         for sign in (1.0, -1.0):
-            if inside or sign == smooth.held:
-                spare = sum_of(scaled(speed, slip * resistance.pace), scaled(change, -sign / speed.span))
-                u = first_fall(spare if inside else scaled(spare, -1.0), effort)
-                first = min(first, u if u > EARLY else 2.0)
+            if inside or sign == within.saturation:
+                margin = add(multiply(velocity, slip * rate_limit), multiply(change, -sign / velocity.scale))
+                u = first_downcrossing(margin if inside else multiply(margin, -1.0), counter)
+                first = min(first, u if u > EARLIEST_SATURATION else 2.0)
     return first
 
 
 @compiled
-def defect(resistance, slip, line, speed, rest, until):
-    """Largest miss of r(u) [N] up to u = until, and the largest |v| met."""
-    places = until * EVENLY
-    velocity, there = beside(resistance, slip, line, speed, places, WHOLE)
+def evaluate_defect(
+    problem: SlidingProblem, velocity: Signal, remainder: NDArray[np.float64], until: float
+) -> tuple[float, float]:
+    """Largest defect of r(u) [N] and largest |v| [m/s] for 0 <= u <= until."""
+    places = until * DEFECT_NODES
+    velocities, exact = _remainder(problem, velocity, places, FULL_RANGE)
     worst, fastest = 0.0, 0.0
     for i in range(len(places)):
         r = 0.0
         for j in range(POINTS - 1, -1, -1):
-            r = r * places[i] + rest[j]
-        if slip * velocity[i] > 0:
-            worst = max(worst, abs(there[i] - r))
-        fastest = max(fastest, abs(velocity[i]))
+            r = r * places[i] + remainder[j]
+        if problem.slip * velocities[i] > 0:
+            worst = max(worst, abs(exact[i] - r))
+        fastest = max(fastest, abs(velocities[i]))
     return worst, fastest
 
 
 @compiled
-def pace_of(worst, tolerance):
-    """How many times as long an arc may be for its defect, were R as smooth everywhere."""
-    return SAFETY * (tolerance / max(worst, 1e-300)) ** (1 / POINTS)
+def step_ratio(defect: float, tolerance: float) -> float:
+    """Ratio of the admissible step to the last one for its defect [N], for a uniformly smooth R."""
+    return STEP_SAFETY * (tolerance / max(defect, 1e-300)) ** (1 / POINTS)
 
 
 @compiled
-def stretched(pace, before, after):
-    """The next arc over the last, which might have been `pace` times as long.
+def next_step_ratio(ratio: float, before: float, after: float) -> float:
+    """Ratio of the next step to the last one, of which `ratio` was admissible.
 
-    A power of |v| has its singularity at rest: over an arc from |v| before to after the error of the collocation falls
-    by Bernstein's ellipse, rho = |(1 + s)/(1 - s)|, s^2 = after/before, once for each of its points.
+    A power of |v| is singular at rest. Over an interval from speed `before` to `after` [m/s] the error of the
+    interpolation falls by the parameter of Bernstein's ellipse, rho = |(1 + s)/(1 - s)| with s^2 = after/before, per
+    point.
     """
     s = np.sqrt(after / max(before, 1e-300))
     if abs(1 - s) < 1e-3:
-        return min(pace, FASTEST)
+        return min(ratio, MAX_STEP_RATIO)
     if s > 1e3:
-        return FASTEST
-    rho = max((1 + s) / abs(1 - s) / pace, 1 + 1e-3)
-    ahead = (rho - 1) / (rho + 1) if s < 1 else (rho + 1) / (rho - 1)
-    return min(max(s**2 * (1 - ahead**2) / (1 - s**2), LEAST), FASTEST)
+        return MAX_STEP_RATIO
+    rho = max((1 + s) / abs(1 - s) / ratio, 1 + 1e-3)
+    end = (rho - 1) / (rho + 1) if s < 1 else (rho + 1) / (rho - 1)
+    return min(max(s**2 * (1 - end**2) / (1 - s**2), STOP_STEP_RATIO), MAX_STEP_RATIO)

@@ -1,410 +1,560 @@
-"""The equation of motion of a cart behind a spring, with dry friction, solved arc by arc without small steps.
+"""Event-driven integration of a cart behind a spring with dry friction, backlash and end springs.
 
     m x'' = k (e - o) + c e' + S(x) - R(x', x''),   e = y(t) - x
 
-y(t) is the imposed motion of the far end, e the stretch, o the half of the backlash that is taken up, S the push of
-end springs (`suspended`). R jumps at speed 0 and is set-valued there: the cart stands while it is pulled less than
-R(0+) and more than R(0-). With K e - n y + g for the springs, in e,
+y(t) is the imposed motion of the far end, e the elongation, o the engaged half of the backlash, S the force of the end
+springs. R jumps at speed 0 and is set-valued there: a cart at rest stays at rest while the pull lies between R(0-) and
+R(0+).
 
-    (m + M) e'' + (c + d) e' + K e = (m + M) y'' + n y - g + R0 + d (y' - v0) - M a0 + r(t)
-    r = R(v, a) - R0 - d (v - v0) - M (a - a0),   d = dR/dv, M = dR/da at the start of the arc
+The solution consists of intervals between events. In an interval of sliding the equation is a linear oscillator under
+a polynomial force (`collocation`) with a closed-form solution (`oscillator`). The length of an interval depends on the
+motion of the far end, the sign of the speed and the smoothness of R, but not on the stiffness. Under dry friction it
+can cover a whole polynomial piece of y.
 
-is a linear oscillator under a force that is a polynomial wherever y is one and r is made one (`sliding`), and a
-polynomial force is answered exactly (`oscillator`). So an arc lasts as long as the law, the sign of the speed and r
-allow, however stiff the spring: for dry friction of one size it is a whole piece of the law. An arc ends where the
-speed gets zero or R bends, where a standing cart is pulled off, where the backlash opens or closes, or where the cart
-meets or leaves an end spring: at roots of signals (`ringing`), found to rounding. What r misses of the true resistance
-anywhere is the defect: the arcs solve exactly the equation with a resistance that differs by less than the tolerance.
+Events are a speed of zero, a kink of R, breakaway from rest, the opening or closing of the backlash and the contact
+with an end spring. They are roots of signals and are located to rounding. The defect is the difference between R and
+its interpolant; its largest value is below the tolerance.
 
-No compiled call lasts longer than a fraction of a second: an arc is tried `TRIES` times at most, each try is a bounded
-amount of work, and `advance` pauses after a `SLICE` of it, so that an interrupt gets in.
+Each compiled call lasts a fraction of a second: an interval is attempted `MAX_ATTEMPTS` times at most, each attempt is
+bounded, and `advance` pauses after `WORK_SLICE` so that Python handles interrupts.
 """
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compact.dynamics.collocation import (
-    AHEAD,
-    CHECKS,
-    SLOWEST,
-    defect,
-    lined,
-    pace_of,
-    passed,
-    slide,
-    stretched,
+    DEFECT_POINTS,
+    MIN_STEP_RATIO,
+    OVERSHOOT,
+    evaluate_defect,
+    limit_sliding_step,
+    next_step_ratio,
+    range_exit,
+    set_up_sliding,
+    solve_sliding,
+    step_ratio,
 )
 from compact.dynamics.force_elements import (
-    AT_FAR,
-    AT_NEAR,
-    FAR,
-    NEAR,
+    AT_FAR_PLATE,
+    AT_NEAR_PLATE,
+    FAR_SPRING,
+    NEAR_SPRING,
     CartState,
-    direction,
-    engaged,
-    hold,
-    limits,
+    OscillatorParameters,
+    ResistanceTable,
+    breakaway_direction,
+    engaged_spring,
+    spring_force,
+    stiction_limits,
 )
 from compact.dynamics.oscillator import (
-    CELLS,
     EXHAUSTED,
-    MOST_RANGES,
+    MAX_RANGES,
     RANGES,
-    TERMS,
+    SERIES_TERMS,
+    ZOOM_CELLS,
     Signal,
-    combined,
-    effort,
-    first_fall,
-    largest_product,
-    reach,
-    shifted,
-    slope,
-    value,
+    cart_velocity,
+    combine,
+    differentiate,
+    evaluate,
+    first_downcrossing,
+    max_abs_product,
+    new_search_counter,
+    substitute,
 )
 from compact.numerics.jit import compiled
+from compact.numerics.piecewise import PiecewisePolynomial
 
-SHORTEST = 1e-13  # share of a piece of the law below which a step is no step
-TRIES = 1000  # of one arc; each is shorter than the one before by a tenth or more, 300 lead to SHORTEST
-BRIEF = 1e-7  # share of a piece of the law: over so short an arc a cart that does not get away stands
-STILL = 1e-7  # of the fastest: so slow a cart does not bounce off the plate of an end spring any more
+MIN_STEP = 1e-13  # [-], of a piece of the far-end motion; shorter steps are rounding
+MAX_ATTEMPTS = 1000  # [-], of one interval; each is shorter by a tenth or more, 300 reach MIN_STEP
+STICK_STEP = 1e-7  # [-], of a piece of the far-end motion; a cart that stops again within such a step sticks
+PLATE_REST_SPEED = 1e-7  # [-], of the largest speed; a slower cart does not rebound from the plate of an end spring
+WORK_SLICE = 100_000  # [-], evaluations of R and searched ranges of one compiled call; 0.1 s or less
 
-SLICE = 100_000  # evaluations of F and ranges searched in one compiled call, about: a tenth of a second or less
-
-DONE, TOO_MANY, TOO_FAST, TOO_SHORT, UNSEARCHED, PAUSED = range(6)  # how `integrate` or `advance` ended
-# what ends an arc; HELD: the cart stopped before it got away; PASSED: its resistance is another from there
-NOTHING, STOPPED, HELD, PULLED, PUSHED, OPENED, CLOSED_AHEAD, CLOSED_BEHIND, LEFT, MET_NEAR, MET_FAR, PASSED = range(12)
+# status of `integrate` and `advance`
+DONE, TOO_MANY_INTERVALS, SPEED_BEYOND_TABLE, STEP_TOO_SHORT, SEARCH_EXHAUSTED, PAUSED = range(6)
+# events that end an interval; STUCK is a stop immediately after breakaway, RANGE_EXIT a change of the smooth range of R
+(
+    NO_EVENT, STOPPED, STUCK, BREAKAWAY_FORWARD, BREAKAWAY_BACKWARD, FLANK_OPENED, FRONT_FLANK_CLOSED,
+    REAR_FLANK_CLOSED, END_SPRING_LEFT, NEAR_SPRING_REACHED, FAR_SPRING_REACHED, RANGE_EXIT,
+) = range(12)  # fmt: skip
 
 
 class Intervals(NamedTuple):
-    """One arc a row. At u = (t - start)/span, t <= start + length, the stretch is the `Signal` of stretch and ring,
-    and the far end stands at sum_j law[j] u^j; slip: direction of the motion, 0 standing; side of the backlash; zone
-    of the end springs."""
+    """Solution over intervals between events, one row per interval; u = (t - start)/scale.
 
-    start: np.ndarray
-    span: np.ndarray
-    length: np.ndarray
-    law: np.ndarray
-    stretch: np.ndarray
-    ring: np.ndarray
-    slip: np.ndarray
-    side: np.ndarray
-    zone: np.ndarray
+    Parameters
+    ----------
+    start, scale, duration : ndarray, shape (n,)
+        Start, time over which u increases by 1 and duration [s], duration <= scale.
+    far_end : ndarray, shape (n, degree + 1)
+        Coefficients of the far-end position y(u) [m].
+    elongation : ndarray, shape (n, SERIES_TERMS)
+        Polynomial part of the elongation e(u) [m].
+    oscillation : ndarray, shape (n, 4)
+        Cosine, sine, decay and discriminant of its `Signal`.
+    slip : ndarray, shape (n,)
+        Direction of the motion, 0 at rest.
+    flank, zone : ndarray, shape (n,)
+        As in `CartState`.
+    """
 
-
-def room(count, degree):
-    """Empty `Intervals` for `count` rows under a law of the degree."""
-    one = np.empty(count)
-    kind = np.empty(count, np.int64)
-    return Intervals(
-        one, one.copy(), one.copy(), np.empty((count, degree + 1)), np.empty((count, TERMS)), np.empty((count, 4)),
-        kind, kind.copy(), kind.copy(),
-    )  # fmt: skip
-
-
-@compiled
-def event(spring, resistance, slip, state, law, stretch, effort):
-    """(u, what) of the first event on an arc; (1, NOTHING) where there is none."""
-    if slip != 0:
-        first, what = earlier(1.0, NOTHING, combined(stretch, law, 0.0, -slip, 0.0, slip), STOPPED, effort)
-        if spring.ends.length > 0:
-            first, what = _at_plate(spring.ends, state.zone, law, stretch, first, what, effort)
-    else:
-        first, what = 1.0, NOTHING
-        held, most = hold(spring, state.side, state.zone), limits(spring, resistance, state.zone)
-        for way, limit, name in ((1, most[0], PULLED), (-1, most[1], PUSHED)):
-            spare = combined(stretch, law, -way * held.stiffness, -way * spring.damping, way * held.along, 0.0)
-            spare.poly[0] += way * (limit - held.constant)
-            first, what = earlier(first, what, spare, name, effort)
-    if spring.backlash > 0:
-        for way, name in ((1, CLOSED_AHEAD), (-1, CLOSED_BEHIND)):
-            if state.side == -way:
-                continue
-            on = 1.0 if state.side == way else -1.0
-            play = combined(stretch, law, on * way, 0.0, 0.0, 0.0)
-            play.poly[0] -= on * spring.backlash / 2
-            first, what = earlier(first, what, play, OPENED if state.side == way else name, effort)
-    return first, what
+    start: NDArray[np.float64]
+    scale: NDArray[np.float64]
+    duration: NDArray[np.float64]
+    far_end: NDArray[np.float64]
+    elongation: NDArray[np.float64]
+    oscillation: NDArray[np.float64]
+    slip: NDArray[np.int64]
+    flank: NDArray[np.int64]
+    zone: NDArray[np.int64]
 
 
-@compiled
-def earlier(first, what, signal, name, effort):
-    """(u, what) of a signal's first fall below zero where it comes before the first event so far."""
-    u = first_fall(signal, effort)
-    return (u, name) if u < first or (u == first and what == NOTHING) else (first, what)
+def allocate_intervals(count: int, degree: int) -> Intervals:
+    """Allocate uninitialised `Intervals`.
+
+    Parameters
+    ----------
+    count : int
+        Number of rows.
+    degree : int
+        Degree of the polynomials of the far-end motion.
+    """
+    reals = [np.empty(count) for _ in range(3)]
+    columns = [np.empty((count, width)) for width in (degree + 1, SERIES_TERMS, 4)]
+    return Intervals(*reals, *columns, *(np.empty(count, np.int64) for _ in range(3)))
 
 
-@compiled
-def _at_plate(ends, zone, law, stretch, first, what, effort):
-    """The first event, or where the cart meets or leaves an end spring before it."""
-    for end, begins, name in ((NEAR, ends.length, MET_NEAR), (FAR, ends.stroke - ends.length, MET_FAR)):
-        if zone == -end:
-            continue
-        on = -end if zone == end else end
-        apart = combined(stretch, law, -on, 0.0, on, 0.0)
-        apart.poly[0] -= on * begins
-        first, what = earlier(first, what, apart, LEFT if zone == end else name, effort)
-    return first, what
+class TrialInterval(NamedTuple):
+    """An attempted interval.
 
+    Parameters
+    ----------
+    accepted : bool
+        True within the tolerance.
+    next_step : float
+        Step of the next attempt [s].
+    slip : int
+        Direction of the motion, 0 at rest.
+    far_end : ndarray
+        Coefficients of y(u) [m].
+    elongation : Signal
+        e(u) [m].
+    end : float
+        u at the end.
+    event : int
+        Event at the end.
+    evaluations : int
+        Evaluations of R.
+    max_speed : float
+        Largest |v| [m/s].
+    """
 
-class Trial(NamedTuple):
-    """An arc that was tried: whether to keep it, the step to try next [s], far end and stretch over u, where and by
-    what it ends."""
-
-    kept: bool
-    step: float
-    law: np.ndarray
-    stretch: Signal
-    until: float
-    what: int
+    accepted: bool
+    next_step: float
+    slip: int
+    far_end: NDArray[np.float64]
+    elongation: Signal
+    end: float
+    event: int
     evaluations: int
-    fastest: float
+    max_speed: float
 
 
-@compiled
-def attempt(spring, resistance, state, slip, line, law, h, tolerance, effort):
-    """The `Trial` of an arc of at most h [s] under law(u) of a cart that slides."""
-    law, stretch, rest, converged, evaluations = slide(spring, resistance, state, slip, line, law, h, tolerance, effort)
-    span = stretch.span
-    if not converged:
-        return Trial(False, span / 2, law, stretch, 0.0, NOTHING, evaluations, 0.0)
-    until, what = event(spring, resistance, slip, state, law, stretch, effort)
-    speed = combined(stretch, law, 0.0, -1.0, 0.0, 1.0)
-    worst, fastest = defect(resistance, slip, line, speed, rest, until)
-    evaluations += CHECKS
-    leaves = passed(resistance, slip, line, speed, effort) if worst > tolerance else 2.0
-    if leaves < until:
-        until, what = leaves, PASSED
-        worst, fastest = defect(resistance, slip, line, speed, rest, until)
-        evaluations += CHECKS
-    pace = pace_of(worst, tolerance)
-    if worst > tolerance:
-        step = span * min(max(pace, SLOWEST), AHEAD * until)
-    elif what == STOPPED:
-        step = span
-    elif what == PASSED or span < h:  # it was the resistance that ended it, and not the step
-        step = h
-    else:
-        step = span * stretched(pace, abs(value(speed, 0.0)), abs(value(speed, until)))
-    return Trial(worst <= tolerance, step, law, stretch, until, what, evaluations, fastest)
+class IntegrationProgress(NamedTuple):
+    """Progress of an integration through the pieces of the far-end motion, which `advance` continues.
 
-
-@compiled
-def stand(spring, resistance, state, law, h, effort):
-    """The `Trial` of an arc of h [s] under law(u) of a cart that stands."""
-    poly = law.copy()
-    poly[0] = state.stretch
-    stretch = Signal(poly, 0.0, 0.0, 0.0, 0.0, h)
-    until, what = event(spring, resistance, 0, state, law, stretch, effort)
-    return Trial(True, np.inf, law, stretch, until, what, 0, 0.0)
-
-
-@compiled
-def heading(spring, resistance, state, place, pace, last):
-    """Direction of the arc that begins in a state, the far end at a place [m] and a pace [m/s], after what ended the
-    last."""
-    if state.velocity != 0:
-        return 1 if state.velocity > 0 else -1
-    if last in (PULLED, PUSHED):
-        return 1 if last == PULLED else -1
-    if last == HELD:
-        return 0
-    held = hold(spring, state.side, state.zone)
-    pull = held.stiffness * state.stretch - held.along * place + held.constant + spring.damping * pace
-    return direction(spring, resistance, state.zone, pull)
-
-
-@compiled
-def outcome(spring, resistance, state, slip, trial):
-    """The `CartState` at the end of an arc."""
-    stretch, velocity, side, zone = value(trial.stretch, trial.until), 0.0, state.side, state.zone
-    if slip != 0 and trial.what != STOPPED:
-        velocity = value(combined(trial.stretch, trial.law, 0.0, -1.0, 0.0, 1.0), trial.until)
-    if trial.what == OPENED:
-        side = 0
-    elif trial.what in (CLOSED_AHEAD, CLOSED_BEHIND):
-        side = 1 if trial.what == CLOSED_AHEAD else -1
-    elif trial.what in (PULLED, PUSHED) and zone in (AT_NEAR, AT_FAR):
-        pressed = (zone == AT_NEAR) == (trial.what == PUSHED)
-        zone = (NEAR if zone == AT_NEAR else FAR) if pressed else 0
-    elif trial.what in (LEFT, MET_NEAR, MET_FAR):
-        plate = AT_NEAR if trial.what == MET_NEAR or zone == NEAR else AT_FAR
-        if abs(velocity) <= STILL * resistance.there.breaks[-1]:
-            held = hold(spring, side, plate)
-            pace = value(slope(Signal(trial.law, 0.0, 0.0, 0.0, 0.0, 1.0)), trial.until) / trial.stretch.span
-            pull = held.stiffness * stretch + held.constant + spring.damping * pace
-            if direction(spring, resistance, plate, pull) == 0:
-                return CartState(stretch, 0.0, side, plate)
-        zone = 0 if trial.what == LEFT else (NEAR if trial.what == MET_NEAR else FAR)
-    return CartState(stretch, velocity, side, zone)
-
-
-class Journey(NamedTuple):
-    """A cart on its way through the pieces of a law; an integration that paused goes on from it.
-
-    reals : the `CartState`'s stretch [m] and velocity [m/s]; share of the piece that is done; step to try next [s]
-    counts : the `CartState`'s side and zone; the piece; what ended the last arc; tries of this one; arcs; evaluations of F
-    effort : of the searches of this arc, for its end
+    Parameters
+    ----------
+    reals : ndarray, shape (4,)
+        Elongation [m], velocity [m/s], completed fraction of the piece, step of the next attempt [s].
+    counts : ndarray, shape (7,)
+        Flank, zone, piece, last event, attempts of this interval, intervals, evaluations of R.
+    counter : ndarray, shape (2,)
+        Search counter of this interval.
     """
 
-    reals: np.ndarray
-    counts: np.ndarray
-    effort: np.ndarray
+    reals: NDArray[np.float64]
+    counts: NDArray[np.int64]
+    counter: NDArray[np.int64]
 
 
-STRETCH, VELOCITY, SHARE, STEP = range(4)  # of `Journey.reals`
-SIDE, ZONE, PIECE, LAST, TRIED, ARC, EVALUATIONS = range(7)  # of `Journey.counts`
+ELONGATION, VELOCITY, FRACTION, STEP = range(4)  # indices of `IntegrationProgress.reals`
+FLANK, ZONE, PIECE, LAST_EVENT, ATTEMPTS, INTERVAL, EVALUATIONS = range(7)  # indices of `IntegrationProgress.counts`
 
 
-@compiled
-def begun(state):
-    """A `Journey` that has not set off."""
-    reals = np.array([state.stretch, state.velocity, 0.0, np.inf])
-    return Journey(reals, np.array([state.side, state.zone, 0, NOTHING, 0, 0, 0]), np.zeros(2, np.int64))
+def integrate(
+    oscillator: OscillatorParameters,
+    far_end: PiecewisePolynomial,
+    resistance: ResistanceTable,
+    state: CartState,
+    tolerance: float,
+    intervals: Intervals,
+) -> tuple[int, int, int, CartState, float]:
+    """Integrate a cart through all pieces of the far-end motion.
 
+    Parameters
+    ----------
+    oscillator : OscillatorParameters
+        Cart and springs.
+    far_end : PiecewisePolynomial
+        Position y [m] over time [s], smooth within each piece.
+    resistance : ResistanceTable
+        R(v, a).
+    state : CartState
+        Initial state.
+    tolerance : float
+        Largest defect of the resistance [N].
+    intervals : Intervals
+        Rows of `allocate_intervals`, filled in place.
 
-@compiled
-def reached(journey):
-    """The `CartState` where a journey is."""
-    reals, counts = journey.reals, journey.counts
-    return CartState(reals[STRETCH], reals[VELOCITY], counts[SIDE], counts[ZONE])
-
-
-@compiled
-def clock(law, journey):
-    """Time [s] at which a journey is."""
-    i = journey.counts[PIECE]
-    if i == len(law.coefficients):
-        return law.breaks[-1]
-    return law.breaks[i] + journey.reals[SHARE] * (law.breaks[i + 1] - law.breaks[i])
-
-
-def integrate(spring, law, resistance, state, tolerance, arcs):
-    """Arcs from a state through all pieces of a law: (how it ended, arcs, evaluations of F, state, time).
-
-    law : position of the far end over time, `Pieces` whose joins are the only places where it is not smooth
-    tolerance : of the defect [N];  arcs : `room`, filled in place
+    Returns
+    -------
+    tuple
+        Status, number of intervals, evaluations of R, final state and final time [s].
     """
-    state = CartState(float(state.stretch), float(state.velocity), int(state.side), int(state.zone))
-    journey, ended = begun(state), PAUSED
-    while ended == PAUSED:  # an interrupt gets in between two calls
-        ended = advance(spring, law, resistance, journey, tolerance, arcs, SLICE)
-    counts = journey.counts
-    return ended, int(counts[ARC]), int(counts[EVALUATIONS]), reached(journey), float(clock(law, journey))
+    state = CartState(float(state.elongation), float(state.velocity), int(state.flank), int(state.zone))
+    progress, status = initial_progress(state), PAUSED
+    while status == PAUSED:  # Python handles interrupts between two calls
+        status = advance(oscillator, far_end, resistance, progress, tolerance, intervals, WORK_SLICE)
+    counts = progress.counts
+    time = float(current_time(far_end, progress))
+    return status, int(counts[INTERVAL]), int(counts[EVALUATIONS]), current_state(progress), time
 
 
 @compiled
-def advance(spring, law, resistance, journey, tolerance, arcs, most):
-    """How a journey ended, or PAUSED after about as much work as `most`, to go on by the same call.
+def initial_progress(state: CartState) -> IntegrationProgress:
+    """Progress at the start of an integration."""
+    reals = np.array([state.elongation, state.velocity, 0.0, np.inf])
+    return IntegrationProgress(reals, np.array([state.flank, state.zone, 0, NO_EVENT, 0, 0, 0]), np.zeros(2, np.int64))
 
-    Work is evaluations of F, ranges searched, and tries. The result is a bare number: making a record of a result runs
-    Python, where an interrupt would be lost.
+
+@compiled
+def current_state(progress: IntegrationProgress) -> CartState:
+    """State of the cart."""
+    reals, counts = progress.reals, progress.counts
+    return CartState(reals[ELONGATION], reals[VELOCITY], counts[FLANK], counts[ZONE])
+
+
+@compiled
+def current_time(far_end: PiecewisePolynomial, progress: IntegrationProgress) -> float:
+    """Time [s] of an integration."""
+    i = progress.counts[PIECE]
+    if i == len(far_end.coefficients):
+        return far_end.breaks[-1]
+    return far_end.breaks[i] + progress.reals[FRACTION] * (far_end.breaks[i + 1] - far_end.breaks[i])
+
+
+@compiled
+def advance(
+    oscillator: OscillatorParameters,
+    far_end: PiecewisePolynomial,
+    resistance: ResistanceTable,
+    progress: IntegrationProgress,
+    tolerance: float,
+    intervals: Intervals,
+    max_work: int,
+) -> int:
+    """Continue an integration by about `max_work` and return its status, `PAUSED` before the end.
+
+    Work counts evaluations of R, searched ranges and attempts. The status is a plain number: the conversion of a
+    record to Python runs Python code, in which an interrupt would be lost.
     """
-    reals, counts, effort = journey
+    reals, counts, counter = progress
     work = 0
-    while counts[PIECE] < len(law.coefficients):
-        i, done, step = counts[PIECE], reals[SHARE], reals[STEP]
-        begin, whole, piece = law.breaks[i], law.breaks[i + 1] - law.breaks[i], law.coefficients[i]
-        if not done < 1:
-            counts[PIECE], reals[SHARE], counts[LAST] = i + 1, 0.0, NOTHING
+    while counts[PIECE] < len(far_end.coefficients):
+        if not reals[FRACTION] < 1:
+            counts[PIECE], reals[FRACTION], counts[LAST_EVENT] = counts[PIECE] + 1, 0.0, NO_EVENT
             continue
-        if work >= most:
+        if work >= max_work:
             return PAUSED
-        time, left = begin + done * whole, (1 - done) * whole
-        counts[TRIED] += 1
-        if counts[ARC] == len(arcs.start):
-            return TOO_MANY
-        if step < SHORTEST * whole or counts[TRIED] > TRIES:
-            return TOO_SHORT
-        state = reached(journey)
-        here = shifted(piece, done, 1.0)
-        pace = here[1] / whole
-        slip = heading(spring, resistance, state, here[0], pace, counts[LAST])
-        line = lined(spring, resistance, state, slip or 1, here[0], pace)
-        h = left if slip == 0 else min(step, left)
-        if slip != 0:
-            stiffness = hold(spring, state.side, state.zone).stiffness
-            h = reach(spring.mass + line.added, spring.damping + line.rise, stiffness, h)
-        y = shifted(piece, done, h / whole)
-        effort[RANGES] = 0
-        if slip == 0:
-            trial = stand(spring, resistance, state, y, h, effort)
-        else:  # after a stand it goes on with steps as before
-            trial = attempt(spring, resistance, state, slip, line, y, h, tolerance, effort)
-            reals[STEP] = trial.step
+        counts[ATTEMPTS] += 1
+        if counts[INTERVAL] == len(intervals.start):
+            return TOO_MANY_INTERVALS
+        width = far_end.breaks[counts[PIECE] + 1] - far_end.breaks[counts[PIECE]]
+        if reals[STEP] < MIN_STEP * width or counts[ATTEMPTS] > MAX_ATTEMPTS:
+            return STEP_TOO_SHORT
+        counter[RANGES] = 0
+        trial = _attempt_interval(oscillator, far_end, resistance, progress, tolerance)
         counts[EVALUATIONS] += trial.evaluations
-        work += 1 + trial.evaluations + effort[RANGES]
-        if effort[EXHAUSTED] == 1:
-            return UNSEARCHED
-        span = trial.stretch.span
-        if not trial.kept:
+        work += 1 + trial.evaluations + counter[RANGES]
+        if counter[EXHAUSTED] == 1:
+            return SEARCH_EXHAUSTED
+        if not trial.accepted:
             continue
-        if slip != 0 and trial.fastest > (resistance.there if slip > 0 else resistance.back).breaks[-1]:
-            return TOO_FAST
-        stayed = state.velocity == 0 and trial.what == STOPPED and trial.until * span < SHORTEST * whole
-        if stayed and span > BRIEF * whole:  # it hardly sets off: over a shorter arc rounding hides less
-            reals[STEP] = span / 8
-            continue
-        _keep(arcs, counts[ARC], time, trial, slip, state)
-        counts[ARC] += 1
-        counts[TRIED], counts[LAST] = 0, HELD if stayed else trial.what
-        if stayed:
-            reals[STEP] = np.inf
-        end = outcome(spring, resistance, state, slip, trial)
-        reals[STRETCH], reals[VELOCITY], counts[SIDE], counts[ZONE] = end.stretch, end.velocity, end.side, end.zone
-        reals[SHARE] = 1.0 if span == left and trial.what == NOTHING else done + trial.until * span / whole
+        table = resistance.forward if trial.slip > 0 else resistance.backward
+        if trial.slip != 0 and trial.max_speed > table.breaks[-1]:
+            return SPEED_BEYOND_TABLE
+        _accept_interval(oscillator, far_end, resistance, progress, trial, intervals)
     return DONE
 
 
 @compiled
-def _keep(arcs, n, start, trial, slip, state):
-    span = trial.stretch.span
-    arcs.start[n], arcs.span[n], arcs.length[n] = start, span, trial.until * span
-    arcs.law[n], arcs.stretch[n] = trial.law, 0.0
-    arcs.stretch[n, : len(trial.stretch.poly)] = trial.stretch.poly
-    arcs.ring[n, 0], arcs.ring[n, 1] = trial.stretch.cosine, trial.stretch.sine
-    arcs.ring[n, 2], arcs.ring[n, 3] = trial.stretch.decay, trial.stretch.bend
-    arcs.slip[n], arcs.side[n], arcs.zone[n] = slip, state.side, state.zone
-
-
-def peaks(spring, arcs):
-    """Largest |force| of the spring [N] and largest |force times speed of the far end| [W] over all arcs.
-
-    Raises RuntimeError where an arc oscillates too often to search it.
-    """
-    found, searched, ended = np.zeros(2), effort(), PAUSED
-    at = np.zeros(1, np.int64)
-    while ended == PAUSED:  # an interrupt gets in between two calls
-        ended = _raise_peaks(spring, arcs, found, at, searched, SLICE)
-    if ended != DONE:
-        raise RuntimeError(
-            f"the largest force from {arcs.start[at[0]]:g} s on was not found in {MOST_RANGES} ranges of the "
-            "oscillation; give more damping, or take a rigid drive"
-        )
-    return float(found[0]), float(found[1])
+def _attempt_interval(oscillator, far_end, resistance, progress, tolerance):
+    """Attempt the next interval; the step is updated after sliding."""
+    reals, counts, counter = progress
+    i, fraction = counts[PIECE], reals[FRACTION]
+    width, piece = far_end.breaks[i + 1] - far_end.breaks[i], far_end.coefficients[i]
+    remaining, state = (1 - fraction) * width, current_state(progress)
+    shifted = substitute(piece, fraction, 1.0)
+    position, velocity = shifted[0], shifted[1] / width
+    slip = _slip_direction(oscillator, resistance, state, position, velocity, counts[LAST_EVENT])
+    if slip == 0:
+        motion = substitute(piece, fraction, remaining / width)
+        return _stick(oscillator, resistance, state, motion, remaining, counter)
+    problem = set_up_sliding(oscillator, resistance, state, slip, position, velocity, tolerance)
+    h = limit_sliding_step(problem, min(reals[STEP], remaining))
+    trial = _slide(problem, substitute(piece, fraction, h / width), h, counter)
+    reals[STEP] = trial.next_step
+    return trial
 
 
 @compiled
-def _raise_peaks(spring, arcs, found, at, effort, most):
-    """How the search from arc `at` on ended, or PAUSED after about as many ranges as `most`; `found` grows."""
-    work, damping = 0, spring.damping
-    for i in range(at[0], len(arcs.start)):
-        at[0] = i
-        if work >= most:
+def _slip_direction(oscillator, resistance, state, position, velocity, last_event):
+    """Direction of the interval after an event, with the far end at a position [m] and a velocity [m/s]."""
+    if state.velocity != 0:
+        return 1 if state.velocity > 0 else -1
+    if last_event in (BREAKAWAY_FORWARD, BREAKAWAY_BACKWARD):
+        return 1 if last_event == BREAKAWAY_FORWARD else -1
+    if last_event == STUCK:
+        return 0
+    springs = spring_force(oscillator, state.flank, state.zone)
+    pull = springs.stiffness * state.elongation - springs.far_end_stiffness * position + springs.constant
+    return breakaway_direction(oscillator, resistance, state.zone, pull + oscillator.damping * velocity)
+
+
+@compiled
+def _stick(oscillator, resistance, state, far_end, h, counter):
+    """Interval of at most h [s] of a cart at rest under far_end(u)."""
+    polynomial = far_end.copy()
+    polynomial[0] = state.elongation
+    elongation = Signal(polynomial, 0.0, 0.0, 0.0, 0.0, h)
+    end, event = _breakaway(oscillator, resistance, state, far_end, elongation, counter)
+    end, event = _flank_event(oscillator, state, far_end, elongation, end, event, counter)
+    return TrialInterval(True, np.inf, 0, far_end, elongation, end, event, 0, 0.0)
+
+
+@compiled
+def _slide(problem, far_end, h, counter):
+    """Interval of at most h [s] of a sliding cart under far_end(u)."""
+    far_end, elongation, remainder, converged, evaluations = solve_sliding(problem, far_end, h, counter)
+    scale, tolerance = elongation.scale, problem.tolerance
+    if not converged:
+        return TrialInterval(False, scale / 2, problem.slip, far_end, elongation, 0.0, NO_EVENT, evaluations, 0.0)
+    end, event = _sliding_event(problem, far_end, elongation, counter)
+    velocity = cart_velocity(elongation, far_end)
+    defect, max_speed = evaluate_defect(problem, velocity, remainder, end)
+    evaluations += DEFECT_POINTS
+    exit_place = range_exit(problem, velocity, counter) if defect > tolerance else 2.0
+    if exit_place < end:
+        end, event = exit_place, RANGE_EXIT
+        defect, max_speed = evaluate_defect(problem, velocity, remainder, end)
+        evaluations += DEFECT_POINTS
+    ratio = step_ratio(defect, tolerance)
+    if defect > tolerance:
+        step = scale * min(max(ratio, MIN_STEP_RATIO), OVERSHOOT * end)
+    elif event == STOPPED:
+        step = scale
+    elif event == RANGE_EXIT or scale < h:  # the resistance ended the interval, not the step
+        step = h
+    else:
+        step = scale * next_step_ratio(ratio, abs(evaluate(velocity, 0.0)), abs(evaluate(velocity, end)))
+    return TrialInterval(
+        defect <= tolerance, step, problem.slip, far_end, elongation, end, event, evaluations, max_speed
+    )
+
+
+@compiled
+def _sliding_event(problem, far_end, elongation, counter):
+    """First event (u, event) of sliding; (1, NO_EVENT) without one."""
+    oscillator, state = problem.oscillator, problem.state
+    speed = combine(elongation, far_end, 0.0, -problem.slip, 0.0, problem.slip)
+    end, event = _earlier_event(1.0, NO_EVENT, speed, STOPPED, counter)
+    if oscillator.end_springs.length > 0:
+        end, event = _end_spring_event(oscillator, state, far_end, elongation, end, event, counter)
+    return _flank_event(oscillator, state, far_end, elongation, end, event, counter)
+
+
+@compiled
+def _breakaway(oscillator, resistance, state, far_end, elongation, counter):
+    """First breakaway (u, event) of a cart at rest; (1, NO_EVENT) without one."""
+    end, event = 1.0, NO_EVENT
+    springs = spring_force(oscillator, state.flank, state.zone)
+    highest, lowest = stiction_limits(oscillator, resistance, state.zone)
+    for sign, limit, candidate in ((1, highest, BREAKAWAY_FORWARD), (-1, lowest, BREAKAWAY_BACKWARD)):
+        margin = combine(
+            elongation, far_end, -sign * springs.stiffness, -sign * oscillator.damping,
+            sign * springs.far_end_stiffness, 0.0,
+        )  # fmt: skip
+        margin.polynomial[0] += sign * (limit - springs.constant)
+        end, event = _earlier_event(end, event, margin, candidate, counter)
+    return end, event
+
+
+@compiled
+def _flank_event(oscillator, state, far_end, elongation, end, event, counter):
+    """First opening or closing of the backlash, or the given event before it."""
+    if oscillator.backlash > 0:
+        for flank, closing in ((1, FRONT_FLANK_CLOSED), (-1, REAR_FLANK_CLOSED)):
+            if state.flank == -flank:
+                continue
+            sign = 1.0 if state.flank == flank else -1.0
+            play = combine(elongation, far_end, sign * flank, 0.0, 0.0, 0.0)
+            play.polynomial[0] -= sign * oscillator.backlash / 2
+            candidate = FLANK_OPENED if state.flank == flank else closing
+            end, event = _earlier_event(end, event, play, candidate, counter)
+    return end, event
+
+
+@compiled
+def _end_spring_event(oscillator, state, far_end, elongation, end, event, counter):
+    """First contact with an end spring or its loss, or the given event before it."""
+    ends, zone = oscillator.end_springs, state.zone
+    for spring, plate, reached in (
+        (NEAR_SPRING, ends.length, NEAR_SPRING_REACHED),
+        (FAR_SPRING, ends.stroke - ends.length, FAR_SPRING_REACHED),
+    ):
+        if zone == -spring:
+            continue
+        sign = -spring if zone == spring else spring
+        gap = combine(elongation, far_end, -sign, 0.0, sign, 0.0)
+        gap.polynomial[0] -= sign * plate
+        candidate = END_SPRING_LEFT if zone == spring else reached
+        end, event = _earlier_event(end, event, gap, candidate, counter)
+    return end, event
+
+
+@compiled
+def _earlier_event(end, event, signal, candidate, counter):
+    """First downcrossing of a signal as an event, or the given event before it."""
+    u = first_downcrossing(signal, counter)
+    return (u, candidate) if u < end or (u == end and event == NO_EVENT) else (end, event)
+
+
+@compiled
+def _accept_interval(oscillator, far_end, resistance, progress, trial, intervals):
+    """Store an interval and move on to its end; repeat a doubtful breakaway over a shorter one instead."""
+    reals, counts, _ = progress
+    i, fraction, n = counts[PIECE], reals[FRACTION], counts[INTERVAL]
+    width, scale, state = far_end.breaks[i + 1] - far_end.breaks[i], trial.elongation.scale, current_state(progress)
+    stuck = state.velocity == 0 and trial.event == STOPPED and trial.end * scale < MIN_STEP * width
+    if stuck and scale > STICK_STEP * width:  # rounding is smaller over a shorter interval
+        reals[STEP] = scale / 8
+        return
+    _store(intervals, n, far_end.breaks[i] + fraction * width, trial, state)
+    counts[INTERVAL] += 1
+    counts[ATTEMPTS], counts[LAST_EVENT] = 0, STUCK if stuck else trial.event
+    if stuck:
+        reals[STEP] = np.inf
+    end = _state_after(oscillator, resistance, state, trial)
+    reals[ELONGATION], reals[VELOCITY] = end.elongation, end.velocity
+    counts[FLANK], counts[ZONE] = end.flank, end.zone
+    complete = scale == (1 - fraction) * width and trial.event == NO_EVENT
+    reals[FRACTION] = 1.0 if complete else fraction + trial.end * scale / width
+
+
+@compiled
+def _store(intervals, n, start, trial, state):
+    """Store an interval in row n."""
+    signal = trial.elongation
+    intervals.start[n], intervals.scale[n], intervals.duration[n] = start, signal.scale, trial.end * signal.scale
+    intervals.far_end[n], intervals.elongation[n] = trial.far_end, 0.0
+    intervals.elongation[n, : len(signal.polynomial)] = signal.polynomial
+    intervals.oscillation[n, 0], intervals.oscillation[n, 1] = signal.cosine, signal.sine
+    intervals.oscillation[n, 2], intervals.oscillation[n, 3] = signal.decay, signal.discriminant
+    intervals.slip[n], intervals.flank[n], intervals.zone[n] = trial.slip, state.flank, state.zone
+
+
+@compiled
+def _state_after(oscillator, resistance, state, trial):
+    """State at the end of an interval."""
+    elongation, velocity, flank, zone = evaluate(trial.elongation, trial.end), 0.0, state.flank, state.zone
+    if trial.slip != 0 and trial.event != STOPPED:
+        velocity = evaluate(cart_velocity(trial.elongation, trial.far_end), trial.end)
+    if trial.event == FLANK_OPENED:
+        flank = 0
+    elif trial.event in (FRONT_FLANK_CLOSED, REAR_FLANK_CLOSED):
+        flank = 1 if trial.event == FRONT_FLANK_CLOSED else -1
+    elif trial.event in (BREAKAWAY_FORWARD, BREAKAWAY_BACKWARD) and zone in (AT_NEAR_PLATE, AT_FAR_PLATE):
+        compresses = (zone == AT_NEAR_PLATE) == (trial.event == BREAKAWAY_BACKWARD)
+        zone = (NEAR_SPRING if zone == AT_NEAR_PLATE else FAR_SPRING) if compresses else 0
+    elif trial.event in (END_SPRING_LEFT, NEAR_SPRING_REACHED, FAR_SPRING_REACHED):
+        return _state_at_plate(oscillator, resistance, CartState(elongation, velocity, flank, zone), trial)
+    return CartState(elongation, velocity, flank, zone)
+
+
+@compiled
+def _state_at_plate(oscillator, resistance, state, trial):
+    """State of a cart that reaches or leaves the plate of an end spring; a slow one may come to rest there."""
+    elongation, velocity, flank, zone = state
+    plate = AT_NEAR_PLATE if trial.event == NEAR_SPRING_REACHED or zone == NEAR_SPRING else AT_FAR_PLATE
+    if abs(velocity) <= PLATE_REST_SPEED * resistance.forward.breaks[-1]:
+        springs = spring_force(oscillator, flank, plate)
+        far_end = Signal(trial.far_end, 0.0, 0.0, 0.0, 0.0, 1.0)
+        far_end_velocity = evaluate(differentiate(far_end), trial.end) / trial.elongation.scale
+        pull = springs.stiffness * elongation + springs.constant + oscillator.damping * far_end_velocity
+        if breakaway_direction(oscillator, resistance, plate, pull) == 0:
+            return CartState(elongation, 0.0, flank, plate)
+    reached = NEAR_SPRING if trial.event == NEAR_SPRING_REACHED else FAR_SPRING
+    return CartState(elongation, velocity, flank, 0 if trial.event == END_SPRING_LEFT else reached)
+
+
+def peak_force_and_power(oscillator: OscillatorParameters, intervals: Intervals) -> tuple[float, float]:
+    """Find the peaks of the drive over all intervals.
+
+    Parameters
+    ----------
+    oscillator : OscillatorParameters
+        Cart and springs.
+    intervals : Intervals
+        Solution.
+
+    Returns
+    -------
+    tuple of float
+        Largest |H| of the drive spring and damper [N] and largest |H y'| [W].
+
+    Raises
+    ------
+    RuntimeError
+        If an interval has too many oscillations for the search.
+    """
+    peaks, counter, status = np.zeros(2), new_search_counter(), PAUSED
+    row = np.zeros(1, np.int64)
+    while status == PAUSED:  # Python handles interrupts between two calls
+        status = _search_peaks(oscillator, intervals, peaks, row, counter, WORK_SLICE)
+    if status != DONE:
+        raise RuntimeError(
+            f"the search for the peak force after {intervals.start[row[0]]:g} s did not end within {MAX_RANGES} ranges "
+            "of the oscillation; increase `damping`, or use a rigid drive"
+        )
+    return float(peaks[0]), float(peaks[1])
+
+
+@compiled
+def _search_peaks(oscillator, intervals, peaks, row, counter, max_work):
+    """Continue the search from an interval on by about `max_work` ranges and return its status."""
+    work, damping = 0, oscillator.damping
+    for i in range(row[0], len(intervals.start)):
+        row[0] = i
+        if work >= max_work:
             return PAUSED
-        stiffness, offset = engaged(spring, arcs.side[i])
-        ring, law = arcs.ring[i], arcs.law[i]
-        stretch = Signal(arcs.stretch[i], ring[0], ring[1], ring[2], ring[3], arcs.span[i])
-        force = combined(stretch, law, stiffness, damping, 0.0, 0.0)
-        force.poly[0] -= stiffness * offset
-        still = Signal(np.zeros(TERMS), 0.0, 0.0, 0.0, 0.0, arcs.span[i])
-        one, pace = combined(still, law, 0.0, 0.0, 0.0, 0.0), combined(still, law, 0.0, 0.0, 0.0, 1.0)
-        one.poly[0] = 1.0
-        until = arcs.length[i] / arcs.span[i]
-        for which, other in ((0, one), (1, pace)):
-            effort[RANGES] = 0
-            found[which] = max(found[which], largest_product(force, other, until, effort))
-            work += CELLS + effort[RANGES]
-            if effort[EXHAUSTED] == 1:
-                return UNSEARCHED
+        stiffness, offset = engaged_spring(oscillator, intervals.flank[i])
+        far_end, scale, free = intervals.far_end[i], intervals.scale[i], intervals.oscillation[i]
+        elongation = Signal(intervals.elongation[i], free[0], free[1], free[2], free[3], scale)
+        force = combine(elongation, far_end, stiffness, damping, 0.0, 0.0)
+        force.polynomial[0] -= stiffness * offset
+        zero = Signal(np.zeros(SERIES_TERMS), 0.0, 0.0, 0.0, 0.0, scale)
+        one, velocity = combine(zero, far_end, 0.0, 0.0, 0.0, 0.0), combine(zero, far_end, 0.0, 0.0, 0.0, 1.0)
+        one.polynomial[0] = 1.0
+        end = intervals.duration[i] / scale
+        for which, factor in ((0, one), (1, velocity)):
+            counter[RANGES] = 0
+            peaks[which] = max(peaks[which], max_abs_product(force, factor, end, counter))
+            work += ZOOM_CELLS + counter[RANGES]
+            if counter[EXHAUSTED] == 1:
+                return SEARCH_EXHAUSTED
     return DONE

@@ -1,78 +1,108 @@
-"""What the mix and the guides put up against a cart, for compiled code: tables over speed and acceleration.
+"""Forces on a cart behind a drive spring: resistance tables, drive spring with backlash, damper and end springs.
 
-    R(v, a) = F(v) + a' M(|v|),   a' = a while |a| <= A |v|, else A |v| sign(a)
+The resistance is tabulated over speed and follows the acceleration up to a limit A |v|:
 
-F jumps at v = 0 and has a table for each way. M follows the resistance of a mix with a memory at first order; beyond
-A |v| that order is void and the second term stays as it is there (`resistance`).
+    R(v, a) = F(v) + a' M(|v|),   a' = a for |a| <= A |v|,   a' = A |v| sign(a) beyond
 
-What pulls on a cart between a far end and the ends of its stroke: drive spring with backlash, damper, end springs.
+F jumps at v = 0 and has one table for each direction. M is the added mass of a resistance that depends to first order
+on the acceleration; the expansion does not hold beyond A |v|, where the term is saturated.
 
-    pull = k (e - o) + c e' + S(x),   e = y - x
+Drive and end springs pull the cart by
+
+    H + S = k (e - o) + c e' + S(x),   e = y - x
     S = P + p (l - x) for x < l,   -(P + p (x - h + l)) for x > h - l,   0 between
 
-y is the far end, x the cart, e the stretch, o the half of the backlash that is taken up. The preload P makes S jump
-where the cart meets the plate of an end spring; a cart that stands there is held by any push from 0 to P.
+with the far end y, the cart x, the elongation e and the engaged half o of the backlash. The preload P makes S jump at
+the plate of an end spring; a cart at rest there is held by any force from 0 to P.
+
+All functions are compiled. Arrays and records are passed without checks.
 """
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compact.numerics.jit import compiled
 from compact.numerics.piecewise import PiecewisePolynomial
 
-AT = 1e-6  # of a speed, or of an arc: so near a knot a motion is at it
-FARTHER = 0.5  # of a piece of a table, for which it goes on as it is beyond a knot
-EITHER = 2  # neither 0 nor a sign
-NONE = PiecewisePolynomial(np.array([0.0, 1.0]), np.zeros((1, 1)))
+KNOT_TOLERANCE = 1e-6  # [-], of a speed or of an interval; a motion so close to a knot is on it
+EXTRAPOLATION_LENGTH = 0.5  # [-], of a table piece; its polynomial is continued so far beyond a knot
+STICTION_TOLERANCE = 1e-12  # [-], of the width of the stiction range; rounding of the pull
+UNDETERMINED_SATURATION = 2  # marker; the motion itself determines the saturation, distinct from -1, 0 and 1
+NEAR_SPRING, FAR_SPRING = 1, -1  # zones; the cart compresses an end spring, 0 between the springs
+AT_NEAR_PLATE, AT_FAR_PLATE = 2, -2  # zones; the cart is at rest at the plate of an end spring
+NO_ADDED_MASS = PiecewisePolynomial(np.array([0.0, 1.0]), np.zeros((1, 1)))
 
 
-class Resistance(NamedTuple):
-    """F [N] over |v| [m/s] on the way there and on the way back, `PiecewisePolynomial` from 0; knots: |v| where F is not smooth;
-    added: M [kg] over |v|, `PiecewisePolynomial` from 0; pace: A [1/s], 0 where there is no M."""
+class ResistanceTable(NamedTuple):
+    """Resistance of a cart as polynomials of the speed.
 
-    there: PiecewisePolynomial
-    back: PiecewisePolynomial
-    knots: np.ndarray
-    added: PiecewisePolynomial = NONE
-    pace: float = 0.0
+    Parameters
+    ----------
+    forward, backward : PiecewisePolynomial
+        F [N] over |v| [m/s] from 0, for v > 0 and for v < 0.
+    knots : ndarray, shape (n,)
+        Speeds |v| [m/s] at which F is not smooth.
+    added_mass : PiecewisePolynomial
+        M [kg] over |v| [m/s] from 0.
+    rate_limit : float
+        Limit A of |a|/|v| [1/s] for the added-mass term; 0 without added mass.
+    """
+
+    forward: PiecewisePolynomial
+    backward: PiecewisePolynomial
+    knots: NDArray[np.float64]
+    added_mass: PiecewisePolynomial = NO_ADDED_MASS
+    rate_limit: float = 0.0
 
 
-class Section(NamedTuple):
-    """Where R is smooth, to be taken beyond as it is within: |v| from low to high [m/s]; held: the sign with which the
-    second term stays as it is at A |v|, 0 where it follows the acceleration, EITHER as a motion has it."""
+class SmoothRange(NamedTuple):
+    """Range of motions in which R is smooth.
+
+    Parameters
+    ----------
+    low, high : float
+        Limits of |v| [m/s].
+    saturation : int
+        0 where the added-mass term follows the acceleration, the sign of the saturated term otherwise, or
+        `UNDETERMINED_SATURATION`.
+    """
 
     low: float
     high: float
-    held: int
+    saturation: int
 
 
-WHOLE = Section(0.0, np.inf, EITHER)
+FULL_RANGE = SmoothRange(0.0, np.inf, UNDETERMINED_SATURATION)
 
 
 @compiled
-def section(resistance, slip, velocity, acceleration):
-    """The `Section` into which a motion goes."""
+def smooth_range(resistance: ResistanceTable, slip: int, velocity: float, acceleration: float) -> SmoothRange:
+    """Smooth range that a motion enters; slip is the sign of the motion."""
     knots, speed = resistance.knots, slip * velocity
-    k = np.searchsorted(knots, speed * (1 + AT if slip * acceleration > 0 else 1 - AT), side="right")
-    held = which(resistance.pace, slip, speed, acceleration) if resistance.pace > 0 else 0
-    return Section(knots[k - 1] if k > 0 else 0.0, knots[k] if k < len(knots) else np.inf, held)
+    margin = 1 + KNOT_TOLERANCE if slip * acceleration > 0 else 1 - KNOT_TOLERANCE
+    k = np.searchsorted(knots, speed * margin, side="right")
+    limited = resistance.rate_limit > 0
+    saturation = saturation_sign(resistance.rate_limit, slip, speed, acceleration) if limited else 0
+    return SmoothRange(knots[k - 1] if k > 0 else 0.0, knots[k] if k < len(knots) else np.inf, saturation)
 
 
 @compiled
-def which(pace, slip, speed, acceleration):
-    """0 while the second term follows the acceleration, else the sign with which it does not."""
-    if pace == np.inf or abs(acceleration) < pace * speed:
+def saturation_sign(rate_limit: float, slip: int, speed: float, acceleration: float) -> int:
+    """Sign of the saturated added-mass term, 0 within the limit."""
+    if rate_limit == np.inf or abs(acceleration) < rate_limit * speed:
         return 0
-    return slip if acceleration == 0 else 1 if acceleration > 0 else -1  # a cart sets off with its slip
+    return slip if acceleration == 0 else 1 if acceleration > 0 else -1  # at rest the cart accelerates with its slip
 
 
 @compiled
-def looked_up(table, speed, within):
-    """Value and slope of `PiecewisePolynomial` as they are within a `Section`.
+def evaluate_table(table: PiecewisePolynomial, speed: float, within: SmoothRange) -> tuple[float, float]:
+    """Value and slope of a table, continued beyond a smooth range.
 
-    Beyond it the outermost piece goes on for a while, and then straight: from below as from rest to the section, so
-    that rounding in a narrow piece does not grow. Beyond their ends the pieces go on straight at once.
+    The outermost piece is continued by `EXTRAPOLATION_LENGTH` and by its tangent beyond; below the range the slope is
+    the secant from rest, since the polynomial of a narrow piece would amplify rounding. Beyond its own ends the table
+    is continued by its tangent.
     """
     breaks, rows = table.breaks, table.coefficients
     i, end = 0, len(breaks) - 1
@@ -83,56 +113,62 @@ def looked_up(table, speed, within):
         else:
             end = middle
     width = breaks[i + 1] - breaks[i]
-    u, found, slope = (speed - breaks[i]) / width, 0.0, 0.0
-    inside = min(max(u, -FARTHER if within.low > 0 else 0.0), 1 + FARTHER if within.high < np.inf else 1.0)
+    u, value, slope = (speed - breaks[i]) / width, 0.0, 0.0
+    lowest = -EXTRAPOLATION_LENGTH if within.low > 0 else 0.0
+    inside = min(max(u, lowest), 1 + EXTRAPOLATION_LENGTH if within.high < np.inf else 1.0)
     for j in range(rows.shape[1] - 1, -1, -1):
-        slope = slope * inside + found
-        found = found * inside + rows[i, j]
+        slope = slope * inside + value
+        value = value * inside + rows[i, j]
     if u < inside and within.low > 0:
         slope = (rows[i, 0] - rows[0, 0]) / within.low * width
-    return found + slope * (u - inside), slope / width
+    return value + slope * (u - inside), slope / width
 
 
 @compiled
-def met(resistance, slip, velocity):
-    """F and dF/dv at a velocity, seen from the side of `slip`."""
-    force, rise = looked_up(resistance.there if slip > 0 else resistance.back, slip * velocity, WHOLE)
-    return force, slip * rise
+def steady_force(resistance: ResistanceTable, slip: int, velocity: float) -> float:
+    """F [N] at a velocity [m/s], as the limit from the side of the slip."""
+    return evaluate_table(resistance.forward if slip > 0 else resistance.backward, slip * velocity, FULL_RANGE)[0]
 
 
 @compiled
-def opposed(table, added, pace, slip, velocity, acceleration, within):
-    """R, dR/dv and dR/da by the table of F on the side of `slip`, as within a `Section`."""
+def differentiate_resistance(
+    table: PiecewisePolynomial,
+    added_mass: PiecewisePolynomial,
+    rate_limit: float,
+    slip: int,
+    velocity: float,
+    acceleration: float,
+    within: SmoothRange,
+) -> tuple[float, float, float]:
+    """R [N], dR/dv [N s/m] and dR/da [kg], continued beyond a smooth range; table is F for the slip."""
     speed = slip * velocity
-    force, rise = looked_up(table, speed, within)
-    if pace == 0:
-        return force, slip * rise, 0.0
-    mass, grows = looked_up(added, speed, within)
-    held = which(pace, slip, speed, acceleration) if within.held == EITHER else within.held
-    if held == 0:
-        return force + mass * acceleration, slip * (rise + grows * acceleration), mass
-    return force + held * mass * pace * speed, slip * (rise + held * pace * (mass + grows * speed)), 0.0
+    force, slope = evaluate_table(table, speed, within)
+    if rate_limit == 0:
+        return force, slip * slope, 0.0
+    mass, mass_slope = evaluate_table(added_mass, speed, within)
+    saturation = within.saturation
+    if saturation == UNDETERMINED_SATURATION:
+        saturation = saturation_sign(rate_limit, slip, speed, acceleration)
+    if saturation == 0:
+        return force + mass * acceleration, slip * (slope + mass_slope * acceleration), mass
+    damping = slip * (slope + saturation * rate_limit * (mass + mass_slope * speed))
+    return force + saturation * mass * rate_limit * speed, damping, 0.0
 
 
 @compiled
-def accelerated(resistance, slip, velocity, mass, force):
-    """The acceleration a of m a + R(v, a) = force, m + M > 0."""
-    push = force - met(resistance, slip, velocity)[0]
-    if resistance.pace == 0:
-        return push / mass
-    added = looked_up(resistance.added, slip * velocity, WHOLE)[0]
-    a = push / (mass + added)
-    most = np.inf if resistance.pace == np.inf else resistance.pace * slip * velocity
-    return a if abs(a) < most else (push - np.sign(push) * added * most) / mass
+def solve_acceleration(resistance: ResistanceTable, slip: int, velocity: float, mass: float, force: float) -> float:
+    """Acceleration a [m/s^2] with m a + R(v, a) = force, for m + M > 0."""
+    net = force - steady_force(resistance, slip, velocity)
+    if resistance.rate_limit == 0:
+        return net / mass
+    added = evaluate_table(resistance.added_mass, slip * velocity, FULL_RANGE)[0]
+    a = net / (mass + added)
+    limit = np.inf if resistance.rate_limit == np.inf else resistance.rate_limit * slip * velocity
+    return a if abs(a) < limit else (net - np.sign(net) * added * limit) / mass
 
 
-SLACK = 1e-12  # share of the friction by which a standing cart may be overpulled: rounding
-NEAR, FAR = 1, -1  # zones: on an end spring; 0 between
-AT_NEAR, AT_FAR = 2, -2  # standing where an end spring begins
-
-
-class Ends(NamedTuple):
-    """End springs: stiffness p [N/m], preload P [N], length l [m], 0 without; stroke h [m]."""
+class EndSpringParameters(NamedTuple):
+    """Preloaded end springs: stiffness p [N/m], preload P [N], length l [m] (0 without springs), stroke h [m]."""
 
     stiffness: float
     preload: float
@@ -140,65 +176,89 @@ class Ends(NamedTuple):
     stroke: float
 
 
-class Spring(NamedTuple):
-    """mass [kg], stiffness k [N/m], damping c [N s/m], backlash: play between the flanks [m], and the `Ends`."""
+class OscillatorParameters(NamedTuple):
+    """Cart on its drive spring.
+
+    Parameters
+    ----------
+    mass : float
+        m [kg].
+    stiffness, damping : float
+        k [N/m] and c [N s/m] of the drive.
+    backlash : float
+        Play between the flanks [m].
+    end_springs : EndSpringParameters
+        Springs at the ends of the stroke.
+    """
 
     mass: float
     stiffness: float
     damping: float
     backlash: float
-    ends: Ends = Ends(0.0, 0.0, 0.0, 0.0)
+    end_springs: EndSpringParameters = EndSpringParameters(0.0, 0.0, 0.0, 0.0)
 
 
 class CartState(NamedTuple):
-    """stretch e [m], velocity x' [m/s], side: +1 and -1 on a flank, 0 in the backlash, always +1 without one; zone."""
+    """State of a cart behind a spring.
 
-    stretch: float
+    Parameters
+    ----------
+    elongation : float
+        e [m] of the drive spring.
+    velocity : float
+        x' [m/s].
+    flank : int
+        +1 or -1 in contact with a flank, 0 within the backlash; always +1 without backlash.
+    zone : int
+        `NEAR_SPRING`, `FAR_SPRING`, `AT_NEAR_PLATE`, `AT_FAR_PLATE`, or 0 between the end springs.
+    """
+
+    elongation: float
     velocity: float
-    side: int
+    flank: int
     zone: int = 0
 
 
-class Hold(NamedTuple):
-    """The pull but for the damper's: stiffness e - along y + constant."""
+class SpringForce(NamedTuple):
+    """Force of drive and end springs [N]: stiffness e - far_end_stiffness y + constant."""
 
     stiffness: float
-    along: float
+    far_end_stiffness: float
     constant: float
 
 
 @compiled
-def engaged(spring, side):
-    """Stiffness and offset o of the drive spring on a side of the backlash."""
-    return (0.0, 0.0) if side == 0 else (spring.stiffness, side * spring.backlash / 2)
+def engaged_spring(oscillator: OscillatorParameters, flank: int) -> tuple[float, float]:
+    """Stiffness [N/m] and offset o [m] of the drive spring on a flank."""
+    return (0.0, 0.0) if flank == 0 else (oscillator.stiffness, flank * oscillator.backlash / 2)
 
 
 @compiled
-def hold(spring, side, zone):
-    """`Hold` on a side of the backlash and in a zone of the end springs."""
-    stiffness, offset = engaged(spring, side)
-    if abs(zone) != NEAR:
-        return Hold(stiffness, 0.0, -stiffness * offset)
-    ends = spring.ends
-    pushed = ends.preload + ends.stiffness * ends.length
-    push = pushed if zone == NEAR else ends.stiffness * ends.stroke - pushed
-    return Hold(stiffness + ends.stiffness, ends.stiffness, push - stiffness * offset)
+def spring_force(oscillator: OscillatorParameters, flank: int, zone: int) -> SpringForce:
+    """Force of drive and end springs on a flank and in a zone."""
+    stiffness, offset = engaged_spring(oscillator, flank)
+    if abs(zone) != NEAR_SPRING:
+        return SpringForce(stiffness, 0.0, -stiffness * offset)
+    ends = oscillator.end_springs
+    end_force = ends.preload + ends.stiffness * ends.length
+    force = end_force if zone == NEAR_SPRING else ends.stiffness * ends.stroke - end_force
+    return SpringForce(stiffness + ends.stiffness, ends.stiffness, force - stiffness * offset)
 
 
 @compiled
-def limits(spring, resistance, zone):
-    """Largest and least pull [N] that moves no standing cart."""
-    most, least = met(resistance, 1, 0.0)[0], met(resistance, -1, 0.0)[0]
-    if zone == AT_NEAR:
-        least -= spring.ends.preload
-    if zone == AT_FAR:
-        most += spring.ends.preload
-    return most, least
+def stiction_limits(oscillator: OscillatorParameters, resistance: ResistanceTable, zone: int) -> tuple[float, float]:
+    """Largest and smallest pull [N] under which a cart at rest stays at rest."""
+    highest, lowest = steady_force(resistance, 1, 0.0), steady_force(resistance, -1, 0.0)
+    if zone == AT_NEAR_PLATE:
+        lowest -= oscillator.end_springs.preload
+    if zone == AT_FAR_PLATE:
+        highest += oscillator.end_springs.preload
+    return highest, lowest
 
 
 @compiled
-def direction(spring, resistance, zone, pull):
-    """Which way a standing cart goes under a pull [N]: 0 where friction, or a plate, holds it."""
-    most, least = limits(spring, resistance, zone)
-    slack = SLACK * (most - least)
-    return 1 if pull > most + slack else -1 if pull < least - slack else 0
+def breakaway_direction(oscillator: OscillatorParameters, resistance: ResistanceTable, zone: int, pull: float) -> int:
+    """Direction in which a cart at rest starts under a pull [N], 0 where friction or a plate holds it."""
+    highest, lowest = stiction_limits(oscillator, resistance, zone)
+    tolerance = STICTION_TOLERANCE * (highest - lowest)
+    return 1 if pull > highest + tolerance else -1 if pull < lowest - tolerance else 0

@@ -1,123 +1,159 @@
-"""Signals of a damped oscillator under a polynomial force: their value, first fall below zero and largest value.
+"""A damped oscillator under a polynomial force: exact response, roots and extrema of its signals.
 
-    q(u) = sum_j p_j u^j + A g0(t) + B g1(t),  t = span u,  0 <= u <= 1
-    g0 = e^(-s t) cos(w t),  g1 = e^(-s t) sin(w t)/w,  w^2 = -bend,  or cosh and sinh for bend > 0
+    m e'' + c e' + k e = f(u),   f(u) = sum_j f_j u^j,   t = h u,   0 <= u <= 1
 
-Stretch, speed and force of a spring and any linear combination of them are such signals, and so is their derivative.
-A range of u is left out of a search when bounds of polynomial and envelope allow no find in it, so that the cost of a
-search grows with what may be found, not with the number of oscillations. Where rounding lets it grow nevertheless, a
-search ends after `MOST_RANGES` ranges, and its `effort` records that.
+The response and every linear combination of it and of its derivatives are signals
 
-A damped oscillator under a polynomial force, answered exactly over one span however stiff it is.
+    q(u) = sum_j p_j u^j + A g0(t) + B g1(t)
+    g0 = e^(-s t) cos(w t),   g1 = e^(-s t) sin(w t)/w,   w^2 = -D,   cosh and sinh for D = s^2 - w0^2 > 0
 
-    m e'' + c e' + k e = f(u),  f(u) = sum_j f_j u^j,  t = h u,  0 <= u <= 1
+`solve_oscillator` selects one of three forms that is well conditioned for the step h and the characteristic roots:
 
-(D + fast)(D + slow) e = f/m with the roots of the oscillator. Three answers take turns, each where it is well
-conditioned: a polynomial and a free oscillation where even the slow root is fast for the span; a power series where
-even the fast one is slow; between them, where damping is strong, a polynomial for what the fast root makes of the force
-and a power series for the slow one, beside the fast root's own decay.
+- both roots fast: a polynomial particular solution and a free oscillation;
+- both roots slow: a power series;
+- one fast and one slow root (strong damping): a polynomial for the fast root, a power series for the slow one.
+
+Searches bisect the range of u and drop each part where bounds of polynomial and envelope exclude a result. The cost
+grows with the number of candidates, not with the number of oscillations. A search ends after `MAX_RANGES` parts, which
+its counter records.
+
+References
+----------
+The bracketing root finder is the Illinois variant of the false position method: M. Dowell and P. Jarratt, BIT 11
+(1971) 168.
 """
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compact.numerics.jit import compiled
 
-SHORT = 1 / 8  # longest range of u that is searched by its ends; of an oscillation, in rad: OSCILLATION
-OSCILLATION = 0.5
-ROUNDING = 1e-14  # of the size of a signal: less is zero
-HALVINGS = 80  # of a range that holds a root: to rounding
-DEPTH = 200  # of the stack of ranges
-NEARLY = 1e-10  # relative: what can be larger by less is left out
-CELLS, ZOOMS = 8, 14  # of the search for a top on a short range: each zoom goes four times closer
-MOST_RANGES = 500_000  # [-], of the searches for one event or top: all that `course.MOST_SAMPLES` has; 1300 were met
-TOP = 20  # [-], ranges that cost as much as the search for a top on a short one
-RANGES, EXHAUSTED = range(2)  # of an `effort`: ranges searched; 1 where a search ended before it had searched all
+SHORT_RANGE = 1 / 8  # [-], of u; longest part that is searched by its end values
+SHORT_OSCILLATION = 0.5  # [rad]; longest part of an oscillation that is searched by its end values
+ZERO_TOLERANCE = 1e-14  # [-], of the magnitude of a signal; rounding
+ROOT_ITERATIONS = 80  # [-], of the bracketing of a root; to rounding
+STACK_DEPTH = 200  # [-], of the stack of ranges
+MAXIMUM_TOLERANCE = 1e-10  # [-], relative; a larger value within it is not searched for
+ZOOM_CELLS, ZOOM_STEPS = 8, 14  # [-], of the search for a maximum on a short range; each step refines by four
+MAX_RANGES = 500_000  # [-], of the searches for one event or maximum; covers `trajectory.MAX_SAMPLES`, 1300 observed
+ZOOM_COST = 20  # [-], ranges; cost of the search for a maximum on a short range
+RANGES, EXHAUSTED = range(2)  # indices of a search counter: ranges searched, 1 after a search without result
+
+SERIES_TERMS = 30  # [-], of a power series; to rounding up to |root| h = SERIES_REACH
+SERIES_REACH = 3.0  # [-], |root| h; the polynomial form is well conditioned above, the power series below
+SERIES_TOLERANCE = 1e-18  # [-], of the largest term; end of a power series
 
 
 class Signal(NamedTuple):
-    """poly : p, lowest first;  cosine, sine : A, B;  decay, bend : s [1/s], s^2 - w0^2 [1/s^2];  span [s]."""
+    """Polynomial and free oscillation over 0 <= u <= 1.
 
-    poly: np.ndarray
+    Parameters
+    ----------
+    polynomial : ndarray, shape (n,)
+        Coefficients p, lowest order first.
+    cosine, sine : float
+        Coefficients A and B of g0 and g1.
+    decay : float
+        s [1/s].
+    discriminant : float
+        D = s^2 - w0^2 [1/s^2].
+    scale : float
+        Time [s] over which u increases by 1.
+    """
+
+    polynomial: NDArray[np.float64]
     cosine: float
     sine: float
     decay: float
-    bend: float
-    span: float
+    discriminant: float
+    scale: float
 
 
-def effort():
-    """Counts of searches that have not begun, shape (2,): RANGES and EXHAUSTED."""
+def new_search_counter() -> NDArray[np.int64]:
+    """Counter of a new search, shape (2,), indexed by `RANGES` and `EXHAUSTED`."""
     return np.zeros(2, np.int64)
 
 
 @compiled
-def swings(decay, bend, t):
-    """g0 and g1 at time t [s]: nothing grows that the oscillator lets fall."""
-    if bend < 0:
-        w, fall = np.sqrt(-bend), np.exp(-decay * t)
-        return fall * np.cos(w * t), fall * np.sin(w * t) / w
-    if bend > 0:
-        q = np.sqrt(bend)
+def free_oscillation(decay: float, discriminant: float, t: float) -> tuple[float, float]:
+    """g0 and g1 at time t [s], in a form without overflow for a decaying oscillator."""
+    if discriminant < 0:
+        w, amplitude = np.sqrt(-discriminant), np.exp(-decay * t)
+        return amplitude * np.cos(w * t), amplitude * np.sin(w * t) / w
+    if discriminant > 0:
+        q = np.sqrt(discriminant)
         slow, fast = np.exp(-(decay - q) * t), -np.expm1(-2 * q * t)
         return slow * (1 - fast / 2), slow * fast / (2 * q)
     return np.exp(-decay * t), np.exp(-decay * t) * t
 
 
 @compiled
-def value(signal, u):
+def evaluate(signal: Signal, u: float) -> float:
     """q(u)."""
     total = 0.0
-    for j in range(len(signal.poly) - 1, -1, -1):
-        total = total * u + signal.poly[j]
+    for j in range(len(signal.polynomial) - 1, -1, -1):
+        total = total * u + signal.polynomial[j]
     if signal.cosine != 0 or signal.sine != 0:
-        g0, g1 = swings(signal.decay, signal.bend, signal.span * u)
+        g0, g1 = free_oscillation(signal.decay, signal.discriminant, signal.scale * u)
         total += signal.cosine * g0 + signal.sine * g1
     return total
 
 
 @compiled
-def slope(signal):
-    """dq/du as a signal: g0' = -s g0 + bend g1, g1' = g0 - s g1."""
-    n, A, B = len(signal.poly), signal.cosine, signal.sine
-    poly = np.zeros(n)
+def differentiate(signal: Signal) -> Signal:
+    """dq/du as a signal: g0' = -s g0 + D g1, g1' = g0 - s g1."""
+    n, A, B = len(signal.polynomial), signal.cosine, signal.sine
+    polynomial = np.zeros(n)
     for j in range(1, n):
-        poly[j - 1] = j * signal.poly[j]
-    cosine = signal.span * (B - signal.decay * A)
-    sine = signal.span * (signal.bend * A - signal.decay * B)
-    return Signal(poly, cosine, sine, signal.decay, signal.bend, signal.span)
+        polynomial[j - 1] = j * signal.polynomial[j]
+    cosine = signal.scale * (B - signal.decay * A)
+    sine = signal.scale * (signal.discriminant * A - signal.decay * B)
+    return Signal(polynomial, cosine, sine, signal.decay, signal.discriminant, signal.scale)
 
 
 @compiled
-def combined(stretch, law, a, b, c, d):
-    """a e + b de/dt + c y + d dy/dt for the signal e and the polynomial y(u) of one span."""
-    rate, h = slope(stretch), stretch.span
-    poly = a * stretch.poly + b / h * rate.poly
-    for j in range(len(law)):
-        poly[j] += c * law[j]
+def combine(elongation: Signal, far_end: NDArray[np.float64], a: float, b: float, c: float, d: float) -> Signal:
+    """Return a e + b de/dt + c y + d dy/dt for the signal e and the polynomial y(u) of one interval."""
+    rate, h = differentiate(elongation), elongation.scale
+    polynomial = a * elongation.polynomial + b / h * rate.polynomial
+    for j in range(len(far_end)):
+        polynomial[j] += c * far_end[j]
         if j > 0:
-            poly[j - 1] += d / h * j * law[j]
-    cosine, sine = a * stretch.cosine + b / h * rate.cosine, a * stretch.sine + b / h * rate.sine
-    return Signal(poly, cosine, sine, stretch.decay, stretch.bend, h)
+            polynomial[j - 1] += d / h * j * far_end[j]
+    cosine, sine = a * elongation.cosine + b / h * rate.cosine, a * elongation.sine + b / h * rate.sine
+    return Signal(polynomial, cosine, sine, elongation.decay, elongation.discriminant, h)
 
 
 @compiled
-def scaled(signal, by):
-    """A signal times a number."""
-    return Signal(by * signal.poly, by * signal.cosine, by * signal.sine, signal.decay, signal.bend, signal.span)
+def cart_velocity(elongation: Signal, far_end: NDArray[np.float64]) -> Signal:
+    """Return the velocity of the cart, y' - e' [m/s], as a signal."""
+    return combine(elongation, far_end, 0.0, -1.0, 0.0, 1.0)
 
 
 @compiled
-def sum_of(one, two):
+def multiply(signal: Signal, factor: float) -> Signal:
+    """Multiply a signal by a number."""
+    return Signal(
+        factor * signal.polynomial, factor * signal.cosine, factor * signal.sine, signal.decay, signal.discriminant,
+        signal.scale,
+    )  # fmt: skip
+
+
+@compiled
+def add(one: Signal, two: Signal) -> Signal:
     """Sum of two signals of the same oscillator."""
-    return Signal(one.poly + two.poly, one.cosine + two.cosine, one.sine + two.sine, one.decay, one.bend, one.span)
+    return Signal(
+        one.polynomial + two.polynomial, one.cosine + two.cosine, one.sine + two.sine, one.decay, one.discriminant,
+        one.scale,
+    )  # fmt: skip
 
 
 @compiled
-def shifted(poly, start, width):
+def substitute(polynomial: NDArray[np.float64], start: float, width: float) -> NDArray[np.float64]:
     """Coefficients of p(start + width u)."""
-    out = poly.copy()
+    out = polynomial.copy()
     n = len(out)
     for i in range(n):
         for j in range(n - 2, i - 1, -1):
@@ -130,59 +166,57 @@ def shifted(poly, start, width):
 
 
 @compiled
-def bounds(signal, low, high):
-    """Numbers between which q stays for low <= u <= high."""
-    about = shifted(signal.poly, (low + high) / 2, (high - low) / 2)
-    reach = envelope(signal, low, high)
-    for j in range(1, len(about)):
-        reach += abs(about[j])
-    return about[0] - reach, about[0] + reach
+def bounds(signal: Signal, low: float, high: float) -> tuple[float, float]:
+    """Lower and upper bound of q for low <= u <= high."""
+    centred = substitute(signal.polynomial, (low + high) / 2, (high - low) / 2)
+    radius = envelope(signal, low, high)
+    for j in range(1, len(centred)):
+        radius += abs(centred[j])
+    return centred[0] - radius, centred[0] + radius
 
 
 @compiled
-def envelope(signal, low, high):
-    """What |A g0 + B g1| does not exceed for low <= u <= high."""
+def envelope(signal: Signal, low: float, high: float) -> float:
+    """Upper bound of |A g0 + B g1| for low <= u <= high."""
     if signal.cosine == 0 and signal.sine == 0:
         return 0.0
-    latest, swing = high * signal.span, np.sqrt(abs(signal.bend))
-    slowest = signal.decay - swing if signal.bend > 0 else signal.decay
-    most = np.exp(-slowest * signal.span * (low if slowest > 0 else high))
-    if swing * latest < 1:
-        return most * (abs(signal.cosine) + abs(signal.sine) * latest)
-    return (
-        most * np.hypot(signal.cosine, signal.sine / swing)
-        if signal.bend < 0
-        else (most * (abs(signal.cosine) + abs(signal.sine) / swing))
-    )
+    latest, frequency = high * signal.scale, np.sqrt(abs(signal.discriminant))
+    slowest = signal.decay - frequency if signal.discriminant > 0 else signal.decay
+    amplitude = np.exp(-slowest * signal.scale * (low if slowest > 0 else high))
+    if frequency * latest < 1:
+        return amplitude * (abs(signal.cosine) + abs(signal.sine) * latest)
+    if signal.discriminant < 0:
+        return amplitude * np.hypot(signal.cosine, signal.sine / frequency)
+    return amplitude * (abs(signal.cosine) + abs(signal.sine) / frequency)
 
 
 @compiled
-def short(signal, low, high):
-    """Whether a range is so short that its ends tell where the signal turns."""
-    if high - low > SHORT:
+def is_short(signal: Signal, low: float, high: float) -> bool:
+    """Return true for a range so short that its end values determine the extrema of the signal."""
+    if high - low > SHORT_RANGE:
         return False
-    if signal.bend >= 0 or (signal.cosine == 0 and signal.sine == 0):
+    if signal.discriminant >= 0 or (signal.cosine == 0 and signal.sine == 0):
         return True
-    return np.sqrt(-signal.bend) * signal.span * (high - low) <= OSCILLATION
+    return np.sqrt(-signal.discriminant) * signal.scale * (high - low) <= SHORT_OSCILLATION
 
 
 @compiled
-def size(signal):
-    """How large q may get within the span, roughly."""
-    return np.abs(signal.poly).sum() + envelope(signal, 0.0, 1.0)
+def magnitude(signal: Signal) -> float:
+    """Upper bound of |q| for 0 <= u <= 1."""
+    return np.abs(signal.polynomial).sum() + envelope(signal, 0.0, 1.0)
 
 
 @compiled
-def change(signal, low, high):
-    """The place between low and high where q changes its sign, low where it does not: Illinois' rule, to rounding."""
-    at_low, at_high = value(signal, low), value(signal, high)
+def find_sign_change(signal: Signal, low: float, high: float) -> float:
+    """Root of q between low and high by the Illinois method, or low without a change of sign."""
+    at_low, at_high = evaluate(signal, low), evaluate(signal, high)
     if (at_low > 0) == (at_high > 0):
         return low
-    for _ in range(HALVINGS):
+    for _ in range(ROOT_ITERATIONS):
         place = high - at_high * (high - low) / (at_high - at_low)
         if not low < place < high:
             place = (low + high) / 2
-        here = value(signal, place)
+        here = evaluate(signal, place)
         if here == 0 or high - low <= 2e-16 * high:
             return place
         if (here > 0) == (at_high > 0):
@@ -193,23 +227,23 @@ def change(signal, low, high):
 
 
 @compiled
-def first_fall(signal, effort):
-    """The least u at which q falls from >= 0 to below, 2.0 where it never does or the `effort` is exhausted."""
-    if signal.poly[0] - (np.abs(signal.poly[1:]).sum() + envelope(signal, 0.0, 1.0)) > 0:
+def first_downcrossing(signal: Signal, counter: NDArray[np.int64]) -> float:
+    """Smallest u at which q falls from >= 0 to < 0; 2.0 without one, or after an exhausted search."""
+    if signal.polynomial[0] - (np.abs(signal.polynomial[1:]).sum() + envelope(signal, 0.0, 1.0)) > 0:
         return 2.0
-    rate, zero = slope(signal), ROUNDING * size(signal)
-    stack = np.empty((DEPTH, 2))
+    rate, zero = differentiate(signal), ZERO_TOLERANCE * magnitude(signal)
+    stack = np.empty((STACK_DEPTH, 2))
     stack[0, 0], stack[0, 1], top = 0.0, 1.0, 1
     while top > 0:
         top -= 1
         low, high = stack[top, 0], stack[top, 1]
-        if exhausted(effort):
+        if is_exhausted(counter):
             return 2.0
-        least, most = bounds(signal, low, high)
-        if least >= -zero or most < -zero:  # all of it is above zero or below, but for rounding
+        lowest, highest = bounds(signal, low, high)
+        if lowest >= -zero or highest < -zero:  # one sign throughout, but for rounding
             continue
-        if short(signal, low, high) or top + 2 > DEPTH:
-            place = _fall(signal, rate, low, high, zero)
+        if is_short(signal, low, high) or top + 2 > STACK_DEPTH:
+            place = _short_downcrossing(signal, rate, low, high, zero)
             if place <= 1:
                 return place
             continue
@@ -220,53 +254,53 @@ def first_fall(signal, effort):
 
 
 @compiled
-def exhausted(effort):
-    """Whether a search must end; counts one more range."""
-    effort[RANGES] += 1
-    if effort[RANGES] > MOST_RANGES:
-        effort[EXHAUSTED] = 1
-    return effort[EXHAUSTED] == 1
+def is_exhausted(counter: NDArray[np.int64]) -> bool:
+    """Count one more range and return true once a search exceeds `MAX_RANGES`."""
+    counter[RANGES] += 1
+    if counter[RANGES] > MAX_RANGES:
+        counter[EXHAUSTED] = 1
+    return counter[EXHAUSTED] == 1
 
 
 @compiled
-def _fall(signal, rate, low, high, zero):
-    """The same on a short range, where q turns once at most."""
-    first, last = value(signal, low), value(signal, high)
-    if first < -zero and last < -zero and value(rate, low) < 0:
+def _short_downcrossing(signal, rate, low, high, zero):
+    """First downcrossing on a range with one extremum at most; 2.0 without one."""
+    first, last = evaluate(signal, low), evaluate(signal, high)
+    if first < -zero and last < -zero and evaluate(rate, low) < 0:
         return 2.0
     if last < -zero and first > zero:
-        return change(signal, low, high)
-    turn = change(rate, low, high)
-    here = value(signal, turn)
-    if last < -zero:  # it begins at zero, where its slope may be one of rounding: what it does next decides
-        return change(signal, turn, high) if here > zero else low if first >= -zero else 2.0
-    if here < -zero and first >= -zero and value(rate, high) > 0:
-        return change(signal, low, turn) if first > zero else low
+        return find_sign_change(signal, low, high)
+    extremum = find_sign_change(rate, low, high)
+    here = evaluate(signal, extremum)
+    if last < -zero:  # q is zero at the start, where the sign of its slope may be rounding; its extremum decides
+        return find_sign_change(signal, extremum, high) if here > zero else low if first >= -zero else 2.0
+    if here < -zero and first >= -zero and evaluate(rate, high) > 0:
+        return find_sign_change(signal, low, extremum) if first > zero else low
     return 2.0
 
 
 @compiled
-def largest_product(one, two, until, effort):
-    """Largest |q1 q2| for 0 <= u <= until, of those found where the `effort` is exhausted."""
+def max_abs_product(one: Signal, two: Signal, until: float, counter: NDArray[np.int64]) -> float:
+    """Largest |q1 q2| for 0 <= u <= until; a lower bound of it after an exhausted search."""
     best = 0.0
-    for i in range(CELLS + 1):
-        best = max(best, abs(value(one, until * i / CELLS) * value(two, until * i / CELLS)))
-    stack = np.empty((DEPTH, 3))
-    stack[0, 0], stack[0, 1], stack[0, 2], top = 0.0, until, _most(one, two, 0.0, until), 1
+    for i in range(ZOOM_CELLS + 1):
+        best = max(best, abs(evaluate(one, until * i / ZOOM_CELLS) * evaluate(two, until * i / ZOOM_CELLS)))
+    stack = np.empty((STACK_DEPTH, 3))
+    stack[0, 0], stack[0, 1], stack[0, 2], top = 0.0, until, _product_bound(one, two, 0.0, until), 1
     while top > 0:
         top -= 1
-        low, high, most = stack[top, 0], stack[top, 1], stack[top, 2]
-        if most <= best * (1 + NEARLY):
+        low, high, highest = stack[top, 0], stack[top, 1], stack[top, 2]
+        if highest <= best * (1 + MAXIMUM_TOLERANCE):
             continue
-        if exhausted(effort):
+        if is_exhausted(counter):
             return best
-        if (short(one, low, high) and short(two, low, high)) or top + 2 > DEPTH:
-            best = max(best, _top(one, two, low, high))
-            effort[RANGES] += TOP
+        if (is_short(one, low, high) and is_short(two, low, high)) or top + 2 > STACK_DEPTH:
+            best = max(best, _short_maximum(one, two, low, high))
+            counter[RANGES] += ZOOM_COST
             continue
         middle = (low + high) / 2
-        left, right = _most(one, two, low, middle), _most(one, two, middle, high)
-        first = 0 if left < right else 1  # the better half lies on top of the stack
+        left, right = _product_bound(one, two, low, middle), _product_bound(one, two, middle, high)
+        first = 0 if left < right else 1  # the half with the larger bound is on top of the stack
         stack[top + first, 0], stack[top + first, 1], stack[top + first, 2] = low, middle, left
         stack[top + 1 - first, 0], stack[top + 1 - first, 1], stack[top + 1 - first, 2] = middle, high, right
         top += 2
@@ -274,104 +308,114 @@ def largest_product(one, two, until, effort):
 
 
 @compiled
-def _most(one, two, low, high):
+def _product_bound(one, two, low, high):
+    """Upper bound of |q1 q2| on a range."""
     a, b = bounds(one, low, high), bounds(two, low, high)
     return max(abs(a[0]), abs(a[1])) * max(abs(b[0]), abs(b[1]))
 
 
 @compiled
-def _top(one, two, low, high):
-    """Largest |q1 q2| on a short range, by zooming in on the best of CELLS + 1 places."""
+def _short_maximum(one, two, low, high):
+    """Largest |q1 q2| on a short range, by refinement around the largest sample."""
     best, place = 0.0, low
-    for _ in range(ZOOMS):
-        width = (high - low) / CELLS
-        for i in range(CELLS + 1):
+    for _ in range(ZOOM_STEPS):
+        width = (high - low) / ZOOM_CELLS
+        for i in range(ZOOM_CELLS + 1):
             u = low + width * i
-            here = abs(value(one, u) * value(two, u))
+            here = abs(evaluate(one, u) * evaluate(two, u))
             if here > best:
                 best, place = here, u
         low, high = max(low, place - width), min(high, place + width)
     return best
 
 
-TERMS = 30  # of a power series, at most: to rounding up to |root| h = REACH
-REACH = 3.0  # |root| h from which the polynomial answer is well conditioned, and to which the series holds
-NOTHING_MORE = 1e-18  # of the largest term: where a power series may end
-
-
 @compiled
-def roots(mass, damping, stiffness):
-    """Decay s, bend s^2 - w0^2, and the smaller and larger |root| of the oscillator."""
+def characteristic_roots(mass: float, damping: float, stiffness: float) -> tuple[float, float, float, float]:
+    """Decay s, discriminant D, and the smaller and the larger |root| [1/s] of the oscillator."""
     decay, square = damping / (2 * mass), stiffness / mass
-    bend = decay**2 - square
-    if bend <= 0:
-        return decay, bend, np.sqrt(square), np.sqrt(square)
-    fast = abs(decay) + np.sqrt(bend)
-    return decay, bend, square / fast, fast
+    discriminant = decay**2 - square
+    if discriminant <= 0:
+        return decay, discriminant, np.sqrt(square), np.sqrt(square)
+    fast = abs(decay) + np.sqrt(discriminant)
+    return decay, discriminant, square / fast, fast
 
 
 @compiled
-def reach(mass, damping, stiffness, h):
-    """h, or less where none of the answers of `respond` holds for it: a motion that feeds itself."""
-    decay, _, slow, fast = roots(mass, damping, stiffness)
-    return h if decay > 0 or slow * h >= REACH or fast * h <= REACH else REACH / fast
+def limit_step(mass: float, damping: float, stiffness: float, h: float) -> float:
+    """Step h [s], shortened for a growing oscillation to the reach of the power series."""
+    decay, _, slow, fast = characteristic_roots(mass, damping, stiffness)
+    return h if decay > 0 or slow * h >= SERIES_REACH or fast * h <= SERIES_REACH else SERIES_REACH / fast
 
 
 @compiled
-def respond(mass, damping, stiffness, force, stretch, rate, h):
-    """Stretch as a `Signal` over h [s] from its start value and rate under force(u), a polynomial [N].
+def solve_oscillator(
+    mass: float,
+    damping: float,
+    stiffness: float,
+    force: NDArray[np.float64],
+    elongation: float,
+    rate: float,
+    h: float,
+) -> Signal:
+    """Elongation over h [s] from its initial value [m] and rate [m/s] under force(u), a polynomial [N].
 
-    h is within what `reach` gives; the polynomial of the answer has no fewer terms than the force.
+    The step h must not exceed `limit_step`. The polynomial of the result has at least as many terms as the force.
     """
-    decay, bend, slow, fast = roots(mass, damping, stiffness)
-    if slow * h >= REACH:
-        return _settled(mass, damping, stiffness, force, stretch, rate, h)
-    if fast * h > REACH:
-        return _crept(mass, slow, fast, force, stretch, rate, h)
-    return Signal(_series(mass, damping, stiffness, force, stretch, rate, h), 0.0, 0.0, decay, bend, h)
+    decay, discriminant, slow, fast = characteristic_roots(mass, damping, stiffness)
+    if slow * h >= SERIES_REACH:
+        return _particular_and_free(mass, damping, stiffness, force, elongation, rate, h)
+    if fast * h > SERIES_REACH:
+        return _overdamped_series(mass, slow, fast, force, elongation, rate, h)
+    polynomial = _power_series(mass, damping, stiffness, force, elongation, rate, h)
+    return Signal(polynomial, 0.0, 0.0, decay, discriminant, h)
 
 
 @compiled
-def _settled(mass, damping, stiffness, force, stretch, rate, h):
-    decay, bend, _, _ = roots(mass, damping, stiffness)
+def _particular_and_free(mass, damping, stiffness, force, elongation, rate, h):
+    """Polynomial particular solution and free oscillation."""
+    decay, discriminant, _, _ = characteristic_roots(mass, damping, stiffness)
     n = len(force)
-    poly = np.zeros(n + 2)
+    polynomial = np.zeros(n + 2)
     for j in range(n - 1, -1, -1):
-        later = damping / h * (j + 1) * poly[j + 1] + mass / h**2 * (j + 1) * (j + 2) * poly[j + 2]
-        poly[j] = (force[j] - later) / stiffness
-    cosine = stretch - poly[0]
-    return Signal(poly[:n], cosine, rate - poly[1] / h + decay * cosine, decay, bend, h)
+        higher = damping / h * (j + 1) * polynomial[j + 1] + mass / h**2 * (j + 1) * (j + 2) * polynomial[j + 2]
+        polynomial[j] = (force[j] - higher) / stiffness
+    cosine = elongation - polynomial[0]
+    return Signal(polynomial[:n], cosine, rate - polynomial[1] / h + decay * cosine, decay, discriminant, h)
 
 
 @compiled
-def _series(mass, damping, stiffness, force, stretch, rate, h):
-    poly, n = np.zeros(TERMS), len(force)
-    poly[0], poly[1] = stretch, rate * h
-    drag, hold, largest = damping / mass * h, stiffness / mass * h**2, 0.0
-    for j in range(TERMS - 2):
-        pushed = force[j] * h**2 / mass if j < n else 0.0
-        poly[j + 2] = (pushed - drag * (j + 1) * poly[j + 1] - hold * poly[j]) / ((j + 1) * (j + 2))
-        largest = max(largest, abs(poly[j + 2]))
-        if j >= n and abs(poly[j + 1]) + abs(poly[j + 2]) <= NOTHING_MORE * largest:
-            return poly[: j + 3]
-    return poly
+def _power_series(mass, damping, stiffness, force, elongation, rate, h):
+    """Power series of the response in u."""
+    series, n = np.zeros(SERIES_TERMS), len(force)
+    series[0], series[1] = elongation, rate * h
+    drag, restoring, largest = damping / mass * h, stiffness / mass * h**2, 0.0
+    for j in range(SERIES_TERMS - 2):
+        applied = force[j] * h**2 / mass if j < n else 0.0
+        series[j + 2] = (applied - drag * (j + 1) * series[j + 1] - restoring * series[j]) / ((j + 1) * (j + 2))
+        largest = max(largest, abs(series[j + 2]))
+        if j >= n and abs(series[j + 1]) + abs(series[j + 2]) <= SERIES_TOLERANCE * largest:
+            return series[: j + 3]
+    return series
 
 
 @compiled
-def _crept(mass, slow, fast, force, stretch, rate, h):
-    """w = (D + slow) e: its polynomial from its end, as fast h > REACH; then e from its start, as slow h < REACH."""
+def _overdamped_series(mass, slow, fast, force, elongation, rate, h):
+    """Response for fast h > SERIES_REACH > slow h.
+
+    w = e' + slow e is a polynomial, solved from its highest order; e is a power series, solved from its lowest.
+    """
     n = len(force)
-    w, poly = np.zeros(n + 1), np.zeros(TERMS)
+    w, series = np.zeros(n + 1), np.zeros(SERIES_TERMS)
     for j in range(n - 1, -1, -1):
         w[j] = (force[j] / mass - (j + 1) / h * w[j + 1]) / fast
-    swing = (fast - slow) / 2
-    gone = (w[0] - slow * stretch - rate) / (fast - slow)  # with the fast root
-    poly[0], largest, count = stretch - gone, 0.0, TERMS
-    for j in range(TERMS - 1):
-        pushed = w[j] if j < n else 0.0
-        poly[j + 1] = h * (pushed - slow * poly[j]) / (j + 1)
-        largest = max(largest, abs(poly[j + 1]))
-        if j >= n and abs(poly[j + 1]) <= NOTHING_MORE * largest:
+    half_gap = (fast - slow) / 2
+    fast_part = (w[0] - slow * elongation - rate) / (fast - slow)
+    series[0], largest, count = elongation - fast_part, 0.0, SERIES_TERMS
+    for j in range(SERIES_TERMS - 1):
+        applied = w[j] if j < n else 0.0
+        series[j + 1] = h * (applied - slow * series[j]) / (j + 1)
+        largest = max(largest, abs(series[j + 1]))
+        if j >= n and abs(series[j + 1]) <= SERIES_TOLERANCE * largest:
             count = j + 2
             break
-    return Signal(poly[:count], gone, -swing * gone, (fast + slow) / 2, swing**2, h)
+    return Signal(series[:count], fast_part, -half_gap * fast_part, (fast + slow) / 2, half_gap**2, h)

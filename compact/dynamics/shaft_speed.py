@@ -1,170 +1,211 @@
-"""A loaded shaft through one turn: its speed over its angle, periodic or from a given speed, by spectral elements.
+"""Speed of a loaded shaft over one revolution, periodic or from an initial speed, by spectral elements.
 
-    dE/dphi = phi'',  E = phi'^2/2,  residual(phi, E, phi'') = 0 at every angle
+    dE/dphi = phi'',   E = phi'^2/2,   residual(phi, E, phi'') = 0 at each angle
 
-The angle is the independent variable, so the joins of the laws and the dead centres of every cart lie at ends of
-elements known beforehand, and the periodic regime is a linear condition: Newton's method solves element by element for
-the change of E over the change at its start, chains these, and closes the turn. Elements are halved until the last
-Chebyshev coefficients of E are below the tolerance.
+The shaft angle is the independent variable. The joins of the motion laws and the dead centres are therefore known
+boundaries of elements, and the periodic regime is a linear condition. Newton's method eliminates each element for the
+change of E at its start, propagates that change over the elements and closes the revolution. Elements are bisected
+until the last Chebyshev coefficients of E fall below the tolerance.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from numpy.typing import ArrayLike, NDArray
 
 from compact.numerics.piecewise import clenshaw_curtis
 
-ORDER = 16  # of the polynomial on an element
+ORDER = 16  # [-], of the polynomial on an element
 NODES, WEIGHTS = clenshaw_curtis(ORDER + 1)
-SLOPES = np.linalg.solve(
+DIFFERENTIATION = np.linalg.solve(
     chebyshev.chebvander(2 * NODES - 1, ORDER).T,
     np.array([2 * chebyshev.chebval(2 * NODES - 1, chebyshev.chebder(row)) for row in np.eye(ORDER + 1)]),
-).T  # values at the nodes to values of the derivative over a unit element
-INTEGRALS = np.linalg.inv(SLOPES[1:, 1:])  # of values at the nodes after the first, from the start
+).T  # nodal values to nodal derivatives on a unit element
+INTEGRATION = np.linalg.inv(DIFFERENTIATION[1:, 1:])  # nodal values after the first to integrals from the start
 TO_CHEBYSHEV = np.linalg.inv(chebyshev.chebvander(2 * NODES - 1, ORDER))
-INSET = 1e-13  # rad by which the ends of an element are asked from inside
-ROUNDING = 1e-15  # [-], of the largest coefficient of E on an element
-REAL = 1e-6  # [-], of half an element, imaginary part of a root that rounding leaves of a double one
-ITERATIONS = 60  # of Newton's method; 4 to 8 are usual
-LEAST = 0.2  # of E, that one step leaves
-PROBE = 1e-7  # relative difference for derivatives
-MOST_ELEMENTS = 20_000  # [-]; dozens are usual, and twice as many with each halving of a torque that is noise
-HALVINGS = 30  # of elements; 2 to 5 are usual, more where a steep motor meets little inertia
+END_INSET = 1e-13  # [rad]; the ends of an element are evaluated from inside
+COEFFICIENT_ROUNDING = 1e-15  # [-], of the largest coefficient of E on an element; smaller ones are rounding
+ROOT_ROUNDING = 1e-6  # [-], of half an element; imaginary part of a double root due to rounding
+MAX_ITERATIONS = 60  # [-], of Newton's method; 4 to 8 are usual
+NEWTON_TOLERANCE = 1e-12  # [-], of the largest E; change at convergence
+MIN_ENERGY_RATIO = 0.2  # [-], of E; a Newton step reduces E no further
+PERTURBATION = 1e-7  # [-], relative; finite differences of the residual
+MAX_ELEMENTS = 20_000  # [-]; dozens are usual, the number doubles in each refinement of a noisy torque
+MAX_REFINEMENTS = 30  # [-]; 2 to 5 are usual, more for a steep motor curve and little inertia
+
+Residual = Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
-class Turning:
-    """A turn: `breaks` of its elements [rad]; `angle`, `energy` E [1/s^2], `acceleration` [rad/s^2], a row for each."""
+class ShaftRevolution:
+    """Speed of a shaft over one revolution, one row per element.
 
-    breaks: np.ndarray
-    angle: np.ndarray
-    energy: np.ndarray
-    acceleration: np.ndarray
+    Parameters
+    ----------
+    breaks : ndarray, shape (n + 1,)
+        Ends of the elements [rad].
+    angle, energy, acceleration : ndarray, shape (n, ORDER + 1)
+        phi [rad], E [1/s^2] and phi'' [rad/s^2] at the nodes.
+    iterations : int
+        Newton iterations.
+    """
+
+    breaks: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    energy: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
     iterations: int
 
     @property
-    def speed(self):
-        """phi' [rad/s] at the nodes."""
+    def speed(self) -> NDArray[np.float64]:
+        """Speed phi' at the nodes [rad/s]."""
         return np.sqrt(2 * self.energy)
 
     @property
-    def jerk(self):
-        """Third derivative of phi by time [rad/s^3] at the nodes."""
-        return self.acceleration @ SLOPES.T / np.diff(self.breaks)[:, None] * self.speed
+    def jerk(self) -> NDArray[np.float64]:
+        """Third derivative of phi with respect to time at the nodes [rad/s^3]."""
+        return self.acceleration @ DIFFERENTIATION.T / np.diff(self.breaks)[:, None] * self.speed
 
     @property
-    def weights(self):
-        """Weights [s] that integrate over the time of the turn."""
+    def weights(self) -> NDArray[np.float64]:
+        """Quadrature weights over time [s]."""
         return np.diff(self.breaks)[:, None] * WEIGHTS / self.speed
 
     @property
-    def time(self):
-        """Time [s] at the nodes from the start of the turn."""
+    def time(self) -> NDArray[np.float64]:
+        """Time since the start of the revolution at the nodes [s]."""
         slowness, width = 1 / self.speed, np.diff(self.breaks)[:, None]
-        # the derivative of the time within an element, whose value at its start is 0, is the slowness
-        within = np.concatenate([np.zeros_like(width), width * (slowness[:, 1:] @ INTEGRALS.T)], axis=1)
+        within = np.concatenate([np.zeros_like(width), width * (slowness[:, 1:] @ INTEGRATION.T)], axis=1)
         starts = np.concatenate([[0.0], np.cumsum(within[:-1, -1])])
         return starts[:, None] + within
 
     @cached_property
-    def energy_range(self):
-        """Least and largest E over the turn [1/s^2], at the ends of elements and at the roots of its derivative."""
+    def energy_range(self) -> tuple[float, float]:
+        """Smallest and largest E [1/s^2], at the ends of elements and at the roots of its derivative."""
         coefficients = self.energy @ TO_CHEBYSHEV.T
         size = np.abs(coefficients).max(axis=1)
-        found = [self.energy[:, 0], self.energy[:, -1]]
-        for row, most in zip(coefficients, size, strict=True):
-            kept = np.flatnonzero(np.abs(row) > ROUNDING * most)[-1] + 1  # beyond, coefficients are rounding
-            roots = chebyshev.chebroots(chebyshev.chebder(row[:kept])) if kept > 2 else np.empty(0)
-            places = roots[np.abs(roots.imag) <= REAL].real
-            found.append(chebyshev.chebval(places[np.abs(places) <= 1], row))
-        every = np.concatenate(found)
-        return float(every.min()), float(every.max())
+        candidates = [self.energy[:, 0], self.energy[:, -1]]
+        for row, largest in zip(coefficients, size, strict=True):
+            count = np.flatnonzero(np.abs(row) > COEFFICIENT_ROUNDING * largest)[-1] + 1
+            roots = chebyshev.chebroots(chebyshev.chebder(row[:count])) if count > 2 else np.empty(0)
+            places = roots[np.abs(roots.imag) <= ROOT_ROUNDING].real
+            candidates.append(chebyshev.chebval(places[np.abs(places) <= 1], row))
+        extrema = np.concatenate(candidates)
+        return float(extrema.min()), float(extrema.max())
 
-    def at(self, angle):
-        """E, phi'' and the third derivative at angles in [0, 2 pi] of any shape."""
+    def evaluate(
+        self, angle: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """E [1/s^2], phi'' [rad/s^2] and the third derivative [rad/s^3] at angles in [0, 2 pi] of any shape."""
         i = np.clip(np.searchsorted(self.breaks, angle, side="right") - 1, 0, len(self.angle) - 1)
         place = 2 * (angle - self.breaks[i]) / np.diff(self.breaks)[i] - 1
         polynomials = chebyshev.chebvander(place, ORDER)
-        nodal = (self.energy, self.acceleration, self.jerk)
-        return tuple(np.sum(polynomials * (values @ TO_CHEBYSHEV.T)[i], axis=-1) for values in nodal)
+        energy, acceleration, jerk = (
+            np.sum(polynomials * (values @ TO_CHEBYSHEV.T)[i], axis=-1)
+            for values in (self.energy, self.acceleration, self.jerk)
+        )
+        return energy, acceleration, jerk
 
 
-def turning(residual, breaks, speed, tolerance=1e-9, periodic=True):
-    """`Turning` over the breaks [rad] of a shaft whose torques are out of balance by `residual`.
+def solve_shaft_speed(
+    residual: Residual, breaks: ArrayLike, speed: float, tolerance: float = 1e-9, periodic: bool = True
+) -> ShaftRevolution:
+    """Solve the speed of a shaft over its angle.
 
-    residual : of (angle, E, phi''), arrays of shape (n, ORDER + 1), smooth between the breaks; what makes it makes E
-    speed : first guess in the periodic regime, or the speed at the start [rad/s]
+    Parameters
+    ----------
+    residual : callable
+        Residual torque of (angle, E, phi''), arrays of shape (n, ORDER + 1), smooth between the breaks. Any unit.
+    breaks : array_like, shape (n + 1,)
+        Angles between which the residual is smooth [rad].
+    speed : float
+        Initial speed, or a first guess of it in the periodic regime [rad/s].
+    tolerance : float
+        Of E, relative to its largest value.
+    periodic : bool
+        Solve the periodic regime.
 
-    Raises RuntimeError where the shaft comes to a stand, or no solution is found.
+    Returns
+    -------
+    ShaftRevolution
+        Speed over the breaks.
+
+    Raises
+    ------
+    RuntimeError
+        If the shaft stops or the solution does not converge.
     """
-    breaks, energy, iterations = np.asarray(breaks, float), None, 0
-    for _ in range(HALVINGS):
+    breaks, iterations = np.asarray(breaks, float), 0
+    energy = np.full((len(breaks) - 1, ORDER + 1), speed**2 / 2)
+    for _ in range(MAX_REFINEMENTS):
         width = np.diff(breaks)[:, None]
-        angle = np.clip(breaks[:-1, None] + width * NODES, breaks[:-1, None] + INSET, breaks[1:, None] - INSET)
-        if energy is None:
-            energy = np.full(angle.shape, speed**2 / 2)
-        energy, count = _balanced(residual, angle, width, energy, periodic)
+        angle = np.clip(breaks[:-1, None] + width * NODES, breaks[:-1, None] + END_INSET, breaks[1:, None] - END_INSET)
+        energy, count = _solve_elements(residual, angle, width, energy, periodic)
         iterations += count
         coefficients = np.abs(energy @ TO_CHEBYSHEV.T)
-        rough = coefficients[:, -2:].max(axis=1) > tolerance * energy.max()
-        if not rough.any():
-            return Turning(breaks, angle, energy, energy @ SLOPES.T / width, iterations)
-        halves = (breaks[:-1] + breaks[1:])[rough] / 2
-        if len(breaks) + len(halves) > MOST_ELEMENTS:
+        unresolved = coefficients[:, -2:].max(axis=1) > tolerance * energy.max()
+        if not unresolved.any():
+            return ShaftRevolution(breaks, angle, energy, energy @ DIFFERENTIATION.T / width, iterations)
+        middles = (breaks[:-1] + breaks[1:])[unresolved] / 2
+        if len(breaks) + len(middles) > MAX_ELEMENTS:
             break
-        coarse = Turning(breaks, angle, energy, energy, iterations)
-        breaks = np.sort(np.append(breaks, halves))
+        coarse = ShaftRevolution(breaks, angle, energy, energy, iterations)
+        breaks = np.sort(np.append(breaks, middles))
         fine = breaks[:-1, None] + np.diff(breaks)[:, None] * NODES
-        energy = np.maximum(coarse.at(fine)[0], LEAST * energy.min())
-    raise RuntimeError(f"the turn was not resolved by {len(breaks) - 1} elements; is the torque or resistance smooth?")
-
-
-def _balanced(residual, angle, width, energy, periodic):
-    """E at the nodes by Newton's method, and the iterations."""
-    for iteration in range(1, ITERATIONS + 1):
-        change = _newton(residual, angle, width, energy, periodic)
-        share = min(1.0, np.min(np.where(change < 0, (1 - LEAST) * energy / np.maximum(-change, 1e-300), np.inf)))
-        energy = energy + share * change
-        if np.abs(change).max() <= 1e-12 * energy.max():
-            return energy, iteration
-    slowest = np.unravel_index(energy.argmin(), energy.shape)
+        energy = np.maximum(coarse.evaluate(fine)[0], MIN_ENERGY_RATIO * energy.min())
     raise RuntimeError(
-        f"no balance of the shaft in {ITERATIONS} steps: its speed falls to {np.sqrt(2 * energy[slowest]):g} rad/s at "
-        f"{angle[slowest]:g} rad; the motor is too weak, or give more inertia"
+        f"the speed of the shaft is not resolved by {len(breaks) - 1} elements; use a torque curve and a resistance "
+        "that are smooth in speed"
     )
 
 
-def _newton(residual, angle, width, energy, periodic):
-    """Change of E at the nodes that balances the linearised shaft."""
-    acceleration = energy @ SLOPES.T / width
-    now = residual(angle, energy, acceleration)
-    small = PROBE * energy
-    by_energy = (residual(angle, energy + small, acceleration) - now) / small
-    small = PROBE * (np.abs(acceleration) + energy.max())
-    by_acceleration = (residual(angle, energy, acceleration + small) - now) / small
-    matrix = by_acceleration[:, :, None] * SLOPES / width[:, :, None]
+def _solve_elements(residual, angle, width, energy, periodic):
+    """E at the nodes by Newton's method, and the number of iterations."""
+    for iteration in range(1, MAX_ITERATIONS + 1):
+        change = _newton_step(residual, angle, width, energy, periodic)
+        limits = (1 - MIN_ENERGY_RATIO) * energy / np.maximum(-change, 1e-300)
+        energy = energy + min(1.0, np.min(np.where(change < 0, limits, np.inf))) * change
+        if np.abs(change).max() <= NEWTON_TOLERANCE * energy.max():
+            return energy, iteration
+    slowest = np.unravel_index(energy.argmin(), energy.shape)
+    raise RuntimeError(
+        f"the speed of the shaft did not converge in {MAX_ITERATIONS} Newton steps: it falls to "
+        f"{np.sqrt(2 * energy[slowest]):g} rad/s at {angle[slowest]:g} rad; use a stronger motor or more inertia"
+    )
+
+
+def _newton_step(residual, angle, width, energy, periodic):
+    """Change of E at the nodes by one Newton step."""
+    acceleration = energy @ DIFFERENTIATION.T / width
+    here = residual(angle, energy, acceleration)
+    step = PERTURBATION * energy
+    by_energy = (residual(angle, energy + step, acceleration) - here) / step
+    step = PERTURBATION * (np.abs(acceleration) + energy.max())
+    by_acceleration = (residual(angle, energy, acceleration + step) - here) / step
+    matrix = by_acceleration[:, :, None] * DIFFERENTIATION / width[:, :, None]
     matrix[:, np.arange(ORDER + 1), np.arange(ORDER + 1)] += by_energy
-    right = np.stack([-now[:, 1:], -matrix[:, 1:, 0]], axis=-1)
-    own, passed = np.moveaxis(np.linalg.solve(matrix[:, 1:, 1:], right), -1, 0)
-    gaps = energy[:, 0] - np.roll(energy[:, -1], 1)  # of E where elements meet, closed by the change
+    right = np.stack([-here[:, 1:], -matrix[:, 1:, 0]], axis=-1)
+    particular, propagation = np.moveaxis(np.linalg.solve(matrix[:, 1:, 1:], right), -1, 0)
+    gaps = energy[:, 0] - np.roll(energy[:, -1], 1)  # jumps of E between elements, closed by the step
     if not periodic:
         gaps[0] = 0.0
-    starts = _chained(own[:, -1], passed[:, -1], gaps, periodic)
-    return np.concatenate([starts[:, None], own + passed * starts[:, None]], axis=1)
+    starts = _propagate(particular[:, -1], propagation[:, -1], gaps, periodic)
+    return np.concatenate([starts[:, None], particular + propagation * starts[:, None]], axis=1)
 
 
-def _chained(own, passed, gaps, periodic):
-    """Changes s at the start of each element: s_(i+1) = own_i + passed_i s_i - gap_(i+1), closed if periodic."""
+def _propagate(particular, propagation, gaps, periodic):
+    """Compute s at the starts of the elements: s_(i+1) = particular_i + propagation_i s_i - gap_(i+1)."""
 
-    def through(start):
+    def from_start(start):
         starts = [start]
-        for i in range(len(own) - 1):
-            starts.append(own[i] + passed[i] * starts[-1] - gaps[i + 1])
-        return np.array(starts), own[-1] + passed[-1] * starts[-1] - gaps[0]
+        for i in range(len(particular) - 1):
+            starts.append(particular[i] + propagation[i] * starts[-1] - gaps[i + 1])
+        return np.array(starts), particular[-1] + propagation[-1] * starts[-1] - gaps[0]
 
     if not periodic:
-        return through(0.0)[0]
-    none, one = through(0.0)[1], through(1.0)[1]
-    return through(none / (1 - (one - none)))[0]
+        return from_start(0.0)[0]
+    zero, one = from_start(0.0)[1], from_start(1.0)[1]
+    return from_start(zero / (1 - (one - zero)))[0]

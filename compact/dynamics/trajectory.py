@@ -1,173 +1,234 @@
-"""The way of a cart behind a spring over a time: arcs of it, as numbers at any place."""
+"""Trajectory of a cart behind a spring: evaluation of the intervals of `event_driven` at any place."""
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compact.dynamics.event_driven import Intervals
-from compact.dynamics.force_elements import AT_NEAR, NEAR, CartState, Resistance, Spring
-from compact.numerics.piecewise import clenshaw_curtis, horner
+from compact.dynamics.force_elements import (
+    AT_NEAR_PLATE,
+    NEAR_SPRING,
+    CartState,
+    OscillatorParameters,
+    ResistanceTable,
+)
+from compact.numerics.piecewise import PiecewisePolynomial, clenshaw_curtis, horner
 
-SAMPLES, TURN = 17, 2.5  # points for each so many rad of an oscillation: integrals of its square to 1e-9
-ALIVE = 1e-12  # of an oscillation's first amplitude
-MOST_SAMPLES = 250_000  # [-], of a cycle; they take 1 kB each at the peak, 128 B as long as the run is kept
+CELL_POINTS = 17  # [-], points of a cell; integrals of the square of an oscillation are exact to 1e-9
+CELL_ANGLE = 2.5  # [rad], of an oscillation; size of a cell
+OSCILLATION_FLOOR = 1e-12  # [-], of the initial amplitude; a smaller oscillation is not resolved
+MAX_SAMPLES = 250_000  # [-], of a cycle; 1 kB each at the peak, 128 B for the lifetime of the run
+
+
+class Kinematics(NamedTuple):
+    """Motion of a cart at places of its trajectory; arrays of one shape.
+
+    Parameters
+    ----------
+    position, velocity, acceleration, jerk : ndarray
+        [m], [m/s], [m/s^2], [m/s^3].
+    resistance : ndarray
+        Force of mix and guides on the cart [N]; the whole pull for a cart at rest.
+    """
+
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
+    jerk: NDArray[np.float64]
+    resistance: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Course:
-    """The cart over a time: its arcs and what gives them meaning; it ran from the state `start` to `end`."""
+class Trajectory:
+    """Motion of a cart over a time. A place is an interval index i and u in [0, duration/scale].
 
-    spring: Spring
-    arcs: Intervals
-    resistance: Resistance
+    Parameters
+    ----------
+    oscillator : OscillatorParameters
+        Cart and springs.
+    intervals : Intervals
+        Solution.
+    resistance : ResistanceTable
+        R(v, a).
+    start, end : CartState
+        Initial and final state.
+    """
+
+    oscillator: OscillatorParameters
+    intervals: Intervals
+    resistance: ResistanceTable
     start: CartState
     end: CartState
 
     @property
-    def sample_count(self):
-        """Number of samples of `places`, without making them."""
-        return SAMPLES * sum(self._cells(i, length) + 2 for i, length in enumerate(self.arcs.length))
+    def sample_count(self) -> int:
+        """Upper bound of the number of `sample_points`, without their computation."""
+        return CELL_POINTS * sum(self._cell_count(i, float(d)) + 2 for i, d in enumerate(self.intervals.duration))
 
-    def places(self):
-        """(arc, u, weight [s]) of samples that resolve law and ringing, each of shape (n,); weights integrate."""
-        nodes, unit_weights = clenshaw_curtis(SAMPLES)
+    def sample_points(self) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+        """Places that resolve the imposed motion and the oscillation.
+
+        Returns
+        -------
+        tuple of ndarray, shape (n,)
+            Interval index i, place u and weight [s] of a quadrature over time.
+        """
+        nodes, unit_weights = clenshaw_curtis(CELL_POINTS)
         columns = []
-        for i, (span, length) in enumerate(zip(self.arcs.span, self.arcs.length, strict=True)):
-            edges = self._edges(i, length)
+        for i, (scale, duration) in enumerate(zip(self.intervals.scale, self.intervals.duration, strict=True)):
+            edges = self._cell_edges(i, duration)
             width = np.diff(edges)[:, None]
             t = (edges[:-1, None] + width * nodes).ravel()
-            columns.append((np.full(t.shape, i), t / span, (width * unit_weights).ravel()))
-        return tuple(np.concatenate(column) for column in zip(*columns, strict=True))
+            columns.append((np.full(t.shape, i), t / scale, (width * unit_weights).ravel()))
+        i, u, weights = (np.concatenate(column) for column in zip(*columns, strict=True))
+        return i, u, weights
 
-    def _edges(self, i, length):
-        """Times of arc i, from 0 to its length, between which nothing swings more than TURN."""
-        cosine, sine, decay, bend = self.arcs.ring[i]
+    def _cell_edges(self, i: int, duration: float) -> NDArray[np.float64]:
+        """Edges [s] of cells of interval i in each of which the oscillation turns by `CELL_ANGLE` at most."""
+        cosine, sine, decay, discriminant = self.intervals.oscillation[i]
         if not (cosine or sine):
-            return np.linspace(0, length, 3)
-        if bend >= 0:  # two real roots: halving towards the start, where the faster one lives
-            halvings = math.ceil(math.log2(max(2.0, length * (abs(decay) + math.sqrt(bend)))))
-            return np.append(0.0, length * 2.0 ** np.arange(-halvings, 1))
-        alive = alive_time(decay, length)
-        edges = np.linspace(0, alive, self._cells(i, length) + 1)
-        return edges if alive == length else np.append(edges, np.linspace(alive, length, 3)[1:])
+            return np.linspace(0, duration, 3)
+        if discriminant >= 0:  # two real roots; bisection towards the start, where the faster one decays
+            halvings = math.ceil(math.log2(max(2.0, duration * (abs(decay) + math.sqrt(discriminant)))))
+            return np.append(0.0, duration * 2.0 ** np.arange(-halvings, 1))
+        resolved = oscillation_time(decay, duration)
+        edges = np.linspace(0, resolved, self._cell_count(i, duration) + 1)
+        return edges if resolved == duration else np.append(edges, np.linspace(resolved, duration, 3)[1:])
 
-    def _cells(self, i, length):
-        """Cells of arc i that resolve its oscillation, 0 where nothing swings."""
-        cosine, sine, decay, bend = self.arcs.ring[i]
-        if not (cosine or sine) or bend >= 0:
+    def _cell_count(self, i: int, duration: float) -> int:
+        """Count the cells that resolve the oscillation of interval i, 0 without one."""
+        cosine, sine, decay, discriminant = self.intervals.oscillation[i]
+        if not (cosine or sine) or discriminant >= 0:
             return 0
-        return math.ceil(alive_time(decay, length) * math.sqrt(decay**2 - bend) / TURN)
+        return math.ceil(oscillation_time(decay, duration) * math.sqrt(decay**2 - discriminant) / CELL_ANGLE)
 
-    def at(self, time):
-        """(arc, u) at times [s] within the course."""
-        i = np.clip(np.searchsorted(self.arcs.start, time, side="right") - 1, 0, len(self.arcs.start) - 1)
-        return i, (time - self.arcs.start[i]) / self.arcs.span[i]
+    def locate(self, time: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Interval indices i and places u of times [s] within the trajectory."""
+        starts = self.intervals.start
+        i = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(starts) - 1)
+        return i, (time - starts[i]) / self.intervals.scale[i]
 
-    def stretch(self, i, u):
-        """e [m] and its rate [m/s] at places u of arcs i."""
-        span, ring = self.arcs.span[i], self.arcs.ring[i].T
-        cosine, sine, decay, bend = ring
-        g0, g1 = _swings(decay, bend, span * u)
-        poly = self.arcs.stretch[i]
-        stretch = horner(poly, u) + cosine * g0 + sine * g1
-        rate = horner(_slope(poly), u) / span + (sine - decay * cosine) * g0 + (bend * cosine - decay * sine) * g1
-        return stretch, rate
+    def elongation(
+        self, i: NDArray[np.int64], u: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Elongation e [m] of the drive spring and its rate [m/s]."""
+        scale, polynomial = self.intervals.scale[i], self.intervals.elongation[i]
+        cosine, sine, decay, discriminant = self.intervals.oscillation[i].T
+        g0, g1 = _free_oscillation(decay, discriminant, scale * u)
+        elongation = horner(polynomial, u) + cosine * g0 + sine * g1
+        rate = horner(_derivative(polynomial), u) / scale
+        rate = rate + (sine - decay * cosine) * g0 + (discriminant * cosine - decay * sine) * g1
+        return elongation, rate
 
-    def far_end(self, i, u, order=0):
-        """y or its derivative by time at places u of arcs i."""
-        poly = self.arcs.law[i]
+    def far_end(self, i: NDArray[np.int64], u: NDArray[np.float64], order: int = 0) -> NDArray[np.float64]:
+        """Position y of the far end [m], or its derivative with respect to time of the given order."""
+        polynomial = self.intervals.far_end[i]
         for _ in range(order):
-            poly = _slope(poly)
-        return horner(poly, u) / self.arcs.span[i] ** order
+            polynomial = _derivative(polynomial)
+        return horner(polynomial, u) / self.intervals.scale[i] ** order
 
-    def force(self, i, u):
-        """H [N] at places u of arcs i."""
-        stretch, rate = self.stretch(i, u)
-        return self._pulled(self.arcs.side[i], stretch) + self.spring.damping * rate
+    def drive_force(self, i: NDArray[np.int64], u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Force H of drive spring and damper [N]."""
+        elongation, rate = self.elongation(i, u)
+        return self._flank_force(self.intervals.flank[i], elongation) + self.oscillator.damping * rate
 
-    def _pulled(self, side, stretch):
-        taken = np.where(side != 0, stretch - side * self.spring.backlash / 2, 0.0)
-        return self.spring.stiffness * taken
+    def _flank_force(self, flank, elongation):
+        """Force of the drive spring [N]."""
+        engaged = np.where(flank != 0, elongation - flank * self.oscillator.backlash / 2, 0.0)
+        return self.oscillator.stiffness * engaged
 
-    def push(self, i, u):
-        """S [N] of the end springs at places u of arcs i; where a cart stands at a plate no more than holds it."""
-        ends, zone = self.spring.ends, self.arcs.zone[i]
-        position = self.far_end(i, u) - self.stretch(i, u)[0]
-        way = np.sign(zone)
-        pressed = ends.length - np.where(way > 0, position, ends.stroke - position)
-        held = np.clip(-way * self.force(i, u), 0.0, ends.preload)
-        return way * np.where(np.abs(zone) == AT_NEAR, held, ends.preload + ends.stiffness * pressed)
+    def end_spring_force(self, i: NDArray[np.int64], u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Force S of the end springs [N]; at the plate of one the force that holds the cart at rest."""
+        ends, zone = self.oscillator.end_springs, self.intervals.zone[i]
+        position = self.far_end(i, u) - self.elongation(i, u)[0]
+        sign = np.sign(zone)
+        compression = ends.length - np.where(sign > 0, position, ends.stroke - position)
+        holding = np.clip(-sign * self.drive_force(i, u), 0.0, ends.preload)
+        compressed = ends.preload + ends.stiffness * compression
+        return sign * np.where(np.abs(zone) == AT_NEAR_PLATE, holding, compressed)
 
-    def motion(self, i, u):
-        """Position, velocity, acceleration, jerk of the cart and what resists it [N], at places u of arcs i."""
-        stretch, rate = self.stretch(i, u)
-        slip, pull = self.arcs.slip[i], self.force(i, u) + self.push(i, u)
+    def kinematics(self, i: NDArray[np.int64], u: NDArray[np.float64]) -> Kinematics:
+        """Motion of the cart and the force that resists it."""
+        elongation, rate = self.elongation(i, u)
+        slip, pull = self.intervals.slip[i], self.drive_force(i, u) + self.end_spring_force(i, u)
         velocity = np.where(slip != 0, self.far_end(i, u, 1) - rate, 0.0)
-        force, rise, added, grows = self._met(slip, velocity)
-        # R = F + M a up to a pace, and M at the pace beyond
-        mass, most = self.spring.mass, _most(self.resistance.pace, slip * velocity)
-        free = (pull - force) / (mass + added)
-        inside = np.abs(free) <= most
-        sign, held = np.sign(free), np.where(inside, 0.0, most)
-        acceleration = np.where(inside, free, (pull - force - sign * added * held) / mass) * (slip != 0)
-        resisted = np.where(slip != 0, force + added * np.where(inside, acceleration, sign * held), pull)
-        beyond = sign * slip * (np.where(inside, 0.0, self.resistance.pace) * added + grows * held)
-        rise = rise + np.where(inside, slip * grows * acceleration, beyond)
-        stiffness = np.where(self.arcs.side[i] != 0, self.spring.stiffness, 0.0)
-        pulls = stiffness * rate + self.spring.damping * (self.far_end(i, u, 2) - acceleration)
-        pulls = pulls - np.where(np.abs(self.arcs.zone[i]) == NEAR, self.spring.ends.stiffness, 0.0) * velocity
-        jerk = np.where(slip != 0, (pulls - rise * acceleration) / (mass + np.where(inside, added, 0.0)), 0.0)
-        return self.far_end(i, u) - stretch, velocity, acceleration, jerk, resisted
+        force, slope, added_mass, mass_slope = self._resistance_terms(slip, velocity)
+        mass, rate_limit = self.oscillator.mass, self.resistance.rate_limit
+        limit = _acceleration_limit(rate_limit, slip * velocity)
+        unsaturated = (pull - force) / (mass + added_mass)
+        follows, sign = np.abs(unsaturated) <= limit, np.sign(unsaturated)
+        limit = np.where(follows, 0.0, limit)
+        saturated = (pull - force - sign * added_mass * limit) / mass
+        acceleration = np.where(follows, unsaturated, saturated) * (slip != 0)
+        resisting = np.where(slip != 0, force + added_mass * np.where(follows, acceleration, sign * limit), pull)
+        saturated_slope = sign * slip * (np.where(follows, 0.0, rate_limit) * added_mass + mass_slope * limit)
+        slope = slope + np.where(follows, slip * mass_slope * acceleration, saturated_slope)
+        pull_rate = self._pull_rate(i, u, rate, velocity, acceleration)
+        moving_mass = mass + np.where(follows, added_mass, 0.0)
+        jerk = np.where(slip != 0, (pull_rate - slope * acceleration) / moving_mass, 0.0)
+        return Kinematics(self.far_end(i, u) - elongation, velocity, acceleration, jerk, resisting)
 
-    def _met(self, slip, velocity):
+    def _pull_rate(self, i, u, rate, velocity, acceleration):
+        """Rate of the force of drive and end springs [N/s]."""
+        stiffness = np.where(self.intervals.flank[i] != 0, self.oscillator.stiffness, 0.0)
+        pull_rate = stiffness * rate + self.oscillator.damping * (self.far_end(i, u, 2) - acceleration)
+        compressed = np.abs(self.intervals.zone[i]) == NEAR_SPRING
+        return pull_rate - np.where(compressed, self.oscillator.end_springs.stiffness, 0.0) * velocity
+
+    def _resistance_terms(self, slip, velocity):
         """F, dF/dv, M and dM/d|v| on the side of the slip."""
         speed = slip * velocity
-        there, back = ((table(speed), _rise(table, speed)) for table in self.resistance[:2])
-        force, rise = (np.where(slip > 0, one, other) for one, other in zip(there, back, strict=True))
-        if self.resistance.pace == 0:
-            return force, slip * rise, 0.0, 0.0
-        return force, slip * rise, self.resistance.added(speed), _rise(self.resistance.added, speed)
+        tables = self.resistance.forward, self.resistance.backward
+        forward, backward = ((table(speed), _table_slope(table, speed)) for table in tables)
+        force, slope = (np.where(slip > 0, one, other) for one, other in zip(forward, backward, strict=True))
+        if self.resistance.rate_limit == 0:
+            return force, slip * slope, 0.0, 0.0
+        added_mass = self.resistance.added_mass
+        return force, slip * slope, added_mass(speed), _table_slope(added_mass, speed)
 
-    def energy(self, state, place=0.0):
-        """Energy of cart and springs [J] in a state, the far end at a place [m]."""
-        ends, side = self.spring.ends, state.side
-        pulled, position = float(self._pulled(side, state.stretch)), place - state.stretch
-        pressed = max(ends.length - min(position, ends.stroke - position), 0.0) if ends.length else 0.0
-        held = ends.preload * pressed + ends.stiffness / 2 * pressed**2
-        return self.spring.mass / 2 * state.velocity**2 + pulled**2 / (2 * self.spring.stiffness) + held
-
-
-def alive_time(decay, length):
-    """Time [s] of a `length` [s] in which an oscillation of a decay [1/s] is above rounding."""
-    return min(length, -math.log(ALIVE) / decay) if decay > 0 else length
+    def energy(self, state: CartState, far_end: float = 0.0) -> float:
+        """Energy of cart and springs [J] in a state, with the far end at a position [m]."""
+        ends, flank = self.oscillator.end_springs, state.flank
+        force, position = float(self._flank_force(flank, state.elongation)), far_end - state.elongation
+        compression = max(ends.length - min(position, ends.stroke - position), 0.0) if ends.length else 0.0
+        stored = ends.preload * compression + ends.stiffness / 2 * compression**2
+        kinetic = self.oscillator.mass / 2 * state.velocity**2
+        return kinetic + force**2 / (2 * self.oscillator.stiffness) + stored
 
 
-def _most(pace, speed):
-    """A |v|, without the product of an infinite pace and no speed."""
-    return np.full(np.shape(speed), np.inf) if pace == np.inf else pace * speed
+def oscillation_time(decay: float, duration: float) -> float:
+    """Time [s] within a duration [s] during which an oscillation of a decay [1/s] exceeds `OSCILLATION_FLOOR`."""
+    return min(duration, -math.log(OSCILLATION_FLOOR) / decay) if decay > 0 else duration
 
 
-def _slope(poly):
-    """Coefficients of the derivative by u, same shape."""
-    slope = np.zeros_like(poly)
-    slope[..., :-1] = poly[..., 1:] * np.arange(1, poly.shape[-1])
-    return slope
+def _acceleration_limit(rate_limit: float, speed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return A |v| [m/s^2], infinite also at rest for an infinite A."""
+    return np.full(np.shape(speed), np.inf) if rate_limit == np.inf else rate_limit * speed
 
 
-def _rise(table, speed):
-    """dF/d|v| of a table."""
+def _derivative(polynomial: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Coefficients of the derivative with respect to u, in the same shape."""
+    derivative = np.zeros_like(polynomial)
+    derivative[..., :-1] = polynomial[..., 1:] * np.arange(1, polynomial.shape[-1])
+    return derivative
+
+
+def _table_slope(table: PiecewisePolynomial, speed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Differentiate a table with respect to |v|."""
     i = np.clip(np.searchsorted(table.breaks, speed, side="right") - 1, 0, len(table.coefficients) - 1)
     width = table.breaks[i + 1] - table.breaks[i]
-    return horner(_slope(table.coefficients)[i], (speed - table.breaks[i]) / width) / width
+    return horner(_derivative(table.coefficients)[i], (speed - table.breaks[i]) / width) / width
 
 
-def _swings(decay, bend, t):
-    """g0, g1 of `ringing.swings`, arrays of one shape."""
-    swing, growth = np.sqrt(np.abs(bend)), np.sqrt(np.maximum(bend, 0.0))
-    safe = np.where(swing > 0, swing, 1.0)
-    fall = np.exp(-decay * t)
+def _free_oscillation(decay, discriminant, t):
+    """g0 and g1 of `oscillator.free_oscillation`, for arrays of one shape."""
+    frequency, growth = np.sqrt(np.abs(discriminant)), np.sqrt(np.maximum(discriminant, 0.0))
+    safe = np.where(frequency > 0, frequency, 1.0)
+    amplitude = np.exp(-decay * t)
     slow, fast = np.exp(-(decay - growth) * t), -np.expm1(-2 * growth * t)
-    g0 = np.where(bend < 0, fall * np.cos(swing * t), slow * (1 - fast / 2))
-    g1 = np.where(bend < 0, fall * np.sin(swing * t) / safe, slow * fast / (2 * safe))
-    return np.where(bend == 0, fall, g0), np.where(bend == 0, fall * t, g1)
+    g0 = np.where(discriminant < 0, amplitude * np.cos(frequency * t), slow * (1 - fast / 2))
+    g1 = np.where(discriminant < 0, amplitude * np.sin(frequency * t) / safe, slow * fast / (2 * safe))
+    return np.where(discriminant == 0, amplitude, g0), np.where(discriminant == 0, amplitude * t, g1)

@@ -1,24 +1,28 @@
-"""Preloaded springs at both ends of the stroke, which stop the cart and set it going the other way.
+"""Forces on a cart between guide rails: drive force, guide-wheel reactions and preloaded end springs.
 
-    S = P + k (l - x) for x < l,   -(P + k (x - h + l)) for x > h - l,   0 between
-
-x is the cart's position from 0 to the stroke h. The preload P makes S jump where the cart meets a spring; those places
-are found beforehand, so that nothing is sampled across them.
-
-Forces on a cart that rolls between guide rails: the drive force and the reactions of its two guide wheels.
-
-Axes: x along the travel from the cart's centre, + towards the drive; y up from the drive pin. The mix lifts the
-rollers, the guide wheels press down on the cart from the upper rail; a wheel whose reaction turns negative has lifted
-off and runs on the lower rail. With s = sign of velocity, H the drive force and V = H tan(beta) the vertical pull of
-an inclined rod (paper C eqs 1-9, which hold as printed only for s = +1; reconstructed here, see errata C-6 to C-8):
+Axes: x along the travel from the centre of the cart, positive towards the drive; y upwards from the drive pin. The mix
+lifts the rollers, and the guide wheels run on the upper rail. A wheel with a negative reaction has lifted off and runs
+on the lower rail. With s = sign of velocity, H the drive force and V = H tan(beta) the vertical component of an
+inclined rod:
 
     H = m a + W - S + s f (|N1| + |N2|)
     N1 + N2 = sum R - G + V
     N1 x1 + N2 x2 = sum R x + V z - W (e + r) + s f (D/2) (N1 + N2)
 
-W is the resistance of the mix on the rollers' lowest points, e + r below the pin, S the push of springs at the ends of
-the stroke (`springs`), at the height of the pin. The cart's centre of mass and the
-guide wheels' axles lie at the height of the pin: the paper does not say, and its numbers agree with that.
+W is the resistance of the mix at the lowest points of the rollers, e + r below the pin. S is the force of the end
+springs at the height of the pin:
+
+    S = P + k (l - x) for x < l,   -(P + k (x - h + l)) for x > h - l,   0 between
+
+with the position x from 0 to the stroke h. The preload P makes S jump at the plate of a spring; these positions bound
+the pieces of a motion, so that no sample interval extends across a jump.
+
+The centre of mass and the axles of the guide wheels are assumed at the height of the pin. The source does not state
+this, but its numbers agree with it.
+
+References
+----------
+Paper C, eqs 1-9, valid as printed for s = +1 only; reconstructed here, see errata C-6 to C-8.
 """
 
 from collections.abc import Callable
@@ -27,69 +31,124 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from compact.numerics.piecewise import find_roots
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
+# force of the mix on all rollers of a cart [N] over velocity [m/s] and acceleration [m/s^2]
+Resistance = Callable[[NDArray[np.float64], NDArray[np.float64]], ArrayLike]
 
-class Zones(NamedTuple):
-    """breaks of a coordinate of the motion, ascending; side of each piece between: +1 on the near spring, -1 far, 0."""
 
-    breaks: np.ndarray
-    sides: np.ndarray
+class SpringZones(NamedTuple):
+    """End spring in contact along a motion.
 
-    def at(self, place):
-        """Side at places of any shape."""
-        return self.sides[np.clip(np.searchsorted(self.breaks, place, side="right") - 1, 0, len(self.sides) - 1)]
+    Parameters
+    ----------
+    breaks : ndarray, shape (n + 1,)
+        Ascending coordinates of the motion, such as its phase, at which the zone may change.
+    sides : ndarray, shape (n,)
+        +1 at the near spring, -1 at the far spring, 0 between.
+    """
+
+    breaks: NDArray[np.float64]
+    sides: NDArray[np.float64]
+
+    def side_at(self, coordinate: ArrayLike) -> NDArray[np.float64]:
+        """Side at coordinates of any shape."""
+        return self.sides[np.clip(np.searchsorted(self.breaks, coordinate, side="right") - 1, 0, len(self.sides) - 1)]
 
 
 @dataclass(frozen=True)
 class EndSprings:
-    """stiffness : k [N/m];  preload : P [N];  length : l over which a spring pushes [m];  stroke : h [m], h >= 2 l."""
+    """Preloaded springs at both ends of the stroke.
+
+    Parameters
+    ----------
+    stiffness : float
+        k [N/m], >= 0.
+    preload : float
+        P [N], >= 0.
+    length : float
+        Working length l of one spring [m], at most half the stroke.
+    stroke : float
+        h [m].
+    """
 
     stiffness: float
     preload: float
     length: float
     stroke: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_nonnegative(stiffness=self.stiffness, preload=self.preload)
         require_positive(length=self.length, stroke=self.stroke)
         if 2 * self.length > self.stroke:
             raise ValueError(f"`length` must be at most half the stroke, {self.stroke / 2:g} m, got {self.length!r}")
 
-    def push(self, position, side):
-        """S [N], + along the travel, at a position [m] on the side that `Zones` tell."""
-        pressed = self.length - np.where(side > 0, position, self.stroke - position)
-        return side * (self.preload + self.stiffness * pressed)
+    def force(self, position: ArrayLike, side: ArrayLike) -> NDArray[np.float64]:
+        """Force S [N] along the travel at positions [m] on the sides of `SpringZones`."""
+        compression = self.length - np.where(side > 0, position, self.stroke - position)
+        return side * (self.preload + self.stiffness * compression)
 
-    def energy(self, position):
-        """What both springs hold [J], their preload's work over `length` among it."""
-        pressed = np.maximum(self.length - np.minimum(position, self.stroke - np.asarray(position)), 0.0)
-        return self.preload * pressed + self.stiffness / 2 * pressed**2
+    def energy(self, position: ArrayLike) -> NDArray[np.float64]:
+        """Energy of both springs [J] relative to their preloaded state."""
+        compression = np.maximum(self.length - np.minimum(position, self.stroke - np.asarray(position)), 0.0)
+        return self.preload * compression + self.stiffness / 2 * compression**2
 
-    def zones(self, position, breaks):
-        """`Zones` of position(place) over places that join at `breaks`."""
-        edges = (self.length, self.stroke - self.length)
+    def zones(self, position: Callable[[NDArray[np.float64]], NDArray[np.float64]], breaks: ArrayLike) -> SpringZones:
+        """Find the zones along a motion.
+
+        Parameters
+        ----------
+        position : callable
+            Position of the cart [m] over a coordinate of the motion.
+        breaks : array_like
+            Coordinates between which the position is smooth, ascending.
+
+        Returns
+        -------
+        SpringZones
+            Zones between the breaks and the contacts with the springs.
+        """
+        plates = (self.length, self.stroke - self.length)
         breaks = np.asarray(breaks, float)
-        met = [find_roots(lambda place, edge=edge: position(place) - edge, breaks) for edge in edges]
-        breaks = np.unique(np.concatenate([breaks, *met]))
+        contacts = [find_roots(lambda place, plate=plate: position(place) - plate, breaks) for plate in plates]
+        breaks = np.unique(np.concatenate([breaks, *contacts]))
         middle = position((breaks[:-1] + breaks[1:]) / 2)
-        return Zones(breaks, np.where(middle < edges[0], 1.0, np.where(middle > edges[1], -1.0, 0.0)))
+        return SpringZones(breaks, np.where(middle < plates[0], 1.0, np.where(middle > plates[1], -1.0, 0.0)))
 
 
 @dataclass(frozen=True)
 class Cart:
-    """A cart and what presses on it.
+    """A cart with its rollers, guide wheels and end springs.
 
-    mass : m [kg]; weight : G [N]
-    roller_positions : x of the rollers [m]; roller_reactions : R, lift of the mix on each [N]
-    guide_positions : x of the front and the rear guide wheel [m], front > rear
-    pin_position : x of the drive pin, z [m]; pin_height : e, above the rollers' axles [m]
-    roller_radius : r [m]; guide_wheel_diameter : D [m]; guide_friction : f, Coulomb at the guide wheels
-    end_springs : at the ends of the stroke, or None
-    return_load_ratio : of the roller reactions at negative velocities over R [-]; below 1 if the return stroke rolls
-        over compacted mix
+    Parameters
+    ----------
+    mass : float
+        m [kg].
+    weight : float
+        G [N].
+    roller_positions : tuple of float
+        x of the rollers [m].
+    roller_reactions : tuple of float
+        Lift R of the mix on each roller [N].
+    guide_positions : tuple of float
+        x of the front and the rear guide wheel [m], front > rear.
+    pin_position : float
+        x of the drive pin, z [m].
+    pin_height : float
+        Height e of the pin above the axles of the rollers [m].
+    roller_radius : float
+        r [m].
+    guide_wheel_diameter : float
+        D [m].
+    guide_friction : float
+        Coefficient f of Coulomb friction of the guide wheels [-].
+    end_springs : EndSprings, optional
+        Springs at the ends of the stroke.
+    return_load_ratio : float
+        Ratio of the roller reactions on the return stroke to those on the forward stroke [-]; < 1 over compacted mix.
     """
 
     mass: float
@@ -105,7 +164,7 @@ class Cart:
     end_springs: EndSprings | None = None
     return_load_ratio: float = 1.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_nonnegative(
             return_load_ratio=self.return_load_ratio,
             mass=self.mass,
@@ -132,103 +191,159 @@ class Cart:
 
 @dataclass(frozen=True)
 class MotionResistance:
-    """What a straight push meets beside the cart's inertia: the mix and the guide wheels [N], odd in velocity.
+    """Resistance of mix and guide wheels to a drive along the rails, odd in velocity.
 
-    resistance : callable(velocity, acceleration) -> N, of the mix on all rollers of the cart
+    Parameters
+    ----------
+    cart : Cart
+        Cart.
+    resistance : callable
+        Force of the mix on all rollers [N] of velocity [m/s] and acceleration [m/s^2].
     """
 
     cart: Cart
-    resistance: Callable
+    resistance: Resistance
 
     @property
-    def odd(self):
-        """Whether the resistance of the mix changes its sign with the velocity by construction."""
+    def odd(self) -> bool:
+        """True for a resistance of the mix that is odd in velocity by construction."""
         return getattr(self.resistance, "odd", False)
 
-    def __call__(self, velocity, acceleration):
-        """W + guide friction [N], of the common shape of velocity [m/s] and acceleration [m/s^2]."""
-        met = self.resistance(velocity, acceleration)
-        return balance(self.cart, 0.0, met, np.sign(velocity)).drive_force
+    def __call__(self, velocity: NDArray[np.float64], acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return W + guide friction [N] at velocities [m/s] and accelerations [m/s^2] of one shape."""
+        force = self.resistance(velocity, acceleration)
+        return balance(self.cart, 0.0, force, np.sign(velocity)).drive_force
 
 
 @dataclass(frozen=True)
 class Balance:
-    """Forces that keep the cart in balance; arrays of one shape.
+    """Forces in equilibrium with the cart; arrays of one shape.
 
-    drive_force : H, along the travel [N], + towards the drive
-    front_reaction, rear_reaction : N1, N2 of the guide wheels [N], + from the upper rail, - from the lower one
-    guide_friction : s f (|N1| + |N2|) [N]
+    Parameters
+    ----------
+    drive_force : ndarray
+        H along the travel [N], positive towards the drive.
+    front_reaction, rear_reaction : ndarray
+        N1 and N2 of the guide wheels [N], positive from the upper rail.
+    guide_friction : ndarray
+        s f (|N1| + |N2|) [N].
     """
 
-    drive_force: np.ndarray
-    front_reaction: np.ndarray
-    rear_reaction: np.ndarray
-    guide_friction: np.ndarray
+    drive_force: NDArray[np.float64]
+    front_reaction: NDArray[np.float64]
+    rear_reaction: NDArray[np.float64]
+    guide_friction: NDArray[np.float64]
 
 
-def balance(cart, acceleration, resistance, direction, rod_tangent=0.0, push=0.0):
-    """`Balance` of a cart in motion; all but the cart are arrays or numbers that broadcast.
+def balance(
+    cart: Cart,
+    acceleration: ArrayLike,
+    resistance: ArrayLike,
+    direction: ArrayLike,
+    rod_tangent: ArrayLike = 0.0,
+    end_spring_force: ArrayLike = 0.0,
+) -> Balance:
+    """Solve the equilibrium of a moving cart; all arguments but the cart broadcast.
 
-    acceleration : a [m/s^2]; resistance : W, signed like the velocity [N]
-    direction : s, sign of the velocity, 0 standing; rod_tangent : tan(beta), + where the rod rises to the drive
-    push : S [N], + along the travel
+    Parameters
+    ----------
+    cart : Cart
+        Cart.
+    acceleration : array_like
+        a [m/s^2].
+    resistance : array_like
+        W with the sign of the velocity [N].
+    direction : array_like
+        Sign s of the velocity, 0 at rest.
+    rod_tangent : array_like
+        tan(beta) [-], positive for a rod that rises towards the drive.
+    end_spring_force : array_like
+        S along the travel [N].
 
-    The reactions are linear in H, N_i = A_i + B_i H, so H - s f (|N1| + |N2|) = m a + W - S is piecewise linear and
-    rises while f (|B1| + |B2|) < 1: of the four pairs of signs one fits. Raises ValueError for a rod so steep that
-    friction locks the cart, and for numbers that are not finite.
+    Returns
+    -------
+    Balance
+        Drive force, reactions and friction.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite, or if guide friction locks the cart at this inclination of the rod.
+
+    Notes
+    -----
+    The reactions are linear in H, N_i = A_i + B_i H. Thus H - s f (|N1| + |N2|) = m a + W - S is piecewise linear and
+    increasing for f (|B1| + |B2|) < 1, and one of the four pairs of signs satisfies it.
     """
-    require_finite(acceleration=acceleration, resistance=resistance, rod_tangent=rod_tangent, push=push)
-    acceleration, resistance, direction, tangent, push = np.broadcast_arrays(
-        acceleration, resistance, direction, rod_tangent, push
+    require_finite(
+        acceleration=acceleration, resistance=resistance, rod_tangent=rod_tangent, end_spring_force=end_spring_force
     )
-    needed = cart.mass * acceleration + resistance - push
-    slide = direction * cart.guide_friction
-    (front_0, rear_0), (front_1, rear_1) = _reactions(cart, resistance, direction, tangent)
-    if np.any(np.abs(slide) * (np.abs(front_1) + np.abs(rear_1)) >= 1):
-        raise ValueError(f"the rod is too steep: `guide_friction` {cart.guide_friction!r} locks the cart")
-    if not tangent.any():  # the drive pulls along the rails and moves no reaction
-        friction = slide * (np.abs(front_0) + np.abs(rear_0))
-        return Balance(needed + friction, front_0, rear_0, friction)
-    force, gap = np.zeros(needed.shape), np.full(needed.shape, np.inf)
+    acceleration, resistance, direction, tangent, end_spring_force = np.broadcast_arrays(
+        acceleration, resistance, direction, rod_tangent, end_spring_force
+    )
+    required = cart.mass * acceleration + resistance - end_spring_force
+    friction_factor = direction * cart.guide_friction
+    (front_0, rear_0), (front_1, rear_1) = _reaction_coefficients(cart, resistance, direction, tangent)
+    if np.any(np.abs(friction_factor) * (np.abs(front_1) + np.abs(rear_1)) >= 1):
+        raise ValueError(
+            f"the rod is too steep: `guide_friction` {cart.guide_friction!r} locks the cart; use a longer rod or less "
+            "friction"
+        )
+    if not tangent.any():  # a drive along the rails does not affect the reactions
+        friction = friction_factor * (np.abs(front_0) + np.abs(rear_0))
+        return Balance(required + friction, front_0, rear_0, friction)
+    force, gap = np.zeros(required.shape), np.full(required.shape, np.inf)
     for front_sign, rear_sign in product((1, -1), repeat=2):
         offset, slope = front_sign * front_0 + rear_sign * rear_0, front_sign * front_1 + rear_sign * rear_1
-        trial = (needed + slide * offset) / (1 - slide * slope)
-        friction = slide * (np.abs(front_0 + front_1 * trial) + np.abs(rear_0 + rear_1 * trial))
-        trial_gap = np.abs(trial - friction - needed)
+        trial = (required + friction_factor * offset) / (1 - friction_factor * slope)
+        friction = friction_factor * (np.abs(front_0 + front_1 * trial) + np.abs(rear_0 + rear_1 * trial))
+        trial_gap = np.abs(trial - friction - required)
         force, gap = np.where(trial_gap < gap, trial, force), np.minimum(gap, trial_gap)
     front, rear = front_0 + front_1 * force, rear_0 + rear_1 * force
-    return Balance(force, front, rear, slide * (np.abs(front) + np.abs(rear)))
+    return Balance(force, front, rear, friction_factor * (np.abs(front) + np.abs(rear)))
 
 
-def _reactions(cart, resistance, direction, tangent):
-    """(A1, A2), (B1, B2) of N_i = A_i + B_i H from the sum of vertical forces and of moments about the pin's height."""
+def _reaction_coefficients(cart, resistance, direction, tangent):
+    """(A1, A2), (B1, B2) of N_i = A_i + B_i H from the vertical forces and the moments about the height of the pin."""
     front, rear = cart.guide_positions
-    share = _load_share(cart, direction)
-    lift = share * np.sum(cart.roller_reactions) - cart.weight
+    ratio = _load_ratio(cart, direction)
+    lift = ratio * np.sum(cart.roller_reactions) - cart.weight
     lever = direction * cart.guide_friction * cart.guide_wheel_diameter / 2
-    moment = share * np.dot(cart.roller_reactions, cart.roller_positions)
+    moment = ratio * np.dot(cart.roller_reactions, cart.roller_positions)
     moment = moment - resistance * (cart.pin_height + cart.roller_radius)
-    constant = _share(lift, moment + lever * lift, front, rear)
-    return constant, _share(tangent, cart.pin_position * tangent + lever * tangent, front, rear)
+    constant = _distribute(lift, moment + lever * lift, front, rear)
+    return constant, _distribute(tangent, cart.pin_position * tangent + lever * tangent, front, rear)
 
 
-def _load_share(cart, direction):
-    """Roller reactions over those of the way out [-], of the shape of the direction."""
+def _load_ratio(cart, direction):
+    """Ratio of the roller reactions to those on the forward stroke [-], of the shape of the direction."""
     return np.where(np.asarray(direction) < 0, cart.return_load_ratio, 1.0)
 
 
-def _share(total, moment, front, rear):
-    """N1, N2 with N1 + N2 = total and N1 x1 + N2 x2 = moment."""
+def _distribute(total, moment, front, rear):
+    """N1 and N2 with N1 + N2 = total and N1 x1 + N2 x2 = moment."""
     return (moment - rear * total) / (front - rear), (front * total - moment) / (front - rear)
 
 
-def moment_residual(cart, forces, resistance, direction, rod_tangent=0.0):
-    """What is left of the moments about the pin [N m], written out wheel by wheel: zero for a `Balance`."""
-    rollers = _load_share(cart, direction) * np.dot(cart.roller_reactions, cart.roller_positions)
+def moment_residual(
+    cart: Cart, forces: Balance, resistance: ArrayLike, direction: ArrayLike, rod_tangent: ArrayLike = 0.0
+) -> NDArray[np.float64]:
+    """Compute the residual moment about the pin [N m], wheel by wheel; zero for a `Balance`.
+
+    Parameters
+    ----------
+    cart : Cart
+        Cart.
+    forces : Balance
+        Forces.
+    resistance, direction, rod_tangent : array_like
+        As in `balance`.
+    """
+    rollers = _load_ratio(cart, direction) * np.dot(cart.roller_reactions, cart.roller_positions)
     mix = -np.asarray(resistance) * (cart.pin_height + cart.roller_radius)
     rod = cart.pin_position * forces.drive_force * rod_tangent
     guides = 0.0
     for x, reaction in zip(cart.guide_positions, (forces.front_reaction, forces.rear_reaction), strict=True):
-        rail = np.sign(reaction) * cart.guide_wheel_diameter / 2  # the wheel touches the rail that loads it
+        rail = np.sign(reaction) * cart.guide_wheel_diameter / 2  # the wheel is in contact with the loaded rail
         guides = guides - reaction * x + rail * direction * cart.guide_friction * np.abs(reaction)
     return rollers + mix + rod + guides

@@ -1,169 +1,248 @@
-"""Several carts on one crankshaft (paper C): forces, torque and power of each and of the shaft over a turn.
+"""Several carts on one crankshaft at uniform speed: forces, torque and power of each cart and of the shaft.
 
-torque = H dx/dpsi = H r sin(psi + beta)/cos(beta),  power = torque * angular speed,  rod force = H/cos(beta)
+    torque = H dx/dpsi = H r sin(psi + beta)/cos(beta),   power = torque * angular speed,   rod force = H/cos(beta)
+
+References
+----------
+Paper C; errata C-1 to C-8.
 """
 
-from collections.abc import Callable
 from dataclasses import astuple, dataclass, fields
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from compact.machine.cart import Balance, Cart, balance
-from compact.machine.rigid_drive import CREEP, POINTS, Crank, evaluate_resistance
+from compact.machine.cart import Balance, Cart, Resistance, balance
+from compact.machine.rigid_drive import SAMPLES_PER_PIECE, STANDSTILL_SPEED_RATIO, Crank, evaluate_resistance
 from compact.numerics.piecewise import clenshaw_curtis, find_maximum, interior_grid
 from compact.numerics.validation import require_finite, require_opposing, require_positive
 
-# Phases of the published machines: 1, 2 carts at 90 degrees, 3 at 120, 4 at 90 (paper C).
-USUAL_ANGLES = {
+# [rad], phases of the published machines by number of carts: 90 degrees for 2 and 4, 120 degrees for 3 (paper C)
+CRANK_ANGLES = {
     1: (0.0,),
     2: (0.0, np.pi / 2),
     3: (0.0, 2 * np.pi / 3, 4 * np.pi / 3),
     4: (0.0, np.pi / 2, np.pi, 3 * np.pi / 2),
 }
+MIN_PIECE = 1e-9  # [rad]; closer dead centres coincide
 
 
 @dataclass(frozen=True)
-class CartTurn:
-    """One cart over a turn of the shaft; arrays of shape (n,).
+class CartRevolution:
+    """One cart over a revolution of the shaft; arrays of one shape.
 
-    psi : crank angle of this cart [rad]; rod_force : T, + in tension [N]; torque : of this cart on the shaft [N m]
+    Parameters
+    ----------
+    psi : ndarray
+        Crank angle of this cart [rad].
+    position, velocity, acceleration : ndarray
+        [m], [m/s], [m/s^2].
+    resistance : ndarray
+        Force of the mix [N].
+    rod_angle : ndarray
+        beta [rad].
+    forces : Balance
+        Drive force, reactions and guide friction [N].
+    rod_force : ndarray
+        Force of the rod [N], positive in tension.
+    torque : ndarray
+        Torque of this cart on the shaft [N m].
+    power : ndarray
+        [W].
     """
 
-    psi: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    resistance: np.ndarray
-    rod_angle: np.ndarray
+    psi: NDArray[np.float64]
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
+    resistance: NDArray[np.float64]
+    rod_angle: NDArray[np.float64]
     forces: Balance
-    rod_force: np.ndarray
-    torque: np.ndarray
-    power: np.ndarray
+    rod_force: NDArray[np.float64]
+    torque: NDArray[np.float64]
+    power: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Shaft:
-    """Carts alike on one crankshaft; `angles` [rad] are their cranks ahead of the shaft's."""
+class Crankshaft:
+    """Identical carts on one crankshaft.
+
+    Parameters
+    ----------
+    cart : Cart
+        Cart.
+    crank : Crank
+        Crank and rod.
+    angular_speed : float
+        omega [rad/s].
+    resistance : callable
+        Force of the mix on one cart [N] of velocity [m/s] and acceleration [m/s^2].
+    angles : tuple of float
+        Lead of each crank over the shaft [rad].
+    """
 
     cart: Cart
     crank: Crank
     angular_speed: float
-    resistance: Callable
+    resistance: Resistance
     angles: tuple[float, ...]
 
-    def at(self, angle):
-        """A `CartTurn` per cart at angles of the shaft, shape (pieces, n): a row lies between two dead centres."""
-        return tuple(self._cart_at(angle + ahead) for ahead in self.angles)
+    def carts_at(self, angle: NDArray[np.float64]) -> tuple[CartRevolution, ...]:
+        """Solve all carts at angles of the shaft [rad], shape (pieces, n), with one row between two dead centres."""
+        return tuple(self._cart_at(angle + lead) for lead in self.angles)
 
-    def dead_centres(self):
-        """Angles of the shaft in [0, 2 pi] where a cart turns round or meets a spring, both ends among them."""
-        turns = np.concatenate([np.array([0.0, np.pi]) - ahead for ahead in self.angles])
+    def dead_centres(self) -> NDArray[np.float64]:
+        """Angles of the shaft in [0, 2 pi] of dead centres and spring contacts, both ends included [rad]."""
+        places = np.concatenate([np.array([0.0, np.pi]) - lead for lead in self.angles])
         if self.cart.end_springs is not None:
-            turns = np.append(turns, np.subtract.outer(self._zones.breaks, self.angles))
-        edges = np.unique(np.append(np.mod(turns, 2 * np.pi), [0.0, 2 * np.pi]))
-        return np.append(edges[:-1][np.diff(edges) > 1e-9], 2 * np.pi)
+            places = np.append(places, np.subtract.outer(self._zones.breaks, self.angles))
+        edges = np.unique(np.append(np.mod(places, 2 * np.pi), [0.0, 2 * np.pi]))
+        return np.append(edges[:-1][np.diff(edges) > MIN_PIECE], 2 * np.pi)
 
     @cached_property
     def _zones(self):
+        """Zones of the end springs over the crank angle."""
         return self.cart.end_springs.zones(
-            lambda psi: crank_travel(self.crank, psi)[0], np.array([0.0, np.pi, 2 * np.pi])
+            lambda psi: crank_kinematics(self.crank, psi)[0], np.array([0.0, np.pi, 2 * np.pi])
         )
 
     def _cart_at(self, psi):
-        direction = np.sign(np.sin(psi.mean(axis=1, keepdims=True)))
-        position, slope, curvature = crank_travel(self.crank, psi)
+        """One cart at its crank angles [rad]."""
+        middle = psi.mean(axis=1, keepdims=True)
+        direction = np.sign(np.sin(middle))
+        position, slope, curvature = crank_kinematics(self.crank, psi)
         velocity, acceleration = self.angular_speed * slope, self.angular_speed**2 * curvature
-        moving = direction * np.maximum(np.abs(velocity), CREEP * self.angular_speed * self.crank.radius)
-        met = evaluate_resistance(self.resistance, moving, acceleration)
+        slowest = STANDSTILL_SPEED_RATIO * self.angular_speed * self.crank.radius
+        moving = direction * np.maximum(np.abs(velocity), slowest)
+        resistance = evaluate_resistance(self.resistance, moving, acceleration)
         beta = self.crank.rod_angle(psi)
-        springs = self.cart.end_springs
-        push = (
-            0.0
-            if springs is None
-            else springs.push(position, self._zones.at(np.mod(psi.mean(axis=1, keepdims=True), 2 * np.pi)))
-        )
-        forces = balance(self.cart, acceleration, met, direction, np.tan(beta), push)
+        springs, end_force = self.cart.end_springs, 0.0
+        if springs is not None:
+            end_force = springs.force(position, self._zones.side_at(np.mod(middle, 2 * np.pi)))
+        forces = balance(self.cart, acceleration, resistance, direction, np.tan(beta), end_force)
         rod_force = forces.drive_force / np.cos(beta)
         torque = rod_force * self.crank.radius * np.sin(psi + beta)
         power = torque * self.angular_speed
-        return CartTurn(psi, position, velocity, acceleration, met, beta, forces, rod_force, torque, power)
+        return CartRevolution(psi, position, velocity, acceleration, resistance, beta, forces, rod_force, torque, power)
 
 
 @dataclass(frozen=True)
-class Turn:
-    """A turn of the shaft, sampled: `angle` [rad] and `weights` [rad] of shape (n,), the carts, and their sums."""
+class CrankshaftRevolution:
+    """One sampled revolution of a crankshaft.
 
-    shaft: Shaft
-    angle: np.ndarray
-    weights: np.ndarray
-    carts: tuple[CartTurn, ...]
+    Parameters
+    ----------
+    shaft : Crankshaft
+        Shaft.
+    angle, weights : ndarray, shape (n,)
+        Angle and quadrature weights [rad].
+    carts : tuple of CartRevolution
+        Carts, arrays of shape (n,).
+    """
+
+    shaft: Crankshaft
+    angle: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    carts: tuple[CartRevolution, ...]
 
     @property
-    def torque(self):
+    def torque(self) -> NDArray[np.float64]:
         """Torque of all carts on the shaft [N m]."""
         return sum(cart.torque for cart in self.carts)
 
     @property
-    def power(self):
+    def power(self) -> NDArray[np.float64]:
         """Power of all carts [W]."""
         return sum(cart.power for cart in self.carts)
 
     @cached_property
-    def peak_torque(self):
-        """Largest |torque| of the shaft over the turn [N m], between the samples too."""
+    def peak_torque(self) -> float:
+        """Largest |torque| of the shaft [N m], between the samples too."""
         grid = interior_grid(self.shaft.dead_centres())
-        return find_maximum(lambda angle: np.abs(sum(cart.torque for cart in self.shaft.at(angle))), grid)[0]
+        return find_maximum(lambda angle: np.abs(sum(cart.torque for cart in self.shaft.carts_at(angle))), grid)[0]
 
     @property
-    def peak_power(self):
-        """Largest |power| of the shaft over the turn [W]: its speed is uniform."""
+    def peak_power(self) -> float:
+        """Largest |power| of the shaft [W]."""
         return self.peak_torque * self.shaft.angular_speed
 
-    def mean(self, values):
-        """Mean over the turn."""
+    def mean(self, values: NDArray[np.float64]) -> float:
+        """Mean over the revolution."""
         return float(np.sum(self.weights * values) / (2 * np.pi))
 
 
-def turn(cart, crank, angular_speed, resistance, angles=(0.0,)):
-    """One turn of carts alike on one shaft at uniform speed, as a `Turn`.
+def simulate_crankshaft(
+    cart: Cart,
+    crank: Crank,
+    angular_speed: float,
+    resistance: Resistance,
+    angles: tuple[float, ...] = (0.0,),
+) -> CrankshaftRevolution:
+    """Simulate one revolution of identical carts on a crankshaft at uniform speed.
 
     Parameters
     ----------
-    cart : Cart; crank : Crank
-    angular_speed : omega [rad/s], > 0
-    resistance : callable(velocity, acceleration) -> N
-    angles : crank angle of each cart ahead of the shaft's [rad]
+    cart : Cart
+        Cart.
+    crank : Crank
+        Crank and rod.
+    angular_speed : float
+        omega [rad/s], > 0.
+    resistance : callable
+        Force of the mix on one cart [N] of velocity [m/s] and acceleration [m/s^2].
+    angles : tuple of float
+        Lead of each crank over the shaft [rad].
 
-    Samples hold both sides of every dead centre, where the resistance changes sign, and integrate exactly between.
-    Raises ValueError for numbers that are not finite, a resistance that does not oppose the motion, and a rod that
-    friction locks.
+    Returns
+    -------
+    CrankshaftRevolution
+        Samples on both sides of each dead centre, where the resistance changes sign; the quadrature is exact between.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite, the resistance does not oppose the motion, or guide friction locks the cart.
     """
     require_positive(angular_speed=angular_speed)
     require_finite(angles=angles)
     require_opposing(resistance, angular_speed * crank.radius)
-    shaft = Shaft(cart, crank, angular_speed, resistance, tuple(angles))
+    shaft = Crankshaft(cart, crank, angular_speed, resistance, tuple(angles))
     edges = shaft.dead_centres()
-    nodes, unit_weights = clenshaw_curtis(POINTS)
+    nodes, unit_weights = clenshaw_curtis(SAMPLES_PER_PIECE)
     width = np.diff(edges)[:, None]
     angle = edges[:-1, None] + width * nodes
-    carts = tuple(_flat(cart) for cart in shaft.at(angle))
-    return Turn(shaft, angle.ravel(), (width * unit_weights).ravel(), carts)
+    carts = tuple(_flatten(one) for one in shaft.carts_at(angle))
+    return CrankshaftRevolution(shaft, angle.ravel(), (width * unit_weights).ravel(), carts)
 
 
-def _flat(cart):
-    """A `CartTurn` with its pieces one after another."""
+def _flatten(cart):
+    """Flatten the arrays of a `CartRevolution`."""
     columns = {field.name: getattr(cart, field.name) for field in fields(cart)}
     forces = Balance(*(column.ravel() for column in astuple(columns.pop("forces"))))
-    return CartTurn(**{name: column.ravel() for name, column in columns.items()}, forces=forces)
+    return CartRevolution(**{name: column.ravel() for name, column in columns.items()}, forces=forces)
 
 
-def crank_travel(crank: Crank, psi):
-    """Travel x [m] and its first and second derivative by the crank angle, at psi [rad] from the outer dead centre.
+def crank_kinematics(
+    crank: Crank, psi: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Compute the travel of a slider-crank and its derivatives with respect to the crank angle.
 
-        dx/dpsi = r sin(psi + beta)/cos(beta),  d2x/dpsi2 = r cos(psi + beta)/cos(beta) (1 + b') + dx/dpsi tan(beta) b'
+        dx/dpsi = r sin(psi + beta)/cos(beta),   d2x/dpsi2 = r cos(psi + beta)/cos(beta) (1 + b') + dx/dpsi tan(beta) b'
 
     with b' = dbeta/dpsi = r cos(psi)/(l cos(beta)).
+
+    Parameters
+    ----------
+    crank : Crank
+        Crank and rod.
+    psi : array_like
+        Crank angle from the outer dead centre [rad].
+
+    Returns
+    -------
+    tuple of ndarray
+        x [m], dx/dpsi [m/rad] and d2x/dpsi2 [m/rad^2].
     """
     beta = crank.rod_angle(psi)
     rate = crank.radius * np.cos(psi) / (crank.rod_length * np.cos(beta))

@@ -1,326 +1,437 @@
-"""A cart on a spring over whole cycles: from rest, and the periodic regime, found directly.
+"""Initial-value and periodic solutions of a cart behind a drive spring over one cycle.
 
-The periodic regime is the state that comes back after a cycle: Newton's method on the map of a state over one cycle,
-taken in the middle of the way there, where the cart surely moves. A linear drive needs one round; friction that holds
-the cart at the ends wipes out the past, and needs one or two. An undamped cart that sets off from rest comes to rest
-again once in each swing, just so: a larger swing sticks there and a smaller one does not. The map has a kink at that
-state, and differences across it give no derivative. Cycles still contract along the states that they leave, and
-Aitken's extrapolation of two of them takes the place of Newton's step.
+The periodic regime is a fixed point of the map of a state over one cycle (shooting). Newton's method solves it from
+the middle of the forward stroke, where the cart moves. A linear drive needs one Newton step. Dry friction that holds
+the cart at the ends erases its history and needs one or two.
+
+An undamped cart that starts from rest comes to rest again exactly once per oscillation: after a larger oscillation it
+sticks, after a smaller one it does not. The map has a kink at that state, and finite differences across it do not
+approximate a derivative. The iteration over cycles still contracts, and Aitken's extrapolation of two cycles replaces
+the Newton step.
+
+References
+----------
+A. C. Aitken, Proc. R. Soc. Edinburgh 46 (1926) 289.
 """
 
 import math
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compact.dynamics.event_driven import (
     DONE,
-    SHORTEST,
-    TOO_FAST,
-    TOO_MANY,
-    TOO_SHORT,
-    UNSEARCHED,
+    MIN_STEP,
+    SEARCH_EXHAUSTED,
+    SPEED_BEYOND_TABLE,
+    STEP_TOO_SHORT,
+    TOO_MANY_INTERVALS,
     Intervals,
+    allocate_intervals,
     integrate,
-    room,
 )
-from compact.dynamics.force_elements import AT_NEAR, FAR, NEAR, NONE, CartState, Ends, Resistance, Spring
-from compact.dynamics.oscillator import MOST_RANGES, shifted
-from compact.machine.cart import balance
-from compact.machine.rigid_drive import CREEP, evaluate_resistance
+from compact.dynamics.force_elements import (
+    AT_NEAR_PLATE,
+    FAR_SPRING,
+    NEAR_SPRING,
+    NO_ADDED_MASS,
+    CartState,
+    EndSpringParameters,
+    OscillatorParameters,
+    ResistanceTable,
+)
+from compact.dynamics.oscillator import MAX_RANGES, substitute
+from compact.machine.cart import Cart, balance
+from compact.machine.rigid_drive import STANDSTILL_SPEED_RATIO, Resistance, evaluate_resistance
+from compact.motion.profile import Cycle, Leg
 from compact.numerics.piecewise import BREAK_OFFSET, PiecewisePolynomial, antiderivative, fit_piecewise, interior_grid
 
-ARCS = 20_000  # of a cycle; a dozen are usual, hundreds where the resistance bends with the speed
-LAW = 1e-11  # of the peak acceleration, by which polynomials may miss it
-TABLE = 1e-2  # of the tolerance, by which polynomials may miss the resistance, and not below
-TABLE_FLOOR = 1e-12  # of the largest force: closer there is only rounding
-WIDER, WIDENINGS = 2.0, 8  # of the range of speeds, where a cart overshoots it
-CREEPING = 1e-6  # of the fastest: slower is as good as standing
-AT_ONCE = 1e-3  # of the largest force: what rises by more within the creep, such as v^0.02, holds a standing cart
-CLOSED = 0.1  # of the tolerance, and of the larger of force scale and swing: a cycle that ends so near to its start
-ROUGHLY = 1e2  # times the tolerance, of a first cycle
-PROBE = 1e-5  # of the force scale: difference for the derivative of the map over one cycle
-FORGOTTEN = 0.03  # of a residual, that one more cycle leaves: as good as Newton's method, which takes three for a round
-HELPS = 0.5  # [-], of a residual, that a Newton step leaves at most: with a true derivative it leaves far less
-SHARES = (1.0, 0.25, 0.06)  # [-], of Aitken's step, tried in turn: the states that cycles leave lie on a curve
+if TYPE_CHECKING:
+    from compact.machine.elastic_drive import ElasticDrive
+
+MAX_INTERVALS = 20_000  # [-], of a cycle; a dozen are usual, hundreds for a resistance that is curved in speed
+LAW_TOLERANCE = 1e-11  # [-], of the peak acceleration; polynomials of the law
+TABLE_TOLERANCE = 1e-2  # [-], of the solution tolerance; polynomials of the resistance
+TABLE_FLOOR = 1e-12  # [-], of the force scale; smaller tolerances resolve rounding
+SPEED_MARGIN, MAX_EXTENSIONS = 2.0, 8  # [-], growth of the speed range of the tables, and its repetitions
+STANDSTILL_SPEED = 1e-6  # [-], of the peak speed of the law; a slower cart counts as at rest
+STICTION_RISE = 1e-3  # [-], of the force scale; a larger rise of F below the standstill speed counts as stiction
+CLOSURE_TOLERANCE = 0.1  # [-], of the solution tolerance; residual of a closed cycle
+PREDICTOR_TOLERANCE = 1e2  # [-], of the solution tolerance; the first cycle
+PERTURBATION = 1e-5  # [-], of the force scale; finite differences of the cycle map
+CONTRACTION = 0.03  # [-], of the residual; a cycle that leaves less is as good as a Newton step of three cycles
+NEWTON_DECREASE = 0.5  # [-], of the residual; an accepted Newton step leaves less
+AITKEN_FRACTIONS = (1.0, 0.25, 0.06)  # [-], of the extrapolation, tried in turn; the iterates lie on a curve
 TINY = np.finfo(float).tiny
-ROUNDS = 40  # of Newton's method; 1 to 4 are usual
-FARTHEST = 30.0  # of the force scale, that one round may move the state: beyond, friction is another
+MAX_NEWTON_STEPS = 40  # [-]; 1 to 4 are usual
+MAX_NEWTON_MOVE = 30.0  # [-], of the force scale; friction differs beyond
 FAILURES = {
-    TOO_MANY: f"more than {ARCS} arcs; give more damping, or take a rigid drive",
-    TOO_FAST: "it gets faster without end, its resistance falls too steeply with the speed",
-    TOO_SHORT: f"steps below {SHORTEST:g} of a piece of the law; `resistance` is not smooth",
-    UNSEARCHED: f"the end of an arc was not found in {MOST_RANGES} ranges of its oscillation; give more damping, or "
-    "take a rigid drive",
+    TOO_MANY_INTERVALS: f"more than {MAX_INTERVALS} intervals; increase `damping`, or use a rigid drive",
+    SPEED_BEYOND_TABLE: "its speed grows without limit; use a `resistance` that falls less steeply with speed",
+    STEP_TOO_SHORT: f"steps below {MIN_STEP:g} of a piece of the law; use a smooth `resistance`",
+    SEARCH_EXHAUSTED: f"no event found in {MAX_RANGES} ranges of an oscillation; increase `damping`, or use a rigid "
+    "drive",
 }
 
 
 @dataclass
-class Work:
-    """What a run cost: cycles and parts of cycles integrated, arcs, evaluations of the resistance, Newton's rounds."""
+class SolutionCost:
+    """Cost of a solution: integrations over a cycle or a part, intervals, evaluations of R, Newton steps."""
 
-    courses: int = 0
-    arcs: int = 0
+    integrations: int = 0
+    intervals: int = 0
     evaluations: int = 0
-    rounds: int = 0
+    newton_steps: int = 0
 
 
 class CycleMapEvaluation(NamedTuple):
-    """A cycle from the middle of the way there: the arcs before and after that, the states at its end and in the middle
-    again, and how far it is from closed, in units of force. The arcs meet as near as that."""
+    """One cycle from the middle of the forward stroke.
+
+    Parameters
+    ----------
+    first, second : Intervals
+        Solution before and after the middle of the forward stroke.
+    end : CartState
+        State at the end of the cycle.
+    after : CartState
+        State one period after the initial state.
+    residual : ndarray, shape (2,)
+        Difference of `after` and the initial state, over the force scale.
+    """
 
     first: Intervals
     second: Intervals
     end: CartState
     after: CartState
-    residual: np.ndarray
+    residual: NDArray[np.float64]
 
     @property
-    def arcs(self):
-        """All arcs, from the start of the cycle."""
+    def intervals(self) -> Intervals:
+        """Intervals in order of time, from the start of the cycle."""
         return Intervals(*map(np.concatenate, zip(self.first, self.second, strict=True)))
 
 
 class PeriodicProblem:
-    """A cart, its spring, the law as polynomials over time, and the resistance as polynomials over speed."""
+    """A cart on its spring, with polynomials of the law over time and of the resistance over speed.
 
-    def __init__(self, cart, drive, cycle, resistance, tolerance):
-        self.work = Work()
-        self.spring = _spring(cart, drive)
+    Parameters
+    ----------
+    cart : Cart
+        Cart of mass > 0.
+    drive : ElasticDrive
+        Spring and damper.
+    cycle : Cycle
+        Motion of the far end.
+    resistance : callable
+        Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
+    tolerance : float
+        Of the resistance, relative to the force scale.
+
+    Raises
+    ------
+    ValueError
+        If the resistance jumps at a speed other than 0, drives a cart at rest, or lags by more than the cart mass.
+    """
+
+    def __init__(
+        self, cart: Cart, drive: "ElasticDrive", cycle: Cycle, resistance: Resistance, tolerance: float
+    ) -> None:
+        self.cost = SolutionCost()
+        self.oscillator = _oscillator(cart, drive)
         self.law = _polynomial_law(cycle)
-        self.middle = cycle.forward.duration / 2
-        self.total = _total(cart, resistance)
-        self.knots = getattr(resistance, "speeds", ())
+        self.half_stroke_time = cycle.forward.duration / 2
+        self.total = _total_resistance(cart, resistance)
+        self.sampled_speeds = getattr(resistance, "speeds", ())
         phases = interior_grid(cycle.forward.curve.x)
         velocity, acceleration = (np.abs(cycle.forward.at_phase(phases, k)).max() for k in (1, 2))
-        self.fastest, self.creep = WIDER * velocity, CREEPING * velocity
+        self.max_speed, self.standstill_speed = SPEED_MARGIN * velocity, STANDSTILL_SPEED * velocity
         impact = velocity * math.sqrt(drive.stiffness * cart.mass) if acceleration == 0 else 0.0
         inertia = cart.mass * acceleration + impact
-        speeds = self.fastest * np.linspace(CREEP, 1, 65)
-        self.scale = max(inertia, *(np.abs(self.total(sign * speeds)).max() for sign in (1, -1)))
-        self.tolerance = tolerance * self.scale
-        self.hurry = inertia / cart.mass
-        self.pace = getattr(resistance, "rate_limit", np.inf) if drive.first_order else 0.0
+        speeds = self.max_speed * np.linspace(STANDSTILL_SPEED_RATIO, 1, 65)
+        self.force_scale = max(inertia, *(np.abs(self.total(sign * speeds)).max() for sign in (1, -1)))
+        self.tolerance = tolerance * self.force_scale
+        self.acceleration_scale = inertia / cart.mass
+        self.rate_limit = getattr(resistance, "rate_limit", np.inf) if drive.include_added_mass else 0.0
         self._tabulate()
 
+    @property
+    def _table_tolerance(self):
+        """Tolerance of the polynomials of the resistance [N]."""
+        return max(TABLE_TOLERANCE * self.tolerance, TABLE_FLOOR * self.force_scale)
+
     def _tabulate(self):
-        knots = np.array([speed for speed in self.knots if self.creep < speed < self.fastest])
-        octaves = self.creep * 2.0 ** np.arange(math.log2(min([*knots, self.fastest]) / self.creep))
-        breaks = np.concatenate([octaves, knots, [self.fastest]])
-        there, back = (self._side(sign, breaks) for sign in (1, -1))
-        added = self._added_masses(breaks) if self.pace else NONE
-        self.resistance = Resistance(there, back, np.append(self.creep, knots), added, float(self.pace))
-        most, least = there.coefficients[0, 0], back.coefficients[0, 0]
-        if most < least:
+        """Tabulate the resistance up to the present speed range."""
+        slowest, fastest = self.standstill_speed, self.max_speed
+        knots = np.array([speed for speed in self.sampled_speeds if slowest < speed < fastest])
+        octaves = slowest * 2.0 ** np.arange(math.log2(min([*knots, fastest]) / slowest))
+        breaks = np.concatenate([octaves, knots, [fastest]])
+        forward, backward = (self._tabulate_force(sign, breaks) for sign in (1, -1))
+        added_mass = self._tabulate_added_mass(breaks) if self.rate_limit else NO_ADDED_MASS
+        knots = np.append(slowest, knots)
+        self.resistance = ResistanceTable(forward, backward, knots, added_mass, float(self.rate_limit))
+        highest, lowest = forward.coefficients[0, 0], backward.coefficients[0, 0]
+        if highest < lowest:
             raise ValueError(
-                f"`resistance` must not push a standing cart on, got {most:g} N at speed +0 and {least:g} N at -0"
+                f"`resistance` must not drive a cart at rest, got {highest:g} N at speed +0 and {lowest:g} N at -0; "
+                "use a resistance with the sign of the velocity"
             )
 
-    def _added(self, speed):
-        """M [kg] at speeds > 0, by which the resistance follows the acceleration; below the slowest sample as there."""
-        speed = np.maximum(speed, min(self.knots, default=0.0))
-        acceleration = np.minimum(self.hurry, self.pace * speed) / 2
+    def _added_mass(self, speed):
+        """M [kg] at speeds > 0, constant below the slowest sample."""
+        speed = np.maximum(speed, min(self.sampled_speeds, default=0.0))
+        acceleration = np.minimum(self.acceleration_scale, self.rate_limit * speed) / 2
         return (self.total(speed, acceleration) - self.total(speed)) / acceleration
 
-    def _added_masses(self, breaks):
-        miss = max(TABLE * self.tolerance, TABLE_FLOOR * self.scale) / self.hurry
-        masses = fit_piecewise(self._added, breaks, miss)
+    def _tabulate_added_mass(self, breaks):
+        """M over |v|."""
+        masses = fit_piecewise(self._added_mass, breaks, self._table_tolerance / self.acceleration_scale)
         least = min(masses.coefficients[:, 0].min(), float(masses(masses.breaks[-1])))
-        if self.spring.mass + least <= 0:
+        if self.oscillator.mass + least <= 0:
             raise ValueError(
-                f"`mass` must exceed what the resistance lags by, got {self.spring.mass:g} kg, a lag of {-least:g} kg; "
-                "take the resistance without its added masses"
+                f"`mass` must exceed the negative added mass of the resistance, {-least:g} kg, got "
+                f"{self.oscillator.mass:g} kg; use `include_added_mass=False`"
             )
-        still = np.zeros((1, masses.coefficients.shape[1]))
-        still[0, 0] = masses.coefficients[0, 0]
-        return PiecewisePolynomial(np.append(0.0, masses.breaks), np.concatenate([still, masses.coefficients]))
+        constant = np.zeros((1, masses.coefficients.shape[1]))
+        constant[0, 0] = masses.coefficients[0, 0]
+        return PiecewisePolynomial(np.append(0.0, masses.breaks), np.concatenate([constant, masses.coefficients]))
 
-    def _side(self, sign, breaks):
-        """F over |v| on one way: from the creep on as near as asked, and below it as `_crept`."""
-        miss = max(TABLE * self.tolerance, TABLE_FLOOR * self.scale)
+    def _tabulate_force(self, sign, breaks):
+        """F over |v| in one direction."""
         try:
-            side = fit_piecewise(lambda v: self.total(sign * v), breaks, miss)
+            table = fit_piecewise(lambda v: self.total(sign * v), breaks, self._table_tolerance)
         except ValueError as error:
             raise ValueError(f"`resistance` over speed [m/s] has {error}") from None
-        below = np.zeros((1, side.coefficients.shape[1]))
-        below[0, :2] = self._crept(sign, side.coefficients[0, 0])
-        return PiecewisePolynomial(np.append(0.0, side.breaks), np.concatenate([below, side.coefficients]))
+        first = np.zeros((1, table.coefficients.shape[1]))
+        first[0, :2] = self._standstill_force(sign, table.coefficients[0, 0])
+        return PiecewisePolynomial(np.append(0.0, table.breaks), np.concatenate([first, table.coefficients]))
 
-    def _crept(self, sign, force):
-        """(F, its rise) from rest to the creep, where F is `force`: what it rises by at once holds the cart.
+    def _standstill_force(self, sign, force):
+        """F at rest and its rise [N] up to the standstill speed, where F is `force`; a steep rise is stiction.
 
-        Friction that is rounding is none: nothing sticks to it.
+        Friction within rounding is set to zero, so that no cart sticks to it.
         """
-        rest = float(self.total(sign * np.array([CREEP * self.creep]))[0])
-        rest *= abs(rest) > TABLE_FLOOR * self.scale
-        if abs(force - rest) <= AT_ONCE * self.scale:
+        rest = float(self.total(sign * np.array([STANDSTILL_SPEED_RATIO * self.standstill_speed]))[0])
+        rest *= abs(rest) > TABLE_FLOOR * self.force_scale
+        if abs(force - rest) <= STICTION_RISE * self.force_scale:
             return rest, force - rest
         if sign * force < sign * rest:
             raise ValueError(
-                f"`resistance` over speed [m/s] has a jump at 0, from {rest:g} N to {force:g} N at {self.creep:g} m/s, "
-                "by which it falls; give a function without jumps"
+                f"`resistance` over speed [m/s] has a jump at 0, from {rest:g} N to {force:g} N at "
+                f"{self.standstill_speed:g} m/s, by which it falls; use a function without jumps"
             )
         return force, 0.0
 
     @property
-    def at_rest(self):
-        """State of a cart that stands at the near end, drive and end spring in balance."""
-        ends, stiffness, slack = self.spring.ends, self.spring.stiffness, self.spring.backlash / 2
+    def rest_state(self) -> CartState:
+        """State of a cart at rest at the near end, with drive spring and end spring in balance."""
+        spring, ends = self.oscillator.stiffness, self.oscillator.end_springs
+        half_backlash = self.oscillator.backlash / 2
         if ends.length == 0:
-            return CartState(0.0, 0.0, 1 if slack == 0 else 0, 0)
-        pushed = ends.preload + ends.stiffness * ends.length
-        given = (pushed + stiffness * slack) / (stiffness + ends.stiffness)  # by the drive, to the end spring
-        side = 1 if slack == 0 else -1
-        return (
-            CartState(-given, 0.0, side, NEAR) if given < ends.length else CartState(-ends.length, 0.0, side, AT_NEAR)
-        )
+            return CartState(0.0, 0.0, 1 if half_backlash == 0 else 0, 0)
+        force = ends.preload + ends.stiffness * ends.length
+        compression = (force + spring * half_backlash) / (spring + ends.stiffness)
+        flank = 1 if half_backlash == 0 else -1
+        if compression < ends.length:
+            return CartState(-compression, 0.0, flank, NEAR_SPRING)
+        return CartState(-ends.length, 0.0, flank, AT_NEAR_PLATE)
 
-    def course(self, law, state, roughly=1.0):
-        """(`Intervals`, end state) through the pieces of a law, to so many times the tolerance; the range of speeds widens
-        as need be."""
-        for _ in range(WIDENINGS):
-            arcs = room(ARCS, law.coefficients.shape[1] - 1)  # memory is taken as it is filled
-            ended, n, evaluations, end, time = integrate(
-                self.spring, law, self.resistance, state, roughly * self.tolerance, arcs
+    def integrate(
+        self, law: PiecewisePolynomial, state: CartState, tolerance_factor: float = 1.0
+    ) -> tuple[Intervals, CartState]:
+        """Integrate through the pieces of a law; the speed range of the tables is extended where needed.
+
+        Parameters
+        ----------
+        law : PiecewisePolynomial
+            Position of the far end [m] over time [s].
+        state : CartState
+            Initial state.
+        tolerance_factor : float
+            Multiple of the solution tolerance.
+
+        Returns
+        -------
+        tuple
+            Intervals and final state.
+
+        Raises
+        ------
+        RuntimeError
+            If the integration ends early.
+        """
+        for _ in range(MAX_EXTENSIONS):
+            intervals = allocate_intervals(MAX_INTERVALS, law.coefficients.shape[1] - 1)  # pages are used when filled
+            status, n, evaluations, end, time = integrate(
+                self.oscillator, law, self.resistance, state, tolerance_factor * self.tolerance, intervals
             )
-            self.work.courses += 1
-            self.work.arcs += n
-            self.work.evaluations += evaluations
-            if ended == DONE:
-                return Intervals(*(column[:n].copy() for column in arcs)), end
-            if ended != TOO_FAST:
+            self.cost.integrations += 1
+            self.cost.intervals += n
+            self.cost.evaluations += evaluations
+            if status == DONE:
+                return Intervals(*(column[:n].copy() for column in intervals)), end
+            if status != SPEED_BEYOND_TABLE:
                 break
-            self.fastest *= WIDER
+            self.max_speed *= SPEED_MARGIN
             self._tabulate()
         raise RuntimeError(
-            f"the cart was followed to {time:g} s of {law.breaks[-1]:g} s in {n} arcs, speed {end.velocity:g} m/s, "
-            f"and no further: {FAILURES[ended]}"
+            f"the integration of the cart ended at {time:g} s of {law.breaks[-1]:g} s after {n} intervals, at "
+            f"{end.velocity:g} m/s: {FAILURES[status]}"
         )
 
-    def periodic(self):
-        """(`Intervals`, state at the start) of the cycle that comes back after it.
+    def solve_periodic(self) -> tuple[Intervals, CartState]:
+        """Solve the periodic regime.
 
-        Newton's method on the map over one cycle, from the middle of the way there, where the cart surely moves, after
-        a rough one; while a cycle wipes out nearly all of the past, or a step does not help, it is one more instead.
+        A rough cycle predicts the initial state. While one cycle nearly erases the history, or a Newton step does not
+        reduce the residual, the next cycle replaces the step.
+
+        Returns
+        -------
+        tuple
+            Intervals of one cycle and the state at its start.
+
+        Raises
+        ------
+        RuntimeError
+            If the iteration does not converge.
         """
-        late, early = _cut(self.law, self.middle)
-        state = self.course(early, self.course(late, self._steady(early), ROUGHLY)[1], ROUGHLY)[1]
-        stiffness, mass = self.spring.stiffness, self.spring.mass
-        units = self.scale / np.array([stiffness, math.sqrt(stiffness * mass)])
-
-        def miss(state, last=None):
-            second, end = self.course(late, state)
-            known = last is not None and end[2:] == last.end[2:]
-            if known and close(short := away(end, last.end), end):
-                return last._replace(second=second, residual=short)  # the rest of the cycle is known
-            first, after = self.course(early, end)
-            return CycleMapEvaluation(first, second, end, after, away(after, state))
-
-        def away(one, other):
-            return (np.array(one[:2]) - np.array(other[:2])) / units
-
-        def close(residual, state):
-            swing = max(1.0, np.abs(np.array(state[:2]) / units).max())  # near a resonance many times the scale
-            return np.abs(residual).max() <= CLOSED * self.tolerance / self.scale * swing
-
-        turn, before = miss(state), np.inf
-        for _ in range(ROUNDS):
-            left = np.abs(turn.residual).max()
-            if close(turn.residual, turn.end) and turn.after[2:] == state[2:]:
-                return turn.arcs, turn.end
-            if left <= FORGOTTEN * before:
-                state, turn, before = turn.after, miss(turn.after, turn), left
+        cycle_map = _CycleMap(self)
+        state = cycle_map.predict()
+        cycle, before = cycle_map.evaluate(state), np.inf
+        for _ in range(MAX_NEWTON_STEPS):
+            size = np.abs(cycle.residual).max()
+            if cycle_map.is_closed(cycle.residual, cycle.end) and cycle.after[2:] == state[2:]:
+                return cycle.intervals, cycle.end
+            if size <= CONTRACTION * before:
+                state, cycle, before = cycle.after, cycle_map.evaluate(cycle.after, cycle), size
                 continue
-            self.work.rounds += 1
-            slopes = np.empty((2, 2))
-            for j in range(2):
-                probe = _moved(state, PROBE * units * np.eye(2)[j])
-                slopes[:, j] = (miss(probe).residual - turn.residual) / PROBE
-            state, turn = self._step(miss, state, turn, slopes, units)
+            self.cost.newton_steps += 1
+            state, cycle = cycle_map.step(state, cycle)
             before = 0.0
         raise RuntimeError(
-            f"no periodic regime found in {ROUNDS} rounds: a cycle ends {np.abs(turn.residual).max() * self.scale:g} N "
-            "from where it began; the spring may resonate, or the motion repeat after several cycles only; "
-            'give more damping, or regime "rest"'
+            f"no periodic regime found in {MAX_NEWTON_STEPS} Newton steps: a cycle ends "
+            f"{np.abs(cycle.residual).max() * self.force_scale:g} N from its start, possibly by resonance of the "
+            'spring or a subharmonic motion; increase `damping`, or use regime "rest"'
         )
 
-    def _steady(self, early):
-        """State at the end of the early part of a cart that follows the law without swinging."""
+
+class _CycleMap:
+    """Map of a state in the middle of the forward stroke over one cycle."""
+
+    def __init__(self, problem: PeriodicProblem) -> None:
+        self.problem = problem
+        self.late, self.early = _split(problem.law, problem.half_stroke_time)
+        stiffness, mass = problem.oscillator.stiffness, problem.oscillator.mass
+        self.units = problem.force_scale / np.array([stiffness, math.sqrt(stiffness * mass)])
+
+    def predict(self):
+        """State after one rough cycle."""
+        integrate, early = self.problem.integrate, self.early
+        end = integrate(self.late, self._quasi_static_state(), PREDICTOR_TOLERANCE)[1]
+        return integrate(early, end, PREDICTOR_TOLERANCE)[1]
+
+    def _quasi_static_state(self):
+        """State in the middle of the forward stroke of a cart that follows the law without oscillation."""
+        oscillator, early = self.problem.oscillator, self.early
         width, row = np.diff(early.breaks)[-1], early.coefficients[-1]
         powers = np.arange(len(row))
-        pace, bend = row @ powers / width, row @ (powers * (powers - 1)) / width**2
-        resisted = float(self.total(np.array([pace]))[0])
-        pull = self.spring.mass * bend + resisted
-        side = 1 if self.spring.backlash == 0 else int(np.sign(pull))
-        stretch, ends = pull / self.spring.stiffness + side * self.spring.backlash / 2, self.spring.ends
-        place = row.sum() - stretch
-        zone = NEAR if place < ends.length else FAR if place > ends.stroke - ends.length > 0 else 0
-        return CartState(stretch, pace, side, zone)
+        velocity, acceleration = row @ powers / width, row @ (powers * (powers - 1)) / width**2
+        pull = oscillator.mass * acceleration + float(self.problem.total(np.array([velocity]))[0])
+        flank = 1 if oscillator.backlash == 0 else int(np.sign(pull))
+        elongation, ends = pull / oscillator.stiffness + flank * oscillator.backlash / 2, oscillator.end_springs
+        position = row.sum() - elongation
+        in_far_spring = position > ends.stroke - ends.length > 0
+        zone = NEAR_SPRING if position < ends.length else FAR_SPRING if in_far_spring else 0
+        return CartState(elongation, velocity, flank, zone)
 
-    def _step(self, miss, state, turn, slopes, units):
-        """(state, `CycleMapEvaluation`) after a Newton step; where it does not help, after one more cycle and Aitken's step."""
-        with suppress(np.linalg.LinAlgError, RuntimeError):  # a step that leads nowhere is none: one more cycle does
-            move = np.linalg.solve(slopes, -turn.residual)
-            trial, tried = self._tried(miss, state, move, units)
-            if np.abs(tried.residual).max() < HELPS * np.abs(turn.residual).max():
+    def evaluate(self, state, last=None):
+        """Cycle from a state; the part before the middle is taken from the last cycle if it starts equally."""
+        second, end = self.problem.integrate(self.late, state)
+        if last is not None and end[2:] == last.end[2:]:
+            difference = self._difference(end, last.end)
+            if self.is_closed(difference, end):
+                return last._replace(second=second, residual=difference)
+        first, after = self.problem.integrate(self.early, end)
+        return CycleMapEvaluation(first, second, end, after, self._difference(after, state))
+
+    def _difference(self, one, other):
+        """Difference of two states over the force scale."""
+        return (np.array(one[:2]) - np.array(other[:2])) / self.units
+
+    def is_closed(self, residual, state):
+        """Return true for a residual within the tolerance, relative to the amplitude near a resonance."""
+        amplitude = max(1.0, np.abs(np.array(state[:2]) / self.units).max())
+        limit = CLOSURE_TOLERANCE * self.problem.tolerance / self.problem.force_scale * amplitude
+        return np.abs(residual).max() <= limit
+
+    def step(self, state, cycle):
+        """State and cycle after a Newton step, or after a further cycle and Aitken's extrapolation."""
+        jacobian = np.empty((2, 2))
+        for j in range(2):
+            perturbed = _shifted(state, PERTURBATION * self.units * np.eye(2)[j])
+            jacobian[:, j] = (self.evaluate(perturbed).residual - cycle.residual) / PERTURBATION
+        with suppress(np.linalg.LinAlgError, RuntimeError):  # a failed step is replaced by a cycle
+            trial, tried = self._try(state, np.linalg.solve(jacobian, -cycle.residual))
+            if np.abs(tried.residual).max() < NEWTON_DECREASE * np.abs(cycle.residual).max():
                 return trial, tried
-        last, state, turn = turn.residual, turn.after, miss(turn.after)
-        move = _extrapolated(last, turn.residual)
-        for share in SHARES:
+        last, state, cycle = cycle.residual, cycle.after, self.evaluate(cycle.after)
+        move = _aitken(last, cycle.residual)
+        for fraction in AITKEN_FRACTIONS:
             with suppress(RuntimeError):
-                _, tried = self._tried(miss, state, share * move, units)
-                further = miss(tried.after, tried)  # a cycle later the state is one that cycles leave
-                if np.abs(further.residual).max() < np.abs(turn.residual).max():
+                _, tried = self._try(state, fraction * move)
+                further = self.evaluate(tried.after, tried)  # a further cycle returns to the curve of the iterates
+                if np.abs(further.residual).max() < np.abs(cycle.residual).max():
                     return tried.after, further
-        return state, turn
+        return state, cycle
 
-    def _tried(self, miss, state, move, units):
-        """A state moved by multiples of the units, and its `CycleMapEvaluation`."""
-        trial = _moved(state, move * min(1.0, FARTHEST / max(np.abs(move).max(), TINY)) * units)
-        return trial, miss(trial)
-
-
-def _extrapolated(last, residual):
-    """Aitken's extrapolation: the sum of all residuals to come where each follows from the one before by a factor.
-
-    r q/(1 - q) + r,   q = r . r_last/|r_last|^2
-    """
-    share = residual @ last / (last @ last)
-    return residual / (1 - share) if share < 1 else residual
+    def _try(self, state, move):
+        """State moved by multiples of the units, limited in length, and its cycle."""
+        trial = _shifted(state, move * min(1.0, MAX_NEWTON_MOVE / max(np.abs(move).max(), TINY)) * self.units)
+        return trial, self.evaluate(trial)
 
 
-def _moved(state, by):
-    return CartState(state.stretch + by[0], state.velocity + by[1], state.side, state.zone)
+def _aitken(last, residual):
+    """Sum of a geometric series of residuals: r q/(1 - q) + r with q = r . r_last/|r_last|^2."""
+    ratio = residual @ last / (last @ last)
+    return residual / (1 - ratio) if ratio < 1 else residual
 
 
-def _polynomial_law(cycle):
-    """Position of the far end over a cycle as `PiecewisePolynomial` in time, twice integrated from its acceleration."""
+def _shifted(state: CartState, by: NDArray[np.float64]) -> CartState:
+    """State with elongation and velocity changed."""
+    return CartState(state.elongation + by[0], state.velocity + by[1], state.flank, state.zone)
+
+
+def _polynomial_law(cycle: Cycle) -> PiecewisePolynomial:
+    """Position of the far end over a cycle as polynomials in time, integrated twice from the acceleration."""
     breaks, rows = [], []
     for leg in cycle.legs():
-        bend = partial(_bend, leg)
-        bent = fit_piecewise(bend, leg.breakpoints(), LAW * np.abs(bend(interior_grid(leg.breakpoints()))).max())
-        starts = bent.breaks[:-1] + BREAK_OFFSET
-        speed = antiderivative(bent, leg.at_phase(starts, 1) * leg.duration)
-        place = antiderivative(speed, leg.at_phase(starts, 0))
-        breaks.append(leg.start + leg.duration * place.breaks[:-1])
-        rows.append(place.coefficients)
+        curvature = partial(_curvature, leg)
+        tolerance = LAW_TOLERANCE * np.abs(curvature(interior_grid(leg.breakpoints()))).max()
+        second = fit_piecewise(curvature, leg.breakpoints(), tolerance)
+        starts = second.breaks[:-1] + BREAK_OFFSET
+        velocity = antiderivative(second, leg.at_phase(starts, 1) * leg.duration)
+        position = antiderivative(velocity, leg.at_phase(starts, 0))
+        breaks.append(leg.start + leg.duration * position.breaks[:-1])
+        rows.append(position.coefficients)
     return PiecewisePolynomial(np.append(np.concatenate(breaks), cycle.period), np.concatenate(rows))
 
 
-def _bend(leg, phase):
+def _curvature(leg: Leg, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Second derivative of the position with respect to the phase [m]."""
     return leg.at_phase(phase, 2) * leg.duration**2
 
 
-def _cut(law, time):
-    """The pieces of a law from `time` on, and those before."""
+def _split(law: PiecewisePolynomial, time: float) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:
+    """PiecewisePolynomial of a law after and before a time [s]."""
     i = int(np.searchsorted(law.breaks, time, side="left"))
     breaks, rows = law.breaks, law.coefficients
     if breaks[i] > time:
         u = (time - breaks[i - 1]) / (breaks[i] - breaks[i - 1])
-        halves = shifted(rows[i - 1], 0.0, u), shifted(rows[i - 1], u, 1 - u)
+        halves = substitute(rows[i - 1], 0.0, u), substitute(rows[i - 1], u, 1 - u)
         rows = np.concatenate([rows[: i - 1], halves, rows[i:]])
         breaks = np.insert(breaks, i, time)
     return PiecewisePolynomial(breaks[i:].copy(), rows[i:].copy()), PiecewisePolynomial(
@@ -328,19 +439,19 @@ def _cut(law, time):
     )
 
 
-def _total(cart, resistance):
-    """Resistance and guide friction [N] over velocity [m/s], none of them 0, and acceleration [m/s^2]."""
+def _total_resistance(cart: Cart, resistance: Resistance) -> Callable[..., NDArray[np.float64]]:
+    """Resistance and guide friction [N] of velocities [m/s] other than 0 and accelerations [m/s^2]."""
 
     def total(velocity, acceleration=0.0):
         acceleration = np.broadcast_to(acceleration, np.shape(velocity))
-        return balance(
-            cart, 0.0, evaluate_resistance(resistance, velocity, acceleration), np.sign(velocity)
-        ).drive_force
+        force = evaluate_resistance(resistance, velocity, acceleration)
+        return balance(cart, 0.0, force, np.sign(velocity)).drive_force
 
     return total
 
 
-def _spring(cart, drive):
-    ends, numbers = cart.end_springs, (cart.mass, drive.stiffness, drive.damping, drive.backlash)
-    given = (0.0,) * 4 if ends is None else (ends.stiffness, ends.preload, ends.length, ends.stroke)
-    return Spring(*map(float, numbers), Ends(*map(float, given)))
+def _oscillator(cart: Cart, drive: "ElasticDrive") -> OscillatorParameters:
+    """Parameters for compiled code, as floats."""
+    ends, parameters = cart.end_springs, (cart.mass, drive.stiffness, drive.damping, drive.backlash)
+    end_springs = (0.0,) * 4 if ends is None else (ends.stiffness, ends.preload, ends.length, ends.stroke)
+    return OscillatorParameters(*map(float, parameters), EndSpringParameters(*map(float, end_springs)))

@@ -1,283 +1,358 @@
-"""The elastic drive: the cart hangs on a spring and a damper whose far end follows the motion law.
+"""Elastic drive: a spring and a damper between the imposed motion law and the cart.
 
     m x'' = H - W(x', x'') - guide friction + end springs,   H = k (e - o) + c e',   e = y(t) - x
 
-y is the law, x the cart, H the drive force, + towards the far end; with a backlash b the spring pulls from a stretch of
-b/2 and pushes from -b/2, o = +-b/2, and is slack between, while the damper acts throughout (as in gear dynamics:
-Kahraman and Singh, J. Sound Vib. 142 (1990) 49). The resistance W of the mix is that of the steady speed, or follows
-the acceleration at first order, F(v) + a M(v), as a map gives it; while a cart swings the map holds the second term
-most of the time, and following it through costs several times as much. W and the friction of the guide wheels jump at
-rest and hold the cart there, as does the plate of a preloaded end spring (`dynamics`). A resistance that vanishes with
-a small power of the speed, such as v^0.02 of a mix that compacts, holds like dry friction: a millionth of the fastest
-speed is as good as standing, and what the mix resists there is what holds.
+y is the law, x the cart, H the drive force, positive towards the far end. With a backlash b the spring is engaged for
+e > b/2 (o = b/2) and for e < -b/2 (o = -b/2) and slack between; the damper acts throughout. The resistance W is that
+of the steady speed, or depends on the acceleration to first order, F(v) + a M(v). During oscillations the added-mass
+term is saturated for most of the time (`force_elements`); the solution then takes several times as long.
 
-Two regimes: from rest, and the periodic one, whose state is found by Newton's method on the map over one cycle.
+W and the guide friction jump at rest and hold the cart there, as does the plate of a preloaded end spring. A
+resistance that vanishes with a small power of the speed, such as v^0.02 of a compacting mix, acts like dry friction: a
+cart slower than a millionth of the peak speed counts as at rest, and the resistance at that speed holds it.
+
+Two regimes are available: the first cycle from rest, and the periodic regime (`elastic_cycle`).
+
+References
+----------
+Backlash with parallel damper: A. Kahraman and R. Singh, J. Sound Vib. 142 (1990) 49.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from compact.dynamics.event_driven import peaks
-from compact.dynamics.trajectory import ALIVE, MOST_SAMPLES, SAMPLES, TURN, Course, alive_time
-from compact.machine.cart import Balance, Cart, balance
-from compact.machine.elastic_cycle import PeriodicProblem, Work
-from compact.machine.rigid_drive import (
-    CREEP,
-    CycleStatistics,
-    Rigid,
-    State,
-    evaluate_resistance,
-    simulate,
-    steady_force,
+from compact.dynamics.event_driven import peak_force_and_power
+from compact.dynamics.trajectory import (
+    CELL_ANGLE,
+    CELL_POINTS,
+    MAX_SAMPLES,
+    OSCILLATION_FLOOR,
+    Trajectory,
+    oscillation_time,
 )
-from compact.motion.profile import Cycle, Discontinuity
+from compact.machine.cart import Balance, Cart, balance
+from compact.machine.elastic_cycle import PeriodicProblem, SolutionCost
+from compact.machine.rigid_drive import (
+    STANDSTILL_SPEED_RATIO,
+    WORKING_PART,
+    CycleStatistics,
+    DriveState,
+    Resistance,
+    Rigid,
+    Run,
+    evaluate_resistance,
+    mean_speed_force,
+    simulate,
+)
+from compact.motion.profile import Cycle, Discontinuity, MotionProfile
 from compact.numerics.validation import require_known, require_nonnegative, require_opposing, require_positive
 
 REGIMES = ("periodic", "rest")
-JUMP = 1e-6  # of the largest acceleration: less is rounding
+JUMP_TOLERANCE = 1e-6  # [-], of the largest acceleration; smaller jumps are rounding
+NONUNIFORMITY_SAMPLES = 2001  # [-], of the speed over the working part
 
 
 @dataclass(frozen=True)
 class ElasticDrive:
-    """Spring and damper between the law and the cart: stiffness k [N/m], damping c [N s/m], backlash b >= 0 [m].
+    """Spring and damper between the law and the cart.
 
-    first_order : whether the resistance follows the acceleration, F + a M, or is that of the steady speed
+    Parameters
+    ----------
+    stiffness : float
+        k [N/m], > 0.
+    damping : float
+        c [N s/m], >= 0.
+    backlash : float
+        b [m], >= 0.
+    include_added_mass : bool
+        Use the resistance F(v) + a M(v) instead of the steady F(v).
     """
 
     stiffness: float
     damping: float
     backlash: float = 0.0
-    first_order: bool = False
+    include_added_mass: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_positive(stiffness=self.stiffness)
         require_nonnegative(damping=self.damping, backlash=self.backlash)
 
-    def run(self, cart, cycle, resistance, working):
-        """The periodic `ElasticRun`: what `rigid_drive.simulate` asks of a drive."""
+    def run(self, cart: Cart, cycle: Cycle, resistance: Resistance, working: tuple[float, float]) -> "ElasticRun":
+        """Simulate the periodic regime, for `rigid_drive.simulate`."""
         return simulate_elastic(cart, self, cycle, resistance, working=working)
 
 
-def damping_ratio(cart, drive):
-    """c/(2 sqrt(k m)) of a cart on an `ElasticDrive`."""
+def damping_ratio(cart: Cart, drive: ElasticDrive) -> float:
+    """Damping ratio c/(2 sqrt(k m)) of a cart on an elastic drive [-]."""
     return drive.damping / (2 * math.sqrt(drive.stiffness * cart.mass))
 
 
-def simulate_elastic(cart, drive, motion, resistance, *, regime="periodic", working=(1 / 6, 5 / 6), tolerance=1e-8):
-    """`ElasticRun` of one cycle of a cart behind a spring.
+def simulate_elastic(
+    cart: Cart,
+    drive: ElasticDrive,
+    motion: MotionProfile | Cycle,
+    resistance: Resistance,
+    *,
+    regime: str = "periodic",
+    working: tuple[float, float] = WORKING_PART,
+    tolerance: float = 1e-8,
+) -> "ElasticRun":
+    """Simulate one cycle of a cart behind a spring.
 
     Parameters
     ----------
-    cart : Cart, mass > 0;  drive : ElasticDrive
-    motion : Motion (there and back without a dwell) or Cycle
-    resistance : callable(velocity, acceleration) -> N, linear in the acceleration; it may jump at speed 0 only.
-        A `ResistanceMap` has its samples, `speeds`, and the `rate_limit` |a|/|v| up to which it is linear
-    regime : "periodic", or "rest": the first cycle of a cart that stood at the near end, its springs in balance
-    working : shares of the pass there between which the speed should be even
-    tolerance : of the resistance that the solution meets, relative to the largest force of inertia and resistance
+    cart : Cart
+        Cart of mass > 0.
+    drive : ElasticDrive
+        Spring and damper.
+    motion : MotionProfile or Cycle
+        Law of the far end; a `MotionProfile` is repeated without dwells.
+    resistance : callable
+        Force of the mix [N] of velocity [m/s] and acceleration [m/s^2], linear in the acceleration, with a jump at
+        speed 0 only. A `ResistanceMap` provides its sampled speeds and the limit of |a|/|v| of its linear range.
+    regime : str
+        "periodic", or "rest": the first cycle of a cart at rest at the near end, with its springs in balance.
+    working : tuple of float
+        Start and end of the working part of the forward stroke [-], for `nonuniformity`.
+    tolerance : float
+        Of the resistance, relative to the largest force of inertia and resistance [-].
 
-    Raises ValueError for a resistance that does not oppose the motion, or jumps at a speed other than 0, and for an
-    oscillation that takes more than `MOST_SAMPLES` samples;
-    RuntimeError where no periodic regime is found or the cart moves too wildly to follow.
+    Returns
+    -------
+    ElasticRun
+        Solution and its statistics.
+
+    Raises
+    ------
+    ValueError
+        If the resistance does not oppose the motion or jumps at a speed other than 0, or if the oscillation needs more
+        than `MAX_SAMPLES` samples.
+    RuntimeError
+        If the integration ends early or no periodic regime is found.
     """
     require_positive(mass=cart.mass, tolerance=tolerance)
     require_known("regime", regime, REGIMES)
-    cycle = motion if hasattr(motion, "legs") else motion.cycle()
+    cycle = motion if isinstance(motion, Cycle) else motion.cycle()
     require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
-    _require_few_samples(cart, drive, cycle, _expected_samples(cart, drive, cycle))
+    _require_resolvable(cart, drive, cycle, _expected_samples(cart, drive, cycle))
     problem = PeriodicProblem(cart, drive, cycle, resistance, tolerance)
     if regime == "rest":
-        start = problem.at_rest
-        arcs, end = problem.course(problem.law, start)
+        start = problem.rest_state
+        intervals, end = problem.integrate(problem.law, start)
     else:
-        arcs, start = problem.periodic()
+        intervals, start = problem.solve_periodic()
         end = start
-    course = Course(problem.spring, arcs, problem.resistance, start, end)
-    _require_few_samples(cart, drive, cycle, course.sample_count)
-    return ElasticRun(cart, cycle, resistance, working, course, problem.work, drive.first_order)
+    trajectory = Trajectory(problem.oscillator, intervals, problem.resistance, start, end)
+    _require_resolvable(cart, drive, cycle, trajectory.sample_count)
+    return ElasticRun(cart, cycle, resistance, working, trajectory, problem.cost, drive.include_added_mass)
 
 
 def _expected_samples(cart, drive, cycle):
-    """Samples that resolve the oscillation of a cart after each join of the law; in a dwell friction may hold it."""
+    """Estimate the samples that resolve the oscillation after each join of the law, outside dwells."""
     decay = drive.damping / (2 * cart.mass)
     square = drive.stiffness / cart.mass - decay**2
     if square <= 0:
         return 0
     pieces = [leg.duration * np.diff(leg.breakpoints()) for leg in cycle.legs() if leg.direction]
-    alive = sum(alive_time(decay, float(length)) for length in np.concatenate(pieces))
-    return SAMPLES * alive * math.sqrt(drive.stiffness / cart.mass) / TURN
+    resolved = sum(oscillation_time(decay, float(duration)) for duration in np.concatenate(pieces))
+    return CELL_POINTS * resolved * math.sqrt(drive.stiffness / cart.mass) / CELL_ANGLE
 
 
-def _require_few_samples(cart, drive, cycle, samples):
-    """ValueError, with a damping that would do, where the oscillations of a cycle take more than `MOST_SAMPLES`."""
-    if samples <= MOST_SAMPLES:
+def _require_resolvable(cart, drive, cycle, samples):
+    """Require at most `MAX_SAMPLES` samples; the error states a sufficient damping."""
+    if samples <= MAX_SAMPLES:
         return
-    swing = math.sqrt(drive.stiffness / cart.mass)
-    times = sum(len(leg.breakpoints()) for leg in cycle.legs())  # that the oscillation begins, about
-    decay = 2 * times * SAMPLES * -math.log(ALIVE) * swing / TURN / MOST_SAMPLES
+    frequency = math.sqrt(drive.stiffness / cart.mass)
+    excitations = sum(len(leg.breakpoints()) for leg in cycle.legs())
+    decay = 2 * excitations * CELL_POINTS * -math.log(OSCILLATION_FLOOR) * frequency / CELL_ANGLE / MAX_SAMPLES
     raise ValueError(
-        f"`stiffness` {drive.stiffness:g} N/m with a `damping` of {drive.damping:g} N s/m makes the cart swing "
-        f"{samples * TURN / SAMPLES / (2 * math.pi):.2g} times in a cycle: {samples:.2g} samples, at most "
-        f"{MOST_SAMPLES} are kept; take a rigid drive, or give a damping of {2 * cart.mass * decay:.2g} N s/m or more"
+        f"`stiffness` {drive.stiffness:g} N/m with `damping` {drive.damping:g} N s/m: the cart oscillates "
+        f"{samples * CELL_ANGLE / CELL_POINTS / (2 * math.pi):.2g} times per cycle, which needs {samples:.2g} samples, "
+        f"allowed are {MAX_SAMPLES}; use a rigid drive, or a damping of at least {2 * cart.mass * decay:.2g} N s/m"
     )
 
 
 @dataclass(frozen=True)
 class ElasticRun(CycleStatistics):
-    """One cycle of a cart behind a spring; arrays of shape (n,) resolve the ringing, arcs one after another.
+    """One cycle of a cart behind a spring; arrays of shape (n,) resolve the oscillation, intervals in order of time.
 
-    Force and power are those of the far end, which follows the law. `met` is the resistance that it was given;
-    `work` counts what the solution cost.
+    Force and power are those of the far end, which follows the law.
+
+    Parameters
+    ----------
+    cart : Cart
+        Cart.
+    cycle : Cycle
+        Law of the far end.
+    resistance : callable
+        Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
+    working : tuple of float
+        Working part of the forward stroke [-].
+    trajectory : Trajectory
+        Solution.
+    cost : SolutionCost
+        Cost of the solution.
+    include_added_mass : bool
+        Resistance that depends on the acceleration.
     """
 
     cart: Cart
     cycle: Cycle
-    met: Callable
+    resistance: Resistance
     working: tuple[float, float]
-    course: Course
-    work: Work
-    first_order: bool
+    trajectory: Trajectory
+    cost: SolutionCost
+    include_added_mass: bool
 
-    impulses = ()  # a spring softens every jump of the law's velocity
+    impulses = ()  # the spring turns each velocity jump of the law into a finite force
 
     @property
-    def name(self):
+    def name(self) -> str:
         """Name of the law."""
         return self.cycle.forward.name
 
     @property
-    def period(self):
-        """Time of the cycle [s]."""
+    def period(self) -> float:
+        """Duration of the cycle [s]."""
         return self.cycle.period
 
     @property
-    def steady_force(self):
-        """Force that keeps the mean speed [N]."""
-        return steady_force(self.cart, self.cycle.forward, self.met)
+    def steady_force(self) -> float:
+        """Force at the constant mean speed [N]."""
+        return mean_speed_force(self.cart, self.cycle.forward, self.resistance)
 
     @cached_property
-    def _places(self):
-        return self.course.places()
+    def _points(self):
+        """Interval indices, places and weights of the samples."""
+        return self.trajectory.sample_points()
 
     @property
-    def weights(self):
-        """Weights [s] that integrate over the cycle."""
-        return self._places[2]
+    def weights(self) -> NDArray[np.float64]:
+        """Quadrature weights over the cycle [s]."""
+        return self._points[2]
 
     @cached_property
-    def time(self):
-        """Time [s] from the start of the way there."""
-        i, u, _ = self._places
-        return self.course.arcs.start[i] + self.course.arcs.span[i] * u
+    def time(self) -> NDArray[np.float64]:
+        """Time since the start of the forward stroke [s]."""
+        i, u, _ = self._points
+        return self.trajectory.intervals.start[i] + self.trajectory.intervals.scale[i] * u
 
     @cached_property
-    def direction(self):
-        """Way of the law: +1 there, -1 back, 0 in a dwell."""
+    def direction(self) -> NDArray[np.float64]:
+        """Direction of the law: +1 forward, -1 on the return stroke, 0 in a dwell."""
         legs = self.cycle.legs()
-        which = np.searchsorted([leg.start for leg in legs], self.course.arcs.start + 1e-9 * self.period) - 1
-        return np.array([float(leg.direction) for leg in legs])[which][self._places[0]]
+        starts = self.trajectory.intervals.start + 1e-9 * self.period
+        which = np.searchsorted([leg.start for leg in legs], starts) - 1
+        return np.array([float(leg.direction) for leg in legs])[which][self._points[0]]
 
     @cached_property
-    def state(self):
-        """`rigid_drive.State` of the cart; while it stands, mix and guides share the pull as they share the limit."""
-        i, u, _ = self._places
-        position, velocity, acceleration, jerk, resisted = self.course.motion(i, u)
-        force, push, slip = self.course.force(i, u), self.course.push(i, u), self.course.arcs.slip[i]
-        still, moves, pull = np.zeros(force.shape), slip != 0, force + push
-        way = np.where(moves, slip, np.sign(pull))
-        creep = way * CREEP * self.cycle.forward.stroke / self.cycle.forward.duration
-        mix = evaluate_resistance(self.met, np.where(velocity != 0, velocity, creep), self.first_order * acceleration)
-        limit = balance(self.cart, still, mix, way).drive_force
+    def state(self) -> DriveState:
+        """Motion and forces of the cart; at rest, mix and guides share the pull in the ratio of their limits."""
+        i, u, _ = self._points
+        position, velocity, acceleration, jerk, resisting = self.trajectory.kinematics(i, u)
+        force, end_force = self.trajectory.drive_force(i, u), self.trajectory.end_spring_force(i, u)
+        slip, zero, pull = self.trajectory.intervals.slip[i], np.zeros(force.shape), force + end_force
+        moves, direction = slip != 0, np.where(slip != 0, slip, np.sign(pull))
+        slowest = direction * STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
+        mix = evaluate_resistance(
+            self.resistance, np.where(velocity != 0, velocity, slowest), self.include_added_mass * acceleration
+        )
+        limit = balance(self.cart, zero, mix, direction).drive_force
         share = np.divide(mix, limit, out=np.zeros(mix.shape), where=limit != 0)
         mix = np.where(moves, mix, pull * share)
-        reactions = balance(self.cart, acceleration, mix, np.where(moves, way, 0.0), push=push)
-        forces = Balance(force, reactions.front_reaction, reactions.rear_reaction, resisted - mix)
-        return State(position, velocity, acceleration, jerk, mix, still, forces)
+        moving_direction = np.where(moves, direction, 0.0)
+        reactions = balance(self.cart, acceleration, mix, moving_direction, end_spring_force=end_force)
+        forces = Balance(force, reactions.front_reaction, reactions.rear_reaction, resisting - mix)
+        return DriveState(position, velocity, acceleration, jerk, mix, zero, forces)
 
     @cached_property
-    def drive_force(self):
-        """H [N], along the travel."""
-        i, u, _ = self._places
-        return self.course.force(i, u)
+    def drive_force(self) -> NDArray[np.float64]:
+        """Drive force H [N], positive towards the far end."""
+        i, u, _ = self._points
+        return self.trajectory.drive_force(i, u)
 
     @cached_property
-    def drive_power(self):
-        """H y' [W]: what the far end gives."""
-        i, u, _ = self._places
-        return self.drive_force * self.course.far_end(i, u, 1)
+    def drive_power(self) -> NDArray[np.float64]:
+        """Power H y' of the far end [W]."""
+        i, u, _ = self._points
+        return self.drive_force * self.trajectory.far_end(i, u, 1)
 
     @cached_property
     def _peaks(self):
-        return peaks(self.course.spring, self.course.arcs)
+        """Largest |H| [N] and |H y'| [W]."""
+        return peak_force_and_power(self.trajectory.oscillator, self.trajectory.intervals)
 
     @property
-    def peak_force(self):
+    def peak_force(self) -> float:
         """Largest |H| [N]."""
         return self._peaks[0]
 
     @property
-    def peak_power(self):
+    def peak_power(self) -> float:
         """Largest |H y'| [W]."""
         return self._peaks[1]
 
     @cached_property
-    def rigid(self):
-        """The `Run` with the law imposed on the cart itself."""
-        return simulate(self.cart, Rigid(), self.cycle, self.met, working=self.working)
+    def rigid(self) -> Run:
+        """Run with the law imposed on the cart itself."""
+        return simulate(self.cart, Rigid(), self.cycle, self.resistance, working=self.working)
 
     @property
-    def ringing(self):
-        """Peak force over that of the rigid drive; nan where that is infinite."""
+    def ringing(self) -> float:
+        """Dynamic amplification: peak force over that of the rigid drive [-]; nan if that is infinite."""
         return self.peak_force / self.rigid.peak_force if math.isfinite(self.rigid.peak_force) else math.nan
 
     @cached_property
-    def peak_jerk(self):
-        """Largest |jerk| of the cart [m/s^3]; infinite where its acceleration jumps, as where friction stops it."""
+    def peak_jerk(self) -> float:
+        """Largest |jerk| of the cart [m/s^3]; infinite if its acceleration jumps, as at a stop by friction."""
         return math.inf if self.shocks else float(np.abs(self.state.jerk).max())
 
     @cached_property
-    def shocks(self):
-        """Jumps of the cart's acceleration, as `Discontinuity`s."""
-        arcs = self.course.arcs
-        every = np.arange(len(arcs.start))
-        after = self.course.motion(every, 0.0 * every)[2]
-        before = self.course.motion(every, arcs.length / arcs.span)[2]
+    def shocks(self) -> tuple[Discontinuity, ...]:
+        """Jumps of the acceleration of the cart."""
+        intervals = self.trajectory.intervals
+        rows = np.arange(len(intervals.start))
+        after = self.trajectory.kinematics(rows, 0.0 * rows).acceleration
+        before = self.trajectory.kinematics(rows, intervals.duration / intervals.scale).acceleration
         largest = np.abs(self.state.acceleration).max()
-        turns = [(i, before[i - 1], after[i]) for i in every]
+        jumps = [(i, before[i - 1], after[i]) for i in rows]
         return tuple(
-            Discontinuity(float(arcs.start[i]), 2, float(a), float(b)) for i, a, b in turns if abs(a - b) > JUMP * largest
+            Discontinuity(float(intervals.start[i]), 2, float(a), float(b))
+            for i, a, b in jumps
+            if abs(a - b) > JUMP_TOLERANCE * largest
         )
 
     @cached_property
-    def drawn_energy(self):
-        """Work given by a drive that cannot take back what the spring returns [J]."""
+    def drawn_energy(self) -> float:
+        """Work of a drive without recovery of the energy that the spring returns [J]."""
         return self._mean(np.maximum(self.drive_power, 0.0)) * self.period
 
     @cached_property
-    def nonuniformity(self):
-        """(v_max - v_min)/v_mean of the cart over the working part of the way there."""
-        duration = self.cycle.forward.duration
-        time = np.linspace(*self.working, 2001) * duration
-        position, velocity, *_ = self.course.motion(*self.course.at(time))
+    def nonuniformity(self) -> float:
+        """(v_max - v_min)/v_mean of the cart over the working part of the forward stroke [-]."""
+        time = np.linspace(*self.working, NONUNIFORMITY_SAMPLES) * self.cycle.forward.duration
+        position, velocity, *_ = self.trajectory.kinematics(*self.trajectory.locate(time))
         mean = (position[-1] - position[0]) / (time[-1] - time[0])
         return float((velocity.max() - velocity.min()) / mean)
 
     @property
-    def standing(self):
-        """Time for which friction holds the cart [s]."""
-        return float(self.course.arcs.length[self.course.arcs.slip == 0].sum())
+    def standing(self) -> float:
+        """Stick time: time during which friction holds the cart at rest [s]; named as in summary.json."""
+        intervals = self.trajectory.intervals
+        return float(intervals.duration[intervals.slip == 0].sum())
 
     @cached_property
-    def energy_residual(self):
-        """|work of the far end - gain of cart and spring - loss in damper, mix and guides| over int |H y'| dt."""
-        i, u, weights = self._places
-        _, velocity, _, _, resisted = self.course.motion(i, u)
-        _, rate = self.course.stretch(i, u)
-        gain = self.course.energy(self.course.end) - self.course.energy(self.course.start)
-        taken = self.course.spring.damping * rate**2 + resisted * velocity
-        missed = np.sum(weights * (self.drive_power - taken)) - gain
-        return float(abs(missed) / np.sum(weights * np.abs(self.drive_power)))
+    def energy_residual(self) -> float:
+        """Energy-balance residual of far end, cart, springs and losses over int |H y'| dt [-]."""
+        trajectory = self.trajectory
+        i, u, weights = self._points
+        _, velocity, _, _, resisting = trajectory.kinematics(i, u)
+        _, rate = trajectory.elongation(i, u)
+        gain = trajectory.energy(trajectory.end) - trajectory.energy(trajectory.start)
+        loss = trajectory.oscillator.damping * rate**2 + resisting * velocity
+        residual = np.sum(weights * (self.drive_power - loss)) - gain
+        return float(abs(residual) / np.sum(weights * np.abs(self.drive_power)))

@@ -1,18 +1,20 @@
-"""The hydraulic drive: two cylinders move the cart, one each way, and two throttles make the law.
+"""Hydraulic drive: two cylinders move the cart, one in each direction, and two throttle valves control its motion.
 
     H = A (p_in - p_out),   Q = A |v|,   Q = Cd a sqrt(2/rho) dp/(dp^2 + c^2)^(1/4)
 
-A pump of constant flow with a relief valve at p_s feeds the cylinder that drives through one throttle, dp = p_s - p_in;
-the other cylinder empties into the tank through the other one, dp = p_out; below c the flow is laminar. Asked for is
-the inverse: of a law that is followed, pressures, flow and the areas a over time that make it. The outlet stays wide
-open until the cart has to be held back; then p_in is no more than it must. Forward (`passage`) areas are given and the
-oil yields,
+A pump of constant flow with a relief valve at p_s feeds the driving cylinder through the inlet valve, dp = p_s - p_in.
+The other cylinder discharges to the tank through the outlet valve, dp = p_out. Below the transition pressure drop c the
+flow is laminar.
 
-    (V/K) p_in' = Q_in - A v,   (V/K) p_out' = A v - Q_out,   m v' = A (p_in - p_out) - W(v) - guides + end springs,
+The inverse problem yields pressures, flow and valve areas a over time for a given law. The outlet valve is fully open
+until the cart must be decelerated, so that p_in is as low as possible. The forward problem (`simulate_stroke`) yields
+the motion for given valve areas and a compressible oil:
 
-V the volume of a cylinder and its line, K the bulk modulus. W may follow the acceleration, F(v) + v' M(v), which makes
-the cart as much heavier; it may hold the cart, which then stands until the pressures get over it. Leakage, inertia of
-oil and changes of Cd are left out.
+    (V/K) p_in' = Q_in - A v,   (V/K) p_out' = A v - Q_out,   m v' = A (p_in - p_out) - W(v) - guides + end springs
+
+V is the volume of a cylinder with its line, K the bulk modulus. W may depend on the acceleration, F(v) + v' M(v), which
+adds to the mass of the cart. It may hold the cart at rest until the pressures exceed its limit. Leakage, inertia of the
+oil and variation of Cd are neglected.
 """
 
 from collections.abc import Callable, Iterator
@@ -21,30 +23,52 @@ from functools import cached_property, partial
 from itertools import count, pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
-from compact.machine.cart import Cart, balance
-from compact.machine.rigid_drive import CREEP, Rigid, Run, evaluate_resistance, simulate
+from compact.machine.cart import Cart, Resistance, balance
+from compact.machine.rigid_drive import STANDSTILL_SPEED_RATIO, Rigid, Run, evaluate_resistance, simulate
+from compact.motion.profile import Cycle
 from compact.numerics.piecewise import PiecewisePolynomial, fit_piecewise
 from compact.numerics.validation import require_opposing, require_positive
 
-NEAR = 1e-6  # of the open area, by which polynomials may miss that of a throttle
-RTOL = 1e-8  # of the forward motion
-PROBE = 1e-7  # difference for derivatives, over the scale of the state
-SECANTS, BALANCED = 20, 1e-12  # of the balance at an instant; left over, of the force
-MOST_EVALUATIONS = 1_000_000  # [-], of the rates over a passage: about a minute; 1e4 are usual
-TURNS = 200  # standing and moving in turn, within a piece
-ENERGIES = ("pump", "relief", "inlet_heat", "outlet_heat", "compression", "resistance_work")
+AREA_TOLERANCE = 1e-6  # [-], of the open area; polynomials of a valve area
+STROKE_TOLERANCE = 1e-8  # [-], relative; forward integration
+PERTURBATION = 1e-7  # [-], of the scale of the state; finite differences
+MAX_SECANT_STEPS = 20  # [-], of the acceleration at an instant; two for a resistance that is linear in it
+FORCE_TOLERANCE = 1e-12  # [-], of the forces; residual of the acceleration at an instant
+MAX_EVALUATIONS = 1_000_000  # [-], of the rates over a stroke, about a minute; 1e4 are usual
+MAX_STOPS = 200  # [-], alternations of motion and rest within a piece of the valve areas
+MIN_PIECE = 1e-9  # [-], of the duration; closer breaks of the valve areas coincide
+WORK_TERMS = ("pump", "relief", "inlet_heat", "outlet_heat", "compression", "resistance_work")
+
+ValveAreas = tuple[PiecewisePolynomial, PiecewisePolynomial]
 
 
 @dataclass(frozen=True)
 class Hydraulic(Rigid):
-    """A hydraulic drive.
+    """Pump, relief valve, cylinders and throttle valves.
 
-    piston_area : A [m2];  supply_pressure : p_s of the relief valve [Pa];  pump_flow : [m3/s]
-    valve_area : of a throttle wide open [m2];  discharge_coefficient : Cd;  oil_density : rho [kg/m3]
-    transition_drop : c [Pa];  bulk_modulus : K [Pa]
-    dead_volume : of a cylinder with its line, the piston at its end [m3]
+    Parameters
+    ----------
+    piston_area : float
+        A [m2].
+    supply_pressure : float
+        p_s of the relief valve [Pa].
+    pump_flow : float
+        [m3/s].
+    valve_area : float
+        Area of a fully open throttle valve [m2].
+    discharge_coefficient : float
+        Cd [-].
+    oil_density : float
+        rho [kg/m3].
+    transition_drop : float
+        Pressure drop c at the transition to turbulent flow [Pa].
+    bulk_modulus : float
+        K [Pa].
+    dead_volume : float
+        Volume of a cylinder and its line with the piston at its end [m3].
     """
 
     piston_area: float
@@ -57,307 +81,404 @@ class Hydraulic(Rigid):
     bulk_modulus: float
     dead_volume: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_positive(**{field.name: getattr(self, field.name) for field in fields(self)})
 
-    def flow(self, area, drop):
-        """Q [m3/s] through an area [m2] under a drop of pressure [Pa], either way."""
-        return area * drop / self._slowness(drop)
+    def flow(self, area: ArrayLike, drop: ArrayLike) -> NDArray[np.float64]:
+        """Return Q [m3/s] through an area [m2] under a pressure drop of either sign [Pa]."""
+        return area * drop / self._flow_resistance(drop)
 
-    def open_drop(self, flow):
-        """Drop of pressure [Pa] of a flow through a throttle wide open."""
+    def open_drop(self, flow: ArrayLike) -> NDArray[np.float64]:
+        """Return the pressure drop [Pa] of a flow [m3/s] through a fully open valve."""
         return self.drop(flow, self.valve_area)
 
-    def drop(self, flow, area):
-        """Drop of pressure [Pa] of a flow through an area [m2]: dp^2 = D (D + sqrt(D^2 + 4 c^2))/2, D at c = 0."""
+    def drop(self, flow: ArrayLike, area: ArrayLike) -> NDArray[np.float64]:
+        """Return the pressure drop [Pa] of a flow [m3/s] through an area [m2].
+
+        dp^2 = D (D + sqrt(D^2 + 4 c^2))/2 with the turbulent drop D.
+        """
         turbulent = self.oil_density / 2 * (flow / (self.discharge_coefficient * area)) ** 2
         return np.sqrt(turbulent / 2 * (turbulent + np.hypot(turbulent, 2 * self.transition_drop)))
 
-    def area(self, flow, drop):
-        """Area [m2] that lets a flow through under a drop of pressure > 0."""
-        return flow * self._slowness(drop) / drop
+    def area(self, flow: ArrayLike, drop: ArrayLike) -> NDArray[np.float64]:
+        """Return the area [m2] that passes a flow [m3/s] under a pressure drop > 0 [Pa]."""
+        return flow * self._flow_resistance(drop) / drop
 
-    def _slowness(self, drop):
+    def _flow_resistance(self, drop):
+        """Pressure drop over flow per area [Pa s/m]."""
         return np.sqrt(np.hypot(drop, self.transition_drop) * self.oil_density / 2) / self.discharge_coefficient
 
-    def run(self, cart, cycle, resistance, working):
-        """The `HydraulicRun`: what `rigid_drive.simulate` asks of a drive."""
+    def run(self, cart: Cart, cycle: Cycle, resistance: Resistance, working: tuple[float, float]) -> "HydraulicRun":
+        """Solve the inverse problem over a cycle, for `rigid_drive.simulate`."""
         run = simulate(cart, Rigid(), cycle, resistance, working=working)
         return HydraulicRun(**{field.name: getattr(run, field.name) for field in fields(run)}, hydraulic=self)
 
 
 @dataclass(frozen=True)
-class Throttled:
-    """What makes a law: flow [m3/s], pressures [Pa] in and behind the cylinder that drives, areas [m2] of throttles."""
+class ValveFlow:
+    """Flow through the valves and pressures of the driving direction; arrays of one shape.
 
-    flow: np.ndarray
-    inlet_pressure: np.ndarray
-    outlet_pressure: np.ndarray
-    inlet_area: np.ndarray
-    outlet_area: np.ndarray
+    Parameters
+    ----------
+    flow : ndarray
+        Q [m3/s].
+    inlet_pressure, outlet_pressure : ndarray
+        p_in and p_out [Pa].
+    inlet_area, outlet_area : ndarray
+        Areas of the valves [m2].
+    """
+
+    flow: NDArray[np.float64]
+    inlet_pressure: NDArray[np.float64]
+    outlet_pressure: NDArray[np.float64]
+    inlet_area: NDArray[np.float64]
+    outlet_area: NDArray[np.float64]
 
 
-def throttled(hydraulic, velocity, force):
-    """`Throttled` of a cart that is driven forwards at velocities [m/s] by forces [N], + along the travel.
+def solve_valve_flow(hydraulic: Hydraulic, velocity: NDArray[np.float64], force: NDArray[np.float64]) -> ValveFlow:
+    """Solve flow, pressures and valve areas for a motion.
 
-    Areas are infinite where the supply has no more pressure than is needed.
+    Parameters
+    ----------
+    hydraulic : Hydraulic
+        Drive.
+    velocity : ndarray
+        Velocity of the cart [m/s].
+    force : ndarray
+        Drive force in the direction of motion [N].
+
+    Returns
+    -------
+    ValveFlow
+        Inlet areas are infinite where the required pressure exceeds that of the supply.
     """
     flow = hydraulic.piston_area * np.abs(velocity)
-    free = hydraulic.open_drop(flow)
-    outlet = np.maximum(free, -force / hydraulic.piston_area)
+    open_drop = hydraulic.open_drop(flow)
+    outlet = np.maximum(open_drop, -force / hydraulic.piston_area)
     inlet = outlet + force / hydraulic.piston_area
     drop = hydraulic.supply_pressure - inlet
     with np.errstate(divide="ignore", invalid="ignore"):
-        narrow = np.where(drop > 0, hydraulic.area(flow, drop), np.inf)
-        held = np.where(outlet > free, hydraulic.area(flow, outlet), hydraulic.valve_area)
-    return Throttled(flow, inlet, outlet, narrow, held)
+        inlet_area = np.where(drop > 0, hydraulic.area(flow, drop), np.inf)
+        outlet_area = np.where(outlet > open_drop, hydraulic.area(flow, outlet), hydraulic.valve_area)
+    return ValveFlow(flow, inlet, outlet, inlet_area, outlet_area)
 
 
 @dataclass(frozen=True)
 class HydraulicRun(Run):
-    """One cycle of a cart whose law two throttles make."""
+    """One cycle of a cart under a law controlled by two valves.
+
+    Parameters
+    ----------
+    hydraulic : Hydraulic
+        Drive; further parameters as in `Run`.
+    """
 
     hydraulic: Hydraulic
 
     @cached_property
-    def throttled(self):
-        """`Throttled` over the cycle, arrays of shape (n,)."""
-        return throttled(self.hydraulic, self.state.velocity, self.direction * self.drive_force)
+    def valve_flow(self) -> ValveFlow:
+        """Flow, pressures and areas over the cycle, shape (n,)."""
+        return solve_valve_flow(self.hydraulic, self.state.velocity, self.direction * self.drive_force)
 
     @property
-    def peak_pressure(self):
+    def peak_pressure(self) -> float:
         """Largest pressure of a cylinder [Pa]."""
-        return float(max(self.throttled.inlet_pressure.max(), self.throttled.outlet_pressure.max()))
+        return float(max(self.valve_flow.inlet_pressure.max(), self.valve_flow.outlet_pressure.max()))
 
     @property
-    def peak_flow(self):
+    def peak_flow(self) -> float:
         """Largest flow [m3/s]."""
-        return float(self.throttled.flow.max())
+        return float(self.valve_flow.flow.max())
 
     @property
-    def lack(self):
-        """What the drive has too little of for the law; empty where it has enough."""
+    def lack(self) -> str:
+        """Quantity of the drive that is insufficient for the law; empty for a sufficient drive."""
         if self.impulses:
             return "force: the velocity jumps"
         if self.peak_flow > self.hydraulic.pump_flow:
             return "pump flow"
-        if self.throttled.inlet_pressure.max() >= self.hydraulic.supply_pressure:
+        if self.valve_flow.inlet_pressure.max() >= self.hydraulic.supply_pressure:
             return "supply pressure"
-        return "valve area" if self.throttled.inlet_area.max() > self.hydraulic.valve_area else ""
+        return "valve area" if self.valve_flow.inlet_area.max() > self.hydraulic.valve_area else ""
 
     @property
-    def pump_work(self):
-        """p_s times the pump's flow over the cycle [J]: the relief valve takes what the cart does not."""
+    def pump_work(self) -> float:
+        """Work of the pump over the cycle [J], p_s times its constant flow."""
         return self.hydraulic.supply_pressure * self.hydraulic.pump_flow * self.period
 
     @property
-    def throttle_heat(self):
-        """What both throttles turn into heat over the cycle [J]."""
-        made = self.throttled
-        drop = self.hydraulic.supply_pressure - made.inlet_pressure + made.outlet_pressure
-        return self._mean(made.flow * drop) * self.period
+    def throttle_heat(self) -> float:
+        """Heat of both valves over the cycle [J]."""
+        valves = self.valve_flow
+        drop = self.hydraulic.supply_pressure - valves.inlet_pressure + valves.outlet_pressure
+        return self._mean(valves.flow * drop) * self.period
 
     @property
-    def relief_heat(self):
-        """What the relief valve turns into heat over the cycle [J]."""
-        spare = self.hydraulic.pump_flow - self.throttled.flow
-        return self._mean(self.hydraulic.supply_pressure * spare) * self.period
+    def relief_heat(self) -> float:
+        """Heat of the relief valve over the cycle [J]."""
+        excess = self.hydraulic.pump_flow - self.valve_flow.flow
+        return self._mean(self.hydraulic.supply_pressure * excess) * self.period
 
     @property
-    def energy_residual(self):
-        """|pump's work - work on the cart - heat of throttles and relief valve| over the pump's work."""
+    def energy_residual(self) -> float:
+        """Energy-balance residual of pump, cart and valves over the work of the pump [-]."""
         return abs(self.pump_work - self.energy - self.throttle_heat - self.relief_heat) / self.pump_work
 
-    def areas(self):
-        """(inlet, outlet) area [m2] over the time of the way there [s], `PiecewisePolynomial`.
+    def valve_areas(self) -> ValveAreas:
+        """Compute the valve areas of the forward stroke.
 
-        Raises RuntimeError where the drive has too little of something.
+        Returns
+        -------
+        tuple of PiecewisePolynomial
+            Inlet and outlet area [m2] over time [s].
+
+        Raises
+        ------
+        RuntimeError
+            If the drive is insufficient for the law.
         """
         if self.lack:
-            raise RuntimeError(f"no throttles make '{self.name}': the drive has too little {self.lack}; give more")
-        leg = self.demand.cycle.legs()[0]
+            raise RuntimeError(
+                f"the drive cannot follow '{self.name}': insufficient {self.lack}; use a stronger drive or another law"
+            )
+        dynamics = self.inverse_dynamics
+        leg = dynamics.cycle.legs()[0]
 
         def area(name):
-            def over(time):
-                state = self.demand.at(leg, time / leg.duration)
-                return getattr(throttled(self.hydraulic, state.velocity, state.forces.drive_force), name)
+            def over_time(time):
+                state = dynamics.state_at(leg, time / leg.duration)
+                return getattr(solve_valve_flow(self.hydraulic, state.velocity, state.forces.drive_force), name)
 
-            return fit_piecewise(over, leg.duration * self.demand.breaks(leg), NEAR * self.hydraulic.valve_area)
+            return fit_piecewise(
+                over_time, leg.duration * dynamics.breaks(leg), AREA_TOLERANCE * self.hydraulic.valve_area
+            )
 
         return area("inlet_area"), area("outlet_area")
 
-    def forward(self):
-        """The `Passage` there under these throttles, with oil that yields, from the law's first pressures on."""
-        start = self.throttled
-        pressures = float(start.inlet_pressure[0]), float(start.outlet_pressure[0])
-        stroke = self.demand.cycle.forward.stroke
-        return passage(self.demand.cart, self.hydraulic, stroke, self.areas(), self.demand.resistance, pressures)
+    def simulate_stroke(self) -> "HydraulicStroke":
+        """Simulate the forward stroke under these valve areas with compressible oil, from the initial pressures."""
+        dynamics, valves = self.inverse_dynamics, self.valve_flow
+        pressures = float(valves.inlet_pressure[0]), float(valves.outlet_pressure[0])
+        stroke = dynamics.cycle.forward.stroke
+        return simulate_stroke(
+            dynamics.cart, self.hydraulic, stroke, self.valve_areas(), dynamics.resistance, pressures
+        )
 
 
 @dataclass(frozen=True)
-class Passage:
-    """A cart driven by throttles; arrays of shape (n,), and what became of the pump's work [J].
-
-    residual : of the balance of work, over the pump's work
-    """
-
-    time: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    inlet_pressure: np.ndarray
-    outlet_pressure: np.ndarray
-    energies: dict
-    residual: float
-
-
-def passage(cart, hydraulic, stroke, areas, resistance, pressures=(0.0, 0.0), *, rtol=RTOL):
-    """The `Passage` of a cart from rest at the near end, under given throttles.
+class HydraulicStroke:
+    """Motion of a cart under given valve areas; arrays of shape (n,).
 
     Parameters
     ----------
-    cart : Cart, mass > 0;  hydraulic : Hydraulic;  stroke : [m], of the cylinders
-    areas : (inlet, outlet) [m2] over time [s], `PiecewisePolynomial`; the motion lasts as long as they do
-    resistance : callable(velocity, acceleration) -> N, in m a + resistance rising with the acceleration
-    pressures : (inlet, outlet) to begin with [Pa]
+    time : ndarray
+        [s].
+    position, velocity : ndarray
+        [m], [m/s].
+    inlet_pressure, outlet_pressure : ndarray
+        [Pa].
+    energies : dict
+        Terms of the energy balance [J]: work of the pump, heat, compression of the oil, work on the resistance, and
+        the gains of kinetic and spring energy.
+    energy_residual : float
+        Energy-balance residual over the work of the pump [-].
+    """
 
-    Raises ValueError for a resistance that does not oppose the motion, and RuntimeError where the motion cannot be
-    followed.
+    time: NDArray[np.float64]
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    inlet_pressure: NDArray[np.float64]
+    outlet_pressure: NDArray[np.float64]
+    energies: dict[str, float]
+    energy_residual: float
+
+
+def simulate_stroke(
+    cart: Cart,
+    hydraulic: Hydraulic,
+    stroke: float,
+    areas: ValveAreas,
+    resistance: Resistance,
+    pressures: tuple[float, float] = (0.0, 0.0),
+    *,
+    rtol: float = STROKE_TOLERANCE,
+) -> HydraulicStroke:
+    """Simulate a cart from rest at the near end under given valve areas.
+
+    Parameters
+    ----------
+    cart : Cart
+        Cart of mass > 0.
+    hydraulic : Hydraulic
+        Drive.
+    stroke : float
+        Stroke of the cylinders [m].
+    areas : tuple of PiecewisePolynomial
+        Inlet and outlet area [m2] over time [s]; their range is that of the simulation.
+    resistance : callable
+        Force of the mix [N] of velocity [m/s] and acceleration [m/s^2]; m a + resistance increases with a.
+    pressures : tuple of float
+        Initial pressures of inlet and outlet [Pa].
+    rtol : float
+        Relative tolerance of the integration [-].
+
+    Returns
+    -------
+    HydraulicStroke
+        Motion, pressures and energies.
+
+    Raises
+    ------
+    ValueError
+        If the resistance does not oppose the motion.
+    RuntimeError
+        If the integration ends early.
     """
     require_positive(mass=cart.mass, stroke=stroke, rtol=rtol)
     require_opposing(resistance, stroke / max(float(area.breaks[-1] - area.breaks[0]) for area in areas))
-    plant = _Plant(cart, hydraulic, stroke, areas, resistance)
+    circuit = _Circuit(cart, hydraulic, stroke, areas, resistance)
     breaks = np.unique(np.concatenate([areas[0].breaks, areas[1].breaks]))
-    breaks = breaks[np.append(True, np.diff(breaks) > 1e-9 * breaks[-1])]
-    state, way = np.array([0.0, 0.0, *pressures] + [0.0] * len(ENERGIES)), 0
-    columns = []
+    breaks = breaks[np.append(True, np.diff(breaks) > MIN_PIECE * breaks[-1])]
+    state, direction = np.array([0.0, 0.0, *pressures] + [0.0] * len(WORK_TERMS)), 0
+    columns: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
     for start, end in pairwise(breaks):
-        state, way = plant.through(start, end, state, way, rtol, columns)
-    time, states = (np.concatenate(each, axis=-1) for each in zip(*columns, strict=True))
-    energies = dict(zip(ENERGIES, states[4:, -1].tolist(), strict=True))
-    kinetic, springs = cart.mass / 2 * state[1] ** 2, plant.held(state[0]) - plant.held(0.0)
+        state, direction = circuit.integrate(start, end, state, direction, rtol, columns)
+    time, states = (np.concatenate(parts, axis=-1) for parts in zip(*columns, strict=True))
+    energies = dict(zip(WORK_TERMS, states[4:, -1].tolist(), strict=True))
+    kinetic, springs = cart.mass / 2 * state[1] ** 2, circuit.spring_energy(state[0]) - circuit.spring_energy(0.0)
     energies |= {"kinetic": float(kinetic), "springs": float(springs)}
-    left = energies["pump"] - sum(work for name, work in energies.items() if name != "pump")
-    return Passage(time, *states[:4], energies, abs(left) / energies["pump"])
+    residual = energies["pump"] - sum(work for name, work in energies.items() if name != "pump")
+    return HydraulicStroke(time, *states[:4], energies, abs(residual) / energies["pump"])
 
 
 @dataclass(frozen=True)
-class _Plant:
-    """Cylinders, throttles and cart; its state is x, v, p_in, p_out and the ENERGIES."""
+class _Circuit:
+    """Cylinders, valves and cart; the state is x, v, p_in, p_out and the `WORK_TERMS`."""
 
     cart: Cart
     hydraulic: Hydraulic
     stroke: float
-    areas: tuple[PiecewisePolynomial, PiecewisePolynomial]
-    resistance: Callable
-    evaluations: Iterator = field(default_factory=count)
+    areas: ValveAreas
+    resistance: Resistance
+    evaluations: Iterator[int] = field(default_factory=count)
 
-    def through(self, time, end, state, way, rtol, columns):
-        """State and way (+1, -1, 0 standing) at the end of a piece, standing and moving in turn."""
+    def integrate(self, time, end, state, direction, rtol, columns):
+        """State and direction (+1, -1, 0 at rest) at the end of a piece, through alternating motion and rest."""
         supply = self.hydraulic.supply_pressure
-        turned = supply * self.hydraulic.piston_area * self.stroke
-        scale = np.array([self.stroke, self.stroke / end, supply, supply] + [turned] * len(ENERGIES))
-        for _ in range(TURNS):
-            way = way or self._freed(state)
-            got = solve_ivp(
-                partial(self._rates, way=way), (time, end), state, "Radau", events=self._events(way), rtol=rtol,
-                atol=rtol * scale, jac=partial(self._slopes, way=way, scale=scale),
+        work = supply * self.hydraulic.piston_area * self.stroke
+        scale = np.array([self.stroke, self.stroke / end, supply, supply] + [work] * len(WORK_TERMS))
+        for _ in range(MAX_STOPS):
+            direction = direction or self._breakaway_direction(state)
+            solution = solve_ivp(
+                partial(self._rates, direction=direction), (time, end), state, "Radau", events=self._events(direction),
+                rtol=rtol, atol=rtol * scale, jac=partial(self._jacobian, direction=direction, scale=scale),
             )  # fmt: skip
-            if got.status < 0:
+            if solution.status < 0:
                 break
-            columns.append((got.t, got.y))
-            time, state = got.t[-1], got.y[:, -1].copy()
-            if got.status == 0:
-                return state, way
+            columns.append((solution.t, solution.y))
+            time, state = solution.t[-1], solution.y[:, -1].copy()
+            if solution.status == 0:
+                return state, direction
             state[1] = 0.0
-            way = 0 if way else 1 if got.t_events[0].size else -1
+            direction = 0 if direction else 1 if solution.t_events[0].size else -1
         raise RuntimeError(
-            f"the cart was followed to {time:g} s of {end:g} s and no further; it stops and starts for ever"
+            f"the integration of the cart ended at {time:g} s of {end:g} s: it alternates between motion and rest; "
+            "check `resistance` near rest"
         )
 
-    def held(self, position):
+    def spring_energy(self, position):
         """Energy of the end springs [J]."""
         return 0.0 if self.cart.end_springs is None else float(self.cart.end_springs.energy(position))
 
-    def _rates(self, time, state, way):
-        if next(self.evaluations) > MOST_EVALUATIONS:
+    def _rates(self, time, state, direction):
+        """Time derivative of the state."""
+        if next(self.evaluations) > MAX_EVALUATIONS:
             raise RuntimeError(
-                f"the cart was followed to {time:g} s in {MOST_EVALUATIONS} evaluations and no further: the oil rings "
-                "too fast for its time; give a smaller bulk modulus or a larger dead volume"
+                f"the integration of the cart ended at {time:g} s after {MAX_EVALUATIONS} evaluations: the oil "
+                "oscillates too fast; use a smaller `bulk_modulus` or a larger `dead_volume`"
             )
-        plant, (x, velocity, inlet, outlet) = self.hydraulic, state[:4]
-        open_in, open_out = (max(float(area(time)), 0.0) for area in self.areas)
-        filled, line = plant.flow(open_in, plant.supply_pressure - inlet), plant.supply_pressure
-        if filled > plant.pump_flow:  # the pump gives no more, and the pressure before the throttle falls
-            filled, line = plant.pump_flow, inlet + plant.drop(plant.pump_flow, open_in)
-        emptied = plant.flow(open_out, outlet)
-        swept = plant.piston_area * velocity if way else 0.0
-        squeezed = np.array([filled - swept, swept - emptied])
-        volume = plant.dead_volume + plant.piston_area * np.array([x, self.stroke - x])
-        force = plant.piston_area * (inlet - outlet)
-        acceleration = self._accelerated(x, velocity, way, force) if way else 0.0
-        resisted = force - self.cart.mass * acceleration
+        drive, (x, velocity, inlet, outlet) = self.hydraulic, state[:4]
+        inflow, line_pressure = self._inflow(time, inlet)
+        outflow = drive.flow(max(float(self.areas[1](time)), 0.0), outlet)
+        piston_flow = drive.piston_area * velocity if direction else 0.0
+        compression = np.array([inflow - piston_flow, piston_flow - outflow])
+        volume = drive.dead_volume + drive.piston_area * np.array([x, self.stroke - x])
+        force = drive.piston_area * (inlet - outlet)
+        acceleration = self._solve_acceleration(x, velocity, direction, force) if direction else 0.0
+        resisting = force - self.cart.mass * acceleration
         return np.array([
-            velocity if way else 0.0, acceleration,
-            *(plant.bulk_modulus / volume * squeezed), line * plant.pump_flow, line * (plant.pump_flow - filled),
-            (line - inlet) * filled, outlet * emptied, squeezed @ [inlet, outlet],
-            (resisted + self._push(x)) * velocity if way else 0.0,
+            velocity if direction else 0.0, acceleration,
+            *(drive.bulk_modulus / volume * compression),
+            line_pressure * drive.pump_flow, line_pressure * (drive.pump_flow - inflow),
+            (line_pressure - inlet) * inflow, outlet * outflow, compression @ [inlet, outlet],
+            (resisting + self._end_force(x)) * velocity if direction else 0.0,
         ])  # fmt: skip
 
-    def _slopes(self, time, state, way, scale):
-        """Derivatives of the rates by the state; of what has become of the work nothing depends."""
-        slopes, now = np.zeros((len(state), len(state))), self._rates(time, state, way)
+    def _inflow(self, time, inlet):
+        """Flow through the inlet valve [m3/s] and pressure before it [Pa], which falls at the full pump flow."""
+        drive, area = self.hydraulic, max(float(self.areas[0](time)), 0.0)
+        flow = drive.flow(area, drive.supply_pressure - inlet)
+        if flow > drive.pump_flow:
+            return drive.pump_flow, inlet + drive.drop(drive.pump_flow, area)
+        return flow, drive.supply_pressure
+
+    def _jacobian(self, time, state, direction, scale):
+        """Differentiate the rates with respect to the state; they do not depend on the work terms."""
+        jacobian, here = np.zeros((len(state), len(state))), self._rates(time, state, direction)
         for k in range(4):
-            probe = state.copy()
-            probe[k] += PROBE * scale[k]
-            slopes[:, k] = (self._rates(time, probe, way) - now) / (PROBE * scale[k])
-        return slopes
+            perturbed = state.copy()
+            perturbed[k] += PERTURBATION * scale[k]
+            jacobian[:, k] = (self._rates(time, perturbed, direction) - here) / (PERTURBATION * scale[k])
+        return jacobian
 
-    def _accelerated(self, position, velocity, way, force):
-        """The acceleration that balances a force [N], by secants: two where the resistance is linear in it.
-
-        Raises RuntimeError where there is none, as where a lag of the mix outweighs the cart.
-        """
-        tried, left = 0.0, force - self._resisted(position, velocity, way)
-        next_one = left / self.cart.mass
-        for _ in range(SECANTS):
-            before, tried = tried, next_one
-            last, left = left, force - self._resisted(position, velocity, way, tried) - self.cart.mass * tried
-            if abs(left) <= BALANCED * (abs(force) + abs(last)):
-                return tried
-            next_one = tried - left * (tried - before) / (left - last)
+    def _solve_acceleration(self, position, velocity, direction, force):
+        """Acceleration [m/s^2] in balance with a drive force [N], by the secant method."""
+        a, residual = 0.0, force - self._resisting_force(position, velocity, direction)
+        next_a = residual / self.cart.mass
+        for _ in range(MAX_SECANT_STEPS):
+            before, a = a, next_a
+            last = residual
+            residual = force - self._resisting_force(position, velocity, direction, a) - self.cart.mass * a
+            if abs(residual) <= FORCE_TOLERANCE * (abs(force) + abs(last)):
+                return a
+            next_a = a - residual * (a - before) / (residual - last)
         raise RuntimeError(
-            f"no acceleration balances {force:g} N at {velocity:g} m/s, {left:g} N are left at {tried:g} m/s^2; "
-            "does the resistance fall with the acceleration by more than the cart's mass?"
+            f"no acceleration balances a drive force of {force:g} N at {velocity:g} m/s, residual {residual:g} N at "
+            f"{a:g} m/s^2; use a resistance that falls with the acceleration by less than the mass of the cart"
         )
 
-    def _resisted(self, position, velocity, way, acceleration=0.0):
-        """W + guides - end springs [N] of a cart that goes one way."""
-        moving = np.array([way * max(way * velocity, CREEP)])
-        met = evaluate_resistance(self.resistance, moving, np.array([acceleration]))
-        return float(balance(self.cart, 0.0, met, way, push=self._push(position)).drive_force[0])
+    def _resisting_force(self, position, velocity, direction, acceleration=0.0):
+        """W + guides - end springs [N] for a direction of motion."""
+        moving = np.array([direction * max(direction * velocity, STANDSTILL_SPEED_RATIO)])
+        resistance = evaluate_resistance(self.resistance, moving, np.array([acceleration]))
+        end_force = self._end_force(position)
+        return float(balance(self.cart, 0.0, resistance, direction, end_spring_force=end_force).drive_force[0])
 
-    def _push(self, position):
+    def _end_force(self, position):
+        """Force of the end springs [N]."""
         springs = self.cart.end_springs
         if springs is None:
             return 0.0
         side = float(position < springs.length) - float(position > springs.stroke - springs.length)
-        return float(springs.push(position, side))
+        return float(springs.force(position, side))
 
-    def _spare(self, time, state, way):
-        """What is left of the friction that holds a standing cart from going a way [N]."""
-        pull = self.hydraulic.piston_area * (state[2] - state[3])
-        return way * (self._resisted(state[0], 0.0, way) - pull)
+    def _stiction_margin(self, _time, state, direction):
+        """Force that is missing to a breakaway in a direction [N]."""
+        force = self.hydraulic.piston_area * (state[2] - state[3])
+        return direction * (self._resisting_force(state[0], 0.0, direction) - force)
 
-    def _freed(self, state):
-        return next((way for way in (1, -1) if self._spare(0.0, state, way) < 0), 0)
+    def _breakaway_direction(self, state):
+        """Direction in which a cart at rest starts, 0 for one that stays at rest."""
+        return next((way for way in (1, -1) if self._stiction_margin(0.0, state, way) < 0), 0)
 
-    def _events(self, way):
-        """What ends a stretch: the cart stops, or the pressures get over its friction."""
+    def _events(self, direction):
+        """Stop of a moving cart, or breakaway of a cart at rest."""
 
-        def stops(time, state):
-            return way * state[1]
+        def speed(_time, state):
+            return direction * state[1]
 
-        events = [stops] if way else [partial(self._spare, way=1), partial(self._spare, way=-1)]
+        margins = [partial(self._stiction_margin, direction=way) for way in (1, -1)]
+        events: list[Callable[..., float]] = [speed] if direction else margins
         for event in events:
             event.terminal, event.direction = True, -1
         return events

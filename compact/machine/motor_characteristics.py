@@ -1,54 +1,87 @@
-"""The torque of a motor over its speed: anything with `torque(speed)` and `no_load_speed` turns a shaft (`motor`).
+"""Torque curves of motors over their speed, and a flat belt with creep between motor and gear.
 
-A flat belt between a motor and the gear of its shaft: it stretches under its pull, and so it creeps.
+Any object with `torque(speed)` and `no_load_speed` is a torque curve. The belt stretches under its tension and
+therefore creeps:
 
-    w_g = w (1 - T/C),  C = r E A;   |T| <= 2 r F0 (e^(mu alpha) - 1)/(e^(mu alpha) + 1)
+    w_g = w (1 - T/C),   C = r E A,   |T| <= 2 r F0 (e^(mu alpha) - 1)/(e^(mu alpha) + 1)
 
-w is the speed of the motor, w_g that which the radii of the pulleys alone would give it, T the torque on the motor's
-pulley of radius r: the tensions of the two runs differ by T/r, and their sum stays twice the preload F0. The belt comes
-on each pulley with the stretch of one run and leaves it with that of the other; as much of it passes everywhere, so
-that its speeds are as 1 + strain (to first order). No torque is lost, but the power T (w - w_g). Beyond the limit of
-Eytelwein, friction mu over the angle of wrap alpha, the belt slips. Its mass is left out, and the time of its stretch.
+w is the speed of the motor, w_g its speed without creep, T the torque on the motor pulley of radius r. The tensions of
+the two strands differ by T/r, and their sum remains twice the preload F0. The belt enters each pulley with the strain
+of one strand and leaves it with that of the other; the mass flow is equal, so the speeds are in the ratio of
+1 + strain, to first order. The torque is conserved and the power T (w - w_g) is lost. Beyond Eytelwein's limit, with
+friction mu over the angle of wrap alpha, the belt slips. Mass and transient strain of the belt are neglected.
 
 References
 ----------
 J. A. Eytelwein, Handbuch der Statik fester Koerper, Berlin 1808. O. Reynolds, The Engineer 38 (1874) 396: creep.
+M. Kloss, Archiv fuer Elektrotechnik 5 (1916) 59: induction motor.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from compact.numerics.validation import require_positive
+
+MAX_BELT_CREEP = 0.1  # [-], at the slip limit; the first order in the strain is not sufficient beyond
+MAX_ITERATIONS = 50  # [-], of Newton's method; 3 to 5 are usual
+SPEED_TOLERANCE = 1e-14  # [-], of the largest speed; change at convergence
+PERTURBATION = 1e-7  # [-], relative; finite difference of the torque
+
+
+class TorqueCurve(Protocol):
+    """Torque of a motor over its speed."""
+
+    @property
+    def no_load_speed(self) -> float:
+        """Speed without load [rad/s]."""
+
+    def torque(self, speed: ArrayLike) -> NDArray[np.float64]:
+        """Return the torque [N m] at speeds [rad/s]."""
 
 
 @dataclass(frozen=True)
 class LinearTorqueCurve:
-    """A motor whose torque falls straight with its speed (direct current): T = stall_torque (1 - w/no_load_speed).
+    """Direct-current motor: T = stall_torque (1 - w/no_load_speed).
 
-    stall_torque [N m]; no_load_speed [rad/s]
+    Parameters
+    ----------
+    stall_torque : float
+        Torque at rest [N m].
+    no_load_speed : float
+        Speed without load [rad/s].
     """
 
     stall_torque: float
     no_load_speed: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_positive(stall_torque=self.stall_torque, no_load_speed=self.no_load_speed)
 
-    def torque(self, speed):
-        """T [N m] at the motor's speed [rad/s]."""
+    def torque(self, speed: ArrayLike) -> NDArray[np.float64]:
+        """Return T [N m] at speeds of the motor [rad/s]."""
         return self.stall_torque * (1 - speed / self.no_load_speed)
 
 
 @dataclass(frozen=True)
 class Kloss:
-    """An induction motor by Kloss' formula: T = 2 T_b/(s/s_b + s_b/s), s = 1 - w/w_s.
+    """Induction motor by the formula of Kloss, without stator resistance: T = 2 T_b/(s/s_b + s_b/s), s = 1 - w/w_s.
 
-    breakdown_torque : T_b [N m];  breakdown_slip : s_b;  synchronous_speed : w_s [rad/s]
+    Parameters
+    ----------
+    breakdown_torque : float
+        T_b [N m].
+    breakdown_slip : float
+        s_b [-].
+    synchronous_speed : float
+        w_s [rad/s].
 
-    Stator resistance neglected: M. Kloss, Archiv fuer Elektrotechnik 5 (1916) 59.
-
+    Examples
+    --------
     >>> f"{Kloss(50.0, 0.2, 157.0).torque(0.8 * 157.0):.1f} N m"
     '50.0 N m'
     """
@@ -57,7 +90,7 @@ class Kloss:
     breakdown_slip: float
     synchronous_speed: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_positive(
             breakdown_torque=self.breakdown_torque,
             breakdown_slip=self.breakdown_slip,
@@ -65,32 +98,38 @@ class Kloss:
         )
 
     @property
-    def no_load_speed(self):
-        """w_s [rad/s]."""
+    def no_load_speed(self) -> float:
+        """Synchronous speed w_s [rad/s]."""
         return self.synchronous_speed
 
-    def torque(self, speed):
-        """T [N m] at the motor's speed [rad/s]; it brakes above w_s."""
+    def torque(self, speed: ArrayLike) -> NDArray[np.float64]:
+        """Return T [N m] at speeds of the motor [rad/s], negative above w_s."""
         slip = 1 - speed / self.synchronous_speed
         return 2 * self.breakdown_torque * slip * self.breakdown_slip / (slip**2 + self.breakdown_slip**2)
 
 
-LARGEST_CREEP = 0.1  # that friction can hold: beyond, first order in the strain is too little
-ITERATIONS = 50  # of Newton's method; 3 to 5 are usual
-CHANGE = 1e-14  # of the speed, at which these end
-PROBE = 1e-7  # relative difference for the derivative
-
-
 @dataclass(frozen=True)
 class Belt:
-    """A belt.
+    """Flat belt.
 
-    pulley_radius : r of the motor's pulley [m];  stiffness : E A of the belt, force over strain [N]
-    preload : F0, tension of both runs at rest [N];  friction : mu;  wrap : alpha of the smaller pulley [rad]
+    Parameters
+    ----------
+    pulley_radius : float
+        r of the motor pulley [m].
+    stiffness : float
+        E A of the belt, force over strain [N].
+    preload : float
+        F0, tension of both strands at rest [N].
+    friction : float
+        mu [-].
+    wrap : float
+        alpha of the smaller pulley [rad].
 
+    Examples
+    --------
     >>> belt = Belt(pulley_radius=0.1, stiffness=50e3, preload=500.0, friction=0.4, wrap=3.0)
-    >>> f"holds {belt.holds:.1f} N m, creeps {belt.holds / belt.creep_torque:.2%} then"
-    'holds 53.7 N m, creeps 1.07% then'
+    >>> f"slips beyond {belt.slip_torque:.1f} N m, with a creep of {belt.slip_torque / belt.creep_torque:.2%}"
+    'slips beyond 53.7 N m, with a creep of 1.07%'
     """
 
     pulley_radius: float
@@ -99,7 +138,7 @@ class Belt:
     friction: float
     wrap: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_positive(
             pulley_radius=self.pulley_radius,
             stiffness=self.stiffness,
@@ -107,43 +146,62 @@ class Belt:
             friction=self.friction,
             wrap=self.wrap,
         )
-        if self.holds > LARGEST_CREEP * self.creep_torque:
+        creep = self.slip_torque / self.creep_torque
+        if creep > MAX_BELT_CREEP:
             raise ValueError(
-                f"`stiffness` {self.stiffness:g} N is too soft for the `preload` {self.preload:g} N: the belt would "
-                f"creep by {self.holds / self.creep_torque:.2g} before it slips, at most {LARGEST_CREEP:g} is allowed"
+                f"`stiffness` {self.stiffness:g} N is too low for the `preload` {self.preload:g} N: the belt would "
+                f"creep by {creep:.2g} before it slips, allowed are {MAX_BELT_CREEP:g}; use a stiffer belt"
             )
 
     @property
-    def creep_torque(self):
-        """C [N m]: T/C is the creep."""
+    def creep_torque(self) -> float:
+        """Torque C for a creep of 1 [N m]; the creep is T/C."""
         return self.pulley_radius * self.stiffness
 
     @property
-    def holds(self):
-        """Largest |T| on the motor's pulley that does not slip [N m]."""
+    def slip_torque(self) -> float:
+        """Largest |T| on the motor pulley without slip [N m]."""
         return 2 * self.pulley_radius * self.preload * math.tanh(self.friction * self.wrap / 2)
 
-    def needed_preload(self, torque):
-        """Least F0 [N] that holds a torque [N m]."""
+    def required_preload(self, torque: float) -> float:
+        """Smallest F0 [N] that transmits a torque [N m] without slip."""
         return abs(torque) / (2 * self.pulley_radius * math.tanh(self.friction * self.wrap / 2))
 
-    def motor_speed(self, pull, speed):
-        """w [rad/s] of a motor that puts `pull`(w) [N m] on the belt, where the gear asks for the speed w_g [rad/s].
+    def motor_speed(
+        self, belt_torque: Callable[[NDArray[np.float64]], NDArray[np.float64]], speed: ArrayLike
+    ) -> NDArray[np.float64]:
+        """Solve the speed of the motor by Newton's method.
 
-            w (1 - pull(w)/C) = w_g
+            w (1 - belt_torque(w)/C) = w_g
 
-        RuntimeError where Newton's method finds none: the motor's power would rise faster with its speed than C.
+        Parameters
+        ----------
+        belt_torque : callable
+            Torque on the motor pulley [N m] of the speed of the motor [rad/s].
+        speed : array_like
+            Speed w_g without creep [rad/s].
+
+        Returns
+        -------
+        ndarray
+            Speed w [rad/s].
+
+        Raises
+        ------
+        RuntimeError
+            If the iteration does not converge, as for a torque that rises too steeply with speed.
         """
-        C, asked = self.creep_torque, np.asarray(speed, float)
-        w, step = asked, PROBE * (np.abs(asked) + np.abs(asked).max())
+        C, geared = self.creep_torque, np.asarray(speed, float)
+        w, step = geared, PERTURBATION * (np.abs(geared) + np.abs(geared).max())
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            for _ in range(ITERATIONS):
-                left = w * (1 - pull(w) / C) - asked
-                slope = (w + step) * (1 - pull(w + step) / C) - asked - left
-                change = np.where(left == 0, 0.0, -left * step / slope)
+            for _ in range(MAX_ITERATIONS):
+                residual = w * (1 - belt_torque(w) / C) - geared
+                slope = (w + step) * (1 - belt_torque(w + step) / C) - geared - residual
+                change = np.where(residual == 0, 0.0, -residual * step / slope)
                 w = w + change
-                if np.all(np.abs(change) <= CHANGE * np.abs(w).max()) and np.all(np.isfinite(w)):
+                if np.all(np.abs(change) <= SPEED_TOLERANCE * np.abs(w).max()) and np.all(np.isfinite(w)):
                     return w
         raise RuntimeError(
-            f"no speed of the motor found with its belt, {np.abs(change).max():g} rad/s are left; the belt is too soft"
+            f"the speed of the motor behind its belt did not converge, last change {np.abs(change).max():g} rad/s; use "
+            "a stiffer belt"
         )

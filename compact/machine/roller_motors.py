@@ -1,14 +1,15 @@
-"""A motor inside each roller of a cart that nothing else drives: its torque, its turn and its creep under a law.
+"""One motor inside each roller of a cart without another drive: torque, rotation and creepage under a law.
 
     m a + W - n pull(v, T) + guide friction - end springs = 0,   W = resistance(v, a)
     pull(v, T) = F(v) - F(v, T),   phi' = (1 + creep(v, T)) v/R,   power = T phi'
 
-n rollers of radius R carry the cart. F(v) is the resistance of the scene's own roller at speed v, F(v, T) that of one
-driven by the torque T, which an engine that lets rollers stick and slip tells with its creep (`Driven`); an engine that
-does not leaves T = R pull and no creep (`FirstOrder`). T and pull are those of one roller, and count along the travel.
-The cart keeps its rollers at their height, whatever the torque. The mix answers as in steady motion.
+n rollers of radius R carry the cart. F(v) is the resistance of the roller without torque at speed v, F(v, T) that of a
+roller driven by the torque T. An engine with stick and slip yields both and the creepage (`DrivenRoller`); without one,
+T = R pull and there is no creepage (`CreepFreeRoller`). T and pull are those of one roller, positive along the travel.
+The height of the rollers does not depend on the torque, and the mix responds as in steady motion.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
@@ -19,243 +20,289 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
 
 from compact.machine.cart import balance
-from compact.machine.rigid_drive import InverseDynamics
-from compact.motion.profile import Cycle
+from compact.machine.rigid_drive import DriveState, InverseDynamics
+from compact.motion.profile import Cycle, Leg
 from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
 from compact.numerics.validation import require_nonnegative, require_positive
 
-HELD = 0.99  # of what friction holds, beyond which a roller counts as skidding
-GAUSS = np.polynomial.legendre.leggauss(4)
-FORCED = 1e-12  # of the forces, what may be left at the pin
-TRIALS = 60  # of the guide friction; 3 to 5 are usual
+FULL_SLIP_SHARE = 0.99  # [-], of the Coulomb limit; a roller beyond slides
+GAUSS_RULE = np.polynomial.legendre.leggauss(4)
+FORCE_TOLERANCE = 1e-12  # [-], of the forces; residual force at the pin
+MAX_ITERATIONS = 60  # [-], of the guide friction; 3 to 5 are usual
 
 
-def pulls(demand, rollers):
-    """Least and largest pull [N] of one of the rollers along the travel, over the cycle of a `rigid_drive.Demand`."""
-    found = []
-    for leg in demand.cycle.legs():
+def pull_range(dynamics: InverseDynamics, rollers: int) -> tuple[float, float]:
+    """Smallest and largest pull [N] of one of the rollers along the travel, over a cycle of a rigid drive."""
+    pulls = []
+    for leg in dynamics.cycle.legs():
         if leg.direction:
-            state = demand.at(leg, interior_grid(demand.breaks(leg)))
-            found.append(leg.direction * _pull(demand, state, leg.direction) / rollers)
-    return min(float(pull.min()) for pull in found), max(float(pull.max()) for pull in found)
+            state = dynamics.state_at(leg, interior_grid(dynamics.breaks(leg)))
+            pulls.append(leg.direction * _total_pull(dynamics, state, leg.direction) / rollers)
+    return min(float(pull.min()) for pull in pulls), max(float(pull.max()) for pull in pulls)
 
 
-class Answer(NamedTuple):
-    """Of one roller: torque T [N m], traction T/(R P) and its share of Coulomb's friction, creep; arrays of a shape."""
+class RollerTraction(NamedTuple):
+    """Traction of one roller; arrays of one shape.
 
-    torque: np.ndarray
-    traction: np.ndarray
-    share: np.ndarray
-    creep: np.ndarray
+    Parameters
+    ----------
+    torque : ndarray
+        T [N m].
+    traction : ndarray
+        Traction coefficient T/(R P) [-].
+    share : ndarray
+        Traction over the Coulomb limit [-].
+    creep : ndarray
+        Creepage [-].
+    """
+
+    torque: NDArray[np.float64]
+    traction: NDArray[np.float64]
+    share: NDArray[np.float64]
+    creep: NDArray[np.float64]
 
 
-def spent(share):
-    """w = 1 - sqrt(1 - |u|), with the sign of the share u of friction: in it creep is a straight line on a half-plane.
+def carter_parameter(share: ArrayLike) -> NDArray[np.float64]:
+    """Carter's parameter w = sign(u) (1 - sqrt(1 - |u|)) of a share u of the Coulomb limit [-].
 
+    The creepage on a half-plane is linear in w.
+
+    References
+    ----------
     F. W. Carter, Proc. R. Soc. A 112 (1926) 151; K. L. Johnson, Contact Mechanics, CUP 1985, section 8.3.
     """
     return np.sign(share) * (1 - np.sqrt(1 - np.minimum(np.abs(share), 1)))
 
 
 @dataclass(frozen=True)
-class FirstOrder:
-    """A roller of which no engine tells how a torque drives it: T = R pull, and no creep.
+class CreepFreeRoller:
+    """Roller of an engine without torque: T = R pull, no creepage.
 
-    radius : R [m];  load : P, of the mix on it [N];  friction : Coulomb's, of mix on steel
+    Parameters
+    ----------
+    radius : float
+        R [m].
+    load : float
+        Load P of the mix [N].
+    friction : float
+        Coulomb coefficient of mix on steel [-].
     """
 
     radius: float
     load: float
     friction: float
 
-    tells_creep = False
+    has_creep = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_positive(radius=self.radius, load=self.load)
         require_nonnegative(friction=self.friction)
 
-    def __call__(self, speed, pull):
-        """`Answer` at speeds [m/s] >= 0 to pulls [N]."""
+    def __call__(self, _speed: ArrayLike, pull: ArrayLike) -> RollerTraction:
+        """Return the traction for pulls [N]."""
         traction = pull / self.load
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(traction == 0, 0.0, traction / self.friction)
-        return Answer(self.radius * pull, traction, share, np.zeros(np.shape(pull)))
+        return RollerTraction(self.radius * pull, traction, share, np.zeros(np.shape(pull)))
 
 
 @dataclass(frozen=True, eq=False)
-class Driven:
-    """A roller driven by its motor, sampled: pull and creep rise with the torque.
+class DrivenRoller:
+    """Roller driven by its motor, interpolated between contact solutions; pull and creepage increase with the torque.
 
-    radius : R [m];  friction : Coulomb's, of mix on steel
-    speeds : rising [m/s], shape (k,);  torques : rising [N m];  pulls : F(v) - F(v, T) [N];  creeps : -
-    loads : P of the mix [N];  all of these of shape (k, m)
+    Between torques the torque is monotone over the pull and the creepage over `carter_parameter`; between speeds both
+    are linear in ln v. Below the slowest speed they are constant, as the creepage of a relaxed layer is. Beyond the
+    last torque T increases by R times the pull. Beyond the Coulomb limit there is no creepage (nan).
 
-    Between torques pull is taken monotone over T and creep over `spent` of T/(f R P), between speeds both are straight
-    over ln v; below the slowest speed they stay, as creep of a relaxed layer does. Beyond the last torque T = R pull
-    goes on, and there is no creep where friction does not hold.
+    Parameters
+    ----------
+    radius : float
+        R [m].
+    friction : float
+        Coulomb coefficient of mix on steel [-].
+    speeds : ndarray, shape (k,)
+        Ascending speeds [m/s].
+    torques : ndarray, shape (k, m)
+        Ascending torques T [N m].
+    pulls : ndarray, shape (k, m)
+        F(v) - F(v, T) [N].
+    creeps : ndarray, shape (k, m)
+        Creepage [-].
+    loads : ndarray, shape (k, m)
+        Load P of the mix [N].
     """
 
     radius: float
     friction: float
-    speeds: np.ndarray
-    torques: np.ndarray
-    pulls: np.ndarray
-    creeps: np.ndarray
-    loads: np.ndarray
+    speeds: NDArray[np.float64]
+    torques: NDArray[np.float64]
+    pulls: NDArray[np.float64]
+    creeps: NDArray[np.float64]
+    loads: NDArray[np.float64]
 
-    tells_creep = True
+    has_creep = True
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_positive(radius=self.radius, friction=self.friction, speeds=self.speeds, loads=self.loads)
         for name in ("torques", "pulls", "creeps"):
             if np.any(np.diff(getattr(self, name)) <= 0):
-                raise ValueError(f"`{name}` must rise with the torque at every speed, got {getattr(self, name)}")
+                raise ValueError(f"`{name}` must increase with the torque at every speed, got {getattr(self, name)}")
 
-    def __call__(self, speed, pull):
-        """`Answer` at speeds [m/s] >= 0 to pulls [N]."""
+    def __call__(self, speed: ArrayLike, pull: ArrayLike) -> RollerTraction:
+        """Interpolate the traction at speeds >= 0 [m/s] for pulls [N]."""
         speed, pull = np.broadcast_arrays(speed, pull)
-        weights = self._weights(speed)
-        torque = np.sum(weights * [by_pull(pull) for by_pull in self._torques], axis=0)
+        weights = self._speed_weights(speed)
+        torque = np.sum(weights * [by_pull(pull) for by_pull in self._torque_curves], axis=0)
         load = np.sum(weights * [np.interp(torque, *row) for row in zip(self.torques, self.loads, strict=True)], axis=0)
         traction = torque / (self.radius * load)
         share = traction / self.friction
-        creep = np.sum(weights * [by_share(spent(share)) for by_share in self._creeps], axis=0)
-        return Answer(torque, traction, share, np.where(np.abs(share) <= HELD, creep, np.nan))
+        creep = np.sum(weights * [by_share(carter_parameter(share)) for by_share in self._creep_curves], axis=0)
+        return RollerTraction(torque, traction, share, np.where(np.abs(share) <= FULL_SLIP_SHARE, creep, np.nan))
 
-    def _weights(self, speed):
-        """Of the sampled speeds at others, shape (k, ...)."""
+    def _speed_weights(self, speed):
+        """Interpolation weights of the sampled speeds, shape (k, ...)."""
         place = np.log(np.maximum(speed, self.speeds[0]))
         return np.array([np.interp(place, np.log(self.speeds), row) for row in np.eye(len(self.speeds))])
 
     @cached_property
-    def _torques(self):
+    def _torque_curves(self):
         """T(pull) at each speed."""
-        return [_monotone(*row, self.radius) for row in zip(self.pulls, self.torques, strict=True)]
+        return [_monotone_curve(*row, self.radius) for row in zip(self.pulls, self.torques, strict=True)]
 
     @cached_property
-    def _creeps(self):
-        """creep(w) at each speed; what is asked beyond the samples is next to nothing."""
-        w = spent(self.torques / (self.friction * self.radius * self.loads))
-        return [_monotone(*row, 0.0) for row in zip(w, self.creeps, strict=True)]
+    def _creep_curves(self):
+        """creep(w) at each speed, constant beyond the samples."""
+        w = carter_parameter(self.torques / (self.friction * self.radius * self.loads))
+        return [_monotone_curve(*row, 0.0) for row in zip(w, self.creeps, strict=True)]
 
 
 @dataclass(frozen=True)
 class RollerMotor:
-    """The motors of one cart under one law, each as the others.
+    """Identical motors of one cart under one law.
 
-    demand : of a `Rigid` drive, which imposes the law;  roller : `Driven` or `FirstOrder`;  rollers : n
+    Parameters
+    ----------
+    dynamics : InverseDynamics
+        Of a `Rigid` drive, which imposes the law.
+    roller : DrivenRoller or CreepFreeRoller
+        Roller.
+    rollers : int
+        n.
     """
 
-    demand: InverseDynamics
-    roller: FirstOrder | Driven
+    dynamics: InverseDynamics
+    roller: CreepFreeRoller | DrivenRoller
     rollers: int
 
-    def at(self, leg, phase):
-        """(velocity [m/s], `Answer`) at phases of a leg, ndarray; torque and traction + along x."""
-        state = self.demand.at(leg, phase)
+    def traction_at(self, leg: Leg, phase: NDArray[np.float64]) -> tuple[NDArray[np.float64], RollerTraction]:
+        """Solve velocity [m/s] and traction at phases of a leg [-]; torque and traction are positive along x."""
+        state = self.dynamics.state_at(leg, phase)
         way = leg.direction
         if way == 0:
-            none = np.zeros(np.shape(phase))
-            return none, Answer(none, none, none, none)
-        answer = self.roller(np.abs(state.velocity), way * _pull(self.demand, state, way) / self.rollers)
-        return state.velocity, Answer(way * answer.torque, way * answer.traction, answer.share, answer.creep)
+            zero = np.zeros(np.shape(phase))
+            return zero, RollerTraction(zero, zero, zero, zero)
+        roller = self.roller(np.abs(state.velocity), way * _total_pull(self.dynamics, state, way) / self.rollers)
+        return state.velocity, RollerTraction(way * roller.torque, way * roller.traction, roller.share, roller.creep)
 
-    def over(self, time):
-        """(velocity, `Answer`) at times of the cycle [s], any shape."""
+    def traction_over(self, time: ArrayLike) -> tuple[NDArray[np.float64], RollerTraction]:
+        """Solve velocity [m/s] and traction at times of the cycle [s] of any shape."""
         time = np.asarray(time, float)
         columns = np.zeros((5, *time.shape))
-        for leg in self.demand.cycle.legs():
+        for leg in self.dynamics.cycle.legs():
             phase = (time - leg.start) / leg.duration
-            here = (phase >= 0) & (phase <= 1)
-            velocity, answer = self.at(leg, np.clip(phase[here], BREAK_OFFSET, 1 - BREAK_OFFSET))
-            columns[:, here] = velocity, *answer
-        return columns[0], Answer(*columns[1:])
+            within = (phase >= 0) & (phase <= 1)
+            velocity, traction = self.traction_at(leg, np.clip(phase[within], BREAK_OFFSET, 1 - BREAK_OFFSET))
+            columns[:, within] = velocity, *traction
+        return columns[0], RollerTraction(*columns[1:])
 
-    def angle(self, time):
-        """phi [rad] at rising times of the cycle [s], from the first one on; nan once the roller skids."""
-        nodes, weights = GAUSS
+    def angle(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Integrate phi [rad] over ascending times of the cycle [s] from the first one; nan after sliding."""
+        nodes, weights = GAUSS_RULE
         half = np.diff(time)[:, None] / 2
-        velocity, answer = self.over(time[:-1, None] + half * (1 + nodes))
-        crept = np.cumsum(np.sum(half * weights * answer.creep * velocity, axis=1))
-        travel = self.demand.cycle.derivative(time, 0)
-        return (travel - travel[0] + np.append(0.0, crept)) / self.roller.radius
+        velocity, traction = self.traction_over(time[:-1, None] + half * (1 + nodes))
+        slipped = np.cumsum(np.sum(half * weights * traction.creep * velocity, axis=1))
+        travel = self.dynamics.cycle.derivative(time, 0)
+        return (travel - travel[0] + np.append(0.0, slipped)) / self.roller.radius
 
-    def angular_velocity(self, time):
-        """phi' [rad/s] at times of the cycle [s]."""
-        velocity, answer = self.over(time)
-        return (1 + answer.creep) * velocity / self.roller.radius
+    def angular_velocity(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Return phi' [rad/s] at times of the cycle [s]."""
+        velocity, traction = self.traction_over(time)
+        return (1 + traction.creep) * velocity / self.roller.radius
 
     @cached_property
-    def share(self):
-        """Largest share of what friction holds that is asked."""
-        return self._largest(lambda velocity, answer: answer.share)
+    def share(self) -> float:
+        """Largest traction over the Coulomb limit [-]."""
+        return self._largest(lambda _, traction: traction.share)
 
     @property
-    def lack(self):
-        """What the motors have too little of for the law; empty where they have enough."""
-        if any(join.order == 1 for join in self.demand.cycle.discontinuities()):
+    def lack(self) -> str:
+        """Quantity of the drive that is insufficient for the law; empty for a sufficient drive."""
+        if any(join.order == 1 for join in self.dynamics.cycle.discontinuities()):
             return "force: the velocity jumps"
-        most = HELD if self.roller.tells_creep else 1.0
-        return f"friction: {self.share:.3g} of what it holds" if self.share > most else ""
+        limit = FULL_SLIP_SHARE if self.roller.has_creep else 1.0
+        return f"friction: {self.share:.3g} of the Coulomb limit" if self.share > limit else ""
 
     @cached_property
-    def peak_torque(self):
-        """Largest |T| of one motor [N m]; infinite where the law cannot be driven."""
-        return inf if self.lack else self._largest(lambda velocity, answer: answer.torque)
+    def peak_torque(self) -> float:
+        """Largest |T| of one motor [N m]; infinite for a law that the motors cannot follow."""
+        return inf if self.lack else self._largest(lambda _, traction: traction.torque)
 
     @cached_property
-    def peak_power(self):
-        """Largest |T phi'| of one motor [W]; infinite where the law cannot be driven."""
-        return inf if self.lack else self._largest(lambda velocity, answer: self._power(velocity, answer))
+    def peak_power(self) -> float:
+        """Largest |T phi'| of one motor [W]; infinite for a law that the motors cannot follow."""
+        return inf if self.lack else self._largest(self._motor_power)
 
     @cached_property
-    def peak_creep(self):
-        """Largest |creep|; infinite where the law cannot be driven, nan where no engine tells it."""
-        if not self.roller.tells_creep:
+    def peak_creep(self) -> float:
+        """Largest |creepage| [-]; infinite for a law that the motors cannot follow, nan without a creepage model."""
+        if not self.roller.has_creep:
             return np.nan
-        return inf if self.lack else self._largest(lambda velocity, answer: answer.creep)
+        return inf if self.lack else self._largest(lambda _, traction: traction.creep)
 
-    def power(self, time):
-        """T phi' of one motor [W] at times of the cycle [s]."""
-        return self._power(*self.over(time))
+    def power(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Return T phi' of one motor [W] at times of the cycle [s]."""
+        return self._motor_power(*self.traction_over(time))
 
-    def _power(self, velocity, answer):
-        return answer.torque * (1 + answer.creep) * velocity / self.roller.radius
+    def _motor_power(self, velocity, traction):
+        """T phi' [W]."""
+        return traction.torque * (1 + traction.creep) * velocity / self.roller.radius
 
-    def _largest(self, quantity):
-        demand = self.demand
+    def _largest(self, quantity: Callable[..., NDArray[np.float64]]) -> float:
+        """Largest |quantity(velocity, traction)| over the cycle, between samples too."""
+        dynamics = self.dynamics
         return max(
             find_maximum(
-                lambda phase, leg=leg: np.abs(quantity(*self.at(leg, phase))), interior_grid(demand.breaks(leg))
+                lambda phase, leg=leg: np.abs(quantity(*self.traction_at(leg, phase))),
+                interior_grid(dynamics.breaks(leg)),
             )[0]
-            for leg in demand.cycle.legs()
+            for leg in dynamics.cycle.legs()
         )
 
 
-def _pull(demand, state, way):
-    """Of all rollers [N], + along x, so that nothing pulls at the pin: guide wheels feel what the mix then resists."""
-    forces, cart = state.forces, demand.cart
-    push = cart.mass * state.acceleration + state.resistance + forces.guide_friction - forces.drive_force
+def _total_pull(dynamics: InverseDynamics, state: DriveState, way: int) -> NDArray[np.float64]:
+    """Pull of all rollers [N] along x for zero force at the pin, by fixed-point iteration on the guide friction."""
+    forces, cart = state.forces, dynamics.cart
+    end_force = cart.mass * state.acceleration + state.resistance + forces.guide_friction - forces.drive_force
     scale = np.max(np.abs(forces.drive_force), initial=0.0) + np.max(np.abs(state.resistance), initial=0.0)
     pull = forces.drive_force
-    for _ in range(TRIALS):
-        left = balance(cart, state.acceleration, state.resistance - pull, way, 0.0, push).drive_force
-        pull = pull + left
-        if np.all(np.abs(left) <= FORCED * scale):
+    for _ in range(MAX_ITERATIONS):
+        residual = balance(cart, state.acceleration, state.resistance - pull, way, 0.0, end_force).drive_force
+        pull = pull + residual
+        if np.all(np.abs(residual) <= FORCE_TOLERANCE * scale):
             return pull
     raise RuntimeError(
-        f"the guide wheels lock the cart under '{demand.cycle.forward.name}': {np.abs(left).max():g} N are left at the "
-        f"pin after {TRIALS} trials"
+        f"the guide wheels lock the cart under '{dynamics.cycle.forward.name}': the residual force at the pin is "
+        f"{np.abs(residual).max():g} N after {MAX_ITERATIONS} iterations; use less `guide_friction`"
     )
 
 
-def _monotone(x, y, slope):
-    """Through samples that rise, and on from both ends with a slope."""
+def _monotone_curve(x: NDArray[np.float64], y: NDArray[np.float64], slope: float) -> Callable[..., NDArray[np.float64]]:
+    """Monotone interpolation of ascending samples, extrapolated from both ends with a slope."""
     curve = PchipInterpolator(x, y)
 
-    def value(at):
-        within = np.clip(at, x[0], x[-1])
-        return curve(within) + slope * (at - within)
+    def value(place):
+        within = np.clip(place, x[0], x[-1])
+        return curve(within) + slope * (place - within)
 
     return value
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from compact import quantities
 from compact.analysis.contact_cases import ContactRecord, contact_record, contact_to_json
-from compact.analysis.contact_stage import roll_scene
 from compact.analysis.study import Study
 from compact.files import write_csv, write_figure, write_json, write_vtu_series
 from compact.rolling_contact import ContactResult
@@ -105,12 +104,8 @@ def write_pressure_figure(study: Study, directory: Path) -> Path:
         return standing[0]
     from compact.report import contact_figures
 
-    speed = study.scene.mean_speed
-    if study.layered:
-        speed, contact = min(study.rolled, key=lambda pair: abs(np.log(pair[0] / speed)))
-    else:
-        contact = roll_scene(study.scene, study.mix, speed)
-    return write_figure(directory / "pressure.png", contact_figures.pressure(contact, study.exact, speed))
+    speed, contact = study.contact_stage.typical
+    return write_figure(directory / "pressure.png", contact_figures.draw_pressure(contact, study.exact, speed))
 
 
 def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[ContactResult]) -> None:
@@ -133,12 +128,12 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     write_csv(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
     replaced = {"replaced": list(study.scene.replacements[engine])}
     write_json(directory / "contact.json", contact_to_json(contact_record(engine, speed, tuple(passes))) | replaced)
-    write_figure(directory / "pressure.png", contact_figures.pressure(first, study.exact, speed))
+    write_figure(directory / "pressure.png", contact_figures.draw_pressure(first, study.exact, speed))
     if study.engine.compacting:
         list(_write_passes([(speed, passes)], directory))
-        write_figure(directory / "density.png", contact_figures.density(passes))
+        write_figure(directory / "density.png", contact_figures.draw_density(passes))
     if study.engine.fields_module:
         layers: list[tuple[Any, Any]] = [(study.engine.fields(first), first)]
         frames = ((contact.speed, mesh) for mesh, contact in layers)
         list(write_vtu_series(directory / "fields.pvd", "fields", "speed", frames))
-        write_figure(directory / "fields.png", contact_figures.fields(layers))
+        write_figure(directory / "fields.png", contact_figures.draw_fields(layers))

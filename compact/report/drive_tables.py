@@ -1,6 +1,5 @@
 """Files of the drives: dynamic amplification of elastic ones, motors, hydraulics, and motors in the rollers."""
 
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -67,7 +66,7 @@ def _elastic_row(run: Any) -> tuple[Any, ...]:
     rigid = run.rigid
     return (
         run.name, run.peak_force, rigid.peak_force, run.ringing, run.peak_power, rigid.peak_power, run.nonuniformity,
-        rigid.nonuniformity, run.standing, run.energy_residual, run.work.arcs,
+        rigid.nonuniformity, run.standing, run.energy_residual, run.cost.intervals,
     )  # fmt: skip
 
 
@@ -80,20 +79,12 @@ def _motor_row(run: Any) -> tuple[Any, ...]:
 
 
 def _write_start(study: Study, directory: Path) -> Iterator[Path]:
-    """Write the start from rest with the first law; warn where the motor does not start."""
-    from compact.machine.motor_drive import runup
-
-    first: Any = next((place.run for place in next(iter(study.rankings.values())) if hasattr(place.run, "load")), None)
-    if first is None:
+    """Write the start from rest with the first law."""
+    if study.drive_stage.motor_start is None:
         return
-    study.count("run-up")
-    try:
-        start = runup(first.load.cart, first.load.motor, first.load.cycle, first.load.resistance)
-    except RuntimeError as error:
-        warnings.warn(f"no start from rest under '{first.name}': {error}", stacklevel=2)
-        return
+    law, start = study.drive_stage.motor_start
     table = np.column_stack([start.time, start.angle, start.speed]).tolist()
-    yield write_csv(directory / f"run-up-{first.name}.csv", ("time_s", "angle_rad", "speed_rad/s"), table)
+    yield write_csv(directory / f"run-up-{law}.csv", ("time_s", "angle_rad", "speed_rad/s"), table)
 
 
 def roller_motor_columns(motor: RollerMotor, time: ArrayLike) -> tuple[tuple[str, ...], tuple[Any, ...]]:
@@ -110,9 +101,9 @@ def roller_motor_columns(motor: RollerMotor, time: ArrayLike) -> tuple[tuple[str
     tuple
         Names of the columns and the columns; with the creepage where the contact model has one.
     """
-    _, state = motor.over(time)
+    _, state = motor.traction_over(time)
     columns = state.torque, motor.power(time), state.traction
-    if not motor.roller.tells_creep:
+    if not motor.roller.has_creep:
         return ROTATION_HEADER, columns
     return ROTATION_HEADER + CREEPAGE_HEADER, (*columns, state.creep, motor.angle(time), motor.angular_velocity(time))
 
@@ -151,7 +142,7 @@ def write_roller_motors(study: Study, directory: Path) -> Iterator[Path]:
     rows = [(law, *numbers.values()) for law, numbers in roller_motor_numbers(study).items()]
     yield write_csv(directory / "roller-motors.csv", header, rows)
     roller: Any = next(iter(study.roller_motors.values())).roller
-    if roller.tells_creep:
+    if roller.has_creep:
         sampled = np.broadcast_arrays(roller.speeds[:, None], roller.torques, roller.pulls, roller.creeps, roller.loads)
         columns = [column.ravel() for column in sampled]
         yield write_columns(directory / "driven-roller.csv", DRIVEN_ROLLER_HEADER, columns)
@@ -162,21 +153,18 @@ def _write_hydraulics(study: Study, directory: Path) -> Iterator[Path]:
     runs = study.runs.values()
     yield write_csv(directory / "hydraulic.csv", HYDRAULIC_HEADER, [_hydraulic_row(run) for run in runs])
     for run in runs:
-        columns = (run.time, *run.state[:2], *vars(run.throttled).values())
+        columns = (run.time, *run.state[:2], *vars(run.valve_flow).values())
         table = np.column_stack(columns).tolist()
         yield write_csv(directory / "throttles" / f"{run.name}.csv", THROTTLE_HEADER, table)
-    runs_in_order: list[Any] = [place.run for place in next(iter(study.rankings.values()))]
-    first = next((run for run in runs_in_order if not run.lack), None)
-    if first is not None:
-        study.count("passage")
-        stroke = first.forward()
-        law = first.demand.cycle.forward.position(stroke.time)
+    if study.drive_stage.hydraulic_stroke is not None:
+        run, stroke = study.drive_stage.hydraulic_stroke
+        law = run.inverse_dynamics.cycle.forward.position(stroke.time)
         columns = (stroke.time, stroke.position, stroke.velocity, law, stroke.inlet_pressure, stroke.outlet_pressure)
-        yield write_csv(directory / f"passage-{first.name}.csv", STROKE_HEADER, np.column_stack(columns).tolist())
+        yield write_csv(directory / f"passage-{run.name}.csv", STROKE_HEADER, np.column_stack(columns).tolist())
 
 
 def _hydraulic_row(run: Any) -> tuple[Any, ...]:
-    throttled = run.throttled
+    throttled = run.valve_flow
     return (
         run.name, run.lack, float(throttled.inlet_pressure.max()), float(throttled.outlet_pressure.max()),
         run.peak_flow, float(throttled.inlet_area.max()), float(throttled.outlet_area.min()), run.pump_work,

@@ -251,7 +251,7 @@ def _roller_motor_table(motors: Mapping[str, RollerMotor]) -> Table:
         "power": format_column([motor.peak_power for motor in found], "W"),
         "share of friction": [format_percent(motor.share) for motor in found],
     }
-    if any(motor.roller.tells_creep for motor in found):
+    if any(motor.roller.has_creep for motor in found):
         columns["creepage"] = [format_percent(motor.peak_creep) for motor in found]
     if any(motor.lack for motor in found):
         columns["limit"] = [motor.lack for motor in found]

@@ -200,8 +200,7 @@ def first_cam_blocks(study: Study) -> "list[Block]":
     from compact.cams.workshop_drawing import describe, workshop_drawing
     from compact.report.page import Paragraph, Picture
 
-    first: Any = next(iter(study.rankings.values()))[0].run
-    law = first.name
+    law = study.drive_stage.best_law
     machine, table = study.scene.machine, study.scene.cam
     try:
         outline = cut(study.cams[law, "roller"])

@@ -121,7 +121,7 @@ def _steady_forces(study: Study) -> dict[str, Any]:
 def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
     """Convert the criteria of a run, their errors and the quantities of its kind of drive."""
     own = [name for name in quantities.RUN if name != "unsteady_share" and hasattr(run, name)]
-    unsteady = {"unsteady_share": run.share(study.resistance_map.is_unsteady)} if study.layered else {}
+    unsteady = {"unsteady_share": run.time_fraction(study.resistance_map.is_unsteady)} if study.layered else {}
     errors = {"errors": {by: ranking_tables.criterion_error(study, run, by) for by in CRITERIA}}
     criteria = {by: value_of(run, by) for by in CRITERIA}
     return criteria | {name: getattr(run, name) for name in own} | unsteady | errors

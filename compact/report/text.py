@@ -154,11 +154,10 @@ def return_sentence(study: Study) -> str:
         return f"return stroke: over fresh mix, with the resistance of the forward stroke ({reason})"
     load, resistance = study.second_pass
     fresh, compacted = (study.cycle_energies[state] for state in ("fresh", "compacted"))
-    first: Any = next(iter(study.rankings.values()))[0].run
     return (
         f"return stroke: over {study.scene.layer.return_stroke} mix; over compacted mix it requires {load:.1%} of the "
-        f"load and {resistance:.1%} of the resistance; energy per cycle with {first.name}: {fresh:.4g} J over fresh "
-        f"mix, {compacted:.4g} J over compacted mix"
+        f"load and {resistance:.1%} of the resistance; energy per cycle with {study.drive_stage.best_law}: {fresh:.4g} "
+        f"J over fresh mix, {compacted:.4g} J over compacted mix"
     )
 
 

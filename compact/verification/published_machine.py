@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from compact import contact
 from compact.machine.cart import Balance, Cart, balance
-from compact.machine.crankshaft import USUAL_ANGLES, Turn, crank_travel, turn
+from compact.machine.crankshaft import CRANK_ANGLES, CrankshaftRevolution, crank_kinematics, simulate_crankshaft
 from compact.machine.rigid_drive import Crank
 from compact.numerics.piecewise import integrate
 
@@ -185,21 +185,21 @@ class _Shaft:
     speed: float = PUBLISHED_MACHINE.angular_speed
     crank: Crank = PUBLISHED_MACHINE.crank
 
-    def turn(self, carts: int) -> Turn:
+    def turn(self, carts: int) -> CrankshaftRevolution:
         """Compute one turn with a number of carts at their standard angles."""
         resistance = contact.dry_resistance(self.resistance)
-        return turn(self.cart, self.crank, self.speed, resistance, USUAL_ANGLES[carts])
+        return simulate_crankshaft(self.cart, self.crank, self.speed, resistance, CRANK_ANGLES[carts])
 
     def forces(self, psi: Values, direction: Values) -> Balance:
         """Compute the force balance of one cart; direction +1 towards the crank, -1 away."""
-        acceleration = self.speed**2 * crank_travel(self.crank, psi)[2]
+        acceleration = self.speed**2 * crank_kinematics(self.crank, psi)[2]
         tangent = np.tan(self.crank.rod_angle(psi))
         return balance(self.cart, acceleration, direction * self.resistance, direction, tangent)
 
     def force_on_upper_rail(self, psi: Values, direction: Values) -> NDArray[np.float64]:
         """Compute H of C (9) [N]: guide wheels on the upper rail even where their reaction is negative."""
         pull, slide = (
-            crank_travel(self.crank, psi)[2] * self.speed**2 * self.cart.mass,
+            crank_kinematics(self.crank, psi)[2] * self.speed**2 * self.cart.mass,
             direction * self.cart.guide_friction,
         )
         lift = np.sum(self.cart.roller_reactions) - self.cart.weight
@@ -208,9 +208,9 @@ class _Shaft:
 
     def power(self, psi: Values, carts: int = 1) -> NDArray[np.float64]:
         """Compute the power of a number of carts [W] at any crank angle."""
-        ahead = np.add.outer(USUAL_ANGLES[carts], psi)
+        ahead = np.add.outer(CRANK_ANGLES[carts], psi)
         drive_force = self.forces(ahead, _direction(ahead)).drive_force
-        return np.sum(drive_force * self.speed * crank_travel(self.crank, ahead)[1], axis=0)
+        return np.sum(drive_force * self.speed * crank_kinematics(self.crank, ahead)[1], axis=0)
 
     def peak(self, carts: int = 1) -> float:
         """Compute the peak power [W]."""
@@ -224,7 +224,7 @@ class _Shaft:
     def mean_of(self, force: Function) -> float:
         """Compute the mean power [W] of a drive force, a function of psi."""
         power = integrate(
-            lambda psi: force(psi) * self.speed * crank_travel(self.crank, psi)[1], [0.0, np.pi, 2 * np.pi]
+            lambda psi: force(psi) * self.speed * crank_kinematics(self.crank, psi)[1], [0.0, np.pi, 2 * np.pi]
         )
         return power / (2 * np.pi)
 
@@ -313,7 +313,7 @@ def _energy_balance(stated: _Shaft) -> dict[str, float]:
 
 def _inertia(stated: _Shaft) -> dict[str, float]:
     """Compute inertia forces at the outer dead centre, and the mass that gives the printed ratio of powers."""
-    dead_centre = stated.speed**2 * float(crank_travel(stated.crank, 0.0)[2])
+    dead_centre = stated.speed**2 * float(crank_kinematics(stated.crank, 0.0)[2])
     moving = replace(stated, resistance=PUBLISHED_MACHINE.moving_force)
     plain = replace(stated.cart, guide_friction=0.0)
     four = 4 * stated.resistance * 4 * stated.crank.radius * stated.speed / (2 * np.pi)

@@ -96,7 +96,7 @@ def test_elastic_drive_goes_from_the_scene_to_the_summary(tmp_path):
     summary = report.write_study(study, tmp_path / "out")
     forces = study.resistance.force + 0.008 * (2 * study.engineering.roller_force - 10000)
     for name, run in study.runs.items():
-        damper = np.sum(run.weights * 3e3 * run.course.stretch(*run.course.at(run.time))[1] ** 2)
+        damper = np.sum(run.weights * 3e3 * run.trajectory.elongation(*run.trajectory.locate(run.time))[1] ** 2)
         slid = np.sum(run.weights * np.abs(run.state.velocity))
         assert run.energy == pytest.approx(forces * slid + damper, rel=1e-4)  # samples meet again where arcs do
         assert summary["laws"][name]["ringing"] == run.peak_force / run.rigid.peak_force > 1.2
@@ -170,7 +170,7 @@ def test_belt_goes_from_the_scene_to_the_tables(tmp_path):
     assert row["belt_creep"] > 1e-3
     assert row["work_of_a_cycle_J"] == pytest.approx(study.runs["cubic"].energy + row["belt_loss_J"], rel=1e-6)
     weak = Study(scene("small", **given, **{"drive.motor.belt.preload": 50.0}))
-    with pytest.raises(RuntimeError, match=r"the belt slips under 'cubic'.* give a preload of at least"):
+    with pytest.raises(RuntimeError, match=r"the belt slips under 'cubic'.* use a preload of at least"):
         _ = weak.runs
 
 

@@ -1,4 +1,4 @@
-"""A belt between motor and gear: closed forms of its creep, Eytelwein's limit, balances, limits, refusals."""
+"""Belt between motor and gear: closed forms of the creep, Eytelwein's limit, balances, limits, errors."""
 
 import math
 from dataclasses import replace
@@ -8,8 +8,9 @@ import pytest
 from published import CART_OF_C
 from scipy.integrate import solve_ivp
 
+from compact.machine.motor_acceleration import simulate_acceleration_phase
 from compact.machine.motor_characteristics import Belt, Kloss, LinearTorqueCurve
-from compact.machine.motor_drive import Motor, runup, simulate_motor
+from compact.machine.motor_drive import Motor, simulate_motor
 from compact.motion.profile import law
 
 CART = replace(CART_OF_C, guide_friction=0.0)
@@ -27,14 +28,14 @@ def free(velocity, acceleration):
     return np.zeros_like(velocity)
 
 
-def turned(belt, curve=KLOSS, name="quintic", cart=CART, met=dry, inertias=(0.01, 50.0)):
-    return simulate_motor(cart, Motor(curve, 150.0, *inertias, belt=belt), law(name, STROKE, 3.0), met)
+def simulate(belt, curve=KLOSS, name="quintic", cart=CART, resistance=dry, inertias=(0.01, 50.0)):
+    return simulate_motor(cart, Motor(curve, 150.0, *inertias, belt=belt), law(name, STROKE, 3.0), resistance)
 
 
 # closed form
 
 
-def test_straight_motor_behind_a_belt_follows_its_parabola():
+def test_linear_motor_behind_a_belt_in_closed_form():
     """w (1 - T_s (1 - w/w_n)/C) = w_g is a quadratic of w."""
     curve, speed = LinearTorqueCurve(stall_torque=80.0, no_load_speed=157.0), np.linspace(0, 200, 81)
     C = BELT.creep_torque
@@ -43,33 +44,33 @@ def test_straight_motor_behind_a_belt_follows_its_parabola():
     assert BELT.motor_speed(curve.torque, speed) == pytest.approx(exact, rel=1e-12, abs=1e-12)
     motor = Motor(curve, 10.0, 0.0, 1.0, belt=BELT)
     assert motor.torque(speed / 10) == pytest.approx(10 * 80.0 * (1 - exact / 157.0), rel=1e-12, abs=1e-10)
-    # near no load it is a straight line again, flatter by the creep at stall
+    # near no load the curve is linear, with a slope reduced by the creep at stall
     slope = (motor.torque(15.7) - motor.torque(15.6)) / 1.0
     assert slope == pytest.approx(-10 * 80.0 / 157.0 / (1 + 80.0 / C), rel=1e-3)
 
 
-def test_belt_that_carries_an_even_torque_creeps_by_it():
+def test_creep_under_a_constant_torque():
     assert BELT.motor_speed(lambda speed: 25.0 + 0 * speed, 150.0) == pytest.approx(150.0 / (1 - 25.0 / 5e3), rel=1e-14)
     assert BELT.motor_speed(lambda speed: -25.0 + 0 * speed, 150.0) == pytest.approx(
         150.0 / (1 + 25.0 / 5e3), rel=1e-14
     )
 
 
-def test_limit_is_that_of_eytelwein():
-    """F1/F2 = e^(mu alpha) and F1 + F2 = 2 F0, integrated along the arc of wrap."""
+def test_slip_torque_is_eytelweins_limit():
+    """F1/F2 = e^(mu alpha) by integration along the wrap, and F1 + F2 = 2 F0."""
     along = solve_ivp(lambda angle, tension: BELT.friction * tension, (0, BELT.wrap), [1.0], rtol=1e-10, atol=1e-12)
     ratio = along.y[0, -1]
     slack = 2 * BELT.preload / (1 + ratio)
-    assert BELT.holds == pytest.approx(BELT.pulley_radius * (ratio - 1) * slack, rel=1e-8)
-    assert BELT.needed_preload(BELT.holds) == pytest.approx(BELT.preload, rel=1e-14)
+    assert BELT.slip_torque == pytest.approx(BELT.pulley_radius * (ratio - 1) * slack, rel=1e-8)
+    assert BELT.required_preload(BELT.slip_torque) == pytest.approx(BELT.preload, rel=1e-14)
 
 
 # independent solution
 
 
-def test_general_solver_in_time_agrees():
-    """w = g phi'/(1 - T_b/C) with T_b = T(w) - J_m g phi'', solved by stepping the angle in time."""
-    run = turned(STRONG, inertias=(0.01, 30.0))
+def test_speed_agrees_with_a_general_solver():
+    """w = g phi'/(1 - T_b/C) with T_b = T(w) - J_m g phi'', integrated over time."""
+    run = simulate(STRONG, inertias=(0.01, 30.0))
     motor, cycle = run.load.motor, run.load.cycle
     rate, C = cycle.period / (2 * np.pi), STRONG.creep_torque
 
@@ -80,7 +81,7 @@ def test_general_solver_in_time_agrees():
     def rates(time, state):
         angle, speed = state
         acceleration, before = 0.0, None
-        for _ in range(60):  # the belt carries what the shaft beyond it asks
+        for _ in range(60):  # secant iteration on the acceleration
             pull = (30.0 * acceleration + taken(angle, speed, acceleration)) / 150.0
             torque = float(KLOSS.torque(150.0 * speed / (1 - pull / C)))
             left = 150.0 * torque - motor.inertia * acceleration - taken(angle, speed, acceleration)
@@ -98,16 +99,16 @@ def test_general_solver_in_time_agrees():
 # balances
 
 
-def test_belt_takes_the_work_that_its_creep_does():
-    run = turned(STRONG)
+def test_belt_loss_is_the_power_of_its_creep():
+    run = simulate(STRONG)
     motor = run.load.motor
     assert run.energy_residual < 1e-8
-    given = np.sum(run.weights * run.motor_power)
-    assert given == pytest.approx(2 * STROKE * SIZE + run.belt_loss, rel=1e-8)
+    motor_work = np.sum(run.weights * run.motor_power)
+    assert motor_work == pytest.approx(2 * STROKE * SIZE + run.belt_loss, rel=1e-8)
     creep = run.belt_torque / STRONG.creep_torque
-    own = motor.speed(run.speed, run.turn.acceleration.ravel())
+    own = motor.motor_speed(run.speed, run.revolution.acceleration.ravel())
     assert own * (1 - creep) == pytest.approx(150.0 * run.speed, rel=1e-12)
-    # what the stretching belt dissipates; the rotor keeps nothing over a turn, but for the rate of its creep
+    # dissipation of the belt; the rotor stores no energy over a revolution, except by the rate of the creep
     assert run.belt_loss == pytest.approx(np.sum(run.weights * run.belt_torque * (own - 150.0 * run.speed)), rel=0.02)
     assert run.belt_loss > 0
     assert run.belt_creep == pytest.approx(np.abs(creep).max(), rel=2e-4)
@@ -115,9 +116,9 @@ def test_belt_takes_the_work_that_its_creep_does():
     assert run.peak_motor_power > np.abs(run.motor_torque * run.speed).max()
 
 
-def test_flywheel_behind_the_belt_spares_it():
-    """One on the motor's side sends all that the carts take through the belt."""
-    ahead, behind = (turned(STRONG, inertias=each) for each in ((5e4 / 150**2, 0.0), (0.0, 5e4)))
+def test_flywheel_behind_the_belt_reduces_its_torque():
+    """A flywheel on the side of the motor passes the whole load torque through the belt."""
+    ahead, behind = (simulate(STRONG, inertias=each) for each in ((5e4 / 150**2, 0.0), (0.0, 5e4)))
     assert ahead.fluctuation == pytest.approx(behind.fluctuation, rel=0.1)
     mean = 2 * STROKE * SIZE / (2 * np.pi * 150.0)
     assert np.abs(ahead.belt_torque).max() == pytest.approx(np.abs(ahead.shaft_torque).max() / 150.0, rel=1e-6)
@@ -128,58 +129,58 @@ def test_flywheel_behind_the_belt_spares_it():
 # limits
 
 
-def test_stiff_belt_is_none():
-    stiff, none = (turned(belt) for belt in (replace(STRONG, stiffness=1e13), None))
+def test_stiff_belt_has_no_effect():
+    stiff, none = (simulate(belt) for belt in (replace(STRONG, stiffness=1e13), None))
     assert stiff.speed == pytest.approx(none.speed, rel=1e-8)
     assert stiff.peak_motor_power == pytest.approx(none.peak_motor_power, rel=1e-7)
     assert none.belt_loss == pytest.approx(0, abs=1e-9)
     assert none.belt_creep == 0
 
 
-def test_creep_of_the_turn_is_inverse_to_the_stiffness():
-    none, soft, stiff = (turned(belt).period for belt in (None, STRONG, replace(STRONG, stiffness=100e3)))
+def test_creep_is_inversely_proportional_to_the_stiffness():
+    none, soft, stiff = (simulate(belt).period for belt in (None, STRONG, replace(STRONG, stiffness=100e3)))
     assert soft > stiff > none
     assert (soft - none) / (stiff - none) == pytest.approx(2, rel=0.02)
 
 
-def test_belt_carries_a_start_from_rest():
-    start = runup(
+def test_acceleration_phase_with_a_belt():
+    start = simulate_acceleration_phase(
         CART, Motor(LinearTorqueCurve(30.0, 157.0), 150.0, 0.001, 5.0, belt=BELT), law("quintic", STROKE, 3.0), dry
     )
-    assert start.residual < 1e-6
+    assert start.energy_residual < 1e-6
     assert start.speed[-1] == pytest.approx(start.periodic.speed[0], rel=2e-3)
 
 
-# refusals
+# errors
 
 
-def test_belt_that_slips_says_what_preload_would_hold():
+def test_error_of_a_slipping_belt_states_a_sufficient_preload():
     weak = replace(BELT, preload=40.0)
-    with pytest.raises(RuntimeError, match=r"the belt slips under 'quintic': .* N m on the motor's pulley") as caught:
-        turned(weak)
-    told = float(str(caught.value).split("at least ")[1].split()[0])
-    run = turned(replace(weak, preload=1.001 * told))
-    assert np.abs(run.belt_torque).max() == pytest.approx(run.load.motor.belt.holds, rel=3e-3)
+    with pytest.raises(RuntimeError, match=r"the belt slips under 'quintic': .* N m on the motor pulley") as caught:
+        simulate(weak)
+    preload = float(str(caught.value).split("at least ")[1].split()[0])
+    run = simulate(replace(weak, preload=1.001 * preload))
+    assert np.abs(run.belt_torque).max() == pytest.approx(run.load.motor.belt.slip_torque, rel=3e-3)
 
 
-def test_start_that_slips_is_told():
-    motor = Motor(LinearTorqueCurve(80.0, 157.0), 150.0, 0.001, 50.0, belt=BELT)  # at rest 80 N m, the belt holds 54
+def test_slip_in_the_acceleration_phase_raises():
+    motor = Motor(LinearTorqueCurve(80.0, 157.0), 150.0, 0.001, 50.0, belt=BELT)  # 80 N m at rest, slip limit 54 N m
     with pytest.raises(RuntimeError, match="the belt slips"):
-        runup(CART, motor, law("quintic", STROKE, 3.0), dry)
+        simulate_acceleration_phase(CART, motor, law("quintic", STROKE, 3.0), dry)
 
 
-def test_motor_too_steep_for_its_belt_is_told():
-    with pytest.raises(RuntimeError, match="no speed of the motor found with its belt"):
+def test_motor_too_steep_for_its_belt_raises():
+    with pytest.raises(RuntimeError, match="the speed of the motor behind its belt did not converge"):
         BELT.motor_speed(lambda speed: BELT.creep_torque * (1 + 1 / (1 + speed**2)), np.array([5.0]))
 
 
 @pytest.mark.parametrize("name", ["pulley_radius", "stiffness", "preload", "friction", "wrap"])
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
-def test_refusals(name, value):
+def test_invalid_belt_raises(name, value):
     with pytest.raises(ValueError, match=f"`{name}` must be positive and finite"):
         replace(BELT, **{name: value})
 
 
-def test_belt_too_soft_for_first_order_is_refused():
-    with pytest.raises(ValueError, match=r"`stiffness` 5000 N is too soft for .* creep by 0.11 before"):
+def test_belt_with_too_much_creep_raises():
+    with pytest.raises(ValueError, match=r"`stiffness` 5000 N is too low for .* creep by 0.11 before"):
         replace(BELT, stiffness=5e3)

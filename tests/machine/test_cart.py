@@ -1,4 +1,4 @@
-"""Balance of the cart: closed form, published reactions, lift-off, independent sums of forces and moments, refusals."""
+"""Equilibrium of the cart: closed form, published reactions, lift-off, independent force and moment sums, errors."""
 
 from dataclasses import astuple, replace
 
@@ -38,7 +38,7 @@ def carts(draw):
 
 
 def reactions(cart, force, resistance, direction, tangent):
-    """N1, N2 at a given drive force, from the vertical and the moment balance as a linear system."""
+    """N1 and N2 for a drive force, by the linear system of vertical forces and moments."""
     front, rear = cart.guide_positions
     torque_of_rail = direction * cart.guide_friction * cart.guide_wheel_diameter / 2
     pull = force * tangent
@@ -49,20 +49,20 @@ def reactions(cart, force, resistance, direction, tangent):
 
 
 def lock(cart, direction, tangent):
-    """f (|dN1/dH| + |dN2/dH|): at 1 friction grows as fast as the force that should overcome it."""
+    """f (|dN1/dH| + |dN2/dH|): from 1 on friction grows as fast as the drive force."""
     bare = replace(cart, weight=0.0, roller_positions=(), roller_reactions=())
     return abs(direction) * cart.guide_friction * np.abs(reactions(bare, 1.0, 0.0, direction, tangent)).sum()
 
 
-def surplus(cart, force, needed, resistance, direction, tangent):
+def residual(cart, force, needed, resistance, direction, tangent):
     """H - s f (|N1| + |N2|) - (m a + W)."""
-    grip = np.abs(reactions(cart, force, resistance, direction, tangent)).sum()
-    return force - direction * cart.guide_friction * grip - needed
+    friction = np.abs(reactions(cart, force, resistance, direction, tangent)).sum()
+    return force - direction * cart.guide_friction * friction - needed
 
 
-def size(cart, needed, forces):
-    """Largest force about, to measure rounding with."""
-    parts = (cart.weight, *cart.roller_reactions, needed, forces.drive_force, forces.front_reaction)
+def force_scale(cart, required, forces):
+    """Largest force, as a scale of rounding."""
+    parts = (cart.weight, *cart.roller_reactions, required, forces.drive_force, forces.front_reaction)
     return max(1.0, *(abs(float(part)) for part in parts), abs(float(forces.rear_reaction)))
 
 
@@ -76,7 +76,7 @@ def test_pressed_guides_give_coulomb_friction_of_the_lift(direction):
     assert got.drive_force == pytest.approx(500 + direction * (3562 + 0.008 * LIFT), rel=1e-14)
 
 
-def test_both_wheels_lift_under_a_heavy_cart():
+def test_both_guide_wheels_lift_off_under_a_heavy_cart():
     heavy = replace(PUBLISHED, weight=40e3)
     got = balance(heavy, 0.0, 3562.0, 1.0)
     assert got.front_reaction < 0
@@ -85,7 +85,7 @@ def test_both_wheels_lift_under_a_heavy_cart():
     assert got.drive_force == pytest.approx(3562 + 0.008 * 20520, rel=1e-14)
 
 
-def test_one_lifted_wheel_counts_with_its_size():
+def test_friction_of_a_lifted_wheel_uses_the_magnitude_of_its_reaction():
     got = balance(PUBLISHED, 0.0, -15924.0, -1.0, rod_tangent=-0.2)
     assert got.rear_reaction < 0 < got.front_reaction
     assert -got.guide_friction == pytest.approx(0.008 * (got.front_reaction - got.rear_reaction), rel=1e-14)
@@ -93,18 +93,18 @@ def test_one_lifted_wheel_counts_with_its_size():
 
 
 @pytest.mark.parametrize("acceleration", [0.0, 5.0])
-def test_standing_cart_has_no_guide_friction(acceleration):
+def test_cart_at_rest_has_no_guide_friction(acceleration):
     got = balance(PUBLISHED, acceleration, 0.0, 0.0, rod_tangent=0.2)
     assert got.guide_friction == 0
     assert got.drive_force == 1000 * acceleration
 
 
-def test_steep_rod_does_not_lock_a_standing_cart():
+def test_steep_rod_does_not_lock_a_cart_at_rest():
     sticky = replace(PUBLISHED, guide_friction=0.9)
     assert balance(sticky, 1.0, 0.0, 0.0, rod_tangent=5.0).drive_force == 1000
 
 
-def test_cart_without_rollers_runs_on_its_weight():
+def test_guides_of_a_cart_without_rollers_carry_its_weight():
     bare = replace(PUBLISHED, roller_positions=(), roller_reactions=())
     got = balance(bare, 0.0, 0.0, 1.0)
     assert got.drive_force == pytest.approx(80, rel=1e-14)
@@ -131,7 +131,7 @@ def test_published_reactions_towards_the_crank():
     assert [half.front_reaction.min(), half.front_reaction.max()] == pytest.approx([0.2e3, 5.9e3], abs=50)
 
 
-def test_published_rear_wheel_changes_rail_on_the_way_back():
+def test_published_rear_wheel_lifts_off_on_the_return_stroke():
     half = published_half(-1.0)
     assert half.rear_reaction.min() == pytest.approx(-1344, abs=0.5)
     assert np.mean(half.rear_reaction < 0) == pytest.approx(0.9, abs=0.015)
@@ -146,8 +146,8 @@ def test_published_lift_off_adds_at_most_22_newtons_of_friction():
     assert extra.max() == pytest.approx(21.5, abs=0.5)
 
 
-def test_published_force_holds_the_guide_friction_once():
-    """theory 2: 3562 N to move the cart are 76 N at the guides and .179 of the rollers' load."""
+def test_published_force_includes_the_guide_friction_once():
+    """Theory 2: of 3562 N, 76 N are guide friction; the rest is 0.179 of the roller load."""
     mix = 0.17896 * 2 * 9740
     assert balance(PUBLISHED, 0.0, mix, 1.0).drive_force == pytest.approx(3562, abs=0.5)
 
@@ -156,7 +156,7 @@ def test_published_force_holds_the_guide_friction_once():
 
 
 @pytest.mark.parametrize("short", [1e-9, 1e-14])
-def test_force_keeps_its_digits_next_to_locking(short):
+def test_force_is_accurate_near_locking(short):
     tangent = 1.0
     bare = replace(PUBLISHED, weight=0.0, roller_reactions=(0.0, 0.0), guide_wheel_diameter=0.0, guide_friction=1.0)
     friction = (1 - short) / lock(bare, 1.0, tangent)
@@ -175,10 +175,10 @@ def test_balance_scales_with_the_forces(size):
 
 
 @pytest.mark.parametrize("bad", [{"acceleration": np.nan}, {"resistance": np.nan}, {"rod_tangent": np.nan}], ids=str)
-def test_what_is_not_a_number_never_becomes_a_force(bad):
-    given_forces = {"acceleration": 1.0, "resistance": 100.0, "direction": 1.0} | bad
+def test_nan_raises_or_yields_nan(bad):
+    arguments = {"acceleration": 1.0, "resistance": 100.0, "direction": 1.0} | bad
     try:
-        force = balance(PUBLISHED, **given_forces).drive_force
+        force = balance(PUBLISHED, **arguments).drive_force
     except ValueError:
         force = np.nan
     assert np.isnan(force)
@@ -192,18 +192,18 @@ def test_forces_and_moments_balance(cart, resistance, acceleration, direction, t
     assume(lock(cart, direction, tangent) < 0.999)
     got = balance(cart, acceleration, resistance, direction, tangent)
     needed = cart.mass * acceleration + resistance
-    scale = size(cart, needed, got)
+    scale = force_scale(cart, needed, got)
     pull, wheels = got.drive_force * tangent, (got.front_reaction, got.rear_reaction)
-    grip = [direction * cart.guide_friction * abs(wheel) for wheel in wheels]
-    assert abs(got.drive_force - sum(grip) - needed) <= 1e-12 * scale
+    friction = [direction * cart.guide_friction * abs(wheel) for wheel in wheels]
+    assert abs(got.drive_force - sum(friction) - needed) <= 1e-12 * scale
     assert abs(sum(cart.roller_reactions) - cart.weight + pull - sum(wheels)) <= 1e-12 * scale
-    assert got.guide_friction == pytest.approx(sum(grip), abs=1e-12 * scale)
-    # moments about the origin, forces as (x, y, Fx, Fy); the rail that a wheel presses on lies above or below its axle
-    pressing = [(x, 0, 0, lift) for x, lift in zip(cart.roller_positions, cart.roller_reactions, strict=True)]
-    pressing += [(0, -cart.pin_height - cart.roller_radius, -resistance, 0), (cart.pin_position, 0, 0, pull)]
-    for x, wheel, drag in zip(cart.guide_positions, wheels, grip, strict=True):
-        pressing.append((x, np.copysign(cart.guide_wheel_diameter / 2, wheel), -drag, -wheel))
-    assert abs(sum(x * fy - y * fx for x, y, fx, fy in pressing)) <= 1e-11 * scale
+    assert got.guide_friction == pytest.approx(sum(friction), abs=1e-12 * scale)
+    # moments about the origin, forces as (x, y, Fx, Fy); the loaded rail is above or below the axle of a wheel
+    loads = [(x, 0, 0, lift) for x, lift in zip(cart.roller_positions, cart.roller_reactions, strict=True)]
+    loads += [(0, -cart.pin_height - cart.roller_radius, -resistance, 0), (cart.pin_position, 0, 0, pull)]
+    for x, wheel, drag in zip(cart.guide_positions, wheels, friction, strict=True):
+        loads.append((x, np.copysign(cart.guide_wheel_diameter / 2, wheel), -drag, -wheel))
+    assert abs(sum(x * fy - y * fx for x, y, fx, fy in loads)) <= 1e-11 * scale
     assert abs(moment_residual(cart, got, resistance, direction, tangent)) <= 1e-11 * scale
 
 
@@ -216,21 +216,21 @@ def test_published_cart_balances_to_a_nanonewtonmetre(psi, acceleration, size):
 
 
 @given(carts(), forces, directions, tangents)
-def test_force_is_the_only_root(cart, needed, direction, tangent):
-    """A bisection of the rising residual, which knows nothing of the four pairs of signs, meets the same force."""
+def test_force_is_the_only_root_of_the_balance(cart, needed, direction, tangent):
+    """Bisection of the increasing residual, without the four pairs of signs, yields the same force."""
     steepness = lock(cart, direction, tangent)
     assume(steepness < 0.95)
     got = float(balance(cart, 0.0, needed, direction, tangent).drive_force)
-    reach = (abs(surplus(cart, 0.0, needed, needed, direction, tangent)) + 1) / (1 - steepness)
+    reach = (abs(residual(cart, 0.0, needed, needed, direction, tangent)) + 1) / (1 - steepness)
     low, high = -reach, reach
     for _ in range(100):
         middle = (low + high) / 2
-        low, high = (middle, high) if surplus(cart, middle, needed, needed, direction, tangent) < 0 else (low, middle)
+        low, high = (middle, high) if residual(cart, middle, needed, needed, direction, tangent) < 0 else (low, middle)
     assert got == pytest.approx(low, rel=1e-9, abs=1e-9 * reach)
 
 
 @given(carts(), forces, st.floats(-30, 30), directions, tangents)
-def test_mirror_image_asks_the_opposite_force(cart, resistance, acceleration, direction, tangent):
+def test_mirrored_cart_requires_the_opposite_force(cart, resistance, acceleration, direction, tangent):
     assume(lock(cart, direction, tangent) < 0.95)
     front, rear = cart.guide_positions
     image = replace(
@@ -241,14 +241,14 @@ def test_mirror_image_asks_the_opposite_force(cart, resistance, acceleration, di
     )
     one = balance(cart, acceleration, resistance, direction, tangent)
     other = balance(image, -acceleration, -resistance, -direction, -tangent)
-    close = {"rel": 1e-9, "abs": 1e-11 * size(cart, resistance, one)}
+    close = {"rel": 1e-9, "abs": 1e-11 * force_scale(cart, resistance, one)}
     assert -other.drive_force == pytest.approx(float(one.drive_force), **close)
     assert other.rear_reaction == pytest.approx(float(one.front_reaction), **close)
     assert other.front_reaction == pytest.approx(float(one.rear_reaction), **close)
 
 
 @given(carts(), forces, st.floats(-30, 30))
-def test_force_is_odd_where_nothing_tips_the_cart(cart, resistance, acceleration):
+def test_force_is_odd_without_a_tilting_moment(cart, resistance, acceleration):
     level = replace(cart, pin_height=-cart.roller_radius, guide_wheel_diameter=0.0)
     there, back = (balance(level, s * acceleration, s * resistance, s) for s in (1.0, -1.0))
     assert -back.drive_force == pytest.approx(float(there.drive_force), rel=1e-12, abs=1e-9)
@@ -256,16 +256,16 @@ def test_force_is_odd_where_nothing_tips_the_cart(cart, resistance, acceleration
 
 
 @given(carts(), forces, directions, tangents)
-def test_friction_never_helps(cart, resistance, direction, tangent):
+def test_friction_opposes_the_motion(cart, resistance, direction, tangent):
     assume(lock(cart, direction, tangent) < 0.999)
     assert direction * balance(cart, 0.0, resistance, direction, tangent).guide_friction >= 0
 
 
-# refusals
+# errors
 
 
 @given(carts(), st.sampled_from([-1.0, 1.0]), st.floats(-50, 50))
-def test_self_locking_rod_is_refused_and_no_other(cart, direction, tangent):
+def test_only_a_self_locking_rod_raises(cart, direction, tangent):
     steepness = lock(cart, direction, tangent)
     assume(abs(steepness - 1) > 1e-6)
     if steepness > 1:
@@ -275,13 +275,13 @@ def test_self_locking_rod_is_refused_and_no_other(cart, direction, tangent):
         assert np.isfinite(balance(cart, 0.0, 100.0, direction, tangent).drive_force)
 
 
-def test_locking_names_the_friction():
+def test_error_of_locking_names_the_friction():
     with pytest.raises(ValueError, match=r"the rod is too steep: `guide_friction` 0\.5 locks the cart"):
         balance(replace(PUBLISHED, guide_friction=0.5), 0.0, 1.0, 1.0, rod_tangent=np.array([0.0, 2.0]))
 
 
 @pytest.mark.parametrize(
-    ("bad", "words"),
+    ("bad", "message"),
     [
         ({"mass": -1.0}, "`mass` must be zero or positive, and finite, got -1.0"),
         ({"mass": np.nan}, "`mass` must be zero or positive, and finite, got nan"),
@@ -300,6 +300,6 @@ def test_locking_names_the_friction():
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
 )
-def test_impossible_cart_is_refused(bad, words):
-    with pytest.raises(ValueError, match=words):
+def test_invalid_cart_raises(bad, message):
+    with pytest.raises(ValueError, match=message):
         replace(PUBLISHED, **bad)

@@ -1,4 +1,4 @@
-"""Carts on one crankshaft: slider-crank in closed form, virtual power, published powers, sums that cancel, refusals."""
+"""Carts on one crankshaft: closed form of the slider-crank, virtual power, published powers, cancellation, errors."""
 
 from dataclasses import astuple, replace
 
@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from published import CART_OF_C
 
 from compact.drive import Crank
-from compact.machine.crankshaft import USUAL_ANGLES, crank_travel, turn
+from compact.machine.crankshaft import CRANK_ANGLES, crank_kinematics, simulate_crankshaft
 
 CRANK = Crank(radius=0.2, rod_length=0.8)
 CART = CART_OF_C
-SMOOTH = replace(CART, guide_friction=0.0)
-LIGHT = replace(SMOOTH, mass=0.0)
+WITHOUT_FRICTION = replace(CART, guide_friction=0.0)
+MASSLESS = replace(WITHOUT_FRICTION, mass=0.0)
 HUNDRED_RPM = 2 * np.pi * 100 / 60
 
 radii = st.floats(0.01, 1)
@@ -38,7 +38,7 @@ def closed_published(psi):
 
 
 def exact_travel(crank, psi):
-    """Travel and its two derivatives by 50 digits, differentiated numerically."""
+    """Travel and its two derivatives with 50 digits, by numerical differentiation."""
     with mpmath.workdps(50):
         r, rod = mpmath.mpf(crank.radius), mpmath.mpf(crank.rod_length)
         return [float(mpmath.diff(lambda p: closed_travel(r, rod, p), mpmath.mpf(psi), n)) for n in (0, 1, 2)]
@@ -51,20 +51,20 @@ def exact_travel(crank, psi):
 @pytest.mark.parametrize("psi", [0.0, 1e-8, 0.3, np.pi / 2, 2.0, np.pi, 4.0, 5.9], ids=lambda psi: f"{psi:.3g}")
 def test_travel_is_the_slider_crank(rod_length, psi):
     crank = Crank(0.2, rod_length)
-    got = [float(value) for value in crank_travel(crank, psi)]
+    got = [float(value) for value in crank_kinematics(crank, psi)]
     assert got == pytest.approx(exact_travel(crank, psi), rel=1e-11, abs=1e-15)
 
 
 @pytest.mark.parametrize("psi", [1e-12, 1e-8, 1e-3], ids=str)
-def test_travel_keeps_its_digits_at_the_outer_dead_centre(psi):
-    position, slope, _ = crank_travel(CRANK, psi)
+def test_travel_is_accurate_near_the_outer_dead_centre(psi):
+    position, slope, _ = crank_kinematics(CRANK, psi)
     exact = exact_travel(CRANK, psi)
     assert position == pytest.approx(exact[0], rel=1e-14, abs=0)
     assert slope == pytest.approx(exact[1], rel=1e-14, abs=0)
 
 
 def test_acceleration_is_largest_at_the_outer_dead_centre():
-    cart = turn(CART, CRANK, 10.5, dry(3562.0)).carts[0]
+    cart = simulate_crankshaft(CART, CRANK, 10.5, dry(3562.0)).carts[0]
     assert cart.psi[0] == 0
     assert cart.acceleration[0] == pytest.approx(0.2 * 10.5**2 * (1 + 0.2 / 0.8), rel=1e-14)
     assert cart.acceleration[0] == pytest.approx(27.56, abs=0.005)  # errata C-3
@@ -72,22 +72,22 @@ def test_acceleration_is_largest_at_the_outer_dead_centre():
 
 
 def test_stroke_is_twice_the_radius():
-    cart = turn(CART, CRANK, 10.5, dry(3562.0)).carts[0]
+    cart = simulate_crankshaft(CART, CRANK, 10.5, dry(3562.0)).carts[0]
     assert cart.position.min() == 0
     assert cart.position.max() == pytest.approx(0.4, rel=1e-15)
 
 
 @pytest.mark.parametrize("resistance", [3562.0, 15924.0])
-def test_rod_pulls_then_pushes(resistance):
-    cart = turn(replace(CART, mass=0.0), CRANK, 10.5, dry(resistance)).carts[0]
+def test_rod_is_in_tension_then_in_compression(resistance):
+    cart = simulate_crankshaft(replace(CART, mass=0.0), CRANK, 10.5, dry(resistance)).carts[0]
     there = cart.velocity > 1e-9
     back = cart.velocity < -1e-9
     assert cart.rod_force[there].min() > resistance
     assert cart.rod_force[back].max() < -resistance
 
 
-def test_samples_hold_both_sides_of_the_dead_centres():
-    cart = turn(CART, CRANK, 10.5, dry(100.0)).carts[0]
+def test_samples_contain_both_sides_of_the_dead_centres():
+    cart = simulate_crankshaft(CART, CRANK, 10.5, dry(100.0)).carts[0]
     at_dead_centre = np.isclose(cart.psi, np.pi, rtol=1e-14)
     assert sorted(cart.resistance[at_dead_centre]) == [-100, 100]
     assert [cart.resistance[0], cart.resistance[-1]] == [100, -100]
@@ -97,7 +97,7 @@ def test_samples_hold_both_sides_of_the_dead_centres():
 
 
 def test_published_powers_of_one_cart():
-    shaft = turn(LIGHT, CRANK, HUNDRED_RPM, dry(3562.0))
+    shaft = simulate_crankshaft(MASSLESS, CRANK, HUNDRED_RPM, dry(3562.0))
     closed = 3562 * 4 * 0.2 * HUNDRED_RPM / (2 * np.pi)
     assert shaft.mean(shaft.power) == pytest.approx(closed, rel=1e-13)
     assert closed == pytest.approx(4749.33, abs=0.005)
@@ -105,65 +105,65 @@ def test_published_powers_of_one_cart():
 
 
 def test_published_powers_of_four_carts():
-    shaft = turn(LIGHT, CRANK, HUNDRED_RPM, dry(3562.0), USUAL_ANGLES[4])
+    shaft = simulate_crankshaft(MASSLESS, CRANK, HUNDRED_RPM, dry(3562.0), CRANK_ANGLES[4])
     assert shaft.power.max() == pytest.approx(21100.7, abs=0.05)
     assert shaft.mean(shaft.power) == pytest.approx(18997.3, abs=0.05)
     assert shaft.carts[0].power.max() / shaft.power.max() * 4 == pytest.approx(1.458, abs=5e-4)
 
 
-def test_inertia_rules_the_published_machine():
-    """Errata C-3: with its mass and both rollers' forces the peak is seven times the one printed."""
-    shaft = turn(CART, CRANK, 10.5, dry(2 * 7962.0))
+def test_inertia_dominates_the_published_machine():
+    """Errata C-3: with the mass and the forces of both rollers the peak is seven times the printed one."""
+    shaft = simulate_crankshaft(CART, CRANK, 10.5, dry(2 * 7962.0))
     assert np.abs(shaft.power).max() == pytest.approx(55.6e3, abs=50)
     assert shaft.mean(shaft.power) == pytest.approx(21_425, abs=15)  # C-1, with friction
-    smaller = turn(CART, CRANK, 10.5, dry(3562.0))
+    smaller = simulate_crankshaft(CART, CRANK, 10.5, dry(3562.0))
     assert np.abs(smaller.power).max() == pytest.approx(34.9e3, abs=60)
 
 
 # hard cases
 
 
-def test_peak_lies_between_the_samples_of_a_turn():
+def test_peak_between_samples_is_found():
     with mpmath.workdps(30):
         best = mpmath.findroot(lambda psi: mpmath.diff(closed_published, psi, 2), 1.33)
         peak = 3562 * HUNDRED_RPM * float(mpmath.diff(closed_published, best))
-    shaft = turn(LIGHT, CRANK, HUNDRED_RPM, dry(3562.0))
+    shaft = simulate_crankshaft(MASSLESS, CRANK, HUNDRED_RPM, dry(3562.0))
     assert shaft.peak_power == pytest.approx(peak, rel=1e-9)
     assert shaft.power.max() == pytest.approx(peak, rel=2e-4)
 
 
 @pytest.mark.parametrize("ahead", [0.0, 1e-15, -1e-15, 1e-9, 2 * np.pi, -np.pi, 7.0, 1e3], ids=str)
-def test_mean_power_does_not_care_where_the_turn_begins(ahead):
-    shaft = turn(CART, CRANK, 10.5, dry(3562.0), (ahead,))
+def test_mean_power_does_not_depend_on_the_initial_angle(ahead):
+    shaft = simulate_crankshaft(CART, CRANK, 10.5, dry(3562.0), (ahead,))
     assert shaft.weights.sum() == pytest.approx(2 * np.pi, rel=1e-13)
-    assert shaft.mean(shaft.power) == pytest.approx(turn_mean(CART, 3562.0), rel=1e-11)
+    assert shaft.mean(shaft.power) == pytest.approx(mean_power_of_one_cart(CART, 3562.0), rel=1e-11)
 
 
-def turn_mean(cart, resistance):
-    shaft = turn(cart, CRANK, 10.5, dry(resistance))
+def mean_power_of_one_cart(cart, resistance):
+    shaft = simulate_crankshaft(cart, CRANK, 10.5, dry(resistance))
     return shaft.mean(shaft.power)
 
 
-def test_resistance_never_sees_a_cart_at_rest():
-    seen = []
+def test_resistance_is_not_evaluated_at_rest():
+    velocities = []
 
     def resistance(velocity, acceleration):
-        seen.append(velocity)
+        velocities.append(velocity)
         return 100 * np.sign(velocity)
 
-    turn(CART, CRANK, 10.5, resistance, USUAL_ANGLES[3])
-    assert len(seen) == 4  # and once to see that it opposes the motion
-    assert np.all(np.concatenate(seen) != 0)
+    simulate_crankshaft(CART, CRANK, 10.5, resistance, CRANK_ANGLES[3])
+    assert len(velocities) == 4  # once per cart, and once for the sign of the resistance
+    assert np.all(np.concatenate(velocities) != 0)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf], ids=str)
-def test_resistance_that_is_not_finite_is_refused(bad):
+def test_resistance_that_is_not_finite_raises(bad):
     with pytest.raises(ValueError, match="`resistance` must be finite"):
-        turn(CART, CRANK, 10.5, lambda velocity, acceleration: np.full_like(velocity, bad))
+        simulate_crankshaft(CART, CRANK, 10.5, lambda velocity, acceleration: np.full_like(velocity, bad))
 
 
-def test_every_column_of_a_turn_has_one_shape():
-    cart = turn(CART, CRANK, 10.5, lambda velocity, acceleration: 0.0).carts[0]
+def test_all_arrays_have_one_shape():
+    cart = simulate_crankshaft(CART, CRANK, 10.5, lambda velocity, acceleration: 0.0).carts[0]
     columns = [column for column in astuple(cart) if isinstance(column, np.ndarray)]
     assert {column.shape for column in columns} == {cart.psi.shape}
 
@@ -172,8 +172,10 @@ def test_every_column_of_a_turn_has_one_shape():
 
 
 @given(radii, ratios, speeds, masses, sizes)
-def test_shaft_gets_the_work_of_the_rod(radius, ratio, speed, mass, resistance):
-    shaft = turn(replace(SMOOTH, mass=mass), Crank(radius, radius / ratio), speed, dry(resistance))
+def test_shaft_power_equals_rod_power(radius, ratio, speed, mass, resistance):
+    shaft = simulate_crankshaft(
+        replace(WITHOUT_FRICTION, mass=mass), Crank(radius, radius / ratio), speed, dry(resistance)
+    )
     cart = shaft.carts[0]
     work = cart.forces.drive_force * cart.velocity
     assert shaft.power == pytest.approx(work, rel=1e-12, abs=1e-12 * np.abs(work).max())
@@ -181,66 +183,72 @@ def test_shaft_gets_the_work_of_the_rod(radius, ratio, speed, mass, resistance):
 
 
 @given(st.floats(0.05, 0.6), speeds, masses)
-def test_shaft_gets_the_work_of_the_rod_with_friction(ratio, speed, mass):
-    cart = turn(replace(CART, mass=mass), Crank(0.2, 0.2 / ratio), speed, dry(15924.0)).carts[0]
+def test_shaft_power_equals_rod_power_with_friction(ratio, speed, mass):
+    cart = simulate_crankshaft(replace(CART, mass=mass), Crank(0.2, 0.2 / ratio), speed, dry(15924.0)).carts[0]
     work = cart.forces.drive_force * cart.velocity
     assert cart.power == pytest.approx(work, rel=1e-12, abs=1e-12 * np.abs(work).max())
 
 
 @given(radii, ratios, speeds, masses, st.floats(1, 3e4))
-def test_mean_power_knows_neither_rod_nor_mass(radius, ratio, speed, mass, resistance):
-    shaft = turn(replace(SMOOTH, mass=mass), Crank(radius, radius / ratio), speed, dry(resistance))
+def test_mean_power_depends_on_neither_rod_nor_mass(radius, ratio, speed, mass, resistance):
+    shaft = simulate_crankshaft(
+        replace(WITHOUT_FRICTION, mass=mass), Crank(radius, radius / ratio), speed, dry(resistance)
+    )
     closed = resistance * 4 * radius * speed / (2 * np.pi)
     rounding = 1e-13 * np.abs(shaft.power).max()
     assert shaft.mean(shaft.power) == pytest.approx(closed, rel=1e-11, abs=rounding)
 
 
 @given(ratios, st.floats(1, 3e4), speeds)
-def test_four_carts_without_inertia_are_even_within_a_fixed_share(ratio, resistance, speed):
-    shaft = turn(LIGHT, Crank(0.2, 0.2 / ratio), speed, dry(resistance), USUAL_ANGLES[4])
+def test_four_massless_carts_have_a_fixed_power_fluctuation(ratio, resistance, speed):
+    shaft = simulate_crankshaft(MASSLESS, Crank(0.2, 0.2 / ratio), speed, dry(resistance), CRANK_ANGLES[4])
     assert shaft.power.max() / shaft.mean(shaft.power) == pytest.approx(np.pi / (2 * np.sqrt(2)), rel=1e-12)
     assert shaft.power.min() / shaft.mean(shaft.power) == pytest.approx(np.pi / 4, rel=1e-12)
 
 
 @given(ratios, masses, speeds)
-def test_inertia_does_no_work_over_a_turn(ratio, mass, speed):
-    shaft = turn(replace(SMOOTH, mass=mass), Crank(0.2, 0.2 / ratio), speed, lambda velocity, acceleration: 0.0)
+def test_inertia_does_no_work_over_a_revolution(ratio, mass, speed):
+    shaft = simulate_crankshaft(
+        replace(WITHOUT_FRICTION, mass=mass), Crank(0.2, 0.2 / ratio), speed, lambda velocity, acceleration: 0.0
+    )
     assert abs(shaft.mean(shaft.power)) <= 1e-13 * np.abs(shaft.power).max()
 
 
 @given(st.lists(st.floats(-10, 10), min_size=1, max_size=4))
-def test_mean_of_the_sum_is_the_sum_of_equal_means(angles):
-    """Errata C-5: identically, wherever the cranks stand."""
-    shaft = turn(CART, CRANK, 10.5, dry(3562.0), angles)
+def test_mean_of_the_sum_equals_the_sum_of_the_means(angles):
+    """Errata C-5: an identity for any crank angles."""
+    shaft = simulate_crankshaft(CART, CRANK, 10.5, dry(3562.0), angles)
     means = [shaft.mean(cart.power) for cart in shaft.carts]
-    assert means == pytest.approx([turn_mean(CART, 3562.0)] * len(angles), rel=1e-10)
+    assert means == pytest.approx([mean_power_of_one_cart(CART, 3562.0)] * len(angles), rel=1e-10)
     assert shaft.mean(shaft.power) == pytest.approx(sum(means), rel=1e-13)
     assert shaft.mean(shaft.torque) * 10.5 == pytest.approx(sum(means), rel=1e-13)
 
 
 @given(st.floats(0, 2 * np.pi), st.sampled_from([2, 3, 4]))
-def test_turning_the_whole_shaft_moves_the_curve_only(ahead, count):
-    one = turn(CART, CRANK, 10.5, dry(3562.0), USUAL_ANGLES[count])
-    other = turn(CART, CRANK, 10.5, dry(3562.0), [angle + ahead for angle in USUAL_ANGLES[count]])
+def test_offset_of_all_cranks_does_not_change_the_mean_square_power(ahead, count):
+    one = simulate_crankshaft(CART, CRANK, 10.5, dry(3562.0), CRANK_ANGLES[count])
+    other = simulate_crankshaft(CART, CRANK, 10.5, dry(3562.0), [angle + ahead for angle in CRANK_ANGLES[count]])
     assert other.mean(other.power**2) == pytest.approx(one.mean(one.power**2), rel=1e-9)
 
 
 @given(ratios, speeds)
-def test_velocity_is_the_rate_of_the_travel(ratio, speed):
-    cart = turn(CART if ratio < 0.5 else SMOOTH, Crank(0.2, 0.2 / ratio), speed, dry(1.0)).carts[0]
+def test_slope_is_the_derivative_of_the_travel(ratio, speed):
+    cart = simulate_crankshaft(
+        CART if ratio < 0.5 else WITHOUT_FRICTION, Crank(0.2, 0.2 / ratio), speed, dry(1.0)
+    ).carts[0]
     psi = np.linspace(0.1, 3, 7)
     h = 1e-5
-    ahead, behind = (crank_travel(Crank(0.2, 0.2 / ratio), psi + step) for step in (h, -h))
-    here = crank_travel(Crank(0.2, 0.2 / ratio), psi)
+    ahead, behind = (crank_kinematics(Crank(0.2, 0.2 / ratio), psi + step) for step in (h, -h))
+    here = crank_kinematics(Crank(0.2, 0.2 / ratio), psi)
     assert (ahead[0] - behind[0]) / (2 * h) == pytest.approx(here[1], rel=1e-5, abs=1e-7)
     assert np.abs(cart.velocity).max() <= speed * 0.2 * (1 / np.sqrt(1 - ratio**2) + 1)
 
 
-# refusals
+# errors
 
 
 @pytest.mark.parametrize(
-    ("bad", "words"),
+    ("bad", "message"),
     [
         ({"angular_speed": 0.0}, r"`angular_speed` must be positive and finite, got 0\.0"),
         ({"angular_speed": -1.0}, r"`angular_speed` must be positive and finite, got -1\.0"),
@@ -249,14 +257,14 @@ def test_velocity_is_the_rate_of_the_travel(ratio, speed):
     ],
     ids=str,
 )
-def test_impossible_turn_is_refused(bad, words):
-    asked = {"angular_speed": 10.5, "angles": (0.0,)} | bad
-    with pytest.raises(ValueError, match=words):
-        turn(CART, CRANK, resistance=dry(1.0), **asked)
+def test_invalid_revolution_raises(bad, message):
+    arguments = {"angular_speed": 10.5, "angles": (0.0,)} | bad
+    with pytest.raises(ValueError, match=message):
+        simulate_crankshaft(CART, CRANK, resistance=dry(1.0), **arguments)
 
 
 @pytest.mark.parametrize(
-    ("sizes", "words"),
+    ("sizes", "message"),
     [
         ((0.0, 0.8), r"`radius` must be positive and finite, got 0\.0"),
         ((0.2, -0.8), r"`rod_length` must be positive and finite, got -0\.8"),
@@ -265,11 +273,11 @@ def test_impossible_turn_is_refused(bad, words):
     ],
     ids=str,
 )
-def test_impossible_crank_is_refused(sizes, words):
-    with pytest.raises(ValueError, match=words):
+def test_invalid_crank_raises(sizes, message):
+    with pytest.raises(ValueError, match=message):
         Crank(*sizes)
 
 
-def test_crank_that_locks_its_cart_is_refused():
+def test_crank_that_locks_its_cart_raises():
     with pytest.raises(ValueError, match="too steep"):
-        turn(replace(CART, guide_friction=0.4), Crank(0.2, 0.201), 10.5, dry(1.0))
+        simulate_crankshaft(replace(CART, guide_friction=0.4), Crank(0.2, 0.201), 10.5, dry(1.0))

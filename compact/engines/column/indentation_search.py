@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 
 from compact.engines.column.column_ode import STRESS, PathControl
 from compact.engines.column.column_pass import PLATE, SAMPLED_STEP_SHARE, ColumnLayer, PassResult
+from compact.quantities import CONTACT
 from compact.rolling_contact import Roller
 
 COARSE_RTOL = 1e-5  # [-], `rtol` of the first passes of a search for a load
@@ -24,11 +25,10 @@ TARGET_TOLERANCE = 10.0  # [-], residual accepted in the end over `rtol`
 DENSITY_RISE_MIN = 1e-2  # [-], rise of the density ratio to which its residual is relative, at least
 SEARCH_PASSES_MAX = 60  # [-]; 6 are usual
 MEAN_STRESS_SHARE = 0.8  # [-], mean over peak stress under the front, for the first guess of a load
-UNITS = {"indentation": "m", "load": "N/m", "peak_pressure": "Pa"}
 
 
 @dataclass
-class Bracket:
+class _Bracket:
     """Bounds of the logarithm of the indentation, and the last points (x, residual) of a search."""
 
     low: float
@@ -138,10 +138,10 @@ class IndentationSearch:
             f"no indentation found in {SEARCH_PASSES_MAX} passes, residual {residual:.1e} at {result.indentation:.6g} m"
         )
 
-    def _bracket(self, points: list[tuple[float, float]]) -> Bracket:
+    def _bracket(self, points: list[tuple[float, float]]) -> _Bracket:
         low = math.log(self.min_indentation) if self.min_indentation else -math.inf
         limit = math.log(self.max_indentation)
-        return Bracket(low, limit, limit, points)
+        return _Bracket(low, limit, limit, points)
 
 
 def solve_target(layer: ColumnLayer, roller: Roller, rtol: float) -> tuple[PassResult, int]:
@@ -323,5 +323,5 @@ def _raise_unreachable(layer: ColumnLayer, name: str, value: float, limit: float
     """Raise ValueError for a target beyond its value at the largest indentation."""
     full = f"grains and water alone fill the remaining {layer.solid_height:.6g} m of {layer.height:.6g} m"
     reason = "the circle is buried to its axis" if layer.limited_by_axis else full
-    unit = UNITS[name]
+    unit = CONTACT[name].unit
     raise ValueError(f"`{name}` must be less than {limit:.6g} {unit}, where {reason}, got {value:.6g} {unit}")

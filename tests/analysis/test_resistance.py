@@ -207,7 +207,7 @@ def test_file_that_is_no_map_is_refused(tmp_path):
 
 # (f) of a scene, and what the next run takes over
 
-SMALL = Path(__file__).parent.parent / "studies" / "scenes" / "small.toml"
+SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
 ROLLED = {
     "accuracy.engine": "spectral",
     "machine.roller_condition": "frictionless",

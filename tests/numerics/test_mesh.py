@@ -77,7 +77,7 @@ def test_any_layer_is_covered_and_symmetric(height, ratio, elements):
     assert layer.height == pytest.approx(height, rel=1e-12)
     assert x[-1] == pytest.approx(half_width + mesh.REACH * height, rel=1e-9)
     assert np.array_equal(x, -x[::-1])
-    assert np.diff(layer.y).max() <= mesh.COARSEST * height * (1 + 1e-9)
+    assert np.diff(layer.y).max() <= mesh.MAX_SIZE * height * (1 + 1e-9)
 
 
 @pytest.mark.parametrize(("error", "elements"), [(2e-3, 10), (2.5e-4, 40), (1, 4), (1e-9, 80)])
@@ -133,7 +133,7 @@ def test_any_numbering_is_put_in_rows(layer):
 def test_shipped_meshes_are_layers_of_the_default_scene(size):
     from pathlib import Path
 
-    shipped = mesh.read_mesh(Path(__file__).parents[1] / "meshes" / f"{size}.vtu")
+    shipped = mesh.read_mesh(Path(__file__).parents[2] / "meshes" / f"{size}.vtu")
     assert shipped.height == pytest.approx(0.22)
     assert shipped.dofs > 1000
 
@@ -156,7 +156,7 @@ def test_hole_is_refused():
 
 def test_uneven_lines_are_refused():
     quads = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6]])
-    with pytest.raises(ValueError, match="every line of nodes must hold as many nodes, got 3, 3, 2 from the base up"):
+    with pytest.raises(ValueError, match="every line of nodes must have equally many nodes, got 3, 3, 2 from the base upwards"):
         row_mesh(SMALL.points, quads)
 
 
@@ -169,7 +169,7 @@ def test_file_of_triangles_is_refused(tmp_path):
     import meshio
 
     meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])]).write(tmp_path / "t.vtu")
-    with pytest.raises(ValueError, match="a layer is meshed by 4-cornered quadrilaterals, got triangle"):
+    with pytest.raises(ValueError, match="the elements must be quadrilaterals of 4 corners, got triangle"):
         mesh.read_mesh(tmp_path / "t.vtu")
 
 
