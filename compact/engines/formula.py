@@ -356,12 +356,12 @@ def roll(
     """
     _require_in_scope(layer, roller, material, speed)
     R, E, nu = roller.radius, material.youngs_modulus, material.poisson
-    alpha, options = pressure_exponent(nu, roller.friction), (nonuniformity, one_sided)
+    alpha, options = float(pressure_exponent(nu, roller.friction)), (nonuniformity, one_sided)
     name, value = roller.target
-    pressure = value if name == "peak_pressure" else pressure_for_load(value, E, nu, alpha, R, 1.0, *options)
-    phi = capture_angle(pressure, E, nu, alpha)
-    load, length = roller_force(phi, E, nu, alpha, R, 1.0, *options), contact_length(phi, R, alpha)
-    leading = R * np.sin(phi)
+    pressure = value if name == "peak_pressure" else float(pressure_for_load(value, E, nu, alpha, R, 1.0, *options))
+    phi = float(capture_angle(pressure, E, nu, alpha))
+    load = float(roller_force(phi, E, nu, alpha, R, 1.0, *options))
+    length, leading = float(contact_length(phi, R, alpha)), float(R * np.sin(phi))
     contact = LineContact(
         exponent=1 - alpha, radius=R, contact_modulus=E / (1 - nu**2), contact_length=length, load=load,
         peak_pressure=pressure, leading=leading, trailing=leading - length, centroid=(2 / 3) * (1 - 2 * alpha) * length,
@@ -369,14 +369,14 @@ def roll(
     _warn_of_thin_layer(contact, layer)
     ahead = contact.trailing + length * np.square(np.sin(np.linspace(0, np.pi / 2, CONTACT_SAMPLES)))
     ahead[-1] = leading
-    samples = contact.pressure(ahead)
+    samples = np.asarray(contact.pressure(ahead))
     direction = np.sign(speed)
     ascending = slice(None, None, int(direction))  # x ascends in either direction of travel
     result = FormulaContactResult(
         load=load,
-        resistance=direction * roller_resistance(load, length, R, alpha, rolling_friction),
+        resistance=float(direction * roller_resistance(load, length, R, alpha, rolling_friction)),
         leading=leading,
-        trailing=contact.trailing,
+        trailing=leading - length,
         x=(direction * ahead)[ascending],
         pressure=samples[ascending],
         shear_traction=(-direction * roller.friction * samples)[ascending],

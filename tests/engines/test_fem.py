@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rolling_scenes import SPEED, prescribing, random_scenes, stiff_scene, told_over_true, true_errors
+from rolling_scenes import SPEED, error_ratios, prescribing, random_scenes, stiff_scene, true_errors
 from scipy.sparse.linalg import spsolve
 from scipy.special import jv
 
@@ -558,7 +558,7 @@ def test_error_estimate_is_between_half_and_five_times_the_true_error(scenes):
     """Five times in the median, twenty times in 95 %."""
     estimated, true = estimated_and_true_errors(scenes)
     for column in range(2):
-        smallest, median, large, rest = told_over_true(estimated[:, column], true[:, column], 1e-9)
+        smallest, median, large, rest = error_ratios(estimated[:, column], true[:, column], 1e-9)
         assert smallest >= 0.5
         assert median <= 5
         assert large <= 20

@@ -205,7 +205,7 @@ def test_resistance_is_drawn_over_speed_and_acceleration(written):
 
     study, _, _ = written
     met = study.resistance_map
-    ax, second = contact_figures.resistance(met, 0.2).axes
+    ax, second = contact_figures.draw_resistance(met, 0.2).axes
     lines = {line.get_label(): line.get_xydata() for line in ax.lines}
     for acceleration in (-0.2, -0.1, 0.1, 0.2):
         speed, force = lines[f"a = {acceleration:+.2g} m/s²"].T

@@ -289,7 +289,7 @@ def _integrate_to_stress(problem, control, state, path, stop, direction, tries_e
 
 @compiled
 def _runge_kutta_step(u, step, buffers, problem, state, error_scale):
-    """Compute one Dormand-Prince step with `rates[0]` given; return its error over `error_scale`."""
+    """Compute one Dormand-Prince step from `rates[0]`; return its error over `error_scale`."""
     y, z, K = buffers
     state.counts[EVALUATIONS] += STAGES
     for stage in range(1, STAGES + 1):

@@ -33,7 +33,7 @@ PLATE = GapGeometry(0.0, 0.0)
 PATH_ROWS_INITIAL = 128  # [-], rows of a path, doubled on demand; room for all steps would cost more than most steps
 STEPS_PER_CALL = 20_000  # [-], steps in one compiled call over the number of columns; at most 0.1 s to an interrupt
 FAILURES = {
-    ode.STEPS_EXHAUSTED: "it would take more",
+    ode.STEPS_EXHAUSTED: "more steps are needed",
     ode.STEP_UNDERFLOW: "shorter steps do not change x",
     ode.EVENT_NOT_LOCATED: "the stress at which a column yields was not located",
 }
@@ -190,7 +190,7 @@ class ColumnLayer:
         u : float
             Coordinate at the start [m].
         y : ndarray
-            State vector there.
+            State vector at the start.
         control : PathControl
             End of the path and accuracy.
 
@@ -258,7 +258,7 @@ class ColumnLayer:
         loading : ndarray
             Path from the front edge to the lowest generatrix.
         indentation : float
-            Indentation there [m].
+            Indentation at the lowest generatrix [m].
         control : PathControl
             Accuracy; the end of the path is replaced by the rear edge.
         evaluations : int
@@ -311,7 +311,7 @@ class PassResult:
 
     @property
     def load(self) -> float:
-        """Load P [N/m]; the integral under the front is negative, since u decreases there."""
+        """Load P [N/m]; the integral under the front is negative, where u decreases."""
         return float(self.unloading[-1, 1 + ode.LOAD_INTEGRAL] - 2 * self.loading[-1, 1 + ode.LOAD_INTEGRAL])
 
     @property

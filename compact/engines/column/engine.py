@@ -2,14 +2,14 @@
 
     h(x) = h_min + gap(x),    P = int s_v dx,    F = int s_v gap' dx = closed integral of s_v dh
 
-Each column is compressed as in an oedometer (`column_ode`), from the front edge, where the roller touches the initial
+Each column is compressed as in an oedometer (`column_ode`). The contact extends from the front edge, at the initial
 height, to the rear edge, where the rebound ends and s_v = 0. This is the limit of a wide thin bonded layer without
 friction. The difference to plane strain is of second order in height over contact length; `error` does not contain it.
 F is the work retained by the layer. It depends on the lowest height alone, not on radius or profile, and on the speed
 through pc only.
 
 Mass is measured by the height that grains and water fill, density ratio times height; the gap cannot be smaller.
-Several passes, and new mix on compacted mix, are columns on top of one another that share s_v and keep their state.
+Several passes, and new mix on compacted mix, are columns on top of one another that share s_v and retain their state.
 """
 
 from collections.abc import Sequence
@@ -92,7 +92,7 @@ class ColumnContactResult(ContactResult):
 
 @dataclass(frozen=True)
 class RequiredFeed:
-    """Feed that gives a product its height and density.
+    """Feed for a product of prescribed height and density.
 
     Parameters
     ----------

@@ -21,7 +21,6 @@ reversal. The traction of a sliding roller and a prescribed torque jump there; t
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -53,7 +52,7 @@ from compact.engines.stroke_schedule import smooth_intervals
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
 from compact.numerics.validation import require_finite, require_positive
-from compact.rolling_contact import Layer, Roller, TransientResult, require_torque_allowed
+from compact.rolling_contact import Layer, PrescribedMotion, Roller, TransientResult, require_torque_allowed
 
 TIME_TOLERANCE = 1e-3  # [-], of int p |x| dx/R; error of the resistance by the time steps
 POINTS_PER_WIDTH = 40  # [-], points of the layer, and instants of the motion, per half-width
@@ -64,18 +63,6 @@ MIN_STEP = 1e-3  # [-], over the same; shorter steps resolve the mesh only
 TIME_ROUNDING = 1e-9  # [-], of the duration, within which two instants coincide
 MAX_STEP_GROWTH, MIN_STEP_GROWTH = 2.0, 0.25  # [-], ratio of successive steps
 STEP_SAFETY = 0.9  # [-], step over the one estimated to meet the tolerance
-
-
-class PrescribedMotion(Protocol):
-    """Motion of the roller; `discontinuities()` and `legs()`, where present, end steps."""
-
-    duration: float
-
-    def position(self, time: FloatArray) -> FloatArray:
-        """Position [m] at times [s]."""
-
-    def velocity(self, time: FloatArray) -> FloatArray:
-        """Velocity [m/s] at times [s]."""
 
 
 def simulate_transient(  # noqa: PLR0913 - the four physical inputs, and keywords of output and accuracy
