@@ -1,10 +1,12 @@
-"""Drives of a cart: one cycle of a motion law under a drive, and the ranking of laws by what they require of it.
+"""Drives of a cart: one cycle of a motion law under a drive, and the ranking of laws by the demand on the drive.
 
     run = simulate(cart, Rigid(), law("cubic", 0.4, 1.0).cycle(), resistance)
 
-A rigid drive and a crank impose the law, see `rigid_drive`. `ElasticDrive`, `Motor` and `Hydraulic` solve for a cycle
-of their own; their modules `elastic`, `motor` and `hydraulic` are imported on first use.
+A rigid drive and a crank impose the law (`machine.rigid_drive`). `ElasticDrive`, `Motor` and `Hydraulic` solve for a
+periodic cycle; their modules in `machine` are imported on first use.
 """
+
+from typing import Any
 
 from compact.machine.ranking import CRITERIA, Ranked, rank
 from compact.machine.rigid_drive import Crank, Rigid, Run, simulate
@@ -16,7 +18,7 @@ _HYDRAULIC = ("Hydraulic", "HydraulicRun")
 __all__ = ["CRITERIA", "Crank", "Ranked", "Rigid", "Run", "rank", "simulate", *_ELASTIC, *_MOTOR, *_HYDRAULIC]
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> Any:
     if name in _ELASTIC:
         from compact.machine import elastic_drive as home
     elif name in _MOTOR:

@@ -1,35 +1,65 @@
-"""Rolling contact by finite elements: one entry for linear layers and for mix that stays pressed, by the material.
+"""Rolling contact by finite elements: one entry for linear and for compacting layers, selected by the material.
 
-Elastic and viscoelastic layers are solved by `fem_engine` (steady) and `transient` (any motion), compacting mix by
-`compaction` (steady) and `travelling` (any motion).
+The engine "fem" solves elastic and viscoelastic layers, in steady motion (`engines.fem.engine`) and in any motion
+(`engines.fem.transient`); the engine "compaction" solves compacting layers (`engines.compaction`).
 """
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from compact.engines.fem.engine import FemContactResult
 from compact.engines.fem.engine import roll as roll_linear
 from compact.files import write_vtu
-from compact.material.laws import Compaction
-from compact.mesh import DEFAULT_ERROR
+from compact.material.laws import Compaction, Elastic
+from compact.mesh import DEFAULT_ERROR, RowMesh
+from compact.rolling_contact import ContactResult, Layer, PrescribedMotion, Roller, TransientResult
+
+if TYPE_CHECKING:
+    import meshio
 
 __all__ = ["FemContactResult", "fields", "roll", "travel", "write_fields"]
 
 
-def roll(layer, roller, material, speed, *, torque=None, mesh=None, tolerance=DEFAULT_ERROR, estimate=True):
-    """One roller in steady motion over a layer: a `FemContactResult`, of compacting mix a `CompactionContactResult`.
+def roll(
+    layer: Layer,
+    roller: Roller,
+    material: Elastic | Compaction,
+    speed: float,
+    *,
+    torque: float | None = None,
+    mesh: RowMesh | None = None,
+    tolerance: float = DEFAULT_ERROR,
+    estimate: bool = True,
+) -> ContactResult:
+    """Solve the steady rolling contact of one roller with a layer.
 
     Parameters
     ----------
-    layer : Layer, of any height; of any plies where it is linear
-    roller : Roller, every profile and condition `rolling`
-    material : Elastic or Viscoelastic, see `fem_engine.roll`; Compaction, see `compaction.roll`
-    speed : of the roller along x [m/s], not 0
-    torque : on a roller that is free or driven, per unit length, + turning it the way it travels [N]; without it a
-        free roller has none
-    mesh, tolerance, estimate : of a linear layer, see `fem_engine.roll`; compacting mix makes its own mesh
+    layer : Layer
+        Layer; plies are allowed for linear materials.
+    roller : Roller
+        Roller with any profile and rolling condition.
+    material : Elastic, Viscoelastic or Compaction
+        Material law, which selects the engine.
+    speed : float
+        Speed of the roller along x [m/s], not 0.
+    torque : float, optional
+        Torque on a free or driven roller per unit length, positive in the sense of rolling [N]; a free roller has none
+        by default.
+    mesh, tolerance, estimate
+        Mesh, relative error [-] and error estimate of a linear layer, as of `engines.fem.engine.roll`.
 
+    Returns
+    -------
+    FemContactResult or CompactionContactResult
+        Contact per unit roller length.
+
+    Examples
+    --------
     >>> from compact.material.laws import Elastic
     >>> from compact.rolling_contact import Layer, Roller
-    >>> rolled = roll(Layer(0.22), Roller(0.11, indentation=0.003), Elastic(10e6, 0.3), speed=0.2)
-    >>> f"load {rolled.load / 1e3:.2f} kN/m, edge {rolled.leading * 1e3:.2f} mm"
+    >>> result = roll(Layer(0.22), Roller(0.11, indentation=0.003), Elastic(10e6, 0.3), speed=0.2)
+    >>> f"load {result.load / 1e3:.2f} kN/m, edge {result.leading * 1e3:.2f} mm"
     'load 15.09 kN/m, edge 13.85 mm'
     """
     if isinstance(material, Compaction) and mesh is None:
@@ -39,40 +69,53 @@ def roll(layer, roller, material, speed, *, torque=None, mesh=None, tolerance=DE
     return roll_linear(layer, roller, material, speed, torque=torque, mesh=mesh, tolerance=tolerance, estimate=estimate)
 
 
-def travel(layer, roller, material, motion, **accuracy):
-    """A roller in any motion through v = 0 and back, its states kept by the mix: a `TransientResult`.
+def travel(
+    layer: Layer, roller: Roller, material: Elastic | Compaction, motion: PrescribedMotion, **accuracy: Any
+) -> TransientResult:
+    """Simulate a roller in any motion, reversals included.
 
-    layer, roller, material : as of `roll`, the roller with an `indentation`
-    motion : with `position` and `velocity` of time [s], arrays, and `duration` [s]: a `Motion`, a `Cycle` or one's own
-    accuracy : what the engine takes, a `torque` too: `transient.travel` for linear layers, `travelling.travel` for mix
-        that compacts
+    Parameters
+    ----------
+    layer, roller, material
+        As of `roll`; the roller has an `indentation`.
+    motion : PrescribedMotion
+        Motion with `position` and `velocity` over time [s] and `duration` [s]: a `Motion`, a `Cycle` or a user's class.
+    **accuracy
+        Torque and numerical parameters of `simulate_transient` for linear layers, `simulate_reciprocating` for
+        compacting ones.
 
+    Returns
+    -------
+    TransientResult
+        Load and resistance over time.
+
+    Examples
+    --------
     >>> from compact.material.laws import Viscoelastic
     >>> from compact.motion.profile import law
     >>> from compact.rolling_contact import Layer, Roller
     >>> mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
     >>> stroke = law("quintic", stroke=0.1, duration=1.0)
-    >>> done = travel(Layer(0.22), Roller(0.11, indentation=0.003), mix, stroke, estimate=False)
-    >>> f"{done.resistance.max():.0f} N/m at most, {done.resistance[-1]:.0f} N/m as it comes to rest"
+    >>> result = travel(Layer(0.22), Roller(0.11, indentation=0.003), mix, stroke, estimate=False)
+    >>> f"{result.resistance.max():.0f} N/m at most, {result.resistance[-1]:.0f} N/m as it comes to rest"
     '505 N/m at most, 168 N/m as it comes to rest'
     """
     if isinstance(material, Compaction):
-        from compact.engines.compaction.reciprocating import simulate_reciprocating as travel_on
+        from compact.engines.compaction.reciprocating import simulate_reciprocating as simulate
     else:
-        from compact.engines.fem.transient import simulate_transient as travel_on
-    return travel_on(layer, roller, material, motion, **accuracy)
+        from compact.engines.fem.transient import simulate_transient as simulate
+    return simulate(layer, roller, material, motion, **accuracy)
 
 
-def fields(rolled):
-    """Fields inside the layer under a steady roller, a meshio mesh: `fields.fields`, of compacting mix
-    `compacted.fields`."""
-    if isinstance(rolled, FemContactResult):
-        from compact.engines.fem.fields import fields as fields_of
+def fields(result: ContactResult) -> "meshio.Mesh":
+    """Compute the fields inside the layer under a steady roller, as of `field_mesh` of the engine."""
+    if isinstance(result, FemContactResult):
+        from compact.engines.fem.fields import field_mesh as engine_fields
     else:
-        from compact.engines.compaction.results import fields as fields_of
-    return fields_of(rolled)
+        from compact.engines.compaction.results import field_mesh as engine_fields
+    return engine_fields(result)
 
 
-def write_fields(rolled, path):
-    """Write `fields` as VTU, whole or not at all."""
-    write_vtu(fields(rolled), path)
+def write_fields(result: ContactResult, path: str | Path) -> None:
+    """Write the fields inside the layer as VTU."""
+    write_vtu(fields(result), path)

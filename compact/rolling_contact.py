@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -159,6 +159,41 @@ class Roller:
     def _prescribed(self) -> dict[str, float]:
         targets = {name: getattr(self, name) for name in ("indentation", "load", "peak_pressure")}
         return {name: value for name, value in targets.items() if value is not None}
+
+
+class PrescribedMotion(Protocol):
+    """Motion of the roller; its `discontinuities` and `legs`, where present, end time steps."""
+
+    duration: float
+
+    def position(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the position [m] at times [s]."""
+        ...
+
+    def velocity(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the velocity [m/s] at times [s]."""
+        ...
+
+
+def require_moving(speed: float) -> None:
+    """Require a roller in motion.
+
+    Parameters
+    ----------
+    speed : float
+        Speed of the roller [m/s].
+
+    Raises
+    ------
+    ValueError
+        If the speed is 0 or not finite.
+    """
+    require_finite(speed=speed)
+    if speed == 0:
+        raise ValueError(
+            "`speed` must not be 0, got 0: the resistance at rest is set-valued; use a small speed with the sign of "
+            "the travel"
+        )
 
 
 def require_torque_allowed(roller: Roller, torque: float | None) -> None:

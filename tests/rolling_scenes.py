@@ -65,8 +65,8 @@ def stiff_scene(seed, number):
     name, speed = str(draw.choice(["indentation", "load", "peak_pressure"])), speed * draw.choice([1, -1])
     smooth = rolling if rolling == "sliding" else "frictionless"
     vertical = "parabola" if roller.profile == "deformed" else roller.profile
-    judge = spectral.roll(layer, replace(roller, rolling=smooth, profile=vertical), mix, speed)
-    return layer, prescribing(roller, name, getattr(judge, name)), mix, float(speed)
+    rolled = spectral.roll(layer, replace(roller, rolling=smooth, profile=vertical), mix, speed)
+    return layer, prescribing(roller, name, getattr(rolled, name)), mix, float(speed)
 
 
 def prescribing(roller, name, value):
@@ -76,17 +76,17 @@ def prescribing(roller, name, value):
     )
 
 
-def true_errors(rolled, roller, judge):
-    """Relative errors of load and resistance by judge(roller); of a prescribed load, at the indentation found."""
-    exact = judge(roller)
-    as_deep = exact if roller.load is None else judge(prescribing(roller, "indentation", rolled.indentation))
+def true_errors(rolled, roller, reference):
+    """Relative errors of load and resistance by reference(roller); of a prescribed load, at the indentation found."""
+    exact = reference(roller)
+    at_depth = exact if roller.load is None else reference(prescribing(roller, "indentation", rolled.indentation))
     scale = max(abs(exact.resistance), 1e-3 * exact.load)
-    return abs(rolled.load / as_deep.load - 1), abs(rolled.resistance - exact.resistance) / scale
+    return abs(rolled.load / at_depth.load - 1), abs(rolled.resistance - exact.resistance) / scale
 
 
-def told_over_true(told, true, rounding):
+def error_ratios(estimated, true, rounding):
     """Smallest, median and 95 % quantile of estimate over error above rounding; largest estimate of the others."""
-    told, true = np.array(told), np.array(true)
+    estimated, true = np.array(estimated), np.array(true)
     clear = true > rounding
-    smallest, median, large = np.quantile(told[clear] / true[clear], [0, 0.5, 0.95])
-    return smallest, median, large, np.max(told, where=~clear, initial=0)
+    smallest, median, large = np.quantile(estimated[clear] / true[clear], [0, 0.5, 0.95])
+    return smallest, median, large, np.max(estimated, where=~clear, initial=0)

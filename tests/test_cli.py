@@ -112,8 +112,8 @@ def test_roll_by_finite_elements_writes_the_fields_of_a_free_roller(compact, tmp
         "contact.json", "fields", "fields.png", "fields.pvd", "pressure.csv", "pressure.png", "scene.hash",
     }  # fmt: skip
     assert [path.name for path in (tmp_path / "contact" / "fields").iterdir()] == ["speed=0.13333333333333333.vtu"]
-    assert re.search(r"error of the load \d\.\de-\d\d, of the resistance \d\.\de-\d\d\n", done.stdout)
-    assert re.search(r"energy balance closes to \d\.\de-\d\d; iterations: \d+\n", done.stdout)
+    assert re.search(r"error estimate of the load \d\.\de-\d\d, of the resistance \d\.\de-\d\d\n", done.stdout)
+    assert re.search(r"energy-balance residual \d\.\de-\d\d; iterations: \d+\n", done.stdout)
 
 
 def test_contact_without_a_solution_states_the_reason_and_leaves_no_files(compact, tmp_path):

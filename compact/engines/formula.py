@@ -23,13 +23,12 @@ from compact.engines.halfplane import LineContact, pressure_exponent
 from compact.material.laws import Elastic
 from compact.numerics.validation import (
     require_between,
-    require_finite,
     require_known,
     require_nonnegative,
     require_positive,
     require_that,
 )
-from compact.rolling_contact import ContactResult, Layer, Roller, RollerCondition, require_on_target
+from compact.rolling_contact import ContactResult, Layer, Roller, RollerCondition, require_moving, require_on_target
 
 TARGET_TOLERANCE = 1e-9  # [-], relative, of the prescribed load or pressure
 CONTACT_SAMPLES = 201  # [-], points along the contact, denser at the edges where the pressure is steep
@@ -356,12 +355,12 @@ def roll(
     """
     _require_in_scope(layer, roller, material, speed)
     R, E, nu = roller.radius, material.youngs_modulus, material.poisson
-    alpha, options = pressure_exponent(nu, roller.friction), (nonuniformity, one_sided)
+    alpha, options = float(pressure_exponent(nu, roller.friction)), (nonuniformity, one_sided)
     name, value = roller.target
-    pressure = value if name == "peak_pressure" else pressure_for_load(value, E, nu, alpha, R, 1.0, *options)
-    phi = capture_angle(pressure, E, nu, alpha)
-    load, length = roller_force(phi, E, nu, alpha, R, 1.0, *options), contact_length(phi, R, alpha)
-    leading = R * np.sin(phi)
+    pressure = value if name == "peak_pressure" else float(pressure_for_load(value, E, nu, alpha, R, 1.0, *options))
+    phi = float(capture_angle(pressure, E, nu, alpha))
+    load = float(roller_force(phi, E, nu, alpha, R, 1.0, *options))
+    length, leading = float(contact_length(phi, R, alpha)), float(R * np.sin(phi))
     contact = LineContact(
         exponent=1 - alpha, radius=R, contact_modulus=E / (1 - nu**2), contact_length=length, load=load,
         peak_pressure=pressure, leading=leading, trailing=leading - length, centroid=(2 / 3) * (1 - 2 * alpha) * length,
@@ -369,14 +368,14 @@ def roll(
     _warn_of_thin_layer(contact, layer)
     ahead = contact.trailing + length * np.square(np.sin(np.linspace(0, np.pi / 2, CONTACT_SAMPLES)))
     ahead[-1] = leading
-    samples = contact.pressure(ahead)
+    samples = np.asarray(contact.pressure(ahead))
     direction = np.sign(speed)
     ascending = slice(None, None, int(direction))  # x ascends in either direction of travel
     result = FormulaContactResult(
         load=load,
-        resistance=direction * roller_resistance(load, length, R, alpha, rolling_friction),
+        resistance=float(direction * roller_resistance(load, length, R, alpha, rolling_friction)),
         leading=leading,
-        trailing=contact.trailing,
+        trailing=leading - length,
         x=(direction * ahead)[ascending],
         pressure=samples[ascending],
         shear_traction=(-direction * roller.friction * samples)[ascending],
@@ -400,13 +399,9 @@ def _warn_of_thin_layer(contact: LineContact, layer: Layer) -> None:
 
 
 def _require_in_scope(layer: Layer, roller: Roller, material: Elastic, speed: float) -> None:
-    require_finite(speed=speed)
+    require_moving(speed)
     if layer.plies:
         raise ValueError(f"the formula engine needs one modulus, got {len(layer.plies)} `plies`; use spectral or fem")
-    if speed == 0:
-        raise ValueError(
-            "`speed` must not be 0, got 0: the resistance at rest is set-valued; use a speed of either sign"
-        )
     if roller.indentation is not None:
         raise ValueError(
             f"`indentation` is undefined on a half-plane (it diverges with the logarithm of its size), got "

@@ -1,124 +1,173 @@
-"""A motion cut where it turns, and the places of a stroke at which steps end.
+"""Strokes of a motion between its reversals, and the positions at which time steps of a stroke end.
 
-Steps are parts of an element of the mesh, so that the roller meets the nodes the same way again after each element.
-After a turn, where forces change over a small part of the contact, they are finer. Before it they are not: where the
-roller meets mix anew, one node after the other takes its share of the pressure at once, which fine steps would show.
+A step is a fraction of an element of the mesh, so that the roller is at the same positions relative to the nodes in
+each element. Steps are smaller after a reversal, where forces change over a small part of the contact. Before a
+reversal they are not: as the contact reaches one node after the other, its share of the pressure changes by jumps,
+which smaller steps would resolve.
 """
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compact.numerics.piecewise import graded_grid
+from compact.rolling_contact import PrescribedMotion
 
-TURN_STEP_ENDS = np.cumsum([1 / 16] * 4 + [1 / 8] * 2 + [1 / 4] * 2)  # ends of the steps after a turn, in elements
-STEP_LENGTH = 1 / 2  # of an element
-NEAR = 1e-9  # of the duration, or of the span: instants and places closer than this are one
-PLACE_TOLERANCE = 1e-9  # of an element, or of a stroke: what has not left its place
-ROUNDING = 1e-12  # of all travel: a move that has no sign
-ZOOM, ZOOMS = 20, 8  # cells, and zooms in on a turn: to 1e-8 of the grid it was found on
-HALVINGS = 60  # of the time in which a place is reached
+TURN_STEP_ENDS = np.cumsum([1 / 16] * 4 + [1 / 8] * 2 + [1 / 4] * 2)  # [-], ends of steps after a reversal, in elements
+STEP_LENGTH = 1 / 2  # [-], further steps, in elements
+COINCIDENCE_TOLERANCE = 1e-9  # [-], of the duration or span; closer instants and positions coincide
+PLACE_TOLERANCE = 1e-9  # [-], of an element or a stroke; a smaller displacement is rest
+MOVE_ROUNDING = 1e-12  # [-], of the range of positions; a smaller displacement has no sign
+SEARCH_CELLS, SEARCH_LEVELS = 20, 8  # [-], cells and levels of the search for a reversal, to 1e-8 of a grid cell
+BISECTIONS = 60  # [-], halvings of the time in which a position is reached
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Strokes:
-    """A motion and the `times` and `places` of its beginning, turns and end, shape (strokes + 1,)."""
+    """Motion divided at its reversals.
 
-    motion: object
-    times: np.ndarray
-    places: np.ndarray
+    Parameters
+    ----------
+    motion : PrescribedMotion
+        Motion.
+    times, places : ndarray, shape (strokes + 1,)
+        Times [s] and positions [m] of the start, the reversals and the end.
+    """
+
+    motion: PrescribedMotion
+    times: Array
+    places: Array
 
     @property
-    def count(self):
-        """Of the strokes."""
+    def count(self) -> int:
+        """Number of strokes."""
         return len(self.places) - 1
 
     @property
-    def low(self):
-        """The smallest x [m]."""
+    def low(self) -> float:
+        """Smallest position [m]."""
         return float(self.places.min())
 
     @property
-    def span(self):
-        """Between the smallest and the largest x [m]."""
+    def span(self) -> float:
+        """Range of the positions [m]."""
         return float(np.ptp(self.places))
 
-    def steps(self, stroke, element, every=1):
-        """Times and places between the steps of a stroke, both ends among them, or of `every` second step."""
+    def steps(self, stroke: int, element: float, every: int = 1) -> tuple[Array, Array]:
+        """Return the times and positions between the steps of a stroke, both ends included.
+
+        Parameters
+        ----------
+        stroke : int
+            Index of the stroke.
+        element : float
+            Length of an element [m].
+        every : int
+            1 for all steps, 2 for every second one.
+
+        Returns
+        -------
+        times, places : ndarray, shape (steps + 1,)
+            Times [s] and positions [m].
+        """
         begin, end = self.places[stroke : stroke + 2]
         sign = np.sign(end - begin)
-        x = begin + sign * element * _parts(abs(end - begin) / element, every)
+        x = begin + sign * element * _step_ends(abs(end - begin) / element, every)
         low, high = np.repeat(self.times[stroke : stroke + 2][:, None], len(x) - 1, axis=1)
-        # the roller may stand before it leaves
-        leaves = _bisected(
+        # the roller may be at rest before it starts
+        start = _first_time(
             lambda t: sign * (self.motion.position(t) - begin) > PLACE_TOLERANCE * abs(end - begin), low[0], high[0]
         )
-        reached = _bisected(lambda t: sign * (self.motion.position(t) - x[1:]) >= 0, low, high)
-        return np.append(leaves, reached), x
+        reached = _first_time(lambda t: sign * (self.motion.position(t) - x[1:]) >= 0, low, high)
+        return np.append(start, reached), x
 
-    def nearest(self, stroke, times, instants):
-        """Which times are nearest to those instants that lie in the stroke, a set of indices."""
+    def nearest(self, stroke: int, times: Array, instants: Iterable[float]) -> set[int]:
+        """Return the indices of the times [s] nearest to the instants [s] within a stroke."""
         begin, end = self.times[stroke : stroke + 2]
-        first = stroke == 0  # what ends a stroke begins the next one
+        first = stroke == 0  # the end of a stroke belongs to it, not to the next one
         return {int(np.abs(times - t).argmin()) for t in instants if begin < t <= end or (first and t == begin)}
 
 
-def stroke_schedule(motion):
-    """The `Strokes` of a motion, its turns found on a grid that is fine at its joins."""
-    joins = [join.time for join in motion.discontinuities()] if hasattr(motion, "discontinuities") else []
-    times = graded_grid(np.unique([0.0, *joins, motion.duration]))
+def stroke_schedule(motion: PrescribedMotion) -> Strokes:
+    """Divide a motion at its reversals, located on a grid refined at its discontinuities."""
+    times = graded_grid(np.unique([0.0, *_discontinuities(motion), motion.duration]))
     moves = np.diff(motion.position(times))
-    ways = np.where(np.abs(moves) > ROUNDING * np.ptp(motion.position(times)), np.sign(moves), 0.0)
-    turns = [
-        _turn(motion, times[i], times[j + 1], ways[i]) for i, j in pairwise(np.flatnonzero(ways)) if ways[i] != ways[j]
+    smallest = MOVE_ROUNDING * np.ptp(motion.position(times))
+    directions = np.where(np.abs(moves) > smallest, np.sign(moves), 0.0)
+    reversals = [
+        _reversal(motion, times[i], times[j + 1], directions[i])
+        for i, j in pairwise(np.flatnonzero(directions))
+        if directions[i] != directions[j]
     ]
-    times = np.array([0.0, *turns, motion.duration])
+    times = np.array([0.0, *reversals, motion.duration])
     return Strokes(motion, times, motion.position(times))
 
 
-def smooth_intervals(motion, turns=False):
-    """Times between which a motion is smooth, and if asked goes one way; 0 and its duration are among them."""
-    joins = {float(join.time) for join in motion.discontinuities()} if hasattr(motion, "discontinuities") else set()
+def smooth_intervals(motion: PrescribedMotion, turns: bool = False) -> list[float]:
+    """Return the ends of the time intervals in which a motion is smooth.
+
+    Parameters
+    ----------
+    motion : PrescribedMotion
+        Motion.
+    turns : bool
+        True to divide the motion at its reversals too.
+
+    Returns
+    -------
+    list of float
+        Times [s], ascending, 0 and the duration included.
+    """
     starts = {float(leg.start) for leg in motion.legs()} if hasattr(motion, "legs") else set()
-    breaks, near = [0.0], NEAR * motion.duration
-    for time in sorted(joins | starts):
-        if breaks[-1] + near < time < motion.duration - near:
+    breaks, distance = [0.0], COINCIDENCE_TOLERANCE * motion.duration
+    for time in sorted({*_discontinuities(motion)} | starts):
+        if breaks[-1] + distance < time < motion.duration - distance:
             breaks.append(time)
     breaks.append(float(motion.duration))
-    return _with_turns(motion, breaks) if turns else breaks
+    return _with_reversals(motion, breaks) if turns else breaks
 
 
-def _with_turns(motion, breaks):
-    """The breaks and the times of turns at other places than those of the breaks next to them."""
-    way = stroke_schedule(motion)
-    for time, place in zip(way.times[1:-1], way.places[1:-1], strict=True):
+def _discontinuities(motion: PrescribedMotion) -> list[float]:
+    """Return the times at which a derivative of the motion has a jump [s]."""
+    return [float(jump.time) for jump in motion.discontinuities()] if hasattr(motion, "discontinuities") else []
+
+
+def _with_reversals(motion: PrescribedMotion, breaks: list[float]) -> list[float]:
+    """Add the times of reversals at other positions than those of the neighbouring breaks."""
+    strokes = stroke_schedule(motion)
+    for time, place in zip(strokes.times[1:-1], strokes.places[1:-1], strict=True):
         k = int(np.searchsorted(breaks, time))
-        if np.abs(motion.position(np.array(breaks[max(k - 1, 0) : k + 1])) - place).min() > NEAR * way.span:
+        neighbours = motion.position(np.array(breaks[max(k - 1, 0) : k + 1]))
+        if np.abs(neighbours - place).min() > COINCIDENCE_TOLERANCE * strokes.span:
             breaks.insert(k, float(time))
     return breaks
 
 
-def _parts(distance, every):
-    """Places between steps in elements from the beginning of a stroke, 0 and the distance among them."""
+def _step_ends(distance: float, every: int) -> Array:
+    """Return the ends of the steps of a stroke, in elements from its start, 0 and the distance included."""
     places = np.concatenate([TURN_STEP_ENDS, np.arange(1 + STEP_LENGTH, distance, STEP_LENGTH)])
     places = places[places < distance - PLACE_TOLERANCE]
     return np.concatenate([[0.0], places[every - 1 :: every], [distance]])
 
 
-def _turn(motion, begin, end, way):
-    """When the motion has gone farthest between two times."""
-    for _ in range(ZOOMS):
-        times = np.linspace(begin, end, ZOOM + 1)
-        best = int(np.argmax(way * motion.position(times)))
-        begin, end = times[max(best - 1, 0)], times[min(best + 1, ZOOM)]
+def _reversal(motion: PrescribedMotion, begin: float, end: float, direction: float) -> float:
+    """Return the time between two times at which the motion is farthest in a direction."""
+    for _ in range(SEARCH_LEVELS):
+        times = np.linspace(begin, end, SEARCH_CELLS + 1)
+        best = int(np.argmax(direction * motion.position(times)))
+        begin, end = times[max(best - 1, 0)], times[min(best + 1, SEARCH_CELLS)]
     return times[best]
 
 
-def _bisected(so, low, high):
-    """The first times at which something is so, which is at `high`."""
-    for _ in range(HALVINGS):
+def _first_time(condition: Callable[[Array], Array], low: Array, high: Array) -> Array:
+    """Return the first times at which a condition is true, by bisection; it is true at `high`."""
+    for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        there = so(middle)
-        low, high = np.where(there, low, middle), np.where(there, middle, high)
+        true = condition(middle)
+        low, high = np.where(true, low, middle), np.where(true, middle, high)
     return high

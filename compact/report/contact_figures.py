@@ -36,7 +36,7 @@ FIELD_PANEL_WIDTH = 3.3  # [inch]
 BASE_LABELS = {"bonded": "rigid base, bonded", "slip": "rigid base, frictionless"}
 
 
-def pressure(contact: ContactResult, exact: LineContact, speed: float) -> Figure:
+def draw_pressure(contact: ContactResult, exact: LineContact, speed: float) -> Figure:
     """Draw pressure and shear traction along one contact against Galin's pressure at the peak of the formulas.
 
     Parameters
@@ -66,7 +66,7 @@ def pressure(contact: ContactResult, exact: LineContact, speed: float) -> Figure
     return figure
 
 
-def density(passes: Sequence[ContactResult]) -> Figure:
+def draw_density(passes: Sequence[ContactResult]) -> Figure:
     """Draw the density ratio over the height behind each pass, constant in each row of the engine.
 
     Parameters
@@ -93,7 +93,7 @@ def density(passes: Sequence[ContactResult]) -> Figure:
     return figure
 
 
-def speeds(contacts: Sequence[ContactRecord]) -> Figure:
+def draw_loads(contacts: Sequence[ContactRecord]) -> Figure:
     """Draw load and rolling-resistance coefficient over the speed, with bars for the error estimates.
 
     Parameters
@@ -120,7 +120,7 @@ def speeds(contacts: Sequence[ContactRecord]) -> Figure:
     return figure
 
 
-def resistance(resistance_map: ResistanceMap, acceleration: float) -> Figure:
+def draw_resistance(resistance_map: ResistanceMap, acceleration: float) -> Figure:
     """Draw the resistance of one cart over speed at several accelerations, and the added mass.
 
     Curves are dotted beyond first order in the acceleration, see `ResistanceMap.is_unsteady`.
@@ -169,7 +169,7 @@ def _plot_accelerated(
     ax.plot(speed, np.where(beyond, force, np.nan), color=color, linestyle=":")
 
 
-def fields(layers: Sequence[tuple["Mesh", Any]]) -> Figure:
+def draw_fields(layers: Sequence[tuple["Mesh", Any]]) -> Figure:
     """Draw the fields of an engine on the deformed layer, to scale, a row for each contact.
 
     Each field has one colour scale for all rows.

@@ -105,7 +105,7 @@ def write_pressure_figure(study: Study, directory: Path) -> Path:
     from compact.report import contact_figures
 
     speed, contact = study.contact_stage.typical
-    return write_figure(directory / "pressure.png", contact_figures.pressure(contact, study.exact, speed))
+    return write_figure(directory / "pressure.png", contact_figures.draw_pressure(contact, study.exact, speed))
 
 
 def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[ContactResult]) -> None:
@@ -128,12 +128,12 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     write_csv(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
     replaced = {"replaced": list(study.scene.replacements[engine])}
     write_json(directory / "contact.json", contact_to_json(contact_record(engine, speed, tuple(passes))) | replaced)
-    write_figure(directory / "pressure.png", contact_figures.pressure(first, study.exact, speed))
+    write_figure(directory / "pressure.png", contact_figures.draw_pressure(first, study.exact, speed))
     if study.engine.compacting:
         list(_write_passes([(speed, passes)], directory))
-        write_figure(directory / "density.png", contact_figures.density(passes))
+        write_figure(directory / "density.png", contact_figures.draw_density(passes))
     if study.engine.fields_module:
         layers: list[tuple[Any, Any]] = [(study.engine.fields(first), first)]
         frames = ((contact.speed, mesh) for mesh, contact in layers)
         list(write_vtu_series(directory / "fields.pvd", "fields", "speed", frames))
-        write_figure(directory / "fields.png", contact_figures.fields(layers))
+        write_figure(directory / "fields.png", contact_figures.draw_fields(layers))

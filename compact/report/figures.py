@@ -62,7 +62,7 @@ def _legends(axes: NDArray[Any]) -> None:
         ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False, handlelength=3.2)
 
 
-def kinematics(cycles: Mapping[str, Cycle]) -> Figure:
+def draw_kinematics(cycles: Mapping[str, Cycle]) -> Figure:
     """Draw velocity, acceleration and jerk of every law over the forward stroke, as the law prescribes them.
 
     Parameters
@@ -95,7 +95,7 @@ def _phases(joined: NDArray[np.float64]) -> NDArray[np.float64]:
     )
 
 
-def drive(runs: Mapping[str, Any]) -> Figure:
+def draw_drive(runs: Mapping[str, Any]) -> Figure:
     """Draw drive force, positive along the motion, and power of every law over a cycle.
 
     Parameters
@@ -160,7 +160,7 @@ def _infinite_label(name: str) -> str:
     return f"▲ {name}: infinite at its jumps"
 
 
-def reactions(runs: Mapping[str, Any], names: Sequence[str]) -> Figure:
+def draw_reactions(runs: Mapping[str, Any], names: Sequence[str]) -> Figure:
     """Draw the guide-wheel reactions over a cycle; below zero a wheel runs on the lower rail.
 
     Parameters
@@ -191,7 +191,7 @@ def reactions(runs: Mapping[str, Any], names: Sequence[str]) -> Figure:
     return figure
 
 
-def cam_profiles(cams: Mapping[tuple[str, str], Cam], names: Sequence[str], follower: str) -> Figure:
+def draw_cams(cams: Mapping[tuple[str, str], Cam], names: Sequence[str], follower: str) -> Figure:
     """Draw the cam profiles for one follower with the path of the roller centre, a panel for each law.
 
     Parameters
@@ -231,7 +231,7 @@ def cam_profiles(cams: Mapping[tuple[str, str], Cam], names: Sequence[str], foll
     return figure
 
 
-def crank_turns(turns: Mapping[str, CrankshaftRevolution]) -> Figure:
+def draw_crank_turns(turns: Mapping[str, CrankshaftRevolution]) -> Figure:
     """Draw torque and power of the shaft over a turn for 1 to 4 carts, with dashed means.
 
     Parameters

@@ -31,7 +31,9 @@ ENGINE_STYLES = {  # colour, mark and dash
 }
 
 
-def ranking(orders: Mapping[str, list[Place]], comparisons: Mapping[str, Mapping[str, Mapping[str, Place]]]) -> Figure:
+def draw_rankings(
+    orders: Mapping[str, list[Place]], comparisons: Mapping[str, Mapping[str, Mapping[str, Place]]]
+) -> Figure:
     """Draw bars of the ranked laws, first law on top, a panel for each of the first criteria.
 
     Parameters
@@ -58,7 +60,7 @@ def ranking(orders: Mapping[str, list[Place]], comparisons: Mapping[str, Mapping
     return figure
 
 
-def engines(orders: Mapping[str, Mapping[str, Mapping[str, list[Place]]]], most: int = 12) -> Figure:
+def draw_engines(orders: Mapping[str, Mapping[str, Mapping[str, list[Place]]]], most: int = 12) -> Figure:
     """Draw the excess of the laws over the first one, a mark with its error for each engine.
 
     Parameters
@@ -85,7 +87,7 @@ def engines(orders: Mapping[str, Mapping[str, Mapping[str, list[Place]]]], most:
     return figure
 
 
-def resistances(maps: Mapping[str, Callable[[NDArray[np.float64], float], NDArray[np.float64]]]) -> Figure:
+def draw_resistances(maps: Mapping[str, Callable[[NDArray[np.float64], float], NDArray[np.float64]]]) -> Figure:
     """Draw the resistance of one cart over speed by each engine.
 
     Parameters

@@ -127,7 +127,7 @@ def required_share(table: "Dataset") -> Any:
     return np.maximum(pressure / ROLLING_PRESSURE, filled / ROLLING_SATURATION)
 
 
-def maps(table: "Dataset", point: tuple[float, float] | None = None) -> Figure:
+def draw_maps(table: "Dataset", point: tuple[float, float] | None = None) -> Figure:
     """Draw every quantity over the last two varied keys, with a second row for the bands of a sample.
 
     Parameters
@@ -208,7 +208,7 @@ def _legend(figure: Figure, table: "Dataset") -> None:
         figure.legend(handles=marks, loc="outside lower center", ncols=len(marks), frameon=False, fontsize=9)
 
 
-def bands(table: "Dataset", point: Mapping[str, float] | None = None) -> Figure:
+def draw_bands(table: "Dataset", point: Mapping[str, float] | None = None) -> Figure:
     """Draw every quantity over the last varied key, a line for each value of the key before, with bands of a sample.
 
     Parameters
@@ -271,7 +271,7 @@ def _value_label(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, int | float | np.number) else str(value)
 
 
-def best_laws(table: "Dataset") -> Figure:
+def draw_best_laws(table: "Dataset") -> Figure:
     """Draw the first law over the last two varied keys, of a sample the most frequent one, for each criterion.
 
     Parameters
@@ -316,7 +316,7 @@ def _most_frequent(laws: "DataArray") -> NDArray[Any]:
     return np.where(counts.sum(axis=0) > 0, np.array(names)[counts.argmax(axis=0)], "")
 
 
-def sobol_bars(table: "Dataset", quantities: Sequence[str]) -> Figure:
+def draw_sobol_indices(table: "Dataset", quantities: Sequence[str]) -> Figure:
     """Draw first-order and total Sobol indices with their confidence intervals.
 
     Parameters

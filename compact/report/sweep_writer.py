@@ -37,16 +37,16 @@ def write_sweep_report(directory: Path, table: "Dataset") -> None:
 
     if quantities := _sobol_quantities(table):
         write_csv(directory / "sobol.csv", SOBOL_HEADER, list(_sobol_rows(table, quantities)))
-        write_figure(directory / "sobol.png", sweep_figures.sobol_bars(table, quantities))
+        write_figure(directory / "sobol.png", sweep_figures.draw_sobol_indices(table, quantities))
     if not sweep_figures.varying_quantities(table):
         return
     axes = sweep_figures.numeric_axes(table)
     if len(axes) >= 2:
-        write_figure(directory / "maps.png", sweep_figures.maps(table))
+        write_figure(directory / "maps.png", sweep_figures.draw_maps(table))
     if axes:
-        write_figure(directory / "bands.png", sweep_figures.bands(table))
+        write_figure(directory / "bands.png", sweep_figures.draw_bands(table))
     if len(axes) >= 2 and any(str(name).startswith("best_law_by_") for name in table):
-        write_figure(directory / "best_laws.png", sweep_figures.best_laws(table))
+        write_figure(directory / "best_laws.png", sweep_figures.draw_best_laws(table))
 
 
 def sweep_digest(table: "Dataset") -> str:

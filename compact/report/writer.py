@@ -71,7 +71,7 @@ def _write_fields(study: Study, directory: Path) -> Iterator[Path]:
         frames = ((contact.speed, mesh) for mesh, contact in layers)
         yield from write_vtu_series(directory / "fields.pvd", "fields", "speed", frames)
         study.count("figures")
-        yield write_figure(directory / "fields.png", contact_figures.fields(study.fields))
+        yield write_figure(directory / "fields.png", contact_figures.draw_fields(study.fields))
 
 
 WRITERS: dict[str, Callable[[Study, Path], Iterator[Path]]] = {  # of items that need no engine of the comparison
@@ -123,26 +123,26 @@ def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
 
     items, places = study.scene.output.items, study.places[study.scene.drive.kind]
     found: dict[str, tuple[Any, ...]] = {
-        "kinematics": (figures.kinematics, study.cycles),
-        "drive": (figures.drive, study.runs),
+        "kinematics": (figures.draw_kinematics, study.cycles),
+        "drive": (figures.draw_drive, study.runs),
     }
     if "reactions" in items:
         names = dict.fromkeys(
             [study.drive_stage.best_law, *(name for name, run in study.runs.items() if run.state.rod_tangent.any())]
         )
-        found["reactions"] = (figures.reactions, study.runs, list(names))
+        found["reactions"] = (figures.draw_reactions, study.runs, list(names))
     if "cams" in items:
-        found["cams"] = (figures.cam_profiles, study.cams, list(study.cycles), "roller")
+        found["cams"] = (figures.draw_cams, study.cams, list(study.cycles), "roller")
     if "crank" in items:
-        found["crank"] = (figures.crank_turns, study.turns)
+        found["crank"] = (figures.draw_crank_turns, study.turns)
     if study.layered:
         peaks = [cycle.forward.peaks().acceleration for cycle in study.cycles.values()]
         resistances: dict[str, Any] = {study.scene.accuracy.engine: study.resistance}
         resistances |= {name: other.resistance for name, other in study.comparison.items()}
-        found["contact"] = (contact_figures.speeds, study.contacts)
-        found["resistance"] = (contact_figures.resistance, study.resistance_map, float(np.median(peaks)))
-        found["resistances"] = (ranking_figures.resistances, resistances)
-        found["engines"] = (ranking_figures.engines, study.places_by_engine)
+        found["contact"] = (contact_figures.draw_loads, study.contacts)
+        found["resistance"] = (contact_figures.draw_resistance, study.resistance_map, float(np.median(peaks)))
+        found["resistances"] = (ranking_figures.draw_resistances, resistances)
+        found["engines"] = (ranking_figures.draw_engines, study.places_by_engine)
     comparisons = {by: ranking_tables.comparison_places(study, study.scene.drive.kind, by) for by in places}
-    found["ranking"] = (ranking_figures.ranking, places, comparisons)
+    found["ranking"] = (ranking_figures.draw_rankings, places, comparisons)
     return found

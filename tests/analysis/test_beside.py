@@ -67,7 +67,9 @@ def test_engine_beside_answers_as_it_does_alone(written, engine, given):
 def test_this_process_answers_as_others_do(written):
     study, _, _ = written
     here = Study(scene())
-    assert repr(here.comparison["column"].places) == repr(study.comparison["column"].places)  # the last has no margin, nan
+    assert repr(here.comparison["column"].places) == repr(
+        study.comparison["column"].places
+    )  # the last has no margin, nan
     assert list(here.comparison) == ["formula", "column"]
 
 

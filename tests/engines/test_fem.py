@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rolling_scenes import SPEED, prescribing, random_scenes, stiff_scene, told_over_true, true_errors
+from rolling_scenes import SPEED, error_ratios, prescribing, random_scenes, stiff_scene, true_errors
 from scipy.sparse.linalg import spsolve
 from scipy.special import jv
 
@@ -558,7 +558,7 @@ def test_error_estimate_is_between_half_and_five_times_the_true_error(scenes):
     """Five times in the median, twenty times in 95 %."""
     estimated, true = estimated_and_true_errors(scenes)
     for column in range(2):
-        smallest, median, large, rest = told_over_true(estimated[:, column], true[:, column], 1e-9)
+        smallest, median, large, rest = error_ratios(estimated[:, column], true[:, column], 1e-9)
         assert smallest >= 0.5
         assert median <= 5
         assert large <= 20
@@ -745,7 +745,7 @@ def test_mesh_too_coarse_for_the_contact_raises():
 
 
 def test_contact_without_convergence_on_any_mesh_raises_with_the_remedy(monkeypatch):
-    monkeypatch.setattr(contact_patch, "MAX_ITERATIONS", 2)
+    monkeypatch.setattr(contact_patch, "MAX_EDGE_ITERATIONS", 2)
     with pytest.raises(
         RuntimeError, match=r"no contact found on 5 meshes .*; use spectral; the contact edges did not converge"
     ):
@@ -753,7 +753,7 @@ def test_contact_without_convergence_on_any_mesh_raises_with_the_remedy(monkeypa
 
 
 def test_failure_lists_the_last_iterations(monkeypatch):
-    monkeypatch.setattr(contact_patch, "MAX_ITERATIONS", 2)
+    monkeypatch.setattr(contact_patch, "MAX_EDGE_ITERATIONS", 2)
     with pytest.raises(
         RuntimeError,
         match=r"did not converge in 2 iterations; the last .* are \[\(-0",
