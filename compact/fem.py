@@ -121,12 +121,12 @@ def travel(
 
 
 def fields(result: "FemContactResult | CompactionContactResult") -> "meshio.Mesh":
-    """Compute the fields inside the layer under a steady roller, as of `fields` of the engine."""
+    """Compute the fields inside the layer under a steady roller, as of `field_mesh` of the engine."""
     if isinstance(result, FemContactResult):
-        from compact.engines.fem.fields import fields as linear_fields
+        from compact.engines.fem.fields import field_mesh as linear_fields
 
         return linear_fields(result)
-    from compact.engines.compaction.results import fields as compaction_fields
+    from compact.engines.compaction.results import field_mesh as compaction_fields
 
     return compaction_fields(result)
 
