@@ -329,7 +329,7 @@ class ReciprocatingRoller:
 
     @property
     def fields(self) -> "meshio.Mesh":
-        """Fields of the layer as of `results.fields`, a meshio mesh at the positions of the motion."""
+        """Fields of the layer as of `results.field_mesh`, a meshio mesh at the positions of the motion."""
         mesh = fields_mesh(self.frame, self.state)
         mesh.points[:, 0] += self.strokes.low
         return mesh

@@ -146,7 +146,7 @@ def build_result(
     )
 
 
-def fields(rolled: CompactionContactResult) -> "meshio.Mesh":
+def field_mesh(rolled: CompactionContactResult) -> "meshio.Mesh":
     """Return the fields inside the layer on 8-node quadrilaterals of the fed layer.
 
     Parameters
@@ -164,7 +164,7 @@ def fields(rolled: CompactionContactResult) -> "meshio.Mesh":
 
 
 def fields_mesh(frame: RollerFrame, state: SolidState, direction: float = 1.0) -> "meshio.Mesh":
-    """Return the mesh of `fields` for a state.
+    """Return the mesh of `field_mesh` for a state.
 
     Parameters
     ----------
