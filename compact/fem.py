@@ -108,11 +108,11 @@ def travel(
 
 
 def fields(result: ContactResult) -> "meshio.Mesh":
-    """Compute the fields inside the layer under a steady roller, as of `fields` of the engine."""
+    """Compute the fields inside the layer under a steady roller, as of `field_mesh` of the engine."""
     if isinstance(result, FemContactResult):
-        from compact.engines.fem.fields import fields as engine_fields
+        from compact.engines.fem.fields import field_mesh as engine_fields
     else:
-        from compact.engines.compaction.results import fields as engine_fields
+        from compact.engines.compaction.results import field_mesh as engine_fields
     return engine_fields(result)
 
 

@@ -29,8 +29,8 @@ from compact.engines.spectral.rolling_problem import (
     solve_pressure,
 )
 from compact.material.laws import Elastic
-from compact.numerics.validation import require_finite, require_known, require_positive
-from compact.rolling_contact import ContactResult, Layer, Roller, require_on_target
+from compact.numerics.validation import require_known, require_positive
+from compact.rolling_contact import ContactResult, Layer, Roller, require_moving, require_on_target
 
 MODE_COUNTS = (
     16,
@@ -256,13 +256,8 @@ def require_spectral_range(layer: Layer, roller: Roller, material: Elastic, spee
     speed : float
         Speed [m/s], finite and not 0.
     """
-    require_finite(speed=speed)
+    require_moving(speed)
     require_known("base", layer.base, ("bonded", "slip"))
-    if speed == 0:
-        raise ValueError(
-            "`speed` must not be 0, got 0: the resistance at rest is set-valued; use a small speed, whose sign is the "
-            "direction"
-        )
     require_known("rolling", roller.rolling, TRACTION_SIGN)
     require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
     if roller.profile == "deformed":
