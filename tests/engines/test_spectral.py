@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rolling_scenes import SPEED, prescribing, random_scenes, told_over_true, true_errors
+from rolling_scenes import SPEED, estimate_over_error, random_scenes, true_errors, with_target
 
 from compact.engines.halfplane import galin, hertz
 from compact.engines.spectral import engine as spectral
@@ -450,7 +450,7 @@ def test_error_estimate_covers_the_true_error(count, modes):
     """The reference has 200 modes, 400 in the slow run, or twice as many as the result; rounding is 1e-11."""
     estimated, true = [], []
     for layer, roller, mix, name in random_scenes(count):
-        given = prescribing(roller, name, getattr(spectral.roll(layer, roller, mix, SPEED), name))
+        given = with_target(roller, name, getattr(spectral.roll(layer, roller, mix, SPEED), name))
         rolled = spectral.roll(layer, given, mix, SPEED)
 
         def judge(roller, layer=layer, mix=mix, rolled=rolled):
@@ -463,7 +463,7 @@ def test_error_estimate_covers_the_true_error(count, modes):
         estimated.append(rolled.error)
         true.append(true_errors(rolled, given, judge))
     for estimates, errors in zip(np.transpose(estimated), np.transpose(true), strict=True):
-        smallest, median, large, rest = told_over_true(estimates, errors, 1e-11)
+        smallest, median, large, rest = estimate_over_error(estimates, errors, 1e-11)
         assert smallest >= 0.5
         assert median <= 5
         assert large <= 20

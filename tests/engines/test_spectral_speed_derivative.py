@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rolling_scenes import SPEED, prescribing, random_scenes
+from rolling_scenes import SPEED, random_scenes, with_target
 
 from compact.analysis.engines import expand_resistance
 from compact.engines.spectral import engine as spectral
@@ -219,7 +219,7 @@ def test_error_estimate_covers_the_true_error(scenes):
     for layer, roller, mix, name in list(random_scenes(60))[scenes]:
         if not mix.branches:
             continue
-        given = prescribing(roller, name, getattr(spectral.roll(layer, roller, mix, SPEED), name))
+        given = with_target(roller, name, getattr(spectral.roll(layer, roller, mix, SPEED), name))
         found = expand_resistance(layer, given, mix, SPEED)
         problem, half_width = build_rolling_problem(layer, given, mix, SPEED)
         exact = speed_derivative._expansion(problem, solve_contact(problem, 200, half_width, []))[1] / SPEED**2
