@@ -65,28 +65,28 @@ def stiff_scene(seed, number):
     name, speed = str(draw.choice(["indentation", "load", "peak_pressure"])), speed * draw.choice([1, -1])
     smooth = rolling if rolling == "sliding" else "frictionless"
     vertical = "parabola" if roller.profile == "deformed" else roller.profile
-    similar = spectral.roll(layer, replace(roller, rolling=smooth, profile=vertical), mix, speed)
-    return layer, with_target(roller, name, getattr(similar, name)), mix, float(speed)
+    rolled = spectral.roll(layer, replace(roller, rolling=smooth, profile=vertical), mix, speed)
+    return layer, prescribing(roller, name, getattr(rolled, name)), mix, float(speed)
 
 
-def with_target(roller, name, value):
+def prescribing(roller, name, value):
     """Return the roller with another target."""
     return Roller(
         roller.radius, friction=roller.friction, rolling=roller.rolling, profile=roller.profile, **{name: float(value)}
     )
 
 
-def true_errors(rolled, roller, solve):
-    """Relative errors of load and resistance by solve(roller); of a prescribed load, at the indentation found."""
-    exact = solve(roller)
-    as_deep = exact if roller.load is None else solve(with_target(roller, "indentation", rolled.indentation))
+def true_errors(rolled, roller, reference):
+    """Relative errors of load and resistance by reference(roller); of a prescribed load, at the indentation found."""
+    exact = reference(roller)
+    at_depth = exact if roller.load is None else reference(prescribing(roller, "indentation", rolled.indentation))
     scale = max(abs(exact.resistance), 1e-3 * exact.load)
-    return abs(rolled.load / as_deep.load - 1), abs(rolled.resistance - exact.resistance) / scale
+    return abs(rolled.load / at_depth.load - 1), abs(rolled.resistance - exact.resistance) / scale
 
 
-def estimate_over_error(estimates, true, rounding):
+def error_ratios(estimated, true, rounding):
     """Smallest, median and 95 % quantile of estimate over error above rounding; largest estimate of the others."""
-    estimates, true = np.array(estimates), np.array(true)
+    estimated, true = np.array(estimated), np.array(true)
     clear = true > rounding
-    smallest, median, large = np.quantile(estimates[clear] / true[clear], [0, 0.5, 0.95])
-    return smallest, median, large, np.max(estimates, where=~clear, initial=0)
+    smallest, median, large = np.quantile(estimated[clear] / true[clear], [0, 0.5, 0.95])
+    return smallest, median, large, np.max(estimated, where=~clear, initial=0)

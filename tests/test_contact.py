@@ -1,4 +1,4 @@
-"""Loads by formula and exact line contact: closed forms, published numbers, hard cases, balances, refusals."""
+"""Loads by formula and exact line contact: closed forms, published numbers, hard cases, balances, errors."""
 
 import mpmath
 import numpy as np
@@ -43,14 +43,14 @@ def test_galin_without_friction_is_hertz(target):
     assert galin.centroid == hertz.centroid == 0
 
 
-def test_hertz_takes_the_contact_modulus_or_what_it_is_made_of():
+def test_hertz_accepts_the_contact_modulus_or_its_parts():
     plain = contact.hertz(radius=0.11, contact_modulus=0.75e6 / 0.91, load=8e3)
     assert plain.half_width == pytest.approx(contact.hertz(radius=0.11, load=8e3, **MIX).half_width, rel=1e-15)
 
 
 @pytest.mark.parametrize("friction", [-0.8, -0.1, 0.0, 0.35, 2.0])
 @pytest.mark.parametrize("share", [0.1, 0.37, 0.9])
-def test_pressure_solves_the_equation_of_sliding_contact(friction, share):
+def test_pressure_satisfies_the_equation_of_sliding_contact(friction, share):
     c = contact.galin(radius=0.11, friction=friction, contact_length=0.05, **MIX)
     x = c.trailing + share * c.contact_length
     s, weights = double_exponential(c.trailing, c.contact_length)
@@ -169,7 +169,7 @@ def test_exponent_keeps_its_digits(friction):
 
 
 @pytest.mark.parametrize("friction", [-1e12, -30.0, -3.4, 3.4, 30.0, 1e12])
-def test_huge_friction_keeps_the_balance_of_edges_and_load(friction):
+def test_edges_and_load_are_consistent_at_huge_friction(friction):
     c = contact.galin(radius=0.11, friction=friction, load=8e3, **MIX)
     small = min(c.leading, -c.trailing)
     assert small == pytest.approx(np.arctan2(1, abs(friction) * 0.4 / 1.4) / np.pi * c.contact_length, rel=1e-13)
@@ -180,13 +180,13 @@ def test_huge_friction_keeps_the_balance_of_edges_and_load(friction):
     )
 
 
-def test_tilt_keeps_its_digits_at_tiny_friction():
+def test_asymmetry_keeps_its_digits_at_tiny_friction():
     c = contact.galin(radius=0.11, friction=1e-12, contact_length=1.0, **MIX)
     assert c.centroid == pytest.approx(-4 / (3 * np.pi) * 1e-12 * 0.4 / 1.4, rel=1e-12)
 
 
 @pytest.mark.parametrize("poisson", [0.5 - 1e-12, 0.5])
-def test_incompressible_half_plane_does_not_feel_friction(poisson):
+def test_incompressible_half_plane_is_independent_of_friction(poisson):
     assert contact.pressure_exponent(poisson, 0.8) == pytest.approx(0.5, abs=1e-12)
     c = contact.galin(radius=0.11, youngs_modulus=1e6, poisson=poisson, friction=0.8, load=8e3)
     assert c.centroid == pytest.approx(0, abs=1e-12)
@@ -205,7 +205,7 @@ def test_capture_angle_reaches_a_right_angle():
 
 
 @pytest.mark.parametrize("quotient", [2.9999999999999996, 3.0, 3.0000000000000004])
-def test_rounding_asks_for_no_extra_roller(quotient):
+def test_rounding_adds_no_roller(quotient):
     assert contact.rollers_needed(quotient, 0.5, 0.0, 0.0) == 3
 
 
@@ -240,7 +240,7 @@ def test_galin_broadcasts():
     assert many.pressure(0.01)[0, 1] == pytest.approx(one.pressure(0.01), rel=1e-13)
 
 
-def test_dry_resistance_is_zero_at_rest_and_tells_its_limit():
+def test_dry_resistance_is_zero_at_rest():
     resistance = contact.dry_resistance(3486.0)
     assert resistance(np.array([-2.0, 0.0, 1e-300]), 0.5).tolist() == [-3486.0, 0.0, 3486.0]
     assert resistance(1.0, np.zeros(3)).shape == (3,)
@@ -260,7 +260,7 @@ def test_pressure_carries_the_load_at_its_centroid(radius, modulus, poisson, fri
 
 
 @given(radii, moduli, poissons, frictions, loads)
-def test_pressure_peaks_where_and_as_high_as_told(radius, modulus, poisson, friction, load):
+def test_pressure_has_the_stated_peak(radius, modulus, poisson, friction, load):
     c = contact.galin(radius=radius, youngs_modulus=modulus, poisson=poisson, friction=friction, load=load)
     top = c.trailing + c.exponent * c.contact_length
     assert c.pressure(top) == pytest.approx(c.peak_pressure, rel=1e-10)
@@ -276,7 +276,7 @@ def test_every_target_gives_the_same_contact(radius, modulus, poisson, friction,
 
 
 @given(poissons, frictions)
-def test_turning_the_traction_mirrors_the_contact(poisson, friction):
+def test_reversed_traction_mirrors_the_contact(poisson, friction):
     one = contact.galin(radius=0.11, youngs_modulus=1e6, poisson=poisson, friction=friction, load=8e3)
     other = contact.galin(radius=0.11, youngs_modulus=1e6, poisson=poisson, friction=-friction, load=8e3)
     assert (one.leading, one.trailing) == pytest.approx((-other.trailing, -other.leading), rel=1e-13)
@@ -284,7 +284,7 @@ def test_turning_the_traction_mirrors_the_contact(poisson, friction):
 
 
 @given(loads, st.floats(1e-6, 1e3))
-def test_width_grows_as_the_root_of_the_load(load, scale):
+def test_width_is_proportional_to_the_root_of_the_load(load, scale):
     width = contact.hertz(radius=0.11, load=load, **MIX).half_width
     assert contact.hertz(radius=0.11, load=scale * load, **MIX).half_width == pytest.approx(width * np.sqrt(scale))
 
@@ -319,7 +319,7 @@ def test_pressure_of_the_formulas_has_the_peak_the_edges_and_the_exponent(fricti
 
 
 @pytest.mark.parametrize("rolling", ROLLINGS)
-def test_engine_formula_is_the_formulas_whatever_the_roller_does(rolling):
+def test_engine_equals_the_formulas_in_every_roller_condition(rolling):
     rolled = contact.roll(
         BULK, Roller(0.11, load=4e3, friction=0.35, rolling=rolling), Elastic(**MIX), 0.2,
         rolling_friction=0.17, nonuniformity=1.1,
@@ -334,7 +334,7 @@ def test_engine_formula_is_the_formulas_whatever_the_roller_does(rolling):
     assert rolled.resistance == contact.roller_resistance(rolled.load, length, 0.11, alpha, 0.17)
 
 
-# refusals
+# errors
 
 GOOD = {
     "radius_range": {"height": 0.22},
@@ -358,7 +358,7 @@ GOOD = {
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, np.array([0.1, np.nan])], ids=["nan", "inf", "in an array"])
 @pytest.mark.parametrize(("formula", "name"), [(formula, name) for formula in GOOD for name in GOOD[formula]])
-def test_nonfinite_values_are_refused_by_name(formula, name, bad):
+def test_nonfinite_values_raise_an_error_with_their_name(formula, name, bad):
     with pytest.raises(ValueError, match=f"`{name}` must .*got .*(nan|inf)"):
         getattr(contact, formula)(**{**GOOD[formula], name: bad})
 
@@ -381,19 +381,19 @@ def test_nonfinite_values_are_refused_by_name(formula, name, bad):
         ("roller_resistance", {"friction": -0.1}, "`friction` must be zero or positive, and finite, got -0.1"),
         ("cart_resistance", {"rollers": 1.5}, "`rollers` must be a whole number >= 1, got 1.5"),
         ("hertz", {"poisson": 0.3}, "either `contact_modulus`, or `youngs_modulus` with `poisson`, must be set"),
-        ("hertz", {"contact_modulus": None}, "either `contact_modulus`, or `youngs_modulus` with `poisson`, must be set"),
-        ("hertz", {"half_width": 0.1}, "exactly one of `load`, `half_width`, `peak_pressure` must be set, got load, half_width"),
+        ("hertz", {"contact_modulus": None}, "or `youngs_modulus` with `poisson`, must be set"),
+        ("hertz", {"half_width": 0.1}, "`half_width`, `peak_pressure` must be set, got load, half_width"),
         ("galin", {"load": None}, "exactly one of `load`, `contact_length`, `peak_pressure` must be set, got none"),
         ("galin", {"load": -1.0}, "`load` must be positive and finite, got -1"),
         ("dry_resistance", {"force": -1.0}, "`force` must be zero or positive, and finite, got -1"),
     ],
 )
-def test_impossible_values_are_refused(formula, change, message):
+def test_impossible_values_raise_an_error(formula, change, message):
     with pytest.raises(ValueError, match=message):
         getattr(contact, formula)(**{**GOOD[formula], **change})
 
 
-def test_a_refusal_points_into_a_large_array():
+def test_error_contains_the_index_in_a_large_array():
     pressure = np.full(1000, 1e5)
     pressure[7] = 1e6
     with pytest.raises(ValueError, match=r"sin phi would be .*1\.8.* at index 7"):
@@ -413,12 +413,12 @@ def test_a_refusal_points_into_a_large_array():
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_the_formula_engine_refuses_what_it_cannot_know(roller, material, speed, message):
+def test_parameters_outside_the_formulas_raise_an_error(roller, material, speed, message):
     with pytest.raises(ValueError, match=message):
         contact.roll(BULK, roller, material, speed)
 
 
-def test_a_thin_layer_is_warned_of():
+def test_thin_layer_raises_a_warning():
     message = r"needs `half_width` < 0.5 `height`, got 0.0\d+ m for 0.05 m.*spectral or fem"
     with pytest.warns(UserWarning, match=message):
         contact.roll(Layer(0.05), Roller(0.11, load=4e3), Elastic(**MIX), 0.2)

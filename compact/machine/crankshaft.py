@@ -11,7 +11,7 @@ from dataclasses import astuple, dataclass, fields
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from compact.machine.cart import Balance, Cart, Resistance, balance
 from compact.machine.rigid_drive import SAMPLES_PER_PIECE, STANDSTILL_SPEED_RATIO, Crank, evaluate_resistance
@@ -149,12 +149,12 @@ class CrankshaftRevolution:
     @property
     def torque(self) -> NDArray[np.float64]:
         """Torque of all carts on the shaft [N m]."""
-        return sum(cart.torque for cart in self.carts)
+        return sum((cart.torque for cart in self.carts), start=np.zeros(()))
 
     @property
     def power(self) -> NDArray[np.float64]:
         """Power of all carts [W]."""
-        return sum(cart.power for cart in self.carts)
+        return sum((cart.power for cart in self.carts), start=np.zeros(()))
 
     @cached_property
     def peak_torque(self) -> float:
@@ -224,7 +224,7 @@ def _flatten(cart):
 
 
 def crank_kinematics(
-    crank: Crank, psi: ArrayLike
+    crank: Crank, psi: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Compute the travel of a slider-crank and its derivatives with respect to the crank angle.
 

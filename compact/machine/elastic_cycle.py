@@ -113,7 +113,7 @@ class CycleMapEvaluation(NamedTuple):
     @property
     def intervals(self) -> Intervals:
         """Intervals in order of time, from the start of the cycle."""
-        return Intervals(*map(np.concatenate, zip(self.first, self.second, strict=True)))
+        return Intervals._make(map(np.concatenate, zip(self.first, self.second, strict=True)))
 
 
 class PeriodicProblem:
@@ -273,7 +273,7 @@ class PeriodicProblem:
             self.cost.intervals += n
             self.cost.evaluations += evaluations
             if status == DONE:
-                return Intervals(*(column[:n].copy() for column in intervals)), end
+                return Intervals._make(column[:n].copy() for column in intervals), end
             if status != SPEED_BEYOND_TABLE:
                 break
             self.max_speed *= SPEED_MARGIN
@@ -454,4 +454,4 @@ def _oscillator(cart: Cart, drive: "ElasticDrive") -> OscillatorParameters:
     """Parameters for compiled code, as floats."""
     ends, parameters = cart.end_springs, (cart.mass, drive.stiffness, drive.damping, drive.backlash)
     end_springs = (0.0,) * 4 if ends is None else (ends.stiffness, ends.preload, ends.length, ends.stroke)
-    return OscillatorParameters(*map(float, parameters), EndSpringParameters(*map(float, end_springs)))
+    return OscillatorParameters._make([*map(float, parameters), EndSpringParameters._make(map(float, end_springs))])

@@ -23,7 +23,7 @@ from functools import cached_property, partial
 from itertools import count, pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from compact.machine.cart import Cart, Resistance, balance
@@ -84,15 +84,15 @@ class Hydraulic(Rigid):
     def __post_init__(self) -> None:
         require_positive(**{field.name: getattr(self, field.name) for field in fields(self)})
 
-    def flow(self, area: ArrayLike, drop: ArrayLike) -> NDArray[np.float64]:
+    def flow(self, area: NDArray[np.float64], drop: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return Q [m3/s] through an area [m2] under a pressure drop of either sign [Pa]."""
         return area * drop / self._flow_resistance(drop)
 
-    def open_drop(self, flow: ArrayLike) -> NDArray[np.float64]:
+    def open_drop(self, flow: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the pressure drop [Pa] of a flow [m3/s] through a fully open valve."""
         return self.drop(flow, self.valve_area)
 
-    def drop(self, flow: ArrayLike, area: ArrayLike) -> NDArray[np.float64]:
+    def drop(self, flow: NDArray[np.float64], area: NDArray[np.float64] | float) -> NDArray[np.float64]:
         """Return the pressure drop [Pa] of a flow [m3/s] through an area [m2].
 
         dp^2 = D (D + sqrt(D^2 + 4 c^2))/2 with the turbulent drop D.
@@ -100,7 +100,7 @@ class Hydraulic(Rigid):
         turbulent = self.oil_density / 2 * (flow / (self.discharge_coefficient * area)) ** 2
         return np.sqrt(turbulent / 2 * (turbulent + np.hypot(turbulent, 2 * self.transition_drop)))
 
-    def area(self, flow: ArrayLike, drop: ArrayLike) -> NDArray[np.float64]:
+    def area(self, flow: NDArray[np.float64], drop: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the area [m2] that passes a flow [m3/s] under a pressure drop > 0 [Pa]."""
         return flow * self._flow_resistance(drop) / drop
 
@@ -348,7 +348,7 @@ def simulate_stroke(
     kinetic, springs = cart.mass / 2 * state[1] ** 2, circuit.spring_energy(state[0]) - circuit.spring_energy(0.0)
     energies |= {"kinetic": float(kinetic), "springs": float(springs)}
     residual = energies["pump"] - sum(work for name, work in energies.items() if name != "pump")
-    return HydraulicStroke(time, *states[:4], energies, abs(residual) / energies["pump"])
+    return HydraulicStroke(time, states[0], states[1], states[2], states[3], energies, abs(residual) / energies["pump"])
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ The height of the rollers does not depend on the torque, and the mix responds as
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import inf
 from typing import NamedTuple
 
@@ -62,7 +62,7 @@ class RollerTraction(NamedTuple):
     creep: NDArray[np.float64]
 
 
-def carter_parameter(share: ArrayLike) -> NDArray[np.float64]:
+def carter_parameter(share: NDArray[np.float64]) -> NDArray[np.float64]:
     """Carter's parameter w = sign(u) (1 - sqrt(1 - |u|)) of a share u of the Coulomb limit [-].
 
     The creepage on a half-plane is linear in w.
@@ -98,7 +98,7 @@ class CreepFreeRoller:
         require_positive(radius=self.radius, load=self.load)
         require_nonnegative(friction=self.friction)
 
-    def __call__(self, _speed: ArrayLike, pull: ArrayLike) -> RollerTraction:
+    def __call__(self, _speed: NDArray[np.float64], pull: NDArray[np.float64]) -> RollerTraction:
         """Return the traction for pulls [N]."""
         traction = pull / self.load
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -148,7 +148,7 @@ class DrivenRoller:
             if np.any(np.diff(getattr(self, name)) <= 0):
                 raise ValueError(f"`{name}` must increase with the torque at every speed, got {getattr(self, name)}")
 
-    def __call__(self, speed: ArrayLike, pull: ArrayLike) -> RollerTraction:
+    def __call__(self, speed: NDArray[np.float64], pull: NDArray[np.float64]) -> RollerTraction:
         """Interpolate the traction at speeds >= 0 [m/s] for pulls [N]."""
         speed, pull = np.broadcast_arrays(speed, pull)
         weights = self._speed_weights(speed)
@@ -270,11 +270,12 @@ class RollerMotor:
     def _largest(self, quantity: Callable[..., NDArray[np.float64]]) -> float:
         """Largest |quantity(velocity, traction)| over the cycle, between samples too."""
         dynamics = self.dynamics
+
+        def magnitude(leg, phase):
+            return np.abs(quantity(*self.traction_at(leg, phase)))
+
         return max(
-            find_maximum(
-                lambda phase, leg=leg: np.abs(quantity(*self.traction_at(leg, phase))),
-                interior_grid(dynamics.breaks(leg)),
-            )[0]
+            find_maximum(partial(magnitude, leg), interior_grid(dynamics.breaks(leg)))[0]
             for leg in dynamics.cycle.legs()
         )
 

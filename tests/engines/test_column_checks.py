@@ -9,7 +9,7 @@ from column_cases import FED, HEIGHT, MIX, SPEED, R, circle, mix, mix_of, random
 from interrupts import interrupted
 
 from compact.engines.column import column_ode
-from compact.engines.column.column_ode import LOGARITHMIC, GapGeometry, PathControl
+from compact.engines.column.column_ode import LOGARITHMIC, GapShape, PathControl
 from compact.engines.column.column_pass import PLATE, Column, column_layer
 from compact.engines.column.engine import required_feed, roll, simulate_oedometer
 from compact.material.laws import Elastic
@@ -161,7 +161,7 @@ def test_load_beyond_a_buried_circle_is_refused(height, radius, fed, load):
 
 
 def test_step_underflow_ends_the_integration():
-    layer = column_layer((Column(1.0, FED),), MIX, 1.0, GapGeometry(R, 1.0), LOGARITHMIC)
+    layer = column_layer((Column(1.0, FED),), MIX, 1.0, GapShape(R, 1.0), LOGARITHMIC)
     with pytest.raises(
         RuntimeError, match=r"the integration of the columns stopped after .* steps .*: shorter steps do not change x"
     ):
@@ -174,12 +174,12 @@ def test_integration_in_several_calls_agrees(monkeypatch):
     """A keyboard interrupt is raised between two calls."""
     whole, statuses, integrate_path = rolled(rtol=1e-11), [], column_ode.integrate_path
 
-    def counted(*given):
-        statuses.append(integrate_path(*given))
+    def recorded(*args):
+        statuses.append(integrate_path(*args))
         return statuses[-1]
 
     monkeypatch.setattr("compact.engines.column.column_pass.STEPS_PER_CALL", 7)
-    monkeypatch.setattr(column_ode, "integrate_path", counted)
+    monkeypatch.setattr(column_ode, "integrate_path", recorded)
     paused = rolled(rtol=1e-11)
     assert statuses.count(column_ode.PAUSED) > 10
     assert (paused.load, paused.resistance) == pytest.approx((whole.load, whole.resistance), rel=1e-10)
@@ -192,7 +192,7 @@ from compact.material import Compaction
 from compact.rolling_contact import Roller
 
 def roll(*_, **__):
-    "Integrate 400 columns of a stiff mix, which takes half a minute."
+    "Integrate 400 columns of a stiff mix, some 30 s."
     mix = Compaction(2e10, 0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
                      tensile_strength=14e3, fed_density_ratio=0.94)
     roller = Roller(0.11, indentation=0.009, profile="circle")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rolling_scenes import SPEED, estimate_over_error, random_scenes, stiff_scene, true_errors, with_target
+from rolling_scenes import SPEED, error_ratios, prescribing, random_scenes, stiff_scene, true_errors
 from scipy.sparse.linalg import spsolve
 from scipy.special import jv
 
@@ -546,7 +546,7 @@ def estimated_and_true_errors(scenes):
         def exact(roller, layer=layer, mix=mix):
             return spectral.roll(layer, roller, mix, SPEED, rtol=1e-8)
 
-        given = with_target(roller, name, getattr(exact(roller), name))
+        given = prescribing(roller, name, getattr(exact(roller), name))
         rolled = fem.roll(layer, given, mix, SPEED)
         estimated.append(rolled.error)
         true.append(true_errors(rolled, given, exact))
@@ -558,7 +558,7 @@ def test_error_estimate_is_between_half_and_five_times_the_true_error(scenes):
     """Five times in the median, twenty times in 95 %."""
     estimated, true = estimated_and_true_errors(scenes)
     for column in range(2):
-        smallest, median, large, rest = estimate_over_error(estimated[:, column], true[:, column], 1e-9)
+        smallest, median, large, rest = error_ratios(estimated[:, column], true[:, column], 1e-9)
         assert smallest >= 0.5
         assert median <= 5
         assert large <= 20
@@ -620,7 +620,7 @@ def test_wrong_contact_on_the_first_mesh_is_rejected():
     mix, speed = Viscoelastic(1e7, 0.30958, ((36.54716, 1.3330992), (2.4788208, 0.2237176))), 1.20106e-3
     roller = Roller(1.4626081, 1.430974e-3, friction=0.3547987, rolling="sliding", profile="circle")
     exact = spectral.roll(LAYER, roller, mix, speed)
-    rolled = fem.roll(LAYER, with_target(roller, "peak_pressure", exact.peak_pressure), mix, speed, tolerance=7e-3)
+    rolled = fem.roll(LAYER, prescribing(roller, "peak_pressure", exact.peak_pressure), mix, speed, tolerance=7e-3)
     assert (rolled.load, rolled.resistance) == pytest.approx((exact.load, exact.resistance), rel=7e-3)
 
 

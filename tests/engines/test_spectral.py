@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rolling_scenes import SPEED, estimate_over_error, random_scenes, true_errors, with_target
+from rolling_scenes import SPEED, error_ratios, prescribing, random_scenes, true_errors
 
 from compact.engines.halfplane import galin, hertz
 from compact.engines.spectral import engine as spectral
@@ -57,7 +57,7 @@ def test_creep_branch_matrix_without_friction_has_bessel_functions(beta):
 @pytest.mark.parametrize("exponent", [0.35, 0.47, 0.62])
 @pytest.mark.parametrize("beta", [0.05, 2.0, 40.0, 1e3])
 def test_creep_branch_matrix_of_galins_pressure(exponent, beta):
-    """The slope under (1 - x)^A (1 + x)^B is known beyond the contact: x - x0 - (x - 1)^A (x + 1)^B."""
+    """The slope under (1 - x)^A (1 + x)^B has a closed form beyond the contact: x - x0 - (x - 1)^A (x + 1)^B."""
     A, B, modes = 1 - exponent, exponent, 10
     t, weight = exponential_rule()
     ahead = beta * np.sum(weight / beta * np.exp(-t) * (t / beta) ** A * (2 + t / beta) ** B)
@@ -450,10 +450,10 @@ def test_error_estimate_covers_the_true_error(count, modes):
     """The reference has 200 modes, 400 in the slow run, or twice as many as the result; rounding is 1e-11."""
     estimated, true = [], []
     for layer, roller, mix, name in random_scenes(count):
-        given = with_target(roller, name, getattr(spectral.roll(layer, roller, mix, SPEED), name))
-        rolled = spectral.roll(layer, given, mix, SPEED)
+        target_roller = prescribing(roller, name, getattr(spectral.roll(layer, roller, mix, SPEED), name))
+        rolled = spectral.roll(layer, target_roller, mix, SPEED)
 
-        def judge(roller, layer=layer, mix=mix, rolled=rolled):
+        def reference(roller, layer=layer, mix=mix, rolled=rolled):
             (problem, _), half_width = (
                 build_rolling_problem(layer, roller, mix, SPEED),
                 (rolled.leading - rolled.trailing) / 2,
@@ -461,9 +461,9 @@ def test_error_estimate_covers_the_true_error(count, modes):
             return solve_contact(problem, max(modes, 2 * rolled.modes), half_width, [])
 
         estimated.append(rolled.error)
-        true.append(true_errors(rolled, given, judge))
+        true.append(true_errors(rolled, target_roller, reference))
     for estimates, errors in zip(np.transpose(estimated), np.transpose(true), strict=True):
-        smallest, median, large, rest = estimate_over_error(estimates, errors, 1e-11)
+        smallest, median, large, rest = error_ratios(estimates, errors, 1e-11)
         assert smallest >= 0.5
         assert median <= 5
         assert large <= 20
@@ -484,7 +484,7 @@ def test_tolerance_is_reached():
 def test_number_of_assembled_systems_is_bounded(monkeypatch):
     calls = []
     for module in (spectral, problems):
-        monkeypatch.setattr(module, "assemble_system", lambda *given: calls.append(given[1]) or assemble_system(*given))
+        monkeypatch.setattr(module, "assemble_system", lambda *args: calls.append(args[1]) or assemble_system(*args))
     spectral.roll(LAYER, pressed(), SOLID, 0.3)
     assert len(calls) <= 9
     assert max(calls) <= 24
@@ -509,12 +509,12 @@ def test_number_of_assembled_systems_is_bounded(monkeypatch):
         ({"material": "clay"}, "needs a `material` Elastic or Viscoelastic, got str; use fem"),
         ({"rtol": 0.0}, "`rtol` must be positive and finite, got 0.0"),
     ],
-    ids=lambda given: given if isinstance(given, str) else "",
+    ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_contact_out_of_range_is_refused(change, words):
-    given = {"layer": LAYER, "roller": pressed(), "material": MIX, "speed": 1.0} | change
+    arguments = {"layer": LAYER, "roller": pressed(), "material": MIX, "speed": 1.0} | change
     with pytest.raises(ValueError, match=words):
-        spectral.roll(**given)
+        spectral.roll(**arguments)
 
 
 def test_free_roller_without_friction_is_frictionless():

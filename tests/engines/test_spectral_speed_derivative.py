@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rolling_scenes import SPEED, random_scenes, with_target
+from rolling_scenes import SPEED, prescribing, random_scenes
 
 from compact.analysis.engines import expand_resistance
 from compact.engines.spectral import engine as spectral
@@ -219,9 +219,9 @@ def test_error_estimate_covers_the_true_error(scenes):
     for layer, roller, mix, name in list(random_scenes(60))[scenes]:
         if not mix.branches:
             continue
-        given = with_target(roller, name, getattr(spectral.roll(layer, roller, mix, SPEED), name))
-        found = expand_resistance(layer, given, mix, SPEED)
-        problem, half_width = build_rolling_problem(layer, given, mix, SPEED)
+        target_roller = prescribing(roller, name, getattr(spectral.roll(layer, roller, mix, SPEED), name))
+        found = expand_resistance(layer, target_roller, mix, SPEED)
+        problem, half_width = build_rolling_problem(layer, target_roller, mix, SPEED)
         exact = speed_derivative._expansion(problem, solve_contact(problem, 200, half_width, []))[1] / SPEED**2
         assert abs(found.added_mass - exact) <= 2 * found.error
 
@@ -232,7 +232,7 @@ def test_error_estimate_covers_the_true_error(scenes):
 def test_number_of_assembled_systems_is_bounded(monkeypatch):
     calls = []
     for module in (speed_derivative, problems):
-        monkeypatch.setattr(module, "assemble_system", lambda *given: calls.append(given[1]) or assemble_system(*given))
+        monkeypatch.setattr(module, "assemble_system", lambda *args: calls.append(args[1]) or assemble_system(*args))
     expand_resistance(BONDED, pressed(), MIX, 0.3)
     assert len(calls) <= 40
     assert max(calls) <= 36
@@ -252,9 +252,9 @@ def test_number_of_assembled_systems_is_bounded(monkeypatch):
     ids=str,
 )
 def test_contact_out_of_range_is_refused(engine, change, words):
-    given = {"layer": BONDED, "roller": pressed(), "material": MIX, "speed": 0.3, "engine": engine} | change
+    arguments = {"layer": BONDED, "roller": pressed(), "material": MIX, "speed": 0.3, "engine": engine} | change
     with pytest.raises(ValueError, match=words):
-        expand_resistance(**given)
+        expand_resistance(**arguments)
 
 
 def test_speed_without_digits_of_the_added_mass_raises():

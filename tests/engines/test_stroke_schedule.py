@@ -1,4 +1,4 @@
-"""Motions cut where they turn, and the places at which steps end."""
+"""Strokes between reversals, and the positions at which time steps end."""
 
 import numpy as np
 import pytest
@@ -8,14 +8,14 @@ from compact.motion.profile import LAWS, law
 
 
 @pytest.mark.parametrize("name", [name for name in LAWS if name != "crank"])
-def test_every_law_has_one_stroke_there_and_one_back(name):
+def test_every_cycle_has_a_forward_and_a_return_stroke(name):
     motion = law(name, 0.4, 3.0)
     assert stroke_schedule(motion).places == pytest.approx([0.0, 0.4], abs=1e-12)
     assert stroke_schedule(motion.cycle()).places == pytest.approx([0.0, 0.4, 0.0], abs=1e-12)
     assert stroke_schedule(motion.cycle()).times == pytest.approx([0.0, 3.0, 6.0], abs=1e-3)
 
 
-def test_turn_between_joins_is_found():
+def test_reversal_between_discontinuities_is_found():
     class Swing:
         duration = 2.0
 
@@ -28,7 +28,7 @@ def test_turn_between_joins_is_found():
     assert (way.low, way.span) == pytest.approx((-1.0, 2.0))
 
 
-def test_steps_end_where_elements_do_and_when_the_motion_is_there():
+def test_steps_end_at_fractions_of_elements():
     motion = law("quintic", 0.1, 1.0)
     times, places = stroke_schedule(motion).steps(0, 0.01)
     assert places[:9] == pytest.approx(0.01 * np.append(0.0, TURN_STEP_ENDS))
@@ -37,27 +37,27 @@ def test_steps_end_where_elements_do_and_when_the_motion_is_there():
     assert motion.position(times) == pytest.approx(places, abs=1e-9)
 
 
-def test_every_second_step_is_among_the_steps():
+def test_every_second_step_is_a_step():
     way = stroke_schedule(law("quintic", 0.1, 1.0).cycle())
     for stroke in (0, 1):
         (_, fine), (_, coarse) = (way.steps(stroke, 0.01, every) for every in (1, 2))
         assert coarse == pytest.approx(fine[::2])
 
 
-def test_short_stroke_still_has_its_ends():
+def test_short_stroke_has_one_step():
     _, places = stroke_schedule(law("quintic", 0.1, 1.0)).steps(0, 0.15)
     assert places[[0, -1]] == pytest.approx([0.0, 0.1])
     assert (np.diff(places) > 0).all()
 
 
-def test_roller_that_dwells_leaves_when_the_dwell_ends():
+def test_stroke_starts_at_the_end_of_a_dwell():
     way = stroke_schedule(law("quintic", 0.1, 1.0).cycle(far_dwell=0.5))
     times, _ = way.steps(1, 0.01)
     assert times[0] == pytest.approx(1.5, abs=2e-3)
     assert way.steps(0, 0.01)[0][-1] == pytest.approx(1.0, abs=1e-3)
 
 
-def test_nearest_steps_of_instants_belong_to_one_stroke():
+def test_instant_belongs_to_one_stroke():
     way = stroke_schedule(law("constant-velocity", 0.1, 1.0).cycle())
     times, _ = way.steps(0, 0.01)
     assert way.nearest(0, times, (0.0, 0.501, 1.5)) == {0, int(np.abs(times - 0.5).argmin())}

@@ -1,4 +1,4 @@
-"""What is prescribed is met by every engine, or refused: never another contact in its place."""
+"""Prescribed quantities: every engine reaches them or raises, and never returns another contact."""
 
 import re
 from dataclasses import replace
@@ -20,21 +20,30 @@ R, SPEED = 0.11, 0.2
 MIX = Compaction(120e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
 LINEAR = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
 LAYER, THIN = Layer(0.22), Layer(0.06)
-PROMISED = {"formula": 1e-9, "column": 1e-8, "spectral": 1e-9, "fem": 1e-8, "compaction": 1e-3}
+TOLERANCES = {"formula": 1e-9, "column": 1e-8, "spectral": 1e-9, "fem": 1e-8, "compaction": 1e-3}
 MATERIALS = {"formula": Elastic(10e6, 0.3), "column": MIX, "spectral": LINEAR, "fem": LINEAR, "compaction": MIX}
-REFUSED = (
+REFUSALS = (
     "must be less than|must lie between|is undefined on a half-plane|is wider than the circle|beyond its edge|"
     "too narrow|"
-    r"does not touch|is buried|would press mix|takes? up|not met down to|not met in \d+ depths|still not held|"
+    r"does not touch|is buried|would press mix|takes? up|not met down to|not met in \d+ depths|not reached|heaps up|still not held|"
     "join that ply|no capture angle|no contact|half-width not found|reach a relative error|would be below the mix|"
     "`[a-z_]+` but"
 )
-VALUES = {  # from hardly anything to what no layer bears
+VALUES = {  # from nearly nothing to beyond the bearing capacity of any layer
     "indentation": (1e-6, 1e-4, 3e-3, 0.0131, 0.0132, 0.109, 0.3),
     "load": (1e-2, 10.0, 8e3, 1.3e4, 1.4e4, 1e6, 1e12),
     "peak_pressure": (1.0, 1e4, 203e3, 3.1e5, 3.3e5, 1e8, 1e12),
     "exit_density_ratio": (0.93, 0.94 + 1e-9, 0.95, 0.98, 0.9999, 1.0),
 }
+
+
+def _is_slow(engine, target, value):
+    """Contacts that are tiny or unbounded, which the engines of a linear layer find in many iterations."""
+    unbounded = (target, value) in (("load", 1e12), ("peak_pressure", 1e12), ("peak_pressure", 1e8))
+    tiny = (target, value) in (("load", 1e-2), ("peak_pressure", 1.0), ("indentation", 1e-6))
+    return (engine == "spectral" and unbounded) or (engine == "fem" and (unbounded or tiny))
+
+
 CASES = [
     pytest.param(
         engine,
@@ -42,7 +51,7 @@ CASES = [
         value,
         profile,
         id=f"{engine}-{target}-{value:g}-{profile}",
-        marks=[pytest.mark.slow] if (target, value) == ("load", 1e12) and engine in ("spectral", "fem") else [],
+        marks=[pytest.mark.slow] if _is_slow(engine, target, value) else [],
     )
     for engine in ("formula", "column", "spectral", "fem")
     for target, values in VALUES.items()
@@ -63,15 +72,15 @@ def rolled(engine, target, value, profile="parabola", layer=LAYER, **options):
 
 @pytest.mark.filterwarnings("ignore:half-plane theory")
 @pytest.mark.parametrize(("engine", "target", "value", "profile"), CASES)
-def test_target_is_met_or_refused(engine, target, value, profile):
+def test_target_is_reached_or_refused(engine, target, value, profile):
     try:
         found = rolled(engine, target, value, profile)
     except (ValueError, RuntimeError) as error:
         refusal = str(error)
     else:
         refusal = None
-        assert getattr(found, target) == pytest.approx(value, rel=PROMISED[engine])
-    assert refusal is None or re.search(REFUSED, refusal)
+        assert getattr(found, target) == pytest.approx(value, rel=TOLERANCES[engine])
+    assert refusal is None or re.search(REFUSALS, refusal)
 
 
 @pytest.mark.slow
@@ -86,21 +95,21 @@ def test_target_is_met_or_refused(engine, target, value, profile):
         ("exit_density_ratio", 0.93),
     ],
 )
-def test_target_of_compaction_is_met_or_refused(target, value):
+def test_target_of_compaction_is_reached_or_refused(target, value):
     try:
         found = rolled("compaction", target, value, "circle", THIN, increments=4)
     except (ValueError, RuntimeError) as error:
         refusal = str(error)
     else:
         refusal = None
-        assert getattr(found, target) == pytest.approx(value, rel=PROMISED["compaction"])
-    assert refusal is None or re.search(REFUSED, refusal)
+        assert getattr(found, target) == pytest.approx(value, rel=TOLERANCES["compaction"])
+    assert refusal is None or re.search(REFUSALS, refusal)
 
 
 @pytest.mark.parametrize("torque", [-30.0, 0.0, 55.0, 1e3])
 @pytest.mark.parametrize("speed", [0.2, -0.2])
-def test_torque_is_met_or_refused(torque, speed):
-    """By the moment of the shear about the axle; a torque beyond friction skids."""
+def test_torque_is_reached_or_refused(torque, speed):
+    """The moment of the shear about the axle is the torque; beyond the friction limit the roller skids."""
     roller = Roller(R, indentation=3e-3, friction=0.3, rolling="driven")
     if torque > 100:
         with pytest.raises(RuntimeError, match="the roller skids"):
@@ -111,14 +120,14 @@ def test_torque_is_met_or_refused(torque, speed):
     assert moment == pytest.approx(torque, abs=5e-3 * 0.3 * found.load * R)
 
 
-# every engine holds its contact against what was prescribed
+# every engine checks its contact against the target
 
 
 def off(value):
     return 1.001 * value
 
 
-def test_formula_that_misses_raises(monkeypatch):
+def test_formula_off_target_raises(monkeypatch):
     inverse = formula.pressure_for_load
     monkeypatch.setattr(formula, "pressure_for_load", lambda load, *rest: inverse(off(load), *rest))
     with pytest.raises(
@@ -128,7 +137,7 @@ def test_formula_that_misses_raises(monkeypatch):
 
 
 @pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure", "exit_density_ratio"])
-def test_columns_that_miss_raise(monkeypatch, target):
+def test_columns_off_target_raise(monkeypatch, target):
     value = {"indentation": 3e-3, "load": 8e3, "peak_pressure": 2e5, "exit_density_ratio": 0.96}[target]
     for search in ("solve_target", "solve_exit_density"):
         find = getattr(column, search)
@@ -144,14 +153,14 @@ def test_columns_that_miss_raise(monkeypatch, target):
         rolled("column", target, value)
 
 
-def test_feed_that_misses_raises(monkeypatch):
+def test_feed_off_target_raises(monkeypatch):
     find = column.solve_plate_density
     monkeypatch.setattr(column, "solve_plate_density", lambda there, wanted, rtol: find(there, off(wanted), rtol))
     with pytest.raises(RuntimeError, match=r"`exit_density_ratio` 0\.96 was prescribed and 0\.96096 reached"):
         column.required_feed(0.22, 0.96, MIX, SPEED)
 
 
-def test_passes_that_miss_raise(monkeypatch):
+def test_passes_off_target_raise(monkeypatch):
     find = column.solve_target
     monkeypatch.setattr(
         column, "solve_target", lambda there, roller, rtol: find(there, replace(roller, load=8e3), rtol)
@@ -162,7 +171,7 @@ def test_passes_that_miss_raise(monkeypatch):
 
 
 @pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure"])
-def test_spectral_that_misses_raises(monkeypatch, target):
+def test_spectral_off_target_raises(monkeypatch, target):
     value = {"indentation": 3e-3, "load": 8e3, "peak_pressure": 2e5}[target]
     build_rolling_problem = spectral.build_rolling_problem
 
@@ -178,7 +187,7 @@ def test_spectral_that_misses_raises(monkeypatch, target):
 
 
 @pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure"])
-def test_finite_elements_that_miss_raise(monkeypatch, target):
+def test_finite_elements_off_target_raise(monkeypatch, target):
     value = {"indentation": 3e-3, "load": 8e3, "peak_pressure": 2e5}[target]
     at_target = contact_problem.solve_at_target
 
@@ -192,16 +201,14 @@ def test_finite_elements_that_miss_raise(monkeypatch, target):
         rolled("fem", target, value)
 
 
-def test_torque_that_is_missed_raises():
+def test_torque_off_target_raises():
     found = fem.roll(LAYER, Roller(R, indentation=3e-3), LINEAR, SPEED, estimate=False)
     roller = Roller(R, indentation=found.indentation, friction=0.3, rolling="free")
     require_on_target(found, roller, 1e-8, torque=(0.0, 0.0))
-    with pytest.raises(
-        RuntimeError, match=r"`torque` 0 was prescribed and 0.1 reached: .* tolerance 1e-08"
-    ):
+    with pytest.raises(RuntimeError, match=r"`torque` 0 was prescribed and 0.1 reached: .* tolerance 1e-08"):
         require_on_target(found, roller, 1e-8, torque=(0.0, 0.1))
 
 
-def test_not_a_number_meets_nothing():
+def test_not_a_number_is_off_target():
     with pytest.raises(RuntimeError, match="`load` 1 was prescribed and nan reached"):
         require_target_reached("load", 1.0, np.nan, 1e-3)

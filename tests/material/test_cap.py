@@ -1,4 +1,4 @@
-"""The point of a compacting mix: closed forms, its rate equations, published paths, hard cases, balances, cost."""
+"""Cap plasticity at a point: closed forms, rate equations, published paths, hard cases, balances, iterations."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -45,7 +45,7 @@ def law(**other):
 
 
 def walked(mix, steps, state=None, move=cap_plasticity.integrate_points, **options):
-    """The state of one point after increments (xx, yy, 2 xy), compression positive."""
+    """State of one point after strain increments (xx, yy, 2 xy), compression positive."""
     state = cap_plasticity.initial_state(mix, 1) if state is None else state
     for strain in -np.atleast_2d(np.asarray(steps, dtype=float)):
         state, _ = move(mix, state, strain[None], tangent=False, **options)
@@ -69,7 +69,7 @@ def von_mises(stress):
 
 
 def yielding(mix, stress, hardened, factor=1.0):
-    """f/a^2, df/dp and df/dq, straight from the definition; p and q compression positive."""
+    """f/a^2, df/dp and df/dq from the definition; p and q compression positive."""
     M, pt, pc = mix.critical_slope, mix.tensile_strength, mix.yield_pressure(hardened) * factor
     p, q = -split(stress)[0], von_mises(stress)
     a, c = (pc + pt) / 2, (pc - pt) / 2
@@ -82,7 +82,7 @@ def yielding(mix, stress, hardened, factor=1.0):
 
 
 def plastic_strain(mix, before, after, strain):
-    """Of increments (xx, yy, 2 xy): what Hooke's law leaves, as a tensor (xx, yy, zz, xy), shape (n, 4)."""
+    """Plastic part of strain increments (xx, yy, 2 xy) by Hooke's law, as a tensor (xx, yy, zz, xy), shape (n, 4)."""
     K, G = moduli(mix)
     total = np.column_stack((strain[:, 0], strain[:, 1], np.zeros(len(strain)), strain[:, 2] / 2))
     mean, s = split(after.stress - before.stress)
@@ -97,7 +97,7 @@ def scattered(n, largest, seed=0):
 
 
 def admissible(mix, n, steps=3, largest=0.03, seed=1):
-    """Random states that the mix can be in: on its limit and inside."""
+    """Random admissible states, on the yield surface and inside."""
     state = cap_plasticity.initial_state(mix, n)
     for i in range(steps):
         state, _ = cap_plasticity.integrate_points(mix, state, scattered(n, largest, seed + i), tangent=False)
@@ -108,7 +108,7 @@ def admissible(mix, n, steps=3, largest=0.03, seed=1):
 
 
 @pytest.mark.parametrize("steps", [1, 7, 200])
-def test_isotropic_compression_is_heckels_law(steps):
+def test_isotropic_compression_follows_heckels_law(steps):
     K, constants = moduli(MIX)[0], cap_plasticity.cap_constants(MIX, 1.0)
     p, k = 0.0, 0.94
     for _ in range(steps):
@@ -130,7 +130,7 @@ def test_oedometer_of_a_rigid_plastic_mix(critical_slope, side_share, over_cap, 
 
 
 @pytest.mark.parametrize("critical_slope", [1, 1.2, 1.42])
-def test_rigid_plastic_limit_is_the_flow_rule(critical_slope):
+def test_rigid_plastic_limit_follows_the_flow_rule(critical_slope):
     """Plastic strain without lateral part: eta = q/p = (sqrt(9 + 4 M^2) - 3)/2, and the ellipse at it."""
     mix = law(critical_slope=critical_slope, tensile_strength=0.0, unloading_modulus=1e15)
     end = walked(mix, [(0, 0.03, 0)])
@@ -166,7 +166,7 @@ def test_unloading_is_elastic(dry_side):
     assert end.plastic_work == start.plastic_work
 
 
-def test_flat_side_shears_without_volume():
+def test_flat_side_shears_at_constant_volume():
     mix = law(dry_side="flat")
     end = walked(mix, [(0, 0, 0.001)] * 50)
     limit = 1.2 * (mix.yield_pressure(0.94) + 14e3) / 2
@@ -176,8 +176,8 @@ def test_flat_side_shears_without_volume():
 
 
 @SIDES
-def test_pulled_apart_the_mix_keeps_its_strength(dry_side):
-    """Pure tension of the mean stress ends at p = -pt, whatever the density has come to."""
+def test_tension_ends_at_the_tensile_strength(dry_side):
+    """Isotropic tension ends at p = -pt at any density."""
     mix = law(dry_side=dry_side)
     constants, K = cap_plasticity.cap_constants(mix, 1.0), moduli(mix)[0]
     _, p, _, k, memory, work, _ = cap_plasticity.return_map(constants, -0.05 * K, 0.0, 0.94, 0.94)
@@ -187,7 +187,7 @@ def test_pulled_apart_the_mix_keeps_its_strength(dry_side):
     assert work == pytest.approx(p * np.log(k / 0.94), rel=1e-12)
 
 
-def test_without_strength_the_flat_side_ends_in_a_wall():
+def test_flat_side_without_strength_has_no_negative_pressure():
     mix = law(dry_side="flat", tensile_strength=0.0)
     end = walked(mix, [(-0.01, -0.01, 0.02)])
     limit = 1.2 * mix.yield_pressure(0.94) / 2
@@ -196,8 +196,8 @@ def test_without_strength_the_flat_side_ends_in_a_wall():
     assert end.density_ratio[0] == pytest.approx(0.94 * np.exp(-0.02), rel=1e-12)
 
 
-def test_pc_remembers_the_largest_density():
-    """Loosened and pressed again, the mix hardens only beyond where it has been: cycles do not ratchet."""
+def test_pc_depends_on_the_largest_density():
+    """Cycles do not ratchet: after loosening, the mix hardens only beyond its largest density."""
     mix = law(dry_side="flat")
     state = walked(mix, [(0, 0.03, 0)])
     densest = state.density_ratio[0]
@@ -209,7 +209,7 @@ def test_pc_remembers_the_largest_density():
 
 
 @pytest.mark.parametrize("speed", [0.02, 2.0])
-def test_rate_raises_the_cap(speed):
+def test_rate_factor_scales_the_cap(speed):
     slow = law(rate_exponent=0.025, reference_speed=0.2)
     factor = slow.rate_factor(speed)
     assert factor == pytest.approx((speed / 0.2) ** 0.025, rel=1e-15)
@@ -219,11 +219,11 @@ def test_rate_raises_the_cap(speed):
     assert abs(yielding(slow, end.stress, end.max_density_ratio, factor)[0][0]) < 1e-12
 
 
-def test_a_mix_that_knows_no_rate_has_none():
+def test_rate_independent_mix_has_the_rate_factor_one():
     assert MIX.rate_factor(17.0) == 1.0
 
 
-def test_falling_speed_lets_stress_relax_onto_the_smaller_cap():
+def test_stress_relaxes_onto_the_cap_of_a_lower_speed():
     fast = walked(MIX, [(0, 0.01, 0)] * 3, rate_factor=1.06)
     still = walked(MIX, [(0, 0, 0)], fast)
     assert abs(yielding(MIX, still.stress, still.max_density_ratio)[0][0]) < 1e-12
@@ -234,7 +234,7 @@ def test_falling_speed_lets_stress_relax_onto_the_smaller_cap():
 
 
 def rates(mix, stress, k, strain):
-    """d stress and dk for a strain rate (xx, yy, zz, xy), compression positive, on the yield limit."""
+    """d stress and dk for a strain rate (xx, yy, zz, xy), compression positive, on the yield surface."""
     K, G = moduli(mix)
     M, pt, pc = mix.critical_slope, mix.tensile_strength, float(mix.yield_pressure(k))
     H = k / (mix.heckel_slope * (1 - k))
@@ -310,7 +310,7 @@ def test_rate_equations_give_the_published_paths(name):
 @pytest.mark.parametrize(
     "name", [name for name in PATHS if not name.startswith("log")]
 )  # log: other strains of the oedometer
-def test_small_steps_go_where_the_rate_equations_lead(name, dry_side):
+def test_small_steps_converge_to_the_rate_equations(name, dry_side):
     strain = np.array(PATHS[name][0])
     stress, density_ratio = followed(MIX, strain)
     got = extrapolated(law(dry_side=dry_side), strain)
@@ -327,15 +327,15 @@ def test_error_is_of_first_order_in_the_step(name):
     assert np.polyfit(np.log(steps), np.log(error), 1)[0] == pytest.approx(-1, abs=0.05)
 
 
-def test_fifty_equal_steps_are_as_near_as_stated():
+def test_error_of_fifty_equal_steps_is_as_documented():
     """6.5e-7 in s_v and 7e-5 in s_h at e = .04, with first yield anywhere in its step."""
     exact, _ = followed(MIX, np.array([0, 0.04, 0, 0]))
     end = walked(MIX, [(0, 0.04 / 50, 0)] * 50)
     assert np.abs(-end.stress[0, :2] / exact[:2] - 1) == pytest.approx([7.0e-5, 6.5e-7], rel=0.01)
 
 
-def test_small_steps_on_the_dry_side_go_where_the_rate_equations_lead():
-    """The full ellipse loosens and softens there."""
+def test_small_steps_on_the_subcritical_side_converge_to_the_rate_equations():
+    """The full ellipse dilates and softens there."""
     strain = np.array([-0.0015, 0, 0, 0.003])
     stress, density_ratio = followed(MIX, strain)
     assert density_ratio < 0.9395
@@ -345,7 +345,7 @@ def test_small_steps_on_the_dry_side_go_where_the_rate_equations_lead():
 
 
 @SIDES
-def test_sideways_pressure_of_50_kpa_is_held(dry_side):
+def test_lateral_pressure_of_50_kpa_is_kept(dry_side):
     """Biaxial: e_y = .05 from 50 kPa all round while s_x stays."""
     mix = law(dry_side=dry_side)
 
@@ -365,7 +365,7 @@ def test_sideways_pressure_of_50_kpa_is_held(dry_side):
     assert 2 * held(800) - held(400) == pytest.approx([50e3, 158508.0, 90120.5, 0.96256004], rel=1e-6)
 
 
-def test_sheared_at_constant_volume_the_mix_comes_to_the_published_stress():
+def test_shear_at_constant_volume_gives_the_published_stress():
     def sheared(steps):
         state = walked(MIX, [(0, 0.03 / steps, 0)] * steps)
         state = walked(MIX, [(0, 0, 0.02 / steps)] * steps + [(0, 0, 0.2)] * 10, state)
@@ -404,8 +404,8 @@ def test_release_of_the_oedometer_is_elastic(other, pressed, released, side_befo
 @SIDES
 @pytest.mark.parametrize("name", HARD)
 @pytest.mark.parametrize("largest", [1e-9, 1e-3, 0.05, 2.0])
-def test_every_increment_closes(name, dry_side, largest):
-    """From states that such increments lead to, including pure shear, volume alone and nothing at all."""
+def test_every_increment_converges(name, dry_side, largest):
+    """Increments include pure shear, pure volume and zero; the states result from such increments."""
     mix, n = law(dry_side=dry_side, **HARD[name]), 2000
     state = cap_plasticity.initial_state(mix, n)
     for i in range(6):
@@ -422,8 +422,9 @@ def test_every_increment_closes(name, dry_side, largest):
 
 
 @SIDES
-def test_a_million_increments_close(dry_side):
-    mix, n = law(dry_side=dry_side), 100_000
+@pytest.mark.parametrize("n", [10_000, pytest.param(100_000, marks=pytest.mark.slow)])
+def test_random_increments_converge(dry_side, n):
+    mix = law(dry_side=dry_side)
     state = cap_plasticity.initial_state(mix, n)
     for i in range(10):
         state, _ = cap_plasticity.integrate_points(mix, state, scattered(n, 0.05, seed=i))
@@ -434,18 +435,18 @@ def test_a_million_increments_close(dry_side):
 @pytest.mark.parametrize("nearness", [0.0, 1e-17, 1e-14, 1e-11, 1e-6])
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("k", [0.721, 0.73, 0.96, 0.99, 1.02])
-def test_trials_at_the_critical_state_close(k, sign, nearness, dry_side):
+def test_trials_at_the_critical_state_converge(k, sign, nearness, dry_side):
     mix = law(dry_side=dry_side, tensile_strength=0.0)
     constants, c = cap_plasticity.cap_constants(mix, 1.0), mix.yield_pressure(k) / 2
-    attempts, p, shrink, density_ratio, *_ = cap_plasticity.return_map(constants, c * (1 + sign * nearness), 5e6, k, k)
+    iterations, p, scale, density_ratio, *_ = cap_plasticity.return_map(constants, c * (1 + sign * nearness), 5e6, k, k)
     assert p == pytest.approx(c, rel=2 * nearness + 1e-11)
-    assert shrink * 5e6 == pytest.approx(1.2 * c, rel=2 * nearness + 1e-12)
+    assert scale * 5e6 == pytest.approx(1.2 * c, rel=2 * nearness + 1e-12)
     assert density_ratio == pytest.approx(k, rel=nearness + 1e-14)
-    assert attempts < 40
+    assert iterations < 40
 
 
 @SIDES
-def test_nothing_happens_in_an_increment_of_nothing(dry_side):
+def test_zero_increment_changes_nothing(dry_side):
     mix = law(dry_side=dry_side)
     state = admissible(mix, 500)
     still, _ = cap_plasticity.integrate_points(mix, state, np.zeros((500, 3)))
@@ -454,7 +455,7 @@ def test_nothing_happens_in_an_increment_of_nothing(dry_side):
     assert (still.plastic_work == state.plastic_work).all()
 
 
-def test_beyond_full_density_the_mix_is_pressed_on():
+def test_compression_continues_beyond_full_density():
     mix = law(dry_side="flat")
     state = walked(mix, [(0.02, 0.02, 0)] * 10)
     assert 1 < state.density_ratio[0] < np.exp(0.4) * 0.94
@@ -467,8 +468,8 @@ def test_beyond_full_density_the_mix_is_pressed_on():
 @SIDES
 @pytest.mark.parametrize("name", HARD)
 @pytest.mark.parametrize("largest", [1e-4, 0.05])
-def test_the_step_solves_its_equations(name, dry_side, largest):
-    """Limit, normality, density and work, from stresses alone: the plastic strain is what Hooke's law leaves."""
+def test_increment_satisfies_its_equations(name, dry_side, largest):
+    """Yield limit, normality, density and work from stresses alone; the plastic strain follows from Hooke's law."""
     mix, n = law(dry_side=dry_side, **HARD[name]), 1000
     state, strain = admissible(mix, n), scattered(n, largest, seed=5)
     end, _ = cap_plasticity.integrate_points(mix, state, strain)
@@ -498,7 +499,7 @@ def test_the_step_solves_its_equations(name, dry_side, largest):
 
 
 @SIDES
-def test_axes_turned_in_the_plane_turn_stress_and_tangent(dry_side):
+def test_rotation_in_the_plane_rotates_stress_and_tangent(dry_side):
     mix, n = law(dry_side=dry_side), 300
     state, strain = admissible(mix, n), scattered(n, 0.01, seed=3)
     cos, sin = np.cos(0.7), np.sin(0.7)
@@ -519,7 +520,7 @@ def test_axes_turned_in_the_plane_turn_stress_and_tangent(dry_side):
 
 
 def differences(move, strain, size=1e-7):
-    """One-sided d stress/d strain ahead and back, shape (n, 3, 3)."""
+    """One-sided forward and backward differences d stress/d strain, shape (n, 3, 3)."""
     middle = move(strain).stress
     ahead, back = np.empty((len(strain), 3, 3)), np.empty((len(strain), 3, 3))
     for j, e in enumerate(size * np.eye(3)):
@@ -547,8 +548,8 @@ def test_tangent_is_the_derivative(name, dry_side, largest):
 
 
 @SIDES
-def test_tangent_at_an_isotropic_state_is_finite_and_right(dry_side):
-    """Where the stress deviator vanishes, p follows pc: B = K H/(K + H), and shear flows with it."""
+def test_tangent_at_an_isotropic_state_has_its_closed_form(dry_side):
+    """Where the stress deviator vanishes, p = pc: B = K H/(K + H), with plastic shear."""
     constants, K = cap_plasticity.cap_constants(law(dry_side=dry_side), 1.0), moduli(MIX)[0]
     *_, (bulk, _, right, left, _) = cap_plasticity.return_map(constants, 0.03 * K, 0.0, 0.94, 0.94)
     size = 1e-6 * K
@@ -557,8 +558,8 @@ def test_tangent_at_an_isotropic_state_is_finite_and_right(dry_side):
     assert np.isfinite([right, left]).all()
 
 
-def test_tangent_is_symmetric_where_nothing_hardens():
-    """The loosening flat side is perfectly plastic, a projection."""
+def test_tangent_is_symmetric_without_hardening():
+    """The dilating flat side is perfectly plastic, a projection."""
     mix = law(dry_side="flat")
     strain = scattered(2000, 0.02, seed=11) + np.array([0.01, 0.01, 0])
     end, slopes = cap_plasticity.integrate_points(mix, cap_plasticity.initial_state(mix, 2000), strain)
@@ -567,7 +568,7 @@ def test_tangent_is_symmetric_where_nothing_hardens():
     assert np.abs(slopes - slopes.transpose(0, 2, 1))[loosened].max() < 1e-12 * 161e6
 
 
-def test_tangent_of_a_hardening_step_loses_its_symmetry_with_the_step_alone():
+def test_asymmetry_of_the_tangent_is_proportional_to_the_increment():
     def skewness(size):
         state = walked(MIX, [(0, 0.02, 0.004)])
         _, slopes = cap_plasticity.integrate_points(MIX, state, np.array([[0, -size, -size]]))
@@ -579,8 +580,8 @@ def test_tangent_of_a_hardening_step_loses_its_symmetry_with_the_step_alone():
     assert np.polyfit(np.log(sizes), np.log(skew), 1)[0] == pytest.approx(1, abs=0.05)
 
 
-def test_perfectly_plastic_returns_do_not_part():
-    """On the flat side a projection in the energy norm: (s1 - s2) C^-1 (s1 - s2) <= (s1 - s2)(e1 - e2)."""
+def test_perfectly_plastic_return_is_contractive():
+    """The flat side is a projection in the energy norm: (s1 - s2) C^-1 (s1 - s2) <= (s1 - s2)(e1 - e2)."""
     mix, n = law(dry_side="flat"), 2000
     strains = [scattered(n, 0.01, seed=seed) + np.array([0.002, 0.002, 0]) for seed in (0, 1)]
     ends = [
@@ -595,12 +596,12 @@ def test_perfectly_plastic_returns_do_not_part():
     assert (lost[still] >= -1e-9 * np.abs(elastic).max(axis=1)[still]).all()
 
 
-# cost
+# iterations
 
 
 @SIDES
 @pytest.mark.parametrize(("largest", "mean", "most"), [(1e-3, 5.5, 9), (0.05, 6.0, 15), (0.5, 8.5, 45)])
-def test_attempts_are_few(largest, mean, most, dry_side):
+def test_iterations_are_few(largest, mean, most, dry_side):
     mix = law(dry_side=dry_side)
     constants, state = cap_plasticity.cap_constants(mix, 1.0), admissible(mix, 3000, largest=largest)
     strain = scattered(3000, largest, seed=21)
@@ -608,23 +609,23 @@ def test_attempts_are_few(largest, mean, most, dry_side):
     trial = state.stress + hooke(mix, tensor)
     p, q = -split(trial)[0], von_mises(trial)
     points = zip(p, q, state.density_ratio, state.max_density_ratio, strict=True)
-    attempts = np.array([cap_plasticity.return_map(constants, *point)[0] for point in points])
-    assert attempts[attempts > 0].mean() < mean
-    assert attempts.max() < most
+    iterations = np.array([cap_plasticity.return_map(constants, *point)[0] for point in points])
+    assert iterations[iterations > 0].mean() < mean
+    assert iterations.max() < most
 
 
-# refusals
+# errors
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_strain_that_is_no_number_is_refused(bad):
+def test_nonfinite_strain_raises_an_error(bad):
     strain = np.zeros((3, 3))
     strain[1, 2] = bad
     with pytest.raises(ValueError, match=r"`strain` must be finite, got .* at index \(1, 2\)"):
         cap_plasticity.integrate_points(MIX, cap_plasticity.initial_state(MIX, 3), strain)
 
 
-def test_state_that_is_no_number_is_refused():
+def test_nonfinite_state_raises_an_error():
     state = cap_plasticity.initial_state(MIX, 1)
     state.density_ratio[0] = np.nan
     with pytest.raises(ValueError, match="`density_ratio` must be finite, got \\[nan\\]"):
@@ -632,7 +633,7 @@ def test_state_that_is_no_number_is_refused():
 
 
 @pytest.mark.parametrize("strain", [(0, 0, 1e200), (-1e300, 0, 0), (-2000, -2000, 0)])
-def test_increment_that_overflows_is_never_a_number(strain):
+def test_overflow_raises_an_error(strain):
     with pytest.raises(
         RuntimeError, match=r"the return mapping did not converge for a strain increment of \S+ from .* use smaller"
     ):
@@ -640,13 +641,13 @@ def test_increment_that_overflows_is_never_a_number(strain):
 
 
 @pytest.mark.parametrize("factor", [0.0, -1.0, np.nan])
-def test_rate_factor_that_is_not_positive_is_refused(factor):
+def test_rate_factor_must_be_positive(factor):
     with pytest.raises(ValueError, match="`rate_factor` must be positive and finite, got"):
         cap_plasticity.integrate_points(MIX, cap_plasticity.initial_state(MIX, 1), np.zeros((1, 3)), rate_factor=factor)
 
 
-def test_points_in_slices_are_the_same(monkeypatch):
-    """An interrupt gets in between two slices."""
+def test_batches_of_points_give_the_same_result(monkeypatch):
+    """An interrupt is handled between two batches."""
     strain = scattered(50, 1e-3, seed=5)
     whole, slopes = cap_plasticity.integrate_points(MIX, cap_plasticity.initial_state(MIX, 50), strain)
     monkeypatch.setattr(cap_plasticity, "BATCH_POINTS", 7)

@@ -1,4 +1,4 @@
-"""Materials: the law of a compacting mix beside its closed forms, and what it refuses."""
+"""Material laws: closed forms of the hardening curve, and invalid parameters."""
 
 from dataclasses import replace
 
@@ -24,28 +24,28 @@ LOOSEST = 1 - 0.28 * np.exp(-HECKEL_MIN_PRESSURE)  # where pc leaves the curve n
 
 
 @pytest.mark.parametrize("k", [LOOSEST, 0.75, 0.94, 0.98, HECKEL_MAX_DENSITY_RATIO])
-def test_yield_pressure_is_heckels(k):
+def test_yield_pressure_follows_heckels_curve(k):
     assert MIX.yield_pressure(k) == pytest.approx(np.log(0.28 / (1 - k)) / 13e-6, rel=1e-13)
 
 
-def test_beyond_measured_densities_the_curve_keeps_its_modulus():
+def test_curve_keeps_its_modulus_beyond_measured_densities():
     k = np.array([0.995, 1.0, 1.07])
     expected = (np.log(0.28 / 0.01) + 99 * np.log(k / 0.99)) / 13e-6
     assert MIX.yield_pressure(k) == pytest.approx(expected, rel=1e-14)
 
 
-def test_loose_mix_keeps_half_of_the_least_pressure():
+def test_loose_mix_has_half_of_the_minimum_pressure():
     assert MIX.yield_pressure(np.array([0.5, 1e-9])) == pytest.approx(HECKEL_MIN_PRESSURE / 2 / 13e-6, rel=1e-12)
 
 
 @pytest.mark.parametrize("joint", [LOOSEST, HECKEL_MAX_DENSITY_RATIO])
-def test_joints_of_the_curve_are_smooth(joint):
+def test_curve_is_smooth_at_its_transitions(joint):
     h = 1e-8
     before, here, after = MIX.yield_pressure(joint + h * np.array([-1, 0, 1]))
     assert (here - before) / (after - here) == pytest.approx(1, abs=1e-4)
 
 
-def test_compiled_hardening_is_the_laws():
+def test_compiled_hardening_equals_that_of_the_law():
     k = np.concatenate((np.linspace(0.01, 1.5, 600), [LOOSEST, HECKEL_MAX_DENSITY_RATIO]))
     constants = cap_plasticity.cap_constants(MIX, 1.0)
     pc, modulus = np.array([cap_plasticity.hardening(constants, value) for value in k]).T
@@ -61,40 +61,40 @@ def test_rate_factor_is_a_power_of_speed(speed, factor):
     assert replace(MIX, rate_exponent=0.025, reference_speed=0.2).rate_factor(speed) == pytest.approx(factor, rel=1e-14)
 
 
-# refusals
+# errors
 
 
 @pytest.mark.parametrize("name", ["unloading_modulus", "heckel_slope", "loose_density_ratio", "critical_slope"])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
-def test_what_must_be_positive_is(name, value):
+def test_positive_parameters_are_required(name, value):
     with pytest.raises(ValueError, match=f"`{name}` must be positive and finite, got"):
         replace(MIX, **{name: value})
 
 
 @pytest.mark.parametrize("name", ["tensile_strength", "rate_exponent"])
-def test_what_may_be_zero_is_not_negative(name):
+def test_negative_parameters_raise_an_error(name):
     with pytest.raises(ValueError, match=f"`{name}` must be zero or positive, and finite, got -1"):
         replace(MIX, **{name: -1.0})
 
 
 @pytest.mark.parametrize("poisson", [-0.1, 0.5, np.nan])
-def test_poisson_outside_its_range_is_refused(poisson):
+def test_poisson_outside_its_range_raises_an_error(poisson):
     with pytest.raises(ValueError, match=r"`poisson` must lie in \[0, 0.5\), got"):
         replace(MIX, poisson=poisson)
 
 
 @pytest.mark.parametrize("k", [0.72, 0.5, 1.0, np.nan])
-def test_fed_density_beside_the_curve_is_refused(k):
+def test_initial_density_off_the_curve_raises_an_error(k):
     with pytest.raises(ValueError, match=r"`fed_density_ratio` must lie between `loose_density_ratio` 0.72 and 1, got"):
         replace(MIX, fed_density_ratio=k)
 
 
-def test_unknown_dry_side_names_the_choices():
+def test_unknown_subcritical_side_lists_the_choices():
     with pytest.raises(ValueError, match="no dry_side 'flatt'; did you mean 'flat'\\? choose from ellipse, flat"):
         replace(MIX, dry_side="flatt")
 
 
-def test_rate_without_its_speed_is_refused():
+def test_rate_exponent_requires_a_reference_speed():
     with pytest.raises(ValueError, match="`reference_speed` must be set where `rate_exponent` is not 0, got None"):
         replace(MIX, rate_exponent=0.02)
 

@@ -1,4 +1,4 @@
-"""Batched element matrices: equality with the elasticity form of scikit-fem, and projection of the volumetric strain."""
+"""Batched element matrices: equality with the elasticity form of scikit-fem, projection of the volumetric strain."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Row meshes: shape and grading, refining, files, and the refusal of rows that are not straight."""
+"""Row meshes: shape, grading, refinement, files, and errors for rows that are not straight."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def area(row_mesh):
 
 
 def shuffled(row_mesh, rng):
-    """Points and quads of a mesh in an order nobody chose."""
+    """Points and quads of a mesh in random order."""
     order = rng.permutation(len(row_mesh.points))
     points = np.empty_like(row_mesh.points)
     points[order] = row_mesh.points
@@ -62,7 +62,7 @@ def test_elements_shrink_to_the_edges_and_the_surface():
     assert np.all(np.diff(np.diff(LAYER.y)) < 1e-15)
 
 
-def test_neighbours_differ_by_the_growth_at_most():
+def test_ratio_of_neighbours_is_at_most_the_growth():
     for sizes in (np.diff(LAYER.x[-1]), np.diff(LAYER.y)):
         ratio = np.maximum(sizes[1:] / sizes[:-1], sizes[:-1] / sizes[1:])
         assert ratio.max() < 1.3 * mesh.GROWTH
@@ -81,11 +81,11 @@ def test_any_layer_is_covered_and_symmetric(height, ratio, elements):
 
 
 @pytest.mark.parametrize(("error", "elements"), [(2e-3, 10), (2.5e-4, 40), (1, 4), (1e-9, 80)])
-def test_wanted_error_sets_the_elements(error, elements):
+def test_tolerance_sets_the_elements(error, elements):
     assert mesh.mesh_for_error(0.22, 0.02, error) == graded_mesh(0.22, 0.02, elements)
 
 
-# a value
+# equality and refinement
 
 
 def test_meshes_of_the_same_nodes_are_equal():
@@ -101,13 +101,13 @@ def test_arrays_are_read_only():
         LAYER.x[0, 0] = 1.0
 
 
-def test_refined_quarters_every_element():
+def test_refinement_divides_every_element_into_four():
     fine = SMALL.refined()
     assert fine.shape == (4, 4)
     assert area(fine).reshape(2, 2, 2, 2).sum(axis=(1, 3)).ravel() == pytest.approx(area(SMALL), rel=1e-12)
 
 
-def test_graded_layers_mirror_themselves_and_so_do_refined_ones():
+def test_graded_and_refined_layers_are_symmetric():
     assert LAYER.mirrored
     assert LAYER.refined().mirrored
     assert not SMALL.mirrored
@@ -117,7 +117,7 @@ def test_graded_layers_mirror_themselves_and_so_do_refined_ones():
 
 
 @pytest.mark.parametrize("suffix", ["vtu", "msh", "vtk", "inp"])
-def test_file_gives_back_the_mesh(tmp_path, suffix):
+def test_mesh_is_read_as_written(tmp_path, suffix):
     mesh.write_row_mesh(SMALL, tmp_path / f"layer.{suffix}")
     again = mesh.read_mesh(tmp_path / f"layer.{suffix}")
     assert again.x == pytest.approx(SMALL.x, rel=1e-12)
@@ -125,7 +125,7 @@ def test_file_gives_back_the_mesh(tmp_path, suffix):
 
 
 @pytest.mark.parametrize("layer", [LAYER, SMALL], ids=["graded", "skewed"])
-def test_any_numbering_is_put_in_rows(layer):
+def test_rows_are_found_in_any_numbering(layer):
     assert row_mesh(*shuffled(layer, np.random.default_rng(1))) == layer
 
 
@@ -138,34 +138,34 @@ def test_shipped_meshes_are_layers_of_the_default_scene(size):
     assert shipped.dofs > 1000
 
 
-# refusals
+# errors
 
 
-def test_crooked_row_is_refused():
+def test_skewed_row_raises_an_error():
     points = SMALL.points
     points[4, 1] += 0.1
     with pytest.raises(ValueError, match=r"rows must be straight: the corners of element 0 lie at the heights \[0.0"):
         row_mesh(points, SMALL.quads)
 
 
-def test_hole_is_refused():
+def test_hole_raises_an_error():
     fine = SMALL.refined()
     with pytest.raises(ValueError, match="without gap or overlap: 16 expected between neighbouring nodes, 15 got, 15"):
         row_mesh(fine.points, np.delete(fine.quads, 5, axis=0))
 
 
-def test_uneven_lines_are_refused():
+def test_lines_of_unequal_length_raise_an_error():
     quads = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6]])
-    with pytest.raises(ValueError, match="every line of nodes must have equally many nodes, got 3, 3, 2 from the base upwards"):
+    with pytest.raises(ValueError, match="must have equally many nodes, got 3, 3, 2 from the base upwards"):
         row_mesh(SMALL.points, quads)
 
 
-def test_triangles_are_refused():
+def test_triangles_raise_an_error():
     with pytest.raises(ValueError, match=r"`quads` must be quadrilaterals of 4 corners, got shape \(1, 3\)"):
         row_mesh(SMALL.points, [[0, 1, 2]])
 
 
-def test_file_of_triangles_is_refused(tmp_path):
+def test_file_of_triangles_raises_an_error(tmp_path):
     import meshio
 
     meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])]).write(tmp_path / "t.vtu")
@@ -184,7 +184,7 @@ def test_file_of_triangles_is_refused(tmp_path):
     ],
     ids=["base", "turned", "flat", "shape", "nan"],
 )
-def test_nodes_out_of_rows_are_refused(x, y, message):
+def test_nodes_off_the_rows_raise_an_error(x, y, message):
     with pytest.raises(ValueError, match=message):
         RowMesh(np.array(x, dtype=float), np.array(y, dtype=float))
 
@@ -199,6 +199,6 @@ def test_nodes_out_of_rows_are_refused(x, y, message):
     ],
     ids=["height", "half_width", "growth", "edge"],
 )
-def test_impossible_grading_is_refused(arguments, message):
+def test_impossible_grading_raises_an_error(arguments, message):
     with pytest.raises(ValueError, match=message):
         graded_mesh(**({"height": 0.2, "half_width": 0.02, "elements": 10} | arguments))

@@ -80,7 +80,7 @@ class ColumnStack(NamedTuple):
     max_density_ratio: NDArray[np.float64]
 
 
-class GapGeometry(NamedTuple):
+class GapShape(NamedTuple):
     """Shape gap(x) of the roller, x from its lowest generatrix.
 
     Attributes
@@ -104,7 +104,7 @@ class ColumnProblem(NamedTuple):
         Material constants at the rolling speed.
     stack : ColumnStack
         Columns before the pass.
-    gap : GapGeometry
+    gap : GapShape
         Shape of the roller.
     strain_measure : int
         LOGARITHMIC, SMALL or MASS_TRUE.
@@ -112,7 +112,7 @@ class ColumnProblem(NamedTuple):
 
     law: CapConstants
     stack: ColumnStack
-    gap: GapGeometry
+    gap: GapShape
     strain_measure: int
 
 
@@ -289,7 +289,7 @@ def _integrate_to_stress(problem, control, state, path, stop, direction, tries_e
 
 @compiled
 def _runge_kutta_step(u, step, buffers, problem, state, error_scale):
-    """Compute one Dormand-Prince step with `rates[0]` given; return its error over `error_scale`."""
+    """Compute one Dormand-Prince step from `rates[0]`; return its error over `error_scale`."""
     y, z, K = buffers
     state.counts[EVALUATIONS] += STAGES
     for stage in range(1, STAGES + 1):

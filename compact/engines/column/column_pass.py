@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compact.engines.column import column_ode as ode
-from compact.engines.column.column_ode import STRESS, ColumnProblem, ColumnStack, GapGeometry, PathControl
+from compact.engines.column.column_ode import STRESS, ColumnProblem, ColumnStack, GapShape, PathControl
 from compact.material.cap_plasticity import CapConstants, cap_constants, hardening
 from compact.material.laws import Compaction
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
@@ -29,11 +29,11 @@ STRAINS = {
     "small": ode.SMALL,
     "mass-true": ode.MASS_TRUE,
 }  # strain measures by their names
-PLATE = GapGeometry(0.0, 0.0)
+PLATE = GapShape(0.0, 0.0)
 PATH_ROWS_INITIAL = 128  # [-], rows of a path, doubled on demand; room for all steps would cost more than most steps
 STEPS_PER_CALL = 20_000  # [-], steps in one compiled call over the number of columns; at most 0.1 s to an interrupt
 FAILURES = {
-    ode.STEPS_EXHAUSTED: "it would take more",
+    ode.STEPS_EXHAUSTED: "more steps are needed",
     ode.STEP_UNDERFLOW: "shorter steps do not change x",
     ode.EVENT_NOT_LOCATED: "the stress at which a column yields was not located",
 }
@@ -78,7 +78,7 @@ class ColumnLayer:
         Material constants at the rolling speed.
     stack : ColumnStack
         Columns from the base upwards.
-    gap : GapGeometry
+    gap : GapShape
         Shape of the roller.
     strain_measure : int
         One of the values of STRAINS.
@@ -86,7 +86,7 @@ class ColumnLayer:
 
     law: CapConstants
     stack: ColumnStack
-    gap: GapGeometry
+    gap: GapShape
     strain_measure: int
 
     @cached_property
@@ -190,7 +190,7 @@ class ColumnLayer:
         u : float
             Coordinate at the start [m].
         y : ndarray
-            State vector there.
+            State vector at the start.
         control : PathControl
             End of the path and accuracy.
 
@@ -258,7 +258,7 @@ class ColumnLayer:
         loading : ndarray
             Path from the front edge to the lowest generatrix.
         indentation : float
-            Indentation there [m].
+            Indentation at the lowest generatrix [m].
         control : PathControl
             Accuracy; the end of the path is replaced by the rear edge.
         evaluations : int
@@ -311,7 +311,7 @@ class PassResult:
 
     @property
     def load(self) -> float:
-        """Load P [N/m]; the integral under the front is negative, since u decreases there."""
+        """Load P [N/m]; the integral under the front is negative, where u decreases."""
         return float(self.unloading[-1, 1 + ode.LOAD_INTEGRAL] - 2 * self.loading[-1, 1 + ode.LOAD_INTEGRAL])
 
     @property
@@ -354,7 +354,7 @@ class PassResult:
 
 
 def column_layer(
-    columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapGeometry, strain_measure: int
+    columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapShape, strain_measure: int
 ) -> ColumnLayer:
     """Build the `ColumnLayer` of columns at rest.
 
@@ -366,7 +366,7 @@ def column_layer(
         Material law.
     rate_factor : float
         Ratio of pc to its value at the reference speed [-].
-    gap : GapGeometry
+    gap : GapShape
         Shape of the roller.
     strain_measure : int
         One of the values of STRAINS.

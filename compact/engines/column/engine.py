@@ -2,14 +2,14 @@
 
     h(x) = h_min + gap(x),    P = int s_v dx,    F = int s_v gap' dx = closed integral of s_v dh
 
-Each column is compressed as in an oedometer (`column_ode`), from the front edge, where the roller touches the initial
+Each column is compressed as in an oedometer (`column_ode`). The contact extends from the front edge, at the initial
 height, to the rear edge, where the rebound ends and s_v = 0. This is the limit of a wide thin bonded layer without
 friction. The difference to plane strain is of second order in height over contact length; `error` does not contain it.
 F is the work retained by the layer. It depends on the lowest height alone, not on radius or profile, and on the speed
 through pc only.
 
 Mass is measured by the height that grains and water fill, density ratio times height; the gap cannot be smaller.
-Several passes, and new mix on compacted mix, are columns on top of one another that share s_v and keep their state.
+Several passes, and new mix on compacted mix, are columns on top of one another that share s_v and retain their state.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from compact.engines.column.column_ode import COLUMN_STATE, STRESS, GapGeometry, PathControl
+from compact.engines.column.column_ode import COLUMN_STATE, STRESS, GapShape, PathControl
 from compact.engines.column.column_pass import (
     PLATE,
     STIFFNESS_RATIO_MAX,
@@ -36,19 +36,15 @@ from compact.engines.column.indentation_search import (
     solve_target,
 )
 from compact.material.laws import Compaction
-from compact.numerics.validation import require_finite, require_known, require_nonnegative, require_positive
-from compact.rolling_contact import ContactResult, Layer, Roller, require_on_target, require_target_reached
-
-__all__ = [
-    "Column",
-    "ColumnContactResult",
-    "OedometerResult",
-    "RequiredFeed",
-    "required_feed",
-    "roll",
-    "roll_over",
-    "simulate_oedometer",
-]
+from compact.numerics.validation import require_known, require_nonnegative, require_positive
+from compact.rolling_contact import (
+    ContactResult,
+    Layer,
+    Roller,
+    require_moving,
+    require_on_target,
+    require_target_reached,
+)
 
 INTEGRATION_RTOL = 1e-9  # [-], default error of a step over the size of the whole pass
 ERROR_RTOL_RATIO = 100.0  # [-], `rtol` of the comparison pass over `rtol`; the difference is the error estimate
@@ -92,7 +88,7 @@ class ColumnContactResult(ContactResult):
 
 @dataclass(frozen=True)
 class RequiredFeed:
-    """Feed that gives a product its height and density.
+    """Feed for a product of prescribed height and density.
 
     Parameters
     ----------
@@ -210,7 +206,7 @@ def roll_over(
     require_column_range(roller, material, speed)
     require_known("strain", strain, STRAINS)
     require_positive(rtol=rtol)
-    gap = GapGeometry(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
+    gap = GapShape(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
     layer = _integrable_layer(tuple(columns), material, material.rate_factor(speed), gap, STRAINS[strain])
     if exit_density_ratio is None:
         result, evaluations = solve_target(layer, roller, rtol)
@@ -316,7 +312,7 @@ def _unit_layer(material: Compaction, rate_factor: float) -> ColumnLayer:
 
 
 def _integrable_layer(
-    columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapGeometry, strain_measure: int
+    columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapShape, strain_measure: int
 ) -> ColumnLayer:
     """Build the `ColumnLayer`; raise ValueError if its equation is too stiff for an explicit method."""
     layer = column_layer(columns, material, rate_factor, gap, strain_measure)
@@ -395,12 +391,7 @@ def require_column_range(roller: Roller, material: Compaction, speed: float) -> 
         Speed [m/s], finite and not 0.
     """
     _require_compaction(material)
-    require_finite(speed=speed)
-    if speed == 0:
-        raise ValueError(
-            "`speed` must not be 0, got 0: the resistance at rest is set-valued; use a small speed, whose sign is the "
-            "direction"
-        )
+    require_moving(speed)
     require_known("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
     require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
     if roller.friction and roller.rolling in ("sliding", "driven"):

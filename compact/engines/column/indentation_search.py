@@ -2,7 +2,7 @@
 
 Load, peak pressure and density ratio rise with the indentation. The root is found by inverse quadratic interpolation
 over the logarithm of the indentation, between bounds. A search for a load starts with coarse integrations. The peak
-pressure is that under a plate, and so nearly is the density ratio, which gives the first guess.
+pressure equals that under a plate, and the density ratio nearly so, which provides the first guess.
 """
 
 import math
@@ -178,7 +178,7 @@ def solve_target(layer: ColumnLayer, roller: Roller, rtol: float) -> tuple[PassR
 
 
 def _solve_peak_pressure(layer: ColumnLayer, pressure: float, rtol: float) -> tuple[PassResult, int]:
-    """Pass with a peak pressure [Pa]; the first guess is the depth at which a plate meets this stress."""
+    """Pass with a peak pressure [Pa]; the first guess is the depth at which a plate reaches this stress."""
     limit, plate = layer.max_indentation, replace(layer, gap=PLATE)
     control = PathControl(0.0, float(pressure), layer.error_scale(limit, rtol), np.inf)
     path, _, spent = plate.integrate(limit, layer.initial_state, control)

@@ -16,7 +16,6 @@ A mean exit density ratio of 1 or more is refused. A depth beyond the estimate o
 solution, and incremental rolling whose bow wave grows too high ends with the same error.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, TypedDict, Unpack
@@ -32,14 +31,15 @@ from compact.engines.compaction.heaping import (
     require_no_heaping,
 )
 from compact.engines.compaction.incremental_rolling import IncrementalRolling
+from compact.engines.compaction.newton import Progress
 from compact.engines.compaction.results import CompactionContactResult, build_result
 from compact.engines.compaction.roller_frame import LayerState, RollerFrame, rolling_mesh, transfer_state
 from compact.engines.compaction.steady_newton_krylov import continue_in_stiffness
 from compact.engines.compaction.target_search import COARSE_TOLERANCE, DepthTarget, solve_directly
 from compact.material.laws import Compaction
 from compact.mesh import RowMesh
-from compact.numerics.validation import require_between, require_finite, require_known, require_positive
-from compact.rolling_contact import HEIGHT_TOLERANCE, Layer, Roller, require_torque_allowed
+from compact.numerics.validation import require_between, require_known, require_positive
+from compact.rolling_contact import HEIGHT_TOLERANCE, Layer, Roller, require_moving, require_torque_allowed
 
 __all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
@@ -61,7 +61,7 @@ class RollingOptions(TypedDict, total=False):
     increments: int
     steady_tolerance: float
     max_contact_angle: float | None
-    progress: Callable[[str], None] | None
+    progress: Progress | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +93,7 @@ class RollingNumerics:
     increments: int = INCREMENTS
     steady_tolerance: float = STEADY_TOLERANCE
     max_contact_angle: float | None = MAX_CONTACT_ANGLE
-    progress: Callable[[str], None] | None = None
+    progress: Progress | None = None
 
     def __post_init__(self) -> None:
         require_known("strain", self.strain, ("finite", "small"))
@@ -260,9 +260,10 @@ class RollingCase:
 def _roll_from_scratch(case: RollingCase, target: DepthTarget) -> CompactionContactResult:
     """Solve on a coarse mesh, then on the fine one."""
     increments, tolerance = case.numerics.increments, case.numerics.steady_tolerance
-    depth, coarse, rolling = target.initial_depth(), None, None
+    coarse: IncrementalRolling | None = None
+    depth = target.initial_depth()
     for count in [increments] if increments <= COARSE_INCREMENTS else [COARSE_INCREMENTS, increments]:
-        coarse, rolling = rolling, case.roller_at_rest(case.create_frame(depth, count))
+        rolling = case.roller_at_rest(case.create_frame(depth, count))
         if coarse is not None:
             rolling.initialise_from(coarse, transfer_state(coarse.state, coarse.frame, rolling.frame))
         is_intermediate = count < increments and target.quantity != "indentation"
@@ -276,6 +277,7 @@ def _roll_from_scratch(case: RollingCase, target: DepthTarget) -> CompactionCont
         except RuntimeError as error:
             raise type(error)(f"{error}{_advice(case, target)}") from error
         depth = rolling.depth
+        coarse = rolling if count < increments else coarse
     rolled = build_result(rolling, case.layer, case.roller, case.material, case.speed)
     target.require_reached(rolled, rolling, case.torque)
     return _with_mesh_error(rolled, rolling, coarse)
@@ -285,12 +287,14 @@ def _roll_from_neighbour(
     case: RollingCase, target: DepthTarget, start: CompactionContactResult
 ) -> CompactionContactResult:
     """Solve from a neighbouring result, on its mesh."""
-    depth = case.roller.indentation if target.quantity == "indentation" else start.indentation
+    depth = target.value if target.quantity == "indentation" else start.indentation
     rolling = target.reach(_initialise_from_neighbour(case, start, depth), case.numerics.steady_tolerance)
     rolled = build_result(rolling, case.layer, case.roller, case.material, case.speed)
     target.require_reached(rolled, rolling, case.torque)
-    error = start.error and tuple(max(error, _step_error(rolling)) for error in start.error)
-    return replace(rolled, error=error)
+    if start.error is None:
+        return rolled
+    load_error, resistance_error = (max(error, _step_error(rolling)) for error in start.error)
+    return replace(rolled, error=(load_error, resistance_error))
 
 
 def _initialise_from_neighbour(case: RollingCase, start: CompactionContactResult, depth: float) -> IncrementalRolling:
@@ -357,9 +361,7 @@ def require_compactable(
     ValueError
         With the argument that is out of its range.
     """
-    require_finite(speed=speed)
-    if speed == 0:
-        raise ValueError("`speed` must not be 0, got 0: the resistance is set-valued there; give a signed speed")
+    require_moving(speed)
     if not isinstance(material, Compaction):
         raise ValueError(f"`material` must be Compaction, got {type(material).__name__}; use the engine fem for others")
     if layer.plies:
@@ -375,11 +377,10 @@ def require_compactable(
             f"{exit_density_ratio!r}"
         )
     if roller.indentation is not None:
-        _require_indentation(layer.height, roller, fed_ratio)
+        _require_indentation(roller.indentation, layer.height, roller, fed_ratio)
 
 
-def _require_indentation(height: float, roller: Roller, fed_ratio: float) -> None:
-    depth = roller.indentation
+def _require_indentation(depth: float, height: float, roller: Roller, fed_ratio: float) -> None:
     if roller.profile != "parabola" and depth >= roller.radius:
         raise ValueError(
             f"`indentation` must be less than the roller's `radius` {roller.radius!r} m, or its axle would be below "

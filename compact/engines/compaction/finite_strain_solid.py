@@ -38,6 +38,8 @@ GAUSS_ORDER = 3  # [-], polynomial order of 2 x 2 points
 SUBSTEPS = 4  # [-], of the stress integration in one increment; 2 leave an error of up to 0.3 % in the resistance
 STRAIN_DIFFERENCE = 1e-8  # [-], of the tangent by differences; 1e-5 of the yield strain
 IN_PLANE = [0, 1, 3]  # xx, yy, xy
+FloatArray = NDArray[np.float64]
+LinearSolver = Callable[[FloatArray], FloatArray]
 POINT_FIELDS = ("stress", "density_ratio", "max_density_ratio", "plastic_work")  # of a `MaterialPoint`
 
 
@@ -51,33 +53,33 @@ class SmallIncrement:
         Strain increment (xx, yy, 2 xy) [-].
     """
 
-    strain: NDArray[np.float64]
+    strain: FloatArray
 
     @classmethod
-    def from_gradients(cls, before: NDArray[np.float64], after: NDArray[np.float64]) -> "SmallIncrement":
+    def from_gradients(cls, before: FloatArray, after: FloatArray) -> "SmallIncrement":
         """Return the increment between two displacement gradients, shape (n, 4)."""
         return cls((after - before) @ STRAIN_FROM_GRADIENT.T)
 
     @property
-    def volume_ratio(self) -> NDArray[np.float64]:
+    def volume_ratio(self) -> FloatArray:
         """Volume over reference volume, J = 1 [-], shape (n,)."""
         return np.ones(len(self.strain))
 
     @property
-    def midpoint_volume_ratio(self) -> NDArray[np.float64]:
+    def midpoint_volume_ratio(self) -> FloatArray:
         """Volume ratio in the middle of the increment [-], shape (n,)."""
         return self.volume_ratio
 
     @property
-    def inverse_gradient(self) -> NDArray[np.float64]:
+    def inverse_gradient(self) -> FloatArray:
         """Inverse deformation gradient dX/dx = 1 [-], shape (n, 2, 2)."""
         return np.broadcast_to(np.eye(2), (len(self.strain), 2, 2))
 
-    def rotate(self, stress: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rotate(self, stress: FloatArray) -> FloatArray:
         """Return the stress (xx, yy, zz, xy) in the axes of the layer [Pa], shape (n, 4)."""
         return stress
 
-    def spatial_tangent(self, stress: NDArray[np.float64], tangent: NDArray[np.float64]) -> NDArray[np.float64]:
+    def spatial_tangent(self, stress: FloatArray, tangent: FloatArray) -> FloatArray:
         """Return d(force density)/d(spatial displacement gradient) [Pa], shape (n, 4, 4).
 
         Parameters
@@ -107,14 +109,14 @@ class FiniteIncrement:
         Mean, half difference and xy component of U [-].
     """
 
-    strain: NDArray[np.float64]
-    gradient: NDArray[np.float64]
-    cosine: NDArray[np.float64]
-    sine: NDArray[np.float64]
-    stretch: NDArray[np.float64]
+    strain: FloatArray
+    gradient: FloatArray
+    cosine: FloatArray
+    sine: FloatArray
+    stretch: FloatArray
 
     @classmethod
-    def from_gradients(cls, before: NDArray[np.float64], after: NDArray[np.float64]) -> "FiniteIncrement":
+    def from_gradients(cls, before: FloatArray, after: FloatArray) -> "FiniteIncrement":
         """Return the increment between two displacement gradients, shape (n, 4), in closed form.
 
         R is the rotation by the angle of (dF_xx + dF_yy, dF_yx - dF_xy). With the spherical and deviatoric parts m and
@@ -133,22 +135,22 @@ class FiniteIncrement:
         return cls(np.array(strain).T, F, c, s, stretch)
 
     @property
-    def volume_ratio(self) -> NDArray[np.float64]:
+    def volume_ratio(self) -> FloatArray:
         """Volume over reference volume, J [-], shape (n,)."""
         F = self.gradient
         return F[:, 0] * F[:, 3] - F[:, 1] * F[:, 2]
 
     @property
-    def midpoint_volume_ratio(self) -> NDArray[np.float64]:
+    def midpoint_volume_ratio(self) -> FloatArray:
         """Volume ratio in the middle of the increment [-], shape (n,)."""
         return self.volume_ratio * np.exp(-(self.strain[:, 0] + self.strain[:, 1]) / 2)
 
     @property
-    def inverse_gradient(self) -> NDArray[np.float64]:
+    def inverse_gradient(self) -> FloatArray:
         """Inverse deformation gradient dX/dx [-], shape (n, 2, 2)."""
         return _invert(_as_matrix(self.gradient))
 
-    def rotate(self, stress: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rotate(self, stress: FloatArray) -> FloatArray:
         """Return the stress (xx, yy, zz, xy) in the axes of the layer [Pa], shape (n, 4)."""
         xx, yy, zz, xy = stress.T
         c, s = self.cosine, self.sine
@@ -162,7 +164,7 @@ class FiniteIncrement:
             ]
         ).T
 
-    def spatial_tangent(self, stress: NDArray[np.float64], tangent: NDArray[np.float64]) -> NDArray[np.float64]:
+    def spatial_tangent(self, stress: FloatArray, tangent: FloatArray) -> FloatArray:
         """Return d(force density)/d(spatial displacement gradient) [Pa], shape (n, 4, 4).
 
             d(J sigma grad N)/J = [tr(l) sigma + d sigma - sigma l'] grad N
@@ -216,9 +218,9 @@ class SolidState:
         Work of deformation since feeding, int J sigma : d strain [J/m3 of fed mix].
     """
 
-    displacement: NDArray[np.float64]
+    displacement: FloatArray
     points: cap_plasticity.MaterialPoint
-    work: NDArray[np.float64]
+    work: FloatArray
 
 
 class FiniteStrainSolid:
@@ -260,18 +262,18 @@ class FiniteStrainSolid:
         self.fixed_dofs = np.unique(np.asarray(fixed_dofs, dtype=int))
 
     @cached_property
-    def shape_gradients(self) -> NDArray[np.float64]:
+    def shape_gradients(self) -> FloatArray:
         """Gradients dN/dX of the shape functions [1/m], shape (elements, points, 8, 2)."""
         grad = np.array([self.basis.basis[j][0].grad for j in range(self.basis.Nbfun)])
         return np.ascontiguousarray(grad.transpose(2, 3, 0, 1))
 
     @cached_property
-    def point_coordinates(self) -> NDArray[np.float64]:
+    def point_coordinates(self) -> FloatArray:
         """Coordinates of the Gauss points in the reference configuration [m], shape (n, 2)."""
         return np.asarray(self.basis.global_coordinates()).reshape(2, -1).T
 
     @cached_property
-    def point_areas(self) -> NDArray[np.float64]:
+    def point_areas(self) -> FloatArray:
         """Integration weights of the Gauss points in the reference configuration [m2], shape (n,)."""
         return self.basis.dx.ravel()
 
@@ -282,7 +284,7 @@ class FiniteStrainSolid:
             np.zeros((self.basis.N, 2)), cap_plasticity.initial_state(self.material, count), np.zeros(count)
         )
 
-    def displacement_gradient(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+    def displacement_gradient(self, displacement: FloatArray) -> FloatArray:
         """Return du_i/dX_j at the Gauss points, (xx, xy, yx, yy) [-], shape (n, 4).
 
         Parameters
@@ -293,9 +295,7 @@ class FiniteStrainSolid:
         nodal = displacement[self.basis.element_dofs.T]
         return np.matmul(nodal.transpose(0, 2, 1)[:, None], self.shape_gradients).reshape(-1, 4)
 
-    def increment(
-        self, before: SolidState, displacement: NDArray[np.float64], tangent: bool = True
-    ) -> "SolidIncrement":
+    def increment(self, before: SolidState, displacement: FloatArray, tangent: bool = True) -> "SolidIncrement":
         """Integrate the stresses from a state to a displacement.
 
         Parameters
@@ -333,8 +333,8 @@ class FiniteStrainSolid:
         return SolidIncrement(self, kinematics, after, moduli)
 
     def integrate_path(
-        self, points: cap_plasticity.MaterialPoint, strain: NDArray[np.float64]
-    ) -> tuple[cap_plasticity.MaterialPoint, NDArray[np.float64]]:
+        self, points: cap_plasticity.MaterialPoint, strain: FloatArray
+    ) -> tuple[cap_plasticity.MaterialPoint, FloatArray]:
         """Integrate the constitutive law along a straight strain path.
 
         Parameters
@@ -378,7 +378,7 @@ class FiniteStrainSolid:
         along, across, shear, lame = self.material.unloading_modulus * unit_moduli(self.material.poisson)
         return np.array([[along + lame, lame, 0], [lame, across + lame, 0], [0, 0, shear]])
 
-    def elastic_element_stiffness(self) -> NDArray[np.float64]:
+    def elastic_element_stiffness(self) -> FloatArray:
         """Return the stiffness of the undeformed elements [N/m2], shape (elements, 16, 16)."""
         undeformed = self.undeformed_state()
         return self.increment(undeformed, undeformed.displacement).element_stiffness
@@ -407,9 +407,7 @@ class FiniteStrainSolid:
         width = int(np.abs(rows - columns).max())
         return width, kept, columns * (3 * width + 1) + 2 * width + rows - columns
 
-    def factorise(
-        self, element_stiffness: NDArray[np.float64], nodes: ArrayLike, nodal_stiffness: NDArray[np.float64]
-    ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    def factorise(self, element_stiffness: FloatArray, nodes: ArrayLike, nodal_stiffness: FloatArray) -> LinearSolver:
         """Assemble and factorise the stiffness of the free degrees of freedom.
 
         LAPACK's banded LU is twice as fast as a sparse one for some thousand unknowns.
@@ -465,7 +463,7 @@ class SolidIncrement:
     solid: FiniteStrainSolid
     kinematics: FiniteIncrement | SmallIncrement
     after: SolidState
-    tangent: NDArray[np.float64] | None
+    tangent: FloatArray | None
 
     @cached_property
     def _spatial_gradients(self):
@@ -475,7 +473,7 @@ class SolidIncrement:
         return np.matmul(gradients, self.kinematics.inverse_gradient.reshape(*gradients.shape[:2], 2, 2)), area
 
     @property
-    def internal_forces(self) -> NDArray[np.float64]:
+    def internal_forces(self) -> FloatArray:
         """Internal forces of the nodes [N/m], shape (N, 2)."""
         gradients, area = self._spatial_gradients
         xx, yy, _, xy = self.after.points.stress.T.reshape(4, *area.shape) * area
@@ -486,7 +484,7 @@ class SolidIncrement:
         return np.stack([np.bincount(nodes, nodal[..., i].ravel(), count) for i in range(2)], axis=-1)
 
     @property
-    def element_stiffness(self) -> NDArray[np.float64]:
+    def element_stiffness(self) -> FloatArray:
         """Stiffness d(internal forces)/d(displacement) of the elements [N/m2], shape (elements, 16, 16)."""
         if self.tangent is None:
             raise ValueError("`tangent` must be computed for the stiffness, got None; use increment(..., tangent=True)")

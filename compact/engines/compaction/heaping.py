@@ -25,10 +25,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from compact.material.laws import Compaction
 
+FloatArray = NDArray[np.float64]
 MAX_CONTACT_ANGLE = np.pi / 4  # [rad], beyond which a roller pushes the mix ahead
 REMEDY_CONTACT_ANGLE = np.pi / 9  # [rad], of remedies; that of most of the lifts with a steady state
 LENGTH_RATIO = 1.07  # [-], contact length over that ahead of the lowest generatrix; fitted
@@ -103,12 +104,12 @@ class HeapingEstimate:
         """Largest load of the mix at the bearing capacity [N/m]."""
         return LOAD_RATIO * self.bearing_pressure * self.contact_length
 
-    def _stress_ratio(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _stress_ratio(self, y: FloatArray) -> FloatArray:
         """Vertical stress at a depth y [m] in a half-plane under a unit pressure over the contact length [-]."""
         half = self.contact_length / (2 * y)
         return 2 / np.pi * (np.arctan(half) + half / (1 + half**2))
 
-    def _confined_density_ratio(self, stress: ArrayLike) -> NDArray[np.float64]:
+    def _confined_density_ratio(self, stress: FloatArray) -> FloatArray:
         """Density ratio under a vertical stress [Pa] in confined compression."""
         material = self.material
         vertical = (1 + np.sqrt(1 + 4 * material.critical_slope**2 / 9)) / 2  # vertical stress over yield pressure
@@ -180,19 +181,19 @@ def remedies(estimate: HeapingEstimate, depth: float, *, for_density: bool) -> s
     return "; or ".join(found) or "use a larger roller"
 
 
-def _suffices(estimate: HeapingEstimate, depth: float, **changes: float | Compaction) -> bool:
-    """Return whether a changed layer accommodates a depth [m] with reserve."""
+def _suffices(estimate: HeapingEstimate, depth: float) -> bool:
+    """Return whether a layer accommodates a depth [m] with reserve."""
     angle = min(estimate.contact_angle, REMEDY_CONTACT_ANGLE)
-    return replace(estimate, contact_angle=angle, **changes).max_depth >= REMEDY_RESERVE * depth
+    return replace(estimate, contact_angle=angle).max_depth >= REMEDY_RESERVE * depth
 
 
-def _shares() -> NDArray[np.float64]:
+def _shares() -> FloatArray:
     return np.linspace(1, 0, REMEDY_TRIALS, endpoint=False)[1:]
 
 
 def _lift_remedy(estimate: HeapingEstimate, depth: float) -> Iterator[str]:
     for share in _shares():
-        if _suffices(estimate, share * depth, height=share * estimate.height):
+        if _suffices(replace(estimate, height=share * estimate.height), share * depth):
             yield f"feed the mix in lifts of at most {share * (estimate.height - depth):.2g} m (`layer.lift_thickness`)"
             return
 
@@ -204,7 +205,8 @@ def _feed_remedy(estimate: HeapingEstimate, depth: float) -> Iterator[str]:
         ratio = float(fed + share * (exit_ratio - fed))
         fed_height = (height - depth) * exit_ratio / ratio
         denser = replace(estimate.material, fed_density_ratio=ratio)
-        if _suffices(estimate, depth + fed_height - height, height=fed_height, material=denser):
+        changed = replace(estimate, height=fed_height, material=denser)
+        if _suffices(changed, depth + fed_height - height):
             yield f"feed the mix at a density ratio of at least {ratio:.3f} (`layer.fed_density_ratio`)"
             return
 

@@ -7,15 +7,14 @@ The tractions of the roller are multipliers and move with it. Convergence to the
 load, resistance and exit density (`extrapolate_tail`).
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from compact.engines.compaction.finite_strain_solid import SolidState
+from compact.engines.compaction.finite_strain_solid import FloatArray, SolidState
 from compact.engines.compaction.heaping import HeapingError
-from compact.engines.compaction.newton import Equilibrium, EquilibriumError, IncrementSolver
+from compact.engines.compaction.newton import Equilibrium, EquilibriumError, IncrementSolver, Progress
 from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface, RollingSurface
 from compact.engines.compaction.roller_frame import RollerFrame
 from compact.rolling_contact import GapGeometry
@@ -70,7 +69,7 @@ class RollingStep:
     bow_wave: float
 
 
-def extrapolate_tail(values: ArrayLike, window: int) -> tuple[float, float]:
+def extrapolate_tail(values: Sequence[float] | FloatArray, window: int) -> tuple[float, float]:
     """Extrapolate a decaying series by the means of its last three windows.
 
     With the means a, b, c and r = (c - b)/(b - a), the limit is c + (c - b) r/(1 - r). A series without decay has r
@@ -147,10 +146,9 @@ class IncrementalRolling:
         friction: float = 0.0,
         torque: float | None = None,
         max_wave_height: float = np.inf,
-        progress: Callable[[str], None] | None = None,
+        progress: Progress | None = None,
     ) -> None:
         self.frame, self.max_wave_height, self.progress = frame, max_wave_height, progress
-        self.displacement_change: NDArray[np.float64] | float = 0.0
         self.is_direct = False
         self.failed_height: float | None = None
         material, height, nodes = frame.solid.material, frame.mesh.height, frame.surface_nodes
@@ -163,6 +161,7 @@ class IncrementalRolling:
         )
         self.solver = IncrementSolver(frame.solid, nodes, ROLLING_TOLERANCE)
         self.state = frame.initial_state()
+        self.displacement_change = np.zeros_like(self.state.displacement)
         self.steps: tuple[RollingStep, ...] = ()
         self.contact: ContactForces = self.surface.normal_contact(self.state.displacement[nodes])
 
@@ -253,25 +252,25 @@ class IncrementalRolling:
         return self.surface.load_and_resistance(self.contact)
 
     @property
-    def surface_positions(self) -> NDArray[np.float64]:
+    def surface_positions(self) -> FloatArray:
         """Current positions of the surface nodes [m], shape (n, 2)."""
         nodes = self.frame.surface_nodes
         return self.frame.nodes[nodes] + self.state.displacement[nodes]
 
     @property
-    def surface_pressure(self) -> NDArray[np.float64]:
+    def surface_pressure(self) -> FloatArray:
         """Pressure on the deformed surface [Pa], shape (n,)."""
         return self._surface_traction(self.contact.pressure)
 
     @property
-    def surface_shear(self) -> NDArray[np.float64]:
+    def surface_shear(self) -> FloatArray:
         """Shear traction on the deformed surface [Pa], + along the travel, shape (n,)."""
         return self._surface_traction(self.contact.shear)
 
     def _set_steady_change(self, state: SolidState) -> None:
         self.displacement_change = state.displacement - self.frame.convect(state).displacement
 
-    def _predict(self, convected: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _predict(self, convected: FloatArray) -> FloatArray:
         """Predict the displacement with the change of the last step."""
         prediction = convected + self.displacement_change
         fixed = self.frame.solid.fixed_dofs
@@ -337,7 +336,7 @@ class IncrementalRolling:
             )
         return step
 
-    def _surface_traction(self, nodal: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _surface_traction(self, nodal: FloatArray) -> FloatArray:
         """Return a traction on the deformed surface, linear between corners; midside nodes oscillate about it."""
         forces, x = self.surface.weights * nodal, self.frame.nodes[self.frame.surface_nodes, 0]
         corner_forces = forces[::2].copy()
@@ -370,7 +369,7 @@ def roll_until_steady(rolling: IncrementalRolling, bottom_height: float, toleran
     """
     frame, window = rolling.frame, rolling.window
     steps_at_height = _count_steps_at(rolling, bottom_height)
-    approach = [] if steps_at_height else _approach_heights(rolling, bottom_height)
+    approach: Sequence[float] | FloatArray = [] if steps_at_height else _approach_heights(rolling, bottom_height)
     arrival = len(rolling.steps) + len(approach) - steps_at_height
     steps_to_exit = int(frame.exit_distance / frame.step)
     reach, steady_count = MAX_TRAVEL * max(frame.mesh.height, frame.contact_length), 0
@@ -437,7 +436,7 @@ def _count_steps_at(rolling: IncrementalRolling, bottom_height: float) -> int:
     return int(np.argmax(np.append(heights[::-1] != bottom_height, True)))
 
 
-def _approach_heights(rolling: IncrementalRolling, bottom_height: float) -> NDArray[np.float64]:
+def _approach_heights(rolling: IncrementalRolling, bottom_height: float) -> FloatArray:
     """Heights of the lowest generatrix of the steps to a new height."""
     start = rolling.steps[-1].bottom_height if rolling.steps else rolling.frame.mesh.height
     return np.linspace(start, bottom_height, rolling.window * (1 if rolling.steps else 2) + 1)[1:]

@@ -17,9 +17,9 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, SolidState
+from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, FloatArray, LinearSolver, SolidState
 from compact.engines.compaction.roller_contact import ContactForces
 
 RESIDUAL_TOLERANCE = 1e-6  # [-], of the nodal forces
@@ -31,7 +31,7 @@ SHORT_STEP = 0.2  # [-], step length below which elastic stiffness is added
 FIRST_ELASTIC_SHARE = 0.005  # [-], share of the elastic stiffness that is added first
 MAX_ELASTIC_SHARE = 10.0  # [-], share beyond which the increment fails
 
-LinearSolver = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Progress = Callable[[str], None]
 
 
 class EquilibriumError(RuntimeError):
@@ -41,7 +41,7 @@ class EquilibriumError(RuntimeError):
 class ContactSurface(Protocol):
     """Any surface with contact forces on displaced nodes."""
 
-    def contact_forces(self, displacement: NDArray[np.float64]) -> ContactForces:
+    def contact_forces(self, displacement: FloatArray) -> ContactForces:
         """Return the forces on nodes with displacements of shape (n, 2)."""
 
 
@@ -90,7 +90,7 @@ class IncrementSolver:
         self.solve_tangent: LinearSolver | None = None
 
     def solve(
-        self, before: SolidState, surface: ContactSurface, prediction: NDArray[np.float64], damping: float = 0.0
+        self, before: SolidState, surface: ContactSurface, prediction: FloatArray, damping: float = 0.0
     ) -> Equilibrium:
         """Find the equilibrium that follows a state.
 
@@ -139,7 +139,7 @@ class IncrementSolver:
         raise EquilibriumError(f"no equilibrium: {residual_clause(residuals)}")
 
     def _first_trial(
-        self, before: SolidState, surface: ContactSurface, prediction: NDArray[np.float64], damping: float
+        self, before: SolidState, surface: ContactSurface, prediction: FloatArray, damping: float
     ) -> "_Trial":
         """Evaluate the prediction, or the displacement before the increment if elements invert in it."""
         fixed, start = self.solid.fixed_dofs, before.displacement.copy()
@@ -162,18 +162,18 @@ class IncrementSolver:
             column, row = (self._scatter(part) for part in trial.contact.creep_coupling)
             self.solve_tangent = _rank_one_update(self.solve_tangent, column, row)
 
-    def _scatter(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _scatter(self, values: FloatArray) -> FloatArray:
         """Scatter values at the surface nodes, shape (n, 2), to the ordered free degrees of freedom."""
         spread = np.zeros((self.solid.basis.N, 2))
         spread[self.nodes] = values
         return spread.ravel()[self.solid.ordered_dofs]
 
     @cached_property
-    def elastic_stiffness(self) -> NDArray[np.float64]:
+    def elastic_stiffness(self) -> FloatArray:
         """Stiffness of the undeformed elements [N/m2], shape (elements, 16, 16)."""
         return self.solid.elastic_element_stiffness()
 
-    def elastic_forces(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+    def elastic_forces(self, displacement: FloatArray) -> FloatArray:
         """Return the nodal forces of an elastic layer.
 
         Parameters
@@ -199,9 +199,9 @@ class _Trial:
         solver: IncrementSolver,
         before: SolidState,
         surface: ContactSurface,
-        displacement: NDArray[np.float64],
+        displacement: FloatArray,
         damping: float,
-        prediction: NDArray[np.float64],
+        prediction: FloatArray,
     ) -> None:
         self.solver, self.before, self.surface = solver, before, surface
         self.damping, self.prediction = damping, prediction
@@ -213,19 +213,19 @@ class _Trial:
         external[solver.nodes] = self.contact.forces
         scale = max(np.linalg.norm(internal), np.linalg.norm(external)) or 1.0
         self.residual = (external - internal).ravel()[solid.ordered_dofs]
-        self.undamped_size = np.linalg.norm(self.residual) / scale
+        self.undamped_size = float(np.linalg.norm(self.residual) / scale)
         if damping:
             departure = solver.elastic_forces(displacement - prediction).ravel()[solid.ordered_dofs]
             self.residual = self.residual - damping * departure
-        self.size = np.linalg.norm(self.residual) / scale
+        self.size = float(np.linalg.norm(self.residual) / scale)
         if not np.isfinite(self.size):
             raise FloatingPointError("elements of the layer invert")
 
-    def element_stiffness(self) -> NDArray[np.float64]:
+    def element_stiffness(self) -> FloatArray:
         """Return the tangent stiffness of the elements; the increment is integrated again."""
         return self.solver.solid.increment(self.before, self.increment.after.displacement).element_stiffness
 
-    def step(self, length: float, direction: NDArray[np.float64]) -> "_Trial | None":
+    def step(self, length: float, direction: FloatArray) -> "_Trial | None":
         """Return the trial one step further, or None if elements invert or the stress integration fails."""
         displacement = self.increment.after.displacement.copy()
         displacement.ravel()[self.solver.solid.ordered_dofs] += length * direction
@@ -241,19 +241,19 @@ def _try_displacement(*arguments: Any) -> _Trial | None:
         return None
 
 
-def _rank_one_update(solve: LinearSolver, column: NDArray[np.float64], row: NDArray[np.float64]) -> LinearSolver:
+def _rank_one_update(solve: LinearSolver, column: FloatArray, row: FloatArray) -> LinearSolver:
     """Return the solver of A + column row' from that of A by the Sherman-Morrison formula."""
     solved_column = solve(column)
     part = solved_column / (1 + row @ solved_column)
 
-    def solve_updated(residual: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve_updated(residual: FloatArray) -> FloatArray:
         plain = solve(residual)
         return plain - (row @ plain) * part
 
     return solve_updated
 
 
-def _line_search(trial: _Trial, direction: NDArray[np.float64]) -> tuple[float, _Trial | None]:
+def _line_search(trial: _Trial, direction: FloatArray) -> tuple[float, _Trial | None]:
     """Return the step length and the trial with a smaller residual along the direction; None if there is none."""
     start = direction @ trial.residual
     if start <= 0:
@@ -265,7 +265,7 @@ def _line_search(trial: _Trial, direction: NDArray[np.float64]) -> tuple[float, 
             slope = direction @ candidate.residual
             if -OVERSHOOT_LIMIT * start <= slope <= start or candidate.size < GOOD_REDUCTION * trial.size:
                 return length, candidate
-            length *= np.clip(start / (start - slope), 0.1, 0.7) if slope < 0 else 0.25  # secant
+            length *= float(np.clip(start / (start - slope), 0.1, 0.7)) if slope < 0 else 0.25  # secant
         else:
             length /= 4
     return length, None

@@ -43,6 +43,7 @@ from scipy.sparse import csr_matrix
 from threadpoolctl import threadpool_limits
 
 from compact.engines.compaction.engine import require_compactable
+from compact.engines.compaction.finite_strain_solid import FloatArray
 from compact.engines.compaction.incremental_rolling import PENALTY, PENALTY_REDUCTION, PENALTY_ROWS, IncrementalRolling
 from compact.engines.compaction.newton import Equilibrium, EquilibriumError, IncrementSolver
 from compact.engines.compaction.results import CompactionContactResult, exit_layer, fields_mesh
@@ -73,10 +74,10 @@ class PrescribedMotion(Protocol):
 
     duration: float
 
-    def position(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def position(self, time: FloatArray) -> FloatArray:
         """Position [m] at times [s]."""
 
-    def velocity(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocity(self, time: FloatArray) -> FloatArray:
         """Velocity [m/s] at times [s]."""
 
 
@@ -164,11 +165,11 @@ class CompactionTransientResult(TransientResult):
     """
 
     stroke: NDArray[np.int64]
-    bottom_height: NDArray[np.float64]
-    angle: NDArray[np.float64]
-    input_work: NDArray[np.float64]
-    slip_work: NDArray[np.float64]
-    stored_work: NDArray[np.float64]
+    bottom_height: FloatArray
+    angle: FloatArray
+    input_work: FloatArray
+    slip_work: FloatArray
+    stored_work: FloatArray
     exit_layers: tuple[LayerState, ...]
     iterations: int
 
@@ -234,11 +235,11 @@ def simulate_reciprocating(
     """
     numerics = ReciprocatingNumerics(**options)
     strokes = stroke_schedule(motion)
-    _require_simulable(layer, roller, material, strokes, lift_thickness, fed_layer)
+    depth = _require_simulable(layer, roller, material, strokes, lift_thickness, fed_layer)
     if start is not None:
-        _require_same_start(start, layer, roller, strokes, fed_layer)
+        _require_same_start(start, layer, depth, strokes, fed_layer)
     require_torque_allowed(roller, torque)
-    length = float(np.sqrt(2 * roller.radius * roller.indentation))
+    length = float(np.sqrt(2 * roller.radius * depth))
     element = strokes.span / np.ceil(strokes.span * numerics.increments / length * (1 - PLACE_TOLERANCE))
     case = _ReciprocatingCase(roller, material, strokes, torque or 0.0, element, length, numerics.strain == "finite")
     program = _StrokeProgram(case, layer.height, lift_thickness, fed_layer, start)
@@ -289,12 +290,12 @@ class ReciprocatingRoller:
         )
         coordinates = frame.nodes[frame.surface_nodes] + [strokes.low, 0.0]
         penalty = PENALTY * case.material.unloading_modulus / min(element, height / PENALTY_ROWS)
-        geometry = coordinates, frame.surface_weights, roller.radius, height, penalty, np.zeros(len(coordinates))
-        keywords = {"profile": roller.profile, "position": float(position)}
+        zero = np.zeros(len(coordinates))
+        geometry = coordinates, frame.surface_weights, roller.radius, height, penalty, zero, roller.profile
         self.surface: RollerSurface = (
-            RollingSurface(*geometry, **keywords, friction=roller.friction, multiplier_shear=np.zeros(len(coordinates)))
+            RollingSurface(*geometry, position=float(position), friction=roller.friction, multiplier_shear=zero)
             if self.rotates
-            else RollerSurface(*geometry, **keywords)
+            else RollerSurface(*geometry, position=float(position))
         )
         self.solver = IncrementSolver(frame.solid, frame.surface_nodes, STEP_TOLERANCE)
         self.state, self.iterations = frame.initial_state(), 0
@@ -385,7 +386,7 @@ class ReciprocatingRoller:
         """Apply the friction and torque of a travel along `sign` x [-] at rest, with a `rate_factor` [-]."""
         self._step(self.surface.position, self.surface.bottom_height, rate_factor, sign)
 
-    def _surface_displacement(self) -> NDArray[np.float64]:
+    def _surface_displacement(self) -> FloatArray:
         return self.state.displacement[self.frame.surface_nodes]
 
     def _step(self, x: float, bottom_height: float, rate_factor: float, sign: float) -> None:
@@ -398,7 +399,7 @@ class ReciprocatingRoller:
         equilibrium = self._solve_augmented(surface, self.state.displacement + prediction)
         contact, change = equilibrium.contact, equilibrium.state.displacement - self.state.displacement
         self._require_grip(surface, contact)
-        rotation = travel + contact.creep_travel if self.rotates else 0.0
+        rotation = 0.0 if contact.creep_travel is None else travel + contact.creep_travel
         load, resistance = np.add(forces_before, surface.load_and_resistance(contact)) / 2
         slip_work = self._slip_work(surface, equilibrium, change, travel, rotation)
         self.angle += rotation / surface.radius
@@ -421,7 +422,7 @@ class ReciprocatingRoller:
             return replace(self.surface, tangential_force=sign * self.tangential_force)
         return replace(self.surface, traction_ratio=sign * self.traction_ratio)
 
-    def _predict(self, travel: float) -> tuple[ContactTractions, NDArray[np.float64]]:
+    def _predict(self, travel: float) -> tuple[ContactTractions, FloatArray]:
         """Predict tractions and displacement change: as one element before, or with the last tractions."""
         x, sign = self.surface.position + travel, np.sign(travel)
         shift, tractions = travel, self.contact
@@ -445,7 +446,7 @@ class ReciprocatingRoller:
         low, high = x.min(), x.max()
         return {sign: probes(np.array([np.clip(x - sign * self.element, low, high), y])) for sign in (1.0, -1.0)}
 
-    def _solve_augmented(self, surface: RollerSurface, guess: NDArray[np.float64]) -> Equilibrium:
+    def _solve_augmented(self, surface: RollerSurface, guess: FloatArray) -> Equilibrium:
         """Solve a step, with updates of the multipliers until they no longer change."""
         iterations = 0
         for _ in range(MAX_AUGMENTATIONS):
@@ -457,7 +458,7 @@ class ReciprocatingRoller:
             surface, guess = surface.with_multipliers(contact), equilibrium.state.displacement
         return replace(equilibrium, iterations=iterations)
 
-    def _solve_penalised(self, surface: RollerSurface, guess: NDArray[np.float64]) -> Equilibrium:
+    def _solve_penalised(self, surface: RollerSurface, guess: FloatArray) -> Equilibrium:
         """Solve a step with constant multipliers, with a lower penalty if necessary."""
         try:
             return self.solver.solve(self.state, surface, guess)
@@ -500,7 +501,7 @@ class _PastStep:
     position: float
     travel: float
     contact: ContactForces
-    displacement_change: NDArray[np.float64]
+    displacement_change: FloatArray
 
 
 @dataclass(eq=False)
@@ -603,9 +604,10 @@ def _require_simulable(
     strokes: Strokes,
     lift_thickness: float,
     fed_layer: LayerState | None,
-) -> None:
-    """Require a case that can be simulated."""
-    if roller.indentation is None:
+) -> float:
+    """Require a case that can be simulated, and return the depth [m]."""
+    depth = roller.indentation
+    if depth is None:
         raise ValueError(f"`indentation` must be given for a roller of constant height, got its {roller.target[0]}")
     require_compactable(layer, roller, material, 1.0, fed_layer)
     if layer.base != "bonded":
@@ -613,20 +615,21 @@ def _require_simulable(
     if not strokes.span > 0:
         raise ValueError(f"`motion` must move the roller, got a constant position of {strokes.low!r} m")
     require_nonnegative(lift_thickness=lift_thickness)
-    least = roller.indentation / (1 - material.fed_density_ratio)
-    if lift_thickness and not roller.indentation < lift_thickness * (1 - material.fed_density_ratio):
+    least = depth / (1 - material.fed_density_ratio)
+    if lift_thickness and not depth < lift_thickness * (1 - material.fed_density_ratio):
         raise ValueError(
             f"`lift_thickness` must be more than {least:.4g} m for an exit density below full density, got "
             f"{lift_thickness!r} m"
         )
+    return depth
 
 
 def _require_same_start(
-    start: CompactionContactResult, layer: Layer, roller: Roller, strokes: Strokes, fed_layer: LayerState | None
+    start: CompactionContactResult, layer: Layer, depth: float, strokes: Strokes, fed_layer: LayerState | None
 ) -> None:
-    """Require a start on the same layer, at the same depth and along the first stroke."""
+    """Require a start on the same layer, at the same depth [m] and along the first stroke."""
     same = start.layer == layer and start.solution.frame.inflow is fed_layer
-    if not same or abs(start.indentation - roller.indentation) > PLACE_TOLERANCE * roller.indentation:
+    if not same or abs(start.indentation - depth) > PLACE_TOLERANCE * depth:
         raise ValueError("`start` must have the same `layer`, `fed_layer` and `indentation`, got a result of others")
     if start.speed < 0 or strokes.places[1] < strokes.places[0]:
         raise ValueError(

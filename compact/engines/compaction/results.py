@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from compact.engines.compaction.finite_strain_solid import POINT_FIELDS, FiniteStrainSolid, SolidState
+from compact.engines.compaction.finite_strain_solid import POINT_FIELDS, FiniteStrainSolid, FloatArray, SolidState
 from compact.engines.compaction.incremental_rolling import IncrementalRolling, RollingStep
 from compact.engines.compaction.roller_contact import RollingSurface
 from compact.engines.compaction.roller_frame import LayerState, RollerFrame
@@ -65,7 +64,7 @@ class CompactionContactResult(ContactResult):
 
     indentation: float = 0.0
     creep: float | None = None
-    exit: LayerState | None = None
+    exit: LayerState = None  # type: ignore[assignment]  # set by `build_result`, like those below
     exit_height: float = 0.0
     exit_density_ratio: float = 0.0
     elastic_recovery: float = 0.0
@@ -75,10 +74,10 @@ class CompactionContactResult(ContactResult):
     equilibrium_residual: float = 0.0
     yield_residual: float = 0.0
     steps: tuple[RollingStep, ...] = ()
-    solution: IncrementalRolling | None = None
-    layer: Layer | None = None
-    roller: Roller | None = None
-    material: Compaction | None = None
+    solution: IncrementalRolling = None  # type: ignore[assignment]
+    layer: Layer = None  # type: ignore[assignment]
+    roller: Roller = None  # type: ignore[assignment]
+    material: Compaction = None  # type: ignore[assignment]
     speed: float = 0.0
 
     @property
@@ -255,8 +254,8 @@ def exit_layer(frame: RollerFrame, state: SolidState, column: int) -> tuple[Laye
 
 
 def relax_rows(
-    solid: FiniteStrainSolid, points: cap_plasticity.MaterialPoint, strain_along: NDArray[np.float64]
-) -> tuple[cap_plasticity.MaterialPoint, NDArray[np.float64]]:
+    solid: FiniteStrainSolid, points: cap_plasticity.MaterialPoint, strain_along: FloatArray
+) -> tuple[cap_plasticity.MaterialPoint, FloatArray]:
     """Strain rows of mix along x, and across until their horizontal planes have no stress.
 
     Parameters
@@ -311,7 +310,7 @@ def _require_grip(solution: IncrementalRolling) -> None:
         )
 
 
-def _contact_tractions(solution: IncrementalRolling) -> tuple[NDArray[np.float64], ...]:
+def _contact_tractions(solution: IncrementalRolling) -> tuple[FloatArray, ...]:
     """Return x, pressure and shear along the contact; its edges lie half-way to the first node without contact."""
     touching = np.flatnonzero(solution.contact.pressure > 0)
     x = solution.surface_positions[:, 0]
@@ -331,7 +330,7 @@ def _contact_tractions(solution: IncrementalRolling) -> tuple[NDArray[np.float64
     )
 
 
-def _volume_ratio(solid: FiniteStrainSolid, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+def _volume_ratio(solid: FiniteStrainSolid, displacement: FloatArray) -> FloatArray:
     """Return J of the Gauss points; 1 plus the change of area in small strain."""
     gradient = solid.displacement_gradient(displacement)
     if solid.finite:

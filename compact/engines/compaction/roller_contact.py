@@ -35,9 +35,9 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from compact.engines.compaction.finite_strain_solid import FloatArray
 from compact.rolling_contact import GapGeometry
 
 REGULARISATION_SLIP = 1e-3  # [-], slip over travel at which the shear of the direct steady solve reaches its bound
@@ -59,8 +59,8 @@ class ContactTractions:
         Creepage of a roller that sticks and slips [-], else None.
     """
 
-    pressure: NDArray[np.float64]
-    shear: NDArray[np.float64]
+    pressure: FloatArray
+    shear: FloatArray
     creepage: float | None = None
 
 
@@ -82,11 +82,11 @@ class ContactForces(ContactTractions):
         Column and row of the rank-one stiffness by the creepage.
     """
 
-    gap: NDArray[np.float64]
-    forces: NDArray[np.float64]
-    stiffness: NDArray[np.float64]
+    gap: FloatArray
+    forces: FloatArray
+    stiffness: FloatArray
     creep_travel: float | None = None
-    creep_coupling: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    creep_coupling: tuple[FloatArray, FloatArray] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,18 +107,18 @@ class SteadySlip:
     """
 
     creepage: float
-    slip_stiffness: NDArray[np.float64]
-    node_gradient: NDArray[np.float64]
-    upstream_gradient: NDArray[np.float64]
+    slip_stiffness: FloatArray
+    node_gradient: FloatArray
+    upstream_gradient: FloatArray
 
     def friction_change(
         self,
         surface: "RollerSurface",
-        pressure: NDArray[np.float64],
-        pressure_change: NDArray[np.float64],
-        displacement_change: NDArray[np.float64],
-        upstream_change: NDArray[np.float64],
-    ) -> NDArray[np.float64]:
+        pressure: FloatArray,
+        pressure_change: FloatArray,
+        displacement_change: FloatArray,
+        upstream_change: FloatArray,
+    ) -> FloatArray:
         """Return the linearised change of the traction ratio at constant torque.
 
         Parameters
@@ -169,14 +169,14 @@ class RollerSurface:
         x of the lowest generatrix [m].
     """
 
-    coordinates: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    coordinates: FloatArray
+    weights: FloatArray
     radius: float
     bottom_height: float
     penalty: float
-    multiplier_pressure: NDArray[np.float64]
+    multiplier_pressure: FloatArray
     profile: GapGeometry = "deformed"
-    traction_ratio: NDArray[np.float64] | float = 0.0
+    traction_ratio: FloatArray | float = 0.0
     position: float = 0.0
 
     def moved_to(self, bottom_height: float, position: float = 0.0) -> Self:
@@ -189,18 +189,18 @@ class RollerSurface:
 
     def multiplier_error(self, contact: ContactForces) -> float:
         """Return the largest difference between the tractions and their multipliers [Pa]."""
-        return np.abs(contact.pressure - self.multiplier_pressure).max()
+        return float(np.abs(contact.pressure - self.multiplier_pressure).max())
 
-    def begin_increment(self, displacement: NDArray[np.float64]) -> Self:
+    def begin_increment(self, displacement: FloatArray) -> Self:
         """Return the surface at the begin of an increment from nodal displacements [m], shape (n, 2)."""
         del displacement  # needed by the slip of a rotating roller alone
         return self
 
-    def contact_forces(self, displacement: NDArray[np.float64]) -> ContactForces:
+    def contact_forces(self, displacement: FloatArray) -> ContactForces:
         """Return the contact forces on nodes with displacements [m] of shape (n, 2)."""
         return self.normal_contact(displacement)
 
-    def normal_contact(self, displacement: NDArray[np.float64]) -> ContactForces:
+    def normal_contact(self, displacement: FloatArray) -> ContactForces:
         """Return the contact forces of pressure and sliding friction alone.
 
         Parameters
@@ -211,7 +211,7 @@ class RollerSurface:
         return self._normal_to_circle(displacement) if self.profile == "deformed" else self._vertical(displacement)
 
     def with_steady_friction(
-        self, displacement: NDArray[np.float64], upstream: NDArray[np.float64], pressure: NDArray[np.float64]
+        self, displacement: FloatArray, upstream: FloatArray, pressure: FloatArray
     ) -> tuple[Self, SteadySlip | None]:
         """Return the surface with the friction of steady motion, and the slip that causes it.
 
@@ -232,7 +232,7 @@ class RollerSurface:
         del displacement, upstream, pressure  # needed by the slip of a rotating roller alone
         return self, None
 
-    def profile_slope(self) -> NDArray[np.float64]:
+    def profile_slope(self) -> FloatArray:
         """Return dy/dx of the roller above the nodes; 0 for a pressure normal to the circle [-], shape (n,)."""
         x = self.coordinates[:, 0] - self.position
         if self.profile == "deformed":
@@ -245,7 +245,7 @@ class RollerSurface:
         x, y = contact.forces.sum(axis=0)
         return float(-y), float(x + np.sum(self.weights * contact.pressure * self.profile_slope()))
 
-    def tangents(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+    def tangents(self, displacement: FloatArray) -> FloatArray:
         """Return unit vectors along positive friction at nodes displaced by (n, 2) [m], shape (n, 2)."""
         if self.profile != "deformed":
             return np.tile([1.0, 0.0], (len(self.coordinates), 1))
@@ -327,9 +327,9 @@ class RollingSurface(RollerSurface):
 
     friction: float = 0.0
     tangential_force: float = 0.0
-    multiplier_shear: NDArray[np.float64] | float = 0.0
+    multiplier_shear: FloatArray | float = 0.0
     creepage: float = 0.0
-    start_arcs: NDArray[np.float64] | float = 0.0
+    start_arcs: FloatArray | float = 0.0
     start_position: float = 0.0
     regularisation: float = REGULARISATION_SLIP
 
@@ -342,13 +342,13 @@ class RollingSurface(RollerSurface):
 
     def multiplier_error(self, contact: ContactForces) -> float:
         """Return the largest difference between the tractions and their multipliers [Pa]."""
-        return max(super().multiplier_error(contact), np.abs(contact.shear - self.multiplier_shear).max())
+        return max(super().multiplier_error(contact), float(np.abs(contact.shear - self.multiplier_shear).max()))
 
-    def begin_increment(self, displacement: NDArray[np.float64]) -> Self:
+    def begin_increment(self, displacement: FloatArray) -> Self:
         """Return the surface at the begin of an increment from nodal displacements [m], shape (n, 2)."""
         return replace(self, start_arcs=self.arcs(displacement), start_position=self.position)
 
-    def contact_forces(self, displacement: NDArray[np.float64]) -> ContactForces:
+    def contact_forces(self, displacement: FloatArray) -> ContactForces:
         """Return the contact forces on nodes with displacements [m] of shape (n, 2)."""
         normal = self.normal_contact(displacement)
         bound, travel = self.friction * normal.pressure, self.position - self.start_position
@@ -378,7 +378,7 @@ class RollingSurface(RollerSurface):
         return abs(self.tangential_force) / (self.friction * (self.weights @ contact.pressure))
 
     def with_steady_friction(
-        self, displacement: NDArray[np.float64], upstream: NDArray[np.float64], pressure: NDArray[np.float64]
+        self, displacement: FloatArray, upstream: FloatArray, pressure: FloatArray
     ) -> tuple[Self, SteadySlip | None]:
         """Return the surface with the friction of steady motion, and the slip that causes it.
 
@@ -403,7 +403,7 @@ class RollingSurface(RollerSurface):
         traction_ratio = -self.friction * x * (3 - x * x) / 2
         return replace(self, traction_ratio=traction_ratio), SteadySlip(creepage, slip_stiffness, *gradients)
 
-    def arcs(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+    def arcs(self, displacement: FloatArray) -> FloatArray:
         """Return the arcs from the lowest point of the roller to nodes displaced by (n, 2) [m], shape (n,)."""
         x, y = (self.coordinates + displacement).T
         if self.profile != "deformed":

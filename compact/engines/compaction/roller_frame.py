@@ -24,6 +24,7 @@ from compact.engines.compaction.finite_strain_solid import (
     STRAIN_FROM_GRADIENT,
     SUBSTEPS,
     FiniteStrainSolid,
+    FloatArray,
     SolidState,
 )
 from compact.material import cap_plasticity
@@ -92,7 +93,7 @@ def _mesh_uniform_between(height: float, first: int, last: int, step: float) -> 
     return RowMesh(np.tile(x, (len(y), 1)), y)
 
 
-def _growing_distances(length: float, first: float, height: float) -> NDArray[np.float64]:
+def _growing_distances(length: float, first: float, height: float) -> FloatArray:
     """Distances with geometrically growing differences up to at least `length`."""
     sizes = [first]
     while sum(sizes) < length:
@@ -115,7 +116,7 @@ class LayerState:
         Mean states of the rows, without stress on horizontal planes.
     """
 
-    heights: NDArray[np.float64]
+    heights: FloatArray
     points: cap_plasticity.MaterialPoint
 
     @property
@@ -124,7 +125,7 @@ class LayerState:
         return float(self.heights.sum())
 
     @property
-    def y(self) -> NDArray[np.float64]:
+    def y(self) -> FloatArray:
         """Heights of the row centres above the base [m], shape (n,)."""
         return np.cumsum(self.heights) - self.heights / 2
 
@@ -161,7 +162,7 @@ class LayerState:
         stacked = (np.concatenate([getattr(self.points, name), getattr(lift, name)]) for name in POINT_FIELDS)
         return LayerState(np.append(self.heights, lift_thickness), cap_plasticity.MaterialPoint(*stacked))
 
-    def resampled(self, heights: NDArray[np.float64]) -> "LayerState":
+    def resampled(self, heights: FloatArray) -> "LayerState":
         """Return the layer by rows of other heights [m]; the sums over the height are conserved."""
         stress, k, densest, work = (
             _conservative_means(getattr(self.points, name), self.heights, heights) for name in POINT_FIELDS
@@ -170,7 +171,7 @@ class LayerState:
         return LayerState(heights, cap_plasticity.MaterialPoint(stress, k, densest, work))
 
 
-def fresh_layer(material: Compaction, heights: NDArray[np.float64]) -> LayerState:
+def fresh_layer(material: Compaction, heights: FloatArray) -> LayerState:
     """Return a layer of fresh mix.
 
     Parameters
@@ -266,7 +267,7 @@ class RollerFrame:
         )
 
     @property
-    def surface_weights(self) -> NDArray[np.float64]:
+    def surface_weights(self) -> FloatArray:
         """Integration weights of the surface nodes by Simpson's rule [m], shape (n,)."""
         sizes = np.diff(self.mesh.x[-1])
         weights = np.zeros(len(self.surface_nodes))
@@ -285,7 +286,7 @@ class RollerFrame:
         return UNIFORM_BEHIND * self.contact_length + EXIT_DISTANCE * self.mesh.height
 
     @property
-    def row_heights(self) -> NDArray[np.float64]:
+    def row_heights(self) -> FloatArray:
         """Heights of the fed layer that the rows of Gauss points represent [m]."""
         return np.repeat(np.diff(self.mesh.y) / 2, 2)
 
@@ -312,24 +313,24 @@ class RollerFrame:
         """Return the matrix from all nodal displacements to those one step upstream of some nodes, shape (n, N)."""
         return self._node_convection[nodes]
 
-    def to_rows(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_rows(self, values: FloatArray) -> FloatArray:
         """Return values of the Gauss points by rows from the base up, shape (2 rows, 2 columns, ...)."""
         return values[self._row_layout]
 
-    def to_points(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_points(self, rows: FloatArray) -> FloatArray:
         """Return values by rows in the order of the Gauss points; the inverse of `to_rows`."""
         values = np.empty((self._row_layout.size, *rows.shape[2:]))
         values[self._row_layout] = rows
         return values
 
-    def with_steady_rear(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+    def with_steady_rear(self, displacement: FloatArray) -> FloatArray:
         """Return the displacement [m], shape (N, 2), with the fixed rear end as convected in steady motion."""
         rear, weights = self._rear_convection
         steady = displacement.copy()
         steady[rear, 0] = weights @ displacement[:, 0]
         return steady
 
-    def with_uniform_rear(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+    def with_uniform_rear(self, displacement: FloatArray) -> FloatArray:
         """Return the displacement [m], shape (N, 2), uniform along x behind the uniform zone.
 
         It removes the oscillations that incremental rolling leaves there.
@@ -341,7 +342,7 @@ class RollerFrame:
         uniform[behind] = self.solid.basis.probes(np.array([np.full(behind.size, end), y[behind]])) @ displacement
         return uniform
 
-    def exit_density_ratio(self, density_ratio: NDArray[np.float64]) -> float:
+    def exit_density_ratio(self, density_ratio: FloatArray) -> float:
         """Return the mean density ratio over the height at the exit column [-].
 
         It is the fed mass over the sum of fed mass/k.
@@ -449,7 +450,7 @@ def transfer_state(state: SolidState, old: RollerFrame, new: RollerFrame) -> Sol
     return SolidState(displacement, points, interpolate(state.work))
 
 
-def _fixed_dofs(x: NDArray[np.float64], y: NDArray[np.float64], base: BaseCondition) -> NDArray[np.int64]:
+def _fixed_dofs(x: FloatArray, y: FloatArray, base: BaseCondition) -> NDArray[np.int64]:
     """Degrees of freedom fixed by the base and the fed mix ahead, and behind the roller by bonded mix."""
     near = SAME_PLACE * np.ptp(y)
     bottom, front, rear = y < near, x > x.max() - near, x < x.min() + near

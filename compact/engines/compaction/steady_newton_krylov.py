@@ -30,12 +30,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, gmres
 
-from compact.engines.compaction.finite_strain_solid import IDENTITY, SUBSTEPS, SolidState
+from compact.engines.compaction.finite_strain_solid import IDENTITY, SUBSTEPS, FloatArray, SolidState
 from compact.engines.compaction.incremental_rolling import IncrementalRolling
-from compact.engines.compaction.newton import Equilibrium, EquilibriumError, residual_clause
+from compact.engines.compaction.newton import Equilibrium, EquilibriumError, Progress, residual_clause
 from compact.engines.compaction.roller_contact import (
     REGULARISATION_SLIP,
     ContactForces,
@@ -45,11 +44,7 @@ from compact.engines.compaction.roller_contact import (
     SteadySlip,
 )
 from compact.engines.compaction.roller_frame import RollerFrame
-from compact.engines.compaction.streamline_integration import (
-    StreamlineIntegrator,
-    StreamlineState,
-    propagate_changes,
-)
+from compact.engines.compaction.streamline_integration import StreamlineIntegrator, StreamlineState, propagate_changes
 from compact.material import cap_plasticity
 
 RESIDUAL_TOLERANCE = 1e-6  # [-], residual over the contact forces
@@ -102,16 +97,16 @@ class SteadyTrial:
         Norm of residual and complementarity over that of the contact forces [-].
     """
 
-    displacement: NDArray[np.float64]
-    pressure: NDArray[np.float64]
-    gradients: NDArray[np.float64]
+    displacement: FloatArray
+    pressure: FloatArray
+    gradients: FloatArray
     streamlines: StreamlineState
-    stress: NDArray[np.float64]
+    stress: FloatArray
     surface: RollerSurface
     slip: SteadySlip | None
     unit_contact: ContactForces
-    complementarity: NDArray[np.float64]
-    residual: NDArray[np.float64]
+    complementarity: FloatArray
+    residual: FloatArray
     size: float
 
 
@@ -128,9 +123,7 @@ class SteadySolver:
         Called with a line of text after each iteration.
     """
 
-    def __init__(
-        self, frame: RollerFrame, surface: RollerSurface, progress: Callable[[str], None] | None = None
-    ) -> None:
+    def __init__(self, frame: RollerFrame, surface: RollerSurface, progress: Progress | None = None) -> None:
         self.frame, self.solid, self.progress = frame, frame.solid, progress
         solid = frame.solid
         self.integrator = StreamlineIntegrator(
@@ -153,7 +146,7 @@ class SteadySolver:
         self.smoothing = SMOOTHING * self.yield_pressure
 
     def solve(
-        self, initial_guess: NDArray[np.float64], elastic_share: float = 0.0, tolerance: float | None = None
+        self, initial_guess: FloatArray, elastic_share: float = 0.0, tolerance: float | None = None
     ) -> Equilibrium:
         """Find the steady equilibrium.
 
@@ -231,11 +224,13 @@ class SteadySolver:
         if penetration > 0:
             raise EquilibriumError(f"nodes beyond the roller penetrate it by {penetration:.2g} m")
         values, to_points = trial.streamlines.values, self.frame.to_points
-        points = cap_plasticity.MaterialPoint(
+        stress, density_ratio, densest = (
             to_points(values[..., :4]),
-            *(to_points(values[..., k]) for k in (4, 5)),
-            to_points(trial.streamlines.plastic_work),
+            to_points(values[..., 4]),
+            to_points(values[..., 5]),
         )
+        plastic_work = to_points(trial.streamlines.plastic_work)
+        points = cap_plasticity.MaterialPoint(stress, density_ratio, densest, plastic_work)
         state = SolidState(trial.displacement, points, to_points(trial.streamlines.work))
         return Equilibrium(state, contact, trial.size, iterations)
 
@@ -250,7 +245,7 @@ class SteadySolver:
         contact = replace(surface, multiplier_pressure=pressure, penalty=0.0).normal_contact(displacement)
         return contact if slip is None else replace(contact, creepage=slip.creepage)
 
-    def evaluate(self, displacement: NDArray[np.float64], pressure: NDArray[np.float64]) -> SteadyTrial:
+    def evaluate(self, displacement: FloatArray, pressure: FloatArray) -> SteadyTrial:
         """Evaluate the residual of a displacement and pressures.
 
         Parameters
@@ -275,7 +270,7 @@ class SteadySolver:
         except (FloatingPointError, RuntimeError) as error:  # of numpy, and of the streamline integration
             raise EquilibriumError("no steady equilibrium: elements of the layer invert") from error
 
-    def _evaluate(self, displacement: NDArray[np.float64], pressure: NDArray[np.float64]) -> SteadyTrial:
+    def _evaluate(self, displacement: FloatArray, pressure: FloatArray) -> SteadyTrial:
         displacement = self.frame.with_steady_rear(displacement)
         gradients = self.solid.displacement_gradient(displacement)
         streamlines = self.integrator.integrate(self.frame.to_rows(gradients))
@@ -289,8 +284,7 @@ class SteadySolver:
         penalised = self.penalty * unit_contact.gap
         complementarity = (pressure + penalised - np.hypot(pressure - penalised, 2 * self.smoothing)) / 2
         size = np.hypot(
-            np.linalg.norm(residual.ravel()[self.solid.ordered_dofs]),
-            np.linalg.norm(complementarity * surface.weights),
+            np.linalg.norm(residual.ravel()[self.solid.ordered_dofs]), np.linalg.norm(complementarity * surface.weights)
         )
         size /= max(np.linalg.norm(external), MIN_FORCE * self.solid.material.unloading_modulus * self.frame.step)
         return SteadyTrial(
@@ -307,7 +301,7 @@ class SteadySolver:
             size=float(size),
         )
 
-    def assemble(self, piola: NDArray[np.float64]) -> NDArray[np.float64]:
+    def assemble(self, piola: FloatArray) -> FloatArray:
         """Assemble the internal forces of Piola stresses.
 
         Parameters
@@ -327,7 +321,7 @@ class SteadySolver:
         return np.stack([np.bincount(nodes, nodal[..., i].ravel(), solid.basis.N) for i in range(2)], axis=-1)
 
     @cached_property
-    def gradient_matrix(self) -> NDArray[np.float64]:
+    def gradient_matrix(self) -> FloatArray:
         """Matrix from element displacements to gradients [1/m], shape (elements, points, 4, 16)."""
         gradients = self.solid.shape_gradients.transpose(0, 1, 3, 2)
         matrix = np.zeros((*gradients.shape[:2], 4, 16))
@@ -335,7 +329,7 @@ class SteadySolver:
         return matrix
 
     @cached_property
-    def elastic_stiffness(self) -> NDArray[np.float64]:
+    def elastic_stiffness(self) -> FloatArray:
         """Stiffness of the undeformed elements [N/m2], shape (elements, 16, 16)."""
         return self.solid.elastic_element_stiffness()
 
@@ -393,7 +387,7 @@ class _NewtonStep:
         start = np.linalg.norm(right_side)
         return change, pressure, start, max(1 - np.linalg.norm(error) / start, 0.0)
 
-    def _preconditioned_residual(self, trial: SteadyTrial) -> NDArray[np.float64]:
+    def _preconditioned_residual(self, trial: SteadyTrial) -> FloatArray:
         """Return the displacement that a residual causes with the upstream states frozen."""
         nodes, correction = self.solver.nodes, self._pressure_correction(trial)
         residual = -trial.residual
@@ -403,11 +397,11 @@ class _NewtonStep:
             residual[nodes] += self.friction_forces * self._friction_change(correction, zero, zero)[:, None]
         return self.precondition(residual.ravel()[self.solver.solid.ordered_dofs])
 
-    def _pressure_correction(self, trial: SteadyTrial) -> NDArray[np.float64]:
+    def _pressure_correction(self, trial: SteadyTrial) -> FloatArray:
         """Return the pressure change that satisfies the linearised complementarity at a constant gap."""
         return (self.target - self._weighted_contact(trial)) / self.pressure_weight
 
-    def _weighted_contact(self, trial: SteadyTrial) -> NDArray[np.float64]:
+    def _weighted_contact(self, trial: SteadyTrial) -> FloatArray:
         return self.pressure_weight * trial.pressure + self.gap_weight * trial.unit_contact.gap
 
     def _friction_change(self, pressure, displacement, upstream):
@@ -415,7 +409,7 @@ class _NewtonStep:
         trial = self.trial
         return trial.slip.friction_change(trial.surface, trial.pressure, pressure, displacement, upstream)
 
-    def _multiply(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _multiply(self, vector: FloatArray) -> FloatArray:
         """Return the Jacobian, with all changes downstream, times a vector of the free degrees of freedom."""
         solver = self.solver
         change = self._expand(vector)
@@ -431,7 +425,7 @@ class _NewtonStep:
             forces[solver.nodes] -= self.friction_forces * ratio[:, None]
         return forces.ravel()[solver.solid.ordered_dofs] + self._elastic_forces(change)
 
-    def _expand(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _expand(self, vector: FloatArray) -> FloatArray:
         """Return the nodal displacements of a vector of the free degrees of freedom."""
         change = np.zeros(2 * self.solver.solid.basis.N)
         change[self.solver.solid.ordered_dofs] = vector
@@ -452,7 +446,7 @@ class _NewtonStep:
         change = _piola_stress(trial.gradients, stress, finite)
         return change + _piola_stress(gradients - IDENTITY, trial.stress, True) if finite else change
 
-    def _frozen_stiffness(self) -> NDArray[np.float64]:
+    def _frozen_stiffness(self) -> FloatArray:
         """Return the stiffness of the elements with the upstream states frozen, shape (elements, 16, 16)."""
         solver, matrix = self.solver, self.solver.gradient_matrix
         by_gradient = solver.frame.to_points(self.derivatives[..., :4, 10:])

@@ -16,9 +16,8 @@ sliding contact, J. Mech. Phys. Solids 41 (1993) 1691-1710.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from compact.engines.compaction.finite_strain_solid import SERIES_LIMIT
+from compact.engines.compaction.finite_strain_solid import SERIES_LIMIT, FloatArray
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.numerics.jit import compiled
@@ -43,9 +42,9 @@ class StreamlineState:
         Work of deformation, int J sigma : d strain [J/m3 of fed mix].
     """
 
-    values: NDArray[np.float64]
-    plastic_work: NDArray[np.float64]
-    work: NDArray[np.float64]
+    values: FloatArray
+    plastic_work: FloatArray
+    work: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +71,7 @@ class StreamlineIntegrator:
     finite: bool
     substeps: int
 
-    def integrate(self, gradients: NDArray[np.float64]) -> StreamlineState:
+    def integrate(self, gradients: FloatArray) -> StreamlineState:
         """Integrate the states of all rows.
 
         Parameters
@@ -101,7 +100,7 @@ class StreamlineIntegrator:
                 )
         return StreamlineState(values, works[..., 0], works[..., 1])
 
-    def derivatives(self, gradients: NDArray[np.float64], state: StreamlineState) -> NDArray[np.float64]:
+    def derivatives(self, gradients: FloatArray, state: StreamlineState) -> FloatArray:
         """Return the derivatives of the values of each point by its inputs, by differences.
 
         Parameters
@@ -136,7 +135,7 @@ class StreamlineIntegrator:
         )
 
 
-def propagate_changes(derivatives: NDArray[np.float64], gradient_changes: NDArray[np.float64]) -> NDArray[np.float64]:
+def propagate_changes(derivatives: FloatArray, gradient_changes: FloatArray) -> FloatArray:
     """Return the changes of all states with changes of the gradients, by the chain rule along the rows.
 
     Parameters

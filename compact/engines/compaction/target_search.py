@@ -5,7 +5,6 @@ incremental rolling. A secant method in the logarithms of depth and target finds
 """
 
 from collections.abc import Callable
-from typing import Literal
 
 import numpy as np
 
@@ -31,7 +30,6 @@ INITIAL_ELASTIC_SHARE = 0.03  # [-], of the direct solve from a neighbour; 0.01 
 UNITS = {"load": " N/m", "peak_pressure": " Pa"}
 
 ContinuationStart = Callable[[RollerFrame, float], IncrementalRolling]
-Quantity = Literal["indentation", "load", "peak_pressure", "exit_density_ratio"]
 
 
 def solve_steady(
@@ -132,7 +130,6 @@ class DepthTarget:
         self.fed_ratio = material.fed_density_ratio if fed_layer is None else fed_layer.density_ratio
         self.max_depth = MAX_DEPTH_SHARE * layer.height * (1 - self.fed_ratio)
         self.densest = self.fed_ratio if fed_layer is None else float(fed_layer.points.density_ratio.max())
-        self.quantity: Quantity
         self.quantity, self.value = roller.target
         if exit_density_ratio is not None:
             self.quantity, self.value = "exit_density_ratio", exit_density_ratio
@@ -189,7 +186,7 @@ class DepthTarget:
             If no steady state is found, or no depth satisfies the target.
         """
         if self.quantity == "indentation":
-            return solve_steady(rolling, self.height - self.roller.indentation, tolerance, continuation_start)
+            return solve_steady(rolling, self.height - self.value, tolerance, continuation_start)
         depth = rolling.depth if depth is None else depth
         logs: list[float] = []
         misses: list[float] = []

@@ -47,8 +47,15 @@ from compact.engines.fem.fields import LoadedLayer, dissipated_work
 from compact.engines.fem.surface import FloatArray, shape_matrix
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
-from compact.numerics.validation import require_finite, require_known, require_positive
-from compact.rolling_contact import ContactResult, Layer, Roller, require_on_target, require_torque_allowed
+from compact.numerics.validation import require_known, require_positive
+from compact.rolling_contact import (
+    ContactResult,
+    Layer,
+    Roller,
+    require_moving,
+    require_on_target,
+    require_torque_allowed,
+)
 
 PRESSURE_SAMPLES = 201  # [-], points along the contact in the result
 TARGET_FACTOR = 10.0  # [-], tolerance of the target in the result over that of its solution
@@ -176,13 +183,8 @@ def require_linear_range(
     ValueError
         With the argument, its value, the allowed values and a remedy.
     """
-    require_finite(speed=speed)
+    require_moving(speed)
     require_positive(tolerance=tolerance)
-    if speed == 0:
-        raise ValueError(
-            "`speed` must not be 0, got 0: the resistance at rest is set-valued; give a speed with the sign of the "
-            "motion"
-        )
     if not isinstance(material, Elastic):
         raise ValueError(f"`material` must be Elastic or Viscoelastic, got {type(material).__name__}")
     require_known("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))

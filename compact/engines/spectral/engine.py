@@ -2,8 +2,8 @@
 
 Plane strain, elastic or viscoelastic layer, bonded or frictionless base. The roller is frictionless or in full slip
 with the traction f p. `rolling_problem` solves the contact with a given number of modes; the number is raised until the
-estimated errors are below the tolerance. The error estimate compares with the next number of modes, at the same target,
-and adds the boundary layers of branches that are too fast for either.
+estimated errors are below the tolerance. The error estimate compares with the next number of modes, at the same target.
+It adds the boundary layers of branches that are too fast for either.
 
 Limits: small strains, no inertia, no stick.
 
@@ -29,10 +29,21 @@ from compact.engines.spectral.rolling_problem import (
     solve_pressure,
 )
 from compact.material.laws import Elastic
-from compact.numerics.validation import require_finite, require_known, require_positive
-from compact.rolling_contact import ContactResult, Layer, Roller, require_on_target
+from compact.numerics.validation import require_known, require_positive
+from compact.rolling_contact import ContactResult, Layer, Roller, require_moving, require_on_target
 
-MODE_COUNTS = (16, 24, 36, 54, 80, 120, 180, 270, 405, 610)  # [-], modes tried in turn, each judged by the next
+MODE_COUNTS = (
+    16,
+    24,
+    36,
+    54,
+    80,
+    120,
+    180,
+    270,
+    405,
+    610,
+)  # [-], modes tried in turn; the error is estimated from the next
 SPECTRAL_RTOL = 1e-5  # [-], default tolerance of load and resistance, a tenth of that of the peak pressure
 SPECTRAL_RTOL_MAX = 1e-3  # [-], error with the most modes above which the contact is not returned
 TARGET_RTOL = 1e-9  # [-], residual of the prescribed quantity that is guaranteed
@@ -101,8 +112,8 @@ def roll(
 
     Notes
     -----
-    On a frictionless base a sliding roller drags the whole layer along. The layer is then held from behind, free of
-    stress ahead, and the indentation refers to the surface ahead.
+    On a frictionless base a sliding roller drags the whole layer along. The layer is then supported from behind,
+    free of stress ahead, and the indentation refers to the surface ahead.
 
     Examples
     --------
@@ -245,13 +256,8 @@ def require_spectral_range(layer: Layer, roller: Roller, material: Elastic, spee
     speed : float
         Speed [m/s], finite and not 0.
     """
-    require_finite(speed=speed)
+    require_moving(speed)
     require_known("base", layer.base, ("bonded", "slip"))
-    if speed == 0:
-        raise ValueError(
-            "`speed` must not be 0, got 0: the resistance at rest is set-valued; use a small speed, whose sign is the "
-            "direction"
-        )
     require_known("rolling", roller.rolling, TRACTION_SIGN)
     require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
     if roller.profile == "deformed":

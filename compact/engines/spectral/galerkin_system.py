@@ -23,7 +23,7 @@ from scipy.special import digamma
 from compact.engines.spectral.jacobi_basis import JacobiBasis, build_jacobi_basis
 from compact.engines.spectral.layer_compliance import DECAY_DEPTH, LayerResponse, wave_grid
 
-HALF_WIDTH_MAX = 100.0  # [-], over the top ply, where the grid of waves takes 0.1 GB; it grows with the square
+HALF_WIDTH_MAX = 100.0  # [-], over the top ply; its grid of waves needs 0.1 GB, which grows with the square
 MILLER_MODES = 30  # [-], least number of modes above the last at which the downward recurrence of ratios starts
 BETA_SATURATED = 50.0  # [-], beta from which one edge of the contact does not influence the other: exp(-2 beta) = 0
 

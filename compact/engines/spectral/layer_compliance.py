@@ -176,7 +176,7 @@ def wave_grid(decades: int, width: float, end: float = DECAY_DEPTH) -> tuple[NDA
     Parameters
     ----------
     decades : int
-        Decades below 1 that the panels resolve; they grow fourfold from there.
+        Decades below 1 that the panels resolve; their widths grow fourfold.
     width : float
         Largest panel [-].
     end : float

@@ -1,27 +1,20 @@
-"""The resistance map: closed forms, order, what it tells of itself, shape of data, files, what is kept, refusals."""
+"""Resistance map: closed forms, order of convergence, error estimate, monotonicity, files, errors."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compact.analysis import contact_stage, kept_results
-from compact.analysis.study import Study
 from compact.engines.spectral import engine as spectral
-from compact.files import ResultsError
 from compact.material.laws import Viscoelastic
-from compact.report import writer as report
 from compact.resistance import MAX_SAMPLES, UNSTEADINESS_LIMIT, ResistanceMap, load_resistance_map, sample_resistance
 from compact.rolling_contact import Layer, Roller
-from compact.scene.loader import load_scene
 
 
 def relaxing(speed):
-    """Of a layer that relaxes: rises with the speed, then falls."""
+    """Resistance of a relaxing layer: a maximum over the speed."""
     return 800 * speed / (0.04 + speed**2), None
 
 
@@ -39,7 +32,7 @@ def true_error(resistance_map, resistance=relaxing, slowest=1e-5):
 
 
 @pytest.mark.parametrize("exponent", [0.0, 0.02, 1.0])
-def test_power_law_is_kept_below_the_slowest_sample(exponent):
+def test_power_law_applies_below_the_slowest_sample(exponent):
     law = mapped(lambda speed: (300 * speed**exponent, None), tolerance=1e-5)
     speed = np.array([1e-9, 1e-4, 0.01, 0.3, 1.0])
     assert law(speed) == pytest.approx(300 * speed**exponent, rel=1e-3)
@@ -47,7 +40,7 @@ def test_power_law_is_kept_below_the_slowest_sample(exponent):
     assert law.exponent == pytest.approx(exponent, abs=2e-5)
 
 
-def test_resistance_without_speed_takes_five_samples_and_holds_at_rest():
+def test_dry_friction_needs_five_samples():
     asked = []
     dry = mapped(lambda speed: (asked.append(speed) or 300.0, 0.01))
     assert len(asked) == len(dry.speeds) == 5
@@ -72,19 +65,19 @@ def foundation():
     [(1.0, -0.03, 0.10355338, 3e-4), (1.0, 0.03, 0.10540707, 3e-4), (0.1, -0.03, 0.06090090, 0.08)],
 )
 def test_constant_acceleration_on_a_winkler_foundation(velocity, acceleration, force, most):
-    """Within the limit to second order; beyond it closer than without M."""
+    """The error is of second order within the limit; beyond it is smaller than without M."""
     law = foundation()
     assert law(velocity, acceleration) == pytest.approx(force, rel=most)
     assert abs(law(velocity, acceleration) - force) < abs(law(velocity) - force) * (0.7 if most > 0.01 else 0.1)
 
 
-def test_resistance_is_odd_in_velocity_and_acceleration_together():
+def test_resistance_is_odd_in_velocity_and_acceleration():
     law, draw = foundation(), np.random.default_rng(2)
     velocity, acceleration = draw.uniform(-3, 3, 500), draw.uniform(-1, 1, 500)
     assert np.array_equal(law(-velocity, -acceleration), -law(velocity, acceleration))
 
 
-def test_acceleration_counts_up_to_its_limit_and_no_further():
+def test_acceleration_is_limited():
     law, velocity = foundation(), np.geomspace(1e-3, 3, 50)
     within = law(velocity, 0.5 * UNSTEADINESS_LIMIT * velocity) - law(velocity)
     at_limit = law(velocity, UNSTEADINESS_LIMIT * velocity) - law(velocity)
@@ -97,16 +90,16 @@ def test_acceleration_counts_up_to_its_limit_and_no_further():
     assert law.unsteadiness([0.0, 0.0, -2.0], [0.0, 1.0, -1.0]).tolist() == [0.0, np.inf, 0.5]
 
 
-def test_mix_that_forgets_at_once_has_a_mass_without_limit():
+def test_mix_without_memory_has_no_limit_of_the_acceleration():
     law = replace(foundation(), relaxation_time=0.0)
     assert law(0.1, 7.0) == pytest.approx(0.05309453 - 7 * 0.323041, rel=1e-12)
     assert not law.is_unsteady(1e-9, 1e9)
 
 
-# (b) order, and what the map tells of itself
+# (b) order of convergence and error estimate
 
 
-def test_error_falls_with_the_fourth_power_of_the_distance_between_samples():
+def test_error_is_of_fourth_order_in_the_distance_of_samples():
     errors = []
     for count in (17, 33, 65):
         speeds = np.geomspace(1e-3, 1.0, count)
@@ -115,12 +108,12 @@ def test_error_falls_with_the_fourth_power_of_the_distance_between_samples():
 
 
 @pytest.mark.parametrize("tolerance", [0.05, 0.01, 1e-3, 1e-4])
-def test_tolerance_is_met_and_the_error_told_is_no_less_than_the_true_one(tolerance):
+def test_error_estimate_bounds_the_true_error(tolerance):
     law = mapped(tolerance=tolerance)
     assert true_error(law) <= law.error <= tolerance
 
 
-def test_map_of_the_spectral_engine_tells_its_error():
+def test_map_of_the_spectral_engine_estimates_its_error():
     layer, roller, mix = Layer(0.22), Roller(0.11, 0.003), Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
 
     def resistance(speed):
@@ -134,19 +127,19 @@ def test_map_of_the_spectral_engine_tells_its_error():
     assert law.engine_error < 1e-3
 
 
-# (c) the shape of the data
+# (c) monotonicity and signs
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(0, 1e4), min_size=4, max_size=12))
-def test_map_is_monotone_where_the_samples_are(rises):
+def test_map_is_monotone_where_its_samples_are(rises):
     speeds = np.geomspace(0.01, 1, len(rises))
     law = ResistanceMap(speeds, 1.0 + np.cumsum(rises), 0.0)
     force = law(np.geomspace(0.01, 1, 3001))
     assert np.diff(force).min() >= -1e-9 * force.max()
 
 
-def test_resistance_is_odd_and_takes_arrays_of_any_shape():
+def test_resistance_is_odd_for_arrays_of_any_shape():
     law, velocity = mapped(), np.linspace(-1, 1, 24).reshape(2, 3, 4)
     assert np.array_equal(law(-velocity, 0.0), -law(velocity, 0.0))
     assert law(velocity, np.zeros((5, 1, 1, 1))).shape == (5, 2, 3, 4)
@@ -154,7 +147,7 @@ def test_resistance_is_odd_and_takes_arrays_of_any_shape():
     assert law(np.array([])).shape == (0,)
 
 
-def test_force_that_helps_at_low_speed_changes_its_sign_in_between():
+def test_force_with_a_change_of_sign_is_interpolated():
     law = mapped(lambda speed: (300 * np.log(speed / 0.1), None))
     assert law(0.1) == pytest.approx(0, abs=1.0)
     assert law(0.02) < 0 < law(0.5)
@@ -172,7 +165,7 @@ def test_known_samples_are_not_computed_again():
 # (e) files
 
 
-def test_map_is_read_as_it_was_written(tmp_path):
+def test_map_is_read_as_written(tmp_path):
     law = mapped(lambda speed: (*relaxing(speed)[:1], 0.013))
     law = replace(law, added_masses=np.cos(law.speeds), relaxation_time=0.3)
     law.save(tmp_path / "map.nc", "abc")
@@ -182,13 +175,13 @@ def test_map_is_read_as_it_was_written(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["map.nc"]
 
 
-def test_error_that_is_not_known_stays_unknown_in_the_file(tmp_path):
+def test_unknown_error_stays_unknown_in_the_file(tmp_path):
     mapped().save(tmp_path / "map.nc")
     read = load_resistance_map(tmp_path / "map.nc")
     assert (read.engine_error, read.added_masses) == (None, None)
 
 
-def test_map_under_another_key_is_refused(tmp_path):
+def test_map_with_another_key_raises_an_error(tmp_path):
     mapped().save(tmp_path / "map.nc", "abc")
     with pytest.raises(
         ValueError, match=r"map\.nc: computed with key abc by compact .*, required def and .*; compute it again"
@@ -196,7 +189,7 @@ def test_map_under_another_key_is_refused(tmp_path):
         load_resistance_map(tmp_path / "map.nc", "def")
 
 
-def test_file_that_is_no_map_is_refused(tmp_path):
+def test_file_of_another_format_raises_an_error(tmp_path):
     (tmp_path / "map.nc").write_bytes(b"CDF")
     with pytest.raises(ValueError, match=r"map\.nc: no resistance map"):
         load_resistance_map(tmp_path / "map.nc")
@@ -205,143 +198,17 @@ def test_file_that_is_no_map_is_refused(tmp_path):
         load_resistance_map(tmp_path / "map.nc")
 
 
-# (f) of a scene, and what the next run takes over
-
-SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
-ROLLED = {
-    "accuracy.engine": "spectral",
-    "machine.roller_condition": "frictionless",
-    "machine.gap_geometry": "circle",
-    "motion.laws": ["cubic", "reversal-3"],
-    "output.items": ["tables"],
-}
+# (f) errors
 
 
-def of_scene(directory=None, **changes):
-    return Study(load_scene(SMALL, **ROLLED | changes), directory=directory)
-
-
-@pytest.fixture(scope="module")
-def written(tmp_path_factory):
-    """Where a run has left its results."""
-    directory = tmp_path_factory.mktemp("kept") / "out"
-    report.write_study(of_scene(), directory)
-    return directory
-
-
-@pytest.fixture
-def left(written, tmp_path):
-    """A copy of that directory."""
-    copy = tmp_path / "out"
-    copy.mkdir()
-    for path in (path for path in written.rglob("*") if path.is_file()):
-        place = copy / path.relative_to(written)
-        place.parent.mkdir(exist_ok=True)
-        place.write_bytes(path.read_bytes())
-    return copy
-
-
-def test_mass_of_a_cart_is_that_of_all_its_rollers():
-    study = of_scene()
-    met, machine = study.resistance, study.scene.machine
-    mass, time = contact_stage.added_mass(study.scene, study.mix, float(met.speeds[-1]), study.held)
-    assert met.added_masses[-1] == pytest.approx(machine.rollers * machine.roller_length * mass, rel=1e-12)
-    assert met.relaxation_time == time == pytest.approx(study.mix.relaxation_time)
-
-
-def test_share_beyond_first_order_is_told(left):
-    """cubic: v = 6 s/T z(1-z), a = 6 s/T^2 (1-2z): |a| tau > 0.1 v where 1-2z > (T/tau)/10 z(1-z)."""
-    told = json.loads((left / "summary.json").read_text())["laws"]["cubic"]["unsteady_share"]
-    rate = UNSTEADINESS_LIMIT * 3.0 / of_scene().mix.relaxation_time
-    first = (2 + rate - np.sqrt(4 + rate**2)) / (2 * rate)  # 1 - 2z = rate z (1 - z)
-    assert told == pytest.approx(2 * first, abs=0.02)
-
-
-@pytest.mark.parametrize(
-    ("changes", "known"),
-    [
-        ({"accuracy.engine": "column"}, True),
-        ({"mix.overrides.instant_over_relaxed": 1.0}, True),
-        ({"accuracy.engine": "compaction", "contact.indentation": 0.003, "mix.reference_speed": 0.1}, False),
-    ],
-    ids=["columns", "elastic", "compaction that knows a rate"],
-)
-def test_mix_without_relaxation_has_no_mass(changes, known):
-    study = of_scene(**changes)
-    assert contact_stage.added_mass(study.scene, study.mix, 0.1, study.held) == ((0.0, 0.0) if known else None)
-
-
-def test_next_run_rolls_nothing_and_writes_the_same(left, written):
-    study = of_scene(left)
-    summary = report.write_study(study, left)
-    assert study.counts["kept"] == 1
-    assert not {"rolled", "resistance", "added mass"} & set(study.counts)
-    assert summary["drive_resistance"]["kept"]
-    for path in written.rglob("*.csv"):
-        assert path.read_bytes() == (left / path.relative_to(written)).read_bytes()
-    assert json.loads((written / "summary.json").read_text())["contacts"] == summary["contacts"]
-
-
-@pytest.mark.parametrize(
-    ("changes", "reused"),
-    [
-        ({"motion.laws": ["septic"], "machine.mass": 900.0, "drive.kind": "crank"}, True),
-        ({"mix.moisture": 0.11}, False),
-        ({"accuracy.tolerance": 0.02}, False),
-        ({"machine.roller_radius": 0.105}, False),
-        ({"contact.indentation": 0.003}, False),
-    ],
-    ids=["laws, cart and drive", "moisture", "tolerance", "radius", "depth"],
-)
-def test_map_is_kept_for_all_that_it_does_not_depend_on(written, changes, reused):
-    assert (of_scene(written, **changes).kept is not None) == reused
-
-
-def test_faster_law_adds_speeds_to_the_map(written):
-    before, study = of_scene(written).kept.resistance_map, of_scene(written, **{"motion.laws": ["septic"]})
-    met = study.resistance_map
-    assert met.speeds[-1] == pytest.approx(2.1875 * 0.4 / 3, rel=1e-9)  # D: 35/16 of the mean
-    assert study.counts["resistance"] <= 2
-    assert "rolled" not in study.counts
-    assert met(before.speeds) == pytest.approx(before.forces, rel=1e-12)
-
-
-@pytest.mark.parametrize("name", [kept_results.MAP_FILE, kept_results.CONTACTS_FILE])
-@pytest.mark.parametrize("content", [b"", b"{}", None], ids=["empty", "other", "gone"])
-def test_broken_remains_are_not_taken(left, name, content):
-    (left / name).unlink() if content is None else (left / name).write_bytes(content)
-    assert of_scene(left).kept is None
-
-
-def test_other_scene_is_not_written_over_for_the_sake_of_its_map(left):
-    with pytest.raises(ResultsError, match="holds results of another scene"):
-        report.write_study(of_scene(left, **{"machine.mass": 900.0}), left)
-
-
-def test_density_of_a_kept_compaction_is_not_made_again(tmp_path):
-    first, again = (of_scene(tmp_path / "out", **{"accuracy.engine": "column"}) for _ in range(2))
-    report.write_study(first, tmp_path / "out")
-    before = (tmp_path / "out" / "density.csv").read_bytes()
-    assert {"passes.csv", "density.csv"} < set(report.write_study(again, tmp_path / "out")["files"])
-    assert "rolled" not in again.counts
-    (tmp_path / "out" / "density.csv").unlink()
-    once_more = of_scene(tmp_path / "out", **{"accuracy.engine": "column"})
-    report.write_study(once_more, tmp_path / "out")
-    assert once_more.counts["rolled"] == 6
-    assert (tmp_path / "out" / "density.csv").read_bytes() == before
-
-
-# (g) refusals
-
-
-def test_speed_beyond_the_samples_is_refused():
+def test_speed_beyond_the_samples_raises_an_error():
     with pytest.raises(ValueError, match=r"computed up to 1 m/s, got 1\.2 m/s; sample it over the speeds"):
         mapped()(np.array([0.1, -1.2]))
 
 
-def test_scatter_that_no_samples_resolve_is_told():
+def test_noise_raises_an_error():
     draw = np.random.default_rng(1)
-    with pytest.raises(RuntimeError, match=r"have a cross-validation error of 0\.\d+ of the largest force, tolerance 0\.001"):
+    with pytest.raises(RuntimeError, match=r"cross-validation error of 0\.\d+ of the largest force, tolerance 0\.001"):
         mapped(lambda speed: (300 + draw.normal(), None))
     assert MAX_SAMPLES < 100
 
@@ -354,6 +221,6 @@ def test_scatter_that_no_samples_resolve_is_told():
         ({"resistance": lambda speed: (np.nan, None)}, "`resistance` must be finite, got nan"),
     ],
 )
-def test_refusals(changes, words):
+def test_invalid_parameters_raise_an_error(changes, words):
     with pytest.raises(ValueError, match=words):
         mapped(**changes)

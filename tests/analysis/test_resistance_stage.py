@@ -1,0 +1,137 @@
+"""Resistance map of a scene: added mass, unsteady share, and reuse of stored contacts by the next run."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compact.analysis import contact_stage, kept_results
+from compact.analysis.study import Study
+from compact.files import ResultsError
+from compact.report import writer as report
+from compact.resistance import UNSTEADINESS_LIMIT
+from compact.scene.loader import load_scene
+
+SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+ROLLED = {
+    "accuracy.engine": "spectral",
+    "machine.roller_condition": "frictionless",
+    "machine.gap_geometry": "circle",
+    "motion.laws": ["cubic", "reversal-3"],
+    "output.items": ["tables"],
+}
+
+
+def of_scene(directory=None, **changes):
+    return Study(load_scene(SMALL, **ROLLED | changes), directory=directory)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Result directory of a run."""
+    directory = tmp_path_factory.mktemp("kept") / "out"
+    report.write_study(of_scene(), directory)
+    return directory
+
+
+@pytest.fixture
+def left(written, tmp_path):
+    """Copy of that directory."""
+    copy = tmp_path / "out"
+    copy.mkdir()
+    for path in (path for path in written.rglob("*") if path.is_file()):
+        place = copy / path.relative_to(written)
+        place.parent.mkdir(exist_ok=True)
+        place.write_bytes(path.read_bytes())
+    return copy
+
+
+def test_added_mass_of_a_cart_is_that_of_all_its_rollers():
+    study = of_scene()
+    met, machine = study.resistance, study.scene.machine
+    mass, time = contact_stage.added_mass(study.scene, study.mix, float(met.speeds[-1]), study.held)
+    assert met.added_masses[-1] == pytest.approx(machine.rollers * machine.roller_length * mass, rel=1e-12)
+    assert met.relaxation_time == time == pytest.approx(study.mix.relaxation_time)
+
+
+def test_unsteady_share_of_a_law_has_its_closed_form(left):
+    """cubic: v = 6 s/T z(1-z), a = 6 s/T^2 (1-2z): |a| tau > 0.1 v where 1-2z > (T/tau)/10 z(1-z)."""
+    told = json.loads((left / "summary.json").read_text())["laws"]["cubic"]["unsteady_share"]
+    rate = UNSTEADINESS_LIMIT * 3.0 / of_scene().mix.relaxation_time
+    first = (2 + rate - np.sqrt(4 + rate**2)) / (2 * rate)  # 1 - 2z = rate z (1 - z)
+    assert told == pytest.approx(2 * first, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("changes", "known"),
+    [
+        ({"accuracy.engine": "column"}, True),
+        ({"mix.overrides.instant_over_relaxed": 1.0}, True),
+        ({"accuracy.engine": "compaction", "contact.indentation": 0.003, "mix.reference_speed": 0.1}, False),
+    ],
+    ids=["columns", "elastic", "compaction that knows a rate"],
+)
+def test_mix_without_relaxation_has_no_added_mass(changes, known):
+    study = of_scene(**changes)
+    assert contact_stage.added_mass(study.scene, study.mix, 0.1, study.held) == ((0.0, 0.0) if known else None)
+
+
+def test_second_run_reuses_every_contact(left, written):
+    study = of_scene(left)
+    summary = report.write_study(study, left)
+    assert study.counts["kept"] == 1
+    assert not {"rolled", "resistance", "added mass"} & set(study.counts)
+    assert summary["drive_resistance"]["kept"]
+    for path in written.rglob("*.csv"):
+        assert path.read_bytes() == (left / path.relative_to(written)).read_bytes()
+    assert json.loads((written / "summary.json").read_text())["contacts"] == summary["contacts"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "reused"),
+    [
+        ({"motion.laws": ["septic"], "machine.mass": 900.0, "drive.kind": "crank"}, True),
+        ({"mix.moisture": 0.11}, False),
+        ({"accuracy.tolerance": 0.02}, False),
+        ({"machine.roller_radius": 0.105}, False),
+        ({"contact.indentation": 0.003}, False),
+    ],
+    ids=["laws, cart and drive", "moisture", "tolerance", "radius", "depth"],
+)
+def test_map_is_reused_after_changes_it_does_not_depend_on(written, changes, reused):
+    assert (of_scene(written, **changes).kept is not None) == reused
+
+
+def test_faster_law_extends_the_map(written):
+    before, study = of_scene(written).kept.resistance_map, of_scene(written, **{"motion.laws": ["septic"]})
+    met = study.resistance_map
+    assert met.speeds[-1] == pytest.approx(2.1875 * 0.4 / 3, rel=1e-9)  # D: 35/16 of the mean
+    assert study.counts["resistance"] <= 2
+    assert "rolled" not in study.counts
+    assert met(before.speeds) == pytest.approx(before.forces, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", [kept_results.MAP_FILE, kept_results.CONTACTS_FILE])
+@pytest.mark.parametrize("content", [b"", b"{}", None], ids=["empty", "other", "gone"])
+def test_damaged_files_are_not_reused(left, name, content):
+    (left / name).unlink() if content is None else (left / name).write_bytes(content)
+    assert of_scene(left).kept is None
+
+
+def test_results_of_another_scene_are_not_overwritten(left):
+    with pytest.raises(ResultsError, match="holds results of another scene"):
+        report.write_study(of_scene(left, **{"machine.mass": 900.0}), left)
+
+
+def test_kept_compaction_is_not_solved_again(tmp_path):
+    first, again = (of_scene(tmp_path / "out", **{"accuracy.engine": "column"}) for _ in range(2))
+    report.write_study(first, tmp_path / "out")
+    before = (tmp_path / "out" / "density.csv").read_bytes()
+    assert {"passes.csv", "density.csv"} < set(report.write_study(again, tmp_path / "out")["files"])
+    assert "rolled" not in again.counts
+    (tmp_path / "out" / "density.csv").unlink()
+    once_more = of_scene(tmp_path / "out", **{"accuracy.engine": "column"})
+    report.write_study(once_more, tmp_path / "out")
+    assert once_more.counts["rolled"] == 6
+    assert (tmp_path / "out" / "density.csv").read_bytes() == before
