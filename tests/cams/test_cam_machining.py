@@ -1,4 +1,4 @@
-"""Cams to cut: followers re-rolled on the exported points keep the law; the cutter fits; the files open elsewhere."""
+"""Machining: followers on the exported points keep the law, the cutter fits, drawing and DXF are true to scale."""
 
 import csv
 import re
@@ -175,8 +175,8 @@ def test_largest_cutter_touches_the_profile_and_removes_nothing(name):
     assert np.array(nearest) == pytest.approx(limit, abs=2e-9)
     with pytest.raises(ValueError, match="to fit the concave parts") as refused:
         cut(cam, cutter_radius=limit * 1.001)
-    told = float(re.search(r"at most (\S+) m", str(refused.value))[1])
-    assert cut(cam, cutter_radius=told).cutter_radius == pytest.approx(limit, rel=1e-6)
+    stated = float(re.search(r"at most (\S+) m", str(refused.value))[1])
+    assert cut(cam, cutter_radius=stated).cutter_radius == pytest.approx(limit, rel=1e-6)
 
 
 def test_larger_cutter_removes_part_of_the_profile():

@@ -162,7 +162,7 @@ def test_curvature_is_that_of_the_points(follower, name):
     before, here, after = (cam.profile(angle + shift) for shift in (-step, 0, step))
     (dx, dy), (ddx, ddy) = (after - before) / (2 * step), (after - 2 * here + before) / step**2
     arc = np.hypot(dx, dy)
-    good = arc > 0.05  # near a cusp of an undercut cam differences tell nothing
+    good = arc > 0.05  # differences are invalid near a cusp of an undercut cam
     exact = ((dx * ddy - dy * ddx) / arc**3)[good]
     # an undercut part runs backwards: its normal, and with it the sign, is reversed
     sign = np.sign(cam.radius_of_curvature(angle))[good] if follower == FlatFace() else 1

@@ -1,4 +1,4 @@
-"""Minimising motions: against mpmath's closed form, against a Ritz minimisation, and against D, A and B."""
+"""Laws of minimum criterion against closed forms in 50 digits, a Ritz minimisation, and the sources D, A and B."""
 
 import math
 
@@ -415,10 +415,30 @@ def test_complex_law_solves_its_euler_poisson_equation(d3, split, z):
 @pytest.mark.parametrize(
     ("order", "start", "end", "message"),
     [
-        (2, {0: 0, 4: 0}, {0: 1, 1: 0}, r"derivatives given must lie in 0\.\.3 for order 2, got \[0, 4\]"),
-        (2, {-1: 0, 0: 0}, {0: 1, 1: 0}, r"derivatives given must lie in 0\.\.3 for order 2, got \[-1, 0\]"),
-        (2, {0: 0, 1: 0, 2: 0}, {0: 1, 1: 0}, r"each end takes 2 conditions for order 2, got derivatives \[0, 1, 2\]"),
-        (3, {0: 0, 1: 0, 2: 0}, {0: 0, 5: 0}, r"each end takes 3 conditions for order 3, got derivatives \[0, 5\]"),
+        (
+            2,
+            {0: 0, 4: 0},
+            {0: 1, 1: 0},
+            r"orders of prescribed derivatives must lie in 0\.\.3 for order 2, got \[0, 4\]",
+        ),
+        (
+            2,
+            {-1: 0, 0: 0},
+            {0: 1, 1: 0},
+            r"orders of prescribed derivatives must lie in 0\.\.3 for order 2, got \[-1, 0\]",
+        ),
+        (
+            2,
+            {0: 0, 1: 0, 2: 0},
+            {0: 1, 1: 0},
+            r"each end requires 2 conditions for order 2, got derivatives of order \[0, 1, 2\]",
+        ),
+        (
+            3,
+            {0: 0, 1: 0, 2: 0},
+            {0: 0, 5: 0},
+            r"each end requires 3 conditions for order 3, got derivatives of order \[0, 5\]",
+        ),
         (2, {1: 0}, {1: 1}, r"`start` \{1: 0\} and `end` \{1: 1\} leave x undetermined; add a position, order 0,"),
     ],
     ids=["beyond", "negative", "too many", "natural twice", "no position"],

@@ -1,4 +1,4 @@
-"""Motion laws: published peaks, closed forms, joins and cycles, balances between derivatives, hard shapes, refusals."""
+"""Motion laws: published peaks, closed forms, discontinuities, cycles, derivatives, limiting cases, errors."""
 
 import math
 from dataclasses import astuple
@@ -17,7 +17,7 @@ from compact.motion.profile import LAWS, Cycle, Discontinuity, MotionProfile, la
 NAMES = list(LAWS)
 SHAPED = list(RUN_UP_TRAVEL)
 SHOCK = ["constant-velocity", "gear-sector"]
-# Derivatives that vanish where the motion leaves rest, and where the run-up meets the constant speed (D 2.6-4.4):
+# Derivatives that vanish at rest, and at the start of the constant velocity (D 2.6-4.4):
 # conditions given, and natural ones.
 RUN_UP_ENDS = {
     "combined-2": ((1,), (2,)),

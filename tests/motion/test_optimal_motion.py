@@ -1,4 +1,4 @@
-"""Optimal laws: known extremals, duality gaps, limits at every instant, what conflicts, mixes of many samples."""
+"""Optimal laws: known extremals, duality gaps, limits at every instant, conflicting limits, several resistances."""
 
 from dataclasses import replace
 from functools import cache
@@ -163,15 +163,15 @@ def test_circular_pitch_curve_has_constant_curvature():
 @pytest.mark.parametrize("dwells", [False, True])
 def test_gradient_of_the_curvature_ratio_is_its_difference_quotient(dwells):
     space = SplineSpace(graded_breaks(0.0, 1.0, 8, 1), 1)
-    held = ConstraintSet(Limits(), space, 0.4, 3.0)
-    task = OptimisationProblem(held, DriveCriterion({"peak_force": 1.0}, 1000.0, (none,)))
-    unknowns, change = held.min_acceleration_law, np.random.default_rng(3).normal(size=space.size)
+    constraints = ConstraintSet(Limits(), space, 0.4, 3.0)
+    problem = OptimisationProblem(constraints, DriveCriterion({"peak_force": 1.0}, 1000.0, (none,)))
+    unknowns, change = constraints.min_acceleration_law, np.random.default_rng(3).normal(size=space.size)
     pitch, step = pitch_of(dwells=dwells), 1e-6
-    near = pitch.linearise(task.nodes, unknowns)
-    ahead, behind = (pitch.nodal_ratios(task.nodes, unknowns + way * step * change).ravel() for way in (1, -1))
+    near = pitch.linearise(problem.nodes, unknowns)
+    ahead, behind = (pitch.nodal_ratios(problem.nodes, unknowns + way * step * change).ravel() for way in (1, -1))
     size = np.abs(near.gradients @ change).max()
     assert near.gradients @ change == pytest.approx((ahead - behind) / (2 * step), abs=1e-7 * size)
-    assert near.value == pitch.nodal_ratios(task.nodes, unknowns).max()
+    assert near.value == pitch.nodal_ratios(problem.nodes, unknowns).max()
 
 
 # ---- splines and programs -------------------------------------------------------------------------------------------
@@ -394,21 +394,21 @@ def test_cam_of_the_optimal_law_satisfies_its_limits(limits, follower, quantity,
     ],
 )
 def test_conflicts_state_the_required_limits(limits, needed):
-    with pytest.raises(InfeasibleError, match="no law satisfies all limits; relax, the others unchanged") as told:
+    with pytest.raises(InfeasibleError, match="no law satisfies all limits; relax, the others unchanged") as raised:
         optimise("peak_force", **MACHINE, resistance=none, limits=limits)
-    assert told.value.alone
-    conflicts = {conflict.name: conflict.required for conflict in told.value.conflicts}
+    assert raised.value.alone
+    conflicts = {conflict.name: conflict.required for conflict in raised.value.conflicts}
     assert conflicts == pytest.approx(needed, rel=3e-3)
 
 
 def test_limits_relaxed_together_are_feasible():
     limits = Limits(velocity=0.1, acceleration=0.1, smoothness=2, jerk=0.1)
-    with pytest.raises(InfeasibleError, match=r"velocity .* together with acceleration") as told:
+    with pytest.raises(InfeasibleError, match=r"velocity .* together with acceleration") as raised:
         optimise("peak_force", **MACHINE, resistance=none, limits=limits, pieces=16)
-    enough = {conflict.name: conflict.required * (1 + 1e-6) for conflict in told.value.conflicts}
-    assert not told.value.alone
+    enough = {conflict.name: conflict.required * (1 + 1e-6) for conflict in raised.value.conflicts}
+    assert not raised.value.alone
     assert optimise("peak_force", **MACHINE, resistance=none, limits=limits.replaced(**enough), pieces=16).gap < 1e-6
-    for name in enough:  # and none of them is told in vain
+    for name in enough:  # each relaxation is necessary
         with pytest.raises(InfeasibleError):
             optimise(
                 "peak_force", **MACHINE, resistance=none, limits=limits.replaced(**(enough | {name: 0.1})), pieces=16
@@ -418,23 +418,23 @@ def test_limits_relaxed_together_are_feasible():
 def test_infeasible_profile_radius_states_the_feasible_one():
     limits = TWO_THIRDS.replaced(cam=ROLLER)
 
-    def asked(radius):
+    def with_radius(radius):
         cam = replace(ROLLER, profile_radius=radius)
         return optimise("peak_force", **MACHINE, resistance=none, limits=limits.replaced(cam=cam), pieces=8)
 
-    with pytest.raises(InfeasibleError, match="smallest radius of curvature of the cam") as told:
-        asked(0.4)
-    (conflict,) = told.value.conflicts
-    assert (conflict.limit, told.value.alone) == (0.4, True)
-    assert asked(conflict.required * (1 - 1e-4)).gap < 1e-5
+    with pytest.raises(InfeasibleError, match="smallest radius of curvature of the cam") as raised:
+        with_radius(0.4)
+    (conflict,) = raised.value.conflicts
+    assert (conflict.limit, raised.value.alone) == (0.4, True)
+    assert with_radius(conflict.required * (1 - 1e-4)).gap < 1e-5
     with pytest.raises(InfeasibleError):
-        asked(conflict.required * (1 + 1e-3))
+        with_radius(conflict.required * (1 + 1e-3))
 
 
 def test_dwell_limits_the_profile_radius_to_that_of_the_base_circle():
     """Where the cart stands the profile is a circle about the axis: (breadth - stroke)/2 - r, here 0.22 m."""
     cam = CamLimits(0.9, dwell=0.5, profile_radius=0.23, roller_radius=0.03)
-    with pytest.raises(InfeasibleError) as told:
+    with pytest.raises(InfeasibleError) as raised:
         optimise(
             "peak_force",
             **MACHINE,
@@ -442,7 +442,7 @@ def test_dwell_limits_the_profile_radius_to_that_of_the_base_circle():
             limits=Limits(end_condition="dwell", jerk=20.0, cam=cam),
             pieces=16,
         )
-    assert told.value.conflicts[0].required == pytest.approx(0.22, rel=1e-4)
+    assert raised.value.conflicts[0].required == pytest.approx(0.22, rel=1e-4)
 
 
 # ---- the published machine -------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Motion from a table: polynomial laws recovered, end rows met, an error that is honest, refusals."""
+"""Motion from a table: polynomial laws, interpolated end rows, calibrated error estimate, errors."""
 
 import numpy as np
 import pytest
@@ -72,7 +72,7 @@ def test_error_without_noise_has_the_order_of_the_quintic_spline():
     assert -np.polyfit(np.log(rows), np.log(error), 1)[0] > 5.5
 
 
-# ---- an honest error -------------------------------------------------------------------------------------------------
+# ---- error estimate --------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module", params=["exact ends", "noisy ends"])
@@ -140,8 +140,8 @@ def test_gap_in_the_rows_increases_the_error_estimate():
     noise = NOISE * np.random.default_rng(0).standard_normal(40) * (z > 0) * (z < 1)
     exact = law("quintic", STROKE, DURATION)
     motion = from_table(DURATION * z, exact.position(DURATION * z) + noise)
-    middle, beside = motion.standard_error(DURATION * np.array([0.5, 0.2]), 0)
-    assert middle > 3 * beside
+    middle, elsewhere = motion.standard_error(DURATION * np.array([0.5, 0.2]), 0)
+    assert middle > 3 * elsewhere
     assert abs(motion.position(DURATION / 2) - STROKE / 2) < 4 * middle
 
 
