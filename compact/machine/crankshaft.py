@@ -25,7 +25,7 @@ CRANK_ANGLES = {
     3: (0.0, 2 * np.pi / 3, 4 * np.pi / 3),
     4: (0.0, np.pi / 2, np.pi, 3 * np.pi / 2),
 }
-MIN_PIECE = 1e-9  # [rad]; closer dead centres coincide
+MIN_PIECE_ANGLE = 1e-9  # [rad]; closer dead centres coincide
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Crankshaft:
         if self.cart.end_springs is not None:
             places = np.append(places, np.subtract.outer(self._zones.breaks, self.angles))
         edges = np.unique(np.append(np.mod(places, 2 * np.pi), [0.0, 2 * np.pi]))
-        return np.append(edges[:-1][np.diff(edges) > MIN_PIECE], 2 * np.pi)
+        return np.append(edges[:-1][np.diff(edges) > MIN_PIECE_ANGLE], 2 * np.pi)
 
     @cached_property
     def _zones(self):

@@ -6,9 +6,9 @@ A pump of constant flow with a relief valve at p_s feeds the driving cylinder th
 The other cylinder discharges to the tank through the outlet valve, dp = p_out. Below the transition pressure drop c the
 flow is laminar.
 
-The inverse problem yields pressures, flow and valve areas a over time for a given law. The outlet valve is fully open
-until the cart must be decelerated, so that p_in is as low as possible. The forward problem (`simulate_stroke`) yields
-the motion for given valve areas and a compressible oil:
+The inverse problem determines pressures, flow and valve areas a over time for an imposed law. The outlet valve is
+fully open until the cart must be decelerated, so that p_in is as low as possible. The forward problem
+(`simulate_stroke`) determines the motion for imposed valve areas and a compressible oil:
 
     (V/K) p_in' = Q_in - A v,   (V/K) p_out' = A v - Q_out,   m v' = A (p_in - p_out) - W(v) - guides + end springs
 
@@ -34,12 +34,12 @@ from compact.numerics.validation import require_opposing, require_positive
 
 AREA_TOLERANCE = 1e-6  # [-], of the open area; polynomials of a valve area
 STROKE_TOLERANCE = 1e-8  # [-], relative; forward integration
-PERTURBATION = 1e-7  # [-], of the scale of the state; finite differences
+RATE_PERTURBATION = 1e-7  # [-], of the scale of the state; finite differences
 MAX_SECANT_STEPS = 20  # [-], of the acceleration at an instant; two for a resistance that is linear in it
 FORCE_TOLERANCE = 1e-12  # [-], of the forces; residual of the acceleration at an instant
 MAX_EVALUATIONS = 1_000_000  # [-], of the rates over a stroke, about a minute; 1e4 are usual
 MAX_STOPS = 200  # [-], alternations of motion and rest within a piece of the valve areas
-MIN_PIECE = 1e-9  # [-], of the duration; closer breaks of the valve areas coincide
+MIN_PIECE_FRACTION = 1e-9  # [-], of the duration; closer breaks of the valve areas coincide
 WORK_TERMS = ("pump", "relief", "inlet_heat", "outlet_heat", "compression", "resistance_work")
 
 ValveAreas = tuple[PiecewisePolynomial, PiecewisePolynomial]
@@ -338,7 +338,7 @@ def simulate_stroke(
     require_opposing(resistance, stroke / max(float(area.breaks[-1] - area.breaks[0]) for area in areas))
     circuit = _Circuit(cart, hydraulic, stroke, areas, resistance)
     breaks = np.unique(np.concatenate([areas[0].breaks, areas[1].breaks]))
-    breaks = breaks[np.append(True, np.diff(breaks) > MIN_PIECE * breaks[-1])]
+    breaks = breaks[np.append(True, np.diff(breaks) > MIN_PIECE_FRACTION * breaks[-1])]
     state, direction = np.array([0.0, 0.0, *pressures] + [0.0] * len(WORK_TERMS)), 0
     columns: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
     for start, end in pairwise(breaks):
@@ -427,8 +427,8 @@ class _Circuit:
         jacobian, here = np.zeros((len(state), len(state))), self._rates(time, state, direction)
         for k in range(4):
             perturbed = state.copy()
-            perturbed[k] += PERTURBATION * scale[k]
-            jacobian[:, k] = (self._rates(time, perturbed, direction) - here) / (PERTURBATION * scale[k])
+            perturbed[k] += RATE_PERTURBATION * scale[k]
+            jacobian[:, k] = (self._rates(time, perturbed, direction) - here) / (RATE_PERTURBATION * scale[k])
         return jacobian
 
     def _solve_acceleration(self, position, velocity, direction, force):

@@ -28,9 +28,9 @@ from numpy.typing import NDArray
 from compact.numerics.validation import require_positive
 
 MAX_BELT_CREEP = 0.1  # [-], at the slip limit; the first order in the strain is not sufficient beyond
-MAX_ITERATIONS = 50  # [-], of Newton's method; 3 to 5 are usual
+BELT_ITERATIONS = 50  # [-], of Newton's method; 3 to 5 are usual
 SPEED_TOLERANCE = 1e-14  # [-], of the largest speed; change at convergence
-PERTURBATION = 1e-7  # [-], relative; finite difference of the torque
+SPEED_PERTURBATION = 1e-7  # [-], relative; finite difference of the torque
 
 
 class TorqueCurve(Protocol):
@@ -192,9 +192,9 @@ class Belt:
             If the iteration does not converge, as for a torque that rises too steeply with speed.
         """
         C, geared = self.creep_torque, np.asarray(speed, float)
-        w, step = geared, PERTURBATION * (np.abs(geared) + np.abs(geared).max())
+        w, step = geared, SPEED_PERTURBATION * (np.abs(geared) + np.abs(geared).max())
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            for _ in range(MAX_ITERATIONS):
+            for _ in range(BELT_ITERATIONS):
                 residual = w * (1 - belt_torque(w) / C) - geared
                 slope = (w + step) * (1 - belt_torque(w + step) / C) - geared - residual
                 change = np.where(residual == 0, 0.0, -residual * step / slope)

@@ -47,7 +47,7 @@ from compact.numerics.validation import (
 RIGID = Rigid()
 SPEED_TRIALS = 200  # [-], speeds between rest and no load for the first guess
 GUESS_POINTS = 18  # [-], per piece of the law, ends included; mean torque of the first guess
-MIN_PIECE = 1e-9  # [rad]; closer joins coincide
+MIN_PIECE_ANGLE = 1e-9  # [rad]; closer joins coincide
 PEAK_STEPS = 12  # [-], per element; grid of the search for a peak
 
 
@@ -153,7 +153,7 @@ class ShaftLoad:
             contacts = np.mod(np.subtract.outer(self._zones.breaks, self.motor.angles).ravel(), 2 * np.pi)
             angles = np.append(angles, contacts)
         edges = np.unique(np.append(angles, [0.0, 2 * np.pi]))
-        return np.append(edges[:-1][np.diff(edges) > MIN_PIECE], 2 * np.pi)
+        return np.append(edges[:-1][np.diff(edges) > MIN_PIECE_ANGLE], 2 * np.pi)
 
     def states_at(
         self,

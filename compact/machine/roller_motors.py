@@ -4,9 +4,9 @@
     pull(v, T) = F(v) - F(v, T),   phi' = (1 + creep(v, T)) v/R,   power = T phi'
 
 n rollers of radius R carry the cart. F(v) is the resistance of the roller without torque at speed v, F(v, T) that of a
-roller driven by the torque T. An engine with stick and slip yields both and the creepage (`DrivenRoller`); without one,
-T = R pull and there is no creepage (`CreepFreeRoller`). T and pull are those of one roller, positive along the travel.
-The height of the rollers does not depend on the torque, and the mix responds as in steady motion.
+roller driven by the torque T. An engine with stick and slip computes both and the creepage (`DrivenRoller`). Without
+such an engine, T = R pull and there is no creepage (`CreepFreeRoller`). T and pull are those of one roller, positive
+along the travel. The height of the rollers does not depend on the torque, and the mix responds as in steady motion.
 """
 
 from collections.abc import Callable
@@ -27,8 +27,8 @@ from compact.numerics.validation import require_nonnegative, require_positive
 
 FULL_SLIP_SHARE = 0.99  # [-], of the Coulomb limit; a roller beyond slides
 GAUSS_RULE = np.polynomial.legendre.leggauss(4)
-FORCE_TOLERANCE = 1e-12  # [-], of the forces; residual force at the pin
-MAX_ITERATIONS = 60  # [-], of the guide friction; 3 to 5 are usual
+PIN_FORCE_TOLERANCE = 1e-12  # [-], of the forces; residual force at the pin
+FRICTION_ITERATIONS = 60  # [-], of the guide friction; 3 to 5 are usual
 
 
 def pull_range(dynamics: InverseDynamics, rollers: int) -> tuple[float, float]:
@@ -286,14 +286,14 @@ def _total_pull(dynamics: InverseDynamics, state: DriveState, way: int) -> NDArr
     end_force = cart.mass * state.acceleration + state.resistance + forces.guide_friction - forces.drive_force
     scale = np.max(np.abs(forces.drive_force), initial=0.0) + np.max(np.abs(state.resistance), initial=0.0)
     pull = forces.drive_force
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(FRICTION_ITERATIONS):
         residual = balance(cart, state.acceleration, state.resistance - pull, way, 0.0, end_force).drive_force
         pull = pull + residual
-        if np.all(np.abs(residual) <= FORCE_TOLERANCE * scale):
+        if np.all(np.abs(residual) <= PIN_FORCE_TOLERANCE * scale):
             return pull
     raise RuntimeError(
         f"the guide wheels lock the cart under '{dynamics.cycle.forward.name}': the residual force at the pin is "
-        f"{np.abs(residual).max():g} N after {MAX_ITERATIONS} iterations; use less `guide_friction`"
+        f"{np.abs(residual).max():g} N after {FRICTION_ITERATIONS} iterations; use less `guide_friction`"
     )
 
 

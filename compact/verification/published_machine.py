@@ -193,14 +193,14 @@ class _Shaft:
 
     def forces(self, psi: Values, direction: Values) -> Balance:
         """Compute the force balance of one cart; direction +1 towards the crank, -1 away."""
-        acceleration = self.speed**2 * crank_kinematics(self.crank, psi)[2]
+        acceleration = self.speed**2 * crank_kinematics(self.crank, np.asarray(psi))[2]
         tangent = np.tan(self.crank.rod_angle(psi))
         return balance(self.cart, acceleration, direction * self.resistance, direction, tangent)
 
     def force_on_upper_rail(self, psi: Values, direction: Values) -> NDArray[np.float64]:
         """Compute H of C (9) [N]: guide wheels on the upper rail even where their reaction is negative."""
         pull, slide = (
-            crank_kinematics(self.crank, psi)[2] * self.speed**2 * self.cart.mass,
+            crank_kinematics(self.crank, np.asarray(psi))[2] * self.speed**2 * self.cart.mass,
             direction * self.cart.guide_friction,
         )
         lift = np.sum(self.cart.roller_reactions) - self.cart.weight
@@ -225,7 +225,8 @@ class _Shaft:
     def mean_of(self, force: Function) -> float:
         """Compute the mean power [W] of a drive force, a function of psi."""
         power = integrate(
-            lambda psi: force(psi) * self.speed * crank_kinematics(self.crank, psi)[1], [0.0, np.pi, 2 * np.pi]
+            lambda psi: force(psi) * self.speed * crank_kinematics(self.crank, np.asarray(psi))[1],
+            [0.0, np.pi, 2 * np.pi],
         )
         return power / (2 * np.pi)
 
@@ -314,7 +315,7 @@ def _energy_balance(stated: _Shaft) -> dict[str, Any]:
 
 def _inertia(stated: _Shaft) -> dict[str, Any]:
     """Compute inertia forces at the outer dead centre, and the mass that gives the printed ratio of powers."""
-    dead_centre = stated.speed**2 * float(crank_kinematics(stated.crank, 0.0)[2])
+    dead_centre = stated.speed**2 * float(crank_kinematics(stated.crank, np.asarray(0.0))[2])
     moving = replace(stated, resistance=PUBLISHED_MACHINE.moving_force)
     plain = replace(stated.cart, guide_friction=0.0)
     four = 4 * stated.resistance * 4 * stated.crank.radius * stated.speed / (2 * np.pi)

@@ -14,7 +14,7 @@ Several passes, and new mix on compacted mix, are columns on top of one another 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,9 +38,12 @@ from compact.engines.column.indentation_search import (
 from compact.material.laws import Compaction
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 from compact.rolling_contact import (
+    BaseCondition,
     ContactResult,
+    GapGeometry,
     Layer,
     Roller,
+    RollerCondition,
     require_moving,
     require_on_target,
     require_target_reached,
@@ -366,7 +369,7 @@ def require_single_bonded_layer(layer: Layer) -> None:
     layer : Layer
         Layer of a scene.
     """
-    require_known("base", layer.base, ("bonded", "slip"))
+    require_known("base", layer.base, get_args(BaseCondition))
     if layer.base == "slip":
         raise ValueError(
             "the engine column needs a `base` that is bonded, got 'slip': mix on a frictionless base spreads laterally "
@@ -392,8 +395,8 @@ def require_column_range(roller: Roller, material: Compaction, speed: float) -> 
     """
     _require_compaction(material)
     require_moving(speed)
-    require_known("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
-    require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
+    require_known("rolling", roller.rolling, get_args(RollerCondition))
+    require_known("profile", roller.profile, get_args(GapGeometry))
     if roller.friction and roller.rolling in ("sliding", "driven"):
         raise ValueError(
             f"the engine column carries no shear, got `rolling` '{roller.rolling}' with `friction` "
