@@ -236,14 +236,14 @@ CRITERIA = MappingProxyType(  # criteria by which laws are ranked
             "dynamic factor", "1", definition="peak drive force over that of steady motion at the mean speed"
         ),
         "nonuniformity": Quantity("speed non-uniformity in the working phase", "1"),
-        "ringing": Quantity(
+        "dynamic_amplification": Quantity(
             "dynamic amplification", "1", definition="peak drive force over that of a rigid drive with the same law"
         ),
     }
 )
 RUN = MappingProxyType(  # further results of a run with a compliant, hydraulic or motor drive
     {
-        "standing": Quantity("stick time", "s"),
+        "stick_time": Quantity("stick time", "s"),
         "fluctuation": Quantity("coefficient of speed fluctuation", "1"),
         "peak_pressure": Quantity("peak oil pressure", "Pa", "kPa"),
         "peak_flow": Quantity("peak flow rate", "m3/s"),

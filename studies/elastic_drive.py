@@ -21,7 +21,7 @@ from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
 HEADER = (
-    "law", "stiffness_N/m", "peak_force_N", "ringing", "nonuniformity", "peak_power_W", "standing_s",
+    "law", "stiffness_N/m", "peak_force_N", "dynamic_amplification", "nonuniformity", "peak_power_W", "standing_s",
     "energy_residual", "arcs",
 )  # fmt: skip
 LAWS = ("parabolic", "cubic", "quintic", "septic", "reversal-2", "reversal-4-free-acceleration", "combined-4")
@@ -36,7 +36,7 @@ def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9)
         working = (motion.run_up, 1 - motion.run_down)
         run = runs[name, stiffness] = simulate(study.cart, spring, cycle, study.resistance, working=working)
         rows.append((
-            name, stiffness, run.peak_force, run.ringing, run.nonuniformity, run.peak_power, run.standing,
+            name, stiffness, run.peak_force, run.dynamic_amplification, run.nonuniformity, run.peak_power, run.stick_time,
             run.energy_residual, run.cost.intervals,
         ))  # fmt: skip
     if out:
@@ -48,8 +48,7 @@ def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9)
 
 
 def _draw(rows, runs):
-    """Draw dynamic amplification and non-uniformity over stiffness, one line for each law, and the force of two laws.
-    """
+    """Draw dynamic amplification and non-uniformity over stiffness, one line for each law, and the force of two laws."""
     from matplotlib.figure import Figure
 
     from compact.report.figure_style import law_style

@@ -158,7 +158,7 @@ def stiff_drive():
 def crossing():
     study = Study(load_scene(SCENE, **{"motion.laws": ["quintic"], "output.items": []}))
     run = simulate(study.cart, ElasticDrive(2e5, 1e3), study.cycles["quintic"], study.resistance)
-    return f"stands {run.standing:.4f} s", run.energy_residual
+    return f"stands {run.stick_time:.4f} s", run.energy_residual
 
 
 @case("complex law at a double root", "the same weights off by 1e-9")

@@ -11,7 +11,7 @@ from compact.analysis.pipeline import Cycles, build_stages
 from compact.analysis.ranking_uncertainty import Agreement, Place, agreement
 from compact.scene.loader import Scene
 
-DIRECTORY = "beside"  # under the results; kept results of the engines of the comparison
+DIRECTORY = "comparison"  # under the results; kept results of the engines of the comparison
 
 NAMED_LAWS = 3  # [-], largest number of laws of one rank that are named
 

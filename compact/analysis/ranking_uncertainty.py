@@ -30,7 +30,7 @@ class Place(NamedTuple):
         Relative distance to the next worse value, over `Criterion.scale` [-].
     error : float or None
         Error of the value, in its unit; None without error estimate of the resistance.
-    sure : bool or None
+    resolved : bool or None
         True if the rank is resolved: no law behind it is better if each value changes by its error. None if the errors
         are unknown. Infinite values are not resolved, nor laws of different rank within the build tolerance.
     reason : str
@@ -42,7 +42,7 @@ class Place(NamedTuple):
     value: float
     margin: float
     error: float | None
-    sure: bool | None
+    resolved: bool | None
     reason: str
 
     @property
@@ -78,10 +78,10 @@ def places(ranked: Sequence[Ranked], by: str, heavier: Mapping[str, Any] | None)
             other.value - error for other, error in zip(ranked, errors, strict=True) if other.rank > place.rank
         ] if heavier is not None else []  # fmt: skip
         if ambiguous or place.reason:
-            sure = False
+            resolved = False
         else:
-            sure = None if heavier is None else place.value + own <= min(behind, default=math.inf)
-        placed.append(Place(place.rank, place.run.name, place.value, place.margin, own, sure, place.reason))
+            resolved = None if heavier is None else place.value + own <= min(behind, default=math.inf)
+        placed.append(Place(place.rank, place.run.name, place.value, place.margin, own, resolved, place.reason))
     return placed
 
 
@@ -131,9 +131,9 @@ class Agreement(NamedTuple):
     ----------
     tau : float
         Kendall's tau-b [-]: 1 for the same order; nan for fewer than two laws.
-    swaps : int
+    discordant_pairs : int
         Number of discordant pairs.
-    sure : int
+    resolved_discordant_pairs : int
         Number of resolved discordant pairs: both differences exceed the errors and the build tolerance. An unknown
         error counts as zero.
     pairs : int
@@ -141,8 +141,8 @@ class Agreement(NamedTuple):
     """
 
     tau: float
-    swaps: int
-    sure: int
+    discordant_pairs: int
+    resolved_discordant_pairs: int
     pairs: int
 
 
@@ -168,8 +168,8 @@ def agreement(one: Sequence[Place], other: Sequence[Place], by: str) -> Agreemen
     size = math.sqrt(np.sum(first**2) * np.sum(second**2))
     return Agreement(
         tau=float(np.sum(first * second) / size) if size else math.nan,
-        swaps=int(np.sum(discordant)) // 2,
-        sure=int(np.sum(discordant & apart)) // 2,
+        discordant_pairs=int(np.sum(discordant)) // 2,
+        resolved_discordant_pairs=int(np.sum(discordant & apart)) // 2,
         pairs=len(laws) * (len(laws) - 1) // 2,
     )
 

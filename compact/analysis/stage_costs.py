@@ -77,7 +77,7 @@ class WorkPlan:
             "contact": 1, "rankings": 1, "laws": self._laws, "runs": laws * (1 + layered), "rolled": rolled,
             "fields": rolled * fields, "figures": figures * bool({"figures", "report"} & items) + fields,
             "cams": cams, "cams measured": cams, "crank": (len(CRANK_ANGLES) + 1) * ("crank" in items),
-            "beside": len(self.scene.compared_engines), "report": int("report" in items),
+            "comparison": len(self.scene.compared_engines), "report": int("report" in items),
         })  # fmt: skip
         for stage in COUNTED_LATER:
             planned[stage] = self.counts[stage]
@@ -129,7 +129,7 @@ class WorkPlan:
     def _usual_cost(self, stage: str) -> float:
         """Return the cost of a run of a stage that is not its first [s]."""
         scene = self.scene
-        if stage == "beside":
+        if stage == "comparison":
             others = [scene.with_engine(name) for name in scene.compared_engines]
             costs = [WorkPlan(other, scene_mix(other), Counter()).contact_cost for other in others]
             return WAIT_SHARE * sum(costs) / len(costs)

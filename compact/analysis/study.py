@@ -311,14 +311,14 @@ class Study:
                 self._background = None
 
     @cached_property
-    def beside(self) -> dict[str, EngineComparison]:
+    def comparison(self) -> dict[str, EngineComparison]:
         """Results of each engine of the comparison by name."""
         if self._answers is None:
             with self.helped(SerialExecutor()):
-                return self.beside
+                return self.comparison
         found = {}
         for name, answer in self._answers.items():
-            self.count("beside")
+            self.count("comparison")
             found[name] = answer()
             for words in found[name].warned:
                 warnings.warn(f"{name}: {words}", stacklevel=2)
@@ -327,7 +327,7 @@ class Study:
     @property
     def places_by_engine(self) -> dict[str, Places]:
         """Places by engine, drive and criterion; engine and drive of the scene first."""
-        return {self.scene.accuracy.engine: self.places} | {name: each.places for name, each in self.beside.items()}
+        return {self.scene.accuracy.engine: self.places} | {name: each.places for name, each in self.comparison.items()}
 
     @cached_property
     def agreements(self) -> list[RankingAgreement]:

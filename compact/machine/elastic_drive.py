@@ -302,7 +302,7 @@ class ElasticRun(CycleStatistics):
         return simulate(self.cart, Rigid(), self.cycle, self.resistance, working=self.working)
 
     @property
-    def ringing(self) -> float:
+    def dynamic_amplification(self) -> float:
         """Dynamic amplification: peak force over that of the rigid drive [-]; nan if that is infinite."""
         return self.peak_force / self.rigid.peak_force if math.isfinite(self.rigid.peak_force) else math.nan
 
@@ -340,7 +340,7 @@ class ElasticRun(CycleStatistics):
         return float((velocity.max() - velocity.min()) / mean)
 
     @property
-    def standing(self) -> float:
+    def stick_time(self) -> float:
         """Stick time: time during which friction holds the cart at rest [s]; named as in summary.json."""
         intervals = self.trajectory.intervals
         return float(intervals.duration[intervals.slip == 0].sum())

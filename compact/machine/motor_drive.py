@@ -465,7 +465,7 @@ class MotorRun(CycleStatistics):
         return self._largest(lambda state: state.forces.drive_force)
 
     @cached_property
-    def ringing(self) -> float:
+    def dynamic_amplification(self) -> float:
         """Dynamic amplification: peak force over that of a drive at uniform speed, in the period of the law [-]."""
         load = self.load
         return self.peak_force / simulate(load.cart, load.motor.rod, load.cycle, load.resistance).peak_force

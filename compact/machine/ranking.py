@@ -58,7 +58,9 @@ _RULES: dict[str, dict[str, Any]] = {
     "energy": {"cancelling": "drawn_energy"},
     "peak_jerk": {"infinite_because": "the acceleration jumps"},
     "nonuniformity": {"floor": 1.0},  # of the mean speed
-    "ringing": {"infinite_because": "the velocity jumps: a drive that imposes it has no finite peak force"},
+    "dynamic_amplification": {
+        "infinite_because": "the velocity jumps: a drive that imposes it has no finite peak force"
+    },
 }
 CRITERIA = MappingProxyType(
     {name: Criterion(quantity, **_RULES.get(name, {})) for name, quantity in quantities.CRITERIA.items()}

@@ -225,7 +225,7 @@ class CycleStatistics:
         return self.peak_force / self.steady_force if self.steady_force else math.inf
 
     @property
-    def ringing(self) -> float:
+    def dynamic_amplification(self) -> float:
         """Dynamic amplification: peak force over that of a drive that imposes the law [-]; 1 for such a drive."""
         return 1.0
 

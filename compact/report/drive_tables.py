@@ -13,7 +13,7 @@ from compact.machine.roller_motors import RollerMotor
 from compact.quantities import ROLLER_MOTOR, column_names
 
 ELASTIC_HEADER = (
-    "law", "peak_force_N", "rigid_peak_force_N", "ringing", "peak_power_W", "rigid_peak_power_W", "nonuniformity",
+    "law", "peak_force_N", "rigid_peak_force_N", "dynamic_amplification", "peak_power_W", "rigid_peak_power_W", "nonuniformity",
     "rigid_nonuniformity", "standing_s", "energy_residual", "arcs",
 )  # fmt: skip
 MOTOR_HEADER = (
@@ -53,7 +53,7 @@ def write_drive_tables(study: Study, directory: Path) -> Iterator[Path]:
     """
     runs = study.runs.values()
     if study.scene.drive.kind == "elastic":
-        yield write_csv(directory / "ringing.csv", ELASTIC_HEADER, [_elastic_row(run) for run in runs])
+        yield write_csv(directory / "dynamic-amplification.csv", ELASTIC_HEADER, [_elastic_row(run) for run in runs])
     if study.scene.drive.kind == "motor":
         turned = [run for run in runs if hasattr(run, "motor_torque")]
         yield write_csv(directory / "motor.csv", MOTOR_HEADER, [_motor_row(run) for run in turned])
@@ -65,8 +65,8 @@ def write_drive_tables(study: Study, directory: Path) -> Iterator[Path]:
 def _elastic_row(run: Any) -> tuple[Any, ...]:
     rigid = run.rigid
     return (
-        run.name, run.peak_force, rigid.peak_force, run.ringing, run.peak_power, rigid.peak_power, run.nonuniformity,
-        rigid.nonuniformity, run.standing, run.energy_residual, run.cost.intervals,
+        run.name, run.peak_force, rigid.peak_force, run.dynamic_amplification, run.peak_power, rigid.peak_power, run.nonuniformity,
+        rigid.nonuniformity, run.stick_time, run.energy_residual, run.cost.intervals,
     )  # fmt: skip
 
 

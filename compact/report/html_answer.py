@@ -290,14 +290,14 @@ def _resolutions(orders: Mapping[str, list[Place]]) -> Iterator[Resolution]:
         tied, error = first[0].tie, ""
         if first[0].error is not None and not tied:
             error = format_quantity(max(place.error or 0.0 for place in first), CRITERIA[by].unit, 2)
-        yield Resolution(_term(by), tied, error, all(place.sure for place in first))
+        yield Resolution(_term(by), tied, error, all(place.resolved for place in first))
 
 
 def _comparisons(study: Study) -> dict[str, list[ComparedFirst]]:
     """Collect the first laws by the other engines under the drive of the scene."""
     kind = study.scene.drive.kind
     criteria = _first_criteria(study.places[kind])
-    found: dict[str, list[ComparedFirst]] = {name: [] for name in study.beside}
+    found: dict[str, list[ComparedFirst]] = {name: [] for name in study.comparison}
     for each in study.agreements:
         if each.other_engine == each.engine or not each.drive == each.other_drive == kind or each.by not in criteria:
             continue
@@ -308,7 +308,7 @@ def _comparisons(study: Study) -> dict[str, list[ComparedFirst]]:
                 same=each.first == each.other_first,
                 term=_term(each.by),
                 value=format_quantity(best.value, CRITERIA[each.by].unit, 3),
-                discordant=each.agreement.sure,
+                discordant=each.agreement.resolved_discordant_pairs,
                 pairs=each.agreement.pairs,
             )
         )

@@ -116,14 +116,14 @@ def _resolution(place: Place, tied: bool) -> str:
     """State whether a rank is a tie within the build tolerance, resolved beyond the errors, or not resolved."""
     if place.reason:
         return "–"
-    return "tie" if tied else "resolved" if place.sure else "not resolved"
+    return "tie" if tied else "resolved" if place.resolved else "not resolved"
 
 
 def _agreement_table(agreements: Sequence[RankingAgreement]) -> Table:
     rows = [
         (
             _term(a.by), f"{a.engine}, {a.drive}", f"{a.other_engine}, {a.other_drive}", a.first, a.other_first,
-            f"{a.agreement.swaps} of {a.agreement.pairs}", str(a.agreement.sure), format_number(a.agreement.tau, 3),
+            f"{a.agreement.discordant_pairs} of {a.agreement.pairs}", str(a.agreement.resolved_discordant_pairs), format_number(a.agreement.tau, 3),
         )
         for a in agreements
     ]  # fmt: skip
@@ -190,7 +190,7 @@ def forces_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
         columns[_term(by)] = format_column([getattr(run, by) for run in runs], CRITERIA[by].unit)
     columns[_term("nonuniformity")] = [format_percent(run.nonuniformity) for run in runs]
     if study.scene.drive.kind == "elastic":
-        columns[_term("ringing")] = format_column([run.ringing for run in runs], "1")
+        columns[_term("dynamic_amplification")] = format_column([run.dynamic_amplification for run in runs], "1")
     table = Table.from_columns(f"One cart, {study.scene.drive.kind} drive, over a cycle", columns)
     lead = "Of one cart over a cycle; guide wheels; shaft."
     return Section("forces", "Forces and power", lead, [*_pictures(pictures, FORCE_FIGURES), table])

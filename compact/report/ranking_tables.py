@@ -13,12 +13,12 @@ from compact.machine.ranking import CRITERIA, value_of
 from compact.report.contact_tables import ENGINE_HEADER, contact_row
 
 RANKING_HEADER = (
-    "engine", "drive", "criterion", "rank", "law", "value", "unit", "margin", "tie", "error", "sure",
+    "engine", "drive", "criterion", "rank", "law", "value", "unit", "margin", "tie", "error", "resolved",
     "reason",
 )  # fmt: skip
 CRITERIA_HEADER = ("law", "drive", "criterion", "value", "unit", "error")
 AGREEMENT_HEADER = (
-    "engine", "drive", "other_engine", "other_drive", "criterion", "kendall_tau", "swaps", "sure_swaps", "pairs",
+    "engine", "drive", "other_engine", "other_drive", "criterion", "kendall_tau", "discordant_pairs", "resolved_discordant_pairs", "pairs",
     "first", "other_first",
 )  # fmt: skip
 
@@ -39,7 +39,7 @@ def comparison_places(study: Study, kind: str, by: str) -> dict[str, dict[str, P
     dict of str to dict
         Places by engine and law.
     """
-    return {name: {place.law: place for place in other.places[kind][by]} for name, other in study.beside.items()}
+    return {name: {place.law: place for place in other.places[kind][by]} for name, other in study.comparison.items()}
 
 
 def write_ranking_tables(study: Study, directory: Path) -> Iterator[Path]:
@@ -59,7 +59,7 @@ def write_ranking_tables(study: Study, directory: Path) -> Iterator[Path]:
     yield write_csv(directory / "ranking.csv", RANKING_HEADER, [
         (
             engine, kind, by, p.rank, p.law, p.value, CRITERIA[by].unit, p.margin, p.tie, _or_empty(p.error),
-            _or_empty(p.sure), p.reason,
+            _or_empty(p.resolved), p.reason,
         )
         for engine, orders in study.places_by_engine.items() for kind, order in orders.items()
         for by, found in order.items() for p in found
@@ -71,15 +71,15 @@ def write_ranking_tables(study: Study, directory: Path) -> Iterator[Path]:
         )
         for name, run in study.runs.items() for by, criterion in CRITERIA.items()
     ])  # fmt: skip
-    if study.beside:
+    if study.comparison:
         yield write_csv(directory / "agreement.csv", AGREEMENT_HEADER, [
             (
-                a.engine, a.drive, a.other_engine, a.other_drive, a.by, a.agreement.tau, a.agreement.swaps,
-                a.agreement.sure, a.agreement.pairs, a.first, a.other_first,
+                a.engine, a.drive, a.other_engine, a.other_drive, a.by, a.agreement.tau, a.agreement.discordant_pairs,
+                a.agreement.resolved_discordant_pairs, a.agreement.pairs, a.first, a.other_first,
             )
             for a in study.agreements
         ])  # fmt: skip
-    for name, other in study.beside.items():
+    for name, other in study.comparison.items():
         if other.contacts:
             path = directory / DIRECTORY / name / "contact.csv"
             yield write_csv(path, ENGINE_HEADER, [contact_row(contact) for contact in other.contacts])
@@ -122,7 +122,7 @@ def save_comparisons(study: Study, directory: Path) -> Iterator[Path]:
     Path
         Path of each file.
     """
-    for name, other in study.beside.items():
+    for name, other in study.comparison.items():
         if other.contacts:
             found: tuple[Any, ...] = (other.contacts, other.held, other.second_pass, other.resistance)
             results = KeptResults(*found)

@@ -3,10 +3,13 @@
 Numbers become dictionaries here and in `contact_to_json`, and nowhere else.
 """
 
+import json
 import platform
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 from compact import quantities
@@ -16,7 +19,18 @@ from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import drive_tables, ranking_tables
 
-SCHEMA = 2  # of summary.json; raised when a key in it changes its meaning
+SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
+FORMER_KEYS = {  # former name of a key -> its present names
+    "beside": ("comparison",),
+    "by_rolling": ("density_achievable",),
+    "error_of_the_engine": ("engine_error",),
+    "its_first": ("other_first",),
+    "ringing": ("dynamic_amplification",),
+    "stages": ("evaluation_counts",),
+    "standing": ("stick_time",),
+    "sure": ("resolved", "resolved_discordant_pairs"),
+    "swaps": ("discordant_pairs",),
+}
 PACKAGES = ("compact", "numpy", "scipy")  # whose versions are recorded
 HELD_KEYS = {"height": ("indentation", "m"), "load": ("load", "N/m"), "peak_pressure": ("peak_pressure", "Pa")}
 
@@ -49,7 +63,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "steady_forces": _steady_forces(study),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
-        "reachable": {"by_rolling": reach.possible, "reason": reach.reason},
+        "reachable": {"density_achievable": reach.possible, "reason": reach.reason},
         "numbers": {name: asdict(number) for name, number in study.numbers.items()},
         "contacts": [contact_to_json(contact) for contact in study.contacts],
         "laws": {name: _run_numbers(study, run) for name, run in study.runs.items()},
@@ -57,11 +71,39 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "rankings": _rankings(study.places[scene.drive.kind]),
         "rigid_rankings": _rankings(study.places.get("rigid", {})),
         "roller_motors": drive_tables.roller_motor_numbers(study) if "cams" in scene.output.items else {},
-        "beside": _comparison(study),
+        "comparison": _comparison(study),
         "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
-        "stages": dict(study.counts),
+        "evaluation_counts": dict(study.counts),
         "files": files,
     }
+
+
+def read_summary(path: str | Path) -> dict[str, Any]:
+    """Read summary.json; its dictionaries accept the former names of keys with a DeprecationWarning.
+
+    Parameters
+    ----------
+    path : str or Path
+        File written by `compact run`.
+
+    Returns
+    -------
+    dict
+        Nested dictionaries with present keys.
+    """
+    return json.loads(Path(path).read_text(encoding="utf-8"), object_hook=_SummaryDict)
+
+
+class _SummaryDict(dict[str, Any]):
+    """Dictionary that finds a present key under its former name."""
+
+    def __missing__(self, key: str) -> Any:
+        present = next((new for new in FORMER_KEYS.get(key, ()) if new in self), None)
+        if present is None:
+            raise KeyError(key)
+        sentence = f"{key!r} of summary.json is now {present!r}; the former name is accepted for one release"
+        warnings.warn(sentence, DeprecationWarning, stacklevel=2)
+        return self[present]
 
 
 def versions() -> dict[str, str]:
@@ -90,7 +132,7 @@ def _drive_resistance(study: Study) -> dict[str, Any]:
         "by": study.scene.accuracy.engine,
         "speeds": resistance_map.speeds,
         "error_between_speeds": resistance_map.error,
-        "error_of_the_engine": resistance_map.engine_error,
+        "engine_error": resistance_map.engine_error,
         "added_masses": resistance_map.added_masses,
         "relaxation_time": resistance_map.relaxation_time,
         "kept": study.kept is not None,
@@ -129,7 +171,7 @@ def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
 
 def _comparison(study: Study) -> dict[str, Any]:
     """Convert the results of each engine of the comparison."""
-    agreed = study.agreements if study.beside else []
+    agreed = study.agreements if study.comparison else []
     return {
         name: {
             "contacts": [contact_to_json(contact) for contact in other.contacts],
@@ -140,13 +182,13 @@ def _comparison(study: Study) -> dict[str, Any]:
             "agreement": [
                 {"drive": each.drive, "criterion": each.by}
                 | each.agreement._asdict()
-                | {"first": each.first, "its_first": each.other_first}
+                | {"first": each.first, "other_first": each.other_first}
                 for each in agreed
                 if each.other_engine == name
             ],
-            "stages": dict(other.counts),
+            "evaluation_counts": dict(other.counts),
         }
-        for name, other in study.beside.items()
+        for name, other in study.comparison.items()
     }
 
 

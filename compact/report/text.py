@@ -213,8 +213,8 @@ def _place_line(place: Place, run: Any, others: Mapping[str, Mapping[str, Place]
         return f"  {place.rank:>2}  {place.law:<30}  infinite: {place.reason}"
     margin = f"+{place.margin:.2%} to the next" if np.isfinite(place.margin) else ""
     margin = "tie with the next" if place.tie else margin
-    unresolved = "" if place.sure in (True, None) or place.tie else " ?"
-    amplification = getattr(run, "ringing", np.nan)
+    unresolved = "" if place.resolved in (True, None) or place.tie else " ?"
+    amplification = getattr(run, "dynamic_amplification", np.nan)
     amplified = f"amplification {amplification:.3f}   " if np.isfinite(amplification) else ""
     compared = (order.get(place.law) for order in others.values())
     values = "".join(f"{other.value:>13.1f} ({other.rank:>2})" if other else f"{'':>18}" for other in compared)
@@ -225,7 +225,7 @@ def _place_line(place: Place, run: Any, others: Mapping[str, Mapping[str, Place]
 def _agreement_lines(study: Study) -> Iterator[str]:
     """State the agreement of the rankings, a line for each comparison and criterion."""
     criteria = list(study.rankings)[:DIGEST_CRITERIA]
-    for each in study.agreements if study.beside else []:
+    for each in study.agreements if study.comparison else []:
         if each.by not in criteria:
             continue
         if each.other_engine == each.engine:
@@ -235,8 +235,8 @@ def _agreement_lines(study: Study) -> Iterator[str]:
         found = each.agreement
         same = "same first law" if each.first == each.other_first else f"first {each.other_first}, not {each.first}"
         yield (
-            f"  {CRITERIA[each.by].quantity.term}, {case}: {found.swaps} of {found.pairs} pairs discordant, "
-            f"{found.sure} beyond the errors, Kendall's tau {found.tau:.3f}; {same}"
+            f"  {CRITERIA[each.by].quantity.term}, {case}: {found.discordant_pairs} of {found.pairs} pairs discordant, "
+            f"{found.resolved_discordant_pairs} beyond the errors, Kendall's tau {found.tau:.3f}; {same}"
         )
 
 

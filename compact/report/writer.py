@@ -138,7 +138,7 @@ def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
     if study.layered:
         peaks = [cycle.forward.peaks().acceleration for cycle in study.cycles.values()]
         resistances: dict[str, Any] = {study.scene.accuracy.engine: study.resistance}
-        resistances |= {name: other.resistance for name, other in study.beside.items()}
+        resistances |= {name: other.resistance for name, other in study.comparison.items()}
         found["contact"] = (contact_figures.draw_loads, study.contacts)
         found["resistance"] = (contact_figures.draw_resistance, study.resistance_map, float(np.median(peaks)))
         found["resistances"] = (ranking_figures.draw_resistances, resistances)

@@ -15,7 +15,10 @@ FORMER_KEYS: dict[Key, Key] = {
     ("output", "wanted"): ("output", "items"),
 }
 FORMER_PLY_KEYS = {"stiffness": "relative_modulus"}  # in each table of layer.plies
-FORMER_VALUES: dict[Key, dict[str, str]] = {("drive", "motor", "curve"): {"straight": "linear"}}
+FORMER_VALUES: dict[Key, dict[str, str]] = {
+    ("drive", "motor", "curve"): {"straight": "linear"},
+    ("drive", "rank_by"): {"ringing": "dynamic_amplification"},  # an entry of a list
+}
 COMPARED = "compare"  # table of tables that repeat the tables of a scene, one for each engine
 
 
@@ -75,17 +78,24 @@ def current_tables(data: dict[str, Any], source: Source) -> Source:
         source = source.renamed(former, present)
     for key, values in FORMER_VALUES.items():
         parent = _parent(data, key)
-        value = parent.get(key[-1]) if parent else None
-        if isinstance(value, str) and value in values:
-            parent[key[-1]] = values[value]
-            _warn(f'{source.place(key)}: `{".".join(key)} = "{value}"`', f'"{values[value]}"')
+        value = parent.get(key[-1])
+        present = current_value(key, value)
+        if present != value:
+            parent[key[-1]] = present
+            former = ", ".join(
+                f'"{old}"' for old in values if old == value or (isinstance(value, list) and old in value)
+            )
+            _warn(f"{source.place(key)}: {former} of `{'.'.join(key)}`", f'"{values[former.strip(chr(34))]}"')
     return source
 
 
 def current_value(key: Key, value: object) -> object:
     """Present form of a value that a caller gives to a key: renamed choices, and keys inside a table."""
-    if isinstance(value, str) and value in FORMER_VALUES.get(key, {}):
-        return FORMER_VALUES[key][value]
+    former = FORMER_VALUES.get(key, {})
+    if isinstance(value, str):
+        return former.get(value, value)
+    if former and isinstance(value, list | tuple):
+        return [former.get(entry, entry) if isinstance(entry, str) else entry for entry in value]
     if isinstance(value, Mapping):
         return {_last(key, name): current_value((*key, name), inner) for name, inner in value.items()}
     if key == ("layer", "plies") and isinstance(value, list | tuple):

@@ -26,7 +26,7 @@ OutputItem = Literal["tables", "figures", "cams", "reactions", "crank", "fields"
 # The keys of `machine.ranking.CRITERIA`, repeated for the same reason
 RankBy = Literal[
     "peak_force", "peak_power", "rms_force", "rms_power", "mean_force", "mean_power", "energy", "drawn_energy",
-    "peak_jerk", "dynamic_factor", "nonuniformity", "ringing",
+    "peak_jerk", "dynamic_factor", "nonuniformity", "dynamic_amplification",
 ]  # fmt: skip
 Objective = Literal["peak_force", "peak_power", "rms_force", "energy", "drawn_energy"]
 MixParameter = Literal[

@@ -36,7 +36,7 @@ def scene(**changes):
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     """Study, summary and directory of a scene whose engines beside answered in other processes."""
-    directory = tmp_path_factory.mktemp("beside")
+    directory = tmp_path_factory.mktemp("comparison")
     study = Study(scene(), directory=directory)
     return study, report.write_study(study, directory, executor=ProcessExecutor(2)), directory
 
@@ -56,7 +56,7 @@ def rows(path):
 def test_engine_beside_answers_as_it_does_alone(written, engine, given):
     study, _, _ = written
     alone = Study(scene(**{"accuracy.engine": engine, "compare": None, "output.items": []} | given))
-    aside = study.beside[engine]
+    aside = study.comparison[engine]
     speed = np.array([0.06, 0.12])
     assert aside.resistance(speed, 0 * speed) == pytest.approx(alone.resistance(speed, 0 * speed), rel=1e-12)
     for by, ranked in alone.rankings.items():
@@ -67,8 +67,10 @@ def test_engine_beside_answers_as_it_does_alone(written, engine, given):
 def test_this_process_answers_as_others_do(written):
     study, _, _ = written
     here = Study(scene())
-    assert repr(here.beside["column"].places) == repr(study.beside["column"].places)  # the last has no margin, nan
-    assert list(here.beside) == ["formula", "column"]
+    assert repr(here.comparison["column"].places) == repr(
+        study.comparison["column"].places
+    )  # the last has no margin, nan
+    assert list(here.comparison) == ["formula", "column"]
 
 
 def test_places_of_every_engine_and_drive_are_in_the_table(tmp_path):
@@ -120,8 +122,8 @@ def test_all_files_of_the_summary_stand_and_steps_are_counted(written):
     found = {str(path.relative_to(directory)) for path in directory.rglob("*") if path.is_file()}
     assert found == {*summary["files"], "summary.json", "scene.hash"}
     assert "engines.png" in found
-    assert sum(summary["stages"].values()) == study.plan.planned.total()
-    assert summary["beside"]["column"]["stages"]["rolled"] == 2
+    assert sum(summary["evaluation_counts"].values()) == study.plan.planned.total()
+    assert summary["comparison"]["column"]["evaluation_counts"]["rolled"] == 2
 
 
 def test_kept_contacts_are_taken_by_every_engine(written):
@@ -131,16 +133,16 @@ def test_kept_contacts_are_taken_by_every_engine(written):
     kept = report.write_study(again, directory)
     assert {"ranking.png", "kinematics.png"} < set(drawn)
     assert drawn == {path.name: path.read_bytes() for path in directory.glob("*.png")}
-    for stages in (kept["stages"], kept["beside"]["column"]["stages"]):
+    for stages in (kept["evaluation_counts"], kept["comparison"]["column"]["evaluation_counts"]):
         assert stages["kept"] == 1
         assert not {"rolled", "resistance", "added mass"} & set(stages)
-    for name in ("rankings", "beside", "laws"):
+    for name in ("rankings", "comparison", "laws"):
         mine, theirs = (
             json.loads(json.dumps(part[name], default=str).replace("NaN", "null")) for part in (kept, summary)
         )
-        if name == "beside":
+        if name == "comparison":
             for part in (*mine.values(), *theirs.values()):
-                part.pop("stages")
+                part.pop("evaluation_counts")
         assert mine == theirs
 
 
@@ -196,7 +198,7 @@ def alive(pid):
 
 
 @pytest.mark.parametrize(
-    ("beside", "words"),
+    ("compared", "words"),
     [
         ({"spectral": {}}, 'compare: holds "spectral", which is accuracy.engine itself; take it out'),
         ({"colum": {}}, r"compare\.colum: unknown table in \[compare\], got a table; did you mean `column`"),
@@ -208,9 +210,9 @@ def alive(pid):
     ],
     ids=["the same", "unknown", "motion", "unknown key", "out of range", "no table", "no table inside"],
 )
-def test_what_an_engine_beside_cannot_take_is_refused(beside, words):
+def test_keys_that_a_compared_engine_does_not_accept_are_refused(compared, words):
     with pytest.raises(SceneError, match=words):
-        scene(compare=beside)
+        scene(compare=compared)
 
 
 def test_engine_beside_that_does_not_cover_the_scene_is_told():

@@ -162,7 +162,9 @@ def test_neighbour_begins_where_the_last_fit_ended(doubled, monkeypatch):
     assert len(double.calls) <= 3
     assert again.coarse is None
     assert again.fit.history[0][0] == pytest.approx(found.fit.unknowns, abs=1e-12)
-    near, far = (calibrate(found.scene, moved, "compaction", initial_guess=known, increments=6) for known in (found, None))
+    near, far = (
+        calibrate(found.scene, moved, "compaction", initial_guess=known, increments=6) for known in (found, None)
+    )
     assert len(near.fit.history) <= len(far.coarse.fit.history)
     assert near.heckel_slope == pytest.approx(far.heckel_slope, rel=4e-3)
     assert near.fed_density_ratio == pytest.approx(far.fed_density_ratio, abs=2e-4)
@@ -333,7 +335,9 @@ def test_neighbour_of_another_kind_is_refused(doubled, data, unknowns, message):
 
 
 def test_columns_are_no_neighbour_of_finite_elements(published):
-    with pytest.raises(ValueError, match="`initial_guess` must be a calibration of finite elements, got one of columns"):
+    with pytest.raises(
+        ValueError, match="`initial_guess` must be a calibration of finite elements, got one of columns"
+    ):
         calibrate(load_scene(PUBLISHED), read_measurements(MEASURED), "compaction", initial_guess=published)
 
 

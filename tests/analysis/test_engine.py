@@ -125,7 +125,7 @@ def test_run_tabulates_resistance_over_speed_beside_the_formulas(tmp_path):
     table = np.genfromtxt(tmp_path / "out" / "contact.csv", delimiter=",", names=True)
     assert table["resistance_Nm"] == pytest.approx([289.42, 392.89], rel=1e-4)
     assert table["formula_coefficient"] == pytest.approx([case.engineering.resistance_coefficient] * 2, rel=1e-11)
-    assert summary["stages"]["rolled"] == 2
+    assert summary["evaluation_counts"]["rolled"] == 2
 
 
 def test_fields_are_written_as_a_series_over_the_speeds(tmp_path):
@@ -136,11 +136,11 @@ def test_fields_are_written_as_a_series_over_the_speeds(tmp_path):
     case = study(**CASE_G, **wanted, **{"accuracy.engine": "fem"})
     summary = report.write_study(case, tmp_path / "out")
     added = len(summary["drive_resistance"]["speeds"]) - 1  # no law is as fast as the other speed
-    assert summary["stages"] == {
-        "contact": 1, "rolled": 2, "fields": 2, "laws": 1, "runs": 2, "rankings": 1, "figures": 8, "beside": 1,
+    assert summary["evaluation_counts"] == {
+        "contact": 1, "rolled": 2, "fields": 2, "laws": 1, "runs": 2, "rankings": 1, "figures": 8, "comparison": 1,
         "resistance": added, "added mass": added + 1,
     }  # fmt: skip
-    assert sum(summary["stages"].values()) == case.plan.planned.total()
+    assert sum(summary["evaluation_counts"].values()) == case.plan.planned.total()
     members = ElementTree.parse(tmp_path / "out" / "fields.pvd").getroot().iter("DataSet")
     series = {float(member.get("timestep")): member.get("file") for member in members}
     assert tuple(series) == speeds

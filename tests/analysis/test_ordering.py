@@ -36,13 +36,13 @@ def test_error_is_what_a_greater_resistance_adds():
 
 @pytest.mark.parametrize(("second", "sure"), [(11.9, False), (12.1, True)], ids=["within", "beyond"])
 def test_place_is_sure_beyond_both_errors(second, sure):
-    assert [place.sure for place in order(a=10.0, b=second)] == [sure, True]
+    assert [place.resolved for place in order(a=10.0, b=second)] == [sure, True]
 
 
 def test_law_behind_that_moves_further_puts_every_place_before_it_in_doubt():
     heavier = {"a": run("a", 10.1), "b": run("b", 12.1), "c": run("c", 20.0)}
     ranked = rank([run("a", 10.0), run("b", 12.0), run("c", 14.0)], "peak_force")
-    assert [place.sure for place in places(ranked, "peak_force", heavier)] == [False, False, True]
+    assert [place.resolved for place in places(ranked, "peak_force", heavier)] == [False, False, True]
 
 
 def test_two_swaps_among_three_laws():
@@ -59,17 +59,17 @@ def test_difference_below_the_build_tolerance_is_a_tie_and_never_sure(second, ti
     """The error is 1 N in a thousand, which would part the two."""
     first, last = order(a=1000.0, b=second)
     assert first.tie == tie
-    assert [first.sure, last.sure] == [not tie] * 2
+    assert [first.resolved, last.resolved] == [not tie] * 2
     assert not last.tie  # no law is worse
 
 
 def test_tie_is_in_doubt_though_no_error_is_known():
     runs = [run("a", 1000.0), run("b", 1005.0), run("c", 1100.0)]
-    assert [place.sure for place in places(rank(runs, "peak_force"), "peak_force", None)] == [False, False, None]
+    assert [place.resolved for place in places(rank(runs, "peak_force"), "peak_force", None)] == [False, False, None]
 
 
 def test_equal_values_share_a_place_and_leave_it_sure():
-    assert [(place.rank, place.sure) for place in order(a=100.0, b=100.0 * (1 + 1e-12), c=110.0)] == [
+    assert [(place.rank, place.resolved) for place in order(a=100.0, b=100.0 * (1 + 1e-12), c=110.0)] == [
         (1, True), (1, True), (3, True),
     ]  # fmt: skip
 
@@ -87,7 +87,12 @@ def test_unevenness_is_told_apart_by_a_hundredth_of_the_mean_speed():
     found = places(rank(runs, "nonuniformity"), "nonuniformity", {each.name: each for each in runs})
     assert [(place.rank, place.value) for place in found] == [(1, 0.0), (1, 0.0), (3, 0.008), (4, 0.5)]
     assert [place.margin for place in found] == pytest.approx([0.008, 0.008, 0.492, math.nan], nan_ok=True)
-    assert [(place.tie, place.sure) for place in found] == [(True, False), (True, False), (False, False), (False, True)]
+    assert [(place.tie, place.resolved) for place in found] == [
+        (True, False),
+        (True, False),
+        (False, False),
+        (False, True),
+    ]
 
 
 # hard cases
@@ -97,18 +102,18 @@ def test_law_that_cannot_be_carried_then_has_no_bound():
     ranked = rank([run("a", 10.0), run("b", 12.0)], "peak_force")
     first, last = places(ranked, "peak_force", {"a": run("a", 10.1)})
     assert last.error == math.inf
-    assert not first.sure
+    assert not first.resolved
 
 
 def test_unknown_error_is_told_as_unknown():
     told = places(rank([run("a", 10.0), run("b", 12.0)], "peak_force"), "peak_force", None)
-    assert [(place.error, place.sure) for place in told] == [(None, None)] * 2
+    assert [(place.error, place.resolved) for place in told] == [(None, None)] * 2
 
 
 def test_infinite_values_keep_their_reason_and_move_nothing():
     runs = [Ranked(1, run("a", 10.0), 10.0, math.nan, ""), Ranked(2, run("b", math.inf), math.inf, math.nan, "a jump")]
     first, last = places(runs, "peak_force", {"a": run("a", 11.0), "b": run("b", math.inf)})
-    assert (first.sure, last.sure, last.error, last.reason) == (True, False, 0.0, "a jump")
+    assert (first.resolved, last.resolved, last.error, last.reason) == (True, False, 0.0, "a jump")
     assert agreement([first, last], [first, last], "peak_force") == (pytest.approx(math.nan, nan_ok=True), 0, 0, 0)
 
 

@@ -99,9 +99,9 @@ def test_elastic_drive_goes_from_the_scene_to_the_summary(tmp_path):
         damper = np.sum(run.weights * 3e3 * run.trajectory.elongation(*run.trajectory.locate(run.time))[1] ** 2)
         slid = np.sum(run.weights * np.abs(run.state.velocity))
         assert run.energy == pytest.approx(forces * slid + damper, rel=1e-4)  # samples meet again where arcs do
-        assert summary["laws"][name]["ringing"] == run.peak_force / run.rigid.peak_force > 1.2
+        assert summary["laws"][name]["dynamic_amplification"] == run.peak_force / run.rigid.peak_force > 1.2
         assert summary["laws"][name]["energy_residual"] < 1e-6
-    with (tmp_path / "out" / "ringing.csv").open(newline="") as stream:
+    with (tmp_path / "out" / "dynamic-amplification.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [row["law"] for row in rows] == ["cubic", "septic"]
     assert "amplification 1." in text.study_digest(study)
@@ -213,7 +213,7 @@ def test_hydraulic_drive_goes_from_the_scene_to_the_summary(tmp_path):
     passed = np.genfromtxt(tmp_path / "out" / f"passage-{best}.csv", delimiter=",", names=True)
     assert np.abs(passed["position_m"] - passed["law_position_m"]).max() < 1e-3
     assert f"throttles/{best}.csv" in summary["files"]
-    assert sum(summary["stages"].values()) == study.plan.planned.total()
+    assert sum(summary["evaluation_counts"].values()) == study.plan.planned.total()
 
 
 def test_power_of_the_shaft_is_that_of_the_run_through_the_rod():
@@ -236,16 +236,16 @@ def test_spread_beyond_the_formulas_is_left_out():
 def test_nothing_wanted_nothing_done(tmp_path):
     study = Study(scene("small", **{"output.items": []}))
     summary = report.write_study(study, tmp_path / "out")
-    assert summary["stages"] == {"contact": 1, "laws": 3, "runs": 3, "rankings": 1}
+    assert summary["evaluation_counts"] == {"contact": 1, "laws": 3, "runs": 3, "rankings": 1}
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["scene.hash", "summary.json"]
 
 
 def test_each_stage_is_run_once_and_counted(written):
     study, summary, _ = written
-    assert summary["stages"] == {
+    assert summary["evaluation_counts"] == {
         "contact": 1, "laws": 3, "runs": 3, "rankings": 1, "cams": 9, "cams measured": 9, "crank": 5, "figures": 6,
     }  # fmt: skip
-    assert sum(summary["stages"].values()) == study.plan.planned.total()
+    assert sum(summary["evaluation_counts"].values()) == study.plan.planned.total()
 
 
 def test_every_file_of_the_summary_stands_and_no_other(written):

@@ -57,7 +57,7 @@ def test_no_margin_of_any_table_is_over_rounding(written, by):
 def test_infinite_values_share_the_last_rank_and_are_not_sure(written, by):
     found = rows(written[1], by)
     infinite = [row for row in found if row["reason"]]
-    assert {(row["rank"], row["value"], row["sure"]) for row in infinite} <= {(str(len(found)), "inf", "False")}
+    assert {(row["rank"], row["value"], row["resolved"]) for row in infinite} <= {(str(len(found)), "inf", "False")}
     assert all(row["rank"] != "1" for row in infinite)
     assert infinite or by not in ("peak_jerk", "peak_force", "dynamic_factor")
 
@@ -68,13 +68,13 @@ def test_laws_within_the_build_tolerance_tie_and_are_not_sure(written, by):
         found = rows(written[1], by, engine)
         for row in found:
             assert (row["tie"] == "True") == (float(row["margin"]) < BUILD_TOLERANCE)
-            assert row["tie"] == "False" or row["sure"] == "False"
+            assert row["tie"] == "False" or row["resolved"] == "False"
 
 
 def test_force_has_ties_and_sure_places(written):
     """So that the tests before look at both."""
     found = rows(written[1], "peak_force")
-    assert {row["tie"] for row in found} == {row["sure"] for row in found} == {"True", "False"}
+    assert {row["tie"] for row in found} == {row["resolved"] for row in found} == {"True", "False"}
 
 
 def test_page_prints_ties_as_such(written):
@@ -103,7 +103,7 @@ def test_one_law_of_infinite_peaks_is_none_and_no_first(tmp_path):
     report.write_study(study, tmp_path)
     assert [row["rank"] for row in rows(tmp_path, "peak_force", "formula")] == ["2", "2"]
     assert "No law has a finite peak drive force" in answer_words(study)
-    assert study.places["rigid"]["peak_force"][0].sure is False
+    assert study.places["rigid"]["peak_force"][0].resolved is False
 
 
 def test_figure_of_the_engines_has_no_excess_over_rounding(written):

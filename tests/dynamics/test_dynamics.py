@@ -275,7 +275,7 @@ def test_energy_balance_with_a_saturated_added_mass(name):
 def test_small_power_of_the_speed_sticks_without_chattering(name):
     run = simulate_elastic(CART_OF_C, spring(1e6, 0.05), published_law(name), power_law_map(0.02))
     stops = np.count_nonzero(np.diff(np.abs(run.trajectory.intervals.slip)) == -1)
-    assert run.standing > 0.1
+    assert run.stick_time > 0.1
     assert stops <= 12  # two reversals with their residual vibration
     assert run.cost.intervals < 1500
     assert run.energy_residual < 1e-6
@@ -428,7 +428,7 @@ def test_septic_law_causes_no_residual_vibration_of_a_stiff_spring():
     run = simulate_elastic(CART, spring(1e9, 0.7), published_law("septic"), free)
     inertia = MASS * run.cycle.derivative(run.time, 2)
     assert np.abs(run.drive_force - inertia).max() < 1e-3 * np.abs(inertia).max()
-    assert run.ringing == pytest.approx(1, abs=1e-3)
+    assert run.dynamic_amplification == pytest.approx(1, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -473,7 +473,7 @@ def test_friction_within_rounding_does_not_cause_sticking(name, size):
     cart, drive = replace(CART, mass=10.0), ElasticDrive(5e6, 8 * math.sqrt(5e6 * 10.0))
     cubic = lambda velocity, acceleration: size * np.sign(velocity) + 1e5 * velocity**3  # noqa: E731
     run = simulate_elastic(cart, drive, published_law(name), cubic, regime="rest")
-    assert run.standing < 1e-6
+    assert run.stick_time < 1e-6
     assert run.energy_residual < 1e-6
 
 
@@ -508,7 +508,7 @@ def test_closure_of_the_cycle_is_relative_to_the_amplitude_near_a_resonance():
 def test_cart_is_exactly_at_rest_in_a_dwell():
     run = simulate_elastic(CART, spring(1e6, 0.1), published_law("quintic").cycle(1.0, 1.0), dry(3486.0))
     at_rest = run.trajectory.intervals.slip[run.trajectory.sample_points()[0]] == 0
-    assert run.standing > 2.0
+    assert run.stick_time > 2.0
     assert np.all(run.state.velocity[at_rest] == 0)
     assert np.all(np.abs(run.drive_force[at_rest]) <= 3486.0 * (1 + 1e-9))
 
@@ -536,7 +536,7 @@ def test_spring_limits_the_force_of_a_velocity_jump():
     first = run.drive_force[run.time < 0.5]
     assert np.abs(first).max() == pytest.approx(3486.0 + 0.4 / 3 * math.sqrt(1e6 * MASS), rel=1e-2)
     assert math.isinf(run.rigid.peak_force)
-    assert math.isnan(run.ringing)
+    assert math.isnan(run.dynamic_amplification)
 
 
 def test_guide_friction_equals_that_of_the_rigid_drive():

@@ -124,7 +124,7 @@ def test_answer_is_that_of_the_study(written):
     for by, places in study.rankings.items():
         value = format_quantity(places[0].value, "N" if by == "peak_force" else "W", 3)
         assert f"The law {places[0].run.name} requires the least {TERMS[by].term}, {value}." in words
-        formula = study.beside["formula"].places["rigid"][by][0]
+        formula = study.comparison["formula"].places["rigid"][by][0]
         assert re.search(
             rf"Comparison with the engine formula: .*{formula.law} is (also )?first by {TERMS[by].term}", words
         )
@@ -149,7 +149,7 @@ def test_ranks_by_engine_and_formula_are_in_one_row(written):
     study, _, path = written
     text = path.read_text("utf-8")
     for by, places in study.rankings.items():
-        formula = {place.law: place.rank for place in study.beside["formula"].places["rigid"][by]}
+        formula = {place.law: place.rank for place in study.comparison["formula"].places["rigid"][by]}
         rows = re.findall(
             r'<td class="n">(\d+)</td><td>([\w-]+)</td>.*?<td class="n">[\d.\skNW]+ \((\d+)\)</td><td></td></tr>', text
         )
@@ -394,9 +394,11 @@ def test_page_is_small_and_repeats_no_run(written):
     study, summary, path = written
     assert path.stat().st_size < LARGEST
     assert "report.html" in summary["files"]
-    assert summary["stages"]["runs"] == 2 * len(study.cycles)  # against the resistance, and against it with its error
-    assert summary["stages"]["report"] == 1
-    assert sum(summary["stages"].values()) == study.plan.planned.total()
+    assert summary["evaluation_counts"]["runs"] == 2 * len(
+        study.cycles
+    )  # against the resistance, and against it with its error
+    assert summary["evaluation_counts"]["report"] == 1
+    assert sum(summary["evaluation_counts"].values()) == study.plan.planned.total()
 
 
 @pytest.mark.slow

@@ -85,3 +85,9 @@ def test_former_keys_of_plies_and_of_a_sweep():
     assert [ply.relative_modulus for ply in scene.layer.plies] == [2.0, 1.0]
     with pytest.warns(DeprecationWarning, match="`layer.lift` is now `layer.lift_thickness`"):
         assert read_design("layer.lift=0.05:0.06:2").key == "layer.lift_thickness"
+
+
+def test_a_former_choice_of_a_list_is_renamed(tmp_path):
+    text = SMALL.replace('rank_by = ["peak_force", "peak_power"]', 'rank_by = ["peak_force", "ringing"]')
+    with pytest.warns(DeprecationWarning, match=r'"ringing" of `drive.rank_by` is now "dynamic_amplification"'):
+        assert parse_scene(text).drive.rank_by == ("peak_force", "dynamic_amplification")
