@@ -1,62 +1,90 @@
-"""What a sweep varies: grids and lists over keys of the scene, and samples over the spread of the mix.
+"""Design of a sweep: grids and lists of scene keys, and samples over the spread of the mix.
 
     KEY=low:high:n     n values from low to high, evenly
     KEY=a,b,c          the values themselves, numbers or words
-    KEY=~n             n Sobol points over the spread of mix.overrides.NAME, or with mix.overrides of all that count
+    KEY=~n             n Sobol points over the spread of mix.overrides.NAME, or mix.overrides for all that matter
 
-Grids and lists are axes of the sweep, all against all; every sampled key shares one more axis, `sample`. What a sampled
-parameter is worth depends on moisture and density ratio, so a sample holds shares s of the spread, 0 to 1:
+Grids and lists are axes of the sweep, in full factorial combination; all sampled keys share one more axis, `sample`.
+The spread of a parameter depends on moisture and density ratio, so a sample holds shares s of the spread, 0 to 1:
 
     value = low (high/low)^s    where the spread is a factor,    low + s (high - low)    else
 
-each independent of the others, as no source tells how they go together.
+independent of one another, as no source states their correlation.
 """
 
 import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import prod
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from compact.analysis.contact_cases import scene_mix
 from compact.analysis.engines import ENGINES
 from compact.material import mix
 from compact.numerics.validation import require_known
 from compact.scene.former_names import current_path
-from compact.scene.loader import SceneError
+from compact.scene.loader import Scene, SceneError
 
 OVERRIDES = "mix.overrides"
-MOST_POINTS = 1_000_000  # [-], of a sweep: about 2 GB with all that is kept of each; more go into several sweeps
-SEED = 2015  # of the scrambling of Sobol points: the same sample in every run
+MAX_POINTS = 1_000_000  # of a sweep; about 2 GB with all results, divide larger ones into several sweeps
+SEED = 2015  # of the scrambling of Sobol points; the same sample in every run
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A key of the scene and the values it takes, numbers or words."""
+    """Values of one scene key.
+
+    Parameters
+    ----------
+    key : str
+    values : tuple
+        Numbers or words, distinct.
+    """
 
     key: str
-    values: tuple
+    values: tuple[Any, ...]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if len(set(self.values)) < len(self.values):
             raise ValueError(f"--vary {self.key}: values must differ from one another, got {list(self.values)}")
 
 
 @dataclass(frozen=True)
 class Sampled:
-    """Keys of which a sample of so many Sobol points is taken: one of mix.overrides, or mix.overrides for all."""
+    """Sample of Sobol points.
+
+    Parameters
+    ----------
+    key : str
+        A key of mix.overrides, or mix.overrides for all parameters.
+    count : int
+        Number of points, a power of 2.
+    """
 
     key: str
     count: int
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.count < 2 or self.count & (self.count - 1):
             near = 2 ** max(1, round(np.log2(max(self.count, 1))))
             raise ValueError(f"--vary {self.key}: Sobol points come in powers of 2, got {self.count}; give ~{near}")
         _require_few(self.key, self.count)
 
 
-def read_design(text):
-    """The `Axis` or `Sampled` of KEY=VALUES."""
+def read_design(text: str) -> Axis | Sampled:
+    """Parse KEY=VALUES.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    Axis or Sampled
+    """
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (key and equals and values):
         raise ValueError(
@@ -70,8 +98,8 @@ def read_design(text):
     return Axis(key, tuple(_value(key, part.strip()) for part in values.split(",")))
 
 
-def _grid(key, low, high, count):
-    low, high, count = _value(key, low), _value(key, high), _whole(key, count)
+def _grid(key: str, *parts: str) -> tuple[float, ...]:
+    low, high, count = _value(key, parts[0]), _value(key, parts[1]), _whole(key, parts[2])
     if not all(isinstance(end, int | float) for end in (low, high)) or count < 2 or not low < high:
         raise ValueError(
             f"--vary {key}: a grid runs from LOW up to HIGH in N >= 2 values, got {low}:{high}:{count}; "
@@ -83,16 +111,16 @@ def _grid(key, low, high, count):
     return tuple(map(int, values)) if whole else tuple(values)
 
 
-def _require_few(key, count):
-    if count > MOST_POINTS:
+def _require_few(key: str, count: int) -> None:
+    if count > MAX_POINTS:
         raise ValueError(
-            f"--vary {key}: a sweep has at most {MOST_POINTS} points, got {count}; take a coarser grid, or a sample of "
+            f"--vary {key}: a sweep has at most {MAX_POINTS} points, got {count}; take a coarser grid, or a sample of "
             "the spread of the mix, KEY=~N"
         )
 
 
-def _value(key, text):
-    """A value as a scene would read it, or a bare word."""
+def _value(key: str, text: str) -> Any:
+    """Return a value as in a scene file, or a bare word."""
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -102,7 +130,7 @@ def _value(key, text):
     return value
 
 
-def _whole(key, text):
+def _whole(key: str, text: str) -> int:
     try:
         return int(text)
     except ValueError:
@@ -111,40 +139,59 @@ def _whole(key, text):
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """The points of a sweep: all values of the `axes` against each other, and against the sample if there is one.
+    """Points of a sweep: full factorial combination of the axes and, if there is one, the sample.
 
-    names : parameters of the mix that are sampled;  shares : of their spreads, shape (rows, names)
-    parts : of each row of the sample, "A" and "B" at random, or the name that is B's in a row that is else A's: from
-        these the indices of `sobol` are made
+    Parameters
+    ----------
+    axes : tuple of Axis
+    names : tuple of str
+        Sampled parameters of the mix.
+    shares : NDArray, shape (rows, names)
+        Shares of their spreads [-].
+    parts : tuple of str
+        Sobol matrix of each row: "A", "B", or the name of the parameter that is from B in a row that is else from A.
     """
 
     axes: tuple[Axis, ...]
     names: tuple[str, ...] = ()
-    shares: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    shares: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
     parts: tuple[str, ...] = ()
 
     @property
-    def shape(self):
+    def shape(self) -> tuple[int, ...]:
         """Number of values along each axis, the sample last."""
         return (*(len(axis.values) for axis in self.axes), *((len(self.shares),) if self.names else ()))
 
-    def point(self, index):
-        """(key -> value, parameter -> share) of the point of that number, the last axis running fastest."""
+    def point(self, index: int) -> tuple[dict[str, Any], dict[str, float]]:
+        """Return the scene keys and the shares of the sampled parameters of a point; the last axis is the fastest."""
         place = np.unravel_index(index, self.shape)
         changes = {axis.key: axis.values[i] for axis, i in zip(self.axes, place, strict=False)}
         shares = self.shares[place[-1]].tolist() if self.names else ()
         return changes, dict(zip(self.names, shares, strict=True))
 
 
-def design(scene, varied, indices=False):
-    """The `Design` over a scene of what `read_design` gave; `indices` adds the rows that Sobol indices need.
+def design(scene: Scene, varied: Sequence[Axis | Sampled], indices: bool = False) -> Design:
+    """Build the design of a sweep.
 
-    Raises SceneError or ValueError for keys and values that no scene of this kind may have, before anything is
-    computed. What only the rules between keys refuse is left to the points.
+    Parameters
+    ----------
+    scene : Scene
+    varied : sequence of Axis or Sampled
+    indices : bool
+        Whether the sample has the rows for Sobol indices.
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    SceneError, ValueError
+        If a key or value is invalid by itself. Rules between keys are checked at each point.
     """
     axes = tuple(part for part in varied if isinstance(part, Axis))
     samples = tuple(part for part in varied if isinstance(part, Sampled))
-    _refuse_keys([part.key for part in varied])
+    _require_keys([part.key for part in varied])
     for axis in axes:
         for value in axis.values:
             scene.require_fields(**{axis.key: value})
@@ -160,7 +207,7 @@ def design(scene, varied, indices=False):
     return Design(axes, names, *_rows(names, samples[0].count, indices))
 
 
-def _refuse_keys(keys):
+def _require_keys(keys: Sequence[str]) -> None:
     if not keys:
         raise ValueError("nothing to vary; give --vary KEY=LOW:HIGH:N, such as mix.moisture=0.08:0.12:5")
     for key in keys:
@@ -170,8 +217,8 @@ def _refuse_keys(keys):
             raise ValueError(f"--vary {key}: decides no number; vary another key")
 
 
-def _sampled_names(scene, axes, samples):
-    """Parameters of the mix to be sampled, in the order of the table."""
+def _sampled_names(scene: Scene, axes: Sequence[Axis], samples: Sequence[Sampled]) -> tuple[str, ...]:
+    """Return the parameters of the mix to be sampled, in the order of the table."""
     engines = next((axis.values for axis in axes if axis.key == "accuracy.engine"), (scene.accuracy.engine,))
     counted = {name for engine in engines for name in ENGINES[engine].mix_parameters}
     if scene.mix.reference_speed and any(ENGINES[engine].compacting for engine in engines):
@@ -186,17 +233,17 @@ def _sampled_names(scene, axes, samples):
             require_known("mix parameter", name, mix.PARAMETER_NAMES)
             scene.require_fields(**{sample.key: None})
             if name in given:
-                raise SceneError([f"{sample.key}: is given, so it has no spread to sample; take the value out"])
+                raise SceneError([f"{sample.key}: is given, so it has no spread to sample; delete the value"])
             names.add(name)
         else:
             raise SceneError(
-                [f"{sample.key}: only mix.overrides and what is in it have a spread to sample; give a grid or a list"]
+                [f"{sample.key}: only mix.overrides and its keys have a spread to sample; give a grid or a list"]
             )
     return tuple(name for name in mix.PARAMETER_NAMES if name in names)
 
 
-def _rows(names, count, indices):
-    """Shares and parts of the sample; A and B are the halves of one Sobol sequence of twice as many dimensions."""
+def _rows(names: tuple[str, ...], count: int, indices: bool) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Return shares and parts; A and B are the halves of one Sobol sequence of twice as many dimensions."""
     from scipy.stats import qmc
 
     if not indices:
@@ -211,12 +258,31 @@ def _rows(names, count, indices):
     return np.concatenate([first, second, *mixed]), tuple(parts)
 
 
-def scene_at(scene, changes, shares):
-    """The scene of a point, and its sampled parameters by name; SceneError where the rules refuse it."""
-    there = scene.replaced(**changes)
+def scene_at(scene: Scene, changes: Mapping[str, Any], shares: Mapping[str, float]) -> tuple[Scene, dict[str, float]]:
+    """Build the scene of a point.
+
+    Parameters
+    ----------
+    scene : Scene
+    changes : mapping
+        Scene keys.
+    shares : mapping
+        Shares of the spreads of the sampled parameters [-].
+
+    Returns
+    -------
+    scene : Scene
+    values : dict
+        Sampled parameters by name, SI.
+
+    Raises
+    ------
+    SceneError
+        If the changed scene violates a rule.
+    """
+    changed = scene.replaced(**changes)
     if not shares:
-        return there, {}
-    given = there.mix.overrides.model_dump(exclude_none=True)
-    blend = mix.prior(there.mix.moisture, there.mix.density_ratio, given)
-    values = {name: blend.parameter(name).at(share) for name, share in shares.items()}
-    return there.replaced(**{f"{OVERRIDES}.{name}": value for name, value in values.items()}), values
+        return changed, {}
+    prior = scene_mix(changed)
+    values = {name: prior.parameter(name).at(share) for name, share in shares.items()}
+    return changed.replaced(**{f"{OVERRIDES}.{name}": value for name, value in values.items()}), values

@@ -1,95 +1,141 @@
-"""The headline of one scene: what a sweep keeps of every point, with its errors and checks, or why there is none.
+"""Results of one point of a sweep, with errors and balance residuals, or the reason of a failure.
 
-    numbers, contact = headline(scene)
-    numbers["resistance"], numbers["resistance_error"]
+    results, contact = headline(scene)
+    results["resistance"], results["resistance_error"]
 
-A scene that fails has the numbers of its mix alone, and the reason in words. The contact is that of the mean speed.
+A point that fails has the results of its mix only, and the reason. The contact is that at the mean speed.
 """
 
 import platform
 import warnings
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import compact
 from compact import quantities
-from compact.analysis.contact_stage import roll_passes
+from compact.analysis.contact_stage import Passes, roll_passes
 from compact.analysis.engines import ENGINES
 from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
 from compact.analysis.study import Study
+from compact.material.mix import Mix
+from compact.quantities import Quantity
+from compact.rolling_contact import ContactResult
 from compact.scene.engine_capabilities import adapt
-from compact.scene.loader import SceneError
+from compact.scene.loader import Scene, SceneError
+
+Results = dict[str, Any]  # value by name
 
 WORDS = {
-    "not_reachable": "why rolling does not reach the density; empty where it does",
-    "warnings": "what was warned of on the way",
-    "replaced": "keys that the scene leaves open and the engine replaced by the nearest it takes",
-    "reason": "why there are no numbers; empty where there are",
+    "not_reachable": "reason why rolling does not achieve the density; empty if it does",
+    "warnings": "warnings of the computation",
+    "replaced": "keys with a default that the engine replaced by the nearest value it accepts",
+    "reason": "reason of a failure; empty for a point with results",
 }
-VERSIONED = ("compact", "numpy", "scipy", "numba", "scikit-fem")
-LONGEST = 400  # characters of a reason
+PACKAGES = ("compact", "numpy", "scipy", "numba", "scikit-fem")
+MAX_TEXT_LENGTH = 400  # characters of a reason
 
 
-def ranked(criteria):
-    """name -> `Quantity` of the numbers, and name -> meaning of the words, that ranking the laws adds."""
+def ranking_variables(criteria: Sequence[str]) -> tuple[dict[str, Quantity], dict[str, str]]:
+    """Return the further variables of a sweep with rankings.
+
+    Parameters
+    ----------
+    criteria : sequence of str
+
+    Returns
+    -------
+    numbers : dict of str to Quantity
+        Least value by criterion.
+    words : dict of str to str
+        Meaning of the names of the best laws.
+    """
     numbers = {by: quantities.CRITERIA[by] for by in criteria}
     return numbers, {f"best_law_by_{by}": f"law of the least {numbers[by].term}" for by in criteria}
 
 
-def headline(scene, rank=False, near=None):
-    """(name -> value, contact): `quantities.SWEEP_POINT` and WORDS of a scene, with `rank` those of `ranked` besides.
+def headline(
+    scene: Scene, rank: bool = False, initial_guess: ContactResult | None = None
+) -> tuple[Results, ContactResult | None]:
+    """Compute the results of one point; an error is a result too.
 
-    near : contact of a neighbour, from which the engine "compaction" goes on where the fed layer is the same. The
-        contact that is returned is the next point's; None by other engines, which need no start
+    Parameters
+    ----------
+    scene : Scene
+    rank : bool
+        Whether the laws are ranked.
+    initial_guess : ContactResult, optional
+        Contact of a neighbour, for engines with continuation over the same layer.
+
+    Returns
+    -------
+    results : dict
+        Values of `quantities.SWEEP_POINT` and WORDS, with `rank` also those of `ranking_variables`.
+    contact : ContactResult or None
+        Initial guess of the next point; None for engines without continuation.
     """
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
-        warnings.simplefilter("error", RuntimeWarning)  # a number that numpy warns of is no result
-        found, contact = {}, near
+        warnings.simplefilter("error", RuntimeWarning)  # an invalid operation of numpy yields no valid result
+        found: Results = {}
+        contact = initial_guess
         try:
             study = Study(scene)
             found |= _of_mix(study.mix)
-            numbers, contact = _computed(study, rank, near)
+            numbers, contact = _computed(study, rank, initial_guess)
             found |= numbers
-        except Exception as error:  # a point never stops a sweep
+        except Exception as error:  # a failed point does not stop a sweep
             found["reason"] = reason(error)
     found["replaced"] = "; ".join(adapt(scene, scene.accuracy.engine)[1])
-    found["warnings"] = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))[:LONGEST]
+    found["warnings"] = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))[:MAX_TEXT_LENGTH]
     return found, contact if ENGINES[scene.accuracy.engine].continuation else None
 
 
-def reason(error):
-    """Why a scene has no numbers, in words; what is none of our refusals is named as such."""
+def reason(error: Exception) -> str:
+    """Describe an error; unexpected errors are marked as internal.
+
+    Parameters
+    ----------
+    error : Exception
+
+    Returns
+    -------
+    str
+        At most MAX_TEXT_LENGTH characters.
+    """
     if isinstance(error, MemoryError):
-        return memory_sentence(error)[:LONGEST]
+        return memory_sentence(error)[:MAX_TEXT_LENGTH]
     if is_numeric(error):
-        return numeric_sentence(error)[:LONGEST]
-    told = "; ".join(error.mistakes) if isinstance(error, SceneError) else str(error)
-    known = isinstance(error, ValueError | RuntimeError) and told
-    return (told if known else f"internal error, please report it: {type(error).__name__}: {told}")[:LONGEST]
+        return numeric_sentence(error)[:MAX_TEXT_LENGTH]
+    message = "; ".join(error.mistakes) if isinstance(error, SceneError) else str(error)
+    expected = isinstance(error, ValueError | RuntimeError) and message
+    return (message if expected else f"internal error, please report it: {type(error).__name__}: {message}")[
+        :MAX_TEXT_LENGTH
+    ]
 
 
-def _of_mix(blend):
+def _of_mix(mix: Mix) -> Results:
     return {
-        "required_pressure": float(blend.required_pressure),
-        "saturation": float(blend.saturation),
-        "not_reachable": blend.density_achievable.reason,
+        "required_pressure": float(mix.required_pressure),
+        "saturation": float(mix.saturation),
+        "not_reachable": mix.density_achievable.reason,
     }
 
 
-def _computed(study, rank, near):
-    """Numbers and words of the contact at the mean speed, and the contact, by formula None."""
+def _computed(study: Study, rank: bool, initial_guess: ContactResult | None) -> tuple[Results, ContactResult | None]:
+    """Return the results of the contact at the mean speed, and the contact; None for the formulas."""
     scene = study.scene
     speed = scene.mean_speed
     if not study.layered:
         contact, found = None, _of_formulas(study)
     else:
-        contact, *later = _rolled(scene, study.mix, speed, near)
+        contact, *later = _passes(scene, study.mix, speed, initial_guess)
         found = _of_contact(scene, contact, later[-1] if later else contact)
     found["power"] = found["resistance"] * speed
     if rank:
@@ -98,29 +144,29 @@ def _computed(study, rank, near):
     return {name: value if isinstance(value, str) else float(value) for name, value in found.items()}, contact
 
 
-def _rolled(scene, blend, speed, near):
-    """The contact of each pass, from a neighbour where that helps, and else from nothing."""
-    if near is not None and scene.layer.passes == 1 and ENGINES[scene.accuracy.engine].continuation:
+def _passes(scene: Scene, mix: Mix, speed: float, initial_guess: ContactResult | None) -> Passes:
+    """Compute all passes, from the initial guess if that converges, else from scratch."""
+    if initial_guess is not None and scene.layer.passes == 1 and ENGINES[scene.accuracy.engine].continuation:
         with suppress(RuntimeError):
-            return roll_passes(scene, blend, speed, (near,))
-    return roll_passes(scene, blend, speed)
+            return roll_passes(scene, mix, speed, (initial_guess,))
+    return roll_passes(scene, mix, speed)
 
 
-def _of_formulas(study):
-    """Eqs 1.4-1.8 at the pressure that the mix needs."""
-    said = study.engineering
+def _of_formulas(study: Study) -> Results:
+    """Return eqs 1.4-1.8 at the pressure of the scene."""
+    formulas = study.engineering
     return {
-        "load": said.roller_force,
-        "resistance": study.scene.machine.rollers * said.roller_resistance,
-        "resistance_coefficient": said.resistance_coefficient,
-        "capture_angle": said.capture_angle,
-        "contact_length": said.contact_length,
-        "peak_pressure": said.pressure,
+        "load": formulas.roller_force,
+        "resistance": study.scene.machine.rollers * formulas.roller_resistance,
+        "resistance_coefficient": formulas.resistance_coefficient,
+        "capture_angle": formulas.capture_angle,
+        "contact_length": formulas.contact_length,
+        "peak_pressure": formulas.pressure,
     }
 
 
-def _of_contact(scene, first, last):
-    """The contact of the first pass, and the density that the last one leaves."""
+def _of_contact(scene: Scene, first: ContactResult, last: ContactResult) -> Results:
+    """Return the results of the first pass, and the exit density ratio of the last."""
     machine = scene.machine
     load_error, resistance_error = first.error or (np.nan, np.nan)
     balances = {"work_residual": first.work_residual, "mass_residual": getattr(first, "mass_residual", None)}
@@ -138,11 +184,11 @@ def _of_contact(scene, first, last):
 
 
 @cache
-def versions():
-    """name -> version of all that decides a number: packages, and the text of our own modules."""
+def versions() -> dict[str, str]:
+    """Return the versions of Python, of PACKAGES, and a hash of the sources of this package, by name."""
     source = sha256()
     for path in sorted(Path(compact.__file__).parent.rglob("*")):
         if path.suffix in (".py", ".csv"):
             source.update(path.read_bytes())
-    packages = {name: version(name) for name in VERSIONED}
+    packages = {name: version(name) for name in PACKAGES}
     return {"python": platform.python_version()} | packages | {"source": source.hexdigest()[:12]}

@@ -1,77 +1,124 @@
-"""A sweep: one scene with some of its keys varied, every point computed, kept, and put into one labelled table.
+"""Sweep of a scene over some of its keys, with checkpoints, in one labelled table.
 
-    sweep = Sweep(load_scene("scene.toml"), [vary.read("mix.moisture=0.08:0.12:5")])
+    sweep = Sweep(load_scene("scene.toml"), [read_design("mix.moisture=0.08:0.12:5")])
     table = sweep.run("out/sweep", executor=ProcessExecutor(2))
     table["resistance"]
 
-`table` is an xarray Dataset over the varied keys, also written as sweep.nc. A point that fails has nan and its reason.
-Points are computed in tasks, whose composition the number of workers does not change, so that neither do the results:
-the same bits by one process, by several, and by a cluster. What is kept is found again by a key, the hash of the scene,
-the changes and the versions of all that computes; a change of any of them computes the point anew.
+`table` is an xarray Dataset over the varied keys, also written as sweep.nc. A point that fails has nan and a reason.
+The division of the points into tasks does not depend on the number of workers; therefore one process, several processes
+and a cluster produce the same bits. The key of a checkpoint is the hash of scene, changes and versions; if any of them
+changes, the point is computed again.
 
-The engine "compaction" goes from neighbour to neighbour along the last axis, LINE points from each cold start. Such a
-line is one task, and one that was interrupted is computed from its start.
+An engine with continuation uses each point as initial guess of its neighbour along the last axis, LINE points from each
+computation from scratch. Such a line is one task, which is computed again if it was interrupted.
 """
 
 import json
 import threading
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from compact.analysis.engines import ENGINES
-from compact.analysis.worker_pool import WorkerDied, run_tasks
+from compact.analysis.worker_pool import Executor, WorkerDied, run_tasks
 from compact.files import NETCDF_BACKENDS, NETCDF_HDF5, ResultsError, claimed_directory, read_netcdf, write_netcdf
 from compact.material import mix
 from compact.quantities import SWEEP_POINT, Quantity
+from compact.rolling_contact import ContactResult
 from compact.scene.errors import table_of
 from compact.scene.loader import Scene
-from compact.sweep import design as vary
 from compact.sweep.checkpoints import Store
-from compact.sweep.point import WORDS, headline, ranked, reason, versions
+from compact.sweep.design import Axis, Sampled, design, scene_at
+from compact.sweep.point import WORDS, Results, headline, ranking_variables, reason, versions
+
+if TYPE_CHECKING:
+    import xarray
 
 LINE = 8  # neighbours of an engine with continuation from one computation from scratch to the next
 FAST_POINTS = 100  # points per task of an engine whose contacts cost less than a ranking
-_ONE_AT_A_TIME = threading.Lock()  # in threads of a cluster: BLAS threads and warnings belong to the whole process
-POINTS = "points"  # where the points are kept, under the directory of the results
+_ONE_AT_A_TIME = threading.Lock()  # in threads of a cluster, as BLAS threads and warnings are global to a process
+POINTS = "points"  # directory of the checkpoints, in that of the results
+
+KeyedPoint = tuple[str, dict[str, Any], dict[str, float]]  # key, changes, shares
+Step = Callable[[int, int], None]  # called with numbers of new points and of failures among them
+
+
+def _no_step(points: int, failed: int) -> None:
+    """Ignore progress."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """Points computed one after another by one worker: (key, changes, shares) each; `chained` from one to the next."""
+    """Points that one worker computes in order.
+
+    Parameters
+    ----------
+    scene : Scene
+    points : tuple
+        Key, changes and shares of each point.
+    rank : bool
+        Whether the laws are ranked.
+    chained : bool
+        Whether each contact is the initial guess of the next.
+    versions : dict
+        Required versions.
+    """
 
     scene: Scene
-    points: tuple
+    points: tuple[KeyedPoint, ...]
     rank: bool
     chained: bool
-    versions: dict
+    versions: dict[str, str]
 
 
-def compute(task):
-    """key -> headline of the points of a task. RuntimeError where this worker is not of the versions that asked."""
-    _refuse_other_versions(task.versions, versions())
-    found, near = {}, None
+def compute(task: Task) -> dict[str, Results]:
+    """Compute the points of a task.
+
+    Parameters
+    ----------
+    task : Task
+
+    Returns
+    -------
+    dict
+        Results by key.
+
+    Raises
+    ------
+    RuntimeError
+        If this worker has other versions than the command.
+    """
+    _require_versions(task.versions, versions())
+    found: dict[str, Results] = {}
+    guess = None
     with _ONE_AT_A_TIME, threadpool_limits(1):
         for key, changes, shares in task.points:
-            found[key], contact = _point(task, changes, shares, near)
-            near = contact if task.chained else None
+            found[key], contact = _point(task, changes, shares, guess)
+            guess = contact if task.chained else None
     return found
 
 
-def _point(task, changes, shares, near):
+def _point(
+    task: Task, changes: dict[str, Any], shares: dict[str, float], guess: ContactResult | None
+) -> tuple[Results, ContactResult | None]:
     try:
-        scene, values = vary.scene_at(task.scene, changes, shares)
+        scene, values = scene_at(task.scene, changes, shares)
     except ValueError as error:  # rules of scenes, or of the mix
-        return {"reason": reason(error)}, near
-    numbers, contact = headline(scene, task.rank, near)
+        return {"reason": reason(error)}, guess
+    numbers, contact = headline(scene, task.rank, guess)
     return values | numbers, contact
 
 
-def _refuse_other_versions(wanted, here):
-    differing = [f"{name} {here.get(name)} for {wanted[name]}" for name in wanted if here.get(name) != wanted[name]]
+def _require_versions(required: dict[str, str], here: dict[str, str]) -> None:
+    differing = [
+        f"{name} {here.get(name)} for {required[name]}" for name in required if here.get(name) != required[name]
+    ]
     if differing:
         raise RuntimeError(
             f"a worker has other versions than the command: {', '.join(differing)}; the results would not be the "
@@ -80,34 +127,78 @@ def _refuse_other_versions(wanted, here):
 
 
 class Sweep:
-    """A scene, what of it is varied (`vary.read`), and what is wanted of every point.
+    """Sweep of a scene.
 
-    rank : also rank the motion laws at every point, by the criteria of the scene
-    indices : take the sample so that Sobol indices can be told
+    Parameters
+    ----------
+    scene : Scene
+    varied : sequence of Axis or Sampled
+        Of `design.read_design`.
+    rank : bool
+        Whether the motion laws are ranked at every point, by the criteria of the scene.
+    indices : bool
+        Whether the sample has the rows for Sobol indices.
+
+    Attributes
+    ----------
+    computed : int
+        Number of points that this run has computed.
+    broken : tuple of str
+        Names of checkpoint files with a wrong checksum.
     """
 
-    def __init__(self, scene, varied, *, rank=False, indices=False):
+    def __init__(
+        self, scene: Scene, varied: Sequence[Axis | Sampled], *, rank: bool = False, indices: bool = False
+    ) -> None:
         self.scene, self.rank = scene, rank
-        self.design = vary.design(scene, varied, indices)
+        self.design = design(scene, varied, indices)
         engines = [axis.values for axis in self.design.axes if axis.key == "accuracy.engine"]
         self.engines = engines[0] if engines else (scene.accuracy.engine,)
-        self.computed = 0  # points, by this run
-        self.broken = ()  # files that did not meet their sum
+        self.computed = 0
+        self.broken: tuple[str, ...] = ()
 
     @property
-    def size(self):
+    def size(self) -> int:
         """Number of points."""
         return int(np.prod(self.design.shape))
 
     @property
-    def chained(self):
-        """Whether neighbours start from one another."""
+    def chained(self) -> bool:
+        """True if each point is the initial guess of its neighbour."""
         return not self.design.names and any(ENGINES[engine].continuation for engine in self.engines)
 
-    def run(self, directory, *, executor, resume=False, force=False, step=lambda points, failed: None):
-        """Compute what is missing, keep it, and write sweep.nc; the table.
+    def run(
+        self,
+        directory: Path | str,
+        *,
+        executor: Executor,
+        resume: bool = False,
+        force: bool = False,
+        step: Step = _no_step,
+    ) -> "xarray.Dataset":
+        """Compute the missing points, and write checkpoints and sweep.nc.
 
-        Raises ResultsError where points of this scene stand already and are neither to be gone on with nor forgotten.
+        Parameters
+        ----------
+        directory : Path or str
+            Directory of the results.
+        executor : Executor
+            Of `analysis.worker_pool`.
+        resume : bool
+            Whether existing checkpoints are used.
+        force : bool
+            Whether existing checkpoints are deleted.
+        step : callable
+            Called with the numbers of new points and of failures among them.
+
+        Returns
+        -------
+        xarray.Dataset
+
+        Raises
+        ------
+        ResultsError
+            If the directory has checkpoints, and neither `resume` nor `force` is set.
         """
         keyed = self._keyed()
         with claimed_directory(directory, self.scene.hash, force) as place:
@@ -116,27 +207,29 @@ class Sweep:
             points = {key: known[key] for key, *_ in keyed if key in known}
             step(len(points), _failures(points))
             tasks = self._tasks(keyed, points)
-            with closing(run_tasks(compute, tasks, executor, meanwhile=_bring_netcdf)) as coming:
+            with closing(run_tasks(compute, tasks, executor, meanwhile=_import_netcdf)) as coming:
                 for number, outcome in coming:
                     points |= self._kept(store, tasks[number], outcome, points, step)
             table = self._table([points[key] for key, *_ in keyed])
             write_netcdf(place / "sweep.nc", table, NETCDF_HDF5)
         return table
 
-    def _known(self, store, resume, force):
+    def _known(self, store: Store, resume: bool, force: bool) -> dict[str, Results]:
         known = store.read()
         self.broken = tuple(store.broken)
         if force:
             store.clear()
         elif known and not resume:
             raise ResultsError(
-                f"{store.directory.parent}: holds {len(known)} points of this scene; --resume goes on with them, "
-                "--force computes all anew"
+                f"{store.directory.parent}: holds {len(known)} points of this scene; --resume uses them, "
+                "--force computes all again"
             )
         return {} if force else known
 
-    def _kept(self, store, task, outcome, points, step):
-        if isinstance(outcome, WorkerDied):  # not kept: another run tries again
+    def _kept(
+        self, store: Store, task: Task, outcome: Any, points: dict[str, Results], step: Step
+    ) -> dict[str, Results]:
+        if isinstance(outcome, WorkerDied):  # no checkpoint: another run tries again
             outcome = {key: {"reason": outcome.reason} for key, *_ in task.points}
         else:
             store.write(outcome)
@@ -145,10 +238,11 @@ class Sweep:
         step(len(fresh), _failures(fresh))
         return outcome
 
-    def _keyed(self):
-        """(key, changes, shares) of every point; of a chain the key holds those of the points before."""
+    def _keyed(self) -> list[KeyedPoint]:
+        """Return key, changes and shares of every point; in a chain the key depends on the points before."""
         base = json.dumps([self.scene.hash, versions(), self.rank, self.chained])
-        keyed, last = [], self.design.shape[-1]
+        keyed: list[KeyedPoint] = []
+        last = self.design.shape[-1]
         for index in range(self.size):
             changes, shares = self.design.point(index)
             before = keyed[-1][0] if self.chained and index % last % LINE else ""
@@ -156,8 +250,8 @@ class Sweep:
             keyed.append((key, changes, shares))
         return keyed
 
-    def _tasks(self, keyed, known):
-        """Tasks of what is missing; a line of neighbours is whole or missing."""
+    def _tasks(self, keyed: list[KeyedPoint], known: dict[str, Results]) -> list[Task]:
+        """Return the tasks of the missing points; a line of neighbours is computed as a whole."""
         if self.chained:
             last = self.design.shape[-1]
             rows = [keyed[start : start + last] for start in range(0, len(keyed), last)]
@@ -171,14 +265,14 @@ class Sweep:
             groups = [missing[start : start + size] for start in range(0, len(missing), size)]
         return [Task(self.scene, tuple(group), self.rank, self.chained, versions()) for group in groups]
 
-    def _table(self, points):
-        """The Dataset of all points, in the order of the design."""
+    def _table(self, points: list[Results]) -> "xarray.Dataset":
+        """Return the table of all points, in the order of the design."""
         import xarray
 
         shape, names = self.design.shape, self._dimensions()
         numbers, words = (dict(part) for part in (SWEEP_POINT, WORDS))
         if self.rank:
-            more_numbers, more_words = ranked(self.scene.drive.rank_by)
+            more_numbers, more_words = ranking_variables(self.scene.drive.rank_by)
             numbers, words = numbers | more_numbers, words | more_words
         for name in self.design.names:
             origin = mix.PARAMETER_SOURCES[name]
@@ -192,8 +286,8 @@ class Sweep:
             found[name] = (names, column, {"long_name": meaning})
         return xarray.Dataset(found, self._coordinates(names), self._attributes())
 
-    def _dimensions(self):
-        """A name for every axis: the last part of its key, the whole of it where two would be the same."""
+    def _dimensions(self) -> tuple[str, ...]:
+        """Return the names of the axes: the last part of the key, or the whole key if that is ambiguous."""
         last = [axis.key.rpartition(".")[2] for axis in self.design.axes]
         names = [
             name
@@ -203,8 +297,8 @@ class Sweep:
         ]
         return (*names, "sample") if self.design.names else tuple(names)
 
-    def _coordinates(self, names):
-        coordinates = {}
+    def _coordinates(self, names: tuple[str, ...]) -> dict[str, Any]:
+        coordinates: dict[str, Any] = {}
         for name, axis in zip(names, self.design.axes, strict=False):
             values = np.array(axis.values, dtype=None if _are_numbers(axis.values) else object)
             coordinates[name] = (name, values, {"key": axis.key, "long_name": _meaning(axis.key)})
@@ -215,7 +309,7 @@ class Sweep:
                 coordinates[f"share_{name}"] = ("sample", shares, meaning)
         return coordinates
 
-    def _attributes(self):
+    def _attributes(self) -> dict[str, str]:
         return {
             "title": self.scene.title,
             "engine": ", ".join(self.engines),
@@ -225,30 +319,40 @@ class Sweep:
         }
 
 
-def _failures(points):
+def _failures(points: dict[str, Results]) -> int:
     return sum(bool(found.get("reason")) for found in points.values())
 
 
-def _are_numbers(values):
+def _are_numbers(values: Sequence[Any]) -> bool:
     return all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
 
 
-def _meaning(key):
-    """What the scene says of a key."""
-    table, info = Scene, None
+def _meaning(key: str) -> str:
+    """Return the description of a scene key."""
+    table: Any = Scene
+    info: Any = None
     for part in key.split("."):
         info = table.model_fields[part]
         table = table_of(info)
     return info.description or key
 
 
-def _bring_netcdf():
-    """Import all that `write_netcdf` needs, a second or two, while the workers start and import what they need."""
+def _import_netcdf() -> None:
+    """Import the modules of `write_netcdf`, which takes a second or two, while the workers start."""
     import xarray
 
     xarray.Dataset().to_netcdf(format=NETCDF_HDF5, engine=NETCDF_BACKENDS[NETCDF_HDF5])
 
 
-def read_sweep(path):
-    """The table of a sweep.nc."""
+def read_sweep(path: Path | str) -> "xarray.Dataset":
+    """Read the table of a sweep.nc.
+
+    Parameters
+    ----------
+    path : Path or str
+
+    Returns
+    -------
+    xarray.Dataset
+    """
     return read_netcdf(path, NETCDF_HDF5)

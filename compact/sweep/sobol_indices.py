@@ -1,13 +1,13 @@
-"""Which input explains how much of the spread: Sobol indices of first order and in total, with their error.
+"""Sobol indices of first order and in total, with bootstrap confidence intervals.
 
     S_i = E[f_B (f_ABi - f_A)] / V,    T_i = E[(f_A - f_ABi)^2] / 2V,    V = Var f
 
 f_A and f_B are values at two independent samples, f_ABi at A with the i-th input from B. S_i is the share of the
-variance that goes when input i is known, T_i the share that stays when all others are. The error is that of n rows:
-percentiles of BOOTSTRAPS samples drawn again from the rows, which for Sobol points is more than they err.
+variance that input i explains alone, T_i the share that remains if all other inputs are known. The confidence interval
+is a bootstrap over the n rows, which for Sobol points overestimates the error.
 
-`scipy.stats.sobol_indices` has the same estimators, for powers of two only and with another error in every call; here
-rows of which a point failed are left out.
+`scipy.stats.sobol_indices` has the same estimators, for powers of two only and with a random interval in every call;
+here rows with a failed point are omitted.
 
 References
 ----------
@@ -15,39 +15,67 @@ A. Saltelli et al., Variance based sensitivity analysis of model output, Comput.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from compact.numerics.validation import require_finite
 
+if TYPE_CHECKING:
+    import xarray
+
 BOOTSTRAPS = 1000
-CONFIDENCE = 0.95
-FEWEST = 16  # rows without a failure, below which no index is told
-ROUNDING = 1e-12  # of the mean: a spread that is none
-SEED = 2015  # of the drawing
+CONFIDENCE = 0.95  # [-], level of the intervals
+LEAST_ROWS = 16  # without failed point; with fewer the indices are not estimated
+SPREAD_ROUNDING = 1e-12  # [-], of the mean; a smaller spread counts as zero
+SEED = 2015  # of the bootstrap
 
 
 @dataclass(frozen=True)
 class Indices:
-    """Sobol indices of one quantity [-], each of shape (inputs,), with the ends of their confidence intervals.
+    """Sobol indices of one quantity.
 
-    rows : without a failure, of which they are made
+    Parameters
+    ----------
+    first, first_low, first_high : NDArray, shape (inputs,)
+        Indices of first order and their confidence interval [-].
+    total, total_low, total_high : NDArray, shape (inputs,)
+        Total indices and their confidence interval [-].
+    rows : int
+        Number of rows without failed point.
     """
 
-    first: np.ndarray
-    first_low: np.ndarray
-    first_high: np.ndarray
-    total: np.ndarray
-    total_low: np.ndarray
-    total_high: np.ndarray
+    first: NDArray[np.float64]
+    first_low: NDArray[np.float64]
+    first_high: NDArray[np.float64]
+    total: NDArray[np.float64]
+    total_low: NDArray[np.float64]
+    total_high: NDArray[np.float64]
     rows: int
 
 
-def indices(at_first, at_second, at_mixed):
-    """`Indices` of values f_A, f_B, shape (n,), and f_AB, shape (inputs, n).
+def indices(at_first: ArrayLike, at_second: ArrayLike, at_mixed: ArrayLike) -> Indices:
+    """Estimate the Sobol indices of a quantity; a constant quantity has indices of 0.
 
-    A quantity that does not vary has indices of 0. Raises ValueError below FEWEST rows.
+    Parameters
+    ----------
+    at_first, at_second : array_like, shape (n,)
+        Values f_A and f_B.
+    at_mixed : array_like, shape (inputs, n)
+        Values f_AB.
 
+    Returns
+    -------
+    Indices
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than LEAST_ROWS rows.
+
+    Examples
+    --------
     >>> A, B = np.random.default_rng(1).random((2, 2, 4096))
     >>> def line(x, y):
     ...     return 2 * x + y
@@ -58,28 +86,42 @@ def indices(at_first, at_second, at_mixed):
     require_finite(at_first=at_first, at_second=at_second, at_mixed=at_mixed)
     f_A, f_B, f_AB = (np.asarray(values, dtype=float) for values in (at_first, at_second, at_mixed))
     n = f_A.size
-    if n < FEWEST:
-        raise ValueError(f"Sobol indices need {FEWEST} rows without a failure, got {n}; take a larger sample")
-    middle = np.mean([f_A, f_B])  # without it the estimates err by as much as the mean is large
+    if n < LEAST_ROWS:
+        raise ValueError(f"Sobol indices need {LEAST_ROWS} rows without a failure, got {n}; take a larger sample")
+    middle = np.mean([f_A, f_B])  # subtracted, as the errors of the estimators grow with the mean
     f_A, f_B, f_AB = f_A - middle, f_B - middle, f_AB - middle
-    if max(np.ptp(f_A), np.ptp(f_B)) <= ROUNDING * abs(middle):
+    if max(np.ptp(f_A), np.ptp(f_B)) <= SPREAD_ROUNDING * abs(middle):
         return Indices(*np.zeros((6, len(f_AB))), n)
     drawn = np.random.default_rng(SEED).integers(n, size=(BOOTSTRAPS, n))
-    spread = np.array([_estimated(f_A[rows], f_B[rows], f_AB[:, rows]) for rows in drawn])
+    spread = np.array([_estimate(f_A[rows], f_B[rows], f_AB[:, rows]) for rows in drawn])
     tail = (1 - CONFIDENCE) / 2
     low, high = np.quantile(spread, [tail, 1 - tail], axis=0)
-    first, total = _estimated(f_A, f_B, f_AB)
+    first, total = _estimate(f_A, f_B, f_AB)
     return Indices(first, low[0], high[0], total, low[1], high[1], n)
 
 
-def _estimated(f_A, f_B, f_AB):
-    """S and T, shape (2, inputs)."""
+def _estimate(f_A: NDArray[np.float64], f_B: NDArray[np.float64], f_AB: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return S and T, shape (2, inputs)."""
     variance = np.var(np.concatenate([f_A, f_B]))
     return np.array([np.mean(f_B * (f_AB - f_A), axis=-1), np.mean((f_A - f_AB) ** 2, axis=-1) / 2]) / variance
 
 
-def of_table(table, quantity):
-    """(names of the inputs, `Indices`) of a quantity of a sweep over a sample alone, made with `indices`."""
+def of_table(table: "xarray.Dataset", quantity: str) -> tuple[tuple[str, ...], Indices]:
+    """Estimate the indices of a quantity of a sweep over a sample that was designed for them.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        Table of the sweep.
+    quantity : str
+        Name of a variable.
+
+    Returns
+    -------
+    names : tuple of str
+        Names of the inputs.
+    indices : Indices
+    """
     parts = table["part"].values
     names = tuple(dict.fromkeys(part for part in parts if part not in ("A", "B")))
     values = table[quantity].values

@@ -145,7 +145,7 @@ def test_one_contact_by_formula_is_that_of_the_main_job(prescribed):
 
 def test_formulas_refuse_an_indentation():
     case = study(**{"contact.indentation": 0.003})
-    with pytest.raises(ValueError, match=r"`indentation` is undefined on a half-plane.*give `load`"):
+    with pytest.raises(ValueError, match=r"`indentation` is undefined on a half-plane.*use `load`"):
         case.passes_at(case.scene.mean_speed)
 
 

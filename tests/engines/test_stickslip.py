@@ -252,8 +252,8 @@ def zone_boundaries(reference, friction):
     ("friction", "share"),
     [
         *((0.1, share) for share in (FREE, DRIVEN, BRAKED)),
-        *((0.35, FREE), (1.0, DRIVEN)),
-        *(pytest.param(*case, marks=pytest.mark.slow) for case in ((0.35, DRIVEN), (0.35, BRAKED))),
+        (1.0, DRIVEN),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in ((0.35, FREE), (0.35, DRIVEN), (0.35, BRAKED))),
         *(pytest.param(*case, marks=pytest.mark.slow) for case in ((1.0, FREE), (1.0, BRAKED))),
     ],
 )
@@ -263,7 +263,12 @@ def test_elastic_rolling_agrees_with_boundary_elements(friction, share):
 
 @pytest.mark.parametrize(
     ("speed", "friction", "share"),
-    [(0.003, 0.35, FREE), (0.003, 0.1, DRIVEN), (0.03, 0.35, BRAKED), (0.03, 0.1, FREE)],
+    [
+        (0.003, 0.1, DRIVEN),
+        (0.03, 0.35, BRAKED),
+        pytest.param(0.003, 0.35, FREE, marks=pytest.mark.slow),
+        pytest.param(0.03, 0.1, FREE, marks=pytest.mark.slow),
+    ],
 )
 def test_viscoelastic_rolling_agrees_with_boundary_elements(speed, friction, share):
     assert_agreement(*both_contacts(SLS, speed, friction, share, cells=30), friction)

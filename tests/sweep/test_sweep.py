@@ -211,7 +211,7 @@ def test_point_whose_workers_died_is_tried_again_by_the_next_run(monkeypatch, tm
 
 def test_points_that_stand_are_neither_mixed_nor_forgotten_unasked(tmp_path):
     swept(tmp_path, varied=["mix.moisture=0.1,0.11"])
-    with pytest.raises(ResultsError, match="holds 2 points of this scene; --resume goes on with them, --force"):
+    with pytest.raises(ResultsError, match="holds 2 points of this scene; --resume uses them, --force"):
         swept(tmp_path, varied=["mix.moisture=0.1,0.11"])
     with pytest.raises(ResultsError, match="holds results of another scene"):
         swept(tmp_path, SCENE, ["mix.moisture=0.1,0.11"])
@@ -371,7 +371,7 @@ def test_interrupt_of_the_command_keeps_whole_points_and_resume_needs_the_rest(t
     assert 100 <= kept < 600
     code, said = told(capsys, *given)
     assert code == 1
-    assert f"holds {kept} points of this scene; --resume goes on with them" in said
+    assert f"holds {kept} points of this scene; --resume uses them" in said
     code, said = told(capsys, *given, "--resume", "--workers", "1")
     assert code == 0
     assert f"{600 - kept} of 600 computed now" in said

@@ -106,7 +106,7 @@ def test_text_that_is_no_variation_is_refused(text, words):
         (("mix.moisture=wet",), "mix.moisture: must be a number, got 'wet'"),
         (("mix.moisture=0.1", "mix.moisture=0.11"), "given twice"),
         (("output.items=tables",), "decides no number"),
-        (("mix.moisture=~8",), "only mix.overrides and what is in it have a spread"),
+        (("mix.moisture=~8",), "only mix.overrides and its keys have a spread"),
         (("mix.overrides.poison=~8",), "no mix parameter 'poison'; did you mean 'poisson'"),
         (("mix.overrides.effective_modulus=~8",), "is given, so it has no spread to sample"),
         (("mix.overrides.poisson=~8", "mix.overrides.steel_friction=~16"), "all samples share their points"),
