@@ -310,9 +310,9 @@ def calibrate(
     with spinning(f"fit by {engine}", quiet=quiet):
         found = calibration.calibrate(given, readings, engine, parameters, **options)
     path = out or default_directory(scene, "calibration.json")
-    write_json(path, calibration.summary(found))
+    write_json(path, calibration.calibration_summary(found))
     if not quiet:
-        print(calibration.digest(found))
+        print(calibration.calibration_digest(found))
         print(
             f"\nfor the scene: --set mix.overrides.heckel_slope={found.heckel_slope:.6g} "
             f"--set layer.fed_density_ratio={found.fed_density_ratio:.6g}\nresults: {path}"

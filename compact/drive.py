@@ -20,11 +20,15 @@ __all__ = ["CRITERIA", "Crank", "Ranked", "Rigid", "Run", "rank", "simulate", *_
 
 def __getattr__(name: str) -> Any:
     if name in _ELASTIC:
-        from compact.machine import elastic_drive as home
-    elif name in _MOTOR:
-        from compact.machine import motor_drive as home
-    elif name in _HYDRAULIC:
-        from compact.machine import hydraulic_drive as home
-    else:
-        raise AttributeError(f"module 'compact.drive' has no attribute {name!r}")
-    return getattr(home, name)
+        from compact.machine import elastic_drive
+
+        return getattr(elastic_drive, name)
+    if name in _MOTOR:
+        from compact.machine import motor_drive
+
+        return getattr(motor_drive, name)
+    if name in _HYDRAULIC:
+        from compact.machine import hydraulic_drive
+
+        return getattr(hydraulic_drive, name)
+    raise AttributeError(f"module 'compact.drive' has no attribute {name!r}")

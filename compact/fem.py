@@ -17,6 +17,8 @@ from compact.rolling_contact import ContactResult, Layer, PrescribedMotion, Roll
 if TYPE_CHECKING:
     import meshio
 
+    from compact.engines.compaction.results import CompactionContactResult
+
 __all__ = ["FemContactResult", "fields", "roll", "travel", "write_fields"]
 
 
@@ -54,6 +56,11 @@ def roll(
     FemContactResult or CompactionContactResult
         Contact per unit roller length.
 
+    Raises
+    ------
+    ValueError
+        If a mesh is prescribed for a compacting layer, or a parameter is outside the scope of the engine.
+
     Examples
     --------
     >>> from compact.material.laws import Elastic
@@ -62,7 +69,11 @@ def roll(
     >>> f"load {result.load / 1e3:.2f} kN/m, edge {result.leading * 1e3:.2f} mm"
     'load 15.09 kN/m, edge 13.85 mm'
     """
-    if isinstance(material, Compaction) and mesh is None:
+    if isinstance(material, Compaction):
+        if mesh is not None:
+            raise ValueError(
+                f"`mesh` must be None for a compacting layer, which has its own, got one of {mesh.shape} elements"
+            )
         from compact.engines.compaction.engine import roll as roll_compacting
 
         return roll_compacting(layer, roller, material, speed, torque=torque)
@@ -101,21 +112,25 @@ def travel(
     '505 N/m at most, 168 N/m as it comes to rest'
     """
     if isinstance(material, Compaction):
-        from compact.engines.compaction.reciprocating import simulate_reciprocating as simulate
-    else:
-        from compact.engines.fem.transient import simulate_transient as simulate
-    return simulate(layer, roller, material, motion, **accuracy)
+        from compact.engines.compaction.reciprocating import simulate_reciprocating
+
+        return simulate_reciprocating(layer, roller, material, motion, **accuracy)
+    from compact.engines.fem.transient import simulate_transient
+
+    return simulate_transient(layer, roller, material, motion, **accuracy)
 
 
-def fields(result: ContactResult) -> "meshio.Mesh":
-    """Compute the fields inside the layer under a steady roller, as of `fields` of the engine."""
+def fields(result: "FemContactResult | CompactionContactResult") -> "meshio.Mesh":
+    """Compute the fields inside the layer under a steady roller, as of `field_mesh` of the engine."""
     if isinstance(result, FemContactResult):
-        from compact.engines.fem.fields import fields as engine_fields
-    else:
-        from compact.engines.compaction.results import fields as engine_fields
-    return engine_fields(result)
+        from compact.engines.fem.fields import field_mesh as linear_fields
+
+        return linear_fields(result)
+    from compact.engines.compaction.results import field_mesh as compaction_fields
+
+    return compaction_fields(result)
 
 
-def write_fields(result: ContactResult, path: str | Path) -> None:
+def write_fields(result: "FemContactResult | CompactionContactResult", path: str | Path) -> None:
     """Write the fields inside the layer as VTU."""
     write_vtu(fields(result), path)

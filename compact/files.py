@@ -226,7 +226,7 @@ def write_vtu_series(
     collection : Path
         PVD file, written last, so that all files it names exist.
     folder : str
-        Folder of the VTU files beside the collection.
+        Folder of the VTU files next to the collection.
     label : str
         Name of the series parameter; a file is called LABEL=VALUE.vtu.
     frames : iterable of (float, meshio.Mesh)

@@ -175,6 +175,27 @@ class PrescribedMotion(Protocol):
         ...
 
 
+def require_moving(speed: float) -> None:
+    """Require a roller in motion.
+
+    Parameters
+    ----------
+    speed : float
+        Speed of the roller [m/s].
+
+    Raises
+    ------
+    ValueError
+        If the speed is 0 or not finite.
+    """
+    require_finite(speed=speed)
+    if speed == 0:
+        raise ValueError(
+            "`speed` must not be 0, got 0: the resistance at rest is set-valued; use a small speed with the sign of "
+            "the travel"
+        )
+
+
 def require_torque_allowed(roller: Roller, torque: float | None) -> None:
     """Require a torque only for a free or driven roller with friction, and always for a driven one.
 

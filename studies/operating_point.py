@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.calibration import calibrate, digest
+from compact.analysis.calibration import calibrate, calibration_digest
 from compact.analysis.contact_cases import scene_mix
 from compact.analysis.contact_stage import roll_scene
 from compact.analysis.engineering_summary import engineering
@@ -95,7 +95,7 @@ def calibrated(scene, readings, engines, variants):
         asked = readings if coefficient is None else readings.moved("resistance_coefficient", coefficient)
         near = first if first and first.scene.lift_thickness == changed.lift_thickness else None
         try:
-            fit = calibrate(changed, asked, "compaction", increments=increments, near=near)
+            fit = calibrate(changed, asked, "compaction", increments=increments, initial_guess=near)
         except RuntimeError as error:
             warnings.warn(f"{name}: not calibrated: {error}", stacklevel=2)
             continue
@@ -200,7 +200,7 @@ def show(result):
     print(f"the prior allows K_H {SLOPES[0] * 1e6:.1f}-{SLOPES[1] * 1e6:.1f}/MPa, fed {FED[0]}-{FED[1]}")
     for name, fit in fits.items():
         length = length_for(fit, 13e-6)
-        print(f"\n{name}; the prior's K_H 13/MPa asks for a roller of {length:.2f} m\n{digest(fit)}")
+        print(f"\n{name}; the prior's K_H 13/MPa asks for a roller of {length:.2f} m\n{calibration_digest(fit)}")
 
 
 if __name__ == "__main__":

@@ -1,37 +1,59 @@
-"""Calibration of a scene: the two numbers of a compacting mix that no table knows, from what its plant has measured.
+"""Calibration of a scene: Heckel slope and initial density ratio of the mix from measurements of a plant.
 
-K_H sets the scale of all pressures and so the load, the fed density how far the mix is pressed and so the resistance.
-Every trial is a whole contact of the scene that leaves the product at its height and density. The columns are the cheap
-model; for the finite elements they are corrected until both agree (`fitting`), and the bounds of data and assumptions
-are refitted with that correction. The finite elements begin shallow and on a coarse mesh, whose fit begins that on the
-mesh asked for. Each trial is rolled from rest, so that the scene alone gives its numbers again.
+The Heckel slope K_H scales all pressures, and so the load; the initial density ratio determines the compaction, and so
+the resistance. Every trial is a contact of the scene that results in the height and density of the product. The column
+model is the coarse model of a space mapping (`numerics.space_mapping`) to the finite elements; the bounds of data and
+assumptions are refitted with its correction. Finite elements start at a small contact angle on a coarse mesh, whose fit
+is the initial guess on the required mesh. Each trial is computed from scratch, so that the scene reproduces its result.
 """
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compact.analysis.contact_cases import contact_inputs, scene_mix
 from compact.analysis.contact_stage import roll_scene
 from compact.material import mix
 from compact.numerics.space_mapping import SpaceMappingFit, fit_parameters
-from compact.scene.loader import SceneError
+from compact.rolling_contact import ContactResult
+from compact.scene.loader import Scene, SceneError
+from compact.scene.plant_data import Measured
 
 UNKNOWNS = ("heckel_slope", "fed_density_ratio")
-SHAKEN = 2e-3  # change of the unknowns that teaches half of a slope; what is solved at once does not tremble
+BROYDEN_LENGTH = 2e-3  # [-], change of the unknowns with half the weight in the update of the slopes
 LOOSE = mix.LOOSE_DENSITY_RATIO
-SPREADS = ("friction_angle", "cohesion", "unloading_modulus", "poisson")  # of the mix, that decide beside the two
-SHALLOW = 0.17  # capture angle, or less, at which finite elements begin
-PLANE = 2.8  # times the load of columns, about, that they ask there
-COARSE = 4  # increments of the first fit
-STEADY = 1e-3  # of the two forces, where finite elements must march
-SHEARED = ("mix.overrides.friction_angle", "mix.overrides.cohesion")  # what a bow wave feels and columns hardly do
-START = 0.4  # of the way from loose to the density asked for, over what is left: k 0.98 from about 0.94
+ASSUMED = ("friction_angle", "cohesion", "unloading_modulus", "poisson")  # further parameters of the mix
+START_ANGLE = 0.17  # [rad], largest contact angle of the first trial of the finite elements
+PLANE_STRAIN_FACTOR = 2.8  # [-], approximate load of the finite elements there over that of the column model
+COARSE_INCREMENTS = 4  # of the first fit
+STEADY_TOLERANCE = 1e-3  # [-], of the two forces, in incremental rolling
+SHEAR_KEYS = ("mix.overrides.friction_angle", "mix.overrides.cohesion")  # on which the column model hardly depends
+START_LOGIT = 0.4  # [-], logit of the initial density ratio between loose and required, 0.94 for 0.98
+
+
+Contact = Callable[[Scene, Any], ContactResult]  # of a scene and a measurement
 
 
 @dataclass(frozen=True)
 class Refit:
-    """The unknowns where one number, of the data or assumed, stands at a bound; `reason` where none are found."""
+    """Calibrated parameters with one datum or assumption at a bound.
+
+    Parameters
+    ----------
+    name : str
+        Datum, or scene key of the assumption.
+    value : float
+        Its bound.
+    heckel_slope : float
+        One-dimensional Heckel slope [1/Pa]; nan without solution.
+    fed_density_ratio : float
+        Initial density ratio [-]; nan without solution.
+    reason : str
+        Reason why there is no solution.
+    """
 
     name: str
     value: float
@@ -42,65 +64,107 @@ class Refit:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A scene's mix as calibrated.
+    """Result of a calibration.
 
-    scene : with the fitted numbers in it
-    heckel_slope : K_H, one-dimensional as in mix tables [1/Pa];  fed_density_ratio : k
-    unknowns : names of those fitted;  names, measured : of the data
-    fit : in (ln K_H, logit of k), with misfit, sensitivity and what each run of the finite elements said
-    rolled : the contact of each measurement by the engine
-    refits : at every bound of data and assumptions
-    elements : the finite elements, whose exit densities a neighbour knows; None of columns
-    coarse : the `Calibration` on COARSE increments that finite elements began from, if any
+    Parameters
+    ----------
+    scene : Scene
+        The scene with the calibrated parameters.
+    heckel_slope : float
+        One-dimensional Heckel slope K_H, as in mix tables [1/Pa].
+    fed_density_ratio : float
+        Initial density ratio k [-].
+    unknowns : tuple of str
+        Names of the calibrated parameters.
+    names, measured : tuple
+        Names and values of the data.
+    fit : SpaceMappingFit
+        In (ln K_H, logit of k), with misfit, sensitivity and the runs of the finite elements.
+    rolled : tuple of ContactResult
+        Contact of each measurement.
+    refits : tuple of Refit
+        At every bound of data and assumptions.
+    elements : optional
+        Finite-element model; None for columns.
+    coarse : Calibration, optional
+        Calibration on COARSE_INCREMENTS, the initial guess of this one.
     """
 
-    scene: object
+    scene: Scene
     heckel_slope: float
     fed_density_ratio: float
     unknowns: tuple[str, ...]
     names: tuple[str, ...]
     measured: tuple[float, ...]
     fit: SpaceMappingFit
-    rolled: tuple
+    rolled: tuple[ContactResult, ...]
     refits: tuple[Refit, ...]
-    elements: object = None
-    coarse: object = None
+    elements: "_FiniteElements | None" = None
+    coarse: "Calibration | None" = None
 
     @property
-    def sensitivity(self):
-        """Relative change of each unknown by that of each datum, shape (unknowns, data)."""
-        k, asked = self.fed_density_ratio, self.scene.mix.density_ratio
-        by_logit = (k - LOOSE) * (asked - k) / (asked - LOOSE) / k  # d ln k/d logit
+    def sensitivity(self) -> NDArray[np.float64]:
+        """Relative change of each unknown over that of each datum [-], shape (unknowns, data)."""
+        k, required = self.fed_density_ratio, self.scene.mix.density_ratio
+        by_logit = (k - LOOSE) * (required - k) / (required - LOOSE) / k  # d ln k/d logit
         scales = {"heckel_slope": 1.0, "fed_density_ratio": by_logit}
         return self.fit.sensitivity * np.array([[scales[name]] for name in self.unknowns])
 
 
-def calibrate(scene, measured, engine="column", unknowns=UNKNOWNS, near=None, **options):
-    """The `Calibration` of a scene to a `Measured`.
+def calibrate(
+    scene: Scene,
+    measured: Measured,
+    engine: str = "column",
+    unknowns: Sequence[str] = UNKNOWNS,
+    initial_guess: Calibration | None = None,
+    **options: Any,
+) -> Calibration:
+    """Calibrate the mix of a scene to measurements.
 
-    engine : "column" or "compaction", of every trial;  unknowns : of UNKNOWNS, at most as many as there are data
-    near : `Calibration` of a neighbour by finite elements, with another mix, mesh or data, where this one begins
-    options : of the engine "compaction", such as `increments`; without `near` as few as COARSE are fitted before more
+    Parameters
+    ----------
+    scene : Scene
+    measured : Measured
+    engine : {"column", "compaction"}
+    unknowns : sequence of str
+        Of UNKNOWNS, at most as many as there are data.
+    initial_guess : Calibration, optional
+        Calibration by finite elements with another mix, mesh or data.
+    **options
+        Keywords of the engine "compaction", such as `increments`. Without `initial_guess` the mix is calibrated on
+        COARSE_INCREMENTS first.
 
-    Finite elements take minutes and meet the data to 1e-3; what their mesh does is told by the coarse fit. Refits are
-    by columns as corrected, without what only two dimensions feel: fit again where a roller length changes how much
-    cohesion weighs beside the pressure.
+    Returns
+    -------
+    Calibration
 
-    Raises SceneError for more unknowns than data, assumptions that name no number of a scene, or a scene that says
-    itself what presses the roller; RuntimeError where no trial meets the data.
+    Raises
+    ------
+    SceneError
+        If there are more unknowns than data, an assumption is no number of the scene, or the scene prescribes a target.
+    RuntimeError
+        If no trial agrees with the data.
+
+    Notes
+    -----
+    Finite elements take minutes and agree with the data to 1e-3; the coarse fit shows the effect of the mesh. Refits
+    are by the corrected column model, without two-dimensional effects: calibrate again if a roller length changes the
+    ratio of cohesion and pressure.
     """
-    _refuse_prescribed(scene)
-    _refuse_far(near, measured, unknowns)
+    _require_no_target(scene)
+    _require_similar(initial_guess, measured, unknowns)
     model = _Model(scene, measured, unknowns)
     coarse = None
-    if engine == "compaction" and near is None and options.get("increments") != COARSE:
-        near = coarse = calibrate(scene, measured, engine, unknowns, **options | {"increments": COARSE})
-    dear = _FiniteElements(options, _known(near, measured)) if engine == "compaction" else None
+    by_elements = engine == "compaction"
+    if by_elements and initial_guess is None and options.get("increments") != COARSE_INCREMENTS:
+        coarse = calibrate(scene, measured, engine, unknowns, **options | {"increments": COARSE_INCREMENTS})
+        initial_guess = coarse
+    elements = _FiniteElements(options, _known_excess(initial_guess, measured)) if by_elements else None
     try:
-        met = model.met() if dear is None else model.met_by(dear, None if near is None else near.fit)
+        fit = model.fit() if elements is None else model.fit_elements(elements, initial_guess and initial_guess.fit)
     except ValueError as error:
         raise SceneError([str(error)]) from error
-    found = model.scene_at(met.unknowns)
+    found = model.scene_at(fit.unknowns)
     readings = measured.measurements
     return Calibration(
         scene=found,
@@ -109,25 +173,27 @@ def calibrate(scene, measured, engine="column", unknowns=UNKNOWNS, near=None, **
         unknowns=tuple(unknowns),
         names=model.names,
         measured=tuple(band.value for band in model.bands),
-        fit=met,
-        rolled=tuple(dear.rolled[reading] if dear else _column(found, reading) for reading in readings),
-        refits=tuple(model.refits(met)),
-        elements=dear,
+        fit=fit,
+        rolled=tuple(elements.rolled[each] if elements else _column(found, each) for each in readings),
+        refits=tuple(model.refits(fit)),
+        elements=elements,
         coarse=coarse,
     )
 
 
-def _known(near, measured):
-    """By how much the finite elements of a neighbour leave each measurement denser than columns."""
-    return {} if near is None else dict(zip(measured.measurements, near.elements.excess.values(), strict=True))
+def _known_excess(initial_guess: Calibration | None, measured: Measured) -> dict[Any, float]:
+    """Return the excess of the exit density ratio over that of the columns, by measurement, of an initial guess."""
+    if initial_guess is None or initial_guess.elements is None:
+        return {}
+    return dict(zip(measured.measurements, initial_guess.elements.excess.values(), strict=True))
 
 
 @dataclass(frozen=True)
 class _Model:
-    """What is predicted for a scene with two of its numbers unknown."""
+    """Predictions of the data for a scene with two unknown parameters."""
 
-    scene: object
-    measured: object
+    scene: Scene
+    measured: Measured
     unknowns: tuple[str, ...]
 
     @property
@@ -135,49 +201,52 @@ class _Model:
         return [(m, name, band) for m in self.measured.measurements for name, band in m.data]
 
     @property
-    def names(self):
+    def names(self) -> tuple[str, ...]:
         return tuple(name for _, name, _ in self._data)
 
     @property
-    def bands(self):
+    def bands(self) -> tuple[Any, ...]:
         return tuple(band for _, _, band in self._data)
 
     @property
-    def start(self):
-        asked = self.scene.mix.density_ratio
-        share = (self.scene.layer.fed_density_ratio - LOOSE) / (asked - LOOSE)
-        logit = np.log(share / (1 - share)) if 0 < share < 1 else START
+    def start(self) -> NDArray[np.float64]:
+        required = self.scene.mix.density_ratio
+        share = (self.scene.layer.fed_density_ratio - LOOSE) / (required - LOOSE)
+        logit = np.log(share / (1 - share)) if 0 < share < 1 else START_LOGIT
         known = {"heckel_slope": np.log(scene_mix(self.scene).heckel_slope), "fed_density_ratio": float(logit)}
         return np.array([known[name] for name in self.unknowns])
 
     @property
-    def shallow(self):
-        """The start, with the mix fed as dense as a small capture angle asks, and about as soft as the load does."""
-        asked, machine = self.scene.mix.density_ratio, self.scene.machine
-        pressed = SHALLOW**2 * machine.roller_radius / (2 * self.scene.lift_thickness)
-        share = (asked * (1 - pressed) - LOOSE) / (asked - LOOSE)
+    def start_of_elements(self) -> NDArray[np.float64]:
+        """Start at a small contact angle, with about the measured load."""
+        required, machine = self.scene.mix.density_ratio, self.scene.machine
+        strain = START_ANGLE**2 * machine.roller_radius / (2 * self.scene.lift_thickness)
+        share = (required * (1 - strain) - LOOSE) / (required - LOOSE)
         start, places = self.start, dict(zip(self.unknowns, range(len(self.unknowns)), strict=True))
         if "fed_density_ratio" in places:
             i = places["fed_density_ratio"]
             start[i] = max(start[i], np.log(share / (1 - share)))
         if "heckel_slope" in places and "load" in self.names:
             i = self.names.index("load")
-            start[places["heckel_slope"]] += np.log(PLANE * self.predicted(start, _column)[i] / self.bands[i].value)
+            start[places["heckel_slope"]] += np.log(
+                PLANE_STRAIN_FACTOR * self.predicted(start, _column)[i] / self.bands[i].value
+            )
         return start
 
-    def scene_at(self, u):
-        """The scene with the unknowns u in it."""
-        changes, asked = {}, self.scene.mix.density_ratio
+    def scene_at(self, u: Sequence[float]) -> Scene:
+        """Return the scene with the unknowns `u`."""
+        changes: dict[str, Any] = {}
+        required = self.scene.mix.density_ratio
         for name, value in zip(self.unknowns, u, strict=True):
             if name == "heckel_slope":
                 changes["mix.overrides.heckel_slope"] = float(np.exp(value))
-                changes["unusual"] = (*self.scene.unusual, "mix.overrides.heckel_slope")  # trials may go anywhere
+                changes["unusual"] = (*self.scene.unusual, "mix.overrides.heckel_slope")  # no limits for trials
             else:
-                changes["layer.fed_density_ratio"] = float(LOOSE + (asked - LOOSE) / (1 + np.exp(-value)))
+                changes["layer.fed_density_ratio"] = float(LOOSE + (required - LOOSE) / (1 + np.exp(-value)))
         return self.scene.replaced(**changes)
 
-    def predicted(self, u, contact):
-        """The data as `contact` predicts them, of a scene and a measurement, for the unknowns u."""
+    def predicted(self, u: Sequence[float], contact: Contact) -> NDArray[np.float64]:
+        """Predict the data for the unknowns `u` by a function of scene and measurement."""
         trial, length, values = self.scene_at(u), self.scene.machine.roller_length, []
         for measurement in self.measured.measurements:
             rolled = contact(trial, measurement)
@@ -189,138 +258,157 @@ class _Model:
             values += [known[name] for name, _ in measurement.data]
         return np.array(values)
 
-    def met(self, values=None, correction=None):
-        """The `SpaceMappingFit` of columns, as corrected, to the data or to other values."""
+    def fit(self, values: Sequence[float] | None = None, correction: Any = None) -> SpaceMappingFit:
+        """Fit the corrected column model to the data or to other values."""
         values = [band.value for band in self.bands] if values is None else values
         return fit_parameters(lambda u: self.predicted(u, _column), values, self.start, correction=correction)
 
-    def met_by(self, dear, near=None):
-        """The `SpaceMappingFit` of finite elements to the data, from a `SpaceMappingFit` near by where there is one."""
-        start, correction = (self.shallow, None) if near is None else (near.unknowns, near.correction)
+    def fit_elements(self, elements: Contact, guess: SpaceMappingFit | None = None) -> SpaceMappingFit:
+        """Fit the finite elements to the data."""
+        start, correction = (self.start_of_elements, None) if guess is None else (guess.unknowns, guess.correction)
         return fit_parameters(
             lambda u: self.predicted(u, _column),
             [band.value for band in self.bands],
             start,
-            lambda u: self.predicted(u, dear),
+            lambda u: self.predicted(u, elements),
             correction=correction,
-            broyden_length=SHAKEN,
+            broyden_length=BROYDEN_LENGTH,
         )
 
-    def refits(self, met):
-        """The unknowns at every bound, with the correction of the columns kept."""
+    def refits(self, fit: SpaceMappingFit) -> Iterator[Refit]:
+        """Fit the column model at every bound, with the correction of a fit."""
         values = [band.value for band in self.bands]
         for i, (name, band) in enumerate(zip(self.names, self.bands, strict=True)):
             for bound in {band.low, band.high} - {band.value}:
-                moved = [*values[:i], bound, *values[i + 1 :]]
-                yield self._refit(name, bound, self, moved, met.correction)
+                changed = [*values[:i], bound, *values[i + 1 :]]
+                yield self._refit(name, bound, self, changed, fit.correction)
         for key, bounds in self._assumptions().items():
             for bound in bounds:
-                if met.history and key in SHEARED:
-                    yield Refit(key, bound, reason=f"columns do not feel it; calibrate with --set {key}={bound:g}")
+                if fit.history and key in SHEAR_KEYS:
+                    yield Refit(key, bound, reason=f"columns do not depend on it; calibrate with --set {key}={bound:g}")
                     continue
                 model = _Model(self.scene.replaced(**{key: bound}), self.measured, self.unknowns)
-                yield self._refit(key, bound, model, values, met.correction)
+                yield self._refit(key, bound, model, values, fit.correction)
 
-    def _assumptions(self):
-        """(low, high) by key: those stated with the data, and the prior's spreads of what is not overridden."""
-        parameters = {f"mix.overrides.{name}": scene_mix(self.scene).parameter(name) for name in SPREADS}
+    def _assumptions(self) -> dict[str, tuple[float, float]]:
+        """Return low and high by key: those of the data, and the spreads of the prior."""
+        parameters = {f"mix.overrides.{name}": scene_mix(self.scene).parameter(name) for name in ASSUMED}
         spreads = {key: (p.low, p.high) for key, p in parameters.items() if p.low < p.high}
         return spreads | self.measured.assumptions
 
     @staticmethod
-    def _refit(name, bound, model, values, correction):
+    def _refit(name: str, bound: float, model: "_Model", values: Sequence[float], correction: Any) -> Refit:
         try:
-            met = model.met(values, correction)
+            fit = model.fit(values, correction)
         except (RuntimeError, ValueError) as error:
             return Refit(name, bound, reason=str(error))
-        found = model.scene_at(met.unknowns)
+        found = model.scene_at(fit.unknowns)
         return Refit(name, bound, scene_mix(found).heckel_slope, found.layer.fed_density_ratio)
 
 
-def _as_measured(scene, measurement):
-    """Scene and speed of a measurement."""
+def _as_measured(scene: Scene, measurement: Any) -> tuple[Scene, float]:
+    """Return scene and speed [m/s] of a measurement."""
     if measurement.exit_density_ratio is not None:
         scene = scene.replaced(**{"mix.density_ratio": measurement.exit_density_ratio})
     return scene, measurement.speed or scene.mean_speed
 
 
-def _column(scene, measurement):
-    """One contact of a scene as it was measured."""
+def _column(scene: Scene, measurement: Any) -> ContactResult:
+    """Compute the contact of a measurement by the column model."""
     scene, speed = _as_measured(scene, measurement)
     return roll_scene(scene, scene_mix(scene), speed, "column")
 
 
 @dataclass(eq=False)
 class _FiniteElements:
-    """Contacts of one trial after the other by finite elements, each from rest.
+    """Contacts of successive trials by finite elements, each from scratch.
 
-    The depth is that of the columns, for a density by as much off as the trial before has missed it.
+    The indentation is that of the columns for the required density, corrected by the deviation of the trial before.
 
-    options : of `compaction.roll`
-    excess : by measurement, of the last exit density over that of its columns;  rolled : the last contact
+    Parameters
+    ----------
+    options : dict
+        Keywords of the engine.
+    excess : dict
+        Exit density ratio over that of the columns, in the last trial, by measurement [-].
+    rolled : dict
+        Last contact by measurement.
     """
 
-    options: dict
-    excess: dict
-    rolled: dict = field(default_factory=dict)
+    options: dict[str, Any]
+    excess: dict[Any, float]
+    rolled: dict[Any, ContactResult] = field(default_factory=dict)
 
-    def __call__(self, scene, measurement):
+    def __call__(self, scene: Scene, measurement: Any) -> ContactResult:
         from compact.engines.column.engine import required_feed
         from compact.engines.compaction import engine as compaction
 
         scene, speed = _as_measured(scene, measurement)
         layer, roller, material = contact_inputs(scene, scene_mix(scene), "compaction", speed)
-        asked = scene.mix.density_ratio - self.excess.get(measurement, 0.0)
-        fed = required_feed(layer.height, asked, material, speed)
-        roller = replace(roller, indentation=layer.height * fed.indentation / fed.height)
-        there = compaction.roll(layer, roller, material, speed, **{"steady_tolerance": STEADY} | self.options)
-        self.excess[measurement], self.rolled[measurement] = there.exit_density_ratio - asked, there
-        return there
+        target = scene.mix.density_ratio - self.excess.get(measurement, 0.0)
+        feed = required_feed(layer.height, target, material, speed)
+        roller = replace(roller, indentation=layer.height * feed.indentation / feed.height)
+        result = compaction.roll(
+            layer, roller, material, speed, **{"steady_tolerance": STEADY_TOLERANCE} | self.options
+        )
+        self.excess[measurement], self.rolled[measurement] = result.exit_density_ratio - target, result
+        return result
 
 
-def _refuse_far(near, measured, unknowns):
-    if near is None:
+def _require_similar(guess: Calibration | None, measured: Measured, unknowns: Sequence[str]) -> None:
+    if guess is None:
         return
-    if near.elements is None:
-        raise ValueError("`near` must be a calibration of finite elements, got one of columns")
-    if near.unknowns != tuple(unknowns):
-        raise ValueError(f"`near` must have fitted {', '.join(unknowns)}, got {', '.join(near.unknowns)}")
-    if len(near.rolled) != len(measured.measurements):
-        raise ValueError(f"`near` must have {len(measured.measurements)} measurements, got {len(near.rolled)}")
+    if guess.elements is None:
+        raise ValueError("`initial_guess` must be a calibration of finite elements, got one of columns")
+    if guess.unknowns != tuple(unknowns):
+        raise ValueError(f"`initial_guess` must have fitted {', '.join(unknowns)}, got {', '.join(guess.unknowns)}")
+    if len(guess.rolled) != len(measured.measurements):
+        raise ValueError(
+            f"`initial_guess` must have {len(measured.measurements)} measurements, got {len(guess.rolled)}"
+        )
 
 
-def _refuse_prescribed(scene):
+def _require_no_target(scene: Scene) -> None:
     if given := scene.target:
         raise SceneError(
-            [f"contact.{name}: a calibration presses the product to its density; take {value:g} out of the scene"
+            [f"contact.{name}: a calibration compacts the product to its density; delete {value:g} from the scene"
              for name, value in given.items()]
         )  # fmt: skip
 
 
-def digest(calibration):
-    """What a person wants to read: the fit, what moves it, what stays uncertain."""
+def calibration_digest(calibration: Calibration) -> str:
+    """Describe a calibration in text: data, parameters, sensitivity, bounds.
+
+    Parameters
+    ----------
+    calibration : Calibration
+
+    Returns
+    -------
+    str
+    """
     slope, fed = calibration.heckel_slope, calibration.fed_density_ratio
     lines = ["measured"]
     for name, value, off in zip(calibration.names, calibration.measured, calibration.fit.misfit, strict=True):
-        lines.append(f"  {name:<24}{value:>12.6g}  met to {abs(np.expm1(off)):.1e}")
+        lines.append(f"  {name:<24}{value:>12.6g}  fitted to {abs(np.expm1(off)):.1e}")
     runs = len(calibration.fit.history)
     if runs:
         ratios, scatter = np.exp(calibration.fit.correction.ratio), calibration.fit.scatter
-        lines.append(f"by {runs} runs of finite elements; over columns, and how far the last ones were off")
+        lines.append(f"by {runs} runs of finite elements; ratio to columns, and scatter of the last runs")
         for name, ratio, off in zip(calibration.names, ratios, scatter, strict=True):
             lines.append(f"  {name:<24}{ratio:>12.4f}  {off:.1e}")
     if calibration.coarse:
-        there = calibration.coarse
-        found = f"K_H {there.heckel_slope * 1e6:.4f} /MPa, fed {there.fed_density_ratio:.5f}"
-        lines.append(f"on {COARSE} increments {found}")
+        coarse = calibration.coarse
+        found = f"K_H {coarse.heckel_slope * 1e6:.4f} /MPa, fed {coarse.fed_density_ratio:.5f}"
+        lines.append(f"on {COARSE_INCREMENTS} increments {found}")
     lines += ["calibrated", f"  {'heckel_slope':<24}{slope * 1e6:>12.4f} /MPa (one-dimensional)"]
     lines += [
         f"  {'fed_density_ratio':<24}{fed:>12.5f}",
-        f"1 % more of the datum moves {' and '.join(calibration.unknowns)} by",
+        f"change of {' and '.join(calibration.unknowns)} by 1 % more of the datum",
     ]
     for name, moves in zip(calibration.names, calibration.sensitivity.T, strict=True):
-        lines.append(f"  {name:<24}" + ", ".join(f"{move:+.3f} %" for move in moves))
-    lines.append(f"{'where instead':<36}{'is':>12}{'K_H, 1/MPa':>14}{'fed density':>14}")
+        lines.append(f"  {name:<24}" + ", ".join(f"{change:+.3f} %" for change in moves))
+    lines.append(f"{'bound of':<36}{'is':>12}{'K_H, 1/MPa':>14}{'fed density':>14}")
     for refit in calibration.refits:
         found = f"{refit.heckel_slope * 1e6:>14.3f}{refit.fed_density_ratio:>14.4f}"
         lines.append(
@@ -329,8 +417,17 @@ def digest(calibration):
     return "\n".join(lines)
 
 
-def summary(calibration):
-    """The same as plain numbers, for JSON; SI."""
+def calibration_summary(calibration: Calibration) -> dict[str, Any]:
+    """Convert a calibration to plain numbers for JSON, SI.
+
+    Parameters
+    ----------
+    calibration : Calibration
+
+    Returns
+    -------
+    dict
+    """
     return {
         "scene_hash": calibration.scene.hash,
         "heckel_slope": calibration.heckel_slope,

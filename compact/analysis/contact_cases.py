@@ -24,7 +24,8 @@ from compact.scene.engine_capabilities import adapt
 from compact.scene.loader import Scene
 
 COMPACTED = (  # fields of engines with irreversible compaction only
-    "exit_density_ratio", "exit_height", "peak_density_ratio", "mass_residual", "yield_residual", "equilibrium_residual",
+    "exit_density_ratio", "exit_height", "peak_density_ratio", "mass_residual", "yield_residual",
+    "equilibrium_residual",
 )  # fmt: skip
 COMMON = tuple(name for name in quantities.CONTACT if name not in COMPACTED)
 ERRORS = {"load": "load_error", "resistance": "resistance_error"}  # quantity -> field of its relative error
@@ -117,7 +118,7 @@ def hold_quantity(scene: Scene, mix: Mix, reference: ContactResult | None = None
     target, value = contact_inputs(scene, mix, engine, speed)[1].target
     if target == TARGETS[name] and not has_density_target(scene, engine):
         return HeldQuantity(name, value, speed)
-    return reference and HeldQuantity(name, float(getattr(reference, TARGETS[name])), speed)
+    return HeldQuantity(name, float(getattr(reference, TARGETS[name])), speed) if reference is not None else None
 
 
 def contact_inputs(

@@ -395,11 +395,11 @@ class ContactStage:
 
     @cached_property
     def typical(self) -> tuple[float, ContactResult]:
-        """Speed [m/s] and contact of the first pass at the mean speed, of a layer at the nearest speed of the scene."""
-        mean_speed = self.scene.mean_speed
+        """Speed [m/s] and contact at the mean speed, of a layered engine at the nearest speed of the scene."""
+        mean = self.scene.mean_speed
         if not self.engine.layered:
-            return mean_speed, roll_scene(self.scene, self.mix, mean_speed)
-        return min(self.first_passes, key=lambda pair: abs(np.log(pair[0] / mean_speed)))
+            return mean, roll_scene(self.scene, self.mix, mean)
+        return min(self.first_passes, key=lambda each: abs(np.log(each[0] / mean)))
 
     @cached_property
     def records(self) -> list[ContactRecord]:

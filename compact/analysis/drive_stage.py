@@ -119,7 +119,8 @@ class DriveStage:
             return None
         self.count("run-up")
         try:
-            return first.name, simulate_acceleration_phase(first.load.cart, first.load.motor, first.load.cycle, first.load.resistance)
+            load = first.load
+            return first.name, simulate_acceleration_phase(load.cart, load.motor, load.cycle, load.resistance)
         except RuntimeError as error:
             warnings.warn(f"no start from rest under '{first.name}': {error}", stacklevel=2)
             return None

@@ -1,19 +1,28 @@
-"""The engineering formulas 1.1-1.10 of one machine and mix, with what is known of each."""
+"""Engineering formulas 1.1-1.10 for one machine and mix, with the confidence and the spread of each result.
+
+The formulas themselves, their limits and sources are in `compact.contact`.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from compact import contact
-from compact.engines.halfplane import pressure_exponent
+from compact.analysis.engines import ENGINES
+from compact.engines.halfplane import LineContact, pressure_exponent
+from compact.material.mix import Mix
 from compact.quantities import FORMULA
+from compact.scene.loader import Scene
 
-ROUNDING = 1e-6  # of a tenth of a millimetre, by which a length may exceed a whole number of them
+LENGTH_ROUNDING = 1e-6  # [-], of a tenth of a millimetre; excess that rounding up ignores
 
 
 @dataclass(frozen=True)
 class Engineering:
-    """Eqs 1.1-1.10 for one machine and mix, SI; forces are of one roller unless the name says cart."""
+    """Results of eqs 1.1-1.10 for one machine and mix, SI; units are those of `quantities.FORMULA`.
+
+    Forces are those of one roller, but `cart_resistance`, the resistance of the whole cart.
+    """
 
     pressure: float
     exponent: float
@@ -31,33 +40,49 @@ class Engineering:
     stroke_needed: float
 
 
-def peak_pressure(scene, blend):
-    """Peak contact pressure q [Pa] of the formulas: as `[contact]` prescribes it or the load, else as the mix needs.
+def peak_pressure(scene: Scene, mix: Mix) -> float:
+    """Return the peak contact pressure of the formulas.
 
-    By eqs 1.5 and 1.6 the load is proportional to q^2. Raises ValueError for a prescribed depth if the formulas are the
-    engine of the scene; beside another engine they are at the pressure that the mix needs.
+    Parameters
+    ----------
+    scene : Scene
+    mix : Mix
+
+    Returns
+    -------
+    float
+        Pressure that [contact] prescribes, or that of the prescribed load, else the required pressure of the mix [Pa].
+
+    Raises
+    ------
+    ValueError
+        If the scene prescribes an indentation and the formulas are its engine.
+
+    Notes
+    -----
+    By eqs 1.5 and 1.6 the load is proportional to the square of the pressure.
     """
     given, machine = scene.target, scene.machine
     if "load" in given:
-        alpha = pressure_exponent(blend.poisson, blend.steel_friction)
+        alpha = pressure_exponent(mix.poisson, mix.steel_friction)
         return float(
             contact.pressure_for_load(
-                given["load"], blend.effective_modulus, blend.poisson, alpha, machine.roller_radius,
+                given["load"], mix.effective_modulus, mix.poisson, alpha, machine.roller_radius,
                 machine.roller_length, machine.pressure_nonuniformity, machine.one_sided,
             )
         )  # fmt: skip
-    if "indentation" in given and scene.accuracy.engine == "formula":
+    if "indentation" in given and not ENGINES[scene.accuracy.engine].layered:
         raise ValueError(
-            f"contact.indentation: the engine formula has no depth, as it diverges on a half-plane, got "
+            f"contact.indentation: the engine formula has no indentation, as it diverges on a half-plane, got "
             f"{given['indentation']!r}; give contact.load or contact.peak_pressure, or choose another accuracy.engine"
         )
-    return given.get("peak_pressure", blend.required_pressure)
+    return given.get("peak_pressure", mix.required_pressure)
 
 
-def _force(scene, blend, pressure):
-    """Exponent [-], capture angle [rad] and force on one roller [N] by eqs 1.4 to 1.6."""
-    machine, modulus, nu = scene.machine, blend.effective_modulus, blend.poisson
-    alpha = float(pressure_exponent(nu, blend.steel_friction))
+def _force(scene: Scene, mix: Mix, pressure: float) -> tuple[float, float, float]:
+    """Compute exponent [-], contact angle [rad] and load on one roller [N] by eqs 1.4 to 1.6."""
+    machine, modulus, nu = scene.machine, mix.effective_modulus, mix.poisson
+    alpha = float(pressure_exponent(nu, mix.steel_friction))
     phi = contact.capture_angle(pressure, modulus, nu, alpha)
     force = contact.roller_force(
         phi, modulus, nu, alpha, machine.roller_radius, machine.roller_length,
@@ -66,10 +91,23 @@ def _force(scene, blend, pressure):
     return alpha, phi, force
 
 
-def engineering(scene, blend, pressure):
-    """`Engineering` of a scene and its mix at the peak contact pressure q [Pa]; the power is that at mean speed."""
+def engineering(scene: Scene, mix: Mix, pressure: float) -> Engineering:
+    """Evaluate eqs 1.1-1.10 for a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    mix : Mix
+    pressure : float
+        Peak contact pressure [Pa].
+
+    Returns
+    -------
+    Engineering
+        The power is that at the mean speed.
+    """
     machine = scene.machine
-    alpha, phi, force = _force(scene, blend, pressure)
+    alpha, phi, force = _force(scene, mix, pressure)
     length = contact.contact_length(phi, machine.roller_radius, alpha)
     friction = machine.roller_friction + machine.bearing_friction
     one = contact.roller_resistance(force, length, machine.roller_radius, alpha, friction)
@@ -106,38 +144,43 @@ def engineering(scene, blend, pressure):
     )
 
 
-def coverage(scene, said):
-    """Sentence on rollers that are too few for the product by eqs 1.2 and 1.3, with the remedy; empty if enough.
+def coverage(scene: Scene, formulas: Engineering) -> str:
+    """Check by eqs 1.2 and 1.3 that the rollers cover the width of the product.
 
-    With n rollers the product is covered if the field of each, 2R + B_T - b_n, is B/n at least, and the stroke is
-    B/n + b_n.
+    n rollers cover the product if the field of each, 2R + B_T - b_n, is at least B/n, and the stroke is B/n + b_n.
 
     Parameters
     ----------
     scene : Scene
-    said : Engineering of it
+    formulas : Engineering
+        Results of the scene.
+
+    Returns
+    -------
+    str
+        Sentence with the remedy; empty if the rollers suffice.
     """
-    machine, width = scene.machine, scene.product.width
-    if machine.rollers >= said.rollers_needed:
+    machine, width, needed = scene.machine, scene.product.width, formulas.rollers_needed
+    if machine.rollers >= needed:
         return ""
     stroke = float(contact.stroke_needed(width, machine.rollers, machine.overlap))
     sleeve = _rounded_up(stroke - 2 * machine.roller_radius)
-    stroke = _rounded_up(2 * machine.roller_radius + sleeve)  # which rounding must not make too short
+    stroke = _rounded_up(2 * machine.roller_radius + sleeve)  # of the rounded sleeve
     return (
-        f"eq 1.2: the product, {width:g} m wide, needs {said.rollers_needed} rollers, the scene has {machine.rollers}; "
-        f"set machine.rollers to {said.rollers_needed}, or machine.feeder_sleeve to {sleeve:.4f} m and motion.stroke "
+        f"eq 1.2: the product, {width:g} m wide, needs {needed} rollers, the scene has {machine.rollers}; "
+        f"set machine.rollers to {needed}, or machine.feeder_sleeve to {sleeve:.4f} m and motion.stroke "
         f"to {stroke:.4f} m; all forces here are those of {machine.rollers}"
     )
 
 
-def _rounded_up(length):
-    """A length up to the next tenth of a millimetre [m]."""
-    return np.ceil(1e4 * length - ROUNDING) / 1e4
+def _rounded_up(length: float) -> float:
+    """Round a length up to a tenth of a millimetre [m]."""
+    return np.ceil(1e4 * length - LENGTH_ROUNDING) / 1e4
 
 
 PRESCRIBED = "contact: as prescribed, or the pressure of the load that is"
-# origin and confidence of each field of Engineering; theory of the formulas in `contact`
-KNOWN_BY = {
+# Field of Engineering -> confidence
+CONFIDENCES = {
     "pressure": "mix: pressure that the density requires",
     "exponent": "eq 1.4, exact theory",
     "capture_angle": "eq 1.5, reconstructed (80 %)",
@@ -157,7 +200,18 @@ KNOWN_BY = {
 
 @dataclass(frozen=True)
 class Number:
-    """A headline number: value, unit, how it is known, and its spread from `low` to `high` where that is known."""
+    """A result of the formulas.
+
+    Parameters
+    ----------
+    value : float
+    unit : str
+        SI unit.
+    known_by : str
+        Equation or origin, with its confidence.
+    low, high : float, optional
+        Spread over the prior of the mix.
+    """
 
     value: float
     unit: str
@@ -166,33 +220,44 @@ class Number:
     high: float | None = None
 
 
-def numbers(scene, blend, said, exact):
-    """Headline `Number`s by name: an `Engineering`, and Galin's exact contact beside it at the same peak pressure.
+def numbers(scene: Scene, mix: Mix, formulas: Engineering, exact: LineContact) -> dict[str, Number]:
+    """Collect the results of the formulas and of Galin's exact contact at the same peak pressure.
 
-    The spread is that of the required pressure, where the formulas still hold; none if load or pressure is prescribed.
+    Parameters
+    ----------
+    scene : Scene
+    mix : Mix
+    formulas : Engineering
+    exact : LineContact
+
+    Returns
+    -------
+    dict of str to Number
+        The spread is that of the required pressure, within the range of the formulas; none if the scene prescribes
+        load or pressure.
     """
-    needed = blend.parameter("required_pressure")
+    needed = mix.parameter("required_pressure")
     prescribed = {"load", "peak_pressure"} & set(scene.target)
     required = () if prescribed else (needed.low, needed.high)
-    ends = [_reached(scene, blend, pressure) for pressure in required] or [None, None]
+    ends = [_at_pressure(scene, mix, pressure) for pressure in required] or [None, None]
     found = {}
-    for name, known_by in KNOWN_BY.items():
+    for name, confidence in CONFIDENCES.items():
         low, high = (None if end is None else getattr(end, name) for end in ends)
-        value = getattr(said, name)
-        known_by = PRESCRIBED if prescribed and name == "pressure" else known_by
+        value = getattr(formulas, name)
+        known_by = PRESCRIBED if prescribed and name == "pressure" else confidence
         spread = {} if low == value == high else {"low": low, "high": high}
         found[name] = Number(value, FORMULA[name].unit, known_by, **spread)
     known_by = "Galin, exact for a half-plane"
-    half_plane = {
-        "exact_capture_angle": np.arcsin(exact.leading / exact.radius),
-        "exact_roller_force": exact.load * scene.machine.roller_length,
-        "exact_contact_length": exact.contact_length,
+    return found | {
+        "exact_capture_angle": Number(float(np.arcsin(exact.leading / exact.radius)), "rad", known_by),
+        "exact_roller_force": Number(float(exact.load * scene.machine.roller_length), "N", known_by),
+        "exact_contact_length": Number(float(exact.contact_length), "m", known_by),
     }
-    return found | {name: Number(float(value), FORMULA[name].unit, known_by) for name, value in half_plane.items()}
 
 
-def _reached(scene, blend, pressure):
+def _at_pressure(scene: Scene, mix: Mix, pressure: float) -> Engineering | None:
+    """Evaluate the formulas; None beyond their range."""
     try:
-        return engineering(scene, blend, pressure)
-    except ValueError:  # beyond the formulas: no such angle
+        return engineering(scene, mix, pressure)
+    except ValueError:
         return None

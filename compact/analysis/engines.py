@@ -87,7 +87,7 @@ class Engine:
     optional_estimate : bool
         True if `roll` accepts `estimate=False`, which omits the error estimate.
     fields_module : str or None
-        Module with the function `fields`; None without fields inside the layer.
+        Module with the function `field_mesh`; None without fields inside the layer.
     derivative_module : str or None
         Module with the function `expand_resistance`, the derivative of the resistance by the speed; None without.
     points_per_task : int
@@ -133,7 +133,7 @@ class Engine:
         meshio.Mesh
         """
         require_known("engine with fields", self.name, [each.name for each in ENGINES.values() if each.fields_module])
-        return import_module(str(self.fields_module)).fields(result)
+        return import_module(str(self.fields_module)).field_mesh(result)
 
     def tolerance(self, value: float) -> dict[str, float]:
         """Return the keyword argument of `roll` for a relative tolerance [-]; empty without error control."""

@@ -1,10 +1,9 @@
-"""The machine of a scene as records: its cart, its crank, the laws it is to follow, and the drive that carries each.
-
-Laws made for the machine of a scene: what its table [motion.optimise] asks for, as limits and laws.
-"""
+"""Machine of a scene as records: cart, crank, motion laws, and the drive of each law."""
 
 import csv
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,13 +13,29 @@ from compact.machine.hydraulic_drive import Hydraulic
 from compact.machine.motor_characteristics import Belt, Kloss, LinearTorqueCurve
 from compact.machine.motor_drive import Motor
 from compact.machine.rigid_drive import Crank, Rigid
-from compact.motion.profile import law
+from compact.motion.profile import Cycle, MotionProfile, law
 from compact.motion.tabulated import from_table
-from compact.scene.loader import SceneError
+from compact.scene.loader import Scene, SceneError
+
+if TYPE_CHECKING:
+    from compact.machine.elastic_drive import ElasticDrive
 
 
-def cart(scene, roller_load, return_load_ratio=1.0):
-    """The `Cart` whose rollers are held at their height by a load [N] each, times a ratio on the return stroke."""
+def cart(scene: Scene, roller_load: float, return_load_ratio: float = 1.0) -> Cart:
+    """Build the cart of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    roller_load : float
+        Load of each roller [N].
+    return_load_ratio : float
+        Load on the return stroke over that on the forward stroke [-].
+
+    Returns
+    -------
+    Cart
+    """
     machine, table = scene.machine, scene.drive.end_springs
     return Cart(
         mass=machine.mass,
@@ -38,36 +53,56 @@ def cart(scene, roller_load, return_load_ratio=1.0):
     )
 
 
-def crank(scene):
-    """The crank of the machine, its radius half the stroke; None where the scene gives no rod."""
+def crank(scene: Scene) -> Crank | None:
+    """Build the crank of a scene, its radius half the stroke; None without a rod."""
     rod = scene.motion.rod_length
     return None if rod is None else Crank(scene.motion.stroke / 2, rod)
 
 
-def angles(scene):
-    """Crank angle of each cart ahead of the first [rad]."""
+def angles(scene: Scene) -> tuple[float, ...]:
+    """Return the crank angle of each cart relative to the first [rad]."""
     return scene.drive.angles or CRANK_ANGLES[scene.drive.carts]
 
 
-def laws(scene):
-    """The laws that the scene names, tables of the user last; one after the other."""
+def laws(scene: Scene) -> Iterator[MotionProfile]:
+    """Build the motion laws that the scene names, tables of the user last.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Yields
+    ------
+    MotionProfile
+        Forward stroke of one law.
+    """
     motion = scene.motion
     for name in scene.law_names:
         yield law(
             name, motion.stroke, motion.duration, motion.run_up, motion.run_down,
             motion.energy_weight, motion.acceleration_weight, motion.rod_length,
         )  # fmt: skip
-    yield from map(_tabled, scene.table_paths)
+    yield from map(_tabulated_law, scene.table_paths)
 
 
-def drive_of(scene, cycle):
-    """The drive that carries a law; the law of the crank goes through its rod where the machine has one.
+def drive_of(scene: Scene, cycle: Cycle) -> "Rigid | Crank | Hydraulic | Motor | ElasticDrive":
+    """Build the drive of a law.
 
-    A law whose velocity jumps stays with the rigid drive, which says that its force is infinite: no motor follows.
+    The crank drives its own law through the rod, if the machine has one. A law with a velocity jump has a rigid drive
+    in place of a motor: its force is impulsive.
+
+    Parameters
+    ----------
+    scene : Scene
+    cycle : Cycle
+
+    Returns
+    -------
+    Rigid, Crank, Hydraulic, Motor or ElasticDrive
     """
     table, rod = scene.drive, crank(scene)
     if table.kind == "elastic":
-        from compact.machine.elastic_drive import ElasticDrive  # compiled code, loaded for those who want it
+        from compact.machine.elastic_drive import ElasticDrive  # compiled code, imported when required
 
         return ElasticDrive(table.stiffness, table.damping, table.backlash or 0.0, bool(table.include_added_mass))
     if table.kind == "hydraulic":
@@ -86,18 +121,18 @@ def drive_of(scene, cycle):
     return Motor(curve, motor.gear_ratio, motor.inertia, motor.flywheel_inertia, angles(scene), linked, belt)
 
 
-def _tabled(path):
+def _tabulated_law(path: str | Path) -> MotionProfile:
     try:
         with Path(path).open(encoding="utf-8", newline="") as stream:
             rows = [row for row in csv.reader(stream) if row and not row[0].lstrip().startswith("#")]
         body = rows[1:] if rows and not _is_number(rows[0][0]) else rows
         time, position = np.array([[float(cell) for cell in row[:2]] for row in body]).T
-        return from_table(time, position, name=path.stem)
+        return from_table(time, position, name=Path(path).stem)
     except (OSError, ValueError, IndexError) as error:
-        raise SceneError([f"{path}: not a table of time [s] and travel [m]: {error}; give two columns"]) from None
+        raise SceneError([f"{path}: not a table of time [s] and position [m] ({error}); give two columns"]) from None
 
 
-def _is_number(cell):
+def _is_number(cell: str) -> bool:
     try:
         float(cell)
     except ValueError:

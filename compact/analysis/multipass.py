@@ -1,49 +1,64 @@
-"""Several passes of one roller: there and back over what lies, or with fresh mix spread in between.
+"""Several passes of one roller, forward and back over the same mix, or with fresh mix spread in between.
 
-    for rolled in passes(layer, roller, material, 0.2, (Pass(), Pass(forward=False), Pass(lift=0.05, height=0.27))):
-        print(rolled.load, rolled.resistance, rolled.exit_density_ratio)
+    for result in passes(layer, roller, material, 0.2, (Pass(), Pass(forward=False), Pass(lift=0.05, height=0.27))):
+        print(result.load, result.resistance, result.exit_density_ratio)
 
-What a pass leaves, density and locked-in stress by rows, is what the next one meets; fresh mix comes on top, and no
-mass is lost or made on the way. The mix remembers no direction (see `frame.Fed`): the way back differs from the way
-there by the sign of the resistance alone.
+Density and residual stress of each row behind a pass are the initial state of the next one. Fresh mix is added on top,
+and mass is conserved. The state of the mix has no direction: the return stroke differs from the forward stroke by the
+sign of the resistance only.
 
 A second pass at the same height
-    Columns rebound as they were pressed: it costs nothing, its load is twice what the rebound bore of the first (a
-    quarter in usual mix), its contact is symmetric. A wide thin bonded layer does the same. A layer that is thick
-    against the contact rebounds by more than its contact shows, the roller meets it on a short one, whose peak is above
-    that of the first pass, and the top flows once more. Of a circle 2 % deep in mix of E 60 MPa and K_H 13/MPa:
+    In the column model the elastic recovery is reversible: the second pass has no resistance, its load is twice the
+    load of the recovery in the first (a quarter in usual mix), its contact is symmetric. A wide thin bonded layer
+    behaves alike. A layer that is thick compared with the contact recovers by more than its contact shows. The second
+    contact is then short, its peak exceeds that of the first pass, and the top yields again. For a circular roller,
+    indentation 2 % of the height, E = 60 MPa and K_H = 13/MPa:
 
     contact in front over height       8      4      2      1     1/2    1/4
     resistance over that of the first .0012  .0033  .008   .023   .048   .067
     peak pressure over the first      0.99   0.97   0.93   1.04   1.17   1.27
 
-    That is no fault of mesh or of handing over: 2 mm deep in 100 mm under a roller of 110 mm it is .075, .076 of the
-    first at 6 and 12 increments; two rollers in one march, where nothing is handed over, give .074; 85 % of the work is
-    done in the top 2.3 mm; further passes fade, .016, .005, .002, .001, and their contact gets symmetric.
+    Neither the mesh nor the transfer of the state is the cause. For an indentation of 2 mm in 100 mm under a roller of
+    radius 110 mm the ratio is .075 and .076 with 6 and 12 increments. Two rollers in one incremental computation,
+    without transfer, result in .074. The top 2.3 mm dissipate 85 % of the work. In further passes the ratio decays,
+    .016, .005, .002, .001, and the contact becomes symmetric.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compact.engines.column.column_pass import Column
 from compact.material.laws import Compaction
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
-from compact.rolling_contact import Layer
+from compact.rolling_contact import ContactResult, Layer, Roller
 
 __all__ = ["Pass", "density", "passes", "there_and_back"]
 
 
 @dataclass(frozen=True)
 class Pass:
-    """One pass: `lift` [m] of fresh mix is spread, or none, and the roller passes, along +x or back.
+    """One pass of the roller.
 
-    height : of the lowest generatrix above the base [m]
-    load : P [N/m]
-    exit_density_ratio : mean over all that lies there, behind the roller
+    At most one of `height`, `load` and `exit_density_ratio` is given. Without any, the target of the roller holds: its
+    load or peak pressure in every pass, its indentation in the first; later passes then keep the height of the one
+    before.
 
-    One of the three at most. Without any the roller keeps to what it prescribes, its load or its peak pressure; where
-    that is an indentation, it is that of the first pass, and later ones keep the height of the one before.
+    Parameters
+    ----------
+    lift : float
+        Thickness of fresh mix that is spread before the pass [m].
+    height : float, optional
+        Height of the lowest generatrix above the base [m].
+    load : float, optional
+        Load per unit roller length [N/m].
+    exit_density_ratio : float, optional
+        Mean density ratio of the whole layer behind the roller [-].
+    forward : bool
+        Whether the roller travels along +x.
     """
 
     lift: float = 0.0
@@ -52,143 +67,185 @@ class Pass:
     exit_density_ratio: float | None = None
     forward: bool = True
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         require_nonnegative(lift=self.lift)
-        told = {name: getattr(self, name) for name in ("height", "load", "exit_density_ratio")}
-        given = {name: value for name, value in told.items() if value is not None}
+        targets = {name: getattr(self, name) for name in ("height", "load", "exit_density_ratio")}
+        given = {name: value for name, value in targets.items() if value is not None}
         require_positive(**given)
         if len(given) > 1:
-            raise ValueError(f"give one of `height`, `load`, `exit_density_ratio` at most, got {sorted(given)}")
+            raise ValueError(f"give at most one of `height`, `load`, `exit_density_ratio`, got {sorted(given)}")
 
 
-def there_and_back(count):
-    """So many passes over the same mix, every other one back, as a tuple of `Pass`."""
+def there_and_back(count: int) -> tuple[Pass, ...]:
+    """Return a number of passes over the same mix, every second one back.
+
+    Parameters
+    ----------
+    count : int
+
+    Returns
+    -------
+    tuple of Pass
+    """
     require_positive(count=count)
     return tuple(Pass(forward=number % 2 == 0) for number in range(count))
 
 
-def passes(layer, roller, material, speed, stages, *, engine="column", first=None, **numerics):
-    """One result of the engine for each pass, a tuple of `ColumnContactResult` or `CompactionContactResult`.
+def passes(
+    layer: Layer,
+    roller: Roller,
+    material: Compaction,
+    speed: float,
+    stages: int | Sequence[Pass],
+    *,
+    engine: str = "column",
+    first: ContactResult | None = None,
+    **numerics: Any,
+) -> tuple[ContactResult, ...]:
+    """Compute several passes of one roller.
 
     Parameters
     ----------
-    layer : Layer of fresh mix before the first pass
-    roller : Roller, what it prescribes for the passes that say nothing else
+    layer : Layer
+        Fresh mix before the first pass.
+    roller : Roller
+        Its target holds for passes without their own.
     material : Compaction
-    speed : of passes forward along x [m/s], not 0
-    stages : of `Pass`, one or more, or their number, there and back
-    engine : "column" or "compaction"
-    first : result of the first pass, if that is known
-    numerics : as the engine's `roll` has them
+    speed : float
+        Speed of forward passes along x [m/s], not 0.
+    stages : sequence of Pass, or int
+        The passes, or their number, forward and back.
+    engine : {"column", "compaction"}
+    first : ContactResult, optional
+        Result of the first pass if it is known.
+    **numerics
+        Keywords of the function `roll` of the engine.
 
+    Returns
+    -------
+    tuple of ContactResult
+        One `ColumnContactResult` or `CompactionContactResult` per pass.
+
+    Examples
+    --------
     >>> from compact.rolling_contact import Roller
     >>> mix = Compaction(120e6, 0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
     ...                  tensile_strength=14e3, fed_density_ratio=0.94)
     >>> roller = Roller(0.11, indentation=0.0093617, profile="circle")
-    >>> for rolled in passes(Layer(0.2293617), roller, mix, 0.2, (Pass(), Pass(forward=False))):
-    ...     print(f"{rolled.load:.0f} N/m, {abs(rolled.resistance):.0f} N/m")
+    >>> for result in passes(Layer(0.2293617), roller, mix, 0.2, (Pass(), Pass(forward=False))):
+    ...     print(f"{result.load:.0f} N/m, {abs(result.resistance):.0f} N/m")
     9639 N/m, 1570 N/m
     2484 N/m, 0 N/m
     """
-    require_known("engine", engine, BEDS)
+    require_known("engine", engine, LAYERS)
     if not isinstance(material, Compaction):
-        raise ValueError(f"passes leave their mark on a `material` Compaction only, got {type(material).__name__}")
+        raise ValueError(f"several passes require a `material` Compaction, got {type(material).__name__}")
     stages = there_and_back(stages) if isinstance(stages, int) else tuple(stages)
-    bed, done, lowest = BEDS[engine](layer, material), [], None
+    state, done, lowest = LAYERS[engine](layer, material), [], None
     for number, stage in enumerate(stages, start=1):
-        bed = bed.under(stage.lift) if stage.lift else bed
-        height, asked = bed.layer.height, dict(numerics)
+        state = state.with_lift(stage.lift) if stage.lift else state
+        height, options = state.layer.height, dict(numerics)
         if stage.exit_density_ratio is not None:
-            asked["exit_density_ratio"] = stage.exit_density_ratio
+            options["exit_density_ratio"] = stage.exit_density_ratio
         if number == 1 and first is not None:
             done.append(first)
         else:
-            pressed = _told(stage, roller, height, lowest, number)
-            done.append(bed.rolled(pressed, speed if stage.forward else -speed, **asked))
+            target = _roller_of(stage, roller, height, lowest, number)
+            done.append(state.roll(target, speed if stage.forward else -speed, **options))
         lowest = height - done[-1].indentation
-        bed = bed.left(done[-1])
+        state = state.after(done[-1])
     return tuple(done)
 
 
-def density(rolled):
-    """What a pass leaves, by rows of mix from the base up: bottom [m], top [m], density ratio; shape (rows, 3)."""
-    if hasattr(rolled, "exit"):
-        heights, ratios = rolled.exit.heights, rolled.exit.points.density_ratio
+def density(result: ContactResult) -> NDArray[np.float64]:
+    """Return the density over the height behind a pass.
+
+    Parameters
+    ----------
+    result : ColumnContactResult or CompactionContactResult
+
+    Returns
+    -------
+    NDArray, shape (rows, 3)
+        Bottom [m], top [m] and density ratio [-] of each row of mix, from the base upwards.
+    """
+    if hasattr(result, "exit"):
+        heights, ratios = result.exit.heights, result.exit.points.density_ratio
     else:
-        heights, ratios = np.array([(column.height, column.density_ratio) for column in rolled.columns]).T
+        heights, ratios = np.array([(column.height, column.density_ratio) for column in result.columns]).T
     tops = np.cumsum(heights)
     return np.column_stack([tops - heights, tops, ratios])
 
 
-def _told(stage, roller, height, lowest, number):
-    """The roller of a pass over mix of a height, which stood at the height `lowest` in the pass before."""
+def _roller_of(stage: Pass, roller: Roller, height: float, lowest: float | None, number: int) -> Roller:
+    """Return the roller of a pass; `height` of the layer, `lowest` generatrix in the pass before [m]."""
     if stage.load is not None:
         return replace(roller, load=stage.load, indentation=None, peak_pressure=None)
-    stand = stage.height
-    if stand is None and lowest is not None and roller.indentation is not None:
-        stand = lowest
-    if stand is None:
+    target = stage.height
+    if target is None and lowest is not None and roller.indentation is not None:
+        target = lowest
+    if target is None:
         return roller
-    if not stand < height:
+    if not target < height:
         raise ValueError(
-            f"`height` must lie below the mix, {height:.6g} m high before pass {number}, got {float(stand)!r}"
+            f"`height` must be below the surface of the mix, {height:.6g} m before pass {number}, got {float(target)!r}"
         )
-    return replace(roller, indentation=height - stand, load=None, peak_pressure=None)
+    return replace(roller, indentation=height - target, load=None, peak_pressure=None)
 
 
 @dataclass(frozen=True)
-class _Bed:
-    """Mix between two passes: a layer, fresh as long as there is no `rest` of an earlier pass."""
+class _LayerBetweenPasses:
+    """Layer between two passes; `state` of the mix behind the last pass, None of fresh mix."""
 
     layer: Layer
     material: Compaction
-    rest: object = None
+    state: Any = None
 
-    def under(self, lift):
-        """The same with fresh mix on top."""
+    def with_lift(self, lift: float) -> Self:
+        """Return the layer with fresh mix on top."""
         higher = replace(self.layer, height=self.layer.height + lift)
-        return replace(self, layer=higher, rest=None if self.rest is None else self.covered(lift))
+        return replace(self, layer=higher, state=None if self.state is None else self.covered(lift))
 
-    def left(self, rolled):
-        """What a pass leaves of it."""
-        return replace(self, layer=replace(self.layer, height=rolled.exit_height), rest=self.rest_of(rolled))
+    def after(self, result: Any) -> Self:
+        """Return the layer behind a pass."""
+        return replace(self, layer=replace(self.layer, height=result.exit_height), state=self.state_of(result))
 
 
-class _Columns(_Bed):
-    """Mix between passes of the engine "column"; its rest are `Column`s."""
+class _ColumnLayer(_LayerBetweenPasses):
+    """Layer of the engine "column"; its state are `Column`s."""
 
-    def covered(self, lift):
-        return (*self.rest, Column(lift, self.material.fed_density_ratio))
+    def covered(self, lift: float) -> tuple[Column, ...]:
+        return (*self.state, Column(lift, self.material.fed_density_ratio))
 
-    def rest_of(self, rolled):
-        return rolled.columns
+    def state_of(self, result: Any) -> tuple[Column, ...]:
+        return result.columns
 
-    def rolled(self, roller, speed, **asked):
+    def roll(self, roller: Roller, speed: float, **options: Any) -> ContactResult:
         from compact.engines.column import engine as column
 
-        if self.rest is None:
-            return column.roll(self.layer, roller, self.material, speed, **asked)
-        return column.roll_over(self.rest, roller, self.material, speed, **asked)
+        if self.state is None:
+            return column.roll(self.layer, roller, self.material, speed, **options)
+        return column.roll_over(self.state, roller, self.material, speed, **options)
 
 
-class _Rows(_Bed):
-    """Mix between passes of the engine "compaction"; its rest is a `LayerState`."""
+class _ElementLayer(_LayerBetweenPasses):
+    """Layer of the engine "compaction"; its state is a `LayerState`."""
 
-    def covered(self, lift):
-        return self.rest.with_lift(lift, self.material)
+    def covered(self, lift: float) -> Any:
+        return self.state.with_lift(lift, self.material)
 
-    def rest_of(self, rolled):
-        return rolled.exit
+    def state_of(self, result: Any) -> Any:
+        return result.exit
 
-    def rolled(self, roller, speed, **asked):
+    def roll(self, roller: Roller, speed: float, **options: Any) -> ContactResult:
         from compact.engines.compaction import engine as compaction
 
-        wanted = asked.get("exit_density_ratio")
-        fed = self.material.fed_density_ratio if self.rest is None else self.rest.density_ratio
-        if wanted is not None and wanted > fed:  # a first guess, that of a layer without rebound
-            depth = self.layer.height * (1 - fed / wanted)
+        target = options.get("exit_density_ratio")
+        before = self.material.fed_density_ratio if self.state is None else self.state.density_ratio
+        if target is not None and target > before:  # initial guess, for a layer without elastic recovery
+            depth = self.layer.height * (1 - before / target)
             roller = replace(roller, indentation=depth, load=None, peak_pressure=None)
-        return compaction.roll(self.layer, roller, self.material, speed, fed_layer=self.rest, **asked)
+        return compaction.roll(self.layer, roller, self.material, speed, fed_layer=self.state, **options)
 
 
-BEDS = {"column": _Columns, "compaction": _Rows}
+LAYERS = {"column": _ColumnLayer, "compaction": _ElementLayer}

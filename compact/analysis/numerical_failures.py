@@ -25,7 +25,7 @@ REMEDY = "values of the scene are too large, too small or too far apart; check t
 
 
 def is_numeric(error: BaseException) -> bool:
-    """True for an error of arithmetic: a RuntimeWarning of numpy, an ArithmeticError, a singular matrix."""
+    """Return True for an error of arithmetic: a RuntimeWarning of numpy, an ArithmeticError, a singular matrix."""
     return isinstance(error, RuntimeWarning | ArithmeticError) or type(error).__name__ == "LinAlgError"
 
 
@@ -41,8 +41,8 @@ def memory_sentence(error: MemoryError) -> str:
     return f"not enough memory{_place(error)}; lower the number of values, speeds or passes, or loosen the tolerance"
 
 
-def _place(error):
-    """Module of this package in which an error was raised, the innermost, as words; empty if there is none."""
+def _place(error: BaseException) -> str:
+    """Name the innermost module of this package in which an error was raised; empty if there is none."""
     files = [Path(frame.f_code.co_filename) for frame, _ in walk_tb(error.__traceback__)]
     modules = [file.stem for file in files if PACKAGE in file.parents]
     return f" in {modules[-1]}" if modules else ""

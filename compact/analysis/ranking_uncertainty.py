@@ -1,22 +1,40 @@
-"""How sure an order of laws is: how far the error of the resistance moves each value, and whether two orders agree."""
+"""Uncertainty of a ranking of laws by the error of the resistance, and agreement of two rankings (Kendall's tau-b).
+
+References
+----------
+Kendall M. G. (1945): The treatment of ties in ranking problems. Biometrika 33, 239-251.
+"""
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, is_tie, value_of
+from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, Ranked, is_tie, value_of
 
 
 class Place(NamedTuple):
-    """A law in an order by one criterion.
+    """Place of a law in a ranking by one criterion.
 
-    rank : from 1, shared by values that are equal but for rounding, infinite ones share the last
-    margin : to the next worse value, over `Criterion.scale`
-    error : of the value, in its own unit, None where the resistance does not know its error
-    sure : whether no law behind it can pass, each moved by its own error; None where that is not known. Infinite values
-        are not sure, nor is a law that another of another rank comes closer to than the build tolerance
-    reason : why the value is infinite
+    Parameters
+    ----------
+    rank : int
+        From 1; values that are equal but for rounding share a rank, infinite values share the last.
+    law : str
+        Name of the law.
+    value : float
+        Value of the criterion, in its unit.
+    margin : float
+        Relative distance to the next worse value, over `Criterion.scale` [-].
+    error : float or None
+        Error of the value, in its unit; None without error estimate of the resistance.
+    sure : bool or None
+        True if the rank is resolved: no law behind it is better if each value changes by its error. None if the errors
+        are unknown. Infinite values are not resolved, nor laws of different rank within the build tolerance.
+    reason : str
+        Reason why the value is infinite; empty if it is finite.
     """
 
     rank: int
@@ -28,18 +46,29 @@ class Place(NamedTuple):
     reason: str
 
     @property
-    def tie(self):
-        """Whether the next worse value is within the build tolerance."""
+    def tie(self) -> bool:
+        """True if the next worse value is within the build tolerance."""
         return is_tie(self.margin)
 
 
-def places(ranked, by, heavier):
-    """A `Place` for each `ranking.Ranked` by a criterion.
+def places(ranked: Sequence[Ranked], by: str, heavier: Mapping[str, Any] | None) -> list[Place]:
+    """Add error and resolution to the ranking of laws by a criterion.
 
-        error = |value against a resistance greater by its own relative error - value|
+        error = |value under the resistance plus its error - value|
 
-    heavier : law -> run against that resistance; a law that no run is left of there has an infinite error; None where
-        the error of the resistance is not known
+    Parameters
+    ----------
+    ranked : sequence of Ranked
+        Laws in order.
+    by : str
+        Criterion.
+    heavier : mapping or None
+        Run of each law under the resistance plus its error; a law without such a run has an infinite error. None
+        without error estimate.
+
+    Returns
+    -------
+    list of Place
     """
     tied = ties(ranked, by)
     errors = [None if heavier is None else error(place.run, heavier.get(place.run.name), by) for place in ranked]
@@ -56,27 +85,59 @@ def places(ranked, by, heavier):
     return placed
 
 
-def ties(order, by):
-    """Whether another place, of another rank, is within the build tolerance, for each of an order by a criterion."""
+def ties(order: Sequence[Place | Ranked], by: str) -> list[bool]:
+    """Find the places that have another place, of another rank, within the build tolerance.
+
+    Parameters
+    ----------
+    order : sequence of Place or Ranked
+    by : str
+        Criterion.
+
+    Returns
+    -------
+    list of bool
+    """
     values, ranks = ([getattr(place, name) for place in order] for name in ("value", "rank"))
     close = ~_built_apart(values, CRITERIA[by].floor) & np.isfinite(values) & np.isfinite(values)[:, None]
     return (close & (np.not_equal.outer(ranks, ranks))).any(axis=-1).tolist()
 
 
-def error(run, heavier, by):
-    """How far a criterion of a run is from that of the run against a greater resistance; infinite without one."""
+def error(run: Any, heavier: Any, by: str) -> float:
+    """Compute the change of a criterion under a greater resistance.
+
+    Parameters
+    ----------
+    run, heavier : Run
+        Runs of one law under both resistances; `heavier` may be None.
+    by : str
+        Criterion.
+
+    Returns
+    -------
+    float
+        In the unit of the criterion; infinite without `heavier`.
+    """
     if heavier is None:
         return math.inf
-    value, moved = value_of(run, by), value_of(heavier, by)
-    return 0.0 if value == moved else abs(moved - value)
+    value, heavier_value = value_of(run, by), value_of(heavier, by)
+    return 0.0 if value == heavier_value else abs(heavier_value - value)
 
 
 class Agreement(NamedTuple):
-    """How far two orders of the same laws agree.
+    """Agreement of two rankings of the same laws.
 
-    tau : Kendall's, 1 for the same order, ties in both counted (tau-b); nan for fewer than two laws
-    swaps : pairs of laws that the other order turns round, of `pairs`;  sure : those whose values differ in both by
-        more than their errors, an unknown error counting as none, and by the build tolerance
+    Parameters
+    ----------
+    tau : float
+        Kendall's tau-b [-]: 1 for the same order; nan for fewer than two laws.
+    swaps : int
+        Number of discordant pairs.
+    sure : int
+        Number of resolved discordant pairs: both differences exceed the errors and the build tolerance. An unknown
+        error counts as zero.
+    pairs : int
+        Number of pairs of laws.
     """
 
     tau: float
@@ -85,35 +146,46 @@ class Agreement(NamedTuple):
     pairs: int
 
 
-def agreement(one, other, by):
-    """The `Agreement` of two lists of `Place`s by a criterion, over the laws that are finite in both."""
+def agreement(one: Sequence[Place], other: Sequence[Place], by: str) -> Agreement:
+    """Compare two rankings by a criterion over the laws that are finite in both.
+
+    Parameters
+    ----------
+    one, other : sequence of Place
+    by : str
+        Criterion.
+
+    Returns
+    -------
+    Agreement
+    """
     found = [{place.law: place for place in order if not place.reason} for order in (one, other)]
     laws = [law for law in found[0] if law in found[1]]
     first, second = (_signs([order[law].rank for law in laws]) for order in found)
     floor = CRITERIA[by].floor
     apart = np.logical_and(*(_apart([order[law] for law in laws], floor) for order in found))
-    turned = first * second < 0
+    discordant = first * second < 0
     size = math.sqrt(np.sum(first**2) * np.sum(second**2))
     return Agreement(
         tau=float(np.sum(first * second) / size) if size else math.nan,
-        swaps=int(np.sum(turned)) // 2,
-        sure=int(np.sum(turned & apart)) // 2,
+        swaps=int(np.sum(discordant)) // 2,
+        sure=int(np.sum(discordant & apart)) // 2,
         pairs=len(laws) * (len(laws) - 1) // 2,
     )
 
 
-def _signs(ranks):
+def _signs(ranks: Sequence[int]) -> NDArray[np.float64]:
     return np.sign(np.subtract.outer(np.array(ranks, float), np.array(ranks, float)))
 
 
-def _apart(order, floor):
-    """Whether two values differ by more than their errors and by the build tolerance, each of all pairs."""
+def _apart(order: Sequence[Place], floor: float) -> NDArray[np.bool_]:
+    """Find the pairs of values that differ by more than their errors and the build tolerance."""
     values, errors = (np.array(column, float) for column in ([p.value for p in order], [p.error or 0.0 for p in order]))
     return (np.abs(np.subtract.outer(values, values)) > np.add.outer(errors, errors)) & _built_apart(values, floor)
 
 
-def _built_apart(values, floor):
-    """Whether two values differ by the build tolerance or more, each of all pairs."""
+def _built_apart(values: ArrayLike, floor: float) -> NDArray[np.bool_]:
+    """Find the pairs of values that differ by the build tolerance or more."""
     values = np.asarray(values, float)
     scale = np.maximum(np.minimum.outer(np.abs(values), np.abs(values)), floor)
     with np.errstate(invalid="ignore"):  # of infinite values, which are not compared

@@ -21,7 +21,7 @@ from functools import partial
 from multiprocessing import parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.synchronize import Event
-from types import ModuleType, TracebackType
+from types import ModuleType
 from typing import Any, Protocol, Self
 
 ATTEMPTS = 3  # deaths of a worker process after which its task is abandoned
@@ -394,9 +394,7 @@ class DaskExecutor:
             ) from error
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         with suppress(Exception):  # the cluster may be gone
             self._client.cancel(list(self._futures))
         self._client.close()

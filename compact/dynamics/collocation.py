@@ -44,7 +44,7 @@ from compact.numerics.jit import compiled
 
 POINTS = 9  # [-], of the collocation; the defect falls with the ninth power of the step
 DEFECT_POINTS = 16  # [-], cells between the points of an interval at which the defect is evaluated
-MAX_ITERATIONS = 25  # [-], of the collocation; 1 for dry friction, 2 to 6 are usual
+COLLOCATION_ITERATIONS = 25  # [-], of the collocation; 1 for dry friction, 2 to 6 are usual
 MIN_STEP_RATIO, MAX_STEP_RATIO, STEP_SAFETY = 0.2, 6.0, 0.9  # [-], of the step control
 STOP_STEP_RATIO = 0.05  # [-]; smallest step ratio while the cart comes to rest
 OVERSHOOT = 1.1  # [-], of the time to an event; the shortened interval still contains the event
@@ -178,7 +178,7 @@ def solve_sliding(
         force = _linear_force(problem, far_end, h)
         elongation = _respond(problem, force, far_end, h)
     remainder, previous = np.zeros(len(far_end)), np.zeros(POINTS)
-    for iteration in range(MAX_ITERATIONS):
+    for iteration in range(COLLOCATION_ITERATIONS):
         velocity = cart_velocity(elongation, far_end)
         values = _remainder(problem, velocity, NODES, problem.linear.smooth_range)[1]
         change = np.abs(values - previous).max()
@@ -188,7 +188,7 @@ def solve_sliding(
         elongation = _respond(problem, force + remainder, far_end, h)
         if change <= problem.tolerance / 10:  # the remaining error falls by the same factor
             return SlidingSolution(far_end, elongation, remainder, True, (iteration + 1) * POINTS)
-    return SlidingSolution(far_end, elongation, remainder, False, MAX_ITERATIONS * POINTS)
+    return SlidingSolution(far_end, elongation, remainder, False, COLLOCATION_ITERATIONS * POINTS)
 
 
 @compiled

@@ -125,7 +125,7 @@ def allocate_intervals(count: int, degree: int) -> Intervals:
     """
     reals = [np.empty(count) for _ in range(3)]
     columns = [np.empty((count, width)) for width in (degree + 1, SERIES_TERMS, 4)]
-    return Intervals(*reals, *columns, *(np.empty(count, np.int64) for _ in range(3)))
+    return Intervals._make([*reals, *columns, *(np.empty(count, np.int64) for _ in range(3))])
 
 
 class TrialInterval(NamedTuple):

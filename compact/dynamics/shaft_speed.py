@@ -29,10 +29,10 @@ TO_CHEBYSHEV = np.linalg.inv(chebyshev.chebvander(2 * NODES - 1, ORDER))
 END_INSET = 1e-13  # [rad]; the ends of an element are evaluated from inside
 COEFFICIENT_ROUNDING = 1e-15  # [-], of the largest coefficient of E on an element; smaller ones are rounding
 ROOT_ROUNDING = 1e-6  # [-], of half an element; imaginary part of a double root due to rounding
-MAX_ITERATIONS = 60  # [-], of Newton's method; 4 to 8 are usual
+NEWTON_ITERATIONS = 60  # [-], of Newton's method; 4 to 8 are usual
 NEWTON_TOLERANCE = 1e-12  # [-], of the largest E; change at convergence
 MIN_ENERGY_RATIO = 0.2  # [-], of E; a Newton step reduces E no further
-PERTURBATION = 1e-7  # [-], relative; finite differences of the residual
+RESIDUAL_PERTURBATION = 1e-7  # [-], relative; finite differences of the residual
 MAX_ELEMENTS = 20_000  # [-]; dozens are usual, the number doubles in each refinement of a noisy torque
 MAX_REFINEMENTS = 30  # [-]; 2 to 5 are usual, more for a steep motor curve and little inertia
 
@@ -164,7 +164,7 @@ def solve_shaft_speed(
 
 def _solve_elements(residual, angle, width, energy, periodic):
     """E at the nodes by Newton's method, and the number of iterations."""
-    for iteration in range(1, MAX_ITERATIONS + 1):
+    for iteration in range(1, NEWTON_ITERATIONS + 1):
         change = _newton_step(residual, angle, width, energy, periodic)
         limits = (1 - MIN_ENERGY_RATIO) * energy / np.maximum(-change, 1e-300)
         energy = energy + min(1.0, np.min(np.where(change < 0, limits, np.inf))) * change
@@ -172,7 +172,7 @@ def _solve_elements(residual, angle, width, energy, periodic):
             return energy, iteration
     slowest = np.unravel_index(energy.argmin(), energy.shape)
     raise RuntimeError(
-        f"the speed of the shaft did not converge in {MAX_ITERATIONS} Newton steps: it falls to "
+        f"the speed of the shaft did not converge in {NEWTON_ITERATIONS} Newton steps: it falls to "
         f"{np.sqrt(2 * energy[slowest]):g} rad/s at {angle[slowest]:g} rad; use a stronger motor or more inertia"
     )
 
@@ -181,9 +181,9 @@ def _newton_step(residual, angle, width, energy, periodic):
     """Change of E at the nodes by one Newton step."""
     acceleration = energy @ DIFFERENTIATION.T / width
     here = residual(angle, energy, acceleration)
-    step = PERTURBATION * energy
+    step = RESIDUAL_PERTURBATION * energy
     by_energy = (residual(angle, energy + step, acceleration) - here) / step
-    step = PERTURBATION * (np.abs(acceleration) + energy.max())
+    step = RESIDUAL_PERTURBATION * (np.abs(acceleration) + energy.max())
     by_acceleration = (residual(angle, energy, acceleration + step) - here) / step
     matrix = by_acceleration[:, :, None] * DIFFERENTIATION / width[:, :, None]
     matrix[:, np.arange(ORDER + 1), np.arange(ORDER + 1)] += by_energy

@@ -83,8 +83,8 @@ class Trajectory:
             width = np.diff(edges)[:, None]
             t = (edges[:-1, None] + width * nodes).ravel()
             columns.append((np.full(t.shape, i), t / scale, (width * unit_weights).ravel()))
-        i, u, weights = (np.concatenate(column) for column in zip(*columns, strict=True))
-        return i, u, weights
+        rows, places, weights = (np.concatenate(column) for column in zip(*columns, strict=True))
+        return rows, places, weights
 
     def _cell_edges(self, i: int, duration: float) -> NDArray[np.float64]:
         """Edges [s] of cells of interval i in each of which the oscillation turns by `CELL_ANGLE` at most."""
@@ -154,7 +154,7 @@ class Trajectory:
         """Motion of the cart and the force that resists it."""
         elongation, rate = self.elongation(i, u)
         slip, pull = self.intervals.slip[i], self.drive_force(i, u) + self.end_spring_force(i, u)
-        velocity = np.where(slip != 0, self.far_end(i, u, 1) - rate, 0.0)
+        velocity: NDArray[np.float64] = np.where(slip != 0, self.far_end(i, u, 1) - rate, 0.0)
         force, slope, added_mass, mass_slope = self._resistance_terms(slip, velocity)
         mass, rate_limit = self.oscillator.mass, self.resistance.rate_limit
         limit = _acceleration_limit(rate_limit, slip * velocity)

@@ -23,13 +23,12 @@ from compact.engines.halfplane import LineContact, pressure_exponent
 from compact.material.laws import Elastic
 from compact.numerics.validation import (
     require_between,
-    require_finite,
     require_known,
     require_nonnegative,
     require_positive,
     require_that,
 )
-from compact.rolling_contact import ContactResult, Layer, Roller, RollerCondition, require_on_target
+from compact.rolling_contact import ContactResult, Layer, Roller, RollerCondition, require_moving, require_on_target
 
 TARGET_TOLERANCE = 1e-9  # [-], relative, of the prescribed load or pressure
 CONTACT_SAMPLES = 201  # [-], points along the contact, denser at the edges where the pressure is steep
@@ -400,13 +399,9 @@ def _warn_of_thin_layer(contact: LineContact, layer: Layer) -> None:
 
 
 def _require_in_scope(layer: Layer, roller: Roller, material: Elastic, speed: float) -> None:
-    require_finite(speed=speed)
+    require_moving(speed)
     if layer.plies:
         raise ValueError(f"the formula engine needs one modulus, got {len(layer.plies)} `plies`; use spectral or fem")
-    if speed == 0:
-        raise ValueError(
-            "`speed` must not be 0, got 0: the resistance at rest is set-valued; use a speed of either sign"
-        )
     if roller.indentation is not None:
         raise ValueError(
             f"`indentation` is undefined on a half-plane (it diverges with the logarithm of its size), got "

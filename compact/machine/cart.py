@@ -27,6 +27,7 @@ Paper C, eqs 1-9, valid as printed for s = +1 only; reconstructed here, see erra
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import NamedTuple
 
@@ -86,7 +87,7 @@ class EndSprings:
         if 2 * self.length > self.stroke:
             raise ValueError(f"`length` must be at most half the stroke, {self.stroke / 2:g} m, got {self.length!r}")
 
-    def force(self, position: ArrayLike, side: ArrayLike) -> NDArray[np.float64]:
+    def force(self, position: NDArray[np.float64], side: NDArray[np.float64]) -> NDArray[np.float64]:
         """Force S [N] along the travel at positions [m] on the sides of `SpringZones`."""
         compression = self.length - np.where(side > 0, position, self.stroke - position)
         return side * (self.preload + self.stiffness * compression)
@@ -113,10 +114,15 @@ class EndSprings:
         """
         plates = (self.length, self.stroke - self.length)
         breaks = np.asarray(breaks, float)
-        contacts = [find_roots(lambda place, plate=plate: position(place) - plate, breaks) for plate in plates]
+        contacts = [find_roots(partial(_distance, position, plate), breaks) for plate in plates]
         breaks = np.unique(np.concatenate([breaks, *contacts]))
         middle = position((breaks[:-1] + breaks[1:]) / 2)
         return SpringZones(breaks, np.where(middle < plates[0], 1.0, np.where(middle > plates[1], -1.0, 0.0)))
+
+
+def _distance(position, plate, coordinate):
+    """Distance of the cart from a plate [m] at coordinates of its motion."""
+    return position(coordinate) - plate
 
 
 @dataclass(frozen=True)
@@ -278,12 +284,12 @@ def balance(
     require_finite(
         acceleration=acceleration, resistance=resistance, rod_tangent=rod_tangent, end_spring_force=end_spring_force
     )
-    acceleration, resistance, direction, tangent, end_spring_force = np.broadcast_arrays(
+    a, force_of_mix, sign, tangent, end_force = np.broadcast_arrays(
         acceleration, resistance, direction, rod_tangent, end_spring_force
     )
-    required = cart.mass * acceleration + resistance - end_spring_force
-    friction_factor = direction * cart.guide_friction
-    (front_0, rear_0), (front_1, rear_1) = _reaction_coefficients(cart, resistance, direction, tangent)
+    required = cart.mass * a + force_of_mix - end_force
+    friction_factor = sign * cart.guide_friction
+    (front_0, rear_0), (front_1, rear_1) = _reaction_coefficients(cart, force_of_mix, sign, tangent)
     if np.any(np.abs(friction_factor) * (np.abs(front_1) + np.abs(rear_1)) >= 1):
         raise ValueError(
             f"the rod is too steep: `guide_friction` {cart.guide_friction!r} locks the cart; use a longer rod or less "
@@ -326,7 +332,11 @@ def _distribute(total, moment, front, rear):
 
 
 def moment_residual(
-    cart: Cart, forces: Balance, resistance: ArrayLike, direction: ArrayLike, rod_tangent: ArrayLike = 0.0
+    cart: Cart,
+    forces: Balance,
+    resistance: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    rod_tangent: NDArray[np.float64] | float = 0.0,
 ) -> NDArray[np.float64]:
     """Compute the residual moment about the pin [N m], wheel by wheel; zero for a `Balance`.
 
@@ -342,7 +352,7 @@ def moment_residual(
     rollers = _load_ratio(cart, direction) * np.dot(cart.roller_reactions, cart.roller_positions)
     mix = -np.asarray(resistance) * (cart.pin_height + cart.roller_radius)
     rod = cart.pin_position * forces.drive_force * rod_tangent
-    guides = 0.0
+    guides = np.zeros(())
     for x, reaction in zip(cart.guide_positions, (forces.front_reaction, forces.rear_reaction), strict=True):
         rail = np.sign(reaction) * cart.guide_wheel_diameter / 2  # the wheel is in contact with the loaded rail
         guides = guides - reaction * x + rail * direction * cart.guide_friction * np.abs(reaction)

@@ -11,7 +11,7 @@ from dataclasses import astuple, dataclass, fields
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from compact.machine.cart import Balance, Cart, Resistance, balance
 from compact.machine.rigid_drive import SAMPLES_PER_PIECE, STANDSTILL_SPEED_RATIO, Crank, evaluate_resistance
@@ -25,7 +25,7 @@ CRANK_ANGLES = {
     3: (0.0, 2 * np.pi / 3, 4 * np.pi / 3),
     4: (0.0, np.pi / 2, np.pi, 3 * np.pi / 2),
 }
-MIN_PIECE = 1e-9  # [rad]; closer dead centres coincide
+MIN_PIECE_ANGLE = 1e-9  # [rad]; closer dead centres coincide
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Crankshaft:
         if self.cart.end_springs is not None:
             places = np.append(places, np.subtract.outer(self._zones.breaks, self.angles))
         edges = np.unique(np.append(np.mod(places, 2 * np.pi), [0.0, 2 * np.pi]))
-        return np.append(edges[:-1][np.diff(edges) > MIN_PIECE], 2 * np.pi)
+        return np.append(edges[:-1][np.diff(edges) > MIN_PIECE_ANGLE], 2 * np.pi)
 
     @cached_property
     def _zones(self):
@@ -149,12 +149,12 @@ class CrankshaftRevolution:
     @property
     def torque(self) -> NDArray[np.float64]:
         """Torque of all carts on the shaft [N m]."""
-        return sum(cart.torque for cart in self.carts)
+        return sum((cart.torque for cart in self.carts), start=np.zeros(()))
 
     @property
     def power(self) -> NDArray[np.float64]:
         """Power of all carts [W]."""
-        return sum(cart.power for cart in self.carts)
+        return sum((cart.power for cart in self.carts), start=np.zeros(()))
 
     @cached_property
     def peak_torque(self) -> float:
@@ -224,7 +224,7 @@ def _flatten(cart):
 
 
 def crank_kinematics(
-    crank: Crank, psi: ArrayLike
+    crank: Crank, psi: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Compute the travel of a slider-crank and its derivatives with respect to the crank angle.
 

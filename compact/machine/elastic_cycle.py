@@ -63,7 +63,7 @@ STANDSTILL_SPEED = 1e-6  # [-], of the peak speed of the law; a slower cart coun
 STICTION_RISE = 1e-3  # [-], of the force scale; a larger rise of F below the standstill speed counts as stiction
 CLOSURE_TOLERANCE = 0.1  # [-], of the solution tolerance; residual of a closed cycle
 PREDICTOR_TOLERANCE = 1e2  # [-], of the solution tolerance; the first cycle
-PERTURBATION = 1e-5  # [-], of the force scale; finite differences of the cycle map
+STATE_PERTURBATION = 1e-5  # [-], of the force scale; finite differences of the cycle map
 CONTRACTION = 0.03  # [-], of the residual; a cycle that leaves less is as good as a Newton step of three cycles
 NEWTON_DECREASE = 0.5  # [-], of the residual; an accepted Newton step leaves less
 AITKEN_FRACTIONS = (1.0, 0.25, 0.06)  # [-], of the extrapolation, tried in turn; the iterates lie on a curve
@@ -113,7 +113,7 @@ class CycleMapEvaluation(NamedTuple):
     @property
     def intervals(self) -> Intervals:
         """Intervals in order of time, from the start of the cycle."""
-        return Intervals(*map(np.concatenate, zip(self.first, self.second, strict=True)))
+        return Intervals._make(map(np.concatenate, zip(self.first, self.second, strict=True)))
 
 
 class PeriodicProblem:
@@ -273,7 +273,7 @@ class PeriodicProblem:
             self.cost.intervals += n
             self.cost.evaluations += evaluations
             if status == DONE:
-                return Intervals(*(column[:n].copy() for column in intervals)), end
+                return Intervals._make(column[:n].copy() for column in intervals), end
             if status != SPEED_BEYOND_TABLE:
                 break
             self.max_speed *= SPEED_MARGIN
@@ -372,8 +372,8 @@ class _CycleMap:
         """State and cycle after a Newton step, or after a further cycle and Aitken's extrapolation."""
         jacobian = np.empty((2, 2))
         for j in range(2):
-            perturbed = _shifted(state, PERTURBATION * self.units * np.eye(2)[j])
-            jacobian[:, j] = (self.evaluate(perturbed).residual - cycle.residual) / PERTURBATION
+            perturbed = _shifted(state, STATE_PERTURBATION * self.units * np.eye(2)[j])
+            jacobian[:, j] = (self.evaluate(perturbed).residual - cycle.residual) / STATE_PERTURBATION
         with suppress(np.linalg.LinAlgError, RuntimeError):  # a failed step is replaced by a cycle
             trial, tried = self._try(state, np.linalg.solve(jacobian, -cycle.residual))
             if np.abs(tried.residual).max() < NEWTON_DECREASE * np.abs(cycle.residual).max():
@@ -454,4 +454,4 @@ def _oscillator(cart: Cart, drive: "ElasticDrive") -> OscillatorParameters:
     """Parameters for compiled code, as floats."""
     ends, parameters = cart.end_springs, (cart.mass, drive.stiffness, drive.damping, drive.backlash)
     end_springs = (0.0,) * 4 if ends is None else (ends.stiffness, ends.preload, ends.length, ends.stroke)
-    return OscillatorParameters(*map(float, parameters), EndSpringParameters(*map(float, end_springs)))
+    return OscillatorParameters._make([*map(float, parameters), EndSpringParameters._make(map(float, end_springs))])

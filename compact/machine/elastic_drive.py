@@ -316,7 +316,7 @@ class ElasticRun(CycleStatistics):
         """Jumps of the acceleration of the cart."""
         intervals = self.trajectory.intervals
         rows = np.arange(len(intervals.start))
-        after = self.trajectory.kinematics(rows, 0.0 * rows).acceleration
+        after = self.trajectory.kinematics(rows, np.zeros(len(rows))).acceleration
         before = self.trajectory.kinematics(rows, intervals.duration / intervals.scale).acceleration
         largest = np.abs(self.state.acceleration).max()
         jumps = [(i, before[i - 1], after[i]) for i in rows]

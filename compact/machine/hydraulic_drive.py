@@ -6,9 +6,9 @@ A pump of constant flow with a relief valve at p_s feeds the driving cylinder th
 The other cylinder discharges to the tank through the outlet valve, dp = p_out. Below the transition pressure drop c the
 flow is laminar.
 
-The inverse problem yields pressures, flow and valve areas a over time for a given law. The outlet valve is fully open
-until the cart must be decelerated, so that p_in is as low as possible. The forward problem (`simulate_stroke`) yields
-the motion for given valve areas and a compressible oil:
+The inverse problem determines pressures, flow and valve areas a over time for an imposed law. The outlet valve is
+fully open until the cart must be decelerated, so that p_in is as low as possible. The forward problem
+(`simulate_stroke`) determines the motion for imposed valve areas and a compressible oil:
 
     (V/K) p_in' = Q_in - A v,   (V/K) p_out' = A v - Q_out,   m v' = A (p_in - p_out) - W(v) - guides + end springs
 
@@ -23,7 +23,7 @@ from functools import cached_property, partial
 from itertools import count, pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from compact.machine.cart import Cart, Resistance, balance
@@ -34,12 +34,12 @@ from compact.numerics.validation import require_opposing, require_positive
 
 AREA_TOLERANCE = 1e-6  # [-], of the open area; polynomials of a valve area
 STROKE_TOLERANCE = 1e-8  # [-], relative; forward integration
-PERTURBATION = 1e-7  # [-], of the scale of the state; finite differences
+RATE_PERTURBATION = 1e-7  # [-], of the scale of the state; finite differences
 MAX_SECANT_STEPS = 20  # [-], of the acceleration at an instant; two for a resistance that is linear in it
 FORCE_TOLERANCE = 1e-12  # [-], of the forces; residual of the acceleration at an instant
 MAX_EVALUATIONS = 1_000_000  # [-], of the rates over a stroke, about a minute; 1e4 are usual
 MAX_STOPS = 200  # [-], alternations of motion and rest within a piece of the valve areas
-MIN_PIECE = 1e-9  # [-], of the duration; closer breaks of the valve areas coincide
+MIN_PIECE_FRACTION = 1e-9  # [-], of the duration; closer breaks of the valve areas coincide
 WORK_TERMS = ("pump", "relief", "inlet_heat", "outlet_heat", "compression", "resistance_work")
 
 ValveAreas = tuple[PiecewisePolynomial, PiecewisePolynomial]
@@ -84,15 +84,15 @@ class Hydraulic(Rigid):
     def __post_init__(self) -> None:
         require_positive(**{field.name: getattr(self, field.name) for field in fields(self)})
 
-    def flow(self, area: ArrayLike, drop: ArrayLike) -> NDArray[np.float64]:
+    def flow(self, area: NDArray[np.float64], drop: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return Q [m3/s] through an area [m2] under a pressure drop of either sign [Pa]."""
         return area * drop / self._flow_resistance(drop)
 
-    def open_drop(self, flow: ArrayLike) -> NDArray[np.float64]:
+    def open_drop(self, flow: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the pressure drop [Pa] of a flow [m3/s] through a fully open valve."""
         return self.drop(flow, self.valve_area)
 
-    def drop(self, flow: ArrayLike, area: ArrayLike) -> NDArray[np.float64]:
+    def drop(self, flow: NDArray[np.float64], area: NDArray[np.float64] | float) -> NDArray[np.float64]:
         """Return the pressure drop [Pa] of a flow [m3/s] through an area [m2].
 
         dp^2 = D (D + sqrt(D^2 + 4 c^2))/2 with the turbulent drop D.
@@ -100,7 +100,7 @@ class Hydraulic(Rigid):
         turbulent = self.oil_density / 2 * (flow / (self.discharge_coefficient * area)) ** 2
         return np.sqrt(turbulent / 2 * (turbulent + np.hypot(turbulent, 2 * self.transition_drop)))
 
-    def area(self, flow: ArrayLike, drop: ArrayLike) -> NDArray[np.float64]:
+    def area(self, flow: NDArray[np.float64], drop: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the area [m2] that passes a flow [m3/s] under a pressure drop > 0 [Pa]."""
         return flow * self._flow_resistance(drop) / drop
 
@@ -338,7 +338,7 @@ def simulate_stroke(
     require_opposing(resistance, stroke / max(float(area.breaks[-1] - area.breaks[0]) for area in areas))
     circuit = _Circuit(cart, hydraulic, stroke, areas, resistance)
     breaks = np.unique(np.concatenate([areas[0].breaks, areas[1].breaks]))
-    breaks = breaks[np.append(True, np.diff(breaks) > MIN_PIECE * breaks[-1])]
+    breaks = breaks[np.append(True, np.diff(breaks) > MIN_PIECE_FRACTION * breaks[-1])]
     state, direction = np.array([0.0, 0.0, *pressures] + [0.0] * len(WORK_TERMS)), 0
     columns: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
     for start, end in pairwise(breaks):
@@ -348,7 +348,7 @@ def simulate_stroke(
     kinetic, springs = cart.mass / 2 * state[1] ** 2, circuit.spring_energy(state[0]) - circuit.spring_energy(0.0)
     energies |= {"kinetic": float(kinetic), "springs": float(springs)}
     residual = energies["pump"] - sum(work for name, work in energies.items() if name != "pump")
-    return HydraulicStroke(time, *states[:4], energies, abs(residual) / energies["pump"])
+    return HydraulicStroke(time, states[0], states[1], states[2], states[3], energies, abs(residual) / energies["pump"])
 
 
 @dataclass(frozen=True)
@@ -427,8 +427,8 @@ class _Circuit:
         jacobian, here = np.zeros((len(state), len(state))), self._rates(time, state, direction)
         for k in range(4):
             perturbed = state.copy()
-            perturbed[k] += PERTURBATION * scale[k]
-            jacobian[:, k] = (self._rates(time, perturbed, direction) - here) / (PERTURBATION * scale[k])
+            perturbed[k] += RATE_PERTURBATION * scale[k]
+            jacobian[:, k] = (self._rates(time, perturbed, direction) - here) / (RATE_PERTURBATION * scale[k])
         return jacobian
 
     def _solve_acceleration(self, position, velocity, direction, force):

@@ -110,8 +110,9 @@ def simulate_acceleration_phase(
         )
     time, angle, speed = (np.concatenate(column) for column in zip(*parts, strict=True))
     gain = motor.inertia * speed[-1] ** 2 / 2
-    energy_residual = abs(works[0] - works[1] - gain) / works[0]
-    return AccelerationPhase(time, angle, speed, revolution + 1, *works.tolist(), float(energy_residual), periodic)
+    motor_work, load_work = works.tolist()
+    residual = float(abs(motor_work - load_work - gain) / motor_work)
+    return AccelerationPhase(time, angle, speed, revolution + 1, motor_work, load_work, residual, periodic)
 
 
 def _solve_section(
@@ -137,9 +138,10 @@ def _first_instant(load: ShaftLoad) -> tuple[float, float, float]:
     static, unit = (load.residual(place, energy, rest + step) for step in (0.0, 1.0))
     acceleration = float((-static / (unit - static))[0, 0])
     if not acceleration > 0:
+        torque = float(load.motor.torque(np.zeros(())))
         raise RuntimeError(
-            f"the motor does not start: it delivers {load.motor.torque(0.0):g} N m on the shaft at rest, less than "
-            "friction holds; use more torque or a larger `gear_ratio`, or start at a dead centre"
+            f"the motor does not start: it delivers {torque:g} N m on the shaft at rest, less than friction holds; "
+            "use more torque or a larger `gear_ratio`, or start at a dead centre"
         )
     speed = float(np.sqrt(2 * acceleration * angle))
     return speed / acceleration, angle, speed

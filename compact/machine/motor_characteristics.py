@@ -23,14 +23,14 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from compact.numerics.validation import require_positive
 
 MAX_BELT_CREEP = 0.1  # [-], at the slip limit; the first order in the strain is not sufficient beyond
-MAX_ITERATIONS = 50  # [-], of Newton's method; 3 to 5 are usual
+BELT_ITERATIONS = 50  # [-], of Newton's method; 3 to 5 are usual
 SPEED_TOLERANCE = 1e-14  # [-], of the largest speed; change at convergence
-PERTURBATION = 1e-7  # [-], relative; finite difference of the torque
+SPEED_PERTURBATION = 1e-7  # [-], relative; finite difference of the torque
 
 
 class TorqueCurve(Protocol):
@@ -40,7 +40,7 @@ class TorqueCurve(Protocol):
     def no_load_speed(self) -> float:
         """Speed without load [rad/s]."""
 
-    def torque(self, speed: ArrayLike) -> NDArray[np.float64]:
+    def torque(self, speed: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the torque [N m] at speeds [rad/s]."""
 
 
@@ -62,7 +62,7 @@ class LinearTorqueCurve:
     def __post_init__(self) -> None:
         require_positive(stall_torque=self.stall_torque, no_load_speed=self.no_load_speed)
 
-    def torque(self, speed: ArrayLike) -> NDArray[np.float64]:
+    def torque(self, speed: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return T [N m] at speeds of the motor [rad/s]."""
         return self.stall_torque * (1 - speed / self.no_load_speed)
 
@@ -102,7 +102,7 @@ class Kloss:
         """Synchronous speed w_s [rad/s]."""
         return self.synchronous_speed
 
-    def torque(self, speed: ArrayLike) -> NDArray[np.float64]:
+    def torque(self, speed: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return T [N m] at speeds of the motor [rad/s], negative above w_s."""
         slip = 1 - speed / self.synchronous_speed
         return 2 * self.breakdown_torque * slip * self.breakdown_slip / (slip**2 + self.breakdown_slip**2)
@@ -168,7 +168,7 @@ class Belt:
         return abs(torque) / (2 * self.pulley_radius * math.tanh(self.friction * self.wrap / 2))
 
     def motor_speed(
-        self, belt_torque: Callable[[NDArray[np.float64]], NDArray[np.float64]], speed: ArrayLike
+        self, belt_torque: Callable[[NDArray[np.float64]], NDArray[np.float64]], speed: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Solve the speed of the motor by Newton's method.
 
@@ -192,9 +192,9 @@ class Belt:
             If the iteration does not converge, as for a torque that rises too steeply with speed.
         """
         C, geared = self.creep_torque, np.asarray(speed, float)
-        w, step = geared, PERTURBATION * (np.abs(geared) + np.abs(geared).max())
+        w, step = geared, SPEED_PERTURBATION * (np.abs(geared) + np.abs(geared).max())
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            for _ in range(MAX_ITERATIONS):
+            for _ in range(BELT_ITERATIONS):
                 residual = w * (1 - belt_torque(w) / C) - geared
                 slope = (w + step) * (1 - belt_torque(w + step) / C) - geared - residual
                 change = np.where(residual == 0, 0.0, -residual * step / slope)

@@ -17,7 +17,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from compact.dynamics.shaft_speed import ShaftRevolution, solve_shaft_speed
 from compact.machine.cart import Balance, Cart, Resistance, balance
@@ -47,7 +47,7 @@ from compact.numerics.validation import (
 RIGID = Rigid()
 SPEED_TRIALS = 200  # [-], speeds between rest and no load for the first guess
 GUESS_POINTS = 18  # [-], per piece of the law, ends included; mean torque of the first guess
-MIN_PIECE = 1e-9  # [rad]; closer joins coincide
+MIN_PIECE_ANGLE = 1e-9  # [rad]; closer joins coincide
 PEAK_STEPS = 12  # [-], per element; grid of the search for a peak
 
 
@@ -91,22 +91,26 @@ class Motor:
         """Inertia J reduced to the shaft [kg m^2]."""
         return self.flywheel_inertia + self.gear_ratio**2 * self.motor_inertia
 
-    def torque(self, speed: ArrayLike, acceleration: ArrayLike = 0.0) -> NDArray[np.float64]:
+    def torque(
+        self, speed: NDArray[np.float64], acceleration: NDArray[np.float64] | float = 0.0
+    ) -> NDArray[np.float64]:
         """Return g T [N m] at speeds [rad/s] and accelerations [rad/s^2] of the shaft."""
         return self.gear_ratio * self.curve.torque(self.motor_speed(speed, acceleration))
 
-    def motor_speed(self, speed: ArrayLike, acceleration: ArrayLike = 0.0) -> NDArray[np.float64]:
+    def motor_speed(
+        self, speed: NDArray[np.float64], acceleration: NDArray[np.float64] | float = 0.0
+    ) -> NDArray[np.float64]:
         """Return the speed of the motor [rad/s] at speeds [rad/s] and accelerations [rad/s^2] of the shaft."""
         geared = self.gear_ratio * speed
         if self.belt is None:
             return geared
         return self.belt.motor_speed(lambda w: self.curve.torque(w) - self._rotor_torque(acceleration), geared)
 
-    def power(self, speed: ArrayLike, acceleration: ArrayLike) -> NDArray[np.float64]:
+    def power(self, speed: NDArray[np.float64], acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the power T w of the motor [W] at speeds [rad/s] and accelerations [rad/s^2] of the shaft."""
         return self.torque(speed, acceleration) / self.gear_ratio * self.motor_speed(speed, acceleration)
 
-    def belt_torque(self, speed: ArrayLike, acceleration: ArrayLike) -> NDArray[np.float64]:
+    def belt_torque(self, speed: NDArray[np.float64], acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the torque on the belt, or on the gear without one [N m]."""
         return self.torque(speed, acceleration) / self.gear_ratio - self._rotor_torque(acceleration)
 
@@ -149,14 +153,14 @@ class ShaftLoad:
             contacts = np.mod(np.subtract.outer(self._zones.breaks, self.motor.angles).ravel(), 2 * np.pi)
             angles = np.append(angles, contacts)
         edges = np.unique(np.append(angles, [0.0, 2 * np.pi]))
-        return np.append(edges[:-1][np.diff(edges) > MIN_PIECE], 2 * np.pi)
+        return np.append(edges[:-1][np.diff(edges) > MIN_PIECE_ANGLE], 2 * np.pi)
 
     def states_at(
         self,
         angle: NDArray[np.float64],
         energy: NDArray[np.float64],
         acceleration: NDArray[np.float64],
-        jerk: ArrayLike = 0.0,
+        jerk: NDArray[np.float64] | float = 0.0,
     ) -> list[DriveState]:
         """Solve motion and forces of each cart.
 
@@ -348,8 +352,8 @@ class MotorRun(CycleStatistics):
         """Motion and forces of the first cart."""
         revolution = self.revolution
         states = self.load.states_at(revolution.angle, revolution.energy, revolution.acceleration, revolution.jerk)
-        columns = [column.ravel() for column in states[0][:-1]]
-        return DriveState(*columns, Balance(*(column.ravel() for column in astuple(states[0].forces))))
+        forces = Balance(*(column.ravel() for column in astuple(states[0].forces)))
+        return DriveState._make([*(column.ravel() for column in states[0][:-1]), forces])
 
     @property
     def drive_force(self) -> NDArray[np.float64]:

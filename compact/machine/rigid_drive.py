@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -122,13 +122,13 @@ class InverseDynamics:
 
     def state_at(self, leg: Leg, phase: NDArray[np.float64]) -> DriveState:
         """Solve motion and forces at phases of a leg [-] of any shape."""
-        travel = [leg.at_phase(phase, order) for order in range(4)]
-        velocity = self._nonzero_velocity(leg, travel[1])
+        position, velocity, acceleration, jerk = (leg.at_phase(phase, order) for order in range(4))
+        moving = self._nonzero_velocity(leg, velocity)
         time = leg.start + leg.duration * phase
-        force = evaluate_resistance(self.resistance, velocity, travel[2])
-        tangent, end_force = self.drive.rod_tangent(time, self.cycle.period), self._end_force(leg, phase, travel[0])
-        forces = balance(self.cart, travel[2], force, np.sign(velocity), tangent, end_force)
-        return DriveState(*travel, force, tangent, forces)
+        force = evaluate_resistance(self.resistance, moving, acceleration)
+        tangent, end_force = self.drive.rod_tangent(time, self.cycle.period), self._end_force(leg, phase, position)
+        forces = balance(self.cart, acceleration, force, np.sign(moving), tangent, end_force)
+        return DriveState(position, velocity, acceleration, jerk, force, tangent, forces)
 
     def breaks(self, leg: Leg) -> NDArray[np.float64]:
         """Phases of a leg between which all forces are smooth, ends included."""
@@ -189,6 +189,10 @@ class CycleStatistics:
     A run has `time` and `weights` [s] of shape (n,), `period` [s], `drive_force` [N], `drive_power` [W], their peaks,
     `steady_force` [N], `state` and `impulses`.
     """
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
 
     @cached_property
     def rms_force(self) -> float:

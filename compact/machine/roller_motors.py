@@ -4,14 +4,14 @@
     pull(v, T) = F(v) - F(v, T),   phi' = (1 + creep(v, T)) v/R,   power = T phi'
 
 n rollers of radius R carry the cart. F(v) is the resistance of the roller without torque at speed v, F(v, T) that of a
-roller driven by the torque T. An engine with stick and slip yields both and the creepage (`DrivenRoller`); without one,
-T = R pull and there is no creepage (`CreepFreeRoller`). T and pull are those of one roller, positive along the travel.
-The height of the rollers does not depend on the torque, and the mix responds as in steady motion.
+roller driven by the torque T. An engine with stick and slip computes both and the creepage (`DrivenRoller`). Without
+such an engine, T = R pull and there is no creepage (`CreepFreeRoller`). T and pull are those of one roller, positive
+along the travel. The height of the rollers does not depend on the torque, and the mix responds as in steady motion.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import inf
 from typing import NamedTuple
 
@@ -27,8 +27,8 @@ from compact.numerics.validation import require_nonnegative, require_positive
 
 FULL_SLIP_SHARE = 0.99  # [-], of the Coulomb limit; a roller beyond slides
 GAUSS_RULE = np.polynomial.legendre.leggauss(4)
-FORCE_TOLERANCE = 1e-12  # [-], of the forces; residual force at the pin
-MAX_ITERATIONS = 60  # [-], of the guide friction; 3 to 5 are usual
+PIN_FORCE_TOLERANCE = 1e-12  # [-], of the forces; residual force at the pin
+FRICTION_ITERATIONS = 60  # [-], of the guide friction; 3 to 5 are usual
 
 
 def pull_range(dynamics: InverseDynamics, rollers: int) -> tuple[float, float]:
@@ -62,7 +62,7 @@ class RollerTraction(NamedTuple):
     creep: NDArray[np.float64]
 
 
-def carter_parameter(share: ArrayLike) -> NDArray[np.float64]:
+def carter_parameter(share: NDArray[np.float64]) -> NDArray[np.float64]:
     """Carter's parameter w = sign(u) (1 - sqrt(1 - |u|)) of a share u of the Coulomb limit [-].
 
     The creepage on a half-plane is linear in w.
@@ -98,7 +98,7 @@ class CreepFreeRoller:
         require_positive(radius=self.radius, load=self.load)
         require_nonnegative(friction=self.friction)
 
-    def __call__(self, _speed: ArrayLike, pull: ArrayLike) -> RollerTraction:
+    def __call__(self, _speed: NDArray[np.float64], pull: NDArray[np.float64]) -> RollerTraction:
         """Return the traction for pulls [N]."""
         traction = pull / self.load
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -148,7 +148,7 @@ class DrivenRoller:
             if np.any(np.diff(getattr(self, name)) <= 0):
                 raise ValueError(f"`{name}` must increase with the torque at every speed, got {getattr(self, name)}")
 
-    def __call__(self, speed: ArrayLike, pull: ArrayLike) -> RollerTraction:
+    def __call__(self, speed: NDArray[np.float64], pull: NDArray[np.float64]) -> RollerTraction:
         """Interpolate the traction at speeds >= 0 [m/s] for pulls [N]."""
         speed, pull = np.broadcast_arrays(speed, pull)
         weights = self._speed_weights(speed)
@@ -270,11 +270,12 @@ class RollerMotor:
     def _largest(self, quantity: Callable[..., NDArray[np.float64]]) -> float:
         """Largest |quantity(velocity, traction)| over the cycle, between samples too."""
         dynamics = self.dynamics
+
+        def magnitude(leg, phase):
+            return np.abs(quantity(*self.traction_at(leg, phase)))
+
         return max(
-            find_maximum(
-                lambda phase, leg=leg: np.abs(quantity(*self.traction_at(leg, phase))),
-                interior_grid(dynamics.breaks(leg)),
-            )[0]
+            find_maximum(partial(magnitude, leg), interior_grid(dynamics.breaks(leg)))[0]
             for leg in dynamics.cycle.legs()
         )
 
@@ -285,14 +286,14 @@ def _total_pull(dynamics: InverseDynamics, state: DriveState, way: int) -> NDArr
     end_force = cart.mass * state.acceleration + state.resistance + forces.guide_friction - forces.drive_force
     scale = np.max(np.abs(forces.drive_force), initial=0.0) + np.max(np.abs(state.resistance), initial=0.0)
     pull = forces.drive_force
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(FRICTION_ITERATIONS):
         residual = balance(cart, state.acceleration, state.resistance - pull, way, 0.0, end_force).drive_force
         pull = pull + residual
-        if np.all(np.abs(residual) <= FORCE_TOLERANCE * scale):
+        if np.all(np.abs(residual) <= PIN_FORCE_TOLERANCE * scale):
             return pull
     raise RuntimeError(
         f"the guide wheels lock the cart under '{dynamics.cycle.forward.name}': the residual force at the pin is "
-        f"{np.abs(residual).max():g} N after {MAX_ITERATIONS} iterations; use less `guide_friction`"
+        f"{np.abs(residual).max():g} N after {FRICTION_ITERATIONS} iterations; use less `guide_friction`"
     )
 
 

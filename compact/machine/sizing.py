@@ -76,9 +76,7 @@ def radius_range(height: Values) -> RadiusRange:
     return RadiusRange(low=low * np.asarray(height), high=high * np.asarray(height))
 
 
-def rollers_needed(
-    width: Values, radius: Values, feeder_sleeve: Values, overlap: Values
-) -> NDArray[np.int64]:
+def rollers_needed(width: Values, radius: Values, feeder_sleeve: Values, overlap: Values) -> NDArray[np.int64]:
     """Compute the number of rollers that cover a product.
 
         n = B / (2R + B_T - b_n), rounded up                                                        (1.2)

@@ -99,7 +99,7 @@ def with_constant_velocity(
     order : int
         Order n of the criterion.
     start, end : mapping of int to float
-        Derivatives given at rest and at the constant velocity, by their order; see `minimiser`.
+        Derivatives prescribed at rest and at the constant velocity, by their order; see `minimiser`.
     parameters : LawParameters
         Durations of both phases.
     """
@@ -268,8 +268,8 @@ def _steady(order: int, start: Mapping[int, float], end: Mapping[int, float]) ->
     return lambda parameters: with_constant_velocity(order, start, end, parameters)
 
 
-# Arguments of `_steady`: order, derivatives given at rest, derivatives given at the constant velocity. The position
-# there is free: its natural condition is added unless n derivatives are given.
+# Arguments of `_steady`: order, derivatives prescribed at rest, and at the constant velocity. The position there is
+# free: its natural condition is added unless n derivatives are prescribed.
 LAWS: Mapping[str, LawDefinition] = MappingProxyType(
     {
         "constant-velocity": LawDefinition(_rest_to_rest(1), "D 2.1"),

@@ -32,16 +32,16 @@ SERIES_TERMS = 24  # [-], terms u^(2k+1)/(2k+1)! for |p u| <= 6: the last is bel
 def minimiser(order: int, start: Mapping[int, float], end: Mapping[int, float]) -> Polynomial:
     """Return the polynomial x(z), 0 <= z <= 1, that solves x^(2n) = 0 between two end states.
 
-    Each end has n conditions. An end with fewer given values is free: each x^(k), k < n, that is not given adds the
-    natural condition x^(2n-1-k) = 0. Conditions of order k >= n replace natural ones (combined laws of D 2.6-2.8);
-    all n conditions of that end must then be given.
+    Each end has n conditions. An end with fewer prescribed values is free: each x^(k), k < n, that is not prescribed
+    adds the natural condition x^(2n-1-k) = 0. Conditions of order k >= n replace natural ones (combined laws of D
+    2.6-2.8); all n conditions of that end are then required.
 
     Parameters
     ----------
     order : int
         Order n of the criterion.
     start, end : mapping of int to float
-        Value of each given derivative x^(k), 0 <= k < 2n, by its order k.
+        Value of each prescribed derivative x^(k), 0 <= k < 2n, by its order k.
 
     Returns
     -------
@@ -59,8 +59,8 @@ def minimiser(order: int, start: Mapping[int, float], end: Mapping[int, float]) 
     [0.0, 0.0, 0.0, 10.0, -15.0, 6.0]
     """
     rows, right_side = [], []
-    for z, given in ((0, start), (1, end)):
-        for k, value in sorted(_with_natural_conditions(order, given).items()):
+    for z, prescribed in ((0, start), (1, end)):
+        for k, value in sorted(_with_natural_conditions(order, prescribed).items()):
             rows.append([math.perm(j, k) * z ** (j - k) if j >= k else 0 for j in range(2 * order)])
             right_side.append(value)
     matrix = np.array(rows, float)
@@ -78,14 +78,19 @@ def _solve_to_rounding(matrix: NDArray[np.float64], values: NDArray[np.float64])
     return solution
 
 
-def _with_natural_conditions(order: int, given: Mapping[int, float]) -> dict[int, float]:
+def _with_natural_conditions(order: int, prescribed: Mapping[int, float]) -> dict[int, float]:
     """Conditions of one end, natural ones included, by order of derivative."""
-    if any(not 0 <= k < 2 * order for k in given):
-        raise ValueError(f"derivatives given must lie in 0..{2 * order - 1} for order {order}, got {sorted(given)}")
-    free = [k for k in range(order) if k not in given] if len(given) < order else []
-    conditions = dict(given) | {2 * order - 1 - k: 0.0 for k in free}
+    if any(not 0 <= k < 2 * order for k in prescribed):
+        raise ValueError(
+            f"orders of prescribed derivatives must lie in 0..{2 * order - 1} for order {order}, "
+            f"got {sorted(prescribed)}"
+        )
+    free = [k for k in range(order) if k not in prescribed] if len(prescribed) < order else []
+    conditions = dict(prescribed) | {2 * order - 1 - k: 0.0 for k in free}
     if len(conditions) != order:
-        raise ValueError(f"each end takes {order} conditions for order {order}, got derivatives {sorted(given)}")
+        raise ValueError(
+            f"each end requires {order} conditions for order {order}, got derivatives of order {sorted(prescribed)}"
+        )
     return conditions
 
 

@@ -1,4 +1,4 @@
-"""Optimal motion of a cart: the motion law that minimises a drive criterion against a given resistance.
+"""Optimal motion of a cart: the motion law that minimises a drive criterion.
 
     minimise J(H, P),   H = m a + R(v, a),   P = H v,   forward and return stroke
 

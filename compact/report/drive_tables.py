@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
 
 from compact.analysis.study import Study
 from compact.files import write_columns, write_csv
@@ -87,13 +87,13 @@ def _write_start(study: Study, directory: Path) -> Iterator[Path]:
     yield write_csv(directory / f"run-up-{law}.csv", ("time_s", "angle_rad", "speed_rad/s"), table)
 
 
-def roller_motor_columns(motor: RollerMotor, time: ArrayLike) -> tuple[tuple[str, ...], tuple[Any, ...]]:
+def roller_motor_columns(motor: RollerMotor, time: NDArray[np.float64]) -> tuple[tuple[str, ...], tuple[Any, ...]]:
     """Return the columns of a motor in a roller over a cycle.
 
     Parameters
     ----------
     motor : RollerMotor
-    time : array_like
+    time : ndarray
         Times [s], shape (n,).
 
     Returns

@@ -95,7 +95,7 @@ def _ranking_table(kind: str, by: str, order: list[Place], others: Mapping[str, 
         "rank": [str(place.rank) for place in order],
         "law": [place.law for place in order],
         _term(by): format_column([place.value for place in order], unit),
-        "margin to the next": ["tie" if place.tie else format_percent(place.margin) for place in order],
+        "margin": ["tie" if place.tie else format_percent(place.margin) for place in order],
     }
     if order[0].error is not None:
         columns["error"] = format_column([place.error for place in order], unit, 2)

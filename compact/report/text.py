@@ -240,7 +240,7 @@ def _agreement_lines(study: Study) -> Iterator[str]:
         )
 
 
-def _contact_rows(study: Study, contact: ContactResult) -> list[tuple[str, float, float, float]]:
+def _contact_rows(study: Study, contact: ContactResult) -> list[tuple[str, Any, Any, Any]]:
     """List (label, computed, by formula, exact) of one contact."""
     formulas, exact, length = study.engineering, study.exact, study.scene.machine.roller_length
     resistance = formulas.roller_resistance

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,7 +99,7 @@ VELOCITY = 0.16  # [m/s], of (1.10)
 PRINTED_MEAN_POWER, PRINTED_SUM_OVER_MEAN = 4738.8, 21872.2 / 18993.8  # [W] of a cart, [-] of four carts; C
 
 
-def engineering_numbers() -> dict[str, float]:
+def engineering_numbers() -> dict[str, Any]:
     """Compute (1.1)-(1.10) and the mix parameters that follow from the published operating point.
 
     Returns
@@ -124,7 +125,7 @@ def engineering_numbers() -> dict[str, float]:
     }
 
 
-def _chain(friction: float, modulus: float) -> dict[str, float]:
+def _chain(friction: float, modulus: float) -> dict[str, Any]:
     """Compute (1.4)-(1.7) at the operating point, by row name."""
     radius = PUBLISHED_MACHINE.cart.roller_radius
     alpha = contact.pressure_exponent(POISSON, friction)
@@ -139,7 +140,7 @@ def _chain(friction: float, modulus: float) -> dict[str, float]:
     }
 
 
-def _regression() -> dict[str, float]:
+def _regression() -> dict[str, Any]:
     m, chain = PUBLISHED_MACHINE, _chain(STEEL_FRICTION, MODULUS)
     one = contact.roller_resistance(
         chain["force"], chain["length"], m.cart.roller_radius, chain["exponent"], ROLLER_FRICTION
@@ -148,7 +149,7 @@ def _regression() -> dict[str, float]:
     return chain | {"roller_resistance": one, "cart_resistance": whole, "power": contact.cart_power(whole, VELOCITY)}
 
 
-def _size_of_machine() -> dict[str, float]:
+def _size_of_machine() -> dict[str, Any]:
     """Compute radius and number of rollers and the stroke by (1.1)-(1.3)."""
     m = PUBLISHED_MACHINE
     radius, stroke = contact.radius_range(m.height), 2 * m.crank.radius
@@ -157,13 +158,13 @@ def _size_of_machine() -> dict[str, float]:
         "radius_low": radius.low,
         "radius_high": radius.high,
         "rollers": rollers,
-        "stroke_as_needed": contact.stroke_needed(m.width, rollers, m.overlap),
+        "stroke_as_needed": contact.stroke_needed(m.width, float(rollers), m.overlap),
         "stroke_as_printed": contact.stroke_needed(m.width, m.rollers, m.overlap),
         "overlap_as_printed": stroke - contact.stroke_needed(m.width, m.rollers, 0.0),
     }
 
 
-def _resistance_coefficients() -> dict[str, float]:
+def _resistance_coefficients() -> dict[str, Any]:
     """Compute rolling-resistance coefficients from the moving force less the friction of the guides."""
     m = PUBLISHED_MACHINE
     guides = float(balance(m.cart, 0.0, m.moving_force, 1.0).guide_friction)
@@ -192,14 +193,14 @@ class _Shaft:
 
     def forces(self, psi: Values, direction: Values) -> Balance:
         """Compute the force balance of one cart; direction +1 towards the crank, -1 away."""
-        acceleration = self.speed**2 * crank_kinematics(self.crank, psi)[2]
+        acceleration = self.speed**2 * crank_kinematics(self.crank, np.asarray(psi))[2]
         tangent = np.tan(self.crank.rod_angle(psi))
         return balance(self.cart, acceleration, direction * self.resistance, direction, tangent)
 
     def force_on_upper_rail(self, psi: Values, direction: Values) -> NDArray[np.float64]:
         """Compute H of C (9) [N]: guide wheels on the upper rail even where their reaction is negative."""
         pull, slide = (
-            crank_kinematics(self.crank, psi)[2] * self.speed**2 * self.cart.mass,
+            crank_kinematics(self.crank, np.asarray(psi))[2] * self.speed**2 * self.cart.mass,
             direction * self.cart.guide_friction,
         )
         lift = np.sum(self.cart.roller_reactions) - self.cart.weight
@@ -224,7 +225,8 @@ class _Shaft:
     def mean_of(self, force: Function) -> float:
         """Compute the mean power [W] of a drive force, a function of psi."""
         power = integrate(
-            lambda psi: force(psi) * self.speed * crank_kinematics(self.crank, psi)[1], [0.0, np.pi, 2 * np.pi]
+            lambda psi: force(psi) * self.speed * crank_kinematics(self.crank, np.asarray(psi))[1],
+            [0.0, np.pi, 2 * np.pi],
         )
         return power / (2 * np.pi)
 
@@ -256,7 +258,7 @@ def _percent_above_zero(function: Function, low: float, high: float) -> float:
     return 100 * np.sum(np.diff(edges)[above]) / (high - low)
 
 
-def crank_numbers() -> dict[str, float]:
+def crank_numbers() -> dict[str, Any]:
     """Compute powers and guide-wheel reactions of C for the stated data, and for the data evidently used.
 
     Returns
@@ -280,7 +282,7 @@ def crank_numbers() -> dict[str, float]:
     }
 
 
-def _four_powers(case: str, one_peak: float, one_mean: float, sum_peak: float, sum_mean: float) -> dict[str, float]:
+def _four_powers(case: str, one_peak: float, one_mean: float, sum_peak: float, sum_mean: float) -> dict[str, Any]:
     return {
         f"{case}_one_peak": one_peak,
         f"{case}_one_mean": one_mean,
@@ -297,7 +299,7 @@ def _means_and_sum(shaft: _Shaft) -> tuple[float, float, float]:
     return one.mean(one.power), four.power.max(), four.mean(four.power)
 
 
-def _energy_balance(stated: _Shaft) -> dict[str, float]:
+def _energy_balance(stated: _Shaft) -> dict[str, Any]:
     """Compute mean powers; for a constant resistance W the work of a turn is 4 r W for any rod and mass."""
     smooth = replace(stated, cart=replace(stated.cart, guide_friction=0.0))
     one, four = smooth.turn(1), smooth.turn(4)
@@ -311,9 +313,9 @@ def _energy_balance(stated: _Shaft) -> dict[str, float]:
     }
 
 
-def _inertia(stated: _Shaft) -> dict[str, float]:
+def _inertia(stated: _Shaft) -> dict[str, Any]:
     """Compute inertia forces at the outer dead centre, and the mass that gives the printed ratio of powers."""
-    dead_centre = stated.speed**2 * float(crank_kinematics(stated.crank, 0.0)[2])
+    dead_centre = stated.speed**2 * float(crank_kinematics(stated.crank, np.asarray(0.0))[2])
     moving = replace(stated, resistance=PUBLISHED_MACHINE.moving_force)
     plain = replace(stated.cart, guide_friction=0.0)
     four = 4 * stated.resistance * 4 * stated.crank.radius * stated.speed / (2 * np.pi)
@@ -332,7 +334,7 @@ def _inertia(stated: _Shaft) -> dict[str, float]:
     }
 
 
-def _forward_reactions(shaft: _Shaft) -> dict[str, float]:
+def _forward_reactions(shaft: _Shaft) -> dict[str, Any]:
     """Compute extremes of N11 (front) and N12 (rear) on the stroke towards the crank [N]."""
     found = {}
     for name in ("front", "rear"):
@@ -346,7 +348,7 @@ def _signed_reaction(shaft: _Shaft, name: str, sign: float, psi: Values) -> NDAr
     return sign * getattr(shaft.forces(psi, 1.0), name)
 
 
-def _lift_off(case: str, shaft: _Shaft) -> dict[str, float]:
+def _lift_off(case: str, shaft: _Shaft) -> dict[str, Any]:
     """Compute the shares of the strokes with N12 > N11 and with N12 < 0, and the added guide friction [N]."""
 
     def surplus(psi: Values) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from compact import cli
-from compact.analysis.calibration import calibrate, digest
+from compact.analysis.calibration import calibrate, calibration_digest
 from compact.analysis.contact_cases import compaction_material, contact_inputs, scene_mix
 from compact.analysis.contact_stage import roll_scene
 from compact.engines.column import engine as column
@@ -137,8 +137,8 @@ def test_finite_elements_are_met_in_a_few_runs(doubled):
     )
     assert len(double.calls) < 12
     assert len(found.fit.history) < 4
-    assert "runs of finite elements" in digest(found)
-    assert f"on 4 increments K_H {found.coarse.heckel_slope * 1e6:.4f} /MPa" in digest(found)
+    assert "runs of finite elements" in calibration_digest(found)
+    assert f"on 4 increments K_H {found.coarse.heckel_slope * 1e6:.4f} /MPa" in calibration_digest(found)
 
 
 def test_the_scene_alone_gives_the_last_trial_again(doubled):
@@ -158,11 +158,11 @@ def test_neighbour_begins_where_the_last_fit_ended(doubled, monkeypatch):
     found, _ = doubled
     double, moved = Double(), read_measurements(MEASURED).moved("resistance_coefficient", 0.2)
     monkeypatch.setattr("compact.engines.compaction.engine.roll", double.roll)
-    again = calibrate(found.scene, read_measurements(MEASURED), "compaction", near=found, increments=6)
+    again = calibrate(found.scene, read_measurements(MEASURED), "compaction", initial_guess=found, increments=6)
     assert len(double.calls) <= 3
     assert again.coarse is None
     assert again.fit.history[0][0] == pytest.approx(found.fit.unknowns, abs=1e-12)
-    near, far = (calibrate(found.scene, moved, "compaction", near=known, increments=6) for known in (found, None))
+    near, far = (calibrate(found.scene, moved, "compaction", initial_guess=known, increments=6) for known in (found, None))
     assert len(near.fit.history) <= len(far.coarse.fit.history)
     assert near.heckel_slope == pytest.approx(far.heckel_slope, rel=4e-3)
     assert near.fed_density_ratio == pytest.approx(far.fed_density_ratio, abs=2e-4)
@@ -170,7 +170,7 @@ def test_neighbour_begins_where_the_last_fit_ended(doubled, monkeypatch):
 
 def test_refits_leave_out_what_columns_do_not_feel(doubled):
     refits = {refit.name: refit for refit in doubled[0].refits}
-    assert "columns do not feel it; calibrate with --set" in refits["mix.overrides.friction_angle"].reason
+    assert "columns do not depend on it; calibrate with --set" in refits["mix.overrides.friction_angle"].reason
     assert not refits["mix.overrides.unloading_modulus"].reason
 
 
@@ -321,26 +321,26 @@ def test_more_unknowns_than_data_are_refused():
 @pytest.mark.parametrize(
     ("data", "unknowns", "message"),
     [
-        ({"load": 9740.0}, ("heckel_slope",), "`near` must have fitted heckel_slope, got heckel_slope, fed"),
-        (None, ("heckel_slope", "fed_density_ratio"), "`near` must have 2 measurements, got 1"),
+        ({"load": 9740.0}, ("heckel_slope",), "`initial_guess` must have fitted heckel_slope, got heckel_slope, fed"),
+        (None, ("heckel_slope", "fed_density_ratio"), "`initial_guess` must have 2 measurements, got 1"),
     ],
 )
 def test_neighbour_of_another_kind_is_refused(doubled, data, unknowns, message):
     one = reading(**(data or {"load": 9740.0}))
     measured = one if data else Measured(one.measurements * 2)
     with pytest.raises(ValueError, match=message):
-        calibrate(load_scene(PUBLISHED), measured, "compaction", unknowns=unknowns, near=doubled[0])
+        calibrate(load_scene(PUBLISHED), measured, "compaction", unknowns=unknowns, initial_guess=doubled[0])
 
 
 def test_columns_are_no_neighbour_of_finite_elements(published):
-    with pytest.raises(ValueError, match="`near` must be a calibration of finite elements, got one of columns"):
-        calibrate(load_scene(PUBLISHED), read_measurements(MEASURED), "compaction", near=published)
+    with pytest.raises(ValueError, match="`initial_guess` must be a calibration of finite elements, got one of columns"):
+        calibrate(load_scene(PUBLISHED), read_measurements(MEASURED), "compaction", initial_guess=published)
 
 
 def test_scene_that_says_what_presses_the_roller_is_refused():
     scene = load_scene(PUBLISHED, **{"contact.load": 9740.0})
     with pytest.raises(
-        SceneError, match=r"contact\.load: a calibration presses the product to its density; take 9740 out"
+        SceneError, match=r"contact\.load: a calibration compacts the product to its density; delete 9740"
     ):
         calibrate(scene, reading(load=9740.0), unknowns=("heckel_slope",))
 
@@ -379,5 +379,5 @@ def test_command_asks_finite_elements(tmp_path, monkeypatch, capsys):
 
 
 def test_digest_names_every_bound(published):
-    told = digest(published)
+    told = calibration_digest(published)
     assert all(refit.name in told for refit in published.refits)

@@ -281,14 +281,14 @@ def test_engine_without_a_mark_has_one_pass():
 @pytest.mark.parametrize(
     ("demand", "message"),
     [
-        (lambda: Pass(height=0.2, load=1e3), r"give one of .* at most, got \['height', 'load'\]"),
+        (lambda: Pass(height=0.2, load=1e3), r"give at most one of .*, got \['height', 'load'\]"),
         (lambda: Pass(lift=-0.01), "`lift` must be zero or positive, and finite, got -0.01"),
         (lambda: Pass(height=0.0), "`height` must be positive and finite, got 0.0"),
         (lambda: there_and_back(0), "`count` must be positive and finite, got 0"),
         (lambda: passes(LAYER, ROLLER, MIX, 0.2, 2, engine="fem"), "no engine 'fem'; choose from column, compaction"),
         (
             lambda: passes(LAYER, ROLLER, MIX, 0.2, (Pass(height=0.098), Pass(height=0.1))),
-            "`height` must lie below the mix, 0.098.* m high before pass 2, got 0.1",
+            "`height` must be below the surface of the mix, 0.098.* m before pass 2, got 0.1",
         ),
         (
             lambda: compaction.roll(LAYER, ROLLER, MIX, 0.2, fed_layer=fresh_layer(MIX, np.full(9, 0.01))),
@@ -300,7 +300,7 @@ def test_engine_without_a_mark_has_one_pass():
         ),
         (
             lambda: passes(LAYER, ROLLER, "sand", 0.2, 2),
-            "passes leave their mark on a `material` Compaction only, got str",
+            "several passes require a `material` Compaction, got str",
         ),
     ],
 )

@@ -499,7 +499,7 @@ def test_broken_table_is_refused_with_its_name(tmp_path):
     (tmp_path / "mine.csv").write_text("0,0\n1,nonsense\n")
     text = (SCENES / "small.toml").read_text().replace("rod_length", 'tables = ["mine.csv"]\nrod_length')
     (tmp_path / "scene.toml").write_text(text)
-    with pytest.raises(SceneError, match=r"mine\.csv: not a table of time \[s\] and travel \[m\]"):
+    with pytest.raises(SceneError, match=r"mine\.csv: not a table of time \[s\] and position \[m\]"):
         _ = Study(load_scene(tmp_path / "scene.toml")).runs
 
 

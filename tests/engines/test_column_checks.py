@@ -9,7 +9,7 @@ from column_cases import FED, HEIGHT, MIX, SPEED, R, circle, mix, mix_of, random
 from interrupts import interrupted
 
 from compact.engines.column import column_ode
-from compact.engines.column.column_ode import LOGARITHMIC, GapGeometry, PathControl
+from compact.engines.column.column_ode import LOGARITHMIC, GapShape, PathControl
 from compact.engines.column.column_pass import PLATE, Column, column_layer
 from compact.engines.column.engine import required_feed, roll, simulate_oedometer
 from compact.material.laws import Elastic
@@ -161,7 +161,7 @@ def test_load_beyond_a_buried_circle_is_refused(height, radius, fed, load):
 
 
 def test_step_underflow_ends_the_integration():
-    layer = column_layer((Column(1.0, FED),), MIX, 1.0, GapGeometry(R, 1.0), LOGARITHMIC)
+    layer = column_layer((Column(1.0, FED),), MIX, 1.0, GapShape(R, 1.0), LOGARITHMIC)
     with pytest.raises(
         RuntimeError, match=r"the integration of the columns stopped after .* steps .*: shorter steps do not change x"
     ):

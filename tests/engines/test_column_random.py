@@ -9,7 +9,7 @@ from column_cases import FED, MIX, SPEED, R, circle, mix, random_scenes, rolled,
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compact.engines.column.column_ode import LOGARITHMIC, GapGeometry
+from compact.engines.column.column_ode import LOGARITHMIC, GapShape
 from compact.engines.column.column_pass import Column, column_layer
 from compact.engines.column.engine import roll, roll_over
 from compact.material import cap_plasticity
@@ -99,7 +99,7 @@ def pressed_by(target, value):
 @pytest.mark.parametrize("profile", ["parabola", "circle"])
 def test_load_target_is_reached_below_its_limit_and_refused_above(height, profile):
     deepest = column_layer(
-        (Column(height, FED),), MIX, 1.0, GapGeometry(R, float(profile == "circle")), LOGARITHMIC
+        (Column(height, FED),), MIX, 1.0, GapShape(R, float(profile == "circle")), LOGARITHMIC
     ).max_indentation
     most = roll(Layer(height), Roller(R, indentation=0.9999999 * deepest, profile=profile), MIX, SPEED).load
     for share in (1e-9, 1e-3, 0.5, 0.99, 0.9999):

@@ -745,7 +745,7 @@ def test_mesh_too_coarse_for_the_contact_raises():
 
 
 def test_contact_without_convergence_on_any_mesh_raises_with_the_remedy(monkeypatch):
-    monkeypatch.setattr(contact_patch, "MAX_ITERATIONS", 2)
+    monkeypatch.setattr(contact_patch, "MAX_EDGE_ITERATIONS", 2)
     with pytest.raises(
         RuntimeError, match=r"no contact found on 5 meshes .*; use spectral; the contact edges did not converge"
     ):
@@ -753,7 +753,7 @@ def test_contact_without_convergence_on_any_mesh_raises_with_the_remedy(monkeypa
 
 
 def test_failure_lists_the_last_iterations(monkeypatch):
-    monkeypatch.setattr(contact_patch, "MAX_ITERATIONS", 2)
+    monkeypatch.setattr(contact_patch, "MAX_EDGE_ITERATIONS", 2)
     with pytest.raises(
         RuntimeError,
         match=r"did not converge in 2 iterations; the last .* are \[\(-0",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from compact import mesh
-from compact.analysis.engines import expand_resistance as spectral_modulation
+from compact.analysis.engines import expand_resistance as spectral_expansion
 from compact.engines.fem import contact_problem, discretisation, surface_compliance
 from compact.engines.fem.convected_memory import creep_function, retardation_operator
 from compact.engines.fem.speed_derivative import expand_resistance
@@ -97,7 +97,7 @@ SLOW_CASES = ("sliding circle on slip", "peak pressure")
     [pytest.param(case, id=name, marks=[pytest.mark.slow] * (name in SLOW_CASES)) for name, case in CASES.items()],
 )
 def test_agreement_with_the_spectral_engine(case):
-    exact, found = spectral_modulation(*case), expand_resistance(*case, estimate=False)
+    exact, found = spectral_expansion(*case), expand_resistance(*case, estimate=False)
     assert found.resistance == pytest.approx(exact.resistance, rel=1e-3)
     assert found.slope == pytest.approx(exact.slope, abs=2e-3 * abs(exact.resistance / exact.speed))
     assert found.added_mass == pytest.approx(exact.added_mass, abs=0.01 * scale(exact))
@@ -106,7 +106,7 @@ def test_agreement_with_the_spectral_engine(case):
 @pytest.mark.parametrize(("ratio", "speed"), [(5.0, 0.3), pytest.param(20.0, 0.01, marks=pytest.mark.slow)])
 def test_slope_and_added_mass_of_stiff_branches_are_within_half_a_percent(ratio, speed):
     mix = Viscoelastic(10e6, 0.3, branches=((ratio - 1, 0.05),))
-    exact = spectral_modulation(BONDED, roller_at(), mix, speed)
+    exact = spectral_expansion(BONDED, roller_at(), mix, speed)
     found = expand_resistance(BONDED, roller_at(), mix, speed, estimate=False)
     assert found.slope == pytest.approx(exact.slope, rel=5e-3)
     assert found.added_mass == pytest.approx(exact.added_mass, rel=5e-3)
@@ -114,7 +114,7 @@ def test_slope_and_added_mass_of_stiff_branches_are_within_half_a_percent(ratio,
 
 def test_error_estimate_covers_the_true_error():
     exact, found = (
-        spectral_modulation(SLIP, roller_at(), MIX, 0.3),
+        spectral_expansion(SLIP, roller_at(), MIX, 0.3),
         expand_resistance(SLIP, roller_at(), MIX, 0.3, mesh=COARSE),
     )
     assert abs(found.added_mass - exact.added_mass) <= found.error < 0.02 * scale(exact)

@@ -1,4 +1,4 @@
-"""Figures say what they show: the laws as they are, what is off a scale, one scale for all speeds, safe colours."""
+"""Figures: curves of the laws, labels beyond a scale, common colour scales, distinct colours and marks."""
 
 from itertools import combinations
 from types import SimpleNamespace
@@ -47,20 +47,20 @@ def words(figure):
 
 
 @pytest.mark.parametrize("sight", SIGHT)
-def test_no_two_laws_share_a_colour_for_any_sight(sight):
+def test_colours_of_laws_are_distinct_with_colour_blindness(sight):
     seen = {name: lab(shade, sight) for name, shade in COLOURS.items()}
     nearest = min(np.linalg.norm(seen[one] - seen[other]) for one, other in combinations(seen, 2))
     assert nearest > 16
 
 
 @pytest.mark.parametrize("family", figure_style.FAMILIES)
-def test_laws_of_a_family_differ_in_grey(family):
+def test_laws_of_a_family_differ_in_lightness(family):
     lightness = [lab(COLOURS[name])[0] for name in figure_style.FAMILIES[family]]
     assert np.diff(lightness).min() > 14
 
 
 @pytest.mark.parametrize("sight", SIGHT)
-def test_engines_have_colours_of_their_own_for_any_sight(sight):
+def test_colours_of_engines_are_distinct_with_colour_blindness(sight):
     shades = [lab(shade, sight) for shade, _, _ in ranking_figures.ENGINE_STYLES.values()]
     assert min(np.linalg.norm(one - other) for one, other in combinations(shades, 2)) > 16
 
@@ -105,7 +105,7 @@ def run(name, peak_force, peak_power=1.0, impulses=()):
     )  # fmt: skip
 
 
-def test_drive_names_every_law_beyond_its_scale_with_the_peak():
+def test_drive_figure_names_laws_beyond_its_scale_with_their_peak():
     forces = {"cubic": 700.0, "quintic": 800.0, "septic": 900.0, "constant-velocity": 7448.0}
     figure = figures.draw_drive({name: run(name, force) for name, force in forces.items()})
     limit = figure.axes[0].get_ylim()[1]
@@ -113,19 +113,19 @@ def test_drive_names_every_law_beyond_its_scale_with_the_peak():
     assert words(figure) == ["▲ constant-velocity: peak 7.45 kN, off the scale"]
 
 
-def test_drive_says_which_force_is_infinite():
+def test_drive_figure_names_infinite_forces():
     runs = {"cubic": run("cubic", 700.0), "gear-sector": run("gear-sector", np.inf, np.inf, impulses=("jump",))}
     assert words(figures.draw_drive(runs)) == ["▲ gear-sector: infinite at its jumps"] * 2
 
 
-def test_drive_says_nothing_where_all_is_shown():
+def test_drive_figure_has_no_label_if_all_laws_are_within_its_scale():
     assert words(figures.draw_drive({"cubic": run("cubic", 700.0), "quintic": run("quintic", 800.0)})) == []
 
 
 # cams
 
 
-def test_an_undercut_cam_keeps_the_colour_of_its_law_and_is_named():
+def test_undercut_cam_has_the_colour_of_its_law_and_a_label():
     def cam(undercut):
         return SimpleNamespace(
             undercut=undercut, radius=lambda phi: 0.5 + 0 * phi, profile=lambda phi: 0.4 * np.array([phi, phi])
@@ -143,7 +143,7 @@ def test_an_undercut_cam_keeps_the_colour_of_its_law_and_is_named():
 
 
 def layer_of(pressure, dissipation, height=0.22, speed=0.1, contact=0.05, base="bonded"):
-    """(mesh, contact) of two elements beside one another."""
+    """Mesh of two adjacent elements, and its contact."""
     x, y = np.meshgrid(np.linspace(-0.1, 0.1, 5), np.linspace(0, height, 3))
     number = np.arange(15).reshape(3, 5)
     corners = [(0, 0), (0, 2), (2, 2), (2, 0), (0, 1), (1, 2), (2, 1), (1, 0), (1, 1)]
@@ -160,7 +160,7 @@ def layer_of(pressure, dissipation, height=0.22, speed=0.1, contact=0.05, base="
     return mesh, rolled
 
 
-def test_a_field_has_one_colour_scale_for_all_speeds():
+def test_field_has_one_colour_scale_for_all_speeds():
     layers = [layer_of([-1e3, 50e3], [0.0, 1e3], speed=0.01), layer_of([0.0, 140e3], [5.0, 30e3], speed=0.1)]
     figure = contact_figures.draw_fields(layers)
     panels, scales = figure.axes[:4], figure.axes[4:]
@@ -171,7 +171,7 @@ def test_a_field_has_one_colour_scale_for_all_speeds():
     assert [ax.get_xlabel() for ax in scales] == ["mean pressure [kPa]", "dissipation [kW/m³], black: less"]
 
 
-def test_fields_reach_down_to_the_base_and_name_it():
+def test_field_figure_shows_the_base_with_its_condition():
     figure = contact_figures.draw_fields([layer_of([0.0, 1e3], [0.0, 1.0], base="slip")])
     ax = figure.axes[0]
     low, high = ax.get_ylim()
@@ -180,14 +180,14 @@ def test_fields_reach_down_to_the_base_and_name_it():
     assert "rigid base, frictionless" in words(figure)
 
 
-def test_fields_say_how_far_below_the_base_of_a_deep_layer_lies():
+def test_field_figure_states_the_depth_of_the_base_of_a_deep_layer():
     figure = contact_figures.draw_fields([layer_of([0.0, 1e3], [0.0, 1.0], height=2.0)])
     low = figure.axes[0].get_ylim()[0]
     assert low == pytest.approx(2000 - 2.5 * 2.5 * 50)
     assert f"rigid base, bonded, {low:.0f} mm below" in words(figure)
 
 
-def test_fields_of_a_layer_that_dissipates_nothing_are_drawn():
+def test_fields_without_dissipation_are_drawn():
     norm = contact_figures.draw_fields([layer_of([0.0, 1e3], [0.0, 0.0])]).axes[1].collections[0].norm
     assert (norm.vmin, norm.vmax) == (0.0, 1.0)
 
@@ -206,7 +206,7 @@ def by_law(values):
 VALUES = {"parabolic": 700.0, "harmonic": 720.0, "reversal-4-free-acceleration": 1100.0}
 
 
-def test_no_mark_of_a_ranking_hides_another():
+def test_marks_of_engines_in_a_ranking_do_not_overlap():
     beside = {"peak_force": {"formula": by_law(VALUES), "column": by_law(VALUES), "spectral": by_law(VALUES)}}
     figure = ranking_figures.draw_rankings({"peak_force": places(VALUES, 5.0)}, beside)
     marks = [line for line in figure.axes[0].lines if line.get_label().startswith("by ")]
@@ -216,7 +216,7 @@ def test_no_mark_of_a_ranking_hides_another():
     assert np.abs(heights - np.arange(3)).max() < 0.4  # still in its row
 
 
-def test_the_legend_of_a_ranking_has_marks_that_only_a_later_panel_shows():
+def test_legend_of_a_ranking_has_the_marks_of_all_panels():
     order = {"peak_force": places(VALUES), "peak_power": places(VALUES)}
     none = {name: place._replace(value=np.inf, reason="velocity jumps") for name, place in by_law(VALUES).items()}
     comparisons = {"peak_force": {"column": none}, "peak_power": {"column": by_law(VALUES)}}
@@ -224,7 +224,7 @@ def test_the_legend_of_a_ranking_has_marks_that_only_a_later_panel_shows():
     assert [text.get_text() for text in figure.legends[0].texts] == ["by column"]
 
 
-def test_panels_of_a_ranking_stand_below_one_another_on_a_narrow_screen():
+def test_panels_of_a_ranking_form_one_narrow_column():
     order = {by: places(VALUES) for by in ("peak_force", "peak_power", "rms_force", "rms_power")}
     figure = ranking_figures.draw_rankings(order, {})
     left = {round(ax.get_position().x0, 9) for ax in figure.axes}
@@ -233,7 +233,7 @@ def test_panels_of_a_ranking_stand_below_one_another_on_a_narrow_screen():
     assert figure.get_figwidth() < 6.0
 
 
-def test_no_mark_of_the_engines_hides_another_and_none_has_an_error_of_nothing():
+def test_marks_of_engines_do_not_overlap_and_have_no_bar_without_error():
     orders = {
         engine: {"rigid": {"peak_force": places(VALUES, error)}} for engine, error in (("fem", 5.0), ("column", 0.0))
     }
@@ -245,7 +245,7 @@ def test_no_mark_of_the_engines_hides_another_and_none_has_an_error_of_nothing()
 
 
 @pytest.mark.parametrize("figure", ["ranking", "engines"])
-def test_no_label_of_the_orders_is_cut_at_the_edge(figure):
+def test_labels_of_rankings_are_within_the_figure(figure):
     long = {"reversal-3-free-acceleration": 700.0, "reversal-4-free-acceleration": 1234.0}
     order = {by: places(long, 5.0) for by in ("peak_force", "peak_power")}
     drawn = (
@@ -260,7 +260,7 @@ def test_no_label_of_the_orders_is_cut_at_the_edge(figure):
             assert 0 <= box.x0 < box.x1 <= drawn.bbox.x1
 
 
-def test_engines_that_resist_alike_are_both_seen():
+def test_lines_of_equal_resistances_are_both_visible():
     met = SimpleNamespace(speeds=np.array([0.1, 0.5]), forces=np.array([400.0, 300.0]))
 
     class Map:

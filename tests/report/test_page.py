@@ -1,4 +1,4 @@
-"""The page of a study: its numbers are the study's, nothing comes from elsewhere, and a browser shows it whole."""
+"""HTML page of a study: numbers of the study, no external resources, complete in a browser."""
 
 import json
 import re
@@ -41,7 +41,7 @@ def scene(name="small", **changes):
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """Study, summary and page of the small scene with a layer, its cams and all that belongs to it."""
+    """Study, summary and page of the small scene with a layer and cams."""
     wanted = {"output.items": ["report", "cams", "reactions", "crank"], "accuracy.engine": "spectral"}
     quick = {"contact.speeds": [0.05, 0.3], "contact.peak_pressure": 203e3, "accuracy.tolerance": 0.05}
     plain = {"machine.gap_geometry": "circle", "machine.roller_condition": "frictionless", "mix.moisture": 0.11}
@@ -84,14 +84,14 @@ def test_share_is_per_cent_and_rounding_is_zero(share, text):
     assert format_percent(share) == text
 
 
-def test_a_column_has_one_unit_and_enough_digits():
+def test_column_has_one_unit_and_enough_digits():
     assert format_column([3739.8, 4207.1], "N") == ["3.740 kN", "4.207 kN"]
     assert format_column([0.0, 7.3851, 0.1778], "m/s^3") == ["0.0000 m/s³", "7.3851 m/s³", "0.1778 m/s³"]
     assert format_column([float("inf"), None], "N") == ["infinite", "–"]
 
 
 @given(st.floats(1e-12, 1e12), st.sampled_from(["N", "Pa", "W", "m", "s", "1"]), st.sampled_from([-1, 1]))
-def test_a_quantity_is_its_number_times_its_prefix(size, unit, sign):
+def test_quantity_is_its_number_times_its_prefix(size, unit, sign):
     said, *rest = format_quantity(sign * size, unit, 6).replace("−", "-").split(" ", 1)
     words = rest[0] if rest else ""
     power = re.match(r"× 10(\S+)", words)
@@ -133,19 +133,19 @@ def test_answer_is_that_of_the_study(written):
     assert f"Error estimate of the engine spectral: {error}" in words
 
 
-def test_published_force_is_said(tmp_path):
+def test_answer_states_the_published_load(tmp_path):
     study = Study(scene(**{"output.items": []}))
     assert "the load on each roller is 9.74 kN" in answer_words(study)
 
 
-def test_every_section_is_there_and_linked(written):
+def test_every_section_is_present_and_linked(written):
     page = PageReader(written[2].read_text("utf-8"))
     names = [attributes["id"] for attributes in page.all("details") if "id" in attributes]
     assert names == SECTIONS
     assert [link["href"] for link in page.all("a")] == [f"#{name}" for name in SECTIONS]
 
 
-def test_rank_of_engine_and_formula_stand_side_by_side(written):
+def test_ranks_by_engine_and_formula_are_in_one_row(written):
     study, _, path = written
     text = path.read_text("utf-8")
     for by, places in study.rankings.items():
@@ -168,18 +168,18 @@ def test_assumed_and_changed_values_are_marked(written):
     assert '<span class="mark assumed">changed by the caller</span>' in row
 
 
-def test_a_word_within_a_remark_is_no_mark():
+def test_mark_requires_a_clause_that_begins_with_its_word():
     told = section_html(html_machine.scene_section(parse_scene(starter_scene())))
     row = re.search(r"<code>guide_positions</code>.*?</tr>", told)[0]  # its remark: measured in the same way
     assert "mark" not in row
     assert '<span class="mark assumed">guess</span>' in re.search(r"<code>rib_factor</code>.*?</tr>", told)[0]
 
 
-def test_every_kind_of_ranking_has_words():
+def test_every_criterion_has_a_term():
     assert TERMS.keys() == CRITERIA.keys() == set(get_args(RankBy))
 
 
-def test_figures_are_those_of_the_files_where_these_are_written(tmp_path):
+def test_figures_of_the_page_are_those_of_the_files(tmp_path):
     study = Study(scene(**{"output.items": ["report", "figures"], "motion.laws": ["cubic"]}))
     report.write_study(study, tmp_path / "out")
     from base64 import b64encode
@@ -191,7 +191,7 @@ def test_figures_are_those_of_the_files_where_these_are_written(tmp_path):
 
 
 @pytest.mark.parametrize(("pixels", "wide"), [(600, False), (1700, True)])
-def test_only_wide_pictures_scroll_on_a_narrow_screen_and_say_so(pixels, wide):
+def test_only_wide_pictures_scroll_on_a_narrow_screen(pixels, wide):
     from matplotlib.figure import Figure
 
     from compact.files import FIGURE_DPI, render_png
@@ -225,7 +225,7 @@ def test_number_and_unit_stay_on_one_line():
     assert "1.1\u00a0% more, 3.74\u00a0kN, 0.6\u00a0m/s², 7 laws, 10\u00a0% moisture" in shown
 
 
-def test_law_that_no_machine_follows_is_named_once():
+def test_law_without_a_finite_force_is_named_once():
     study = Study(scene(**{"output.items": [], "motion.laws": ["cubic", "constant-velocity"]}))
     assert answer_words(study).count("No machine can follow constant-velocity") == 1
 
@@ -233,7 +233,7 @@ def test_law_that_no_machine_follows_is_named_once():
 # checks and sensitivity
 
 
-def test_checks_hold_and_count_what_was_computed(written):
+def test_checks_pass_for_every_contact_and_run(written):
     study, _, _ = written
     found = balance_checks.balance_checks(study)
     assert all(check.passed for check in found)
@@ -241,7 +241,7 @@ def test_checks_hold_and_count_what_was_computed(written):
     assert sum("work over a cycle" in check.name for check in found) == len(study.runs)
 
 
-def test_a_balance_that_does_not_close_is_told():
+def test_open_energy_balance_of_a_cycle_fails_its_check():
     study = Study(scene(**{"output.items": [], "motion.laws": ["cubic"]}))
     run = study.runs["cubic"]
     study.drive_stage.runs = {"cubic": replace(run, state=run.state._replace(resistance=1.001 * run.state.resistance))}
@@ -250,7 +250,7 @@ def test_a_balance_that_does_not_close_is_told():
     assert "Built-in checks that fail: work over a cycle, cubic." in answer_words(study, failed)
 
 
-def test_contact_that_does_not_close_its_balance_is_told(written):
+def test_open_energy_balance_of_a_contact_fails_its_check(written):
     study, _, _ = written
     broken = Study(study.scene.replaced(**{"output.items": []}))
     (speed, (rolled,)), *others = study.passes
@@ -302,7 +302,7 @@ def test_ends_by_an_engine_are_those_of_a_scene_so_changed(engine, keys):
                 assert end.law[by] == exact.rankings[by][0].run.name
 
 
-def test_costly_engine_moves_only_what_its_map_knows():
+def test_sensitivities_of_an_expensive_engine_are_by_its_map_or_by_formula():
     study = Study(scene(**LAYERS["spectral"], **{"output.items": [], "motion.laws": ["cubic", "reversal-3"]}))
     dear = Study(study.scene.replaced(**{"accuracy.engine": "fem"}))
     dear.resistance_stage.map, dear.contact_stage.roller_load = study.resistance_map, study.roller_load
@@ -315,14 +315,14 @@ def test_costly_engine_moves_only_what_its_map_knows():
     assert "Inputs that do not change the layer are by the resistance map of the engine" in told
 
 
-def test_ends_beyond_the_formulas_are_told():
+def test_answer_counts_ends_out_of_range():
     study = Study(scene(**{"output.items": [], "motion.laws": ["cubic"], "mix.overrides.effective_modulus": 0.5e6}))
     shifts = study.sensitivities
     assert next(shift for shift in shifts if shift.name.endswith("required_pressure")).high is None  # sin phi > 1
     assert "1 of the ends are out of range" in answer_words(study, shifts=shifts)
 
 
-def test_input_that_turns_the_order_is_named():
+def test_answer_names_inputs_that_change_the_first_law():
     study = Study(scene(**{"output.items": [], "motion.laws": ["parabolic", "quintic"]}))
     shifts = study.sensitivities
     words = (
@@ -347,7 +347,7 @@ def test_laws_within_the_build_tolerance_tie_at_an_end():
 # one file, for everybody
 
 
-def test_page_needs_nothing_else(written):
+def test_page_has_no_external_resources(written):
     text = written[2].read_text("utf-8")
     page = PageReader(text)
     assert all(image["src"].startswith("data:image/") for image in page.all("img"))
@@ -358,7 +358,7 @@ def test_page_needs_nothing_else(written):
     assert "http" not in re.sub(r'src="data:[^"]*"', "", text)
 
 
-def test_every_picture_is_told_in_words(written):
+def test_every_picture_has_a_description(written):
     page = PageReader(written[2].read_text("utf-8"))
     assert len(page.all("img")) >= 9
     assert all(len(image["alt"]) > 25 for image in page.all("img"))
@@ -366,7 +366,7 @@ def test_every_picture_is_told_in_words(written):
     assert len(page.all("h1")) == 1
 
 
-def test_words_stand_out_from_their_ground():
+def test_text_has_sufficient_contrast():
     """WCAG 2.1: contrast at least 4.5."""
     style = (files("compact") / "data" / "page.css").read_text("utf-8")
     pairs = re.findall(r"color: (#[0-9a-f]{3,6}); background: (#[0-9a-f]{3,6})", style)
@@ -390,7 +390,7 @@ def luminance(colour):
 # cost
 
 
-def test_page_is_small_and_computes_no_run_again(written):
+def test_page_is_small_and_repeats_no_run(written):
     study, summary, path = written
     assert path.stat().st_size < LARGEST
     assert "report.html" in summary["files"]
@@ -429,7 +429,7 @@ addEventListener("message", tell);
 
 
 def browsed(text, directory):
-    """What a page tells of itself in windows of 1280 and 400 px, all sections open, by width."""
+    """State of a page in windows of 1280 and 400 px with all sections open, by width."""
     (directory / "page.html").write_text(text.replace("<head>", f"<head>{PROBE}", 1), encoding="utf-8")
     frames = "".join(f'<iframe src="page.html" width="{w}" height="900" frameborder="0"></iframe>' for w in (1280, 400))
     (directory / "frame.html").write_text(FRAME + frames, encoding="utf-8")
@@ -460,7 +460,7 @@ def test_browser_shows_the_page_whole_on_a_screen_and_a_phone(written, tmp_path)
 
 
 @needs_chromium
-def test_browser_test_sees_what_is_wrong(tmp_path):
+def test_browser_test_detects_defects(tmp_path):
     wide = '<div style="width: 900px">wide</div><img src="data:image/png;base64,AAAA" alt="broken">'
     told = browsed(
         render_page("wrong", "base.html.j2", content=Markup(f"{wide}<script>nothing.at.all</script>")), tmp_path

@@ -1,4 +1,4 @@
-"""Progress says stage, time and what is left, weighed by cost; and is silent where nobody looks."""
+"""Progress: stage, elapsed and remaining time weighted by cost; no output without a terminal."""
 
 import io
 import os
@@ -27,7 +27,7 @@ class Terminal(io.StringIO):
 
 
 class Clock:
-    """Seconds that pass when they are told to."""
+    """Clock that the test sets."""
 
     def __init__(self):
         self.now = 0.0
@@ -44,7 +44,7 @@ def paced(total):
 # the estimate
 
 
-def test_work_is_weighed_by_its_cost():
+def test_work_is_weighted_by_its_cost():
     clock, job = paced(10.0)
     for _ in range(5):  # half of the stages, a tenth of the work
         job.begin("small", 0.2)
@@ -54,7 +54,7 @@ def test_work_is_weighed_by_its_cost():
     assert job.remaining == pytest.approx(18.0)
 
 
-def test_time_goes_down_inside_a_long_stage_and_waits_at_its_end():
+def test_remaining_time_decreases_in_a_long_stage_up_to_its_cost():
     clock, job = paced(10.0)
     job.begin("first", 2.0)
     clock.now = 4.0
@@ -66,7 +66,7 @@ def test_time_goes_down_inside_a_long_stage_and_waits_at_its_end():
     assert job.share == pytest.approx(0.6)  # not beyond the stage that still runs
 
 
-def test_a_total_that_grows_on_the_way_moves_the_estimate():
+def test_new_total_changes_the_estimate():
     clock, job = paced(4.0)
     job.begin("first", 2.0)
     clock.now = 2.0
@@ -74,7 +74,7 @@ def test_a_total_that_grows_on_the_way_moves_the_estimate():
     assert job.remaining == pytest.approx(6.0)
 
 
-def test_nothing_is_estimated_before_anything_is_done():
+def test_no_estimate_before_the_first_stage_ends():
     clock, job = paced(4.0)
     job.begin("first", 4.0)
     clock.now = 100.0
@@ -82,7 +82,7 @@ def test_nothing_is_estimated_before_anything_is_done():
 
 
 @pytest.mark.parametrize("bad", [-1.0, float("nan"), float("inf")])
-def test_costs_that_are_none_are_refused(bad):
+def test_invalid_costs_raise(bad):
     _, job = paced(4.0)
     with pytest.raises(ValueError, match=f"`cost` of a stage must be finite and not negative, got {bad}"):
         job.begin("first", bad)
@@ -111,7 +111,7 @@ MEASURED = {
 
 
 @pytest.mark.parametrize("name", MEASURED)
-def test_the_main_job_is_estimated_within_half_from_a_third_on(name):
+def test_remaining_time_of_a_study_is_within_half_after_a_third(name):
     study, (clock, job) = Study(load_scene(SCENES / f"{name}.toml")), paced(0.0)
     whole, told = sum(seconds for *_, seconds in MEASURED[name]), []
     for stage, count, seconds in MEASURED[name]:
@@ -140,7 +140,7 @@ def test_every_stage_of_a_study_has_a_cost():
     assert study.plan.total_cost > 10 * study.plan.cost("rolled")
 
 
-def test_the_whole_is_what_was_done_once_all_is_done():
+def test_whole_cost_at_the_end_is_that_of_the_stages():
     study = Study(load_scene(SCENES / "loveikin-2015-engines.toml"))
     study.counts |= Counter({"resistance": 9, "added mass": 15, "runs": 42, "rankings": 1, "driven": 12})
     each = sum(count * study.plan.cost(stage) for stage, count in study.plan.planned.items())
@@ -150,7 +150,7 @@ def test_the_whole_is_what_was_done_once_all_is_done():
 # the line
 
 
-def test_the_line_ticks_by_itself_and_goes_when_the_job_ends():
+def test_line_is_refreshed_and_erased():
     stream = Terminal()
     with spinning("contact by fem", stream=stream, after=0.0):
         time.sleep(0.9)
@@ -160,7 +160,7 @@ def test_the_line_ticks_by_itself_and_goes_when_the_job_ends():
     assert seen.endswith("\x1b[2K")  # the line is erased
 
 
-def test_a_solver_reports_beside_its_stage():
+def test_line_shows_the_detail_of_a_solver():
     stream = Terminal()
     with spinning("contact by compaction", stream=stream, after=0.0) as job:
         job.report("step 12 of the march")
@@ -181,20 +181,20 @@ def test_cases_are_counted_and_estimated():
 @pytest.mark.parametrize(
     ("stream", "quiet"), [(io.StringIO(), False), (Terminal(), True)], ids=["no terminal", "quiet"]
 )
-def test_nothing_is_written_where_nobody_looks(stream, quiet):
+def test_no_line_without_a_terminal_or_if_quiet(stream, quiet):
     with spinning("contact", stream=stream, quiet=quiet, after=0.0):
         time.sleep(0.3)
     assert stream.getvalue() == ""
 
 
-def test_a_short_job_shows_nothing():
+def test_short_job_has_no_line():
     stream = Terminal()
     with spinning("contact", stream=stream):
         pass
     assert stream.getvalue() == ""
 
 
-def test_a_job_that_fails_takes_its_line_along():
+def test_line_of_a_failed_job_is_erased():
     stream = Terminal()
 
     def fails():
@@ -208,7 +208,7 @@ def test_a_job_that_fails_takes_its_line_along():
 
 
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo-terminal on this system")
-def test_a_script_shows_its_progress_on_a_terminal():
+def test_script_shows_its_progress_on_a_terminal():
     script = (
         "import time; from compact.report.progress import tracked\n"
         "for case in tracked(range(2), 'case', after=0.0): time.sleep(0.4)\n"

@@ -8,9 +8,10 @@ from typing import get_args
 import pytest
 from pages import answer_words
 
-from compact import cli, contact
+from compact import cli
 from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.study import Study
+from compact.engines import formula
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
 from compact.engines.fem import engine as fem_engine
@@ -33,7 +34,7 @@ OPEN = {
 def doors(engine, layer, roller, material):
     """Call what an engine refuses before it computes."""
     if engine == "formula":
-        contact._refuse_beyond_formula(layer, roller, material, SPEED)
+        formula._require_in_scope(layer, roller, material, SPEED)
     elif engine == "column":
         column.require_single_bonded_layer(layer)
         column.require_column_range(roller, material, SPEED)

@@ -80,7 +80,7 @@ class ColumnStack(NamedTuple):
     max_density_ratio: NDArray[np.float64]
 
 
-class GapGeometry(NamedTuple):
+class GapShape(NamedTuple):
     """Shape gap(x) of the roller, x from its lowest generatrix.
 
     Attributes
@@ -104,7 +104,7 @@ class ColumnProblem(NamedTuple):
         Material constants at the rolling speed.
     stack : ColumnStack
         Columns before the pass.
-    gap : GapGeometry
+    gap : GapShape
         Shape of the roller.
     strain_measure : int
         LOGARITHMIC, SMALL or MASS_TRUE.
@@ -112,7 +112,7 @@ class ColumnProblem(NamedTuple):
 
     law: CapConstants
     stack: ColumnStack
-    gap: GapGeometry
+    gap: GapShape
     strain_measure: int
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compact.engines.column import column_ode as ode
-from compact.engines.column.column_ode import STRESS, ColumnProblem, ColumnStack, GapGeometry, PathControl
+from compact.engines.column.column_ode import STRESS, ColumnProblem, ColumnStack, GapShape, PathControl
 from compact.material.cap_plasticity import CapConstants, cap_constants, hardening
 from compact.material.laws import Compaction
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
@@ -29,7 +29,7 @@ STRAINS = {
     "small": ode.SMALL,
     "mass-true": ode.MASS_TRUE,
 }  # strain measures by their names
-PLATE = GapGeometry(0.0, 0.0)
+PLATE = GapShape(0.0, 0.0)
 PATH_ROWS_INITIAL = 128  # [-], rows of a path, doubled on demand; room for all steps would cost more than most steps
 STEPS_PER_CALL = 20_000  # [-], steps in one compiled call over the number of columns; at most 0.1 s to an interrupt
 FAILURES = {
@@ -78,7 +78,7 @@ class ColumnLayer:
         Material constants at the rolling speed.
     stack : ColumnStack
         Columns from the base upwards.
-    gap : GapGeometry
+    gap : GapShape
         Shape of the roller.
     strain_measure : int
         One of the values of STRAINS.
@@ -86,7 +86,7 @@ class ColumnLayer:
 
     law: CapConstants
     stack: ColumnStack
-    gap: GapGeometry
+    gap: GapShape
     strain_measure: int
 
     @cached_property
@@ -354,7 +354,7 @@ class PassResult:
 
 
 def column_layer(
-    columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapGeometry, strain_measure: int
+    columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapShape, strain_measure: int
 ) -> ColumnLayer:
     """Build the `ColumnLayer` of columns at rest.
 
@@ -366,7 +366,7 @@ def column_layer(
         Material law.
     rate_factor : float
         Ratio of pc to its value at the reference speed [-].
-    gap : GapGeometry
+    gap : GapShape
         Shape of the roller.
     strain_measure : int
         One of the values of STRAINS.

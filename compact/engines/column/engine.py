@@ -14,12 +14,12 @@ Several passes, and new mix on compacted mix, are columns on top of one another 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from compact.engines.column.column_ode import COLUMN_STATE, STRESS, GapGeometry, PathControl
+from compact.engines.column.column_ode import COLUMN_STATE, STRESS, GapShape, PathControl
 from compact.engines.column.column_pass import (
     PLATE,
     STIFFNESS_RATIO_MAX,
@@ -36,19 +36,18 @@ from compact.engines.column.indentation_search import (
     solve_target,
 )
 from compact.material.laws import Compaction
-from compact.numerics.validation import require_finite, require_known, require_nonnegative, require_positive
-from compact.rolling_contact import ContactResult, Layer, Roller, require_on_target, require_target_reached
-
-__all__ = [
-    "Column",
-    "ColumnContactResult",
-    "OedometerResult",
-    "RequiredFeed",
-    "required_feed",
-    "roll",
-    "roll_over",
-    "simulate_oedometer",
-]
+from compact.numerics.validation import require_known, require_nonnegative, require_positive
+from compact.rolling_contact import (
+    BaseCondition,
+    ContactResult,
+    GapGeometry,
+    Layer,
+    Roller,
+    RollerCondition,
+    require_moving,
+    require_on_target,
+    require_target_reached,
+)
 
 INTEGRATION_RTOL = 1e-9  # [-], default error of a step over the size of the whole pass
 ERROR_RTOL_RATIO = 100.0  # [-], `rtol` of the comparison pass over `rtol`; the difference is the error estimate
@@ -210,7 +209,7 @@ def roll_over(
     require_column_range(roller, material, speed)
     require_known("strain", strain, STRAINS)
     require_positive(rtol=rtol)
-    gap = GapGeometry(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
+    gap = GapShape(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
     layer = _integrable_layer(tuple(columns), material, material.rate_factor(speed), gap, STRAINS[strain])
     if exit_density_ratio is None:
         result, evaluations = solve_target(layer, roller, rtol)
@@ -316,7 +315,7 @@ def _unit_layer(material: Compaction, rate_factor: float) -> ColumnLayer:
 
 
 def _integrable_layer(
-    columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapGeometry, strain_measure: int
+    columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapShape, strain_measure: int
 ) -> ColumnLayer:
     """Build the `ColumnLayer`; raise ValueError if its equation is too stiff for an explicit method."""
     layer = column_layer(columns, material, rate_factor, gap, strain_measure)
@@ -370,7 +369,7 @@ def require_single_bonded_layer(layer: Layer) -> None:
     layer : Layer
         Layer of a scene.
     """
-    require_known("base", layer.base, ("bonded", "slip"))
+    require_known("base", layer.base, get_args(BaseCondition))
     if layer.base == "slip":
         raise ValueError(
             "the engine column needs a `base` that is bonded, got 'slip': mix on a frictionless base spreads laterally "
@@ -395,14 +394,9 @@ def require_column_range(roller: Roller, material: Compaction, speed: float) -> 
         Speed [m/s], finite and not 0.
     """
     _require_compaction(material)
-    require_finite(speed=speed)
-    if speed == 0:
-        raise ValueError(
-            "`speed` must not be 0, got 0: the resistance at rest is set-valued; use a small speed, whose sign is the "
-            "direction"
-        )
-    require_known("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
-    require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
+    require_moving(speed)
+    require_known("rolling", roller.rolling, get_args(RollerCondition))
+    require_known("profile", roller.profile, get_args(GapGeometry))
     if roller.friction and roller.rolling in ("sliding", "driven"):
         raise ValueError(
             f"the engine column carries no shear, got `rolling` '{roller.rolling}' with `friction` "

@@ -38,8 +38,8 @@ from compact.engines.compaction.steady_newton_krylov import continue_in_stiffnes
 from compact.engines.compaction.target_search import COARSE_TOLERANCE, DepthTarget, solve_directly
 from compact.material.laws import Compaction
 from compact.mesh import RowMesh
-from compact.numerics.validation import require_between, require_finite, require_known, require_positive
-from compact.rolling_contact import HEIGHT_TOLERANCE, Layer, Roller, require_torque_allowed
+from compact.numerics.validation import require_between, require_known, require_positive
+from compact.rolling_contact import HEIGHT_TOLERANCE, Layer, Roller, require_moving, require_torque_allowed
 
 __all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
@@ -361,9 +361,7 @@ def require_compactable(
     ValueError
         With the argument that is out of its range.
     """
-    require_finite(speed=speed)
-    if speed == 0:
-        raise ValueError("`speed` must not be 0, got 0: the resistance is set-valued there; give a signed speed")
+    require_moving(speed)
     if not isinstance(material, Compaction):
         raise ValueError(f"`material` must be Compaction, got {type(material).__name__}; use the engine fem for others")
     if layer.plies:

@@ -14,7 +14,7 @@ from scipy.sparse import csr_matrix
 from compact.engines.compaction.finite_strain_solid import FloatArray
 from compact.engines.compaction.incremental_rolling import PENALTY, PENALTY_REDUCTION, PENALTY_ROWS, IncrementalRolling
 from compact.engines.compaction.newton import Equilibrium, EquilibriumError, IncrementSolver
-from compact.engines.compaction.results import exit_layer, fields_mesh
+from compact.engines.compaction.results import exit_layer, state_mesh
 from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface, RollingSurface
 from compact.engines.compaction.roller_frame import LayerState, RollerFrame, stroke_mesh, transfer_state
 from compact.engines.stroke_schedule import PLACE_TOLERANCE, STEP_LENGTH, Strokes
@@ -141,8 +141,8 @@ class ReciprocatingRoller:
 
     @property
     def fields(self) -> "meshio.Mesh":
-        """Fields of the layer as of `results.fields`, a meshio mesh at the positions of the motion."""
-        mesh = fields_mesh(self.frame, self.state)
+        """Fields of the layer as of `results.field_mesh`, a meshio mesh at the positions of the motion."""
+        mesh = state_mesh(self.frame, self.state)
         mesh.points[:, 0] += self.strokes.low
         return mesh
 

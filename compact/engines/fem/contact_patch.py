@@ -5,7 +5,7 @@ The pressure on trailing < x < leading vanishes at both edges with the exponents
     p = xi^alpha (1 - xi)^(1 - alpha) [c_0 T_0 + ... + c_(n-1) T_(n-1)](2 xi - 1),   xi = (x - trailing)/length.
 
 Petrov-Galerkin equations require the surface to follow the indenter; their test functions may be singular at an edge.
-Between given edges the solution contains two further pressures, singular at one edge each. Newton's method moves the
+Between fixed edges the solution contains two further pressures, singular at one edge each. Newton's method moves the
 edges until both singular amplitudes vanish. The pressure is then unilateral, and the edges are independent of the mesh.
 
 References
@@ -15,14 +15,13 @@ secant update.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compact.engines.fem.surface import FloatArray, SurfaceCompliance, contact_quadrature, shape_matrix
+from compact.rolling_contact import GapGeometry
 
-Profile = Literal["parabola", "circle", "deformed"]
 Edges = tuple[float, float]
 EdgeHistory = tuple[tuple[float, float, float], ...]
 
@@ -34,7 +33,7 @@ PEAK_TERMS_OMITTED = 2  # [-], of the second peak pressure, whose scatter has th
 PEAK_SAMPLES = 2001  # [-], points that locate the peak pressure
 MIN_LENGTH = 1e-6  # [-], contact length over the loaded zone that a mesh can resolve
 MAX_STEP = 0.25  # [-], step of an edge over the contact length
-MAX_ITERATIONS = 60  # [-], of Newton's method; damped steps need 30
+MAX_EDGE_ITERATIONS = 60  # [-], of Newton's method; damped steps need 30
 HISTORY_REPORTED = 4  # [-], iterations listed in an error message
 FULL_STEPS = 12  # [-], iterations before steps are halved, which do not cross the kink of an edge on a node
 DIFFERENCE_STEP = 1e-4  # [-], of an edge over the contact length, for the Jacobian
@@ -50,7 +49,7 @@ class BeyondWindowError(UnresolvedError):
 
 @dataclass(frozen=True, eq=False)
 class Indenter:
-    """Rigid roller at a given indentation with a given ratio of traction to pressure.
+    """Rigid roller at an indentation, with a constant ratio of traction to pressure.
 
     Parameters
     ----------
@@ -66,7 +65,7 @@ class Indenter:
 
     radius: float
     indentation: float
-    profile: Profile
+    profile: GapGeometry
     friction: float
     exponent: float
 
@@ -311,7 +310,7 @@ class _EdgeSolver:
         """Update the Jacobian by Broyden's rule; recompute it where the steps grow."""
         patch = self._solve_between(edges, displacement, terms)
         step_size = np.inf
-        for iteration in range(MAX_ITERATIONS):
+        for iteration in range(MAX_EDGE_ITERATIONS):
             amplitudes = patch.coefficients[-2:]
             if jacobian is None:
                 jacobian = self._difference_jacobian(edges, displacement, terms, amplitudes)
@@ -329,12 +328,12 @@ class _EdgeSolver:
         if self.indenter.profile == "circle" and np.abs(edges).max() > self.indenter.radius:
             raise RuntimeError(beyond_circle_message((edges[0], edges[1]), self.indenter.radius))
         raise UnresolvedError(
-            f"the contact edges did not converge in {MAX_ITERATIONS} iterations; the last (trailing [m], leading [m], "
-            f"step over length) are {self.history[-HISTORY_REPORTED:]}"
+            f"the contact edges did not converge in {MAX_EDGE_ITERATIONS} iterations; the last (trailing [m], "
+            f"leading [m], step over length) are {self.history[-HISTORY_REPORTED:]}"
         )
 
     def _is_consistent(self, patch: ContactPatch, displacement: FloatArray) -> bool:
-        """Whether the displacement for which the normal was computed is that of the patch."""
+        """Return True if the normal was computed for the displacement of the patch."""
         change = np.abs(patch.displacement - displacement).max()
         return self.indenter.profile != "deformed" or change <= EDGE_TOLERANCE * np.abs(patch.displacement).max()
 
@@ -347,7 +346,7 @@ class _EdgeSolver:
         return (np.array([patch.coefficients[-2:] for patch in shifted]) - amplitudes).T / reach
 
     def _solve_between(self, edges: FloatArray, displacement: FloatArray, terms: int) -> ContactPatch:
-        """Solve between given edges; the last two coefficients are the amplitudes of the singular pressures."""
+        """Solve between fixed edges; the last two coefficients are the amplitudes of the singular pressures."""
         surface, indenter = self.surface, self.indenter
         _require_edges_on_mesh(surface, edges)
         x, weight, fraction, complement = contact_quadrature(surface.x, edges)

@@ -35,8 +35,8 @@ from compact.rolling_contact import Layer, Roller
 WINDOW = 1.3  # [-], half-width of the loaded zone over that of the estimated contact
 WINDOW_GROWTH = 1.5  # [-], of a loaded zone that does not contain the contact
 MAX_WINDOWS = 8  # [-], loaded zones
-TARGET_TOLERANCE = 1e-9  # [-], of a prescribed load or peak pressure
-STICK_TARGET_TOLERANCE = 1e-6  # [-], the same with stick and slip, whose shear converges to 1e-7
+SECANT_TOLERANCE = 1e-9  # [-], of a prescribed load or peak pressure
+STICK_SECANT_TOLERANCE = 1e-6  # [-], the same with stick and slip, whose shear converges to 1e-7
 MAX_SECANTS = 20  # [-], contacts solved for a prescribed load or peak pressure
 INITIAL_POWER = 1.2  # [-], of load or peak pressure in the indentation, before two contacts are known
 MAX_LOG_STEP = 1.0  # [-], of the log of the indentation
@@ -80,18 +80,18 @@ class RollingProblem:
 
     @property
     def turns_with_friction(self) -> bool:
-        """Whether the contact has zones of stick and slip."""
+        """True if the contact has zones of stick and slip."""
         return self.roller.rolling in ("free", "driven") and self.roller.friction > 0
 
     @property
     def needs_shear(self) -> bool:
-        """Whether forces along x act on the surface."""
+        """True if forces along x act on the surface."""
         return self.traction_ratio != 0 or self.turns_with_friction or self.roller.profile == "deformed"
 
     @property
     def target_tolerance(self) -> float:
         """Relative tolerance of a prescribed load or peak pressure [-]."""
-        return STICK_TARGET_TOLERANCE if self.turns_with_friction else TARGET_TOLERANCE
+        return STICK_SECANT_TOLERANCE if self.turns_with_friction else SECANT_TOLERANCE
 
     def indenter(self, indentation: float) -> Indenter:
         """Roller at an indentation [m]."""
@@ -143,7 +143,7 @@ class ContactSolution:
 
     @property
     def is_beyond_circle(self) -> bool:
-        """Whether the contact includes points above the centre of the roller, or of vertical tangent."""
+        """True if the contact includes points where the roller has a vertical tangent or lies above its centre."""
         patch, indenter = self.patch, self.indenter
         if indenter.profile == "circle":
             return bool(np.abs(patch.x).max() >= indenter.radius)
@@ -176,7 +176,7 @@ class Discretisation:
 
 
 def solve_contact(
-    problem: RollingProblem, discretisation: Discretisation, tolerance: float = TARGET_TOLERANCE
+    problem: RollingProblem, discretisation: Discretisation, tolerance: float = SECANT_TOLERANCE
 ) -> ContactSolution:
     """Solve a steady contact in a loaded zone that is wide enough.
 
@@ -209,7 +209,7 @@ def expand_window(discretisation: Discretisation, solve: Callable[[float], Found
     Parameters
     ----------
     discretisation : Discretisation
-        Gives the half-width of the estimated contact.
+        Half-width of the estimated contact.
     solve : callable
         Raises `BeyondWindowError` where the zone is too small.
 
@@ -264,7 +264,7 @@ def solve_at_target(
     problem: RollingProblem,
     surface: SurfaceCompliance,
     discretisation: Discretisation,
-    tolerance: float = TARGET_TOLERANCE,
+    tolerance: float = SECANT_TOLERANCE,
     initial_guess: ContactSolution | None = None,
 ) -> ContactSolution:
     """Solve the contact with the prescribed indentation, load or peak pressure of the roller.
@@ -278,7 +278,7 @@ def solve_at_target(
     discretisation : Discretisation
         Pressure terms and initial guess of the indentation.
     tolerance : float
-        Relative tolerance of a prescribed load or peak pressure [-]; `STICK_TARGET_TOLERANCE` at least with stick.
+        Relative tolerance of a prescribed load or peak pressure [-]; `STICK_SECANT_TOLERANCE` at least with stick.
     initial_guess : ContactSolution, optional
         Contact of a similar problem.
 

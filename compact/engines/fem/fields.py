@@ -5,8 +5,8 @@ creep function dissipates, per length rolled and unit volume,
 
     W' = E sum_k J_k (e - z_k) : c : (e - z_k)/l_k,    l_k = |v| theta_k,
 
-where z_k is the retarded strain. The displacement of a viscoelastic layer follows from the elastic one by retardation
-along each line of nodes, in steady motion and at chosen instants of an unsteady one.
+where z_k is the retarded strain. Retardation of the elastic displacement along each line of nodes gives that of the
+viscoelastic layer, in steady motion and at chosen instants of an unsteady one.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -103,7 +103,7 @@ class LoadedLayer:
         return np.einsum("eqsb,eb->eqs", strain_matrix(self.basis), displacement, optimize=True)
 
 
-def fields(result: "FemContactResult") -> "meshio.Mesh":
+def field_mesh(result: "FemContactResult") -> "meshio.Mesh":
     """Compute the fields inside the layer under a roller in steady motion.
 
     Parameters
@@ -120,7 +120,7 @@ def fields(result: "FemContactResult") -> "meshio.Mesh":
     """
     loaded = result.loaded_layer
     dissipation = abs(loaded.speed) * np.sum(loaded.averaging * _dissipation(loaded, loaded.elastic_strain()), axis=1)
-    return _field_mesh(loaded, _steady_displacement(loaded), dissipation=dissipation)
+    return _mesh_with_data(loaded, _steady_displacement(loaded), dissipation=dissipation)
 
 
 def dissipated_work(loaded: LoadedLayer) -> float:
@@ -164,7 +164,7 @@ def transient_frames(
     states : sequence of TransientState
         States of the motion; before the first one the motion is steady.
     positions : callable
-        `positions(begin, end)` gives positions of the roller at even instants between two times [m].
+        `positions(begin, end)` returns positions of the roller at even instants between two times [m].
     initial_velocity : float
         Velocity before the first state [m/s].
     times : sequence of float
@@ -197,7 +197,7 @@ def transient_frames(
         u = np.empty((basis.N, 2))
         u[lines] = (creep.instant * elastic + retarded).transpose(1, 2, 0)
         position = np.full(basis.nelems, state.position)
-        frames.append((state.time, _field_mesh(loaded, u, position=position)))
+        frames.append((state.time, _mesh_with_data(loaded, u, position=position)))
 
     loaded, elastic = elastic_solution(states[0])
     internal = steady_internal_variables(creep, x, elastic, initial_velocity, places - states[0].position)
@@ -212,7 +212,7 @@ def transient_frames(
     return tuple(frames)
 
 
-def _field_mesh(loaded: LoadedLayer, displacement: FloatArray, **cells: FloatArray) -> "meshio.Mesh":
+def _mesh_with_data(loaded: LoadedLayer, displacement: FloatArray, **cells: FloatArray) -> "meshio.Mesh":
     """Mesh with a displacement of the nodes, shape (nodes, 2), the stress and further cell data."""
     import meshio
 

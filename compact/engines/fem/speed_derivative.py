@@ -57,8 +57,8 @@ def expand_resistance(
 ) -> ResistanceExpansion:
     """Expand the resistance of a roller on a linear layer to first order in the acceleration.
 
-    On a mesh fitted to the contact dF_ss/dv and M are within 0.07 % for a ratio of instantaneous to relaxed modulus up
-    to 20, M relative to the larger of |M| and tau dF_ss/dv.
+    On a mesh fitted to the contact the errors of dF_ss/dv and M are below 0.07 % up to an instantaneous modulus of 20
+    times the relaxed one. The error of M refers to the larger of |M| and tau dF_ss/dv.
 
     Parameters
     ----------

@@ -264,7 +264,7 @@ def _first_to_stick(A: FloatArray, b: FloatArray, q: FloatArray, share: FloatArr
 def _solve_stick_zone(
     A: FloatArray, b: FloatArray, slipping: FloatArray, share: FloatArray, force: float, sticks: BoolArray
 ) -> tuple[FloatArray, float]:
-    """Traction that is given where it slips and has s = 0 where it sticks, and the creepage of the prescribed sum."""
+    """Traction with s = 0 where it sticks and the friction limit elsewhere, and the creepage of the prescribed sum."""
     q, k = np.where(sticks, 0.0, slipping), np.flatnonzero(sticks)
     left = np.block([[A[np.ix_(k, k)], np.ones((len(k), 1))], [share[k][None], np.zeros((1, 1))]])
     answer = np.linalg.solve(left, np.append(-(A @ q + b)[k], force - share @ q))

@@ -2,8 +2,8 @@
 
     u(x) = sum_a N_a(x) u_a,    u_a = u0_a + sum_b S_ab f_b
 
-N_a are the quadratic shape functions of the corner and middle nodes, S_ab the nodal compliance of the layer, f_b the
-forces on the nodes of the loaded zone and u0 an initial displacement without contact. x ascends along the travel.
+N_a are the quadratic shape functions of the corner and middle nodes and S_ab the nodal compliance of the layer. The
+forces f_b act on the nodes of the loaded zone; u0 is an initial displacement without contact. x ascends.
 """
 
 from dataclasses import dataclass, replace

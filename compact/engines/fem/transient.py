@@ -9,13 +9,13 @@ time step w is linear in time at each x, and the convolution is integrated along
 
     z_k <- exp(-T/theta_k) z_k + int exp(-(T - t)/theta_k) [(1 - t/T) w_old + (t/T) w_new](X - s(t)) dt/theta_k
 
-The known part of u is the initial displacement of the surface, the part by w_new its compliance: each step is one
-contact on the layer that was condensed once. Steady motion is exact for any step length, and rest is no special case.
+The part of u that does not depend on w_new is the initial displacement of the surface, the other part its compliance.
+Each step is one contact on the layer that was condensed once. Steady motion is exact for any step length.
 The method is of second order; the step length follows from the deviation of the forces from their linear extrapolation.
 
-A roller that turns with friction has zones of stick and slip by Coulomb's law on the slip velocity at the end of a step
-(`stick_slip.FrictionCondition`): exact in steady motion, otherwise of first order. Its tractions are continuous at a
-reversal. The traction of a sliding roller and a prescribed torque jump there; the time then occurs twice.
+A roller that turns with friction has zones of stick and slip. Coulomb's law holds for the slip velocity at the end of a
+step (`stick_slip.FrictionCondition`), which is exact in steady motion and otherwise of first order. Tractions are
+continuous at a reversal, except under sliding or a prescribed torque; the time then occurs twice.
 """
 
 from collections.abc import Iterable, Sequence
@@ -62,7 +62,7 @@ INITIAL_STEP = 0.02  # [-], over the shortest retardation time, after a disconti
 MIN_STEP = 1e-3  # [-], over the same; shorter steps resolve the mesh only
 TIME_ROUNDING = 1e-9  # [-], of the duration, within which two instants coincide
 MAX_STEP_GROWTH, MIN_STEP_GROWTH = 2.0, 0.25  # [-], ratio of successive steps
-STEP_SAFETY = 0.9  # [-], step over the one estimated to meet the tolerance
+STEP_SAFETY = 0.9  # [-], step over the one estimated to reach the tolerance
 
 
 def simulate_transient(  # noqa: PLR0913 - the four physical inputs, and keywords of output and accuracy
@@ -192,7 +192,7 @@ class TransientProblem:
 
     @property
     def jumps_at_reversal(self) -> bool:
-        """Whether the tractions are discontinuous at a reversal, by sliding or by a torque."""
+        """True if the tractions are discontinuous at a reversal, by sliding or by a torque."""
         problem = self.problem
         return bool(problem.traction_ratio or (problem.turns_with_friction and problem.torque))
 
@@ -354,7 +354,7 @@ def _solve_step(
     initial_guess: ContactSolution,
     friction: FrictionCondition | None,
 ) -> ContactSolution:
-    """Contact on a surface with a known displacement and a compliance for the new forces."""
+    """Contact on a surface with the displacement `known` and the compliance by `operator` for the new forces."""
     surface = transient.surface.retarded(operator).with_initial(known)
     indenter = transient.problem.indenter(transient.problem.roller.target[1])
     # from scratch where the edges jump: at a reversal the roller nearly fits its own impression
@@ -391,8 +391,8 @@ def _step_error(
 ) -> float:
     """Error of the resistance by w linear in time, over the tolerance.
 
-    The mean deviation of a parabola from its chord over a step dt is dt^2/12 of its second derivative; its deviation
-    from the tangent of the previous step dt' is dt (dt + dt')/2 of that.
+    The mean deviation of a parabola from its chord over a step dt is dt^2/12 of its second derivative. Its deviation
+    from the tangent of the previous step dt' is dt (dt + dt')/2 of it.
     """
     step, earlier = later.time - now.time, 0.0 if before is None else now.time - before.time
     predicted = 0.0 if before is None else (now.moments - before.moments) * step / earlier
@@ -455,7 +455,7 @@ def _end_of_step(transient: TransientProblem, begin: float, step: float, stops: 
 def _integrate_at(
     transient: TransientProblem, start: TransientState, breaks: Sequence[float], times: Sequence[float]
 ) -> list[TransientState] | None:
-    """States at given times [s]; None where a contact is not found."""
+    """States at prescribed times [s]; None where a contact is not found."""
     states = [start]
     for begin, end in pairwise(breaks):
         transient, before = _directed(transient, states, begin, end), None

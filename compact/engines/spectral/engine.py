@@ -14,6 +14,7 @@ K. L. Johnson, Contact Mechanics, CUP 1985, sections 2.7, 5.8; S. C. Hunter, J. 
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import get_args
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -29,8 +30,16 @@ from compact.engines.spectral.rolling_problem import (
     solve_pressure,
 )
 from compact.material.laws import Elastic
-from compact.numerics.validation import require_finite, require_known, require_positive
-from compact.rolling_contact import ContactResult, Layer, Roller, require_on_target
+from compact.numerics.validation import require_known, require_positive
+from compact.rolling_contact import (
+    BaseCondition,
+    ContactResult,
+    GapGeometry,
+    Layer,
+    Roller,
+    require_moving,
+    require_on_target,
+)
 
 MODE_COUNTS = (
     16,
@@ -256,15 +265,10 @@ def require_spectral_range(layer: Layer, roller: Roller, material: Elastic, spee
     speed : float
         Speed [m/s], finite and not 0.
     """
-    require_finite(speed=speed)
-    require_known("base", layer.base, ("bonded", "slip"))
-    if speed == 0:
-        raise ValueError(
-            "`speed` must not be 0, got 0: the resistance at rest is set-valued; use a small speed, whose sign is the "
-            "direction"
-        )
+    require_moving(speed)
+    require_known("base", layer.base, get_args(BaseCondition))
     require_known("rolling", roller.rolling, TRACTION_SIGN)
-    require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
+    require_known("profile", roller.profile, get_args(GapGeometry))
     if roller.profile == "deformed":
         raise ValueError("the engine spectral needs `profile` 'parabola' or 'circle', got 'deformed'; use fem")
     if roller.rolling == "free" and roller.friction > 0:

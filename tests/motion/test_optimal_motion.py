@@ -1,6 +1,7 @@
-"""Optimal laws: known extremals, duality gaps, limits at every instant, what conflicts, mixes of many samples."""
+"""Optimal laws: known extremals, duality gaps, limits at every instant, conflicting limits, several resistances."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 TWO_THIRDS = Limits(run_up=1 / 6, run_down=1 / 6)
-FAST_SEEDS = (4, 21)  # of 60 random tasks; the others are slow
+FAST_SEEDS = (4, 9)  # of 60 random problems; the others are slow
 ROLLER = CamLimits(0.9, profile_radius=0.24, roller_radius=0.03)
 MACHINE = {"stroke": 0.4, "duration": 3.0, "mass": 1000.0}
 
@@ -73,7 +74,7 @@ def ramped_acceleration(jerk):
         pytest.param("peak_force", none, None, 4.0, 1e-9, id="bang-bang"),
         pytest.param("rms_force", none, None, np.sqrt(12), 1e-9, id="cubic"),
         # kinetic energy grows by P: v^2 = 2 P t/m to the middle, so P = 9/4 m stroke^2/duration^3
-        pytest.param("peak_power", none, None, 9 / 4, 1e-3, id="even-power"),
+        pytest.param("peak_power", none, None, 9 / 4, 1e-3, id="even-power", marks=pytest.mark.slow),
         pytest.param("drawn_energy", none, Limits(acceleration=6.0), trapezoid_speed(6.0) ** 2, 1e-3, id="trapezoid"),
         pytest.param("energy", viscous, Limits(acceleration=6.0), trapezoid_work(6.0), 1e-4, id="even-speed"),
         pytest.param("peak_force", none, Limits(jerk=40.0), ramped_acceleration(40.0), 5e-4, id="one-ramp"),
@@ -87,6 +88,14 @@ def test_extremal_is_known(objective, resistance, limits, exact, within):
     assert motion.value == pytest.approx(exact, rel=within)
     assert motion.gap < 1e-6
     assert violations(motion.limits, motion) == {}
+
+
+def test_law_of_even_power_converges_to_the_extremal():
+    """P = 9/4 m stroke^2/duration^3, see `test_extremal_is_known`; the law leaves rest with infinite acceleration."""
+    coarse, fine = (unit("peak_power", pieces=pieces) for pieces in (16, 32))
+    assert 0 < fine.value / (9 / 4) - 1 < (coarse.value / (9 / 4) - 1) / 3
+    assert fine.value == pytest.approx(9 / 4, rel=7e-3)
+    assert fine.gap < 1e-6
 
 
 def test_weighted_sum_is_the_complex_law_of_its_weights():
@@ -103,7 +112,7 @@ def test_weighted_sum_is_the_complex_law_of_its_weights():
     assert motion.gap < 1e-6
 
 
-def test_steady_speed_may_be_uneven_by_its_tolerance():
+def test_constant_velocity_deviates_by_its_tolerance():
     even, uneven = (
         optimise(
             "peak_force",
@@ -132,13 +141,13 @@ def pitch_of(stroke=0.4, duration=3.0, breadth=0.9, roller=0.03, profile=0.1, dw
     ("constant-velocity", lambda phi: ((0.25 + 0.4 / np.pi * phi) ** 2 + 2 * (0.4 / np.pi) ** 2)
         / ((0.25 + 0.4 / np.pi * phi) ** 2 + (0.4 / np.pi) ** 2) ** 1.5),
 ])  # fmt: skip
-def test_curvature_of_the_rollers_path_is_known(name, curvature):
+def test_curvature_of_the_pitch_curve_is_known(name, curvature):
     phi = np.linspace(0, np.pi, 401)
     there, _ = pitch_of().curvature(*(law(name, 0.4, 3.0).at_phase(phi / np.pi, k) for k in range(3)))
     assert there == pytest.approx(curvature(phi), rel=1e-12)
 
 
-def test_path_that_is_a_circle_is_as_curved_everywhere():
+def test_circular_pitch_curve_has_constant_curvature():
     """A centre 0.2 m off the axis on a circle of radius 0.45 m: rho = e cos + (a^2 - e^2 sin^2)^(1/2), derived here."""
     phi, a, e = np.linspace(0, np.pi, 101), 0.45, -0.2
     root = np.sqrt(a**2 - e**2 * np.sin(phi) ** 2)
@@ -152,24 +161,24 @@ def test_path_that_is_a_circle_is_as_curved_everywhere():
 
 
 @pytest.mark.parametrize("dwells", [False, True])
-def test_slope_of_the_crowding_is_its_difference_quotient(dwells):
+def test_gradient_of_the_curvature_ratio_is_its_difference_quotient(dwells):
     space = SplineSpace(graded_breaks(0.0, 1.0, 8, 1), 1)
-    held = ConstraintSet(Limits(), space, 0.4, 3.0)
-    task = OptimisationProblem(held, DriveCriterion({"peak_force": 1.0}, 1000.0, (none,)))
-    unknowns, change = held.min_acceleration_law, np.random.default_rng(3).normal(size=space.size)
+    constraints = ConstraintSet(Limits(), space, 0.4, 3.0)
+    problem = OptimisationProblem(constraints, DriveCriterion({"peak_force": 1.0}, 1000.0, (none,)))
+    unknowns, change = constraints.min_acceleration_law, np.random.default_rng(3).normal(size=space.size)
     pitch, step = pitch_of(dwells=dwells), 1e-6
-    near = pitch.linearise(task.nodes, unknowns)
-    ahead, behind = (pitch.nodal_ratios(task.nodes, unknowns + way * step * change).ravel() for way in (1, -1))
+    near = pitch.linearise(problem.nodes, unknowns)
+    ahead, behind = (pitch.nodal_ratios(problem.nodes, unknowns + way * step * change).ravel() for way in (1, -1))
     size = np.abs(near.gradients @ change).max()
     assert near.gradients @ change == pytest.approx((ahead - behind) / (2 * step), abs=1e-7 * size)
-    assert near.value == pitch.nodal_ratios(task.nodes, unknowns).max()
+    assert near.value == pitch.nodal_ratios(problem.nodes, unknowns).max()
 
 
 # ---- splines and programs -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("smoothness", [1, 2, 3])
-def test_each_derivative_is_that_of_the_one_before(smoothness):
+def test_spline_derivatives_are_consistent(smoothness):
     space = SplineSpace(graded_breaks(0.0, 1.0, 8, smoothness), smoothness)
     unknowns = np.random.default_rng(smoothness).normal(size=space.size)
     curve, u = space.curve(unknowns), np.array([0.2, 0.7])
@@ -185,7 +194,7 @@ def test_each_derivative_is_that_of_the_one_before(smoothness):
 
 
 @pytest.mark.parametrize("smoothness", [1, 2, 3])
-def test_halved_pieces_hold_the_same_law(smoothness):
+def test_halved_pieces_represent_the_same_law(smoothness):
     coarse, fine = (SplineSpace(graded_breaks(0.0, 1.0, count, smoothness), smoothness) for count in (8, 16))
     unknowns = np.random.default_rng(smoothness).normal(size=coarse.size)
     z, curve = np.linspace(0, 1, 101), coarse.curve(unknowns)
@@ -194,7 +203,7 @@ def test_halved_pieces_hold_the_same_law(smoothness):
 
 
 @given(st.lists(st.floats(-1, 1), min_size=2, max_size=6))
-def test_polynomial_lies_inside_its_coefficients_and_they_close_on_it(coefficients):
+def test_bernstein_hull_contains_the_polynomial_and_converges(coefficients):
     rows = np.array(coefficients)[None, :, None]
     value = bernstein_basis(len(coefficients) - 1, np.linspace(0, 1, 201)) @ coefficients
     room = []
@@ -221,8 +230,10 @@ def least_square(acceleration):
     return 2 * np.sum(np.minimum(acceleration, low * lever) ** 2) * step
 
 
-@pytest.mark.parametrize("acceleration", [0.6, 0.34], ids=["free", "bounded"])
-def test_least_rms_force_of_a_smooth_law_closes_on_the_extremal(acceleration):
+@pytest.mark.parametrize(
+    "acceleration", [pytest.param(0.6, id="free", marks=pytest.mark.slow), pytest.param(0.34, id="bounded")]
+)
+def test_least_rms_force_of_a_smooth_law_converges_to_the_extremal(acceleration):
     """Without continuity of acceleration and jerk the extremal is known; smooth laws come as near as pieces let them.
 
     H^2 has the mean R^2 + m^2 mean a^2, as the acceleration has none.
@@ -269,7 +280,7 @@ def by_snap(bound, steps):
     return found.fun
 
 
-def test_least_peak_force_under_a_bound_on_snap_is_that_of_another_program():
+def test_least_peak_force_with_limited_snap_is_that_of_an_independent_program():
     limits = TWO_THIRDS.replaced(smoothness=3, snap=60.0)
     motion = optimise("peak_force", **MACHINE, resistance=lambda v, a: 3562.0 + 0 * v, limits=limits)
     assert motion.gap < 1e-6
@@ -311,7 +322,7 @@ def demand(seed):
 @pytest.mark.parametrize(
     "seed", [*FAST_SEEDS, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(60) if seed not in FAST_SEEDS)]
 )
-def test_convex_task_ends_without_a_duality_gap(seed):
+def test_convex_problem_has_no_duality_gap(seed):
     *task, limits = demand(seed)
     motion = optimise(*task, limits)
     assert motion.gap < 1e-6
@@ -346,8 +357,14 @@ def test_convex_task_ends_without_a_duality_gap(seed):
 @pytest.mark.parametrize("objective", ["peak_force", pytest.param("peak_power", marks=pytest.mark.slow)])
 def test_limits_hold_at_every_instant(objective, limits):
     motion = optimise(objective, **MACHINE, resistance=dry(3562.0), limits=limits, pieces=16)
-    assert violations(limits, motion, instants=100_001) == {}
+    assert violations(limits, motion, instants=20_001) == {}
     assert motion.gap < 1e-6
+
+
+@cache
+def least_power_law(limits):
+    """Law of least peak power of the machine within limits."""
+    return optimise("peak_power", **MACHINE, resistance=dry(3562.0), limits=limits, pieces=16)
 
 
 @pytest.mark.parametrize(
@@ -359,14 +376,11 @@ def test_limits_hold_at_every_instant(objective, limits):
         (ROLLER, RollerFollower(0.03), "least_hollow_radius", -1),
     ],
 )
-def test_cam_of_the_law_keeps_its_limits(limits, follower, quantity, sign):
-    asked = limits.pressure_angle or limits.radius_of_curvature or limits.profile_radius
-    free, held = (
-        optimise("peak_power", **MACHINE, resistance=dry(3562.0), limits=TWO_THIRDS.replaced(cam=cam), pieces=16)
-        for cam in (None, limits)
-    )
-    assert sign * getattr(Cam(free.cycle(), limits.breadth, follower), quantity) > sign * asked
-    assert sign * getattr(Cam(held.cycle(), limits.breadth, follower), quantity) <= sign * asked + 1e-9
+def test_cam_of_the_optimal_law_satisfies_its_limits(limits, follower, quantity, sign):
+    limit = limits.pressure_angle or limits.radius_of_curvature or limits.profile_radius
+    limited = least_power_law(TWO_THIRDS.replaced(cam=limits))
+    assert sign * getattr(Cam(least_power_law(TWO_THIRDS).cycle(), limits.breadth, follower), quantity) > sign * limit
+    assert sign * getattr(Cam(limited.cycle(), limits.breadth, follower), quantity) <= sign * limit + 1e-9
 
 
 @pytest.mark.parametrize(
@@ -379,48 +393,48 @@ def test_cam_of_the_law_keeps_its_limits(limits, follower, quantity, sign):
         (Limits(cam=CamLimits(0.41, radius_of_curvature=0.3)), {"cam breadth for the radius of curvature": 0.6}),
     ],
 )
-def test_what_conflicts_is_told_with_how_much(limits, needed):
-    with pytest.raises(InfeasibleError, match="no law satisfies all limits; relax, the others unchanged") as told:
+def test_conflicts_state_the_required_limits(limits, needed):
+    with pytest.raises(InfeasibleError, match="no law satisfies all limits; relax, the others unchanged") as raised:
         optimise("peak_force", **MACHINE, resistance=none, limits=limits)
-    assert told.value.alone
-    conflicts = {conflict.name: conflict.required for conflict in told.value.conflicts}
+    assert raised.value.alone
+    conflicts = {conflict.name: conflict.required for conflict in raised.value.conflicts}
     assert conflicts == pytest.approx(needed, rel=3e-3)
 
 
-def test_bounds_that_must_give_together_do_when_they_have_given():
+def test_limits_relaxed_together_are_feasible():
     limits = Limits(velocity=0.1, acceleration=0.1, smoothness=2, jerk=0.1)
-    with pytest.raises(InfeasibleError, match=r"velocity .* together with acceleration") as told:
+    with pytest.raises(InfeasibleError, match=r"velocity .* together with acceleration") as raised:
         optimise("peak_force", **MACHINE, resistance=none, limits=limits, pieces=16)
-    enough = {conflict.name: conflict.required * (1 + 1e-6) for conflict in told.value.conflicts}
-    assert not told.value.alone
+    enough = {conflict.name: conflict.required * (1 + 1e-6) for conflict in raised.value.conflicts}
+    assert not raised.value.alone
     assert optimise("peak_force", **MACHINE, resistance=none, limits=limits.replaced(**enough), pieces=16).gap < 1e-6
-    for name in enough:  # and none of them is told in vain
+    for name in enough:  # each relaxation is necessary
         with pytest.raises(InfeasibleError):
             optimise(
                 "peak_force", **MACHINE, resistance=none, limits=limits.replaced(**(enough | {name: 0.1})), pieces=16
             )
 
 
-def test_radius_that_no_profile_has_is_told_with_the_one_that_does():
+def test_infeasible_profile_radius_states_the_feasible_one():
     limits = TWO_THIRDS.replaced(cam=ROLLER)
 
-    def asked(radius):
+    def with_radius(radius):
         cam = replace(ROLLER, profile_radius=radius)
         return optimise("peak_force", **MACHINE, resistance=none, limits=limits.replaced(cam=cam), pieces=8)
 
-    with pytest.raises(InfeasibleError, match="smallest radius of curvature of the cam") as told:
-        asked(0.4)
-    (conflict,) = told.value.conflicts
-    assert (conflict.limit, told.value.alone) == (0.4, True)
-    assert asked(conflict.required * (1 - 1e-4)).gap < 1e-5
+    with pytest.raises(InfeasibleError, match="smallest radius of curvature of the cam") as raised:
+        with_radius(0.4)
+    (conflict,) = raised.value.conflicts
+    assert (conflict.limit, raised.value.alone) == (0.4, True)
+    assert with_radius(conflict.required * (1 - 1e-4)).gap < 1e-5
     with pytest.raises(InfeasibleError):
-        asked(conflict.required * (1 + 1e-3))
+        with_radius(conflict.required * (1 + 1e-3))
 
 
-def test_dwell_asks_a_radius_of_the_base_circle():
+def test_dwell_limits_the_profile_radius_to_that_of_the_base_circle():
     """Where the cart stands the profile is a circle about the axis: (breadth - stroke)/2 - r, here 0.22 m."""
     cam = CamLimits(0.9, dwell=0.5, profile_radius=0.23, roller_radius=0.03)
-    with pytest.raises(InfeasibleError) as told:
+    with pytest.raises(InfeasibleError) as raised:
         optimise(
             "peak_force",
             **MACHINE,
@@ -428,7 +442,7 @@ def test_dwell_asks_a_radius_of_the_base_circle():
             limits=Limits(end_condition="dwell", jerk=20.0, cam=cam),
             pieces=16,
         )
-    assert told.value.conflicts[0].required == pytest.approx(0.22, rel=1e-4)
+    assert raised.value.conflicts[0].required == pytest.approx(0.22, rel=1e-4)
 
 
 # ---- the published machine -------------------------------------------------------------------------------------------
@@ -449,7 +463,7 @@ def machine():
     ],
 )
 @pytest.mark.parametrize("objective", ["peak_force", "peak_power"])
-def test_no_published_law_within_the_same_limits_asks_for_less(machine, objective, limits, members):
+def test_no_published_law_within_the_same_limits_is_better(machine, objective, limits, members):
     resistance = MotionResistance(machine.cart, machine.resistance)
     motion = optimise(objective, **MACHINE, resistance=resistance, limits=limits, pieces=32)
     rivals = [name for name, cycle in machine.cycles.items() if not violations(limits, cycle.forward)]
@@ -480,12 +494,12 @@ def test_ipopt_finds_no_better_law_from_20_initial_laws(machine, objective, powe
     assert motion.value == pytest.approx(values[0], rel=5e-3)
 
 
-def test_resistance_that_drives_the_cart_is_refused():
+def test_resistance_that_drives_the_cart_is_rejected():
     with pytest.raises(ValueError, match=r"`resistance` must oppose the motion, got -3562 N at velocity 1 m/s"):
         unit("peak_force", lambda velocity, acceleration: -3562.0 + 0 * velocity)
 
 
-def test_way_there_alone_decides_a_law():
+def test_optimal_law_depends_on_the_forward_stroke_alone():
     """So a constant gives the law of dry friction, whose way back mirrors the way there."""
     one, other = (
         unit("peak_force", resistance, pieces=16)
@@ -494,7 +508,7 @@ def test_way_there_alone_decides_a_law():
     assert one.value == other.value
 
 
-def test_pieces_that_fit_no_memory_are_refused():
+def test_too_many_pieces_are_rejected():
     with pytest.raises(ValueError, match=r"`pieces` must be at most 1024, got 1000000000; more pieces"):
         unit("peak_force", pieces=1_000_000_000)
 
@@ -553,7 +567,7 @@ def alone():
     return [optimise("peak_power", resistance=one, **SPREAD_TASK) for one in SPREAD]
 
 
-def test_law_for_all_samples_has_the_least_worst(alone):
+def test_law_for_all_samples_minimises_the_largest(alone):
     motion = optimise("peak_power", resistance=SPREAD, **SPREAD_TASK)
     worst = [max(power_of(law, one) for one in SPREAD) for law in alone]
     assert motion.value == pytest.approx(max(power_of(motion, one) for one in SPREAD), rel=1e-4)
@@ -561,7 +575,7 @@ def test_law_for_all_samples_has_the_least_worst(alone):
     assert motion.gap < 1e-6
 
 
-def test_law_of_least_regret_is_near_the_best_of_each_sample(alone):
+def test_law_of_least_regret_minimises_the_largest_ratio(alone):
     motion = optimise("peak_power", resistance=SPREAD, regret=True, **SPREAD_TASK)
 
     def regret(law):
@@ -571,7 +585,7 @@ def test_law_of_least_regret_is_near_the_best_of_each_sample(alone):
     assert 1 < motion.value < min(regret(law) for law in alone)
 
 
-def test_quantile_leaves_the_worst_samples_out():
+def test_quantile_excludes_the_worst_samples():
     two_of_three = optimise("peak_power", resistance=SPREAD, quantile=0.6, **SPREAD_TASK)
     without = optimise("peak_power", resistance=SPREAD[:2], **SPREAD_TASK)
     assert two_of_three.value == pytest.approx(without.value, rel=1e-6)
@@ -599,7 +613,7 @@ def test_value_scales_with_mass_stroke_and_duration(mass, stroke, duration):
 
 
 @pytest.mark.parametrize(("objective", "steps"), [("peak_force", 5), ("rms_force", 3), ("peak_power", 60)])
-def test_few_steps_are_taken(objective, steps):
+def test_number_of_steps_is_small(objective, steps):
     assert optimise(objective, **MACHINE, resistance=dry(3562.0), limits=TWO_THIRDS, pieces=32).steps <= steps
 
 
@@ -619,7 +633,7 @@ def test_few_steps_are_taken(objective, steps):
         ({"objective": "energy"}, "the criterion is zero for every law"),
     ],
 )
-def test_task_out_of_range_is_refused(options, message):
+def test_arguments_out_of_range_are_rejected(options, message):
     task = {"objective": "peak_force", "resistance": none, **MACHINE}
     with pytest.raises(ValueError, match=message):
         optimise(**(task | options))
@@ -636,12 +650,12 @@ def test_task_out_of_range_is_refused(options, message):
         ({"end_condition": "stop"}, "no end condition 'stop'"),
     ],
 )
-def test_limits_out_of_range_are_refused(limits, message):
+def test_limits_out_of_range_are_rejected(limits, message):
     with pytest.raises(ValueError, match=message):
         Limits(**limits)
 
 
-def test_cam_limits_out_of_range_are_refused():
+def test_cam_limits_out_of_range_are_rejected():
     with pytest.raises(ValueError, match=r"`pressure_angle` must lie in \(0, pi/2\) rad, got 2.0"):
         CamLimits(0.9, pressure_angle=2.0)
 
@@ -655,6 +669,6 @@ def test_cam_limits_out_of_range_are_refused():
         ({"profile_radius": 0.1, "roller_radius": 0.3}, r"`breadth` must exceed 1 m, the stroke and two roller radii"),
     ],
 )
-def test_limits_of_a_rollers_cam_out_of_range_are_refused(cam, message):
+def test_profile_limits_out_of_range_are_rejected(cam, message):
     with pytest.raises(ValueError, match=message):
         optimise("peak_force", **MACHINE, resistance=none, limits=Limits(cam=CamLimits(0.9, **cam)), pieces=16)

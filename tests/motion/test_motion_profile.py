@@ -1,4 +1,4 @@
-"""Motion laws: published peaks, closed forms, joins and cycles, balances between derivatives, hard shapes, refusals."""
+"""Motion laws: published peaks, closed forms, discontinuities, cycles, derivatives, limiting cases, errors."""
 
 import math
 from dataclasses import astuple
@@ -17,7 +17,7 @@ from compact.motion.profile import LAWS, Cycle, Discontinuity, MotionProfile, la
 NAMES = list(LAWS)
 SHAPED = list(RUN_UP_TRAVEL)
 SHOCK = ["constant-velocity", "gear-sector"]
-# Derivatives that vanish where the motion leaves rest, and where the run-up meets the constant speed (D 2.6-4.4):
+# Derivatives that vanish at rest, and at the start of the constant velocity (D 2.6-4.4):
 # conditions given, and natural ones.
 RUN_UP_ENDS = {
     "combined-2": ((1,), (2,)),
@@ -55,7 +55,7 @@ def inner_sides(motion, order):
 
 
 @pytest.mark.parametrize("name", LAWS_OF_D)
-def test_peaks_of_d_are_exact(name):
+def test_peaks_of_the_monograph_are_exact(name):
     _, peaks, *_ = LAWS_OF_D[name]
     assert astuple(unit(name).peaks()) == pytest.approx([float(p) for p in peaks], rel=1e-12, abs=0)
 
@@ -66,24 +66,22 @@ def test_peaks_of_the_complex_law():
 
 
 @pytest.mark.parametrize("name", SHAPED)
-@pytest.mark.parametrize(
-    ("run_up", "run_down"), [(1 / 6, 1 / 6), (0.05, 0.3), (0.5, 0.5), (0.0, 0.0), (0.0, 0.25), (0.4, 0.0)]
-)
-def test_steady_speed_closes_the_stroke(name, run_up, run_down):
+def test_constant_velocity_gives_the_stroke(name):
     share = float(RUN_UP_TRAVEL[name])
-    speed = 1 / (share * (run_up + run_down) + 1 - run_up - run_down)
-    assert unit(name, run_up=run_up, run_down=run_down).velocity(run_up) == pytest.approx(speed, rel=1e-13)
+    for run_up, run_down in [(1 / 6, 1 / 6), (0.05, 0.3), (0.5, 0.5), (0.0, 0.0), (0.0, 0.25), (0.4, 0.0)]:
+        speed = 1 / (share * (run_up + run_down) + 1 - run_up - run_down)
+        assert unit(name, run_up=run_up, run_down=run_down).velocity(run_up) == pytest.approx(speed, rel=1e-13)
 
 
 @pytest.mark.parametrize("name", SHAPED)
-def test_run_down_is_the_run_up_mirrored_and_stretched(name):
+def test_deceleration_is_the_scaled_mirror_image_of_the_acceleration(name):
     motion, tau = unit(name, run_up=0.05, run_down=0.3), np.linspace(0.01, 0.99, 23)
     assert motion.velocity(1 - 0.3 * tau) == pytest.approx(motion.velocity(0.05 * tau), rel=1e-12)
     assert motion.acceleration(1 - 0.3 * tau) * 0.3 == pytest.approx(-motion.acceleration(0.05 * tau) * 0.05, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", SHAPED)
-def test_speed_is_steady_between_run_up_and_run_down(name):
+def test_velocity_is_constant_between_acceleration_and_deceleration(name):
     motion, z = unit(name, run_up=0.05, run_down=0.3), np.linspace(0.05 + 1e-9, 0.7 - 1e-9, 33)
     assert motion.velocity(z) == pytest.approx(np.full(33, motion.velocity(0.4)), rel=1e-14)
     assert np.abs([motion.derivative(z, k) for k in (2, 3, 4)]).max() == 0
@@ -91,13 +89,13 @@ def test_speed_is_steady_between_run_up_and_run_down(name):
 
 @pytest.mark.parametrize(("name", "order"), [(name, k) for name, ends in RUN_UP_ENDS.items() for k in ends[0]])
 @pytest.mark.parametrize(("run_up", "run_down"), [(1 / 6, 1 / 6), (0.05, 0.3), (0.5, 0.5)])
-def test_shaped_law_rests_at_its_ends(name, order, run_up, run_down):
+def test_derivatives_vanish_at_the_ends_of_laws_with_constant_velocity(name, order, run_up, run_down):
     motion = unit(name, run_up=run_up, run_down=run_down)
     assert motion.curve(np.array([0.0, 1.0]), nu=order) == pytest.approx([0, 0], abs=1e-12 * inner_sides(motion, order))
 
 
 @pytest.mark.parametrize(("name", "order"), [(name, k) for name, ends in RUN_UP_ENDS.items() for k in ends[1]])
-def test_shaped_law_meets_the_steady_speed(name, order):
+def test_derivatives_vanish_at_the_start_of_the_constant_velocity(name, order):
     motion = unit(name, run_up=0.05, run_down=0.3)
     before, after = motion.curve.x[1] - 1e-15, motion.curve.x[2]
     size = max(inner_sides(motion, order), 1.0) + 1e-3 * inner_sides(motion, order + 1)
@@ -105,19 +103,19 @@ def test_shaped_law_meets_the_steady_speed(name, order):
 
 
 @pytest.mark.parametrize(("name", "order"), [(name, k) for name, orders in RESTING.items() for k in orders])
-def test_law_rests_at_its_ends(name, order):
+def test_derivatives_vanish_at_the_ends_of_rest_to_rest_laws(name, order):
     motion = unit(name)
     assert motion.curve(np.array([0.0, 1.0]), nu=order) == pytest.approx([0, 0], abs=1e-12 * inner_sides(motion, order))
 
 
 @pytest.mark.parametrize("name", SHOCK)
-def test_shock_law_starts_at_full_speed(name):
+def test_constant_velocity_law_starts_at_full_velocity(name):
     assert law(name, 0.4, 3.0).velocity([0.0, 1.0, 3.0]) == pytest.approx([0.4 / 3] * 3, rel=1e-15)
 
 
 @pytest.mark.parametrize("ratio", [0.0, 1e-9, 0.1, 0.5, 0.9, 0.99, 0.999])
 @pytest.mark.parametrize("order", range(5))
-def test_crank_is_the_slider_crank(ratio, order):
+def test_crank_law_is_the_slider_crank_mechanism(ratio, order):
     k = mpmath.mpf(ratio)
 
     def travel(z):  # (r + l - r cos psi - l cos beta)/(2 r), from the outer dead centre
@@ -133,7 +131,7 @@ def test_crank_is_the_slider_crank(ratio, order):
     assert got == pytest.approx(exact, rel=0, abs=1e-12 * np.abs(exact).max() / (1 - ratio**2))
 
 
-def test_crank_closed_form_is_the_drawing():
+def test_crank_law_is_the_geometry_of_the_mechanism():
     r, rod, z = 0.2, 0.8, np.linspace(0, 1, 17)
     psi = np.pi * z
     hinge = r * np.exp(1j * psi)
@@ -142,13 +140,13 @@ def test_crank_closed_form_is_the_drawing():
 
 
 @pytest.mark.parametrize(("time", "sign"), [(0.0, 1), (3.0, -1)], ids=["outer", "inner"])
-def test_crank_accelerates_most_at_the_dead_centres(time, sign):
+def test_crank_acceleration_at_the_dead_centres(time, sign):
     r, rod, speed = 0.2, 0.8, np.pi / 3.0
     exact = sign * r * speed**2 * (1 + sign * r / rod)
     assert law("crank", 2 * r, 3.0, rod_length=rod).acceleration(time) == pytest.approx(exact, rel=1e-14)
 
 
-def test_crank_without_ratio_is_harmonic():
+def test_crank_with_an_infinite_rod_is_harmonic():
     z = np.linspace(0, 1, 33)
     assert CrankCurve(0.0)(z, nu=3) == pytest.approx(LAWS["harmonic"].build(LawParameters())(z, nu=3), abs=1e-13 * 16)
 
@@ -168,7 +166,7 @@ def test_crank_without_ratio_is_harmonic():
         ("cubic", 0, 13 / 35),
     ],
 )
-def test_criterion_is_its_integral(name, order, exact):
+def test_criterion_is_its_closed_form(name, order, exact):
     assert law(name, 0.4, 3.0).criterion(order) == pytest.approx(0.4**2 / 3.0 ** (2 * order - 1) * exact, rel=1e-13)
 
 
@@ -193,7 +191,7 @@ def test_published_smoothness(name, turn):
         ("gear-sector", (0, 0)),
     ],
 )
-def test_smoothness_of_comparators(name, smooth):
+def test_smoothness_of_other_laws(name, smooth):
     assert (unit(name).smoothness(), unit(name).smoothness("dwell")) == smooth
 
 
@@ -221,7 +219,7 @@ def test_printed_peaks_of_chapter_5_with_an_erratum_are_not_reproduced(name):
         ("reversal-4", 0.1, "jerk", 3.6864, 1e-12),  # D-8: at tau = 1/5
     ],
 )
-def test_misprints_are_values_beside_the_peak(name, time, quantity, printed, tolerance):
+def test_misprints_are_values_next_to_the_peak(name, time, quantity, printed, tolerance):
     assert abs(getattr(law(name, 0.4, 3.0), quantity)(time)) == pytest.approx(printed, abs=tolerance)
 
 
@@ -245,7 +243,7 @@ def test_published_criteria(name, order, value):
 
 
 @pytest.mark.parametrize("order", [2, 3, 4])
-def test_reversal_law_beats_the_combined_law_in_its_criterion(order):
+def test_reversal_law_has_a_smaller_criterion_than_the_combined_law(order):
     assert unit(f"reversal-{order}").criterion(order) < 0.9 * unit(f"combined-{order}").criterion(order)
 
 
@@ -262,7 +260,7 @@ def test_reversal_law_beats_the_combined_law_in_its_criterion(order):
         ("reversal-3-free-acceleration", 3, "dwell"),
     ],
 )
-def test_criterion_is_infinite_where_an_impulse_makes_it_so(name, order, turn):
+def test_criterion_is_infinite_with_an_impulse(name, order, turn):
     assert unit(name).criterion(order, turn) == np.inf
 
 
@@ -310,17 +308,17 @@ def test_criterion_is_finite_without_an_impulse(name, order, turn, exact):
         ("crank", "reversal", []),
     ],
 )
-def test_joins_hold_both_sides(name, turn, expected):
+def test_discontinuities_state_both_limits(name, turn, expected):
     joins = [astuple(join) for join in unit(name).discontinuities(turn)]
     assert np.reshape(joins, (-1, 4)) == pytest.approx(np.reshape(expected, (-1, 4)), rel=1e-10, abs=1e-10)
 
 
 @pytest.mark.parametrize(("order", "quantity"), [(1, "velocity"), (2, "acceleration"), (3, "jerk"), (4, "snap")])
-def test_join_names_its_quantity(order, quantity):
+def test_discontinuity_names_its_derivative(order, quantity):
     assert Discontinuity(0.0, order, 0.0, 1.0).quantity == quantity
 
 
-def test_joins_scale_with_stroke_and_duration():
+def test_discontinuities_scale_with_stroke_and_duration():
     first = law("cubic", 0.4, 3.0).discontinuities("dwell")[0]
     assert (first.time, first.quantity, first.before, first.after) == pytest.approx((0.0, "acceleration", 0.0, 0.8 / 3))
 
@@ -333,7 +331,10 @@ def test_asymmetric_law_jumps_in_acceleration_at_a_reversal():
     assert motion.smoothness() == 1
 
 
-CYCLES = [(name, *dwells) for name in NAMES for dwells in [(0.0, 0.0), (0.5, 0.0), (0.0, 0.25), (0.5, 0.25)]]
+CYCLES = [
+    *((name, *dwells) for name in NAMES for dwells in [(0.0, 0.0), (0.5, 0.25)]),
+    *(pytest.param(name, *dwells, marks=pytest.mark.slow) for name in NAMES for dwells in [(0.5, 0.0), (0.0, 0.25)]),
+]
 
 
 def cycle_of(name, far=0.5, near=0.25):
@@ -351,22 +352,22 @@ def test_cycle_is_continuous_and_periodic(name, far, near):
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "crank"])
-@pytest.mark.parametrize("order", range(5))
-def test_way_back_is_the_mirror_image(name, order):
+def test_return_stroke_is_the_mirror_image(name):
     cycle, t = cycle_of(name), np.linspace(0.013, 2.987, 41)
-    mirrored = (0.4 if order == 0 else 0.0) - cycle.derivative(t, order)
-    assert cycle.derivative(3.5 + t, order) == pytest.approx(mirrored, rel=1e-9, abs=1e-9 * np.abs(mirrored).max())
+    for order in range(5):
+        mirrored = (0.4 if order == 0 else 0.0) - cycle.derivative(t, order)
+        assert cycle.derivative(3.5 + t, order) == pytest.approx(mirrored, rel=1e-9, abs=1e-9 * np.abs(mirrored).max())
 
 
 @pytest.mark.parametrize("order", range(5))
-def test_crank_retraces_its_way(order):
+def test_return_stroke_of_a_crank_is_reversed_in_time(order):
     cycle, t = cycle_of("crank"), np.linspace(0.013, 2.987, 41)
     retraced = (-1) ** order * cycle.derivative(3.0 - t, order)
     assert cycle.derivative(3.5 + t, order) == pytest.approx(retraced, rel=1e-10, abs=1e-10 * np.abs(retraced).max())
 
 
 @pytest.mark.parametrize("order", range(5))
-def test_crank_turns_on_through_its_dead_centres(order):
+def test_crank_is_smooth_through_its_dead_centres(order):
     cycle = law("crank", 0.4, 3.0, rod_length=0.5).cycle()
     t = np.array([0.0, 3.0, 6.0])
     size = np.abs(cycle.derivative(np.linspace(0, 6, 101), order)).max()
@@ -374,13 +375,13 @@ def test_crank_turns_on_through_its_dead_centres(order):
 
 
 @pytest.mark.parametrize("order", range(5))
-def test_dwell_stands(order):
+def test_cart_is_at_rest_in_a_dwell(order):
     cycle = cycle_of("quintic")
     standing = [0.4, 0.0] if order == 0 else [0.0, 0.0]
     assert cycle.derivative([3.25, 6.6], order) == pytest.approx(standing, abs=0)
 
 
-def test_period_counts_both_dwells():
+def test_period_includes_both_dwells():
     assert cycle_of("quintic").period == 6.75
     assert [(leg.start, leg.duration, leg.direction) for leg in cycle_of("quintic").legs()] == [
         (0, 3, 1),
@@ -399,7 +400,7 @@ def test_dwell_of_zero_length_equals_no_dwell(name):
 
 
 @pytest.mark.parametrize(("name", "far", "near"), CYCLES)
-def test_joins_of_the_cycle_are_its_sides(name, far, near):
+def test_discontinuities_of_the_cycle_are_its_one_sided_limits(name, far, near):
     cycle = cycle_of(name, far, near)
     joins, step = cycle.discontinuities(), 1e-7
     got = [[cycle.derivative(join.time + side, join.order) for side in (-step, step)] for join in joins]
@@ -412,7 +413,7 @@ def test_joins_of_the_cycle_are_its_sides(name, far, near):
 
 
 @pytest.mark.parametrize(("name", "far", "near"), CYCLES)
-def test_cycle_jumps_nowhere_but_at_its_joins(name, far, near):
+def test_cycle_is_continuous_except_at_its_discontinuities(name, far, near):
     cycle = cycle_of(name, far, near)
     phases = np.unique(
         np.concatenate(
@@ -432,14 +433,14 @@ def test_cycle_jumps_nowhere_but_at_its_joins(name, far, near):
     assert found == named
 
 
-def test_cycle_at_a_join_takes_what_follows():
+def test_cycle_has_the_right_limit_at_a_discontinuity():
     cycle = law("cubic", 0.4, 3.0).cycle(far_dwell=0.5)
     got = [(cycle.derivative(join.time, join.order), join.after) for join in cycle.discontinuities()]
     assert [value for value, _ in got] == pytest.approx([after for _, after in got], abs=1e-12)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_way_back_has_the_same_peaks_and_criteria(name):
+def test_return_stroke_has_the_same_peaks_and_criteria(name):
     motion = law(name, 0.4, 3.0, run_up=0.05, run_down=0.3, rod_length=0.5)
     assert astuple(motion.return_stroke().peaks()) == pytest.approx(astuple(motion.peaks()), rel=1e-11)
     assert motion.return_stroke().criterion(2) == pytest.approx(motion.criterion(2), rel=1e-12)
@@ -472,9 +473,9 @@ NODES, WEIGHTS = legendre.leggauss(64)
 
 @pytest.mark.parametrize("order", range(4))
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=8)
+@settings(max_examples=4)
 @given(data=st.data())
-def test_each_derivative_is_the_derivative_of_the_one_before(name, order, data):
+def test_each_derivative_integrates_to_the_previous_one(name, order, data):
     motion = data.draw(motions((name,)))
     breaks = motion.curve.x
     piece = data.draw(st.integers(0, len(breaks) - 2))
@@ -490,14 +491,14 @@ def test_each_derivative_is_the_derivative_of_the_one_before(name, order, data):
 
 @settings(max_examples=60)
 @given(motions())
-def test_every_law_runs_from_end_to_end(motion):
+def test_every_law_travels_the_full_stroke(motion):
     ends = motion.position(np.array([0.0, motion.duration])) / motion.stroke
     assert ends == pytest.approx([0.0, 1.0], abs=1e-13)
 
 
 @settings(max_examples=60)
 @given(motions())
-def test_travel_is_continuous_where_pieces_meet(motion):
+def test_travel_is_continuous_at_breakpoints(motion):
     z = motion.curve.x[1:-1]
     before, after = motion.curve(np.nextafter(z, -1), nu=0), motion.curve(np.nextafter(z, 2), nu=0)
     assert before == pytest.approx(after, abs=1e-13)
@@ -536,7 +537,7 @@ def test_peaks_and_criteria_scale_with_stroke_and_time(motion, order):
 @settings(max_examples=25)
 @given(motions(), st.floats(0, 5), st.floats(0, 5))
 @example(law("cubic", 0.4, 3.0), 1e-310, 5e-324)
-def test_cycle_stays_between_its_ends(motion, far, near):
+def test_cycle_stays_within_the_stroke(motion, far, near):
     cycle = motion.cycle(far, near)
     x = cycle.derivative(np.linspace(-cycle.period, 2 * cycle.period, 301), 0) / motion.stroke
     assert (x >= -1e-12).all()
@@ -548,21 +549,21 @@ def test_cycle_stays_between_its_ends(motion, far, near):
 
 @pytest.mark.parametrize("name", SHAPED)
 @pytest.mark.parametrize(("run_up", "run_down"), [(1e-9, 0.3), (0.3, 1e-9), (1e-9, 1e-9)])
-def test_short_run_keeps_the_smoothness_of_its_law(name, run_up, run_down):
+def test_short_acceleration_phase_has_the_smoothness_of_its_law(name, run_up, run_down):
     at_dwell = LAWS_OF_D[name][3]
     assert unit(name, run_up=run_up, run_down=run_down).smoothness("dwell") == at_dwell
 
 
 @pytest.mark.parametrize("name", SHAPED)
 @pytest.mark.parametrize(("run_up", "run_down"), [(1e-9, 0.3), (0.3, 1e-9), (1e-9, 1e-9)])
-def test_short_run_ends_at_rest(name, run_up, run_down):
+def test_law_with_a_short_acceleration_phase_ends_at_rest(name, run_up, run_down):
     ends = unit(name, run_up=run_up, run_down=run_down).curve(np.array([0.0, 1.0]), nu=1)
     assert ends == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
 @pytest.mark.parametrize("name", SHAPED)
 @pytest.mark.parametrize("run", [1e-3, 1e-6, 1e-9])
-def test_short_run_has_the_peaks_of_its_closed_form(name, run):
+def test_peaks_of_a_short_acceleration_phase(name, run):
     # acceleration over a run of T/6 grows as 1/run, at the steady speed
     speed = [1 / (1 - 2 * share * (1 - float(RUN_UP_TRAVEL[name]))) for share in (run, 1 / 6)]
     expected = float(LAWS_OF_D[name][1][1]) * speed[0] / speed[1] / (6 * run)
@@ -574,20 +575,20 @@ def test_short_run_has_the_peaks_of_its_closed_form(name, run):
 
 @pytest.mark.parametrize("name", ["combined-2", "combined-3", "combined-4", "reversal-4"])
 @pytest.mark.parametrize(("run_up", "run_down"), [(1e-9, 0.3), (0.3, 1e-9)])
-def test_criterion_of_a_short_run_is_finite(name, run_up, run_down):
+def test_criterion_with_a_short_acceleration_phase_is_finite(name, run_up, run_down):
     assert np.isfinite(unit(name, run_up=run_up, run_down=run_down).criterion(2))
 
 
 @pytest.mark.parametrize("name", SHAPED)
 @pytest.mark.parametrize("run", [1e-300, 5e-324, 1e-30])
-def test_vanishing_run_is_constant_velocity(name, run):
+def test_vanishing_acceleration_phase_gives_constant_velocity(name, run):
     motion = unit(name, run_up=run, run_down=0.0)
     assert motion.peaks().velocity == pytest.approx(1.0, rel=1e-12)
     assert motion.position(0.5) == pytest.approx(0.5, rel=1e-12)
 
 
 @pytest.mark.parametrize("run", [0.5 - 4e-13, 0.5 - 1e-15, 0.5 + 1e-13])
-def test_runs_that_almost_fill_the_time_leave_no_steady_piece(run):
+def test_acceleration_and_deceleration_that_fill_the_time_leave_no_constant_velocity(run):
     motion = unit("reversal-3", run_up=run, run_down=run)
     assert motion.peaks().velocity == pytest.approx(2.0, rel=1e-11)
     assert motion.smoothness() == 2
@@ -605,7 +606,7 @@ def test_runs_that_almost_fill_the_time_leave_no_steady_piece(run):
         (1 - 1e-16, 0.0),
     ],
 )
-def test_thin_layers_do_not_hide_the_peak_velocity(d1, d2):
+def test_peak_velocity_next_to_thin_boundary_layers(d1, d2):
     motion = unit("complex", energy_weight=d1, acceleration_weight=d2)
     assert 1.0 <= motion.peaks().velocity < 1.1
 
@@ -613,13 +614,16 @@ def test_thin_layers_do_not_hide_the_peak_velocity(d1, d2):
 @pytest.mark.parametrize(
     ("d1", "d2"), [(0.0, 1 - 1e-16), (1e-300, 1 - 1e-16), (0.3, 0.7 - 2.0**-50), (1 - 2.0**-40, 0.0)]
 )
-def test_thin_layers_are_smooth(d1, d2):
+def test_thin_boundary_layers_are_smooth(d1, d2):
     assert unit("complex", energy_weight=d1, acceleration_weight=d2).smoothness() == 2
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize(("stroke", "duration"), [(1.0, 1e-6), (1.0, 1e6), (1e-6, 1e6), (1e6, 1e-6)])
-def test_extreme_durations_only_scale(name, stroke, duration):
+@pytest.mark.parametrize(
+    ("stroke", "duration"),
+    [(1e-6, 1e6), (1e6, 1e-6), *(pytest.param(1.0, time, marks=pytest.mark.slow) for time in (1e-6, 1e6))],
+)
+def test_extreme_strokes_and_durations_only_scale(name, stroke, duration):
     motion = law(name, stroke, duration, rod_length=2.5 * stroke)
     exact = [peak * stroke / duration**k for k, peak in enumerate(astuple(unit(name).peaks()), start=1)]
     assert astuple(motion.peaks()) == pytest.approx(exact, rel=1e-11, abs=0)
@@ -630,14 +634,13 @@ def test_extreme_durations_only_scale(name, stroke, duration):
     assert motion.position(duration) == pytest.approx(stroke, rel=1e-14)
 
 
-@pytest.mark.parametrize("shape", [(), (0,), (7,), (2, 3), (2, 0, 3)])
 @pytest.mark.parametrize("name", NAMES)
-def test_time_takes_any_shape(name, shape):
+def test_time_may_have_any_shape(name):
     motion = law(name, 0.4, 3.0, rod_length=0.5)
-    time = np.full(shape, 0.7)
-    assert {np.shape(motion.derivative(time, k)) for k in range(5)} == {shape}
-    assert {np.shape(motion.return_stroke().derivative(time, k)) for k in range(5)} == {shape}
-    assert {np.shape(motion.cycle(0.2).derivative(time, k)) for k in range(5)} == {shape}
+    for shape in [(), (0,), (7,), (2, 3), (2, 0, 3)]:
+        time = np.full(shape, 0.7)
+        for moving in (motion, motion.return_stroke(), motion.cycle(0.2)):
+            assert {np.shape(moving.derivative(time, k)) for k in range(5)} == {shape}
 
 
 def test_named_derivatives_are_the_derivatives():
@@ -646,11 +649,11 @@ def test_named_derivatives_are_the_derivatives():
     assert [f(0.7) for f in named] == [motion.derivative(0.7, k) for k in range(5)]
 
 
-def test_time_a_rounding_error_outside_is_the_end():
+def test_time_outside_by_rounding_is_the_end():
     assert law("quintic", 0.4, 3.0).position([-1e-13, 3.0 * (1 + 2e-16)]) == pytest.approx([0.0, 0.4], abs=0)
 
 
-def test_laws_of_d_are_all_there():
+def test_all_published_laws_are_defined():
     assert set(LAWS_OF_D) | {"complex", "crank", "gear-sector"} | set(VDI_2143) == set(NAMES)
 
 
@@ -671,7 +674,7 @@ def test_unknown_law_names_the_choices(name, message):
 
 @pytest.mark.parametrize("bad", [0, -1, math.nan, math.inf])
 @pytest.mark.parametrize("quantity", ["stroke", "duration", "rod_length"])
-def test_law_refuses_sizes_that_are_not_positive(quantity, bad):
+def test_law_rejects_sizes_that_are_not_positive(quantity, bad):
     sizes = {"stroke": 0.4, "duration": 3.0, "rod_length": 0.5} | {quantity: bad}
     with pytest.raises(ValueError, match=f"`{quantity}` must be positive and finite, got {bad}"):
         law("crank", **sizes)
@@ -679,30 +682,30 @@ def test_law_refuses_sizes_that_are_not_positive(quantity, bad):
 
 @pytest.mark.parametrize("bad", [-0.1, 1.1, math.nan])
 @pytest.mark.parametrize("quantity", ["run_up", "run_down"])
-def test_law_refuses_shares_off_the_unit_interval(quantity, bad):
+def test_law_rejects_phases_outside_the_pass(quantity, bad):
     with pytest.raises(ValueError, match=f"`{quantity}` must be between 0 and 1, got {bad}"):
         law("reversal-3", 0.4, 3.0, **{quantity: bad})
 
 
-def test_law_refuses_runs_longer_than_the_stroke():
+def test_law_rejects_phases_longer_than_the_pass():
     with pytest.raises(ValueError, match=r"`run_up` \+ `run_down` must not exceed 1, got 0.6 \+ 0.5"):
         law("reversal-3", 0.4, 3.0, run_up=0.6, run_down=0.5)
 
 
-def test_law_refuses_weights_off_the_triangle():
+def test_law_rejects_weights_out_of_range():
     with pytest.raises(
         ValueError, match=r"`energy_weight` and `acceleration_weight` must be >= 0 with a sum <= 1, got 0\.9 and 0\.2"
     ):
         law("complex", 0.4, 3.0, energy_weight=0.9, acceleration_weight=0.2)
 
 
-def test_crank_asks_for_its_rod():
+def test_crank_requires_its_rod():
     with pytest.raises(ValueError, match="the law 'crank' requires `rod_length`, got None; set the length"):
         law("crank", 0.4, 3.0)
 
 
 @pytest.mark.parametrize("rod_length", [0.2, 0.1])
-def test_crank_refuses_a_rod_shorter_than_the_crank(rod_length):
+def test_crank_rejects_a_rod_shorter_than_the_crank(rod_length):
     with pytest.raises(
         ValueError, match=r"crank radius over rod length must lie in \[0, 1\), got [12].0; use a rod longer"
     ):
@@ -719,19 +722,19 @@ def test_crank_refuses_a_rod_shorter_than_the_crank(rod_length):
         (math.inf, "inf"),
     ],
 )
-def test_motion_refuses_times_outside_its_pass(time, got):
+def test_motion_rejects_times_outside_its_pass(time, got):
     with pytest.raises(ValueError, match=r"`time` must lie in \[0, 3\] s, got " + got):
         law("quintic", 0.4, 3.0).position(time)
 
 
 @pytest.mark.parametrize("time", [math.nan, math.inf])
-def test_cycle_refuses_times_that_are_not_finite(time):
+def test_cycle_rejects_times_that_are_not_finite(time):
     with pytest.raises(ValueError, match=f"`time` must be finite, got {time}"):
         law("quintic", 0.4, 3.0).cycle().derivative(time, 0)
 
 
 @pytest.mark.parametrize("quantity", ["far_dwell", "near_dwell"])
 @pytest.mark.parametrize("bad", [-1, math.nan, math.inf])
-def test_cycle_refuses_negative_dwells(quantity, bad):
+def test_cycle_rejects_negative_dwells(quantity, bad):
     with pytest.raises(ValueError, match=f"`{quantity}` must be zero or positive, and finite, got {bad}"):
         law("quintic", 0.4, 3.0).cycle(**{quantity: bad})

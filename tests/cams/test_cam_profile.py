@@ -84,13 +84,13 @@ def test_dwells_are_arcs_about_the_axis(follower, smaller):
         assert np.all(cam.contact_offset(angle) == 0)
 
 
-def test_crank_breadth_errs_by_the_share_of_the_rod():
+def test_breadth_error_of_a_crank_is_that_of_the_finite_rod():
     k = STROKE / 2 / (2 * STROKE)
     error = STROKE * (1 - np.sqrt(1 - k**2)) / k
     assert made("crank", Pointed()).breadth_error == pytest.approx(error, rel=1e-12)
 
 
-def test_point_is_a_roller_without_radius():
+def test_pointed_follower_is_a_roller_of_zero_radius():
     angle = np.linspace(0, 6, 50)
     small, point = made("septic", RollerFollower(1e-12)), made("septic", Pointed())
     assert small.profile(angle) == pytest.approx(point.profile(angle), abs=2e-12)
@@ -116,7 +116,7 @@ REST = sorted(set(SMOOTH) - set(PUBLISHED) - {"reversal-4-free-jerk", "reversal-
 
 
 @pytest.mark.parametrize("name", REST)
-def test_other_laws_need_but_the_axis_inside_a_flat_faced_cam(name):
+def test_other_laws_require_only_the_axis_inside_a_flat_faced_cam(name):
     least = least_breadth(cycle(name), FlatFace())
     assert least.breadth == pytest.approx(STROKE, rel=1e-12)
     assert least.rule == "the axis must lie inside the profile"
@@ -124,7 +124,7 @@ def test_other_laws_need_but_the_axis_inside_a_flat_faced_cam(name):
 
 @pytest.mark.parametrize("follower", [RollerFollower(0.03), FlatFace()], **BY_NAME)
 @pytest.mark.parametrize("name", ["constant-velocity", "gear-sector"])
-def test_a_drop_of_velocity_is_impossible(name, follower):
+def test_drop_of_velocity_is_impossible(name, follower):
     least = least_breadth(cycle(name), follower)
     assert least.breadth == np.inf
     assert least.rule == "impossible: the velocity drops by 0.2667 m/s at the angle 3.142 rad"
@@ -162,7 +162,7 @@ def test_curvature_is_that_of_the_points(follower, name):
     before, here, after = (cam.profile(angle + shift) for shift in (-step, 0, step))
     (dx, dy), (ddx, ddy) = (after - before) / (2 * step), (after - 2 * here + before) / step**2
     arc = np.hypot(dx, dy)
-    good = arc > 0.05  # near a cusp of an undercut cam differences tell nothing
+    good = arc > 0.05  # differences are invalid near a cusp of an undercut cam
     exact = ((dx * ddy - dy * ddx) / arc**3)[good]
     # an undercut part runs backwards: its normal, and with it the sign, is reversed
     sign = np.sign(cam.radius_of_curvature(angle))[good] if follower == FlatFace() else 1
@@ -192,19 +192,20 @@ def test_roller_profile_is_parallel_to_the_path_of_the_centre(name):
     assert px * cy - py * cx == pytest.approx(0, abs=1e-7)
 
 
-@pytest.mark.parametrize("name", SMOOTH)
-@pytest.mark.parametrize("dwell", [0.0, *(pytest.param(dwell, marks=pytest.mark.slow) for dwell in (6.0, 30.0))])
-def test_roller_touches_its_cam_and_nowhere_cuts_it(name, dwell):
-    assert_touched_and_nowhere_cut(name, dwell)
+THIN_LOBES = ("quintic", "combined-3")  # with a near dwell of ten strokes; those of the other laws are slow
 
 
-@pytest.mark.parametrize("name", ["quintic", "combined-3", "complex", "crank", "parabolic"])
-def test_roller_nowhere_cuts_a_thin_lobe(name):
-    assert_touched_and_nowhere_cut(name, dwell=30.0)
-
-
-def assert_touched_and_nowhere_cut(name, dwell):
-    """Envelope: of all points of the profile the nearest to each centre is r away."""
+@pytest.mark.parametrize(
+    ("name", "dwell"),
+    [
+        *((name, 0.0) for name in SMOOTH),
+        *((name, 30.0) for name in THIN_LOBES),
+        *(pytest.param(name, 6.0, marks=pytest.mark.slow) for name in SMOOTH),
+        *(pytest.param(name, 30.0, marks=pytest.mark.slow) for name in SMOOTH if name not in THIN_LOBES),
+    ],
+)
+def test_roller_touches_its_cam_without_overlap(name, dwell):
+    """Envelope: of all points of the profile the nearest to each roller centre is r away."""
     r = 0.03
     cam = made(name, RollerFollower(r), near_dwell=dwell, breadth=1.0)
     cam = replace(cam, breadth=1.01 * cam.least_breadth().breadth)
@@ -217,7 +218,7 @@ def assert_touched_and_nowhere_cut(name, dwell):
 
 
 @pytest.mark.parametrize("name", ["septic", "reversal-4", "combined-2"])
-def test_flat_face_touches_its_cam_and_nowhere_cuts_it(name):
+def test_flat_face_touches_its_cam_without_overlap(name):
     cam = made(name, FlatFace())
     angle = np.linspace(0, 2 * np.pi, 1001)
     reach = direction(angle).T @ cam.profile(angle)
@@ -228,8 +229,11 @@ def test_flat_face_touches_its_cam_and_nowhere_cuts_it(name):
 @pytest.mark.parametrize(
     ("follower", "name"),
     [
-        *((RollerFollower(0.03), name) for name in SMOOTH),
-        *((follower, name) for follower in (Pointed(), FlatFace()) for name in KINDS),
+        *((follower, name) for follower in FOLLOWERS for name in KINDS),
+        *(
+            pytest.param(RollerFollower(0.03), name, marks=pytest.mark.slow)
+            for name in sorted(set(SMOOTH) - set(KINDS))
+        ),
     ],
     ids=lambda value: value if isinstance(value, str) else type(value).__name__,
 )
@@ -247,7 +251,7 @@ def test_extremes_are_those_of_dense_samples(follower, name):
 
 @pytest.mark.parametrize("radius", [0.05, 0.3, 2.0])
 @pytest.mark.parametrize("name", ["reversal-4", "combined-4", "parabolic"])
-def test_least_breadth_lets_the_path_of_the_centre_bend_as_the_roller(name, radius):
+def test_pitch_curve_of_the_least_breadth_is_as_curved_as_the_roller(name, radius):
     """Naive twin: the least radius of curvature of the pitch curve, on samples, is the roller's."""
     motion = cycle(name, run_up=0.05, run_down=0.05) if name != "parabolic" else cycle(name, far_dwell=1.0)
     least = least_breadth(motion, RollerFollower(radius))
@@ -266,7 +270,7 @@ def test_least_breadth_lets_the_path_of_the_centre_bend_as_the_roller(name, radi
 # joins
 
 
-def test_velocity_jumps_are_kinks_of_the_path():
+def test_velocity_jumps_are_corners_of_the_pitch_curve():
     assert made("constant-velocity", Pointed()).corner_angles == pytest.approx((0, np.pi), abs=1e-15)
     standing = made("constant-velocity", Pointed(), far_dwell=1.0, near_dwell=2.0)
     assert standing.corner_angles == pytest.approx([2 * np.pi * time / 9 for time in (0, 3, 4, 7)], abs=1e-14)
@@ -275,11 +279,11 @@ def test_velocity_jumps_are_kinks_of_the_path():
 
 
 @pytest.mark.parametrize("name", SMOOTH)
-def test_no_kink_without_a_jump_of_velocity(name):
+def test_no_corner_without_a_velocity_jump(name):
     assert made(name, Pointed()).corner_angles == ()
 
 
-def test_jump_of_acceleration_jumps_the_curvature_alone():
+def test_jump_of_acceleration_is_a_jump_of_curvature():
     cam, join = made("parabolic", Pointed()), np.pi / 2
     before, after = cam.curvature(np.array([join - 1e-9, join + 1e-9]))
     rho, jump = BREADTH / 2, 8 * STROKE / np.pi**2
@@ -288,7 +292,7 @@ def test_jump_of_acceleration_jumps_the_curvature_alone():
     assert cam.curvature(join) == pytest.approx(after, rel=1e-6)
 
 
-def test_an_upward_jump_of_velocity_is_a_flat_on_the_cam():
+def test_upward_jump_of_velocity_is_a_straight_part_of_the_cam():
     up = replace(law("combined-2", STROKE, DURATION, run_up=0.0, run_down=0.3), retraces=True)
     least = least_breadth(Cycle(up), FlatFace())
     assert np.isfinite(least.breadth)
@@ -302,12 +306,12 @@ def test_an_upward_jump_of_velocity_is_a_flat_on_the_cam():
 
 @pytest.mark.parametrize("follower", FOLLOWERS, **BY_NAME)
 @pytest.mark.parametrize("name", ["combined-4", "reversal-4", "reversal-2"])
-def test_short_run_up(name, follower):
+def test_short_acceleration_phase(name, follower):
     """The run-up of a fiftieth: the published formula on samples of it alone."""
     motion = cycle(name, run_up=0.02, run_down=0.02)
     least = least_breadth(motion, follower).breadth
     if follower == FlatFace():
-        time = np.linspace(0, DURATION, 3_000_001)[1:-1]
+        time = np.linspace(0, DURATION, 600_001)[1:-1]
         unit = motion.period / (2 * np.pi)
         sampled = np.max(STROKE - 2 * (motion.derivative(time, 0) + unit**2 * motion.derivative(time, 2)))
         assert least == pytest.approx(sampled, rel=1e-6)
@@ -328,14 +332,14 @@ def test_cam_hardly_broader_than_the_stroke():
 
 
 @pytest.mark.parametrize("follower", FOLLOWERS, **BY_NAME)
-def test_turns_repeat(follower):
+def test_profile_is_periodic(follower):
     cam, angle = made("reversal-3", follower, far_dwell=0.7), np.linspace(0.05, 6, 40)
     assert cam.profile(angle - 20 * np.pi) == pytest.approx(cam.profile(angle), abs=1e-13)
     assert cam.curvature(angle + 20 * np.pi) == pytest.approx(cam.curvature(angle), rel=1e-10)
 
 
-def test_thin_lobe_needs_more_than_its_curvature_asks():
-    """A lobe of a sixth of the turn. `test_roller_nowhere_cuts_a_thin_lobe` is the independent check."""
+def test_thin_lobe_requires_more_breadth_than_its_curvature():
+    """A lobe of a sixth of the turn. `test_roller_touches_its_cam_without_overlap` is the independent check."""
     follower, motion = RollerFollower(0.03), cycle("quintic", near_dwell=30.0)
     least = least_breadth(motion, follower)
     assert least.rule == "the flanks of the lobe must not cross"
@@ -360,7 +364,7 @@ followers = st.one_of(
 )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(shapes, followers)
 def test_undercut_begins_below_the_least_breadth(shape, follower):
     motion = cycle(**shape)
@@ -375,7 +379,7 @@ def test_undercut_begins_below_the_least_breadth(shape, follower):
             Cam(motion, least * (1 - 1e-6), follower)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(shapes, st.floats(1e-3, 1e3), st.floats(0.01, 1.0))
 def test_least_breadth_scales_with_the_lengths(shape, scale, radius):
     one = least_breadth(cycle(**shape), RollerFollower(radius)).breadth
@@ -403,7 +407,7 @@ def test_table_is_the_cam_along_a_closed_turn():
     assert np.all(np.isfinite(table.columns))
 
 
-def test_table_holds_each_join_once():
+def test_table_contains_each_breakpoint_once():
     angle = made("reversal-4", Pointed()).table(13).columns[0]  # joins are multiples of pi/6 but for rounding
     assert angle == pytest.approx(np.linspace(0, 2 * np.pi, 13), abs=1e-14)
 
@@ -412,7 +416,7 @@ def test_table_holds_each_join_once():
 
 
 @pytest.mark.parametrize("breadth", [0.3, STROKE])
-def test_breadth_within_the_stroke_is_refused(breadth):
+def test_breadth_within_the_stroke_is_rejected(breadth):
     message = f"`breadth` must be greater than the stroke, got {breadth:g} m for 0.4 m; .* `least_breadth`"
     with pytest.raises(ValueError, match=message):
         made("quintic", Pointed(), breadth=breadth)
@@ -431,6 +435,6 @@ def test_breadth_within_the_stroke_is_refused(breadth):
     ],
     ids=["nan", "inf", "radius", "pointed", "angle", "points", "many points"],
 )
-def test_refusals(call, message):
+def test_invalid_input_is_rejected(call, message):
     with pytest.raises(ValueError, match=message):
         call()

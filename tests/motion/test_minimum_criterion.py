@@ -1,4 +1,4 @@
-"""Minimising motions: against mpmath's closed form, against a Ritz minimisation, and against D, A and B."""
+"""Laws of minimum criterion against closed forms in 50 digits, a Ritz minimisation, and the sources D, A and B."""
 
 import math
 
@@ -124,7 +124,7 @@ WEIGHTS = {
     ("order", "coefficients"),
     [(1, [0, 1]), (2, [0, 0, 3, -2]), (3, [0, 0, 0, 10, -15, 6]), (4, [0, 0, 0, 0, 35, -84, 70, -20])],
 )
-def test_rest_to_rest_minimiser_is_the_polynomial_of_d_2(order, coefficients):
+def test_rest_to_rest_minimiser_is_the_polynomial_of_the_monograph(order, coefficients):
     got = minimiser(order, first(REST, order), first(REST, order) | {0: 1})
     assert got.coef == pytest.approx(coefficients, rel=1e-15, abs=1e-14)
 
@@ -143,13 +143,13 @@ def test_rest_to_rest_minimiser_is_the_polynomial_of_d_2(order, coefficients):
     ],
     ids=["2.6", "2.7", "2.8", "3.1", "3.2", "3.3", "4.1", "4.2"],
 )
-def test_run_up_is_the_polynomial_of_d(order, start, end, coefficients):
+def test_acceleration_phase_is_the_polynomial_of_the_monograph(order, start, end, coefficients):
     got = minimiser(order, start, end).coef
     assert got == pytest.approx(coefficients + [0] * (2 * order - len(coefficients)), rel=1e-14, abs=1e-14)
 
 
 @pytest.mark.parametrize(("order", "free"), [(n, k) for n in (1, 2, 3, 4) for k in range(n) if (n, k) != (1, 0)])
-def test_free_end_value_brings_its_natural_condition(order, free):
+def test_free_end_value_adds_its_natural_condition(order, free):
     end = {k: 1.0 for k in range(order) if k != free}
     x = minimiser(order, first(REST, order), end)
     assert (
@@ -158,7 +158,7 @@ def test_free_end_value_brings_its_natural_condition(order, free):
     )
 
 
-def test_free_velocity_at_the_start_brings_its_natural_condition():
+def test_free_velocity_at_the_start_adds_its_natural_condition():
     x = minimiser(3, {0: 0, 2: 0}, {0: 1, 1: 0, 2: 0})
     assert abs(x.deriv(4)(0.0)) < 1e-12 * abs(x.deriv(4)(1.0))
 
@@ -166,7 +166,7 @@ def test_free_velocity_at_the_start_brings_its_natural_condition():
 @pytest.mark.parametrize(
     ("order", "start", "end"), [(3, {2: 0}, {1: 1, 2: 0}), (4, {2: 0, 3: 0}, STEADY)], ids=["4.1", "4.2 and 4.4"]
 )
-def test_free_turning_acceleration_equals_joint_minimisation_over_the_whole_reversal(order, start, end):
+def test_free_acceleration_at_the_reversal_equals_minimisation_over_the_whole_reversal(order, start, end):
     # brake and start as one phase from velocity -1 to 1; its second half is the run-up
     steady_end = {k: float(k == 1) for k in range(1, order)}
     whole = minimiser(order, steady_end | {1: -1.0}, steady_end | {0: 0.0})
@@ -176,13 +176,13 @@ def test_free_turning_acceleration_equals_joint_minimisation_over_the_whole_reve
     assert 2 * (whole(0.5 + tau / 2) - whole(0.5)) == pytest.approx(run_up(tau), abs=1e-13)
 
 
-def test_lone_phase_turns_with_jerk():
+def test_single_phase_reverses_with_jerk():
     x = minimiser(4, {0: 0, 1: 0, 2: 0}, STEADY)  # D-12
     assert (x.deriv(3)(0.0), x(1.0)) == pytest.approx((float(LONE_TURNING_JERK), float(LONE_TRAVEL)), rel=1e-13)
 
 
 @pytest.mark.parametrize("jerk", [-7.0, -1.0, 1e-2, 1.0, 20 / 3])
-def test_brake_and_start_together_turn_without_jerk(jerk):
+def test_deceleration_and_acceleration_together_reverse_without_jerk(jerk):
     # D 4.3: the start has b, the brake run backwards in time has -b
     cost = {b: action(minimiser(4, REST | {3: b}, STEADY), 4) for b in (jerk, -jerk, 0.0)}
     assert cost[jerk] + cost[-jerk] > 2 * cost[0.0]
@@ -304,7 +304,7 @@ def weighted_criterion(law, d1, d2, d3):
 # ---- (b) order -------------------------------------------------------------------------------------------------------
 
 
-def test_criterion_reaches_its_limit_as_the_layer_width():
+def test_criterion_converges_as_the_layer_width():
     # the layer at each end is sqrt(d3/(60 d2)) wide and costs as much
     widths = 2.0 ** -np.arange(20, 36, 3)
     limit = weighted_criterion(ComplexLaw(0.5, 0.5), 0.5, 0.5, 0.0)
@@ -318,7 +318,7 @@ def test_criterion_reaches_its_limit_as_the_layer_width():
 @pytest.mark.parametrize(
     ("d1", "d2"), [(1e-300, 0.0), (0.0, 1e-300), (1e-300, 1e-300), (5e-324, 5e-324), (1e-17, 1e-17)]
 )
-def test_vanishing_weights_leave_the_quintic(d1, d2):
+def test_vanishing_weights_give_the_quintic(d1, d2):
     quintic = Polynomial([0, 0, 0, 10, -15, 6])
     assert ComplexLaw(d1, d2)(PHASES, nu=3) == pytest.approx(quintic.deriv(3)(PHASES), abs=1e-12 * 60)
 
@@ -329,14 +329,14 @@ def test_vanishing_weights_leave_the_quintic(d1, d2):
     ids=["d2 1e-300", "both", "denormal", "d1", "d2 1e-16", "d2 1e-9"],
 )
 @pytest.mark.parametrize("order", range(5))
-def test_almost_energy_alone_is_uniform_speed_inside(d1, d2, order):
+def test_energy_weight_near_one_gives_constant_velocity_inside(d1, d2, order):
     z = np.linspace(0.05, 0.95, 19)
     got = ComplexLaw(d1, d2)(z, nu=order)
     assert got == pytest.approx({0: z, 1: 1.0 + 0 * z}.get(order, 0 * z), abs=1e-3)
 
 
 @pytest.mark.parametrize(("d1", "d2"), [(0.0, 1 - 1e-16), (1e-300, 1 - 1e-16), (1e-300, 1.0), (0.0, 1 - 2.0**-40)])
-def test_almost_acceleration_alone_is_the_cubic(d1, d2):
+def test_acceleration_weight_near_one_gives_the_cubic(d1, d2):
     z = np.linspace(0, 1, 21)
     assert ComplexLaw(d1, d2)(z, nu=1) == pytest.approx(6 * z * (1 - z), abs=1e-5)
 
@@ -344,14 +344,14 @@ def test_almost_acceleration_alone_is_the_cubic(d1, d2):
 @pytest.mark.parametrize(
     ("d1", "d2"), [(0.3, 0.7), (0.7, 0.3), (0.1, 0.9), (0.9, 0.1), (0.8, 0.2), (0.58, 0.42), (0.42, 0.58)]
 )
-def test_decimal_weights_that_add_up_to_one_leave_no_jerk_term(d1, d2):
+def test_decimal_weights_with_the_sum_one_have_no_jerk_term(d1, d2):
     # 1 - 0.7 - 0.3 is 6e-17 in binary, which would be a layer of 1e-9 with a jerk of 5e9
     assert np.abs(ComplexLaw(d1, d2)(np.array([0.0, 1e-9, 1e-4]), nu=3)).max() < 1e3
 
 
 @pytest.mark.parametrize("order", [2, 3, 4])
 @pytest.mark.parametrize(("d1", "d2"), [(0.033, 0.967 - 1.4e-6), (2.7e-6, 1 - 2.9e-6), (0.013, 0.987 - 3e-10)])
-def test_small_jerk_weight_keeps_its_digits(d1, d2, order):
+def test_small_jerk_weight_is_exact_to_rounding(d1, d2, order):
     # d3 = 1 - d1 - d2 of the weights as they are, not after rounding 1 - d1
     exact = twin(d1, d2, order, PHASES)
     assert ComplexLaw(d1, d2)(PHASES, nu=order) == pytest.approx(exact, rel=0, abs=1e-12 * np.abs(exact).max())
@@ -364,7 +364,7 @@ conditions = st.floats(-10, 10)
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(1, 4), st.lists(conditions, min_size=8, max_size=8), st.integers(0, 3))
-def test_minimiser_is_stationary_for_every_variation_at_rest(order, values, degree):
+def test_minimiser_is_stationary_for_variations_at_rest(order, values, degree):
     x = minimiser(order, dict(enumerate(values[:order])), dict(enumerate(values[4 : 4 + order])))
     variation = Polynomial([0, 1]) ** order * Polynomial([1, -1]) ** order * Polynomial.basis(degree)
     change = (x.deriv(order) * variation.deriv(order)).integ()(1.0)
@@ -373,7 +373,7 @@ def test_minimiser_is_stationary_for_every_variation_at_rest(order, values, degr
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(1, 4), st.lists(conditions, min_size=8, max_size=8))
-def test_minimiser_meets_its_end_conditions(order, values):
+def test_minimiser_satisfies_its_end_conditions(order, values):
     x = minimiser(order, dict(enumerate(values[:order])), dict(enumerate(values[4 : 4 + order])))
     size = max(1.0, np.abs(x.coef).max())
     got = [x.deriv(k)(z) if k else x(z) for z in (0.0, 1.0) for k in range(order)]
@@ -385,7 +385,7 @@ shares = st.floats(0, 1)
 
 @settings(max_examples=100, deadline=None)
 @given(shares, shares)
-def test_complex_law_meets_its_ends_and_is_odd_about_its_middle(share, split):
+def test_complex_law_satisfies_its_end_conditions_and_is_odd(share, split):
     law = ComplexLaw(share * split, share * (1 - split))
     z = np.linspace(0, 0.5, 17)
     assert law(1 - z) + law(z) == pytest.approx(np.ones(17), abs=1e-13)
@@ -415,15 +415,35 @@ def test_complex_law_solves_its_euler_poisson_equation(d3, split, z):
 @pytest.mark.parametrize(
     ("order", "start", "end", "message"),
     [
-        (2, {0: 0, 4: 0}, {0: 1, 1: 0}, r"derivatives given must lie in 0\.\.3 for order 2, got \[0, 4\]"),
-        (2, {-1: 0, 0: 0}, {0: 1, 1: 0}, r"derivatives given must lie in 0\.\.3 for order 2, got \[-1, 0\]"),
-        (2, {0: 0, 1: 0, 2: 0}, {0: 1, 1: 0}, r"each end takes 2 conditions for order 2, got derivatives \[0, 1, 2\]"),
-        (3, {0: 0, 1: 0, 2: 0}, {0: 0, 5: 0}, r"each end takes 3 conditions for order 3, got derivatives \[0, 5\]"),
+        (
+            2,
+            {0: 0, 4: 0},
+            {0: 1, 1: 0},
+            r"orders of prescribed derivatives must lie in 0\.\.3 for order 2, got \[0, 4\]",
+        ),
+        (
+            2,
+            {-1: 0, 0: 0},
+            {0: 1, 1: 0},
+            r"orders of prescribed derivatives must lie in 0\.\.3 for order 2, got \[-1, 0\]",
+        ),
+        (
+            2,
+            {0: 0, 1: 0, 2: 0},
+            {0: 1, 1: 0},
+            r"each end requires 2 conditions for order 2, got derivatives of order \[0, 1, 2\]",
+        ),
+        (
+            3,
+            {0: 0, 1: 0, 2: 0},
+            {0: 0, 5: 0},
+            r"each end requires 3 conditions for order 3, got derivatives of order \[0, 5\]",
+        ),
         (2, {1: 0}, {1: 1}, r"`start` \{1: 0\} and `end` \{1: 1\} leave x undetermined; add a position, order 0,"),
     ],
     ids=["beyond", "negative", "too many", "natural twice", "no position"],
 )
-def test_minimiser_refuses_conditions_that_fit_no_order(order, start, end, message):
+def test_minimiser_rejects_conditions_that_fit_no_order(order, start, end, message):
     with pytest.raises(ValueError, match=message):
         minimiser(order, start, end)
 
@@ -431,7 +451,7 @@ def test_minimiser_refuses_conditions_that_fit_no_order(order, start, end, messa
 @pytest.mark.parametrize(
     ("d1", "d2"), [(-1e-20, 0.3), (0.5, -0.1), (0.9, 0.2), (math.nan, 0.3), (0.3, math.nan), (math.inf, 0.0)]
 )
-def test_complex_law_refuses_weights_off_the_triangle(d1, d2):
+def test_complex_law_rejects_weights_out_of_range(d1, d2):
     message = "`energy_weight` and `acceleration_weight` must be >= 0 with a sum <= 1, got "
     with pytest.raises(ValueError, match=message + f"{d1!r} and {d2!r}"):
         ComplexLaw(d1, d2)

@@ -1,4 +1,4 @@
-"""Motion from a table: polynomial laws recovered, end rows met, an error that is honest, refusals."""
+"""Motion from a table: polynomial laws, interpolated end rows, calibrated error estimate, errors."""
 
 import numpy as np
 import pytest
@@ -32,14 +32,14 @@ def noisy_quintic(seed, rows, ends):
 @pytest.mark.parametrize(("order", "digits"), [(0, 1e-11), (1, 1e-10), (2, 1e-8), (3, 1e-6)])
 @pytest.mark.parametrize("rows", [12, 13, 30, 61, 400])
 @pytest.mark.parametrize("name", ["cubic", "quintic"])
-def test_clean_table_gives_its_polynomial_back(name, rows, order, digits):
+def test_table_without_noise_reproduces_its_polynomial(name, rows, order, digits):
     time, exact = np.linspace(0, DURATION, 301), law(name, STROKE, DURATION)
     got = from_table(*table_of(name, rows)).derivative(time, order)
     size = np.abs(exact.derivative(time, order)).max()
     assert got == pytest.approx(exact.derivative(time, order), rel=0, abs=digits * size)
 
 
-def test_peaks_come_from_the_curve_not_the_rows():
+def test_peaks_are_those_of_the_curve():
     peaks, exact = from_table(*table_of("quintic", 30)).peaks(), law("quintic", STROKE, DURATION).peaks()
     assert (peaks.velocity, peaks.acceleration, peaks.jerk) == pytest.approx(
         (exact.velocity, exact.acceleration, exact.jerk), rel=1e-6
@@ -48,7 +48,7 @@ def test_peaks_come_from_the_curve_not_the_rows():
 
 @pytest.mark.parametrize("name", ["septic", "cycloidal"])
 @pytest.mark.parametrize(("rows", "tolerance"), [(31, 1e-2), (61, 1e-3), (200, 1e-4)])
-def test_clean_table_of_a_smooth_law_gives_its_jerk(name, rows, tolerance):
+def test_table_without_noise_reproduces_the_jerk_of_a_smooth_law(name, rows, tolerance):
     exact = law(name, STROKE, DURATION)
     assert from_table(*table_of(name, rows)).jerk(INSIDE) == pytest.approx(
         exact.jerk(INSIDE), abs=tolerance * exact.peaks().jerk
@@ -63,7 +63,7 @@ def test_jerk_is_continuous():
 # ---- (b) order -------------------------------------------------------------------------------------------------------
 
 
-def test_clean_table_converges_at_the_order_of_the_quintic_spline():
+def test_error_without_noise_has_the_order_of_the_quintic_spline():
     rows = np.array([31, 61, 121])
     exact = law("cycloidal", STROKE, DURATION)
     error = [
@@ -72,7 +72,7 @@ def test_clean_table_converges_at_the_order_of_the_quintic_spline():
     assert -np.polyfit(np.log(rows), np.log(error), 1)[0] > 5.5
 
 
-# ---- an honest error -------------------------------------------------------------------------------------------------
+# ---- error estimate --------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module", params=["exact ends", "noisy ends"])
@@ -93,7 +93,7 @@ def test_standard_error_is_the_error(trials, order):
 
 
 @pytest.mark.parametrize("order", range(1, 4))
-def test_standard_error_is_honest_at_every_phase(trials, order):
+def test_standard_error_is_the_error_at_every_phase(trials, order):
     errors, reported, _ = trials
     ratio = np.sqrt(np.mean(errors[:, order] ** 2, axis=0) / np.mean(reported[:, order] ** 2, axis=0))
     assert ratio.min() > 0.6
@@ -101,7 +101,7 @@ def test_standard_error_is_honest_at_every_phase(trials, order):
 
 
 @pytest.mark.parametrize("order", range(1, 4))
-def test_two_standard_errors_hold_most_of_the_truth(trials, order):
+def test_two_standard_errors_cover_most_errors(trials, order):
     errors, reported, _ = trials
     assert np.mean(np.abs(errors[:, order]) < 2 * reported[:, order]) > 0.85
 
@@ -110,7 +110,7 @@ def test_scatter_is_the_noise(trials):
     assert np.mean(trials[2]) == pytest.approx(NOISE, rel=0.1)
 
 
-def test_standard_error_of_the_ends_is_that_of_fixed_rows():
+def test_standard_error_is_zero_at_the_fixed_ends():
     motion = noisy_quintic(0, 61, "exact ends")
     assert motion.standard_error(np.array([0.0, DURATION]), 0) == pytest.approx([0, 0], abs=0)
     assert motion.standard_error(np.array([0.0, DURATION]), 1) == pytest.approx([0, 0], abs=0)
@@ -121,12 +121,12 @@ def test_standard_error_of_the_ends_is_that_of_fixed_rows():
 
 
 @pytest.mark.parametrize("shape", [(), (0,), (5,), (2, 3)])
-def test_standard_error_takes_any_shape(shape):
+def test_standard_error_has_the_shape_of_time(shape):
     error = noisy_quintic(0, 61, "exact ends").standard_error(np.full(shape, 0.7), 2)
     assert np.shape(error) == shape
 
 
-def test_uneven_rows_serve_as_well():
+def test_uneven_rows_reproduce_the_law():
     z = np.sort(np.random.default_rng(0).uniform(0, 1, 60))
     z[[0, -1]] = 0, 1
     exact = law("quintic", STROKE, DURATION)
@@ -135,13 +135,13 @@ def test_uneven_rows_serve_as_well():
     )
 
 
-def test_gap_in_the_rows_is_bridged_and_shows_in_the_error():
+def test_gap_in_the_rows_increases_the_error_estimate():
     z = np.concatenate([np.linspace(0, 0.3, 20), np.linspace(0.7, 1, 20)])
     noise = NOISE * np.random.default_rng(0).standard_normal(40) * (z > 0) * (z < 1)
     exact = law("quintic", STROKE, DURATION)
     motion = from_table(DURATION * z, exact.position(DURATION * z) + noise)
-    middle, beside = motion.standard_error(DURATION * np.array([0.5, 0.2]), 0)
-    assert middle > 3 * beside
+    middle, elsewhere = motion.standard_error(DURATION * np.array([0.5, 0.2]), 0)
+    assert middle > 3 * elsewhere
     assert abs(motion.position(DURATION / 2) - STROKE / 2) < 4 * middle
 
 
@@ -159,7 +159,7 @@ def test_table_of_any_scale(scale):
     assert got * scale**4 == pytest.approx(from_table(time, position).jerk(INSIDE), abs=1e-6)
 
 
-def test_rounded_table_keeps_its_velocity():
+def test_rounded_table_reproduces_its_velocity():
     time, position = table_of("quintic", 301)
     motion = from_table(time, position.round(4))
     assert motion.scatter == pytest.approx(1e-4 / np.sqrt(12), rel=0.2)
@@ -171,7 +171,7 @@ def test_rounded_table_keeps_its_velocity():
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(12, 80), st.floats(0, 0.05), st.integers(0, 2**31))
-def test_end_rows_are_met_and_the_ends_rest(rows, noise, seed):
+def test_end_rows_are_interpolated_at_rest(rows, noise, seed):
     time, position = table_of("septic", rows)
     position = position + noise * STROKE * np.random.default_rng(seed).standard_normal(rows)
     motion = from_table(time, position)
@@ -215,11 +215,11 @@ def test_curve_scales_with_the_table(seed, scale):
     ],
     ids=["few", "unequal", "two columns", "nan", "inf", "twice", "backwards in time", "backwards", "standing"],
 )
-def test_table_is_refused(time, position, message):
+def test_invalid_table_is_rejected(time, position, message):
     with pytest.raises(ValueError, match=message):
         from_table(time, position)
 
 
-def test_time_outside_the_table_is_refused():
+def test_time_outside_the_table_is_rejected():
     with pytest.raises(ValueError, match=r"`time` must lie in \[0, 3\] s, got 3.1 to 3.1"):
         from_table(*table_of("quintic")).jerk(3.1)
