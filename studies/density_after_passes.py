@@ -106,7 +106,7 @@ def _draw(rows):
     """Draw the largest load and the resistance over the number of passes, one line for each roller and mix."""
     from matplotlib.figure import Figure
 
-    from compact.report.figure_style import PALETTE
+    from compact.report.figures.style import PALETTE
 
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True)
@@ -133,7 +133,7 @@ def draw_profiles(rows):
     """Draw the density over depth behind each pass: the whole layer, and the top, where passes differ."""
     from matplotlib.figure import Figure
 
-    from compact.report.figure_style import PALETTE
+    from compact.report.figures.style import PALETTE
 
     figure = Figure(figsize=(9.0, 4.4), layout="constrained")
     panels = figure.subplots(1, 2)

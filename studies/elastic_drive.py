@@ -51,7 +51,7 @@ def _draw(rows, runs):
     """Draw dynamic amplification and non-uniformity over stiffness, one line for each law, and the force of two laws."""
     from matplotlib.figure import Figure
 
-    from compact.report.figure_style import law_style
+    from compact.report.figures.style import law_style
 
     figure = Figure(figsize=(13.0, 4.0), layout="constrained")
     panels = figure.subplots(1, 3)

@@ -93,8 +93,8 @@ def figure(rows):
     """Draw the relative differences to the spectral engine, one panel for each quantity, one colour for each engine."""
     from matplotlib.figure import Figure
 
-    from compact.report.figure_style import PALETTE
-    from compact.report.ranking_figures import ENGINE_STYLES
+    from compact.report.figures.ranking import ENGINE_STYLES
+    from compact.report.figures.style import PALETTE
 
     drawn = Figure(figsize=(12, 3.8), layout="constrained")
     panels = drawn.subplots(1, 3)

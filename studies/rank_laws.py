@@ -224,7 +224,7 @@ def _draw(rows, spreads, most=8):
     """
     from matplotlib.figure import Figure
 
-    from compact.report.ranking_figures import ENGINE_STYLES, mark_offsets
+    from compact.report.figures.ranking import ENGINE_STYLES, mark_offsets
 
     figure = Figure(figsize=(12.5, 4.6), layout="constrained")
     panels = figure.subplots(1, len(SHOWN) + 1, width_ratios=[3] * len(SHOWN) + [2])

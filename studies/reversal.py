@@ -150,7 +150,7 @@ def figure(rows, courses):
     """Force over time of the first law; error against the time that a cycle takes, of all."""
     from matplotlib.figure import Figure
 
-    from compact.report.figure_style import PALETTE
+    from compact.report.figures.style import PALETTE
 
     drawn = Figure(figsize=(10.5, 4.0), layout="constrained")
     left, right = drawn.subplots(1, 2)

@@ -101,7 +101,7 @@ def _draw(done, radius, increments, steady):
     """Draw the resistance over the travel compared with steady rolling, and the density at three instants."""
     from matplotlib.figure import Figure
 
-    from compact.report.figure_style import PALETTE
+    from compact.report.figures.style import PALETTE
 
     figure = Figure(figsize=(10.5, 5.2), layout="constrained")
     grid = figure.add_gridspec(len(done.frames), 2, width_ratios=(1.0, 1.35))

@@ -3,8 +3,8 @@
 from copy import copy
 from html.parser import HTMLParser
 
-from compact.report import html_answer
-from compact.report.page import render_block, render_page
+from compact.report.page import answer as html_answer
+from compact.report.page.blocks import render_block, render_page
 
 
 class PageReader(HTMLParser):

@@ -116,7 +116,7 @@ class Limits:
     end_condition : {"reversal", "dwell"}
         Motion after the pass: its mirror image without a dwell, or a dwell.
     at_rest : tuple of int
-        Orders of derivatives, from 2 to the smoothness, that are zero at both ends, besides the velocity.
+        Orders of derivatives, from 2 to the smoothness, that are zero at both ends, in addition to the velocity.
     cam : CamLimits, optional
         Limits of the cam.
     """

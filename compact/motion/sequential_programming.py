@@ -92,7 +92,7 @@ class OptimisationProblem:
     criterion : DriveCriterion
         Criterion to minimise; without weights the largest curvature ratio of the pitch curve.
     extra_phases : tuple of float
-        Phases t/T of peaks between the nodes, checked besides the nodes.
+        Phases t/T of peaks between the nodes, checked in addition to the nodes.
     penalty : float
         Weight of the violation of the curvature limit, in the unit of the criterion.
     """

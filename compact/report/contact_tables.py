@@ -102,7 +102,7 @@ def write_pressure_figure(study: Study, directory: Path) -> Path:
     """
     if standing := study.standing(directory, "pressure.png"):
         return standing[0]
-    from compact.report import contact_figures
+    from compact.report.figures import contact as contact_figures
 
     speed, contact = study.contact_stage.typical
     return write_figure(directory / "pressure.png", contact_figures.draw_pressure(contact, study.exact, speed))
@@ -121,7 +121,7 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     passes : sequence of ContactResult
         Results of the passes in order; the tractions are those of the first.
     """
-    from compact.report import contact_figures
+    from compact.report.figures import contact as contact_figures
 
     first, engine = passes[0], study.scene.accuracy.engine
     columns = np.column_stack([first.x, first.pressure, first.shear_traction]).tolist()

@@ -15,7 +15,7 @@ from compact.motion.profile import Cycle, EndCondition
 from compact.report import drive_tables
 
 if TYPE_CHECKING:
-    from compact.report.page import Block
+    from compact.report.page.blocks import Block
 
 CAM_POINTS = 721  # [-], rows of the table of a cam, each half degree
 FORMULA_HEADER = ("quantity", "value", "unit", "low", "high", "known_by")
@@ -198,7 +198,7 @@ def first_cam_blocks(study: Study) -> "list[Block]":
     from compact.cams.animation import animated_svg
     from compact.cams.machining import cut
     from compact.cams.workshop_drawing import describe, workshop_drawing
-    from compact.report.page import Paragraph, Picture
+    from compact.report.page.blocks import Paragraph, Picture
 
     law = study.drive_stage.best_law
     machine, table = study.scene.machine, study.scene.cam

@@ -33,7 +33,7 @@ def write_sweep_report(directory: Path, table: "Dataset") -> None:
     table : Dataset
         Table of the sweep.
     """
-    from compact.report import sweep_figures
+    from compact.report.figures import sweep as sweep_figures
 
     if quantities := _sobol_quantities(table):
         write_csv(directory / "sobol.csv", SOBOL_HEADER, list(_sobol_rows(table, quantities)))

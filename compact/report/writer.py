@@ -65,7 +65,7 @@ def _write_fields(study: Study, directory: Path) -> Iterator[Path]:
     standing = study.standing(directory, "fields.pvd", "fields/", "fields.png")
     yield from standing
     if not standing:
-        from compact.report import contact_figures
+        from compact.report.figures import contact as contact_figures
 
         layers: list[tuple[Any, Any]] = study.fields
         frames = ((contact.speed, mesh) for mesh, contact in layers)
@@ -90,7 +90,7 @@ def _write_tables(study: Study, directory: Path) -> Iterator[Path]:
 
 def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) -> Iterator[Path]:
     """Compute the remaining results of the page and write it."""
-    from compact.report.html import PageResults, write_page
+    from compact.report.page.writer import PageResults, write_page
 
     study.count("report")
     items = study.scene.output.items
@@ -119,7 +119,15 @@ def _draw(study: Study) -> dict[str, bytes]:
 
 def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
     """List the figures of a study: function and results by name."""
-    from compact.report import contact_figures, figures, ranking_figures
+    from compact.report.figures import (
+        contact as contact_figures,
+    )
+    from compact.report.figures import (
+        motion as figures,
+    )
+    from compact.report.figures import (
+        ranking as ranking_figures,
+    )
 
     items, places = study.scene.output.items, study.places[study.scene.drive.kind]
     found: dict[str, tuple[Any, ...]] = {

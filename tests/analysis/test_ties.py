@@ -12,8 +12,10 @@ from pages import answer_words, section_html
 from compact.analysis.study import Study
 from compact.drive import CRITERIA
 from compact.machine.ranking import BUILD_TOLERANCE
-from compact.report import html_machine, ranking_figures, text
+from compact.report import text
 from compact.report import writer as report
+from compact.report.figures import ranking as ranking_figures
+from compact.report.page import machine as html_machine
 from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"

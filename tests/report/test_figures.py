@@ -10,8 +10,20 @@ from matplotlib.colors import LogNorm, to_rgb
 
 from compact.analysis.ranking_uncertainty import Place
 from compact.motion.profile import LAWS, law
-from compact.report import contact_figures, figure_style, figures, ranking_figures, writer
-from compact.report.figure_style import law_style
+from compact.report import writer
+from compact.report.figures import (
+    contact as contact_figures,
+)
+from compact.report.figures import (
+    motion as figures,
+)
+from compact.report.figures import (
+    ranking as ranking_figures,
+)
+from compact.report.figures import (
+    style as figure_style,
+)
+from compact.report.figures.style import law_style
 from compact.rolling_contact import Layer, Roller
 
 COLOURS = {name: law_style(name)["color"] for name in LAWS}

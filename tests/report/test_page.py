@@ -21,10 +21,11 @@ from pages import PageReader, answer_words, section_html
 from compact.analysis.study import Study
 from compact.drive import CRITERIA
 from compact.quantities import CRITERIA as TERMS
-from compact.report import html_answer, html_machine
 from compact.report import writer as report
 from compact.report.number_format import PREFIX_FACTORS, format_column, format_number, format_percent, format_quantity
-from compact.report.page import Picture, Section, Table, render_block, render_page
+from compact.report.page import answer as html_answer
+from compact.report.page import machine as html_machine
+from compact.report.page.blocks import Picture, Section, Table, render_block, render_page
 from compact.scene.loader import load_scene, parse_scene, starter_scene
 from compact.scene.schema import RankBy
 from compact.verification import balance_checks
@@ -201,7 +202,7 @@ def test_only_wide_pictures_scroll_on_a_narrow_screen(pixels, wide):
 
 
 def test_resistance_is_drawn_over_speed_and_acceleration(written):
-    from compact.report import contact_figures
+    from compact.report.figures import contact as contact_figures
 
     study, _, _ = written
     met = study.resistance_map

@@ -19,7 +19,8 @@ from compact import cli
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, SerialExecutor, WorkerDied, run_tasks
 from compact.files import ResultsError
-from compact.report import sweep_figures, sweep_writer
+from compact.report import sweep_writer
+from compact.report.figures import sweep as sweep_figures
 from compact.scene.loader import load_scene
 from compact.sweep import design as vary
 from compact.sweep import point as headline

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from compact.analysis.ranking_uncertainty import Place
 from compact.machine.ranking import CRITERIA
 from compact.quantities import MOTION, SPEED
-from compact.report.figure_style import PALETTE, law_style, panels
+from compact.report.figures.style import PALETTE, law_style, panels
 
 DRIVE_PANELS = 2  # [-], number of criteria of the comparison of engines, for each drive
 RANKING_PANELS = 4  # [-], number of criteria of the rankings, the first of the scene

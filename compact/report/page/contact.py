@@ -6,7 +6,7 @@ from compact import quantities
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.study import Study
 from compact.report.number_format import format_number, format_percent, format_quantity
-from compact.report.page import Block, Mark, Paragraph, Picture, Section, Table
+from compact.report.page.blocks import Block, Mark, Paragraph, Picture, Section, Table
 from compact.report.text import held_sentence
 
 CONTACT_HEADER = (

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from compact.analysis.contact_cases import ContactRecord
 from compact.engines.halfplane import LineContact
 from compact.quantities import CONTACT, FIELD, MOTION, SPEED
-from compact.report.figure_style import DASHES, PALETTE, panels
+from compact.report.figures.style import DASHES, PALETTE, panels
 from compact.resistance import ResistanceMap
 from compact.rolling_contact import ContactResult
 

@@ -14,7 +14,6 @@ from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.machine.roller_motors import RollerMotor
 from compact.motion.profile import EndCondition
-from compact.report.html_answer import methods
 from compact.report.number_format import (
     ZERO_SHARE,
     format_column,
@@ -22,7 +21,8 @@ from compact.report.number_format import (
     format_percent,
     format_quantity,
 )
-from compact.report.page import Block, Cell, Mark, Paragraph, Picture, Section, Table
+from compact.report.page.answer import methods
+from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Picture, Section, Table
 from compact.report.ranking_tables import comparison_places
 from compact.scene.loader import Scene
 from compact.verification.balance_checks import BalanceCheck

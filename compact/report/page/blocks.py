@@ -1,4 +1,4 @@
-"""Blocks of the HTML page and their rendering by the Jinja2 templates in `report/templates`.
+"""Blocks of the HTML page and their rendering by the Jinja2 templates in `report/page/templates`.
 
 The page is one file without external resources: style, script and pictures are embedded. All text is escaped by the
 templates; text between backticks is set as code.
@@ -200,7 +200,7 @@ def environment() -> "Environment":
     from compact.report.number_format import format_number, format_percent, format_quantity
 
     found = Environment(
-        loader=PackageLoader("compact.report"),
+        loader=PackageLoader("compact.report.page"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

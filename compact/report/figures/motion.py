@@ -17,7 +17,7 @@ from compact.cams.profile import Cam
 from compact.machine.crankshaft import CrankshaftRevolution
 from compact.motion.profile import Cycle
 from compact.quantities import CRITERIA, MOTION, TIME
-from compact.report.figure_style import FAMILIES, PALETTE, TITLE_HEIGHT, law_style, legend_below, panels
+from compact.report.figures.style import FAMILIES, PALETTE, TITLE_HEIGHT, law_style, legend_below, panels
 
 CROP_RATIO = 3.0  # [-], limit of a figure of drives over the median of the peaks
 SHADED = "0.92"  # grey of the panel of an undercut cam

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from compact.material.mix import ROLLING_PRESSURE, ROLLING_SATURATION
 from compact.quantities import CRITERIA, INPUT, SWEEP_POINT
-from compact.report.figure_style import law_style
+from compact.report.figures.style import law_style
 from compact.sweep.sobol_indices import of_table
 
 if TYPE_CHECKING:

@@ -10,9 +10,10 @@ from pathlib import Path
 
 from compact.analysis.study import Study
 from compact.files import atomic_file
-from compact.report.html_answer import answer, question
-from compact.report.html_contact import contact_section, mix_section
-from compact.report.html_machine import (
+from compact.report.page.answer import answer, question
+from compact.report.page.blocks import Block, Paragraph, Section, Table, render_page
+from compact.report.page.contact import contact_section, mix_section
+from compact.report.page.machine import (
     cams_section,
     checks_section,
     forces_section,
@@ -21,7 +22,6 @@ from compact.report.html_machine import (
     scene_section,
     sensitivity_section,
 )
-from compact.report.page import Block, Paragraph, Section, Table, render_page
 from compact.verification.balance_checks import BalanceCheck
 
 FILES_REMARK = "The tables and `summary.json` in the same directory hold every number with twelve digits."

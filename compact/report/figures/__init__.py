@@ -1,0 +1,1 @@
+"""Figures of a study, a contact, a ranking and a sweep by matplotlib."""
