@@ -171,7 +171,7 @@ BAD_CALLS = {
     "no argument": (("run",), 2, "SCENE"),
     "unknown law": (("cam", SMALL, "--law", "cubc"), 2, "cubic"),
     "no law": (("cam", SMALL), 2, "--law"),
-    "cutter that does not fit": (("cam", SMALL, "--law", "reversal-3", "--cutter", "0.8"), 2, "take a smaller cutter"),
+    "cutter that does not fit": (("cam", SMALL, "--law", "reversal-3", "--cutter", "0.8"), 2, "use a smaller cutter"),
     "output is a file": (("run", SMALL, "--out", SMALL), 1, "small.toml"),
     "output cannot be made": (("run", SMALL, "--out", "/proc/none/out"), 1, "/proc/none"),
 }

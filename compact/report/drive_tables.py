@@ -13,8 +13,8 @@ from compact.machine.roller_motors import RollerMotor
 from compact.quantities import ROLLER_MOTOR, column_names
 
 ELASTIC_HEADER = (
-    "law", "peak_force_N", "rigid_peak_force_N", "dynamic_amplification", "peak_power_W", "rigid_peak_power_W", "nonuniformity",
-    "rigid_nonuniformity", "standing_s", "energy_residual", "arcs",
+    "law", "peak_force_N", "rigid_peak_force_N", "dynamic_amplification", "peak_power_W", "rigid_peak_power_W",
+    "nonuniformity", "rigid_nonuniformity", "standing_s", "energy_residual", "arcs",
 )  # fmt: skip
 MOTOR_HEADER = (
     "law", "period_s", "least_speed_rad/s", "largest_speed_rad/s", "fluctuation", "peak_motor_torque_Nm",
@@ -65,8 +65,8 @@ def write_drive_tables(study: Study, directory: Path) -> Iterator[Path]:
 def _elastic_row(run: Any) -> tuple[Any, ...]:
     rigid = run.rigid
     return (
-        run.name, run.peak_force, rigid.peak_force, run.dynamic_amplification, run.peak_power, rigid.peak_power, run.nonuniformity,
-        rigid.nonuniformity, run.stick_time, run.energy_residual, run.cost.intervals,
+        run.name, run.peak_force, rigid.peak_force, run.dynamic_amplification, run.peak_power, rigid.peak_power,
+        run.nonuniformity, rigid.nonuniformity, run.stick_time, run.energy_residual, run.cost.intervals,
     )  # fmt: skip
 
 

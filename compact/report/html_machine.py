@@ -123,7 +123,8 @@ def _agreement_table(agreements: Sequence[RankingAgreement]) -> Table:
     rows = [
         (
             _term(a.by), f"{a.engine}, {a.drive}", f"{a.other_engine}, {a.other_drive}", a.first, a.other_first,
-            f"{a.agreement.discordant_pairs} of {a.agreement.pairs}", str(a.agreement.resolved_discordant_pairs), format_number(a.agreement.tau, 3),
+            f"{a.agreement.discordant_pairs} of {a.agreement.pairs}", str(a.agreement.resolved_discordant_pairs),
+            format_number(a.agreement.tau, 3),
         )
         for a in agreements
     ]  # fmt: skip

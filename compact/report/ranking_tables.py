@@ -18,8 +18,8 @@ RANKING_HEADER = (
 )  # fmt: skip
 CRITERIA_HEADER = ("law", "drive", "criterion", "value", "unit", "error")
 AGREEMENT_HEADER = (
-    "engine", "drive", "other_engine", "other_drive", "criterion", "kendall_tau", "discordant_pairs", "resolved_discordant_pairs", "pairs",
-    "first", "other_first",
+    "engine", "drive", "other_engine", "other_drive", "criterion", "kendall_tau", "discordant_pairs",
+    "resolved_discordant_pairs", "pairs", "first", "other_first",
 )  # fmt: skip
 
 

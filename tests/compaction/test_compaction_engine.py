@@ -22,7 +22,7 @@ from compact.engines.compaction.results import (
     _contact_tractions,
     build_result,
     exit_layer,
-    fields,
+    field_mesh,
     relax_rows,
 )
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
@@ -192,7 +192,7 @@ def test_exit_is_dense_at_the_top_and_as_fed_at_the_base(rolled):
 
 
 def test_fields_agree_with_the_result(rolled):
-    content = fields(rolled)
+    content = field_mesh(rolled)
     assert {"stress", "pressure", "density_ratio", "plastic_work"} == set(content.cell_data)
     assert content.cell_data["density_ratio"][0].max() <= rolled.peak_density_ratio
     assert content.cells[0].data.shape[1] == 8

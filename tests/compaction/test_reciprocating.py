@@ -8,12 +8,8 @@ import pytest
 from compact.analysis.multipass import Pass, passes
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
-from compact.engines.compaction.reciprocating import (
-    MULTIPLIER_TOLERANCE,
-    ReciprocatingRoller,
-    _ReciprocatingCase,
-    simulate_reciprocating,
-)
+from compact.engines.compaction.reciprocating import simulate_reciprocating
+from compact.engines.compaction.reciprocating_roller import MULTIPLIER_TOLERANCE, ReciprocatingCase, ReciprocatingRoller
 from compact.engines.stroke_schedule import stroke_schedule
 from compact.material.laws import Compaction
 from compact.motion.profile import law
@@ -175,7 +171,7 @@ def free_strokes():
     """Free roller over two strokes; of each step the stroke, contact, slip of the nodes and roller state."""
     strokes = stroke_schedule(two_strokes(WIDE_LENGTH))
     element = WIDE_LENGTH / 8
-    case = _ReciprocatingCase(free_roller(), THIN, strokes, 0.0, element, WIDE_LENGTH, True)
+    case = ReciprocatingCase(free_roller(), THIN, strokes, 0.0, element, WIDE_LENGTH, True)
     roller = ReciprocatingRoller(case, HEIGHT, None, 0.0)
     roller.press(HEIGHT - DEPTH, 1.0)
     steps = []

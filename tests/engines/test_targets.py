@@ -25,7 +25,8 @@ MATERIALS = {"formula": Elastic(10e6, 0.3), "column": MIX, "spectral": LINEAR, "
 REFUSALS = (
     "must be less than|must lie between|is undefined on a half-plane|is wider than the circle|beyond its edge|"
     "too narrow|"
-    r"does not touch|is buried|would press mix|takes? up|not met down to|not met in \d+ depths|not reached|heaps up|still not held|"
+    r"does not touch|is buried|would press mix|takes? up|not met down to|not met in \d+ depths|not reached|heaps up|"
+    "still not held|"
     "join that ply|no capture angle|no contact|half-width not found|reach a relative error|would be below the mix|"
     "`[a-z_]+` but"
 )

@@ -221,7 +221,7 @@ def test_formulas_meet_a_prescribed_peak_pressure():
 
 def test_formulas_refuse_a_prescribed_depth():
     with pytest.raises(
-        ValueError, match=r"contact\.indentation: the engine formula has no depth, .* give contact\.load"
+        ValueError, match=r"contact\.indentation: the engine formula has no indentation, .* give contact\.load"
     ):
         _ = Study(load_scene(SMALL, **{"contact.indentation": 0.002})).engineering
 

@@ -160,11 +160,11 @@ def field_mesh(rolled: CompactionContactResult) -> "meshio.Mesh":
         Point data: displacement [m], 3 components. Cell data, means of the elements: stress (xx, yy, zz, xy, yz, xz)
         [Pa], tension positive; mean pressure [Pa], compression positive; density_ratio [-]; plastic_work [J/m3].
     """
-    return fields_mesh(rolled.solution.frame, rolled.solution.state, 1.0 if rolled.speed > 0 else -1.0)
+    return state_mesh(rolled.solution.frame, rolled.solution.state, 1.0 if rolled.speed > 0 else -1.0)
 
 
-def fields_mesh(frame: RollerFrame, state: SolidState, direction: float = 1.0) -> "meshio.Mesh":
-    """Return the mesh of `field_mesh` for a state.
+def state_mesh(frame: RollerFrame, state: SolidState, direction: float = 1.0) -> "meshio.Mesh":
+    """Return the mesh of `field_mesh` for any state.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ is straight in the logarithmic strain of `finite_strain_solid`, and the constitu
 
 References
 ----------
-K. Dang Van and M. H. Maitournam, Steady-state flow in classical elastoplasticity: application to repeated rolling and
+K. Dang Van and M. H. Maitournam, Steady-state flow in classical elastoplasticity: applications to repeated rolling and
 sliding contact, J. Mech. Phys. Solids 41 (1993) 1691-1710.
 """
 

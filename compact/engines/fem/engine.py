@@ -197,7 +197,7 @@ def require_linear_range(
 def _require_mesh_of_layer(mesh: RowMesh, layer: Layer) -> None:
     rounding = MESH_ROUNDING * layer.height
     if abs(mesh.height - layer.height) > rounding:
-        raise ValueError(f"`mesh` must be as high as the layer, {layer.height!r} m, got {mesh.height.item()!r} m")
+        raise ValueError(f"`mesh` must be as high as the layer, {layer.height!r} m, got {float(mesh.height)!r} m")
     missed = [y for y in layer.interfaces if np.abs(mesh.y - y).min() > rounding]
     if missed:
         raise ValueError(
