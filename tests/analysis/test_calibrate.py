@@ -153,6 +153,7 @@ def test_the_scene_alone_gives_the_last_trial_again(doubled):
     assert found.rolled[0].indentation == roller.indentation
 
 
+@pytest.mark.slow
 def test_neighbour_begins_where_the_last_fit_ended(doubled, monkeypatch):
     """The same again is found at once, another coefficient where it is found from afar."""
     found, _ = doubled

@@ -58,6 +58,7 @@ def test_second_pass_over_a_thin_layer_costs_next_to_nothing(ratio, share):
     assert abs(second.resistance) < share * first.resistance
 
 
+@pytest.mark.slow
 def test_second_pass_over_a_thin_layer_is_that_of_columns():
     """Load as the rebound says, a symmetric contact, and next to no resistance."""
     first, second = passes(LAYER, wide(8), MIX, 0.2, 2, engine="compaction", increments=8)

@@ -403,6 +403,7 @@ def test_law_made_for_the_spread_of_the_mix_costs_little_at_any_end_of_it():
     assert 1 < study.cycles["least-peak-power"].forward.value < 1.05
 
 
+@pytest.mark.slow
 def test_cam_for_a_roller_is_cut_as_the_scene_asks():
     free, held = (
         Study(
