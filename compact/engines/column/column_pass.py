@@ -107,7 +107,7 @@ class ColumnLayer:
 
     @property
     def limited_by_axis(self) -> bool:
-        """Whether the circle sinks to its axis before all pores are closed."""
+        """True if the circle sinks to its axis before all pores are closed."""
         return bool(self.gap.circular) and self.gap.radius < self.height - self.solid_height
 
     @property
