@@ -175,7 +175,8 @@ def run(
     directory = out or default_directory(scene)
     study = _study(
         scene, quiet, {"accuracy.engine": engine, "accuracy.tolerance": tolerance}, changes, directory=directory,
-        step=lambda stage: progress.begin(stage, study.plan.cost(stage), total=study.plan.total_cost), progress=progress.report,
+        step=lambda stage: progress.begin(stage, study.plan.cost(stage), total=study.plan.total_cost),
+        progress=progress.report,
     )  # fmt: skip
     progress.total = study.plan.total_cost
     others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()

@@ -11,7 +11,7 @@ HEIGHT, HALF_WIDTH = 0.22, 0.02
 ELEMENTS = {"coarse": 5, "medium": 10, "fine": 20}
 
 
-def main(out=Path(__file__).parent):
+def main(out: Path = Path(__file__).parent) -> dict[str, int]:
     """Write the three meshes and return their unknowns by name."""
     dofs = {}
     for name, elements in ELEMENTS.items():

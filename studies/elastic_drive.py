@@ -36,7 +36,8 @@ def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9)
         working = (motion.run_up, 1 - motion.run_down)
         run = runs[name, stiffness] = simulate(study.cart, spring, cycle, study.resistance, working=working)
         rows.append((
-            name, stiffness, run.peak_force, run.dynamic_amplification, run.nonuniformity, run.peak_power, run.stick_time,
+            name, stiffness, run.peak_force, run.dynamic_amplification, run.nonuniformity, run.peak_power,
+            run.stick_time,
             run.energy_residual, run.cost.intervals,
         ))  # fmt: skip
     if out:
@@ -48,7 +49,7 @@ def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9)
 
 
 def _draw(rows, runs):
-    """Draw dynamic amplification and non-uniformity over stiffness, one line for each law, and the force of two laws."""
+    """Draw dynamic amplification and non-uniformity over stiffness, one line for each law, and two forces."""
     from matplotlib.figure import Figure
 
     from compact.report.figures.style import law_style

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.contact_stage import roll_scene
+from compact.analysis.stages.contacts import roll_scene
 from compact.analysis.study import Study
 from compact.engines.halfplane import galin
 from compact.report.progress import tracked

@@ -14,7 +14,8 @@ from time import process_time
 import numpy as np
 
 from compact import fem, resistance
-from compact.analysis import contact_cases, contact_stage
+from compact.analysis import contact_cases
+from compact.analysis.stages import contacts as contact_stage
 from compact.analysis.study import Study
 from compact.cams import profile as cam
 from compact.drive import Rigid, simulate

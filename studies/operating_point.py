@@ -21,9 +21,9 @@ import numpy as np
 
 from compact.analysis.calibration import calibrate, calibration_digest
 from compact.analysis.contact_cases import scene_mix
-from compact.analysis.contact_stage import roll_scene
 from compact.analysis.engineering_summary import engineering
 from compact.analysis.engines import ENGINES
+from compact.analysis.stages.contacts import roll_scene
 from compact.report.progress import tracked
 from compact.scene.loader import load_scene
 from compact.scene.plant_data import read_measurements

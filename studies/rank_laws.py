@@ -65,8 +65,8 @@ DRIVES = {
 }
 SHOWN = ("peak_force", "peak_power")
 HEADER = (
-    "engine", "drive", "criterion", "rank", "law", "value", "margin", "low", "high", "error", "resolved", "roller", "gap",
-    "held",
+    "engine", "drive", "criterion", "rank", "law", "value", "margin", "low", "high", "error", "resolved", "roller",
+    "gap", "held",
 )  # fmt: skip
 TITLES = {  # of the rows of the table
     "formula": "formula",

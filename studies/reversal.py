@@ -19,7 +19,7 @@ from scipy.interpolate import CubicHermiteSpline
 from compact import fem
 from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.engines import expand_resistance
-from compact.analysis.law_stage import OVERSHOOT
+from compact.analysis.stages.laws import OVERSHOOT
 from compact.analysis.study import Study
 from compact.drive import simulate
 from compact.engines.spectral import engine as spectral

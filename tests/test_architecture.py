@@ -1,8 +1,10 @@
-"""Architecture of the package: layers of imports, light start-up, public names that resolve."""
+"""Architecture of the package: layers of imports, sizes, light start-up, public names that resolve."""
 
+import ast
 import os
 import subprocess
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -59,3 +61,26 @@ def test_modules_are_importable_under_their_public_names():
     named = (drive.simulate, drive.rank, material.Elastic, mix.prior, motion.law, motion.LAWS, motion.optimise)
     assert all(engines)
     assert all(named)
+
+
+PACKAGE = ROOT / "compact"
+SMALL = {"__init__.py", "__main__.py", "contact.py", "drive.py", "numerical_failures.py"}  # doors, and one shared table
+
+
+def test_folders_and_modules_have_a_readable_size():
+    assert len([path for path in PACKAGE.iterdir() if path.name != "__pycache__"]) <= 25
+    folders = {path.parent for path in PACKAGE.rglob("*.py")} - {PACKAGE / "engines"}  # which holds four folders
+    assert {folder.name for folder in folders if not 4 <= len(list(folder.glob("*.py"))) <= 16} == set()
+    lines = {
+        path: len(path.read_text("utf-8").splitlines()) for path in PACKAGE.rglob("*.py") if path.name not in SMALL
+    }
+    assert {path.name for path, count in lines.items() if not 60 <= count <= 600} == set()
+
+
+def test_a_public_name_is_defined_in_at_most_three_modules():
+    homes = defaultdict(list)
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.parse(path.read_text("utf-8")).body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+                homes[node.name].append(path.stem)
+    assert {name for name, modules in homes.items() if len(modules) > 3} == {"roll"}

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compact.analysis.contact_cases import contact_inputs, scene_mix
-from compact.analysis.contact_stage import roll_scene
+from compact.analysis.stages.contacts import roll_scene
 from compact.material import mix
 from compact.numerics.space_mapping import SpaceMappingFit, fit_parameters
 from compact.rolling_contact import ContactResult

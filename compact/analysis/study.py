@@ -15,8 +15,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from compact.analysis import comparison
-from compact.analysis.comparison import (
+from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mix
+from compact.analysis.engineering_summary import Engineering, Number
+from compact.analysis.engines import Engine
+from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.stages import comparison
+from compact.analysis.stages.comparison import (
     ComparisonRequest,
     EngineComparison,
     Places,
@@ -24,15 +28,11 @@ from compact.analysis.comparison import (
     ranking_agreements,
     run_engine_alternative,
 )
-from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mix
-from compact.analysis.contact_stage import Count, Passes, Progress, no_count
-from compact.analysis.engineering_summary import Engineering, Number
-from compact.analysis.engines import Engine
-from compact.analysis.kept_results import KeptResults, write_results
-from compact.analysis.pipeline import build_stages
-from compact.analysis.ranking_uncertainty import Place
-from compact.analysis.sensitivity import Shift, sensitivities
-from compact.analysis.stage_costs import WorkPlan
+from compact.analysis.stages.contacts import Count, Passes, Progress, no_count
+from compact.analysis.stages.costs import WorkPlan
+from compact.analysis.stages.kept_results import KeptResults, write_results
+from compact.analysis.stages.pipeline import build_stages
+from compact.analysis.stages.sensitivity import Shift, sensitivities
 from compact.analysis.worker_pool import BackgroundTasks, SerialExecutor
 from compact.cams.profile import Cam
 from compact.contact import DryResistance

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from compact.analysis.comparison import DIRECTORY
-from compact.analysis.kept_results import KeptResults, write_results
 from compact.analysis.ranking_uncertainty import Place, error
+from compact.analysis.stages.comparison import DIRECTORY
+from compact.analysis.stages.kept_results import KeptResults, write_results
 from compact.analysis.study import Study
 from compact.files import write_csv
 from compact.machine.ranking import CRITERIA, value_of

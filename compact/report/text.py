@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from compact.analysis.engineering_summary import Number, coverage
-from compact.analysis.law_stage import COMPLIANT_DRIVES
 from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.stages.laws import COMPLIANT_DRIVES
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA

@@ -20,9 +20,9 @@ import numpy as np
 
 import compact
 from compact import quantities
-from compact.analysis.contact_stage import Passes, roll_passes
 from compact.analysis.engines import ENGINES
 from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
+from compact.analysis.stages.contacts import Passes, roll_passes
 from compact.analysis.study import Study
 from compact.material.mix import Mix
 from compact.quantities import Quantity

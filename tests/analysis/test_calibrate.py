@@ -10,7 +10,7 @@ import pytest
 from compact import cli
 from compact.analysis.calibration import calibrate, calibration_digest
 from compact.analysis.contact_cases import compaction_material, contact_inputs, scene_mix
-from compact.analysis.contact_stage import roll_scene
+from compact.analysis.stages.contacts import roll_scene
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as finite_elements
 from compact.engines.compaction.results import CompactionContactResult

@@ -7,7 +7,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from compact.analysis import contact_cases, contact_stage
+from compact.analysis import contact_cases
+from compact.analysis.stages import contacts as contact_stage
 from compact.analysis.study import Study
 from compact.engines.column.engine import simulate_oedometer
 from compact.engines.compaction.results import CompactionContactResult

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact.analysis import contact_cases, contact_stage
+from compact.analysis import contact_cases
+from compact.analysis.stages import contacts as contact_stage
 from compact.analysis.study import Study
 from compact.machine.cart import balance, moment_residual
 from compact.report import text

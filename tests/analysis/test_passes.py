@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact.analysis import contact_stage
 from compact.analysis.multipass import Pass, density, passes, there_and_back
+from compact.analysis.stages import contacts as contact_stage
 from compact.analysis.study import Study
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact.analysis import contact_stage, kept_results
+from compact.analysis.stages import contacts as contact_stage
+from compact.analysis.stages import kept_results
 from compact.analysis.study import Study
 from compact.files import ResultsError
 from compact.report import writer as report

@@ -13,8 +13,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from compact.analysis import contact_stage
 from compact.analysis.engineering_summary import coverage
+from compact.analysis.stages import contacts as contact_stage
 from compact.analysis.study import Study
 from compact.drive import CRITERIA
 from compact.files import ResultsError
@@ -363,9 +363,9 @@ def test_bound_of_the_scene_on_the_velocity_is_kept():
 
 
 def test_law_that_wants_ever_more_speed_is_left_out(monkeypatch):
-    monkeypatch.setattr("compact.analysis.law_stage.BOUND_SHARE", 0.0)
+    monkeypatch.setattr("compact.analysis.stages.laws.BOUND_SHARE", 0.0)
     study = Study(scene(**COLUMN, **{"motion.optimise": RESTLESS}))
-    monkeypatch.setattr("compact.analysis.law_stage.EXTENSIONS", 2)
+    monkeypatch.setattr("compact.analysis.stages.laws.EXTENSIONS", 2)
     reason = (
         r"least peak force reaches the largest velocity of the resistance map, .* m/s, after 2 extensions; bound its"
     )
@@ -384,7 +384,7 @@ def test_resistance_is_carried_on_where_no_law_is_as_slow_as_it_reaches():
 
 
 def test_study_without_a_resistance_blames_no_law(monkeypatch):
-    monkeypatch.setattr("compact.analysis.resistance_stage.ResistanceStage.sampled_map", _fails)
+    monkeypatch.setattr("compact.analysis.stages.resistance.ResistanceStage.sampled_map", _fails)
     study = Study(scene(**COLUMN, **{"motion.optimise": RESTLESS}))
     with pytest.raises(RuntimeError, match="no contact"):
         _ = study.cycles
@@ -459,7 +459,7 @@ def test_law_whose_search_does_not_converge_costs_no_other(monkeypatch):
             raise RuntimeError("no stationary law after 60 steps")
         return optimal_motion.optimise(objective, *task, **how)
 
-    monkeypatch.setattr("compact.analysis.law_stage.optimise", optimise)
+    monkeypatch.setattr("compact.analysis.stages.laws.optimise", optimise)
     study = Study(scene(**{"motion.laws": ["cubic"], "motion.optimise": OPTIMISE}))
     with pytest.warns(UserWarning, match="least-peak-power is not made: no stationary law after 60 steps"):
         assert list(study.cycles) == ["cubic", "least-peak-force"]
@@ -472,7 +472,7 @@ def test_limits_out_of_range_are_still_refused(monkeypatch):
     def optimise(*_, **__):
         raise ValueError("`breadth` must exceed 1 m")
 
-    monkeypatch.setattr("compact.analysis.law_stage.optimise", optimise)
+    monkeypatch.setattr("compact.analysis.stages.laws.optimise", optimise)
     with pytest.raises(ValueError, match="`breadth` must exceed 1 m"):
         _ = Study(scene(**{"motion.optimise": OPTIMISE})).cycles
 

@@ -14,8 +14,8 @@ from scipy.integrate import quad
 from compact import fem
 from compact.analysis import contact_cases
 from compact.analysis.contact_cases import contact_inputs
+from compact.analysis.stages.torque_response import torque_response
 from compact.analysis.study import Study
-from compact.analysis.torque_response import torque_response
 from compact.contact import dry_resistance
 from compact.drive import Rigid, simulate
 from compact.engines.compaction import engine as compaction

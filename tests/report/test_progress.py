@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from compact import cli
-from compact.analysis import stage_costs
+from compact.analysis.stages import costs as stage_costs
 from compact.analysis.study import Study
 from compact.report import progress
 from compact.report.progress import Progress, format_time, spinning, tracked

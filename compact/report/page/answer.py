@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from compact.analysis.ranking_uncertainty import Place
-from compact.analysis.sensitivity import Shift
+from compact.analysis.stages.sensitivity import Shift
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
 from compact.material.mix import Parameter

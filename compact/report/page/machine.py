@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from compact.analysis.comparison import RankingAgreement
-from compact.analysis.law_stage import COMPLIANT_DRIVES, FOLLOWERS
 from compact.analysis.ranking_uncertainty import Place, ties
-from compact.analysis.sensitivity import PRIOR, End, Shift
+from compact.analysis.stages.comparison import RankingAgreement
+from compact.analysis.stages.laws import COMPLIANT_DRIVES, FOLLOWERS
+from compact.analysis.stages.sensitivity import PRIOR, End, Shift
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from compact.analysis.contact_cases import contact_speeds, hold_quantity, scene_mix
 from compact.analysis.engines import ENGINES, Engine
-from compact.analysis.law_stage import FOLLOWERS
+from compact.analysis.stages.laws import FOLLOWERS
 from compact.machine.crankshaft import CRANK_ANGLES
 from compact.material.mix import Mix
 from compact.scene.loader import Scene

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity
-from compact.analysis.pipeline import Cycles, build_stages
 from compact.analysis.ranking_uncertainty import Agreement, Place, agreement
+from compact.analysis.stages.pipeline import Cycles, build_stages
 from compact.scene.loader import Scene
 
 DIRECTORY = "comparison"  # under the results; kept results of the engines of the comparison

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from compact.analysis.contact_cases import scene_mix
-from compact.analysis.contact_stage import ContactStage, Count, Progress, no_count
-from compact.analysis.drive_stage import DriveStage
-from compact.analysis.law_stage import LawStage, PrescribedLaws
-from compact.analysis.resistance_stage import ResistanceStage
+from compact.analysis.stages.contacts import ContactStage, Count, Progress, no_count
+from compact.analysis.stages.drives import DriveStage
+from compact.analysis.stages.laws import LawStage, PrescribedLaws
+from compact.analysis.stages.resistance import ResistanceStage
 from compact.material.mix import Mix
 from compact.motion.profile import Cycle
 from compact.scene.loader import Scene

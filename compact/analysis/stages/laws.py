@@ -8,8 +8,8 @@ import numpy as np
 
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import scene_mix
-from compact.analysis.contact_stage import ContactStage, Count
-from compact.analysis.resistance_stage import ResistanceStage
+from compact.analysis.stages.contacts import ContactStage, Count
+from compact.analysis.stages.resistance import ResistanceStage
 from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower
 from compact.machine.cart import MotionResistance
 from compact.motion.limits import CamLimits, InfeasibleError, Limits

@@ -25,7 +25,7 @@ from compact.analysis.contact_cases import (
 )
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
 from compact.analysis.engines import ENGINES, Engine, expand_resistance
-from compact.analysis.kept_results import KeptResults, read_results, results_key
+from compact.analysis.stages.kept_results import KeptResults, read_results, results_key
 from compact.engines.halfplane import LineContact, galin
 from compact.material.laws import Compaction
 from compact.material.mix import Mix

@@ -11,11 +11,11 @@ import numpy as np
 
 from compact import drive
 from compact.analysis import machine_models
-from compact.analysis.contact_stage import ContactStage
-from compact.analysis.law_stage import LawStage
 from compact.analysis.ranking_uncertainty import Place, places
-from compact.analysis.resistance_stage import ResistanceStage
-from compact.analysis.torque_response import torque_response
+from compact.analysis.stages.contacts import ContactStage
+from compact.analysis.stages.laws import LawStage
+from compact.analysis.stages.resistance import ResistanceStage
+from compact.analysis.stages.torque_response import torque_response
 from compact.machine.crankshaft import CRANK_ANGLES, CrankshaftRevolution, simulate_crankshaft
 from compact.machine.ranking import Ranked
 from compact.machine.rigid_drive import InverseDynamics

@@ -13,7 +13,7 @@ import numpy as np
 
 from compact import contact, resistance
 from compact.analysis import machine_models
-from compact.analysis.contact_stage import ContactStage, added_mass, roll_scene
+from compact.analysis.stages.contacts import ContactStage, added_mass, roll_scene
 from compact.contact import DryResistance
 from compact.machine.cart import Balance, Cart, MotionResistance
 from compact.machine.rigid_drive import steady_balance

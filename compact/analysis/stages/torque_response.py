@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compact.analysis.contact_cases import ContactRecord, contact_inputs
-from compact.analysis.contact_stage import ContactStage
+from compact.analysis.stages.contacts import ContactStage
 from compact.machine.roller_motors import FULL_SLIP_SHARE, CreepFreeRoller, DrivenRoller, carter_parameter
 from compact.rolling_contact import ContactResult
 
