@@ -57,6 +57,9 @@ def main() -> None:
     except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = SUCCESS
+    if code == INTERRUPTED:  # an interrupt inside `eval` would make the interpreter end by the signal itself
+        sys.stderr.flush()
+        os._exit(code)
     sys.exit(code)
 
 

@@ -291,15 +291,14 @@ class ProcessExecutor:
         return found
 
     def _submit(self, job: _Job) -> None:
-        with _one_thread():  # the pool starts its processes as they are required
-            try:
-                future = self._pool.submit(job.work, job.task)
-            except BrokenProcessPool:
-                if self._running:  # `finished` rebuilds the pool
-                    self._repeated.append(job)
-                    return
-                self._rebuild_pool()
-                future = self._pool.submit(job.work, job.task)
+        try:
+            future = self._pool.submit(job.work, job.task)
+        except BrokenProcessPool:
+            if self._running:  # `finished` rebuilds the pool
+                self._repeated.append(job)
+                return
+            self._rebuild_pool()
+            future = self._pool.submit(job.work, job.task)
         self._running[future] = job
 
     def _collect(self, done: Iterable[Future[Any]]) -> Outcomes:
@@ -333,6 +332,10 @@ class ProcessExecutor:
         self._context = _RecordingContext()  # threads of numpy and of the progress do not survive a fork
         self._begun = self._context.Event()
         self._pool = ProcessPoolExecutor(self.count, self._context, _begin_worker, (self._begun,))
+        with _one_thread(), suppress(BrokenProcessPool):
+            # all processes start now: a pool that starts one while another dies may fail in its own thread
+            for _ in range(self.count):
+                self._pool.submit(os.getpid)
 
     def _stop_pool(self) -> None:
         for process in self._context.started:

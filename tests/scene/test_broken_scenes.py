@@ -397,5 +397,5 @@ def test_some_cases_are_valid_scenes(tmp_path):
 
 def test_a_case_that_does_not_end_is_ended(tmp_path, monkeypatch):
     monkeypatch.setattr("test_broken_scenes.SECONDS", 1)
-    monkeypatch.setattr(cli, "_told", lambda _: max(iter(int, 1)))
+    monkeypatch.setattr(cli, "_exit_code", lambda _: max(iter(int, 1)))
     assert ended(case(0), tmp_path).code == -signal.SIGXCPU
