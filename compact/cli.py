@@ -9,7 +9,7 @@ import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -309,7 +309,7 @@ def calibrate(
     from compact.scene.plant_data import read_measurements
 
     readings = read_measurements(measured)
-    options = {} if increments is None else {"increments": increments}
+    options: dict[str, Any] = {} if increments is None else {"increments": increments}
     given = _scene(scene, quiet, changes)
     with spinning(f"fit by {engine}", quiet=quiet):
         found = calibration.calibrate(given, readings, engine, parameters, **options)

@@ -209,10 +209,11 @@ class ResistanceMap:
             If a speed exceeds the fastest sample.
         """
         self._require_sampled(np.abs(velocity))
-        flags = [["readonly"], ["readonly"], ["writeonly", "allocate"]]
         blocks = np.nditer(
             [np.asarray(velocity, float), np.asarray(acceleration, float), None],
-            ["external_loop", "buffered", "zerosize_ok"], flags, order="C", buffersize=BLOCK_SIZE,
+            ["external_loop", "buffered", "zerosize_ok"],
+            [["readonly"], ["readonly"], ["writeonly", "allocate"]],
+            order="C", buffersize=BLOCK_SIZE,
         )  # fmt: skip
         with blocks:
             for velocities, accelerations, force in blocks:

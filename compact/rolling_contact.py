@@ -340,6 +340,50 @@ class ContactResult:
             )
 
 
+class LayerContactResult(Protocol):
+    """Result of an engine with stick and slip: a `ContactResult` with its case, such as for an initial guess."""
+
+    @property
+    def load(self) -> float:
+        """Normal force P [N/m]."""
+        ...
+
+    @property
+    def resistance(self) -> float:
+        """Rolling resistance [N/m]."""
+        ...
+
+    @property
+    def indentation(self) -> float:
+        """Depth of the lowest generatrix below the surface of the layer [m]."""
+        ...
+
+    @property
+    def creep(self) -> float | None:
+        """Creepage of a roller with stick and slip [-], else None."""
+        ...
+
+    @property
+    def layer(self) -> Layer:
+        """Layer before the pass."""
+        ...
+
+    @property
+    def roller(self) -> Roller:
+        """Roller with its target."""
+        ...
+
+    @property
+    def material(self) -> Any:
+        """Material law of the layer."""
+        ...
+
+    @property
+    def speed(self) -> float:
+        """Speed of the roller along x [m/s]."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class TransientResult:
     """Transient rolling of one roller over a layer, per unit roller length, at the ends of the n time steps.

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from compact.analysis.contact_cases import contact_inputs, scene_mix
 from compact.analysis.stages.contacts import roll_scene
 from compact.material import mix
+from compact.material.laws import Compaction
 from compact.numerics.space_mapping import SpaceMappingFit, fit_parameters
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene, SceneError
@@ -153,7 +154,7 @@ def calibrate(
     """
     _require_no_target(scene)
     _require_similar(initial_guess, measured, unknowns)
-    model = _Model(scene, measured, unknowns)
+    model = _Model(scene, measured, tuple(unknowns))
     coarse = None
     by_elements = engine == "compaction"
     if by_elements and initial_guess is None and options.get("increments") != COARSE_INCREMENTS:
@@ -161,7 +162,8 @@ def calibrate(
         initial_guess = coarse
     elements = _FiniteElements(options, _known_excess(initial_guess, measured)) if by_elements else None
     try:
-        fit = model.fit() if elements is None else model.fit_elements(elements, initial_guess and initial_guess.fit)
+        guess = None if initial_guess is None else initial_guess.fit
+        fit = model.fit() if elements is None else model.fit_elements(elements, guess)
     except ValueError as error:
         raise SceneError([str(error)]) from error
     found = model.scene_at(fit.unknowns)
@@ -233,7 +235,7 @@ class _Model:
             )
         return start
 
-    def scene_at(self, u: Sequence[float]) -> Scene:
+    def scene_at(self, u: NDArray[np.float64]) -> Scene:
         """Return the scene with the unknowns `u`."""
         changes: dict[str, Any] = {}
         required = self.scene.mix.density_ratio
@@ -245,7 +247,7 @@ class _Model:
                 changes["layer.fed_density_ratio"] = float(LOOSE + (required - LOOSE) / (1 + np.exp(-value)))
         return self.scene.replaced(**changes)
 
-    def predicted(self, u: Sequence[float], contact: Contact) -> NDArray[np.float64]:
+    def predicted(self, u: NDArray[np.float64], contact: Contact) -> NDArray[np.float64]:
         """Predict the data for the unknowns `u` by a function of scene and measurement."""
         trial, length, values = self.scene_at(u), self.scene.machine.roller_length, []
         for measurement in self.measured.measurements:
@@ -345,6 +347,7 @@ class _FiniteElements:
 
         scene, speed = _as_measured(scene, measurement)
         layer, roller, material = contact_inputs(scene, scene_mix(scene), "compaction", speed)
+        assert isinstance(material, Compaction)  # of this engine
         target = scene.mix.density_ratio - self.excess.get(measurement, 0.0)
         feed = required_feed(layer.height, target, material, speed)
         roller = replace(roller, indentation=layer.height * feed.indentation / feed.height)
@@ -393,6 +396,7 @@ def calibration_digest(calibration: Calibration) -> str:
         lines.append(f"  {name:<24}{value:>12.6g}  fitted to {abs(np.expm1(off)):.1e}")
     runs = len(calibration.fit.history)
     if runs:
+        assert calibration.fit.correction is not None  # every run updates it
         ratios, scatter = np.exp(calibration.fit.correction.ratio), calibration.fit.scatter
         lines.append(f"by {runs} runs of finite elements; ratio to columns, and scatter of the last runs")
         for name, ratio, off in zip(calibration.names, ratios, scatter, strict=True):

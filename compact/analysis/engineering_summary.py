@@ -9,7 +9,7 @@ import numpy as np
 
 from compact import contact
 from compact.analysis.engines import ENGINES
-from compact.engines.halfplane import LineContact, pressure_exponent
+from compact.engines.halfplane import LineContact, Values, pressure_exponent
 from compact.material.mix import Mix
 from compact.quantities import FORMULA
 from compact.scene.loader import Scene
@@ -79,7 +79,7 @@ def peak_pressure(scene: Scene, mix: Mix) -> float:
     return given.get("peak_pressure", mix.required_pressure)
 
 
-def _force(scene: Scene, mix: Mix, pressure: float) -> tuple[float, float, float]:
+def _force(scene: Scene, mix: Mix, pressure: float) -> tuple[float, Values, Values]:
     """Compute exponent [-], contact angle [rad] and load on one roller [N] by eqs 1.4 to 1.6."""
     machine, modulus, nu = scene.machine, mix.effective_modulus, mix.poisson
     alpha = float(pressure_exponent(nu, mix.steel_friction))
@@ -116,7 +116,9 @@ def engineering(scene: Scene, mix: Mix, pressure: float) -> Engineering:
         journal_diameter=machine.journal_diameter, rolling_arm=machine.rolling_arm,
         wheel_diameter=machine.guide_wheel_diameter, rib_factor=machine.rib_factor,
     )  # fmt: skip
-    needed = contact.rollers_needed(scene.product.width, machine.roller_radius, machine.feeder_sleeve, machine.overlap)
+    needed = int(
+        contact.rollers_needed(scene.product.width, machine.roller_radius, machine.feeder_sleeve, machine.overlap)
+    )
     radius = contact.radius_range(scene.product.height)
     return Engineering(
         pressure=float(pressure),
@@ -139,7 +141,7 @@ def engineering(scene: Scene, mix: Mix, pressure: float) -> Engineering:
         cart_power=float(contact.cart_power(whole, scene.mean_speed)),
         radius_low=float(radius.low),
         radius_high=float(radius.high),
-        rollers_needed=int(needed),
+        rollers_needed=needed,
         stroke_needed=float(contact.stroke_needed(scene.product.width, needed, machine.overlap)),
     )
 

@@ -16,6 +16,7 @@ from compact.machine.rigid_drive import Crank, Rigid
 from compact.motion.profile import Cycle, MotionProfile, law
 from compact.motion.tabulated import from_table
 from compact.scene.loader import Scene, SceneError
+from compact.scene.schema import Motor as MotorTable
 
 if TYPE_CHECKING:
     from compact.machine.elastic_drive import ElasticDrive
@@ -36,19 +37,22 @@ def cart(scene: Scene, roller_load: float, return_load_ratio: float = 1.0) -> Ca
     -------
     Cart
     """
-    machine, table = scene.machine, scene.drive.end_springs
+    machine, table, springs = scene.machine, scene.drive.end_springs, None
+    if table is not None:
+        springs = EndSprings(table.stiffness, table.preload, table.length, scene.motion.stroke)
+    front, rear = machine.guide_positions
     return Cart(
         mass=machine.mass,
         weight=machine.weight,
         roller_positions=machine.roller_positions,
         roller_reactions=(roller_load,) * machine.rollers,
-        guide_positions=machine.guide_positions,
+        guide_positions=(front, rear),
         pin_position=machine.pin_position,
         pin_height=machine.pin_height,
         roller_radius=machine.roller_radius,
         guide_wheel_diameter=machine.guide_wheel_diameter,
         guide_friction=machine.guide_friction,
-        end_springs=table and EndSprings(table.stiffness, table.preload, table.length, scene.motion.stroke),
+        end_springs=springs,
         return_load_ratio=return_load_ratio,
     )
 
@@ -104,21 +108,29 @@ def drive_of(scene: Scene, cycle: Cycle) -> "Rigid | Crank | Hydraulic | Motor |
     if table.kind == "elastic":
         from compact.machine.elastic_drive import ElasticDrive  # compiled code, imported when required
 
+        assert table.stiffness is not None  # rule of the scene
+        assert table.damping is not None
         return ElasticDrive(table.stiffness, table.damping, table.backlash or 0.0, bool(table.include_added_mass))
     if table.kind == "hydraulic":
+        assert table.hydraulics is not None  # rule of the scene
         return Hydraulic(**table.hydraulics.model_dump())
-    through_rod = cycle.forward.name == "crank" and rod is not None and scene.motion.dwell == 0
-    linked = rod if through_rod and table.kind in ("crank", "motor") else Rigid()
+    through_rod = cycle.forward.name == "crank" and scene.motion.dwell == 0 and table.kind in ("crank", "motor")
+    linked = rod if through_rod and rod is not None else Rigid()
     if table.kind != "motor" or any(join.order == 1 for join in cycle.discontinuities()):
         return linked
     motor = table.motor
-    curve = (
-        Kloss(motor.torque, motor.breakdown_slip, motor.speed)
-        if motor.curve == "kloss"
-        else LinearTorqueCurve(motor.torque, motor.speed)
+    assert motor is not None  # rule of the scene
+    belt = None if motor.belt is None else Belt(**motor.belt.model_dump())
+    return Motor(
+        _torque_curve(motor), motor.gear_ratio, motor.inertia, motor.flywheel_inertia, angles(scene), linked, belt
     )
-    belt = motor.belt and Belt(**motor.belt.model_dump())
-    return Motor(curve, motor.gear_ratio, motor.inertia, motor.flywheel_inertia, angles(scene), linked, belt)
+
+
+def _torque_curve(motor: MotorTable) -> Kloss | LinearTorqueCurve:
+    if motor.curve == "linear":
+        return LinearTorqueCurve(motor.torque, motor.speed)
+    assert motor.breakdown_slip is not None  # rule of the scene
+    return Kloss(motor.torque, motor.breakdown_slip, motor.speed)
 
 
 def _tabulated_law(path: str | Path) -> MotionProfile:

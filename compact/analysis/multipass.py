@@ -24,9 +24,10 @@ A second pass at the same height
     .016, .005, .002, .001, and the contact becomes symmetric.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,10 @@ from compact.engines.column.column_pass import Column
 from compact.material.laws import Compaction
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 from compact.rolling_contact import ContactResult, Layer, Roller
+
+if TYPE_CHECKING:
+    from compact.engines.column.engine import ColumnContactResult
+    from compact.engines.compaction.results import CompactionContactResult
 
 __all__ = ["Pass", "density", "passes", "there_and_back"]
 
@@ -141,14 +146,15 @@ def passes(
     if not isinstance(material, Compaction):
         raise ValueError(f"several passes require a `material` Compaction, got {type(material).__name__}")
     stages = there_and_back(stages) if isinstance(stages, int) else tuple(stages)
-    state, done, lowest = LAYERS[engine](layer, material), [], None
+    state, lowest = LAYERS[engine](layer, material), None
+    done: list[ColumnContactResult | CompactionContactResult] = []
     for number, stage in enumerate(stages, start=1):
         state = state.with_lift(stage.lift) if stage.lift else state
         height, options = state.layer.height, dict(numerics)
         if stage.exit_density_ratio is not None:
             options["exit_density_ratio"] = stage.exit_density_ratio
         if number == 1 and first is not None:
-            done.append(first)
+            done.append(cast("ColumnContactResult | CompactionContactResult", first))
         else:
             target = _roller_of(stage, roller, height, lowest, number)
             done.append(state.roll(target, speed if stage.forward else -speed, **options))
@@ -169,10 +175,11 @@ def density(result: ContactResult) -> NDArray[np.float64]:
     NDArray, shape (rows, 3)
         Bottom [m], top [m] and density ratio [-] of each row of mix, from the base upwards.
     """
-    if hasattr(result, "exit"):
+    if hasattr(result, "exit"):  # of the engine "compaction"
         heights, ratios = result.exit.heights, result.exit.points.density_ratio
     else:
-        heights, ratios = np.array([(column.height, column.density_ratio) for column in result.columns]).T
+        columns = cast("ColumnContactResult", result).columns
+        heights, ratios = np.array([(column.height, column.density_ratio) for column in columns]).T
     tops = np.cumsum(heights)
     return np.column_stack([tops - heights, tops, ratios])
 
@@ -194,7 +201,7 @@ def _roller_of(stage: Pass, roller: Roller, height: float, lowest: float | None,
 
 
 @dataclass(frozen=True)
-class _LayerBetweenPasses:
+class _LayerBetweenPasses(ABC):
     """Layer between two passes; `state` of the mix behind the last pass, None of fresh mix."""
 
     layer: Layer
@@ -210,6 +217,18 @@ class _LayerBetweenPasses:
         """Return the layer behind a pass."""
         return replace(self, layer=replace(self.layer, height=result.exit_height), state=self.state_of(result))
 
+    @abstractmethod
+    def covered(self, lift: float) -> Any:
+        """Return the state with fresh mix on top."""
+
+    @abstractmethod
+    def state_of(self, result: Any) -> Any:
+        """Return the state of the mix behind a pass."""
+
+    @abstractmethod
+    def roll(self, roller: Roller, speed: float, **options: Any) -> "ColumnContactResult | CompactionContactResult":
+        """Compute one pass over the layer."""
+
 
 class _ColumnLayer(_LayerBetweenPasses):
     """Layer of the engine "column"; its state are `Column`s."""
@@ -220,7 +239,7 @@ class _ColumnLayer(_LayerBetweenPasses):
     def state_of(self, result: Any) -> tuple[Column, ...]:
         return result.columns
 
-    def roll(self, roller: Roller, speed: float, **options: Any) -> ContactResult:
+    def roll(self, roller: Roller, speed: float, **options: Any) -> "ColumnContactResult":
         from compact.engines.column import engine as column
 
         if self.state is None:
@@ -237,7 +256,7 @@ class _ElementLayer(_LayerBetweenPasses):
     def state_of(self, result: Any) -> Any:
         return result.exit
 
-    def roll(self, roller: Roller, speed: float, **options: Any) -> ContactResult:
+    def roll(self, roller: Roller, speed: float, **options: Any) -> "CompactionContactResult":
         from compact.engines.compaction import engine as compaction
 
         target = options.get("exit_density_ratio")
@@ -248,4 +267,4 @@ class _ElementLayer(_LayerBetweenPasses):
         return compaction.roll(self.layer, roller, self.material, speed, fed_layer=self.state, **options)
 
 
-LAYERS = {"column": _ColumnLayer, "compaction": _ElementLayer}
+LAYERS: dict[str, type[_LayerBetweenPasses]] = {"column": _ColumnLayer, "compaction": _ElementLayer}

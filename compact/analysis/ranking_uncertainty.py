@@ -75,12 +75,15 @@ def places(ranked: Sequence[Ranked], by: str, heavier: Mapping[str, Any] | None)
     placed = []
     for place, own, ambiguous in zip(ranked, errors, tied, strict=True):
         behind = [
-            other.value - error for other, error in zip(ranked, errors, strict=True) if other.rank > place.rank
-        ] if heavier is not None else []  # fmt: skip
+            other.value - change
+            for other, change in zip(ranked, errors, strict=True)
+            if change is not None and other.rank > place.rank
+        ]
+        resolved: bool | None
         if ambiguous or place.reason:
             resolved = False
         else:
-            resolved = None if heavier is None else place.value + own <= min(behind, default=math.inf)
+            resolved = None if own is None else place.value + own <= min(behind, default=math.inf)
         placed.append(Place(place.rank, place.run.name, place.value, place.margin, own, resolved, place.reason))
     return placed
 
@@ -100,7 +103,8 @@ def ties(order: Sequence[Place | Ranked], by: str) -> list[bool]:
     """
     values, ranks = ([getattr(place, name) for place in order] for name in ("value", "rank"))
     close = ~_built_apart(values, CRITERIA[by].floor) & np.isfinite(values) & np.isfinite(values)[:, None]
-    return (close & (np.not_equal.outer(ranks, ranks))).any(axis=-1).tolist()
+    tied = np.asarray(close & np.not_equal.outer(ranks, ranks))
+    return [bool(row.any()) for row in tied]
 
 
 def error(run: Any, heavier: Any, by: str) -> float:

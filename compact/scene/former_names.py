@@ -79,13 +79,13 @@ def current_tables(data: dict[str, Any], source: Source) -> Source:
     for key, values in FORMER_VALUES.items():
         parent = _parent(data, key)
         value = parent.get(key[-1])
-        present = current_value(key, value)
-        if present != value:
-            parent[key[-1]] = present
-            former = ", ".join(
+        present_value = current_value(key, value)
+        if present_value != value:
+            parent[key[-1]] = present_value
+            found = ", ".join(
                 f'"{old}"' for old in values if old == value or (isinstance(value, list) and old in value)
             )
-            _warn(f"{source.place(key)}: {former} of `{'.'.join(key)}`", f'"{values[former.strip(chr(34))]}"')
+            _warn(f"{source.place(key)}: {found} of `{'.'.join(key)}`", f'"{values[found.strip(chr(34))]}"')
     return source
 
 

@@ -270,7 +270,7 @@ class Sweep:
         import xarray
 
         shape, names = self.design.shape, self._dimensions()
-        numbers, words = (dict(part) for part in (SWEEP_POINT, WORDS))
+        numbers, words = dict(SWEEP_POINT), dict(WORDS)
         if self.rank:
             more_numbers, more_words = ranking_variables(self.scene.drive.rank_by)
             numbers, words = numbers | more_numbers, words | more_words

@@ -91,7 +91,8 @@ def indices(at_first: ArrayLike, at_second: ArrayLike, at_mixed: ArrayLike) -> I
     middle = np.mean([f_A, f_B])  # subtracted, as the errors of the estimators grow with the mean
     f_A, f_B, f_AB = f_A - middle, f_B - middle, f_AB - middle
     if max(np.ptp(f_A), np.ptp(f_B)) <= SPREAD_ROUNDING * abs(middle):
-        return Indices(*np.zeros((6, len(f_AB))), n)
+        none = np.zeros((6, len(f_AB)))
+        return Indices(none[0], none[1], none[2], none[3], none[4], none[5], n)
     drawn = np.random.default_rng(SEED).integers(n, size=(BOOTSTRAPS, n))
     spread = np.array([_estimate(f_A[rows], f_B[rows], f_AB[:, rows]) for rows in drawn])
     tail = (1 - CONFIDENCE) / 2

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from compact.engines.halfplane import LineContact, galin
 from compact.material.laws import Compaction
 from compact.material.mix import Mix
 from compact.numerics.validation import NotFiniteError
-from compact.rolling_contact import ContactResult, Layer, Roller
+from compact.rolling_contact import ContactResult, Layer, LayerContactResult, Roller
 from compact.scene.loader import Scene
 
 SAME_LAYER = 5e-5  # [-], of the height before the pass; its change with speed, by the elastic recovery, is smaller
@@ -85,10 +85,14 @@ def roll_scene(
     used = ENGINES[engine or scene.accuracy.engine]
     layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
     options = _engine_options(scene, used, held, progress)
-    if initial_guess is not None and used.continuation and _is_continuable(initial_guess, layer, speed):
-        if _differs_in_speed_only(roller, material, initial_guess, speed):
-            return replace(initial_guess, speed=speed)
-        options["start"], layer = initial_guess, initial_guess.layer
+    if (
+        initial_guess is not None
+        and used.continuation
+        and _is_continuable(guess := _with_case(initial_guess), layer, speed)
+    ):
+        if _differs_in_speed_only(roller, material, guess, speed):
+            return _at_speed(initial_guess, speed)
+        options["start"], layer = initial_guess, guess.layer
     with _named_errors(scene, used.name, speed):
         result = used.roll(layer, roller, material, speed, **options)
         _require_above_base(result, layer)
@@ -142,14 +146,15 @@ def roll_passes(
     if (
         initial_guess
         and used.continuation
-        and _is_continuable(initial_guess[0], layer, speed)
-        and _differs_in_speed_only(roller, material, initial_guess[0], speed)
+        and _is_continuable(known := _with_case(initial_guess[0]), layer, speed)
+        and _differs_in_speed_only(roller, material, known, speed)
     ):
-        return tuple(replace(each, speed=float(np.copysign(speed, each.speed))) for each in initial_guess)
+        return tuple(_at_speed(each, float(np.copysign(speed, _with_case(each).speed))) for each in initial_guess)
     forward, *later = there_and_back(count)
     options = _engine_options(scene, used, held, progress)
     numerics = {key: options.pop(key) for key in ("torque", "progress", "max_contact_angle") if key in options}
     stages = (replace(forward, **options), *later)
+    assert isinstance(material, Compaction)  # of a compacting engine
     with _named_errors(scene, used.name, speed):
         return passes(layer, roller, material, speed, stages, engine=used.name, first=first, **numerics)
 
@@ -194,7 +199,18 @@ def added_mass(
     return found.added_mass, found.relaxation_time
 
 
-def _is_continuable(guess: ContactResult, layer: Layer, speed: float) -> bool:
+def _with_case(result: ContactResult) -> LayerContactResult:
+    """Return the result of an engine with continuation as what it is: a contact with its case."""
+    return cast(LayerContactResult, result)
+
+
+def _at_speed(result: ContactResult, speed: float) -> ContactResult:
+    """Return the result of an engine with continuation under another speed, on which it does not depend."""
+    changes: dict[str, Any] = {"speed": speed}  # a field of these results
+    return replace(result, **changes)
+
+
+def _is_continuable(guess: LayerContactResult, layer: Layer, speed: float) -> bool:
     """Return True for a contact in the same direction over the same layer, but for the elastic recovery."""
     if guess.speed * speed <= 0:
         return False
@@ -202,7 +218,7 @@ def _is_continuable(guess: ContactResult, layer: Layer, speed: float) -> bool:
     return same and abs(guess.layer.height / layer.height - 1) < SAME_LAYER
 
 
-def _differs_in_speed_only(roller: Roller, material: Any, guess: ContactResult, speed: float) -> bool:
+def _differs_in_speed_only(roller: Roller, material: Any, guess: LayerContactResult, speed: float) -> bool:
     """Return True if the contact differs from the guess by its speed only, and the mix has no rate."""
     if speed == guess.speed or material != guess.material:
         return False

@@ -161,5 +161,6 @@ class DriveStage:
         for key, ahead in angles.items():
             self.count("crank")
             crank = machine_models.crank(self.scene)
+            assert crank is not None  # rule of the scene: the output "crank" requires a rod
             turns[key] = simulate_crankshaft(self.resistance.cart, crank, speed, self.resistance.resistance, ahead)
         return turns

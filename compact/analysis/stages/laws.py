@@ -17,6 +17,7 @@ from compact.motion.optimal_motion import OptimalMotion, optimal_law_name, optim
 from compact.motion.profile import Cycle, law
 from compact.numerics.validation import require_known
 from compact.scene.loader import Scene, SceneError
+from compact.scene.schema import Optimise
 
 COMPLIANT_DRIVES = ("elastic", "motor")  # kinds of drive whose cart deviates from the law
 OVERSHOOT = 2.0  # [-], largest speed of a compliant drive over that of its law
@@ -131,21 +132,31 @@ class LawStage:
     @property
     def limits(self) -> Limits:
         """Limits of [motion.optimise]; the velocity is limited to the range of the resistance map."""
-        table, motion = self.scene.motion.optimise, self.scene.motion
+        table, motion = self._table, self.scene.motion
         known = self.resistance.largest_speed / self.prescribed.overshoot if self._has_map else np.inf
         velocity = min(known, table.velocity or np.inf)
-        shares = {} if table.steady_tolerance is None else {"run_up": motion.run_up, "run_down": motion.run_down}
+        shares = Limits.run_up, Limits.run_down
+        if table.steady_tolerance is not None:
+            shares = motion.run_up, motion.run_down
         return Limits(
             velocity=velocity if np.isfinite(velocity) else None,
             acceleration=table.acceleration,
             jerk=table.jerk,
             snap=table.snap,
+            run_up=shares[0],
+            run_down=shares[1],
             steady_tolerance=table.steady_tolerance or 0.0,
             smoothness=table.smoothness,
             end_condition="dwell" if motion.dwell else "reversal",
-            cam=_cam_limits(self.scene),
-            **shares,
+            cam=_cam_limits(self.scene, table),
         )
+
+    @property
+    def _table(self) -> Optimise:
+        """Table [motion.optimise], of a scene that has one."""
+        table = self.scene.motion.optimise
+        assert table is not None  # without it no law is optimised
+        return table
 
     @property
     def _has_map(self) -> bool:
@@ -155,7 +166,7 @@ class LawStage:
     def motion_resistances(self) -> tuple[MotionResistance, ...]:
         """Resistance to the motion, first as computed, then at both ends of each spread of [motion.optimise]."""
         found = [self.resistance.motion_resistance]
-        for name in self.scene.motion.optimise.spread:
+        for name in self._table.spread:
             known = self.resistance.mix.parameter(name)
             found += [self._resistance_with(name, value) for value in (known.low, known.high)]
         return tuple(found)
@@ -183,16 +194,17 @@ class LawStage:
         for _ in range(EXTENSIONS):
             limits, resistances = self.limits, self.motion_resistances
             task = objective, motion.stroke, motion.duration, self.resistance.cart.mass, resistances, limits
-            bounded = limits.velocity in (None, motion.optimise.velocity)
+            bounded = limits.velocity in (None, self._table.velocity)
+            fastest = limits.velocity or np.inf
             try:
                 found = optimise(*task, regret=len(resistances) > 1)
             except InfeasibleError as error:
                 if bounded or "velocity" not in {conflict.name for conflict in error.conflicts}:
                     raise
             else:
-                if bounded or found.peaks().velocity < BOUND_SHARE * limits.velocity:
+                if bounded or found.peaks().velocity < BOUND_SHARE * fastest:
                     return found
-            self.resistance.extend(EXTENSION_FACTOR * limits.velocity * self.prescribed.overshoot)
+            self.resistance.extend(EXTENSION_FACTOR * fastest * self.prescribed.overshoot)
         raise RuntimeError(
             f"the law of least {objective.replace('_', ' ')} reaches the largest velocity of the resistance map, "
             f"{limits.velocity:.3g} m/s, after {EXTENSIONS} extensions; bound its `velocity` or `acceleration` in "
@@ -234,6 +246,7 @@ class LawStage:
             raise RuntimeError(f"no cam: {name} is not made: {self._not_made[name]}")
         if cycle is None:
             require_known("motion law", name, tuple(self.cycles))
+        assert cycle is not None  # the name is known
         return Cam(cycle, table.breadth, _follower(follower, table.roller_follower_radius))
 
 
@@ -243,10 +256,10 @@ def _follower(name: str, radius: float) -> FlatFace | Pointed | RollerFollower:
     return Pointed() if name == "pointed" else FlatFace()
 
 
-def _cam_limits(scene: Scene) -> CamLimits | None:
+def _cam_limits(scene: Scene, table: Optimise) -> CamLimits | None:
     """Return the limits of the cam in [motion.optimise], None without one."""
-    table = scene.motion.optimise
     angle, flat, profile = table.pressure_angle, table.radius_of_curvature, table.profile_radius
     if (angle, flat, profile) == (None, None, None):
         return None
+    assert scene.cam is not None  # rule of the scene
     return CamLimits(scene.cam.breadth, angle, flat, scene.motion.dwell, profile, scene.cam.roller_follower_radius)

@@ -8,6 +8,7 @@ speed and is expensive, is sampled at one speed.
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from compact.analysis.contact_cases import ContactRecord, contact_inputs
 from compact.analysis.stages.contacts import ContactStage
 from compact.machine.roller_motors import FULL_SLIP_SHARE, CreepFreeRoller, DrivenRoller, carter_parameter
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import ContactResult, LayerContactResult
 
 STEP = 0.3  # [-], largest step of `carter_parameter`; creepage is linear in it on a half-plane, and nearly so on layers
 TRACTION_MARGIN = 1.15  # [-], sampled over required traction; T/(R pull) is 1.03 by "fem", 0.87 by "compaction"
@@ -71,7 +72,9 @@ def _curve(contacts: ContactStage, record: ContactRecord, sides: list[NDArray[np
     length, radius = machine.roller_length, machine.roller_radius
     roll = _driven_roller(contacts, record)
 
-    def row(torque: float, at: ContactResult) -> Row:
+    def row(torque: float, result: ContactResult) -> Row:
+        at = cast(LayerContactResult, result)  # of an engine with stick and slip
+        assert at.creep is not None  # the roller is driven
         return torque * length, (record.resistance - at.resistance) * length, at.creep, at.load * length
 
     known = dict(contacts.first_passes) if contacts.engine.continuation and not contacts.kept else {}

@@ -14,7 +14,7 @@ the elastic forces of the departure from the predicted displacement. It vanishes
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -124,6 +124,7 @@ class IncrementSolver:
             refactorised = self.solve_tangent is None or stalled
             if refactorised:
                 self._factorise(trial, share)
+            assert self.solve_tangent is not None  # set by `_factorise`
             direction = self.solve_tangent(trial.residual)
             length, next_trial = _line_search(trial, direction)
             if next_trial is None and not refactorised:  # an outdated tangent may give no descent direction
@@ -188,7 +189,8 @@ class IncrementSolver:
         """
         dofs = self.solid.element_dofs
         forces = np.matmul(self.elastic_stiffness, displacement.ravel()[dofs][..., None])
-        return np.bincount(dofs.ravel(), forces.ravel(), displacement.size).reshape(-1, 2)
+        # floats, as it has weights
+        return cast(FloatArray, np.bincount(dofs.ravel(), forces.ravel(), displacement.size).reshape(-1, 2))
 
 
 class _Trial:

@@ -222,7 +222,7 @@ class ReciprocatingRoller:
             - slip_work
         )
         self.slip_work += slip_work
-        self.stored_work += self.frame.solid.point_areas @ (equilibrium.state.work - self.state.work)
+        self.stored_work += float(self.frame.solid.point_areas @ (equilibrium.state.work - self.state.work))
         self._past = [*self._past[1 - STEPS_PER_ELEMENT :], _PastStep(x, travel, contact, change)]
         self.state, self.contact = equilibrium.state, contact
         self.iterations += equilibrium.iterations

@@ -375,7 +375,7 @@ class RollingSurface(RollerSurface):
 
     def friction_utilisation(self, contact: ContactForces) -> float:
         """Return the required tangential force over the friction limit [-]; the roller skids from 1 on."""
-        return abs(self.tangential_force) / (self.friction * (self.weights @ contact.pressure))
+        return float(abs(self.tangential_force) / (self.friction * (self.weights @ contact.pressure)))
 
     def with_steady_friction(
         self, displacement: FloatArray, upstream: FloatArray, pressure: FloatArray
