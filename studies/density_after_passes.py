@@ -30,7 +30,7 @@ PROFILE_HEADER = ("engine", "pass", "load_N/m", "resistance_N/m", "bottom_m", "t
 CALIBRATED = {"mix.overrides.heckel_slope": 13.995e-6, "layer.fed_density_ratio": 0.93444}  # to 9740 N and 0.179
 
 # of the profiles: coarse and loose, since later passes have a contact of millimetres to march over a layer of 0.23 m
-ELEMENTS = {"increments": 4, "steady": 1e-2}
+ELEMENTS = {"increments": 4, "steady_tolerance": 1e-2}
 TOP = 0.01  # m below the surface, where passes at one height differ
 
 

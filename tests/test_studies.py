@@ -404,7 +404,7 @@ def test_every_row_of_the_table_of_best_laws_is_that_of_the_study(engine):
 def test_viscoelastic_layer_of_the_study_is_the_main_job():
     module = study("rank_laws")
     rows, _ = module.main(engines=("fem",), drives=("elastic",), samples=2)
-    job = Study(load_scene(module.SCENES / "loveikin-2015-engines.toml", beside=None))
+    job = Study(load_scene(module.SCENES / "loveikin-2015-engines.toml", compare=None))
     for by in module.SHOWN:
         ours = {row[4]: row[5] for row in rows if row[2] == by}
         assert ours == {place.run.name: pytest.approx(place.value, rel=1e-9) for place in job.rankings[by]}

@@ -73,6 +73,7 @@ def test_this_process_answers_as_others_do(written):
     assert list(here.comparison) == ["formula", "column"]
 
 
+@pytest.mark.slow
 def test_places_of_every_engine_and_drive_are_in_the_table(tmp_path):
     study = Study(scene(**SPRING, **{"output.items": ["tables"]}))
     summary = report.write_study(study, tmp_path / "out")
@@ -223,6 +224,7 @@ def test_engine_beside_that_does_not_cover_the_scene_is_told():
         scene(**lacking)
 
 
+@pytest.mark.slow
 def test_laws_without_a_finite_peak_are_reported_by_every_engine(tmp_path):
     jumps = {"motion.laws": ["constant-velocity", "gear-sector"], "output.items": ["tables", "figures", "report"]}
     study = Study(scene(**jumps))

@@ -129,6 +129,7 @@ def test_run_tabulates_resistance_over_speed_beside_the_formulas(tmp_path):
     assert summary["evaluation_counts"]["rolled"] == 2
 
 
+@pytest.mark.slow
 def test_fields_are_written_as_a_series_over_the_speeds(tmp_path):
     import meshio
 

@@ -123,7 +123,7 @@ def test_finite_elements_that_compact_keep_the_height_of_the_product():
     slow, fast = case.contacts
     assert slow.indentation == pytest.approx(case.held.value, rel=1e-9)
     assert fast.indentation == pytest.approx(case.held.value, rel=1e-9)
-    assert case.reference[0].exit_density_ratio == pytest.approx(0.98, abs=2e-4)
+    assert case.contact_stage.reference[0].exit_density_ratio == pytest.approx(0.98, abs=2e-4)
     assert fast.load > slow.load
 
 

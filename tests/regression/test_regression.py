@@ -63,7 +63,7 @@ SCENES = {
         "drive.angles": [0.0, 1.5707963267948966], "output.items": ["tables"],
     },
 }  # fmt: skip
-SLOW = {"compaction": pytest.mark.slow}
+SLOW = {"compaction": pytest.mark.slow, "fem": pytest.mark.slow}
 
 
 def numbers(name, directory):

@@ -355,6 +355,7 @@ def told(capsys, *arguments):
     return code, "".join(capsys.readouterr())
 
 
+@pytest.mark.slow
 def test_interrupt_of_the_command_keeps_whole_points_and_resume_needs_the_rest(tmp_path, capsys):
     grid = ("--vary", "mix.moisture=0.08:0.12:12", "--vary", "mix.density_ratio=0.96:0.99:50")
     given = (SCENES / "loveikin-2015.toml", "--engine", "column", "--out", tmp_path / "out", *grid)
