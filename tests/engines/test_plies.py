@@ -92,12 +92,14 @@ waves = np.geomspace(1e-7, 1e3, 41)
 def test_dividing_a_ply_leaves_the_compliance_unchanged(layer, poisson, which, share):
     which %= len(layer.stack)
     ply = layer.stack[which]
+    moduli = [ply.stiffness for ply in layer.stack]
+    rounding = min(1e-10 * max(moduli) / min(moduli), 2e-8)  # grows with the contrast; 7e-9 in 4000 random layers
     halves = (Ply(ply.thickness * share, ply.stiffness), Ply(ply.thickness * (1 - share), ply.stiffness))
     cut = Layer(layer.height, layer.base, (*layer.plies[:which], *halves, *layer.plies[which + 1 :]))
     for whole, parts in zip(
         compliance_deviation(waves, layer, poisson), compliance_deviation(waves, cut, poisson), strict=True
     ):
-        assert parts == pytest.approx(whole, abs=2e-8)  # 7e-9 by rounding in 4000 random layers
+        assert parts == pytest.approx(whole, abs=rounding)
 
 
 @given(layers, st.floats(0, 0.49), st.floats(1.1, 10))
