@@ -75,19 +75,19 @@ class _Geometry:
         self.axles = self.middle + positions - positions.mean()
         self.rail = -1.1 * self.largest
 
-    def bounding_box(self):
+    def bounding_box(self) -> tuple[float, float, float, float]:
         """Left, top, width and height of all places that anything reaches."""
         left = self.far - 0.1 * self.largest
         right = self.axles.max() + self.radius + self.stroke + 0.1 * self.largest
         return left, 1.05 * self.rail, right - left, 2.15 * self.largest
 
-    def mix(self):
+    def mix(self) -> str:
         """Mix under the rollers."""
         left, right = self.axles.min() - self.radius, self.axles.max() + self.radius + self.stroke
         size = f'width="{right - left:.1f}" height="{0.3 * self.largest:.1f}"'
         return f'<rect x="{left:.1f}" y="{self.radius:.1f}" {size} fill="{MIX_COLOUR}"/>'
 
-    def cam_group(self):
+    def cam_group(self) -> str:
         """Cam with its axis and a mark that shows its rotation."""
         points = " ".join(f"{x:.2f},{y:.2f}" for x, y in self.profile)
         end = f"{0.8 * np.hypot(*self.profile[0]):.1f}"
@@ -96,7 +96,7 @@ class _Geometry:
         axis = f'<circle r="{0.04 * self.largest:.1f}" fill="{COLOURS["edge"]}"/>'
         return f'<g class="moves cam">{outline}{mark}{axis}</g>'
 
-    def carriage(self):
+    def carriage(self) -> str:
         """Followers, their frame, and the cart with its rollers."""
         bar = f'stroke="{COLOURS["cart"]}" stroke-width="10" fill="none"'
         ends = "".join(self._follower(x, bar) for x in (self.far, self.near))
