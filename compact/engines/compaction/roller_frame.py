@@ -299,7 +299,7 @@ class RollerFrame:
 
     def convect(self, state: SolidState) -> SolidState:
         """Return the state after all mix has moved by one step towards -x."""
-        displacement = self._node_convection @ state.displacement
+        displacement = self.convect_displacement(state.displacement)
         fed = self.fed_layer.points
         stress = self._convect_points(state.points.stress, fed.stress)
         smeared = self._convect_points(self._elastic_stress(state.displacement), 0.0)
@@ -309,9 +309,9 @@ class RollerFrame:
         points = cap_plasticity.MaterialPoint(stress, *others)
         return SolidState(displacement, points, self._convect_points(state.work, 0.0))
 
-    def upstream_matrix(self, nodes: NDArray[np.int64]) -> csr_matrix:
-        """Return the matrix from all nodal displacements to those one step upstream of some nodes, shape (n, N)."""
-        return self._node_convection[nodes]
+    def convect_displacement(self, displacement: FloatArray) -> FloatArray:
+        """Return the displacement [m], shape (N, 2), after all mix has moved by one step towards -x."""
+        return np.asarray(self._node_convection @ displacement)
 
     def to_rows(self, values: FloatArray) -> FloatArray:
         """Return values of the Gauss points by rows from the base up, shape (2 rows, 2 columns, ...)."""
@@ -322,25 +322,6 @@ class RollerFrame:
         values = np.empty((self._row_layout.size, *rows.shape[2:]))
         values[self._row_layout] = rows
         return values
-
-    def with_steady_rear(self, displacement: FloatArray) -> FloatArray:
-        """Return the displacement [m], shape (N, 2), with the fixed rear end as convected in steady motion."""
-        rear, weights = self._rear_convection
-        steady = displacement.copy()
-        steady[rear, 0] = weights @ displacement[:, 0]
-        return steady
-
-    def with_uniform_rear(self, displacement: FloatArray) -> FloatArray:
-        """Return the displacement [m], shape (N, 2), uniform along x behind the uniform zone.
-
-        It removes the oscillations that incremental rolling leaves there.
-        """
-        x, y = self.nodes.T
-        end = -UNIFORM_BEHIND * self.contact_length
-        behind = np.flatnonzero(x < end)
-        uniform = displacement.copy()
-        uniform[behind] = self.solid.basis.probes(np.array([np.full(behind.size, end), y[behind]])) @ displacement
-        return uniform
 
     def exit_density_ratio(self, density_ratio: FloatArray) -> float:
         """Return the mean density ratio over the height at the exit column [-].
@@ -354,17 +335,6 @@ class RollerFrame:
         """
         mass = self.row_heights * self.fed_layer.points.density_ratio
         return float(mass.sum() / np.sum(mass / self.to_rows(density_ratio)[:, self.exit_column]))
-
-    @cached_property
-    def _rear_convection(self):
-        """Nodes at the rear end that are fixed along x, and the matrix of their steady displacement."""
-        x = self.nodes[:, 0]
-        fixed = np.isin(2 * np.arange(len(x)), self.solid.fixed_dofs)
-        rear = np.flatnonzero(fixed & (x < x.min() + SAME_PLACE * self.mesh.height))
-        convection = self._node_convection[rear].toarray()
-        among = np.eye(rear.size) - convection[:, rear]
-        convection[:, rear] = 0.0
-        return rear, np.linalg.solve(among, convection)
 
     def _uniform_along_rows(self, profile):
         """Values of the Gauss points from a profile over the rows."""
