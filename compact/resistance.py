@@ -191,17 +191,12 @@ class ResistanceMap:
     odd = True  # either sign is accepted: a driven roller pulls its cart
 
     def __call__(self, velocity: ArrayLike, acceleration: ArrayLike = 0.0) -> Array:
-        """Evaluate the resistance.
+        """Evaluate the resistance [N], of the common shape of velocity and acceleration.
 
         Parameters
         ----------
         velocity, acceleration : array_like
             Velocity [m/s] and acceleration [m/s2].
-
-        Returns
-        -------
-        ndarray
-            Resistance [N], of the common shape of velocity and acceleration.
 
         Raises
         ------
@@ -314,11 +309,6 @@ def load_resistance_map(path: str | Path, key: str = "") -> ResistanceMap:
     key : str
         Key of all inputs of the map.
 
-    Returns
-    -------
-    ResistanceMap
-        Map.
-
     Raises
     ------
     ValueError
@@ -369,11 +359,6 @@ def sample_resistance(
         Largest cross-validation error over the largest force [-], > 0.
     known : iterable of (float, float, float or None)
         Speed, force and error of samples that exist already.
-
-    Returns
-    -------
-    ResistanceMap
-        Map without added masses.
 
     Raises
     ------

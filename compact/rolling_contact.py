@@ -182,11 +182,6 @@ def require_moving(speed: float) -> None:
     ----------
     speed : float
         Speed of the roller [m/s].
-
-    Raises
-    ------
-    ValueError
-        If the speed is 0 or not finite.
     """
     require_finite(speed=speed)
     if speed == 0:
@@ -201,15 +196,8 @@ def require_torque_allowed(roller: Roller, torque: float | None) -> None:
 
     Parameters
     ----------
-    roller : Roller
-        Roller.
     torque : float, optional
         Torque per unit roller length [N].
-
-    Raises
-    ------
-    ValueError
-        If the torque is not allowed, or missing for a driven roller.
     """
     turns = roller.rolling in ("free", "driven")
     if torque is not None:
@@ -264,10 +252,6 @@ def require_on_target(
 
     Parameters
     ----------
-    result : ContactResult
-        Contact.
-    roller : Roller
-        Roller with the prescribed quantity.
     tolerance : float
         Relative tolerance of the engine [-].
     exit_density_ratio : float, optional
@@ -275,11 +259,6 @@ def require_on_target(
     torque : (float, float), optional
         Prescribed and reached torque of a roller with stick and slip [N]; the tolerance is relative to the largest
         torque of friction.
-
-    Raises
-    ------
-    RuntimeError
-        If a prescribed quantity is not reached.
     """
     name, prescribed = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
     require_target_reached(name, prescribed, getattr(result, name), tolerance)
@@ -408,11 +387,6 @@ class TransientResult:
         Time [s] and fields at each requested instant.
     angle : ndarray, shape (n,), optional
         Rotation of a roller with friction, positive when rolling along +x [rad].
-
-    Raises
-    ------
-    RuntimeError
-        If a load or a resistance is not finite.
     """
 
     time: NDArray[np.float64]
@@ -434,17 +408,12 @@ class TransientResult:
                 raise RuntimeError(f"the {name} is not finite at t = {self.time[undefined[0]]:.6g} s")
 
     def write_frames(self, directory: str | Path) -> Path:
-        """Write the frames as film/time=T.vtu and their time series as film.pvd.
+        """Write the frames as film/time=T.vtu and their time series as film.pvd, whose path is returned.
 
         Parameters
         ----------
         directory : path
             Directory of the results.
-
-        Returns
-        -------
-        Path
-            The file film.pvd, written last.
 
         Raises
         ------

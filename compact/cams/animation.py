@@ -26,8 +26,6 @@ def animated_svg(cam: Cam, roller_radius: float, roller_positions: Sequence[floa
 
     Parameters
     ----------
-    cam : Cam
-        Cam.
     roller_radius : float
         Radius of the rollers of the cart [m].
     roller_positions : sequence of float

@@ -190,7 +190,6 @@ class Text:
     place : tuple of float
         Left end of the base line (x, y) [mm].
     text : str
-        Text.
     height : float
         Height of a capital [mm].
     layer : str
@@ -335,7 +334,6 @@ class Drawing:
     Attributes
     ----------
     title : str
-        Title.
     shapes : tuple of Shape
         Shapes of the drawing.
     """

@@ -50,7 +50,6 @@ class Cut:
     Attributes
     ----------
     cam : Cam
-        Cam.
     tolerance : float
         Tolerance of the follower's motion [m].
     angle : ndarray, shape (n,)
@@ -85,8 +84,6 @@ def cut(cam: Cam, cutter_radius: float | None = None, tolerance: float = MICROME
 
     Parameters
     ----------
-    cam : Cam
-        Cam.
     cutter_radius : float, optional
         Radius of the cutter [m].
     tolerance : float
@@ -133,8 +130,6 @@ def follower_on_polygon(outline: ArrayLike, follower: Follower, angle: ArrayLike
     ----------
     outline : array_like, shape (n, 2)
         Vertices of the closed polygon [m], counterclockwise about the axis.
-    follower : Pointed, RollerFollower or FlatFace
-        Follower.
     angle : array_like, shape (m,)
         Cam angles phi [rad].
 

@@ -105,13 +105,6 @@ def least_breadth(cycle: Cycle, follower: Follower) -> LeastBreadth:
     (flat face). A law and its mirror image always jump both ways. After a long near dwell the lobe may be too thin for
     the roller: b is then bisected on dense samples (to about 1e-6 of the stroke, otherwise to rounding).
 
-    Parameters
-    ----------
-    cycle : Cycle
-        Motion of the follower.
-    follower : Pointed, RollerFollower or FlatFace
-        Follower.
-
     References
     ----------
     Monograph D, cams of laws 2.1-4.4; the flat-faced ones with the law as support function (reference/errata.md).
@@ -147,10 +140,6 @@ def breadth_for_pressure_angle(cycle: Cycle, follower: Follower, limit: float) -
 
     Parameters
     ----------
-    cycle : Cycle
-        Motion of the follower.
-    follower : Pointed, RollerFollower or FlatFace
-        Follower.
     limit : float
         Largest pressure angle [rad].
     """
@@ -175,7 +164,6 @@ class Cam:
     breadth : float
         Breadth b [m], > stroke.
     follower : Pointed, RollerFollower or FlatFace
-        Follower.
 
     Examples
     --------
@@ -319,11 +307,6 @@ class Cam:
         points : int
             Number of equal steps plus one, >= 2; breakpoints are added. Angles ascend strictly from 0 to 2 pi; an equal
             step closer than 1e-9 rad to a breakpoint is replaced by it.
-
-        Raises
-        ------
-        ValueError
-            If the number of points is out of range.
         """
         if not points >= 2:
             raise ValueError(f"`points` must be at least 2, got {points!r}")

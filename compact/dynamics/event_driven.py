@@ -198,18 +198,10 @@ def integrate(
 
     Parameters
     ----------
-    oscillator : OscillatorParameters
-        Cart and springs.
     far_end : PiecewisePolynomial
         Position y [m] over time [s], smooth within each piece.
-    resistance : ResistanceTable
-        R(v, a).
-    state : CartState
-        Initial state.
     tolerance : float
         Largest defect of the resistance [N].
-    intervals : Intervals
-        Rows of `allocate_intervals`, filled in place.
 
     Returns
     -------
@@ -505,22 +497,10 @@ def _state_at_plate(oscillator, resistance, state, trial):
 def peak_force_and_power(oscillator: OscillatorParameters, intervals: Intervals) -> tuple[float, float]:
     """Find the peaks of the drive over all intervals.
 
-    Parameters
-    ----------
-    oscillator : OscillatorParameters
-        Cart and springs.
-    intervals : Intervals
-        Solution.
-
     Returns
     -------
     tuple of float
         Largest |H| of the drive spring and damper [N] and largest |H y'| [W].
-
-    Raises
-    ------
-    RuntimeError
-        If an interval has too many oscillations for the search.
     """
     peaks, counter, status = np.zeros(2), new_search_counter(), PAUSED
     row = np.zeros(1, np.int64)

@@ -127,16 +127,6 @@ def solve_shaft_speed(
         Of E, relative to its largest value.
     periodic : bool
         Solve the periodic regime.
-
-    Returns
-    -------
-    ShaftRevolution
-        Speed over the breaks.
-
-    Raises
-    ------
-    RuntimeError
-        If the shaft stops or the solution does not converge.
     """
     breaks, iterations = np.asarray(breaks, float), 0
     energy = np.full((len(breaks) - 1, ORDER + 1), speed**2 / 2)

@@ -34,7 +34,6 @@ class Strokes:
     Parameters
     ----------
     motion : PrescribedMotion
-        Motion.
     times, places : ndarray, shape (strokes + 1,)
         Times [s] and positions [m] of the start, the reversals and the end.
     """
@@ -113,8 +112,6 @@ def smooth_intervals(motion: PrescribedMotion, turns: bool = False) -> list[floa
 
     Parameters
     ----------
-    motion : PrescribedMotion
-        Motion.
     turns : bool
         True to divide the motion at its reversals too.
 

@@ -106,11 +106,6 @@ class EndSprings:
             Position of the cart [m] over a coordinate of the motion.
         breaks : array_like
             Coordinates between which the position is smooth, ascending.
-
-        Returns
-        -------
-        SpringZones
-            Zones between the breaks and the contacts with the springs.
         """
         plates = (self.length, self.stroke - self.length)
         breaks = np.asarray(breaks, float)
@@ -202,7 +197,6 @@ class MotionResistance:
     Parameters
     ----------
     cart : Cart
-        Cart.
     resistance : callable
         Force of the mix on all rollers [N] of velocity [m/s] and acceleration [m/s^2].
     """
@@ -253,8 +247,6 @@ def balance(
 
     Parameters
     ----------
-    cart : Cart
-        Cart.
     acceleration : array_like
         a [m/s^2].
     resistance : array_like
@@ -265,11 +257,6 @@ def balance(
         tan(beta) [-], positive for a rod that rises towards the drive.
     end_spring_force : array_like
         S along the travel [N].
-
-    Returns
-    -------
-    Balance
-        Drive force, reactions and friction.
 
     Raises
     ------
@@ -342,10 +329,6 @@ def moment_residual(
 
     Parameters
     ----------
-    cart : Cart
-        Cart.
-    forces : Balance
-        Forces.
     resistance, direction, rod_tangent : array_like
         As in `balance`.
     """

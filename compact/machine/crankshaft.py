@@ -71,7 +71,6 @@ class Crankshaft:
     Parameters
     ----------
     cart : Cart
-        Cart.
     crank : Crank
         Crank and rod.
     angular_speed : float
@@ -134,7 +133,6 @@ class CrankshaftRevolution:
     Parameters
     ----------
     shaft : Crankshaft
-        Shaft.
     angle, weights : ndarray, shape (n,)
         Angle and quadrature weights [rad].
     carts : tuple of CartRevolution
@@ -184,7 +182,6 @@ def simulate_crankshaft(
     Parameters
     ----------
     cart : Cart
-        Cart.
     crank : Crank
         Crank and rod.
     angular_speed : float
@@ -234,8 +231,6 @@ def crank_kinematics(
 
     Parameters
     ----------
-    crank : Crank
-        Crank and rod.
     psi : array_like
         Crank angle from the outer dead centre [rad].
 

@@ -131,11 +131,6 @@ class PeriodicProblem:
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
     tolerance : float
         Of the resistance, relative to the force scale.
-
-    Raises
-    ------
-    ValueError
-        If the resistance jumps at a speed other than 0, drives a cart at rest, or lags by more than the cart mass.
     """
 
     def __init__(
@@ -249,8 +244,6 @@ class PeriodicProblem:
         ----------
         law : PiecewisePolynomial
             Position of the far end [m] over time [s].
-        state : CartState
-            Initial state.
         tolerance_factor : float
             Multiple of the solution tolerance.
 
@@ -258,11 +251,6 @@ class PeriodicProblem:
         -------
         tuple
             Intervals and final state.
-
-        Raises
-        ------
-        RuntimeError
-            If the integration ends early.
         """
         for _ in range(MAX_EXTENSIONS):
             intervals = allocate_intervals(MAX_INTERVALS, law.coefficients.shape[1] - 1)  # pages are used when filled
@@ -293,11 +281,6 @@ class PeriodicProblem:
         -------
         tuple
             Intervals of one cycle and the state at its start.
-
-        Raises
-        ------
-        RuntimeError
-            If the iteration does not converge.
         """
         cycle_map = _CycleMap(self)
         state = cycle_map.predict()

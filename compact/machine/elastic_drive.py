@@ -121,11 +121,6 @@ def simulate_elastic(
     tolerance : float
         Of the resistance, relative to the largest force of inertia and resistance [-].
 
-    Returns
-    -------
-    ElasticRun
-        Solution and its statistics.
-
     Raises
     ------
     ValueError
@@ -185,7 +180,6 @@ class ElasticRun(CycleStatistics):
     Parameters
     ----------
     cart : Cart
-        Cart.
     cycle : Cycle
         Law of the far end.
     resistance : callable
@@ -195,7 +189,6 @@ class ElasticRun(CycleStatistics):
     trajectory : Trajectory
         Solution.
     cost : SolutionCost
-        Cost of the solution.
     include_added_mass : bool
         Resistance that depends on the acceleration.
     """

@@ -140,8 +140,6 @@ def solve_valve_flow(hydraulic: Hydraulic, velocity: NDArray[np.float64], force:
 
     Parameters
     ----------
-    hydraulic : Hydraulic
-        Drive.
     velocity : ndarray
         Velocity of the cart [m/s].
     force : ndarray
@@ -321,11 +319,6 @@ def simulate_stroke(
         Initial pressures of inlet and outlet [Pa].
     rtol : float
         Relative tolerance of the integration [-].
-
-    Returns
-    -------
-    HydraulicStroke
-        Motion, pressures and energies.
 
     Raises
     ------

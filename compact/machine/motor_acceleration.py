@@ -80,11 +80,6 @@ def simulate_acceleration_phase(
     tolerance : float
         Relative difference from the initial speed of the periodic regime at the end [-].
 
-    Returns
-    -------
-    AccelerationPhase
-        Acceleration phase.
-
     Raises
     ------
     RuntimeError

@@ -170,7 +170,7 @@ class Belt:
     def motor_speed(
         self, belt_torque: Callable[[NDArray[np.float64]], NDArray[np.float64]], speed: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Solve the speed of the motor by Newton's method.
+        """Solve the speed of the motor w [rad/s] by Newton's method.
 
             w (1 - belt_torque(w)/C) = w_g
 
@@ -180,16 +180,6 @@ class Belt:
             Torque on the motor pulley [N m] of the speed of the motor [rad/s].
         speed : array_like
             Speed w_g without creep [rad/s].
-
-        Returns
-        -------
-        ndarray
-            Speed w [rad/s].
-
-        Raises
-        ------
-        RuntimeError
-            If the iteration does not converge, as for a torque that rises too steeply with speed.
         """
         C, geared = self.creep_torque, np.asarray(speed, float)
         w, step = geared, SPEED_PERTURBATION * (np.abs(geared) + np.abs(geared).max())

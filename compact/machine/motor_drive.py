@@ -130,7 +130,6 @@ class ShaftLoad:
     Parameters
     ----------
     cart : Cart
-        Cart.
     motor : Motor
         Motor and shaft.
     cycle : Cycle
@@ -170,11 +169,6 @@ class ShaftLoad:
             Angle of the shaft [rad].
         energy, acceleration, jerk : ndarray
             phi'^2/2 [1/s^2], phi'' [rad/s^2] and the third derivative [rad/s^3].
-
-        Returns
-        -------
-        list of DriveState
-            One per cart.
         """
         angles = [np.mod(angle + lead, 2 * np.pi) for lead in self.motor.angles]
         return [self._cart_state(angle, energy, acceleration, jerk) for angle in angles]
@@ -235,7 +229,6 @@ def simulate_motor(
     Parameters
     ----------
     cart : Cart
-        Cart.
     motor : Motor
         Motor and shaft.
     motion : MotionProfile or Cycle
@@ -248,11 +241,6 @@ def simulate_motor(
         Initial speed of the shaft [rad/s]; the periodic regime without it.
     tolerance : float
         Of phi'^2 [-].
-
-    Returns
-    -------
-    MotorRun
-        Solution and its statistics.
 
     Raises
     ------
@@ -423,13 +411,7 @@ class MotorRun(CycleStatistics):
         return float(np.sum(self.weights * (self.motor_power - self.motor_torque * self.speed)))
 
     def require_no_slip(self) -> None:
-        """Require a belt torque within the slip limit.
-
-        Raises
-        ------
-        RuntimeError
-            If the belt slips; the error states the required preload.
-        """
+        """Require a belt torque within the slip limit."""
         belt = self.load.motor.belt
         if belt is not None and (torque := self.peak_belt_torque) > belt.slip_torque:
             raise RuntimeError(

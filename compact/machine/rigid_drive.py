@@ -106,7 +106,6 @@ class InverseDynamics:
     Parameters
     ----------
     cart : Cart
-        Cart.
     drive : Rigid or Crank
         Drive that imposes the law.
     cycle : Cycle
@@ -157,7 +156,7 @@ class InverseDynamics:
 def evaluate_resistance(
     resistance: Resistance, velocity: NDArray[np.float64], acceleration: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Evaluate a resistance [N] in the shape of the velocity; 0 in a dwell.
+    """Evaluate a resistance [N] in the shape of the velocity; 0 in a dwell; require finite values.
 
     Parameters
     ----------
@@ -165,11 +164,6 @@ def evaluate_resistance(
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
     velocity, acceleration : ndarray
         [m/s] and [m/s^2], of one shape.
-
-    Raises
-    ------
-    ValueError
-        If the resistance is not finite.
     """
     force = np.zeros(np.shape(velocity))
     moves = np.asarray(velocity) != 0
@@ -347,7 +341,6 @@ def simulate(
     Parameters
     ----------
     cart : Cart
-        Cart.
     drive : Rigid, Crank, ElasticDrive, Motor or Hydraulic
         Drive. A drive with a method `run` solves its own equation of motion.
     motion : MotionProfile or Cycle
@@ -357,11 +350,6 @@ def simulate(
         the velocity; `contact.dry_resistance` makes one of a constant force.
     working : tuple of float
         Start and end of the working part of the forward stroke [-], for `nonuniformity`.
-
-    Returns
-    -------
-    Run, ElasticRun, MotorRun or HydraulicRun
-        Run of the drive.
 
     Raises
     ------
@@ -427,13 +415,7 @@ def _nonuniformity(motion: MotionProfile, working: tuple[float, float]) -> float
 
 
 def require_law_of_drive(drive: Any, cycle: Cycle) -> None:
-    """Require the law of the crank without dwells for a crank; other drives accept every law.
-
-    Raises
-    ------
-    ValueError
-        If the law is not that of the crank, or has dwells.
-    """
+    """Require the law of the crank without dwells for a crank; other drives accept every law."""
     if not isinstance(drive, Crank):
         return
     psi = np.linspace(0, np.pi, 9)

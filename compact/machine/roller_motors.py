@@ -185,7 +185,6 @@ class RollerMotor:
     dynamics : InverseDynamics
         Of a `Rigid` drive, which imposes the law.
     roller : DrivenRoller or CreepFreeRoller
-        Roller.
     rollers : int
         n.
     """
@@ -332,8 +331,6 @@ def roller_rotation(cycle: Cycle, roller_radius: float, time: ArrayLike) -> Roll
 
     Parameters
     ----------
-    cycle : Cycle
-        Motion of the cart.
     roller_radius : float
         Radius R of the roller [m].
     time : array_like

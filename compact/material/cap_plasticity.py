@@ -79,10 +79,6 @@ def integrate_points(
 
     Parameters
     ----------
-    law : Compaction
-        Material law.
-    state : MaterialPoint
-        State of n points before the increment.
     strain : ndarray, shape (n, 3)
         Increments xx, yy, 2 xy of plane strain, tension positive [-]; logarithmic, in the rotated frame, where strains
         are finite.
@@ -98,11 +94,6 @@ def integrate_points(
     tangent : ndarray, shape (n, 3, 3), or None
         Algorithmic tangent d stress/d strain of (xx, yy, xy) [Pa]. It is unsymmetric where the cap hardens, by a share
         that decreases with the increment.
-
-    Raises
-    ------
-    RuntimeError
-        If the return mapping does not converge at a point.
     """
     require_positive(rate_factor=rate_factor)
     before = (strain, state.stress, state.density_ratio, state.max_density_ratio, state.plastic_work)
@@ -175,8 +166,6 @@ def hardening(law: CapConstants, k: float) -> tuple[float, float]:
 
     Parameters
     ----------
-    law : CapConstants
-        CapConstants of the law.
     k : float
         Density ratio [-].
 
@@ -225,8 +214,6 @@ def integrate_point(law: CapConstants, before: tuple, exx: float, eyy: float, ga
 
     Parameters
     ----------
-    law : CapConstants
-        CapConstants of the law.
     before : tuple of float
         Stress xx, yy, zz, xy [Pa], density ratio and largest density ratio [-] before the increment.
     exx, eyy, gamma : float
@@ -281,8 +268,6 @@ def return_map(law: CapConstants, p: float, q: float, k: float, densest: float) 
 
     Parameters
     ----------
-    law : CapConstants
-        CapConstants of the law.
     p, q : float
         Trial mean pressure and von Mises stress [Pa].
     k, densest : float

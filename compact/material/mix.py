@@ -51,7 +51,6 @@ class Parameter:
     value, low, high : float
         Value and spread, in `unit`.
     unit : str
-        Unit.
     flag : str
         Source in one word: measured, analogous (another material), assumed, calibrated (to the published machine),
         derived (phase relations) or given (by the user).
@@ -164,7 +163,6 @@ class ParameterSource:
     Parameters
     ----------
     unit : str
-        Unit.
     flag, words : str
         Source, as of `Parameter`.
     spread : callable
@@ -243,11 +241,6 @@ def prior(moisture: float, density_ratio: float, overrides: Mapping[str, float] 
         Values by name that replace the prior [SI, friction_angle in degrees]; flagged "given", without spread.
         `effective_modulus` equals `relaxed_modulus` unless it is overridden itself.
 
-    Returns
-    -------
-    Mix
-        Parameters with spread and source.
-
     Raises
     ------
     ValueError
@@ -281,7 +274,7 @@ def table_nodes() -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def bulk_density(moisture: ArrayLike, density_ratio: ArrayLike) -> NDArray[np.float64]:
-    """Compute the bulk density of a mix.
+    """Compute the bulk density of a mix [kg/m3].
 
         rho = k (1 + W)/(1/rho_s + W/rho_w)
 
@@ -291,11 +284,6 @@ def bulk_density(moisture: ArrayLike, density_ratio: ArrayLike) -> NDArray[np.fl
         Moisture W, water mass over dry mass [-], >= 0.
     density_ratio : array_like
         Density ratio k, bulk density over zero-air density [-], 0 < k <= 1.
-
-    Returns
-    -------
-    float or ndarray
-        Bulk density rho [kg/m3].
 
     References
     ----------
@@ -312,7 +300,7 @@ def bulk_density(moisture: ArrayLike, density_ratio: ArrayLike) -> NDArray[np.fl
 
 
 def saturation(moisture: ArrayLike, density_ratio: ArrayLike) -> NDArray[np.float64]:
-    """Compute the saturation, the share of the pore volume filled with water.
+    """Compute the saturation, the share of the pore volume filled with water [-].
 
         S = (W/rho_w) / [(1/rho_s + W/rho_w)/k - 1/rho_s]
 
@@ -322,11 +310,6 @@ def saturation(moisture: ArrayLike, density_ratio: ArrayLike) -> NDArray[np.floa
         Moisture W, water mass over dry mass [-], > 0.
     density_ratio : array_like
         Density ratio k, bulk density over zero-air density [-], 0 < k <= 1.
-
-    Returns
-    -------
-    float or ndarray
-        Saturation S [-].
 
     References
     ----------

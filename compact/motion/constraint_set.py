@@ -96,13 +96,7 @@ class ConstraintSet:
 
     @cached_property
     def min_acceleration_law(self) -> NDArray[np.float64]:
-        """Unknowns of the law with the smallest rms acceleration, the start of a search.
-
-        Raises
-        ------
-        InfeasibleError
-            If no law satisfies the limits.
-        """
+        """Unknowns of the law with the smallest rms acceleration, the start of a search."""
         together = self._relaxed_bounds(np.ones(len(self.bounds)))
         if together:
             alone = [self._single_relaxation(i) for i in range(len(self.bounds))]

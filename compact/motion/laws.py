@@ -100,8 +100,6 @@ def with_constant_velocity(
         Order n of the criterion.
     start, end : mapping of int to float
         Derivatives prescribed at rest and at the constant velocity, by their order; see `minimiser`.
-    parameters : LawParameters
-        Durations of both phases.
     """
     run = minimiser(order, {0: 0} | dict(start), end)
     up, down = (share if share > SHORTEST_PHASE else 0.0 for share in (parameters.run_up, parameters.run_down))

@@ -80,11 +80,6 @@ class CamLimits:
             Travel of one pass [m].
         duration : float
             Time of one pass [s].
-
-        Raises
-        ------
-        ValueError
-            If the axis of the cam lies outside the profile.
         """
         if self.profile_radius is None or self.roller_radius is None:
             return None
@@ -118,7 +113,6 @@ class Limits:
     at_rest : tuple of int
         Orders of derivatives, from 2 to the smoothness, that are zero at both ends, in addition to the velocity.
     cam : CamLimits, optional
-        Limits of the cam.
     """
 
     velocity: float | None = None
@@ -208,10 +202,6 @@ def violations(limits: Limits, motion: MotionProfile, instants: int = 100_001) -
 
     Parameters
     ----------
-    limits : Limits
-        Limits to check.
-    motion : MotionProfile
-        Law to check.
     instants : int
         Number of samples over the pass.
 

@@ -30,7 +30,7 @@ SERIES_TERMS = 24  # [-], terms u^(2k+1)/(2k+1)! for |p u| <= 6: the last is bel
 
 
 def minimiser(order: int, start: Mapping[int, float], end: Mapping[int, float]) -> Polynomial:
-    """Return the polynomial x(z), 0 <= z <= 1, that solves x^(2n) = 0 between two end states.
+    """Return the polynomial x(z) of degree < 2n, 0 <= z <= 1, that solves x^(2n) = 0 between two end states.
 
     Each end has n conditions. An end with fewer prescribed values is free: each x^(k), k < n, that is not prescribed
     adds the natural condition x^(2n-1-k) = 0. Conditions of order k >= n replace natural ones (combined laws of D
@@ -42,11 +42,6 @@ def minimiser(order: int, start: Mapping[int, float], end: Mapping[int, float]) 
         Order n of the criterion.
     start, end : mapping of int to float
         Value of each prescribed derivative x^(k), 0 <= k < 2n, by its order k.
-
-    Returns
-    -------
-    numpy.polynomial.Polynomial
-        Of degree < 2n.
 
     Raises
     ------

@@ -80,8 +80,6 @@ def evaluate_state(
 
     Parameters
     ----------
-    nodes : QuadratureNodes
-        Nodes of the law.
     unknowns : ndarray, shape (unknowns,)
         Coefficients of the law [-].
     mass : float

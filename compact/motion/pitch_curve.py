@@ -85,8 +85,6 @@ class PitchCurve:
 
         Parameters
         ----------
-        nodes : QuadratureNodes
-            Nodes of the law.
         unknowns : ndarray, shape (unknowns,)
             Coefficients of the law [-].
         """
@@ -97,8 +95,6 @@ class PitchCurve:
 
         Parameters
         ----------
-        nodes : QuadratureNodes
-            Nodes of the law.
         unknowns : ndarray, shape (unknowns,)
             Coefficients of the law [-].
         """
@@ -113,8 +109,6 @@ class PitchCurve:
 
         Parameters
         ----------
-        nodes : QuadratureNodes
-            Nodes of the law.
         unknowns : ndarray, shape (unknowns,)
             Coefficients of the law [-].
         """
@@ -137,8 +131,6 @@ class PitchCurve:
 
         Parameters
         ----------
-        nodes : QuadratureNodes
-            Nodes of the law.
         unknowns : ndarray, shape (unknowns,)
             Coefficients of the law [-].
         """

@@ -422,8 +422,6 @@ def extremum_candidates(curve: NormalisedCurve, order: int) -> NDArray[np.float6
 
     Parameters
     ----------
-    curve : NormalisedCurve
-        Law s(z).
     order : int
         Order of the derivative.
     """

@@ -327,8 +327,6 @@ def trust_region_search(
 
     Parameters
     ----------
-    problem : OptimisationProblem
-        Criterion and constraints.
     unknowns : ndarray, shape (unknowns,)
         Initial law [-].
 
@@ -336,13 +334,6 @@ def trust_region_search(
     -------
     unknowns, value, steps : ndarray, float, int
         Stationary law, its criterion and the number of accepted steps.
-
-    Raises
-    ------
-    RuntimeError
-        If no stationary law is found in `STEP_LIMIT` steps.
-    ValueError
-        If the criterion of the initial law is zero.
     """
     radius, models = np.inf, problem.linearise(unknowns)
     value = problem.counted_samples(models)[1]
@@ -379,8 +370,6 @@ def optimality_gap(problem: OptimisationProblem, unknowns: NDArray[np.float64]) 
 
     Parameters
     ----------
-    problem : OptimisationProblem
-        Criterion and constraints.
     unknowns : ndarray, shape (unknowns,)
         Coefficients of the law [-].
     """
@@ -397,23 +386,12 @@ def find_optimal_law(
 
     Parameters
     ----------
-    limits : Limits
-        Limits of the law.
     stroke : float
         Travel of one pass [m].
     duration : float
         Time of one pass [s].
-    criterion : DriveCriterion
-        Criterion to minimise.
     pieces : int, optional
         Number of pieces of the acceleration and deceleration phases; `PIECES_BY_SMOOTHNESS` if not given.
-
-    Raises
-    ------
-    InfeasibleError
-        If no law satisfies the limits.
-    RuntimeError
-        If the search does not converge.
     """
     pieces = pieces or _default_pieces(limits)
     rounds = max(0, int(np.log2(pieces / COARSEST_PIECES)))

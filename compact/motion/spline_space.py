@@ -182,7 +182,7 @@ def halve(rows: NDArray[np.float64], times: int) -> NDArray[np.float64]:
 
 
 def graded_breaks(start: float, end: float, count: int, smoothness: int) -> NDArray[np.float64]:
-    """Return breaks graded towards both ends, where the jerk of an optimal law is largest; halved pieces are nested.
+    """Return count + 1 breaks [-] graded towards both ends, where the jerk is largest; halved pieces are nested.
 
         z = u^3 (10 - 15 u + 6 u^2)   for k = 1, whose acceleration may jump: the first piece is 10/count^3 of the whole
         z = u^2 (3 - 2 u)             for k = 2 and 3,   u = i/count
@@ -195,11 +195,6 @@ def graded_breaks(start: float, end: float, count: int, smoothness: int) -> NDAr
         Number of pieces.
     smoothness : int
         Order k of the space.
-
-    Returns
-    -------
-    ndarray, shape (count + 1,)
-        Phases [-].
     """
     u = np.linspace(0, 1, count + 1)
     z = u**3 * (10 + u * (6 * u - 15)) if smoothness == 1 else u**2 * (3 - 2 * u)

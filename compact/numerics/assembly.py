@@ -78,7 +78,7 @@ def element_unknowns(basis: Basis) -> NDArray[np.int64]:
 
 
 def assemble_stiffness(basis: Basis, moduli: Array) -> csr_matrix:
-    """Assemble the global stiffness matrix.
+    """Assemble the global stiffness matrix, shape (2 N, 2 N) for N scalar degrees of freedom.
 
     Parameters
     ----------
@@ -86,18 +86,13 @@ def assemble_stiffness(basis: Basis, moduli: Array) -> csr_matrix:
         Scalar basis of both displacement components.
     moduli : ndarray, shape (4,) or (elements, 4)
         Stiffness as of `unit_moduli`, of the body or of each element.
-
-    Returns
-    -------
-    csr_matrix, shape (2 N, 2 N)
-        Stiffness matrix; N is the number of scalar degrees of freedom.
     """
     B = strain_matrix(basis)
     return assemble_matrix(basis, element_matrices(basis, B, B, moduli))
 
 
 def element_matrices(basis: Basis, left: Array, right: Array, moduli: Array) -> Array:
-    """Integrate left' C right over every element.
+    """Integrate left' C right over every element, shape (elements, n, n).
 
     Parameters
     ----------
@@ -107,11 +102,6 @@ def element_matrices(basis: Basis, left: Array, right: Array, moduli: Array) -> 
         Strain matrices as of `strain_matrix`.
     moduli : ndarray, shape (4,) or (elements, 4)
         Diagonal of C.
-
-    Returns
-    -------
-    ndarray, shape (elements, n, n)
-        Element matrices.
     """
     count, points, parts, width = left.shape
     C_right = (right * moduli[..., None, :, None] * basis.dx[..., None, None]).reshape(count, points * parts, width)

@@ -37,7 +37,6 @@ class LinearConstraints(NamedTuple):
     Parameters
     ----------
     equality_matrix : array or sparse array, shape (k, n)
-        A.
     equality_values : ndarray, shape (k,)
         b.
     inequality_matrix : array or sparse array, shape (m, n)
@@ -59,8 +58,6 @@ def minimise_linear(cost: Array, constraints: LinearConstraints, box: Array | No
     ----------
     cost : ndarray, shape (n,)
         c.
-    constraints : LinearConstraints
-        Constraints on x.
     box : ndarray, shape (n,), optional
         Bound of each |x_i|; inf for an unbounded unknown.
 
@@ -105,20 +102,8 @@ def minimise_quadratic(
         Q, positive semidefinite.
     cost : ndarray, shape (n,)
         c.
-    constraints : LinearConstraints
-        Constraints on x.
     box : ndarray, shape (n,), optional
         Bound of each |x_i|; inf for an unbounded unknown.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Minimiser.
-
-    Raises
-    ------
-    RuntimeError
-        If Clarabel does not converge to `CLARABEL_ACCEPTED`; the message contains the residuals.
     """
     A, b = _scaled(constraints.equality_matrix, constraints.equality_values)
     G, h = _inequalities(constraints, box, A)

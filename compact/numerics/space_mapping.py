@@ -160,11 +160,6 @@ def fit_parameters(
     broyden_length : float
         Step that updates half of a slope [-]; the default is for fine models with noise of 1e-3.
 
-    Returns
-    -------
-    SpaceMappingFit
-        Unknowns, predictions and sensitivity.
-
     Raises
     ------
     ValueError

@@ -79,11 +79,6 @@ def require_that(condition: ArrayLike, value: ArrayLike, rule: str) -> None:
         Quantity that the message reports.
     rule : str
         Start of the message, up to "got".
-
-    Raises
-    ------
-    ValueError
-        If the condition is false for any element; the message contains the first such element.
     """
     if not np.all(condition):
         raise ValueError(f"{rule} {_shown(value, lambda _: condition)}")
@@ -115,11 +110,6 @@ def require_opposing(
         Speed that the cart reaches [m/s], > 0.
     directions : iterable of float
         Signs of the velocities that the cart reaches.
-
-    Raises
-    ------
-    ValueError
-        If the resistance would accelerate the cart; the message contains the first such velocity.
 
     Examples
     --------

@@ -170,18 +170,7 @@ class StepBuffers(NamedTuple):
 
 
 def initial_integration_state(stack: ColumnStack) -> IntegrationState:
-    """Build the `IntegrationState` at the start of a path.
-
-    Parameters
-    ----------
-    stack : ColumnStack
-        Columns before the path.
-
-    Returns
-    -------
-    IntegrationState
-        No column yields and no step has been tried.
-    """
+    """Build the `IntegrationState` at the start of a path."""
     n = len(stack.height)
     counts = np.array([0, 0, 0, -1])
     return IntegrationState(stack.max_density_ratio.copy(), np.zeros(n, np.bool_), np.empty(n), np.zeros(1), counts)
@@ -195,12 +184,6 @@ def integrate_path(
 
     Parameters
     ----------
-    problem : ColumnProblem
-        Data of the differential equation.
-    control : PathControl
-        End of the path and accuracy.
-    state : IntegrationState
-        Progress, modified in place.
     path : ndarray
         Rows (u, y), one for each step, the last at `state.counts[ROW]`; new rows are written behind it. The vector y
         is (s_v, int s_v dx, int s_v gap' dx, plastic work, elastic work, p_1, V_1, ...) in SI units. V counts from the
@@ -389,8 +372,6 @@ def stiffness_ratio(law: CapConstants, density_ratio: float) -> float:
 
     Parameters
     ----------
-    law : CapConstants
-        Material constants.
     density_ratio : float
         Density ratio k at the start [-].
 

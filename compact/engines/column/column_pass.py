@@ -191,8 +191,6 @@ class ColumnLayer:
             Coordinate at the start [m].
         y : ndarray
             State vector at the start.
-        control : PathControl
-            End of the path and accuracy.
 
         Returns
         -------
@@ -238,10 +236,6 @@ class ColumnLayer:
             Relative error of a step [-].
         max_step_share : float
             Largest step over the coordinate of the front [-].
-
-        Returns
-        -------
-        PassResult
         """
         front = self.front(indentation)
         control = PathControl(0.0, np.inf, self.error_scale(indentation, rtol), front * max_step_share)
@@ -263,15 +257,6 @@ class ColumnLayer:
             Accuracy; the end of the path is replaced by the rear edge.
         evaluations : int
             Number of evaluations of the rates so far.
-
-        Returns
-        -------
-        PassResult
-
-        Raises
-        ------
-        RuntimeError
-            If the columns are not free of stress within the rise of the gap that is integrated.
         """
         rise = REBOUND_SHARE_MAX * indentation
         end = self.front(min(rise, self.gap.radius) if self.gap.circular else rise)
@@ -362,18 +347,10 @@ def column_layer(
     ----------
     columns : tuple of Column
         Columns from the base upwards.
-    material : Compaction
-        Material law.
     rate_factor : float
         Ratio of pc to its value at the reference speed [-].
-    gap : GapShape
-        Shape of the roller.
     strain_measure : int
         One of the values of STRAINS.
-
-    Returns
-    -------
-    ColumnLayer
     """
     rows = [(each.height, each.density_ratio, each.lateral_stress, each.max_density_ratio) for each in columns]
     height, density_ratio, lateral_stress, max_density_ratio = np.array(rows, dtype=float).T.copy()

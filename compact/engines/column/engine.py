@@ -195,10 +195,6 @@ def roll_over(
     rtol : float
         Error of a step over the size of the whole pass [-].
 
-    Returns
-    -------
-    ColumnContactResult
-
     Raises
     ------
     ValueError
@@ -232,8 +228,6 @@ def required_feed(
         Height of the product [m].
     exit_density_ratio : float
         Density ratio of the product [-].
-    material : Compaction
-        Material law.
     speed : float
         Speed of the roller [m/s].
     rtol : float
@@ -265,18 +259,12 @@ def simulate_oedometer(
 
     Parameters
     ----------
-    material : Compaction
-        Material law.
     pressure : array_like
         Vertical stresses s_v [Pa], shape (n,).
     rate_factor : float
         Ratio of pc to its value at the reference speed [-].
     rtol : float
         Error of a step over the size of the whole test [-].
-
-    Returns
-    -------
-    OedometerResult
 
     Raises
     ------
@@ -362,13 +350,7 @@ def _build_result(
 
 
 def require_single_bonded_layer(layer: Layer) -> None:
-    """Raise ValueError unless a layer is bonded and of one mix.
-
-    Parameters
-    ----------
-    layer : Layer
-        Layer of a scene.
-    """
+    """Raise ValueError unless a layer is bonded and of one mix."""
     require_known("base", layer.base, get_args(BaseCondition))
     if layer.base == "slip":
         raise ValueError(
@@ -386,10 +368,6 @@ def require_column_range(roller: Roller, material: Compaction, speed: float) -> 
 
     Parameters
     ----------
-    roller : Roller
-        Roller without traction on the mix.
-    material : Compaction
-        Material law.
     speed : float
         Speed [m/s], finite and not 0.
     """

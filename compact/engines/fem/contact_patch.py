@@ -188,10 +188,6 @@ def solve_contact_patch(
 
     Parameters
     ----------
-    surface : SurfaceCompliance
-        Compliance of the layer.
-    indenter : Indenter
-        Roller at its indentation.
     terms : int
         Largest number of pressure terms; one per `NODES_PER_TERM` nodes at most.
     initial_guess : ContactPatch, optional
@@ -234,22 +230,7 @@ def with_peak_pressures(surface: SurfaceCompliance, indenter: Indenter, patch: C
 
 
 def estimate_edges(surface: SurfaceCompliance, indenter: Indenter) -> FloatArray:
-    """Estimate both edges [m], shape (2,), from a pressure linear between corner nodes by an active-set method.
-
-    Parameters
-    ----------
-    surface : SurfaceCompliance
-        Compliance of the layer.
-    indenter : Indenter
-        Roller at its indentation.
-
-    Raises
-    ------
-    UnresolvedError
-        If no corner node is in contact.
-    BeyondWindowError
-        If a corner node at the end of the loaded zone is in contact.
-    """
+    """Estimate both edges [m], shape (2,), from a pressure linear between corner nodes by an active-set method."""
     loaded_x = surface.x[surface.loaded]
     corners = loaded_x[::2]
     H = _hat_forces(np.diff(corners))

@@ -182,19 +182,8 @@ def solve_contact(
 
     Parameters
     ----------
-    problem : RollingProblem
-        Layer, roller, material and speed.
-    discretisation : Discretisation
-        Mesh and pressure terms.
     tolerance : float
         Relative tolerance of a prescribed load or peak pressure [-].
-
-    Raises
-    ------
-    UnresolvedError
-        If the contact does not converge.
-    RuntimeError
-        If the roller skids or the contact is wider than the roller.
     """
     mesh = discretisation.mesh
     return expand_window(
@@ -208,8 +197,6 @@ def expand_window(discretisation: Discretisation, solve: Callable[[float], Found
 
     Parameters
     ----------
-    discretisation : Discretisation
-        Half-width of the estimated contact.
     solve : callable
         Raises `BeyondWindowError` where the zone is too small.
 
@@ -232,10 +219,6 @@ def steady_surface(problem: RollingProblem, mesh: RowMesh, window: float) -> Sur
 
     Parameters
     ----------
-    problem : RollingProblem
-        Layer, material and speed.
-    mesh : RowMesh
-        Mesh of the layer.
     window : float
         Half-width of the loaded zone about the centre of the mesh [m].
     """
@@ -271,23 +254,8 @@ def solve_at_target(
 
     Parameters
     ----------
-    problem : RollingProblem
-        Layer, roller, material and speed.
-    surface : SurfaceCompliance
-        Compliance of the layer at the speed.
-    discretisation : Discretisation
-        Pressure terms and initial guess of the indentation.
     tolerance : float
         Relative tolerance of a prescribed load or peak pressure [-]; `STICK_SECANT_TOLERANCE` at least with stick.
-    initial_guess : ContactSolution, optional
-        Contact of a similar problem.
-
-    Raises
-    ------
-    BeyondWindowError
-        If the contact leaves the loaded zone.
-    UnresolvedError
-        If the contact or the secant method does not converge.
     """
     if problem.roller.indentation is not None:
         return solve_at_indentation(problem, surface, problem.roller.indentation, discretisation, initial_guess)
@@ -329,11 +297,6 @@ def solve_at_indentation(
         As of `solve_at_target`.
     indentation : float
         Indentation [m].
-
-    Raises
-    ------
-    UnresolvedError
-        If the contact does not converge.
     """
     indenter, terms = problem.indenter(indentation), discretisation.terms
     patch, shear = (None, None) if initial_guess is None else (initial_guess.patch, initial_guess.shear)

@@ -93,8 +93,6 @@ def steady_creep_operator(x: FloatArray, material: Elastic, speed: float) -> Flo
     ----------
     x : ndarray
         Surface nodes, corners and middles [m], shape (n,).
-    material : Elastic or Viscoelastic
-        Material of the layer.
     speed : float
         Speed of the roller along x [m/s].
     """
@@ -145,11 +143,6 @@ def retarded_along_rows(values: FloatArray, x: FloatArray, length: float) -> Flo
         Points of each row, ascending [m], shape (rows, n).
     length : float
         Retardation length v theta [m], not 0.
-
-    Returns
-    -------
-    ndarray
-        Shape of `values`.
     """
     if length < 0:
         return retarded_along_rows(values[:, ::-1], -x[:, ::-1], -length)[:, ::-1]
@@ -166,7 +159,7 @@ def retarded_along_rows(values: FloatArray, x: FloatArray, length: float) -> Flo
 
 
 def step_weights(count: int, interval: float, time: float) -> FloatArray:
-    """Weights of values at even instants in z at the end of an interval, from time dz/dt + z = value and z = 0.
+    """Weights of values at count + 1 even instants in z at the end of an interval: time dz/dt + z = value, first z = 0.
 
     Parameters
     ----------
@@ -174,11 +167,6 @@ def step_weights(count: int, interval: float, time: float) -> FloatArray:
         Number of equal parts of the interval; the value is linear over each.
     interval, time : float
         Length of the interval and retardation time [s].
-
-    Returns
-    -------
-    ndarray
-        Shape (count + 1,).
     """
     zeroth, first, _ = _exponential_moments(np.array(interval / count / time))
     decay = np.exp(-interval / count / time * np.arange(count)[::-1])
@@ -246,7 +234,7 @@ class InternalVariableStep:
     def updated(
         self, x: FloatArray, places: FloatArray, internal: FloatArray, old: FloatArray, new: FloatArray
     ) -> FloatArray:
-        """Integrate the internal variables over the step.
+        """Integrate the internal variables over the step [m], shape (k, ..., m).
 
         Parameters
         ----------
@@ -258,11 +246,6 @@ class InternalVariableStep:
             Previous internal variables there [m], shape (k, ..., m).
         old, new : ndarray
             Elastic displacement at the nodes before and after the step [m], shape (..., n).
-
-        Returns
-        -------
-        ndarray
-            Shape (k, ..., m).
         """
         passed = np.array([
             interpolate(x, (1 - fraction) * old + fraction * new, clipped_to_mesh(x, places - position))
@@ -276,8 +259,6 @@ def internal_variable_step(creep: CreepFunction, positions: FloatArray, interval
 
     Parameters
     ----------
-    creep : CreepFunction
-        Creep function of the mix.
     positions : ndarray
         Positions of the roller at even instants of the step [m], shape (n,).
     interval : float
@@ -292,7 +273,7 @@ def internal_variable_step(creep: CreepFunction, positions: FloatArray, interval
 def retarded_displacement(
     shares: FloatArray | tuple[float, ...], places: FloatArray, internal: FloatArray, x: FloatArray
 ) -> FloatArray:
-    """Interpolate sum_k J_k z_k from points of the layer to others.
+    """Interpolate sum_k J_k z_k from points of the layer to others [m], shape (..., q).
 
     Parameters
     ----------
@@ -302,11 +283,6 @@ def retarded_displacement(
         Points of the layer [m], shape (m,) and (q,).
     internal : ndarray
         Internal variables at `places` [m], shape (k, ..., m).
-
-    Returns
-    -------
-    ndarray
-        Shape (..., q) [m].
     """
     return np.tensordot(shares, CubicSpline(places, internal, axis=-1)(x), axes=1)
 
@@ -318,8 +294,6 @@ def steady_internal_variables(
 
     Parameters
     ----------
-    creep : CreepFunction
-        Creep function of the mix.
     nodes : ndarray
         Nodes in coordinates of the roller [m], shape (n,).
     displacement : ndarray

@@ -140,11 +140,6 @@ def roll(
     estimate : bool
         Estimate the errors. Without the estimate `error` is None and the mesh is not refined.
 
-    Returns
-    -------
-    FemContactResult
-        Forces, edges and pressure per unit roller length.
-
     Raises
     ------
     ValueError
@@ -177,11 +172,6 @@ def require_linear_range(
     ----------
     layer, roller, material, speed, mesh, tolerance
         As of `roll`.
-
-    Raises
-    ------
-    ValueError
-        With the argument, its value, the allowed values and a remedy.
     """
     require_moving(speed)
     require_positive(tolerance=tolerance)

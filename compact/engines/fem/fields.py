@@ -106,11 +106,6 @@ class LoadedLayer:
 def field_mesh(result: "FemContactResult") -> "meshio.Mesh":
     """Compute the fields inside the layer under a roller in steady motion.
 
-    Parameters
-    ----------
-    result : FemContactResult
-        Contact by the engine "fem".
-
     Returns
     -------
     meshio.Mesh
@@ -127,11 +122,6 @@ def dissipated_work(loaded: LoadedLayer) -> float:
     """Work dissipated in the layer per length rolled [J/m2].
 
     Downstream of the mesh the strain is constant; there the branches dissipate E J_k (e - z_k) : c : (e - z_k)/2 more.
-
-    Parameters
-    ----------
-    loaded : LoadedLayer
-        Layer under a roller in steady motion.
     """
     strain = loaded.elastic_strain()
     inside = np.sum(loaded.basis.dx * _dissipation(loaded, strain))
@@ -155,10 +145,6 @@ def transient_frames(
 
     Parameters
     ----------
-    layer : Layer
-        Base and plies.
-    material : Elastic or Viscoelastic
-        Material of the layer.
     mesh : RowMesh
         Mesh whose nodes lie in vertical columns; it moves with the roller.
     states : sequence of TransientState
@@ -174,11 +160,6 @@ def transient_frames(
     -------
     tuple of (float, meshio.Mesh)
         Time [s] and fields; `position` [m] of the roller is a value of every cell.
-
-    Raises
-    ------
-    ValueError
-        If the nodes of the mesh do not lie in vertical columns.
     """
     if np.ptp(mesh.x, axis=0).max() > COLUMN_ROUNDING * mesh.height:
         raise ValueError("`frames` need a `mesh` whose nodes lie in vertical columns, got inclined ones; omit `mesh`")

@@ -77,11 +77,6 @@ def expand_resistance(
     estimate : bool
         Estimate the error of M from a solution on the refined mesh.
 
-    Returns
-    -------
-    ResistanceExpansion
-        F_ss, dF_ss/dv, M and its error.
-
     Raises
     ------
     ValueError
@@ -168,7 +163,6 @@ class _SimilarContacts:
     stretch_rate : SurfaceCompliance
         Its derivative with respect to the log of the stretch.
     steady : ContactSolution
-        Steady contact.
     discretisation : Discretisation
         Pressure terms and indentation of the steady contact.
     """

@@ -124,14 +124,8 @@ def solve_stick_slip(
 
     Parameters
     ----------
-    surface : SurfaceCompliance
-        Compliance of the layer.
-    indenter : Indenter
-        Roller at its indentation.
     terms : int
         Largest number of pressure terms.
-    friction : FrictionCondition
-        Coefficient of friction and tangential force.
     patch, shear : optional
         Initial guess.
 
@@ -139,13 +133,6 @@ def solve_stick_slip(
     -------
     tuple
         The `ContactPatch`, with its peak pressures, and the `ShearSolution`.
-
-    Raises
-    ------
-    UnresolvedError
-        If the alternation does not converge; the message lists the changes.
-    RuntimeError
-        If the tangential force reaches the friction limit.
     """
     drawn = np.zeros((2, len(surface.x))) if shear is None else shear.displacement
     nodes, relaxation, previous, changes = None, 1.0, None, []
@@ -179,17 +166,8 @@ def solve_shear(
     ----------
     surface : SurfaceCompliance
         Compliance of the layer; its initial displacement is part of the slip.
-    patch : ContactPatch
-        Pressure and its displacement.
-    friction : FrictionCondition
-        Coefficient of friction and tangential force.
     nodes : ndarray, optional
         Nodes of the traction [m]; all surface nodes unless given.
-
-    Raises
-    ------
-    RuntimeError
-        If the tangential force reaches the friction limit.
     """
     x = _nodes_between_edges(patch, surface.x if nodes is None else nodes)
     hats, share = _nodal_forces(surface, patch, x)

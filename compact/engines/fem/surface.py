@@ -68,17 +68,12 @@ class SurfaceCompliance:
         return slice(self.first, self.last)
 
     def displacement(self, forces: FloatArray) -> FloatArray:
-        """Displacement of all nodes under forces on the loaded ones, without the initial displacement.
+        """Displacement of all nodes under forces on the loaded ones, without the initial one; (2, n) or (2, n, j).
 
         Parameters
         ----------
         forces : ndarray
             Shape (2, m) or (2, m, j) for j load cases.
-
-        Returns
-        -------
-        ndarray
-            Shape (2, n) or (2, n, j).
         """
         cases = "j" if forces.ndim == 3 else ""
         return np.einsum(f"iakb,kb{cases}->ia{cases}", self.response, forces, optimize=True)
@@ -163,7 +158,7 @@ def shape_matrix(nodes: FloatArray, x: FloatArray, derivative: bool = False) -> 
 
 
 def interpolate(nodes: FloatArray, values: FloatArray, x: FloatArray) -> FloatArray:
-    """Interpolate nodal values quadratically, without forming the shape matrix.
+    """Interpolate nodal values quadratically, without forming the shape matrix; shape (..., q).
 
     Parameters
     ----------
@@ -173,11 +168,6 @@ def interpolate(nodes: FloatArray, values: FloatArray, x: FloatArray) -> FloatAr
         Shape (..., n).
     x : ndarray
         Points [m], shape (q,).
-
-    Returns
-    -------
-    ndarray
-        Shape (..., q).
     """
     element, _, z = _local_coordinate(nodes, x)
     low, middle, high = (values[..., 2 * element + place] * shape for place, shape in enumerate(_shape_functions(z)))

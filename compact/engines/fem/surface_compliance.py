@@ -70,21 +70,12 @@ class LayerStiffness:
 
 
 def element_moduli(mesh: RowMesh, poisson: float, layer: Layer) -> FloatArray:
-    """Moduli (2 mu, 2 mu, mu, lambda) of the elements for E = 1 times the relative modulus of their ply.
+    """Moduli (2 mu, 2 mu, mu, lambda) [-] of the elements for E = 1 times the modulus of their ply, (elements, 4).
 
     Parameters
     ----------
-    mesh : RowMesh
-        Mesh of the layer.
     poisson : float
         Poisson's ratio [-].
-    layer : Layer
-        Plies and their relative moduli.
-
-    Returns
-    -------
-    ndarray
-        Shape (elements, 4) [-].
     """
     relative = layer.stiffness((mesh.y[1:] + mesh.y[:-1]) / 2)
     return np.repeat(relative, mesh.shape[1])[:, None] * unit_moduli(poisson)
@@ -96,17 +87,8 @@ def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer) -> LayerStiffne
 
     Parameters
     ----------
-    mesh : RowMesh
-        Mesh with a line of nodes at every interface of plies.
     poisson : float
         Poisson's ratio [-].
-    layer : Layer
-        Plies and base.
-
-    Raises
-    ------
-    RuntimeError
-        If the stiffness is singular to working precision.
     """
     quads = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
     basis = Basis(quads, ElementQuad2(), intorder=GAUSS_ORDER)
@@ -135,8 +117,6 @@ def surface_compliance(
         Mesh of the layer; symmetry of a mirrored mesh halves the number of unit forces.
     poisson : float
         Poisson's ratio [-].
-    layer : Layer
-        Plies and base.
     window : float
         Half-width of the loaded zone about the centre of the mesh [m].
     sheared : bool

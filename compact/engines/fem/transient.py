@@ -109,11 +109,6 @@ def simulate_transient(  # noqa: PLR0913 - the four physical inputs, and keyword
     estimate : bool
         Estimate the error by the time steps from steps twice as long, for half the work again.
 
-    Returns
-    -------
-    TransientResult
-        Load, resistance and edges over time, and frames.
-
     Raises
     ------
     ValueError

@@ -147,21 +147,10 @@ def assemble_system(response: LayerResponse, modes: int, half_width: float) -> G
 
     Parameters
     ----------
-    response : LayerResponse
-        Layer under the moving contact.
     modes : int
         Number of pressure polynomials.
     half_width : float
         Half-width of the contact [m].
-
-    Returns
-    -------
-    GalerkinSystem
-
-    Raises
-    ------
-    RuntimeError
-        If the top ply is too thin for the contact.
     """
     if half_width > HALF_WIDTH_MAX * response.top_thickness:
         raise RuntimeError(
@@ -225,8 +214,6 @@ def power_spectrum(
 
     Parameters
     ----------
-    basis : JacobiBasis
-        Basis of the edge exponents.
     coefficients : ndarray
         Coefficients b_k of the pressure [-], shape (modes,).
     limit : float

@@ -94,10 +94,6 @@ def build_jacobi_basis(trailing_exponent: float, modes: int, points: int) -> Jac
         alpha of (1.4) [-].
     modes, points : int
         Numbers of polynomials and of Gauss points.
-
-    Returns
-    -------
-    JacobiBasis
     """
     A, B = 1 - trailing_exponent, trailing_exponent
     total = np.pi / np.sin(np.pi * B)
@@ -110,7 +106,7 @@ def build_jacobi_basis(trailing_exponent: float, modes: int, points: int) -> Jac
 
 
 def pressure_polynomials(x: NDArray[np.float64] | float, trailing_exponent: float, modes: int) -> NDArray[np.float64]:
-    """Evaluate Q_0 ... Q_{modes - 1}, orthonormal under (1 - x)^A (1 + x)^B.
+    """Evaluate Q_0 ... Q_{modes - 1}, orthonormal under (1 - x)^A (1 + x)^B, shape (modes, n) or (modes,).
 
     Parameters
     ----------
@@ -120,11 +116,6 @@ def pressure_polynomials(x: NDArray[np.float64] | float, trailing_exponent: floa
         alpha = B = 1 - A [-].
     modes : int
         Number of polynomials.
-
-    Returns
-    -------
-    ndarray
-        Shape (modes, n) or (modes,).
     """
     A, B = 1 - trailing_exponent, trailing_exponent
     total = 2 * np.pi * A * B / np.sin(np.pi * B)

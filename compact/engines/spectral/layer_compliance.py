@@ -77,10 +77,6 @@ def creep_compliance(branches: tuple[tuple[float, float], ...], speed: float, he
     height : float
         Height of the layer [m]; it scales CREEP_LENGTH_BOUNDS.
 
-    Returns
-    -------
-    CreepCompliance
-
     Examples
     --------
     >>> creep = creep_compliance(((1.0, 0.1),), speed=2.0, height=0.2)
@@ -171,7 +167,7 @@ class LayerResponse:
 
 @lru_cache(maxsize=64)
 def wave_grid(decades: int, width: float, end: float = DECAY_DEPTH) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Build a composite Gauss rule on (0, end).
+    """Build nodes and weights, shape (n,), of a composite Gauss rule on (0, end).
 
     Parameters
     ----------
@@ -181,11 +177,6 @@ def wave_grid(decades: int, width: float, end: float = DECAY_DEPTH) -> tuple[NDA
         Largest panel [-].
     end : float
         Upper limit [-].
-
-    Returns
-    -------
-    nodes, weights : ndarray
-        Shape (n,).
     """
     start = min(1.0, width)
     growing = start * 4.0 ** np.arange(-np.ceil(decades / np.log10(4)), 0)
@@ -218,8 +209,6 @@ def compliance_deviation(
     ----------
     wave_number : ndarray
         Wave numbers k [1/m], >= 0, shape (n,).
-    layer : Layer
-        Geometry and plies.
     poisson : float
         Poisson's ratio nu [-].
 

@@ -157,24 +157,12 @@ class ContactSolution:
 def build_rolling_problem(
     layer: Layer, roller: Roller, material: Elastic, speed: float
 ) -> tuple[RollingProblem, float]:
-    """Build the `RollingProblem` of a contact and estimate its half-width.
+    """Build the `RollingProblem` of a contact and estimate its half-width [m].
 
     Parameters
     ----------
-    layer : Layer
-        Geometry and plies.
-    roller : Roller
-        Roller with its target.
-    material : Elastic
-        Elastic or viscoelastic mix.
     speed : float
         Speed [m/s], not 0; its sign is left out.
-
-    Returns
-    -------
-    problem : RollingProblem
-    half_width : float
-        Initial guess of the half-width [m].
     """
     target, value = roller.target
     friction = TRACTION_SIGN[roller.rolling] * roller.friction
@@ -198,23 +186,12 @@ def solve_contact(
 
     Parameters
     ----------
-    problem : RollingProblem
-        Contact without its half-width.
     modes : int
         Number of pressure polynomials.
     half_width : float
         Initial guess [m].
     history : list of ModeRefinement
         Solutions with fewer modes, for messages.
-
-    Returns
-    -------
-    ContactSolution
-
-    Raises
-    ------
-    RuntimeError
-        If the half-width is not found.
 
     Notes
     -----
@@ -247,16 +224,8 @@ def solve_pressure(problem: RollingProblem, system: GalerkinSystem, modes: int) 
 
     Parameters
     ----------
-    problem : RollingProblem
-        Contact without its half-width.
-    system : GalerkinSystem
-        Discrete response, of `modes` polynomials or more.
     modes : int
         Number of pressure polynomials; as many tests T_m, m >= 1, give the coefficients, and T_0 the centre.
-
-    Returns
-    -------
-    ContactSolution
     """
     basis, R, a = system.basis, problem.radius, system.half_width
     tests = basis.tests[: modes + 1]

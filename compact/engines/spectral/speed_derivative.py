@@ -66,10 +66,6 @@ def expand_resistance(
     rtol : float
         Tolerance of M over the larger of |M| and |tau dF_ss/dv| [-].
 
-    Returns
-    -------
-    ResistanceExpansion
-
     Raises
     ------
     ValueError
@@ -171,19 +167,12 @@ class ContactLinearisation:
         return self.contact.half_width * self.contact.system.basis.nodes
 
     def surfaces(self, creep: CreepCompliance, widening: float = 0.0) -> NDArray[np.float64]:
-        """Compute the surfaces under the pressures b_k = 1.
+        """Compute the surfaces under the pressures b_k = 1, shape (modes + 2, modes).
 
         Parameters
         ----------
-        creep : CreepCompliance
-            Compliance in place of that of the material.
         widening : float
             Relative change of the half-width [-].
-
-        Returns
-        -------
-        ndarray
-            Shape (modes + 2, modes).
         """
         response, a = replace(self.problem.response, creep=creep), self.contact.half_width * (1 + widening)
         system = assemble_system(response, len(self.contact.coefficients), a)
@@ -205,8 +194,6 @@ class ContactLinearisation:
 
         Parameters
         ----------
-        creep : CreepCompliance
-            Compliance of the surface.
         change : ndarray
             Change of the contact, shape (modes + 2,).
         gradient : ndarray
