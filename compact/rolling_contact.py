@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from compact.files import write_vtu_series
+from compact.numerics import Array
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 BaseCondition = Literal["bonded", "slip"]
@@ -97,7 +98,7 @@ class Layer:
         """Heights of the interfaces between plies [m], ascending."""
         return tuple(accumulate(ply.thickness for ply in self.stack[:-1]))
 
-    def stiffness(self, y: ArrayLike) -> NDArray[np.float64]:
+    def stiffness(self, y: ArrayLike) -> Array:
         """Return the relative modulus c [-] at heights y [m] off the interfaces."""
         return np.array([ply.stiffness for ply in self.stack])[np.searchsorted(self.interfaces, y)]
 
@@ -166,11 +167,11 @@ class PrescribedMotion(Protocol):
 
     duration: float
 
-    def position(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def position(self, time: Array) -> Array:
         """Return the position [m] at times [s]."""
         ...
 
-    def velocity(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocity(self, time: Array) -> Array:
         """Return the velocity [m/s] at times [s]."""
         ...
 
@@ -299,9 +300,9 @@ class ContactResult:
     resistance: float
     leading: float
     trailing: float
-    x: NDArray[np.float64]
-    pressure: NDArray[np.float64]
-    shear_traction: NDArray[np.float64]
+    x: Array
+    pressure: Array
+    shear_traction: Array
     error: tuple[float, float] | None = None
     work_residual: float | None = None
     peak_pressure: float = np.nan
@@ -389,17 +390,17 @@ class TransientResult:
         Rotation of a roller with friction, positive when rolling along +x [rad].
     """
 
-    time: NDArray[np.float64]
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    load: NDArray[np.float64]
-    resistance: NDArray[np.float64]
-    leading: NDArray[np.float64]
-    trailing: NDArray[np.float64]
+    time: Array
+    position: Array
+    velocity: Array
+    load: Array
+    resistance: Array
+    leading: Array
+    trailing: Array
     error: float | None = None
     steps: int = 0
     frames: tuple[tuple[float, Any], ...] = ()
-    angle: NDArray[np.float64] | None = None
+    angle: Array | None = None
 
     def __post_init__(self) -> None:
         for name in ("load", "resistance"):

@@ -22,7 +22,6 @@ bounded, and `advance` pauses after `WORK_SLICE` so that Python handles interrup
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.dynamics.collocation import (
     DEFECT_POINTS,
@@ -65,6 +64,7 @@ from compact.dynamics.oscillator import (
     new_search_counter,
     substitute,
 )
+from compact.numerics import Array, IntArray
 from compact.numerics.jit import compiled
 from compact.numerics.piecewise import PiecewisePolynomial
 
@@ -102,15 +102,15 @@ class Intervals(NamedTuple):
         As in `CartState`.
     """
 
-    start: NDArray[np.float64]
-    scale: NDArray[np.float64]
-    duration: NDArray[np.float64]
-    far_end: NDArray[np.float64]
-    elongation: NDArray[np.float64]
-    oscillation: NDArray[np.float64]
-    slip: NDArray[np.int64]
-    flank: NDArray[np.int64]
-    zone: NDArray[np.int64]
+    start: Array
+    scale: Array
+    duration: Array
+    far_end: Array
+    elongation: Array
+    oscillation: Array
+    slip: IntArray
+    flank: IntArray
+    zone: IntArray
 
 
 def allocate_intervals(count: int, degree: int) -> Intervals:
@@ -156,7 +156,7 @@ class TrialInterval(NamedTuple):
     accepted: bool
     next_step: float
     slip: int
-    far_end: NDArray[np.float64]
+    far_end: Array
     elongation: Signal
     end: float
     event: int
@@ -177,9 +177,9 @@ class IntegrationProgress(NamedTuple):
         Search counter of this interval.
     """
 
-    reals: NDArray[np.float64]
-    counts: NDArray[np.int64]
-    counter: NDArray[np.int64]
+    reals: Array
+    counts: IntArray
+    counter: IntArray
 
 
 ELONGATION, VELOCITY, FRACTION, STEP = range(4)  # indices of `IntegrationProgress.reals`

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.engines.halfplane import LineContact, pressure_exponent
 from compact.material.laws import Elastic
+from compact.numerics import Array
 from compact.numerics.validation import (
     require_between,
     require_known,
@@ -35,7 +35,7 @@ CONTACT_SAMPLES = 201  # [-], points along the contact, denser at the edges wher
 MAX_HALF_WIDTH_RATIO = 0.5  # [-], half-width over height; a bonded layer (nu 0.3) then carries 17 % more
 TRIAL_PRESSURE_RATIO = 1e-3  # [-], trial pressure over E, for which (1.5) has a solution
 
-Values = float | NDArray[np.float64]
+Values = float | Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,11 +17,11 @@ K. L. Johnson, Contact Mechanics, CUP 1985, sections 4.2(c) and 8.2; L. A. Galin
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from compact.numerics import Array
 from compact.numerics.validation import require_between, require_finite, require_positive
 
-Values = float | NDArray[np.float64]
+Values = float | Array
 
 
 @dataclass(frozen=True)
@@ -233,7 +233,7 @@ def galin(
     )
 
 
-def _exponents(tangent: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+def _exponents(tangent: Array) -> tuple[Array, ...]:
     """Return alpha, 1 - alpha and 1 - 2 alpha of cot(pi alpha) = tangent without cancellation."""
     tilt = np.arctan(tangent) / np.pi
     if np.all(np.abs(tangent) < 1):

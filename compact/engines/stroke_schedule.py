@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from compact.numerics import Array
 from compact.numerics.piecewise import graded_grid
 from compact.rolling_contact import PrescribedMotion
 
@@ -23,8 +23,6 @@ PLACE_TOLERANCE = 1e-9  # [-], of an element or a stroke; a smaller displacement
 MOVE_ROUNDING = 1e-12  # [-], of the range of positions; a smaller displacement has no sign
 SEARCH_CELLS, SEARCH_LEVELS = 20, 8  # [-], cells and levels of the search for a reversal, to 1e-8 of a grid cell
 BISECTIONS = 60  # [-], halvings of the time in which a position is reached
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,12 +23,12 @@ from functools import cached_property, partial
 from itertools import count, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from compact.machine.cart import Cart, Resistance, balance
 from compact.machine.rigid_drive import STANDSTILL_SPEED_RATIO, Rigid, Run, evaluate_resistance, simulate
 from compact.motion.profile import Cycle
+from compact.numerics import Array
 from compact.numerics.piecewise import PiecewisePolynomial, fit_piecewise
 from compact.numerics.validation import require_opposing, require_positive
 
@@ -84,15 +84,15 @@ class Hydraulic(Rigid):
     def __post_init__(self) -> None:
         require_positive(**{field.name: getattr(self, field.name) for field in fields(self)})
 
-    def flow(self, area: NDArray[np.float64], drop: NDArray[np.float64]) -> NDArray[np.float64]:
+    def flow(self, area: Array, drop: Array) -> Array:
         """Return Q [m3/s] through an area [m2] under a pressure drop of either sign [Pa]."""
         return area * drop / self._flow_resistance(drop)
 
-    def open_drop(self, flow: NDArray[np.float64]) -> NDArray[np.float64]:
+    def open_drop(self, flow: Array) -> Array:
         """Return the pressure drop [Pa] of a flow [m3/s] through a fully open valve."""
         return self.drop(flow, self.valve_area)
 
-    def drop(self, flow: NDArray[np.float64], area: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    def drop(self, flow: Array, area: Array | float) -> Array:
         """Return the pressure drop [Pa] of a flow [m3/s] through an area [m2].
 
         dp^2 = D (D + sqrt(D^2 + 4 c^2))/2 with the turbulent drop D.
@@ -100,7 +100,7 @@ class Hydraulic(Rigid):
         turbulent = self.oil_density / 2 * (flow / (self.discharge_coefficient * area)) ** 2
         return np.sqrt(turbulent / 2 * (turbulent + np.hypot(turbulent, 2 * self.transition_drop)))
 
-    def area(self, flow: NDArray[np.float64], drop: NDArray[np.float64]) -> NDArray[np.float64]:
+    def area(self, flow: Array, drop: Array) -> Array:
         """Return the area [m2] that passes a flow [m3/s] under a pressure drop > 0 [Pa]."""
         return flow * self._flow_resistance(drop) / drop
 
@@ -128,14 +128,14 @@ class ValveFlow:
         Areas of the valves [m2].
     """
 
-    flow: NDArray[np.float64]
-    inlet_pressure: NDArray[np.float64]
-    outlet_pressure: NDArray[np.float64]
-    inlet_area: NDArray[np.float64]
-    outlet_area: NDArray[np.float64]
+    flow: Array
+    inlet_pressure: Array
+    outlet_pressure: Array
+    inlet_area: Array
+    outlet_area: Array
 
 
-def solve_valve_flow(hydraulic: Hydraulic, velocity: NDArray[np.float64], force: NDArray[np.float64]) -> ValveFlow:
+def solve_valve_flow(hydraulic: Hydraulic, velocity: Array, force: Array) -> ValveFlow:
     """Solve flow, pressures and valve areas for a motion.
 
     Parameters
@@ -282,11 +282,11 @@ class HydraulicStroke:
         Energy-balance residual over the work of the pump [-].
     """
 
-    time: NDArray[np.float64]
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    inlet_pressure: NDArray[np.float64]
-    outlet_pressure: NDArray[np.float64]
+    time: Array
+    position: Array
+    velocity: Array
+    inlet_pressure: Array
+    outlet_pressure: Array
     energies: dict[str, float]
     energy_residual: float
 
@@ -333,7 +333,7 @@ def simulate_stroke(
     breaks = np.unique(np.concatenate([areas[0].breaks, areas[1].breaks]))
     breaks = breaks[np.append(True, np.diff(breaks) > MIN_PIECE_FRACTION * breaks[-1])]
     state, direction = np.array([0.0, 0.0, *pressures] + [0.0] * len(WORK_TERMS)), 0
-    columns: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+    columns: list[tuple[Array, Array]] = []
     for start, end in pairwise(breaks):
         state, direction = circuit.integrate(start, end, state, direction, rtol, columns)
     time, states = (np.concatenate(parts, axis=-1) for parts in zip(*columns, strict=True))

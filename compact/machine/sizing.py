@@ -12,8 +12,8 @@ V. S. Loveikin and K. I. Pochka, monograph on roller forming machines (D), eqs (
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from compact.numerics import Array, IntArray
 from compact.numerics.validation import (
     require_finite,
     require_integers,
@@ -25,7 +25,7 @@ from compact.numerics.validation import (
 COUNT_ROUNDING = 1e-9  # [-], relative distance of a quotient from a whole number of rollers that is rounding
 RADIUS_RATIOS = (0.40, 0.55)  # [-], roller radius over product height, smallest and largest of (1.1)
 
-Values = float | NDArray[np.float64]
+Values = float | Array
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def radius_range(height: Values) -> RadiusRange:
     return RadiusRange(low=low * np.asarray(height), high=high * np.asarray(height))
 
 
-def rollers_needed(width: Values, radius: Values, feeder_sleeve: Values, overlap: Values) -> NDArray[np.int64]:
+def rollers_needed(width: Values, radius: Values, feeder_sleeve: Values, overlap: Values) -> IntArray:
     """Compute the number of rollers that cover a product.
 
         n = B / (2R + B_T - b_n), rounded up                                                        (1.2)

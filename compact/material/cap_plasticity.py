@@ -27,9 +27,9 @@ from dataclasses import dataclass
 from typing import NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, HECKEL_MIN_PRESSURE, Compaction
+from compact.numerics import Array
 from compact.numerics.jit import compiled
 from compact.numerics.validation import require_finite, require_positive
 
@@ -40,8 +40,6 @@ MIN_TRIAL_DISTANCE = 1e-12  # [-], |p_tr - c| over a; closer trial states use it
 MAX_ITERATIONS = 300  # [-], of Newton's method; 4 to 6 are usual, bisection alone needs up to 200
 BATCH_POINTS = 20_000  # [-], points of one compiled call; some 20 ms, so that an interrupt is handled between calls
 MIN_POROSITY_RATIO = np.exp(-HECKEL_MIN_PRESSURE)  # [-], (1 - k)/(1 - k0) where pc leaves Heckel's curve
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from compact.numerics import Array
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 
 HECKEL_MAX_DENSITY_RATIO = 0.99  # [-], end of measured curves; beyond, pc keeps the modulus k dpc/dk of the curve
@@ -167,7 +168,7 @@ class Compaction:
                 raise ValueError("`reference_speed` must be set where `rate_exponent` is not 0, got None")
             require_positive(reference_speed=self.reference_speed)
 
-    def yield_pressure(self, density_ratio: ArrayLike) -> NDArray[np.float64]:
+    def yield_pressure(self, density_ratio: ArrayLike) -> Array:
         """Compute the preconsolidation pressure pc(k) [Pa] at the reference speed.
 
         Parameters

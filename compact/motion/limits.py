@@ -15,10 +15,10 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.motion.pitch_curve import PitchCurve
 from compact.motion.profile import END_CONDITIONS, EndCondition, MotionProfile
+from compact.numerics import Array
 from compact.numerics.validation import require_between, require_known, require_nonnegative, require_positive
 
 # Bounded derivatives: order and unit, by the name of their limit
@@ -237,9 +237,7 @@ def _velocity_deviation(limits, motion, time, velocity):
     return np.abs(velocity[inside] / mean - 1).max()
 
 
-def _cam_excess(
-    cam: CamLimits, motion: MotionProfile, x: NDArray[np.float64], v: NDArray[np.float64], a: NDArray[np.float64]
-) -> dict[str, float]:
+def _cam_excess(cam: CamLimits, motion: MotionProfile, x: Array, v: Array, a: Array) -> dict[str, float]:
     """Relative excess over each limit of a cam."""
     excess = {}
     radians = (motion.duration + cam.dwell) / np.pi

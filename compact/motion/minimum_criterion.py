@@ -18,9 +18,9 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
-Mode = Callable[
-    [NDArray[np.float64], int], NDArray[np.float64]
-]  # odd solution about z = 1/2, by phase and order of derivative
+from compact.numerics import Array
+
+Mode = Callable[[Array, int], Array]  # odd solution about z = 1/2, by phase and order of derivative
 
 SERIES_LIMIT = 12.0  # [-], root |p| up to which a power series about z = 1/2 is exact: cancellation costs e^(0.15 |p|)
 THINNEST_LAYER = 1e12  # [-], root p; a thinner boundary layer is below the resolution of the phase and left out
@@ -64,7 +64,7 @@ def minimiser(order: int, start: Mapping[int, float], end: Mapping[int, float]) 
     return Polynomial(_solve_to_rounding(matrix, np.array(right_side, float)))
 
 
-def _solve_to_rounding(matrix: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.floating]:
+def _solve_to_rounding(matrix: Array, values: Array) -> NDArray[np.floating]:
     """Solve a system of integer entries to rounding by iterative refinement in extended precision."""
     solution = np.linalg.solve(matrix, values)
     for _ in range(2):
@@ -127,7 +127,7 @@ class ComplexLaw:
         rest = math.fsum((1.0, -self.energy_weight, -self.acceleration_weight))
         return rest if rest > WEIGHT_ROUNDING else 0.0
 
-    def __call__(self, z: ArrayLike, nu: int = 0) -> NDArray[np.float64]:
+    def __call__(self, z: ArrayLike, nu: int = 0) -> Array:
         """Return the derivative of order `nu` at phase z, 0 <= z <= 1 [-]."""
         z = np.asarray(z, float)
         slope, amplitudes = self._amplitudes
@@ -135,7 +135,7 @@ class ComplexLaw:
         return value + (0.5 + slope * (z - 0.5), slope)[nu] if nu < 2 else value + 0.0 * z
 
     @cached_property
-    def x(self) -> NDArray[np.float64]:
+    def x(self) -> Array:
         """Breakpoints for quadrature and root finding [-]: the ends, and the edges of thin boundary layers."""
         cuts = [cut for mode in self._modes if (cut := getattr(mode, "thickness", 1.0)) < 0.25]
         return np.unique([0.0, *cuts, *(1 - cut for cut in cuts), 1.0])
@@ -199,7 +199,7 @@ class _Series:
 
     derivatives: list[Polynomial]
 
-    def __call__(self, z: NDArray[np.float64], nu: int) -> NDArray[np.float64]:
+    def __call__(self, z: Array, nu: int) -> Array:
         while len(self.derivatives) <= nu:
             self.derivatives.append(self.derivatives[-1].deriv())
         return self.derivatives[nu](z - 0.5)
@@ -223,7 +223,7 @@ class _EndLayer:
         slowest = self.mean - math.sqrt(max(0.0, self.half_gap_squared))
         return LAYER_DEPTH / slowest
 
-    def __call__(self, z: NDArray[np.float64], nu: int) -> NDArray[np.float64]:
+    def __call__(self, z: Array, nu: int) -> Array:
         rate = np.array([[-self.mean, 1.0], [self.half_gap_squared, -self.mean]])
         factors = np.linalg.matrix_power(rate, nu) @ ([1.0, 0.0] if self.first else [0.0, 1.0])
         return (-1) ** nu * self._layer(1 - z, factors) - self._layer(z, factors)

@@ -12,11 +12,10 @@ T. J. R. Hughes, The Finite Element Method, Dover 2000, section 4.5 (B-bar metho
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from skfem import Basis
 
-Array = NDArray[np.float64]
+from compact.numerics import Array, IntArray
 
 
 def unit_moduli(poisson: float) -> Array:
@@ -71,7 +70,7 @@ def _linear_projection(basis: Basis, values: Array) -> Array:
     return linear @ np.linalg.solve(weighted @ linear, weighted @ values)
 
 
-def element_unknowns(basis: Basis) -> NDArray[np.int64]:
+def element_unknowns(basis: Basis) -> IntArray:
     """Return the unknowns of each element, shape (elements, 2 Nbfun)."""
     dofs = basis.element_dofs.T
     return np.stack([2 * dofs, 2 * dofs + 1], axis=-1).reshape(len(dofs), -1)

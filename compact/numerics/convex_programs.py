@@ -17,9 +17,11 @@ from typing import NamedTuple, TypeAlias
 
 import clarabel
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import linalg, sparse
 from scipy.optimize import linprog
+
+from compact.numerics import Array
 
 HIGHS_TOLERANCE = 1e-10  # [-], primal and dual feasibility of HiGHS; its strictest
 CLARABEL_TOLERANCE = 1e-12  # [-], residuals and duality gap of Clarabel
@@ -27,7 +29,6 @@ CLARABEL_ACCEPTED = 1e-8  # [-], residuals and duality gap accepted where roundi
 ROW_TOLERANCE = 1e-6  # [-], violation of a row over the size of its terms; ten times the default tolerance of HiGHS
 NULL_SPACE_TOLERANCE = 1e-12  # [-], part of a row in the null space of the equalities; below it they determine the row
 
-Array = NDArray[np.float64]
 Matrix: TypeAlias = Array | sparse.csr_array
 
 

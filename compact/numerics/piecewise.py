@@ -19,9 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial, chebyshev
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from compact.numerics import Array
+
 Function = Callable[[Array], Array]
 
 BREAK_OFFSET = 4 * np.finfo(float).eps  # [-], distance from a break over the unit interval; resolved in 1 - z too

@@ -31,10 +31,10 @@ E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from compact.material.cap_plasticity import CapConstants, hardening
+from compact.numerics import Array, BoolArray, IntArray
 from compact.numerics.jit import compiled
 
 STAGES, ORDER = 12, 8  # [-], of the Dormand-Prince method
@@ -74,10 +74,10 @@ class ColumnStack(NamedTuple):
         Largest density ratios reached [-], which fix pc on the flat yield surface; 0 for k itself.
     """
 
-    height: NDArray[np.float64]
-    density_ratio: NDArray[np.float64]
-    mean_stress: NDArray[np.float64]
-    max_density_ratio: NDArray[np.float64]
+    height: Array
+    density_ratio: Array
+    mean_stress: Array
+    max_density_ratio: Array
 
 
 class GapShape(NamedTuple):
@@ -133,7 +133,7 @@ class PathControl(NamedTuple):
 
     coordinate_end: float
     stress_end: float
-    error_scale: NDArray[np.float64]
+    error_scale: Array
     max_step: float
 
 
@@ -154,19 +154,19 @@ class IntegrationState(NamedTuple):
         See ROW, EVALUATIONS, STEPS_TRIED, NEXT_COLUMN.
     """
 
-    max_density_ratio: NDArray[np.float64]
-    yielding: NDArray[np.bool_]
-    event_stress: NDArray[np.float64]
-    step: NDArray[np.float64]
-    counts: NDArray[np.int64]
+    max_density_ratio: Array
+    yielding: BoolArray
+    event_stress: Array
+    step: Array
+    counts: IntArray
 
 
 class StepBuffers(NamedTuple):
     """State vectors before and after a step, and the rates at its stages, shape (STAGES + 1, len(y))."""
 
-    start: NDArray[np.float64]
-    end: NDArray[np.float64]
-    rates: NDArray[np.float64]
+    start: Array
+    end: Array
+    rates: Array
 
 
 def initial_integration_state(stack: ColumnStack) -> IntegrationState:
@@ -178,7 +178,7 @@ def initial_integration_state(stack: ColumnStack) -> IntegrationState:
 
 @compiled
 def integrate_path(
-    problem: ColumnProblem, control: PathControl, state: IntegrationState, path: NDArray[np.float64], max_tries: int
+    problem: ColumnProblem, control: PathControl, state: IntegrationState, path: Array, max_tries: int
 ) -> int:
     """Integrate the columns from the last row of a path until its end.
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from compact.engines.column.column_ode import COLUMN_STATE, STRESS, GapShape, PathControl
 from compact.engines.column.column_pass import (
@@ -36,6 +36,7 @@ from compact.engines.column.indentation_search import (
     solve_target,
 )
 from compact.material.laws import Compaction
+from compact.numerics import Array
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 from compact.rolling_contact import (
     BaseCondition,
@@ -121,10 +122,10 @@ class OedometerResult:
         Density ratio k [-].
     """
 
-    pressure: NDArray[np.float64]
-    strain: NDArray[np.float64]
-    lateral_stress: NDArray[np.float64]
-    density_ratio: NDArray[np.float64]
+    pressure: Array
+    strain: Array
+    lateral_stress: Array
+    density_ratio: Array
 
 
 def roll(layer: Layer, roller: Roller, material: Compaction, speed: float, **options: Any) -> ColumnContactResult:

@@ -25,11 +25,12 @@ from compact.engines.fem.contact_patch import (
 )
 from compact.engines.fem.convected_memory import steady_creep_operator
 from compact.engines.fem.stick_slip import FrictionCondition, ShearSolution, solve_stick_slip
-from compact.engines.fem.surface import FloatArray, SurfaceCompliance
+from compact.engines.fem.surface import SurfaceCompliance
 from compact.engines.fem.surface_compliance import stretch_derivative, surface_compliance
 from compact.engines.halfplane import pressure_exponent
 from compact.material.laws import Elastic
 from compact.mesh import RowMesh
+from compact.numerics import Array
 from compact.rolling_contact import Layer, Roller
 
 WINDOW = 1.3  # [-], half-width of the loaded zone over that of the estimated contact
@@ -125,7 +126,7 @@ class ContactSolution:
     shear: ShearSolution | None = None
 
     @property
-    def resultant(self) -> FloatArray:
+    def resultant(self) -> Array:
         """Force (x, y) on the mix [m], shape (2,)."""
         patch = self.patch
         along = patch.direction[0] - self.indenter.slope(patch.x) * patch.direction[1]
@@ -133,7 +134,7 @@ class ContactSolution:
         return force if self.shear is None else force + self.shear.resultant
 
     @property
-    def forces(self) -> FloatArray:
+    def forces(self) -> Array:
         """Forces on all surface nodes [m], shape (2, n)."""
         forces = np.zeros((2, len(self.surface.x)))
         forces[:, self.surface.loaded] = self.patch.forces
