@@ -29,10 +29,11 @@ from compact.machine.cart import Cart, Resistance, balance
 from compact.machine.rigid_drive import STANDSTILL_SPEED_RATIO, Rigid, Run, evaluate_resistance, simulate
 from compact.motion.profile import Cycle
 from compact.numerics import Array
-from compact.numerics.piecewise import PiecewisePolynomial, fit_piecewise
+from compact.numerics.piecewise import PiecewisePolynomial, fit_piecewise, interior_grid
 from compact.numerics.validation import require_opposing, require_positive
 
 AREA_TOLERANCE = 1e-6  # [-], of the open area; polynomials of a valve area
+FORCE_ROUNDING = 1e-9  # [-], of the peak force; the areas of smaller forces at the ends of a stroke are rounding
 STROKE_TOLERANCE = 1e-8  # [-], relative; forward integration
 RATE_PERTURBATION = 1e-7  # [-], of the scale of the state; finite differences
 MAX_SECANT_STEPS = 20  # [-], of the acceleration at an instant; two for a resistance that is linear in it
@@ -241,17 +242,27 @@ class HydraulicRun(Run):
             )
         dynamics = self.inverse_dynamics
         leg = dynamics.cycle.legs()[0]
+        breaks, (first, last) = dynamics.breaks(leg), self._resolved_phases(leg)
 
         def area(name):
             def over_time(time):
-                state = dynamics.state_at(leg, time / leg.duration)
+                state = dynamics.state_at(leg, np.clip(time / leg.duration, first, last))
                 return getattr(solve_valve_flow(self.hydraulic, state.velocity, state.forces.drive_force), name)
 
-            return fit_piecewise(
-                over_time, leg.duration * dynamics.breaks(leg), AREA_TOLERANCE * self.hydraulic.valve_area
-            )
+            return fit_piecewise(over_time, leg.duration * breaks, AREA_TOLERANCE * self.hydraulic.valve_area)
 
         return area("inlet_area"), area("outlet_area")
+
+    def _resolved_phases(self, leg):
+        """First and last phase of a leg at which the force is not rounding; areas at rest are limits from inside.
+
+        Where neither friction nor resistance acts, force and flow both vanish at the ends, and rounding decides
+        whether the cart is decelerated, which opens or closes the outlet valve.
+        """
+        phases = interior_grid(self.inverse_dynamics.breaks(leg)).ravel()
+        force = np.abs(self.inverse_dynamics.state_at(leg, phases).forces.drive_force)
+        first, last = np.flatnonzero(force >= FORCE_ROUNDING * force.max())[[0, -1]]
+        return phases[first] if first else 0.0, phases[last] if last < len(phases) - 1 else 1.0
 
     def simulate_stroke(self) -> "HydraulicStroke":
         """Simulate the forward stroke under these valve areas with compressible oil, from the initial pressures."""
