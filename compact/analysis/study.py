@@ -20,6 +20,8 @@ from compact.analysis.engineering_summary import Engineering, Number
 from compact.analysis.engines import Engine
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages import comparison
+from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
+from compact.analysis.stages.cam_drawing import CamDrawing, first_cam_drawing
 from compact.analysis.stages.comparison import (
     ComparisonRequest,
     EngineComparison,
@@ -34,7 +36,7 @@ from compact.analysis.stages.kept_results import KeptResults, write_results
 from compact.analysis.stages.pipeline import build_stages
 from compact.analysis.stages.sensitivity import Shift, sensitivities
 from compact.analysis.worker_pool import BackgroundTasks, SerialExecutor
-from compact.cams.profile import Cam
+from compact.cams.profile import Cam, LeastBreadth
 from compact.contact import DryResistance
 from compact.engines.halfplane import LineContact
 from compact.machine.cart import Balance, Cart
@@ -246,6 +248,11 @@ class Study:
         """Cams of constant breadth by law and follower."""
         return self.law_stage.cams
 
+    @property
+    def least_breadths(self) -> dict[tuple[str, str], LeastBreadth]:
+        """Least breadths of the cams by law and follower."""
+        return self.law_stage.least_breadths
+
     # drive stage
 
     @property
@@ -287,6 +294,16 @@ class Study:
     def sensitivities(self) -> list[Shift]:
         """Sensitivity of the least peaks to each input, with a rigid drive."""
         return sensitivities(self.stages)
+
+    @cached_property
+    def checks(self) -> list[BalanceCheck]:
+        """Balances of all results, and the published numbers."""
+        return balance_checks(self.stages)
+
+    @cached_property
+    def first_cam(self) -> CamDrawing | None:
+        """Drawing of the cam of the first law; None for a scene without the output "cams"."""
+        return first_cam_drawing(self.stages) if "cams" in self.scene.output.items else None
 
     # comparison
 
