@@ -285,8 +285,10 @@ def _effort(contact: Any) -> str:
     solution = getattr(contact, "solution", None)
     if solution is None:
         return f"iterations: {len(contact.history)}"
-    method = "direct steady solve" if solution.is_direct else f"incremental rolling, {len(contact.steps)} steps"
-    return f"force residual {contact.equilibrium_residual:.1e}; {method}; bow wave {contact.bow_wave * 1e3:.2f} mm"
+    return (
+        f"force residual {contact.equilibrium_residual:.1e}; {len(solution.steps)} steps on the last mesh; bow wave "
+        f"{contact.bow_wave * 1e3:.2f} mm"
+    )
 
 
 def _pass_line(number: int, contact: Any) -> str:

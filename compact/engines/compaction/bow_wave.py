@@ -1,7 +1,7 @@
 """Slow relaxation of the bow wave: measurement of its drift, and jumps of the whole state along its mode.
 
-After a contact length of travel a rolled layer differs from its steady state by one mode, a bow wave that is too high or
-too low. With the area A of the wave ahead of the roller and the travel s,
+After a contact length of travel a rolled layer differs from its steady state by one mode, a bow wave that is too high
+or too low. With the area A of the wave ahead of the roller and the travel s,
 
     dA/ds = (A_steady - A)/relaxation length,    load and resistance linear in A
 

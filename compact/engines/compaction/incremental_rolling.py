@@ -203,6 +203,11 @@ class IncrementalRolling:
             change = displacement - self.frame.convect_displacement(displacement)
             self.displacement_change = self.displacement_change + change
 
+    def remove_marks_behind(self) -> None:
+        """Make the layer uniform behind the exit column, where the start and changes of the depth left marks."""
+        uniform = self.frame.with_uniform_rear(self.state)
+        self.restart(uniform, self.contact, uniform.displacement - self.state.displacement)
+
     def load_and_resistance(self) -> tuple[float, float]:
         """Return load and resistance [N/m]."""
         return self.surface.load_and_resistance(self.contact)

@@ -58,7 +58,7 @@ class CompactionContactResult(ContactResult):
     yield_residual : float
         Largest stress beyond the cap over its pressure [-].
     overdense_work : float
-        Share of the work of deformation at density ratios above that of the densest measurement of the pressure curve,
+        Share of the plastic work at density ratios above that of the densest measurement of the pressure curve,
         where the constitutive law extrapolates [-].
     error_parts : ErrorParts
         Parts of `error`.
@@ -224,10 +224,12 @@ def work_residual(solution: IncrementalRolling) -> float:
 
 
 def _overdense_work(solution: IncrementalRolling) -> float:
-    """Return the share of the work of one step at density ratios beyond the measured curve [-]."""
-    frame, state = solution.frame, solution.state
-    work = (state.work - frame.convect(state).work) * frame.solid.point_areas
-    return float(work[state.points.density_ratio > HECKEL_MAX_DENSITY_RATIO].sum() / work.sum())
+    """Return the share of the plastic work of one step at density ratios beyond the measured curve [-]."""
+    frame, points = solution.frame, solution.state.points
+    work = points.plastic_work - frame.convect(solution.state).points.plastic_work
+    work = work * frame.solid.point_areas * _volume_ratio(frame.solid, solution.state.displacement)
+    overdense = points.density_ratio > HECKEL_MAX_DENSITY_RATIO
+    return float(work[overdense].sum() / work.sum()) if overdense.any() else 0.0
 
 
 def exit_layer(frame: RollerFrame, state: SolidState, column: int) -> tuple[LayerState, float]:

@@ -39,6 +39,7 @@ TOP_ROWS = 6  # [-], layer height over the largest thickness of the top row
 OUTER_LENGTH = 2.5  # [-], length of the mesh beyond the uniform zone over the layer height
 UNIFORM_AHEAD, UNIFORM_BEHIND = 2.0, 1.2  # [-], uniform zone over the contact length sqrt(2 R depth)
 EXIT_DISTANCE = 0.3  # [-], distance of the exit column behind the uniform zone over the layer height
+UNIFORM_REAR = 1.0  # [-], distance behind the exit column over the layer height from which mix may be made uniform
 SAME_PLACE = 1e-9  # [-], over a length of the mesh; closer coordinates are equal
 SAME_SOURCE = 1e-12  # [-], over x; closer source points are equal
 
@@ -322,6 +323,30 @@ class RollerFrame:
         values = np.empty((self._row_layout.size, *rows.shape[2:]))
         values[self._row_layout] = rows
         return values
+
+    def with_uniform_rear(self, state: SolidState) -> SolidState:
+        """Return the state with the mix far behind the exit column as in one column, without marks of the start.
+
+        Parameters
+        ----------
+        state : SolidState
+            State of the layer.
+        """
+        column = int(np.searchsorted(self.row_x, -self.exit_distance - UNIFORM_REAR * self.mesh.height))
+        x, y = self.nodes.T
+        end = self.row_x[column]
+        behind = np.flatnonzero(x < end)
+        displacement = state.displacement.copy()
+        exits = np.array([np.full(behind.size, end), y[behind]])
+        displacement[behind] = self.solid.basis.probes(exits) @ state.displacement
+
+        def uniform(values: FloatArray) -> FloatArray:
+            rows = self.to_rows(values)
+            rows[:, :column] = rows[:, column : column + 1]
+            return self.to_points(rows)
+
+        points = cap_plasticity.MaterialPoint(*(uniform(getattr(state.points, name)) for name in POINT_FIELDS))
+        return SolidState(displacement, points, uniform(state.work))
 
     def exit_density_ratio(self, density_ratio: FloatArray) -> float:
         """Return the mean density ratio over the height at the exit column [-].

@@ -18,6 +18,7 @@ from compact.engines.compaction.finite_strain_solid import FloatArray
 from compact.engines.compaction.incremental_rolling import (
     DAMPING,
     FINAL_DAMPING_RATIO,
+    ROLLING_TOLERANCE,
     IncrementalRolling,
     describe_step,
     heaping_error,
@@ -30,7 +31,9 @@ SETTLING, MEASURING = 0.8, 0.7  # [-], of the later cycles
 FINAL_SETTLING = 0.4  # [-], after the last jump
 MIN_STEPS = 4  # [-], of a measurement
 MAX_CYCLES = 20  # [-], of one mesh
-MAX_JUMP = 0.25  # [-], change of the wave by one jump over its area
+MAX_JUMP, MAX_FIRST_JUMP = 0.25, 0.35  # [-], change of the wave by one jump over its area, on the first mesh more
+LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps then leave
+SETTLING_TOLERANCE = 1e-3  # [-], residual of the steps before the last one over the nodal forces
 JUMP_TRIALS = (1.0, 0.4, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
 GROWTH, MAX_GROWTHS = 0.3, 3  # [-], required jump over the area, and number of successive ones without steady state
 FIRST_LENGTH = 5.0  # [-], relaxation length of the wave over the contact length before any is known
@@ -94,8 +97,12 @@ class SteadySearch:
     relaxation: Relaxation = field(default_factory=Relaxation)
     errors: SteadyErrors = field(init=False)
     values: FloatArray = field(init=False)  # `QUANTITIES` in the steady state
+    finds_length: bool = field(init=False)
     _drifts: list[WaveDrift] = field(default_factory=list, init=False)
     _settled: IncrementalRolling | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        self.finds_length = self.relaxation.length is None
 
     def start_from(self, coarse: "SteadySearch") -> None:
         """Start from the steady state on a coarser mesh."""
@@ -103,6 +110,7 @@ class SteadySearch:
         new.initialise_from(old, transfer_state(old.state, old.frame, new.frame))
         mode = coarse.relaxation.mode
         self.relaxation = replace(coarse.relaxation, mode=None if mode is None else mode.on_mesh(old, new))
+        self.finds_length = self.relaxation.length is None
 
     def run(self) -> None:
         """Find the steady state; `rolling`, `depth`, `values` and `errors` then belong to it.
@@ -114,24 +122,32 @@ class SteadySearch:
         RuntimeError
             If a step has no equilibrium, or the steady state or the target is not reached.
         """
-        finds_length, growths, secant = self.relaxation.length is None, 0, DepthSecant(self.target)
+        growths, secant = 0, DepthSecant(self.target)
+        self.rolling.solver.tolerance = SETTLING_TOLERANCE
         self._roll(FIRST_SETTLING, DAMPING)
         for cycle in range(MAX_CYCLES):
-            drift = self._measure(FIRST_MEASURING if cycle == 0 else MEASURING, finds_length)
+            drift = self._measure(FIRST_MEASURING if cycle == 0 else MEASURING)
             jump = self._estimate(drift)
-            growths = growths + 1 if finds_length and jump > GROWTH * drift.wave_area else 0
+            growths = growths + 1 if self.finds_length and jump > GROWTH * drift.wave_area else 0
             if growths > MAX_GROWTHS:
                 raise heaping_error(self.rolling, f"still grows by {jump / drift.wave_area:.0%} to a steady state")
             depth = secant.next_depth(self.depth, self._target_value())
             is_final = self.errors.total < self.tolerance and abs(secant.last_miss) < self.target_tolerance
             self._correct(depth, jump, FINAL_SETTLING if is_final else SETTLING)
             if is_final:
-                self.rolling.advance(self._height, damping=0.0)
+                self._advance_exactly()
                 if abs(self.target.log_miss_of(self.rolling.steps[-1])) < self.target_tolerance:
                     return
         if self.errors.total < self.tolerance:
             raise RuntimeError(secant.failure())
         raise RuntimeError(self._describe_failure())
+
+    def _advance_exactly(self) -> None:
+        """Make a step without damping to the full tolerance."""
+        solver = self.rolling.solver
+        solver.tolerance = ROLLING_TOLERANCE
+        self.rolling.advance(self._height, damping=0.0)
+        solver.tolerance = SETTLING_TOLERANCE
 
     @property
     def _height(self) -> float:
@@ -151,14 +167,14 @@ class SteadySearch:
             rolling.advance(float(height), damping)
         require_low_wave(rolling)
 
-    def _measure(self, share: float, finds_length: bool) -> WaveDrift:
+    def _measure(self, share: float) -> WaveDrift:
         """Roll on, fit the drift, and update relaxation length and mode from the settled states."""
         begin, count = copy(self.rolling), self._steps_of(share)
         self._roll(share)
         drift = WaveDrift.of_steps(self.rolling.steps[-count - 1 :])
         first, before = (begin, None) if self._settled is None else (self._settled, self._drifts[-1])
         self._drifts.append(drift)
-        if finds_length:
+        if self.finds_length:
             bounds = np.multiply(LENGTH_RANGE, self.rolling.frame.contact_length)
             found = relaxation_length(self._drifts)
             if found is not None:
@@ -168,17 +184,16 @@ class SteadySearch:
         return drift
 
     def _update_mode(self, first: IncrementalRolling, before: WaveDrift | None, drift: WaveDrift) -> None:
-        """Take the difference of the last two settled states as mode if the wave has changed enough."""
+        """Take the difference of the last two settled states of one depth as mode if the wave has changed enough."""
+        if first.steps[-1].bottom_height != self.rolling.steps[-1].bottom_height:
+            return
         change = self.rolling.steps[-1].wave_area - first.steps[-1].wave_area
         if abs(change) < MIN_MODE * drift.wave_area or (before is None and self.relaxation.mode is not None):
             return
-        is_same_depth = first.steps[-1].bottom_height == self.rolling.steps[-1].bottom_height
         if before is None:
             slopes = drift.slopes / drift.wave_slope
-        elif is_same_depth:
+        else:
             slopes = (drift.values - before.values) / (drift.wave_area - before.wave_area)
-        elif self.relaxation.mode is not None:
-            return
         self.relaxation = replace(self.relaxation, mode=BowWaveMode.between(first, self.rolling, slopes))
 
     def _estimate(self, drift: WaveDrift) -> float:
@@ -192,7 +207,9 @@ class SteadySearch:
         scales = np.array([load, max(resistance, MIN_RESISTANCE * load), 1.0, pressure])
         self.values = drift.values + slopes * jump
         transient = contact_length * np.abs(drift.slopes - slopes * drift.wave_slope)
-        self.errors = SteadyErrors(np.abs(slopes * jump) / scales, (np.abs(slopes) * scatter + transient) / scales)
+        self.errors = SteadyErrors(
+            LENGTH_ERROR * np.abs(slopes * jump) / scales, (np.abs(slopes) * scatter + transient) / scales
+        )
         return jump
 
     def _target_value(self) -> float:
@@ -204,9 +221,11 @@ class SteadySearch:
         """Jump along the mode and roll at a corrected depth; by less if a step has no equilibrium."""
         before, self.depth = copy(self.rolling), depth
         area = self._drifts[-1].wave_area
-        jump = float(np.clip(jump, -MAX_JUMP * area, MAX_JUMP * area))
+        largest = area * (MAX_FIRST_JUMP if self.finds_length else MAX_JUMP)
+        jump = float(np.clip(jump, -largest, largest))
         for trial in JUMP_TRIALS:
             self.rolling = copy(before)
+            self.rolling.remove_marks_behind()
             if self.relaxation.mode is not None and trial:
                 self.relaxation.mode.add_to(self.rolling, trial * jump)
             ratio = depth / self.rolling.mesh_depth
