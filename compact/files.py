@@ -89,8 +89,6 @@ def default_directory(scene_path: str | Path, suffix: str = "") -> Path:
 
     Parameters
     ----------
-    scene_path : path
-        Scene file.
     suffix : str
         Kind of the results.
 
@@ -112,17 +110,8 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Iterable[Any]]) 
 
     Parameters
     ----------
-    path : Path
-        File.
     header : sequence of str
         Column names with units.
-    rows : iterable
-        Rows.
-
-    Returns
-    -------
-    Path
-        `path`.
     """
     with atomic_file(path) as stream:
         writer = csv.writer(stream, lineterminator="\n")
@@ -176,15 +165,8 @@ def read_netcdf(path: str | Path, kind: NetcdfFormat) -> "xarray.Dataset":
 
     Parameters
     ----------
-    path : path
-        File.
     kind : str
         Format, a key of `NETCDF_BACKENDS`.
-
-    Returns
-    -------
-    xarray.Dataset
-        Content of the file.
 
     Raises
     ------
@@ -231,11 +213,6 @@ def write_vtu_series(
         Name of the series parameter; a file is called LABEL=VALUE.vtu.
     frames : iterable of (float, meshio.Mesh)
         Parameter, in the place of the time of ParaView, and fields.
-
-    Yields
-    ------
-    Path
-        Each file after it is written.
     """
     members = []
     for value, mesh in frames:
@@ -285,17 +262,8 @@ def claim_directory(directory: str | Path, scene_hash: str, force: bool = False)
 
     Parameters
     ----------
-    directory : path
-        Directory.
-    scene_hash : str
-        Hash of the scene.
     force : bool
         True to overwrite results of another scene, file by file.
-
-    Returns
-    -------
-    Path
-        The directory.
 
     Raises
     ------

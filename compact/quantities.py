@@ -113,10 +113,6 @@ def column_names(quantities: Mapping[str, Quantity], *names: str) -> tuple[str, 
         Table of the record.
     *names : str
         Fields of the record; all of them by default.
-
-    Returns
-    -------
-    tuple of str
     """
     units = {name: quantities[name].unit for name in names or quantities}
     return tuple(name if unit == "1" else f"{name}_{unit}" for name, unit in units.items())

@@ -124,8 +124,6 @@ def calibrate(
 
     Parameters
     ----------
-    scene : Scene
-    measured : Measured
     engine : {"column", "compaction"}
     unknowns : sequence of str
         Of UNKNOWNS, at most as many as there are data.
@@ -134,10 +132,6 @@ def calibrate(
     **options
         Keywords of the engine "compaction", such as `increments`. Without `initial_guess` the mix is calibrated on
         COARSE_INCREMENTS first.
-
-    Returns
-    -------
-    Calibration
 
     Raises
     ------
@@ -380,16 +374,7 @@ def _require_no_target(scene: Scene) -> None:
 
 
 def calibration_digest(calibration: Calibration) -> str:
-    """Describe a calibration in text: data, parameters, sensitivity, bounds.
-
-    Parameters
-    ----------
-    calibration : Calibration
-
-    Returns
-    -------
-    str
-    """
+    """Describe a calibration in text: data, parameters, sensitivity, bounds."""
     slope, fed = calibration.heckel_slope, calibration.fed_density_ratio
     lines = ["measured"]
     for name, value, off in zip(calibration.names, calibration.measured, calibration.fit.misfit, strict=True):
@@ -422,16 +407,7 @@ def calibration_digest(calibration: Calibration) -> str:
 
 
 def calibration_summary(calibration: Calibration) -> dict[str, Any]:
-    """Convert a calibration to plain numbers for JSON, SI.
-
-    Parameters
-    ----------
-    calibration : Calibration
-
-    Returns
-    -------
-    dict
-    """
+    """Convert a calibration to plain numbers for JSON, SI."""
     return {
         "scene_hash": calibration.scene.hash,
         "heckel_slope": calibration.heckel_slope,

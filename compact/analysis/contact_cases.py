@@ -105,7 +105,6 @@ def hold_quantity(scene: Scene, mix: Mix, reference: ContactResult | None = None
     ----------
     scene : Scene
         A scene whose engine is layered.
-    mix : Mix
     reference : ContactResult, optional
         Contact at the mean speed that reaches the target of the scene.
 
@@ -128,18 +127,12 @@ def contact_inputs(
 
     Parameters
     ----------
-    scene : Scene
-    mix : Mix
     engine : str
         Name of the engine; "formula" has the relaxed modulus.
     speed : float
         Speed of the roller [m/s].
     held : HeldQuantity, optional
         Replaces the target of the scene.
-
-    Returns
-    -------
-    tuple of Layer, Roller and material law
     """
     require_finite(speed=speed)
     scene, _ = adapt(scene, engine)
@@ -174,15 +167,6 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
     """Convert the mix of a scene to its law of irreversible compaction.
 
         M = sqrt(3) sin phi,  pt = c cot phi,  K_H isotropic = A K_H,  A = (1 + sqrt(1 + 4 M^2/9))/2
-
-    Parameters
-    ----------
-    scene : Scene
-    mix : Mix
-
-    Returns
-    -------
-    Compaction
 
     Notes
     -----
@@ -256,8 +240,6 @@ class ContactRecord:
 
     Parameters
     ----------
-    engine : str
-        Name of the engine.
     speed : float
         Speed of the roller [m/s].
     load, resistance : float
@@ -316,16 +298,10 @@ def contact_record(engine: str, speed: float, passes: tuple[ContactResult, ...])
 
     Parameters
     ----------
-    engine : str
-        Name of the engine.
     speed : float
         Speed of the roller [m/s].
     passes : tuple of ContactResult
         Results of the passes in order, at least one.
-
-    Returns
-    -------
-    ContactRecord
     """
     first = passes[0]
     load_error, resistance_error = first.error or (None, None)
@@ -357,10 +333,6 @@ def _pass_record(result: ContactResult) -> PassRecord:
 def contact_to_json(contact: ContactRecord) -> dict[str, Any]:
     """Convert a record to nested dictionaries with "value", "unit" and, where there is an estimate, "error".
 
-    Parameters
-    ----------
-    contact : ContactRecord
-
     Returns
     -------
     dict
@@ -385,14 +357,6 @@ def _with_unit(record: ContactRecord | PassRecord, name: str) -> dict[str, Any]:
 def contact_from_json(content: dict[str, Any]) -> ContactRecord:
     """Read a record back from the form of `contact_to_json`.
 
-    Parameters
-    ----------
-    content : dict
-
-    Returns
-    -------
-    ContactRecord
-
     Raises
     ------
     KeyError, TypeError
@@ -414,9 +378,6 @@ def write_contacts(path: Path, contacts: list[ContactRecord], more: dict[str, An
 
     Parameters
     ----------
-    path : Path
-        File to write.
-    contacts : list of ContactRecord
     more : dict
         Further results of the contacts.
     key : str
@@ -433,8 +394,6 @@ def read_contacts(path: Path, key: str) -> tuple[list[ContactRecord], dict[str, 
 
     Parameters
     ----------
-    path : Path
-        File to read.
     key : str
         Hash of all inputs of the contacts.
 

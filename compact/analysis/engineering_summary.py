@@ -43,11 +43,6 @@ class Engineering:
 def peak_pressure(scene: Scene, mix: Mix) -> float:
     """Return the peak contact pressure of the formulas.
 
-    Parameters
-    ----------
-    scene : Scene
-    mix : Mix
-
     Returns
     -------
     float
@@ -96,8 +91,6 @@ def engineering(scene: Scene, mix: Mix, pressure: float) -> Engineering:
 
     Parameters
     ----------
-    scene : Scene
-    mix : Mix
     pressure : float
         Peak contact pressure [Pa].
 
@@ -153,7 +146,6 @@ def coverage(scene: Scene, formulas: Engineering) -> str:
 
     Parameters
     ----------
-    scene : Scene
     formulas : Engineering
         Results of the scene.
 
@@ -206,7 +198,6 @@ class Number:
 
     Parameters
     ----------
-    value : float
     unit : str
         SI unit.
     known_by : str
@@ -224,13 +215,6 @@ class Number:
 
 def numbers(scene: Scene, mix: Mix, formulas: Engineering, exact: LineContact) -> dict[str, Number]:
     """Collect the results of the formulas and of Galin's exact contact at the same peak pressure.
-
-    Parameters
-    ----------
-    scene : Scene
-    mix : Mix
-    formulas : Engineering
-    exact : LineContact
 
     Returns
     -------

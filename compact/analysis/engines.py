@@ -127,10 +127,6 @@ class Engine:
         ----------
         result : ContactResult
             Result of this engine.
-
-        Returns
-        -------
-        meshio.Mesh
         """
         require_known("engine with fields", self.name, [each.name for each in ENGINES.values() if each.fields_module])
         return import_module(str(self.fields_module)).field_mesh(result)
@@ -191,19 +187,12 @@ def expand_resistance(
 
     Parameters
     ----------
-    layer : Layer
-    roller : Roller
-    material : Elastic or Viscoelastic
     speed : float
         Speed of the roller [m/s].
     engine : str
         An engine with a `derivative_module`.
     **accuracy
         Keywords of the engine: "spectral" takes `rtol`; "fem" takes `mesh`, `tolerance`, `estimate`.
-
-    Returns
-    -------
-    ResistanceExpansion
 
     Examples
     --------

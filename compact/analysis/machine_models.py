@@ -27,15 +27,10 @@ def cart(scene: Scene, roller_load: float, return_load_ratio: float = 1.0) -> Ca
 
     Parameters
     ----------
-    scene : Scene
     roller_load : float
         Load of each roller [N].
     return_load_ratio : float
         Load on the return stroke over that on the forward stroke [-].
-
-    Returns
-    -------
-    Cart
     """
     machine, table, springs = scene.machine, scene.drive.end_springs, None
     if table is not None:
@@ -71,10 +66,6 @@ def angles(scene: Scene) -> tuple[float, ...]:
 def laws(scene: Scene) -> Iterator[MotionProfile]:
     """Build the motion laws that the scene names, tables of the user last.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Yields
     ------
     MotionProfile
@@ -94,15 +85,6 @@ def drive_of(scene: Scene, cycle: Cycle) -> "Rigid | Crank | Hydraulic | Motor |
 
     The crank drives its own law through the rod, if the machine has one. A law with a velocity jump has a rigid drive
     in place of a motor: its force is impulsive.
-
-    Parameters
-    ----------
-    scene : Scene
-    cycle : Cycle
-
-    Returns
-    -------
-    Rigid, Crank, Hydraulic, Motor or ElasticDrive
     """
     table, rod = scene.drive, crank(scene)
     if table.kind == "elastic":

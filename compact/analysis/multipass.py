@@ -82,16 +82,7 @@ class Pass:
 
 
 def there_and_back(count: int) -> tuple[Pass, ...]:
-    """Return a number of passes over the same mix, every second one back.
-
-    Parameters
-    ----------
-    count : int
-
-    Returns
-    -------
-    tuple of Pass
-    """
+    """Return a number of passes over the same mix, every second one back."""
     require_positive(count=count)
     return tuple(Pass(forward=number % 2 == 0) for number in range(count))
 
@@ -115,7 +106,6 @@ def passes(
         Fresh mix before the first pass.
     roller : Roller
         Its target holds for passes without their own.
-    material : Compaction
     speed : float
         Speed of forward passes along x [m/s], not 0.
     stages : sequence of Pass, or int
@@ -165,10 +155,6 @@ def passes(
 
 def density(result: ContactResult) -> NDArray[np.float64]:
     """Return the density over the height behind a pass.
-
-    Parameters
-    ----------
-    result : ColumnContactResult or CompactionContactResult
 
     Returns
     -------

@@ -55,7 +55,6 @@ class Study:
 
     Parameters
     ----------
-    scene : Scene
     step : callable
         Called with the name of each stage that begins.
     directory : Path, optional

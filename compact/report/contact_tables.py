@@ -32,13 +32,6 @@ def write_contact_tables(study: Study, directory: Path) -> Iterator[Path]:
     ----------
     study : Study
         Study with a layered engine.
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
     """
     length = study.scene.machine.roller_length
     formulas = study.engineering
@@ -51,10 +44,6 @@ def write_contact_tables(study: Study, directory: Path) -> Iterator[Path]:
 
 def contact_row(contact: ContactRecord) -> tuple[Any, ...]:
     """Return one contact in the columns of ENGINE_HEADER.
-
-    Parameters
-    ----------
-    contact : ContactRecord
 
     Returns
     -------
@@ -89,12 +78,6 @@ def _write_passes(passes: Sequence[tuple[float, Sequence[ContactResult]]], direc
 def write_pressure_figure(study: Study, directory: Path) -> Path:
     """Draw the pressure along the contact at the mean speed, or at the nearest speed that was computed.
 
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
     Returns
     -------
     Path
@@ -113,9 +96,6 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
 
     Parameters
     ----------
-    directory : Path
-        Directory of the results.
-    study : Study
     speed : float
         Speed of the roller [m/s].
     passes : sequence of ContactResult

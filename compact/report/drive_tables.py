@@ -38,19 +38,7 @@ DRIVEN_ROLLER_HEADER = ("speed_m/s", "torque_Nm", "pull_N", "creep", "load_N")
 
 
 def write_drive_tables(study: Study, directory: Path) -> Iterator[Path]:
-    """Write the tables of the kind of drive of the scene.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
-    """
+    """Write the tables of the kind of drive of the scene."""
     runs = study.runs.values()
     if study.scene.drive.kind == "elastic":
         yield write_csv(directory / "dynamic-amplification.csv", ELASTIC_HEADER, [_elastic_row(run) for run in runs])
@@ -92,7 +80,6 @@ def roller_motor_columns(motor: RollerMotor, time: NDArray[np.float64]) -> tuple
 
     Parameters
     ----------
-    motor : RollerMotor
     time : ndarray
         Times [s], shape (n,).
 
@@ -111,10 +98,6 @@ def roller_motor_columns(motor: RollerMotor, time: NDArray[np.float64]) -> tuple
 def roller_motor_numbers(study: Study) -> dict[str, dict[str, Any]]:
     """Collect the requirements of each law on the motors in the rollers.
 
-    Parameters
-    ----------
-    study : Study
-
     Returns
     -------
     dict of str to dict
@@ -125,19 +108,7 @@ def roller_motor_numbers(study: Study) -> dict[str, dict[str, Any]]:
 
 
 def write_roller_motors(study: Study, directory: Path) -> Iterator[Path]:
-    """Write roller-motors.csv and, where the contact model has a creepage, the response of a driven roller.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
-    """
+    """Write roller-motors.csv and, where the contact model has a creepage, the response of a driven roller."""
     header = ("law", *column_names(ROLLER_MOTOR), "lack")
     rows = [(law, *numbers.values()) for law, numbers in roller_motor_numbers(study).items()]
     yield write_csv(directory / "roller-motors.csv", header, rows)

@@ -101,10 +101,6 @@ class Progress:
 
         Parameters
         ----------
-        stage : str
-            Name of the stage.
-        cost : float
-            Cost of the stage.
         total : float, optional
             New cost of the whole job.
 
@@ -132,13 +128,7 @@ class Progress:
         self._finished += cost
 
     def report(self, detail: str) -> None:
-        """Show a line of text on the running stage; the callback of solvers.
-
-        Parameters
-        ----------
-        detail : str
-            Text.
-        """
+        """Show a line of text on the running stage; the callback of solvers."""
         self.detail = detail
 
     @property
@@ -215,10 +205,6 @@ def format_time(seconds: float) -> str:
     seconds : float
         Time [s].
 
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> format_time(82.4), format_time(3725)
@@ -244,11 +230,6 @@ def tracked(
         All items have about the same cost, so that the remaining time is estimated.
     **options
         Parameters of `Progress`.
-
-    Yields
-    ------
-    object
-        Each item.
     """
     cases = list(items)
     with Progress(total=len(cases) if alike else None, **options) as progress:
@@ -263,14 +244,8 @@ def spinning(stage: str, **options: Any) -> Iterator[Progress]:
 
     Parameters
     ----------
-    stage : str
-        Name of the stage.
     **options
         Parameters of `Progress`.
-
-    Yields
-    ------
-    Progress
     """
     with Progress(**options) as progress:
         progress.begin(stage)

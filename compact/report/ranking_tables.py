@@ -26,14 +26,6 @@ AGREEMENT_HEADER = (
 def comparison_places(study: Study, kind: str, by: str) -> dict[str, dict[str, Place]]:
     """Collect the places of each law by the engines of the comparison.
 
-    Parameters
-    ----------
-    study : Study
-    kind : str
-        Kind of drive.
-    by : str
-        Criterion.
-
     Returns
     -------
     dict of str to dict
@@ -43,19 +35,7 @@ def comparison_places(study: Study, kind: str, by: str) -> dict[str, dict[str, P
 
 
 def write_ranking_tables(study: Study, directory: Path) -> Iterator[Path]:
-    """Write ranking.csv, criteria.csv and, where engines are compared, agreement.csv and their contacts.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
-    """
+    """Write ranking.csv, criteria.csv and, where engines are compared, agreement.csv and their contacts."""
     yield write_csv(directory / "ranking.csv", RANKING_HEADER, [
         (
             engine, kind, by, p.rank, p.law, p.value, CRITERIA[by].unit, p.margin, p.tie, _or_empty(p.error),
@@ -92,14 +72,6 @@ def _or_empty(value: Any) -> Any:
 def criterion_error(study: Study, run: Any, by: str) -> float | None:
     """Estimate the error of a criterion from the error of the resistance.
 
-    Parameters
-    ----------
-    study : Study
-    run : Run
-        Run of one law.
-    by : str
-        Criterion.
-
     Returns
     -------
     float or None
@@ -109,19 +81,7 @@ def criterion_error(study: Study, run: Any, by: str) -> float | None:
 
 
 def save_comparisons(study: Study, directory: Path) -> Iterator[Path]:
-    """Save contacts and resistance maps of the compared engines for the next run.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
-    """
+    """Save contacts and resistance maps of the compared engines for the next run."""
     for name, other in study.comparison.items():
         if other.contacts:
             found: tuple[Any, ...] = (other.contacts, other.held, other.second_pass, other.resistance)

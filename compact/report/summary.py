@@ -44,10 +44,6 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         A study whose results have been written.
     files : list of str
         Paths of its files, relative to the directory of the results.
-
-    Returns
-    -------
-    dict
     """
     scene = study.scene
     reach = study.mix.density_achievable

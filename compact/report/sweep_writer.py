@@ -24,15 +24,7 @@ DIGITS = re.compile(r"\d[\d.e+-]*")
 
 
 def write_sweep_report(directory: Path, table: "Dataset") -> None:
-    """Write the figures and Sobol indices that the axes and numbers of a sweep admit.
-
-    Parameters
-    ----------
-    directory : Path
-        Directory of the results.
-    table : Dataset
-        Table of the sweep.
-    """
+    """Write the figures and Sobol indices that the axes and numbers of a sweep admit."""
     from compact.report.figures import sweep as sweep_figures
 
     if quantities := _sobol_quantities(table):
@@ -50,18 +42,7 @@ def write_sweep_report(directory: Path, table: "Dataset") -> None:
 
 
 def sweep_digest(table: "Dataset") -> str:
-    """Summarise a sweep: ranges of the quantities, failures, warnings and Sobol indices.
-
-    Parameters
-    ----------
-    table : Dataset
-        Table of the sweep.
-
-    Returns
-    -------
-    str
-        Lines of text.
-    """
+    """Summarise a sweep: ranges of the quantities, failures, warnings and Sobol indices."""
     failed = (table["reason"] != "").values
     lines = [f"{failed.size} points by {table.attrs['engine']}, {failed.sum()} without numbers"]
     for name in DIGEST_QUANTITIES:

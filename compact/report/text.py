@@ -24,17 +24,7 @@ DIGEST_NUMBERS = ("capture_angle", "contact_length", "roller_force", "resistance
 
 
 def study_digest(study: Study) -> str:
-    """Summarise a study: contact, forces, and the laws by the first criteria.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    str
-        Lines of text.
-    """
+    """Summarise a study: contact, forces, and the laws by the first criteria."""
     lines = [study.scene.title or "untitled scene", ""]
     lines += [_number_line(name, study.numbers[name]) for name in DIGEST_NUMBERS]
     if short := coverage(study.scene, study.engineering):
@@ -59,16 +49,10 @@ def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) 
 
     Parameters
     ----------
-    study : Study
     speed : float
         Speed of the roller [m/s].
     passes : sequence of ContactResult
         Results of the passes in order.
-
-    Returns
-    -------
-    str
-        Lines of text.
     """
     first, engine = passes[0], study.scene.accuracy.engine
     length = study.scene.machine.roller_length
@@ -90,19 +74,7 @@ def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) 
 
 
 def cam_digest(law: str, cam: Cam) -> str:
-    """Summarise the dimensions of one cam.
-
-    Parameters
-    ----------
-    law : str
-        Name of the motion law.
-    cam : Cam
-
-    Returns
-    -------
-    str
-        Lines of text.
-    """
+    """Summarise the dimensions of one cam."""
     least = cam.least_breadth()
     lines = [
         f"cam for {law}, {type(cam.follower).__name__}, breadth {cam.breadth:g} m{' UNDERCUT' * cam.undercut}",
@@ -116,10 +88,6 @@ def cam_digest(law: str, cam: Cam) -> str:
 
 def held_sentence(study: Study) -> str:
     """State the quantity of the contact that is constant over speed.
-
-    Parameters
-    ----------
-    study : Study
 
     Returns
     -------
@@ -140,10 +108,6 @@ def held_sentence(study: Study) -> str:
 def return_sentence(study: Study) -> str:
     """State the mix under the return stroke, with the energy per cycle where both states are computed.
 
-    Parameters
-    ----------
-    study : Study
-
     Returns
     -------
     str
@@ -163,10 +127,6 @@ def return_sentence(study: Study) -> str:
 
 def guide_sentence(study: Study) -> str:
     """State the drive force at the mean speed, its guide friction, and the value of eq 1.9.
-
-    Parameters
-    ----------
-    study : Study
 
     Returns
     -------

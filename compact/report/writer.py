@@ -21,7 +21,6 @@ def write_study(
 
     Parameters
     ----------
-    study : Study
     directory : Path or str
         Directory of the results; it is created where it is missing.
     force : bool

@@ -51,7 +51,6 @@ def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[
 
     Parameters
     ----------
-    rules : iterable of Rule
     data : mapping
         Nested tables of a scene.
     refused : iterable of Mistake

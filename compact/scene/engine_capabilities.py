@@ -40,8 +40,6 @@ class Limit:
 
     Parameters
     ----------
-    key : str
-        Key path.
     taken : tuple
         Accepted values; the first replaces all others.
     why : str
@@ -113,11 +111,6 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
 
 def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
     """Replace the values that an engine does not accept by the nearest accepted ones.
-
-    Parameters
-    ----------
-    scene : Scene
-    engine : name of a contact engine
 
     Returns
     -------

@@ -44,8 +44,6 @@ class Mistake:
 
     Parameters
     ----------
-    key : tuple of str
-        Key path.
     sentence : str
         Rule, given value and remedy.
     entry : str
@@ -124,7 +122,6 @@ def field_mistakes(error: ValidationError, scene: type[BaseModel]) -> list[Mista
 
     Parameters
     ----------
-    error : ValidationError
     scene : type
         Class of the scene model.
 

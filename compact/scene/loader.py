@@ -219,14 +219,8 @@ def load_scene(path: str | Path, /, **changes: object) -> Scene:
 
     Parameters
     ----------
-    path : str or Path
-        Scene file.
     **changes : object
         Values by key path that replace keys of the file, as in `Scene.replaced`.
-
-    Returns
-    -------
-    Scene
 
     Raises
     ------
@@ -245,7 +239,6 @@ def parse_scene(text: str, file: str = "<text>") -> Scene:
 
     Parameters
     ----------
-    text : str
     file : str
         File name for messages; law tables are searched in its folder.
     """

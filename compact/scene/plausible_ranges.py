@@ -30,7 +30,6 @@ class Range:
     ----------
     low, high : float
         Bounds in `unit`.
-    unit : str
     reason : str
         Origin of the range, for messages.
     """

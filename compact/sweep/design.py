@@ -39,7 +39,6 @@ class Axis:
 
     Parameters
     ----------
-    key : str
     values : tuple
         Numbers or words, distinct.
     """
@@ -75,16 +74,7 @@ class Sampled:
 
 
 def read_design(text: str) -> Axis | Sampled:
-    """Parse KEY=VALUES.
-
-    Parameters
-    ----------
-    text : str
-
-    Returns
-    -------
-    Axis or Sampled
-    """
+    """Parse KEY=VALUES."""
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (key and equals and values):
         raise ValueError(
@@ -143,7 +133,6 @@ class Design:
 
     Parameters
     ----------
-    axes : tuple of Axis
     names : tuple of str
         Sampled parameters of the mix.
     shares : NDArray, shape (rows, names)
@@ -175,14 +164,8 @@ def design(scene: Scene, varied: Sequence[Axis | Sampled], indices: bool = False
 
     Parameters
     ----------
-    scene : Scene
-    varied : sequence of Axis or Sampled
     indices : bool
         Whether the sample has the rows for Sobol indices.
-
-    Returns
-    -------
-    Design
 
     Raises
     ------
@@ -263,7 +246,6 @@ def scene_at(scene: Scene, changes: Mapping[str, Any], shares: Mapping[str, floa
 
     Parameters
     ----------
-    scene : Scene
     changes : mapping
         Scene keys.
     shares : mapping

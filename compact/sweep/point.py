@@ -45,10 +45,6 @@ MAX_TEXT_LENGTH = 400  # characters of a reason
 def ranking_variables(criteria: Sequence[str]) -> tuple[dict[str, Quantity], dict[str, str]]:
     """Return the further variables of a sweep with rankings.
 
-    Parameters
-    ----------
-    criteria : sequence of str
-
     Returns
     -------
     numbers : dict of str to Quantity
@@ -67,7 +63,6 @@ def headline(
 
     Parameters
     ----------
-    scene : Scene
     rank : bool
         Whether the laws are ranked.
     initial_guess : ContactResult, optional
@@ -99,10 +94,6 @@ def headline(
 
 def reason(error: Exception) -> str:
     """Describe an error; unexpected errors are marked as internal.
-
-    Parameters
-    ----------
-    error : Exception
 
     Returns
     -------

@@ -59,7 +59,6 @@ class Task:
 
     Parameters
     ----------
-    scene : Scene
     points : tuple
         Key, changes and shares of each point.
     rank : bool
@@ -79,10 +78,6 @@ class Task:
 
 def compute(task: Task) -> dict[str, Results]:
     """Compute the points of a task.
-
-    Parameters
-    ----------
-    task : Task
 
     Returns
     -------
@@ -131,7 +126,6 @@ class Sweep:
 
     Parameters
     ----------
-    scene : Scene
     varied : sequence of Axis or Sampled
         Of `design.read_design`.
     rank : bool
@@ -180,8 +174,6 @@ class Sweep:
 
         Parameters
         ----------
-        directory : Path or str
-            Directory of the results.
         executor : Executor
             Of `analysis.worker_pool`.
         resume : bool
@@ -190,10 +182,6 @@ class Sweep:
             Whether existing checkpoints are deleted.
         step : callable
             Called with the numbers of new points and of failures among them.
-
-        Returns
-        -------
-        xarray.Dataset
 
         Raises
         ------
@@ -345,14 +333,5 @@ def _import_netcdf() -> None:
 
 
 def read_sweep(path: Path | str) -> "xarray.Dataset":
-    """Read the table of a sweep.nc.
-
-    Parameters
-    ----------
-    path : Path or str
-
-    Returns
-    -------
-    xarray.Dataset
-    """
+    """Read the table of a sweep.nc."""
     return read_netcdf(path, NETCDF_HDF5)

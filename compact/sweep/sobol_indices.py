@@ -65,10 +65,6 @@ def indices(at_first: ArrayLike, at_second: ArrayLike, at_mixed: ArrayLike) -> I
     at_mixed : array_like, shape (inputs, n)
         Values f_AB.
 
-    Returns
-    -------
-    Indices
-
     Raises
     ------
     ValueError
@@ -112,8 +108,6 @@ def of_table(table: "xarray.Dataset", quantity: str) -> tuple[tuple[str, ...], I
 
     Parameters
     ----------
-    table : xarray.Dataset
-        Table of the sweep.
     quantity : str
         Name of a variable.
 

@@ -55,10 +55,6 @@ def balance_checks(study: "Study") -> list[BalanceCheck]:
     ----------
     study : Study
         Study whose results are checked; stages that are missing are computed.
-
-    Returns
-    -------
-    list of BalanceCheck
     """
     checks = [*_contact_checks(study), *_cycle_checks(study), _published_check()]
     if "cams" in study.scene.output.items:

@@ -33,13 +33,7 @@ FREE_BREADTH = ("cubic", "quintic", "septic", "complex", "reversal-2")
 
 
 def peak_numbers() -> dict[str, float]:
-    """Compute peak acceleration [m/s2] and jerk [m/s3] of the laws of D ch. 5, with the readings behind the print.
-
-    Returns
-    -------
-    dict of str to float
-        Values by row name.
-    """
+    """Compute peak acceleration [m/s2] and jerk [m/s3] of the laws of D ch. 5, with the readings behind the print."""
     found: dict[str, float] = {}
     for name in PRINTED_LAWS:
         largest = law(name, STROKE, DURATION).peaks()

@@ -30,8 +30,6 @@ class PublishedMachine:
 
     Parameters
     ----------
-    cart : Cart
-    crank : Crank
     angular_speed : float
         Speed of the crankshaft [rad/s].
     roller_reaction, interaction_force : float

@@ -104,13 +104,7 @@ class PublishedNumber:
 
 
 def rows() -> list[PublishedNumber]:
-    """Compute all values and combine them with the lines of `data/published.csv`.
-
-    Returns
-    -------
-    list of PublishedNumber
-        In the order of the file.
-    """
+    """Compute all values and combine them with the lines of `data/published.csv`."""
     values = computed_values()
     return [
         PublishedNumber(
@@ -155,16 +149,7 @@ def computed_values() -> dict[str, float]:
 
 
 def text_table(rows: Sequence[PublishedNumber]) -> str:
-    """Format rows as ASCII text of at most 120 columns, grouped, with notes and a count of the verdicts.
-
-    Parameters
-    ----------
-    rows : sequence of PublishedNumber
-
-    Returns
-    -------
-    str
-    """
+    """Format rows as ASCII text of at most 120 columns, grouped, with notes and a count of the verdicts."""
     header = _line("source", "quantity", "printed", "computed", "unit", "verdict")
     lines = []
     for group, members in itertools.groupby(rows, key=lambda row: row.group):
@@ -177,16 +162,7 @@ def text_table(rows: Sequence[PublishedNumber]) -> str:
 
 
 def markdown(rows: Sequence[PublishedNumber]) -> str:
-    """Format rows as the Markdown table of `docs/verification.md`.
-
-    Parameters
-    ----------
-    rows : sequence of PublishedNumber
-
-    Returns
-    -------
-    str
-    """
+    """Format rows as the Markdown table of `docs/verification.md`."""
     header = ("source", "quantity", "unit", "printed", "computed", "deviation", "verdict")
     cells = [
         (row.source, row.quantity, row.unit, row.printed, f"{row.computed:.6g}", _deviation(row), row.verdict)

@@ -46,7 +46,6 @@ class EngineComparison:
     ----------
     scene : Scene
         The scene with this engine.
-    contacts : list of ContactRecord
     held : HeldQuantity or None
         Quantity that is constant over speed.
     second_pass : tuple of float or None
@@ -81,16 +80,7 @@ class EngineComparison:
 
 
 def run_engine_alternative(request: ComparisonRequest) -> EngineComparison:
-    """Compute contacts, resistance and places of a scene by another engine.
-
-    Parameters
-    ----------
-    request : ComparisonRequest
-
-    Returns
-    -------
-    EngineComparison
-    """
+    """Compute contacts, resistance and places of a scene by another engine."""
     scene, counts = request.scene, Counter[str]()
     stages = build_stages(
         scene,
@@ -121,9 +111,6 @@ class RankingAgreement:
         Engine and drive of the first ranking.
     other_engine, other_drive : str
         Engine and drive of the second ranking.
-    by : str
-        Criterion.
-    agreement : Agreement
     first, other_first : str
         First law of either ranking; several laws, their number or "none" where there is not one.
     """
@@ -145,10 +132,6 @@ def ranking_agreements(places: Mapping[str, Places]) -> list[RankingAgreement]:
     ----------
     places : mapping of str to Places
         Places by engine, drive and criterion; engine and drive of the scene first.
-
-    Returns
-    -------
-    list of RankingAgreement
     """
     engine, *other_engines = places
     drive, *other_drives = places[engine]

@@ -57,8 +57,6 @@ def roll_scene(
 
     Parameters
     ----------
-    scene : Scene
-    mix : Mix
     speed : float
         Speed of the roller [m/s].
     engine : str, optional
@@ -70,10 +68,6 @@ def roll_scene(
         Replaces the target of the scene.
     progress : callable, optional
         Called with lines of text by engines with continuation.
-
-    Returns
-    -------
-    ContactResult
 
     Raises
     ------
@@ -116,8 +110,6 @@ def roll_passes(
 
     Parameters
     ----------
-    scene : Scene
-    mix : Mix
     speed : float
         Speed of the first pass [m/s].
     initial_guess : sequence of ContactResult, optional
@@ -166,8 +158,6 @@ def added_mass(
 
     Parameters
     ----------
-    scene : Scene
-    mix : Mix
     speed : float
         Speed of the roller [m/s].
     held : HeldQuantity or None
@@ -293,8 +283,6 @@ class ContactStage:
 
     Parameters
     ----------
-    scene : Scene
-    mix : Mix
     count : callable
         Called with the name of each stage that begins.
     directory : Path, optional
@@ -393,10 +381,6 @@ class ContactStage:
             Speed of the first pass [m/s].
         initial_guess : tuple of ContactResult, optional
             Passes at another speed.
-
-        Returns
-        -------
-        tuple of ContactResult
         """
         if speed == self.scene.mean_speed:
             return self.reference

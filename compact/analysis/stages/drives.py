@@ -25,14 +25,7 @@ Runs = dict[str, Any]  # name of a law -> `Run`, `ElasticRun`, `HydraulicRun` or
 
 
 class DriveStage:
-    """Runs of all laws of a scene; each attribute is computed when first used.
-
-    Parameters
-    ----------
-    contacts : ContactStage
-    resistance : ResistanceStage
-    laws : LawStage
-    """
+    """Runs of all laws of a scene; each attribute is computed when first used."""
 
     def __init__(self, contacts: ContactStage, resistance: ResistanceStage, laws: LawStage) -> None:
         self.scene, self.count = contacts.scene, contacts.count

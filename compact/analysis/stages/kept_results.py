@@ -35,12 +35,10 @@ class KeptResults:
 
     Parameters
     ----------
-    contacts : list of ContactRecord
     held : HeldQuantity
         Quantity that is constant over speed.
     second_pass : tuple of float or None
         Load and resistance of a second pass over those of the first [-].
-    resistance_map : ResistanceMap
     files : tuple of str
         Result files, relative to the directory.
     """
@@ -54,11 +52,6 @@ class KeptResults:
 
 def results_key(scene: Scene, mix: Mix) -> str:
     """Hash all inputs of the contacts and the resistance map of a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-    mix : Mix
 
     Returns
     -------
@@ -81,12 +74,6 @@ def results_key(scene: Scene, mix: Mix) -> str:
 def read_results(directory: Path, key: str) -> KeptResults | None:
     """Read the results of an earlier run.
 
-    Parameters
-    ----------
-    directory : Path
-    key : str
-        Of `results_key`.
-
     Returns
     -------
     KeptResults or None
@@ -107,20 +94,7 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
 
 
 def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[Path]:
-    """Write results for the next run; of their files those that depend on the contacts alone.
-
-    Parameters
-    ----------
-    directory : Path
-    results : KeptResults
-    key : str
-        Of `results_key`.
-
-    Yields
-    ------
-    Path
-        Of each file that is written.
-    """
+    """Write results for the next run; of their files those that depend on the contacts alone."""
     path = directory / CONTACTS_FILE
     path.unlink(missing_ok=True)  # it lists the valid files: removed first, written last
     results.resistance_map.save(directory / MAP_FILE, key)

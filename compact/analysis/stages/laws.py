@@ -32,7 +32,6 @@ class PrescribedLaws:
 
     Parameters
     ----------
-    scene : Scene
     count : callable
         Called with "laws" for each law.
     """
@@ -74,7 +73,6 @@ class LawStage:
 
     Parameters
     ----------
-    prescribed : PrescribedLaws
     resistance : ResistanceStage
         Resistance for which laws are optimised; it is extended to faster laws.
     cycles : mapping of str to Cycle, optional
@@ -225,10 +223,6 @@ class LawStage:
             Name of the law. A prescribed law requires no optimisation.
         follower : str
             One of FOLLOWERS.
-
-        Returns
-        -------
-        Cam
 
         Raises
         ------

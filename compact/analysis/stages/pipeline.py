@@ -18,16 +18,7 @@ Cycles = Mapping[str, Cycle]
 
 @dataclass(frozen=True)
 class Stages:
-    """Stages of one scene; the attributes of each are computed when first used.
-
-    Parameters
-    ----------
-    prescribed : PrescribedLaws
-    contacts : ContactStage
-    resistance : ResistanceStage
-    laws : LawStage
-    drive : DriveStage
-    """
+    """Stages of one scene; the attributes of each are computed when first used."""
 
     prescribed: PrescribedLaws
     contacts: ContactStage
@@ -48,7 +39,6 @@ def build_stages(
 
     Parameters
     ----------
-    scene : Scene
     mix : Mix, optional
         That of the scene by default.
     count : callable
@@ -59,10 +49,6 @@ def build_stages(
         Called with lines of text by engines with continuation.
     known_laws : tuple of mapping, optional
         Prescribed laws and all laws, if they are known.
-
-    Returns
-    -------
-    Stages
     """
     prescribed = PrescribedLaws(scene, count)
     if known_laws:

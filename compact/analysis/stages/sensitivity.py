@@ -84,7 +84,6 @@ class Shift:
         Scene key of the input.
     ends : tuple of float
         Low and high value of the input.
-    unit : str
     how : {PRIOR, SHARE, PRESSED}
         Kind of variation.
     by : str
@@ -106,17 +105,7 @@ class Shift:
 
 
 def sensitivities(stages: Stages) -> list[Shift]:
-    """Compute the sensitivity to each input of the mix and the machine that the engine or the formulas depend on.
-
-    Parameters
-    ----------
-    stages : Stages
-        Stages of the study.
-
-    Returns
-    -------
-    list of Shift
-    """
+    """Compute the sensitivity to each input of the mix and the machine that the engine or the formulas depend on."""
     variation = _Variation(stages)
     found = []
     for key, (low, high, how, unit) in _ranges(stages).items():

@@ -30,7 +30,6 @@ def torque_response(contacts: ContactStage, pull_range: tuple[float, float]) -> 
 
     Parameters
     ----------
-    contacts : ContactStage
     pull_range : tuple of float
         Least and largest pull of one roller [N].
 

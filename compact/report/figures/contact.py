@@ -41,15 +41,10 @@ def draw_pressure(contact: ContactResult, exact: LineContact, speed: float) -> F
 
     Parameters
     ----------
-    contact : ContactResult
     exact : LineContact
         Exact contact on a half-plane.
     speed : float
         Speed of the roller; its sign gives the direction of the travel [m/s].
-
-    Returns
-    -------
-    Figure
     """
     figure, ((ax,),) = panels(1, 1, (6.2, 3.1))
     half_plane = np.linspace(float(exact.trailing), float(exact.leading), 401)
@@ -73,10 +68,6 @@ def draw_density(passes: Sequence[ContactResult]) -> Figure:
     ----------
     passes : sequence of ContactResult
         Results of the passes over a compacting layer.
-
-    Returns
-    -------
-    Figure
     """
     from compact.analysis.multipass import density as density_rows
 
@@ -94,16 +85,7 @@ def draw_density(passes: Sequence[ContactResult]) -> Figure:
 
 
 def draw_loads(contacts: Sequence[ContactRecord]) -> Figure:
-    """Draw load and rolling-resistance coefficient over the speed, with bars for the error estimates.
-
-    Parameters
-    ----------
-    contacts : sequence of ContactRecord
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw load and rolling-resistance coefficient over the speed, with bars for the error estimates."""
     figure, (both,) = panels(1, 2, (4.4, 2.9))
     speed, load, coefficient = np.array([[each.speed, each.load, each.coefficient] for each in contacts]).T
     error, miss = np.array([[each.load_error or 0.0, each.resistance_error or 0.0] for each in contacts]).T
@@ -127,13 +109,8 @@ def draw_resistance(resistance_map: ResistanceMap, acceleration: float) -> Figur
 
     Parameters
     ----------
-    resistance_map : ResistanceMap
     acceleration : float
         Largest acceleration drawn [m/s2].
-
-    Returns
-    -------
-    Figure
     """
     known = resistance_map.added_masses is not None and bool(np.any(resistance_map.added_masses))
     ratios, width = ([4 / 3, 2 / 3], 4.7) if known else ([1], 6.2)
@@ -178,10 +155,6 @@ def draw_fields(layers: Sequence[tuple["Mesh", Any]]) -> Figure:
     ----------
     layers : sequence of tuples
         Mesh with displacement and element means, and the `ContactResult` of the engine.
-
-    Returns
-    -------
-    Figure
 
     Notes
     -----

@@ -63,17 +63,7 @@ def _legends(axes: NDArray[Any]) -> None:
 
 
 def draw_kinematics(cycles: Mapping[str, Cycle]) -> Figure:
-    """Draw velocity, acceleration and jerk of every law over the forward stroke, as the law prescribes them.
-
-    Parameters
-    ----------
-    cycles : mapping of str to Cycle
-        Laws by name.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw velocity, acceleration and jerk of every law over the forward stroke, as the law prescribes them."""
     families = _families(cycles)
     figure, axes = _grid(families, ("velocity", "acceleration", "jerk"))
     for row, members in zip(axes, families.values(), strict=True):
@@ -96,17 +86,7 @@ def _phases(joined: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def draw_drive(runs: Mapping[str, Any]) -> Figure:
-    """Draw drive force, positive along the motion, and power of every law over a cycle.
-
-    Parameters
-    ----------
-    runs : mapping of str to Run
-        Runs by law.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw drive force, positive along the motion, and power of every law over a cycle."""
     families = _families(runs)
     figure, axes = _grid(families, ("drive_force", "drive_power"), width=4.6)
     for row, members in zip(axes, families.values(), strict=True):
@@ -161,19 +141,7 @@ def _infinite_label(name: str) -> str:
 
 
 def draw_reactions(runs: Mapping[str, Any], names: Sequence[str]) -> Figure:
-    """Draw the guide-wheel reactions over a cycle; below zero a wheel runs on the lower rail.
-
-    Parameters
-    ----------
-    runs : mapping of str to Run
-        Runs by law.
-    names : sequence of str
-        Laws that are drawn.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the guide-wheel reactions over a cycle; below zero a wheel runs on the lower rail."""
     figure, (axes,) = panels(1, len(names), (5.2, 2.5), bottom=0.85, top=0.3, gaps=(0.3, 0.0), sharey=True)
     for ax, name in zip(axes, names, strict=True):
         run = runs[name]
@@ -193,15 +161,6 @@ def draw_reactions(runs: Mapping[str, Any], names: Sequence[str]) -> Figure:
 
 def draw_cams(cams: Mapping[tuple[str, str], Cam], names: Sequence[str], follower: str) -> Figure:
     """Draw the cam profiles for one follower with the path of the roller centre, a panel for each law.
-
-    Parameters
-    ----------
-    cams : mapping of (str, str) to Cam
-        Cams by law and follower.
-    names : sequence of str
-        Laws that are drawn.
-    follower : str
-        Kind of follower.
 
     Returns
     -------
@@ -238,10 +197,6 @@ def draw_crank_turns(turns: Mapping[str, CrankshaftRevolution]) -> Figure:
     ----------
     turns : mapping of str to CrankshaftRevolution
         Turns by the number of carts.
-
-    Returns
-    -------
-    Figure
     """
     figure, (both,) = panels(1, 2, (4.4, 2.9), bottom=0.85)
     shafts = [key for key in turns if key.isdigit()]

@@ -95,10 +95,6 @@ def draw_resistances(maps: Mapping[str, Callable[[NDArray[np.float64], float], N
     maps : mapping of str to callable
         Resistance [N] of velocity [m/s] and acceleration [m/s2] by engine; the first is a `ResistanceMap`, whose
         computed values are drawn as well.
-
-    Returns
-    -------
-    Figure
     """
     figure, ((ax,),) = panels(1, 1, (6.2, 3.1))
     reference: str

@@ -49,11 +49,6 @@ TITLE_HEIGHT = 1.0  # [-], of a title above its panel; a fixed height saves meas
 def law_style(name: str) -> dict[str, Any]:
     """Return colour and dash of a law; laws outside FAMILIES, such as tables, are black.
 
-    Parameters
-    ----------
-    name : str
-        Name of the law.
-
     Returns
     -------
     dict
@@ -111,14 +106,5 @@ def panels(
 
 
 def legend_below(figure: Figure, ax: Axes, columns: int) -> None:
-    """Place the legend of one panel below all panels.
-
-    Parameters
-    ----------
-    figure : Figure
-    ax : Axes
-        Panel whose labels are shown.
-    columns : int
-        Number of columns of the legend.
-    """
+    """Place the legend of one panel below all panels."""
     figure.legend(*ax.get_legend_handles_labels(), loc="lower center", ncols=columns, frameon=False)

@@ -39,11 +39,6 @@ NO_NUMBER = "0.82"  # grey
 def numeric_axes(table: "Dataset") -> list[str]:
     """List the keys varied over two or more numbers.
 
-    Parameters
-    ----------
-    table : Dataset
-        Table of a sweep.
-
     Returns
     -------
     list of str
@@ -61,17 +56,7 @@ def _is_numeric(values: "DataArray") -> bool:
 
 
 def varying_quantities(table: "Dataset") -> list[str]:
-    """List the quantities that vary over the table.
-
-    Parameters
-    ----------
-    table : Dataset
-        Table of a sweep.
-
-    Returns
-    -------
-    list of str
-    """
+    """List the quantities that vary over the table."""
     found = []
     for name in DRAWN_QUANTITIES:
         values = table[name].values
@@ -91,8 +76,6 @@ def band(table: "Dataset", quantity: str) -> "tuple[DataArray, DataArray, DataAr
 
     Parameters
     ----------
-    table : Dataset
-        Table of a sweep.
     quantity : str
         Name of the quantity.
 
@@ -113,11 +96,6 @@ def band(table: "Dataset", quantity: str) -> "tuple[DataArray, DataArray, DataAr
 def required_share(table: "Dataset") -> Any:
     """Compute the larger of required pressure and saturation over their limits of rolling.
 
-    Parameters
-    ----------
-    table : Dataset
-        Table of a sweep.
-
     Returns
     -------
     DataArray
@@ -136,10 +114,6 @@ def draw_maps(table: "Dataset", point: tuple[float, float] | None = None) -> Fig
         Table of a sweep with two numeric axes or more.
     point : tuple of float, optional
         Position of a mark, in the units of the table.
-
-    Returns
-    -------
-    Figure
     """
     y, x = numeric_axes(table)[-2:]
     table = _plane(table, x, y)
@@ -217,10 +191,6 @@ def draw_bands(table: "Dataset", point: Mapping[str, float] | None = None) -> Fi
         Table of a sweep with a numeric axis.
     point : mapping of str to float, optional
         Coordinates of a mark by the names of keys and quantities.
-
-    Returns
-    -------
-    Figure
     """
     *_, x = numeric_axes(table)
     before = [str(name) for name in table["load"].dims if name not in (x, "sample")][-1:]
@@ -278,10 +248,6 @@ def draw_best_laws(table: "Dataset") -> Figure:
     ----------
     table : Dataset
         Table of a sweep with rankings.
-
-    Returns
-    -------
-    Figure
     """
     y, x = numeric_axes(table)[-2:]
     table = _plane(table, x, y)
@@ -323,12 +289,6 @@ def draw_sobol_indices(table: "Dataset", quantities: Sequence[str]) -> Figure:
     ----------
     table : Dataset
         Table of a sweep over a sample.
-    quantities : sequence of str
-        Quantities that are drawn.
-
-    Returns
-    -------
-    Figure
     """
     figure = Figure(figsize=(3.9 * len(quantities) + 0.8, 3.4), layout="constrained")
     panels = figure.subplots(1, len(quantities), squeeze=False, sharey=True)[0]

@@ -138,16 +138,7 @@ class Answer:
 
 
 def question(study: Study) -> dict[str, Any]:
-    """Select the variables of the template of the question.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    dict
-    """
+    """Select the variables of the template of the question."""
     scene = study.scene
     return {
         "scene": scene,
@@ -158,17 +149,7 @@ def question(study: Study) -> dict[str, Any]:
 
 
 def answer(study: Study, checks: Sequence[BalanceCheck]) -> Answer:
-    """Select the results that the page states first.
-
-    Parameters
-    ----------
-    study : Study
-    checks : sequence of BalanceCheck
-
-    Returns
-    -------
-    Answer
-    """
+    """Select the results that the page states first."""
     scene, kind = study.scene, study.scene.drive.kind
     orders = _first_criteria(study.places[kind])
     rigid = _first_criteria(study.places.get("rigid", {}) if kind != "rigid" else {})
@@ -316,16 +297,7 @@ def _comparisons(study: Study) -> dict[str, list[ComparedFirst]]:
 
 
 def methods(shifts: Sequence[Shift]) -> str:
-    """Name the means by which the ends of the inputs were computed.
-
-    Parameters
-    ----------
-    shifts : sequence of Shift
-
-    Returns
-    -------
-    str
-    """
+    """Name the means by which the ends of the inputs were computed."""
     found = dict.fromkeys("formula" if shift.by == "formula" else f"the engine {shift.by}" for shift in shifts)
     return f"By {' or '.join(found) or 'formula'}"
 

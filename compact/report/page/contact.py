@@ -47,18 +47,7 @@ KNOWN_FLAGS = ("measured", "given", "derived")  # of parameters of the mix; all 
 
 
 def contact_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
-    """Describe the contact of one roller and the resistance of a cart.
-
-    Parameters
-    ----------
-    study : Study
-    pictures : mapping of str to bytes
-        PNG files by the name of the figure.
-
-    Returns
-    -------
-    Section
-    """
+    """Describe the contact of one roller and the resistance of a cart."""
     blocks: list[Block] = list(_formula_blocks(study))
     if study.held:
         sentence = held_sentence(study)
@@ -72,16 +61,7 @@ def contact_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
 
 
 def mix_section(study: Study) -> Section:
-    """List the parameters of the mix with spread and origin.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    Section
-    """
+    """List the parameters of the mix with spread and origin."""
     rows = [
         (
             p.name.replace("_", " "), format_quantity(p.value, p.unit), format_quantity(p.low, p.unit),

@@ -67,18 +67,7 @@ def _pictures(pictures: Mapping[str, bytes], figures: Mapping[str, tuple[str, st
 
 
 def ranking_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
-    """Tabulate the rankings by each criterion and drive, and their agreement.
-
-    Parameters
-    ----------
-    study : Study
-    pictures : mapping of str to bytes
-        PNG files by the name of the figure.
-
-    Returns
-    -------
-    Section
-    """
+    """Tabulate the rankings by each criterion and drive, and their agreement."""
     blocks: list[Block] = [*_pictures(pictures, RANKING_FIGURES)]
     if study.agreements:
         blocks.append(_agreement_table(study.agreements))
@@ -132,18 +121,7 @@ def _agreement_table(agreements: Sequence[RankingAgreement]) -> Table:
 
 
 def laws_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
-    """Describe the motion laws: kinematics, peaks, continuity.
-
-    Parameters
-    ----------
-    study : Study
-    pictures : mapping of str to bytes
-        PNG files by the name of the figure.
-
-    Returns
-    -------
-    Section
-    """
+    """Describe the motion laws: kinematics, peaks, continuity."""
     cycles, order = study.cycles.values(), ("velocity", "acceleration", "jerk", "snap")
     turn: EndCondition = "dwell" if study.scene.motion.dwell > 0 else "reversal"
     peaks = [cycle.forward.peaks() for cycle in cycles]
@@ -173,18 +151,7 @@ def laws_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
 
 
 def forces_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
-    """Tabulate forces, power and energy of every law.
-
-    Parameters
-    ----------
-    study : Study
-    pictures : mapping of str to bytes
-        PNG files by the name of the figure.
-
-    Returns
-    -------
-    Section
-    """
+    """Tabulate forces, power and energy of every law."""
     runs = study.runs.values()
     columns = {"law": list(study.runs)}
     for by in RUN_CRITERIA:
@@ -202,15 +169,8 @@ def cams_section(study: Study, pictures: Mapping[str, bytes], first_cam: Sequenc
 
     Parameters
     ----------
-    study : Study
-    pictures : mapping of str to bytes
-        PNG files by the name of the figure.
     first_cam : sequence of Block
         Drawing of the cam of the first law.
-
-    Returns
-    -------
-    Section
     """
     rows = [_cam_row(law, {name: study.cams[law, name] for name in FOLLOWERS}) for law in study.cycles]
     breadths = [f"least breadth, {follower}" for follower in FOLLOWERS]
@@ -261,16 +221,7 @@ def _roller_motor_table(motors: Mapping[str, RollerMotor]) -> Table:
 
 
 def sensitivity_section(shifts: Sequence[Shift]) -> Section:
-    """Tabulate the sensitivities of the least peaks and of the first law.
-
-    Parameters
-    ----------
-    shifts : sequence of Shift
-
-    Returns
-    -------
-    Section
-    """
+    """Tabulate the sensitivities of the least peaks and of the first law."""
     peaks = list(shifts[0].base.least)
     rows = [
         (
@@ -333,16 +284,7 @@ def _other_first_laws(shift: Shift) -> str:
 
 
 def scene_section(scene: Scene) -> Section:
-    """List every input of the scene with its meaning; assumed inputs are marked.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    Section
-    """
+    """List every input of the scene with its meaning; assumed inputs are marked."""
     names = [name for name in type(scene).model_fields if name not in ("title", "unusual", "output")]
     tables = [_scene_table(scene, name) for name in names if getattr(scene, name) is not None]
     assumed = sum(
@@ -384,16 +326,7 @@ def _remark(scene: Scene, table: str, key: str) -> Cell:
 
 
 def checks_section(checks: Sequence[BalanceCheck]) -> Section:
-    """Tabulate the built-in checks.
-
-    Parameters
-    ----------
-    checks : sequence of BalanceCheck
-
-    Returns
-    -------
-    Section
-    """
+    """Tabulate the built-in checks."""
     rows = [
         (
             check.name, format_number(check.residual, 2), format_number(check.limit, 2),

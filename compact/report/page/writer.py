@@ -33,9 +33,6 @@ class PageResults:
 
     Parameters
     ----------
-    pictures : mapping of str to bytes
-        PNG files by the name of the figure.
-    checks : sequence of BalanceCheck
     first_cam : sequence of Block or None
         Drawing of the cam of the first law; None without cams.
     versions : mapping of str to str
@@ -49,20 +46,7 @@ class PageResults:
 
 
 def write_page(path: Path, study: Study, results: PageResults) -> Path:
-    """Write the page of a study.
-
-    Parameters
-    ----------
-    path : Path
-        File to write.
-    study : Study
-    results : PageResults
-
-    Returns
-    -------
-    Path
-        The path of the file.
-    """
+    """Write the page of a study."""
     pictures = results.pictures
     sections = [
         ranking_section(study, pictures),
