@@ -152,7 +152,7 @@ def runs(study, cart, resistance):
     """Runs by law with a cart and a resistance, behind the drive of the study."""
     working = (study.scene.motion.run_up, 1 - study.scene.motion.run_down)
     return {
-        name: simulate(cart, study.drive_stage.drive_of(name), cycle, resistance, working=working)
+        name: simulate(cart, machine.drive_of(study.scene, cycle), cycle, resistance, working=working)
         for name, cycle in study.cycles.items()
     }
 

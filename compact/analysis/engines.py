@@ -131,9 +131,10 @@ class Engine:
         require_known("engine with fields", self.name, [each.name for each in ENGINES.values() if each.fields_module])
         return import_module(str(self.fields_module)).field_mesh(result)
 
-    def tolerance(self, value: float) -> dict[str, float]:
-        """Return the keyword argument of `roll` for a relative tolerance [-]; empty without error control."""
-        return {self.tolerance_keyword: value} if self.tolerance_keyword else {}
+    def tolerance(self, value: float, estimate: bool = True) -> dict[str, Any]:
+        """Return the keyword arguments of `roll` for a relative tolerance [-], and without an error estimate."""
+        options: dict[str, Any] = {self.tolerance_keyword: value} if self.tolerance_keyword else {}
+        return options if estimate or not self.optional_estimate else options | {"estimate": False}
 
 
 ENGINES: Mapping[str, Engine] = MappingProxyType({

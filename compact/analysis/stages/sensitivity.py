@@ -21,7 +21,7 @@ from compact.analysis import machine_models
 from compact.analysis.contact_cases import contact_speeds
 from compact.analysis.engines import ENGINES
 from compact.analysis.stages.contacts import roll_scene
-from compact.analysis.stages.pipeline import Stages, build_stages
+from compact.analysis.stages.drives import Stages, build_stages
 from compact.contact import DryResistance
 from compact.machine.cart import Cart
 from compact.machine.ranking import BUILD_TOLERANCE, ROUNDING_TIE
