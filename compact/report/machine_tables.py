@@ -116,8 +116,8 @@ def write_crank(study: Study, directory: Path) -> Iterator[Path]:
     turn = study.turns["scene"]
     names = [f"{name}_{i}" for i in range(1, len(turn.carts) + 1) for name in ("rod_force_N", "torque_Nm", "power_W")]
     columns = [column for cart in turn.carts for column in (cart.rod_force, cart.torque, cart.power)]
-    table = np.column_stack([turn.angle, turn.torque, turn.power, *columns]).tolist()
-    yield write_csv(directory / "crank-turn.csv", ("angle_rad", "torque_Nm", "power_W", *names), table)
+    columns = [turn.angle, turn.torque, turn.power, *columns]
+    yield write_columns(directory / "crank-turn.csv", ("angle_rad", "torque_Nm", "power_W", *names), columns)
 
 
 def first_cam_blocks(study: Study) -> "list[Block]":

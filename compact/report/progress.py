@@ -20,7 +20,6 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from threading import Timer
 from time import monotonic
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TextIO, TypeVar
 
 if TYPE_CHECKING:
@@ -66,14 +65,9 @@ class Progress:
     """
 
     def __init__(
-        self,
-        *,
-        total: float | None = None,
-        quiet: bool = False,
-        stream: TextIO | None = None,
-        after: float | None = None,
-        clock: Callable[[], float] = monotonic,
-    ) -> None:
+        self, *, total: float | None = None, quiet: bool = False, stream: TextIO | None = None,
+        after: float | None = None, clock: Callable[[], float] = monotonic,
+    ) -> None:  # fmt: skip
         self._stream = sys.stderr if stream is None else stream
         self.silent = quiet or not self._stream.isatty()
         self._delay, self._clock = DELAY if after is None else after, clock
@@ -141,10 +135,8 @@ class Progress:
         """Share of the work that is done [-], at most 1; None where the total is unknown."""
         if not self.total:
             return None
-        running = 0.0
-        if self._finished_at > 0:
-            speed = self._finished / self._finished_at
-            running = min(speed * (self.elapsed - self._finished_at), self._running)
+        speed = self._finished / self._finished_at if self._finished_at > 0 else 0.0
+        running = min(speed * (self.elapsed - self._finished_at), self._running)
         return min((self._finished + running) / self.total, 1.0)
 
     @property
@@ -163,9 +155,7 @@ class Progress:
             self._timer.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer.join()  # a line that is about to appear must exist before it is erased

@@ -36,27 +36,22 @@ def comparison_places(study: Study, kind: str, by: str) -> dict[str, dict[str, P
 
 def write_ranking_tables(study: Study, directory: Path) -> Iterator[Path]:
     """Write ranking.csv, criteria.csv and, where engines are compared, agreement.csv and their contacts."""
+    kind = study.scene.drive.kind
     yield write_csv(directory / "ranking.csv", RANKING_HEADER, [
         (
-            engine, kind, by, p.rank, p.law, p.value, CRITERIA[by].unit, p.margin, p.tie, _or_empty(p.error),
+            engine, moved_by, by, p.rank, p.law, p.value, CRITERIA[by].unit, p.margin, p.tie, _or_empty(p.error),
             _or_empty(p.resolved), p.reason,
         )
-        for engine, orders in study.places_by_engine.items() for kind, order in orders.items()
+        for engine, orders in study.places_by_engine.items() for moved_by, order in orders.items()
         for by, found in order.items() for p in found
     ])  # fmt: skip
     yield write_csv(directory / "criteria.csv", CRITERIA_HEADER, [
-        (
-            name, study.scene.drive.kind, by, value_of(run, by), criterion.unit,
-            _or_empty(criterion_error(study, run, by)),
-        )
+        (name, kind, by, value_of(run, by), criterion.unit, _or_empty(criterion_error(study, run, by)))
         for name, run in study.runs.items() for by, criterion in CRITERIA.items()
     ])  # fmt: skip
     if study.comparison:
         yield write_csv(directory / "agreement.csv", AGREEMENT_HEADER, [
-            (
-                a.engine, a.drive, a.other_engine, a.other_drive, a.by, a.agreement.tau, a.agreement.discordant_pairs,
-                a.agreement.resolved_discordant_pairs, a.agreement.pairs, a.first, a.other_first,
-            )
+            (a.engine, a.drive, a.other_engine, a.other_drive, a.by, *a.agreement, a.first, a.other_first)
             for a in study.agreements
         ])  # fmt: skip
     for name, other in study.comparison.items():

@@ -2,15 +2,16 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from compact.files import write_csv, write_figure
 from compact.quantities import SWEEP_POINT, unit_symbol
-from compact.sweep.sobol_indices import of_table
+from compact.sweep.sobol_indices import Indices, of_table
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -27,9 +28,13 @@ def write_sweep_report(directory: Path, table: "Dataset") -> None:
     """Write the figures and Sobol indices that the axes and numbers of a sweep admit."""
     from compact.report.figures import sweep as sweep_figures
 
-    if quantities := _sobol_quantities(table):
-        write_csv(directory / "sobol.csv", SOBOL_HEADER, list(_sobol_rows(table, quantities)))
-        write_figure(directory / "sobol.png", sweep_figures.draw_sobol_indices(table, quantities))
+    if indices := _sobol_indices(table):
+        write_csv(directory / "sobol.csv", SOBOL_HEADER, [
+            (quantity, name, *values, found.rows)
+            for quantity, (names, found) in indices.items()
+            for name, *values in zip(names, *(getattr(found, field).tolist() for field in SOBOL_FIELDS), strict=True)
+        ])  # fmt: skip
+        write_figure(directory / "sobol.png", sweep_figures.draw_sobol_indices(indices))
     if not sweep_figures.varying_quantities(table):
         return
     axes = sweep_figures.numeric_axes(table)
@@ -57,36 +62,21 @@ def sweep_digest(table: "Dataset") -> str:
         lines.append(f"  not reachable by rolling: {beyond} points, reasons in not_reachable")
     for name, words in (("reason", "without numbers"), ("warnings", "warned"), ("replaced", "replaced")):
         lines += [f"  {words}: {sentence}" for sentence in _count_sentences(table[name].values.ravel())]
-    for quantity in _sobol_quantities(table):
-        names, found = of_table(table, quantity)
+    for quantity, (names, found) in _sobol_indices(table).items():
         shares = zip(names, found.first, found.first_low, found.first_high, strict=True)
         text = ", ".join(f"{name} {share:.2f} ({low:.2f} to {high:.2f})" for name, share, low, high in shares)
         lines.append(f"  variance of {quantity}, first order: {text}")
     return "\n".join(lines)
 
 
-def _sobol_quantities(table: "Dataset") -> tuple[str, ...]:
-    """Return the quantities with Sobol indices; they require a sample without other axes."""
-    if table["load"].dims != ("sample",) or set(table["part"].values) == {"A"}:
-        return ()
-    finite = [name for name in SOBOL_QUANTITIES if np.isfinite(table[name].values).any()]
-    return tuple(name for name in finite if _has_indices(table, name))
-
-
-def _has_indices(table: "Dataset", name: str) -> bool:
-    try:
-        of_table(table, name)
-    except ValueError:  # too few rows without a failure
-        return False
-    return True
-
-
-def _sobol_rows(table: "Dataset", quantities: Sequence[str]) -> Iterator[tuple[Any, ...]]:
-    for quantity in quantities:
-        names, found = of_table(table, quantity)
-        columns = np.array([getattr(found, name) for name in SOBOL_FIELDS])
-        for name, values in zip(names, columns.T.tolist(), strict=True):
-            yield (quantity, name, *values, found.rows)
+def _sobol_indices(table: "Dataset") -> dict[str, tuple[tuple[str, ...], Indices]]:
+    """Return inputs and Sobol indices by quantity; they require a sample without other axes."""
+    found = {}
+    if table["load"].dims == ("sample",) and set(table["part"].values) != {"A"}:
+        for name in SOBOL_QUANTITIES:
+            with suppress(ValueError):  # too few rows without a failure
+                found[name] = of_table(table, name)
+    return found
 
 
 def _count_sentences(sentences: Iterable[str]) -> list[str]:

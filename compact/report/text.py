@@ -4,6 +4,7 @@ Numbers are in SI units with the unit in the text.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from textwrap import wrap
 from typing import Any
 
@@ -34,9 +35,8 @@ def study_digest(study: Study) -> str:
         lines += _wrapped(sentence)
     if not study.mix.density_achievable:
         lines.append(f"  {study.mix.density_achievable.reason}")
-    for sentences in study.scene.replacements.values():
-        for sentence in sentences:
-            lines += _wrapped(sentence)
+    for sentence in chain(*study.scene.replacements.values()):
+        lines += _wrapped(sentence)
     lines += _ranking_lines(study)
     if study.laws_not_made:
         lines += ["", *(f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())]
@@ -76,14 +76,13 @@ def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) 
 def cam_digest(law: str, cam: Cam) -> str:
     """Summarise the dimensions of one cam."""
     least = cam.least_breadth()
-    lines = [
+    return "\n".join([
         f"cam for {law}, {type(cam.follower).__name__}, breadth {cam.breadth:g} m{' UNDERCUT' * cam.undercut}",
         f"  least breadth                 {least.breadth:.6g} m: {least.rule}",
         f"  least radius of curvature     {cam.least_radius_of_curvature:.6g} m",
         f"  largest pressure angle        {np.degrees(cam.largest_pressure_angle):.2f} deg",
         f"  largest offset of the contact {cam.largest_contact_offset:.6g} m",
-    ]
-    return "\n".join(lines)
+    ])  # fmt: skip
 
 
 def held_sentence(study: Study) -> str:
@@ -188,10 +187,9 @@ def _agreement_lines(study: Study) -> Iterator[str]:
     for each in study.agreements if study.comparison else []:
         if each.by not in criteria:
             continue
+        case = f"{each.other_engine} and {each.engine}, {each.drive} drive"
         if each.other_engine == each.engine:
             case = f"{each.engine}, {each.other_drive} and {each.drive} drive"
-        else:
-            case = f"{each.other_engine} and {each.engine}, {each.drive} drive"
         found = each.agreement
         same = "same first law" if each.first == each.other_first else f"first {each.other_first}, not {each.first}"
         yield (
@@ -203,7 +201,7 @@ def _agreement_lines(study: Study) -> Iterator[str]:
 def _contact_rows(study: Study, contact: ContactResult) -> list[tuple[str, Any, Any, Any]]:
     """List (label, computed, by formula, exact) of one contact."""
     formulas, exact, length = study.engineering, study.exact, study.scene.machine.roller_length
-    resistance = formulas.roller_resistance
+    resistance, radius = formulas.roller_resistance, study.scene.machine.roller_radius
     return [
         ("load [N/m]", contact.load, formulas.roller_force / length, exact.load),
         ("  a roller [N]", contact.load * length, formulas.roller_force, exact.load * length),
@@ -211,12 +209,7 @@ def _contact_rows(study: Study, contact: ContactResult) -> list[tuple[str, Any, 
         ("  a roller [N]", contact.resistance * length, resistance, np.nan),
         ("resistance/load", contact.resistance / contact.load, formulas.resistance_coefficient, np.nan),
         ("contact length [m]", contact.leading - contact.trailing, formulas.contact_length, exact.contact_length),
-        (
-            "leading edge [m]",
-            contact.leading,
-            study.scene.machine.roller_radius * np.sin(formulas.capture_angle),
-            exact.leading,
-        ),
+        ("leading edge [m]", contact.leading, radius * np.sin(formulas.capture_angle), exact.leading),
         ("peak pressure [Pa]", contact.peak_pressure, formulas.pressure, exact.peak_pressure),
     ]
 

@@ -121,6 +121,11 @@ class Paragraph:
 Block = Table | Picture | Paragraph
 
 
+def embed_figures(pictures: Mapping[str, bytes], figures: Mapping[str, tuple[str, str]]) -> list[Picture]:
+    """Return the pictures that exist of a table of figures, name to description and caption."""
+    return [Picture(pictures[name], *texts) for name, texts in figures.items() if name in pictures]
+
+
 @dataclass(frozen=True)
 class Section:
     """Section of the page, closed until it is opened.
@@ -170,20 +175,13 @@ def environment() -> "Environment":
     from compact.report.number_format import format_number, format_percent, format_quantity
 
     found = Environment(
-        loader=PackageLoader("compact.report.page"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
+        loader=PackageLoader("compact.report.page"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
-    )
+    )  # fmt: skip
     found.filters |= {
-        "number": format_number,
-        "quantity": format_quantity,
-        "percent": format_percent,
-        "inline": _inline_code,
-        "units": _keep_units,
-        "sentence": _as_sentence,
-    }
+        "number": format_number, "quantity": format_quantity, "percent": format_percent,
+        "inline": _inline_code, "units": _keep_units, "sentence": as_sentence,
+    }  # fmt: skip
     found.tests["mark"] = lambda cell: isinstance(cell, Mark)
     return found
 
@@ -202,6 +200,6 @@ def _keep_units(html: "Markup") -> "Markup":
     return Markup(UNIT_SPACE.sub("\u00a0", str(html)))
 
 
-def _as_sentence(text: str) -> str:
+def as_sentence(text: str) -> str:
     """Capitalise a line of text and end it with a full stop."""
     return f"{text[0].upper()}{text[1:]}."

@@ -60,12 +60,8 @@ def write_page(path: Path, study: Study, results: PageResults) -> Path:
         checks_section(results.checks),
         _versions_section(study, results.versions),
     ]
-    content = render_page(
-        study.scene.title or "untitled scene",
-        sections=sections,
-        answer=answer(study, results.checks),
-        **question(study),
-    )
+    title = study.scene.title or "untitled scene"
+    content = render_page(title, sections=sections, answer=answer(study, results.checks), **question(study))
     with atomic_file(path) as stream:
         stream.write(content)
     return path
@@ -75,6 +71,5 @@ def _versions_section(study: Study, versions: Mapping[str, str]) -> Section:
     rows = [*versions.items(), ("scene", f"`{study.scene.hash}`")]
     rows += [(f"computed: {stage}", str(count)) for stage, count in study.counts.items()]
     table = Table("Versions, fingerprint of the scene, and number of computations of each stage", ("of", "value"), rows)
-    return Section(
-        "versions", "Versions and files", "Packages, scene and stages of this page.", [Paragraph(FILES_REMARK), table]
-    )
+    lead = "Packages, scene and stages of this page."
+    return Section("versions", "Versions and files", lead, [Paragraph(FILES_REMARK), table])
