@@ -12,13 +12,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Literal, Protocol
+from typing import IO, TYPE_CHECKING, Any, Literal
 from xml.etree import ElementTree
 
 if TYPE_CHECKING:
     import meshio
     import numpy as np
     import xarray
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
 OWNER_FILE = "scene.hash"  # file of a result directory with the hash of its scene
@@ -26,18 +27,9 @@ FIGURE_DPI = 110  # [1/inch], resolution of figures
 NetcdfFormat = Literal["NETCDF3_CLASSIC", "NETCDF4"]
 NETCDF_CLASSIC: NetcdfFormat = "NETCDF3_CLASSIC"  # numbers only, for any reader
 NETCDF_HDF5: NetcdfFormat = "NETCDF4"  # strings too
-NETCDF_BACKENDS: dict[NetcdfFormat, Literal["scipy", "h5netcdf"]] = {
-    NETCDF_CLASSIC: "scipy",
-    NETCDF_HDF5: "h5netcdf",
-}  # xarray backend of each format
+# xarray backend of each format
+NETCDF_BACKENDS: dict[str, Literal["scipy", "h5netcdf"]] = {NETCDF_CLASSIC: "scipy", NETCDF_HDF5: "h5netcdf"}
 GENERIC_STEM = "scene"  # stem of the scene file that `compact new` writes into a folder of the user's name
-
-
-class Figure(Protocol):
-    """Figure of matplotlib, which only the report imports."""
-
-    def savefig(self, fname: Any, *, format: str, dpi: float) -> None:
-        """Render the figure into a file object."""
 
 
 class ResultsError(RuntimeError):
@@ -178,12 +170,12 @@ def read_netcdf(path: str | Path, kind: NetcdfFormat) -> "xarray.Dataset":
     return xarray.load_dataset(path, engine=NETCDF_BACKENDS[kind])
 
 
-def write_figure(path: Path, figure: Figure) -> Path:
+def write_figure(path: Path, figure: "Figure") -> Path:
     """Write a matplotlib figure as PNG; return the path."""
     return write_bytes(path, render_png(figure))
 
 
-def render_png(figure: Figure) -> bytes:
+def render_png(figure: "Figure") -> bytes:
     """Render a matplotlib figure as PNG."""
     buffer = BytesIO()
     figure.savefig(buffer, format="png", dpi=FIGURE_DPI)

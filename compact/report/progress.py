@@ -65,9 +65,14 @@ class Progress:
     """
 
     def __init__(
-        self, *, total: float | None = None, quiet: bool = False, stream: TextIO | None = None,
-        after: float | None = None, clock: Callable[[], float] = monotonic,
-    ) -> None:  # fmt: skip
+        self,
+        *,
+        total: float | None = None,
+        quiet: bool = False,
+        stream: TextIO | None = None,
+        after: float | None = None,
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
         self._stream = sys.stderr if stream is None else stream
         self.silent = quiet or not self._stream.isatty()
         self._delay, self._clock = DELAY if after is None else after, clock

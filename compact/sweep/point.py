@@ -82,7 +82,9 @@ def headline(
         contact = initial_guess
         try:
             study = Study(scene)
-            found |= _of_mix(study.mix)
+            found["required_pressure"] = float(study.mix.required_pressure)
+            found["saturation"] = float(study.mix.saturation)
+            found["not_reachable"] = study.mix.density_achievable.reason
             numbers, contact = _computed(study, rank, initial_guess)
             found |= numbers
         except Exception as error:  # a failed point does not stop a sweep
@@ -100,29 +102,19 @@ def reason(error: Exception) -> str:
     str
         At most MAX_TEXT_LENGTH characters.
     """
-    if isinstance(error, MemoryError):
-        return memory_sentence(error)[:MAX_TEXT_LENGTH]
-    if is_numeric(error):
-        return numeric_sentence(error)[:MAX_TEXT_LENGTH]
     message = "; ".join(error.mistakes) if isinstance(error, SceneError) else str(error)
-    expected = isinstance(error, ValueError | RuntimeError) and message
-    return (message if expected else f"internal error, please report it: {type(error).__name__}: {message}")[
-        :MAX_TEXT_LENGTH
-    ]
-
-
-def _of_mix(mix: Mix) -> Results:
-    return {
-        "required_pressure": float(mix.required_pressure),
-        "saturation": float(mix.saturation),
-        "not_reachable": mix.density_achievable.reason,
-    }
+    if isinstance(error, MemoryError):
+        message = memory_sentence(error)
+    elif is_numeric(error):
+        message = numeric_sentence(error)
+    elif not (isinstance(error, ValueError | RuntimeError) and message):
+        message = f"internal error, please report it: {type(error).__name__}: {message}"
+    return message[:MAX_TEXT_LENGTH]
 
 
 def _computed(study: Study, rank: bool, initial_guess: ContactResult | None) -> tuple[Results, ContactResult | None]:
     """Return the results of the contact at the mean speed, and the contact; None for the formulas."""
-    scene = study.scene
-    speed = scene.mean_speed
+    scene, speed = study.scene, study.scene.mean_speed
     if not study.layered:
         contact, found = None, _of_formulas(study)
     else:

@@ -272,9 +272,13 @@ class ContactStage:
     """
 
     def __init__(
-        self, scene: Scene, mix: Mix, count: Count = no_count, directory: Path | None = None,
+        self,
+        scene: Scene,
+        mix: Mix,
+        count: Count = no_count,
+        directory: Path | None = None,
         progress: Progress | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.scene, self.mix, self.count, self._directory, self.progress = scene, mix, count, directory, progress
         self.engine = ENGINES[scene.accuracy.engine]
 

@@ -4,7 +4,7 @@ Each function draws one figure from finished results and returns it; an engine h
 """
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,6 @@ from compact.analysis.ranking_uncertainty import Place
 from compact.machine.ranking import CRITERIA
 from compact.quantities import MOTION, SPEED
 from compact.report.figures.style import PALETTE, law_style, panels
-from compact.resistance import ResistanceMap
 
 DRIVE_PANELS = 2  # [-], number of criteria of the comparison of engines, for each drive
 RANKING_PANELS = 4  # [-], number of criteria of the rankings, the first of the scene
@@ -86,7 +85,7 @@ def draw_engines(orders: Mapping[str, Mapping[str, Mapping[str, list[Place]]]], 
     return figure
 
 
-def draw_resistances(maps: Mapping[str, Callable[[NDArray[np.float64], float], NDArray[np.float64]]]) -> Figure:
+def draw_resistances(maps: Mapping[str, Any]) -> Figure:
     """Draw the resistance of one cart over speed by each engine.
 
     Parameters
@@ -97,7 +96,6 @@ def draw_resistances(maps: Mapping[str, Callable[[NDArray[np.float64], float], N
     """
     figure, ((ax,),) = panels(1, 1, (6.2, 3.1))
     reference, first = next(iter(maps.items()))
-    assert isinstance(first, ResistanceMap)
     widths = np.linspace(4.0, 1.5, len(maps))  # the lower line is broader, so that none hides another
     for (engine, force), width in zip(reversed(list(maps.items())), widths, strict=True):
         (color, _, dash), fastest = ENGINE_STYLES[engine], getattr(force, "speeds", first.speeds)[-1]

@@ -49,9 +49,17 @@ def law_style(name: str) -> dict[str, Any]:
 
 
 def panels(
-    rows: int, columns: int, size: tuple[float, float], *, left: float = 0.8, right: float = 0.2,
-    bottom: float = 0.55, top: float = 0.15, gaps: tuple[float, float] = (0.8, 0.3), **shared: Any,
-) -> tuple[Figure, NDArray[Any]]:  # fmt: skip
+    rows: int,
+    columns: int,
+    size: tuple[float, float],
+    *,
+    left: float = 0.8,
+    right: float = 0.2,
+    bottom: float = 0.55,
+    top: float = 0.15,
+    gaps: tuple[float, float] = (0.8, 0.3),
+    **shared: Any,
+) -> tuple[Figure, NDArray[Any]]:
     """Make a figure with a grid of panels.
 
     Parameters
