@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from compact.files import write_vtu_series
+from compact.numerics import Array
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 BaseCondition = Literal["bonded", "slip"]
@@ -97,7 +98,7 @@ class Layer:
         """Heights of the interfaces between plies [m], ascending."""
         return tuple(accumulate(ply.thickness for ply in self.stack[:-1]))
 
-    def stiffness(self, y: ArrayLike) -> NDArray[np.float64]:
+    def stiffness(self, y: ArrayLike) -> Array:
         """Return the relative modulus c [-] at heights y [m] off the interfaces."""
         return np.array([ply.stiffness for ply in self.stack])[np.searchsorted(self.interfaces, y)]
 
@@ -166,11 +167,11 @@ class PrescribedMotion(Protocol):
 
     duration: float
 
-    def position(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def position(self, time: Array) -> Array:
         """Return the position [m] at times [s]."""
         ...
 
-    def velocity(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocity(self, time: Array) -> Array:
         """Return the velocity [m/s] at times [s]."""
         ...
 
@@ -182,11 +183,6 @@ def require_moving(speed: float) -> None:
     ----------
     speed : float
         Speed of the roller [m/s].
-
-    Raises
-    ------
-    ValueError
-        If the speed is 0 or not finite.
     """
     require_finite(speed=speed)
     if speed == 0:
@@ -201,15 +197,8 @@ def require_torque_allowed(roller: Roller, torque: float | None) -> None:
 
     Parameters
     ----------
-    roller : Roller
-        Roller.
     torque : float, optional
         Torque per unit roller length [N].
-
-    Raises
-    ------
-    ValueError
-        If the torque is not allowed, or missing for a driven roller.
     """
     turns = roller.rolling in ("free", "driven")
     if torque is not None:
@@ -264,10 +253,6 @@ def require_on_target(
 
     Parameters
     ----------
-    result : ContactResult
-        Contact.
-    roller : Roller
-        Roller with the prescribed quantity.
     tolerance : float
         Relative tolerance of the engine [-].
     exit_density_ratio : float, optional
@@ -275,11 +260,6 @@ def require_on_target(
     torque : (float, float), optional
         Prescribed and reached torque of a roller with stick and slip [N]; the tolerance is relative to the largest
         torque of friction.
-
-    Raises
-    ------
-    RuntimeError
-        If a prescribed quantity is not reached.
     """
     name, prescribed = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
     require_target_reached(name, prescribed, getattr(result, name), tolerance)
@@ -320,9 +300,9 @@ class ContactResult:
     resistance: float
     leading: float
     trailing: float
-    x: NDArray[np.float64]
-    pressure: NDArray[np.float64]
-    shear_traction: NDArray[np.float64]
+    x: Array
+    pressure: Array
+    shear_traction: Array
     error: tuple[float, float] | None = None
     work_residual: float | None = None
     peak_pressure: float = np.nan
@@ -408,24 +388,19 @@ class TransientResult:
         Time [s] and fields at each requested instant.
     angle : ndarray, shape (n,), optional
         Rotation of a roller with friction, positive when rolling along +x [rad].
-
-    Raises
-    ------
-    RuntimeError
-        If a load or a resistance is not finite.
     """
 
-    time: NDArray[np.float64]
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    load: NDArray[np.float64]
-    resistance: NDArray[np.float64]
-    leading: NDArray[np.float64]
-    trailing: NDArray[np.float64]
+    time: Array
+    position: Array
+    velocity: Array
+    load: Array
+    resistance: Array
+    leading: Array
+    trailing: Array
     error: float | None = None
     steps: int = 0
     frames: tuple[tuple[float, Any], ...] = ()
-    angle: NDArray[np.float64] | None = None
+    angle: Array | None = None
 
     def __post_init__(self) -> None:
         for name in ("load", "resistance"):
@@ -434,17 +409,12 @@ class TransientResult:
                 raise RuntimeError(f"the {name} is not finite at t = {self.time[undefined[0]]:.6g} s")
 
     def write_frames(self, directory: str | Path) -> Path:
-        """Write the frames as film/time=T.vtu and their time series as film.pvd.
+        """Write the frames as film/time=T.vtu and their time series as film.pvd, whose path is returned.
 
         Parameters
         ----------
         directory : path
             Directory of the results.
-
-        Returns
-        -------
-        Path
-            The file film.pvd, written last.
 
         Raises
         ------

@@ -20,6 +20,8 @@ from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mi
 from compact.analysis.engineering_summary import Engineering, Number
 from compact.analysis.engines import Engine
 from compact.analysis.stages import comparison
+from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
+from compact.analysis.stages.cam_drawing import CamDrawing, first_cam_drawing
 from compact.analysis.stages.comparison import (
     EngineComparison,
     Places,
@@ -35,7 +37,7 @@ from compact.analysis.stages.laws import LawStage, PrescribedLaws
 from compact.analysis.stages.resistance import ResistanceStage
 from compact.analysis.stages.sensitivity import Shift, sensitivities
 from compact.analysis.worker_pool import BackgroundTasks, SerialExecutor
-from compact.cams.profile import Cam
+from compact.cams.profile import Cam, LeastBreadth
 from compact.contact import DryResistance
 from compact.engines.halfplane import LineContact
 from compact.machine.cart import Balance, Cart
@@ -106,6 +108,7 @@ class Study:
     optimal_cycles: dict[str, Cycle] = _of("laws.optimal_cycles", "optimal laws by name")
     laws_not_made: dict[str, str] = _of("laws.not_made", "reason by name of each optimal law that is left out")
     cams: dict[tuple[str, str], Cam] = _of("laws.cams", "cams of constant breadth by law and follower")
+    least_breadths: dict[tuple[str, str], LeastBreadth] = _of("laws.least_breadths", "by law and follower")
 
     runs: dict[str, Any] = _of("drive.runs", "`Run`, `ElasticRun`, `HydraulicRun` or `MotorRun` by name of the law")
     heavier_runs: dict[str, Any] | None = _of("drive.heavier_runs", "runs under the resistance plus its error")
@@ -156,6 +159,16 @@ class Study:
     def sensitivities(self) -> list[Shift]:
         """Sensitivity of the least peaks to each input, with a rigid drive."""
         return sensitivities(self.stages)
+
+    @cached_property
+    def checks(self) -> list[BalanceCheck]:
+        """Balances of all results, and the published numbers."""
+        return balance_checks(self.stages)
+
+    @cached_property
+    def first_cam(self) -> CamDrawing | None:
+        """Drawing of the cam of the first law; None for a scene without the output "cams"."""
+        return first_cam_drawing(self.stages) if "cams" in self.scene.output.items else None
 
     # comparison
 

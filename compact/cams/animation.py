@@ -8,10 +8,10 @@ true to scale; the cart is shown next to the cam.
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.cams.followers import FlatFace, Pointed
 from compact.cams.profile import Cam
+from compact.numerics import Array
 
 MM = 1e3  # [mm/m]
 FRAMES = 72  # [-], instants of a turn: every five degrees
@@ -26,8 +26,6 @@ def animated_svg(cam: Cam, roller_radius: float, roller_positions: Sequence[floa
 
     Parameters
     ----------
-    cam : Cam
-        Cam.
     roller_radius : float
         Radius of the rollers of the cart [m].
     roller_positions : sequence of float
@@ -65,7 +63,7 @@ def _keyframes(name: str, values: Iterable[float], transform: str) -> str:
 class _Geometry:
     """Geometry of cam, carriage and cart at the angle 0, in mm with y down."""
 
-    def __init__(self, cam: Cam, radius: float, positions: NDArray[np.float64]) -> None:
+    def __init__(self, cam: Cam, radius: float, positions: Array) -> None:
         self.cam, self.radius = cam, radius
         x, y = MM * cam.profile(np.linspace(0, 2 * np.pi, PROFILE_POINTS))
         self.profile, self.largest = np.array([x, -y]).T, np.hypot(x, y).max()

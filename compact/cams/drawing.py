@@ -18,7 +18,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+
+from compact.numerics import Array
 
 if TYPE_CHECKING:
     from ezdxf.layouts import Modelspace
@@ -78,7 +79,7 @@ LAYERS: Mapping[str, LayerStyle] = MappingProxyType(
 class Shape(Protocol):
     """Shape of a drawing, coordinates in mm."""
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Return points whose bounding box contains the shape [mm], shape (n, 2)."""
 
     def svg(self) -> str:
@@ -100,10 +101,10 @@ class Polygon:
         Name in `LAYERS`.
     """
 
-    points: NDArray[np.float64]
+    points: Array
     layer: str
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Return points whose bounding box contains the shape [mm], shape (n, 2)."""
         return self.points
 
@@ -136,7 +137,7 @@ class Circle:
     radius: float
     layer: str
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Return points whose bounding box contains the shape [mm], shape (2, 2)."""
         return np.add(self.centre, self.radius * np.array([[-1, -1], [1, 1]]))
 
@@ -166,7 +167,7 @@ class Line:
     end: Point
     layer: str
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Return points whose bounding box contains the shape [mm], shape (2, 2)."""
         return np.array([self.start, self.end])
 
@@ -190,7 +191,6 @@ class Text:
     place : tuple of float
         Left end of the base line (x, y) [mm].
     text : str
-        Text.
     height : float
         Height of a capital [mm].
     layer : str
@@ -202,7 +202,7 @@ class Text:
     height: float
     layer: str = "NOTES"
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Return points whose bounding box contains the shape [mm], shape (2, 2)."""
         x, y = self.place
         return np.array([[x, y], [x + LETTER_WIDTH * self.height * len(self.text), y + self.height]])
@@ -247,7 +247,7 @@ class DistanceDimension:
         shift = self.offset * np.array([-along[1], along[0]])
         return start + shift, end + shift, along
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Return points whose bounding box contains the shape [mm], shape (4, 2)."""
         first, last, _ = self._dimension_line()
         reach = 2 * self.height
@@ -311,7 +311,7 @@ class RadiusDimension:
         start = -self.radius if self.diameter else 0.0
         return Line(self._along(start), self._along(self.radius + self.height), DIMENSION_LAYER)
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Return points whose bounding box contains the shape [mm], shape (4, 2)."""
         return np.concatenate([self._line().corners(), self._text().corners()])
 
@@ -335,7 +335,6 @@ class Drawing:
     Attributes
     ----------
     title : str
-        Title.
     shapes : tuple of Shape
         Shapes of the drawing.
     """

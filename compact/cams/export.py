@@ -26,10 +26,6 @@ def write_cam_files(
     ----------
     directory : path
         Directory of the files.
-    scene : Scene
-        Scene with its machine and the bore of the cam.
-    cam : Cam
-        Cam.
     cutter_radius : float, optional
         Radius of the cutter [m].
     tolerance : float
@@ -39,13 +35,6 @@ def write_cam_files(
     -------
     list of Path
         Points, drawing as SVG, animation, drawing as DXF.
-
-    Raises
-    ------
-    ValueError
-        If the cam cannot be machined with this cutter, or the bore is too large.
-    RuntimeError
-        If no polygon keeps the tolerance.
     """
     outline = cut(cam, cutter_radius, tolerance)
     drawing = workshop_drawing.workshop_drawing(outline, scene.cam.bore if scene.cam else None)

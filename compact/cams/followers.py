@@ -8,14 +8,12 @@ increase of rho required so that no part of the profile runs backwards. Lengths 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from compact.numerics import Array
 from compact.numerics.validation import require_positive
 
 NEWTON_TOLERANCE = 16 * np.finfo(float).eps  # [-], of rho: change of the last step
 NEWTON_LIMIT = 100  # [-], steps to rounding: 10-25 are usual, a double root needs 50
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -35,15 +35,8 @@ def workshop_drawing(cut: Cut, bore: float | None = None) -> Drawing:
 
     Parameters
     ----------
-    cut : Cut
-        Cam as polygons.
     bore : float, optional
         Diameter of the bore [m].
-
-    Raises
-    ------
-    ValueError
-        If the bore is not smaller than the cam.
     """
     _require_rim(cut, bore)
     cam = cut.cam

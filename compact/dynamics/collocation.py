@@ -14,7 +14,6 @@ exit from that range if the difference exceeds the tolerance. No interval extend
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.dynamics.force_elements import (
     FULL_RANGE,
@@ -40,6 +39,7 @@ from compact.dynamics.oscillator import (
     solve_oscillator,
     substitute,
 )
+from compact.numerics import Array, IntArray
 from compact.numerics.jit import compiled
 
 POINTS = 9  # [-], of the collocation; the defect falls with the ninth power of the step
@@ -123,9 +123,9 @@ class SlidingSolution(NamedTuple):
         Evaluations of R.
     """
 
-    far_end: NDArray[np.float64]
+    far_end: Array
     elongation: Signal
-    remainder: NDArray[np.float64]
+    remainder: Array
     converged: bool
     evaluations: int
 
@@ -163,9 +163,7 @@ def limit_sliding_step(problem: SlidingProblem, h: float) -> float:
 
 
 @compiled
-def solve_sliding(
-    problem: SlidingProblem, far_end: NDArray[np.float64], h: float, counter: NDArray[np.int64]
-) -> SlidingSolution:
+def solve_sliding(problem: SlidingProblem, far_end: Array, h: float, counter: IntArray) -> SlidingSolution:
     """Solve at most h [s] of sliding under far_end(u) by collocation.
 
     The interval is shortened to a little beyond the exit from the smooth range where the exit affects the resistance.
@@ -249,7 +247,7 @@ def _range_exit_fraction(problem, velocity, counter):
 
 
 @compiled
-def range_exit(problem: SlidingProblem, velocity: Signal, counter: NDArray[np.int64]) -> float:
+def range_exit(problem: SlidingProblem, velocity: Signal, counter: IntArray) -> float:
     """First u at which a motion leaves the smooth range of its start; 2.0 without an exit."""
     slip, within, first = problem.slip, problem.linear.smooth_range, 2.0
     for sign, limit in ((1.0, within.low), (-1.0, within.high)):
@@ -270,9 +268,7 @@ def range_exit(problem: SlidingProblem, velocity: Signal, counter: NDArray[np.in
 
 
 @compiled
-def evaluate_defect(
-    problem: SlidingProblem, velocity: Signal, remainder: NDArray[np.float64], until: float
-) -> tuple[float, float]:
+def evaluate_defect(problem: SlidingProblem, velocity: Signal, remainder: Array, until: float) -> tuple[float, float]:
     """Largest defect of r(u) [N] and largest |v| [m/s] for 0 <= u <= until."""
     places = until * DEFECT_NODES
     velocities, exact = _remainder(problem, velocity, places, FULL_RANGE)

@@ -22,7 +22,6 @@ bounded, and `advance` pauses after `WORK_SLICE` so that Python handles interrup
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.dynamics.collocation import (
     DEFECT_POINTS,
@@ -65,6 +64,7 @@ from compact.dynamics.oscillator import (
     new_search_counter,
     substitute,
 )
+from compact.numerics import Array, IntArray
 from compact.numerics.jit import compiled
 from compact.numerics.piecewise import PiecewisePolynomial
 
@@ -102,15 +102,15 @@ class Intervals(NamedTuple):
         As in `CartState`.
     """
 
-    start: NDArray[np.float64]
-    scale: NDArray[np.float64]
-    duration: NDArray[np.float64]
-    far_end: NDArray[np.float64]
-    elongation: NDArray[np.float64]
-    oscillation: NDArray[np.float64]
-    slip: NDArray[np.int64]
-    flank: NDArray[np.int64]
-    zone: NDArray[np.int64]
+    start: Array
+    scale: Array
+    duration: Array
+    far_end: Array
+    elongation: Array
+    oscillation: Array
+    slip: IntArray
+    flank: IntArray
+    zone: IntArray
 
 
 def allocate_intervals(count: int, degree: int) -> Intervals:
@@ -156,7 +156,7 @@ class TrialInterval(NamedTuple):
     accepted: bool
     next_step: float
     slip: int
-    far_end: NDArray[np.float64]
+    far_end: Array
     elongation: Signal
     end: float
     event: int
@@ -177,9 +177,9 @@ class IntegrationProgress(NamedTuple):
         Search counter of this interval.
     """
 
-    reals: NDArray[np.float64]
-    counts: NDArray[np.int64]
-    counter: NDArray[np.int64]
+    reals: Array
+    counts: IntArray
+    counter: IntArray
 
 
 ELONGATION, VELOCITY, FRACTION, STEP = range(4)  # indices of `IntegrationProgress.reals`
@@ -198,18 +198,10 @@ def integrate(
 
     Parameters
     ----------
-    oscillator : OscillatorParameters
-        Cart and springs.
     far_end : PiecewisePolynomial
         Position y [m] over time [s], smooth within each piece.
-    resistance : ResistanceTable
-        R(v, a).
-    state : CartState
-        Initial state.
     tolerance : float
         Largest defect of the resistance [N].
-    intervals : Intervals
-        Rows of `allocate_intervals`, filled in place.
 
     Returns
     -------
@@ -505,22 +497,10 @@ def _state_at_plate(oscillator, resistance, state, trial):
 def peak_force_and_power(oscillator: OscillatorParameters, intervals: Intervals) -> tuple[float, float]:
     """Find the peaks of the drive over all intervals.
 
-    Parameters
-    ----------
-    oscillator : OscillatorParameters
-        Cart and springs.
-    intervals : Intervals
-        Solution.
-
     Returns
     -------
     tuple of float
         Largest |H| of the drive spring and damper [N] and largest |H y'| [W].
-
-    Raises
-    ------
-    RuntimeError
-        If an interval has too many oscillations for the search.
     """
     peaks, counter, status = np.zeros(2), new_search_counter(), PAUSED
     row = np.zeros(1, np.int64)

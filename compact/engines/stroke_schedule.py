@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from compact.numerics import Array
 from compact.numerics.piecewise import graded_grid
 from compact.rolling_contact import PrescribedMotion
 
@@ -24,8 +24,6 @@ MOVE_ROUNDING = 1e-12  # [-], of the range of positions; a smaller displacement 
 SEARCH_CELLS, SEARCH_LEVELS = 20, 8  # [-], cells and levels of the search for a reversal, to 1e-8 of a grid cell
 BISECTIONS = 60  # [-], halvings of the time in which a position is reached
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Strokes:
@@ -34,7 +32,6 @@ class Strokes:
     Parameters
     ----------
     motion : PrescribedMotion
-        Motion.
     times, places : ndarray, shape (strokes + 1,)
         Times [s] and positions [m] of the start, the reversals and the end.
     """
@@ -113,8 +110,6 @@ def smooth_intervals(motion: PrescribedMotion, turns: bool = False) -> list[floa
 
     Parameters
     ----------
-    motion : PrescribedMotion
-        Motion.
     turns : bool
         True to divide the motion at its reversals too.
 

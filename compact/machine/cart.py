@@ -32,13 +32,14 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from compact.numerics import Array
 from compact.numerics.piecewise import find_roots
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 # force of the mix on all rollers of a cart [N] over velocity [m/s] and acceleration [m/s^2]
-Resistance = Callable[[NDArray[np.float64], NDArray[np.float64]], ArrayLike]
+Resistance = Callable[[Array, Array], ArrayLike]
 
 
 class SpringZones(NamedTuple):
@@ -52,10 +53,10 @@ class SpringZones(NamedTuple):
         +1 at the near spring, -1 at the far spring, 0 between.
     """
 
-    breaks: NDArray[np.float64]
-    sides: NDArray[np.float64]
+    breaks: Array
+    sides: Array
 
-    def side_at(self, coordinate: ArrayLike) -> NDArray[np.float64]:
+    def side_at(self, coordinate: ArrayLike) -> Array:
         """Side at coordinates of any shape."""
         return self.sides[np.clip(np.searchsorted(self.breaks, coordinate, side="right") - 1, 0, len(self.sides) - 1)]
 
@@ -87,17 +88,17 @@ class EndSprings:
         if 2 * self.length > self.stroke:
             raise ValueError(f"`length` must be at most half the stroke, {self.stroke / 2:g} m, got {self.length!r}")
 
-    def force(self, position: NDArray[np.float64], side: NDArray[np.float64]) -> NDArray[np.float64]:
+    def force(self, position: Array, side: Array) -> Array:
         """Force S [N] along the travel at positions [m] on the sides of `SpringZones`."""
         compression = self.length - np.where(side > 0, position, self.stroke - position)
         return side * (self.preload + self.stiffness * compression)
 
-    def energy(self, position: ArrayLike) -> NDArray[np.float64]:
+    def energy(self, position: ArrayLike) -> Array:
         """Energy of both springs [J] relative to their preloaded state."""
         compression = np.maximum(self.length - np.minimum(position, self.stroke - np.asarray(position)), 0.0)
         return self.preload * compression + self.stiffness / 2 * compression**2
 
-    def zones(self, position: Callable[[NDArray[np.float64]], NDArray[np.float64]], breaks: ArrayLike) -> SpringZones:
+    def zones(self, position: Callable[[Array], Array], breaks: ArrayLike) -> SpringZones:
         """Find the zones along a motion.
 
         Parameters
@@ -106,11 +107,6 @@ class EndSprings:
             Position of the cart [m] over a coordinate of the motion.
         breaks : array_like
             Coordinates between which the position is smooth, ascending.
-
-        Returns
-        -------
-        SpringZones
-            Zones between the breaks and the contacts with the springs.
         """
         plates = (self.length, self.stroke - self.length)
         breaks = np.asarray(breaks, float)
@@ -202,7 +198,6 @@ class MotionResistance:
     Parameters
     ----------
     cart : Cart
-        Cart.
     resistance : callable
         Force of the mix on all rollers [N] of velocity [m/s] and acceleration [m/s^2].
     """
@@ -215,7 +210,7 @@ class MotionResistance:
         """True for a resistance of the mix that is odd in velocity by construction."""
         return getattr(self.resistance, "odd", False)
 
-    def __call__(self, velocity: NDArray[np.float64], acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, velocity: Array, acceleration: Array) -> Array:
         """Return W + guide friction [N] at velocities [m/s] and accelerations [m/s^2] of one shape."""
         force = self.resistance(velocity, acceleration)
         return balance(self.cart, 0.0, force, np.sign(velocity)).drive_force
@@ -235,10 +230,10 @@ class Balance:
         s f (|N1| + |N2|) [N].
     """
 
-    drive_force: NDArray[np.float64]
-    front_reaction: NDArray[np.float64]
-    rear_reaction: NDArray[np.float64]
-    guide_friction: NDArray[np.float64]
+    drive_force: Array
+    front_reaction: Array
+    rear_reaction: Array
+    guide_friction: Array
 
 
 def balance(
@@ -253,8 +248,6 @@ def balance(
 
     Parameters
     ----------
-    cart : Cart
-        Cart.
     acceleration : array_like
         a [m/s^2].
     resistance : array_like
@@ -265,11 +258,6 @@ def balance(
         tan(beta) [-], positive for a rod that rises towards the drive.
     end_spring_force : array_like
         S along the travel [N].
-
-    Returns
-    -------
-    Balance
-        Drive force, reactions and friction.
 
     Raises
     ------
@@ -332,20 +320,12 @@ def _distribute(total, moment, front, rear):
 
 
 def moment_residual(
-    cart: Cart,
-    forces: Balance,
-    resistance: NDArray[np.float64],
-    direction: NDArray[np.float64],
-    rod_tangent: NDArray[np.float64] | float = 0.0,
-) -> NDArray[np.float64]:
+    cart: Cart, forces: Balance, resistance: Array, direction: Array, rod_tangent: Array | float = 0.0
+) -> Array:
     """Compute the residual moment about the pin [N m], wheel by wheel; zero for a `Balance`.
 
     Parameters
     ----------
-    cart : Cart
-        Cart.
-    forces : Balance
-        Forces.
     resistance, direction, rod_tangent : array_like
         As in `balance`.
     """

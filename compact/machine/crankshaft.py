@@ -11,10 +11,10 @@ from dataclasses import astuple, dataclass, fields
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.machine.cart import Balance, Cart, Resistance, balance
 from compact.machine.rigid_drive import SAMPLES_PER_PIECE, STANDSTILL_SPEED_RATIO, Crank, evaluate_resistance
+from compact.numerics import Array
 from compact.numerics.piecewise import clenshaw_curtis, find_maximum, interior_grid
 from compact.numerics.validation import require_finite, require_opposing, require_positive
 
@@ -52,16 +52,16 @@ class CartRevolution:
         [W].
     """
 
-    psi: NDArray[np.float64]
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
-    resistance: NDArray[np.float64]
-    rod_angle: NDArray[np.float64]
+    psi: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    resistance: Array
+    rod_angle: Array
     forces: Balance
-    rod_force: NDArray[np.float64]
-    torque: NDArray[np.float64]
-    power: NDArray[np.float64]
+    rod_force: Array
+    torque: Array
+    power: Array
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,6 @@ class Crankshaft:
     Parameters
     ----------
     cart : Cart
-        Cart.
     crank : Crank
         Crank and rod.
     angular_speed : float
@@ -88,11 +87,11 @@ class Crankshaft:
     resistance: Resistance
     angles: tuple[float, ...]
 
-    def carts_at(self, angle: NDArray[np.float64]) -> tuple[CartRevolution, ...]:
+    def carts_at(self, angle: Array) -> tuple[CartRevolution, ...]:
         """Solve all carts at angles of the shaft [rad], shape (pieces, n), with one row between two dead centres."""
         return tuple(self._cart_at(angle + lead) for lead in self.angles)
 
-    def dead_centres(self) -> NDArray[np.float64]:
+    def dead_centres(self) -> Array:
         """Angles of the shaft in [0, 2 pi] of dead centres and spring contacts, both ends included [rad]."""
         places = np.concatenate([np.array([0.0, np.pi]) - lead for lead in self.angles])
         if self.cart.end_springs is not None:
@@ -134,7 +133,6 @@ class CrankshaftRevolution:
     Parameters
     ----------
     shaft : Crankshaft
-        Shaft.
     angle, weights : ndarray, shape (n,)
         Angle and quadrature weights [rad].
     carts : tuple of CartRevolution
@@ -142,17 +140,17 @@ class CrankshaftRevolution:
     """
 
     shaft: Crankshaft
-    angle: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    angle: Array
+    weights: Array
     carts: tuple[CartRevolution, ...]
 
     @property
-    def torque(self) -> NDArray[np.float64]:
+    def torque(self) -> Array:
         """Torque of all carts on the shaft [N m]."""
         return sum((cart.torque for cart in self.carts), start=np.zeros(()))
 
     @property
-    def power(self) -> NDArray[np.float64]:
+    def power(self) -> Array:
         """Power of all carts [W]."""
         return sum((cart.power for cart in self.carts), start=np.zeros(()))
 
@@ -167,24 +165,19 @@ class CrankshaftRevolution:
         """Largest |power| of the shaft [W]."""
         return self.peak_torque * self.shaft.angular_speed
 
-    def mean(self, values: NDArray[np.float64]) -> float:
+    def mean(self, values: Array) -> float:
         """Mean over the revolution."""
         return float(np.sum(self.weights * values) / (2 * np.pi))
 
 
 def simulate_crankshaft(
-    cart: Cart,
-    crank: Crank,
-    angular_speed: float,
-    resistance: Resistance,
-    angles: tuple[float, ...] = (0.0,),
+    cart: Cart, crank: Crank, angular_speed: float, resistance: Resistance, angles: tuple[float, ...] = (0.0,)
 ) -> CrankshaftRevolution:
     """Simulate one revolution of identical carts on a crankshaft at uniform speed.
 
     Parameters
     ----------
     cart : Cart
-        Cart.
     crank : Crank
         Crank and rod.
     angular_speed : float
@@ -223,9 +216,7 @@ def _flatten(cart):
     return CartRevolution(**{name: column.ravel() for name, column in columns.items()}, forces=forces)
 
 
-def crank_kinematics(
-    crank: Crank, psi: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def crank_kinematics(crank: Crank, psi: Array) -> tuple[Array, Array, Array]:
     """Compute the travel of a slider-crank and its derivatives with respect to the crank angle.
 
         dx/dpsi = r sin(psi + beta)/cos(beta),   d2x/dpsi2 = r cos(psi + beta)/cos(beta) (1 + b') + dx/dpsi tan(beta) b'
@@ -234,8 +225,6 @@ def crank_kinematics(
 
     Parameters
     ----------
-    crank : Crank
-        Crank and rod.
     psi : array_like
         Crank angle from the outer dead centre [rad].
 

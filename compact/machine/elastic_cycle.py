@@ -22,7 +22,6 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.dynamics.event_driven import (
     DONE,
@@ -49,6 +48,7 @@ from compact.dynamics.oscillator import MAX_RANGES, substitute
 from compact.machine.cart import Cart, balance
 from compact.machine.rigid_drive import STANDSTILL_SPEED_RATIO, Resistance, evaluate_resistance
 from compact.motion.profile import Cycle, Leg
+from compact.numerics import Array
 from compact.numerics.piecewise import BREAK_OFFSET, PiecewisePolynomial, antiderivative, fit_piecewise, interior_grid
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ class CycleMapEvaluation(NamedTuple):
     second: Intervals
     end: CartState
     after: CartState
-    residual: NDArray[np.float64]
+    residual: Array
 
     @property
     def intervals(self) -> Intervals:
@@ -131,11 +131,6 @@ class PeriodicProblem:
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
     tolerance : float
         Of the resistance, relative to the force scale.
-
-    Raises
-    ------
-    ValueError
-        If the resistance jumps at a speed other than 0, drives a cart at rest, or lags by more than the cart mass.
     """
 
     def __init__(
@@ -249,8 +244,6 @@ class PeriodicProblem:
         ----------
         law : PiecewisePolynomial
             Position of the far end [m] over time [s].
-        state : CartState
-            Initial state.
         tolerance_factor : float
             Multiple of the solution tolerance.
 
@@ -258,11 +251,6 @@ class PeriodicProblem:
         -------
         tuple
             Intervals and final state.
-
-        Raises
-        ------
-        RuntimeError
-            If the integration ends early.
         """
         for _ in range(MAX_EXTENSIONS):
             intervals = allocate_intervals(MAX_INTERVALS, law.coefficients.shape[1] - 1)  # pages are used when filled
@@ -293,11 +281,6 @@ class PeriodicProblem:
         -------
         tuple
             Intervals of one cycle and the state at its start.
-
-        Raises
-        ------
-        RuntimeError
-            If the iteration does not converge.
         """
         cycle_map = _CycleMap(self)
         state = cycle_map.predict()
@@ -400,7 +383,7 @@ def _aitken(last, residual):
     return residual / (1 - ratio) if ratio < 1 else residual
 
 
-def _shifted(state: CartState, by: NDArray[np.float64]) -> CartState:
+def _shifted(state: CartState, by: Array) -> CartState:
     """State with elongation and velocity changed."""
     return CartState(state.elongation + by[0], state.velocity + by[1], state.flank, state.zone)
 
@@ -420,7 +403,7 @@ def _polynomial_law(cycle: Cycle) -> PiecewisePolynomial:
     return PiecewisePolynomial(np.append(np.concatenate(breaks), cycle.period), np.concatenate(rows))
 
 
-def _curvature(leg: Leg, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+def _curvature(leg: Leg, phase: Array) -> Array:
     """Second derivative of the position with respect to the phase [m]."""
     return leg.at_phase(phase, 2) * leg.duration**2
 
@@ -439,7 +422,7 @@ def _split(law: PiecewisePolynomial, time: float) -> tuple[PiecewisePolynomial, 
     )
 
 
-def _total_resistance(cart: Cart, resistance: Resistance) -> Callable[..., NDArray[np.float64]]:
+def _total_resistance(cart: Cart, resistance: Resistance) -> Callable[..., Array]:
     """Resistance and guide friction [N] of velocities [m/s] other than 0 and accelerations [m/s^2]."""
 
     def total(velocity, acceleration=0.0):

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.dynamics.event_driven import peak_force_and_power
 from compact.dynamics.trajectory import (
@@ -49,6 +48,7 @@ from compact.machine.rigid_drive import (
     simulate,
 )
 from compact.motion.profile import Cycle, Discontinuity, MotionProfile
+from compact.numerics import Array
 from compact.numerics.validation import require_known, require_nonnegative, require_opposing, require_positive
 
 REGIMES = ("periodic", "rest")
@@ -121,11 +121,6 @@ def simulate_elastic(
     tolerance : float
         Of the resistance, relative to the largest force of inertia and resistance [-].
 
-    Returns
-    -------
-    ElasticRun
-        Solution and its statistics.
-
     Raises
     ------
     ValueError
@@ -185,7 +180,6 @@ class ElasticRun(CycleStatistics):
     Parameters
     ----------
     cart : Cart
-        Cart.
     cycle : Cycle
         Law of the far end.
     resistance : callable
@@ -195,7 +189,6 @@ class ElasticRun(CycleStatistics):
     trajectory : Trajectory
         Solution.
     cost : SolutionCost
-        Cost of the solution.
     include_added_mass : bool
         Resistance that depends on the acceleration.
     """
@@ -231,18 +224,18 @@ class ElasticRun(CycleStatistics):
         return self.trajectory.sample_points()
 
     @property
-    def weights(self) -> NDArray[np.float64]:
+    def weights(self) -> Array:
         """Quadrature weights over the cycle [s]."""
         return self._points[2]
 
     @cached_property
-    def time(self) -> NDArray[np.float64]:
+    def time(self) -> Array:
         """Time since the start of the forward stroke [s]."""
         i, u, _ = self._points
         return self.trajectory.intervals.start[i] + self.trajectory.intervals.scale[i] * u
 
     @cached_property
-    def direction(self) -> NDArray[np.float64]:
+    def direction(self) -> Array:
         """Direction of the law: +1 forward, -1 on the return stroke, 0 in a dwell."""
         legs = self.cycle.legs()
         starts = self.trajectory.intervals.start + 1e-9 * self.period
@@ -270,13 +263,13 @@ class ElasticRun(CycleStatistics):
         return DriveState(position, velocity, acceleration, jerk, mix, zero, forces)
 
     @cached_property
-    def drive_force(self) -> NDArray[np.float64]:
+    def drive_force(self) -> Array:
         """Drive force H [N], positive towards the far end."""
         i, u, _ = self._points
         return self.trajectory.drive_force(i, u)
 
     @cached_property
-    def drive_power(self) -> NDArray[np.float64]:
+    def drive_power(self) -> Array:
         """Power H y' of the far end [W]."""
         i, u, _ = self._points
         return self.drive_force * self.trajectory.far_end(i, u, 1)

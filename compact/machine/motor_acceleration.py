@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.dynamics.shaft_speed import solve_shaft_speed
 from compact.machine.cart import Cart, Resistance
 from compact.machine.motor_drive import Motor, MotorRun, ShaftLoad, simulate_motor
 from compact.motion.profile import Cycle, MotionProfile
+from compact.numerics import Array
 from compact.numerics.validation import require_positive
 
 PERIODIC_TOLERANCE = 1e-3  # [-], of the initial speed of the periodic regime; end of the acceleration phase
@@ -53,9 +53,9 @@ class AccelerationPhase:
         Periodic regime.
     """
 
-    time: NDArray[np.float64]
-    angle: NDArray[np.float64]
-    speed: NDArray[np.float64]
+    time: Array
+    angle: Array
+    speed: Array
     revolutions: int
     motor_work: float
     load_work: float
@@ -79,11 +79,6 @@ def simulate_acceleration_phase(
         As in `motor_drive.simulate_motor`.
     tolerance : float
         Relative difference from the initial speed of the periodic regime at the end [-].
-
-    Returns
-    -------
-    AccelerationPhase
-        Acceleration phase.
 
     Raises
     ------
@@ -115,16 +110,14 @@ def simulate_acceleration_phase(
     return AccelerationPhase(time, angle, speed, revolution + 1, motor_work, load_work, residual, periodic)
 
 
-def _solve_section(
-    load: ShaftLoad, breaks: NDArray[np.float64], speed: float, working: tuple[float, float]
-) -> MotorRun:
+def _solve_section(load: ShaftLoad, breaks: Array, speed: float, working: tuple[float, float]) -> MotorRun:
     """Run over a section of a revolution from an initial speed [rad/s]."""
     run = MotorRun(load, solve_shaft_speed(load.residual, breaks, speed, ENERGY_TOLERANCE, periodic=False), working)
     run.require_no_slip()
     return run
 
 
-def _graded_sections(first: float, breaks: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+def _graded_sections(first: float, breaks: Array) -> Iterator[Array]:
     """Split the breaks of the first revolution into sections, since the energy grows by decades."""
     edges = first * GRADING ** np.arange(math.floor(math.log(breaks[1] / first, GRADING)))
     yield from map(np.array, pairwise([*edges, breaks[1]]))

@@ -17,7 +17,6 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.dynamics.shaft_speed import ShaftRevolution, solve_shaft_speed
 from compact.machine.cart import Balance, Cart, Resistance, balance
@@ -36,13 +35,9 @@ from compact.machine.rigid_drive import (
     simulate,
 )
 from compact.motion.profile import Cycle, Discontinuity, MotionProfile
+from compact.numerics import Array
 from compact.numerics.piecewise import find_maximum, interior_grid
-from compact.numerics.validation import (
-    require_finite,
-    require_nonnegative,
-    require_opposing,
-    require_positive,
-)
+from compact.numerics.validation import require_finite, require_nonnegative, require_opposing, require_positive
 
 RIGID = Rigid()
 SPEED_TRIALS = 200  # [-], speeds between rest and no load for the first guess
@@ -91,26 +86,22 @@ class Motor:
         """Inertia J reduced to the shaft [kg m^2]."""
         return self.flywheel_inertia + self.gear_ratio**2 * self.motor_inertia
 
-    def torque(
-        self, speed: NDArray[np.float64], acceleration: NDArray[np.float64] | float = 0.0
-    ) -> NDArray[np.float64]:
+    def torque(self, speed: Array, acceleration: Array | float = 0.0) -> Array:
         """Return g T [N m] at speeds [rad/s] and accelerations [rad/s^2] of the shaft."""
         return self.gear_ratio * self.curve.torque(self.motor_speed(speed, acceleration))
 
-    def motor_speed(
-        self, speed: NDArray[np.float64], acceleration: NDArray[np.float64] | float = 0.0
-    ) -> NDArray[np.float64]:
+    def motor_speed(self, speed: Array, acceleration: Array | float = 0.0) -> Array:
         """Return the speed of the motor [rad/s] at speeds [rad/s] and accelerations [rad/s^2] of the shaft."""
         geared = self.gear_ratio * speed
         if self.belt is None:
             return geared
         return self.belt.motor_speed(lambda w: self.curve.torque(w) - self._rotor_torque(acceleration), geared)
 
-    def power(self, speed: NDArray[np.float64], acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
+    def power(self, speed: Array, acceleration: Array) -> Array:
         """Return the power T w of the motor [W] at speeds [rad/s] and accelerations [rad/s^2] of the shaft."""
         return self.torque(speed, acceleration) / self.gear_ratio * self.motor_speed(speed, acceleration)
 
-    def belt_torque(self, speed: NDArray[np.float64], acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
+    def belt_torque(self, speed: Array, acceleration: Array) -> Array:
         """Return the torque on the belt, or on the gear without one [N m]."""
         return self.torque(speed, acceleration) / self.gear_ratio - self._rotor_torque(acceleration)
 
@@ -130,7 +121,6 @@ class ShaftLoad:
     Parameters
     ----------
     cart : Cart
-        Cart.
     motor : Motor
         Motor and shaft.
     cycle : Cycle
@@ -144,7 +134,7 @@ class ShaftLoad:
     cycle: Cycle
     resistance: Resistance
 
-    def breaks(self) -> NDArray[np.float64]:
+    def breaks(self) -> Array:
         """Angles in [0, 2 pi] at joins of the law and spring contacts of any cart, ends included [rad]."""
         rate = 2 * np.pi / self.cycle.period
         joins = np.concatenate([rate * (leg.start + leg.duration * leg.breakpoints()) for leg in self.cycle.legs()])
@@ -156,11 +146,7 @@ class ShaftLoad:
         return np.append(edges[:-1][np.diff(edges) > MIN_PIECE_ANGLE], 2 * np.pi)
 
     def states_at(
-        self,
-        angle: NDArray[np.float64],
-        energy: NDArray[np.float64],
-        acceleration: NDArray[np.float64],
-        jerk: NDArray[np.float64] | float = 0.0,
+        self, angle: Array, energy: Array, acceleration: Array, jerk: Array | float = 0.0
     ) -> list[DriveState]:
         """Solve motion and forces of each cart.
 
@@ -170,11 +156,6 @@ class ShaftLoad:
             Angle of the shaft [rad].
         energy, acceleration, jerk : ndarray
             phi'^2/2 [1/s^2], phi'' [rad/s^2] and the third derivative [rad/s^3].
-
-        Returns
-        -------
-        list of DriveState
-            One per cart.
         """
         angles = [np.mod(angle + lead, 2 * np.pi) for lead in self.motor.angles]
         return [self._cart_state(angle, energy, acceleration, jerk) for angle in angles]
@@ -200,21 +181,17 @@ class ShaftLoad:
         """Zones of the end springs over the angle."""
         return self.cart.end_springs.zones(lambda angle: self.travel(angle)[0], np.array([0.0, np.pi, 2 * np.pi]))
 
-    def travel(self, angle: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    def travel(self, angle: Array) -> list[Array]:
         """Return x [m] and its first three derivatives with respect to the angle [m/rad^k], angle in [0, 2 pi)."""
         rate = self.cycle.period / (2 * np.pi)
         return [self.cycle.derivative(angle * rate, order) * rate**order for order in range(4)]
 
-    def torque(
-        self, angle: NDArray[np.float64], energy: NDArray[np.float64], acceleration: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def torque(self, angle: Array, energy: Array, acceleration: Array) -> Array:
         """Return the torque of all carts, sum of H x' [N m]."""
         states = self.states_at(angle, energy, acceleration)
         return sum(state.forces.drive_force * state.velocity for state in states) / np.sqrt(2 * energy)
 
-    def residual(
-        self, angle: NDArray[np.float64], energy: NDArray[np.float64], acceleration: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def residual(self, angle: Array, energy: Array, acceleration: Array) -> Array:
         """Return the residual torque J phi'' + sum of H x' - g T [N m]."""
         driving = self.motor.torque(np.sqrt(2 * energy), acceleration)
         return self.motor.inertia * acceleration + self.torque(angle, energy, acceleration) - driving
@@ -235,7 +212,6 @@ def simulate_motor(
     Parameters
     ----------
     cart : Cart
-        Cart.
     motor : Motor
         Motor and shaft.
     motion : MotionProfile or Cycle
@@ -248,11 +224,6 @@ def simulate_motor(
         Initial speed of the shaft [rad/s]; the periodic regime without it.
     tolerance : float
         Of phi'^2 [-].
-
-    Returns
-    -------
-    MotorRun
-        Solution and its statistics.
 
     Raises
     ------
@@ -320,17 +291,17 @@ class MotorRun(CycleStatistics):
         return self.load.cycle.forward.name
 
     @property
-    def time(self) -> NDArray[np.float64]:
+    def time(self) -> Array:
         """Time since the start of the revolution [s]."""
         return self.revolution.time.ravel()
 
     @property
-    def weights(self) -> NDArray[np.float64]:
+    def weights(self) -> Array:
         """Quadrature weights over the revolution [s]."""
         return self.revolution.weights.ravel()
 
     @property
-    def direction(self) -> NDArray[np.float64]:
+    def direction(self) -> Array:
         """Direction of the law: +1 forward, -1 on the return stroke, 0 in a dwell."""
         legs, rate = self.load.cycle.legs(), self.load.cycle.period / (2 * np.pi)
         middle = (self.revolution.breaks[:-1] + self.revolution.breaks[1:]) / 2 + self.load.motor.angles[0]
@@ -356,22 +327,22 @@ class MotorRun(CycleStatistics):
         return DriveState._make([*(column.ravel() for column in states[0][:-1]), forces])
 
     @property
-    def drive_force(self) -> NDArray[np.float64]:
+    def drive_force(self) -> Array:
         """Drive force H [N]."""
         return self.state.forces.drive_force
 
     @property
-    def drive_power(self) -> NDArray[np.float64]:
+    def drive_power(self) -> Array:
         """Power H v [W]."""
         return self.state.drive_power
 
     @property
-    def angle(self) -> NDArray[np.float64]:
+    def angle(self) -> Array:
         """Angle phi of the shaft [rad]."""
         return self.revolution.angle.ravel()
 
     @property
-    def speed(self) -> NDArray[np.float64]:
+    def speed(self) -> Array:
         """Speed phi' of the shaft [rad/s]."""
         return self.revolution.speed.ravel()
 
@@ -386,17 +357,17 @@ class MotorRun(CycleStatistics):
         return math.sqrt(2 * self.revolution.energy_range[1])
 
     @property
-    def motor_torque(self) -> NDArray[np.float64]:
+    def motor_torque(self) -> Array:
         """Torque g T of the motor on the shaft [N m]."""
         return self.load.motor.torque(self.speed, self.revolution.acceleration.ravel())
 
     @property
-    def motor_power(self) -> NDArray[np.float64]:
+    def motor_power(self) -> Array:
         """Power T w of the motor [W]."""
         return self.load.motor.power(self.speed, self.revolution.acceleration.ravel())
 
     @cached_property
-    def belt_torque(self) -> NDArray[np.float64]:
+    def belt_torque(self) -> Array:
         """Torque on the motor pulley [N m]."""
         return self.load.motor.belt_torque(self.speed, self.revolution.acceleration.ravel())
 
@@ -423,13 +394,7 @@ class MotorRun(CycleStatistics):
         return float(np.sum(self.weights * (self.motor_power - self.motor_torque * self.speed)))
 
     def require_no_slip(self) -> None:
-        """Require a belt torque within the slip limit.
-
-        Raises
-        ------
-        RuntimeError
-            If the belt slips; the error states the required preload.
-        """
+        """Require a belt torque within the slip limit."""
         belt = self.load.motor.belt
         if belt is not None and (torque := self.peak_belt_torque) > belt.slip_torque:
             raise RuntimeError(
@@ -439,7 +404,7 @@ class MotorRun(CycleStatistics):
             )
 
     @cached_property
-    def shaft_torque(self) -> NDArray[np.float64]:
+    def shaft_torque(self) -> Array:
         """Load torque of all carts [N m]."""
         revolution = self.revolution
         return self.load.torque(revolution.angle, revolution.energy, revolution.acceleration).ravel()
@@ -503,11 +468,11 @@ class MotorRun(CycleStatistics):
         gain = self.load.motor.inertia * (self.revolution.energy[-1, -1] - self.revolution.energy[0, 0])
         return float(abs(np.sum(self.weights * (power[0] - power[1])) - gain) / np.sum(self.weights * np.abs(power[1])))
 
-    def _largest(self, quantity: Callable[[DriveState], NDArray[np.float64]]) -> float:
+    def _largest(self, quantity: Callable[[DriveState], Array]) -> float:
         """Largest |quantity| of the first cart, between the samples too."""
         return self._peak(lambda angle: quantity(self.load.states_at(angle, *self.revolution.evaluate(angle))[0]))
 
-    def _largest_of_shaft(self, quantity: Callable[..., NDArray[np.float64]]) -> float:
+    def _largest_of_shaft(self, quantity: Callable[..., Array]) -> float:
         """Largest |quantity(speed, acceleration)| of the shaft, between the samples too."""
 
         def of_angle(angle):

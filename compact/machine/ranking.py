@@ -76,7 +76,6 @@ class Ranked:
     rank : int
         From 1; equal values share a rank, infinite values share the last one.
     run : Run, ElasticRun, MotorRun or HydraulicRun
-        Run.
     value : float
         Value of the criterion.
     margin : float
@@ -116,7 +115,6 @@ def rank(runs: Iterable[Any], by: str = "peak_force") -> list[Ranked]:
     Parameters
     ----------
     runs : iterable of Run, ElasticRun, MotorRun or HydraulicRun
-        Runs.
     by : str
         Criterion of `CRITERIA`.
 

@@ -13,10 +13,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from compact.machine.cart import Balance, Cart, Resistance, balance
 from compact.motion.profile import Cycle, Discontinuity, Leg, MotionProfile
+from compact.numerics import Array, BoolArray
 from compact.numerics.piecewise import BREAK_OFFSET, clenshaw_curtis, find_maximum, interior_grid
 from compact.numerics.validation import require_opposing, require_positive
 
@@ -31,7 +32,7 @@ CRANK_LAW_TOLERANCE = 1e-9  # [-], of the stroke; a law within it is that of the
 class Rigid:
     """Drive that imposes the law exactly and pushes along the travel (cam, rack)."""
 
-    def rod_tangent(self, time: ArrayLike, _period: float) -> NDArray[np.float64]:
+    def rod_tangent(self, time: ArrayLike, _period: float) -> Array:
         """Return tan(beta) of the rod [-]: zero."""
         return np.zeros(np.shape(time))
 
@@ -61,11 +62,11 @@ class Crank:
         if not self.rod_length > self.radius:
             raise ValueError(f"`rod_length` must exceed the crank radius {self.radius:g} m, got {self.rod_length!r}")
 
-    def rod_angle(self, psi: ArrayLike) -> NDArray[np.float64]:
+    def rod_angle(self, psi: ArrayLike) -> Array:
         """Return beta [rad] at crank angles psi [rad]."""
         return np.arcsin(self.radius / self.rod_length * np.sin(psi))
 
-    def rod_tangent(self, time: ArrayLike, period: float) -> NDArray[np.float64]:
+    def rod_tangent(self, time: ArrayLike, period: float) -> Array:
         """Return tan(beta) [-] at times [s] from the outer dead centre, for a period [s]."""
         return np.tan(self.rod_angle(2 * np.pi * np.asarray(time) / period))
 
@@ -85,16 +86,16 @@ class DriveState(NamedTuple):
         Drive force, reactions and guide friction [N].
     """
 
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
-    jerk: NDArray[np.float64]
-    resistance: NDArray[np.float64]
-    rod_tangent: NDArray[np.float64]
+    position: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    resistance: Array
+    rod_tangent: Array
     forces: Balance
 
     @property
-    def drive_power(self) -> NDArray[np.float64]:
+    def drive_power(self) -> Array:
         """Power H v [W]."""
         return self.forces.drive_force * self.velocity
 
@@ -106,7 +107,6 @@ class InverseDynamics:
     Parameters
     ----------
     cart : Cart
-        Cart.
     drive : Rigid or Crank
         Drive that imposes the law.
     cycle : Cycle
@@ -120,7 +120,7 @@ class InverseDynamics:
     cycle: Cycle
     resistance: Resistance
 
-    def state_at(self, leg: Leg, phase: NDArray[np.float64]) -> DriveState:
+    def state_at(self, leg: Leg, phase: Array) -> DriveState:
         """Solve motion and forces at phases of a leg [-] of any shape."""
         position, velocity, acceleration, jerk = (leg.at_phase(phase, order) for order in range(4))
         moving = self._nonzero_velocity(leg, velocity)
@@ -130,7 +130,7 @@ class InverseDynamics:
         forces = balance(self.cart, acceleration, force, np.sign(moving), tangent, end_force)
         return DriveState(position, velocity, acceleration, jerk, force, tangent, forces)
 
-    def breaks(self, leg: Leg) -> NDArray[np.float64]:
+    def breaks(self, leg: Leg) -> Array:
         """Phases of a leg between which all forces are smooth, ends included."""
         return leg.breakpoints() if self.cart.end_springs is None else self._zones[leg.start].breaks
 
@@ -154,10 +154,8 @@ class InverseDynamics:
         return np.where(np.abs(velocity) < slowest, leg.direction * slowest, velocity)
 
 
-def evaluate_resistance(
-    resistance: Resistance, velocity: NDArray[np.float64], acceleration: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Evaluate a resistance [N] in the shape of the velocity; 0 in a dwell.
+def evaluate_resistance(resistance: Resistance, velocity: Array, acceleration: Array) -> Array:
+    """Evaluate a resistance [N] in the shape of the velocity; 0 in a dwell; require finite values.
 
     Parameters
     ----------
@@ -165,11 +163,6 @@ def evaluate_resistance(
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
     velocity, acceleration : ndarray
         [m/s] and [m/s^2], of one shape.
-
-    Raises
-    ------
-    ValueError
-        If the resistance is not finite.
     """
     force = np.zeros(np.shape(velocity))
     moves = np.asarray(velocity) != 0
@@ -229,9 +222,7 @@ class CycleStatistics:
         """Dynamic amplification: peak force over that of a drive that imposes the law [-]; 1 for such a drive."""
         return 1.0
 
-    def time_fraction(
-        self, condition: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
-    ) -> float:
+    def time_fraction(self, condition: Callable[[Array, Array], BoolArray]) -> float:
         """Fraction of the cycle in which a condition on velocity and acceleration of the cart is true, to 1 % [-]."""
         return self._mean(condition(self.state.velocity, self.state.acceleration))
 
@@ -267,9 +258,9 @@ class Run(CycleStatistics):
     """
 
     inverse_dynamics: InverseDynamics
-    time: NDArray[np.float64]
-    weights: NDArray[np.float64]
-    direction: NDArray[np.float64]
+    time: Array
+    weights: Array
+    direction: Array
     state: DriveState
     steady_force: float
     nonuniformity: float
@@ -287,12 +278,12 @@ class Run(CycleStatistics):
         return self.inverse_dynamics.cycle.period
 
     @property
-    def drive_force(self) -> NDArray[np.float64]:
+    def drive_force(self) -> Array:
         """Drive force H along the travel [N]."""
         return self.state.forces.drive_force
 
     @property
-    def drive_power(self) -> NDArray[np.float64]:
+    def drive_power(self) -> Array:
         """Power H v [W]; negative while the cart returns energy."""
         return self.state.drive_power
 
@@ -347,7 +338,6 @@ def simulate(
     Parameters
     ----------
     cart : Cart
-        Cart.
     drive : Rigid, Crank, ElasticDrive, Motor or Hydraulic
         Drive. A drive with a method `run` solves its own equation of motion.
     motion : MotionProfile or Cycle
@@ -357,11 +347,6 @@ def simulate(
         the velocity; `contact.dry_resistance` makes one of a constant force.
     working : tuple of float
         Start and end of the working part of the forward stroke [-], for `nonuniformity`.
-
-    Returns
-    -------
-    Run, ElasticRun, MotorRun or HydraulicRun
-        Run of the drive.
 
     Raises
     ------
@@ -427,13 +412,7 @@ def _nonuniformity(motion: MotionProfile, working: tuple[float, float]) -> float
 
 
 def require_law_of_drive(drive: Any, cycle: Cycle) -> None:
-    """Require the law of the crank without dwells for a crank; other drives accept every law.
-
-    Raises
-    ------
-    ValueError
-        If the law is not that of the crank, or has dwells.
-    """
+    """Require the law of the crank without dwells for a crank; other drives accept every law."""
     if not isinstance(drive, Crank):
         return
     psi = np.linspace(0, np.pi, 9)

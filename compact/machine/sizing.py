@@ -12,8 +12,8 @@ V. S. Loveikin and K. I. Pochka, monograph on roller forming machines (D), eqs (
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from compact.numerics import Array, IntArray
 from compact.numerics.validation import (
     require_finite,
     require_integers,
@@ -25,7 +25,7 @@ from compact.numerics.validation import (
 COUNT_ROUNDING = 1e-9  # [-], relative distance of a quotient from a whole number of rollers that is rounding
 RADIUS_RATIOS = (0.40, 0.55)  # [-], roller radius over product height, smallest and largest of (1.1)
 
-Values = float | NDArray[np.float64]
+Values = float | Array
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class RadiusRange:
 
 
 def radius_range(height: Values) -> RadiusRange:
-    """Compute the range of the smallest suitable roller radius.
+    """Compute the range of the smallest suitable roller radius [m].
 
         R = (0.40 ... 0.55) h0                                                                      (1.1)
 
@@ -51,11 +51,6 @@ def radius_range(height: Values) -> RadiusRange:
     ----------
     height : float or ndarray
         Height h0 of the product [m], > 0.
-
-    Returns
-    -------
-    RadiusRange
-        Range [m].
 
     Notes
     -----
@@ -76,7 +71,7 @@ def radius_range(height: Values) -> RadiusRange:
     return RadiusRange(low=low * np.asarray(height), high=high * np.asarray(height))
 
 
-def rollers_needed(width: Values, radius: Values, feeder_sleeve: Values, overlap: Values) -> NDArray[np.int64]:
+def rollers_needed(width: Values, radius: Values, feeder_sleeve: Values, overlap: Values) -> IntArray:
     """Compute the number of rollers that cover a product.
 
         n = B / (2R + B_T - b_n), rounded up                                                        (1.2)
@@ -91,11 +86,6 @@ def rollers_needed(width: Values, radius: Values, feeder_sleeve: Values, overlap
         Width B_T of the sleeve of the feeder [m], >= 0.
     overlap : float or ndarray
         Overlap b_n of neighbouring fields [m], >= 0 and < 2R + B_T.
-
-    Returns
-    -------
-    ndarray of int
-        Number of rollers n.
 
     Notes
     -----
@@ -119,7 +109,7 @@ def rollers_needed(width: Values, radius: Values, feeder_sleeve: Values, overlap
 
 
 def stroke_needed(width: Values, rollers: Values, overlap: Values) -> Values:
-    """Compute the stroke for which the rollers cover a product.
+    """Compute the stroke [m] for which the rollers cover a product.
 
         s = B/n + b_n                                                                               (1.3)
 
@@ -131,11 +121,6 @@ def stroke_needed(width: Values, rollers: Values, overlap: Values) -> Values:
         Number n, a whole number >= 1.
     overlap : float or ndarray
         Overlap b_n of neighbouring fields [m], >= 0 and < B/n.
-
-    Returns
-    -------
-    float or ndarray
-        Stroke s [m].
 
     Notes
     -----
@@ -168,7 +153,7 @@ def guide_coefficient(
     wheel_diameter: Values,
     rib_factor: Values,
 ) -> Values:
-    """Compute the friction force of the guide wheels over their load, as in (1.9).
+    """Compute the friction force of the guide wheels over their load [-], as in (1.9).
 
         mu = (f3 d + 2 f4)/D f5
 
@@ -182,11 +167,6 @@ def guide_coefficient(
         Lever arm f4 of rolling friction of the guide wheels [m], >= 0.
     rib_factor : float or ndarray
         Factor f5 of the friction of the wheel's rib [-], >= 0.
-
-    Returns
-    -------
-    float or ndarray
-        Coefficient mu [-].
 
     References
     ----------
@@ -207,7 +187,7 @@ def guide_coefficient(
 def cart_resistance(
     force: Values, roller_resistance: Values, rollers: Values, weight: Values, **wheels: Values
 ) -> Values:
-    """Compute the force that moves a cart with its rollers at constant speed.
+    """Compute the force [N] that moves a cart with its rollers at constant speed.
 
         F_B = |n F - G| mu + n F_p                                                                  (1.9)
 
@@ -221,11 +201,6 @@ def cart_resistance(
         Weight G of the cart [N], >= 0.
     **wheels : float or ndarray
         Parameters of `guide_coefficient`, which gives mu.
-
-    Returns
-    -------
-    float or ndarray
-        Force F_B [N].
 
     Notes
     -----
@@ -248,7 +223,7 @@ def cart_resistance(
 
 
 def cart_power(resistance: Values, velocity: Values) -> Values:
-    """Compute the power that moves a cart at constant speed, without inertia.
+    """Compute the power [W] that moves a cart at constant speed, without inertia.
 
         N = F_B V                                                                                   (1.10)
 
@@ -258,11 +233,6 @@ def cart_power(resistance: Values, velocity: Values) -> Values:
         F_B of (1.9) [N].
     velocity : float or ndarray
         V [m/s].
-
-    Returns
-    -------
-    float or ndarray
-        Power N [W].
 
     Notes
     -----

@@ -27,9 +27,9 @@ from dataclasses import dataclass
 from typing import NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, HECKEL_MIN_PRESSURE, Compaction
+from compact.numerics import Array
 from compact.numerics.jit import compiled
 from compact.numerics.validation import require_finite, require_positive
 
@@ -40,8 +40,6 @@ MIN_TRIAL_DISTANCE = 1e-12  # [-], |p_tr - c| over a; closer trial states use it
 MAX_ITERATIONS = 300  # [-], of Newton's method; 4 to 6 are usual, bisection alone needs up to 200
 BATCH_POINTS = 20_000  # [-], points of one compiled call; some 20 ms, so that an interrupt is handled between calls
 MIN_POROSITY_RATIO = np.exp(-HECKEL_MIN_PRESSURE)  # [-], (1 - k)/(1 - k0) where pc leaves Heckel's curve
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +77,6 @@ def integrate_points(
 
     Parameters
     ----------
-    law : Compaction
-        Material law.
-    state : MaterialPoint
-        State of n points before the increment.
     strain : ndarray, shape (n, 3)
         Increments xx, yy, 2 xy of plane strain, tension positive [-]; logarithmic, in the rotated frame, where strains
         are finite.
@@ -98,11 +92,6 @@ def integrate_points(
     tangent : ndarray, shape (n, 3, 3), or None
         Algorithmic tangent d stress/d strain of (xx, yy, xy) [Pa]. It is unsymmetric where the cap hardens, by a share
         that decreases with the increment.
-
-    Raises
-    ------
-    RuntimeError
-        If the return mapping does not converge at a point.
     """
     require_positive(rate_factor=rate_factor)
     before = (strain, state.stress, state.density_ratio, state.max_density_ratio, state.plastic_work)
@@ -175,8 +164,6 @@ def hardening(law: CapConstants, k: float) -> tuple[float, float]:
 
     Parameters
     ----------
-    law : CapConstants
-        CapConstants of the law.
     k : float
         Density ratio [-].
 
@@ -225,8 +212,6 @@ def integrate_point(law: CapConstants, before: tuple, exx: float, eyy: float, ga
 
     Parameters
     ----------
-    law : CapConstants
-        CapConstants of the law.
     before : tuple of float
         Stress xx, yy, zz, xy [Pa], density ratio and largest density ratio [-] before the increment.
     exx, eyy, gamma : float
@@ -281,8 +266,6 @@ def return_map(law: CapConstants, p: float, q: float, k: float, densest: float) 
 
     Parameters
     ----------
-    law : CapConstants
-        CapConstants of the law.
     p, q : float
         Trial mean pressure and von Mises stress [Pa].
     k, densest : float

@@ -12,10 +12,11 @@ from typing import Protocol
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
 from compact.motion.minimum_criterion import ComplexLaw, minimiser
+from compact.numerics import Array
 from compact.numerics.validation import require_between
 
 # [-], of the duration: a shorter acceleration or deceleration phase is left out, its breakpoints coincide in rounding
@@ -27,10 +28,10 @@ class NormalisedCurve(Protocol):
     """Law s(z), 0 <= z <= 1, as a callable of phase and order of derivative."""
 
     @property
-    def x(self) -> NDArray[np.float64]:
+    def x(self) -> Array:
         """Breakpoints between the pieces, both ends included [-]."""
 
-    def __call__(self, z: ArrayLike, nu: int = 0) -> NDArray[np.float64]:
+    def __call__(self, z: ArrayLike, nu: int = 0) -> Array:
         """Return the derivative of order `nu` at phase z [-]."""
 
 
@@ -100,8 +101,6 @@ def with_constant_velocity(
         Order n of the criterion.
     start, end : mapping of int to float
         Derivatives prescribed at rest and at the constant velocity, by their order; see `minimiser`.
-    parameters : LawParameters
-        Durations of both phases.
     """
     run = minimiser(order, {0: 0} | dict(start), end)
     up, down = (share if share > SHORTEST_PHASE else 0.0 for share in (parameters.run_up, parameters.run_down))
@@ -162,11 +161,11 @@ class SineCurve:
     phases: tuple[float, ...]
 
     @property
-    def x(self) -> NDArray[np.float64]:
+    def x(self) -> Array:
         """Breakpoints between the pieces, both ends included [-]."""
         return self.polynomial.x
 
-    def __call__(self, z: ArrayLike, nu: int = 0) -> NDArray[np.float64]:
+    def __call__(self, z: ArrayLike, nu: int = 0) -> Array:
         """Return the derivative of order `nu` at phase z [-]."""
         z = np.asarray(z, float)
         piece = np.clip(np.searchsorted(self.x, z, side="right") - 1, 0, len(self.amplitudes) - 1)
@@ -233,7 +232,7 @@ class CrankCurve:
                 f"crank radius over rod length must lie in [0, 1), got {self.ratio!r}; use a rod longer than the crank"
             )
 
-    def __call__(self, z: ArrayLike, nu: int = 0) -> NDArray[np.float64]:
+    def __call__(self, z: ArrayLike, nu: int = 0) -> Array:
         """Return the derivative of order `nu` at phase z [-]."""
         psi = np.pi * np.asarray(z, float)
         infinite_rod = np.sin(psi / 2) ** 2 if nu == 0 else -np.cos(psi + nu * np.pi / 2) / 2

@@ -13,17 +13,13 @@ from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
 from compact.motion.laws import LAWS, LawParameters, NormalisedCurve
+from compact.numerics import Array
 from compact.numerics.piecewise import find_roots, graded_grid, integrate
-from compact.numerics.validation import (
-    require_finite,
-    require_known,
-    require_nonnegative,
-    require_positive,
-)
+from compact.numerics.validation import require_finite, require_known, require_nonnegative, require_positive
 
 EndCondition = Literal["reversal", "dwell"]
 END_CONDITIONS: tuple[EndCondition, ...] = get_args(EndCondition)
@@ -148,7 +144,7 @@ class MotionProfile:
     curve: NormalisedCurve
     retraces: bool = False
 
-    def derivative(self, time: ArrayLike, order: int) -> NDArray[np.float64]:
+    def derivative(self, time: ArrayLike, order: int) -> Array:
         """Return the derivative of the travel [m/s^order].
 
         Parameters
@@ -171,27 +167,27 @@ class MotionProfile:
             raise ValueError(f"`time` must lie in [0, {self.duration:g}] s, got {time.min():g} to {time.max():g}")
         return self.at_phase(np.clip(time / self.duration, 0.0, 1.0), order)
 
-    def at_phase(self, z: ArrayLike, order: int) -> NDArray[np.float64]:
+    def at_phase(self, z: ArrayLike, order: int) -> Array:
         """Return the derivative of the travel [m/s^order] at phase z = t/T in [0, 1]."""
         return self._scale(order) * self.curve(z, nu=order)
 
-    def position(self, time: ArrayLike) -> NDArray[np.float64]:
+    def position(self, time: ArrayLike) -> Array:
         """Return the travel x [m] at a time [s]."""
         return self.derivative(time, 0)
 
-    def velocity(self, time: ArrayLike) -> NDArray[np.float64]:
+    def velocity(self, time: ArrayLike) -> Array:
         """Return the velocity [m/s] at a time [s]."""
         return self.derivative(time, 1)
 
-    def acceleration(self, time: ArrayLike) -> NDArray[np.float64]:
+    def acceleration(self, time: ArrayLike) -> Array:
         """Return the acceleration [m/s^2] at a time [s]."""
         return self.derivative(time, 2)
 
-    def jerk(self, time: ArrayLike) -> NDArray[np.float64]:
+    def jerk(self, time: ArrayLike) -> Array:
         """Return the jerk [m/s^3] at a time [s]."""
         return self.derivative(time, 3)
 
-    def snap(self, time: ArrayLike) -> NDArray[np.float64]:
+    def snap(self, time: ArrayLike) -> Array:
         """Return the snap [m/s^4] at a time [s]."""
         return self.derivative(time, 4)
 
@@ -276,11 +272,11 @@ class _ReturnCurve:
     retraces: bool
 
     @property
-    def x(self) -> NDArray[np.float64]:
+    def x(self) -> Array:
         """Breakpoints [-]."""
         return 1 - self.curve.x[::-1] if self.retraces else self.curve.x
 
-    def __call__(self, z: ArrayLike, nu: int = 0) -> NDArray[np.float64]:
+    def __call__(self, z: ArrayLike, nu: int = 0) -> Array:
         if self.retraces:
             return (-1) ** nu * self.curve(1 - np.asarray(z, float), nu=nu)
         return (1.0 if nu == 0 else 0.0) - self.curve(z, nu=nu)
@@ -310,13 +306,13 @@ class Leg:
     motion: MotionProfile | None = None
     position: float = 0.0
 
-    def at_phase(self, z: ArrayLike, order: int) -> NDArray[np.float64]:
+    def at_phase(self, z: ArrayLike, order: int) -> Array:
         """Return the derivative of the travel [m/s^order] at phase z in [0, 1] of this leg."""
         if self.motion is None:
             return np.full(np.shape(z), self.position if order == 0 else 0.0)
         return self.motion.at_phase(z, order)
 
-    def breakpoints(self) -> NDArray[np.float64]:
+    def breakpoints(self) -> Array:
         """Return the phases between the pieces of this leg, both ends included [-]."""
         return np.array([0.0, 1.0]) if self.motion is None else self.motion.curve.x
 
@@ -356,15 +352,15 @@ class Cycle:
         """The period [s], under the name that a `MotionProfile` has for it."""
         return self.period
 
-    def position(self, time: ArrayLike) -> NDArray[np.float64]:
+    def position(self, time: ArrayLike) -> Array:
         """Return the travel x [m] at a time [s]."""
         return self.derivative(time, 0)
 
-    def velocity(self, time: ArrayLike) -> NDArray[np.float64]:
+    def velocity(self, time: ArrayLike) -> Array:
         """Return the velocity [m/s] at a time [s]."""
         return self.derivative(time, 1)
 
-    def acceleration(self, time: ArrayLike) -> NDArray[np.float64]:
+    def acceleration(self, time: ArrayLike) -> Array:
         """Return the acceleration [m/s^2] at a time [s]."""
         return self.derivative(time, 2)
 
@@ -380,7 +376,7 @@ class Cycle:
         ]
         return [leg for leg in legs if leg.duration > 0]
 
-    def derivative(self, time: ArrayLike, order: int) -> NDArray[np.float64]:
+    def derivative(self, time: ArrayLike, order: int) -> Array:
         """Return the derivative of the travel [m/s^order], periodic; at a discontinuity the right limit.
 
         Parameters
@@ -417,13 +413,11 @@ class Cycle:
         return tuple(jumps)
 
 
-def extremum_candidates(curve: NormalisedCurve, order: int) -> NDArray[np.float64]:
+def extremum_candidates(curve: NormalisedCurve, order: int) -> Array:
     """Return phases at which |s^(order)| can be largest: roots of the next derivative, both sides of each breakpoint.
 
     Parameters
     ----------
-    curve : NormalisedCurve
-        Law s(z).
     order : int
         Order of the derivative.
     """

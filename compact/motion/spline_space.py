@@ -25,8 +25,10 @@ from functools import cached_property
 from math import comb, factorial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
+
+from compact.numerics import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +43,7 @@ class SplineSpace:
         Order k, from 1 to 3.
     """
 
-    breaks: NDArray[np.float64]
+    breaks: Array
     smoothness: int
 
     @property
@@ -76,7 +78,7 @@ class SplineSpace:
             found.append(np.concatenate([0 * inner[:, :1], inner], axis=1) + ends[:, None])
         return found
 
-    def coefficients(self, order: int) -> NDArray[np.float64]:
+    def coefficients(self, order: int) -> Array:
         """Return the Bernstein coefficients of s^(order) of each piece, shape (pieces, degree + 1, unknowns)."""
         if order <= self.basis_order:
             return self._antiderivatives[self.basis_order - order]
@@ -85,7 +87,7 @@ class SplineSpace:
             rows = (rows.shape[1] - 1) * np.diff(rows, axis=1) / width
         return rows
 
-    def values(self, order: int, u: ArrayLike) -> NDArray[np.float64]:
+    def values(self, order: int, u: ArrayLike) -> Array:
         """Return the rows of s^(order) at local coordinates of every piece, shape (pieces * places, unknowns).
 
         Parameters
@@ -98,7 +100,7 @@ class SplineSpace:
         rows = self.coefficients(order)
         return (bernstein_basis(rows.shape[1] - 1, u) @ rows).reshape(-1, self.size)
 
-    def hull(self, order: int, halvings: int) -> NDArray[np.float64]:
+    def hull(self, order: int, halvings: int) -> Array:
         """Return the Bernstein coefficients that bound s^(order), shape (rows, unknowns).
 
         Parameters
@@ -112,11 +114,11 @@ class SplineSpace:
         rows = halve(rows, halvings if rows.shape[1] > 2 else 0).reshape(-1, self.size)
         return rows[np.sort(np.unique(rows, axis=0, return_index=True)[1])]
 
-    def end(self, z: int, order: int) -> NDArray[np.float64]:
+    def end(self, z: int, order: int) -> Array:
         """Return the row of s^(order) at z = 0 or 1, shape (unknowns,)."""
         return self.coefficients(order)[(0, 0) if z == 0 else (-1, -1)]
 
-    def curve(self, unknowns: NDArray[np.float64]) -> PPoly:
+    def curve(self, unknowns: Array) -> PPoly:
         """Return the law; its Taylor coefficients are those of each derivative, without differences of rounded values.
 
         Parameters
@@ -127,7 +129,7 @@ class SplineSpace:
         orders = range(self.smoothness + 2, -1, -1)
         return PPoly([self.coefficients(k)[:, 0] @ unknowns / factorial(k) for k in orders], self.breaks)
 
-    def rows_at(self, order: int, z: NDArray[np.float64]) -> NDArray[np.float64]:
+    def rows_at(self, order: int, z: Array) -> Array:
         """Return the rows of s^(order) at phases z, right limits at the breaks, shape (phases, unknowns).
 
         Parameters
@@ -141,7 +143,7 @@ class SplineSpace:
         rows, u = self.coefficients(order)[piece], (z - self.breaks[piece]) / np.diff(self.breaks)[piece]
         return np.einsum("pi,pij->pj", bernstein_basis(rows.shape[1] - 1, u), rows)
 
-    def interpolate(self, curve: Callable[..., NDArray[np.float64]]) -> NDArray[np.float64]:
+    def interpolate(self, curve: Callable[..., Array]) -> Array:
         """Return the unknowns of a law that lies in this space, such as a law of the space before halving its pieces.
 
         Parameters
@@ -158,13 +160,13 @@ class SplineSpace:
         return np.append(found[:2].T.ravel(), found[2, -1])
 
 
-def bernstein_basis(degree: int, u: ArrayLike) -> NDArray[np.float64]:
+def bernstein_basis(degree: int, u: ArrayLike) -> Array:
     """Return the Bernstein polynomials of a degree at coordinates u from 0 to 1 [-], shape (places, degree + 1)."""
     u, i = np.asarray(u, float)[:, None], np.arange(degree + 1)
     return np.array([comb(degree, k) for k in i]) * u**i * (1 - u) ** (degree - i)
 
 
-def halve(rows: NDArray[np.float64], times: int) -> NDArray[np.float64]:
+def halve(rows: Array, times: int) -> Array:
     """Return Bernstein coefficients of halved pieces (de Casteljau).
 
     Parameters
@@ -181,8 +183,8 @@ def halve(rows: NDArray[np.float64], times: int) -> NDArray[np.float64]:
     return rows
 
 
-def graded_breaks(start: float, end: float, count: int, smoothness: int) -> NDArray[np.float64]:
-    """Return breaks graded towards both ends, where the jerk of an optimal law is largest; halved pieces are nested.
+def graded_breaks(start: float, end: float, count: int, smoothness: int) -> Array:
+    """Return count + 1 breaks [-] graded towards both ends, where the jerk is largest; halved pieces are nested.
 
         z = u^3 (10 - 15 u + 6 u^2)   for k = 1, whose acceleration may jump: the first piece is 10/count^3 of the whole
         z = u^2 (3 - 2 u)             for k = 2 and 3,   u = i/count
@@ -195,11 +197,6 @@ def graded_breaks(start: float, end: float, count: int, smoothness: int) -> NDAr
         Number of pieces.
     smoothness : int
         Order k of the space.
-
-    Returns
-    -------
-    ndarray, shape (count + 1,)
-        Phases [-].
     """
     u = np.linspace(0, 1, count + 1)
     z = u**3 * (10 + u * (6 * u - 15)) if smoothness == 1 else u**2 * (3 - 2 * u)

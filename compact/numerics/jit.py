@@ -23,11 +23,6 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     ----------
     function : callable
         Function of numbers and arrays. Division by zero gives inf or nan as in numpy.
-
-    Returns
-    -------
-    callable
-        The compiled dispatcher.
     """
     dispatcher = njit(error_model="numpy", cache=True)(function)
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)  # absent where numba does not cache

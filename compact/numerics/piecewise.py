@@ -19,9 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial, chebyshev
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from compact.numerics import Array
+
 Function = Callable[[Array], Array]
 
 BREAK_OFFSET = 4 * np.finfo(float).eps  # [-], distance from a break over the unit interval; resolved in 1 - z too
@@ -56,11 +57,6 @@ def graded_grid(breaks: Array, cells: int = 24) -> Array:
         Breaks, ascending.
     cells : int
         Uniform cells of a piece.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Grid with all breaks, ascending.
     """
     graded = 2.0 ** -np.arange(HALVINGS, 3, -1)
     unit = np.concatenate([[0.0], graded, np.linspace(graded[-1], 1 - graded[-1], cells)[1:-1], 1 - graded[::-1]])
@@ -110,7 +106,7 @@ def find_maximum(function: Function, grid: Array) -> tuple[float, float]:
 
 
 def find_roots(function: Function, breaks: Array) -> Array:
-    """Find the roots at which a function changes its sign.
+    """Find the roots at which a function changes its sign, ascending and bisected to rounding.
 
     Parameters
     ----------
@@ -118,11 +114,6 @@ def find_roots(function: Function, breaks: Array) -> Array:
         Function of abscissae.
     breaks : ndarray, shape (pieces + 1,)
         Breaks, ascending.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Roots, ascending, bracketed on the graded grid and bisected to rounding.
     """
     grid = graded_grid(breaks)
     values = function(grid)
@@ -136,7 +127,7 @@ def find_roots(function: Function, breaks: Array) -> Array:
 
 
 def integrate(function: Function, breaks: ArrayLike) -> float:
-    """Integrate a function over its pieces by Gauss quadrature on the graded grid.
+    """Integrate a function over its pieces by Gauss quadrature on the graded grid; exact up to degree 23.
 
     Parameters
     ----------
@@ -144,11 +135,6 @@ def integrate(function: Function, breaks: ArrayLike) -> float:
         Function of abscissae.
     breaks : array_like, shape (pieces + 1,)
         Breaks, ascending.
-
-    Returns
-    -------
-    float
-        Integral; exact for polynomials up to degree 23.
     """
     nodes, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     grid = graded_grid(np.asarray(breaks, float))
@@ -209,11 +195,6 @@ def horner(coefficients: Array, u: Array) -> Array:
         Coefficients, lowest first.
     u : ndarray, shape (...)
         Argument of each polynomial.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        Values.
     """
     value = np.zeros(np.shape(u))
     for j in range(coefficients.shape[-1] - 1, -1, -1):
@@ -232,11 +213,6 @@ def fit_piecewise(function: Function, breaks: ArrayLike, tolerance: float) -> Pi
         Abscissae at which the function may have a jump or a kink, ascending, both ends included.
     tolerance : float
         Largest error, in the unit of the function.
-
-    Returns
-    -------
-    PiecewisePolynomial
-        Approximation of degree `DEGREE`.
 
     Raises
     ------
@@ -271,15 +247,8 @@ def antiderivative(derivative: PiecewisePolynomial, start: Array) -> PiecewisePo
 
     Parameters
     ----------
-    derivative : PiecewisePolynomial
-        Integrand.
     start : ndarray, shape (pieces,)
         Value at the start of each piece; prescribed, so that rounding does not accumulate.
-
-    Returns
-    -------
-    PiecewisePolynomial
-        Integral, one degree higher.
     """
     width = np.diff(derivative.breaks)[:, None]
     powers = np.arange(1, derivative.coefficients.shape[1] + 1)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import astuple
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +13,6 @@ from compact.files import write_columns, write_csv
 from compact.machine.roller_motors import roller_rotation
 from compact.motion.profile import Cycle, EndCondition
 from compact.report import drive_tables
-
-if TYPE_CHECKING:
-    from compact.report.page.blocks import Block
 
 CAM_POINTS = 721  # [-], rows of the table of a cam, each half degree
 FORMULA_HEADER = ("quantity", "value", "unit", "low", "high", "known_by")
@@ -84,8 +81,7 @@ def write_cams(study: Study, directory: Path) -> Iterator[Path]:
     """Write cams.csv, the profiles of all cams, and the rotation of the rollers with the needs of their motors."""
     rows = []
     for (law, follower), cam in study.cams.items():
-        study.count("cams measured")
-        least = cam.least_breadth()
+        least = study.least_breadths[law, follower]
         rows.append((
             law, follower, cam.breadth, least.breadth, least.rule, cam.undercut, cam.least_radius_of_curvature,
             cam.largest_pressure_angle, cam.largest_contact_offset, cam.breadth_error,
@@ -118,40 +114,3 @@ def write_crank(study: Study, directory: Path) -> Iterator[Path]:
     columns = [column for cart in turn.carts for column in (cart.rod_force, cart.torque, cart.power)]
     columns = [turn.angle, turn.torque, turn.power, *columns]
     yield write_columns(directory / "crank-turn.csv", ("angle_rad", "torque_Nm", "power_W", *names), columns)
-
-
-def first_cam_blocks(study: Study) -> "list[Block]":
-    """Draw the cam of the first law, and animate it with the cart.
-
-    Parameters
-    ----------
-    study : Study
-        Study whose scene has a table [cam].
-
-    Returns
-    -------
-    list of Block
-        Two pictures; a paragraph with the reason where the cam cannot be cut.
-    """
-    from html import escape
-
-    from compact.cams.animation import animated_svg
-    from compact.cams.machining import cut
-    from compact.cams.workshop_drawing import describe, workshop_drawing
-    from compact.report.page.blocks import Paragraph, Picture
-
-    law = study.drive_stage.best_law
-    machine, table = study.scene.machine, study.scene.cam
-    try:
-        outline = cut(study.cams[law, "roller"])
-        drawing = workshop_drawing(outline, table.bore if table else None).svg(describe(outline))
-    except ValueError as error:
-        return [Paragraph(f"The cam of {law}, the first law, cannot be cut: {error}.")]
-    caption = f"{law}, true to scale in the file; `compact cam` writes it as CSV, SVG and DXF."
-    words = f"The cam of {law} turns, and its followers move the cart through a cycle"
-    animation = animated_svg(outline.cam, machine.roller_radius, machine.roller_positions, escape(words))
-    svg = "image/svg+xml"
-    return [
-        Picture(drawing.encode(), describe(outline), caption, svg),
-        Picture(animation.encode(), words, "One turn is a whole cycle.", svg, "Show the cam and the cart in motion"),
-    ]

@@ -3,7 +3,6 @@
 import re
 from collections import Counter
 from collections.abc import Iterable
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,30 +10,35 @@ import numpy as np
 
 from compact.files import write_csv, write_figure
 from compact.quantities import SWEEP_POINT, unit_symbol
-from compact.sweep.sobol_indices import Indices, of_table
+from compact.sweep.sobol_indices import SobolTable
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
 SHOWN_SENTENCES = 6  # [-], number of different sentences in the digest
 DIGEST_QUANTITIES = ("load", "resistance", "resistance_coefficient", "power", "capture_angle", "exit_density_ratio")
-SOBOL_QUANTITIES = ("load", "resistance", "resistance_coefficient", "capture_angle")
 SOBOL_HEADER = ("quantity", "input", "first", "first_low", "first_high", "total", "total_low", "total_high", "rows")
 SOBOL_FIELDS = SOBOL_HEADER[2:-1]
 DIGITS = re.compile(r"\d[\d.e+-]*")
 
 
-def write_sweep_report(directory: Path, table: "Dataset") -> None:
-    """Write the figures and Sobol indices that the axes and numbers of a sweep admit."""
+def write_sweep_report(directory: Path, table: "Dataset", sobol: SobolTable) -> None:
+    """Write the figures and Sobol indices that the axes and numbers of a sweep admit.
+
+    Parameters
+    ----------
+    sobol : dict
+        Names of the inputs, and Sobol indices, by quantity.
+    """
     from compact.report.figures import sweep as sweep_figures
 
-    if indices := _sobol_indices(table):
+    if sobol:
         write_csv(directory / "sobol.csv", SOBOL_HEADER, [
             (quantity, name, *values, found.rows)
-            for quantity, (names, found) in indices.items()
+            for quantity, (names, found) in sobol.items()
             for name, *values in zip(names, *(getattr(found, field).tolist() for field in SOBOL_FIELDS), strict=True)
         ])  # fmt: skip
-        write_figure(directory / "sobol.png", sweep_figures.draw_sobol_indices(indices))
+        write_figure(directory / "sobol.png", sweep_figures.draw_sobol_indices(sobol))
     if not sweep_figures.varying_quantities(table):
         return
     axes = sweep_figures.numeric_axes(table)
@@ -46,8 +50,14 @@ def write_sweep_report(directory: Path, table: "Dataset") -> None:
         write_figure(directory / "best_laws.png", sweep_figures.draw_best_laws(table))
 
 
-def sweep_digest(table: "Dataset") -> str:
-    """Summarise a sweep: ranges of the quantities, failures, warnings and Sobol indices."""
+def sweep_digest(table: "Dataset", sobol: SobolTable) -> str:
+    """Summarise a sweep: ranges of the quantities, failures, warnings and Sobol indices.
+
+    Parameters
+    ----------
+    sobol : dict
+        Names of the inputs, and Sobol indices, by quantity.
+    """
     failed = (table["reason"] != "").values
     lines = [f"{failed.size} points by {table.attrs['engine']}, {failed.sum()} without numbers"]
     for name in DIGEST_QUANTITIES:
@@ -62,21 +72,11 @@ def sweep_digest(table: "Dataset") -> str:
         lines.append(f"  not reachable by rolling: {beyond} points, reasons in not_reachable")
     for name, words in (("reason", "without numbers"), ("warnings", "warned"), ("replaced", "replaced")):
         lines += [f"  {words}: {sentence}" for sentence in _count_sentences(table[name].values.ravel())]
-    for quantity, (names, found) in _sobol_indices(table).items():
+    for quantity, (names, found) in sobol.items():
         shares = zip(names, found.first, found.first_low, found.first_high, strict=True)
         text = ", ".join(f"{name} {share:.2f} ({low:.2f} to {high:.2f})" for name, share, low, high in shares)
         lines.append(f"  variance of {quantity}, first order: {text}")
     return "\n".join(lines)
-
-
-def _sobol_indices(table: "Dataset") -> dict[str, tuple[tuple[str, ...], Indices]]:
-    """Return inputs and Sobol indices by quantity; they require a sample without other axes."""
-    found = {}
-    if table["load"].dims == ("sample",) and set(table["part"].values) != {"A"}:
-        for name in SOBOL_QUANTITIES:
-            with suppress(ValueError):  # too few rows without a failure
-                found[name] = of_table(table, name)
-    return found
 
 
 def _count_sentences(sentences: Iterable[str]) -> list[str]:

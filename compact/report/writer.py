@@ -11,7 +11,6 @@ from compact.analysis.worker_pool import Executor, SerialExecutor
 from compact.files import claimed_directory, render_png, write_bytes, write_json
 from compact.report import contact_tables, drive_tables, machine_tables, ranking_tables
 from compact.report.summary import study_summary, versions
-from compact.verification.balance_checks import balance_checks
 
 
 def write_study(
@@ -83,8 +82,7 @@ def _write_tables(study: Study, directory: Path) -> Iterator[Path]:
 
 
 def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) -> Iterator[Path]:
-    """Compute the remaining results of the page and write it."""
-    from compact.report.page.writer import PageResults, write_page
+    from compact.report.page.writer import write_page
 
     study.count("report")
     items = study.scene.output.items
@@ -93,13 +91,7 @@ def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) 
     if "fields" in items:
         found["fields"] = (directory / "fields.png").read_bytes()
     yield pressure
-    results = PageResults(
-        pictures=found,
-        checks=balance_checks(study),
-        first_cam=machine_tables.first_cam_blocks(study) if "cams" in items else None,
-        versions=versions(),
-    )
-    yield write_page(directory / "report.html", study, results)
+    yield write_page(directory / "report.html", study, found, versions())
 
 
 def _draw(study: Study) -> dict[str, bytes]:

@@ -198,7 +198,7 @@ def _profiles_of_b() -> dict[str, float]:
     printed = Cam(cycle, breadth=2 * STROKE, follower=Pointed())
     return {
         "b_breadth": _breadth(cam),
-        "b41_start": cam.radius(np.pi) - 1.0,
+        "b41_start": float(cam.radius(np.pi)) - 1.0,
         "b_printed_breadth": _breadth(printed),
         "b_kinks": len(printed.corner_angles),
         "b_kink": _velocity_step(cycle) * DURATION / np.pi / STROKE,

@@ -10,7 +10,7 @@ from compact.analysis import machine_models
 from compact.analysis.contact_cases import scene_mix
 from compact.analysis.stages.contacts import ContactStage, Count
 from compact.analysis.stages.resistance import ResistanceStage
-from compact.cams.profile import Cam, FlatFace, Follower, Pointed, RollerFollower
+from compact.cams.profile import Cam, FlatFace, Follower, LeastBreadth, Pointed, RollerFollower
 from compact.machine.cart import MotionResistance
 from compact.motion.limits import CamLimits, InfeasibleError, Limits
 from compact.motion.optimal_motion import OptimalMotion, optimal_law_name, optimise
@@ -205,6 +205,15 @@ class LawStage:
     def cams(self) -> dict[tuple[str, str], Cam]:
         """Cams of constant breadth by law and follower."""
         return {(name, follower): self.cam(name, follower) for name in self.cycles for follower in FOLLOWERS}
+
+    @cached_property
+    def least_breadths(self) -> dict[tuple[str, str], LeastBreadth]:
+        """Least breadths of the cams by law and follower."""
+        found = {}
+        for key, cam in self.cams.items():
+            self.count("cams measured")
+            found[key] = cam.least_breadth()
+        return found
 
     def cam(self, name: str, follower: str) -> Cam:
         """Return the cam of constant breadth of one law.

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from compact.engines.column.column_ode import COLUMN_STATE, STRESS, GapShape, PathControl
 from compact.engines.column.column_pass import (
@@ -36,6 +36,7 @@ from compact.engines.column.indentation_search import (
     solve_target,
 )
 from compact.material.laws import Compaction
+from compact.numerics import Array
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 from compact.rolling_contact import (
     BaseCondition,
@@ -121,10 +122,10 @@ class OedometerResult:
         Density ratio k [-].
     """
 
-    pressure: NDArray[np.float64]
-    strain: NDArray[np.float64]
-    lateral_stress: NDArray[np.float64]
-    density_ratio: NDArray[np.float64]
+    pressure: Array
+    strain: Array
+    lateral_stress: Array
+    density_ratio: Array
 
 
 def roll(layer: Layer, roller: Roller, material: Compaction, speed: float, **options: Any) -> ColumnContactResult:
@@ -195,10 +196,6 @@ def roll_over(
     rtol : float
         Error of a step over the size of the whole pass [-].
 
-    Returns
-    -------
-    ColumnContactResult
-
     Raises
     ------
     ValueError
@@ -232,8 +229,6 @@ def required_feed(
         Height of the product [m].
     exit_density_ratio : float
         Density ratio of the product [-].
-    material : Compaction
-        Material law.
     speed : float
         Speed of the roller [m/s].
     rtol : float
@@ -265,18 +260,12 @@ def simulate_oedometer(
 
     Parameters
     ----------
-    material : Compaction
-        Material law.
     pressure : array_like
         Vertical stresses s_v [Pa], shape (n,).
     rate_factor : float
         Ratio of pc to its value at the reference speed [-].
     rtol : float
         Error of a step over the size of the whole test [-].
-
-    Returns
-    -------
-    OedometerResult
 
     Raises
     ------
@@ -362,13 +351,7 @@ def _build_result(
 
 
 def require_single_bonded_layer(layer: Layer) -> None:
-    """Raise ValueError unless a layer is bonded and of one mix.
-
-    Parameters
-    ----------
-    layer : Layer
-        Layer of a scene.
-    """
+    """Raise ValueError unless a layer is bonded and of one mix."""
     require_known("base", layer.base, get_args(BaseCondition))
     if layer.base == "slip":
         raise ValueError(
@@ -386,10 +369,6 @@ def require_column_range(roller: Roller, material: Compaction, speed: float) -> 
 
     Parameters
     ----------
-    roller : Roller
-        Roller without traction on the mix.
-    material : Compaction
-        Material law.
     speed : float
         Speed [m/s], finite and not 0.
     """

@@ -107,11 +107,6 @@ class IndentationSearch:
             None if the residual is negative at the largest indentation.
         evaluations : int
             Evaluations of the rates in all other passes.
-
-        Raises
-        ------
-        RuntimeError
-            If the search does not converge.
         """
         bracket, x, evaluations = self._bracket([]), math.log(initial_guess), 0
         rtol, tolerance = max(self.coarse_rtol, self.rtol), self.first_tolerance * self.rtol
@@ -145,27 +140,12 @@ class IndentationSearch:
 
 
 def solve_target(layer: ColumnLayer, roller: Roller, rtol: float) -> tuple[PassResult, int]:
-    """Compute the pass with the indentation, load or peak pressure that the roller prescribes.
+    """Compute the pass with the indentation, load or peak pressure that the roller prescribes, and count evaluations.
 
     Parameters
     ----------
-    layer : ColumnLayer
-        Columns before the pass.
-    roller : Roller
-        Roller with its target.
     rtol : float
         Relative error of a step [-].
-
-    Returns
-    -------
-    result : PassResult
-    evaluations : int
-        Evaluations of the rates in the search.
-
-    Raises
-    ------
-    ValueError
-        If the target is out of reach.
     """
     name, value = roller.target
     if name == "load":
@@ -223,27 +203,14 @@ def _solve_load(layer: ColumnLayer, load: float, rtol: float) -> tuple[PassResul
 
 
 def solve_exit_density(layer: ColumnLayer, density_ratio: float, rtol: float) -> tuple[PassResult, int]:
-    """Compute the pass after whose rebound the columns have a mean density ratio.
+    """Compute the pass after whose rebound the columns have a mean density ratio, and count evaluations.
 
     Parameters
     ----------
-    layer : ColumnLayer
-        Columns before the pass.
     density_ratio : float
         Mean density ratio after the rebound [-].
     rtol : float
         Relative error of a step [-].
-
-    Returns
-    -------
-    result : PassResult
-    evaluations : int
-        Evaluations of the rates in the search.
-
-    Raises
-    ------
-    ValueError
-        If the density ratio is out of reach.
     """
 
     def residual(result: PassResult) -> float:
@@ -258,27 +225,14 @@ def solve_exit_density(layer: ColumnLayer, density_ratio: float, rtol: float) ->
 
 
 def solve_plate_density(layer: ColumnLayer, density_ratio: float, rtol: float) -> tuple[PassResult, int]:
-    """Compute the stroke of a plate after whose rebound the columns have a mean density ratio.
+    """Compute the stroke of a plate after whose rebound the columns have a mean density ratio, and count evaluations.
 
     Parameters
     ----------
-    layer : ColumnLayer
-        Columns before the pass; their gap is replaced by a plate.
     density_ratio : float
         Mean density ratio after the rebound [-].
     rtol : float
         Relative error of a step [-].
-
-    Returns
-    -------
-    result : PassResult
-    evaluations : int
-        Evaluations of the rates in the search.
-
-    Raises
-    ------
-    ValueError
-        If the density ratio is out of reach.
 
     Notes
     -----

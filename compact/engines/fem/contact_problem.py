@@ -25,11 +25,12 @@ from compact.engines.fem.contact_patch import (
 )
 from compact.engines.fem.convected_memory import steady_creep_operator
 from compact.engines.fem.stick_slip import FrictionCondition, ShearSolution, solve_stick_slip
-from compact.engines.fem.surface import FloatArray, SurfaceCompliance
+from compact.engines.fem.surface import SurfaceCompliance
 from compact.engines.fem.surface_compliance import stretch_derivative, surface_compliance
 from compact.engines.halfplane import pressure_exponent
 from compact.material.laws import Elastic
 from compact.mesh import RowMesh
+from compact.numerics import Array
 from compact.rolling_contact import Layer, Roller
 
 WINDOW = 1.3  # [-], half-width of the loaded zone over that of the estimated contact
@@ -125,7 +126,7 @@ class ContactSolution:
     shear: ShearSolution | None = None
 
     @property
-    def resultant(self) -> FloatArray:
+    def resultant(self) -> Array:
         """Force (x, y) on the mix [m], shape (2,)."""
         patch = self.patch
         along = patch.direction[0] - self.indenter.slope(patch.x) * patch.direction[1]
@@ -133,7 +134,7 @@ class ContactSolution:
         return force if self.shear is None else force + self.shear.resultant
 
     @property
-    def forces(self) -> FloatArray:
+    def forces(self) -> Array:
         """Forces on all surface nodes [m], shape (2, n)."""
         forces = np.zeros((2, len(self.surface.x)))
         forces[:, self.surface.loaded] = self.patch.forces
@@ -182,19 +183,8 @@ def solve_contact(
 
     Parameters
     ----------
-    problem : RollingProblem
-        Layer, roller, material and speed.
-    discretisation : Discretisation
-        Mesh and pressure terms.
     tolerance : float
         Relative tolerance of a prescribed load or peak pressure [-].
-
-    Raises
-    ------
-    UnresolvedError
-        If the contact does not converge.
-    RuntimeError
-        If the roller skids or the contact is wider than the roller.
     """
     mesh = discretisation.mesh
     return expand_window(
@@ -208,8 +198,6 @@ def expand_window(discretisation: Discretisation, solve: Callable[[float], Found
 
     Parameters
     ----------
-    discretisation : Discretisation
-        Half-width of the estimated contact.
     solve : callable
         Raises `BeyondWindowError` where the zone is too small.
 
@@ -232,10 +220,6 @@ def steady_surface(problem: RollingProblem, mesh: RowMesh, window: float) -> Sur
 
     Parameters
     ----------
-    problem : RollingProblem
-        Layer, material and speed.
-    mesh : RowMesh
-        Mesh of the layer.
     window : float
         Half-width of the loaded zone about the centre of the mesh [m].
     """
@@ -271,23 +255,8 @@ def solve_at_target(
 
     Parameters
     ----------
-    problem : RollingProblem
-        Layer, roller, material and speed.
-    surface : SurfaceCompliance
-        Compliance of the layer at the speed.
-    discretisation : Discretisation
-        Pressure terms and initial guess of the indentation.
     tolerance : float
         Relative tolerance of a prescribed load or peak pressure [-]; `STICK_SECANT_TOLERANCE` at least with stick.
-    initial_guess : ContactSolution, optional
-        Contact of a similar problem.
-
-    Raises
-    ------
-    BeyondWindowError
-        If the contact leaves the loaded zone.
-    UnresolvedError
-        If the contact or the secant method does not converge.
     """
     if problem.roller.indentation is not None:
         return solve_at_indentation(problem, surface, problem.roller.indentation, discretisation, initial_guess)
@@ -329,11 +298,6 @@ def solve_at_indentation(
         As of `solve_at_target`.
     indentation : float
         Indentation [m].
-
-    Raises
-    ------
-    UnresolvedError
-        If the contact does not converge.
     """
     indenter, terms = problem.indenter(indentation), discretisation.terms
     patch, shear = (None, None) if initial_guess is None else (initial_guess.patch, initial_guess.shear)

@@ -48,17 +48,8 @@ def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolera
 
     Parameters
     ----------
-    problem : RollingProblem
-        Layer, roller, material and speed.
-    mesh : RowMesh or None
-        Mesh of the layer; chosen by the tolerance unless given.
     tolerance : float
         Relative tolerance of load and resistance [-].
-
-    Raises
-    ------
-    RuntimeError
-        If the contact is too narrow for a mesh.
     """
     half_width = expected_half_width(problem.layer, problem.roller, problem.material, problem.speed)
     fitted = _fitted(problem, half_width, mesh, tolerance)
@@ -79,8 +70,6 @@ def fitted_discretisation(problem: RollingProblem, tolerance: float) -> Discreti
 
     Parameters
     ----------
-    problem : RollingProblem
-        Layer, roller, material and speed.
     tolerance : float
         Relative tolerance of load and resistance [-].
     """
@@ -95,8 +84,6 @@ def refined_discretisation(
 
     Parameters
     ----------
-    problem : RollingProblem
-        Layer, roller, material and speed.
     level : int
         Level of refinement, 1 to `MAX_LEVEL`.
     tolerance : float
@@ -128,13 +115,7 @@ def refined_discretisation(
 
 
 def spectral_estimate(problem: RollingProblem) -> SpectralContactResult | None:
-    """Contact by the engine "spectral" without stick and with a vertical gap; None where that engine has none.
-
-    Parameters
-    ----------
-    problem : RollingProblem
-        Layer, roller, material and speed.
-    """
+    """Contact by the engine "spectral" without stick and with a vertical gap; None where that engine has none."""
     roller = problem.roller
     if not problem.traction_ratio:
         roller = replace(roller, rolling="frictionless")

@@ -47,10 +47,11 @@ from compact.engines.fem.discretisation import initial_discretisation
 from compact.engines.fem.engine import require_linear_range
 from compact.engines.fem.fields import transient_frames
 from compact.engines.fem.stick_slip import FrictionCondition, solve_stick_slip
-from compact.engines.fem.surface import FloatArray, SurfaceCompliance, shape_matrix
+from compact.engines.fem.surface import SurfaceCompliance, shape_matrix
 from compact.engines.stroke_schedule import smooth_intervals
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
+from compact.numerics import Array
 from compact.numerics.validation import require_finite, require_positive
 from compact.rolling_contact import Layer, PrescribedMotion, Roller, TransientResult, require_torque_allowed
 
@@ -108,11 +109,6 @@ def simulate_transient(  # noqa: PLR0913 - the four physical inputs, and keyword
         Error of the resistance by the time steps, relative to int p |x| dx/R [-].
     estimate : bool
         Estimate the error by the time steps from steps twice as long, for half the work again.
-
-    Returns
-    -------
-    TransientResult
-        Load, resistance and edges over time, and frames.
 
     Raises
     ------
@@ -201,7 +197,7 @@ class TransientProblem:
         """Shortest retardation time; the duration of the motion for an elastic layer [s]."""
         return min(self.creep.times, default=self.motion.duration)
 
-    def friction(self, velocity: float, interval: float, previous: FloatArray) -> FrictionCondition | None:
+    def friction(self, velocity: float, interval: float, previous: Array) -> FrictionCondition | None:
         """Friction condition of a roller that turns, for its velocity [m/s] and a step [s]; None of any other.
 
         `previous` is the displacement before the step at the surface nodes of the step [m], shape (2, n).
@@ -212,7 +208,7 @@ class TransientProblem:
         force = self.problem.tangential_force(direction)
         return FrictionCondition(self.problem.roller.friction, force, direction, velocity, 1 / interval, previous)
 
-    def positions(self, begin: float, end: float) -> FloatArray:
+    def positions(self, begin: float, end: float) -> Array:
         """Positions [m] at even instants between two times [s], close enough for the contact, shape (n + 1,)."""
         rough = self.motion.position(np.linspace(begin, end, 2 * POINTS_PER_WIDTH + 1))
         count = max(MIN_INSTANTS, int(np.ceil(np.abs(np.diff(rough)).sum() * POINTS_PER_WIDTH / self.half_width)))
@@ -242,18 +238,18 @@ class TransientState:
     time: float
     position: float
     contact: ContactSolution
-    displacement: FloatArray
-    places: FloatArray
-    internal: FloatArray
+    displacement: Array
+    places: Array
+    internal: Array
     angle: float = 0.0
 
     @property
-    def forces(self) -> FloatArray:
+    def forces(self) -> Array:
         """Forces on the surface nodes over the relaxed modulus [m], shape (2, n)."""
         return self.contact.forces
 
     @property
-    def moments(self) -> FloatArray:
+    def moments(self) -> Array:
         """Forces on the nodes times |x|/R [m], shape (2, n)."""
         return self.contact.forces * np.abs(self.contact.surface.x) / self.contact.indenter.radius
 
@@ -290,7 +286,7 @@ def _initial_velocity(motion: PrescribedMotion) -> float:
     return float(motion.velocity(np.zeros(1))[0])
 
 
-def _layer_points(transient: TransientProblem) -> FloatArray:
+def _layer_points(transient: TransientProblem) -> Array:
     """Points of the layer [m], dense where the roller passes and as far as the mesh extends, shape (m,)."""
     x, size = transient.surface.x, transient.half_width / POINTS_PER_WIDTH
     passed = transient.positions(0.0, transient.motion.duration)
@@ -335,7 +331,7 @@ def _reversed_state(transient: TransientProblem, now: TransientState) -> Transie
     return replace(now, contact=contact, displacement=w, angle=angle)
 
 
-def _surface_displacement(transient: TransientProblem, now: TransientState) -> FloatArray:
+def _surface_displacement(transient: TransientProblem, now: TransientState) -> Array:
     """Displacement u of the surface nodes [m], shape (2, n)."""
     creep, x = transient.creep, transient.surface.x
     retarded = retarded_displacement(creep.shares, now.places, now.internal, x + now.position)
@@ -349,8 +345,8 @@ def _slip_velocity(transient: TransientProblem, contact: ContactSolution) -> flo
 
 def _solve_step(
     transient: TransientProblem,
-    operator: FloatArray,
-    known: FloatArray,
+    operator: Array,
+    known: Array,
     initial_guess: ContactSolution,
     friction: FrictionCondition | None,
 ) -> ContactSolution:

@@ -56,25 +56,12 @@ def estimate_contact(layer: Layer, material: Elastic, radius: float, target: str
 
     Parameters
     ----------
-    layer : Layer
-        Geometry and plies.
-    material : Elastic
-        Mix with its relaxed modulus.
     radius : float
         Roller radius [m].
     target : str
         "indentation", "load" or "peak_pressure".
     value : float
         Its value [m], [N/m] or [Pa].
-
-    Returns
-    -------
-    ElasticEstimate
-
-    Raises
-    ------
-    RuntimeError
-        If the half-width is not found.
     """
     log_a = np.log(initial_half_width(layer, material, radius, target, value))
     power, step, residual = 2.0, 0.0, 0.0
@@ -97,18 +84,10 @@ def contact_of_half_width(layer: Layer, material: Elastic, radius: float, half_w
 
     Parameters
     ----------
-    layer : Layer
-        Geometry and plies.
-    material : Elastic
-        Mix with its relaxed modulus.
     radius : float
         Roller radius [m].
     half_width : float
         Half-width a [m].
-
-    Returns
-    -------
-    ElasticEstimate
     """
     a, modulus = half_width, surface_modulus(layer, material)
     response = LayerResponse(layer, material.poisson, 0.0, creep_compliance((), 1.0, layer.height))
@@ -131,12 +110,6 @@ def expected_half_width(layer: Layer, roller: Roller, material: Elastic, speed: 
 
     Parameters
     ----------
-    layer : Layer
-        Geometry and plies.
-    roller : Roller
-        Roller with its target.
-    material : Elastic
-        Elastic or viscoelastic mix.
     speed : float
         Speed [m/s].
 
@@ -173,22 +146,12 @@ def quantise_half_width(half_width: float, widest: float) -> float:
 
 
 def initial_half_width(layer: Layer, material: Elastic, radius: float, target: str, value: float) -> float:
-    """Return a first guess of the half-width, by Hertz or as sqrt(R delta), at most two top plies.
+    """Return a first guess of the half-width [m], by Hertz or as sqrt(R delta), at most two top plies.
 
     Parameters
     ----------
     layer, material, radius, target, value
         See `estimate_contact`.
-
-    Returns
-    -------
-    float
-        Half-width [m].
-
-    Raises
-    ------
-    RuntimeError
-        If there is no contact.
     """
     modulus = surface_modulus(layer, material)
     half_width = {

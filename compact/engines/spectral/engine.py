@@ -256,12 +256,6 @@ def require_spectral_range(layer: Layer, roller: Roller, material: Elastic, spee
 
     Parameters
     ----------
-    layer : Layer
-        Bonded or on a frictionless base.
-    roller : Roller
-        Roller without stick, with a vertical gap.
-    material : Elastic or Viscoelastic
-        Linear mix.
     speed : float
         Speed [m/s], finite and not 0.
     """

@@ -17,18 +17,18 @@ from functools import lru_cache
 from itertools import accumulate
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import digamma
 
 from compact.engines.spectral.jacobi_basis import JacobiBasis, build_jacobi_basis
 from compact.engines.spectral.layer_compliance import DECAY_DEPTH, LayerResponse, wave_grid
+from compact.numerics import Array
 
 HALF_WIDTH_MAX = 100.0  # [-], over the top ply; its grid of waves needs 0.1 GB, which grows with the square
 MILLER_MODES = 30  # [-], least number of modes above the last at which the downward recurrence of ratios starts
 BETA_SATURATED = 50.0  # [-], beta from which one edge of the contact does not influence the other: exp(-2 beta) = 0
 
 
-def creep_branch_matrices(beta: NDArray[np.float64], trailing_exponent: float, modes: int) -> NDArray[np.float64]:
+def creep_branch_matrices(beta: Array, trailing_exponent: float, modes: int) -> Array:
     """Compute the Galerkin matrices of creep branches 1/(1 - (1/beta) d/dx) applied to S0.
 
         sin(pi alpha) <T_m, branch S0 Q_{k-1}> = delta_mk - k Z_mk       for m >= k
@@ -138,8 +138,8 @@ class GalerkinSystem:
 
     basis: JacobiBasis
     half_width: float
-    matrix: NDArray[np.float64]
-    depths: NDArray[np.float64]
+    matrix: Array
+    depths: Array
 
 
 def assemble_system(response: LayerResponse, modes: int, half_width: float) -> GalerkinSystem:
@@ -147,21 +147,10 @@ def assemble_system(response: LayerResponse, modes: int, half_width: float) -> G
 
     Parameters
     ----------
-    response : LayerResponse
-        Layer under the moving contact.
     modes : int
         Number of pressure polynomials.
     half_width : float
         Half-width of the contact [m].
-
-    Returns
-    -------
-    GalerkinSystem
-
-    Raises
-    ------
-    RuntimeError
-        If the top ply is too thin for the contact.
     """
     if half_width > HALF_WIDTH_MAX * response.top_thickness:
         raise RuntimeError(
@@ -218,15 +207,11 @@ def _layer_part(response, basis, a):
     return tests.real @ waves.real.T - tests.imag @ waves.imag.T, depths
 
 
-def power_spectrum(
-    basis: JacobiBasis, coefficients: NDArray[np.float64], limit: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def power_spectrum(basis: JacobiBasis, coefficients: Array, limit: float) -> tuple[Array, Array, Array]:
     """Compute the squared Fourier transform of a pressure.
 
     Parameters
     ----------
-    basis : JacobiBasis
-        Basis of the edge exponents.
     coefficients : ndarray
         Coefficients b_k of the pressure [-], shape (modes,).
     limit : float

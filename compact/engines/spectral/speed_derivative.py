@@ -37,6 +37,7 @@ from compact.engines.spectral.rolling_problem import (
     solve_contact,
 )
 from compact.material.laws import Elastic
+from compact.numerics import Array
 from compact.numerics.validation import require_positive
 from compact.resistance import ResistanceExpansion
 from compact.rolling_contact import Layer, Roller
@@ -65,10 +66,6 @@ def expand_resistance(
         See `spectral.roll`; the prescribed quantity is constant during the motion.
     rtol : float
         Tolerance of M over the larger of |M| and |tau dF_ss/dv| [-].
-
-    Returns
-    -------
-    ResistanceExpansion
 
     Raises
     ------
@@ -166,47 +163,36 @@ class ContactLinearisation:
     contact: ContactSolution
 
     @property
-    def x(self) -> NDArray[np.float64]:
+    def x(self) -> Array:
         """Nodes of the tests [m] from the middle of the contact, shape (n,)."""
         return self.contact.half_width * self.contact.system.basis.nodes
 
-    def surfaces(self, creep: CreepCompliance, widening: float = 0.0) -> NDArray[np.float64]:
-        """Compute the surfaces under the pressures b_k = 1.
+    def surfaces(self, creep: CreepCompliance, widening: float = 0.0) -> Array:
+        """Compute the surfaces under the pressures b_k = 1, shape (modes + 2, modes).
 
         Parameters
         ----------
-        creep : CreepCompliance
-            Compliance in place of that of the material.
         widening : float
             Relative change of the half-width [-].
-
-        Returns
-        -------
-        ndarray
-            Shape (modes + 2, modes).
         """
         response, a = replace(self.problem.response, creep=creep), self.contact.half_width * (1 + widening)
         system = assemble_system(response, len(self.contact.coefficients), a)
         return a / self.problem.radius * np.vstack([system.matrix, a * system.depths])
 
-    def surface(self, creep: CreepCompliance) -> NDArray[np.float64]:
+    def surface(self, creep: CreepCompliance) -> Array:
         """Compute the surface under the pressure of the contact, with another `creep`."""
         return self.surfaces(creep) @ self.contact.coefficients
 
-    def width_derivative(self, creep: CreepCompliance) -> NDArray[np.float64]:
+    def width_derivative(self, creep: CreepCompliance) -> Array:
         """Compute the derivative of the surface by the logarithm of the half-width at constant b and xi."""
         change = self.surfaces(creep, WIDTH_STEP) - self.surfaces(creep, -WIDTH_STEP)
         return change @ self.contact.coefficients / (2 * WIDTH_STEP)
 
-    def surface_change(
-        self, creep: CreepCompliance, change: NDArray[np.float64], gradient: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def surface_change(self, creep: CreepCompliance, change: Array, gradient: Array) -> Array:
         """Compute the change of a surface at fixed x under a change of the pressure.
 
         Parameters
         ----------
-        creep : CreepCompliance
-            Compliance of the surface.
         change : ndarray
             Change of the contact, shape (modes + 2,).
         gradient : ndarray
@@ -225,7 +211,7 @@ class ContactLinearisation:
         return moments[0] / 2 * polynomials[0] + moments[1:] @ polynomials[1:]
 
     @cached_property
-    def tangent(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    def tangent(self) -> tuple[Array, NDArray[np.int32]]:
         """LU factors of the derivative of the surface less the roller; the last row is the prescribed quantity."""
         problem, contact = self.problem, self.contact
         tests, (slope, curvature) = contact.system.basis.tests, problem.slope(contact.centre + self.x)
@@ -240,7 +226,7 @@ class ContactLinearisation:
         return lu_factor(rows)
 
     @property
-    def target_gradient(self) -> NDArray[np.float64]:
+    def target_gradient(self) -> Array:
         """Derivative of the load or the peak pressure by a change of the contact, over its scale."""
         contact, gradient = self.contact, np.zeros(len(self.contact.coefficients) + 2)
         if self.problem.target == "load":
@@ -252,7 +238,7 @@ class ContactLinearisation:
         gradient[-2] = gradient[:-2] @ contact.coefficients
         return gradient
 
-    def solve(self, surface: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(self, surface: Array) -> Array:
         """Solve for the change of the contact that compensates an additional surface, shape (modes + 2,)."""
         residual = surface.copy()
         if self.problem.target != "indentation":
@@ -260,7 +246,7 @@ class ContactLinearisation:
         return lu_solve(self.tangent, -residual)
 
     @cached_property
-    def resistance_gradient(self) -> NDArray[np.float64]:
+    def resistance_gradient(self) -> Array:
         """Derivative of the resistance [N/m] by a change of the contact, shape (modes + 2,)."""
         contact, basis, friction = self.contact, self.contact.system.basis, self.problem.response.friction
         x = contact.half_width * basis.pressure_nodes

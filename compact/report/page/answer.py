@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.stages.balance_checks import BalanceCheck
 from compact.analysis.stages.sensitivity import Shift
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
 from compact.report.number_format import format_percent, format_quantity
 from compact.report.text import guide_sentence, return_sentence
-from compact.verification.balance_checks import BalanceCheck
 
 ANSWER_CRITERIA = 2  # [-], number of criteria in the answer; the tables have the others
 CONTACT_MODELS = {

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 
 from compact.analysis.ranking_uncertainty import Place, ties
+from compact.analysis.stages.balance_checks import BalanceCheck
+from compact.analysis.stages.cam_drawing import CamDrawing
 from compact.analysis.stages.comparison import RankingAgreement
 from compact.analysis.stages.laws import COMPLIANT_DRIVES, FOLLOWERS
 from compact.analysis.stages.sensitivity import PRIOR, End, Shift
 from compact.analysis.study import Study
-from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.machine.roller_motors import RollerMotor
 from compact.motion.profile import EndCondition
@@ -19,7 +20,6 @@ from compact.report.page.answer import criterion_term, methods
 from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Picture, Section, Table, embed_figures
 from compact.report.ranking_tables import comparison_places
 from compact.scene.loader import Scene
-from compact.verification.balance_checks import BalanceCheck
 
 ASSUMED_SIGNS = ("assumed", "guess", "changed by the caller")  # first words of a clause of a remark
 KNOWN_SIGNS = ("published", "measured", "calibrated")
@@ -148,15 +148,15 @@ def forces_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     return Section("forces", "Forces and power", lead, [*embed_figures(pictures, FORCE_FIGURES), table])
 
 
-def cams_section(study: Study, pictures: Mapping[str, bytes], first_cam: Sequence[Block]) -> Section:
+def cams_section(study: Study, pictures: Mapping[str, bytes], first_cam: CamDrawing) -> Section:
     """Describe the cams of all laws and the motors in the rollers.
 
     Parameters
     ----------
-    first_cam : sequence of Block
+    first_cam : CamDrawing
         Drawing of the cam of the first law.
     """
-    rows = [_cam_row(law, {name: study.cams[law, name] for name in FOLLOWERS}) for law in study.cycles]
+    rows = [_cam_row(study, law) for law in study.cycles]
     breadths = [f"least breadth, {follower}" for follower in FOLLOWERS]
     header = ("law", *breadths, "least radius, roller", "pressure angle, roller", "half-width, flat")
     profiles = Picture(
@@ -168,16 +168,34 @@ def cams_section(study: Study, pictures: Mapping[str, bytes], first_cam: Sequenc
     caption = f"Cams with a breadth of {format_quantity(breadth, 'm')}; marked where it is too small"
     table = Table(caption, header, rows, range(1, len(header)))
     lead = f"{len(study.cycles)} laws for {len(FOLLOWERS)} followers; workshop drawing of one."
-    return Section("cams", "Cams", lead, [*first_cam, profiles, table, _roller_motor_table(study.roller_motors)])
+    return Section(
+        "cams", "Cams", lead, [*_cam_blocks(first_cam), profiles, table, _roller_motor_table(study.roller_motors)]
+    )
 
 
-def _cam_row(law: str, cams: Mapping[str, Cam]) -> list[Cell]:
+def _cam_blocks(cam: CamDrawing) -> list[Block]:
+    """Show the cam of the first law and its animation; the reason where it cannot be cut."""
+    if cam.reason:
+        return [Paragraph(f"The cam of {cam.law}, the first law, cannot be cut: {cam.reason}.")]
+    caption, svg = (
+        f"{cam.law}, true to scale in the file; `compact cam` writes it as CSV, SVG and DXF.",
+        "image/svg+xml",
+    )
+    turn, summary = "One turn is a whole cycle.", "Show the cam and the cart in motion"
+    return [
+        Picture(cam.drawing.encode(), cam.description, caption, svg),
+        Picture(cam.animation.encode(), cam.animation_description, turn, svg, summary),
+    ]
+
+
+def _cam_row(study: Study, law: str) -> list[Cell]:
     """List least breadths for each follower, and the load on a roller and on a flat face."""
     breadths: list[Cell] = []
-    for cam in cams.values():
-        breadth = format_quantity(cam.least_breadth().breadth, "m")
-        breadths.append(Mark("bad", f"{breadth}: undercut") if cam.undercut else breadth)
-    roller, flat = cams["roller"], cams["flat"]
+    for follower in FOLLOWERS:
+        breadth = format_quantity(study.least_breadths[law, follower].breadth, "m")
+        undercut = study.cams[law, follower].undercut
+        breadths.append(Mark("bad", f"{breadth}: undercut") if undercut else breadth)
+    roller, flat = study.cams[law, "roller"], study.cams[law, "flat"]
     angle = f"{np.degrees(roller.largest_pressure_angle):.1f}°"
     radius, width = format_quantity(roller.least_radius_of_curvature, "m"), flat.largest_contact_offset
     return [law, *breadths, radius, angle, format_quantity(width, "m")]
