@@ -14,7 +14,7 @@ from compact.quantities import ROLLER_MOTOR, column_names
 
 ELASTIC_HEADER = (
     "law", "peak_force_N", "rigid_peak_force_N", "dynamic_amplification", "peak_power_W", "rigid_peak_power_W",
-    "nonuniformity", "rigid_nonuniformity", "standing_s", "energy_residual", "arcs",
+    "nonuniformity", "rigid_nonuniformity", "stick_time_s", "energy_residual", "intervals",
 )  # fmt: skip
 MOTOR_HEADER = (
     "law", "period_s", "least_speed_rad/s", "largest_speed_rad/s", "fluctuation", "peak_motor_torque_Nm",
