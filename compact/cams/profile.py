@@ -188,7 +188,7 @@ class Cam:
             )
 
     def derivative(self, angle: ArrayLike, order: int) -> Array:
-        """Return the derivative of rho by phi [m].
+        """Return the derivative of rho with respect to phi [m].
 
         Parameters
         ----------

@@ -12,8 +12,8 @@ Drive and end springs pull the cart by
     H + S = k (e - o) + c e' + S(x),   e = y - x
     S = P + p (l - x) for x < l,   -(P + p (x - h + l)) for x > h - l,   0 between
 
-with the far end y, the cart x, the elongation e and the engaged half o of the backlash. The preload P makes S jump at
-the plate of an end spring; a cart at rest there is held by any force from 0 to P.
+with the driven end y, the cart x, the elongation e and the engaged half o of the backlash. Because of the preload P, S
+is discontinuous at the plate of an end spring; a cart at rest there is held by any force from 0 to P.
 
 All functions are compiled. Arrays and records are passed without checks.
 """
@@ -220,10 +220,10 @@ class CartState(NamedTuple):
 
 
 class SpringForce(NamedTuple):
-    """Force of drive and end springs [N]: stiffness e - far_end_stiffness y + constant."""
+    """Force of drive and end springs [N]: stiffness e - driven_end_stiffness y + constant."""
 
     stiffness: float
-    far_end_stiffness: float
+    driven_end_stiffness: float
     constant: float
 
 

@@ -126,7 +126,7 @@ class PeriodicProblem:
     drive : ElasticDrive
         Spring and damper.
     cycle : Cycle
-        Motion of the far end.
+        Motion of the driven end.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
     tolerance : float
@@ -243,7 +243,7 @@ class PeriodicProblem:
         Parameters
         ----------
         law : PiecewisePolynomial
-            Position of the far end [m] over time [s].
+            Position of the driven end [m] over time [s].
         tolerance_factor : float
             Multiple of the solution tolerance.
 
@@ -389,7 +389,7 @@ def _shifted(state: CartState, by: Array) -> CartState:
 
 
 def _polynomial_law(cycle: Cycle) -> PiecewisePolynomial:
-    """Position of the far end over a cycle as polynomials in time, integrated twice from the acceleration."""
+    """Position of the driven end over a cycle as polynomials in time, integrated twice from the acceleration."""
     breaks, rows = [], []
     for leg in cycle.legs():
         curvature = partial(_curvature, leg)

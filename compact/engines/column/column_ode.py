@@ -368,7 +368,7 @@ def stiffness_ratio(law: CapConstants, density_ratio: float) -> float:
 
         int 4 G A (1 + 9/(4 M^2))/(g B (pc + pt)) dV,    A = s_v/pc, B = (p + pt)/(pc + pt) of the rigid-plastic column
 
-    where b = 0: the derivative of dp/ds_v by p, times ds_v = A H dV.
+    where b = 0: the derivative of dp/ds_v with respect to p, times ds_v = A H dV.
 
     Parameters
     ----------

@@ -99,7 +99,7 @@ class IndentationSearch:
         initial_guess : float
             Indentation of the first pass [m].
         slope : float
-            Derivative of the residual by the logarithm of the indentation [-].
+            Derivative of the residual with respect to the logarithm of the indentation [-].
 
         Returns
         -------

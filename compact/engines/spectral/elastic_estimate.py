@@ -56,12 +56,23 @@ def estimate_contact(layer: Layer, material: Elastic, radius: float, target: str
 
     Parameters
     ----------
+    layer : Layer
+    material : Elastic
     radius : float
         Roller radius [m].
     target : str
-        "indentation", "load" or "peak_pressure".
+        Prescribed quantity: "indentation", "load" or "peak_pressure".
     value : float
-        Its value [m], [N/m] or [Pa].
+        Value of that quantity [m], [N/m] or [Pa].
+
+    Returns
+    -------
+    ElasticEstimate
+
+    Raises
+    ------
+    RuntimeError
+        If the iteration does not converge.
     """
     log_a = np.log(initial_half_width(layer, material, radius, target, value))
     power, step, residual = 2.0, 0.0, 0.0
