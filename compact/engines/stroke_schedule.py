@@ -111,7 +111,7 @@ def smooth_intervals(motion: PrescribedMotion, turns: bool = False) -> list[floa
     Parameters
     ----------
     turns : bool
-        True to divide the motion at its reversals too.
+        True to divide the motion also at its reversals.
 
     Returns
     -------

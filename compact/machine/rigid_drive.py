@@ -311,7 +311,7 @@ class Run(CycleStatistics):
         return self._mean(np.maximum(self.drive_power, 0.0)) * self.period + starts
 
     def _largest(self, quantity):
-        """Largest |quantity(leg, phase)| over the cycle, between the samples too."""
+        """Return the largest |quantity(leg, phase)| over the cycle, also between samples."""
         dynamics = self.inverse_dynamics
         return max(
             find_maximum(lambda z, leg=leg: np.abs(quantity(leg, z)), interior_grid(dynamics.breaks(leg)))[0]

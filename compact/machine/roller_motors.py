@@ -268,7 +268,7 @@ class RollerMotor:
         return traction.torque * (1 + traction.creep) * velocity / self.roller.radius
 
     def _largest(self, quantity: Callable[..., Array]) -> float:
-        """Largest |quantity(velocity, traction)| over the cycle, between samples too."""
+        """Return the largest |quantity(velocity, traction)| over the cycle, also between samples."""
         dynamics = self.dynamics
 
         def magnitude(leg, phase):

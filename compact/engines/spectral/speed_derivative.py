@@ -149,7 +149,7 @@ class ContactLinearisation:
     """Contact and its linear response to small changes.
 
     A change is a vector of the coefficients b, the logarithm of the half-width and the centre [m], shape (modes + 2,).
-    A surface is represented by -u' under T_0 ... T_modes and u under T_0, shape (modes + 2,) too.
+    A surface is represented by -u' under T_0 ... T_modes and u under T_0, also of shape (modes + 2,).
 
     Parameters
     ----------
