@@ -44,7 +44,6 @@ from compact.machine.rigid_drive import (
     Rigid,
     Run,
     evaluate_resistance,
-    mean_speed_force,
     simulate,
 )
 from compact.motion.profile import Cycle, Discontinuity, MotionProfile
@@ -84,11 +83,6 @@ class ElasticDrive:
     def run(self, cart: Cart, cycle: Cycle, resistance: Resistance, working: tuple[float, float]) -> "ElasticRun":
         """Simulate the periodic regime, for `rigid_drive.simulate`."""
         return simulate_elastic(cart, self, cycle, resistance, working=working)
-
-
-def damping_ratio(cart: Cart, drive: ElasticDrive) -> float:
-    """Damping ratio c/(2 sqrt(k m)) of a cart on an elastic drive [-]."""
-    return drive.damping / (2 * math.sqrt(drive.stiffness * cart.mass))
 
 
 def simulate_elastic(
@@ -201,23 +195,6 @@ class ElasticRun(CycleStatistics):
     cost: SolutionCost
     include_added_mass: bool
 
-    impulses = ()  # the spring turns each velocity jump of the law into a finite force
-
-    @property
-    def name(self) -> str:
-        """Name of the law."""
-        return self.cycle.forward.name
-
-    @property
-    def period(self) -> float:
-        """Duration of the cycle [s]."""
-        return self.cycle.period
-
-    @property
-    def steady_force(self) -> float:
-        """Force at the constant mean speed [N]."""
-        return mean_speed_force(self.cart, self.cycle.forward, self.resistance)
-
     @cached_property
     def _points(self):
         """Interval indices, places and weights of the samples."""
@@ -237,10 +214,7 @@ class ElasticRun(CycleStatistics):
     @cached_property
     def direction(self) -> Array:
         """Direction of the law: +1 forward, -1 on the return stroke, 0 in a dwell."""
-        legs = self.cycle.legs()
-        starts = self.trajectory.intervals.start + 1e-9 * self.period
-        which = np.searchsorted([leg.start for leg in legs], starts) - 1
-        return np.array([float(leg.direction) for leg in legs])[which][self._points[0]]
+        return self.cycle.direction(self.trajectory.intervals.start + 1e-9 * self.period)[self._points[0]]
 
     @cached_property
     def state(self) -> DriveState:
@@ -318,11 +292,6 @@ class ElasticRun(CycleStatistics):
             for i, a, b in jumps
             if abs(a - b) > JUMP_TOLERANCE * largest
         )
-
-    @cached_property
-    def drawn_energy(self) -> float:
-        """Work of a drive without recovery of the energy that the spring returns [J]."""
-        return self._mean(np.maximum(self.drive_power, 0.0)) * self.period
 
     @cached_property
     def nonuniformity(self) -> float:

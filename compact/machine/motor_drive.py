@@ -12,14 +12,15 @@ The shaft angle is the independent variable (`dynamics.shaft_speed`).
 
 import math
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from operator import attrgetter
 
 import numpy as np
 
 from compact.dynamics.shaft_speed import ShaftRevolution, solve_shaft_speed
-from compact.machine.cart import Balance, Cart, Resistance, balance
+from compact.machine.cart import Cart, Resistance, balance
 from compact.machine.motor_characteristics import Belt, TorqueCurve
 from compact.machine.rigid_drive import (
     NONUNIFORMITY_SAMPLES,
@@ -30,8 +31,9 @@ from compact.machine.rigid_drive import (
     DriveState,
     Rigid,
     evaluate_resistance,
-    mean_speed_force,
+    flattened,
     require_law_of_drive,
+    revolution_breaks,
     simulate,
 )
 from compact.motion.profile import Cycle, Discontinuity, MotionProfile
@@ -42,7 +44,6 @@ from compact.numerics.validation import require_finite, require_nonnegative, req
 RIGID = Rigid()
 SPEED_TRIALS = 200  # [-], speeds between rest and no load for the first guess
 GUESS_POINTS = 18  # [-], per piece of the law, ends included; mean torque of the first guess
-MIN_PIECE_ANGLE = 1e-9  # [rad]; closer joins coincide
 PEAK_STEPS = 12  # [-], per element; grid of the search for a peak
 
 
@@ -138,12 +139,9 @@ class ShaftLoad:
         """Angles in [0, 2 pi] at joins of the law and spring contacts of any cart, ends included [rad]."""
         rate = 2 * np.pi / self.cycle.period
         joins = np.concatenate([rate * (leg.start + leg.duration * leg.breakpoints()) for leg in self.cycle.legs()])
-        angles = np.mod(np.subtract.outer(joins, self.motor.angles).ravel(), 2 * np.pi)
         if self.cart.end_springs is not None:
-            contacts = np.mod(np.subtract.outer(self._zones.breaks, self.motor.angles).ravel(), 2 * np.pi)
-            angles = np.append(angles, contacts)
-        edges = np.unique(np.append(angles, [0.0, 2 * np.pi]))
-        return np.append(edges[:-1][np.diff(edges) > MIN_PIECE_ANGLE], 2 * np.pi)
+            joins = np.append(joins, self._zones.breaks)
+        return revolution_breaks(np.subtract.outer(joins, self.motor.angles))
 
     def states_at(
         self, angle: Array, energy: Array, acceleration: Array, jerk: Array | float = 0.0
@@ -179,7 +177,7 @@ class ShaftLoad:
     @cached_property
     def _zones(self):
         """Zones of the end springs over the angle."""
-        return self.cart.end_springs.zones(lambda angle: self.travel(angle)[0], np.array([0.0, np.pi, 2 * np.pi]))
+        return self.cart.end_springs.zones(lambda angle: self.travel(angle)[0], [0.0, np.pi, 2 * np.pi])
 
     def travel(self, angle: Array) -> list[Array]:
         """Return x [m] and its first three derivatives with respect to the angle [m/rad^k], angle in [0, 2 pi)."""
@@ -283,12 +281,7 @@ class MotorRun(CycleStatistics):
     revolution: ShaftRevolution
     working: tuple[float, float]
 
-    impulses = ()
-
-    @property
-    def name(self) -> str:
-        """Name of the law."""
-        return self.load.cycle.forward.name
+    cart, cycle, resistance = (property(attrgetter(f"load.{name}")) for name in ("cart", "cycle", "resistance"))
 
     @property
     def time(self) -> Array:
@@ -303,10 +296,9 @@ class MotorRun(CycleStatistics):
     @property
     def direction(self) -> Array:
         """Direction of the law: +1 forward, -1 on the return stroke, 0 in a dwell."""
-        legs, rate = self.load.cycle.legs(), self.load.cycle.period / (2 * np.pi)
         middle = (self.revolution.breaks[:-1] + self.revolution.breaks[1:]) / 2 + self.load.motor.angles[0]
-        which = np.searchsorted([leg.start for leg in legs], np.mod(middle, 2 * np.pi) * rate) - 1
-        return np.repeat(np.array([float(leg.direction) for leg in legs])[which], self.revolution.angle.shape[1])
+        direction = self.cycle.direction(np.mod(middle, 2 * np.pi) * (self.cycle.period / (2 * np.pi)))
+        return np.repeat(direction, self.revolution.angle.shape[1])
 
     @cached_property
     def period(self) -> float:
@@ -314,27 +306,11 @@ class MotorRun(CycleStatistics):
         return float(self.weights.sum())
 
     @cached_property
-    def steady_force(self) -> float:
-        """Force at the constant mean speed of the law [N]."""
-        return mean_speed_force(self.load.cart, self.load.cycle.forward, self.load.resistance)
-
-    @cached_property
     def state(self) -> DriveState:
         """Motion and forces of the first cart."""
         revolution = self.revolution
-        states = self.load.states_at(revolution.angle, revolution.energy, revolution.acceleration, revolution.jerk)
-        forces = Balance(*(column.ravel() for column in astuple(states[0].forces)))
-        return DriveState._make([*(column.ravel() for column in states[0][:-1]), forces])
-
-    @property
-    def drive_force(self) -> Array:
-        """Drive force H [N]."""
-        return self.state.forces.drive_force
-
-    @property
-    def drive_power(self) -> Array:
-        """Power H v [W]."""
-        return self.state.drive_power
+        motion = revolution.angle, revolution.energy, revolution.acceleration, revolution.jerk
+        return flattened(self.load.states_at(*motion)[0])
 
     @property
     def angle(self) -> Array:

@@ -376,6 +376,11 @@ class Cycle:
         ]
         return [leg for leg in legs if leg.duration > 0]
 
+    def direction(self, time: ArrayLike) -> Array:
+        """Return +1 on the forward stroke, -1 on the return stroke and 0 in a dwell, at times [s] within the cycle."""
+        which = np.searchsorted([leg.start for leg in self.legs()], time) - 1
+        return np.array([float(leg.direction) for leg in self.legs()])[which]
+
     def derivative(self, time: ArrayLike, order: int) -> Array:
         """Return the derivative of the travel [m/s^order], periodic; at a discontinuity the right limit.
 
