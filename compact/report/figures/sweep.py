@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from compact.material.mix import ROLLING_PRESSURE, ROLLING_SATURATION
 from compact.quantities import CRITERIA, INPUT, SWEEP_POINT
 from compact.report.figures.style import law_style
-from compact.sweep.sobol_indices import of_table
+from compact.sweep.sobol_indices import SobolTable
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
@@ -316,24 +316,21 @@ def _most_frequent(laws: "DataArray") -> NDArray[Any]:
     return np.where(counts.sum(axis=0) > 0, np.array(names)[counts.argmax(axis=0)], "")
 
 
-def draw_sobol_indices(table: "Dataset", quantities: Sequence[str]) -> Figure:
+def draw_sobol_indices(sobol: SobolTable) -> Figure:
     """Draw first-order and total Sobol indices with their confidence intervals.
 
     Parameters
     ----------
-    table : Dataset
-        Table of a sweep over a sample.
-    quantities : sequence of str
-        Quantities that are drawn.
+    sobol : dict
+        Names of the inputs, and Sobol indices, by quantity; one panel each.
 
     Returns
     -------
     Figure
     """
-    figure = Figure(figsize=(3.9 * len(quantities) + 0.8, 3.4), layout="constrained")
-    panels = figure.subplots(1, len(quantities), squeeze=False, sharey=True)[0]
-    for ax, quantity in zip(panels, quantities, strict=True):
-        names, found = of_table(table, quantity)
+    figure = Figure(figsize=(3.9 * len(sobol) + 0.8, 3.4), layout="constrained")
+    panels = figure.subplots(1, len(sobol), squeeze=False, sharey=True)[0]
+    for ax, (quantity, (names, found)) in zip(panels, sobol.items(), strict=True):
         place = np.arange(len(names))
         for shift, kind, color in ((-0.2, "first", "tab:blue"), (0.2, "total", "0.65")):
             value, low, high = (getattr(found, kind + end) for end in ("", "_low", "_high"))
