@@ -31,13 +31,7 @@ Row = Sequence[str]
 
 
 def workshop_drawing(cut: Cut, bore: float | None = None) -> Drawing:
-    """Return the drawing of a cut with its dimensions.
-
-    Parameters
-    ----------
-    bore : float, optional
-        Diameter of the bore [m].
-    """
+    """Return the drawing of a cut with its dimensions and a bore of a diameter [m]."""
     _require_rim(cut, bore)
     cam = cut.cam
     largest = MM * float(np.hypot(*cut.profile.T).max())

@@ -114,15 +114,7 @@ class Intervals(NamedTuple):
 
 
 def allocate_intervals(count: int, degree: int) -> Intervals:
-    """Allocate uninitialised `Intervals`.
-
-    Parameters
-    ----------
-    count : int
-        Number of rows.
-    degree : int
-        Degree of the polynomials of the far-end motion.
-    """
+    """Allocate uninitialised rows of `Intervals` for a far-end motion of a degree."""
     reals = [np.empty(count) for _ in range(3)]
     columns = [np.empty((count, width)) for width in (degree + 1, SERIES_TERMS, 4)]
     return Intervals._make([*reals, *columns, *(np.empty(count, np.int64) for _ in range(3))])
@@ -495,13 +487,7 @@ def _state_at_plate(oscillator, resistance, state, trial):
 
 
 def peak_force_and_power(oscillator: OscillatorParameters, intervals: Intervals) -> tuple[float, float]:
-    """Find the peaks of the drive over all intervals.
-
-    Returns
-    -------
-    tuple of float
-        Largest |H| of the drive spring and damper [N] and largest |H y'| [W].
-    """
+    """Find the largest |H| of drive spring and damper [N] and the largest |H y'| [W] over all intervals."""
     peaks, counter, status = np.zeros(2), new_search_counter(), PAUSED
     row = np.zeros(1, np.int64)
     while status == PAUSED:  # Python handles interrupts between two calls

@@ -99,15 +99,7 @@ class EndSprings:
         return self.preload * compression + self.stiffness / 2 * compression**2
 
     def zones(self, position: Callable[[Array], Array], breaks: ArrayLike) -> SpringZones:
-        """Find the zones along a motion.
-
-        Parameters
-        ----------
-        position : callable
-            Position of the cart [m] over a coordinate of the motion.
-        breaks : array_like
-            Coordinates between which the position is smooth, ascending.
-        """
+        """Find the zones of a motion given by its position [m] over a coordinate, smooth between ascending breaks."""
         plates = (self.length, self.stroke - self.length)
         breaks = np.asarray(breaks, float)
 

@@ -238,19 +238,9 @@ class PeriodicProblem:
     def integrate(
         self, law: PiecewisePolynomial, state: CartState, tolerance_factor: float = 1.0
     ) -> tuple[Intervals, CartState]:
-        """Integrate through the pieces of a law; the speed range of the tables is extended where needed.
+        """Integrate through the pieces of a law [m] over time [s]: intervals and final state.
 
-        Parameters
-        ----------
-        law : PiecewisePolynomial
-            Position of the far end [m] over time [s].
-        tolerance_factor : float
-            Multiple of the solution tolerance.
-
-        Returns
-        -------
-        tuple
-            Intervals and final state.
+        The speed range of the tables is extended where needed.
         """
         for _ in range(MAX_EXTENSIONS):
             intervals = allocate_intervals(MAX_INTERVALS, law.coefficients.shape[1] - 1)  # pages are used when filled

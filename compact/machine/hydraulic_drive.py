@@ -137,19 +137,9 @@ class ValveFlow:
 
 
 def solve_valve_flow(hydraulic: Hydraulic, velocity: Array, force: Array) -> ValveFlow:
-    """Solve flow, pressures and valve areas for a motion.
+    """Solve flow, pressures and valve areas for velocities [m/s] and drive forces along the motion [N].
 
-    Parameters
-    ----------
-    velocity : ndarray
-        Velocity of the cart [m/s].
-    force : ndarray
-        Drive force in the direction of motion [N].
-
-    Returns
-    -------
-    ValveFlow
-        Inlet areas are infinite where the required pressure exceeds that of the supply.
+    Inlet areas are infinite where the required pressure exceeds that of the supply.
     """
     flow = hydraulic.piston_area * np.abs(velocity)
     open_drop = hydraulic.open_drop(flow)
@@ -224,18 +214,7 @@ class HydraulicRun(Run):
         return abs(self.pump_work - self.energy - self.throttle_heat - self.relief_heat) / self.pump_work
 
     def valve_areas(self) -> ValveAreas:
-        """Compute the valve areas of the forward stroke.
-
-        Returns
-        -------
-        tuple of PiecewisePolynomial
-            Inlet and outlet area [m2] over time [s].
-
-        Raises
-        ------
-        RuntimeError
-            If the drive is insufficient for the law.
-        """
+        """Compute inlet and outlet area [m2] over time [s] of the forward stroke; RuntimeError for a weak drive."""
         if self.lack:
             raise RuntimeError(
                 f"the drive cannot follow '{self.name}': insufficient {self.lack}; use a stronger drive or another law"

@@ -146,14 +146,9 @@ class ShaftLoad:
     def states_at(
         self, angle: Array, energy: Array, acceleration: Array, jerk: Array | float = 0.0
     ) -> list[DriveState]:
-        """Solve motion and forces of each cart.
+        """Solve motion and forces of each cart at angles [rad], shape (pieces, n).
 
-        Parameters
-        ----------
-        angle : ndarray, shape (pieces, n)
-            Angle of the shaft [rad].
-        energy, acceleration, jerk : ndarray
-            phi'^2/2 [1/s^2], phi'' [rad/s^2] and the third derivative [rad/s^3].
+        Energy is phi'^2/2 [1/s^2], acceleration phi'' [rad/s^2] and jerk the third derivative [rad/s^3].
         """
         angles = [np.mod(angle + lead, 2 * np.pi) for lead in self.motor.angles]
         return [self._cart_state(angle, energy, acceleration, jerk) for angle in angles]

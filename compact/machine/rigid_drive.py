@@ -157,15 +157,7 @@ class InverseDynamics:
 
 
 def evaluate_resistance(resistance: Resistance, velocity: Array, acceleration: Array) -> Array:
-    """Evaluate a resistance [N] in the shape of the velocity; 0 in a dwell; require finite values.
-
-    Parameters
-    ----------
-    resistance : callable
-        Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
-    velocity, acceleration : ndarray
-        [m/s] and [m/s^2], of one shape.
-    """
+    """Evaluate a resistance [N] at velocities [m/s] and accelerations [m/s^2]; 0 in a dwell; require finite values."""
     force = np.zeros(np.shape(velocity))
     moves = np.asarray(velocity) != 0
     force[moves] = resistance(velocity[moves], acceleration[moves])

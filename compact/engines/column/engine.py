@@ -365,13 +365,7 @@ def require_single_bonded_layer(layer: Layer) -> None:
 
 
 def require_column_range(roller: Roller, material: Compaction, speed: float) -> None:
-    """Raise ValueError unless roller, material and speed are in the range of the engine.
-
-    Parameters
-    ----------
-    speed : float
-        Speed [m/s], finite and not 0.
-    """
+    """Raise ValueError unless roller, material and speed are in the range of the engine."""
     _require_compaction(material)
     require_moving(speed)
     require_known("rolling", roller.rolling, get_args(RollerCondition))

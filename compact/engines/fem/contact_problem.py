@@ -179,13 +179,7 @@ class Discretisation:
 def solve_contact(
     problem: RollingProblem, discretisation: Discretisation, tolerance: float = SECANT_TOLERANCE
 ) -> ContactSolution:
-    """Solve a steady contact in a loaded zone that is wide enough.
-
-    Parameters
-    ----------
-    tolerance : float
-        Relative tolerance of a prescribed load or peak pressure [-].
-    """
+    """Solve a steady contact in a loaded zone that is wide enough, its load or peak pressure within a tolerance [-]."""
     mesh = discretisation.mesh
     return expand_window(
         discretisation,
@@ -196,15 +190,7 @@ def solve_contact(
 def expand_window(discretisation: Discretisation, solve: Callable[[float], Found]) -> Found:
     """Call `solve(window)` with a growing half-width of the loaded zone [m] until the zone contains the contact.
 
-    Parameters
-    ----------
-    solve : callable
-        Raises `BeyondWindowError` where the zone is too small.
-
-    Raises
-    ------
-    UnresolvedError
-        If `MAX_WINDOWS` loaded zones are too small.
+    `solve` raises `BeyondWindowError` where the zone is too small.
     """
     window = WINDOW * discretisation.half_width
     for _ in range(MAX_WINDOWS):
@@ -216,13 +202,7 @@ def expand_window(discretisation: Discretisation, solve: Callable[[float], Found
 
 
 def steady_surface(problem: RollingProblem, mesh: RowMesh, window: float) -> SurfaceCompliance:
-    """Compliance of the viscoelastic layer in steady motion.
-
-    Parameters
-    ----------
-    window : float
-        Half-width of the loaded zone about the centre of the mesh [m].
-    """
+    """Compliance of the viscoelastic layer in steady motion, loaded within a half-width `window` [m] of the mesh."""
     surface = elastic_surface(problem, mesh, window)
     return surface.retarded(steady_creep_operator(surface.x, problem.material, problem.speed))
 
@@ -230,15 +210,7 @@ def steady_surface(problem: RollingProblem, mesh: RowMesh, window: float) -> Sur
 def elastic_surface(
     problem: RollingProblem, mesh: RowMesh, window: float, stretch_rate: bool = False
 ) -> SurfaceCompliance:
-    """Compliance of the elastic layer of unit modulus.
-
-    Parameters
-    ----------
-    problem, mesh, window
-        As of `steady_surface`.
-    stretch_rate : bool
-        Return the derivative of the compliance with respect to the log of a uniform stretch of the mesh along x.
-    """
+    """Compliance of the elastic layer of unit modulus, or its derivative by the log of a stretch along x."""
     behind = 0 if problem.speed > 0 or problem.layer.base == "bonded" else 1
     condense = stretch_derivative if stretch_rate else surface_compliance
     return condense(mesh, problem.material.poisson, problem.layer, window, problem.needs_shear, behind)
@@ -253,10 +225,7 @@ def solve_at_target(
 ) -> ContactSolution:
     """Solve the contact with the prescribed indentation, load or peak pressure of the roller.
 
-    Parameters
-    ----------
-    tolerance : float
-        Relative tolerance of a prescribed load or peak pressure [-]; `STICK_SECANT_TOLERANCE` at least with stick.
+    A relative tolerance [-] is `STICK_SECANT_TOLERANCE` at least with stick.
     """
     if problem.roller.indentation is not None:
         return solve_at_indentation(problem, surface, problem.roller.indentation, discretisation, initial_guess)
@@ -290,15 +259,7 @@ def solve_at_indentation(
     discretisation: Discretisation,
     initial_guess: ContactSolution | None = None,
 ) -> ContactSolution:
-    """Solve the contact at an indentation, with its shear where the roller turns with friction.
-
-    Parameters
-    ----------
-    problem, surface, discretisation, initial_guess
-        As of `solve_at_target`.
-    indentation : float
-        Indentation [m].
-    """
+    """Solve the contact at an indentation [m], with its shear where the roller turns with friction."""
     indenter, terms = problem.indenter(indentation), discretisation.terms
     patch, shear = (None, None) if initial_guess is None else (initial_guess.patch, initial_guess.shear)
     if patch is None or not problem.turns_with_friction:

@@ -42,14 +42,9 @@ MAX_UNKNOWNS = 60_000  # [-], of a refined mesh; the mesh of its error estimate 
 
 
 def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolerance: float) -> Discretisation:
-    """Discretisation for the elastic contact.
+    """Discretisation for the elastic contact on a given mesh or one for a relative tolerance of the forces [-].
 
     A prescribed load or peak pressure requires a rough solution with few terms, whose width may select a finer mesh.
-
-    Parameters
-    ----------
-    tolerance : float
-        Relative tolerance of load and resistance [-].
     """
     half_width = expected_half_width(problem.layer, problem.roller, problem.material, problem.speed)
     fitted = _fitted(problem, half_width, mesh, tolerance)
@@ -66,13 +61,7 @@ def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolera
 
 
 def fitted_discretisation(problem: RollingProblem, tolerance: float) -> Discretisation:
-    """Discretisation of refinement level 1, whose mesh fits the contact at its own speed.
-
-    Parameters
-    ----------
-    tolerance : float
-        Relative tolerance of load and resistance [-].
-    """
+    """Discretisation of refinement level 1, whose mesh fits the contact at its own speed."""
     refined = refined_discretisation(problem, 1, tolerance, spectral_estimate(problem))
     return refined or initial_discretisation(problem, None, tolerance)
 
@@ -80,16 +69,9 @@ def fitted_discretisation(problem: RollingProblem, tolerance: float) -> Discreti
 def refined_discretisation(
     problem: RollingProblem, level: int, tolerance: float, similar: "SpectralContactResult | FemContactResult | None"
 ) -> Discretisation | None:
-    """Discretisation of a level of refinement, or None beyond `MAX_UNKNOWNS`.
+    """Discretisation of a level of refinement from 1 to `MAX_LEVEL`, or None beyond `MAX_UNKNOWNS`.
 
-    Parameters
-    ----------
-    level : int
-        Level of refinement, 1 to `MAX_LEVEL`.
-    tolerance : float
-        Relative tolerance of load and resistance [-].
-    similar : SpectralContactResult or FemContactResult, optional
-        Contact to whose edges the mesh is fitted; the elastic contact unless given.
+    The mesh is fitted to the edges of a similar contact, or of the elastic contact.
     """
     if similar is None:
         first = initial_discretisation(problem, None, tolerance)

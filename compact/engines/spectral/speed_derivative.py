@@ -168,13 +168,7 @@ class ContactLinearisation:
         return self.contact.half_width * self.contact.system.basis.nodes
 
     def surfaces(self, creep: CreepCompliance, widening: float = 0.0) -> Array:
-        """Compute the surfaces under the pressures b_k = 1, shape (modes + 2, modes).
-
-        Parameters
-        ----------
-        widening : float
-            Relative change of the half-width [-].
-        """
+        """Compute the surfaces under the pressures b_k = 1 on a contact widened by a share [-], (modes + 2, modes)."""
         response, a = replace(self.problem.response, creep=creep), self.contact.half_width * (1 + widening)
         system = assemble_system(response, len(self.contact.coefficients), a)
         return a / self.problem.radius * np.vstack([system.matrix, a * system.depths])
@@ -189,15 +183,7 @@ class ContactLinearisation:
         return change @ self.contact.coefficients / (2 * WIDTH_STEP)
 
     def surface_change(self, creep: CreepCompliance, change: Array, gradient: Array) -> Array:
-        """Compute the change of a surface at fixed x under a change of the pressure.
-
-        Parameters
-        ----------
-        change : ndarray
-            Change of the contact, shape (modes + 2,).
-        gradient : ndarray
-            Surface whose u is du/dx of this one, shape (modes + 2,).
-        """
+        """Compute the change of a surface at fixed x under that of the pressure; `gradient` is the surface of du/dx."""
         surfaces, (b, width, centre) = self.surfaces(creep), (change[:-2], *change[-2:])
         tests, shift = self.contact.system.basis.tests, centre + width * self.x
         slope_change = -tests @ (shift * self._nodal_values(gradient[:-1]))
