@@ -18,7 +18,6 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -382,7 +381,10 @@ def _polynomial_law(cycle: Cycle) -> PiecewisePolynomial:
     """Position of the far end over a cycle as polynomials in time, integrated twice from the acceleration."""
     breaks, rows = [], []
     for leg in cycle.legs():
-        curvature = partial(_curvature, leg)
+
+        def curvature(phase: Array, leg: Leg = leg) -> Array:
+            return leg.at_phase(phase, 2) * leg.duration**2
+
         tolerance = LAW_TOLERANCE * np.abs(curvature(interior_grid(leg.breakpoints()))).max()
         second = fit_piecewise(curvature, leg.breakpoints(), tolerance)
         starts = second.breaks[:-1] + BREAK_OFFSET
@@ -391,11 +393,6 @@ def _polynomial_law(cycle: Cycle) -> PiecewisePolynomial:
         breaks.append(leg.start + leg.duration * position.breaks[:-1])
         rows.append(position.coefficients)
     return PiecewisePolynomial(np.append(np.concatenate(breaks), cycle.period), np.concatenate(rows))
-
-
-def _curvature(leg: Leg, phase: Array) -> Array:
-    """Second derivative of the position with respect to the phase [m]."""
-    return leg.at_phase(phase, 2) * leg.duration**2
 
 
 def _split(law: PiecewisePolynomial, time: float) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:

@@ -351,7 +351,8 @@ class _Circuit:
         work = supply * self.hydraulic.piston_area * self.stroke
         scale = np.array([self.stroke, self.stroke / end, supply, supply] + [work] * len(WORK_TERMS))
         for _ in range(MAX_STOPS):
-            direction = direction or self._breakaway_direction(state)
+            starts = (way for way in (1, -1) if self._stiction_margin(0.0, state, way) < 0)
+            direction = direction or next(starts, 0)
             solution = solve_ivp(
                 partial(self._rates, direction=direction), (time, end), state, "Radau", events=self._events(direction),
                 rtol=rtol, atol=rtol * scale, jac=partial(self._jacobian, direction=direction, scale=scale),
@@ -449,10 +450,6 @@ class _Circuit:
         """Force that is missing to a breakaway in a direction [N]."""
         force = self.hydraulic.piston_area * (state[2] - state[3])
         return direction * (self._resisting_force(state[0], 0.0, direction) - force)
-
-    def _breakaway_direction(self, state):
-        """Direction in which a cart at rest starts, 0 for one that stays at rest."""
-        return next((way for way in (1, -1) if self._stiction_margin(0.0, state, way) < 0), 0)
 
     def _events(self, direction):
         """Stop of a moving cart, or breakaway of a cart at rest."""
