@@ -20,28 +20,15 @@ from operator import attrgetter
 import numpy as np
 
 from compact.dynamics.shaft_speed import ShaftRevolution, solve_shaft_speed
+from compact.machine import rigid_drive
 from compact.machine.cart import Cart, Resistance, balance
 from compact.machine.motor_characteristics import Belt, TorqueCurve
-from compact.machine.rigid_drive import (
-    NONUNIFORMITY_SAMPLES,
-    STANDSTILL_SPEED_RATIO,
-    WORKING_PART,
-    Crank,
-    CycleStatistics,
-    DriveState,
-    Rigid,
-    evaluate_resistance,
-    flattened,
-    require_law_of_drive,
-    revolution_breaks,
-    simulate,
-)
 from compact.motion.profile import Cycle, Discontinuity, MotionProfile
 from compact.numerics import Array
 from compact.numerics.piecewise import find_maximum, interior_grid
 from compact.numerics.validation import require_finite, require_nonnegative, require_opposing, require_positive
 
-RIGID = Rigid()
+RIGID = rigid_drive.Rigid()
 SPEED_TRIALS = 200  # [-], speeds between rest and no load for the first guess
 GUESS_POINTS = 18  # [-], per piece of the law, ends included; mean torque of the first guess
 PEAK_STEPS = 12  # [-], per element; grid of the search for a peak
@@ -72,7 +59,7 @@ class Motor:
     motor_inertia: float
     flywheel_inertia: float
     angles: tuple[float, ...] = (0.0,)
-    rod: Rigid | Crank = RIGID
+    rod: rigid_drive.Rigid | rigid_drive.Crank = RIGID
     belt: Belt | None = None
 
     def __post_init__(self) -> None:
@@ -141,11 +128,11 @@ class ShaftLoad:
         joins = np.concatenate([rate * (leg.start + leg.duration * leg.breakpoints()) for leg in self.cycle.legs()])
         if self.cart.end_springs is not None:
             joins = np.append(joins, self._zones.breaks)
-        return revolution_breaks(np.subtract.outer(joins, self.motor.angles))
+        return rigid_drive.revolution_breaks(np.subtract.outer(joins, self.motor.angles))
 
     def states_at(
         self, angle: Array, energy: Array, acceleration: Array, jerk: Array | float = 0.0
-    ) -> list[DriveState]:
+    ) -> list[rigid_drive.DriveState]:
         """Solve motion and forces of each cart at angles [rad], shape (pieces, n).
 
         Energy is phi'^2/2 [1/s^2], acceleration phi'' [rad/s^2] and jerk the third derivative [rad/s^3].
@@ -159,15 +146,15 @@ class ShaftLoad:
         speed = np.sqrt(2 * energy)
         velocity, cart_acceleration = slope * speed, curvature * 2 * energy + slope * acceleration
         direction = np.sign(slope.mean(axis=-1, keepdims=True))
-        slowest = STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
+        slowest = rigid_drive.STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
         moving = np.where(np.abs(velocity) < slowest, direction * slowest, velocity)
-        force = evaluate_resistance(self.resistance, moving, cart_acceleration)
+        force = rigid_drive.evaluate_resistance(self.resistance, moving, cart_acceleration)
         tangent = self.motor.rod.rod_tangent(angle / (2 * np.pi) * self.cycle.period, self.cycle.period)
         springs = self.cart.end_springs
         end_force = 0.0 if springs is None else springs.force(x, self._zones.side_at(angle))
         cart_jerk = third * speed**3 + 3 * curvature * speed * acceleration + slope * jerk
         forces = balance(self.cart, cart_acceleration, force, np.sign(moving), tangent, end_force)
-        return DriveState(x, velocity, cart_acceleration, cart_jerk, force, tangent, forces)
+        return rigid_drive.DriveState(x, velocity, cart_acceleration, cart_jerk, force, tangent, forces)
 
     @cached_property
     def _zones(self):
@@ -196,7 +183,7 @@ def simulate_motor(
     motion: MotionProfile | Cycle,
     resistance: Resistance,
     *,
-    working: tuple[float, float] = WORKING_PART,
+    working: tuple[float, float] = rigid_drive.WORKING_PART,
     start_speed: float | None = None,
     tolerance: float = 1e-9,
 ) -> "MotorRun":
@@ -231,7 +218,7 @@ def simulate_motor(
             f"the velocity of '{cycle.forward.name}' jumps, which requires an infinite torque; use a law with "
             "continuous velocity"
         )
-    require_law_of_drive(motor.rod, cycle)
+    rigid_drive.require_law_of_drive(motor.rod, cycle)
     require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
     load = ShaftLoad(cart, motor, cycle, resistance)
     speed = _first_guess(load) if start_speed is None else start_speed
@@ -259,7 +246,7 @@ def _first_guess(load: ShaftLoad) -> float:
 
 
 @dataclass(frozen=True)
-class MotorRun(CycleStatistics):
+class MotorRun(rigid_drive.CycleStatistics):
     """One revolution of the shaft; arrays of shape (n,) in order of angle. Forces are those of the first cart.
 
     Parameters
@@ -301,11 +288,11 @@ class MotorRun(CycleStatistics):
         return float(self.weights.sum())
 
     @cached_property
-    def state(self) -> DriveState:
+    def state(self) -> rigid_drive.DriveState:
         """Motion and forces of the first cart."""
         revolution = self.revolution
         motion = revolution.angle, revolution.energy, revolution.acceleration, revolution.jerk
-        return flattened(self.load.states_at(*motion)[0])
+        return rigid_drive.flattened(self.load.states_at(*motion)[0])
 
     @property
     def angle(self) -> Array:
@@ -404,7 +391,7 @@ class MotorRun(CycleStatistics):
     def dynamic_amplification(self) -> float:
         """Dynamic amplification: peak force over that of a drive at uniform speed, in the period of the law [-]."""
         load = self.load
-        return self.peak_force / simulate(load.cart, load.motor.rod, load.cycle, load.resistance).peak_force
+        return self.peak_force / rigid_drive.simulate(load.cart, load.motor.rod, load.cycle, load.resistance).peak_force
 
     @cached_property
     def peak_power(self) -> float:
@@ -425,7 +412,7 @@ class MotorRun(CycleStatistics):
     def nonuniformity(self) -> float:
         """(v_max - v_min)/v_mean over the working part of the forward stroke [-]."""
         first, last = (share * self.load.cycle.forward.duration / self.load.cycle.period for share in self.working)
-        angle = 2 * np.pi * np.linspace(first, last, NONUNIFORMITY_SAMPLES)
+        angle = 2 * np.pi * np.linspace(first, last, rigid_drive.NONUNIFORMITY_SAMPLES)
         energy, acceleration, _ = self.revolution.evaluate(angle[None])
         velocity = self.load.states_at(angle[None], energy, acceleration)[0].velocity
         time = np.trapezoid(1 / np.sqrt(2 * energy[0]), angle)
@@ -439,7 +426,7 @@ class MotorRun(CycleStatistics):
         gain = self.load.motor.inertia * (self.revolution.energy[-1, -1] - self.revolution.energy[0, 0])
         return float(abs(np.sum(self.weights * (power[0] - power[1])) - gain) / np.sum(self.weights * np.abs(power[1])))
 
-    def _largest(self, quantity: Callable[[DriveState], Array]) -> float:
+    def _largest(self, quantity: Callable[[rigid_drive.DriveState], Array]) -> float:
         """Largest |quantity| of the first cart, between the samples too."""
         return self._peak(lambda angle: quantity(self.load.states_at(angle, *self.revolution.evaluate(angle))[0]))
 

@@ -13,16 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from compact.engines.fem.contact_patch import (
-    BeyondWindowError,
-    ContactPatch,
-    Edges,
-    Indenter,
-    UnresolvedError,
-    beyond_circle_message,
-    solve_contact_patch,
-    with_peak_pressures,
-)
+from compact.engines.fem import contact_patch
 from compact.engines.fem.convected_memory import steady_creep_operator
 from compact.engines.fem.stick_slip import FrictionCondition, ShearSolution, solve_stick_slip
 from compact.engines.fem.surface import SurfaceCompliance
@@ -94,10 +85,12 @@ class RollingProblem:
         """Relative tolerance of a prescribed load or peak pressure [-]."""
         return STICK_SECANT_TOLERANCE if self.turns_with_friction else SECANT_TOLERANCE
 
-    def indenter(self, indentation: float) -> Indenter:
+    def indenter(self, indentation: float) -> contact_patch.Indenter:
         """Roller at an indentation [m]."""
         exponent = float(pressure_exponent(self.material.poisson, self.traction_ratio))
-        return Indenter(self.roller.radius, indentation, self.roller.profile, self.traction_ratio, exponent)
+        return contact_patch.Indenter(
+            self.roller.radius, indentation, self.roller.profile, self.traction_ratio, exponent
+        )
 
     def tangential_force(self, direction: float) -> float:
         """Sum of the shear traction under the torque over the relaxed modulus [m], for a direction of travel."""
@@ -121,8 +114,8 @@ class ContactSolution:
     """
 
     surface: SurfaceCompliance
-    indenter: Indenter
-    patch: ContactPatch
+    indenter: contact_patch.Indenter
+    patch: contact_patch.ContactPatch
     shear: ShearSolution | None = None
 
     @property
@@ -173,7 +166,7 @@ class Discretisation:
     half_width: float
     indentation: float
     terms: int
-    edges: Edges | None = None
+    edges: contact_patch.Edges | None = None
 
 
 def solve_contact(
@@ -196,9 +189,11 @@ def expand_window(discretisation: Discretisation, solve: Callable[[float], Found
     for _ in range(MAX_WINDOWS):
         try:
             return solve(window)
-        except BeyondWindowError as beyond:
+        except contact_patch.BeyondWindowError as beyond:
             window, reason = WINDOW_GROWTH * window, beyond
-    raise UnresolvedError(f"the contact extends beyond a loaded zone of {window:.3g} m to either side: {reason}")
+    raise contact_patch.UnresolvedError(
+        f"the contact extends beyond a loaded zone of {window:.3g} m to either side: {reason}"
+    )
 
 
 def steady_surface(problem: RollingProblem, mesh: RowMesh, window: float) -> SurfaceCompliance:
@@ -248,8 +243,8 @@ def solve_at_target(
         slope = INITIAL_POWER if len(logs) == 1 else (errors[-1] - errors[-2]) / (logs[-1] - logs[-2])
         log = log - np.clip(errors[-1] / slope, -MAX_LOG_STEP, MAX_LOG_STEP)
     if beyond is not None:
-        raise RuntimeError(beyond_circle_message(beyond.patch.edges, problem.roller.radius))
-    raise UnresolvedError(_unreached_target_message(problem, logs, errors))
+        raise RuntimeError(contact_patch.beyond_circle_message(beyond.patch.edges, problem.roller.radius))
+    raise contact_patch.UnresolvedError(_unreached_target_message(problem, logs, errors))
 
 
 def solve_at_indentation(
@@ -263,9 +258,9 @@ def solve_at_indentation(
     indenter, terms = problem.indenter(indentation), discretisation.terms
     patch, shear = (None, None) if initial_guess is None else (initial_guess.patch, initial_guess.shear)
     if patch is None or not problem.turns_with_friction:
-        patch = solve_contact_patch(surface, indenter, terms, patch, discretisation.edges)
+        patch = contact_patch.solve_contact_patch(surface, indenter, terms, patch, discretisation.edges)
     if not problem.turns_with_friction:
-        return ContactSolution(surface, indenter, with_peak_pressures(surface, indenter, patch))
+        return ContactSolution(surface, indenter, contact_patch.with_peak_pressures(surface, indenter, patch))
     direction = problem.direction
     friction = FrictionCondition(problem.roller.friction, problem.tangential_force(direction), direction)
     return ContactSolution(surface, indenter, *solve_stick_slip(surface, indenter, terms, friction, patch, shear))

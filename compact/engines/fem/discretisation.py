@@ -12,13 +12,8 @@ import numpy as np
 
 from compact.engines.fem.contact_patch import INITIAL_TERMS
 from compact.engines.fem.contact_problem import Discretisation, RollingProblem, solve_contact
+from compact.engines.spectral import elastic_estimate
 from compact.engines.spectral import engine as spectral
-from compact.engines.spectral.elastic_estimate import (
-    WIDTH_RATIO,
-    contact_of_half_width,
-    expected_half_width,
-    quantise_half_width,
-)
 from compact.engines.spectral.engine import SpectralContactResult
 from compact.mesh import EDGE_REFINEMENT, RowMesh, elements_for, graded_mesh, mesh_for_error
 from compact.rolling_contact import Layer
@@ -46,7 +41,7 @@ def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolera
 
     A prescribed load or peak pressure requires a rough solution with few terms, whose width may select a finer mesh.
     """
-    half_width = expected_half_width(problem.layer, problem.roller, problem.material, problem.speed)
+    half_width = elastic_estimate.expected_half_width(problem.layer, problem.roller, problem.material, problem.speed)
     fitted = _fitted(problem, half_width, mesh, tolerance)
     if problem.roller.indentation is not None:
         return fitted
@@ -55,8 +50,8 @@ def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolera
         sliding = replace(problem, roller=replace(problem.roller, rolling="frictionless"))
     rough = solve_contact(sliding, replace(fitted, terms=INITIAL_TERMS), ROUGH_TOLERANCE)
     reach = max(-rough.patch.trailing, rough.patch.leading)
-    if mesh is None and reach < fitted.half_width / WIDTH_RATIO**2:
-        fitted = _fitted(problem, quantise_half_width(reach, fitted.half_width), mesh, tolerance)
+    if mesh is None and reach < fitted.half_width / elastic_estimate.WIDTH_RATIO**2:
+        fitted = _fitted(problem, elastic_estimate.quantise_half_width(reach, fitted.half_width), mesh, tolerance)
     return replace(fitted, indentation=rough.indenter.indentation)
 
 
@@ -116,7 +111,7 @@ def _fitted(problem: RollingProblem, half_width: float, mesh: RowMesh | None, to
     return Discretisation(
         mesh or mesh_for_error(layer.height, half_width, tolerance, layer.interfaces),
         half_width,
-        contact_of_half_width(layer, problem.material, problem.roller.radius, half_width).indentation,
+        elastic_estimate.contact_of_half_width(layer, problem.material, problem.roller.radius, half_width).indentation,
         _pressure_terms(layer, half_width),
     )
 
