@@ -366,6 +366,7 @@ def sweep(
     from compact.report import sweep_writer
     from compact.report.progress import Progress
     from compact.sweep import design as varying
+    from compact.sweep import sobol_indices
     from compact.sweep.run import Sweep
 
     workforce = choose_executor(workers, scheduler)
@@ -384,13 +385,13 @@ def sweep(
     with Progress(total=many.size, quiet=quiet) as progress:
         progress.begin(f"{many.size} points", 0.0)
         table = many.run(directory, executor=workforce, resume=resume, force=force, step=step)
-    sweep_writer.write_sweep_report(directory, table)
+    indices = sobol_indices.of_table(table)
+    sweep_writer.write_sweep_report(directory, table, indices)
     if not quiet:
         for name in many.broken:
             print(f"compact: {name} was incomplete; its points have been computed again", file=sys.stderr)
-        print(
-            f"{sweep_writer.sweep_digest(table)}\n\n{many.computed} of {many.size} computed now; results: {directory}"
-        )
+        digest = sweep_writer.sweep_digest(table, indices)
+        print(f"{digest}\n\n{many.computed} of {many.size} computed now; results: {directory}")
     return SUCCESS if (table["reason"] == "").any() else _print_error("no point has a result", NO_RESULT)
 
 

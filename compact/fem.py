@@ -51,16 +51,6 @@ def roll(
     mesh, tolerance, estimate
         Mesh, relative error [-] and error estimate of a linear layer, as of `engines.fem.engine.roll`.
 
-    Returns
-    -------
-    FemContactResult or CompactionContactResult
-        Contact per unit roller length.
-
-    Raises
-    ------
-    ValueError
-        If a mesh is prescribed for a compacting layer, or a parameter is outside the scope of the engine.
-
     Examples
     --------
     >>> from compact.material.laws import Elastic
@@ -94,11 +84,6 @@ def travel(
     **accuracy
         Torque and numerical parameters of `simulate_transient` for linear layers, `simulate_reciprocating` for
         compacting ones.
-
-    Returns
-    -------
-    TransientResult
-        Load and resistance over time.
 
     Examples
     --------

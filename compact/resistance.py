@@ -43,9 +43,10 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 
+from compact.numerics import Array, BoolArray
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 UNSTEADINESS_LIMIT = 0.1  # [-], |a| tau/|v| at which the expansion errs by at most 0.4 % on a Winkler foundation
@@ -56,8 +57,6 @@ MIN_SPEED_RATIO = 1e-6  # [-], slowest sample over the fastest speed
 SPEED_REDUCTION = 4.0  # [-], ratio of the slowest samples added while the power law fails
 SPEED_ROUNDING = 1e-9  # [-], by which a speed may exceed the fastest sample
 VERSIONED_PACKAGES = ("compact", "numpy", "scipy")  # whose versions a stored map contains
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -191,17 +190,12 @@ class ResistanceMap:
     odd = True  # either sign is accepted: a driven roller pulls its cart
 
     def __call__(self, velocity: ArrayLike, acceleration: ArrayLike = 0.0) -> Array:
-        """Evaluate the resistance.
+        """Evaluate the resistance [N], of the common shape of velocity and acceleration.
 
         Parameters
         ----------
         velocity, acceleration : array_like
             Velocity [m/s] and acceleration [m/s2].
-
-        Returns
-        -------
-        ndarray
-            Resistance [N], of the common shape of velocity and acceleration.
 
         Raises
         ------
@@ -245,7 +239,7 @@ class ResistanceMap:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(numerator > 0, numerator / np.abs(velocity), 0.0)[()]
 
-    def is_unsteady(self, velocity: ArrayLike, acceleration: ArrayLike) -> NDArray[np.bool_]:
+    def is_unsteady(self, velocity: ArrayLike, acceleration: ArrayLike) -> BoolArray:
         """Return True where the unsteadiness reaches `UNSTEADINESS_LIMIT`, at velocities and accelerations."""
         return self.unsteadiness(velocity, acceleration) >= UNSTEADINESS_LIMIT
 
@@ -274,15 +268,7 @@ class ResistanceMap:
         return replace(self, forces=factor * self.forces, added_masses=masses)
 
     def save(self, path: Path, key: str = "") -> None:
-        """Write the map as netCDF.
-
-        Parameters
-        ----------
-        path : Path
-            File.
-        key : str
-            Key of all inputs of the map; stored with the versions of the packages.
-        """
+        """Write the map as netCDF with a key of all its inputs and the versions of the packages."""
         import xarray
 
         from compact.files import NETCDF_CLASSIC, write_netcdf
@@ -305,25 +291,7 @@ class ResistanceMap:
 
 
 def load_resistance_map(path: str | Path, key: str = "") -> ResistanceMap:
-    """Read a map written by `ResistanceMap.save`.
-
-    Parameters
-    ----------
-    path : path
-        File.
-    key : str
-        Key of all inputs of the map.
-
-    Returns
-    -------
-    ResistanceMap
-        Map.
-
-    Raises
-    ------
-    ValueError
-        If the file has another key or other versions, or is no resistance map.
-    """
+    """Read a map written by `ResistanceMap.save`; ValueError if its key or the versions of the packages differ."""
     from compact.files import NETCDF_CLASSIC, read_netcdf
 
     try:
@@ -370,11 +338,6 @@ def sample_resistance(
     known : iterable of (float, float, float or None)
         Speed, force and error of samples that exist already.
 
-    Returns
-    -------
-    ResistanceMap
-        Map without added masses.
-
     Raises
     ------
     RuntimeError
@@ -416,7 +379,7 @@ def _cross_validation_errors(speeds: Array, forces: Array) -> Array:
     return errors / max(np.abs(forces).max(), np.finfo(float).tiny)
 
 
-def _refined_speeds(speeds: Array, inaccurate: NDArray[np.bool_], slowest: float) -> list[float]:
+def _refined_speeds(speeds: Array, inaccurate: BoolArray, slowest: float) -> list[float]:
     """Speeds between each inaccurate sample and its neighbours; a slower one below an inaccurate slowest sample."""
     between = np.sqrt(speeds[:-1] * speeds[1:])
     refined = between[inaccurate[:-1] | inaccurate[1:]].tolist()

@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from compact.files import write_vtu_series
+from compact.numerics import Array
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 BaseCondition = Literal["bonded", "slip"]
@@ -97,7 +98,7 @@ class Layer:
         """Heights of the interfaces between plies [m], ascending."""
         return tuple(accumulate(ply.thickness for ply in self.stack[:-1]))
 
-    def stiffness(self, y: ArrayLike) -> NDArray[np.float64]:
+    def stiffness(self, y: ArrayLike) -> Array:
         """Return the relative modulus c [-] at heights y [m] off the interfaces."""
         return np.array([ply.stiffness for ply in self.stack])[np.searchsorted(self.interfaces, y)]
 
@@ -166,28 +167,17 @@ class PrescribedMotion(Protocol):
 
     duration: float
 
-    def position(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def position(self, time: Array) -> Array:
         """Return the position [m] at times [s]."""
         ...
 
-    def velocity(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocity(self, time: Array) -> Array:
         """Return the velocity [m/s] at times [s]."""
         ...
 
 
 def require_moving(speed: float) -> None:
-    """Require a roller in motion.
-
-    Parameters
-    ----------
-    speed : float
-        Speed of the roller [m/s].
-
-    Raises
-    ------
-    ValueError
-        If the speed is 0 or not finite.
-    """
+    """Require a roller at a finite speed [m/s] other than 0."""
     require_finite(speed=speed)
     if speed == 0:
         raise ValueError(
@@ -197,20 +187,7 @@ def require_moving(speed: float) -> None:
 
 
 def require_torque_allowed(roller: Roller, torque: float | None) -> None:
-    """Require a torque only for a free or driven roller with friction, and always for a driven one.
-
-    Parameters
-    ----------
-    roller : Roller
-        Roller.
-    torque : float, optional
-        Torque per unit roller length [N].
-
-    Raises
-    ------
-    ValueError
-        If the torque is not allowed, or missing for a driven roller.
-    """
+    """Require a torque [N] only for a free or driven roller with friction, and always for a driven one."""
     turns = roller.rolling in ("free", "driven")
     if torque is not None:
         require_finite(torque=torque)
@@ -226,24 +203,7 @@ def require_torque_allowed(roller: Roller, torque: float | None) -> None:
 def require_target_reached(
     name: str, prescribed: float, reached: float, tolerance: float, scale: float | None = None
 ) -> None:
-    """Require a prescribed quantity to be reached.
-
-    Parameters
-    ----------
-    name : str
-        Name of the quantity.
-    prescribed, reached : float
-        Its values, in one unit.
-    tolerance : float
-        Tolerance of the engine relative to `scale` [-].
-    scale : float, optional
-        Magnitude of the quantity; |prescribed| by default.
-
-    Raises
-    ------
-    RuntimeError
-        If the quantity is not reached.
-    """
+    """Require a prescribed quantity to be reached within a tolerance [-] of a scale, |prescribed| by default."""
     scale = abs(prescribed) if scale is None else scale
     if not abs(reached - prescribed) <= tolerance * scale:
         raise RuntimeError(
@@ -264,10 +224,6 @@ def require_on_target(
 
     Parameters
     ----------
-    result : ContactResult
-        Contact.
-    roller : Roller
-        Roller with the prescribed quantity.
     tolerance : float
         Relative tolerance of the engine [-].
     exit_density_ratio : float, optional
@@ -275,11 +231,6 @@ def require_on_target(
     torque : (float, float), optional
         Prescribed and reached torque of a roller with stick and slip [N]; the tolerance is relative to the largest
         torque of friction.
-
-    Raises
-    ------
-    RuntimeError
-        If a prescribed quantity is not reached.
     """
     name, prescribed = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
     require_target_reached(name, prescribed, getattr(result, name), tolerance)
@@ -320,9 +271,9 @@ class ContactResult:
     resistance: float
     leading: float
     trailing: float
-    x: NDArray[np.float64]
-    pressure: NDArray[np.float64]
-    shear_traction: NDArray[np.float64]
+    x: Array
+    pressure: Array
+    shear_traction: Array
     error: tuple[float, float] | None = None
     work_residual: float | None = None
     peak_pressure: float = np.nan
@@ -408,24 +359,19 @@ class TransientResult:
         Time [s] and fields at each requested instant.
     angle : ndarray, shape (n,), optional
         Rotation of a roller with friction, positive when rolling along +x [rad].
-
-    Raises
-    ------
-    RuntimeError
-        If a load or a resistance is not finite.
     """
 
-    time: NDArray[np.float64]
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    load: NDArray[np.float64]
-    resistance: NDArray[np.float64]
-    leading: NDArray[np.float64]
-    trailing: NDArray[np.float64]
+    time: Array
+    position: Array
+    velocity: Array
+    load: Array
+    resistance: Array
+    leading: Array
+    trailing: Array
     error: float | None = None
     steps: int = 0
     frames: tuple[tuple[float, Any], ...] = ()
-    angle: NDArray[np.float64] | None = None
+    angle: Array | None = None
 
     def __post_init__(self) -> None:
         for name in ("load", "resistance"):
@@ -434,23 +380,7 @@ class TransientResult:
                 raise RuntimeError(f"the {name} is not finite at t = {self.time[undefined[0]]:.6g} s")
 
     def write_frames(self, directory: str | Path) -> Path:
-        """Write the frames as film/time=T.vtu and their time series as film.pvd.
-
-        Parameters
-        ----------
-        directory : path
-            Directory of the results.
-
-        Returns
-        -------
-        Path
-            The file film.pvd, written last.
-
-        Raises
-        ------
-        ValueError
-            If the motion was simulated without frames.
-        """
+        """Write the frames as film/time=T.vtu below a directory and their series as film.pvd; return its path."""
         if not self.frames:
             raise ValueError("no frames to write; simulate with `frames` at the required instants")
         *_, collection = write_vtu_series(Path(directory) / "film.pvd", "film", "time", self.frames)

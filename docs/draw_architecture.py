@@ -17,6 +17,7 @@ from matplotlib.patches import FancyArrowPatch
 
 ROOT = Path(__file__).parents[1]
 WIDTH, HEIGHT = 11.0, 8.2  # [inch], of the drawing
+RESOLUTION = 110  # [1/inch]
 CONTRACT = "Layers: a module imports lower layers only"
 
 
@@ -65,26 +66,29 @@ def sizes() -> dict[str, tuple[int, int]]:
 def draw() -> Figure:
     """Draw all units and imports."""
     rows, counts, lines = layers(), imports(), sizes()
-    figure = Figure(figsize=(WIDTH, HEIGHT), layout="tight")
-    ax = figure.add_subplot(xlim=(0, 1), ylim=(-0.6, len(rows) - 0.4))
+    figure = Figure(figsize=(WIDTH, HEIGHT), dpi=RESOLUTION)
+    ax = figure.add_axes((0.01, 0.01, 0.98, 0.92), xlim=(0, 1), ylim=(-0.5, len(rows) - 0.5))
     ax.set_axis_off()
     ax.set_title("Packages of compact: every import points down; arrows implied by others are left out")
-    place = {}
+    place, boxes = {}, {}
     for level, units in enumerate(reversed(rows)):
         for number, unit in enumerate(units):
             place[unit] = x, y = (number + 0.5 + 0.12 * (-1) ** level) / len(units), level
             modules, count = lines[unit]
-            what = f"{modules} modules, {count} lines" if modules > 1 else f"{count} lines"
+            size = f"{modules} modules, {count} lines" if modules > 1 else f"{count} lines"
             box = {"boxstyle": "round,pad=0.45", "facecolor": "#eef3f8", "edgecolor": "#41627f"}
-            ax.text(x, y, f"{unit}\n{what}", ha="center", va="center", fontsize=9, bbox=box, zorder=3)
+            shown = ax.text(x, y, f"{unit}\n{size}", ha="center", va="center", fontsize=9, bbox=box, zorder=3)
+            boxes[unit] = shown.get_bbox_patch()
+    figure.draw_without_rendering()  # sets the boxes, at whose edges the arrows end
     for source, target in sorted(reduced(set(counts))):
         (x0, y0), (x1, y1) = place[source], place[target]
         ax.add_patch(FancyArrowPatch(
-            (x0, y0), (x1, y1), arrowstyle="-|>", mutation_scale=10, shrinkA=20, shrinkB=20, zorder=1,
-            connectionstyle=f"arc3,rad={0.06 if x1 >= x0 else -0.06}", linewidth=0.9, color="#6f8598",
+            (x0, y0), (x1, y1), arrowstyle="-|>", mutation_scale=10, shrinkA=1, shrinkB=1, zorder=1,
+            patchA=boxes[source], patchB=boxes[target], linewidth=0.9, color="#6f8598",
+            connectionstyle=f"arc3,rad={0.06 if x1 >= x0 else -0.06}",
         ))  # fmt: skip
     return figure
 
 
 if __name__ == "__main__":
-    draw().savefig(ROOT / "docs" / "architecture.png", dpi=110)
+    draw().savefig(ROOT / "docs" / "architecture.png")

@@ -8,10 +8,10 @@ true to scale; the cart is shown next to the cam.
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.cams.followers import FlatFace, Pointed
 from compact.cams.profile import Cam
+from compact.numerics import Array
 
 MM = 1e3  # [mm/m]
 FRAMES = 72  # [-], instants of a turn: every five degrees
@@ -22,19 +22,7 @@ MIX_COLOUR = "#c9c2b4"
 
 
 def animated_svg(cam: Cam, roller_radius: float, roller_positions: Sequence[float], label: str) -> str:
-    """Return the animation of a cam that moves a cart as SVG text.
-
-    Parameters
-    ----------
-    cam : Cam
-        Cam.
-    roller_radius : float
-        Radius of the rollers of the cart [m].
-    roller_positions : sequence of float
-        Positions of the rollers along the cart [m].
-    label : str
-        Label for screen readers, escaped for XML.
-    """
+    """Return the animation of a cam and its cart, lengths in m, as SVG text with an escaped label for readers."""
     angle = np.linspace(0, 2 * np.pi, FRAMES + 1)
     travel = MM * cam.cycle.derivative(angle * cam.cycle.period / (2 * np.pi), 0)
     rotation = np.degrees(travel / (MM * roller_radius))
@@ -65,7 +53,7 @@ def _keyframes(name: str, values: Iterable[float], transform: str) -> str:
 class _Geometry:
     """Geometry of cam, carriage and cart at the angle 0, in mm with y down."""
 
-    def __init__(self, cam: Cam, radius: float, positions: NDArray[np.float64]) -> None:
+    def __init__(self, cam: Cam, radius: float, positions: Array) -> None:
         self.cam, self.radius = cam, radius
         x, y = MM * cam.profile(np.linspace(0, 2 * np.pi, PROFILE_POINTS))
         self.profile, self.largest = np.array([x, -y]).T, np.hypot(x, y).max()

@@ -18,7 +18,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+
+from compact.numerics import Array
 
 if TYPE_CHECKING:
     from ezdxf.layouts import Modelspace
@@ -78,7 +79,7 @@ LAYERS: Mapping[str, LayerStyle] = MappingProxyType(
 class Shape(Protocol):
     """Shape of a drawing, coordinates in mm."""
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Return points whose bounding box contains the shape [mm], shape (n, 2)."""
 
     def svg(self) -> str:
@@ -100,10 +101,10 @@ class Polygon:
         Name in `LAYERS`.
     """
 
-    points: NDArray[np.float64]
+    points: Array
     layer: str
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Return points whose bounding box contains the shape [mm], shape (n, 2)."""
         return self.points
 
@@ -136,7 +137,7 @@ class Circle:
     radius: float
     layer: str
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Return points whose bounding box contains the shape [mm], shape (2, 2)."""
         return np.add(self.centre, self.radius * np.array([[-1, -1], [1, 1]]))
 
@@ -166,7 +167,7 @@ class Line:
     end: Point
     layer: str
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Return points whose bounding box contains the shape [mm], shape (2, 2)."""
         return np.array([self.start, self.end])
 
@@ -190,7 +191,6 @@ class Text:
     place : tuple of float
         Left end of the base line (x, y) [mm].
     text : str
-        Text.
     height : float
         Height of a capital [mm].
     layer : str
@@ -202,7 +202,7 @@ class Text:
     height: float
     layer: str = "NOTES"
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Return points whose bounding box contains the shape [mm], shape (2, 2)."""
         x, y = self.place
         return np.array([[x, y], [x + LETTER_WIDTH * self.height * len(self.text), y + self.height]])
@@ -247,7 +247,7 @@ class DistanceDimension:
         shift = self.offset * np.array([-along[1], along[0]])
         return start + shift, end + shift, along
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Return points whose bounding box contains the shape [mm], shape (4, 2)."""
         first, last, _ = self._dimension_line()
         reach = 2 * self.height
@@ -304,14 +304,15 @@ class RadiusDimension:
 
     def _text(self):
         sign, size = ("Ø", 2 * self.radius) if self.diameter else ("R", self.radius)
-        place = self._along(self.radius + self.height)
-        return Text(place, f"{sign}{_dimension_number(size)}", self.height, DIMENSION_LAYER)
+        text, (x, y) = f"{sign}{_dimension_number(size)}", self._along(self.radius + self.height)
+        left = LETTER_WIDTH * self.height * len(text) * (np.cos(self.angle) < 0)  # beyond the end of the arrow
+        return Text((x - left, y - self.height * (np.sin(self.angle) < 0)), text, self.height, DIMENSION_LAYER)
 
     def _line(self):
         start = -self.radius if self.diameter else 0.0
         return Line(self._along(start), self._along(self.radius + self.height), DIMENSION_LAYER)
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Return points whose bounding box contains the shape [mm], shape (4, 2)."""
         return np.concatenate([self._line().corners(), self._text().corners()])
 
@@ -335,7 +336,6 @@ class Drawing:
     Attributes
     ----------
     title : str
-        Title.
     shapes : tuple of Shape
         Shapes of the drawing.
     """
@@ -351,13 +351,7 @@ class Drawing:
         return (*(low - margin), *(high + margin))
 
     def svg(self, description: str = "") -> str:
-        """Return the drawing as SVG text, true to scale, one unit a millimetre.
-
-        Parameters
-        ----------
-        description : str
-            Description for screen readers.
-        """
+        """Return the drawing as SVG text with a description, true to scale, one unit a millimetre."""
         left, bottom, right, top = self.bounding_box()
         width, height = right - left, top - bottom
         words = f'<title id="title">{escape(self.title)}</title><desc id="desc">{escape(description)}</desc>'

@@ -25,10 +25,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from compact.cams.followers import FlatFace
 from compact.cams.profile import Cam, Follower
+from compact.numerics import Array
 from compact.numerics.validation import require_between, require_finite, require_positive
 
 MICROMETRE = 1e-6  # [m], default tolerance of the follower's motion
@@ -50,7 +51,6 @@ class Cut:
     Attributes
     ----------
     cam : Cam
-        Cam.
     tolerance : float
         Tolerance of the follower's motion [m].
     angle : ndarray, shape (n,)
@@ -67,14 +67,14 @@ class Cut:
 
     cam: Cam
     tolerance: float
-    angle: NDArray[np.float64]
-    profile: NDArray[np.float64]
+    angle: Array
+    profile: Array
     error: float
     cutter_radius: float | None = None
-    cutter_path: NDArray[np.float64] | None = None
+    cutter_path: Array | None = None
 
     @property
-    def polar(self) -> NDArray[np.float64]:
+    def polar(self) -> Array:
         """Radius [m] and polar angle [rad] of the points of the profile, shape (2, n)."""
         x, y = self.profile.T
         return np.array([np.hypot(x, y), np.unwrap(np.arctan2(y, x))])
@@ -85,8 +85,6 @@ def cut(cam: Cam, cutter_radius: float | None = None, tolerance: float = MICROME
 
     Parameters
     ----------
-    cam : Cam
-        Cam.
     cutter_radius : float, optional
         Radius of the cutter [m].
     tolerance : float
@@ -126,15 +124,13 @@ def largest_cutter(cam: Cam) -> float:
     return min(float(sampled), cam.least_hollow_radius)
 
 
-def follower_on_polygon(outline: ArrayLike, follower: Follower, angle: ArrayLike) -> NDArray[np.float64]:
+def follower_on_polygon(outline: ArrayLike, follower: Follower, angle: ArrayLike) -> Array:
     """Compute the distance rho [m] of a follower from the axis of a polygon.
 
     Parameters
     ----------
     outline : array_like, shape (n, 2)
         Vertices of the closed polygon [m], counterclockwise about the axis.
-    follower : Pointed, RollerFollower or FlatFace
-        Follower.
     angle : array_like, shape (m,)
         Cam angles phi [rad].
 
@@ -182,7 +178,7 @@ def _require_fitting_cutter(cam: Cam, cutter_radius: float) -> None:
         )
 
 
-def _polygon(cam: Cam, tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def _polygon(cam: Cam, tolerance: float) -> tuple[Array, Array, float]:
     """Angles, rounded points and error of the coarsest polygon that keeps the tolerance."""
     for halving in range(REFINEMENT_LIMIT):
         angle = _spaced_angles(cam, CHORD_SHARE * tolerance / 2**halving)
@@ -196,13 +192,13 @@ def _polygon(cam: Cam, tolerance: float) -> tuple[NDArray[np.float64], NDArray[n
     )
 
 
-def _spaced_angles(cam: Cam, deviation: float) -> NDArray[np.float64]:
+def _spaced_angles(cam: Cam, deviation: float) -> Array:
     """Angles [rad] in [0, 2 pi), breakpoints included, whose chords move the follower by at most `deviation` [m]."""
     breaks = np.append(cam.breakpoints, cam.breakpoints[0] + 2 * np.pi)
     return np.concatenate([_angles_between(cam, low, high, deviation) for low, high in pairwise(breaks)])
 
 
-def _angles_between(cam: Cam, low: float, high: float, deviation: float) -> NDArray[np.float64]:
+def _angles_between(cam: Cam, low: float, high: float, deviation: float) -> Array:
     """Angles from `low` to below `high`, equidistant in the integral of the required density of chords."""
     edges = np.linspace(low, high, SPACING_SAMPLES + 1)
     middle = (edges[:-1] + edges[1:]) / 2
@@ -213,19 +209,19 @@ def _angles_between(cam: Cam, low: float, high: float, deviation: float) -> NDAr
     return np.interp(np.linspace(0, count[-1], chords, endpoint=False), count, edges)
 
 
-def _follower_error(cam: Cam, angle: NDArray[np.float64], profile: NDArray[np.float64]) -> float:
+def _follower_error(cam: Cam, angle: Array, profile: Array) -> float:
     """Largest |follower on the polygon - law| [m], at every point and three angles between each two."""
     step = np.diff(angle, append=angle[0] + 2 * np.pi)
     checked = (angle[:, None] + step[:, None] * np.arange(CHECKS_PER_STEP) / CHECKS_PER_STEP).ravel()
     return float(np.abs(follower_on_polygon(profile, cam.follower, checked) - cam.radius(checked)).max())
 
 
-def _offset_points(cam: Cam, angle: NDArray[np.float64], distance: float) -> NDArray[np.float64]:
+def _offset_points(cam: Cam, angle: Array, distance: float) -> Array:
     """Points `distance` [m] outside the profile, rounded, shape (n, 2)."""
     return np.round((cam.profile(angle) + distance * _normal(cam, angle)).T, DECIMALS)
 
 
-def _normal(cam: Cam, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def _normal(cam: Cam, angle: Array) -> Array:
     """Outward unit normal of the profile in the frame of the cam, shape (2, n)."""
     direction = angle - cam.pressure_angle(angle)
     return np.array([np.cos(direction), np.sin(direction)])

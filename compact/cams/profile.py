@@ -24,10 +24,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from compact.cams.followers import FlatFace, Pointed, RollerFollower
 from compact.motion.profile import Cycle, Discontinuity, Leg
+from compact.numerics import Array
 from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
 from compact.numerics.validation import require_at_most, require_between, require_finite, require_positive
 
@@ -43,7 +44,7 @@ __all__ = [
 ]
 
 Follower = Pointed | RollerFollower | FlatFace
-Measure = Callable[..., NDArray[np.float64]]  # of phi [rad] and the travel x, x', x'' by phi [m]
+Measure = Callable[..., Array]  # of phi [rad] and the travel x, x', x'' by phi [m]
 
 POINT_LIMIT = 1_000_000  # [-], rows of a table: a step of a micrometre round a cam of 0.3 m
 BREADTH_SAMPLES = 361  # [-], over half a turn: the breadth is either constant at all of them or clearly not
@@ -86,7 +87,7 @@ class ProfileTable(NamedTuple):
     """
 
     header: tuple[str, ...]
-    columns: NDArray[np.float64]
+    columns: Array
 
     def rows(self) -> list[list[float]]:
         """Return the values row by row."""
@@ -104,13 +105,6 @@ def least_breadth(cycle: Cycle, follower: Follower) -> LeastBreadth:
     roller and no flat face can follow; where it jumps up, the profile has a concave arc (roller) or a straight part
     (flat face). A law and its mirror image always jump both ways. After a long near dwell the lobe may be too thin for
     the roller: b is then bisected on dense samples (to about 1e-6 of the stroke, otherwise to rounding).
-
-    Parameters
-    ----------
-    cycle : Cycle
-        Motion of the follower.
-    follower : Pointed, RollerFollower or FlatFace
-        Follower.
 
     References
     ----------
@@ -141,18 +135,9 @@ def least_breadth(cycle: Cycle, follower: Follower) -> LeastBreadth:
 
 
 def breadth_for_pressure_angle(cycle: Cycle, follower: Follower, limit: float) -> float:
-    """Compute the smallest breadth [m] whose pressure angle stays within a limit; the stroke for a flat face.
+    """Compute the smallest breadth [m] whose pressure angle stays within a limit [rad]; the stroke for a flat face.
 
     tan(limit) = |x'|/rho:  b = stroke + 2 max(|x'|/tan(limit) - x, 0)
-
-    Parameters
-    ----------
-    cycle : Cycle
-        Motion of the follower.
-    follower : Pointed, RollerFollower or FlatFace
-        Follower.
-    limit : float
-        Largest pressure angle [rad].
     """
     require_between(1e-3, 1.57, limit=limit)
     stroke = cycle.forward.stroke
@@ -175,7 +160,6 @@ class Cam:
     breadth : float
         Breadth b [m], > stroke.
     follower : Pointed, RollerFollower or FlatFace
-        Follower.
 
     Examples
     --------
@@ -198,53 +182,45 @@ class Cam:
                 "the axis would lie outside the cam: set more than `least_breadth`"
             )
 
-    def derivative(self, angle: ArrayLike, order: int) -> NDArray[np.float64]:
-        """Return the derivative of rho by phi [m].
-
-        Parameters
-        ----------
-        angle : array_like
-            Cam angle phi [rad], any shape.
-        order : int
-            Order of the derivative, >= 0.
-        """
+    def derivative(self, angle: ArrayLike, order: int) -> Array:
+        """Return the derivative of rho by phi [m] at angles phi [rad] of any shape."""
         require_finite(angle=angle)
         radians = self.cycle.period / (2 * np.pi)
         value = radians**order * self.cycle.derivative(self._time_after_break(angle), order)
         return value + (self.breadth - self.cycle.forward.stroke) / 2 if order == 0 else value
 
-    def radius(self, angle: ArrayLike) -> NDArray[np.float64]:
+    def radius(self, angle: ArrayLike) -> Array:
         """Return rho [m] at an angle [rad]: radius to the point or roller centre, or distance of the flat face."""
         return self.derivative(angle, 0)
 
-    def profile(self, angle: ArrayLike) -> NDArray[np.float64]:
+    def profile(self, angle: ArrayLike) -> Array:
         """Return the points (x, y) of the profile [m] at angles [rad] in the frame of the cam, shape (2, n)."""
         angle = np.atleast_1d(np.asarray(angle, float))
         radial, offset = self.follower.contact(self.derivative(angle, 0), self.derivative(angle, 1))
         cos, sin = np.cos(angle), np.sin(angle)
         return np.array([radial * cos - offset * sin, radial * sin + offset * cos])
 
-    def contact_offset(self, angle: ArrayLike) -> NDArray[np.float64]:
+    def contact_offset(self, angle: ArrayLike) -> Array:
         """Return the distance [m] of the contact from the follower's line of travel at an angle [rad]."""
         return self.follower.contact(self.derivative(angle, 0), self.derivative(angle, 1))[1]
 
-    def rates(self, angle: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def rates(self, angle: ArrayLike) -> tuple[Array, Array]:
         """Return turn [-] and arc [m] of the profile by phi at an angle [rad]."""
         return self.follower.rates(*(self.derivative(angle, order) for order in range(3)))
 
-    def curvature(self, angle: ArrayLike) -> NDArray[np.float64]:
+    def curvature(self, angle: ArrayLike) -> Array:
         """Return the curvature of the profile [1/m] at an angle [rad], convex > 0."""
         turn, arc = self.rates(angle)
         with np.errstate(divide="ignore"):
             return turn / arc
 
-    def radius_of_curvature(self, angle: ArrayLike) -> NDArray[np.float64]:
+    def radius_of_curvature(self, angle: ArrayLike) -> Array:
         """Return the radius of curvature of the profile [m] at an angle [rad], convex > 0, infinite where straight."""
         turn, arc = self.rates(angle)
         with np.errstate(divide="ignore"):
             return arc / turn
 
-    def pressure_angle(self, angle: ArrayLike) -> NDArray[np.float64]:
+    def pressure_angle(self, angle: ArrayLike) -> Array:
         """Return the angle [rad] between travel and common normal at an angle [rad], > 0 on the forward stroke."""
         return self.follower.pressure_angle(self.derivative(angle, 0), self.derivative(angle, 1))
 
@@ -264,7 +240,7 @@ class Cam:
     def breadth_error(self) -> float:
         """Largest |rho(phi) + rho(phi + pi) - b| [m]: rounding if the breadth is constant."""
 
-        def error(angle, *_: NDArray[np.float64]):
+        def error(angle, *_: Array):
             return np.abs(self.radius(angle) + self.radius(angle + np.pi) - self.breadth)
 
         sampled = float(error(np.linspace(0, np.pi, BREADTH_SAMPLES)).max())
@@ -312,18 +288,9 @@ class Cam:
         return least_breadth(self.cycle, self.follower)
 
     def table(self, points: int) -> ProfileTable:
-        """Return the `ProfileTable` over a closed turn.
+        """Return the `ProfileTable` over a closed turn at equal steps between `points` >= 2, and at the breakpoints.
 
-        Parameters
-        ----------
-        points : int
-            Number of equal steps plus one, >= 2; breakpoints are added. Angles ascend strictly from 0 to 2 pi; an equal
-            step closer than 1e-9 rad to a breakpoint is replaced by it.
-
-        Raises
-        ------
-        ValueError
-            If the number of points is out of range.
+        Angles ascend strictly from 0 to 2 pi; a step closer than 1e-9 rad to a breakpoint is replaced by it.
         """
         if not points >= 2:
             raise ValueError(f"`points` must be at least 2, got {points!r}")
@@ -341,7 +308,7 @@ class Cam:
         """Smallest |radius of curvature| [m] of the convex or of the concave parts, both sides of every breakpoint."""
         sign = 1 if convex else -1
 
-        def negative_radius(_, *travel: NDArray[np.float64]):
+        def negative_radius(_, *travel: Array):
             turn, arc = self.follower.rates(*self._raised(*travel))
             return -np.divide(arc, sign * turn, out=np.full_like(arc, np.inf), where=sign * turn > 0)
 
@@ -413,14 +380,14 @@ def _base_without_crossing(cycle: Cycle, follower: RollerFollower, base: float) 
     return high
 
 
-def _dense_samples(cycle: Cycle) -> tuple[NDArray[np.float64], ...]:
+def _dense_samples(cycle: Cycle) -> tuple[Array, ...]:
     """Angle, x, x', x'' on dense samples of every leg."""
     z = np.linspace(BREAK_OFFSET, 1 - BREAK_OFFSET, LEG_SAMPLES)
     legs = [(_angle_in(cycle, leg, z), *_travel(cycle, leg, z)) for leg in cycle.legs()]
     return tuple(np.concatenate(column) for column in zip(*legs, strict=True))
 
 
-def _travel(cycle: Cycle, leg: Leg, z) -> tuple[NDArray[np.float64], ...]:
+def _travel(cycle: Cycle, leg: Leg, z) -> tuple[Array, ...]:
     """x, x', x'' [m] at phase z of a leg, evaluated by phase so that a breakpoint keeps its sides."""
     radians = cycle.period / (2 * np.pi)
     return tuple(radians**order * leg.at_phase(z, order) for order in range(3))

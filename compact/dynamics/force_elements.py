@@ -21,8 +21,8 @@ All functions are compiled. Arrays and records are passed without checks.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from compact.numerics import Array
 from compact.numerics.jit import compiled
 from compact.numerics.piecewise import PiecewisePolynomial
 
@@ -52,7 +52,7 @@ class ResistanceTable(NamedTuple):
 
     forward: PiecewisePolynomial
     backward: PiecewisePolynomial
-    knots: NDArray[np.float64]
+    knots: Array
     added_mass: PiecewisePolynomial = NO_ADDED_MASS
     rate_limit: float = 0.0
 

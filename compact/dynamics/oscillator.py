@@ -26,8 +26,8 @@ The bracketing root finder is the Illinois variant of the false position method:
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from compact.numerics import Array, IntArray
 from compact.numerics.jit import compiled
 
 SHORT_RANGE = 1 / 8  # [-], of u; longest part that is searched by its end values
@@ -63,7 +63,7 @@ class Signal(NamedTuple):
         Time [s] over which u increases by 1.
     """
 
-    polynomial: NDArray[np.float64]
+    polynomial: Array
     cosine: float
     sine: float
     decay: float
@@ -71,7 +71,7 @@ class Signal(NamedTuple):
     scale: float
 
 
-def new_search_counter() -> NDArray[np.int64]:
+def new_search_counter() -> IntArray:
     """Counter of a new search, shape (2,), indexed by `RANGES` and `EXHAUSTED`."""
     return np.zeros(2, np.int64)
 
@@ -114,7 +114,7 @@ def differentiate(signal: Signal) -> Signal:
 
 
 @compiled
-def combine(elongation: Signal, far_end: NDArray[np.float64], a: float, b: float, c: float, d: float) -> Signal:
+def combine(elongation: Signal, far_end: Array, a: float, b: float, c: float, d: float) -> Signal:
     """Return a e + b de/dt + c y + d dy/dt for the signal e and the polynomial y(u) of one interval."""
     rate, h = differentiate(elongation), elongation.scale
     polynomial = a * elongation.polynomial + b / h * rate.polynomial
@@ -127,7 +127,7 @@ def combine(elongation: Signal, far_end: NDArray[np.float64], a: float, b: float
 
 
 @compiled
-def cart_velocity(elongation: Signal, far_end: NDArray[np.float64]) -> Signal:
+def cart_velocity(elongation: Signal, far_end: Array) -> Signal:
     """Return the velocity of the cart, y' - e' [m/s], as a signal."""
     return combine(elongation, far_end, 0.0, -1.0, 0.0, 1.0)
 
@@ -151,7 +151,7 @@ def add(one: Signal, two: Signal) -> Signal:
 
 
 @compiled
-def substitute(polynomial: NDArray[np.float64], start: float, width: float) -> NDArray[np.float64]:
+def substitute(polynomial: Array, start: float, width: float) -> Array:
     """Coefficients of p(start + width u)."""
     out = polynomial.copy()
     n = len(out)
@@ -227,7 +227,7 @@ def find_sign_change(signal: Signal, low: float, high: float) -> float:
 
 
 @compiled
-def first_downcrossing(signal: Signal, counter: NDArray[np.int64]) -> float:
+def first_downcrossing(signal: Signal, counter: IntArray) -> float:
     """Smallest u at which q falls from >= 0 to < 0; 2.0 without one, or after an exhausted search."""
     if signal.polynomial[0] - (np.abs(signal.polynomial[1:]).sum() + envelope(signal, 0.0, 1.0)) > 0:
         return 2.0
@@ -254,7 +254,7 @@ def first_downcrossing(signal: Signal, counter: NDArray[np.int64]) -> float:
 
 
 @compiled
-def is_exhausted(counter: NDArray[np.int64]) -> bool:
+def is_exhausted(counter: IntArray) -> bool:
     """Count one more range and return true once a search exceeds `MAX_RANGES`."""
     counter[RANGES] += 1
     if counter[RANGES] > MAX_RANGES:
@@ -280,7 +280,7 @@ def _short_downcrossing(signal, rate, low, high, zero):
 
 
 @compiled
-def max_abs_product(one: Signal, two: Signal, until: float, counter: NDArray[np.int64]) -> float:
+def max_abs_product(one: Signal, two: Signal, until: float, counter: IntArray) -> float:
     """Largest |q1 q2| for 0 <= u <= until; a lower bound of it after an exhausted search."""
     best = 0.0
     for i in range(ZOOM_CELLS + 1):
@@ -349,13 +349,7 @@ def limit_step(mass: float, damping: float, stiffness: float, h: float) -> float
 
 @compiled
 def solve_oscillator(
-    mass: float,
-    damping: float,
-    stiffness: float,
-    force: NDArray[np.float64],
-    elongation: float,
-    rate: float,
-    h: float,
+    mass: float, damping: float, stiffness: float, force: Array, elongation: float, rate: float, h: float
 ) -> Signal:
     """Elongation over h [s] from its initial value [m] and rate [m/s] under force(u), a polynomial [N].
 

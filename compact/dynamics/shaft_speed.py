@@ -14,8 +14,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from compact.numerics import Array
 from compact.numerics.piecewise import clenshaw_curtis
 
 ORDER = 16  # [-], of the polynomial on an element
@@ -36,7 +37,7 @@ RESIDUAL_PERTURBATION = 1e-7  # [-], relative; finite differences of the residua
 MAX_ELEMENTS = 20_000  # [-]; dozens are usual, the number doubles in each refinement of a noisy torque
 MAX_REFINEMENTS = 30  # [-]; 2 to 5 are usual, more for a steep motor curve and little inertia
 
-Residual = Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+Residual = Callable[[Array, Array, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -53,29 +54,29 @@ class ShaftRevolution:
         Newton iterations.
     """
 
-    breaks: NDArray[np.float64]
-    angle: NDArray[np.float64]
-    energy: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
+    breaks: Array
+    angle: Array
+    energy: Array
+    acceleration: Array
     iterations: int
 
     @property
-    def speed(self) -> NDArray[np.float64]:
+    def speed(self) -> Array:
         """Speed phi' at the nodes [rad/s]."""
         return np.sqrt(2 * self.energy)
 
     @property
-    def jerk(self) -> NDArray[np.float64]:
+    def jerk(self) -> Array:
         """Third derivative of phi with respect to time at the nodes [rad/s^3]."""
         return self.acceleration @ DIFFERENTIATION.T / np.diff(self.breaks)[:, None] * self.speed
 
     @property
-    def weights(self) -> NDArray[np.float64]:
+    def weights(self) -> Array:
         """Quadrature weights over time [s]."""
         return np.diff(self.breaks)[:, None] * WEIGHTS / self.speed
 
     @property
-    def time(self) -> NDArray[np.float64]:
+    def time(self) -> Array:
         """Time since the start of the revolution at the nodes [s]."""
         slowness, width = 1 / self.speed, np.diff(self.breaks)[:, None]
         within = np.concatenate([np.zeros_like(width), width * (slowness[:, 1:] @ INTEGRATION.T)], axis=1)
@@ -96,9 +97,7 @@ class ShaftRevolution:
         extrema = np.concatenate(candidates)
         return float(extrema.min()), float(extrema.max())
 
-    def evaluate(
-        self, angle: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def evaluate(self, angle: Array) -> tuple[Array, Array, Array]:
         """E [1/s^2], phi'' [rad/s^2] and the third derivative [rad/s^3] at angles in [0, 2 pi] of any shape."""
         i = np.clip(np.searchsorted(self.breaks, angle, side="right") - 1, 0, len(self.angle) - 1)
         place = 2 * (angle - self.breaks[i]) / np.diff(self.breaks)[i] - 1
@@ -127,16 +126,6 @@ def solve_shaft_speed(
         Of E, relative to its largest value.
     periodic : bool
         Solve the periodic regime.
-
-    Returns
-    -------
-    ShaftRevolution
-        Speed over the breaks.
-
-    Raises
-    ------
-    RuntimeError
-        If the shaft stops or the solution does not converge.
     """
     breaks, iterations = np.asarray(breaks, float), 0
     energy = np.full((len(breaks) - 1, ORDER + 1), speed**2 / 2)

@@ -5,16 +5,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.dynamics.event_driven import Intervals
-from compact.dynamics.force_elements import (
-    AT_NEAR_PLATE,
-    NEAR_SPRING,
-    CartState,
-    OscillatorParameters,
-    ResistanceTable,
-)
+from compact.dynamics.force_elements import AT_NEAR_PLATE, NEAR_SPRING, CartState, OscillatorParameters, ResistanceTable
+from compact.numerics import Array, IntArray
 from compact.numerics.piecewise import PiecewisePolynomial, clenshaw_curtis, horner
 
 CELL_POINTS = 17  # [-], points of a cell; integrals of the square of an oscillation are exact to 1e-9
@@ -34,11 +28,11 @@ class Kinematics(NamedTuple):
         Force of mix and guides on the cart [N]; the whole pull for a cart at rest.
     """
 
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
-    jerk: NDArray[np.float64]
-    resistance: NDArray[np.float64]
+    position: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    resistance: Array
 
 
 @dataclass(frozen=True)
@@ -68,14 +62,8 @@ class Trajectory:
         """Upper bound of the number of `sample_points`, without their computation."""
         return CELL_POINTS * sum(self._cell_count(i, float(d)) + 2 for i, d in enumerate(self.intervals.duration))
 
-    def sample_points(self) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-        """Places that resolve the imposed motion and the oscillation.
-
-        Returns
-        -------
-        tuple of ndarray, shape (n,)
-            Interval index i, place u and weight [s] of a quadrature over time.
-        """
+    def sample_points(self) -> tuple[IntArray, Array, Array]:
+        """Interval indices i, places u and weights [s] that resolve imposed motion and oscillation, shape (n,)."""
         nodes, unit_weights = clenshaw_curtis(CELL_POINTS)
         columns = []
         for i, (scale, duration) in enumerate(zip(self.intervals.scale, self.intervals.duration, strict=True)):
@@ -86,7 +74,7 @@ class Trajectory:
         rows, places, weights = (np.concatenate(column) for column in zip(*columns, strict=True))
         return rows, places, weights
 
-    def _cell_edges(self, i: int, duration: float) -> NDArray[np.float64]:
+    def _cell_edges(self, i: int, duration: float) -> Array:
         """Edges [s] of cells of interval i in each of which the oscillation turns by `CELL_ANGLE` at most."""
         cosine, sine, decay, discriminant = self.intervals.oscillation[i]
         if not (cosine or sine):
@@ -105,15 +93,13 @@ class Trajectory:
             return 0
         return math.ceil(oscillation_time(decay, duration) * math.sqrt(decay**2 - discriminant) / CELL_ANGLE)
 
-    def locate(self, time: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def locate(self, time: Array) -> tuple[IntArray, Array]:
         """Interval indices i and places u of times [s] within the trajectory."""
         starts = self.intervals.start
         i = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, len(starts) - 1)
         return i, (time - starts[i]) / self.intervals.scale[i]
 
-    def elongation(
-        self, i: NDArray[np.int64], u: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def elongation(self, i: IntArray, u: Array) -> tuple[Array, Array]:
         """Elongation e [m] of the drive spring and its rate [m/s]."""
         scale, polynomial = self.intervals.scale[i], self.intervals.elongation[i]
         cosine, sine, decay, discriminant = self.intervals.oscillation[i].T
@@ -123,14 +109,14 @@ class Trajectory:
         rate = rate + (sine - decay * cosine) * g0 + (discriminant * cosine - decay * sine) * g1
         return elongation, rate
 
-    def far_end(self, i: NDArray[np.int64], u: NDArray[np.float64], order: int = 0) -> NDArray[np.float64]:
+    def far_end(self, i: IntArray, u: Array, order: int = 0) -> Array:
         """Position y of the far end [m], or its derivative with respect to time of the given order."""
         polynomial = self.intervals.far_end[i]
         for _ in range(order):
             polynomial = _derivative(polynomial)
         return horner(polynomial, u) / self.intervals.scale[i] ** order
 
-    def drive_force(self, i: NDArray[np.int64], u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def drive_force(self, i: IntArray, u: Array) -> Array:
         """Force H of drive spring and damper [N]."""
         elongation, rate = self.elongation(i, u)
         return self._flank_force(self.intervals.flank[i], elongation) + self.oscillator.damping * rate
@@ -140,7 +126,7 @@ class Trajectory:
         engaged = np.where(flank != 0, elongation - flank * self.oscillator.backlash / 2, 0.0)
         return self.oscillator.stiffness * engaged
 
-    def end_spring_force(self, i: NDArray[np.int64], u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def end_spring_force(self, i: IntArray, u: Array) -> Array:
         """Force S of the end springs [N]; at the plate of one the force that holds the cart at rest."""
         ends, zone = self.oscillator.end_springs, self.intervals.zone[i]
         position = self.far_end(i, u) - self.elongation(i, u)[0]
@@ -150,11 +136,11 @@ class Trajectory:
         compressed = ends.preload + ends.stiffness * compression
         return sign * np.where(np.abs(zone) == AT_NEAR_PLATE, holding, compressed)
 
-    def kinematics(self, i: NDArray[np.int64], u: NDArray[np.float64]) -> Kinematics:
+    def kinematics(self, i: IntArray, u: Array) -> Kinematics:
         """Motion of the cart and the force that resists it."""
         elongation, rate = self.elongation(i, u)
         slip, pull = self.intervals.slip[i], self.drive_force(i, u) + self.end_spring_force(i, u)
-        velocity: NDArray[np.float64] = np.where(slip != 0, self.far_end(i, u, 1) - rate, 0.0)
+        velocity: Array = np.where(slip != 0, self.far_end(i, u, 1) - rate, 0.0)
         force, slope, added_mass, mass_slope = self._resistance_terms(slip, velocity)
         mass, rate_limit = self.oscillator.mass, self.resistance.rate_limit
         limit = _acceleration_limit(rate_limit, slip * velocity)
@@ -204,19 +190,19 @@ def oscillation_time(decay: float, duration: float) -> float:
     return min(duration, -math.log(OSCILLATION_FLOOR) / decay) if decay > 0 else duration
 
 
-def _acceleration_limit(rate_limit: float, speed: NDArray[np.float64]) -> NDArray[np.float64]:
+def _acceleration_limit(rate_limit: float, speed: Array) -> Array:
     """Return A |v| [m/s^2], infinite also at rest for an infinite A."""
     return np.full(np.shape(speed), np.inf) if rate_limit == np.inf else rate_limit * speed
 
 
-def _derivative(polynomial: NDArray[np.float64]) -> NDArray[np.float64]:
+def _derivative(polynomial: Array) -> Array:
     """Coefficients of the derivative with respect to u, in the same shape."""
     derivative = np.zeros_like(polynomial)
     derivative[..., :-1] = polynomial[..., 1:] * np.arange(1, polynomial.shape[-1])
     return derivative
 
 
-def _table_slope(table: PiecewisePolynomial, speed: NDArray[np.float64]) -> NDArray[np.float64]:
+def _table_slope(table: PiecewisePolynomial, speed: Array) -> Array:
     """Differentiate a table with respect to |v|."""
     i = np.clip(np.searchsorted(table.breaks, speed, side="right") - 1, 0, len(table.coefficients) - 1)
     width = table.breaks[i + 1] - table.breaks[i]

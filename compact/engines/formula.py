@@ -17,10 +17,10 @@ from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.engines.halfplane import LineContact, pressure_exponent
 from compact.material.laws import Elastic
+from compact.numerics import Array
 from compact.numerics.validation import (
     require_between,
     require_known,
@@ -35,7 +35,7 @@ CONTACT_SAMPLES = 201  # [-], points along the contact, denser at the edges wher
 MAX_HALF_WIDTH_RATIO = 0.5  # [-], half-width over height; a bonded layer (nu 0.3) then carries 17 % more
 TRIAL_PRESSURE_RATIO = 1e-3  # [-], trial pressure over E, for which (1.5) has a solution
 
-Values = float | NDArray[np.float64]
+Values = float | Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +64,7 @@ class FormulaContactResult(ContactResult):
 
 
 def capture_angle(pressure: Values, youngs_modulus: Values, poisson: Values, exponent: Values) -> Values:
-    """Compute the capture angle, from the lowest point of the roller to the first contact with the mix.
+    """Compute the capture angle [rad], from the lowest point of the roller to the first contact with the mix.
 
         sin phi = 7.53 (1 - nu^2) alpha^(1 - alpha) (1 - alpha)^(1 + alpha) q/E                     (1.5)
 
@@ -78,11 +78,6 @@ def capture_angle(pressure: Values, youngs_modulus: Values, poisson: Values, exp
         Poisson's ratio nu [-], 0 to 0.5.
     exponent : float or ndarray
         Pressure exponent alpha of (1.4) [-], 0 < alpha < 1.
-
-    Returns
-    -------
-    float or ndarray
-        Capture angle phi [rad].
 
     Raises
     ------
@@ -123,7 +118,7 @@ def roller_force(
     nonuniformity: Values = 1.0,
     one_sided: bool = False,
 ) -> Values:
-    """Compute the normal force on one roller.
+    """Compute the normal force on one roller [N].
 
         F = k2 L E R sin^2(phi) / [20.32 (1 - nu^2) alpha (1 - alpha)^3]                            (1.6)
 
@@ -143,11 +138,6 @@ def roller_force(
         Factor k2 of the pressure along the roller [-], > 0.
     one_sided : bool
         True for the alternative reading without alpha in the denominator, contact on the front half only: about F/2.
-
-    Returns
-    -------
-    float or ndarray
-        Normal force F [N].
 
     Notes
     -----
@@ -183,7 +173,7 @@ def pressure_for_load(
     nonuniformity: Values = 1.0,
     one_sided: bool = False,
 ) -> Values:
-    """Compute the peak pressure at which one roller carries a normal force.
+    """Compute the peak pressure [Pa] at which one roller carries a normal force.
 
         F ~ sin^2(phi) ~ q^2                                                                  (1.5), (1.6)
 
@@ -193,11 +183,6 @@ def pressure_for_load(
         F of (1.6) [N], > 0.
     youngs_modulus, poisson, exponent, radius, length, nonuniformity, one_sided
         As of `roller_force`.
-
-    Returns
-    -------
-    float or ndarray
-        Peak pressure q [Pa].
 
     Examples
     --------
@@ -212,7 +197,7 @@ def pressure_for_load(
 
 
 def contact_length(capture_angle: Values, radius: Values, exponent: Values) -> Values:
-    """Compute the contact length; the longer part lies ahead of the lowest point.
+    """Compute the contact length [m]; the longer part lies ahead of the lowest point.
 
         l = R sin(phi)/(1 - alpha)                                                                  (1.7)
 
@@ -224,11 +209,6 @@ def contact_length(capture_angle: Values, radius: Values, exponent: Values) -> V
         R [m], > 0.
     exponent : float or ndarray
         alpha of (1.4) [-], 0 < alpha < 1.
-
-    Returns
-    -------
-    float or ndarray
-        Contact length l [m].
 
     Notes
     -----
@@ -252,7 +232,7 @@ def contact_length(capture_angle: Values, radius: Values, exponent: Values) -> V
 def roller_resistance(
     force: Values, contact_length: Values, radius: Values, exponent: Values, friction: Values
 ) -> Values:
-    """Compute the resistance of one roller.
+    """Compute the resistance of one roller [N].
 
         F_p = (F/R) [l (1 - 2 alpha)/3 + (f2 + f3) R]                                               (1.8)
 
@@ -266,11 +246,6 @@ def roller_resistance(
         alpha of (1.4) [-], 0 < alpha < 1.
     friction : float or ndarray
         f2 + f3 [-], >= 0; f3 is the friction of bush on journal, f2 has no legend in the print.
-
-    Returns
-    -------
-    float or ndarray
-        Resistance F_p [N].
 
     Notes
     -----
@@ -324,16 +299,6 @@ def roll(
         f2 + f3 of (1.8) [-], >= 0; 0 for the resistance of the mix alone.
     nonuniformity, one_sided : float, bool
         As of `roller_force`.
-
-    Returns
-    -------
-    FormulaContactResult
-        Contact per unit roller length.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is outside the scope of the formulas.
 
     Warns
     -----

@@ -17,11 +17,11 @@ K. L. Johnson, Contact Mechanics, CUP 1985, sections 4.2(c) and 8.2; L. A. Galin
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from compact.numerics import Array
 from compact.numerics.validation import require_between, require_finite, require_positive
 
-Values = float | NDArray[np.float64]
+Values = float | Array
 
 
 @dataclass(frozen=True)
@@ -62,19 +62,9 @@ class LineContact:
         return self.contact_length / 2
 
     def pressure(self, x: Values) -> Values:
-        """Compute the pressure.
+        """Compute the pressure [Pa] at x [m] ahead of the lowest point, zero outside the contact.
 
-            p = p0 (xi/alpha)^alpha ((1 - xi)/(1 - alpha))^(1 - alpha),  xi = (x - trailing)/l
-
-        Parameters
-        ----------
-        x : float or ndarray
-            Position from the lowest point, positive ahead [m].
-
-        Returns
-        -------
-        float or ndarray
-            Pressure [Pa], zero outside the contact.
+        p = p0 (xi/alpha)^alpha ((1 - xi)/(1 - alpha))^(1 - alpha),  xi = (x - trailing)/l
         """
         # leading = alpha l and -trailing = (1 - alpha) l: the two ratios avoid xi and its cancellation
         behind = np.maximum((x - self.trailing) / self.leading, 0.0)
@@ -142,16 +132,6 @@ def hertz(
     load, half_width, peak_pressure : float or ndarray, optional
         P [N/m], a [m] and p0 [Pa], > 0; exactly one.
 
-    Returns
-    -------
-    LineContact
-        Contact.
-
-    Raises
-    ------
-    ValueError
-        Unless one modulus and one of load, half-width and peak pressure are set.
-
     Notes
     -----
     Half-plane theory: valid for a << R and a << layer height. A bonded layer with nu = 0.3 carries 2.8 % more at
@@ -207,16 +187,6 @@ def galin(
     load, contact_length, peak_pressure : float or ndarray, optional
         P [N/m], l [m] and p0 [Pa], > 0; exactly one.
 
-    Returns
-    -------
-    LineContact
-        Contact.
-
-    Raises
-    ------
-    ValueError
-        Unless exactly one of load, contact length and peak pressure is set.
-
     Notes
     -----
     Half-plane theory: l/2 << R and l/2 << layer height; full slip along the contact. Exact within these limits.
@@ -258,7 +228,7 @@ def galin(
     )
 
 
-def _exponents(tangent: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+def _exponents(tangent: Array) -> tuple[Array, ...]:
     """Return alpha, 1 - alpha and 1 - 2 alpha of cot(pi alpha) = tangent without cancellation."""
     tilt = np.arctan(tangent) / np.pi
     if np.all(np.abs(tangent) < 1):

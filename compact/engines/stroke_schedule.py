@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from compact.numerics import Array
 from compact.numerics.piecewise import graded_grid
 from compact.rolling_contact import PrescribedMotion
 
@@ -24,8 +24,6 @@ MOVE_ROUNDING = 1e-12  # [-], of the range of positions; a smaller displacement 
 SEARCH_CELLS, SEARCH_LEVELS = 20, 8  # [-], cells and levels of the search for a reversal, to 1e-8 of a grid cell
 BISECTIONS = 60  # [-], halvings of the time in which a position is reached
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Strokes:
@@ -34,7 +32,6 @@ class Strokes:
     Parameters
     ----------
     motion : PrescribedMotion
-        Motion.
     times, places : ndarray, shape (strokes + 1,)
         Times [s] and positions [m] of the start, the reversals and the end.
     """
@@ -59,21 +56,9 @@ class Strokes:
         return float(np.ptp(self.places))
 
     def steps(self, stroke: int, element: float, every: int = 1) -> tuple[Array, Array]:
-        """Return the times and positions between the steps of a stroke, both ends included.
+        """Return times [s] and positions [m] between the steps of a stroke, both ends included, shape (steps + 1,).
 
-        Parameters
-        ----------
-        stroke : int
-            Index of the stroke.
-        element : float
-            Length of an element [m].
-        every : int
-            1 for all steps, 2 for every second one.
-
-        Returns
-        -------
-        times, places : ndarray, shape (steps + 1,)
-            Times [s] and positions [m].
+        With `every` 2 each second step on elements of a length [m] is left out.
         """
         begin, end = self.places[stroke : stroke + 2]
         sign = np.sign(end - begin)
@@ -109,19 +94,9 @@ def stroke_schedule(motion: PrescribedMotion) -> Strokes:
 
 
 def smooth_intervals(motion: PrescribedMotion, turns: bool = False) -> list[float]:
-    """Return the ends of the time intervals in which a motion is smooth.
+    """Return ascending times [s] between which a motion is smooth, 0 and the duration included.
 
-    Parameters
-    ----------
-    motion : PrescribedMotion
-        Motion.
-    turns : bool
-        True to divide the motion at its reversals too.
-
-    Returns
-    -------
-    list of float
-        Times [s], ascending, 0 and the duration included.
+    With `turns` the motion is divided at its reversals too.
     """
     starts = {float(leg.start) for leg in motion.legs()} if hasattr(motion, "legs") else set()
     breaks, distance = [0.0], COINCIDENCE_TOLERANCE * motion.duration

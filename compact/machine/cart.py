@@ -32,13 +32,14 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from compact.numerics import Array
 from compact.numerics.piecewise import find_roots
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 # force of the mix on all rollers of a cart [N] over velocity [m/s] and acceleration [m/s^2]
-Resistance = Callable[[NDArray[np.float64], NDArray[np.float64]], ArrayLike]
+Resistance = Callable[[Array, Array], ArrayLike]
 
 
 class SpringZones(NamedTuple):
@@ -52,10 +53,10 @@ class SpringZones(NamedTuple):
         +1 at the near spring, -1 at the far spring, 0 between.
     """
 
-    breaks: NDArray[np.float64]
-    sides: NDArray[np.float64]
+    breaks: Array
+    sides: Array
 
-    def side_at(self, coordinate: ArrayLike) -> NDArray[np.float64]:
+    def side_at(self, coordinate: ArrayLike) -> Array:
         """Side at coordinates of any shape."""
         return self.sides[np.clip(np.searchsorted(self.breaks, coordinate, side="right") - 1, 0, len(self.sides) - 1)]
 
@@ -87,42 +88,28 @@ class EndSprings:
         if 2 * self.length > self.stroke:
             raise ValueError(f"`length` must be at most half the stroke, {self.stroke / 2:g} m, got {self.length!r}")
 
-    def force(self, position: NDArray[np.float64], side: NDArray[np.float64]) -> NDArray[np.float64]:
+    def force(self, position: Array, side: Array) -> Array:
         """Force S [N] along the travel at positions [m] on the sides of `SpringZones`."""
         compression = self.length - np.where(side > 0, position, self.stroke - position)
         return side * (self.preload + self.stiffness * compression)
 
-    def energy(self, position: ArrayLike) -> NDArray[np.float64]:
+    def energy(self, position: ArrayLike) -> Array:
         """Energy of both springs [J] relative to their preloaded state."""
         compression = np.maximum(self.length - np.minimum(position, self.stroke - np.asarray(position)), 0.0)
         return self.preload * compression + self.stiffness / 2 * compression**2
 
-    def zones(self, position: Callable[[NDArray[np.float64]], NDArray[np.float64]], breaks: ArrayLike) -> SpringZones:
-        """Find the zones along a motion.
-
-        Parameters
-        ----------
-        position : callable
-            Position of the cart [m] over a coordinate of the motion.
-        breaks : array_like
-            Coordinates between which the position is smooth, ascending.
-
-        Returns
-        -------
-        SpringZones
-            Zones between the breaks and the contacts with the springs.
-        """
+    def zones(self, position: Callable[[Array], Array], breaks: ArrayLike) -> SpringZones:
+        """Find the zones of a motion given by its position [m] over a coordinate, smooth between ascending breaks."""
         plates = (self.length, self.stroke - self.length)
         breaks = np.asarray(breaks, float)
-        contacts = [find_roots(partial(_distance, position, plate), breaks) for plate in plates]
+
+        def distance(coordinate: Array, plate: float) -> Array:
+            return position(coordinate) - plate
+
+        contacts = [find_roots(partial(distance, plate=plate), breaks) for plate in plates]
         breaks = np.unique(np.concatenate([breaks, *contacts]))
         middle = position((breaks[:-1] + breaks[1:]) / 2)
         return SpringZones(breaks, np.where(middle < plates[0], 1.0, np.where(middle > plates[1], -1.0, 0.0)))
-
-
-def _distance(position, plate, coordinate):
-    """Distance of the cart from a plate [m] at coordinates of its motion."""
-    return position(coordinate) - plate
 
 
 @dataclass(frozen=True)
@@ -202,7 +189,6 @@ class MotionResistance:
     Parameters
     ----------
     cart : Cart
-        Cart.
     resistance : callable
         Force of the mix on all rollers [N] of velocity [m/s] and acceleration [m/s^2].
     """
@@ -215,14 +201,13 @@ class MotionResistance:
         """True for a resistance of the mix that is odd in velocity by construction."""
         return getattr(self.resistance, "odd", False)
 
-    def __call__(self, velocity: NDArray[np.float64], acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, velocity: Array, acceleration: Array) -> Array:
         """Return W + guide friction [N] at velocities [m/s] and accelerations [m/s^2] of one shape."""
         force = self.resistance(velocity, acceleration)
         return balance(self.cart, 0.0, force, np.sign(velocity)).drive_force
 
 
-@dataclass(frozen=True)
-class Balance:
+class Balance(NamedTuple):
     """Forces in equilibrium with the cart; arrays of one shape.
 
     Parameters
@@ -235,10 +220,10 @@ class Balance:
         s f (|N1| + |N2|) [N].
     """
 
-    drive_force: NDArray[np.float64]
-    front_reaction: NDArray[np.float64]
-    rear_reaction: NDArray[np.float64]
-    guide_friction: NDArray[np.float64]
+    drive_force: Array
+    front_reaction: Array
+    rear_reaction: Array
+    guide_friction: Array
 
 
 def balance(
@@ -253,8 +238,6 @@ def balance(
 
     Parameters
     ----------
-    cart : Cart
-        Cart.
     acceleration : array_like
         a [m/s^2].
     resistance : array_like
@@ -265,11 +248,6 @@ def balance(
         tan(beta) [-], positive for a rod that rises towards the drive.
     end_spring_force : array_like
         S along the travel [N].
-
-    Returns
-    -------
-    Balance
-        Drive force, reactions and friction.
 
     Raises
     ------
@@ -312,7 +290,7 @@ def balance(
 def _reaction_coefficients(cart, resistance, direction, tangent):
     """(A1, A2), (B1, B2) of N_i = A_i + B_i H from the vertical forces and the moments about the height of the pin."""
     front, rear = cart.guide_positions
-    ratio = _load_ratio(cart, direction)
+    ratio = np.where(direction < 0, cart.return_load_ratio, 1.0)  # of the reactions to those of the forward stroke
     lift = ratio * np.sum(cart.roller_reactions) - cart.weight
     lever = direction * cart.guide_friction * cart.guide_wheel_diameter / 2
     moment = ratio * np.dot(cart.roller_reactions, cart.roller_positions)
@@ -321,39 +299,6 @@ def _reaction_coefficients(cart, resistance, direction, tangent):
     return constant, _distribute(tangent, cart.pin_position * tangent + lever * tangent, front, rear)
 
 
-def _load_ratio(cart, direction):
-    """Ratio of the roller reactions to those on the forward stroke [-], of the shape of the direction."""
-    return np.where(np.asarray(direction) < 0, cart.return_load_ratio, 1.0)
-
-
 def _distribute(total, moment, front, rear):
     """N1 and N2 with N1 + N2 = total and N1 x1 + N2 x2 = moment."""
     return (moment - rear * total) / (front - rear), (front * total - moment) / (front - rear)
-
-
-def moment_residual(
-    cart: Cart,
-    forces: Balance,
-    resistance: NDArray[np.float64],
-    direction: NDArray[np.float64],
-    rod_tangent: NDArray[np.float64] | float = 0.0,
-) -> NDArray[np.float64]:
-    """Compute the residual moment about the pin [N m], wheel by wheel; zero for a `Balance`.
-
-    Parameters
-    ----------
-    cart : Cart
-        Cart.
-    forces : Balance
-        Forces.
-    resistance, direction, rod_tangent : array_like
-        As in `balance`.
-    """
-    rollers = _load_ratio(cart, direction) * np.dot(cart.roller_reactions, cart.roller_positions)
-    mix = -np.asarray(resistance) * (cart.pin_height + cart.roller_radius)
-    rod = cart.pin_position * forces.drive_force * rod_tangent
-    guides = np.zeros(())
-    for x, reaction in zip(cart.guide_positions, (forces.front_reaction, forces.rear_reaction), strict=True):
-        rail = np.sign(reaction) * cart.guide_wheel_diameter / 2  # the wheel is in contact with the loaded rail
-        guides = guides - reaction * x + rail * direction * cart.guide_friction * np.abs(reaction)
-    return rollers + mix + rod + guides

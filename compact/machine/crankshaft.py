@@ -7,14 +7,22 @@ References
 Paper C; errata C-1 to C-8.
 """
 
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.machine.cart import Balance, Cart, Resistance, balance
-from compact.machine.rigid_drive import SAMPLES_PER_PIECE, STANDSTILL_SPEED_RATIO, Crank, evaluate_resistance
+from compact.machine.rigid_drive import (
+    SAMPLES_PER_PIECE,
+    STANDSTILL_SPEED_RATIO,
+    Crank,
+    evaluate_resistance,
+    flattened,
+    revolution_breaks,
+)
+from compact.numerics import Array
 from compact.numerics.piecewise import clenshaw_curtis, find_maximum, interior_grid
 from compact.numerics.validation import require_finite, require_opposing, require_positive
 
@@ -25,11 +33,9 @@ CRANK_ANGLES = {
     3: (0.0, 2 * np.pi / 3, 4 * np.pi / 3),
     4: (0.0, np.pi / 2, np.pi, 3 * np.pi / 2),
 }
-MIN_PIECE_ANGLE = 1e-9  # [rad]; closer dead centres coincide
 
 
-@dataclass(frozen=True)
-class CartRevolution:
+class CartRevolution(NamedTuple):
     """One cart over a revolution of the shaft; arrays of one shape.
 
     Parameters
@@ -52,16 +58,16 @@ class CartRevolution:
         [W].
     """
 
-    psi: NDArray[np.float64]
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
-    resistance: NDArray[np.float64]
-    rod_angle: NDArray[np.float64]
+    psi: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    resistance: Array
+    rod_angle: Array
     forces: Balance
-    rod_force: NDArray[np.float64]
-    torque: NDArray[np.float64]
-    power: NDArray[np.float64]
+    rod_force: Array
+    torque: Array
+    power: Array
 
 
 @dataclass(frozen=True)
@@ -71,7 +77,6 @@ class Crankshaft:
     Parameters
     ----------
     cart : Cart
-        Cart.
     crank : Crank
         Crank and rod.
     angular_speed : float
@@ -88,24 +93,21 @@ class Crankshaft:
     resistance: Resistance
     angles: tuple[float, ...]
 
-    def carts_at(self, angle: NDArray[np.float64]) -> tuple[CartRevolution, ...]:
+    def carts_at(self, angle: Array) -> tuple[CartRevolution, ...]:
         """Solve all carts at angles of the shaft [rad], shape (pieces, n), with one row between two dead centres."""
         return tuple(self._cart_at(angle + lead) for lead in self.angles)
 
-    def dead_centres(self) -> NDArray[np.float64]:
+    def dead_centres(self) -> Array:
         """Angles of the shaft in [0, 2 pi] of dead centres and spring contacts, both ends included [rad]."""
         places = np.concatenate([np.array([0.0, np.pi]) - lead for lead in self.angles])
         if self.cart.end_springs is not None:
             places = np.append(places, np.subtract.outer(self._zones.breaks, self.angles))
-        edges = np.unique(np.append(np.mod(places, 2 * np.pi), [0.0, 2 * np.pi]))
-        return np.append(edges[:-1][np.diff(edges) > MIN_PIECE_ANGLE], 2 * np.pi)
+        return revolution_breaks(places)
 
     @cached_property
     def _zones(self):
         """Zones of the end springs over the crank angle."""
-        return self.cart.end_springs.zones(
-            lambda psi: crank_kinematics(self.crank, psi)[0], np.array([0.0, np.pi, 2 * np.pi])
-        )
+        return self.cart.end_springs.zones(lambda psi: crank_kinematics(self.crank, psi)[0], [0.0, np.pi, 2 * np.pi])
 
     def _cart_at(self, psi):
         """One cart at its crank angles [rad]."""
@@ -134,7 +136,6 @@ class CrankshaftRevolution:
     Parameters
     ----------
     shaft : Crankshaft
-        Shaft.
     angle, weights : ndarray, shape (n,)
         Angle and quadrature weights [rad].
     carts : tuple of CartRevolution
@@ -142,17 +143,17 @@ class CrankshaftRevolution:
     """
 
     shaft: Crankshaft
-    angle: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    angle: Array
+    weights: Array
     carts: tuple[CartRevolution, ...]
 
     @property
-    def torque(self) -> NDArray[np.float64]:
+    def torque(self) -> Array:
         """Torque of all carts on the shaft [N m]."""
         return sum((cart.torque for cart in self.carts), start=np.zeros(()))
 
     @property
-    def power(self) -> NDArray[np.float64]:
+    def power(self) -> Array:
         """Power of all carts [W]."""
         return sum((cart.power for cart in self.carts), start=np.zeros(()))
 
@@ -167,24 +168,19 @@ class CrankshaftRevolution:
         """Largest |power| of the shaft [W]."""
         return self.peak_torque * self.shaft.angular_speed
 
-    def mean(self, values: NDArray[np.float64]) -> float:
+    def mean(self, values: Array) -> float:
         """Mean over the revolution."""
         return float(np.sum(self.weights * values) / (2 * np.pi))
 
 
 def simulate_crankshaft(
-    cart: Cart,
-    crank: Crank,
-    angular_speed: float,
-    resistance: Resistance,
-    angles: tuple[float, ...] = (0.0,),
+    cart: Cart, crank: Crank, angular_speed: float, resistance: Resistance, angles: tuple[float, ...] = (0.0,)
 ) -> CrankshaftRevolution:
     """Simulate one revolution of identical carts on a crankshaft at uniform speed.
 
     Parameters
     ----------
     cart : Cart
-        Cart.
     crank : Crank
         Crank and rod.
     angular_speed : float
@@ -212,20 +208,11 @@ def simulate_crankshaft(
     nodes, unit_weights = clenshaw_curtis(SAMPLES_PER_PIECE)
     width = np.diff(edges)[:, None]
     angle = edges[:-1, None] + width * nodes
-    carts = tuple(_flatten(one) for one in shaft.carts_at(angle))
+    carts = tuple(flattened(cart) for cart in shaft.carts_at(angle))
     return CrankshaftRevolution(shaft, angle.ravel(), (width * unit_weights).ravel(), carts)
 
 
-def _flatten(cart):
-    """Flatten the arrays of a `CartRevolution`."""
-    columns = {field.name: getattr(cart, field.name) for field in fields(cart)}
-    forces = Balance(*(column.ravel() for column in astuple(columns.pop("forces"))))
-    return CartRevolution(**{name: column.ravel() for name, column in columns.items()}, forces=forces)
-
-
-def crank_kinematics(
-    crank: Crank, psi: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def crank_kinematics(crank: Crank, psi: Array) -> tuple[Array, Array, Array]:
     """Compute the travel of a slider-crank and its derivatives with respect to the crank angle.
 
         dx/dpsi = r sin(psi + beta)/cos(beta),   d2x/dpsi2 = r cos(psi + beta)/cos(beta) (1 + b') + dx/dpsi tan(beta) b'
@@ -234,8 +221,6 @@ def crank_kinematics(
 
     Parameters
     ----------
-    crank : Crank
-        Crank and rod.
     psi : array_like
         Crank angle from the outer dead centre [rad].
 

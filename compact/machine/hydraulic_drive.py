@@ -23,16 +23,17 @@ from functools import cached_property, partial
 from itertools import count, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from compact.machine.cart import Cart, Resistance, balance
 from compact.machine.rigid_drive import STANDSTILL_SPEED_RATIO, Rigid, Run, evaluate_resistance, simulate
 from compact.motion.profile import Cycle
-from compact.numerics.piecewise import PiecewisePolynomial, fit_piecewise
+from compact.numerics import Array
+from compact.numerics.piecewise import PiecewisePolynomial, fit_piecewise, interior_grid
 from compact.numerics.validation import require_opposing, require_positive
 
 AREA_TOLERANCE = 1e-6  # [-], of the open area; polynomials of a valve area
+FORCE_ROUNDING = 1e-9  # [-], of the peak force; the areas of smaller forces at the ends of a stroke are rounding
 STROKE_TOLERANCE = 1e-8  # [-], relative; forward integration
 RATE_PERTURBATION = 1e-7  # [-], of the scale of the state; finite differences
 MAX_SECANT_STEPS = 20  # [-], of the acceleration at an instant; two for a resistance that is linear in it
@@ -84,15 +85,15 @@ class Hydraulic(Rigid):
     def __post_init__(self) -> None:
         require_positive(**{field.name: getattr(self, field.name) for field in fields(self)})
 
-    def flow(self, area: NDArray[np.float64], drop: NDArray[np.float64]) -> NDArray[np.float64]:
+    def flow(self, area: Array, drop: Array) -> Array:
         """Return Q [m3/s] through an area [m2] under a pressure drop of either sign [Pa]."""
         return area * drop / self._flow_resistance(drop)
 
-    def open_drop(self, flow: NDArray[np.float64]) -> NDArray[np.float64]:
+    def open_drop(self, flow: Array) -> Array:
         """Return the pressure drop [Pa] of a flow [m3/s] through a fully open valve."""
         return self.drop(flow, self.valve_area)
 
-    def drop(self, flow: NDArray[np.float64], area: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    def drop(self, flow: Array, area: Array | float) -> Array:
         """Return the pressure drop [Pa] of a flow [m3/s] through an area [m2].
 
         dp^2 = D (D + sqrt(D^2 + 4 c^2))/2 with the turbulent drop D.
@@ -100,7 +101,7 @@ class Hydraulic(Rigid):
         turbulent = self.oil_density / 2 * (flow / (self.discharge_coefficient * area)) ** 2
         return np.sqrt(turbulent / 2 * (turbulent + np.hypot(turbulent, 2 * self.transition_drop)))
 
-    def area(self, flow: NDArray[np.float64], drop: NDArray[np.float64]) -> NDArray[np.float64]:
+    def area(self, flow: Array, drop: Array) -> Array:
         """Return the area [m2] that passes a flow [m3/s] under a pressure drop > 0 [Pa]."""
         return flow * self._flow_resistance(drop) / drop
 
@@ -128,29 +129,17 @@ class ValveFlow:
         Areas of the valves [m2].
     """
 
-    flow: NDArray[np.float64]
-    inlet_pressure: NDArray[np.float64]
-    outlet_pressure: NDArray[np.float64]
-    inlet_area: NDArray[np.float64]
-    outlet_area: NDArray[np.float64]
+    flow: Array
+    inlet_pressure: Array
+    outlet_pressure: Array
+    inlet_area: Array
+    outlet_area: Array
 
 
-def solve_valve_flow(hydraulic: Hydraulic, velocity: NDArray[np.float64], force: NDArray[np.float64]) -> ValveFlow:
-    """Solve flow, pressures and valve areas for a motion.
+def solve_valve_flow(hydraulic: Hydraulic, velocity: Array, force: Array) -> ValveFlow:
+    """Solve flow, pressures and valve areas for velocities [m/s] and drive forces along the motion [N].
 
-    Parameters
-    ----------
-    hydraulic : Hydraulic
-        Drive.
-    velocity : ndarray
-        Velocity of the cart [m/s].
-    force : ndarray
-        Drive force in the direction of motion [N].
-
-    Returns
-    -------
-    ValveFlow
-        Inlet areas are infinite where the required pressure exceeds that of the supply.
+    Inlet areas are infinite where the required pressure exceeds that of the supply.
     """
     flow = hydraulic.piston_area * np.abs(velocity)
     open_drop = hydraulic.open_drop(flow)
@@ -225,35 +214,34 @@ class HydraulicRun(Run):
         return abs(self.pump_work - self.energy - self.throttle_heat - self.relief_heat) / self.pump_work
 
     def valve_areas(self) -> ValveAreas:
-        """Compute the valve areas of the forward stroke.
-
-        Returns
-        -------
-        tuple of PiecewisePolynomial
-            Inlet and outlet area [m2] over time [s].
-
-        Raises
-        ------
-        RuntimeError
-            If the drive is insufficient for the law.
-        """
+        """Compute inlet and outlet area [m2] over time [s] of the forward stroke; RuntimeError for a weak drive."""
         if self.lack:
             raise RuntimeError(
                 f"the drive cannot follow '{self.name}': insufficient {self.lack}; use a stronger drive or another law"
             )
         dynamics = self.inverse_dynamics
         leg = dynamics.cycle.legs()[0]
+        breaks, (first, last) = dynamics.breaks(leg), self._resolved_phases(leg)
 
         def area(name):
             def over_time(time):
-                state = dynamics.state_at(leg, time / leg.duration)
+                state = dynamics.state_at(leg, np.clip(time / leg.duration, first, last))
                 return getattr(solve_valve_flow(self.hydraulic, state.velocity, state.forces.drive_force), name)
 
-            return fit_piecewise(
-                over_time, leg.duration * dynamics.breaks(leg), AREA_TOLERANCE * self.hydraulic.valve_area
-            )
+            return fit_piecewise(over_time, leg.duration * breaks, AREA_TOLERANCE * self.hydraulic.valve_area)
 
         return area("inlet_area"), area("outlet_area")
+
+    def _resolved_phases(self, leg):
+        """First and last phase of a leg at which the force is not rounding; areas at rest are limits from inside.
+
+        Where neither friction nor resistance acts, force and flow both vanish at the ends, and rounding decides
+        whether the cart is decelerated, which opens or closes the outlet valve.
+        """
+        phases = interior_grid(self.inverse_dynamics.breaks(leg)).ravel()
+        force = np.abs(self.inverse_dynamics.state_at(leg, phases).forces.drive_force)
+        first, last = np.flatnonzero(force >= FORCE_ROUNDING * force.max())[[0, -1]]
+        return phases[first] if first else 0.0, phases[last] if last < len(phases) - 1 else 1.0
 
     def simulate_stroke(self) -> "HydraulicStroke":
         """Simulate the forward stroke under these valve areas with compressible oil, from the initial pressures."""
@@ -284,11 +272,11 @@ class HydraulicStroke:
         Energy-balance residual over the work of the pump [-].
     """
 
-    time: NDArray[np.float64]
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    inlet_pressure: NDArray[np.float64]
-    outlet_pressure: NDArray[np.float64]
+    time: Array
+    position: Array
+    velocity: Array
+    inlet_pressure: Array
+    outlet_pressure: Array
     energies: dict[str, float]
     energy_residual: float
 
@@ -322,11 +310,6 @@ def simulate_stroke(
     rtol : float
         Relative tolerance of the integration [-].
 
-    Returns
-    -------
-    HydraulicStroke
-        Motion, pressures and energies.
-
     Raises
     ------
     ValueError
@@ -340,7 +323,7 @@ def simulate_stroke(
     breaks = np.unique(np.concatenate([areas[0].breaks, areas[1].breaks]))
     breaks = breaks[np.append(True, np.diff(breaks) > MIN_PIECE_FRACTION * breaks[-1])]
     state, direction = np.array([0.0, 0.0, *pressures] + [0.0] * len(WORK_TERMS)), 0
-    columns: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+    columns: list[tuple[Array, Array]] = []
     for start, end in pairwise(breaks):
         state, direction = circuit.integrate(start, end, state, direction, rtol, columns)
     time, states = (np.concatenate(parts, axis=-1) for parts in zip(*columns, strict=True))
@@ -368,7 +351,8 @@ class _Circuit:
         work = supply * self.hydraulic.piston_area * self.stroke
         scale = np.array([self.stroke, self.stroke / end, supply, supply] + [work] * len(WORK_TERMS))
         for _ in range(MAX_STOPS):
-            direction = direction or self._breakaway_direction(state)
+            starts = (way for way in (1, -1) if self._stiction_margin(0.0, state, way) < 0)
+            direction = direction or next(starts, 0)
             solution = solve_ivp(
                 partial(self._rates, direction=direction), (time, end), state, "Radau", events=self._events(direction),
                 rtol=rtol, atol=rtol * scale, jac=partial(self._jacobian, direction=direction, scale=scale),
@@ -466,10 +450,6 @@ class _Circuit:
         """Force that is missing to a breakaway in a direction [N]."""
         force = self.hydraulic.piston_area * (state[2] - state[3])
         return direction * (self._resisting_force(state[0], 0.0, direction) - force)
-
-    def _breakaway_direction(self, state):
-        """Direction in which a cart at rest starts, 0 for one that stays at rest."""
-        return next((way for way in (1, -1) if self._stiction_margin(0.0, state, way) < 0), 0)
 
     def _events(self, direction):
         """Stop of a moving cart, or breakaway of a cart at rest."""

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.dynamics.shaft_speed import solve_shaft_speed
 from compact.machine.cart import Cart, Resistance
 from compact.machine.motor_drive import Motor, MotorRun, ShaftLoad, simulate_motor
 from compact.motion.profile import Cycle, MotionProfile
+from compact.numerics import Array
 from compact.numerics.validation import require_positive
 
 PERIODIC_TOLERANCE = 1e-3  # [-], of the initial speed of the periodic regime; end of the acceleration phase
@@ -53,9 +53,9 @@ class AccelerationPhase:
         Periodic regime.
     """
 
-    time: NDArray[np.float64]
-    angle: NDArray[np.float64]
-    speed: NDArray[np.float64]
+    time: Array
+    angle: Array
+    speed: Array
     revolutions: int
     motor_work: float
     load_work: float
@@ -80,11 +80,6 @@ def simulate_acceleration_phase(
     tolerance : float
         Relative difference from the initial speed of the periodic regime at the end [-].
 
-    Returns
-    -------
-    AccelerationPhase
-        Acceleration phase.
-
     Raises
     ------
     RuntimeError
@@ -98,7 +93,9 @@ def simulate_acceleration_phase(
     works = np.zeros(2)
     for revolution in range(MAX_REVOLUTIONS):
         for section in [breaks] if revolution else _graded_sections(first[1], breaks):
-            run = _solve_section(load, section, parts[-1][2][-1], periodic.working)
+            solution = solve_shaft_speed(load.residual, section, parts[-1][2][-1], ENERGY_TOLERANCE, periodic=False)
+            run = MotorRun(load, solution, periodic.working)
+            run.require_no_slip()
             works = works + run.speed * np.array([run.motor_torque, run.shaft_torque]) @ run.weights
             parts.append((parts[-1][0][-1] + run.time, 2 * np.pi * revolution + run.angle, run.speed))
         if abs(run.speed[-1] - target) <= tolerance * target:
@@ -115,16 +112,7 @@ def simulate_acceleration_phase(
     return AccelerationPhase(time, angle, speed, revolution + 1, motor_work, load_work, residual, periodic)
 
 
-def _solve_section(
-    load: ShaftLoad, breaks: NDArray[np.float64], speed: float, working: tuple[float, float]
-) -> MotorRun:
-    """Run over a section of a revolution from an initial speed [rad/s]."""
-    run = MotorRun(load, solve_shaft_speed(load.residual, breaks, speed, ENERGY_TOLERANCE, periodic=False), working)
-    run.require_no_slip()
-    return run
-
-
-def _graded_sections(first: float, breaks: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+def _graded_sections(first: float, breaks: Array) -> Iterator[Array]:
     """Split the breaks of the first revolution into sections, since the energy grows by decades."""
     edges = first * GRADING ** np.arange(math.floor(math.log(breaks[1] / first, GRADING)))
     yield from map(np.array, pairwise([*edges, breaks[1]]))

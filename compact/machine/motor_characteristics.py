@@ -23,8 +23,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from compact.numerics import Array
 from compact.numerics.validation import require_positive
 
 MAX_BELT_CREEP = 0.1  # [-], at the slip limit; the first order in the strain is not sufficient beyond
@@ -40,7 +40,7 @@ class TorqueCurve(Protocol):
     def no_load_speed(self) -> float:
         """Speed without load [rad/s]."""
 
-    def torque(self, speed: NDArray[np.float64]) -> NDArray[np.float64]:
+    def torque(self, speed: Array) -> Array:
         """Return the torque [N m] at speeds [rad/s]."""
 
 
@@ -62,7 +62,7 @@ class LinearTorqueCurve:
     def __post_init__(self) -> None:
         require_positive(stall_torque=self.stall_torque, no_load_speed=self.no_load_speed)
 
-    def torque(self, speed: NDArray[np.float64]) -> NDArray[np.float64]:
+    def torque(self, speed: Array) -> Array:
         """Return T [N m] at speeds of the motor [rad/s]."""
         return self.stall_torque * (1 - speed / self.no_load_speed)
 
@@ -102,7 +102,7 @@ class Kloss:
         """Synchronous speed w_s [rad/s]."""
         return self.synchronous_speed
 
-    def torque(self, speed: NDArray[np.float64]) -> NDArray[np.float64]:
+    def torque(self, speed: Array) -> Array:
         """Return T [N m] at speeds of the motor [rad/s], negative above w_s."""
         slip = 1 - speed / self.synchronous_speed
         return 2 * self.breakdown_torque * slip * self.breakdown_slip / (slip**2 + self.breakdown_slip**2)
@@ -167,29 +167,10 @@ class Belt:
         """Smallest F0 [N] that transmits a torque [N m] without slip."""
         return abs(torque) / (2 * self.pulley_radius * math.tanh(self.friction * self.wrap / 2))
 
-    def motor_speed(
-        self, belt_torque: Callable[[NDArray[np.float64]], NDArray[np.float64]], speed: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Solve the speed of the motor by Newton's method.
+    def motor_speed(self, belt_torque: Callable[[Array], Array], speed: Array) -> Array:
+        """Solve the speed w [rad/s] for the torque on the pulley [N m] over w and the speed w_g without creep.
 
-            w (1 - belt_torque(w)/C) = w_g
-
-        Parameters
-        ----------
-        belt_torque : callable
-            Torque on the motor pulley [N m] of the speed of the motor [rad/s].
-        speed : array_like
-            Speed w_g without creep [rad/s].
-
-        Returns
-        -------
-        ndarray
-            Speed w [rad/s].
-
-        Raises
-        ------
-        RuntimeError
-            If the iteration does not converge, as for a torque that rises too steeply with speed.
+        w (1 - belt_torque(w)/C) = w_g
         """
         C, geared = self.creep_torque, np.asarray(speed, float)
         w, step = geared, SPEED_PERTURBATION * (np.abs(geared) + np.abs(geared).max())

@@ -76,7 +76,6 @@ class Ranked:
     rank : int
         From 1; equal values share a rank, infinite values share the last one.
     run : Run, ElasticRun, MotorRun or HydraulicRun
-        Run.
     value : float
         Value of the criterion.
     margin : float
@@ -116,7 +115,6 @@ def rank(runs: Iterable[Any], by: str = "peak_force") -> list[Ranked]:
     Parameters
     ----------
     runs : iterable of Run, ElasticRun, MotorRun or HydraulicRun
-        Runs.
     by : str
         Criterion of `CRITERIA`.
 
@@ -139,7 +137,8 @@ def rank(runs: Iterable[Any], by: str = "peak_force") -> list[Ranked]:
     least = math.nan  # smallest value of the present rank
     for i, (value, run) in enumerate(ordered):
         if not math.isfinite(value):
-            ranked.append(Ranked(len(ordered), run, value, math.nan, _why_infinite(by, run)))
+            reason = criterion.infinite_because if run.shocks else "zero force at the mean speed"
+            ranked.append(Ranked(len(ordered), run, value, math.nan, reason))
             continue
         shared = _equal(least, value, criterion)
         least = least if shared else value
@@ -148,11 +147,6 @@ def rank(runs: Iterable[Any], by: str = "peak_force") -> list[Ranked]:
         margin = (larger - value) / scale if scale else math.nan
         ranked.append(Ranked(ranked[-1].rank if shared else i + 1, run, value, margin, ""))
     return ranked
-
-
-def _why_infinite(by: str, run: Any) -> str:
-    """Reason of an infinite value."""
-    return CRITERIA[by].infinite_because if run.shocks else "zero force at the mean speed"
 
 
 def _equal(a: float, b: float, criterion: Criterion) -> bool:

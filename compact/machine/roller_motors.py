@@ -16,12 +16,13 @@ from math import inf
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from compact.machine.cart import balance
 from compact.machine.rigid_drive import DriveState, InverseDynamics
 from compact.motion.profile import Cycle, Leg
+from compact.numerics import Array
 from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
 from compact.numerics.validation import require_nonnegative, require_positive
 
@@ -56,13 +57,13 @@ class RollerTraction(NamedTuple):
         Creepage [-].
     """
 
-    torque: NDArray[np.float64]
-    traction: NDArray[np.float64]
-    share: NDArray[np.float64]
-    creep: NDArray[np.float64]
+    torque: Array
+    traction: Array
+    share: Array
+    creep: Array
 
 
-def carter_parameter(share: NDArray[np.float64]) -> NDArray[np.float64]:
+def carter_parameter(share: Array) -> Array:
     """Carter's parameter w = sign(u) (1 - sqrt(1 - |u|)) of a share u of the Coulomb limit [-].
 
     The creepage on a half-plane is linear in w.
@@ -98,7 +99,7 @@ class CreepFreeRoller:
         require_positive(radius=self.radius, load=self.load)
         require_nonnegative(friction=self.friction)
 
-    def __call__(self, _speed: NDArray[np.float64], pull: NDArray[np.float64]) -> RollerTraction:
+    def __call__(self, _speed: Array, pull: Array) -> RollerTraction:
         """Return the traction for pulls [N]."""
         traction = pull / self.load
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -134,11 +135,11 @@ class DrivenRoller:
 
     radius: float
     friction: float
-    speeds: NDArray[np.float64]
-    torques: NDArray[np.float64]
-    pulls: NDArray[np.float64]
-    creeps: NDArray[np.float64]
-    loads: NDArray[np.float64]
+    speeds: Array
+    torques: Array
+    pulls: Array
+    creeps: Array
+    loads: Array
 
     has_creep = True
 
@@ -148,7 +149,7 @@ class DrivenRoller:
             if np.any(np.diff(getattr(self, name)) <= 0):
                 raise ValueError(f"`{name}` must increase with the torque at every speed, got {getattr(self, name)}")
 
-    def __call__(self, speed: NDArray[np.float64], pull: NDArray[np.float64]) -> RollerTraction:
+    def __call__(self, speed: Array, pull: Array) -> RollerTraction:
         """Interpolate the traction at speeds >= 0 [m/s] for pulls [N]."""
         speed, pull = np.broadcast_arrays(speed, pull)
         weights = self._speed_weights(speed)
@@ -185,7 +186,6 @@ class RollerMotor:
     dynamics : InverseDynamics
         Of a `Rigid` drive, which imposes the law.
     roller : DrivenRoller or CreepFreeRoller
-        Roller.
     rollers : int
         n.
     """
@@ -194,7 +194,7 @@ class RollerMotor:
     roller: CreepFreeRoller | DrivenRoller
     rollers: int
 
-    def traction_at(self, leg: Leg, phase: NDArray[np.float64]) -> tuple[NDArray[np.float64], RollerTraction]:
+    def traction_at(self, leg: Leg, phase: Array) -> tuple[Array, RollerTraction]:
         """Solve velocity [m/s] and traction at phases of a leg [-]; torque and traction are positive along x."""
         state = self.dynamics.state_at(leg, phase)
         way = leg.direction
@@ -204,7 +204,7 @@ class RollerMotor:
         roller = self.roller(np.abs(state.velocity), way * _total_pull(self.dynamics, state, way) / self.rollers)
         return state.velocity, RollerTraction(way * roller.torque, way * roller.traction, roller.share, roller.creep)
 
-    def traction_over(self, time: ArrayLike) -> tuple[NDArray[np.float64], RollerTraction]:
+    def traction_over(self, time: ArrayLike) -> tuple[Array, RollerTraction]:
         """Solve velocity [m/s] and traction at times of the cycle [s] of any shape."""
         time = np.asarray(time, float)
         columns = np.zeros((5, *time.shape))
@@ -215,7 +215,7 @@ class RollerMotor:
             columns[:, within] = velocity, *traction
         return columns[0], RollerTraction(*columns[1:])
 
-    def angle(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def angle(self, time: Array) -> Array:
         """Integrate phi [rad] over ascending times of the cycle [s] from the first one; nan after sliding."""
         nodes, weights = GAUSS_RULE
         half = np.diff(time)[:, None] / 2
@@ -224,7 +224,7 @@ class RollerMotor:
         travel = self.dynamics.cycle.derivative(time, 0)
         return (travel - travel[0] + np.append(0.0, slipped)) / self.roller.radius
 
-    def angular_velocity(self, time: ArrayLike) -> NDArray[np.float64]:
+    def angular_velocity(self, time: ArrayLike) -> Array:
         """Return phi' [rad/s] at times of the cycle [s]."""
         velocity, traction = self.traction_over(time)
         return (1 + traction.creep) * velocity / self.roller.radius
@@ -259,7 +259,7 @@ class RollerMotor:
             return np.nan
         return inf if self.lack else self._largest(lambda _, traction: traction.creep)
 
-    def power(self, time: ArrayLike) -> NDArray[np.float64]:
+    def power(self, time: ArrayLike) -> Array:
         """Return T phi' of one motor [W] at times of the cycle [s]."""
         return self._motor_power(*self.traction_over(time))
 
@@ -267,7 +267,7 @@ class RollerMotor:
         """T phi' [W]."""
         return traction.torque * (1 + traction.creep) * velocity / self.roller.radius
 
-    def _largest(self, quantity: Callable[..., NDArray[np.float64]]) -> float:
+    def _largest(self, quantity: Callable[..., Array]) -> float:
         """Largest |quantity(velocity, traction)| over the cycle, between samples too."""
         dynamics = self.dynamics
 
@@ -280,7 +280,7 @@ class RollerMotor:
         )
 
 
-def _total_pull(dynamics: InverseDynamics, state: DriveState, way: int) -> NDArray[np.float64]:
+def _total_pull(dynamics: InverseDynamics, state: DriveState, way: int) -> Array:
     """Pull of all rollers [N] along x for zero force at the pin, by fixed-point iteration on the guide friction."""
     forces, cart = state.forces, dynamics.cart
     end_force = cart.mass * state.acceleration + state.resistance + forces.guide_friction - forces.drive_force
@@ -297,7 +297,7 @@ def _total_pull(dynamics: InverseDynamics, state: DriveState, way: int) -> NDArr
     )
 
 
-def _monotone_curve(x: NDArray[np.float64], y: NDArray[np.float64], slope: float) -> Callable[..., NDArray[np.float64]]:
+def _monotone_curve(x: Array, y: Array, slope: float) -> Callable[..., Array]:
     """Monotone interpolation of ascending samples, extrapolated from both ends with a slope."""
     curve = PchipInterpolator(x, y)
 
@@ -320,11 +320,11 @@ class RollerRotation:
         Angle of rotation [rad] and its time derivatives [rad/s], [rad/s^2], [rad/s^3].
     """
 
-    time: NDArray[np.float64]
-    angle: NDArray[np.float64]
-    angular_velocity: NDArray[np.float64]
-    angular_acceleration: NDArray[np.float64]
-    angular_jerk: NDArray[np.float64]
+    time: Array
+    angle: Array
+    angular_velocity: Array
+    angular_acceleration: Array
+    angular_jerk: Array
 
 
 def roller_rotation(cycle: Cycle, roller_radius: float, time: ArrayLike) -> RollerRotation:
@@ -332,8 +332,6 @@ def roller_rotation(cycle: Cycle, roller_radius: float, time: ArrayLike) -> Roll
 
     Parameters
     ----------
-    cycle : Cycle
-        Motion of the cart.
     roller_radius : float
         Radius R of the roller [m].
     time : array_like

@@ -12,20 +12,13 @@ V. S. Loveikin and K. I. Pochka, monograph on roller forming machines (D), eqs (
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from compact.numerics.validation import (
-    require_finite,
-    require_integers,
-    require_nonnegative,
-    require_positive,
-    require_that,
-)
+from compact.numerics import Array, IntArray, validation
 
 COUNT_ROUNDING = 1e-9  # [-], relative distance of a quotient from a whole number of rollers that is rounding
 RADIUS_RATIOS = (0.40, 0.55)  # [-], roller radius over product height, smallest and largest of (1.1)
 
-Values = float | NDArray[np.float64]
+Values = float | Array
 
 
 @dataclass(frozen=True)
@@ -43,7 +36,7 @@ class RadiusRange:
 
 
 def radius_range(height: Values) -> RadiusRange:
-    """Compute the range of the smallest suitable roller radius.
+    """Compute the range of the smallest suitable roller radius [m].
 
         R = (0.40 ... 0.55) h0                                                                      (1.1)
 
@@ -51,11 +44,6 @@ def radius_range(height: Values) -> RadiusRange:
     ----------
     height : float or ndarray
         Height h0 of the product [m], > 0.
-
-    Returns
-    -------
-    RadiusRange
-        Range [m].
 
     Notes
     -----
@@ -71,12 +59,12 @@ def radius_range(height: Values) -> RadiusRange:
     >>> f"{bounds.low:.3f} to {bounds.high:.3f} m"
     '0.088 to 0.121 m'
     """
-    require_positive(height=height)
+    validation.require_positive(height=height)
     low, high = RADIUS_RATIOS
     return RadiusRange(low=low * np.asarray(height), high=high * np.asarray(height))
 
 
-def rollers_needed(width: Values, radius: Values, feeder_sleeve: Values, overlap: Values) -> NDArray[np.int64]:
+def rollers_needed(width: Values, radius: Values, feeder_sleeve: Values, overlap: Values) -> IntArray:
     """Compute the number of rollers that cover a product.
 
         n = B / (2R + B_T - b_n), rounded up                                                        (1.2)
@@ -92,11 +80,6 @@ def rollers_needed(width: Values, radius: Values, feeder_sleeve: Values, overlap
     overlap : float or ndarray
         Overlap b_n of neighbouring fields [m], >= 0 and < 2R + B_T.
 
-    Returns
-    -------
-    ndarray of int
-        Number of rollers n.
-
     Notes
     -----
     A quotient within 1e-9 of a whole number is that number. Confidence 80 %: with b_n 0.012 and B_T 0.18 the number,
@@ -111,15 +94,17 @@ def rollers_needed(width: Values, radius: Values, feeder_sleeve: Values, overlap
     >>> int(rollers_needed(1.164, 0.11, 0.18, 0.012))
     3
     """
-    require_positive(width=width, radius=radius)
-    require_nonnegative(feeder_sleeve=feeder_sleeve, overlap=overlap)
+    validation.require_positive(width=width, radius=radius)
+    validation.require_nonnegative(feeder_sleeve=feeder_sleeve, overlap=overlap)
     field = 2 * np.asarray(radius) + feeder_sleeve - overlap
-    require_that(field > 0, field, "`overlap` must be less than 2 `radius` + `feeder_sleeve`, which leaves a field of")
+    validation.require_that(
+        field > 0, field, "`overlap` must be less than 2 `radius` + `feeder_sleeve`, which leaves a field of"
+    )
     return np.ceil(width / field * (1 - COUNT_ROUNDING)).astype(int)
 
 
 def stroke_needed(width: Values, rollers: Values, overlap: Values) -> Values:
-    """Compute the stroke for which the rollers cover a product.
+    """Compute the stroke [m] for which the rollers cover a product.
 
         s = B/n + b_n                                                                               (1.3)
 
@@ -131,11 +116,6 @@ def stroke_needed(width: Values, rollers: Values, overlap: Values) -> Values:
         Number n, a whole number >= 1.
     overlap : float or ndarray
         Overlap b_n of neighbouring fields [m], >= 0 and < B/n.
-
-    Returns
-    -------
-    float or ndarray
-        Stroke s [m].
 
     Notes
     -----
@@ -150,11 +130,11 @@ def stroke_needed(width: Values, rollers: Values, overlap: Values) -> Values:
     >>> f"{stroke_needed(1.164, 3, 0.012):.3f} m"
     '0.400 m'
     """
-    require_positive(width=width)
-    require_nonnegative(overlap=overlap)
-    require_integers(rollers=rollers)
+    validation.require_positive(width=width)
+    validation.require_nonnegative(overlap=overlap)
+    validation.require_integers(rollers=rollers)
     field = width / np.asarray(rollers)
-    require_that(
+    validation.require_that(
         overlap < field, overlap - field, "`overlap` must be less than the field `width`/`rollers`, exceeds by"
     )
     return field + overlap
@@ -168,7 +148,7 @@ def guide_coefficient(
     wheel_diameter: Values,
     rib_factor: Values,
 ) -> Values:
-    """Compute the friction force of the guide wheels over their load, as in (1.9).
+    """Compute the friction force of the guide wheels over their load [-], as in (1.9).
 
         mu = (f3 d + 2 f4)/D f5
 
@@ -183,11 +163,6 @@ def guide_coefficient(
     rib_factor : float or ndarray
         Factor f5 of the friction of the wheel's rib [-], >= 0.
 
-    Returns
-    -------
-    float or ndarray
-        Coefficient mu [-].
-
     References
     ----------
     D, eq (1.9).
@@ -198,8 +173,8 @@ def guide_coefficient(
     >>> f"{guide_coefficient(bearing_friction=0.05, rib_factor=1.5, **wheels):.4f}"
     '0.0652'
     """
-    require_nonnegative(bearing_friction=bearing_friction, rolling_arm=rolling_arm, rib_factor=rib_factor)
-    require_positive(journal_diameter=journal_diameter, wheel_diameter=wheel_diameter)
+    validation.require_nonnegative(bearing_friction=bearing_friction, rolling_arm=rolling_arm, rib_factor=rib_factor)
+    validation.require_positive(journal_diameter=journal_diameter, wheel_diameter=wheel_diameter)
     arm = bearing_friction * np.asarray(journal_diameter) + 2 * np.asarray(rolling_arm)
     return arm / wheel_diameter * rib_factor
 
@@ -207,7 +182,7 @@ def guide_coefficient(
 def cart_resistance(
     force: Values, roller_resistance: Values, rollers: Values, weight: Values, **wheels: Values
 ) -> Values:
-    """Compute the force that moves a cart with its rollers at constant speed.
+    """Compute the force [N] that moves a cart with its rollers at constant speed.
 
         F_B = |n F - G| mu + n F_p                                                                  (1.9)
 
@@ -221,11 +196,6 @@ def cart_resistance(
         Weight G of the cart [N], >= 0.
     **wheels : float or ndarray
         Parameters of `guide_coefficient`, which gives mu.
-
-    Returns
-    -------
-    float or ndarray
-        Force F_B [N].
 
     Notes
     -----
@@ -241,14 +211,14 @@ def cart_resistance(
     >>> f"{cart_resistance(17721.0, 3358.0, 2, 1e4, bearing_friction=0.05, rib_factor=1.5, **wheels):.0f} N"
     '8375 N'
     """
-    require_nonnegative(force=force, roller_resistance=roller_resistance, weight=weight)
-    require_integers(rollers=rollers)
+    validation.require_nonnegative(force=force, roller_resistance=roller_resistance, weight=weight)
+    validation.require_integers(rollers=rollers)
     guides = np.abs(rollers * np.asarray(force) - weight) * guide_coefficient(**wheels)
     return guides + rollers * np.asarray(roller_resistance)
 
 
 def cart_power(resistance: Values, velocity: Values) -> Values:
-    """Compute the power that moves a cart at constant speed, without inertia.
+    """Compute the power [W] that moves a cart at constant speed, without inertia.
 
         N = F_B V                                                                                   (1.10)
 
@@ -258,11 +228,6 @@ def cart_power(resistance: Values, velocity: Values) -> Values:
         F_B of (1.9) [N].
     velocity : float or ndarray
         V [m/s].
-
-    Returns
-    -------
-    float or ndarray
-        Power N [W].
 
     Notes
     -----
@@ -277,5 +242,5 @@ def cart_power(resistance: Values, velocity: Values) -> Values:
     >>> f"{cart_power(8375.0, 0.16):.0f} W"
     '1340 W'
     """
-    require_finite(resistance=resistance, velocity=velocity)
+    validation.require_finite(resistance=resistance, velocity=velocity)
     return np.multiply(resistance, velocity)

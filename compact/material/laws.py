@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from compact.numerics import Array
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 
 HECKEL_MAX_DENSITY_RATIO = 0.99  # [-], end of measured curves; beyond, pc keeps the modulus k dpc/dk of the curve
@@ -89,7 +90,7 @@ class Viscoelastic(Elastic):
         return self.youngs_modulus * (1 + sum(share for share, _ in self.branches))
 
     def complex_modulus(self, frequency: float) -> complex:
-        """Compute the complex modulus.
+        """Compute the complex modulus [Pa].
 
             E*(w) = E [1 + sum_i share_i i w time_i/(1 + i w time_i)]
 
@@ -97,11 +98,6 @@ class Viscoelastic(Elastic):
         ----------
         frequency : float
             Angular frequency w [rad/s].
-
-        Returns
-        -------
-        complex
-            Complex modulus [Pa].
         """
         terms = (share * 1j * frequency * time / (1 + 1j * frequency * time) for share, time in self.branches)
         return self.youngs_modulus * (1 + sum(terms))
@@ -172,18 +168,13 @@ class Compaction:
                 raise ValueError("`reference_speed` must be set where `rate_exponent` is not 0, got None")
             require_positive(reference_speed=self.reference_speed)
 
-    def yield_pressure(self, density_ratio: ArrayLike) -> NDArray[np.float64]:
-        """Compute the preconsolidation pressure pc(k) at the reference speed.
+    def yield_pressure(self, density_ratio: ArrayLike) -> Array:
+        """Compute the preconsolidation pressure pc(k) [Pa] at the reference speed.
 
         Parameters
         ----------
         density_ratio : array_like
             Density ratio k [-], > 0.
-
-        Returns
-        -------
-        ndarray
-            pc under hydrostatic pressure [Pa].
 
         Notes
         -----

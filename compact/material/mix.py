@@ -21,8 +21,9 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from compact.numerics import Array
 from compact.numerics.validation import require_between, require_known, require_nonnegative, require_positive
 
 GRAIN_DENSITY = 2650.0  # [kg/m3], density of the solids
@@ -51,7 +52,6 @@ class Parameter:
     value, low, high : float
         Value and spread, in `unit`.
     unit : str
-        Unit.
     flag : str
         Source in one word: measured, analogous (another material), assumed, calibrated (to the published machine),
         derived (phase relations) or given (by the user).
@@ -164,7 +164,6 @@ class ParameterSource:
     Parameters
     ----------
     unit : str
-        Unit.
     flag, words : str
         Source, as of `Parameter`.
     spread : callable
@@ -243,11 +242,6 @@ def prior(moisture: float, density_ratio: float, overrides: Mapping[str, float] 
         Values by name that replace the prior [SI, friction_angle in degrees]; flagged "given", without spread.
         `effective_modulus` equals `relaxed_modulus` unless it is overridden itself.
 
-    Returns
-    -------
-    Mix
-        Parameters with spread and source.
-
     Raises
     ------
     ValueError
@@ -280,8 +274,8 @@ def table_nodes() -> tuple[tuple[float, ...], tuple[float, ...]]:
     return tuple(moistures.tolist()), tuple(ratios.tolist())
 
 
-def bulk_density(moisture: ArrayLike, density_ratio: ArrayLike) -> NDArray[np.float64]:
-    """Compute the bulk density of a mix.
+def bulk_density(moisture: ArrayLike, density_ratio: ArrayLike) -> Array:
+    """Compute the bulk density of a mix [kg/m3].
 
         rho = k (1 + W)/(1/rho_s + W/rho_w)
 
@@ -291,11 +285,6 @@ def bulk_density(moisture: ArrayLike, density_ratio: ArrayLike) -> NDArray[np.fl
         Moisture W, water mass over dry mass [-], >= 0.
     density_ratio : array_like
         Density ratio k, bulk density over zero-air density [-], 0 < k <= 1.
-
-    Returns
-    -------
-    float or ndarray
-        Bulk density rho [kg/m3].
 
     References
     ----------
@@ -311,8 +300,8 @@ def bulk_density(moisture: ArrayLike, density_ratio: ArrayLike) -> NDArray[np.fl
     return k * (1 + W) / (1 / GRAIN_DENSITY + W / WATER_DENSITY)
 
 
-def saturation(moisture: ArrayLike, density_ratio: ArrayLike) -> NDArray[np.float64]:
-    """Compute the saturation, the share of the pore volume filled with water.
+def saturation(moisture: ArrayLike, density_ratio: ArrayLike) -> Array:
+    """Compute the saturation, the share of the pore volume filled with water [-].
 
         S = (W/rho_w) / [(1/rho_s + W/rho_w)/k - 1/rho_s]
 
@@ -322,11 +311,6 @@ def saturation(moisture: ArrayLike, density_ratio: ArrayLike) -> NDArray[np.floa
         Moisture W, water mass over dry mass [-], > 0.
     density_ratio : array_like
         Density ratio k, bulk density over zero-air density [-], 0 < k <= 1.
-
-    Returns
-    -------
-    float or ndarray
-        Saturation S [-].
 
     References
     ----------
@@ -397,7 +381,7 @@ def _interpolated(moisture: float, density_ratio: float) -> dict[str, float]:
     return {name: float(np.exp(value)) if name in exponential else value for name, value in values.items()}
 
 
-def _linear(nodes: NDArray[np.float64], values: NDArray[np.float64], x: float) -> NDArray[np.float64]:
+def _linear(nodes: Array, values: Array, x: float) -> Array:
     """Interpolate values along the last axis, one at each node, linearly at x."""
     left = min(int(np.searchsorted(nodes, x, side="right")) - 1, len(nodes) - 2)
     share = (x - nodes[left]) / (nodes[left + 1] - nodes[left])
@@ -405,14 +389,14 @@ def _linear(nodes: NDArray[np.float64], values: NDArray[np.float64], x: float) -
 
 
 @cache
-def _transformed_columns() -> NDArray[np.float64]:
+def _transformed_columns() -> Array:
     """Columns as interpolated over u, the logarithm of some, shape (columns, moistures, ratios)."""
     _, _, columns = _table()
     return np.array([np.log(column) if name in LOGARITHMIC else column for name, column in columns.items()])
 
 
 @cache
-def _table() -> tuple[NDArray[np.float64], NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+def _table() -> tuple[Array, Array, dict[str, Array]]:
     """Nodes of moisture and density ratio, and each column of mix.csv, shape (moistures, ratios)."""
     from importlib.resources import files  # its import costs 40 ms, which scenes without a mix avoid
 

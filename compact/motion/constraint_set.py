@@ -11,12 +11,12 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from compact.motion.limits import BOUNDED_DERIVATIVES, VIOLATION_TOLERANCE, CamLimits, Conflict, InfeasibleError, Limits
 from compact.motion.pitch_curve import PitchCurve
 from compact.motion.spline_space import SplineSpace, graded_breaks
+from compact.numerics import Array
 from compact.numerics.convex_programs import LinearConstraints, minimise_linear, minimise_quadratic
 
 HULL_HALVINGS = 2  # [-], of the pieces of a bound: the Bernstein hull of a parabola is then within 1/16 of its sagitta
@@ -42,10 +42,10 @@ class Bound(NamedTuple):
     name: str
     unit: str
     limit: float
-    rows: NDArray[np.float64]
-    offset: NDArray[np.float64]
+    rows: Array
+    offset: Array
 
-    def reached(self, unknowns: NDArray[np.float64]) -> float:
+    def reached(self, unknowns: Array) -> float:
         """Return the smallest limit that a law satisfies, in the unit of the limit."""
         return float(np.max(self.rows @ unknowns + self.offset))
 
@@ -95,14 +95,8 @@ class ConstraintSet:
         return LinearConstraints(equal, equal_to, below, np.concatenate([hard_to, *self._relative_values]))
 
     @cached_property
-    def min_acceleration_law(self) -> NDArray[np.float64]:
-        """Unknowns of the law with the smallest rms acceleration, the start of a search.
-
-        Raises
-        ------
-        InfeasibleError
-            If no law satisfies the limits.
-        """
+    def min_acceleration_law(self) -> Array:
+        """Unknowns of the law with the smallest rms acceleration, the start of a search."""
         together = self._relaxed_bounds(np.ones(len(self.bounds)))
         if together:
             alone = [self._single_relaxation(i) for i in range(len(self.bounds))]
@@ -114,7 +108,7 @@ class ConstraintSet:
         return minimise_quadratic(rows.T @ rows, np.zeros(self.space.size), self.program)
 
     @cached_property
-    def max_margin_law(self) -> NDArray[np.float64]:
+    def max_margin_law(self) -> Array:
         """Unknowns of the law with the largest relative distance from the nearest bound."""
         (equal, equal_to), (hard, hard_to) = self._equal, self._hard
         below = np.concatenate([hard, *self._relative_rows])
@@ -135,15 +129,10 @@ class ConstraintSet:
         cam = self.limits.cam and replace(self.limits.cam, profile_radius=profile_radius)
         return replace(self, limits=self.limits.replaced(cam=cam))
 
-    def project(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return unknowns that satisfy all constraints to rounding, from those of a solver that leaves 1e-10.
+    def project(self, unknowns: Array) -> Array:
+        """Return coefficients [-] that satisfy all constraints to rounding, from those of a solver that leaves 1e-10.
 
         Equalities are restored by least squares, bounds by the shortest step towards the law of maximum margin.
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
         """
         equal, equal_to, *_ = self.program
         unknowns = unknowns + np.linalg.lstsq(equal, equal_to - equal @ unknowns, rcond=None)[0]
@@ -237,7 +226,7 @@ class ConstraintSet:
         relaxed = self._relaxed_bounds(costs)
         return relaxed[0] if [conflict.name for conflict in relaxed] == [self.bounds[i].name] else None
 
-    def _relaxed_bounds(self, costs: NDArray[np.float64]) -> list[Conflict]:
+    def _relaxed_bounds(self, costs: Array) -> list[Conflict]:
         """`Conflict` of each relaxed bound where the sum of costs times relative violations is smallest."""
         (equal, equal_to), (hard, hard_to), count = self._equal, self._hard, len(self.bounds)
         identity = np.eye(count)
@@ -262,16 +251,10 @@ class ConstraintSet:
 
 
 def spline_space_for(limits: Limits, pieces: int, halvings: int = 0) -> SplineSpace:
-    """Return the `SplineSpace` for some limits.
+    """Return the `SplineSpace` for the smoothness and the phase of constant velocity of some limits.
 
-    Parameters
-    ----------
-    limits : Limits
-        Limits of the law: smoothness and phase of constant velocity.
-    pieces : int
-        Number of pieces of the acceleration and deceleration phases together, graded towards the ends of each phase.
-    halvings : int
-        Number of times that each piece is halved.
+    The pieces of acceleration and deceleration phases together are graded towards the ends of each phase; each piece is
+    halved `halvings` times.
     """
     k, times = limits.continuous, 2**halvings
     if limits.steady is None:

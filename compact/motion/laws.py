@@ -12,10 +12,11 @@ from typing import Protocol
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
 from compact.motion.minimum_criterion import ComplexLaw, minimiser
+from compact.numerics import Array
 from compact.numerics.validation import require_between
 
 # [-], of the duration: a shorter acceleration or deceleration phase is left out, its breakpoints coincide in rounding
@@ -27,10 +28,10 @@ class NormalisedCurve(Protocol):
     """Law s(z), 0 <= z <= 1, as a callable of phase and order of derivative."""
 
     @property
-    def x(self) -> NDArray[np.float64]:
+    def x(self) -> Array:
         """Breakpoints between the pieces, both ends included [-]."""
 
-    def __call__(self, z: ArrayLike, nu: int = 0) -> NDArray[np.float64]:
+    def __call__(self, z: ArrayLike, nu: int = 0) -> Array:
         """Return the derivative of order `nu` at phase z [-]."""
 
 
@@ -93,15 +94,6 @@ def with_constant_velocity(
 
     The acceleration phase is `minimiser(order, {x: 0} | start, end)` to unit velocity in unit time; with its travel A
     the velocity of the law is v = 1/(A run_up + 1 - run_up - run_down + A run_down).
-
-    Parameters
-    ----------
-    order : int
-        Order n of the criterion.
-    start, end : mapping of int to float
-        Derivatives prescribed at rest and at the constant velocity, by their order; see `minimiser`.
-    parameters : LawParameters
-        Durations of both phases.
     """
     run = minimiser(order, {0: 0} | dict(start), end)
     up, down = (share if share > SHORTEST_PHASE else 0.0 for share in (parameters.run_up, parameters.run_down))
@@ -119,15 +111,7 @@ def with_constant_velocity(
 
 
 def piecewise(widths: Sequence[float], polynomials: Sequence[Polynomial]) -> PPoly:
-    """Return the piecewise polynomial on 0 <= z <= 1.
-
-    Parameters
-    ----------
-    widths : sequence of float
-        Width of each piece [-].
-    polynomials : sequence of Polynomial
-        Polynomial of each piece in the distance from its start.
-    """
+    """Return polynomials in the distance from the start of each piece of a width [-] as one on 0 <= z <= 1."""
     breaks = np.concatenate([[0.0], np.cumsum(widths)])
     breaks[-1] = 1.0
     if len(widths) > 1:
@@ -162,11 +146,11 @@ class SineCurve:
     phases: tuple[float, ...]
 
     @property
-    def x(self) -> NDArray[np.float64]:
+    def x(self) -> Array:
         """Breakpoints between the pieces, both ends included [-]."""
         return self.polynomial.x
 
-    def __call__(self, z: ArrayLike, nu: int = 0) -> NDArray[np.float64]:
+    def __call__(self, z: ArrayLike, nu: int = 0) -> Array:
         """Return the derivative of order `nu` at phase z [-]."""
         z = np.asarray(z, float)
         piece = np.clip(np.searchsorted(self.x, z, side="right") - 1, 0, len(self.amplitudes) - 1)
@@ -233,7 +217,7 @@ class CrankCurve:
                 f"crank radius over rod length must lie in [0, 1), got {self.ratio!r}; use a rod longer than the crank"
             )
 
-    def __call__(self, z: ArrayLike, nu: int = 0) -> NDArray[np.float64]:
+    def __call__(self, z: ArrayLike, nu: int = 0) -> Array:
         """Return the derivative of order `nu` at phase z [-]."""
         psi = np.pi * np.asarray(z, float)
         infinite_rod = np.sin(psi / 2) ** 2 if nu == 0 else -np.cos(psi + nu * np.pi / 2) / 2

@@ -15,10 +15,10 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.motion.pitch_curve import PitchCurve
 from compact.motion.profile import END_CONDITIONS, EndCondition, MotionProfile
+from compact.numerics import Array
 from compact.numerics.validation import require_between, require_known, require_nonnegative, require_positive
 
 # Bounded derivatives: order and unit, by the name of their limit
@@ -72,20 +72,7 @@ class CamLimits:
             require_positive(roller_radius=self.roller_radius)
 
     def pitch_curve(self, stroke: float, duration: float) -> PitchCurve | None:
-        """Return the `PitchCurve` of a roller follower, or None without a limit on its profile.
-
-        Parameters
-        ----------
-        stroke : float
-            Travel of one pass [m].
-        duration : float
-            Time of one pass [s].
-
-        Raises
-        ------
-        ValueError
-            If the axis of the cam lies outside the profile.
-        """
+        """Return the `PitchCurve` of a roller follower for a stroke [m] and a duration [s], or None."""
         if self.profile_radius is None or self.roller_radius is None:
             return None
         minimum = stroke + 2 * self.roller_radius
@@ -118,7 +105,6 @@ class Limits:
     at_rest : tuple of int
         Orders of derivatives, from 2 to the smoothness, that are zero at both ends, in addition to the velocity.
     cam : CamLimits, optional
-        Limits of the cam.
     """
 
     velocity: float | None = None
@@ -208,10 +194,6 @@ def violations(limits: Limits, motion: MotionProfile, instants: int = 100_001) -
 
     Parameters
     ----------
-    limits : Limits
-        Limits to check.
-    motion : MotionProfile
-        Law to check.
     instants : int
         Number of samples over the pass.
 
@@ -247,9 +229,7 @@ def _velocity_deviation(limits, motion, time, velocity):
     return np.abs(velocity[inside] / mean - 1).max()
 
 
-def _cam_excess(
-    cam: CamLimits, motion: MotionProfile, x: NDArray[np.float64], v: NDArray[np.float64], a: NDArray[np.float64]
-) -> dict[str, float]:
+def _cam_excess(cam: CamLimits, motion: MotionProfile, x: Array, v: Array, a: Array) -> dict[str, float]:
     """Relative excess over each limit of a cam."""
     excess = {}
     radians = (motion.duration + cam.dwell) / np.pi

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
-Mode = Callable[
-    [NDArray[np.float64], int], NDArray[np.float64]
-]  # odd solution about z = 1/2, by phase and order of derivative
+from compact.numerics import Array
+
+Mode = Callable[[Array, int], Array]  # odd solution about z = 1/2, by phase and order of derivative
 
 SERIES_LIMIT = 12.0  # [-], root |p| up to which a power series about z = 1/2 is exact: cancellation costs e^(0.15 |p|)
 THINNEST_LAYER = 1e12  # [-], root p; a thinner boundary layer is below the resolution of the phase and left out
@@ -30,7 +30,7 @@ SERIES_TERMS = 24  # [-], terms u^(2k+1)/(2k+1)! for |p u| <= 6: the last is bel
 
 
 def minimiser(order: int, start: Mapping[int, float], end: Mapping[int, float]) -> Polynomial:
-    """Return the polynomial x(z), 0 <= z <= 1, that solves x^(2n) = 0 between two end states.
+    """Return the polynomial x(z) of degree < 2n, 0 <= z <= 1, that solves x^(2n) = 0 between two end states.
 
     Each end has n conditions. An end with fewer prescribed values is free: each x^(k), k < n, that is not prescribed
     adds the natural condition x^(2n-1-k) = 0. Conditions of order k >= n replace natural ones (combined laws of D
@@ -42,11 +42,6 @@ def minimiser(order: int, start: Mapping[int, float], end: Mapping[int, float]) 
         Order n of the criterion.
     start, end : mapping of int to float
         Value of each prescribed derivative x^(k), 0 <= k < 2n, by its order k.
-
-    Returns
-    -------
-    numpy.polynomial.Polynomial
-        Of degree < 2n.
 
     Raises
     ------
@@ -69,7 +64,7 @@ def minimiser(order: int, start: Mapping[int, float], end: Mapping[int, float]) 
     return Polynomial(_solve_to_rounding(matrix, np.array(right_side, float)))
 
 
-def _solve_to_rounding(matrix: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.floating]:
+def _solve_to_rounding(matrix: Array, values: Array) -> NDArray[np.floating]:
     """Solve a system of integer entries to rounding by iterative refinement in extended precision."""
     solution = np.linalg.solve(matrix, values)
     for _ in range(2):
@@ -132,7 +127,7 @@ class ComplexLaw:
         rest = math.fsum((1.0, -self.energy_weight, -self.acceleration_weight))
         return rest if rest > WEIGHT_ROUNDING else 0.0
 
-    def __call__(self, z: ArrayLike, nu: int = 0) -> NDArray[np.float64]:
+    def __call__(self, z: ArrayLike, nu: int = 0) -> Array:
         """Return the derivative of order `nu` at phase z, 0 <= z <= 1 [-]."""
         z = np.asarray(z, float)
         slope, amplitudes = self._amplitudes
@@ -140,7 +135,7 @@ class ComplexLaw:
         return value + (0.5 + slope * (z - 0.5), slope)[nu] if nu < 2 else value + 0.0 * z
 
     @cached_property
-    def x(self) -> NDArray[np.float64]:
+    def x(self) -> Array:
         """Breakpoints for quadrature and root finding [-]: the ends, and the edges of thin boundary layers."""
         cuts = [cut for mode in self._modes if (cut := getattr(mode, "thickness", 1.0)) < 0.25]
         return np.unique([0.0, *cuts, *(1 - cut for cut in cuts), 1.0])
@@ -204,7 +199,7 @@ class _Series:
 
     derivatives: list[Polynomial]
 
-    def __call__(self, z: NDArray[np.float64], nu: int) -> NDArray[np.float64]:
+    def __call__(self, z: Array, nu: int) -> Array:
         while len(self.derivatives) <= nu:
             self.derivatives.append(self.derivatives[-1].deriv())
         return self.derivatives[nu](z - 0.5)
@@ -228,7 +223,7 @@ class _EndLayer:
         slowest = self.mean - math.sqrt(max(0.0, self.half_gap_squared))
         return LAYER_DEPTH / slowest
 
-    def __call__(self, z: NDArray[np.float64], nu: int) -> NDArray[np.float64]:
+    def __call__(self, z: Array, nu: int) -> Array:
         rate = np.array([[-self.mean, 1.0], [self.half_gap_squared, -self.mean]])
         factors = np.linalg.matrix_power(rate, nu) @ ([1.0, 0.0] if self.first else [0.0, 1.0])
         return (-1) ** nu * self._layer(1 - z, factors) - self._layer(z, factors)

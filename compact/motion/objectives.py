@@ -12,9 +12,10 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Resistance = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]  # R(v [m/s], a [m/s^2]) -> [N]
+from compact.numerics import Array
+
+Resistance = Callable[[Array, Array], Array]  # R(v [m/s], a [m/s^2]) -> [N]
 
 VELOCITY_FLOOR = 1e-12  # [-], of the mean velocity: the resistance at rest is its limit from inside the motion
 DIFFERENCE_STEP = 1e-4  # [-], of the mean velocity, and of that over the duration: step of difference quotients
@@ -33,10 +34,10 @@ class QuadratureNodes(NamedTuple):
         Stroke over duration [m/s].
     """
 
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    position: Array
+    velocity: Array
+    acceleration: Array
+    weights: Array
     mean_velocity: float
 
 
@@ -58,36 +59,25 @@ class MotionState(NamedTuple):
     """
 
     nodes: QuadratureNodes
-    velocity: NDArray[np.float64]
-    resistance: NDArray[np.float64]
-    force: NDArray[np.float64]
-    damping: NDArray[np.float64]
-    inertia: NDArray[np.float64]
+    velocity: Array
+    resistance: Array
+    force: Array
+    damping: Array
+    inertia: Array
 
-    def force_gradient(self) -> NDArray[np.float64]:
+    def force_gradient(self) -> Array:
         """Return the derivative of H by the unknowns, shape (nodes, unknowns): dR/dv dv + (m + dR/da) da."""
         return self.damping[:, None] * self.nodes.velocity + self.inertia[:, None] * self.nodes.acceleration
 
-    def power_gradient(self) -> NDArray[np.float64]:
+    def power_gradient(self) -> Array:
         """Return the derivative of H v by the unknowns, shape (nodes, unknowns)."""
         return self.velocity[:, None] * self.force_gradient() + self.force[:, None] * self.nodes.velocity
 
 
-def evaluate_state(
-    nodes: QuadratureNodes, unknowns: NDArray[np.float64], mass: float, resistance: Resistance
-) -> MotionState:
-    """Evaluate motion and drive force of a law; derivatives of the resistance are difference quotients.
+def evaluate_state(nodes: QuadratureNodes, unknowns: Array, mass: float, resistance: Resistance) -> MotionState:
+    """Evaluate motion and drive force of a law with coefficients [-] for a mass [kg] and R(v, a) [N].
 
-    Parameters
-    ----------
-    nodes : QuadratureNodes
-        Nodes of the law.
-    unknowns : ndarray, shape (unknowns,)
-        Coefficients of the law [-].
-    mass : float
-        Mass of the cart [kg].
-    resistance : callable
-        R(v, a) [N].
+    Derivatives of the resistance are difference quotients.
     """
     v, a = np.maximum(nodes.velocity @ unknowns, VELOCITY_FLOOR * nodes.mean_velocity), nodes.acceleration @ unknowns
     step = DIFFERENCE_STEP * nodes.mean_velocity
@@ -117,10 +107,10 @@ class Linearisation(NamedTuple):
         Weights of a sum of positive parts.
     """
 
-    values: NDArray[np.float64]
-    gradients: NDArray[np.float64]
-    curvature: NDArray[np.float64] | None = None
-    shares: NDArray[np.float64] | None = None
+    values: Array
+    gradients: Array
+    curvature: Array | None = None
+    shares: Array | None = None
 
     @property
     def value(self) -> float:
@@ -136,7 +126,7 @@ def _peak_power(state: MotionState) -> Linearisation:
     return _magnitude(PEAKS["peak_power"](state), state.power_gradient())
 
 
-def _magnitude(values: NDArray[np.float64], gradients: NDArray[np.float64]) -> Linearisation:
+def _magnitude(values: Array, gradients: Array) -> Linearisation:
     return Linearisation(np.concatenate([values, -values]), np.concatenate([gradients, -gradients]))
 
 
@@ -164,7 +154,7 @@ def _drawn_energy(state: MotionState) -> Linearisation:
 
 
 # Quantity whose largest magnitude is the criterion, by name of the criterion
-PEAKS: Mapping[str, Callable[[MotionState], NDArray[np.float64]]] = MappingProxyType(
+PEAKS: Mapping[str, Callable[[MotionState], Array]] = MappingProxyType(
     {"peak_force": lambda state: state.force, "peak_power": lambda state: state.force * state.velocity}
 )
 # Linearisation of each criterion, by the names of `ranking.CRITERIA`

@@ -15,9 +15,9 @@ the unknowns of a spline; sequential convex programming linearises it.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.motion.objectives import Linearisation, QuadratureNodes
+from compact.numerics import Array
 
 CURVATURE_MARGIN = 2e-5  # [-], of the curvature ratio: reserve for peaks between the nodes, twice their usual excess
 
@@ -54,70 +54,32 @@ class PitchCurve:
         """Pressure angle [rad] below which the flanks of the profile cannot cross: rho^2/w = rho cos(angle) >= r."""
         return float(np.arccos(2 * self.roller_radius / (self.breadth - self.stroke)))
 
-    def curvature(self, x: NDArray[np.float64], v: NDArray[np.float64], a: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return kappa [1/m] of forward and return stroke, shape (2, n).
-
-        Parameters
-        ----------
-        x, v, a : ndarray, shape (n,)
-            Travel [m], velocity [m/s] and acceleration [m/s^2].
-        """
+    def curvature(self, x: Array, v: Array, a: Array) -> Array:
+        """Return kappa [1/m] of both strokes, shape (2, n), at x [m], v [m/s] and a [m/s^2]."""
         rho, slope, second, _ = self._polar(x, v, a)
         w = np.hypot(rho, slope)
         return (w**2 + slope**2 - rho * second) / w**3
 
-    def curvature_ratios(
-        self, x: NDArray[np.float64], v: NDArray[np.float64], a: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Return kappa (r + R) and kappa (r - R) [-] of both strokes and of a dwell, shape (4 or 5, n); each at most 1.
-
-        Parameters
-        ----------
-        x, v, a : ndarray, shape (n,)
-            Travel [m], velocity [m/s] and acceleration [m/s^2].
-        """
+    def curvature_ratios(self, x: Array, v: Array, a: Array) -> Array:
+        """Return kappa (r + R) and kappa (r - R) [-] of both strokes and a dwell, shape (4 or 5, n); all at most 1."""
         ratios = (self._spans * self.curvature(x, v, a)).reshape(4, -1)
         near = (self.breadth - self.stroke) / 2
         return np.vstack([ratios, np.full(len(x), self._spans.max() / near)]) if self.dwells else ratios
 
-    def nodal_ratios(self, nodes: QuadratureNodes, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the `curvature_ratios` [-] of a law at its nodes.
-
-        Parameters
-        ----------
-        nodes : QuadratureNodes
-            Nodes of the law.
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
-        """
+    def nodal_ratios(self, nodes: QuadratureNodes, unknowns: Array) -> Array:
+        """Return the `curvature_ratios` [-] of a law with coefficients [-] at its nodes."""
         return self.curvature_ratios(*_travel(nodes, unknowns))
 
-    def reached_radius(self, nodes: QuadratureNodes, unknowns: NDArray[np.float64]) -> float:
-        """Return the largest R [m] that the profile of a law satisfies with the `CURVATURE_MARGIN`.
-
-        Parameters
-        ----------
-        nodes : QuadratureNodes
-            Nodes of the law.
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
-        """
+    def reached_radius(self, nodes: QuadratureNodes, unknowns: Array) -> float:
+        """Return the largest R [m] that the profile of a law satisfies with the `CURVATURE_MARGIN`."""
         kappa = self.curvature(*_travel(nodes, unknowns))
         near, room = (self.breadth - self.stroke) / 2, 1 - CURVATURE_MARGIN
         convex, concave = max(kappa.max(), 1 / near if self.dwells else -np.inf), -kappa.min()
         of_concave = room / concave + self.roller_radius if concave > 0 else np.inf
         return float(min(room / convex - self.roller_radius, of_concave))
 
-    def linearise(self, nodes: QuadratureNodes, unknowns: NDArray[np.float64]) -> Linearisation:
-        """Return the `Linearisation` of the largest curvature ratio.
-
-        Parameters
-        ----------
-        nodes : QuadratureNodes
-            Nodes of the law.
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
-        """
+    def linearise(self, nodes: QuadratureNodes, unknowns: Array) -> Linearisation:
+        """Return the `Linearisation` of the largest curvature ratio."""
         x, v, a = _travel(nodes, unknowns)
         rho, slope, second, sign = self._polar(x, v, a)
         w = np.hypot(rho, slope)
@@ -132,16 +94,8 @@ class PitchCurve:
         values = self.curvature_ratios(x, v, a).ravel()
         return Linearisation(values, np.vstack([rows, np.zeros((len(values) - len(rows), len(unknowns)))]))
 
-    def linearise_violation(self, nodes: QuadratureNodes, unknowns: NDArray[np.float64]) -> Linearisation:
-        """Return the `Linearisation` of the largest excess of a curvature ratio over 1 - `CURVATURE_MARGIN`, or of 0.
-
-        Parameters
-        ----------
-        nodes : QuadratureNodes
-            Nodes of the law.
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
-        """
+    def linearise_violation(self, nodes: QuadratureNodes, unknowns: Array) -> Linearisation:
+        """Return the `Linearisation` of the largest excess of a curvature ratio over 1 - `CURVATURE_MARGIN`, or 0."""
         ratio = self.linearise(nodes, unknowns)
         values = np.append(ratio.values - (1 - CURVATURE_MARGIN), 0.0)
         return Linearisation(values, np.vstack([ratio.gradients, np.zeros(len(unknowns))]))

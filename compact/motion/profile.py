@@ -13,17 +13,13 @@ from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
 from compact.motion.laws import LAWS, LawParameters, NormalisedCurve
+from compact.numerics import Array
 from compact.numerics.piecewise import find_roots, graded_grid, integrate
-from compact.numerics.validation import (
-    require_finite,
-    require_known,
-    require_nonnegative,
-    require_positive,
-)
+from compact.numerics.validation import require_finite, require_known, require_nonnegative, require_positive
 
 EndCondition = Literal["reversal", "dwell"]
 END_CONDITIONS: tuple[EndCondition, ...] = get_args(EndCondition)
@@ -148,21 +144,8 @@ class MotionProfile:
     curve: NormalisedCurve
     retraces: bool = False
 
-    def derivative(self, time: ArrayLike, order: int) -> NDArray[np.float64]:
-        """Return the derivative of the travel [m/s^order].
-
-        Parameters
-        ----------
-        time : array_like
-            Time in [0, duration] [s], any shape.
-        order : int
-            Order of the derivative, >= 0.
-
-        Raises
-        ------
-        ValueError
-            If a time lies outside the pass, or the order is negative or no integer.
-        """
+    def derivative(self, time: ArrayLike, order: int) -> Array:
+        """Return the derivative of the travel [m/s^order] at times [s] of any shape within [0, duration]."""
         if not (isinstance(order, int) and order >= 0):
             raise ValueError(f"`order` of a derivative must be a whole number >= 0, got {order!r}")
         time = np.asarray(time, float)
@@ -171,27 +154,27 @@ class MotionProfile:
             raise ValueError(f"`time` must lie in [0, {self.duration:g}] s, got {time.min():g} to {time.max():g}")
         return self.at_phase(np.clip(time / self.duration, 0.0, 1.0), order)
 
-    def at_phase(self, z: ArrayLike, order: int) -> NDArray[np.float64]:
+    def at_phase(self, z: ArrayLike, order: int) -> Array:
         """Return the derivative of the travel [m/s^order] at phase z = t/T in [0, 1]."""
         return self._scale(order) * self.curve(z, nu=order)
 
-    def position(self, time: ArrayLike) -> NDArray[np.float64]:
+    def position(self, time: ArrayLike) -> Array:
         """Return the travel x [m] at a time [s]."""
         return self.derivative(time, 0)
 
-    def velocity(self, time: ArrayLike) -> NDArray[np.float64]:
+    def velocity(self, time: ArrayLike) -> Array:
         """Return the velocity [m/s] at a time [s]."""
         return self.derivative(time, 1)
 
-    def acceleration(self, time: ArrayLike) -> NDArray[np.float64]:
+    def acceleration(self, time: ArrayLike) -> Array:
         """Return the acceleration [m/s^2] at a time [s]."""
         return self.derivative(time, 2)
 
-    def jerk(self, time: ArrayLike) -> NDArray[np.float64]:
+    def jerk(self, time: ArrayLike) -> Array:
         """Return the jerk [m/s^3] at a time [s]."""
         return self.derivative(time, 3)
 
-    def snap(self, time: ArrayLike) -> NDArray[np.float64]:
+    def snap(self, time: ArrayLike) -> Array:
         """Return the snap [m/s^4] at a time [s]."""
         return self.derivative(time, 4)
 
@@ -203,10 +186,7 @@ class MotionProfile:
     def discontinuities(self, end_condition: EndCondition = "reversal") -> tuple[Discontinuity, ...]:
         """Return the jumps of velocity, acceleration, jerk and snap at breakpoints and ends, in order of time.
 
-        Parameters
-        ----------
-        end_condition : {"reversal", "dwell"}
-            Motion before and after the pass: the return stroke without a dwell, or a dwell.
+        Before and after the pass is the return stroke without a dwell ("reversal"), or a dwell.
         """
         require_known("end condition", end_condition, END_CONDITIONS)
         found, breaks = [], self.curve.x
@@ -220,25 +200,11 @@ class MotionProfile:
         return tuple(sorted(found, key=lambda jump: jump.time))
 
     def smoothness(self, end_condition: EndCondition = "reversal") -> int:
-        """Return the highest k up to 4 such that the travel is in C^k (C0 to C4).
-
-        Parameters
-        ----------
-        end_condition : {"reversal", "dwell"}
-            Motion before and after the pass.
-        """
+        """Return the highest k up to 4 such that the travel is in C^k (C0 to C4)."""
         return min((jump.order for jump in self.discontinuities(end_condition)), default=5) - 1
 
     def criterion(self, order: int, end_condition: EndCondition = "reversal") -> float:
-        """Return J_k = int (x^(k))^2 dt over one pass [m^2/s^(2k-1)]; infinite where x^(k) contains an impulse.
-
-        Parameters
-        ----------
-        order : int
-            Order k of the derivative.
-        end_condition : {"reversal", "dwell"}
-            Motion before and after the pass.
-        """
+        """Return J_k = int (x^(k))^2 dt over one pass [m^2/s^(2k-1)]; infinite where x^(k) contains an impulse."""
         if any(jump.order < order for jump in self.discontinuities(end_condition)):
             return np.inf
         return self._scale(order) ** 2 * self.duration * integrate(lambda z: self.curve(z, nu=order) ** 2, self.curve.x)
@@ -276,11 +242,11 @@ class _ReturnCurve:
     retraces: bool
 
     @property
-    def x(self) -> NDArray[np.float64]:
+    def x(self) -> Array:
         """Breakpoints [-]."""
         return 1 - self.curve.x[::-1] if self.retraces else self.curve.x
 
-    def __call__(self, z: ArrayLike, nu: int = 0) -> NDArray[np.float64]:
+    def __call__(self, z: ArrayLike, nu: int = 0) -> Array:
         if self.retraces:
             return (-1) ** nu * self.curve(1 - np.asarray(z, float), nu=nu)
         return (1.0 if nu == 0 else 0.0) - self.curve(z, nu=nu)
@@ -310,13 +276,13 @@ class Leg:
     motion: MotionProfile | None = None
     position: float = 0.0
 
-    def at_phase(self, z: ArrayLike, order: int) -> NDArray[np.float64]:
+    def at_phase(self, z: ArrayLike, order: int) -> Array:
         """Return the derivative of the travel [m/s^order] at phase z in [0, 1] of this leg."""
         if self.motion is None:
             return np.full(np.shape(z), self.position if order == 0 else 0.0)
         return self.motion.at_phase(z, order)
 
-    def breakpoints(self) -> NDArray[np.float64]:
+    def breakpoints(self) -> Array:
         """Return the phases between the pieces of this leg, both ends included [-]."""
         return np.array([0.0, 1.0]) if self.motion is None else self.motion.curve.x
 
@@ -356,15 +322,15 @@ class Cycle:
         """The period [s], under the name that a `MotionProfile` has for it."""
         return self.period
 
-    def position(self, time: ArrayLike) -> NDArray[np.float64]:
+    def position(self, time: ArrayLike) -> Array:
         """Return the travel x [m] at a time [s]."""
         return self.derivative(time, 0)
 
-    def velocity(self, time: ArrayLike) -> NDArray[np.float64]:
+    def velocity(self, time: ArrayLike) -> Array:
         """Return the velocity [m/s] at a time [s]."""
         return self.derivative(time, 1)
 
-    def acceleration(self, time: ArrayLike) -> NDArray[np.float64]:
+    def acceleration(self, time: ArrayLike) -> Array:
         """Return the acceleration [m/s^2] at a time [s]."""
         return self.derivative(time, 2)
 
@@ -380,16 +346,13 @@ class Cycle:
         ]
         return [leg for leg in legs if leg.duration > 0]
 
-    def derivative(self, time: ArrayLike, order: int) -> NDArray[np.float64]:
-        """Return the derivative of the travel [m/s^order], periodic; at a discontinuity the right limit.
+    def direction(self, time: ArrayLike) -> Array:
+        """Return +1 on the forward stroke, -1 on the return stroke and 0 in a dwell, at times [s] of a cycle."""
+        which = np.searchsorted([leg.start for leg in self.legs()], time) - 1
+        return np.array([float(leg.direction) for leg in self.legs()])[which]
 
-        Parameters
-        ----------
-        time : array_like
-            Time [s], any shape.
-        order : int
-            Order of the derivative, >= 0.
-        """
+    def derivative(self, time: ArrayLike, order: int) -> Array:
+        """Return the derivative of the travel [m/s^order] at times [s] of any shape; right limit at a jump."""
         require_finite(time=time)
         instants = np.mod(np.asarray(time, float), self.period)
         legs = self.legs()
@@ -399,7 +362,10 @@ class Cycle:
         return np.select([which == i for i in range(len(legs))], values)
 
     def discontinuities(self) -> tuple[Discontinuity, ...]:
-        """Return the jumps of velocity, acceleration, jerk and snap over the cycle, by leg and time."""
+        """Return the jumps of velocity, acceleration, jerk and snap at breakpoints and ends, in order of time.
+
+        Before and after the pass is the return stroke without a dwell ("reversal"), or a dwell.
+        """
         return self._discontinuities
 
     @cached_property
@@ -417,16 +383,8 @@ class Cycle:
         return tuple(jumps)
 
 
-def extremum_candidates(curve: NormalisedCurve, order: int) -> NDArray[np.float64]:
-    """Return phases at which |s^(order)| can be largest: roots of the next derivative, both sides of each breakpoint.
-
-    Parameters
-    ----------
-    curve : NormalisedCurve
-        Law s(z).
-    order : int
-        Order of the derivative.
-    """
+def extremum_candidates(curve: NormalisedCurve, order: int) -> Array:
+    """Return phases at which |s^(order)| can be largest: roots of the next derivative, both sides of breakpoints."""
     edges = np.concatenate([np.nextafter(curve.x[:-1], 2.0), np.nextafter(curve.x[1:], -1.0)])
     if isinstance(curve, PPoly):
         roots = curve.derivative(order + 1).roots(discontinuity=False, extrapolate=False)

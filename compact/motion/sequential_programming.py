@@ -30,6 +30,7 @@ from compact.motion.constraint_set import ConstraintSet, spline_space_for
 from compact.motion.limits import Conflict, InfeasibleError, Limits
 from compact.motion.objectives import OBJECTIVES, PEAKS, Linearisation, QuadratureNodes, Resistance, evaluate_state
 from compact.motion.pitch_curve import CURVATURE_MARGIN
+from compact.numerics import Array
 from compact.numerics.convex_programs import LinearConstraints, minimise_linear, minimise_quadratic
 
 # Pieces of a law, by its smoothness [-]: the last doubling gains about 1e-3, 1e-4, 1e-4 of the criterion
@@ -117,22 +118,17 @@ class OptimisationProblem:
         rows = (space.values(k, np.linspace(0, 1, PEAK_SAMPLES)) for k in range(3))
         return self._scaled_nodes(rows, np.repeat(np.diff(space.breaks), PEAK_SAMPLES) / PEAK_SAMPLES)
 
-    def _scaled_nodes(self, rows: Iterable[NDArray[np.float64]], weights: NDArray[np.float64]) -> QuadratureNodes:
+    def _scaled_nodes(self, rows: Iterable[Array], weights: Array) -> QuadratureNodes:
         """Nodes in SI units from rows of s, s', s'' and weights over the phase."""
         stroke, duration = self.constraints.stroke, self.constraints.duration
         place, speed, change = rows
         mean = stroke / duration
         return QuadratureNodes(stroke * place, mean * speed, mean / duration * change, duration * weights, mean)
 
-    def peaks_between_nodes(self, unknowns: NDArray[np.float64]) -> tuple[float, ...]:
+    def peaks_between_nodes(self, unknowns: Array) -> tuple[float, ...]:
         """Return the phases of peaks between the nodes that exceed all nodes, the largest of each piece.
 
         Each peak is that of the parabola through three samples.
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
         """
         phases, space = [], self.constraints.space
         quantities = (self._peak_quantities(nodes, unknowns) for nodes in (self._fine_nodes, self.nodes))
@@ -148,9 +144,7 @@ class OptimisationProblem:
             phases += list((space.breaks[:-1] + np.diff(space.breaks) * u)[high])
         return tuple(phases)
 
-    def _peak_quantities(
-        self, nodes: QuadratureNodes, unknowns: NDArray[np.float64]
-    ) -> Iterator[tuple[NDArray[np.float64], float]]:
+    def _peak_quantities(self, nodes: QuadratureNodes, unknowns: Array) -> Iterator[tuple[Array, float]]:
         """(values of shape (nodes,), threshold below which a peak is irrelevant) of each quantity with a peak."""
         peaks = [PEAKS[name] for name in self.criterion.weights if name in PEAKS]
         for resistance in self.criterion.resistances if peaks else ():
@@ -159,14 +153,8 @@ class OptimisationProblem:
         if self.constraints.pitch:
             yield from ((row, 1 - CURVATURE_MARGIN) for row in self.constraints.pitch.nodal_ratios(nodes, unknowns))
 
-    def linearise(self, unknowns: NDArray[np.float64]) -> list[list[Linearisation]]:
-        """Return the `Linearisation` of every criterion, a list for each sample of the resistance.
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
-        """
+    def linearise(self, unknowns: Array) -> list[list[Linearisation]]:
+        """Return the `Linearisation` of every criterion, a list for each sample of the resistance."""
         criterion = self.criterion
         states = [evaluate_state(self.nodes, unknowns, criterion.mass, one) for one in criterion.resistances]
         models = [[OBJECTIVES[name](state) for name in criterion.weights] for state in states]
@@ -176,7 +164,7 @@ class OptimisationProblem:
             models = [[*of_sample, curvature] for of_sample in models]
         return models
 
-    def value(self, unknowns: NDArray[np.float64]) -> float:
+    def value(self, unknowns: Array) -> float:
         """Return the criterion J of a law."""
         return self.counted_samples(self.linearise(unknowns))[1]
 
@@ -187,13 +175,7 @@ class OptimisationProblem:
         return [*weights, self.penalty] if self.constraints.pitch else weights
 
     def counted_samples(self, models: list[list[Linearisation]]) -> tuple[NDArray[np.intp], float]:
-        """Return the samples within the quantile, in ascending order of J, and the J of the last of them.
-
-        Parameters
-        ----------
-        models : list of lists of Linearisation
-            Result of `linearise`.
-        """
+        """Return the samples within the quantile, in ascending order of J, and the J of the last of them."""
         weights = [self.weights_of(k) for k in range(len(models))]
         sums = [sum(w * m.value for w, m in zip(*pair, strict=True)) for pair in zip(weights, models, strict=True)]
         count = max(1, int(np.ceil(self.criterion.quantile * len(sums) - 1e-9)))
@@ -206,8 +188,8 @@ class _Subproblem:
 
     def __init__(self, problem, unknowns, models) -> None:
         self.size = len(unknowns)
-        self.rows: list[NDArray[np.float64]] = []
-        self.values: list[Sequence[float] | NDArray[np.float64]] = []
+        self.rows: list[Array] = []
+        self.values: list[Sequence[float] | Array] = []
         self.entries: list[tuple[int, int, float]] = []
         self.height = 0
         self.width = self.size + 1
@@ -320,29 +302,10 @@ class OptimalLaw(NamedTuple):
     steps: int
 
 
-def trust_region_search(
-    problem: OptimisationProblem, unknowns: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], float, int]:
-    """Minimise the criterion by sequential convex programming from a law within the constraints.
+def trust_region_search(problem: OptimisationProblem, unknowns: Array) -> tuple[Array, float, int]:
+    """Minimise the criterion by sequential convex programming from coefficients [-] within the constraints.
 
-    Parameters
-    ----------
-    problem : OptimisationProblem
-        Criterion and constraints.
-    unknowns : ndarray, shape (unknowns,)
-        Initial law [-].
-
-    Returns
-    -------
-    unknowns, value, steps : ndarray, float, int
-        Stationary law, its criterion and the number of accepted steps.
-
-    Raises
-    ------
-    RuntimeError
-        If no stationary law is found in `STEP_LIMIT` steps.
-    ValueError
-        If the criterion of the initial law is zero.
+    Returns the stationary law, its criterion and the number of accepted steps.
     """
     radius, models = np.inf, problem.linearise(unknowns)
     value = problem.counted_samples(models)[1]
@@ -374,16 +337,8 @@ def trust_region_search(
     )
 
 
-def optimality_gap(problem: OptimisationProblem, unknowns: NDArray[np.float64]) -> float:
-    """Return the relative decrease that the linearisations allow any law within the constraints [-].
-
-    Parameters
-    ----------
-    problem : OptimisationProblem
-        Criterion and constraints.
-    unknowns : ndarray, shape (unknowns,)
-        Coefficients of the law [-].
-    """
+def optimality_gap(problem: OptimisationProblem, unknowns: Array) -> float:
+    """Return the relative decrease that the linearisations allow any law within the constraints [-]."""
     models = problem.linearise(unknowns)
     value = problem.counted_samples(models)[1]
     _, predicted = _Subproblem(problem, unknowns, models).solve(with_curvature=False)
@@ -393,28 +348,7 @@ def optimality_gap(problem: OptimisationProblem, unknowns: NDArray[np.float64]) 
 def find_optimal_law(
     limits: Limits, stroke: float, duration: float, criterion: DriveCriterion, pieces: int | None = None
 ) -> OptimalLaw:
-    """Find the law that minimises a criterion within limits, first on few pieces, which are then halved.
-
-    Parameters
-    ----------
-    limits : Limits
-        Limits of the law.
-    stroke : float
-        Travel of one pass [m].
-    duration : float
-        Time of one pass [s].
-    criterion : DriveCriterion
-        Criterion to minimise.
-    pieces : int, optional
-        Number of pieces of the acceleration and deceleration phases; `PIECES_BY_SMOOTHNESS` if not given.
-
-    Raises
-    ------
-    InfeasibleError
-        If no law satisfies the limits.
-    RuntimeError
-        If the search does not converge.
-    """
+    """Find the law that minimises a criterion for a stroke [m] and a duration [s], first on few pieces, then halved."""
     pieces = pieces or _default_pieces(limits)
     rounds = max(0, int(np.log2(pieces / COARSEST_PIECES)))
     previous, curve, steps = np.nan, None, 0
@@ -454,7 +388,7 @@ def _default_pieces(limits):
     return min(PIECES_BY_SMOOTHNESS[limits.continuous], of_cam)
 
 
-def _restore_feasibility(problem: OptimisationProblem, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+def _restore_feasibility(problem: OptimisationProblem, unknowns: Array) -> Array:
     """Unknowns that satisfy the curvature limit too, by minimising the largest curvature ratio.
 
     Raises InfeasibleError, with the largest radius reached, if the search finds none.

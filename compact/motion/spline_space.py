@@ -25,8 +25,10 @@ from functools import cached_property
 from math import comb, factorial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
+
+from compact.numerics import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +43,7 @@ class SplineSpace:
         Order k, from 1 to 3.
     """
 
-    breaks: NDArray[np.float64]
+    breaks: Array
     smoothness: int
 
     @property
@@ -76,7 +78,7 @@ class SplineSpace:
             found.append(np.concatenate([0 * inner[:, :1], inner], axis=1) + ends[:, None])
         return found
 
-    def coefficients(self, order: int) -> NDArray[np.float64]:
+    def coefficients(self, order: int) -> Array:
         """Return the Bernstein coefficients of s^(order) of each piece, shape (pieces, degree + 1, unknowns)."""
         if order <= self.basis_order:
             return self._antiderivatives[self.basis_order - order]
@@ -85,70 +87,34 @@ class SplineSpace:
             rows = (rows.shape[1] - 1) * np.diff(rows, axis=1) / width
         return rows
 
-    def values(self, order: int, u: ArrayLike) -> NDArray[np.float64]:
-        """Return the rows of s^(order) at local coordinates of every piece, shape (pieces * places, unknowns).
-
-        Parameters
-        ----------
-        order : int
-            Order of the derivative.
-        u : array_like, shape (places,)
-            Local coordinates, from 0 to 1 [-].
-        """
+    def values(self, order: int, u: ArrayLike) -> Array:
+        """Return the rows of s^(order) at local coordinates u [-] of every piece, (pieces * places, unknowns)."""
         rows = self.coefficients(order)
         return (bernstein_basis(rows.shape[1] - 1, u) @ rows).reshape(-1, self.size)
 
-    def hull(self, order: int, halvings: int) -> NDArray[np.float64]:
-        """Return the Bernstein coefficients that bound s^(order), shape (rows, unknowns).
-
-        Parameters
-        ----------
-        order : int
-            Order of the derivative.
-        halvings : int
-            Number of times that each piece is halved first; a linear piece is exact without.
-        """
+    def hull(self, order: int, halvings: int) -> Array:
+        """Return the Bernstein coefficients that bound s^(order) after halving each piece, shape (rows, unknowns)."""
         rows = self.coefficients(order)
         rows = halve(rows, halvings if rows.shape[1] > 2 else 0).reshape(-1, self.size)
         return rows[np.sort(np.unique(rows, axis=0, return_index=True)[1])]
 
-    def end(self, z: int, order: int) -> NDArray[np.float64]:
+    def end(self, z: int, order: int) -> Array:
         """Return the row of s^(order) at z = 0 or 1, shape (unknowns,)."""
         return self.coefficients(order)[(0, 0) if z == 0 else (-1, -1)]
 
-    def curve(self, unknowns: NDArray[np.float64]) -> PPoly:
-        """Return the law; its Taylor coefficients are those of each derivative, without differences of rounded values.
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
-        """
+    def curve(self, unknowns: Array) -> PPoly:
+        """Return the law; its Taylor coefficients are those of each derivative, without rounded differences."""
         orders = range(self.smoothness + 2, -1, -1)
         return PPoly([self.coefficients(k)[:, 0] @ unknowns / factorial(k) for k in orders], self.breaks)
 
-    def rows_at(self, order: int, z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the rows of s^(order) at phases z, right limits at the breaks, shape (phases, unknowns).
-
-        Parameters
-        ----------
-        order : int
-            Order of the derivative.
-        z : ndarray, shape (phases,)
-            Phases t/T [-].
-        """
+    def rows_at(self, order: int, z: Array) -> Array:
+        """Return the rows of s^(order) at phases z, right limits at the breaks, shape (phases, unknowns)."""
         piece = np.clip(np.searchsorted(self.breaks, z, side="right") - 1, 0, len(self.breaks) - 2)
         rows, u = self.coefficients(order)[piece], (z - self.breaks[piece]) / np.diff(self.breaks)[piece]
         return np.einsum("pi,pij->pj", bernstein_basis(rows.shape[1] - 1, u), rows)
 
-    def interpolate(self, curve: Callable[..., NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Return the unknowns of a law that lies in this space, such as a law of the space before halving its pieces.
-
-        Parameters
-        ----------
-        curve : callable
-            Law s(z, nu=order).
-        """
+    def interpolate(self, curve: Callable[..., Array]) -> Array:
+        """Return the unknowns of a law that lies in this space, such as one of the space before halving."""
         width, degree = np.diff(self.breaks), self._basis.shape[1] - 1
         shares = np.arange(1, degree + 2) / (degree + 2)
         values = [curve(self.breaks[:-1] + share * width, nu=self.basis_order) for share in shares]
@@ -158,22 +124,14 @@ class SplineSpace:
         return np.append(found[:2].T.ravel(), found[2, -1])
 
 
-def bernstein_basis(degree: int, u: ArrayLike) -> NDArray[np.float64]:
+def bernstein_basis(degree: int, u: ArrayLike) -> Array:
     """Return the Bernstein polynomials of a degree at coordinates u from 0 to 1 [-], shape (places, degree + 1)."""
     u, i = np.asarray(u, float)[:, None], np.arange(degree + 1)
     return np.array([comb(degree, k) for k in i]) * u**i * (1 - u) ** (degree - i)
 
 
-def halve(rows: NDArray[np.float64], times: int) -> NDArray[np.float64]:
-    """Return Bernstein coefficients of halved pieces (de Casteljau).
-
-    Parameters
-    ----------
-    rows : ndarray, shape (pieces, degree + 1, unknowns)
-        Bernstein coefficients.
-    times : int
-        Number of times that each piece is halved.
-    """
+def halve(rows: Array, times: int) -> Array:
+    """Return Bernstein coefficients, shape (pieces, degree + 1, unknowns), of halved pieces (de Casteljau)."""
     m = rows.shape[1]
     left = np.array([[comb(i, j) / 2**i if j <= i else 0.0 for j in range(m)] for i in range(m)])
     for _ in range(times):
@@ -181,25 +139,11 @@ def halve(rows: NDArray[np.float64], times: int) -> NDArray[np.float64]:
     return rows
 
 
-def graded_breaks(start: float, end: float, count: int, smoothness: int) -> NDArray[np.float64]:
-    """Return breaks graded towards both ends, where the jerk of an optimal law is largest; halved pieces are nested.
+def graded_breaks(start: float, end: float, count: int, smoothness: int) -> Array:
+    """Return count + 1 breaks [-] graded towards both ends, where the jerk is largest; halved pieces are nested.
 
-        z = u^3 (10 - 15 u + 6 u^2)   for k = 1, whose acceleration may jump: the first piece is 10/count^3 of the whole
-        z = u^2 (3 - 2 u)             for k = 2 and 3,   u = i/count
-
-    Parameters
-    ----------
-    start, end : float
-        Phases of the ends [-].
-    count : int
-        Number of pieces.
-    smoothness : int
-        Order k of the space.
-
-    Returns
-    -------
-    ndarray, shape (count + 1,)
-        Phases [-].
+    z = u^3 (10 - 15 u + 6 u^2)   for k = 1, whose acceleration may jump: the first piece is 10/count^3 of the whole
+    z = u^2 (3 - 2 u)             for k = 2 and 3,   u = i/count
     """
     u = np.linspace(0, 1, count + 1)
     z = u**3 * (10 + u * (6 * u - 15)) if smoothness == 1 else u**2 * (3 - 2 * u)

@@ -16,10 +16,11 @@ P. H. C. Eilers and B. D. Marx, Statist. Sci. 11 (1996) 89.
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, PPoly
 
 from compact.motion.profile import MotionProfile
+from compact.numerics import Array
 from compact.numerics.validation import require_finite
 
 DEGREE = 5  # [-], of the spline
@@ -44,20 +45,13 @@ class TabulatedMotion(MotionProfile):
     """
 
     scatter: float = 0.0
-    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
-    knots: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    knots: Array = field(default_factory=lambda: np.zeros(0))
 
-    def standard_error(self, time: ArrayLike, order: int) -> NDArray[np.float64]:
-        """Return the standard error of a derivative [m/s^order] due to noise in the table, without smoothing bias.
+    def standard_error(self, time: ArrayLike, order: int) -> Array:
+        """Return the standard error of a derivative [m/s^order] at times [s] by noise of the rows, without bias.
 
         The end rows are interpolated exactly, so that their own noise is not included.
-
-        Parameters
-        ----------
-        time : array_like
-            Time [s], any shape.
-        order : int
-            Order of the derivative.
         """
         z = np.clip(np.asarray(time, float) / self.duration, 0, 1)
         basis = BSpline(self.knots, np.eye(len(self.covariance)), DEGREE)(z, nu=order)
@@ -103,7 +97,7 @@ def from_table(time: ArrayLike, position: ArrayLike, name: str = "table") -> Tab
     )
 
 
-def _valid_table(time: ArrayLike, position: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _valid_table(time: ArrayLike, position: ArrayLike) -> tuple[Array, Array]:
     """Time and position as arrays, or ValueError."""
     time, position = np.asarray(time, float), np.asarray(position, float)
     if time.shape != position.shape or time.ndim != 1 or time.size < ROW_MINIMUM:
@@ -120,7 +114,7 @@ def _valid_table(time: ArrayLike, position: ArrayLike) -> tuple[NDArray[np.float
     return time, position
 
 
-def _fit(basis: NDArray[np.float64], s: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
+def _fit(basis: Array, s: Array) -> tuple[Array, float, Array]:
     """Coefficients, variance of the residuals, and inverse of the normal matrix of the free coefficients."""
     fixed, penalty = FIXED_COEFFICIENTS, np.diff(np.eye(basis.shape[1]), n=4, axis=0)
     free, penalty_free = basis[:, fixed:-fixed], penalty[:, fixed:-fixed]

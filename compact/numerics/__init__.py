@@ -1,1 +1,8 @@
-"""Numerical methods independent of rollers: validation, quadrature, root finding, convex programs, element matrices."""
+"""Array types, and numerical methods shared by the packages: validation, piecewise functions, programs, assembly."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]

@@ -12,11 +12,10 @@ T. J. R. Hughes, The Finite Element Method, Dover 2000, section 4.5 (B-bar metho
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from skfem import Basis
 
-Array = NDArray[np.float64]
+from compact.numerics import Array, IntArray
 
 
 def unit_moduli(poisson: float) -> Array:
@@ -71,14 +70,14 @@ def _linear_projection(basis: Basis, values: Array) -> Array:
     return linear @ np.linalg.solve(weighted @ linear, weighted @ values)
 
 
-def element_unknowns(basis: Basis) -> NDArray[np.int64]:
+def element_unknowns(basis: Basis) -> IntArray:
     """Return the unknowns of each element, shape (elements, 2 Nbfun)."""
     dofs = basis.element_dofs.T
     return np.stack([2 * dofs, 2 * dofs + 1], axis=-1).reshape(len(dofs), -1)
 
 
 def assemble_stiffness(basis: Basis, moduli: Array) -> csr_matrix:
-    """Assemble the global stiffness matrix.
+    """Assemble the global stiffness matrix, shape (2 N, 2 N) for N scalar degrees of freedom.
 
     Parameters
     ----------
@@ -86,18 +85,13 @@ def assemble_stiffness(basis: Basis, moduli: Array) -> csr_matrix:
         Scalar basis of both displacement components.
     moduli : ndarray, shape (4,) or (elements, 4)
         Stiffness as of `unit_moduli`, of the body or of each element.
-
-    Returns
-    -------
-    csr_matrix, shape (2 N, 2 N)
-        Stiffness matrix; N is the number of scalar degrees of freedom.
     """
     B = strain_matrix(basis)
     return assemble_matrix(basis, element_matrices(basis, B, B, moduli))
 
 
 def element_matrices(basis: Basis, left: Array, right: Array, moduli: Array) -> Array:
-    """Integrate left' C right over every element.
+    """Integrate left' C right over every element, shape (elements, n, n).
 
     Parameters
     ----------
@@ -107,11 +101,6 @@ def element_matrices(basis: Basis, left: Array, right: Array, moduli: Array) -> 
         Strain matrices as of `strain_matrix`.
     moduli : ndarray, shape (4,) or (elements, 4)
         Diagonal of C.
-
-    Returns
-    -------
-    ndarray, shape (elements, n, n)
-        Element matrices.
     """
     count, points, parts, width = left.shape
     C_right = (right * moduli[..., None, :, None] * basis.dx[..., None, None]).reshape(count, points * parts, width)

@@ -17,9 +17,11 @@ from typing import NamedTuple, TypeAlias
 
 import clarabel
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import linalg, sparse
 from scipy.optimize import linprog
+
+from compact.numerics import Array
 
 HIGHS_TOLERANCE = 1e-10  # [-], primal and dual feasibility of HiGHS; its strictest
 CLARABEL_TOLERANCE = 1e-12  # [-], residuals and duality gap of Clarabel
@@ -27,7 +29,6 @@ CLARABEL_ACCEPTED = 1e-8  # [-], residuals and duality gap accepted where roundi
 ROW_TOLERANCE = 1e-6  # [-], violation of a row over the size of its terms; ten times the default tolerance of HiGHS
 NULL_SPACE_TOLERANCE = 1e-12  # [-], part of a row in the null space of the equalities; below it they determine the row
 
-Array = NDArray[np.float64]
 Matrix: TypeAlias = Array | sparse.csr_array
 
 
@@ -37,7 +38,6 @@ class LinearConstraints(NamedTuple):
     Parameters
     ----------
     equality_matrix : array or sparse array, shape (k, n)
-        A.
     equality_values : ndarray, shape (k,)
         b.
     inequality_matrix : array or sparse array, shape (m, n)
@@ -59,8 +59,6 @@ def minimise_linear(cost: Array, constraints: LinearConstraints, box: Array | No
     ----------
     cost : ndarray, shape (n,)
         c.
-    constraints : LinearConstraints
-        Constraints on x.
     box : ndarray, shape (n,), optional
         Bound of each |x_i|; inf for an unbounded unknown.
 
@@ -97,29 +95,7 @@ def minimise_linear(cost: Array, constraints: LinearConstraints, box: Array | No
 def minimise_quadratic(
     curvature: Array, cost: Array, constraints: LinearConstraints, box: Array | None = None
 ) -> Array:
-    """Minimise (1/2) x'Qx + c'x.
-
-    Parameters
-    ----------
-    curvature : ndarray, shape (n, n)
-        Q, positive semidefinite.
-    cost : ndarray, shape (n,)
-        c.
-    constraints : LinearConstraints
-        Constraints on x.
-    box : ndarray, shape (n,), optional
-        Bound of each |x_i|; inf for an unbounded unknown.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Minimiser.
-
-    Raises
-    ------
-    RuntimeError
-        If Clarabel does not converge to `CLARABEL_ACCEPTED`; the message contains the residuals.
-    """
+    """Minimise (1/2) x'Qx + c'x with Q positive semidefinite, shape (n, n), and |x_i| <= box_i."""
     A, b = _scaled(constraints.equality_matrix, constraints.equality_values)
     G, h = _inequalities(constraints, box, A)
     rows = sparse.csc_array(sparse.vstack([A, G]))

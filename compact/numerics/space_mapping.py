@@ -20,8 +20,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
+
+from compact.numerics import Array
 
 DIFFERENCE_STEP = 1e-4  # [-], of the unknowns, for central differences of the coarse model, smooth to 1e-8
 UNKNOWNS_TOLERANCE = 1e-10  # [-], relative change of the unknowns at which the fit of the coarse model ends
@@ -31,7 +33,6 @@ MIN_WEIGHT = 1 / 3  # [-], weight of the last evaluation in the mean of close on
 MAX_STEP = 0.5  # [-], between two fine evaluations, along the varying unknowns; halved after a failure
 MAX_CONDITION = 1e6  # [-], condition number of the slopes; above it the data do not determine the unknowns
 
-Array = NDArray[np.float64]
 Model = Callable[[Array], ArrayLike]
 
 
@@ -67,20 +68,9 @@ class Correction:
         return self.ratio + self.slope @ (np.asarray(u) - self.at)
 
     def updated(self, ratio: Array, u: Array) -> "Correction":
-        """Return the correction updated by a fine evaluation.
+        """Return the correction updated by ln(fine/coarse) found at u.
 
-        Parameters
-        ----------
-        ratio : ndarray, shape (n,)
-            ln(fine/coarse) found at u.
-        u : ndarray, shape (m,)
-            Unknowns of the evaluation.
-
-        Returns
-        -------
-        Correction
-            Correction at u. After a long step the ratio is adopted; after a short one it is averaged, and changes the
-            slope little.
+        After a long step the ratio is adopted; after a short one it is averaged, and changes the slope little.
         """
         step, error = self.varying * (u - self.at), ratio - self(u)
         share = float(step @ step / (step @ step + self.broyden_length**2))
@@ -159,11 +149,6 @@ def fit_parameters(
         True for each unknown on which the correction depends; all by default.
     broyden_length : float
         Step that updates half of a slope [-]; the default is for fine models with noise of 1e-3.
-
-    Returns
-    -------
-    SpaceMappingFit
-        Unknowns, predictions and sensitivity.
 
     Raises
     ------

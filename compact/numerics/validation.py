@@ -8,7 +8,9 @@ from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from compact.numerics import Array
 
 OPPOSING_SPEEDS = np.array([1.0, 0.5, 0.1, 0.01])  # [-], test speeds over the given speed; slower ones are near rest
 OPPOSING_ROUNDING = 1e-9  # [-], force over the largest force; a wrong sign below it is rounding
@@ -69,22 +71,7 @@ def require_integers(**quantities: ArrayLike) -> None:
 
 
 def require_that(condition: ArrayLike, value: ArrayLike, rule: str) -> None:
-    """Require a condition to be true throughout.
-
-    Parameters
-    ----------
-    condition : array_like of bool
-        Condition, of the shape of `value`.
-    value : array_like
-        Quantity that the message reports.
-    rule : str
-        Start of the message, up to "got".
-
-    Raises
-    ------
-    ValueError
-        If the condition is false for any element; the message contains the first such element.
-    """
+    """Require a condition of the shape of a value to be true throughout; `rule` begins the message, up to "got"."""
     if not np.all(condition):
         raise ValueError(f"{rule} {_shown(value, lambda _: condition)}")
 
@@ -97,10 +84,7 @@ def require_at_most(limit: int, remedy: str, **counts: int) -> None:
 
 
 def require_opposing(
-    resistance: Callable[[NDArray[np.float64], NDArray[np.float64]], ArrayLike],
-    speed: float,
-    *,
-    directions: Iterable[float] = (1.0, -1.0),
+    resistance: Callable[[Array, Array], ArrayLike], speed: float, *, directions: Iterable[float] = (1.0, -1.0)
 ) -> None:
     """Require a resistance that opposes the motion at speeds up to a given speed.
 
@@ -115,11 +99,6 @@ def require_opposing(
         Speed that the cart reaches [m/s], > 0.
     directions : iterable of float
         Signs of the velocities that the cart reaches.
-
-    Raises
-    ------
-    ValueError
-        If the resistance would accelerate the cart; the message contains the first such velocity.
 
     Examples
     --------

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import astuple
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +13,6 @@ from compact.files import write_columns, write_csv
 from compact.machine.roller_motors import roller_rotation
 from compact.motion.profile import Cycle, EndCondition
 from compact.report import drive_tables
-
-if TYPE_CHECKING:
-    from compact.report.page.blocks import Block
 
 CAM_POINTS = 721  # [-], rows of the table of a cam, each half degree
 FORMULA_HEADER = ("quantity", "value", "unit", "low", "high", "known_by")
@@ -41,19 +38,7 @@ CRANK_HEADER = ("carts", "mean_power_W", "peak_power_W", "peak_over_mean", "peak
 
 
 def write_law_tables(study: Study, directory: Path) -> Iterator[Path]:
-    """Write formulas, mix, laws with their joins, and the cycle of every law.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
-    """
+    """Write formulas, mix, laws with their joins, and the cycle of every law."""
     formulas = [(name, n.value, n.unit, n.low, n.high, n.known_by) for name, n in study.numbers.items()]
     yield write_csv(directory / "engineering.csv", FORMULA_HEADER, formulas)
     mix = [(p.name, p.value, p.unit, p.low, p.high, p.flag, p.origin) for p in study.mix.parameters]
@@ -83,19 +68,7 @@ def _cycle_columns(run: Any) -> tuple[Any, ...]:
 
 
 def write_reactions(study: Study, directory: Path) -> Iterator[Path]:
-    """Write reactions.csv, the extremes of the guide-wheel reactions.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of the file.
-    """
+    """Write reactions.csv, the extremes of the guide-wheel reactions."""
     rows = []
     for name, run in study.runs.items():
         front, rear = run.state.forces.front_reaction, run.state.forces.rear_reaction
@@ -105,23 +78,10 @@ def write_reactions(study: Study, directory: Path) -> Iterator[Path]:
 
 
 def write_cams(study: Study, directory: Path) -> Iterator[Path]:
-    """Write cams.csv, the profiles of all cams, and the rotation of the rollers with the requirements on their motors.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
-    """
+    """Write cams.csv, the profiles of all cams, and the rotation of the rollers with the needs of their motors."""
     rows = []
     for (law, follower), cam in study.cams.items():
-        study.count("cams measured")
-        least = cam.least_breadth()
+        least = study.least_breadths[law, follower]
         rows.append((
             law, follower, cam.breadth, least.breadth, least.rule, cam.undercut, cam.least_radius_of_curvature,
             cam.largest_pressure_angle, cam.largest_contact_offset, cam.breadth_error,
@@ -137,37 +97,13 @@ def write_cams(study: Study, directory: Path) -> Iterator[Path]:
 
 
 def write_cam(path: Path, cam: Cam) -> Path:
-    """Write the profile of one cam as CSV.
-
-    Parameters
-    ----------
-    path : Path
-        File to write.
-    cam : Cam
-
-    Returns
-    -------
-    Path
-        The path of the file.
-    """
+    """Write the profile of one cam as CSV."""
     table = cam.table(CAM_POINTS)
     return write_csv(path, table.header, table.rows())
 
 
 def write_crank(study: Study, directory: Path) -> Iterator[Path]:
-    """Write crank.csv for 1 to 4 carts, and crank-turn.csv, one turn of the shaft of the scene.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
-    """
+    """Write crank.csv for 1 to 4 carts, and crank-turn.csv, one turn of the shaft of the scene."""
     rows = []
     for key, turn in study.turns.items():
         mean, peak = turn.mean(turn.power), turn.peak_power
@@ -176,42 +112,5 @@ def write_crank(study: Study, directory: Path) -> Iterator[Path]:
     turn = study.turns["scene"]
     names = [f"{name}_{i}" for i in range(1, len(turn.carts) + 1) for name in ("rod_force_N", "torque_Nm", "power_W")]
     columns = [column for cart in turn.carts for column in (cart.rod_force, cart.torque, cart.power)]
-    table = np.column_stack([turn.angle, turn.torque, turn.power, *columns]).tolist()
-    yield write_csv(directory / "crank-turn.csv", ("angle_rad", "torque_Nm", "power_W", *names), table)
-
-
-def first_cam_blocks(study: Study) -> "list[Block]":
-    """Draw the cam of the first law, and animate it with the cart.
-
-    Parameters
-    ----------
-    study : Study
-        Study whose scene has a table [cam].
-
-    Returns
-    -------
-    list of Block
-        Two pictures; a paragraph with the reason where the cam cannot be cut.
-    """
-    from html import escape
-
-    from compact.cams.animation import animated_svg
-    from compact.cams.machining import cut
-    from compact.cams.workshop_drawing import describe, workshop_drawing
-    from compact.report.page.blocks import Paragraph, Picture
-
-    law = study.drive_stage.best_law
-    machine, table = study.scene.machine, study.scene.cam
-    try:
-        outline = cut(study.cams[law, "roller"])
-        drawing = workshop_drawing(outline, table.bore if table else None).svg(describe(outline))
-    except ValueError as error:
-        return [Paragraph(f"The cam of {law}, the first law, cannot be cut: {error}.")]
-    caption = f"{law}, true to scale in the file; `compact cam` writes it as CSV, SVG and DXF."
-    words = f"The cam of {law} turns, and its followers move the cart through a cycle"
-    animation = animated_svg(outline.cam, machine.roller_radius, machine.roller_positions, escape(words))
-    svg = "image/svg+xml"
-    return [
-        Picture(drawing.encode(), describe(outline), caption, svg),
-        Picture(animation.encode(), words, "One turn is a whole cycle.", svg, "Show the cam and the cart in motion"),
-    ]
+    columns = [turn.angle, turn.torque, turn.power, *columns]
+    yield write_columns(directory / "crank-turn.csv", ("angle_rad", "torque_Nm", "power_W", *names), columns)

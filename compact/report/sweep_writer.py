@@ -2,42 +2,43 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from compact.files import write_csv, write_figure
 from compact.quantities import SWEEP_POINT, unit_symbol
-from compact.sweep.sobol_indices import of_table
+from compact.sweep.sobol_indices import SobolTable
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
 SHOWN_SENTENCES = 6  # [-], number of different sentences in the digest
 DIGEST_QUANTITIES = ("load", "resistance", "resistance_coefficient", "power", "capture_angle", "exit_density_ratio")
-SOBOL_QUANTITIES = ("load", "resistance", "resistance_coefficient", "capture_angle")
 SOBOL_HEADER = ("quantity", "input", "first", "first_low", "first_high", "total", "total_low", "total_high", "rows")
 SOBOL_FIELDS = SOBOL_HEADER[2:-1]
 DIGITS = re.compile(r"\d[\d.e+-]*")
 
 
-def write_sweep_report(directory: Path, table: "Dataset") -> None:
+def write_sweep_report(directory: Path, table: "Dataset", sobol: SobolTable) -> None:
     """Write the figures and Sobol indices that the axes and numbers of a sweep admit.
 
     Parameters
     ----------
-    directory : Path
-        Directory of the results.
-    table : Dataset
-        Table of the sweep.
+    sobol : dict
+        Names of the inputs, and Sobol indices, by quantity.
     """
     from compact.report.figures import sweep as sweep_figures
 
-    if quantities := _sobol_quantities(table):
-        write_csv(directory / "sobol.csv", SOBOL_HEADER, list(_sobol_rows(table, quantities)))
-        write_figure(directory / "sobol.png", sweep_figures.draw_sobol_indices(table, quantities))
+    if sobol:
+        write_csv(directory / "sobol.csv", SOBOL_HEADER, [
+            (quantity, name, *values, found.rows)
+            for quantity, (names, found) in sobol.items()
+            for name, *values in zip(names, *(getattr(found, field).tolist() for field in SOBOL_FIELDS), strict=True)
+        ])  # fmt: skip
+        write_figure(directory / "sobol.png", sweep_figures.draw_sobol_indices(sobol))
     if not sweep_figures.varying_quantities(table):
         return
     axes = sweep_figures.numeric_axes(table)
@@ -49,18 +50,13 @@ def write_sweep_report(directory: Path, table: "Dataset") -> None:
         write_figure(directory / "best_laws.png", sweep_figures.draw_best_laws(table))
 
 
-def sweep_digest(table: "Dataset") -> str:
+def sweep_digest(table: "Dataset", sobol: SobolTable) -> str:
     """Summarise a sweep: ranges of the quantities, failures, warnings and Sobol indices.
 
     Parameters
     ----------
-    table : Dataset
-        Table of the sweep.
-
-    Returns
-    -------
-    str
-        Lines of text.
+    sobol : dict
+        Names of the inputs, and Sobol indices, by quantity.
     """
     failed = (table["reason"] != "").values
     lines = [f"{failed.size} points by {table.attrs['engine']}, {failed.sum()} without numbers"]
@@ -76,36 +72,11 @@ def sweep_digest(table: "Dataset") -> str:
         lines.append(f"  not reachable by rolling: {beyond} points, reasons in not_reachable")
     for name, words in (("reason", "without numbers"), ("warnings", "warned"), ("replaced", "replaced")):
         lines += [f"  {words}: {sentence}" for sentence in _count_sentences(table[name].values.ravel())]
-    for quantity in _sobol_quantities(table):
-        names, found = of_table(table, quantity)
+    for quantity, (names, found) in sobol.items():
         shares = zip(names, found.first, found.first_low, found.first_high, strict=True)
         text = ", ".join(f"{name} {share:.2f} ({low:.2f} to {high:.2f})" for name, share, low, high in shares)
         lines.append(f"  variance of {quantity}, first order: {text}")
     return "\n".join(lines)
-
-
-def _sobol_quantities(table: "Dataset") -> tuple[str, ...]:
-    """Return the quantities with Sobol indices; they require a sample without other axes."""
-    if table["load"].dims != ("sample",) or set(table["part"].values) == {"A"}:
-        return ()
-    finite = [name for name in SOBOL_QUANTITIES if np.isfinite(table[name].values).any()]
-    return tuple(name for name in finite if _has_indices(table, name))
-
-
-def _has_indices(table: "Dataset", name: str) -> bool:
-    try:
-        of_table(table, name)
-    except ValueError:  # too few rows without a failure
-        return False
-    return True
-
-
-def _sobol_rows(table: "Dataset", quantities: Sequence[str]) -> Iterator[tuple[Any, ...]]:
-    for quantity in quantities:
-        names, found = of_table(table, quantity)
-        columns = np.array([getattr(found, name) for name in SOBOL_FIELDS])
-        for name, values in zip(names, columns.T.tolist(), strict=True):
-            yield (quantity, name, *values, found.rows)
 
 
 def _count_sentences(sentences: Iterable[str]) -> list[str]:

@@ -25,6 +25,7 @@ from compact.numerics.validation import require_finite
 if TYPE_CHECKING:
     import xarray
 
+QUANTITIES = ("load", "resistance", "resistance_coefficient", "capture_angle")  # with indices in a sweep
 BOOTSTRAPS = 1000
 CONFIDENCE = 0.95  # [-], level of the intervals
 LEAST_ROWS = 16  # without failed point; with fewer the indices are not estimated
@@ -55,6 +56,9 @@ class Indices:
     rows: int
 
 
+SobolTable = dict[str, tuple[tuple[str, ...], Indices]]  # quantity -> names of the inputs, indices
+
+
 def indices(at_first: ArrayLike, at_second: ArrayLike, at_mixed: ArrayLike) -> Indices:
     """Estimate the Sobol indices of a quantity; a constant quantity has indices of 0.
 
@@ -64,10 +68,6 @@ def indices(at_first: ArrayLike, at_second: ArrayLike, at_mixed: ArrayLike) -> I
         Values f_A and f_B.
     at_mixed : array_like, shape (inputs, n)
         Values f_AB.
-
-    Returns
-    -------
-    Indices
 
     Raises
     ------
@@ -107,25 +107,23 @@ def _estimate(f_A: NDArray[np.float64], f_B: NDArray[np.float64], f_AB: NDArray[
     return np.array([np.mean(f_B * (f_AB - f_A), axis=-1), np.mean((f_A - f_AB) ** 2, axis=-1) / 2]) / variance
 
 
-def of_table(table: "xarray.Dataset", quantity: str) -> tuple[tuple[str, ...], Indices]:
-    """Estimate the indices of a quantity of a sweep over a sample that was designed for them.
-
-    Parameters
-    ----------
-    table : xarray.Dataset
-        Table of the sweep.
-    quantity : str
-        Name of a variable.
+def of_table(table: "xarray.Dataset") -> SobolTable:
+    """Estimate the indices of each of QUANTITIES of a sweep.
 
     Returns
     -------
-    names : tuple of str
-        Names of the inputs.
-    indices : Indices
+    dict
+        Names of the inputs, and indices, by quantity; empty for a sample that was not designed for indices. A quantity
+        with fewer than LEAST_ROWS rows is left out.
     """
-    parts = table["part"].values
+    if table["load"].dims != ("sample",) or set(table["part"].values) == {"A"}:
+        return {}
+    parts, found = table["part"].values, {}
     names = tuple(dict.fromkeys(part for part in parts if part not in ("A", "B")))
-    values = table[quantity].values
-    rows = np.array([values[parts == part] for part in ("A", "B", *names)])
-    rows = rows[:, np.isfinite(rows).all(axis=0)]
-    return names, indices(rows[0], rows[1], rows[2:])
+    for quantity in QUANTITIES:
+        values = table[quantity].values
+        rows = np.array([values[parts == part] for part in ("A", "B", *names)])
+        rows = rows[:, np.isfinite(rows).all(axis=0)]
+        if rows.shape[1] >= LEAST_ROWS:
+            found[quantity] = names, indices(rows[0], rows[1], rows[2:])
+    return found

@@ -28,7 +28,6 @@ from compact.report.page import machine as html_machine
 from compact.report.page.blocks import Picture, Section, Table, render_block, render_page
 from compact.scene.loader import load_scene, parse_scene, starter_scene
 from compact.scene.schema import RankBy
-from compact.verification import balance_checks
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -236,7 +235,7 @@ def test_law_without_a_finite_force_is_named_once():
 
 def test_checks_pass_for_every_contact_and_run(written):
     study, _, _ = written
-    found = balance_checks.balance_checks(study)
+    found = study.checks
     assert all(check.passed for check in found)
     assert sum("work of the contact" in check.name for check in found) == len(study.rolled)
     assert sum("work over a cycle" in check.name for check in found) == len(study.runs)
@@ -246,7 +245,7 @@ def test_open_energy_balance_of_a_cycle_fails_its_check():
     study = Study(scene(**{"output.items": [], "motion.laws": ["cubic"]}))
     run = study.runs["cubic"]
     study.drive_stage.runs = {"cubic": replace(run, state=run.state._replace(resistance=1.001 * run.state.resistance))}
-    failed = [check for check in balance_checks.balance_checks(study) if not check.passed]
+    failed = [check for check in study.checks if not check.passed]
     assert [check.name for check in failed] == ["work over a cycle, cubic"]
     assert "Built-in checks that fail: work over a cycle, cubic." in answer_words(study, failed)
 
@@ -256,7 +255,7 @@ def test_open_energy_balance_of_a_contact_fails_its_check(written):
     broken = Study(study.scene.replaced(**{"output.items": []}))
     (speed, (rolled,)), *others = study.passes
     broken.contact_stage.passes = [(speed, (replace(rolled, work_residual=0.5),)), *others]
-    failed = [check.name for check in balance_checks.balance_checks(broken) if not check.passed]
+    failed = [check.name for check in broken.checks if not check.passed]
     assert failed == [f"work of the contact at {speed:.4g} m/s"]
 
 

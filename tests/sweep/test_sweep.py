@@ -25,6 +25,7 @@ from compact.scene.loader import load_scene
 from compact.sweep import design as vary
 from compact.sweep import point as headline
 from compact.sweep import run as sweep
+from compact.sweep import sobol_indices
 from compact.sweep.run import Sweep
 
 ROOT = Path(__file__).parents[2]
@@ -247,7 +248,7 @@ def test_fault_of_ours_is_a_reason_too(monkeypatch):
 def test_grouped_reasons_are_counted(tmp_path):
     scene = COLUMNS.replaced(**{"layer.fed_density_ratio": 0.94})
     table, _ = swept(tmp_path, scene, ["mix.density_ratio=0.92:0.98:4"])
-    said = sweep_writer.sweep_digest(table)
+    said = sweep_writer.sweep_digest(table, {})
     assert "4 points by column, 2 without numbers" in said
     assert "without numbers: 2 x " in said
 
@@ -326,11 +327,12 @@ def test_bands_contain_the_calibrated_operating_point(tmp_path):
 @pytest.mark.slow
 def test_heckel_slope_explains_the_resistance_of_columns(tmp_path):
     table, _ = swept(tmp_path, varied=["mix.overrides=~64"], indices=True)
-    names, found = sweep_figures.of_table(table, "resistance")
+    indices = sobol_indices.of_table(table)
+    names, found = indices["resistance"]
     assert found.rows == 64
     assert found.first_low[names.index("heckel_slope")] > 0.7
     assert np.abs(np.delete(found.total, names.index("heckel_slope"))).max() < 0.05
-    sweep_writer.write_sweep_report(tmp_path, table)
+    sweep_writer.write_sweep_report(tmp_path, table, indices)
     assert (tmp_path / "sobol.csv").read_text().count("\n") == 1 + 4 * 5
     assert (tmp_path / "sobol.png").stat().st_size > 10_000
 
@@ -340,7 +342,7 @@ def test_maps_bands_and_best_laws_are_drawn(tmp_path):
     table, _ = swept(
         tmp_path, scene, ["mix.moisture=0.08,0.12", "mix.density_ratio=0.91:0.99:4", "mix.overrides=~2"], rank=True
     )
-    sweep_writer.write_sweep_report(tmp_path, table)
+    sweep_writer.write_sweep_report(tmp_path, table, {})
     for name in ("maps", "bands", "best_laws"):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
     assert float(sweep_figures.required_share(table).max()) > 1  # hatched

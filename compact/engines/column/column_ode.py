@@ -31,10 +31,10 @@ E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from compact.material.cap_plasticity import CapConstants, hardening
+from compact.numerics import Array, BoolArray, IntArray
 from compact.numerics.jit import compiled
 
 STAGES, ORDER = 12, 8  # [-], of the Dormand-Prince method
@@ -74,10 +74,10 @@ class ColumnStack(NamedTuple):
         Largest density ratios reached [-], which fix pc on the flat yield surface; 0 for k itself.
     """
 
-    height: NDArray[np.float64]
-    density_ratio: NDArray[np.float64]
-    mean_stress: NDArray[np.float64]
-    max_density_ratio: NDArray[np.float64]
+    height: Array
+    density_ratio: Array
+    mean_stress: Array
+    max_density_ratio: Array
 
 
 class GapShape(NamedTuple):
@@ -133,7 +133,7 @@ class PathControl(NamedTuple):
 
     coordinate_end: float
     stress_end: float
-    error_scale: NDArray[np.float64]
+    error_scale: Array
     max_step: float
 
 
@@ -154,34 +154,23 @@ class IntegrationState(NamedTuple):
         See ROW, EVALUATIONS, STEPS_TRIED, NEXT_COLUMN.
     """
 
-    max_density_ratio: NDArray[np.float64]
-    yielding: NDArray[np.bool_]
-    event_stress: NDArray[np.float64]
-    step: NDArray[np.float64]
-    counts: NDArray[np.int64]
+    max_density_ratio: Array
+    yielding: BoolArray
+    event_stress: Array
+    step: Array
+    counts: IntArray
 
 
 class StepBuffers(NamedTuple):
     """State vectors before and after a step, and the rates at its stages, shape (STAGES + 1, len(y))."""
 
-    start: NDArray[np.float64]
-    end: NDArray[np.float64]
-    rates: NDArray[np.float64]
+    start: Array
+    end: Array
+    rates: Array
 
 
 def initial_integration_state(stack: ColumnStack) -> IntegrationState:
-    """Build the `IntegrationState` at the start of a path.
-
-    Parameters
-    ----------
-    stack : ColumnStack
-        Columns before the path.
-
-    Returns
-    -------
-    IntegrationState
-        No column yields and no step has been tried.
-    """
+    """Build the `IntegrationState` at the start of a path."""
     n = len(stack.height)
     counts = np.array([0, 0, 0, -1])
     return IntegrationState(stack.max_density_ratio.copy(), np.zeros(n, np.bool_), np.empty(n), np.zeros(1), counts)
@@ -189,18 +178,12 @@ def initial_integration_state(stack: ColumnStack) -> IntegrationState:
 
 @compiled
 def integrate_path(
-    problem: ColumnProblem, control: PathControl, state: IntegrationState, path: NDArray[np.float64], max_tries: int
+    problem: ColumnProblem, control: PathControl, state: IntegrationState, path: Array, max_tries: int
 ) -> int:
     """Integrate the columns from the last row of a path until its end.
 
     Parameters
     ----------
-    problem : ColumnProblem
-        Data of the differential equation.
-    control : PathControl
-        End of the path and accuracy.
-    state : IntegrationState
-        Progress, modified in place.
     path : ndarray
         Rows (u, y), one for each step, the last at `state.counts[ROW]`; new rows are written behind it. The vector y
         is (s_v, int s_v dx, int s_v gap' dx, plastic work, elastic work, p_1, V_1, ...) in SI units. V counts from the
@@ -389,8 +372,6 @@ def stiffness_ratio(law: CapConstants, density_ratio: float) -> float:
 
     Parameters
     ----------
-    law : CapConstants
-        Material constants.
     density_ratio : float
         Density ratio k at the start [-].
 

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.engines.column import column_ode as ode
 from compact.engines.column.column_ode import STRESS, ColumnProblem, ColumnStack, GapShape, PathControl
 from compact.material.cap_plasticity import CapConstants, cap_constants, hardening
 from compact.material.laws import Compaction
+from compact.numerics import Array
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 SAMPLED_STEP_SHARE = 1 / 32  # [-], largest step over the front of a pass whose pressure is returned at every step
@@ -111,7 +111,7 @@ class ColumnLayer:
         return bool(self.gap.circular) and self.gap.radius < self.height - self.solid_height
 
     @property
-    def initial_state(self) -> NDArray[np.float64]:
+    def initial_state(self) -> Array:
         """State vector y before the pass."""
         y = np.zeros(ode.COLUMN_STATE + 2 * len(self.stack.height))
         y[ode.COLUMN_STATE :: 2] = self.stack.mean_stress
@@ -142,7 +142,7 @@ class ColumnLayer:
         R, c = self.gap
         return 2 * R * math.sqrt(depth / (2 * R - c * depth)) if R else depth
 
-    def positions(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def positions(self, u: Array) -> Array:
         """Return x [m] of coordinates u [m]."""
         R, c = self.gap
         return u / (1 + c * (u / (2 * R)) ** 2) if R else u
@@ -152,37 +152,27 @@ class ColumnLayer:
         law, densest = self.law, max(max(self.stack.density_ratio.tolist()), self.solid_height / (self.height - depth))
         return min(self.oedometric_modulus * -math.log1p(-depth / self.height), hardening(law, densest)[0] + law.pt)
 
-    def error_scale(self, depth: float, rtol: float) -> NDArray[np.float64]:
-        """Return the error of each component of y allowed in one step.
-
-        Parameters
-        ----------
-        depth : float
-            Indentation [m], which sets the size of each component.
-        rtol : float
-            Relative error of a step [-].
-        """
+    def error_scale(self, depth: float, rtol: float) -> Array:
+        """Return the error of each component of y allowed in one step, relative to its size at a depth [m]."""
         stress = self.stress_estimate(depth)
         of_columns = [stress, -math.log1p(-depth / self.height)] * len(self.stack.height)
         return rtol * np.array([stress, stress * self.edge(depth), *[stress * depth] * 3, *of_columns])
 
-    def density_ratios(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def density_ratios(self, y: Array) -> Array:
         """Return the density ratio [-] of each column for a state vector."""
         V, k0 = y[ode.COLUMN_STATE + 1 :: 2], self.stack.density_ratio
         return k0 / (1 - V) if self.strain_measure == ode.MASS_TRUE else k0 * np.exp(V)
 
-    def elastic_strains(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def elastic_strains(self, y: Array) -> Array:
         """Return the elastic volume strain [-] of each column since the start of the pass."""
         return (y[ode.COLUMN_STATE :: 2] - self.stack.mean_stress) / self.law.K
 
-    def heights(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def heights(self, y: Array) -> Array:
         """Return the height [m] of each column for a state vector."""
         strain = y[ode.COLUMN_STATE + 1 :: 2] + self.elastic_strains(y)
         return self.stack.height * (np.exp(-strain) if self.strain_measure == ode.LOGARITHMIC else 1 - strain)
 
-    def integrate(
-        self, u: float, y: NDArray[np.float64], control: PathControl
-    ) -> tuple[NDArray[np.float64], "ColumnLayer", int]:
+    def integrate(self, u: float, y: Array, control: PathControl) -> tuple[Array, "ColumnLayer", int]:
         """Integrate the columns along a path.
 
         Parameters
@@ -191,8 +181,6 @@ class ColumnLayer:
             Coordinate at the start [m].
         y : ndarray
             State vector at the start.
-        control : PathControl
-            End of the path and accuracy.
 
         Returns
         -------
@@ -228,51 +216,14 @@ class ColumnLayer:
         return path, after, int(state.counts[ode.EVALUATIONS])
 
     def compute_pass(self, indentation: float, rtol: float, max_step_share: float = np.inf) -> "PassResult":
-        """Compute the pass of the roller at an indentation.
-
-        Parameters
-        ----------
-        indentation : float
-            Indentation of the lowest generatrix [m].
-        rtol : float
-            Relative error of a step [-].
-        max_step_share : float
-            Largest step over the coordinate of the front [-].
-
-        Returns
-        -------
-        PassResult
-        """
+        """Compute the pass at an indentation [m] with an error of a step and a largest step over the front [-]."""
         front = self.front(indentation)
         control = PathControl(0.0, np.inf, self.error_scale(indentation, rtol), front * max_step_share)
         loading, pressed, evaluations = self.integrate(front, self.initial_state, control)
         return pressed.unload(loading, indentation, control, evaluations)
 
-    def unload(
-        self, loading: NDArray[np.float64], indentation: float, control: PathControl, evaluations: int
-    ) -> "PassResult":
-        """Compute the unloading behind the lowest generatrix.
-
-        Parameters
-        ----------
-        loading : ndarray
-            Path from the front edge to the lowest generatrix.
-        indentation : float
-            Indentation at the lowest generatrix [m].
-        control : PathControl
-            Accuracy; the end of the path is replaced by the rear edge.
-        evaluations : int
-            Number of evaluations of the rates so far.
-
-        Returns
-        -------
-        PassResult
-
-        Raises
-        ------
-        RuntimeError
-            If the columns are not free of stress within the rise of the gap that is integrated.
-        """
+    def unload(self, loading: Array, indentation: float, control: PathControl, evaluations: int) -> "PassResult":
+        """Compute the unloading behind the lowest generatrix at an indentation [m], after the path of loading."""
         rise = REBOUND_SHARE_MAX * indentation
         end = self.front(min(rise, self.gap.radius) if self.gap.circular else rise)
         control = control._replace(coordinate_end=end, stress_end=0.0)
@@ -305,8 +256,8 @@ class PassResult:
 
     layer: ColumnLayer
     indentation: float
-    loading: NDArray[np.float64]
-    unloading: NDArray[np.float64]
+    loading: Array
+    unloading: Array
     evaluations: int
 
     @property
@@ -356,25 +307,7 @@ class PassResult:
 def column_layer(
     columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapShape, strain_measure: int
 ) -> ColumnLayer:
-    """Build the `ColumnLayer` of columns at rest.
-
-    Parameters
-    ----------
-    columns : tuple of Column
-        Columns from the base upwards.
-    material : Compaction
-        Material law.
-    rate_factor : float
-        Ratio of pc to its value at the reference speed [-].
-    gap : GapShape
-        Shape of the roller.
-    strain_measure : int
-        One of the values of STRAINS.
-
-    Returns
-    -------
-    ColumnLayer
-    """
+    """Build the `ColumnLayer` of columns at rest, from the base upwards, with pc multiplied by a rate factor [-]."""
     rows = [(each.height, each.density_ratio, each.lateral_stress, each.max_density_ratio) for each in columns]
     height, density_ratio, lateral_stress, max_density_ratio = np.array(rows, dtype=float).T.copy()
     stack = ColumnStack(height, density_ratio, lateral_stress / 1.5, max_density_ratio)

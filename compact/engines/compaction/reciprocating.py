@@ -34,7 +34,7 @@ Lifts
 
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, field, fields
-from typing import Literal, Protocol, TypedDict, Unpack
+from typing import Literal, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,21 +48,9 @@ from compact.engines.compaction.roller_frame import LayerState
 from compact.engines.stroke_schedule import PLACE_TOLERANCE, Strokes, stroke_schedule
 from compact.material.laws import Compaction
 from compact.numerics.validation import require_finite, require_integers, require_known, require_nonnegative
-from compact.rolling_contact import Layer, Roller, TransientResult, require_torque_allowed
+from compact.rolling_contact import Layer, PrescribedMotion, Roller, TransientResult, require_torque_allowed
 
 INCREMENTS = 6  # [-], elements per contact length sqrt(2 R depth)
-
-
-class PrescribedMotion(Protocol):
-    """Motion of the roller."""
-
-    duration: float
-
-    def position(self, time: FloatArray) -> FloatArray:
-        """Position [m] at times [s]."""
-
-    def velocity(self, time: FloatArray) -> FloatArray:
-        """Velocity [m/s] at times [s]."""
 
 
 class ReciprocatingOptions(TypedDict, total=False):

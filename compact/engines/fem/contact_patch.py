@@ -17,9 +17,9 @@ secant update.
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from compact.engines.fem.surface import FloatArray, SurfaceCompliance, contact_quadrature, shape_matrix
+from compact.engines.fem.surface import SurfaceCompliance, contact_quadrature, shape_matrix
+from compact.numerics import Array, BoolArray
 from compact.rolling_contact import GapGeometry
 
 Edges = tuple[float, float]
@@ -69,20 +69,10 @@ class Indenter:
     friction: float
     exponent: float
 
-    def contact_condition(self, x: FloatArray, displacement: FloatArray | float) -> tuple[FloatArray, FloatArray]:
-        """Linearise the contact condition n.u = d about a displacement.
+    def contact_condition(self, x: Array, displacement: Array | float) -> tuple[Array, Array]:
+        """Linearise the contact condition n.u = d about a displacement [m], shape (2, q), at points x [m].
 
-        Parameters
-        ----------
-        x : ndarray
-            Points of the surface [m], shape (q,).
-        displacement : ndarray
-            Displacement there [m], shape (2, q).
-
-        Returns
-        -------
-        tuple of ndarray
-            Unit normal n towards the layer, shape (2, q), and depth d [m], shape (q,).
+        Returns the unit normal n towards the layer, shape (2, q), and the depth d [m], shape (q,).
         """
         R = self.radius
         if self.profile == "deformed":
@@ -93,7 +83,7 @@ class Indenter:
         drop = x**2 / (2 * R) if self.profile == "parabola" else x**2 / (R + np.sqrt(np.maximum(R**2 - x**2, 0)))
         return np.array([np.zeros_like(x), -np.ones_like(x)]), self.indentation - drop
 
-    def slope(self, x: FloatArray) -> FloatArray:
+    def slope(self, x: Array) -> Array:
         """Slope dy/dx [-] at x [m], by which a vertical pressure has a component along x; 0 for "deformed"."""
         if self.profile == "deformed":
             return np.zeros_like(x)
@@ -130,16 +120,16 @@ class ContactPatch:
 
     trailing: float
     leading: float
-    x: FloatArray
-    weight: FloatArray
-    pressure: FloatArray
-    direction: FloatArray
-    shear: FloatArray
-    forces: FloatArray
-    displacement: FloatArray
-    coefficients: FloatArray
+    x: Array
+    weight: Array
+    pressure: Array
+    direction: Array
+    shear: Array
+    forces: Array
+    displacement: Array
+    coefficients: Array
     exponent: float
-    jacobian: FloatArray | None = None
+    jacobian: Array | None = None
     peaks: tuple[float, ...] = ()
     history: EdgeHistory = ()
 
@@ -163,11 +153,11 @@ class ContactPatch:
         """Half the relative difference of both peak pressures [-]."""
         return abs(self.peaks[1] - self.peaks[0]) / sum(self.peaks)
 
-    def integral(self, values: FloatArray) -> float:
+    def integral(self, values: Array) -> float:
         """Integrate values at the quadrature points, shape (q,), over the contact."""
         return float(np.sum(self.weight * values))
 
-    def sampled(self, count: int) -> tuple[FloatArray, FloatArray]:
+    def sampled(self, count: int) -> tuple[Array, Array]:
         """Sample x [m] and pressure [-] at `count` points clustered at the edges, where the pressure is zero."""
         half = np.linspace(0, np.pi / 2, count)
         fraction, complement = np.sin(half) ** 2, np.cos(half) ** 2
@@ -188,10 +178,6 @@ def solve_contact_patch(
 
     Parameters
     ----------
-    surface : SurfaceCompliance
-        Compliance of the layer.
-    indenter : Indenter
-        Roller at its indentation.
     terms : int
         Largest number of pressure terms; one per `NODES_PER_TERM` nodes at most.
     initial_guess : ContactPatch, optional
@@ -220,43 +206,22 @@ def solve_contact_patch(
 
 
 def with_peak_pressures(surface: SurfaceCompliance, indenter: Indenter, patch: ContactPatch) -> ContactPatch:
-    """Add the peak pressure of a patch and that of a patch with `PEAK_TERMS_OMITTED` terms fewer.
-
-    Parameters
-    ----------
-    surface, indenter, patch
-        A converged contact.
-    """
+    """Add the peak pressure of a patch and that of a patch with `PEAK_TERMS_OMITTED` terms fewer."""
     solver = _EdgeSolver(surface, indenter)
     fewer = solver.solve_from(patch, max(1, patch.terms - PEAK_TERMS_OMITTED))
     peaks = tuple(float(each.sampled(PEAK_SAMPLES)[1].max()) for each in (fewer, patch))
     return replace(patch, peaks=peaks, history=patch.history + tuple(solver.history))
 
 
-def estimate_edges(surface: SurfaceCompliance, indenter: Indenter) -> FloatArray:
-    """Estimate both edges [m], shape (2,), from a pressure linear between corner nodes by an active-set method.
-
-    Parameters
-    ----------
-    surface : SurfaceCompliance
-        Compliance of the layer.
-    indenter : Indenter
-        Roller at its indentation.
-
-    Raises
-    ------
-    UnresolvedError
-        If no corner node is in contact.
-    BeyondWindowError
-        If a corner node at the end of the loaded zone is in contact.
-    """
+def estimate_edges(surface: SurfaceCompliance, indenter: Indenter) -> Array:
+    """Estimate both edges [m], shape (2,), from a pressure linear between corner nodes by an active-set method."""
     loaded_x = surface.x[surface.loaded]
     corners = loaded_x[::2]
     H = _hat_forces(np.diff(corners))
     response = surface.response[1, surface.loaded]
     A = H.T @ (response[:, 1] - indenter.friction * response[:, 0]) @ H
     depth = H.T @ _contact_condition(surface, indenter, loaded_x, 0.0)[1]
-    active: NDArray[np.bool_] = depth > 0
+    active: BoolArray = depth > 0
     visited: set[bytes] = set()
     while active.any() and active.tobytes() not in visited:
         visited.add(active.tobytes())
@@ -289,7 +254,7 @@ class _EdgeSolver:
     indenter: Indenter
     history: list[tuple[float, float, float]] = field(default_factory=list)
 
-    def solve_in_stages(self, edges: FloatArray, terms: int) -> ContactPatch:
+    def solve_in_stages(self, edges: Array, terms: int) -> ContactPatch:
         """Solve from initial edges, first with few terms, then with more."""
         x = self.surface.x
         terms = min(terms, max(1, int(np.sum((edges[0] < x) & (x < edges[1]))) // NODES_PER_TERM))
@@ -304,9 +269,7 @@ class _EdgeSolver:
         """Solve from the edges, displacement and Jacobian of another patch."""
         return self._solve(terms, np.array(guess.edges), guess.displacement, guess.jacobian)
 
-    def _solve(
-        self, terms: int, edges: FloatArray, displacement: FloatArray, jacobian: FloatArray | None
-    ) -> ContactPatch:
+    def _solve(self, terms: int, edges: Array, displacement: Array, jacobian: Array | None) -> ContactPatch:
         """Update the Jacobian by Broyden's rule; recompute it where the steps grow."""
         patch = self._solve_between(edges, displacement, terms)
         step_size = np.inf
@@ -332,20 +295,18 @@ class _EdgeSolver:
             f"leading [m], step over length) are {self.history[-HISTORY_REPORTED:]}"
         )
 
-    def _is_consistent(self, patch: ContactPatch, displacement: FloatArray) -> bool:
+    def _is_consistent(self, patch: ContactPatch, displacement: Array) -> bool:
         """Return True if the normal was computed for the displacement of the patch."""
         change = np.abs(patch.displacement - displacement).max()
         return self.indenter.profile != "deformed" or change <= EDGE_TOLERANCE * np.abs(patch.displacement).max()
 
-    def _difference_jacobian(
-        self, edges: FloatArray, displacement: FloatArray, terms: int, amplitudes: FloatArray
-    ) -> FloatArray:
+    def _difference_jacobian(self, edges: Array, displacement: Array, terms: int, amplitudes: Array) -> Array:
         """Differentiate the two singular amplitudes with respect to the edges by forward differences."""
         reach = DIFFERENCE_STEP * (edges[1] - edges[0])
         shifted = [self._solve_between(edges + reach * side, displacement, terms) for side in np.eye(2)]
         return (np.array([patch.coefficients[-2:] for patch in shifted]) - amplitudes).T / reach
 
-    def _solve_between(self, edges: FloatArray, displacement: FloatArray, terms: int) -> ContactPatch:
+    def _solve_between(self, edges: Array, displacement: Array, terms: int) -> ContactPatch:
         """Solve between fixed edges; the last two coefficients are the amplitudes of the singular pressures."""
         surface, indenter = self.surface, self.indenter
         _require_edges_on_mesh(surface, edges)
@@ -381,7 +342,7 @@ class _EdgeSolver:
         )
 
 
-def _require_edges_on_mesh(surface: SurfaceCompliance, edges: FloatArray) -> None:
+def _require_edges_on_mesh(surface: SurfaceCompliance, edges: Array) -> None:
     low, high = surface.x[surface.first], surface.x[surface.last - 1]
     if edges[0] < low or edges[1] > high:
         raise BeyondWindowError(f"the edges {edges.tolist()} m leave the loaded zone, {low:.3g} to {high:.3g} m")
@@ -390,8 +351,8 @@ def _require_edges_on_mesh(surface: SurfaceCompliance, edges: FloatArray) -> Non
 
 
 def _contact_condition(
-    surface: SurfaceCompliance, indenter: Indenter, x: FloatArray, displacement: FloatArray | float
-) -> tuple[FloatArray, FloatArray]:
+    surface: SurfaceCompliance, indenter: Indenter, x: Array, displacement: Array | float
+) -> tuple[Array, Array]:
     """Linearise the contact condition; the depth is what remains for the displacement by contact."""
     if surface.initial is None:
         return indenter.contact_condition(x, displacement)
@@ -400,7 +361,7 @@ def _contact_condition(
     return normal, depth - np.sum(normal * initial, axis=0)
 
 
-def _pressure_functions(fraction: FloatArray, complement: FloatArray, exponent: float, terms: int) -> FloatArray:
+def _pressure_functions(fraction: Array, complement: Array, exponent: float, terms: int) -> Array:
     """Regular pressures by Chebyshev polynomials, then those singular at the trailing and at the leading edge."""
     angle = 2 * np.arcsin(np.sqrt(np.minimum(complement, 1.0)))
     base = fraction**exponent * complement ** (1 - exponent)
@@ -408,7 +369,7 @@ def _pressure_functions(fraction: FloatArray, complement: FloatArray, exponent: 
     return np.column_stack([regular, base / fraction, base / complement])
 
 
-def _hat_forces(sizes: FloatArray) -> FloatArray:
+def _hat_forces(sizes: Array) -> Array:
     """Nodal forces of pressures that are hats on the c corner nodes, shape (2 c - 1, c)."""
     H = np.zeros((2 * len(sizes) + 1, len(sizes) + 1))
     k = np.arange(len(sizes))

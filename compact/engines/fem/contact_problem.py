@@ -13,23 +13,15 @@ from typing import TypeVar
 
 import numpy as np
 
-from compact.engines.fem.contact_patch import (
-    BeyondWindowError,
-    ContactPatch,
-    Edges,
-    Indenter,
-    UnresolvedError,
-    beyond_circle_message,
-    solve_contact_patch,
-    with_peak_pressures,
-)
+from compact.engines.fem import contact_patch
 from compact.engines.fem.convected_memory import steady_creep_operator
 from compact.engines.fem.stick_slip import FrictionCondition, ShearSolution, solve_stick_slip
-from compact.engines.fem.surface import FloatArray, SurfaceCompliance
+from compact.engines.fem.surface import SurfaceCompliance
 from compact.engines.fem.surface_compliance import stretch_derivative, surface_compliance
 from compact.engines.halfplane import pressure_exponent
 from compact.material.laws import Elastic
 from compact.mesh import RowMesh
+from compact.numerics import Array
 from compact.rolling_contact import Layer, Roller
 
 WINDOW = 1.3  # [-], half-width of the loaded zone over that of the estimated contact
@@ -93,10 +85,12 @@ class RollingProblem:
         """Relative tolerance of a prescribed load or peak pressure [-]."""
         return STICK_SECANT_TOLERANCE if self.turns_with_friction else SECANT_TOLERANCE
 
-    def indenter(self, indentation: float) -> Indenter:
+    def indenter(self, indentation: float) -> contact_patch.Indenter:
         """Roller at an indentation [m]."""
         exponent = float(pressure_exponent(self.material.poisson, self.traction_ratio))
-        return Indenter(self.roller.radius, indentation, self.roller.profile, self.traction_ratio, exponent)
+        return contact_patch.Indenter(
+            self.roller.radius, indentation, self.roller.profile, self.traction_ratio, exponent
+        )
 
     def tangential_force(self, direction: float) -> float:
         """Sum of the shear traction under the torque over the relaxed modulus [m], for a direction of travel."""
@@ -120,12 +114,12 @@ class ContactSolution:
     """
 
     surface: SurfaceCompliance
-    indenter: Indenter
-    patch: ContactPatch
+    indenter: contact_patch.Indenter
+    patch: contact_patch.ContactPatch
     shear: ShearSolution | None = None
 
     @property
-    def resultant(self) -> FloatArray:
+    def resultant(self) -> Array:
         """Force (x, y) on the mix [m], shape (2,)."""
         patch = self.patch
         along = patch.direction[0] - self.indenter.slope(patch.x) * patch.direction[1]
@@ -133,7 +127,7 @@ class ContactSolution:
         return force if self.shear is None else force + self.shear.resultant
 
     @property
-    def forces(self) -> FloatArray:
+    def forces(self) -> Array:
         """Forces on all surface nodes [m], shape (2, n)."""
         forces = np.zeros((2, len(self.surface.x)))
         forces[:, self.surface.loaded] = self.patch.forces
@@ -172,30 +166,13 @@ class Discretisation:
     half_width: float
     indentation: float
     terms: int
-    edges: Edges | None = None
+    edges: contact_patch.Edges | None = None
 
 
 def solve_contact(
     problem: RollingProblem, discretisation: Discretisation, tolerance: float = SECANT_TOLERANCE
 ) -> ContactSolution:
-    """Solve a steady contact in a loaded zone that is wide enough.
-
-    Parameters
-    ----------
-    problem : RollingProblem
-        Layer, roller, material and speed.
-    discretisation : Discretisation
-        Mesh and pressure terms.
-    tolerance : float
-        Relative tolerance of a prescribed load or peak pressure [-].
-
-    Raises
-    ------
-    UnresolvedError
-        If the contact does not converge.
-    RuntimeError
-        If the roller skids or the contact is wider than the roller.
-    """
+    """Solve a steady contact in a loaded zone that is wide enough, its load or peak pressure within a tolerance [-]."""
     mesh = discretisation.mesh
     return expand_window(
         discretisation,
@@ -206,39 +183,21 @@ def solve_contact(
 def expand_window(discretisation: Discretisation, solve: Callable[[float], Found]) -> Found:
     """Call `solve(window)` with a growing half-width of the loaded zone [m] until the zone contains the contact.
 
-    Parameters
-    ----------
-    discretisation : Discretisation
-        Half-width of the estimated contact.
-    solve : callable
-        Raises `BeyondWindowError` where the zone is too small.
-
-    Raises
-    ------
-    UnresolvedError
-        If `MAX_WINDOWS` loaded zones are too small.
+    `solve` raises `BeyondWindowError` where the zone is too small.
     """
     window = WINDOW * discretisation.half_width
     for _ in range(MAX_WINDOWS):
         try:
             return solve(window)
-        except BeyondWindowError as beyond:
+        except contact_patch.BeyondWindowError as beyond:
             window, reason = WINDOW_GROWTH * window, beyond
-    raise UnresolvedError(f"the contact extends beyond a loaded zone of {window:.3g} m to either side: {reason}")
+    raise contact_patch.UnresolvedError(
+        f"the contact extends beyond a loaded zone of {window:.3g} m to either side: {reason}"
+    )
 
 
 def steady_surface(problem: RollingProblem, mesh: RowMesh, window: float) -> SurfaceCompliance:
-    """Compliance of the viscoelastic layer in steady motion.
-
-    Parameters
-    ----------
-    problem : RollingProblem
-        Layer, material and speed.
-    mesh : RowMesh
-        Mesh of the layer.
-    window : float
-        Half-width of the loaded zone about the centre of the mesh [m].
-    """
+    """Compliance of the viscoelastic layer in steady motion, loaded within a half-width `window` [m] of the mesh."""
     surface = elastic_surface(problem, mesh, window)
     return surface.retarded(steady_creep_operator(surface.x, problem.material, problem.speed))
 
@@ -246,15 +205,7 @@ def steady_surface(problem: RollingProblem, mesh: RowMesh, window: float) -> Sur
 def elastic_surface(
     problem: RollingProblem, mesh: RowMesh, window: float, stretch_rate: bool = False
 ) -> SurfaceCompliance:
-    """Compliance of the elastic layer of unit modulus.
-
-    Parameters
-    ----------
-    problem, mesh, window
-        As of `steady_surface`.
-    stretch_rate : bool
-        Return the derivative of the compliance with respect to the log of a uniform stretch of the mesh along x.
-    """
+    """Compliance of the elastic layer of unit modulus, or its derivative by the log of a stretch along x."""
     behind = 0 if problem.speed > 0 or problem.layer.base == "bonded" else 1
     condense = stretch_derivative if stretch_rate else surface_compliance
     return condense(mesh, problem.material.poisson, problem.layer, window, problem.needs_shear, behind)
@@ -269,25 +220,7 @@ def solve_at_target(
 ) -> ContactSolution:
     """Solve the contact with the prescribed indentation, load or peak pressure of the roller.
 
-    Parameters
-    ----------
-    problem : RollingProblem
-        Layer, roller, material and speed.
-    surface : SurfaceCompliance
-        Compliance of the layer at the speed.
-    discretisation : Discretisation
-        Pressure terms and initial guess of the indentation.
-    tolerance : float
-        Relative tolerance of a prescribed load or peak pressure [-]; `STICK_SECANT_TOLERANCE` at least with stick.
-    initial_guess : ContactSolution, optional
-        Contact of a similar problem.
-
-    Raises
-    ------
-    BeyondWindowError
-        If the contact leaves the loaded zone.
-    UnresolvedError
-        If the contact or the secant method does not converge.
+    A relative tolerance [-] is `STICK_SECANT_TOLERANCE` at least with stick.
     """
     if problem.roller.indentation is not None:
         return solve_at_indentation(problem, surface, problem.roller.indentation, discretisation, initial_guess)
@@ -310,8 +243,8 @@ def solve_at_target(
         slope = INITIAL_POWER if len(logs) == 1 else (errors[-1] - errors[-2]) / (logs[-1] - logs[-2])
         log = log - np.clip(errors[-1] / slope, -MAX_LOG_STEP, MAX_LOG_STEP)
     if beyond is not None:
-        raise RuntimeError(beyond_circle_message(beyond.patch.edges, problem.roller.radius))
-    raise UnresolvedError(_unreached_target_message(problem, logs, errors))
+        raise RuntimeError(contact_patch.beyond_circle_message(beyond.patch.edges, problem.roller.radius))
+    raise contact_patch.UnresolvedError(_unreached_target_message(problem, logs, errors))
 
 
 def solve_at_indentation(
@@ -321,26 +254,13 @@ def solve_at_indentation(
     discretisation: Discretisation,
     initial_guess: ContactSolution | None = None,
 ) -> ContactSolution:
-    """Solve the contact at an indentation, with its shear where the roller turns with friction.
-
-    Parameters
-    ----------
-    problem, surface, discretisation, initial_guess
-        As of `solve_at_target`.
-    indentation : float
-        Indentation [m].
-
-    Raises
-    ------
-    UnresolvedError
-        If the contact does not converge.
-    """
+    """Solve the contact at an indentation [m], with its shear where the roller turns with friction."""
     indenter, terms = problem.indenter(indentation), discretisation.terms
     patch, shear = (None, None) if initial_guess is None else (initial_guess.patch, initial_guess.shear)
     if patch is None or not problem.turns_with_friction:
-        patch = solve_contact_patch(surface, indenter, terms, patch, discretisation.edges)
+        patch = contact_patch.solve_contact_patch(surface, indenter, terms, patch, discretisation.edges)
     if not problem.turns_with_friction:
-        return ContactSolution(surface, indenter, with_peak_pressures(surface, indenter, patch))
+        return ContactSolution(surface, indenter, contact_patch.with_peak_pressures(surface, indenter, patch))
     direction = problem.direction
     friction = FrictionCondition(problem.roller.friction, problem.tangential_force(direction), direction)
     return ContactSolution(surface, indenter, *solve_stick_slip(surface, indenter, terms, friction, patch, shear))

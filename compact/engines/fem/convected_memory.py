@@ -32,8 +32,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from compact.engines.fem.surface import FloatArray, interpolate
+from compact.engines.fem.surface import interpolate
 from compact.material.laws import Elastic
+from compact.numerics import Array
 
 QUADRATURE_LIMIT = 2.0  # [-], interval over relaxation length; below it the recursion of the moments loses digits
 QUADRATURE_POINTS = 14  # [-], of Gauss; exact to rounding below the limit
@@ -86,18 +87,8 @@ def creep_function(material: Elastic) -> CreepFunction:
     return CreepFunction(float(1 / total), tuple(shares.tolist()), tuple((1 / rate).tolist()))
 
 
-def steady_creep_operator(x: FloatArray, material: Elastic, speed: float) -> FloatArray:
-    """Operator C of u = C w in steady motion, for w quadratic on each element, shape (n, n).
-
-    Parameters
-    ----------
-    x : ndarray
-        Surface nodes, corners and middles [m], shape (n,).
-    material : Elastic or Viscoelastic
-        Material of the layer.
-    speed : float
-        Speed of the roller along x [m/s].
-    """
+def steady_creep_operator(x: Array, material: Elastic, speed: float) -> Array:
+    """Operator C of u = C w at a speed [m/s], for w quadratic on each element of the nodes x [m], shape (n, n)."""
     creep = creep_function(material)
     C = creep.instant * np.eye(len(x))
     for share, time in zip(creep.shares, creep.times, strict=True):
@@ -105,15 +96,10 @@ def steady_creep_operator(x: FloatArray, material: Elastic, speed: float) -> Flo
     return C
 
 
-def retardation_operator(x: FloatArray, length: float) -> FloatArray:
-    """Operator M of z = M w with z - length dz/dx = w, for w quadratic between the corners x[::2], shape (n, n).
+def retardation_operator(x: Array, length: float) -> Array:
+    """Operator M of z = M w with z - length dz/dx = w, for w quadratic between the corners x[::2] [m], shape (n, n).
 
-    Parameters
-    ----------
-    x : ndarray
-        Corner and middle nodes [m], shape (n,); z = w at the upstream end.
-    length : float
-        Retardation length v theta [m], not 0; the mix flows along -x if it is positive.
+    The mix flows along -x if the length v theta [m] is positive; z = w at the upstream end.
     """
     if length < 0:
         return retardation_operator(-x[::-1], -length)[::-1, ::-1]
@@ -134,23 +120,8 @@ def retardation_operator(x: FloatArray, length: float) -> FloatArray:
     return M[::-1, ::-1]
 
 
-def retarded_along_rows(values: FloatArray, x: FloatArray, length: float) -> FloatArray:
-    """Solve z - length dz/dx = values for values piecewise linear along rows of points.
-
-    Parameters
-    ----------
-    values : ndarray
-        Shape (rows, n, ...).
-    x : ndarray
-        Points of each row, ascending [m], shape (rows, n).
-    length : float
-        Retardation length v theta [m], not 0.
-
-    Returns
-    -------
-    ndarray
-        Shape of `values`.
-    """
+def retarded_along_rows(values: Array, x: Array, length: float) -> Array:
+    """Solve z - length dz/dx = values, shape (rows, n, ...), piecewise linear along rows of points x [m]."""
     if length < 0:
         return retarded_along_rows(values[:, ::-1], -x[:, ::-1], -length)[:, ::-1]
     z = np.empty_like(values)
@@ -165,21 +136,8 @@ def retarded_along_rows(values: FloatArray, x: FloatArray, length: float) -> Flo
     return z
 
 
-def step_weights(count: int, interval: float, time: float) -> FloatArray:
-    """Weights of values at even instants in z at the end of an interval, from time dz/dt + z = value and z = 0.
-
-    Parameters
-    ----------
-    count : int
-        Number of equal parts of the interval; the value is linear over each.
-    interval, time : float
-        Length of the interval and retardation time [s].
-
-    Returns
-    -------
-    ndarray
-        Shape (count + 1,).
-    """
+def step_weights(count: int, interval: float, time: float) -> Array:
+    """Weights of values at count + 1 even instants in the last z of time dz/dt + z = value, z = 0 at the start [s]."""
     zeroth, first, _ = _exponential_moments(np.array(interval / count / time))
     decay = np.exp(-interval / count / time * np.arange(count)[::-1])
     weights = np.zeros(count + 1)
@@ -188,7 +146,7 @@ def step_weights(count: int, interval: float, time: float) -> FloatArray:
     return weights
 
 
-def _exponential_moments(y: FloatArray) -> tuple[FloatArray, ...]:
+def _exponential_moments(y: Array) -> tuple[Array, ...]:
     """int_0^1 r^k y exp(-y (1 - r)) dr for k = 0, 1, 2."""
     g, w = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
     r, w = (1 + g) / 2, w / 2
@@ -201,18 +159,12 @@ def _exponential_moments(y: FloatArray) -> tuple[FloatArray, ...]:
     return tuple(np.where(y < QUADRATURE_LIMIT, np.sum(kernel * r**k, axis=-1), recursion[k]) for k in range(3))
 
 
-def _quadratic_weights(
-    reach: FloatArray, size: FloatArray, middle: FloatArray, length: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _quadratic_weights(reach: Array, size: Array, middle: Array, length: float) -> tuple[Array, Array, Array]:
     """Weights of the start, middle and end value of a quadratic in the increment of z over `reach` from the start."""
     zeroth, first, second = _exponential_moments(reach / length)
     r, m = reach / size, middle / size  # in units of the element
     first, second = first * r, second * r**2
-    return (
-        zeroth - first * (1 + m) / m + second / m,
-        (first - second) / (m * (1 - m)),
-        (second - m * first) / (1 - m),
-    )
+    return (zeroth - first * (1 + m) / m + second / m, (first - second) / (m * (1 - m)), (second - m * first) / (1 - m))
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,20 +185,18 @@ class InternalVariableStep:
         Factors exp(-T/theta_k) of the previous z_k, shape (k,).
     """
 
-    shares: FloatArray
-    positions: FloatArray
-    fractions: FloatArray
-    weights: FloatArray
-    decays: FloatArray
+    shares: Array
+    positions: Array
+    fractions: Array
+    weights: Array
+    decays: Array
 
-    def decayed(self, internal: FloatArray) -> FloatArray:
+    def decayed(self, internal: Array) -> Array:
         """Remainder of the previous internal variables [m], shape (k, ..., m)."""
         return self.decays.reshape(-1, *[1] * (internal.ndim - 1)) * internal
 
-    def updated(
-        self, x: FloatArray, places: FloatArray, internal: FloatArray, old: FloatArray, new: FloatArray
-    ) -> FloatArray:
-        """Integrate the internal variables over the step.
+    def updated(self, x: Array, places: Array, internal: Array, old: Array, new: Array) -> Array:
+        """Integrate the internal variables over the step [m], shape (k, ..., m).
 
         Parameters
         ----------
@@ -258,11 +208,6 @@ class InternalVariableStep:
             Previous internal variables there [m], shape (k, ..., m).
         old, new : ndarray
             Elastic displacement at the nodes before and after the step [m], shape (..., n).
-
-        Returns
-        -------
-        ndarray
-            Shape (k, ..., m).
         """
         passed = np.array([
             interpolate(x, (1 - fraction) * old + fraction * new, clipped_to_mesh(x, places - position))
@@ -271,55 +216,24 @@ class InternalVariableStep:
         return self.decayed(internal) + np.tensordot(self.weights, passed, axes=1)
 
 
-def internal_variable_step(creep: CreepFunction, positions: FloatArray, interval: float) -> InternalVariableStep:
-    """Set up the update of the internal variables over a time step.
-
-    Parameters
-    ----------
-    creep : CreepFunction
-        Creep function of the mix.
-    positions : ndarray
-        Positions of the roller at even instants of the step [m], shape (n,).
-    interval : float
-        Length T of the step [s].
-    """
+def internal_variable_step(creep: CreepFunction, positions: Array, interval: float) -> InternalVariableStep:
+    """Set up the update of the internal variables over an interval [s], positions [m] at even instants."""
     count, times = len(positions) - 1, np.array(creep.times)
     weights = np.array([step_weights(count, interval, time) for time in times]).reshape(-1, count + 1)
     fractions = np.linspace(0, 1, count + 1)
     return InternalVariableStep(np.array(creep.shares), positions, fractions, weights, np.exp(-interval / times))
 
 
-def retarded_displacement(
-    shares: FloatArray | tuple[float, ...], places: FloatArray, internal: FloatArray, x: FloatArray
-) -> FloatArray:
-    """Interpolate sum_k J_k z_k from points of the layer to others.
-
-    Parameters
-    ----------
-    shares : ndarray
-        Compliances J_k [-], shape (k,).
-    places, x : ndarray
-        Points of the layer [m], shape (m,) and (q,).
-    internal : ndarray
-        Internal variables at `places` [m], shape (k, ..., m).
-
-    Returns
-    -------
-    ndarray
-        Shape (..., q) [m].
-    """
+def retarded_displacement(shares: Array | tuple[float, ...], places: Array, internal: Array, x: Array) -> Array:
+    """Interpolate sum_k J_k z_k [m] from points of the layer, shape (k, ..., m), to others, shape (..., q)."""
     return np.tensordot(shares, CubicSpline(places, internal, axis=-1)(x), axes=1)
 
 
-def steady_internal_variables(
-    creep: CreepFunction, nodes: FloatArray, displacement: FloatArray, speed: float, x: FloatArray
-) -> FloatArray:
+def steady_internal_variables(creep: CreepFunction, nodes: Array, displacement: Array, speed: float, x: Array) -> Array:
     """Compute internal variables of steady motion, shape (k, ..., m), at points that may lie behind the mesh.
 
     Parameters
     ----------
-    creep : CreepFunction
-        Creep function of the mix.
     nodes : ndarray
         Nodes in coordinates of the roller [m], shape (n,).
     displacement : ndarray
@@ -341,6 +255,6 @@ def steady_internal_variables(
     return z
 
 
-def clipped_to_mesh(nodes: FloatArray, x: FloatArray) -> FloatArray:
+def clipped_to_mesh(nodes: Array, x: Array) -> Array:
     """Move points x [m] beyond the mesh to its ends, where the layer is at rest."""
     return np.clip(x, nodes[0], nodes[-1])

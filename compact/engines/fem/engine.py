@@ -44,9 +44,10 @@ from compact.engines.fem.discretisation import (
     spectral_estimate,
 )
 from compact.engines.fem.fields import LoadedLayer, dissipated_work
-from compact.engines.fem.surface import FloatArray, shape_matrix
+from compact.engines.fem.surface import shape_matrix
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
+from compact.numerics import Array
 from compact.numerics.validation import require_known, require_positive
 from compact.rolling_contact import (
     ContactResult,
@@ -94,7 +95,7 @@ class FemContactResult(ContactResult):
     material: Elastic
     speed: float
     mesh: RowMesh
-    forces: FloatArray
+    forces: Array
 
     @property
     def loaded_layer(self) -> LoadedLayer:
@@ -140,11 +141,6 @@ def roll(
     estimate : bool
         Estimate the errors. Without the estimate `error` is None and the mesh is not refined.
 
-    Returns
-    -------
-    FemContactResult
-        Forces, edges and pressure per unit roller length.
-
     Raises
     ------
     ValueError
@@ -171,18 +167,7 @@ def roll(
 def require_linear_range(
     layer: Layer, roller: Roller, material: Elastic, speed: float, mesh: RowMesh | None, tolerance: float
 ) -> None:
-    """Require arguments that the linear finite-element engine covers.
-
-    Parameters
-    ----------
-    layer, roller, material, speed, mesh, tolerance
-        As of `roll`.
-
-    Raises
-    ------
-    ValueError
-        With the argument, its value, the allowed values and a remedy.
-    """
+    """Require arguments that the linear finite-element engine covers."""
     require_moving(speed)
     require_positive(tolerance=tolerance)
     if not isinstance(material, Elastic):

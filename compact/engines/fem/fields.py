@@ -25,10 +25,10 @@ from compact.engines.fem.convected_memory import (
     retarded_displacement,
     steady_internal_variables,
 )
-from compact.engines.fem.surface import FloatArray
 from compact.engines.fem.surface_compliance import LayerStiffness, element_moduli, layer_stiffness
 from compact.material.laws import Elastic
 from compact.mesh import RowMesh
+from compact.numerics import Array
 from compact.numerics.assembly import element_unknowns, strain_matrix
 from compact.rolling_contact import Layer
 
@@ -63,7 +63,7 @@ class LoadedLayer:
     mesh: RowMesh
     layer: Layer
     material: Elastic
-    forces: FloatArray
+    forces: Array
     speed: float = 1.0
 
     @property
@@ -77,16 +77,16 @@ class LoadedLayer:
         return self.stiffness.basis
 
     @property
-    def moduli(self) -> FloatArray:
+    def moduli(self) -> Array:
         """Relaxed moduli of the elements [Pa], shape (elements, 4)."""
         return self.material.youngs_modulus * element_moduli(self.mesh, self.material.poisson, self.layer)
 
     @property
-    def averaging(self) -> FloatArray:
+    def averaging(self) -> Array:
         """Weights of the Gauss points in the mean of their element, shape (elements, points)."""
         return self.basis.dx / self.basis.dx.sum(axis=1, keepdims=True)
 
-    def elastic_displacement(self) -> FloatArray:
+    def elastic_displacement(self) -> Array:
         """Displacement of the layer of relaxed modulus [m], shape (nodes, 2)."""
         stiffness = self.stiffness
         forces = np.zeros((stiffness.basis.N, 2))
@@ -96,7 +96,7 @@ class LoadedLayer:
             forces -= stiffness.end_tension[..., behind] * self.forces[0].sum()
         return stiffness.displacement(forces[:, :, None])[:, :, 0]
 
-    def elastic_strain(self) -> FloatArray:
+    def elastic_strain(self) -> Array:
         """Strain (e_xx, e_yy, 2 e_xy, e) of that layer at the Gauss points [-], shape (elements, points, 4)."""
         unknowns = element_unknowns(self.basis)
         displacement = self.elastic_displacement().ravel()[unknowns]
@@ -105,11 +105,6 @@ class LoadedLayer:
 
 def field_mesh(result: "FemContactResult") -> "meshio.Mesh":
     """Compute the fields inside the layer under a roller in steady motion.
-
-    Parameters
-    ----------
-    result : FemContactResult
-        Contact by the engine "fem".
 
     Returns
     -------
@@ -127,11 +122,6 @@ def dissipated_work(loaded: LoadedLayer) -> float:
     """Work dissipated in the layer per length rolled [J/m2].
 
     Downstream of the mesh the strain is constant; there the branches dissipate E J_k (e - z_k) : c : (e - z_k)/2 more.
-
-    Parameters
-    ----------
-    loaded : LoadedLayer
-        Layer under a roller in steady motion.
     """
     strain = loaded.elastic_strain()
     inside = np.sum(loaded.basis.dx * _dissipation(loaded, strain))
@@ -147,7 +137,7 @@ def transient_frames(
     material: Elastic,
     mesh: RowMesh,
     states: Sequence["TransientState"],
-    positions: Callable[[float, float], FloatArray],
+    positions: Callable[[float, float], Array],
     initial_velocity: float,
     times: Sequence[float],
 ) -> tuple[tuple[float, "meshio.Mesh"], ...]:
@@ -155,10 +145,6 @@ def transient_frames(
 
     Parameters
     ----------
-    layer : Layer
-        Base and plies.
-    material : Elastic or Viscoelastic
-        Material of the layer.
     mesh : RowMesh
         Mesh whose nodes lie in vertical columns; it moves with the roller.
     states : sequence of TransientState
@@ -174,11 +160,6 @@ def transient_frames(
     -------
     tuple of (float, meshio.Mesh)
         Time [s] and fields; `position` [m] of the roller is a value of every cell.
-
-    Raises
-    ------
-    ValueError
-        If the nodes of the mesh do not lie in vertical columns.
     """
     if np.ptp(mesh.x, axis=0).max() > COLUMN_ROUNDING * mesh.height:
         raise ValueError("`frames` need a `mesh` whose nodes lie in vertical columns, got inclined ones; omit `mesh`")
@@ -188,11 +169,11 @@ def transient_frames(
     x, places = basis.doflocs[0][lines[0]], states[0].places
     frames: list[tuple[float, meshio.Mesh]] = []
 
-    def elastic_solution(state: "TransientState") -> tuple[LoadedLayer, FloatArray]:
+    def elastic_solution(state: "TransientState") -> tuple[LoadedLayer, Array]:
         loaded = LoadedLayer(mesh, layer, material, state.forces)
         return loaded, loaded.elastic_displacement()[lines].transpose(2, 0, 1)  # (2, lines, n)
 
-    def add_frame(state: "TransientState", loaded: LoadedLayer, elastic: FloatArray, internal: FloatArray) -> None:
+    def add_frame(state: "TransientState", loaded: LoadedLayer, elastic: Array, internal: Array) -> None:
         retarded = retarded_displacement(creep.shares, places, internal, x + state.position)
         u = np.empty((basis.N, 2))
         u[lines] = (creep.instant * elastic + retarded).transpose(1, 2, 0)
@@ -212,7 +193,7 @@ def transient_frames(
     return tuple(frames)
 
 
-def _mesh_with_data(loaded: LoadedLayer, displacement: FloatArray, **cells: FloatArray) -> "meshio.Mesh":
+def _mesh_with_data(loaded: LoadedLayer, displacement: Array, **cells: Array) -> "meshio.Mesh":
     """Mesh with a displacement of the nodes, shape (nodes, 2), the stress and further cell data."""
     import meshio
 
@@ -227,7 +208,7 @@ def _mesh_with_data(loaded: LoadedLayer, displacement: FloatArray, **cells: Floa
     )
 
 
-def _stress(loaded: LoadedLayer) -> FloatArray:
+def _stress(loaded: LoadedLayer) -> Array:
     """Stress (xx, yy, zz, xy, yz, xz) at the Gauss points [Pa]."""
     parts = loaded.moduli[:, None] * loaded.elastic_strain()
     stress = np.zeros((*parts.shape[:2], 6))
@@ -237,7 +218,7 @@ def _stress(loaded: LoadedLayer) -> FloatArray:
     return stress
 
 
-def _strain_lags(loaded: LoadedLayer, strain: FloatArray) -> Iterator[tuple[float, float, FloatArray, FloatArray]]:
+def _strain_lags(loaded: LoadedLayer, strain: Array) -> Iterator[tuple[float, float, Array, Array]]:
     """For each branch J_k, v theta_k, moduli of the streamlines, and e - z_k on them, shape (rows, columns, 4)."""
     creep, streamlines = creep_function(loaded.material), _Streamlines(loaded)
     stiff = np.repeat(loaded.moduli[:: loaded.mesh.shape[1]], len(GAUSS_WEIGHTS), axis=0)[:, None]
@@ -248,7 +229,7 @@ def _strain_lags(loaded: LoadedLayer, strain: FloatArray) -> Iterator[tuple[floa
         yield share, length, stiff, e - retarded_along_rows(e, x, length)
 
 
-def _dissipation(loaded: LoadedLayer, strain: FloatArray) -> FloatArray:
+def _dissipation(loaded: LoadedLayer, strain: Array) -> Array:
     """Dissipation at the Gauss points per length rolled [J/m3 per m], shape (elements, points)."""
     dissipation = np.zeros(strain.shape[:2])
     for share, length, stiff, lag in _strain_lags(loaded, strain):
@@ -256,7 +237,7 @@ def _dissipation(loaded: LoadedLayer, strain: FloatArray) -> FloatArray:
     return dissipation
 
 
-def _steady_displacement(loaded: LoadedLayer) -> FloatArray:
+def _steady_displacement(loaded: LoadedLayer) -> Array:
     """Displacement of the nodes in steady motion [m], shape (nodes, 2)."""
     creep, stiffness, elastic = creep_function(loaded.material), loaded.stiffness, loaded.elastic_displacement()
     x, u = stiffness.basis.doflocs[0], creep.instant * elastic
@@ -274,13 +255,13 @@ class _Streamlines:
         x, y = loaded.basis.X
         self.order = np.lexsort((x, y))
 
-    def rows(self, values: FloatArray) -> FloatArray:
+    def rows(self, values: Array) -> Array:
         """Values of the points, shape (elements, points, ...), along the rows."""
         rows, columns = self.shape
         blocks = values[:, self.order].reshape(rows, columns, 3, 3, -1)
         return blocks.transpose(0, 2, 1, 3, 4).reshape(3 * rows, 3 * columns, -1)
 
-    def points(self, values: FloatArray) -> FloatArray:
+    def points(self, values: Array) -> Array:
         """Values along the rows, back at the points, shape (elements, points)."""
         rows, columns = self.shape
         blocks = values.reshape(rows, 3, columns, 3).transpose(0, 2, 1, 3).reshape(rows * columns, 9)

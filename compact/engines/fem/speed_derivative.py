@@ -32,9 +32,10 @@ from compact.engines.fem.contact_problem import (
 )
 from compact.engines.fem.convected_memory import creep_function, retardation_operator, steady_creep_operator
 from compact.engines.fem.discretisation import fitted_discretisation, initial_discretisation
-from compact.engines.fem.surface import FloatArray, NodalField, SurfaceCompliance
+from compact.engines.fem.surface import NodalField, SurfaceCompliance
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
+from compact.numerics import Array
 from compact.resistance import ResistanceExpansion
 from compact.rolling_contact import Layer, Roller
 
@@ -76,11 +77,6 @@ def expand_resistance(
         Relative error of F_ss for which a mesh is chosen [-].
     estimate : bool
         Estimate the error of M from a solution on the refined mesh.
-
-    Returns
-    -------
-    ResistanceExpansion
-        F_ss, dF_ss/dv, M and its error.
 
     Raises
     ------
@@ -150,7 +146,7 @@ def _expansion_within(
     return forces[0], (forces[2] - forces[1]) / speed_change, (forces[4] - forces[3]) / (2 * step)
 
 
-def _displacement_lag(problem: RollingProblem, x: FloatArray, z_rate: FloatArray) -> FloatArray:
+def _displacement_lag(problem: RollingProblem, x: Array, z_rate: Array) -> Array:
     """Lag g [m s2/m] from dz_k/dv, shape (2, n)."""
     creep = creep_function(problem.material)
     branches = zip(creep.shares, creep.times, z_rate, strict=True)
@@ -168,7 +164,6 @@ class _SimilarContacts:
     stretch_rate : SurfaceCompliance
         Its derivative with respect to the log of the stretch.
     steady : ContactSolution
-        Steady contact.
     discretisation : Discretisation
         Pressure terms and indentation of the steady contact.
     """
@@ -189,16 +184,16 @@ class _SimilarContacts:
             contact = solve_at_target(problem, surface, self.discretisation, initial_guess=contact)
         return contact
 
-    def _response(self, stretch: float) -> FloatArray:
+    def _response(self, stretch: float) -> Array:
         return self.elastic.response + np.log(stretch) * self.stretch_rate.response
 
-    def elastic_displacement(self, contact: ContactSolution) -> FloatArray:
+    def elastic_displacement(self, contact: ContactSolution) -> Array:
         """Displacement w of the elastic layer under a contact [m], shape (2, n)."""
         stretch = np.ptp(contact.surface.x) / np.ptp(self.elastic.x)
         surface = replace(self.elastic, response=self._response(stretch))
         return surface.displacement(contact.forces[:, surface.loaded])
 
-    def internal_variables(self, problem: RollingProblem, contact: ContactSolution) -> FloatArray:
+    def internal_variables(self, problem: RollingProblem, contact: ContactSolution) -> Array:
         """Compute the internal variables z_k of a contact [m], shape (branches, 2, n)."""
         w, x = self.elastic_displacement(contact), contact.surface.x
         times = creep_function(problem.material).times

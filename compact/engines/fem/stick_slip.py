@@ -19,7 +19,6 @@ relaxation).
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compact.engines.fem.contact_patch import (
     ContactPatch,
@@ -29,7 +28,8 @@ from compact.engines.fem.contact_patch import (
     solve_contact_patch,
     with_peak_pressures,
 )
-from compact.engines.fem.surface import FloatArray, SurfaceCompliance, contact_quadrature, shape_matrix
+from compact.engines.fem.surface import SurfaceCompliance, contact_quadrature, shape_matrix
+from compact.numerics import Array, BoolArray
 
 MAX_ALTERNATIONS = 60  # [-], solves for pressure and shear
 SHEAR_TOLERANCE = 1e-7  # [-], change of the largest displacement at convergence; some 1e-6 of the peak pressure
@@ -38,8 +38,6 @@ RELAXATION_LIMITS = 0.1, 2.0  # [-], of the relaxation factor by Aitken's rule
 MAX_EXCHANGES = 200  # [-], of nodes between stick and slip
 EDGE_CLEARANCE = 0.5  # [-], least distance of a node from an edge over its distance to the next node
 FRICTION_ROUNDING = 1e-9  # [-], by which a traction that sticks may exceed f p
-
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +71,7 @@ class FrictionCondition:
     direction: float
     velocity: float | None = None
     rate: float = 0.0
-    previous: FloatArray | float = 0.0
+    previous: Array | float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,16 +96,16 @@ class ShearSolution:
         Energy dissipated by slip per length rolled, - sign(v) int q s dx [m].
     """
 
-    x: FloatArray
-    traction: FloatArray
+    x: Array
+    traction: Array
     creepage: float
     sticks: BoolArray
-    resultant: FloatArray
-    forces: FloatArray
-    displacement: FloatArray
+    resultant: Array
+    forces: Array
+    displacement: Array
     slip_work: float
 
-    def traction_at(self, x: FloatArray) -> FloatArray:
+    def traction_at(self, x: Array) -> Array:
         """Interpolate the traction [-] to points x [m], shape (q,)."""
         return _traction_functions(self.x, x) @ self.traction[1:-1]
 
@@ -122,30 +120,7 @@ def solve_stick_slip(
 ) -> tuple[ContactPatch, ShearSolution]:
     """Solve pressure and shear alternately, with Aitken relaxation of the displacement by shear.
 
-    Parameters
-    ----------
-    surface : SurfaceCompliance
-        Compliance of the layer.
-    indenter : Indenter
-        Roller at its indentation.
-    terms : int
-        Largest number of pressure terms.
-    friction : FrictionCondition
-        Coefficient of friction and tangential force.
-    patch, shear : optional
-        Initial guess.
-
-    Returns
-    -------
-    tuple
-        The `ContactPatch`, with its peak pressures, and the `ShearSolution`.
-
-    Raises
-    ------
-    UnresolvedError
-        If the alternation does not converge; the message lists the changes.
-    RuntimeError
-        If the tangential force reaches the friction limit.
+    Returns the `ContactPatch`, with its peak pressures, and the `ShearSolution`.
     """
     drawn = np.zeros((2, len(surface.x))) if shear is None else shear.displacement
     nodes, relaxation, previous, changes = None, 1.0, None, []
@@ -171,26 +146,9 @@ def solve_stick_slip(
 
 
 def solve_shear(
-    surface: SurfaceCompliance, patch: ContactPatch, friction: FrictionCondition, nodes: FloatArray | None = None
+    surface: SurfaceCompliance, patch: ContactPatch, friction: FrictionCondition, nodes: Array | None = None
 ) -> ShearSolution:
-    """Solve Coulomb's law under the pressure of a patch.
-
-    Parameters
-    ----------
-    surface : SurfaceCompliance
-        Compliance of the layer; its initial displacement is part of the slip.
-    patch : ContactPatch
-        Pressure and its displacement.
-    friction : FrictionCondition
-        Coefficient of friction and tangential force.
-    nodes : ndarray, optional
-        Nodes of the traction [m]; all surface nodes unless given.
-
-    Raises
-    ------
-    RuntimeError
-        If the tangential force reaches the friction limit.
-    """
+    """Solve Coulomb's law under the pressure of a patch, with tractions at given nodes [m] or at all surface nodes."""
     x = _nodes_between_edges(patch, surface.x if nodes is None else nodes)
     hats, share = _nodal_forces(surface, patch, x)
     bound = friction.friction * np.maximum(np.interp(x[1:-1], patch.x, patch.pressure), 0)
@@ -216,8 +174,8 @@ def solve_shear(
 
 
 def _slip_equations(
-    surface: SurfaceCompliance, patch: ContactPatch, friction: FrictionCondition, x: FloatArray, response: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+    surface: SurfaceCompliance, patch: ContactPatch, friction: FrictionCondition, x: Array, response: Array
+) -> tuple[Array, Array]:
     """Assemble A and b of the slip s = A q + b + creepage at the nodes between the edges."""
     velocity = friction.direction if friction.velocity is None else friction.velocity
     upstream = slice(1, None) if friction.direction > 0 else slice(0, -1)  # intervals on the upstream side of the nodes
@@ -233,8 +191,8 @@ def _slip_equations(
 
 
 def _stick_slip_active_set(
-    A: FloatArray, b: FloatArray, bound: FloatArray, share: FloatArray, force: float
-) -> tuple[FloatArray, float, BoolArray]:
+    A: Array, b: Array, bound: Array, share: Array, force: float
+) -> tuple[Array, float, BoolArray]:
     """Traction, creepage and nodes that stick: s = A q + b + creepage and share.q = force, signed along the travel."""
     sticks, sign, visited = np.ones(len(b), dtype=bool), np.zeros(len(b)), set()
     for _ in range(MAX_EXCHANGES):
@@ -255,15 +213,15 @@ def _stick_slip_active_set(
     raise UnresolvedError(f"the zones of stick and slip did not converge in {MAX_EXCHANGES} exchanges")
 
 
-def _first_to_stick(A: FloatArray, b: FloatArray, q: FloatArray, share: FloatArray, force: float) -> np.intp:
+def _first_to_stick(A: Array, b: Array, q: Array, share: Array, force: float) -> np.intp:
     """Node of least slip among those whose traction opposes the force that is lacking."""
     lacking = np.sign(force - share @ q)
     return np.argmin(np.where(q * lacking < 0, lacking * (A @ q + b), np.inf))
 
 
 def _solve_stick_zone(
-    A: FloatArray, b: FloatArray, slipping: FloatArray, share: FloatArray, force: float, sticks: BoolArray
-) -> tuple[FloatArray, float]:
+    A: Array, b: Array, slipping: Array, share: Array, force: float, sticks: BoolArray
+) -> tuple[Array, float]:
     """Traction with s = 0 where it sticks and the friction limit elsewhere, and the creepage of the prescribed sum."""
     q, k = np.where(sticks, 0.0, slipping), np.flatnonzero(sticks)
     left = np.block([[A[np.ix_(k, k)], np.ones((len(k), 1))], [share[k][None], np.zeros((1, 1))]])
@@ -272,7 +230,7 @@ def _solve_stick_zone(
     return q, answer[-1]
 
 
-def _nodes_between_edges(patch: ContactPatch, nodes: FloatArray) -> FloatArray:
+def _nodes_between_edges(patch: ContactPatch, nodes: Array) -> Array:
     """Both edges and the nodes between them, without nodes close to an edge."""
     x = nodes[(nodes > patch.trailing) & (nodes < patch.leading)]
     if len(x) > 2:
@@ -282,7 +240,7 @@ def _nodes_between_edges(patch: ContactPatch, nodes: FloatArray) -> FloatArray:
     return np.concatenate([[patch.trailing], x, [patch.leading]])
 
 
-def _nodal_forces(surface: SurfaceCompliance, patch: ContactPatch, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _nodal_forces(surface: SurfaceCompliance, patch: ContactPatch, x: Array) -> tuple[Array, Array]:
     """Nodal forces of the traction functions, shape (2, m, k), and their integrals, shape (k,)."""
     points, weight, _, _ = contact_quadrature(surface.x, patch.edges)
     functions = _traction_functions(x, points) * weight[:, None]
@@ -291,7 +249,7 @@ def _nodal_forces(surface: SurfaceCompliance, patch: ContactPatch, x: FloatArray
     return forces, functions.sum(axis=0)
 
 
-def _traction_functions(x: FloatArray, points: FloatArray) -> FloatArray:
+def _traction_functions(x: Array, points: Array) -> Array:
     """Functions that are 1 at one node between the edges x[0] and x[-1] and 0 at the others, shape (q, k).
 
     Hats between the nodes, constant outside the outermost ones, times square roots of the distances to the edges.
@@ -301,7 +259,7 @@ def _traction_functions(x: FloatArray, points: FloatArray) -> FloatArray:
     return hats * root[:, None] / unit
 
 
-def _tangent(patch: ContactPatch, x: FloatArray) -> FloatArray:
+def _tangent(patch: ContactPatch, x: Array) -> Array:
     """Tangent of the roller towards +x, of unit length, shape (2, q)."""
     normal = np.stack([np.interp(x, patch.x, part) for part in patch.direction - patch.shear])
     return np.stack([-normal[1], normal[0]])

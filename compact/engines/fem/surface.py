@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from compact.numerics import Array
 
 GAUSS_POINTS = np.polynomial.legendre.leggauss(8)  # per interval between corner nodes, where the pressure is smooth
 EDGE_POWER = 3  # [-], the quadrature points cluster at the edges as t^3, which smooths every edge exponent in use
@@ -31,10 +31,10 @@ class NodalField:
         Displacement (x, y) at the nodes [m], shape (2, n).
     """
 
-    nodes: FloatArray
-    values: FloatArray
+    nodes: Array
+    values: Array
 
-    def at(self, x: FloatArray) -> FloatArray:
+    def at(self, x: Array) -> Array:
         """Interpolate to points x [m] of shape (q,); shape (2, q)."""
         return self.values @ shape_matrix(self.nodes, x).T
 
@@ -56,10 +56,10 @@ class SurfaceCompliance:
         Displacement of the surface without contact.
     """
 
-    x: FloatArray
+    x: Array
     first: int
     last: int
-    response: FloatArray
+    response: Array
     initial: NodalField | None = None
 
     @property
@@ -67,27 +67,16 @@ class SurfaceCompliance:
         """Loaded nodes among all surface nodes."""
         return slice(self.first, self.last)
 
-    def displacement(self, forces: FloatArray) -> FloatArray:
-        """Displacement of all nodes under forces on the loaded ones, without the initial displacement.
-
-        Parameters
-        ----------
-        forces : ndarray
-            Shape (2, m) or (2, m, j) for j load cases.
-
-        Returns
-        -------
-        ndarray
-            Shape (2, n) or (2, n, j).
-        """
+    def displacement(self, forces: Array) -> Array:
+        """Displacement of all nodes under forces on the loaded ones, without the initial one; (2, n) or (2, n, j)."""
         cases = "j" if forces.ndim == 3 else ""
         return np.einsum(f"iakb,kb{cases}->ia{cases}", self.response, forces, optimize=True)
 
-    def retarded(self, operator: FloatArray) -> "SurfaceCompliance":
+    def retarded(self, operator: Array) -> "SurfaceCompliance":
         """Apply an operator of shape (n, n) along the surface to the response to every force."""
         return replace(self, response=np.einsum("ca,iakb->ickb", operator, self.response, optimize=True))
 
-    def with_initial(self, displacement: FloatArray) -> "SurfaceCompliance":
+    def with_initial(self, displacement: Array) -> "SurfaceCompliance":
         """Add a displacement of the nodes [m], shape (2, n), to the initial one."""
         present = displacement if self.initial is None else self.initial.values + displacement
         return replace(self, initial=NodalField(self.x, present))
@@ -104,23 +93,16 @@ class ContactQuadrature(NamedTuple):
         (x - trailing)/length [-], and 1 minus that without cancellation.
     """
 
-    x: FloatArray
-    weight: FloatArray
-    fraction: FloatArray
-    complement: FloatArray
+    x: Array
+    weight: Array
+    fraction: Array
+    complement: Array
 
 
-def contact_quadrature(nodes: FloatArray, edges: FloatArray | tuple[float, float]) -> ContactQuadrature:
-    """Gauss points between the edges of a contact, in intervals that end at the corner nodes.
+def contact_quadrature(nodes: Array, edges: Array | tuple[float, float]) -> ContactQuadrature:
+    """Gauss points between two edges [m] of a contact, in intervals that end at the corner nodes [m].
 
-        x = trailing + length sin^2(pi s/2),  s = t^3/(t^3 + (1 - t)^3),  Gauss points even in t
-
-    Parameters
-    ----------
-    nodes : ndarray
-        x of corner and middle nodes [m], shape (n,).
-    edges : (float, float)
-        Trailing and leading edge [m].
+    x = trailing + length sin^2(pi s/2),  s = t^3/(t^3 + (1 - t)^3),  Gauss points even in t
     """
     trailing, leading = edges
     length = leading - trailing
@@ -141,18 +123,8 @@ def contact_quadrature(nodes: FloatArray, edges: FloatArray | tuple[float, float
     return ContactQuadrature(trailing + length * fraction, weight, fraction, complement)
 
 
-def shape_matrix(nodes: FloatArray, x: FloatArray, derivative: bool = False) -> FloatArray:
-    """Values of the quadratic shape functions at points, or their slopes, shape (q, n).
-
-    Parameters
-    ----------
-    nodes : ndarray
-        x of corner and middle nodes [m], shape (n,).
-    x : ndarray
-        Points [m], shape (q,); outside the nodes the end elements are extrapolated.
-    derivative : bool
-        Return dN/dx [1/m].
-    """
+def shape_matrix(nodes: Array, x: Array, derivative: bool = False) -> Array:
+    """Values of the quadratic shape functions at points x [m], extrapolated at the ends, or slopes [1/m]; (q, n)."""
     element, size, z = _local_coordinate(nodes, x)
     slopes = (4 * z - 3) / size, (4 - 8 * z) / size, (4 * z - 1) / size
     values = slopes if derivative else _shape_functions(z)
@@ -162,29 +134,14 @@ def shape_matrix(nodes: FloatArray, x: FloatArray, derivative: bool = False) -> 
     return N
 
 
-def interpolate(nodes: FloatArray, values: FloatArray, x: FloatArray) -> FloatArray:
-    """Interpolate nodal values quadratically, without forming the shape matrix.
-
-    Parameters
-    ----------
-    nodes : ndarray
-        x of corner and middle nodes [m], shape (n,).
-    values : ndarray
-        Shape (..., n).
-    x : ndarray
-        Points [m], shape (q,).
-
-    Returns
-    -------
-    ndarray
-        Shape (..., q).
-    """
+def interpolate(nodes: Array, values: Array, x: Array) -> Array:
+    """Interpolate nodal values, shape (..., n), quadratically to points x [m] without a matrix, shape (..., q)."""
     element, _, z = _local_coordinate(nodes, x)
     low, middle, high = (values[..., 2 * element + place] * shape for place, shape in enumerate(_shape_functions(z)))
     return low + middle + high
 
 
-def _local_coordinate(nodes: FloatArray, x: FloatArray) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
+def _local_coordinate(nodes: Array, x: Array) -> tuple[NDArray[np.intp], Array, Array]:
     """Element of each point, its length and the coordinate in it from 0 to 1."""
     corners = nodes[::2]
     element = np.clip(np.searchsorted(corners, x, side="right") - 1, 0, len(corners) - 2)
@@ -192,5 +149,5 @@ def _local_coordinate(nodes: FloatArray, x: FloatArray) -> tuple[NDArray[np.intp
     return element, size, (x - corners[element]) / size
 
 
-def _shape_functions(z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _shape_functions(z: Array) -> tuple[Array, Array, Array]:
     return (1 - z) * (1 - 2 * z), 4 * z * (1 - z), z * (2 * z - 1)

@@ -23,8 +23,9 @@ from scipy.sparse.linalg import splu
 from skfem import Basis, ElementQuad2, MeshQuad
 from threadpoolctl import threadpool_limits
 
-from compact.engines.fem.surface import FloatArray, SurfaceCompliance
+from compact.engines.fem.surface import SurfaceCompliance
 from compact.mesh import RowMesh
+from compact.numerics import Array
 from compact.numerics.assembly import assemble_matrix, assemble_stiffness, element_matrices, strain_matrix, unit_moduli
 from compact.rolling_contact import Layer
 
@@ -33,7 +34,7 @@ WINDOW_ROUNDING = 1e-9  # [-], of the window; rounding must not exclude one of t
 LOAD_BLOCK = 128  # [-], unit forces per triangular solve
 SOLVE_TOLERANCE = 1e-9  # [-], residual of a probe solve; above it the reduced pivoting is rejected
 
-Solve = Callable[[FloatArray], FloatArray]
+Solve = Callable[[Array], Array]
 End = Literal[0, 1]
 
 
@@ -56,58 +57,28 @@ class LayerStiffness:
     basis: Basis
     lines: NDArray[np.intp]
     solve: Solve
-    end_tension: FloatArray
+    end_tension: Array
 
     @property
     def surface(self) -> NDArray[np.intp]:
         """Nodes of the surface, x ascending, shape (n,)."""
         return self.lines[-1]
 
-    def displacement(self, forces: FloatArray) -> FloatArray:
+    def displacement(self, forces: Array) -> Array:
         """Displacements of the nodes under nodal forces, both of shape (nodes, 2, k)."""
         with threadpool_limits(1):  # two threads are 3-6 times slower in the triangular solves
             return self.solve(forces.reshape(len(forces) * 2, -1)).reshape(forces.shape)
 
 
-def element_moduli(mesh: RowMesh, poisson: float, layer: Layer) -> FloatArray:
-    """Moduli (2 mu, 2 mu, mu, lambda) of the elements for E = 1 times the relative modulus of their ply.
-
-    Parameters
-    ----------
-    mesh : RowMesh
-        Mesh of the layer.
-    poisson : float
-        Poisson's ratio [-].
-    layer : Layer
-        Plies and their relative moduli.
-
-    Returns
-    -------
-    ndarray
-        Shape (elements, 4) [-].
-    """
+def element_moduli(mesh: RowMesh, poisson: float, layer: Layer) -> Array:
+    """Moduli (2 mu, 2 mu, mu, lambda) [-] of the elements for E = 1 times the modulus of their ply, (elements, 4)."""
     relative = layer.stiffness((mesh.y[1:] + mesh.y[:-1]) / 2)
     return np.repeat(relative, mesh.shape[1])[:, None] * unit_moduli(poisson)
 
 
 @lru_cache(maxsize=2)  # a mesh and its refinement, 0.1 GB; every speed, modulus and spectrum on a mesh shares them
 def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer) -> LayerStiffness:
-    """Assemble and factorise the stiffness of a layer.
-
-    Parameters
-    ----------
-    mesh : RowMesh
-        Mesh with a line of nodes at every interface of plies.
-    poisson : float
-        Poisson's ratio [-].
-    layer : Layer
-        Plies and base.
-
-    Raises
-    ------
-    RuntimeError
-        If the stiffness is singular to working precision.
-    """
+    """Assemble and factorise the stiffness of a layer."""
     quads = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
     basis = Basis(quads, ElementQuad2(), intorder=GAUSS_ORDER)
     K = assemble_stiffness(basis, element_moduli(mesh, poisson, layer))
@@ -115,7 +86,7 @@ def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer) -> LayerStiffne
     free = np.setdiff1d(np.arange(K.shape[0]), _fixed_unknowns(basis, lines[0], layer))
     solve_free = _factorised(K[free][:, free].tocsc())
 
-    def solve(forces: FloatArray) -> FloatArray:
+    def solve(forces: Array) -> Array:
         displacement = np.zeros_like(forces)
         displacement[free] = solve_free(forces[free])
         return displacement
@@ -135,8 +106,6 @@ def surface_compliance(
         Mesh of the layer; symmetry of a mirrored mesh halves the number of unit forces.
     poisson : float
         Poisson's ratio [-].
-    layer : Layer
-        Plies and base.
     window : float
         Half-width of the loaded zone about the centre of the mesh [m].
     sheared : bool
@@ -155,17 +124,12 @@ def stretch_derivative(
 ) -> SurfaceCompliance:
     """Differentiate the `surface_compliance` with respect to the log of a uniform stretch s of the mesh along x.
 
-        du/d ln s = -K^-1 (dK/d ln s) K^-1 f,   f and y fixed
-
-    Parameters
-    ----------
-    mesh, poisson, layer, window, sheared, behind
-        As of `surface_compliance`.
+    du/d ln s = -K^-1 (dK/d ln s) K^-1 f,   f and y fixed
     """
     body = layer_stiffness(mesh, poisson, layer)
     change = _stretch_derivative_of_stiffness(body.basis, element_moduli(mesh, poisson, layer))
 
-    def respond(forces: FloatArray) -> FloatArray:
+    def respond(forces: Array) -> Array:
         displacement = body.displacement(forces)
         resisted = change @ displacement.reshape(len(displacement) * 2, -1)
         return -body.displacement(resisted.reshape(displacement.shape))
@@ -203,7 +167,7 @@ def _condensed(
     return SurfaceCompliance(x, first, last, response)
 
 
-def _stretch_derivative_of_stiffness(basis: Basis, moduli: FloatArray) -> csr_matrix:
+def _stretch_derivative_of_stiffness(basis: Basis, moduli: Array) -> csr_matrix:
     """dK/d ln s: strains along x decrease with s and areas increase."""
     B = strain_matrix(basis)
     mixed = element_matrices(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)
@@ -228,7 +192,7 @@ def _fixed_unknowns(basis: Basis, bottom: NDArray[np.intp], layer: Layer) -> NDA
     return np.append(2 * bottom + 1, 2 * middle)
 
 
-def _end_tension(mesh: RowMesh, layer: Layer, lines: NDArray[np.intp], count: int) -> FloatArray:
+def _end_tension(mesh: RowMesh, layer: Layer, lines: NDArray[np.intp], count: int) -> Array:
     """Nodal forces of unit sum along x on either end that stretch all plies equally, shape (count, 2, 2)."""
     rows = np.diff(mesh.y) * layer.stiffness((mesh.y[1:] + mesh.y[:-1]) / 2)
     share = np.zeros(len(lines))

@@ -25,6 +25,7 @@ from itertools import pairwise
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from compact.engines.fem import convected_memory
 from compact.engines.fem.contact_patch import BeyondWindowError, solve_contact_patch
 from compact.engines.fem.contact_problem import (
     ContactSolution,
@@ -35,22 +36,15 @@ from compact.engines.fem.contact_problem import (
     solve_at_target,
     steady_surface,
 )
-from compact.engines.fem.convected_memory import (
-    CreepFunction,
-    clipped_to_mesh,
-    creep_function,
-    internal_variable_step,
-    retarded_displacement,
-    steady_internal_variables,
-)
 from compact.engines.fem.discretisation import initial_discretisation
 from compact.engines.fem.engine import require_linear_range
 from compact.engines.fem.fields import transient_frames
 from compact.engines.fem.stick_slip import FrictionCondition, solve_stick_slip
-from compact.engines.fem.surface import FloatArray, SurfaceCompliance, shape_matrix
+from compact.engines.fem.surface import SurfaceCompliance, shape_matrix
 from compact.engines.stroke_schedule import smooth_intervals
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
+from compact.numerics import Array
 from compact.numerics.validation import require_finite, require_positive
 from compact.rolling_contact import Layer, PrescribedMotion, Roller, TransientResult, require_torque_allowed
 
@@ -108,11 +102,6 @@ def simulate_transient(  # noqa: PLR0913 - the four physical inputs, and keyword
         Error of the resistance by the time steps, relative to int p |x| dx/R [-].
     estimate : bool
         Estimate the error by the time steps from steps twice as long, for half the work again.
-
-    Returns
-    -------
-    TransientResult
-        Load, resistance and edges over time, and frames.
 
     Raises
     ------
@@ -185,7 +174,7 @@ class TransientProblem:
     surface: SurfaceCompliance
     problem: RollingProblem
     terms: int
-    creep: CreepFunction
+    creep: convected_memory.CreepFunction
     motion: PrescribedMotion
     half_width: float
     tolerance: float
@@ -201,7 +190,7 @@ class TransientProblem:
         """Shortest retardation time; the duration of the motion for an elastic layer [s]."""
         return min(self.creep.times, default=self.motion.duration)
 
-    def friction(self, velocity: float, interval: float, previous: FloatArray) -> FrictionCondition | None:
+    def friction(self, velocity: float, interval: float, previous: Array) -> FrictionCondition | None:
         """Friction condition of a roller that turns, for its velocity [m/s] and a step [s]; None of any other.
 
         `previous` is the displacement before the step at the surface nodes of the step [m], shape (2, n).
@@ -212,7 +201,7 @@ class TransientProblem:
         force = self.problem.tangential_force(direction)
         return FrictionCondition(self.problem.roller.friction, force, direction, velocity, 1 / interval, previous)
 
-    def positions(self, begin: float, end: float) -> FloatArray:
+    def positions(self, begin: float, end: float) -> Array:
         """Positions [m] at even instants between two times [s], close enough for the contact, shape (n + 1,)."""
         rough = self.motion.position(np.linspace(begin, end, 2 * POINTS_PER_WIDTH + 1))
         count = max(MIN_INSTANTS, int(np.ceil(np.abs(np.diff(rough)).sum() * POINTS_PER_WIDTH / self.half_width)))
@@ -242,18 +231,18 @@ class TransientState:
     time: float
     position: float
     contact: ContactSolution
-    displacement: FloatArray
-    places: FloatArray
-    internal: FloatArray
+    displacement: Array
+    places: Array
+    internal: Array
     angle: float = 0.0
 
     @property
-    def forces(self) -> FloatArray:
+    def forces(self) -> Array:
         """Forces on the surface nodes over the relaxed modulus [m], shape (2, n)."""
         return self.contact.forces
 
     @property
-    def moments(self) -> FloatArray:
+    def moments(self) -> Array:
         """Forces on the nodes times |x|/R [m], shape (2, n)."""
         return self.contact.forces * np.abs(self.contact.surface.x) / self.contact.indenter.radius
 
@@ -276,13 +265,15 @@ def _initial_state(
 ) -> tuple[TransientState, TransientProblem]:
     """State at t = 0 and the data of all steps."""
     surface = elastic_surface(replace(problem, speed=problem.speed or 1.0), discretisation.mesh, window)
-    creep = creep_function(problem.material)
+    creep = convected_memory.creep_function(problem.material)
     contact = solve_at_target(previous, steady_surface(previous, discretisation.mesh, window), discretisation)
     terms, half_width = discretisation.terms, discretisation.half_width
     transient = TransientProblem(surface, problem, terms, creep, motion, half_width, tolerance)
     places, position = _layer_points(transient), float(motion.position(np.zeros(1))[0])
     w = surface.displacement(contact.forces[:, surface.loaded])
-    internal = steady_internal_variables(creep, surface.x, w, _initial_velocity(motion), places - position)
+    internal = convected_memory.steady_internal_variables(
+        creep, surface.x, w, _initial_velocity(motion), places - position
+    )
     return TransientState(0.0, position, contact, w, places, internal), transient
 
 
@@ -290,7 +281,7 @@ def _initial_velocity(motion: PrescribedMotion) -> float:
     return float(motion.velocity(np.zeros(1))[0])
 
 
-def _layer_points(transient: TransientProblem) -> FloatArray:
+def _layer_points(transient: TransientProblem) -> Array:
     """Points of the layer [m], dense where the roller passes and as far as the mesh extends, shape (m,)."""
     x, size = transient.surface.x, transient.half_width / POINTS_PER_WIDTH
     passed = transient.positions(0.0, transient.motion.duration)
@@ -306,12 +297,12 @@ def _step(
 ) -> TransientState:
     """State at a later time; the state before the present one, if any, extrapolates the edges."""
     x, interval = transient.surface.x, time - now.time
-    step = internal_variable_step(transient.creep, transient.positions(now.time, time), interval)
+    step = convected_memory.internal_variable_step(transient.creep, transient.positions(now.time, time), interval)
     end = step.positions[-1]
     operator = transient.creep.instant * np.eye(len(x))
-    known = retarded_displacement(step.shares, now.places, step.decayed(now.internal), x + end)
+    known = convected_memory.retarded_displacement(step.shares, now.places, step.decayed(now.internal), x + end)
     for position, fraction, weight in zip(step.positions, step.fractions, step.shares @ step.weights, strict=True):
-        N = shape_matrix(x, clipped_to_mesh(x, x + end - position))
+        N = shape_matrix(x, convected_memory.clipped_to_mesh(x, x + end - position))
         operator += weight * fraction * N
         known += weight * (1 - fraction) * now.displacement @ N.T
     velocity = (end - now.position) / interval
@@ -327,7 +318,7 @@ def _step(
 def _reversed_state(transient: TransientProblem, now: TransientState) -> TransientState:
     """State at the same instant with the sliding traction or the torque of the new direction."""
     x, creep = transient.surface.x, transient.creep
-    known = retarded_displacement(creep.shares, now.places, now.internal, x + now.position)
+    known = convected_memory.retarded_displacement(creep.shares, now.places, now.internal, x + now.position)
     friction = transient.friction(0.0, 1.0, _surface_displacement(transient, now))
     contact = _solve_step(transient, creep.instant * np.eye(len(x)), known, now.contact, friction)
     angle = now.angle + _slip_velocity(transient, contact) / transient.problem.roller.radius
@@ -335,10 +326,10 @@ def _reversed_state(transient: TransientProblem, now: TransientState) -> Transie
     return replace(now, contact=contact, displacement=w, angle=angle)
 
 
-def _surface_displacement(transient: TransientProblem, now: TransientState) -> FloatArray:
+def _surface_displacement(transient: TransientProblem, now: TransientState) -> Array:
     """Displacement u of the surface nodes [m], shape (2, n)."""
     creep, x = transient.creep, transient.surface.x
-    retarded = retarded_displacement(creep.shares, now.places, now.internal, x + now.position)
+    retarded = convected_memory.retarded_displacement(creep.shares, now.places, now.internal, x + now.position)
     return creep.instant * now.displacement + retarded
 
 
@@ -349,8 +340,8 @@ def _slip_velocity(transient: TransientProblem, contact: ContactSolution) -> flo
 
 def _solve_step(
     transient: TransientProblem,
-    operator: FloatArray,
-    known: FloatArray,
+    operator: Array,
+    known: Array,
     initial_guess: ContactSolution,
     friction: FrictionCondition | None,
 ) -> ContactSolution:

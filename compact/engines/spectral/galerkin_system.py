@@ -17,18 +17,18 @@ from functools import lru_cache
 from itertools import accumulate
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import digamma
 
 from compact.engines.spectral.jacobi_basis import JacobiBasis, build_jacobi_basis
 from compact.engines.spectral.layer_compliance import DECAY_DEPTH, LayerResponse, wave_grid
+from compact.numerics import Array
 
 HALF_WIDTH_MAX = 100.0  # [-], over the top ply; its grid of waves needs 0.1 GB, which grows with the square
 MILLER_MODES = 30  # [-], least number of modes above the last at which the downward recurrence of ratios starts
 BETA_SATURATED = 50.0  # [-], beta from which one edge of the contact does not influence the other: exp(-2 beta) = 0
 
 
-def creep_branch_matrices(beta: NDArray[np.float64], trailing_exponent: float, modes: int) -> NDArray[np.float64]:
+def creep_branch_matrices(beta: Array, trailing_exponent: float, modes: int) -> Array:
     """Compute the Galerkin matrices of creep branches 1/(1 - (1/beta) d/dx) applied to S0.
 
         sin(pi alpha) <T_m, branch S0 Q_{k-1}> = delta_mk - k Z_mk       for m >= k
@@ -138,31 +138,12 @@ class GalerkinSystem:
 
     basis: JacobiBasis
     half_width: float
-    matrix: NDArray[np.float64]
-    depths: NDArray[np.float64]
+    matrix: Array
+    depths: Array
 
 
 def assemble_system(response: LayerResponse, modes: int, half_width: float) -> GalerkinSystem:
-    """Assemble the `GalerkinSystem` of half-plane and layer.
-
-    Parameters
-    ----------
-    response : LayerResponse
-        Layer under the moving contact.
-    modes : int
-        Number of pressure polynomials.
-    half_width : float
-        Half-width of the contact [m].
-
-    Returns
-    -------
-    GalerkinSystem
-
-    Raises
-    ------
-    RuntimeError
-        If the top ply is too thin for the contact.
-    """
+    """Assemble the `GalerkinSystem` of half-plane and layer with pressure modes on a half-width [m]."""
     if half_width > HALF_WIDTH_MAX * response.top_thickness:
         raise RuntimeError(
             f"the half-width of the contact, {half_width:.3g} m, is more than {HALF_WIDTH_MAX:g} times the thickness "
@@ -218,25 +199,8 @@ def _layer_part(response, basis, a):
     return tests.real @ waves.real.T - tests.imag @ waves.imag.T, depths
 
 
-def power_spectrum(
-    basis: JacobiBasis, coefficients: NDArray[np.float64], limit: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Compute the squared Fourier transform of a pressure.
-
-    Parameters
-    ----------
-    basis : JacobiBasis
-        Basis of the edge exponents.
-    coefficients : ndarray
-        Coefficients b_k of the pressure [-], shape (modes,).
-    limit : float
-        Largest wave number times half-width [-].
-
-    Returns
-    -------
-    tau, weights, squared : ndarray
-        Wave number times half-width, quadrature weights and |p|^2 [-], shape (n,).
-    """
+def power_spectrum(basis: JacobiBasis, coefficients: Array, limit: float) -> tuple[Array, Array, Array]:
+    """Compute wave numbers times half-width up to a limit, weights and |p|^2 [-] of a pressure, shape (n,)."""
     tau, weight = wave_grid(6, 4.0, limit)
     modes = len(coefficients)
     points = _gauss_point_count(max(modes, modes / 2 + 0.75 * limit))

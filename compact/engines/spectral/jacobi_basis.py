@@ -20,6 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
 
+from compact.numerics import Array
+
 
 @dataclass(frozen=True)
 class JacobiBasis:
@@ -36,10 +38,10 @@ class JacobiBasis:
     """
 
     trailing_exponent: float
-    nodes: NDArray[np.float64]
-    tests: NDArray[np.float64]
-    pressure_nodes: NDArray[np.float64]
-    pressures: NDArray[np.float64]
+    nodes: Array
+    tests: Array
+    pressure_nodes: Array
+    pressures: Array
 
     @property
     def modes(self) -> int:
@@ -62,7 +64,7 @@ class JacobiBasis:
         alpha = self.trailing_exponent
         return np.sqrt(2 * np.pi * alpha * (1 - alpha) / self.sine)
 
-    def transforms(self, tau: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def transforms(self, tau: Array) -> NDArray[np.complex128]:
         """Compute G_m = m int T_m (exp(i tau x) - 1)/(i tau) dx, with the factor 1 for m = 0.
 
         Parameters
@@ -86,19 +88,7 @@ class JacobiBasis:
 
 @lru_cache(maxsize=64)
 def build_jacobi_basis(trailing_exponent: float, modes: int, points: int) -> JacobiBasis:
-    """Build the basis of `modes` pressure polynomials at `points` Gauss points.
-
-    Parameters
-    ----------
-    trailing_exponent : float
-        alpha of (1.4) [-].
-    modes, points : int
-        Numbers of polynomials and of Gauss points.
-
-    Returns
-    -------
-    JacobiBasis
-    """
+    """Build the basis of `modes` pressure polynomials at `points` Gauss points."""
     A, B = 1 - trailing_exponent, trailing_exponent
     total = np.pi / np.sin(np.pi * B)
     nodes, weights = _gauss_rule(*_jacobi_recurrence(-A, -B, points), total)
@@ -109,29 +99,14 @@ def build_jacobi_basis(trailing_exponent: float, modes: int, points: int) -> Jac
     return JacobiBasis(B, nodes, tests * weights, pressure_nodes, pressures)
 
 
-def pressure_polynomials(x: NDArray[np.float64] | float, trailing_exponent: float, modes: int) -> NDArray[np.float64]:
-    """Evaluate Q_0 ... Q_{modes - 1}, orthonormal under (1 - x)^A (1 + x)^B.
-
-    Parameters
-    ----------
-    x : ndarray or float
-        Points in [-1, 1], shape (n,) or ().
-    trailing_exponent : float
-        alpha = B = 1 - A [-].
-    modes : int
-        Number of polynomials.
-
-    Returns
-    -------
-    ndarray
-        Shape (modes, n) or (modes,).
-    """
+def pressure_polynomials(x: Array | float, trailing_exponent: float, modes: int) -> Array:
+    """Evaluate Q_0 ... Q_{modes - 1}, orthonormal under (1 - x)^A (1 + x)^B, shape (modes, n) or (modes,)."""
     A, B = 1 - trailing_exponent, trailing_exponent
     total = 2 * np.pi * A * B / np.sin(np.pi * B)
     return _orthonormal_polynomials(x, *_jacobi_recurrence(A, B, modes + 1), total, modes)
 
 
-def _jacobi_recurrence(a: float, b: float, size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _jacobi_recurrence(a: float, b: float, size: int) -> tuple[Array, Array]:
     """Diagonal and off-diagonal of the recurrence of orthonormal Jacobi polynomials with a + b = -1 or 1."""
     n = np.arange(size)
     if a + b > 0:

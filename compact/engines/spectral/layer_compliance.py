@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compact.engines.halfplane import pressure_exponent
+from compact.numerics import Array
 from compact.rolling_contact import Layer
 
 WAVELENGTH_MAX = 1e4  # [-], over 2 pi heights; beyond it the compliance is proportional to k, and digits would be lost
@@ -48,15 +49,15 @@ class CreepCompliance:
     """
 
     instant: float
-    shares: NDArray[np.float64]
-    lengths: NDArray[np.float64]
+    shares: Array
+    lengths: Array
 
     @property
     def relaxed(self) -> float:
         """Compliance C at k = 0 [-]."""
         return self.instant + self.shares.sum()
 
-    def at(self, wave_number: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def at(self, wave_number: Array) -> NDArray[np.complex128]:
         """Evaluate C [-] at wave numbers k [1/m]."""
         terms = self.shares / (1 - 1j * np.multiply.outer(wave_number, self.lengths))
         return self.instant + terms.sum(axis=-1)
@@ -76,10 +77,6 @@ def creep_compliance(branches: tuple[tuple[float, float], ...], speed: float, he
         Speed [m/s], > 0.
     height : float
         Height of the layer [m]; it scales CREEP_LENGTH_BOUNDS.
-
-    Returns
-    -------
-    CreepCompliance
 
     Examples
     --------
@@ -156,22 +153,16 @@ class LayerResponse:
         zeta, weight, normal, shear = _layer_symbols(self.layer, self.poisson, decades, width)
         return zeta, weight, normal, shear, self.creep.at(zeta / self.top_thickness)
 
-    def dissipation_symbol(self, wave_number: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Evaluate L Im C - f M Re C [-], the share of the work of a pressure wave that is not returned.
-
-        Parameters
-        ----------
-        wave_number : ndarray
-            Wave numbers k [1/m], shape (n,).
-        """
+    def dissipation_symbol(self, wave_number: Array) -> Array:
+        """Evaluate L Im C - f M Re C [-], the share of the work of a pressure wave k [1/m] that is not returned."""
         normal, shear = compliance_deviation(wave_number, self.layer, self.poisson)
         creep = self.creep.at(wave_number)
         return (1 + normal) * creep.imag - (self.coupling + self.friction * shear) * creep.real
 
 
 @lru_cache(maxsize=64)
-def wave_grid(decades: int, width: float, end: float = DECAY_DEPTH) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Build a composite Gauss rule on (0, end).
+def wave_grid(decades: int, width: float, end: float = DECAY_DEPTH) -> tuple[Array, Array]:
+    """Build nodes and weights, shape (n,), of a composite Gauss rule on (0, end).
 
     Parameters
     ----------
@@ -181,11 +172,6 @@ def wave_grid(decades: int, width: float, end: float = DECAY_DEPTH) -> tuple[NDA
         Largest panel [-].
     end : float
         Upper limit [-].
-
-    Returns
-    -------
-    nodes, weights : ndarray
-        Shape (n,).
     """
     start = min(1.0, width)
     growing = start * 4.0 ** np.arange(-np.ceil(decades / np.log10(4)), 0)
@@ -209,17 +195,13 @@ def far_shear_deviation(layer: Layer, poisson: float) -> float:
     return float(compliance_deviation(0.0, layer, poisson)[1])
 
 
-def compliance_deviation(
-    wave_number: NDArray[np.float64] | float, layer: Layer, poisson: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def compliance_deviation(wave_number: Array | float, layer: Layer, poisson: float) -> tuple[Array, Array]:
     """Compute the deviation of the surface compliance from that of the half-plane.
 
     Parameters
     ----------
     wave_number : ndarray
         Wave numbers k [1/m], >= 0, shape (n,).
-    layer : Layer
-        Geometry and plies.
     poisson : float
         Poisson's ratio nu [-].
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
 
 from compact.engines.spectral.elastic_estimate import initial_half_width, surface_modulus
@@ -22,6 +21,7 @@ from compact.engines.spectral.galerkin_system import GalerkinSystem, assemble_sy
 from compact.engines.spectral.jacobi_basis import pressure_polynomials
 from compact.engines.spectral.layer_compliance import LayerResponse, creep_compliance
 from compact.material.laws import Elastic
+from compact.numerics import Array
 from compact.rolling_contact import Layer, Roller
 
 TRACTION_SIGN = {"frictionless": 0, "free": 0, "sliding": 1, "driven": -1}  # [-], of the traction on the mix
@@ -86,12 +86,12 @@ class RollingProblem:
         """Largest half-width of the search [m]; a circle ends at its radius."""
         return CIRCLE_SHARE_MAX * self.radius if self.profile == "circle" else np.inf
 
-    def gap(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gap(self, x: Array) -> Array:
         """Return the height [m] of the roller above its lowest generatrix at x [m], free of cancellation."""
         R = self.radius
         return x**2 / (2 * R if self.profile == "parabola" else R + np.sqrt(R**2 - x**2))
 
-    def slope(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def slope(self, x: Array) -> tuple[Array, Array]:
         """Return gap' [-] and gap'' [1/m] at x [m]."""
         R = self.radius
         if self.profile == "parabola":
@@ -122,7 +122,7 @@ class ContactSolution:
 
     system: GalerkinSystem
     centre: float
-    coefficients: NDArray[np.float64]
+    coefficients: Array
     scale: float
     indentation: float
     load: float
@@ -133,7 +133,7 @@ class ContactSolution:
         """Half-width a [m]."""
         return self.system.half_width
 
-    def pressure(self, xi: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    def pressure(self, xi: Array | float) -> Array:
         """Return the pressure p [Pa] at xi in [-1, 1]."""
         alpha = self.system.basis.trailing_exponent
         polynomials = pressure_polynomials(xi, alpha, len(self.coefficients))
@@ -157,25 +157,7 @@ class ContactSolution:
 def build_rolling_problem(
     layer: Layer, roller: Roller, material: Elastic, speed: float
 ) -> tuple[RollingProblem, float]:
-    """Build the `RollingProblem` of a contact and estimate its half-width.
-
-    Parameters
-    ----------
-    layer : Layer
-        Geometry and plies.
-    roller : Roller
-        Roller with its target.
-    material : Elastic
-        Elastic or viscoelastic mix.
-    speed : float
-        Speed [m/s], not 0; its sign is left out.
-
-    Returns
-    -------
-    problem : RollingProblem
-    half_width : float
-        Initial guess of the half-width [m].
-    """
+    """Build the `RollingProblem` of a contact at a speed [m/s] of either sign and estimate its half-width [m]."""
     target, value = roller.target
     friction = TRACTION_SIGN[roller.rolling] * roller.friction
     creep = creep_compliance(getattr(material, "branches", ()), abs(speed), layer.height)
@@ -198,23 +180,12 @@ def solve_contact(
 
     Parameters
     ----------
-    problem : RollingProblem
-        Contact without its half-width.
     modes : int
         Number of pressure polynomials.
     half_width : float
         Initial guess [m].
     history : list of ModeRefinement
         Solutions with fewer modes, for messages.
-
-    Returns
-    -------
-    ContactSolution
-
-    Raises
-    ------
-    RuntimeError
-        If the half-width is not found.
 
     Notes
     -----
@@ -243,21 +214,7 @@ def solve_contact(
 
 
 def solve_pressure(problem: RollingProblem, system: GalerkinSystem, modes: int) -> ContactSolution:
-    """Solve for the pressure on a contact of given half-width.
-
-    Parameters
-    ----------
-    problem : RollingProblem
-        Contact without its half-width.
-    system : GalerkinSystem
-        Discrete response, of `modes` polynomials or more.
-    modes : int
-        Number of pressure polynomials; as many tests T_m, m >= 1, give the coefficients, and T_0 the centre.
-
-    Returns
-    -------
-    ContactSolution
-    """
+    """Solve for the pressure on a given half-width with as many tests T_m, m >= 1, as modes; T_0 gives the centre."""
     basis, R, a = system.basis, problem.radius, system.half_width
     tests = basis.tests[: modes + 1]
     factors = lu_factor(system.matrix[1 : modes + 1, :modes])
@@ -300,13 +257,7 @@ def _find_centre(problem, nodes, a, row):
 
 
 def describe_history(history: list[ModeRefinement]) -> str:
-    """Describe the solutions with fewer modes in one line, for messages.
-
-    Parameters
-    ----------
-    history : list of ModeRefinement
-        Solutions in the order of their computation.
-    """
+    """Describe the solutions with fewer modes in one line, for messages."""
     steps = (
         f"{step.modes} modes: a {step.half_width:.6g} m, load {step.load:.8g} N/m, error {max(step.error):.1g}"
         for step in history

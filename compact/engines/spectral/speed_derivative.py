@@ -27,16 +27,12 @@ from scipy.linalg import lu_factor, lu_solve
 from threadpoolctl import threadpool_limits
 
 from compact.engines.spectral import engine as spectral
+from compact.engines.spectral import rolling_problem
 from compact.engines.spectral.galerkin_system import assemble_system
 from compact.engines.spectral.jacobi_basis import pressure_polynomials
 from compact.engines.spectral.layer_compliance import CreepCompliance
-from compact.engines.spectral.rolling_problem import (
-    ContactSolution,
-    RollingProblem,
-    build_rolling_problem,
-    solve_contact,
-)
 from compact.material.laws import Elastic
+from compact.numerics import Array
 from compact.numerics.validation import require_positive
 from compact.resistance import ResistanceExpansion
 from compact.rolling_contact import Layer, Roller
@@ -66,10 +62,6 @@ def expand_resistance(
     rtol : float
         Tolerance of M over the larger of |M| and |tau dF_ss/dv| [-].
 
-    Returns
-    -------
-    ResistanceExpansion
-
     Raises
     ------
     ValueError
@@ -83,7 +75,7 @@ def expand_resistance(
     if not branches:
         rolled = spectral.roll(layer, roller, material, speed)
         return ResistanceExpansion(speed, rolled.resistance, slope=0.0, added_mass=0.0, error=0.0, relaxation_time=0.0)
-    problem, half_width = build_rolling_problem(layer, roller, material, speed)
+    problem, half_width = rolling_problem.build_rolling_problem(layer, roller, material, speed)
     time = max(time for _, time in branches)
     with threadpool_limits(1):  # the matrices are too small for threads
         resistance, slope, added_mass, error = _refine_modes(problem, half_width, rtol, time * abs(speed))
@@ -101,7 +93,7 @@ def _refine_modes(problem, half_width, rtol, length):
     """F_ss, v dF_ss/dv, v^2 M and the error of M, with as many modes as `rtol` requires; `length` is v tau [m]."""
     masses, errors, longest = [], [], problem.response.creep.lengths[-1]
     for modes in spectral.MODE_COUNTS:
-        contact = solve_contact(problem, modes, half_width, [])
+        contact = rolling_problem.solve_contact(problem, modes, half_width, [])
         half_width = contact.half_width
         if not LENGTH_ERROR * half_width < ADDED_MASS_RTOL_MAX * longest:
             raise RuntimeError(
@@ -162,56 +154,31 @@ class ContactLinearisation:
         Contact at the steady speed.
     """
 
-    problem: RollingProblem
-    contact: ContactSolution
+    problem: rolling_problem.RollingProblem
+    contact: rolling_problem.ContactSolution
 
     @property
-    def x(self) -> NDArray[np.float64]:
+    def x(self) -> Array:
         """Nodes of the tests [m] from the middle of the contact, shape (n,)."""
         return self.contact.half_width * self.contact.system.basis.nodes
 
-    def surfaces(self, creep: CreepCompliance, widening: float = 0.0) -> NDArray[np.float64]:
-        """Compute the surfaces under the pressures b_k = 1.
-
-        Parameters
-        ----------
-        creep : CreepCompliance
-            Compliance in place of that of the material.
-        widening : float
-            Relative change of the half-width [-].
-
-        Returns
-        -------
-        ndarray
-            Shape (modes + 2, modes).
-        """
+    def surfaces(self, creep: CreepCompliance, widening: float = 0.0) -> Array:
+        """Compute the surfaces under the pressures b_k = 1 on a contact widened by a share [-], (modes + 2, modes)."""
         response, a = replace(self.problem.response, creep=creep), self.contact.half_width * (1 + widening)
         system = assemble_system(response, len(self.contact.coefficients), a)
         return a / self.problem.radius * np.vstack([system.matrix, a * system.depths])
 
-    def surface(self, creep: CreepCompliance) -> NDArray[np.float64]:
+    def surface(self, creep: CreepCompliance) -> Array:
         """Compute the surface under the pressure of the contact, with another `creep`."""
         return self.surfaces(creep) @ self.contact.coefficients
 
-    def width_derivative(self, creep: CreepCompliance) -> NDArray[np.float64]:
+    def width_derivative(self, creep: CreepCompliance) -> Array:
         """Compute the derivative of the surface by the logarithm of the half-width at constant b and xi."""
         change = self.surfaces(creep, WIDTH_STEP) - self.surfaces(creep, -WIDTH_STEP)
         return change @ self.contact.coefficients / (2 * WIDTH_STEP)
 
-    def surface_change(
-        self, creep: CreepCompliance, change: NDArray[np.float64], gradient: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Compute the change of a surface at fixed x under a change of the pressure.
-
-        Parameters
-        ----------
-        creep : CreepCompliance
-            Compliance of the surface.
-        change : ndarray
-            Change of the contact, shape (modes + 2,).
-        gradient : ndarray
-            Surface whose u is du/dx of this one, shape (modes + 2,).
-        """
+    def surface_change(self, creep: CreepCompliance, change: Array, gradient: Array) -> Array:
+        """Compute the change of a surface at fixed x under that of the pressure; `gradient` is the surface of du/dx."""
         surfaces, (b, width, centre) = self.surfaces(creep), (change[:-2], *change[-2:])
         tests, shift = self.contact.system.basis.tests, centre + width * self.x
         slope_change = -tests @ (shift * self._nodal_values(gradient[:-1]))
@@ -225,7 +192,7 @@ class ContactLinearisation:
         return moments[0] / 2 * polynomials[0] + moments[1:] @ polynomials[1:]
 
     @cached_property
-    def tangent(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    def tangent(self) -> tuple[Array, NDArray[np.int32]]:
         """LU factors of the derivative of the surface less the roller; the last row is the prescribed quantity."""
         problem, contact = self.problem, self.contact
         tests, (slope, curvature) = contact.system.basis.tests, problem.slope(contact.centre + self.x)
@@ -240,7 +207,7 @@ class ContactLinearisation:
         return lu_factor(rows)
 
     @property
-    def target_gradient(self) -> NDArray[np.float64]:
+    def target_gradient(self) -> Array:
         """Derivative of the load or the peak pressure by a change of the contact, over its scale."""
         contact, gradient = self.contact, np.zeros(len(self.contact.coefficients) + 2)
         if self.problem.target == "load":
@@ -252,7 +219,7 @@ class ContactLinearisation:
         gradient[-2] = gradient[:-2] @ contact.coefficients
         return gradient
 
-    def solve(self, surface: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(self, surface: Array) -> Array:
         """Solve for the change of the contact that compensates an additional surface, shape (modes + 2,)."""
         residual = surface.copy()
         if self.problem.target != "indentation":
@@ -260,7 +227,7 @@ class ContactLinearisation:
         return lu_solve(self.tangent, -residual)
 
     @cached_property
-    def resistance_gradient(self) -> NDArray[np.float64]:
+    def resistance_gradient(self) -> Array:
         """Derivative of the resistance [N/m] by a change of the contact, shape (modes + 2,)."""
         contact, basis, friction = self.contact, self.contact.system.basis, self.problem.response.friction
         x = contact.half_width * basis.pressure_nodes

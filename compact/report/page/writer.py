@@ -4,14 +4,13 @@ The page is one file without external resources. Results are computed by the sta
 and formats them.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 
 from compact.analysis.study import Study
 from compact.files import atomic_file
 from compact.report.page.answer import answer, question
-from compact.report.page.blocks import Block, Paragraph, Section, Table, render_page
+from compact.report.page.blocks import Paragraph, Section, Table, render_page
 from compact.report.page.contact import contact_section, mix_section
 from compact.report.page.machine import (
     cams_section,
@@ -22,66 +21,32 @@ from compact.report.page.machine import (
     scene_section,
     sensitivity_section,
 )
-from compact.verification.balance_checks import BalanceCheck
 
 FILES_REMARK = "The tables and `summary.json` in the same directory hold every number with twelve digits."
 
 
-@dataclass(frozen=True)
-class PageResults:
-    """Finished results of a page that are no attributes of its study.
-
-    Parameters
-    ----------
-    pictures : mapping of str to bytes
-        PNG files by the name of the figure.
-    checks : sequence of BalanceCheck
-    first_cam : sequence of Block or None
-        Drawing of the cam of the first law; None without cams.
-    versions : mapping of str to str
-        Versions by package.
-    """
-
-    pictures: Mapping[str, bytes]
-    checks: Sequence[BalanceCheck]
-    first_cam: Sequence[Block] | None
-    versions: Mapping[str, str]
-
-
-def write_page(path: Path, study: Study, results: PageResults) -> Path:
+def write_page(path: Path, study: Study, pictures: Mapping[str, bytes], versions: Mapping[str, str]) -> Path:
     """Write the page of a study.
 
     Parameters
     ----------
-    path : Path
-        File to write.
-    study : Study
-    results : PageResults
-
-    Returns
-    -------
-    Path
-        The path of the file.
+    versions : mapping of str to str
+        Versions by package.
     """
-    pictures = results.pictures
     sections = [
         ranking_section(study, pictures),
         contact_section(study, pictures),
         laws_section(study, pictures),
         forces_section(study, pictures),
-        *([] if results.first_cam is None else [cams_section(study, pictures, results.first_cam)]),
+        *([] if study.first_cam is None else [cams_section(study, pictures, study.first_cam)]),
         sensitivity_section(study.sensitivities),
         scene_section(study.scene),
         mix_section(study),
-        checks_section(results.checks),
-        _versions_section(study, results.versions),
+        checks_section(study.checks),
+        _versions_section(study, versions),
     ]
-    content = render_page(
-        study.scene.title or "untitled scene",
-        sections=sections,
-        answer=answer(study, results.checks),
-        **question(study),
-    )
+    title = study.scene.title or "untitled scene"
+    content = render_page(title, sections=sections, answer=answer(study, study.checks), **question(study))
     with atomic_file(path) as stream:
         stream.write(content)
     return path
@@ -91,6 +56,5 @@ def _versions_section(study: Study, versions: Mapping[str, str]) -> Section:
     rows = [*versions.items(), ("scene", f"`{study.scene.hash}`")]
     rows += [(f"computed: {stage}", str(count)) for stage, count in study.counts.items()]
     table = Table("Versions, fingerprint of the scene, and number of computations of each stage", ("of", "value"), rows)
-    return Section(
-        "versions", "Versions and files", "Packages, scene and stages of this page.", [Paragraph(FILES_REMARK), table]
-    )
+    lead = "Packages, scene and stages of this page."
+    return Section("versions", "Versions and files", lead, [Paragraph(FILES_REMARK), table])

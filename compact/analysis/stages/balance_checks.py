@@ -6,12 +6,12 @@ breadth of every cam, and the published numbers. The engines satisfy the same li
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from compact.analysis.study import Study
+from compact.analysis.stages.contacts import ContactStage
+from compact.analysis.stages.drives import DriveStage, Stages
+from compact.verification import published_numbers
 
 LINEAR_WORK_LIMIT = 1e-2  # [-], of the work of a contact with a linear layer
 COMPACTED_WORK_LIMIT = 2e-2  # [-], of the work of a contact with a compacting layer
@@ -48,33 +48,29 @@ class BalanceCheck:
         return abs(self.residual) <= self.limit
 
 
-def balance_checks(study: "Study") -> list[BalanceCheck]:
-    """Check every contact, run and cam of a study, and the published numbers.
+def balance_checks(stages: Stages) -> list[BalanceCheck]:
+    """Check every contact, run and cam of a scene, and the published numbers.
 
     Parameters
     ----------
-    study : Study
-        Study whose results are checked; stages that are missing are computed.
-
-    Returns
-    -------
-    list of BalanceCheck
+    stages : Stages
+        Stages whose results are checked.
     """
-    checks = [*_contact_checks(study), *_cycle_checks(study), _published_check()]
-    if "cams" in study.scene.output.items:
+    checks = [*_contact_checks(stages.contacts), *_cycle_checks(stages.drive), _published_check()]
+    if "cams" in stages.laws.scene.output.items:
         checks += [
             BalanceCheck(f"constant breadth of the cam, {law}", cam.breadth_error / cam.breadth, BREADTH_LIMIT)
-            for (law, follower), cam in study.cams.items()
+            for (law, follower), cam in stages.laws.cams.items()
             if follower == "roller" and not cam.cycle.forward.retraces
         ]
     return checks
 
 
-def _contact_checks(study: "Study") -> Iterator[BalanceCheck]:
+def _contact_checks(stage: ContactStage) -> Iterator[BalanceCheck]:
     """Check energy of every contact; of a compacting layer also mass, yield condition and forces."""
-    work_limit = COMPACTED_WORK_LIMIT if study.engine.compacting else LINEAR_WORK_LIMIT
+    work_limit = COMPACTED_WORK_LIMIT if stage.engine.compacting else LINEAR_WORK_LIMIT
     limits = RESIDUALS | {"work_residual": ("work of the contact", work_limit)}
-    for contact in study.contacts:
+    for contact in stage.records:
         case = f"at {contact.speed:.4g} m/s"
         for name, (term, limit) in limits.items():
             residual = getattr(contact, name)
@@ -82,9 +78,9 @@ def _contact_checks(study: "Study") -> Iterator[BalanceCheck]:
                 yield BalanceCheck(f"{term} {case}", residual, limit)
 
 
-def _cycle_checks(study: "Study") -> Iterator[BalanceCheck]:
+def _cycle_checks(stage: DriveStage) -> Iterator[BalanceCheck]:
     """Compare the energy of a cycle with the work of resistance and guide friction."""
-    for name, run in study.runs.items():
+    for name, run in stage.runs.items():
         if run.impulses:
             continue
         residual = getattr(run, "energy_residual", None)
@@ -96,8 +92,6 @@ def _cycle_checks(study: "Study") -> Iterator[BalanceCheck]:
 
 def _published_check() -> BalanceCheck:
     """Count the published numbers whose computed value has changed."""
-    from compact.verification import published_numbers
-
     rows = published_numbers.rows()
     changed = sum(not row.unchanged for row in rows)
     return BalanceCheck(f"{len(rows)} published numbers, computed again: changed", changed, 0.0)
