@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cart_moments import moment_residual
 
 from compact.analysis import contact_cases
 from compact.analysis.stages import contacts as contact_stage
 from compact.analysis.study import Study
-from compact.machine.cart import balance, moment_residual
+from compact.machine.cart import balance
 from compact.report import text
 from compact.report import writer as report
 from compact.scene.loader import SceneError, load_scene

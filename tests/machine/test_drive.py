@@ -390,7 +390,8 @@ def test_resistance_is_evaluated_once_per_leg():
         sizes.append(np.size(velocity))
         return 100 * np.sign(velocity)
 
-    simulate(CART, Rigid(), published_law("reversal-4"), resistance)
+    run = simulate(CART, Rigid(), published_law("reversal-4"), resistance)
+    assert run.steady_force > 0
     assert sorted(sizes) == [1, 8, 3 * SAMPLES_PER_PIECE, 3 * SAMPLES_PER_PIECE]
 
 
