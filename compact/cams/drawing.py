@@ -351,13 +351,7 @@ class Drawing:
         return (*(low - margin), *(high + margin))
 
     def svg(self, description: str = "") -> str:
-        """Return the drawing as SVG text, true to scale, one unit a millimetre.
-
-        Parameters
-        ----------
-        description : str
-            Description for screen readers.
-        """
+        """Return the drawing as SVG text with a description, true to scale, one unit a millimetre."""
         left, bottom, right, top = self.bounding_box()
         width, height = right - left, top - bottom
         words = f'<title id="title">{escape(self.title)}</title><desc id="desc">{escape(description)}</desc>'

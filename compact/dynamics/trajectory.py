@@ -63,13 +63,7 @@ class Trajectory:
         return CELL_POINTS * sum(self._cell_count(i, float(d)) + 2 for i, d in enumerate(self.intervals.duration))
 
     def sample_points(self) -> tuple[IntArray, Array, Array]:
-        """Places that resolve the imposed motion and the oscillation.
-
-        Returns
-        -------
-        tuple of ndarray, shape (n,)
-            Interval index i, place u and weight [s] of a quadrature over time.
-        """
+        """Interval indices i, places u and weights [s] that resolve imposed motion and oscillation, shape (n,)."""
         nodes, unit_weights = clenshaw_curtis(CELL_POINTS)
         columns = []
         for i, (scale, duration) in enumerate(zip(self.intervals.scale, self.intervals.duration, strict=True)):

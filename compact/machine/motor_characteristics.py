@@ -168,16 +168,9 @@ class Belt:
         return abs(torque) / (2 * self.pulley_radius * math.tanh(self.friction * self.wrap / 2))
 
     def motor_speed(self, belt_torque: Callable[[Array], Array], speed: Array) -> Array:
-        """Solve the speed of the motor w [rad/s] by Newton's method.
+        """Solve the speed w [rad/s] for the torque on the pulley [N m] over w and the speed w_g without creep.
 
-            w (1 - belt_torque(w)/C) = w_g
-
-        Parameters
-        ----------
-        belt_torque : callable
-            Torque on the motor pulley [N m] of the speed of the motor [rad/s].
-        speed : array_like
-            Speed w_g without creep [rad/s].
+        w (1 - belt_torque(w)/C) = w_g
         """
         C, geared = self.creep_torque, np.asarray(speed, float)
         w, step = geared, SPEED_PERTURBATION * (np.abs(geared) + np.abs(geared).max())

@@ -137,7 +137,8 @@ def rank(runs: Iterable[Any], by: str = "peak_force") -> list[Ranked]:
     least = math.nan  # smallest value of the present rank
     for i, (value, run) in enumerate(ordered):
         if not math.isfinite(value):
-            ranked.append(Ranked(len(ordered), run, value, math.nan, _why_infinite(by, run)))
+            reason = criterion.infinite_because if run.shocks else "zero force at the mean speed"
+            ranked.append(Ranked(len(ordered), run, value, math.nan, reason))
             continue
         shared = _equal(least, value, criterion)
         least = least if shared else value
@@ -146,11 +147,6 @@ def rank(runs: Iterable[Any], by: str = "peak_force") -> list[Ranked]:
         margin = (larger - value) / scale if scale else math.nan
         ranked.append(Ranked(ranked[-1].rank if shared else i + 1, run, value, margin, ""))
     return ranked
-
-
-def _why_infinite(by: str, run: Any) -> str:
-    """Reason of an infinite value."""
-    return CRITERIA[by].infinite_because if run.shocks else "zero force at the mean speed"
 
 
 def _equal(a: float, b: float, criterion: Criterion) -> bool:

@@ -94,13 +94,6 @@ def with_constant_velocity(
 
     The acceleration phase is `minimiser(order, {x: 0} | start, end)` to unit velocity in unit time; with its travel A
     the velocity of the law is v = 1/(A run_up + 1 - run_up - run_down + A run_down).
-
-    Parameters
-    ----------
-    order : int
-        Order n of the criterion.
-    start, end : mapping of int to float
-        Derivatives prescribed at rest and at the constant velocity, by their order; see `minimiser`.
     """
     run = minimiser(order, {0: 0} | dict(start), end)
     up, down = (share if share > SHORTEST_PHASE else 0.0 for share in (parameters.run_up, parameters.run_down))
@@ -118,15 +111,7 @@ def with_constant_velocity(
 
 
 def piecewise(widths: Sequence[float], polynomials: Sequence[Polynomial]) -> PPoly:
-    """Return the piecewise polynomial on 0 <= z <= 1.
-
-    Parameters
-    ----------
-    widths : sequence of float
-        Width of each piece [-].
-    polynomials : sequence of Polynomial
-        Polynomial of each piece in the distance from its start.
-    """
+    """Return polynomials in the distance from the start of each piece of a width [-] as one on 0 <= z <= 1."""
     breaks = np.concatenate([[0.0], np.cumsum(widths)])
     breaks[-1] = 1.0
     if len(widths) > 1:

@@ -72,15 +72,7 @@ class CamLimits:
             require_positive(roller_radius=self.roller_radius)
 
     def pitch_curve(self, stroke: float, duration: float) -> PitchCurve | None:
-        """Return the `PitchCurve` of a roller follower, or None without a limit on its profile.
-
-        Parameters
-        ----------
-        stroke : float
-            Travel of one pass [m].
-        duration : float
-            Time of one pass [s].
-        """
+        """Return the `PitchCurve` of a roller follower for a stroke [m] and a duration [s], or None."""
         if self.profile_radius is None or self.roller_radius is None:
             return None
         minimum = stroke + 2 * self.roller_radius

@@ -75,16 +75,9 @@ class MotionState(NamedTuple):
 
 
 def evaluate_state(nodes: QuadratureNodes, unknowns: Array, mass: float, resistance: Resistance) -> MotionState:
-    """Evaluate motion and drive force of a law; derivatives of the resistance are difference quotients.
+    """Evaluate motion and drive force of a law with coefficients [-] for a mass [kg] and R(v, a) [N].
 
-    Parameters
-    ----------
-    unknowns : ndarray, shape (unknowns,)
-        Coefficients of the law [-].
-    mass : float
-        Mass of the cart [kg].
-    resistance : callable
-        R(v, a) [N].
+    Derivatives of the resistance are difference quotients.
     """
     v, a = np.maximum(nodes.velocity @ unknowns, VELOCITY_FLOOR * nodes.mean_velocity), nodes.acceleration @ unknowns
     step = DIFFERENCE_STEP * nodes.mean_velocity

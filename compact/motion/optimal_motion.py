@@ -15,15 +15,7 @@ from compact.motion.limits import Limits
 from compact.motion.objectives import OBJECTIVES, Resistance
 from compact.motion.profile import MotionProfile
 from compact.motion.sequential_programming import DriveCriterion, find_optimal_law
-from compact.numerics.validation import (
-    require_at_most,
-    require_between,
-    require_integers,
-    require_known,
-    require_nonnegative,
-    require_opposing,
-    require_positive,
-)
+from compact.numerics import validation
 
 PIECES_LIMIT = 1024  # [-], of an optimal law: dense programs of 0.1 GB; the memory grows with the square of the pieces
 
@@ -136,14 +128,14 @@ def optimal_law_name(objectives: Iterable[str]) -> str:
 
 def _require_valid(objective, weights, stroke, duration, mass, resistances, quantile, pieces):
     for name in weights:
-        require_known("objective", name, tuple(OBJECTIVES))
-    require_positive(stroke=stroke, duration=duration, quantile=quantile)
-    require_nonnegative(mass=mass, weights=list(weights.values()))
+        validation.require_known("objective", name, tuple(OBJECTIVES))
+    validation.require_positive(stroke=stroke, duration=duration, quantile=quantile)
+    validation.require_nonnegative(mass=mass, weights=list(weights.values()))
     if not any(weights.values()):
         raise ValueError(f"`objective` must have at least one weight > 0, got {objective!r}; raise a weight")
-    require_between(0, 1, quantile=quantile)
+    validation.require_between(0, 1, quantile=quantile)
     if pieces is not None:
-        require_integers(pieces=pieces)
-        require_at_most(PIECES_LIMIT, "more pieces lower no criterion by a measurable amount", pieces=pieces)
+        validation.require_integers(pieces=pieces)
+        validation.require_at_most(PIECES_LIMIT, "more pieces lower no criterion by a measurable amount", pieces=pieces)
     for one in resistances:
-        require_opposing(one, stroke / duration, directions=(1.0,))
+        validation.require_opposing(one, stroke / duration, directions=(1.0,))

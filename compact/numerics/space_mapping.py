@@ -68,20 +68,9 @@ class Correction:
         return self.ratio + self.slope @ (np.asarray(u) - self.at)
 
     def updated(self, ratio: Array, u: Array) -> "Correction":
-        """Return the correction updated by a fine evaluation.
+        """Return the correction updated by ln(fine/coarse) found at u.
 
-        Parameters
-        ----------
-        ratio : ndarray, shape (n,)
-            ln(fine/coarse) found at u.
-        u : ndarray, shape (m,)
-            Unknowns of the evaluation.
-
-        Returns
-        -------
-        Correction
-            Correction at u. After a long step the ratio is adopted; after a short one it is averaged, and changes the
-            slope little.
+        After a long step the ratio is adopted; after a short one it is averaged, and changes the slope little.
         """
         step, error = self.varying * (u - self.at), ratio - self(u)
         share = float(step @ step / (step @ step + self.broyden_length**2))

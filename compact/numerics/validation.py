@@ -71,17 +71,7 @@ def require_integers(**quantities: ArrayLike) -> None:
 
 
 def require_that(condition: ArrayLike, value: ArrayLike, rule: str) -> None:
-    """Require a condition to be true throughout.
-
-    Parameters
-    ----------
-    condition : array_like of bool
-        Condition, of the shape of `value`.
-    value : array_like
-        Quantity that the message reports.
-    rule : str
-        Start of the message, up to "got".
-    """
+    """Require a condition of the shape of a value to be true throughout; `rule` begins the message, up to "got"."""
     if not np.all(condition):
         raise ValueError(f"{rule} {_shown(value, lambda _: condition)}")
 

@@ -153,15 +153,7 @@ class ColumnLayer:
         return min(self.oedometric_modulus * -math.log1p(-depth / self.height), hardening(law, densest)[0] + law.pt)
 
     def error_scale(self, depth: float, rtol: float) -> Array:
-        """Return the error of each component of y allowed in one step.
-
-        Parameters
-        ----------
-        depth : float
-            Indentation [m], which sets the size of each component.
-        rtol : float
-            Relative error of a step [-].
-        """
+        """Return the error of each component of y allowed in one step, relative to its size at a depth [m]."""
         stress = self.stress_estimate(depth)
         of_columns = [stress, -math.log1p(-depth / self.height)] * len(self.stack.height)
         return rtol * np.array([stress, stress * self.edge(depth), *[stress * depth] * 3, *of_columns])
@@ -224,36 +216,14 @@ class ColumnLayer:
         return path, after, int(state.counts[ode.EVALUATIONS])
 
     def compute_pass(self, indentation: float, rtol: float, max_step_share: float = np.inf) -> "PassResult":
-        """Compute the pass of the roller at an indentation.
-
-        Parameters
-        ----------
-        indentation : float
-            Indentation of the lowest generatrix [m].
-        rtol : float
-            Relative error of a step [-].
-        max_step_share : float
-            Largest step over the coordinate of the front [-].
-        """
+        """Compute the pass at an indentation [m] with an error of a step and a largest step over the front [-]."""
         front = self.front(indentation)
         control = PathControl(0.0, np.inf, self.error_scale(indentation, rtol), front * max_step_share)
         loading, pressed, evaluations = self.integrate(front, self.initial_state, control)
         return pressed.unload(loading, indentation, control, evaluations)
 
     def unload(self, loading: Array, indentation: float, control: PathControl, evaluations: int) -> "PassResult":
-        """Compute the unloading behind the lowest generatrix.
-
-        Parameters
-        ----------
-        loading : ndarray
-            Path from the front edge to the lowest generatrix.
-        indentation : float
-            Indentation at the lowest generatrix [m].
-        control : PathControl
-            Accuracy; the end of the path is replaced by the rear edge.
-        evaluations : int
-            Number of evaluations of the rates so far.
-        """
+        """Compute the unloading behind the lowest generatrix at an indentation [m], after the path of loading."""
         rise = REBOUND_SHARE_MAX * indentation
         end = self.front(min(rise, self.gap.radius) if self.gap.circular else rise)
         control = control._replace(coordinate_end=end, stress_end=0.0)
@@ -337,17 +307,7 @@ class PassResult:
 def column_layer(
     columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapShape, strain_measure: int
 ) -> ColumnLayer:
-    """Build the `ColumnLayer` of columns at rest.
-
-    Parameters
-    ----------
-    columns : tuple of Column
-        Columns from the base upwards.
-    rate_factor : float
-        Ratio of pc to its value at the reference speed [-].
-    strain_measure : int
-        One of the values of STRAINS.
-    """
+    """Build the `ColumnLayer` of columns at rest, from the base upwards, with pc multiplied by a rate factor [-]."""
     rows = [(each.height, each.density_ratio, each.lateral_stress, each.max_density_ratio) for each in columns]
     height, density_ratio, lateral_stress, max_density_ratio = np.array(rows, dtype=float).T.copy()
     stack = ColumnStack(height, density_ratio, lateral_stress / 1.5, max_density_ratio)

@@ -92,21 +92,9 @@ class IndentationSearch:
     final_tolerance: float = TARGET_TOLERANCE
 
     def solve(self, initial_guess: float, slope: float = 1.0) -> tuple[PassResult | None, int]:
-        """Find the indentation.
+        """Find the indentation from a first guess [m] and the slope of the residual over its logarithm [-].
 
-        Parameters
-        ----------
-        initial_guess : float
-            Indentation of the first pass [m].
-        slope : float
-            Derivative of the residual with respect to the logarithm of the indentation [-].
-
-        Returns
-        -------
-        result : PassResult or None
-            None if the residual is negative at the largest indentation.
-        evaluations : int
-            Evaluations of the rates in all other passes.
+        Returns None if the residual is negative at the largest indentation, and the evaluations in all other passes.
         """
         bracket, x, evaluations = self._bracket([]), math.log(initial_guess), 0
         rtol, tolerance = max(self.coarse_rtol, self.rtol), self.first_tolerance * self.rtol
@@ -140,13 +128,7 @@ class IndentationSearch:
 
 
 def solve_target(layer: ColumnLayer, roller: Roller, rtol: float) -> tuple[PassResult, int]:
-    """Compute the pass with the indentation, load or peak pressure that the roller prescribes, and count evaluations.
-
-    Parameters
-    ----------
-    rtol : float
-        Relative error of a step [-].
-    """
+    """Compute the pass with the prescribed indentation, load or peak pressure, and count evaluations."""
     name, value = roller.target
     if name == "load":
         return _solve_load(layer, value, rtol)
@@ -203,15 +185,7 @@ def _solve_load(layer: ColumnLayer, load: float, rtol: float) -> tuple[PassResul
 
 
 def solve_exit_density(layer: ColumnLayer, density_ratio: float, rtol: float) -> tuple[PassResult, int]:
-    """Compute the pass after whose rebound the columns have a mean density ratio, and count evaluations.
-
-    Parameters
-    ----------
-    density_ratio : float
-        Mean density ratio after the rebound [-].
-    rtol : float
-        Relative error of a step [-].
-    """
+    """Compute the pass after whose rebound the columns have a mean density ratio, and count evaluations."""
 
     def residual(result: PassResult) -> float:
         return result.density_ratio / density_ratio - 1

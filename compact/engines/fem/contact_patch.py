@@ -70,19 +70,9 @@ class Indenter:
     exponent: float
 
     def contact_condition(self, x: Array, displacement: Array | float) -> tuple[Array, Array]:
-        """Linearise the contact condition n.u = d about a displacement.
+        """Linearise the contact condition n.u = d about a displacement [m], shape (2, q), at points x [m].
 
-        Parameters
-        ----------
-        x : ndarray
-            Points of the surface [m], shape (q,).
-        displacement : ndarray
-            Displacement there [m], shape (2, q).
-
-        Returns
-        -------
-        tuple of ndarray
-            Unit normal n towards the layer, shape (2, q), and depth d [m], shape (q,).
+        Returns the unit normal n towards the layer, shape (2, q), and the depth d [m], shape (q,).
         """
         R = self.radius
         if self.profile == "deformed":
@@ -216,13 +206,7 @@ def solve_contact_patch(
 
 
 def with_peak_pressures(surface: SurfaceCompliance, indenter: Indenter, patch: ContactPatch) -> ContactPatch:
-    """Add the peak pressure of a patch and that of a patch with `PEAK_TERMS_OMITTED` terms fewer.
-
-    Parameters
-    ----------
-    surface, indenter, patch
-        A converged contact.
-    """
+    """Add the peak pressure of a patch and that of a patch with `PEAK_TERMS_OMITTED` terms fewer."""
     solver = _EdgeSolver(surface, indenter)
     fewer = solver.solve_from(patch, max(1, patch.terms - PEAK_TERMS_OMITTED))
     peaks = tuple(float(each.sampled(PEAK_SAMPLES)[1].max()) for each in (fewer, patch))

@@ -167,13 +167,7 @@ def roll(
 def require_linear_range(
     layer: Layer, roller: Roller, material: Elastic, speed: float, mesh: RowMesh | None, tolerance: float
 ) -> None:
-    """Require arguments that the linear finite-element engine covers.
-
-    Parameters
-    ----------
-    layer, roller, material, speed, mesh, tolerance
-        As of `roll`.
-    """
+    """Require arguments that the linear finite-element engine covers."""
     require_moving(speed)
     require_positive(tolerance=tolerance)
     if not isinstance(material, Elastic):

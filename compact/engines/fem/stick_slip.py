@@ -120,17 +120,7 @@ def solve_stick_slip(
 ) -> tuple[ContactPatch, ShearSolution]:
     """Solve pressure and shear alternately, with Aitken relaxation of the displacement by shear.
 
-    Parameters
-    ----------
-    terms : int
-        Largest number of pressure terms.
-    patch, shear : optional
-        Initial guess.
-
-    Returns
-    -------
-    tuple
-        The `ContactPatch`, with its peak pressures, and the `ShearSolution`.
+    Returns the `ContactPatch`, with its peak pressures, and the `ShearSolution`.
     """
     drawn = np.zeros((2, len(surface.x))) if shear is None else shear.displacement
     nodes, relaxation, previous, changes = None, 1.0, None, []
@@ -158,15 +148,7 @@ def solve_stick_slip(
 def solve_shear(
     surface: SurfaceCompliance, patch: ContactPatch, friction: FrictionCondition, nodes: Array | None = None
 ) -> ShearSolution:
-    """Solve Coulomb's law under the pressure of a patch.
-
-    Parameters
-    ----------
-    surface : SurfaceCompliance
-        Compliance of the layer; its initial displacement is part of the slip.
-    nodes : ndarray, optional
-        Nodes of the traction [m]; all surface nodes unless given.
-    """
+    """Solve Coulomb's law under the pressure of a patch, with tractions at given nodes [m] or at all surface nodes."""
     x = _nodes_between_edges(patch, surface.x if nodes is None else nodes)
     hats, share = _nodal_forces(surface, patch, x)
     bound = friction.friction * np.maximum(np.interp(x[1:-1], patch.x, patch.pressure), 0)

@@ -154,13 +154,7 @@ class LayerResponse:
         return zeta, weight, normal, shear, self.creep.at(zeta / self.top_thickness)
 
     def dissipation_symbol(self, wave_number: Array) -> Array:
-        """Evaluate L Im C - f M Re C [-], the share of the work of a pressure wave that is not returned.
-
-        Parameters
-        ----------
-        wave_number : ndarray
-            Wave numbers k [1/m], shape (n,).
-        """
+        """Evaluate L Im C - f M Re C [-], the share of the work of a pressure wave k [1/m] that is not returned."""
         normal, shear = compliance_deviation(wave_number, self.layer, self.poisson)
         creep = self.creep.at(wave_number)
         return (1 + normal) * creep.imag - (self.coupling + self.friction * shear) * creep.real
