@@ -256,9 +256,10 @@ def _draw(rows, spreads, most=8):
         panels[-1].text(2, row, f"{first.split('/')[0]}, τ = {tau:.2f}", va="center", fontsize=7)
     labels = [f"{engine}, {drive} drive\n{by.replace('_', ' ')}" for engine, drive, by, *_ in spreads]
     panels[-1].set_yticks(range(len(labels)), labels, fontsize=8)
-    panels[-1].set(
-        xlabel="mixes of the prior with this first law [%]\nτ: Kendall's tau with the nominal ranking", xlim=(0, 100)
+    panels[-1].set_xlabel(
+        "mixes of the prior with this first law [%]\nτ: Kendall's tau to the nominal ranking", fontsize=9
     )
+    panels[-1].set_xlim(0, 100)
     panels[-1].invert_yaxis()
     return figure
 
