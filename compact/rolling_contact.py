@@ -169,11 +169,9 @@ class PrescribedMotion(Protocol):
 
     def position(self, time: Array) -> Array:
         """Return the position [m] at times [s]."""
-        ...
 
     def velocity(self, time: Array) -> Array:
         """Return the velocity [m/s] at times [s]."""
-        ...
 
 
 def require_moving(speed: float) -> None:
@@ -297,42 +295,34 @@ class LayerContactResult(Protocol):
     @property
     def load(self) -> float:
         """Normal force P [N/m]."""
-        ...
 
     @property
     def resistance(self) -> float:
         """Rolling resistance [N/m]."""
-        ...
 
     @property
     def indentation(self) -> float:
         """Depth of the lowest generatrix below the surface of the layer [m]."""
-        ...
 
     @property
     def creep(self) -> float | None:
         """Creepage of a roller with stick and slip [-], else None."""
-        ...
 
     @property
     def layer(self) -> Layer:
         """Layer before the pass."""
-        ...
 
     @property
     def roller(self) -> Roller:
         """Roller with its target."""
-        ...
 
     @property
     def material(self) -> Any:
         """Material law of the layer."""
-        ...
 
     @property
     def speed(self) -> float:
         """Speed of the roller along x [m/s]."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -127,7 +127,7 @@ class ConstraintSet:
     def with_profile_radius(self, profile_radius: float) -> "ConstraintSet":
         """Return the same constraints with another limit on the profile of a cam for a roller follower [m]."""
         cam = self.limits.cam and replace(self.limits.cam, profile_radius=profile_radius)
-        return replace(self, limits=self.limits.replaced(cam=cam))
+        return replace(self, limits=replace(self.limits, cam=cam))
 
     def project(self, unknowns: Array) -> Array:
         """Return coefficients [-] that satisfy all constraints to rounding, from those of a solver that leaves 1e-10.

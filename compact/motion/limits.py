@@ -10,9 +10,9 @@ A law satisfies its limits at every instant. `constraint_set` turns them into li
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -143,10 +143,6 @@ class Limits:
     def steady(self) -> tuple[float, float] | None:
         """Phases t/T between which the velocity is constant, or None."""
         return (self.run_up, 1 - self.run_down) if self.run_up + self.run_down < 1 - SUM_TOLERANCE else None
-
-    def replaced(self, **changes: Any) -> "Limits":
-        """Return a copy with some limits changed."""
-        return replace(self, **changes)
 
 
 class Conflict(NamedTuple):

@@ -77,10 +77,6 @@ class DriveCriterion:
     quantile: float = 1.0
     minima: tuple[float, ...] = ()
 
-    def relative_to(self, minima: tuple[float, ...]) -> "DriveCriterion":
-        """Return the criterion of each sample relative to its minimum (regret)."""
-        return replace(self, minima=minima)
-
 
 @dataclass(frozen=True, eq=False)
 class OptimisationProblem:

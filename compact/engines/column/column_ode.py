@@ -169,13 +169,6 @@ class StepBuffers(NamedTuple):
     rates: Array
 
 
-def initial_integration_state(stack: ColumnStack) -> IntegrationState:
-    """Build the `IntegrationState` at the start of a path."""
-    n = len(stack.height)
-    counts = np.array([0, 0, 0, -1])
-    return IntegrationState(stack.max_density_ratio.copy(), np.zeros(n, np.bool_), np.empty(n), np.zeros(1), counts)
-
-
 @compiled
 def integrate_path(
     problem: ColumnProblem, control: PathControl, state: IntegrationState, path: Array, max_tries: int

@@ -196,10 +196,13 @@ class ColumnLayer:
         RuntimeError
             If the integration does not reach the end.
         """
-        path, state = np.empty((PATH_ROWS_INITIAL, len(y) + 1)), ode.initial_integration_state(self.stack)
+        n = len(self.stack.height)
+        path, counts = np.empty((PATH_ROWS_INITIAL, len(y) + 1)), np.array([0, 0, 0, -1])
+        densest = self.stack.max_density_ratio.copy()
+        state = ode.IntegrationState(densest, np.zeros(n, np.bool_), np.empty(n), np.zeros(1), counts)
         path[0, 0], path[0, 1:] = u, y
         problem = ColumnProblem(self.law, self.stack, self.gap, self.strain_measure)
-        max_tries, status = max(STEPS_PER_CALL // len(self.stack.height), 1), ode.PAUSED
+        max_tries, status = max(STEPS_PER_CALL // n, 1), ode.PAUSED
         while status == ode.PAUSED:  # a keyboard interrupt is raised between two calls
             status = ode.integrate_path(problem, control, state, path, max_tries)
             if status == ode.PAUSED and state.counts[ode.ROW] + 1 == len(path):
