@@ -152,18 +152,14 @@ class DrivenRoller:
     def __call__(self, speed: Array, pull: Array) -> RollerTraction:
         """Interpolate the traction at speeds >= 0 [m/s] for pulls [N]."""
         speed, pull = np.broadcast_arrays(speed, pull)
-        weights = self._speed_weights(speed)
+        place = np.log(np.maximum(speed, self.speeds[0]))
+        weights = np.array([np.interp(place, np.log(self.speeds), row) for row in np.eye(len(self.speeds))])
         torque = np.sum(weights * [by_pull(pull) for by_pull in self._torque_curves], axis=0)
         load = np.sum(weights * [np.interp(torque, *row) for row in zip(self.torques, self.loads, strict=True)], axis=0)
         traction = torque / (self.radius * load)
         share = traction / self.friction
         creep = np.sum(weights * [by_share(carter_parameter(share)) for by_share in self._creep_curves], axis=0)
         return RollerTraction(torque, traction, share, np.where(np.abs(share) <= FULL_SLIP_SHARE, creep, np.nan))
-
-    def _speed_weights(self, speed):
-        """Interpolation weights of the sampled speeds, shape (k, ...)."""
-        place = np.log(np.maximum(speed, self.speeds[0]))
-        return np.array([np.interp(place, np.log(self.speeds), row) for row in np.eye(len(self.speeds))])
 
     @cached_property
     def _torque_curves(self):

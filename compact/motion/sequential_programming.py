@@ -403,7 +403,9 @@ def _restore_feasibility(problem: OptimisationProblem, unknowns: Array) -> Array
         if reached <= 0 or (not peaks and abs(reached - previous) <= RESTORATION_TOLERANCE * reached):
             break
         # the radius reached balances convex and concave parts
-        constraints = problem.constraints.with_profile_radius(reached)
+        limits = problem.constraints.limits
+        limits = replace(limits, cam=limits.cam and replace(limits.cam, profile_radius=reached))
+        constraints = replace(problem.constraints, limits=limits)
         problem = replace(problem, extra_phases=problem.extra_phases + peaks, constraints=constraints)
     name = "smallest radius of curvature of the cam for the roller follower"
     raise InfeasibleError([Conflict(name, "m", limit, reached)], alone=True)
