@@ -50,7 +50,6 @@ class Cut:
 
     Attributes
     ----------
-    cam : Cam
     tolerance : float
         Tolerance of the follower's motion [m].
     angle : ndarray, shape (n,)

@@ -37,19 +37,7 @@ class Kinematics(NamedTuple):
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Motion of a cart over a time. A place is an interval index i and u in [0, duration/scale].
-
-    Parameters
-    ----------
-    oscillator : OscillatorParameters
-        Cart and springs.
-    intervals : Intervals
-        Solution.
-    resistance : ResistanceTable
-        R(v, a).
-    start, end : CartState
-        Initial and final state.
-    """
+    """Motion of a cart over a time. A place is an interval index i and u in [0, duration/scale]."""
 
     oscillator: OscillatorParameters
     intervals: Intervals

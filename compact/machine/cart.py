@@ -188,7 +188,6 @@ class MotionResistance:
 
     Parameters
     ----------
-    cart : Cart
     resistance : callable
         Force of the mix on all rollers [N] of velocity [m/s] and acceleration [m/s^2].
     """

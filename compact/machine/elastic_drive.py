@@ -165,16 +165,10 @@ class ElasticRun(rigid_drive.CycleStatistics):
 
     Parameters
     ----------
-    cart : Cart
-    cycle : Cycle
-        Law of the far end.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
     working : tuple of float
         Working part of the forward stroke [-].
-    trajectory : Trajectory
-        Solution.
-    cost : SolutionCost
     include_added_mass : bool
         Resistance that depends on the acceleration.
     """

@@ -154,13 +154,7 @@ def solve_valve_flow(hydraulic: Hydraulic, velocity: Array, force: Array) -> Val
 
 @dataclass(frozen=True)
 class HydraulicRun(Run):
-    """One cycle of a cart under a law controlled by two valves.
-
-    Parameters
-    ----------
-    hydraulic : Hydraulic
-        Drive; further parameters as in `Run`.
-    """
+    """One cycle of a cart under a law controlled by two valves."""
 
     hydraulic: Hydraulic
 

@@ -108,9 +108,6 @@ class ShaftLoad:
 
     Parameters
     ----------
-    cart : Cart
-    motor : Motor
-        Motor and shaft.
     cycle : Cycle
         Law; its period is that of one revolution at uniform speed.
     resistance : callable
@@ -251,10 +248,6 @@ class MotorRun(rigid_drive.CycleStatistics):
 
     Parameters
     ----------
-    load : ShaftLoad
-        Carts on the shaft.
-    revolution : ShaftRevolution
-        Speed of the shaft.
     working : tuple of float
         Working part of the forward stroke [-].
     """

@@ -108,11 +108,6 @@ class InverseDynamics:
 
     Parameters
     ----------
-    cart : Cart
-    drive : Rigid or Crank
-        Drive that imposes the law.
-    cycle : Cycle
-        Law.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
     """
@@ -262,14 +257,10 @@ class Run(CycleStatistics):
 
     Parameters
     ----------
-    inverse_dynamics : InverseDynamics
-        Forces at any phase.
     time, weights : ndarray
         Time and quadrature weights [s].
     direction : ndarray
         +1 forward, -1 on the return stroke, 0 in a dwell.
-    state : DriveState
-        Motion and forces.
     """
 
     inverse_dynamics: InverseDynamics

@@ -179,9 +179,6 @@ class RollerMotor:
 
     Parameters
     ----------
-    dynamics : InverseDynamics
-        Of a `Rigid` drive, which imposes the law.
-    roller : DrivenRoller or CreepFreeRoller
     rollers : int
         n.
     """

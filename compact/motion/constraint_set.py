@@ -56,10 +56,6 @@ class ConstraintSet:
 
     Attributes
     ----------
-    limits : Limits
-        Limits of the law.
-    space : SplineSpace
-        Space of the law.
     stroke : float
         Travel of one pass [m].
     duration : float

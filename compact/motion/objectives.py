@@ -46,8 +46,6 @@ class MotionState(NamedTuple):
 
     Attributes
     ----------
-    nodes : QuadratureNodes
-        Nodes of the law.
     velocity : ndarray
         v [m/s], at least the velocity floor.
     resistance, force : ndarray

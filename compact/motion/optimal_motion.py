@@ -34,8 +34,6 @@ class OptimalMotion(MotionProfile):
         Relative decrease of the criterion by the last halving of the pieces [-]; nan without a halving.
     steps : int
         Number of convex subproblems accepted.
-    limits : Limits
-        Constraints of the search.
     """
 
     value: float = np.nan

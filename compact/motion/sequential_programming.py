@@ -84,8 +84,6 @@ class OptimisationProblem:
 
     Attributes
     ----------
-    constraints : ConstraintSet
-        Linear constraints and spline space.
     criterion : DriveCriterion
         Criterion to minimise; without weights the largest curvature ratio of the pitch curve.
     extra_phases : tuple of float

@@ -100,12 +100,6 @@ class ColumnProblem(NamedTuple):
 
     Attributes
     ----------
-    law : CapConstants
-        Material constants at the rolling speed.
-    stack : ColumnStack
-        Columns before the pass.
-    gap : GapShape
-        Shape of the roller.
     strain_measure : int
         LOGARITHMIC, SMALL or MASS_TRUE.
     """

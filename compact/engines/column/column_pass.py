@@ -74,12 +74,6 @@ class ColumnLayer:
 
     Parameters
     ----------
-    law : CapConstants
-        Material constants at the rolling speed.
-    stack : ColumnStack
-        Columns from the base upwards.
-    gap : GapShape
-        Shape of the roller.
     strain_measure : int
         One of the values of STRAINS.
     """

@@ -42,12 +42,6 @@ class RollingProblem:
 
     Parameters
     ----------
-    layer : Layer
-        Height, base and plies.
-    roller : Roller
-        Geometry, friction and target.
-    material : Elastic or Viscoelastic
-        Material of the layer.
     speed : float
         Speed along x [m/s].
     torque : float
@@ -99,19 +93,7 @@ class RollingProblem:
 
 @dataclass(frozen=True, eq=False)
 class ContactSolution:
-    """Contact of an indenter on a surface, in units of the relaxed modulus.
-
-    Parameters
-    ----------
-    surface : SurfaceCompliance
-        Compliance of the layer.
-    indenter : Indenter
-        Roller at its indentation.
-    patch : ContactPatch
-        Edges and pressure.
-    shear : ShearSolution, optional
-        Shear traction of a roller with stick and slip.
-    """
+    """Contact of an indenter on a surface, in units of the relaxed modulus."""
 
     surface: SurfaceCompliance
     indenter: contact_patch.Indenter
@@ -150,8 +132,6 @@ class Discretisation:
 
     Parameters
     ----------
-    mesh : RowMesh
-        Mesh of the layer.
     half_width : float
         Half-width of the contact for which the mesh is fine [m].
     indentation : float

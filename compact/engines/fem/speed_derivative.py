@@ -155,7 +155,6 @@ class _SimilarContacts:
         Compliance of the elastic layer on the mesh of the steady contact.
     stretch_rate : SurfaceCompliance
         Its derivative with respect to the log of the stretch.
-    steady : ContactSolution
     discretisation : Discretisation
         Pressure terms and indentation of the steady contact.
     """

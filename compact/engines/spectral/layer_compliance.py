@@ -99,14 +99,10 @@ class LayerResponse:
 
     Parameters
     ----------
-    layer : Layer
-        Geometry and plies.
     poisson : float
         Poisson's ratio nu [-].
     friction : float
         Traction on the mix over the pressure, f [-], positive along the travel.
-    creep : CreepCompliance
-        Compliance on the path of the mix.
     """
 
     layer: Layer
