@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from compact.files import write_vtu_series
 from compact.numerics import Array
-from compact.numerics.validation import require_finite, require_nonnegative, require_positive
+from compact.numerics.validation import require_fields, require_finite, require_positive
 
 BaseCondition = Literal["bonded", "slip"]
 RollerCondition = Literal["frictionless", "sliding", "free", "driven"]
@@ -142,8 +142,7 @@ class Roller:
     peak_pressure: float | None = None
 
     def __post_init__(self) -> None:
-        require_positive(radius=self.radius)
-        require_nonnegative(friction=self.friction)
+        require_fields(self, positive="radius", nonnegative="friction")
         prescribed = self._prescribed
         if len(prescribed) != 1:
             raise ValueError(

@@ -24,7 +24,7 @@ from compact.machine.rigid_drive import DriveState, InverseDynamics
 from compact.motion.profile import Cycle, Leg
 from compact.numerics import Array
 from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
-from compact.numerics.validation import require_nonnegative, require_positive
+from compact.numerics.validation import require_fields, require_positive
 
 FULL_SLIP_SHARE = 0.99  # [-], of the Coulomb limit; a roller beyond slides
 GAUSS_RULE = np.polynomial.legendre.leggauss(4)
@@ -96,8 +96,7 @@ class CreepFreeRoller:
     has_creep = False
 
     def __post_init__(self) -> None:
-        require_positive(radius=self.radius, load=self.load)
-        require_nonnegative(friction=self.friction)
+        require_fields(self, positive="radius load", nonnegative="friction")
 
     def __call__(self, _speed: Array, pull: Array) -> RollerTraction:
         """Return the traction for pulls [N]."""

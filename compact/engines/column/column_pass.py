@@ -18,7 +18,7 @@ from compact.engines.column.column_ode import STRESS, ColumnProblem, ColumnStack
 from compact.material.cap_plasticity import CapConstants, cap_constants, hardening
 from compact.material.laws import Compaction
 from compact.numerics import Array
-from compact.numerics.validation import require_finite, require_nonnegative, require_positive
+from compact.numerics.validation import require_fields
 
 SAMPLED_STEP_SHARE = 1 / 32  # [-], largest step over the front of a pass whose pressure is returned at every step
 INDENTATION_SHARE_MAX = 1 - 1e-9  # [-], of the limit of the indentation; the last pore cannot be closed
@@ -61,9 +61,7 @@ class Column:
     max_density_ratio: float = 0.0
 
     def __post_init__(self) -> None:
-        require_positive(height=self.height, density_ratio=self.density_ratio)
-        require_finite(lateral_stress=self.lateral_stress)
-        require_nonnegative(max_density_ratio=self.max_density_ratio)
+        require_fields(self, positive="height density_ratio", nonnegative="max_density_ratio", finite="lateral_stress")
         if not self.density_ratio < 1:
             raise ValueError(f"`density_ratio` must be below 1, got {self.density_ratio!r}")
 
