@@ -330,7 +330,7 @@ class Cam:
         return np.where(np.abs(time - nearest) <= BREAK_OFFSET * period, nearest + BREAK_OFFSET * period, time)
 
     def _raised(self, x, slope, second):
-        """rho, rho', rho'' from the travel."""
+        """Return rho, rho', rho'' for the travel."""
         return x + (self.breadth - self.cycle.forward.stroke) / 2, slope, second
 
 

@@ -126,7 +126,7 @@ def evaluate_table(table: PiecewisePolynomial, speed: float, within: SmoothRange
 
 @compiled
 def steady_force(resistance: ResistanceTable, slip: int, velocity: float) -> float:
-    """F [N] at a velocity [m/s], as the limit from the side of the slip."""
+    """Return F [N] at a velocity [m/s], as the limit from the side of the slip."""
     return evaluate_table(resistance.forward if slip > 0 else resistance.backward, slip * velocity, FULL_RANGE)[0]
 
 
@@ -140,7 +140,7 @@ def differentiate_resistance(
     acceleration: float,
     within: SmoothRange,
 ) -> tuple[float, float, float]:
-    """R [N], dR/dv [N s/m] and dR/da [kg], continued beyond a smooth range; table is F for the slip."""
+    """Return R [N], dR/dv [N s/m] and dR/da [kg], continued beyond a smooth range; table is F for the slip."""
     speed = slip * velocity
     force, slope = evaluate_table(table, speed, within)
     if rate_limit == 0:
@@ -187,8 +187,6 @@ class OscillatorParameters(NamedTuple):
         k [N/m] and c [N s/m] of the drive.
     backlash : float
         Play between the flanks [m].
-    end_springs : EndSpringParameters
-        Springs at the ends of the stroke.
     """
 
     mass: float

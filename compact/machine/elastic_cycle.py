@@ -86,10 +86,6 @@ class CycleMapEvaluation(NamedTuple):
     ----------
     first, second : Intervals
         Solution before and after the middle of the forward stroke.
-    end : CartState
-        State at the end of the cycle.
-    after : CartState
-        State one period after the initial state.
     residual : ndarray, shape (2,)
         Difference of `after` and the initial state, over the force scale.
     """
@@ -111,12 +107,6 @@ class PeriodicProblem:
 
     Parameters
     ----------
-    cart : Cart
-        Cart of mass > 0.
-    drive : ElasticDrive
-        Spring and damper.
-    cycle : Cycle
-        Motion of the driven end.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
     tolerance : float
@@ -167,13 +157,13 @@ class PeriodicProblem:
             )
 
     def _added_mass(self, speed):
-        """M [kg] at speeds > 0, constant below the slowest sample."""
+        """Return the added mass M [kg] at speeds > 0, constant below the slowest sample."""
         speed = np.maximum(speed, min(self.sampled_speeds, default=0.0))
         acceleration = np.minimum(self.acceleration_scale, self.rate_limit * speed) / 2
         return (self.total(speed, acceleration) - self.total(speed)) / acceleration
 
     def _tabulate_added_mass(self, breaks):
-        """M over |v|."""
+        """Tabulate the added mass M over |v|."""
         masses = fit_piecewise(self._added_mass, breaks, self._table_tolerance / self.acceleration_scale)
         least = min(masses.coefficients[:, 0].min(), float(masses(masses.breaks[-1])))
         if self.oscillator.mass + least <= 0:
@@ -186,7 +176,7 @@ class PeriodicProblem:
         return PiecewisePolynomial(np.append(0.0, masses.breaks), np.concatenate([constant, masses.coefficients]))
 
     def _tabulate_force(self, sign, breaks):
-        """F over |v| in one direction."""
+        """Tabulate the resistance F over |v| in one direction."""
         try:
             table = fit_piecewise(lambda v: self.total(sign * v), breaks, self._table_tolerance)
         except ValueError as error:

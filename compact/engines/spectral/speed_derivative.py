@@ -1,4 +1,4 @@
-"""Derivative of the resistance with respect to speed, and added mass M, of a rolling contact; Galerkin method.
+"""Derivative of the resistance with respect to speed, and added mass M, of a rolling contact by the Galerkin method.
 
 In the roller frame a creep branch z of a displacement w follows z + theta (dz/dt - v dz/dx) = w. For a small
 acceleration a, p = p_ss(x; v) + a p_1(x; v) and d/dt = a d/dv. With the symbols D = 1/(1 - ik v theta) of the branches
@@ -90,7 +90,7 @@ def expand_resistance(
 
 
 def _refine_modes(problem, half_width, rtol, length):
-    """F_ss, v dF_ss/dv, v^2 M and the error of M, with as many modes as `rtol` requires; `length` is v tau [m]."""
+    """Return F_ss, v dF_ss/dv, v^2 M and the error of M, with the modes that `rtol` requires; `length` is v tau [m]."""
     masses, errors, longest = [], [], problem.response.creep.lengths[-1]
     for modes in spectral.MODE_COUNTS:
         contact = rolling_problem.solve_contact(problem, modes, half_width, [])
@@ -145,13 +145,6 @@ class ContactLinearisation:
 
     A change is a vector of the coefficients b, the logarithm of the half-width and the centre [m], shape (modes + 2,).
     A surface is represented by -u' under T_0 ... T_modes and u under T_0, also of shape (modes + 2,).
-
-    Parameters
-    ----------
-    problem : RollingProblem
-        Contact without its half-width.
-    contact : ContactSolution
-        Contact at the steady speed.
     """
 
     problem: rolling_problem.RollingProblem
