@@ -118,14 +118,7 @@ def _print_error(message: object, code: int) -> int:
     return code
 
 
-def _one_line_warning(
-    message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
-) -> str:
-    del category, filename, lineno, line  # the signature is that of `warnings.formatwarning`
-    return f"compact: warning: {message}\n"
-
-
-warnings.formatwarning = _one_line_warning
+warnings.formatwarning = lambda message, *_, **__: f"compact: warning: {message}\n"
 
 
 @app.command

@@ -153,18 +153,7 @@ def write_netcdf(path: Path, dataset: "xarray.Dataset", kind: NetcdfFormat) -> P
 
 
 def read_netcdf(path: str | Path, kind: NetcdfFormat) -> "xarray.Dataset":
-    """Read a netCDF file into memory.
-
-    Parameters
-    ----------
-    kind : str
-        Format, a key of `NETCDF_BACKENDS`.
-
-    Raises
-    ------
-    OSError, TypeError, LookupError
-        If the file is not of that format.
-    """
+    """Read a netCDF file of a format of `NETCDF_BACKENDS` into memory."""
     import xarray
 
     return xarray.load_dataset(path, engine=NETCDF_BACKENDS[kind])

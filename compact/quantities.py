@@ -9,28 +9,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 PLOT_FACTORS = {  # unit of a plot -> factor from the SI unit
-    "kN": 1e-3,
-    "kN/m": 1e-3,
-    "kN m": 1e-3,
-    "kW": 1e-3,
-    "kPa": 1e-3,
-    "mm": 1e3,
-    "°": math.degrees(1.0),
-    "kW/m³": 1e-3,
-    "kJ/m³": 1e-3,
-}
+    "kN": 1e-3, "kN/m": 1e-3, "kN m": 1e-3, "kW": 1e-3, "kPa": 1e-3, "mm": 1e3, "°": math.degrees(1.0),
+    "kW/m³": 1e-3, "kJ/m³": 1e-3,
+}  # fmt: skip
 UNIT_SYMBOLS = {
-    "1": "",
-    "-": "",
-    "m/s2": "m/s²",
-    "m/s3": "m/s³",
-    "m/s^3": "m/s³",
-    "m3/s": "m³/s",
-    "kg/m3": "kg/m³",
-    "W/m3": "W/m³",
-    "J/m3": "J/m³",
-    "Nm": "N m",
-}
+    "1": "", "-": "", "m/s2": "m/s²", "m/s3": "m/s³", "m/s^3": "m/s³", "m3/s": "m³/s", "kg/m3": "kg/m³",
+    "W/m3": "W/m³", "J/m3": "J/m³", "Nm": "N m",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)

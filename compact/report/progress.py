@@ -102,11 +102,6 @@ class Progress:
         ----------
         total : float, optional
             New cost of the whole job.
-
-        Raises
-        ------
-        ValueError
-            If the cost or the total is negative or not finite.
         """
         if not 0 <= cost < float("inf"):
             raise ValueError(f"`cost` of a stage must be finite and not negative, got {cost!r}; give seconds")

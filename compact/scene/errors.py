@@ -246,14 +246,16 @@ def shown(value: object) -> str:
 
 def table_of(info: FieldInfo) -> type[BaseModel] | None:
     """Return the table class of a field, or None for a field with a value."""
-    kinds = (info.annotation, *get_args(info.annotation))
-    return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
+    return _first_table((info.annotation, *get_args(info.annotation)))
 
 
 def tables_of(info: FieldInfo) -> type[BaseModel] | None:
     """Return the class of the table, or of the tables in the list, of a field; else None."""
-    kinds = (kind for kind in _kinds(info.annotation) if isinstance(kind, type))
-    return next((kind for kind in kinds if issubclass(kind, BaseModel)), None)
+    return _first_table(_kinds(info.annotation))
+
+
+def _first_table(kinds: Iterable[object]) -> type[BaseModel] | None:
+    return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
 
 
 def _kinds(annotation: object) -> Iterator[object]:

@@ -49,10 +49,6 @@ KeyedPoint = tuple[str, dict[str, Any], dict[str, float]]  # key, changes, share
 Step = Callable[[int, int], None]  # called with numbers of new points and of failures among them
 
 
-def _no_step(points: int, failed: int) -> None:
-    """Ignore progress."""
-
-
 @dataclass(frozen=True)
 class Task:
     """Points that one worker computes in order.
@@ -164,7 +160,7 @@ class Sweep:
         executor: Executor,
         resume: bool = False,
         force: bool = False,
-        step: Step = _no_step,
+        step: Step = lambda *_: None,
     ) -> "xarray.Dataset":
         """Compute the missing points, and write checkpoints and sweep.nc.
 

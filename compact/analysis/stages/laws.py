@@ -138,15 +138,11 @@ class LawStage:
         phases = Limits if table.steady_tolerance is None else motion
         return Limits(
             velocity=velocity if np.isfinite(velocity) else None,
-            acceleration=table.acceleration,
-            jerk=table.jerk,
-            snap=table.snap,
-            run_up=phases.run_up,
-            run_down=phases.run_down,
-            steady_tolerance=table.steady_tolerance or 0.0,
-            smoothness=table.smoothness,
             end_condition="dwell" if motion.dwell else "reversal",
+            steady_tolerance=table.steady_tolerance or 0.0,
             cam=_cam_limits(self.scene, table),
+            **table.model_dump(include={"acceleration", "jerk", "snap", "smoothness"}),
+            **{phase: getattr(phases, phase) for phase in ("run_up", "run_down")},
         )
 
     @property
