@@ -47,11 +47,6 @@ def atomic_file(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
     mode : {"w", "wb"}
         Mode of `open`; text is UTF-8.
 
-    Yields
-    ------
-    file object
-        Temporary file.
-
     Raises
     ------
     ResultsError
@@ -79,11 +74,6 @@ def atomic_file(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
 def default_directory(scene_path: str | Path, suffix: str = "") -> Path:
     """Return the default directory for the results of a scene file.
 
-    Parameters
-    ----------
-    suffix : str
-        Kind of the results.
-
     Returns
     -------
     Path
@@ -98,13 +88,7 @@ def default_directory(scene_path: str | Path, suffix: str = "") -> Path:
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Iterable[Any]]) -> Path:
-    """Write rows of numbers, with 12 digits, and words.
-
-    Parameters
-    ----------
-    header : sequence of str
-        Column names with units.
-    """
+    """Write rows of numbers, with 12 digits, and words."""
     with atomic_file(path) as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)
@@ -188,8 +172,6 @@ def write_vtu_series(
     ----------
     collection : Path
         PVD file, written last, so that all files it names exist.
-    folder : str
-        Folder of the VTU files next to the collection.
     label : str
         Name of the series parameter; a file is called LABEL=VALUE.vtu.
     frames : iterable of (float, meshio.Mesh)
@@ -210,8 +192,6 @@ def write_pvd_collection(path: str | Path, members: Iterable[tuple[float, Path]]
 
     Parameters
     ----------
-    path : path
-        PVD file.
     members : iterable of (float, Path)
         Series parameter and file below the folder of the collection.
     """

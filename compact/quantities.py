@@ -24,14 +24,10 @@ class Quantity:
 
     Parameters
     ----------
-    term : str
-        Standard term, in lower case.
     unit : str
         SI unit in ASCII, "1" for a dimensionless quantity.
     plot_unit : str, optional
         Unit of the axes of figures, a key of `PLOT_FACTORS`; the SI unit by default.
-    symbol : str, optional
-        Symbol of the equations.
     definition : str, optional
         Definition for the metadata of a file; the term by default.
     """
@@ -89,8 +85,6 @@ def column_names(quantities: Mapping[str, Quantity], *names: str) -> tuple[str, 
 
     Parameters
     ----------
-    quantities : mapping of str to Quantity
-        Table of the record.
     *names : str
         Fields of the record; all of them by default.
     """

@@ -72,8 +72,6 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None) ->
     ----------
     workers : int, optional
         Number of processes; one per processor by default, none for 1.
-    scheduler : str, optional
-        Address of a dask scheduler.
     """
     if workers is not None and scheduler is not None:
         raise ValueError("give --workers or --scheduler, got both")
@@ -92,8 +90,6 @@ def run_tasks(
 
     Parameters
     ----------
-    work : callable
-        Function of one task.
     meanwhile : callable
         Called once after the first tasks have been submitted, while workers start.
 
@@ -144,8 +140,6 @@ class BackgroundTasks:
         ----------
         name : str
             Unique name of the task.
-        work : callable
-            Function of one task.
 
         Returns
         -------
@@ -226,11 +220,6 @@ class _RecordingContext(SpawnContext):
 
 class ProcessExecutor:
     """Executor in worker processes.
-
-    Parameters
-    ----------
-    count : int
-        Number of worker processes.
 
     Attributes
     ----------

@@ -27,11 +27,6 @@ def write_study(
     executor : Executor, optional
         Executor of `analysis.worker_pool` for the engines of the comparison; this process by default.
 
-    Returns
-    -------
-    dict
-        Content of summary.json.
-
     Raises
     ------
     ResultsError

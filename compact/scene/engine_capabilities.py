@@ -69,8 +69,6 @@ class Limit:
 
         Parameters
         ----------
-        value : object
-            Value of the key.
         friction : float or None
             Friction coefficient of the mix on the roller [-]; None for the prior.
         """

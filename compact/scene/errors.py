@@ -64,14 +64,8 @@ class Source:
 
     Parameters
     ----------
-    file : str
-        Name of the scene file.
-    lines : mapping
-        Line number of each key path.
     changes : frozenset
         Key paths that the caller has replaced.
-    remarks : mapping
-        Comment on the line of each key path.
     """
 
     file: str = field(default="<text>", compare=False)
@@ -118,18 +112,7 @@ class Source:
 
 
 def field_mistakes(error: ValidationError, scene: type[BaseModel]) -> list[Mistake]:
-    """Convert the errors of pydantic to mistakes.
-
-    Parameters
-    ----------
-    scene : type
-        Class of the scene model.
-
-    Returns
-    -------
-    list of Mistake
-        One for each refused field.
-    """
+    """Convert the errors of pydantic to mistakes."""
     errors = error.errors(include_url=False)
     # pydantic also reports a list as too short if one of its entries is refused; the entry suffices
     outer = {part["loc"][:length] for part in errors for length in range(len(part["loc"]))}

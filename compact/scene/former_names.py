@@ -49,13 +49,6 @@ def current_path(path: str) -> str:
 def current_tables(data: dict[str, Any], source: Source) -> Source:
     """Rename former keys in the nested tables of a scene file in place; warn about each.
 
-    Parameters
-    ----------
-    data : dict
-        Tables as read from TOML.
-    source : Source
-        File, with the line of each key.
-
     Returns
     -------
     Source

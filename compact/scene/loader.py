@@ -78,13 +78,7 @@ class Scene(Table):
         return tuple(dict.fromkeys(([] if self.accuracy.engine == "formula" else ["formula"]) + list(given)))
 
     def with_engine(self, engine: str) -> "Scene":
-        """Return the scene of an engine of the comparison, with the keys of `[compare.ENGINE]` and no output items.
-
-        Parameters
-        ----------
-        engine : str
-            Name of a contact engine.
-        """
+        """Return the scene of an engine of the comparison, with the keys of `[compare.ENGINE]` and no output items."""
         given = None if self.compare is None else getattr(self.compare, engine)
         changes: dict[str, object] = {"accuracy.engine": engine, "compare": None, "output.items": ()}
         if engine == "formula":  # compared with every engine, whatever the scene sets for that engine

@@ -34,13 +34,7 @@ SEED = 2015  # of the scrambling of Sobol points; the same sample in every run
 
 @dataclass(frozen=True)
 class Axis:
-    """Values of one scene key.
-
-    Parameters
-    ----------
-    values : tuple
-        Numbers or words, distinct.
-    """
+    """Values of one scene key."""
 
     key: str
     values: tuple[Any, ...]
@@ -128,8 +122,6 @@ class Design:
 
     Parameters
     ----------
-    names : tuple of str
-        Sampled parameters of the mix.
     shares : NDArray, shape (rows, names)
         Shares of their spreads [-].
     parts : tuple of str
@@ -156,11 +148,6 @@ class Design:
 
 def design(scene: Scene, varied: Sequence[Axis | Sampled], indices: bool = False) -> Design:
     """Build the design of a sweep.
-
-    Parameters
-    ----------
-    indices : bool
-        Whether the sample has the rows for Sobol indices.
 
     Raises
     ------
@@ -242,8 +229,6 @@ def scene_at(scene: Scene, changes: Mapping[str, Any], shares: Mapping[str, floa
 
     Parameters
     ----------
-    changes : mapping
-        Scene keys.
     shares : mapping
         Shares of the spreads of the sampled parameters [-].
 

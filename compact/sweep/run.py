@@ -55,14 +55,8 @@ class Task:
 
     Parameters
     ----------
-    points : tuple
-        Key, changes and shares of each point.
-    rank : bool
-        Whether the laws are ranked.
     chained : bool
         Whether each contact is the initial guess of the next.
-    versions : dict
-        Required versions.
     """
 
     scene: Scene
@@ -74,11 +68,6 @@ class Task:
 
 def compute(task: Task) -> dict[str, Results]:
     """Compute the points of a task.
-
-    Returns
-    -------
-    dict
-        Results by key.
 
     Raises
     ------
@@ -119,19 +108,8 @@ class Sweep:
 
     Parameters
     ----------
-    varied : sequence of Axis or Sampled
-        Of `design.read_design`.
     rank : bool
         Whether the motion laws are ranked at every point, by the criteria of the scene.
-    indices : bool
-        Whether the sample has the rows for Sobol indices.
-
-    Attributes
-    ----------
-    computed : int
-        Number of points that this run has computed.
-    broken : tuple of str
-        Names of checkpoint files with a wrong checksum.
     """
 
     def __init__(
@@ -166,8 +144,6 @@ class Sweep:
 
         Parameters
         ----------
-        executor : Executor
-            Of `analysis.worker_pool`.
         resume : bool
             Whether existing checkpoints are used.
         force : bool

@@ -46,13 +46,7 @@ PRINTED_MEAN_POWER, PRINTED_SUM_OVER_MEAN = 4738.8, 21872.2 / 18993.8  # [W] of 
 
 
 def engineering_numbers() -> dict[str, Any]:
-    """Compute (1.1)-(1.10) and the mix parameters that follow from the published operating point.
-
-    Returns
-    -------
-    dict of str to float
-        Values by row name, in the unit of the row.
-    """
+    """Compute (1.1)-(1.10) and the mix parameters that follow from the published operating point."""
     no_friction = _chain(0.0, MODULUS)
     fitted = MODULUS * no_friction["force"] / ROLLER_REACTION  # F of (1.6) at given q goes as 1/E
     radius = CART.roller_radius
@@ -200,13 +194,7 @@ def _percent_above_zero(function: Function, low: float, high: float) -> float:
 
 
 def crank_numbers() -> dict[str, Any]:
-    """Compute powers and guide-wheel reactions of C for the stated data, and for the data evidently used.
-
-    Returns
-    -------
-    dict of str to float
-        Values by row name, in the unit of the row.
-    """
+    """Compute powers and guide-wheel reactions of C for the stated data, and for the data evidently used."""
     stated = _Shaft(ROLLERS * INTERACTION_FORCE)
     bare = replace(CART, mass=0.0, guide_friction=0.0)
     used = _Shaft(MOVING_FORCE, bare, speed=100 * 2 * np.pi / 60)

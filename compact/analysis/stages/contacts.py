@@ -64,8 +64,6 @@ def roll_scene(
     initial_guess : ContactResult, optional
         Contact at another speed in the same direction, or of another mix. Engines with continuation use it if the layer
         is the same. If only the speed differs and the mix has no rate, it is the result.
-    held : HeldQuantity, optional
-        Replaces the target of the scene.
     progress : callable, optional
         Called with lines of text by engines with continuation.
 
@@ -108,14 +106,8 @@ def roll_passes(
     ----------
     speed : float
         Speed of the first pass [m/s].
-    initial_guess : sequence of ContactResult, optional
-        Passes at another speed.
-    held : HeldQuantity, optional
-        Replaces the target of the scene.
     count : int, optional
         Number of passes; that of the scene by default.
-    first : ContactResult, optional
-        Contact of the first pass if it is known.
     progress : callable, optional
         Called with lines of text by engines with continuation.
 
@@ -152,8 +144,6 @@ def added_mass(
     ----------
     speed : float
         Speed of the roller [m/s].
-    held : HeldQuantity or None
-        Quantity that is constant over speed.
     count : callable
         Called with "added mass" if an engine solves for it.
 
@@ -263,8 +253,6 @@ class ContactStage:
 
     Parameters
     ----------
-    count : callable
-        Called with the name of each stage that begins.
     directory : Path, optional
         Results of an earlier run, which are used if they have the same key.
     progress : callable, optional

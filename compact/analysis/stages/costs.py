@@ -34,8 +34,6 @@ class WorkPlan:
 
     Parameters
     ----------
-    counts : Counter
-        Number of runs of each stage so far.
     laws_not_made : int
         Number of optimal laws that have been left out so far.
     """

@@ -42,12 +42,8 @@ class KeptResults:
 
     Parameters
     ----------
-    held : HeldQuantity
-        Quantity that is constant over speed.
     second_pass : tuple of float or None
         Load and resistance of a second pass over those of the first [-].
-    files : tuple of str
-        Result files, relative to the directory.
     """
 
     contacts: list[ContactRecord]

@@ -28,13 +28,7 @@ FOLLOWERS = ("pointed", "roller", "flat")
 
 
 class PrescribedLaws:
-    """Motion laws that the scene names, tables of the user last.
-
-    Parameters
-    ----------
-    count : callable
-        Called with "laws" for each law.
-    """
+    """Motion laws that the scene names, tables of the user last."""
 
     def __init__(self, scene: Scene, count: Count) -> None:
         self.scene, self.count = scene, count
@@ -75,8 +69,6 @@ class LawStage:
     ----------
     resistance : ResistanceStage
         Resistance for which laws are optimised; it is extended to faster laws.
-    cycles : mapping of str to Cycle, optional
-        All laws if they are known, as for the comparison of engines.
     """
 
     def __init__(

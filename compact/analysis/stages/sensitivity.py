@@ -80,14 +80,8 @@ class Shift:
 
     Parameters
     ----------
-    name : str
-        Scene key of the input.
-    ends : tuple of float
-        Low and high value of the input.
     how : {PRIOR, SHARE, PRESSED}
         Kind of variation.
-    by : str
-        Engine of the results at the ends.
     base : End
         Result of the scene itself by the same engine.
     low, high : End or None

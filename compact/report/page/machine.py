@@ -149,13 +149,7 @@ def forces_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
 
 
 def cams_section(study: Study, pictures: Mapping[str, bytes], first_cam: CamDrawing) -> Section:
-    """Describe the cams of all laws and the motors in the rollers.
-
-    Parameters
-    ----------
-    first_cam : CamDrawing
-        Drawing of the cam of the first law.
-    """
+    """Describe the cams of all laws and the motors in the rollers."""
     rows = [_cam_row(study, law) for law in study.cycles]
     breadths = [f"least breadth, {follower}" for follower in FOLLOWERS]
     header = ("law", *breadths, "least radius, roller", "pressure angle, roller", "half-width, flat")

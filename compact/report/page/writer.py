@@ -26,13 +26,7 @@ FILES_REMARK = "The tables and `summary.json` in the same directory hold every n
 
 
 def write_page(path: Path, study: Study, pictures: Mapping[str, bytes], versions: Mapping[str, str]) -> Path:
-    """Write the page of a study.
-
-    Parameters
-    ----------
-    versions : mapping of str to str
-        Versions by package.
-    """
+    """Write the page of a study."""
     sections = [
         ranking_section(study, pictures),
         contact_section(study, pictures),
