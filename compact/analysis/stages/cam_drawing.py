@@ -20,6 +20,14 @@ class CamDrawing:
 
     Parameters
     ----------
+    description : str
+        Description of the drawing in one sentence.
+    drawing : str
+        Workshop drawing as SVG text, true to scale.
+    animation_description : str
+        Description of the animation in one sentence.
+    animation : str
+        Cam and cart in motion as SVG text.
     reason : str
         Reason for which the cam cannot be cut; empty where it can.
     """

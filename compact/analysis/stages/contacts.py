@@ -14,15 +14,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from compact.analysis.contact_cases import (
-    ContactRecord,
-    HeldQuantity,
-    contact_inputs,
-    contact_record,
-    contact_speeds,
-    has_density_target,
-    hold_quantity,
-)
+from compact.analysis import contact_cases
+from compact.analysis.contact_cases import ContactRecord, HeldQuantity, contact_inputs
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
 from compact.analysis.engines import ENGINES, Engine, expand_resistance
 from compact.analysis.stages.kept_results import KeptResults, read_results, results_key
@@ -229,7 +222,7 @@ def _engine_options(
         options["progress"] = progress
     if engine.continuation and _target_key(scene) in scene.unusual:
         options["max_contact_angle"] = None  # without the estimate of heaping
-    if held is None and has_density_target(scene, engine.name):
+    if held is None and contact_cases.has_density_target(scene, engine.name):
         options["exit_density_ratio"] = scene.mix.density_ratio
     return options
 
@@ -323,13 +316,15 @@ class ContactStage:
             return None
         if self.kept:
             return self.kept.held
-        return hold_quantity(self.scene, self.mix) or hold_quantity(self.scene, self.mix, self.reference[0])
+        return contact_cases.hold_quantity(self.scene, self.mix) or contact_cases.hold_quantity(
+            self.scene, self.mix, self.reference[0]
+        )
 
     @cached_property
     def passes(self) -> list[tuple[float, Passes]]:
         """Speed [m/s] and results of all passes at each speed of the scene; empty for the formulas."""
         found: list[tuple[float, Passes]] = []
-        for speed in contact_speeds(self.scene) if self.engine.layered else ():
+        for speed in contact_cases.contact_speeds(self.scene) if self.engine.layered else ():
             found.append((speed, self.passes_at(speed, found[-1][1] if found else None)))
         return found
 
@@ -359,7 +354,7 @@ class ContactStage:
         """Scalar results at each speed; empty for the formulas."""
         if self.kept:
             return self.kept.contacts
-        return [contact_record(self.engine.name, *each) for each in self.passes]
+        return [contact_cases.contact_record(self.engine.name, *each) for each in self.passes]
 
     @cached_property
     def fields(self) -> list[tuple[Any, ContactResult]]:

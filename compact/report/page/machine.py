@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from compact.analysis.ranking_uncertainty import Place, ties
-from compact.analysis.stages.balance_checks import BalanceCheck
 from compact.analysis.stages.cam_drawing import CamDrawing
 from compact.analysis.stages.comparison import RankingAgreement
 from compact.analysis.stages.laws import COMPLIANT_DRIVES, FOLLOWERS
@@ -307,18 +306,3 @@ def _remark(scene: Scene, table: str, key: str) -> Cell:
                 rest = [origin.removeprefix(sign).strip(" :,"), *(clause for clause in clauses if clause != origin)]
                 return Mark(kind, sign, "; ".join(filter(None, rest)))
     return "; ".join(clauses)
-
-
-def checks_section(checks: Sequence[BalanceCheck]) -> Section:
-    """Tabulate the built-in checks."""
-    rows = [
-        (
-            check.name, format_number(check.residual, 2), format_number(check.limit, 2),
-            Mark("good", "passes") if check.passed else Mark("bad", "fails"),
-        )
-        for check in checks
-    ]  # fmt: skip
-    failed = sum(not check.passed for check in checks)
-    lead = f"{len(checks)} balances and counts; {failed or 'none'} of them fail{'s' if failed == 1 else ''}."
-    table = Table("Checks", ("check", "residual", "limit", ""), rows, (1, 2))
-    return Section("checks", "Built-in checks", lead, [table])
