@@ -97,6 +97,10 @@ class Shift:
     low: End | None
     high: End | None
 
+    def changed_ends(self, by: str) -> list[End]:
+        """Return the ends at which the first law of the scene by a quantity of PEAKS is not first."""
+        return [end for end in (self.low, self.high) if end is not None and self.base.law[by] not in end.ties[by]]
+
 
 def sensitivities(stages: Stages) -> list[Shift]:
     """Compute the sensitivity to each input of the mix and the machine that the engine or the formulas depend on."""

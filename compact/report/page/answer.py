@@ -173,9 +173,8 @@ def _sensitivity(shifts: Sequence[Shift]) -> dict[str, Any]:
     """Collect the inputs with an end at which another law is first."""
     changed: dict[str, set[str]] = {}
     for shift in shifts:
-        for by, law in shift.base.law.items():
-            ends = [end for end in (shift.low, shift.high) if end is not None and law not in end.ties[by]]
-            if ends:
+        for by in shift.base.law:
+            if ends := shift.changed_ends(by):
                 changed.setdefault(shift.name, set()).update(f"{end.law[by]} by {criterion_term(by)}" for end in ends)
     return {
         "methods": methods(shifts),

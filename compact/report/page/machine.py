@@ -262,8 +262,7 @@ def _peak_change(end: End | None, base: End, peak: str) -> str:
 
 def _other_first_laws(shift: Shift) -> str:
     """Name the laws that are first at an end and not first in the scene."""
-    ends = [end for end in (shift.low, shift.high) if end]
-    found = {end.law[by] for end in ends for by, law in shift.base.law.items() if law not in end.ties[by]}
+    found = {end.law[by] for by in shift.base.law for end in shift.changed_ends(by)}
     return ", ".join(sorted(found)) or "the same"
 
 
