@@ -235,7 +235,8 @@ def claim_directory(directory: str | Path, scene_hash: str, force: bool = False)
     mark = directory / OWNER_FILE
     try:
         owner = mark.read_text(encoding="utf-8", errors="replace").strip() if mark.exists() else None
-        foreign = owner is None and directory.exists() and any(map(_is_foreign, directory.iterdir()))
+        names = [path.name for path in directory.iterdir()] if owner is None and directory.exists() else []
+        foreign = not all(name.startswith(".") and name.endswith(".part") for name in names)  # of interrupted runs
     except OSError as error:
         raise ResultsError(f"{directory}: {error.strerror or error}; use another --out") from error
     if foreign and not force:
@@ -245,8 +246,3 @@ def claim_directory(directory: str | Path, scene_hash: str, force: bool = False)
     with atomic_file(mark) as stream:
         stream.write(scene_hash + "\n")
     return directory
-
-
-def _is_foreign(path: Path) -> bool:
-    """Return True for a file that is not a temporary file of an interrupted run."""
-    return not (path.name.startswith(".") and path.name.endswith(".part"))

@@ -132,7 +132,7 @@ class Study:
     @property
     def plan(self) -> WorkPlan:
         """Expected work of all results that the scene requires."""
-        return WorkPlan(self.scene, self.mix, self.counts, self.law_stage.number_not_made)
+        return WorkPlan(self.scene, self.mix, self.counts, len(self.law_stage.left_out))
 
     def standing(self, directory: Path, *prefixes: str) -> list[Path]:
         """Return the valid files of an earlier run with any of the prefixes; none if a prefix has no file."""

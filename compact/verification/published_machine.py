@@ -198,10 +198,11 @@ def crank_numbers() -> dict[str, Any]:
     stated = _Shaft(ROLLERS * INTERACTION_FORCE)
     bare = replace(CART, mass=0.0, guide_friction=0.0)
     used = _Shaft(MOVING_FORCE, bare, speed=100 * 2 * np.pi / 60)
+    one, four = used.turn(1), used.turn(4)
     massless = replace(stated, cart=replace(CART, mass=0.0))
     return {
         **_four_powers("stated", stated.peak(), stated.mean(), stated.peak(4), 4 * stated.mean()),
-        **_four_powers("used", used.peak(), *_means_and_sum(used)),
+        **_four_powers("used", used.peak(), one.mean(one.power), four.power.max(), four.mean(four.power)),
         **_energy_balance(stated),
         **_inertia(stated),
         **_forward_reactions(massless),
@@ -220,11 +221,6 @@ def _four_powers(case: str, one_peak: float, one_mean: float, sum_peak: float, s
         f"{case}_sum_over_mean": sum_peak / sum_mean,
         f"{case}_one_over_mean": one_peak / one_mean,
     }
-
-
-def _means_and_sum(shaft: _Shaft) -> tuple[float, float, float]:
-    one, four = shaft.turn(1), shaft.turn(4)
-    return one.mean(one.power), four.power.max(), four.mean(four.power)
 
 
 def _energy_balance(stated: _Shaft) -> dict[str, Any]:

@@ -76,7 +76,7 @@ class LawStage:
     ) -> None:
         self.scene, self.count = prescribed.scene, prescribed.count
         self.prescribed, self.resistance = prescribed, resistance
-        self._not_made: dict[str, str] = {}
+        self.left_out: dict[str, str] = {}
         self._spread: dict[tuple[str, float], tuple[float, MotionResistance]] = {}
         if cycles is not None:
             self.cycles = dict(cycles)
@@ -103,7 +103,7 @@ class LawStage:
             try:
                 forward = self._optimal_law(objective)
             except (InfeasibleError, RuntimeError) as error:
-                self._not_made[name] = str(error)
+                self.left_out[name] = str(error)
                 warnings.warn(f"{name} is not made: {error}", stacklevel=2)
                 continue
             cycles[forward.name] = forward.cycle(dwell, dwell)
@@ -113,12 +113,7 @@ class LawStage:
     def not_made(self) -> dict[str, str]:
         """Reason by name of each optimal law that is left out of `cycles`."""
         _ = self.cycles
-        return self._not_made
-
-    @property
-    def number_not_made(self) -> int:
-        """Number of optimal laws that have been left out so far."""
-        return len(self._not_made)
+        return self.left_out
 
     @property
     def limits(self) -> Limits:
@@ -225,8 +220,8 @@ class LawStage:
             raise SceneError(["cam: missing; a cam needs a table [cam] with breadth and roller_follower_radius in m"])
         self.count("cams")
         cycle = self.prescribed.cycles.get(name) or self.cycles.get(name)
-        if name in self._not_made:
-            raise RuntimeError(f"no cam: {name} is not made: {self._not_made[name]}")
+        if name in self.left_out:
+            raise RuntimeError(f"no cam: {name} is not made: {self.left_out[name]}")
         if cycle is None:
             require_known("motion law", name, tuple(self.cycles))
         assert cycle is not None  # the name is known
