@@ -128,7 +128,7 @@ class Section:
     blocks: Sequence[Block]
 
 
-def render_page(title: str, **context: Any) -> str:
+def render_page(title: str, template: str = "page.html.j2", **context: Any) -> str:
     """Render the page.
 
     Returns
@@ -138,7 +138,7 @@ def render_page(title: str, **context: Any) -> str:
     """
     data = files("compact") / "data"
     style, script = ((data / name).read_text("utf-8") for name in ("page.css", "page.js"))
-    return environment().get_template("page.html.j2").render(title=title, style=style, script=script, **context)
+    return environment().get_template(template).render(title=title, style=style, script=script, **context)
 
 
 def render_block(block: Block) -> str:
