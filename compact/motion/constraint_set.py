@@ -6,7 +6,7 @@ elastic bounds (phase-one relaxation). The curvature of a cam for a roller follo
 the condition that its flanks do not cross is included here.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -56,10 +56,6 @@ class ConstraintSet:
 
     Attributes
     ----------
-    limits : Limits
-        Limits of the law.
-    space : SplineSpace
-        Space of the law.
     stroke : float
         Travel of one pass [m].
     duration : float
@@ -124,20 +120,10 @@ class ConstraintSet:
             raise RuntimeError("no law satisfies the limits on these pieces; raise `pieces` or lower `smoothness`")
         return solution[: self.space.size]
 
-    def with_profile_radius(self, profile_radius: float) -> "ConstraintSet":
-        """Return the same constraints with another limit on the profile of a cam for a roller follower [m]."""
-        cam = self.limits.cam and replace(self.limits.cam, profile_radius=profile_radius)
-        return replace(self, limits=self.limits.replaced(cam=cam))
-
     def project(self, unknowns: Array) -> Array:
-        """Return unknowns that satisfy all constraints to rounding, from those of a solver that leaves 1e-10.
+        """Return coefficients [-] that satisfy all constraints to rounding, from those of a solver that leaves 1e-10.
 
         Equalities are restored by least squares, bounds by the shortest step towards the law of maximum margin.
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
         """
         equal, equal_to, *_ = self.program
         unknowns = unknowns + np.linalg.lstsq(equal, equal_to - equal @ unknowns, rcond=None)[0]
@@ -256,16 +242,10 @@ class ConstraintSet:
 
 
 def spline_space_for(limits: Limits, pieces: int, halvings: int = 0) -> SplineSpace:
-    """Return the `SplineSpace` for some limits.
+    """Return the `SplineSpace` for the smoothness and the phase of constant velocity of some limits.
 
-    Parameters
-    ----------
-    limits : Limits
-        Limits of the law: smoothness and phase of constant velocity.
-    pieces : int
-        Number of pieces of the acceleration and deceleration phases together, graded towards the ends of each phase.
-    halvings : int
-        Number of times that each piece is halved.
+    The pieces of acceleration and deceleration phases together are graded towards the ends of each phase; each piece is
+    halved `halvings` times.
     """
     k, times = limits.continuous, 2**halvings
     if limits.steady is None:

@@ -27,15 +27,10 @@ from scipy.linalg import lu_factor, lu_solve
 from threadpoolctl import threadpool_limits
 
 from compact.engines.spectral import engine as spectral
+from compact.engines.spectral import rolling_problem
 from compact.engines.spectral.galerkin_system import assemble_system
 from compact.engines.spectral.jacobi_basis import pressure_polynomials
 from compact.engines.spectral.layer_compliance import CreepCompliance
-from compact.engines.spectral.rolling_problem import (
-    ContactSolution,
-    RollingProblem,
-    build_rolling_problem,
-    solve_contact,
-)
 from compact.material.laws import Elastic
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
@@ -80,7 +75,7 @@ def expand_resistance(
     if not branches:
         rolled = spectral.roll(layer, roller, material, speed)
         return ResistanceExpansion(speed, rolled.resistance, slope=0.0, added_mass=0.0, error=0.0, relaxation_time=0.0)
-    problem, half_width = build_rolling_problem(layer, roller, material, speed)
+    problem, half_width = rolling_problem.build_rolling_problem(layer, roller, material, speed)
     time = max(time for _, time in branches)
     with threadpool_limits(1):  # the matrices are too small for threads
         resistance, slope, added_mass, error = _refine_modes(problem, half_width, rtol, time * abs(speed))
@@ -98,7 +93,7 @@ def _refine_modes(problem, half_width, rtol, length):
     """F_ss, v dF_ss/dv, v^2 M and the error of M, with as many modes as `rtol` requires; `length` is v tau [m]."""
     masses, errors, longest = [], [], problem.response.creep.lengths[-1]
     for modes in spectral.MODE_COUNTS:
-        contact = solve_contact(problem, modes, half_width, [])
+        contact = rolling_problem.solve_contact(problem, modes, half_width, [])
         half_width = contact.half_width
         if not LENGTH_ERROR * half_width < ADDED_MASS_RTOL_MAX * longest:
             raise RuntimeError(
@@ -150,17 +145,10 @@ class ContactLinearisation:
 
     A change is a vector of the coefficients b, the logarithm of the half-width and the centre [m], shape (modes + 2,).
     A surface is represented by -u' under T_0 ... T_modes and u under T_0, shape (modes + 2,) too.
-
-    Parameters
-    ----------
-    problem : RollingProblem
-        Contact without its half-width.
-    contact : ContactSolution
-        Contact at the steady speed.
     """
 
-    problem: RollingProblem
-    contact: ContactSolution
+    problem: rolling_problem.RollingProblem
+    contact: rolling_problem.ContactSolution
 
     @property
     def x(self) -> Array:
@@ -168,13 +156,7 @@ class ContactLinearisation:
         return self.contact.half_width * self.contact.system.basis.nodes
 
     def surfaces(self, creep: CreepCompliance, widening: float = 0.0) -> Array:
-        """Compute the surfaces under the pressures b_k = 1, shape (modes + 2, modes).
-
-        Parameters
-        ----------
-        widening : float
-            Relative change of the half-width [-].
-        """
+        """Compute the surfaces under the pressures b_k = 1 on a contact widened by a share [-], (modes + 2, modes)."""
         response, a = replace(self.problem.response, creep=creep), self.contact.half_width * (1 + widening)
         system = assemble_system(response, len(self.contact.coefficients), a)
         return a / self.problem.radius * np.vstack([system.matrix, a * system.depths])
@@ -189,15 +171,7 @@ class ContactLinearisation:
         return change @ self.contact.coefficients / (2 * WIDTH_STEP)
 
     def surface_change(self, creep: CreepCompliance, change: Array, gradient: Array) -> Array:
-        """Compute the change of a surface at fixed x under a change of the pressure.
-
-        Parameters
-        ----------
-        change : ndarray
-            Change of the contact, shape (modes + 2,).
-        gradient : ndarray
-            Surface whose u is du/dx of this one, shape (modes + 2,).
-        """
+        """Compute the change of a surface at fixed x under that of the pressure; `gradient` is the surface of du/dx."""
         surfaces, (b, width, centre) = self.surfaces(creep), (change[:-2], *change[-2:])
         tests, shift = self.contact.system.basis.tests, centre + width * self.x
         slope_change = -tests @ (shift * self._nodal_values(gradient[:-1]))

@@ -198,7 +198,7 @@ def _draw_scale(figure: Figure, ax: Axes, shown: PolyCollection, name: str) -> N
     place, (_, high) = ax.get_position(), figure.get_size_inches()
     bar = figure.add_axes((place.x0, 0.5 / high, place.width, 0.13 / high))
     figure.colorbar(shown, cax=bar, orientation="horizontal", extend="min" if name in FIELD_DECADES else "neither")
-    bar.set_xlabel(FIELD[name].axis_label + (", black: less" if name in FIELD_DECADES else ""))
+    bar.set_xlabel(FIELD[name].axis_label + (", black: below the scale" if name in FIELD_DECADES else ""))
 
 
 def _draw_base(ax: Axes, base: str, reach: float, bottom: float | None) -> None:

@@ -24,6 +24,7 @@ from compact.report.figures.style import law_style
 from compact.sweep.sobol_indices import SobolTable
 
 if TYPE_CHECKING:
+    from matplotlib.contour import QuadContourSet
     from xarray import DataArray, Dataset
 
 BAND = (0.05, 0.95)  # [-], quantiles of a sample
@@ -34,6 +35,8 @@ PANEL_COLUMNS = 3  # [-]
 LOGARITHMIC_RATIO = 10  # [-], of largest to smallest value, above which an axis is logarithmic
 CONSTANT_SPAN = 1e-9  # [-], relative range below which a quantity is constant
 NO_NUMBER = "0.82"  # grey
+READABLE_ANGLE = 180.0  # [degrees], above which text is upside down
+LABEL_MARGIN = 0.05  # [-], of a panel, without labels of contour lines
 
 
 def numeric_axes(table: "Dataset") -> list[str]:
@@ -130,6 +133,7 @@ def _draw_map(ax: Axes, table: "Dataset", values: "DataArray", cmap: str, title:
     ax.set_facecolor(NO_NUMBER)
     ax.set(xlabel=_axis_label(x), ylabel=_axis_label(y))
     ax.set_title(title, fontsize=10)
+    ax.set(xlim=(float(table[x].min()), float(table[x].max())), ylim=(float(table[y].min()), float(table[y].max())))
     shown = np.ma.masked_invalid(values.values)
     if shown.count() and _is_constant(shown):
         ax.set_facecolor("white")
@@ -137,12 +141,29 @@ def _draw_map(ax: Axes, table: "Dataset", values: "DataArray", cmap: str, title:
     elif shown.count():
         filled = ax.contourf(table[x], table[y], shown, CONTOUR_LEVELS, cmap=cmap)
         lines = ax.contour(filled, colors="black", linewidths=0.6)
-        for text in ax.clabel(lines, fontsize=8, fmt=_short):
-            text.set_path_effects([withStroke(linewidth=2, foreground="white")])
-    beyond = required_share(table).transpose(y, x).values
-    if np.nanmax(beyond, initial=0.0) > 1:
-        ax.contourf(table[x], table[y], beyond, [1, np.inf], colors="none", hatches=["////"])
-    ax.set(xlim=(float(table[x].min()), float(table[x].max())), ylim=(float(table[y].min()), float(table[y].max())))
+        label_contours(ax, lines)
+    share = required_share(table).transpose(y, x).values
+    if np.nanmax(share, initial=0.0) > 1:
+        ax.contourf(table[x], table[y], share, [1, np.inf], colors="none", hatches=["////"])
+
+
+def label_contours(ax: Axes, lines: "QuadContourSet") -> None:
+    """Label contour lines; labels at the frame of a panel, which would be cut, are left out.
+
+    Parameters
+    ----------
+    ax : Axes
+        Panel of the lines, with its final limits.
+    lines : QuadContourSet
+        Lines of `contour`.
+    """
+    for text in ax.clabel(lines, fontsize=8, fmt=_short, inline=False, colors="black"):
+        place = ax.transAxes.inverted().transform(ax.transData.transform(text.get_position()))
+        if np.abs(place - 0.5).max() > 0.5 - LABEL_MARGIN:
+            text.remove()
+        if text.get_rotation() > READABLE_ANGLE:
+            text.set_rotation(text.get_rotation() - 180)
+        text.set_path_effects([withStroke(linewidth=2, foreground="white")])
 
 
 def _short(value: float) -> str:
@@ -154,7 +175,7 @@ def _legend(figure: Figure, table: "Dataset") -> None:
     if np.nanmax(required_share(table).values, initial=0.0) > 1:
         marks.append(Patch(facecolor="none", edgecolor="black", hatch="////", label="not reachable by rolling"))
     if (table["reason"] != "").any():
-        marks.append(Patch(facecolor=NO_NUMBER, label="no number, for the stated reasons"))
+        marks.append(Patch(facecolor=NO_NUMBER, label="no result, reason in sweep.nc"))
     if "sample" in table.dims:
         marks.append(Patch(facecolor="none", label=f"above: median; below: its band, {BAND_LABEL}"))
     if marks:
