@@ -306,6 +306,7 @@ def test_rate_equations_give_the_published_paths(name):
     assert density_ratio == pytest.approx(k, abs=6e-9)
 
 
+@pytest.mark.sampled(4)
 @SIDES
 @pytest.mark.parametrize(
     "name", [name for name in PATHS if not name.startswith("log")]
@@ -401,6 +402,7 @@ def test_release_of_the_oedometer_is_elastic(other, pressed, released, side_befo
 # hard cases
 
 
+@pytest.mark.sampled(32)
 @SIDES
 @pytest.mark.parametrize("name", HARD)
 @pytest.mark.parametrize("largest", [1e-9, 1e-3, 0.05, 2.0])
