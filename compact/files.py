@@ -12,13 +12,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Literal, Protocol
+from typing import IO, TYPE_CHECKING, Any, Literal
 from xml.etree import ElementTree
 
 if TYPE_CHECKING:
     import meshio
     import numpy as np
     import xarray
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
 OWNER_FILE = "scene.hash"  # file of a result directory with the hash of its scene
@@ -26,18 +27,9 @@ FIGURE_DPI = 110  # [1/inch], resolution of figures
 NetcdfFormat = Literal["NETCDF3_CLASSIC", "NETCDF4"]
 NETCDF_CLASSIC: NetcdfFormat = "NETCDF3_CLASSIC"  # numbers only, for any reader
 NETCDF_HDF5: NetcdfFormat = "NETCDF4"  # strings too
-NETCDF_BACKENDS: dict[NetcdfFormat, Literal["scipy", "h5netcdf"]] = {
-    NETCDF_CLASSIC: "scipy",
-    NETCDF_HDF5: "h5netcdf",
-}  # xarray backend of each format
+# xarray backend of each format
+NETCDF_BACKENDS: dict[str, Literal["scipy", "h5netcdf"]] = {NETCDF_CLASSIC: "scipy", NETCDF_HDF5: "h5netcdf"}
 GENERIC_STEM = "scene"  # stem of the scene file that `compact new` writes into a folder of the user's name
-
-
-class Figure(Protocol):
-    """Figure of matplotlib, which only the report imports."""
-
-    def savefig(self, fname: Any, *, format: str, dpi: float) -> None:
-        """Render the figure into a file object."""
 
 
 class ResultsError(RuntimeError):
@@ -54,11 +46,6 @@ def atomic_file(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
         Name of the file; a symbolic link is followed. Missing directories are created.
     mode : {"w", "wb"}
         Mode of `open`; text is UTF-8.
-
-    Yields
-    ------
-    file object
-        Temporary file.
 
     Raises
     ------
@@ -87,13 +74,6 @@ def atomic_file(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
 def default_directory(scene_path: str | Path, suffix: str = "") -> Path:
     """Return the default directory for the results of a scene file.
 
-    Parameters
-    ----------
-    scene_path : path
-        Scene file.
-    suffix : str
-        Kind of the results.
-
     Returns
     -------
     Path
@@ -108,22 +88,7 @@ def default_directory(scene_path: str | Path, suffix: str = "") -> Path:
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Iterable[Any]]) -> Path:
-    """Write rows of numbers, with 12 digits, and words.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-    header : sequence of str
-        Column names with units.
-    rows : iterable
-        Rows.
-
-    Returns
-    -------
-    Path
-        `path`.
-    """
+    """Write rows of numbers, with 12 digits, and words."""
     with atomic_file(path) as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)
@@ -172,36 +137,18 @@ def write_netcdf(path: Path, dataset: "xarray.Dataset", kind: NetcdfFormat) -> P
 
 
 def read_netcdf(path: str | Path, kind: NetcdfFormat) -> "xarray.Dataset":
-    """Read a netCDF file into memory.
-
-    Parameters
-    ----------
-    path : path
-        File.
-    kind : str
-        Format, a key of `NETCDF_BACKENDS`.
-
-    Returns
-    -------
-    xarray.Dataset
-        Content of the file.
-
-    Raises
-    ------
-    OSError, TypeError, LookupError
-        If the file is not of that format.
-    """
+    """Read a netCDF file of a format of `NETCDF_BACKENDS` into memory."""
     import xarray
 
     return xarray.load_dataset(path, engine=NETCDF_BACKENDS[kind])
 
 
-def write_figure(path: Path, figure: Figure) -> Path:
+def write_figure(path: Path, figure: "Figure") -> Path:
     """Write a matplotlib figure as PNG; return the path."""
     return write_bytes(path, render_png(figure))
 
 
-def render_png(figure: Figure) -> bytes:
+def render_png(figure: "Figure") -> bytes:
     """Render a matplotlib figure as PNG."""
     buffer = BytesIO()
     figure.savefig(buffer, format="png", dpi=FIGURE_DPI)
@@ -225,17 +172,10 @@ def write_vtu_series(
     ----------
     collection : Path
         PVD file, written last, so that all files it names exist.
-    folder : str
-        Folder of the VTU files next to the collection.
     label : str
         Name of the series parameter; a file is called LABEL=VALUE.vtu.
     frames : iterable of (float, meshio.Mesh)
         Parameter, in the place of the time of ParaView, and fields.
-
-    Yields
-    ------
-    Path
-        Each file after it is written.
     """
     members = []
     for value, mesh in frames:
@@ -252,8 +192,6 @@ def write_pvd_collection(path: str | Path, members: Iterable[tuple[float, Path]]
 
     Parameters
     ----------
-    path : path
-        PVD file.
     members : iterable of (float, Path)
         Series parameter and file below the folder of the collection.
     """
@@ -285,17 +223,8 @@ def claim_directory(directory: str | Path, scene_hash: str, force: bool = False)
 
     Parameters
     ----------
-    directory : path
-        Directory.
-    scene_hash : str
-        Hash of the scene.
     force : bool
         True to overwrite results of another scene, file by file.
-
-    Returns
-    -------
-    Path
-        The directory.
 
     Raises
     ------
@@ -306,7 +235,8 @@ def claim_directory(directory: str | Path, scene_hash: str, force: bool = False)
     mark = directory / OWNER_FILE
     try:
         owner = mark.read_text(encoding="utf-8", errors="replace").strip() if mark.exists() else None
-        foreign = owner is None and directory.exists() and any(map(_is_foreign, directory.iterdir()))
+        names = [path.name for path in directory.iterdir()] if owner is None and directory.exists() else []
+        foreign = not all(name.startswith(".") and name.endswith(".part") for name in names)  # of interrupted runs
     except OSError as error:
         raise ResultsError(f"{directory}: {error.strerror or error}; use another --out") from error
     if foreign and not force:
@@ -316,8 +246,3 @@ def claim_directory(directory: str | Path, scene_hash: str, force: bool = False)
     with atomic_file(mark) as stream:
         stream.write(scene_hash + "\n")
     return directory
-
-
-def _is_foreign(path: Path) -> bool:
-    """Return True for a file that is not a temporary file of an interrupted run."""
-    return not (path.name.startswith(".") and path.name.endswith(".part"))

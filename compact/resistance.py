@@ -245,7 +245,7 @@ class ResistanceMap:
 
     @cached_property
     def _splines(self) -> PPoly:
-        """F, and M where it is known, over ln v."""
+        """Return splines of F, and of M where it is known, over ln v."""
         columns = [self.forces] if self.added_masses is None else [self.forces, self.added_masses]
         splines = [_monotone_spline(self.speeds, values) for values in columns]
         return PPoly(np.stack([spline.c for spline in splines], axis=-1), splines[0].x)
@@ -268,15 +268,7 @@ class ResistanceMap:
         return replace(self, forces=factor * self.forces, added_masses=masses)
 
     def save(self, path: Path, key: str = "") -> None:
-        """Write the map as netCDF.
-
-        Parameters
-        ----------
-        path : Path
-            File.
-        key : str
-            Key of all inputs of the map; stored with the versions of the packages.
-        """
+        """Write the map as netCDF with a key of all its inputs and the versions of the packages."""
         import xarray
 
         from compact.files import NETCDF_CLASSIC, write_netcdf
@@ -299,20 +291,7 @@ class ResistanceMap:
 
 
 def load_resistance_map(path: str | Path, key: str = "") -> ResistanceMap:
-    """Read a map written by `ResistanceMap.save`.
-
-    Parameters
-    ----------
-    path : path
-        File.
-    key : str
-        Key of all inputs of the map.
-
-    Raises
-    ------
-    ValueError
-        If the file has another key or other versions, or is no resistance map.
-    """
+    """Read a map written by `ResistanceMap.save`; ValueError if its key or the versions of the packages differ."""
     from compact.files import NETCDF_CLASSIC, read_netcdf
 
     try:

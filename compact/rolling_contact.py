@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from compact.files import write_vtu_series
 from compact.numerics import Array
-from compact.numerics.validation import require_finite, require_nonnegative, require_positive
+from compact.numerics.validation import require_fields, require_finite, require_positive
 
 BaseCondition = Literal["bonded", "slip"]
 RollerCondition = Literal["frictionless", "sliding", "free", "driven"]
@@ -142,8 +142,7 @@ class Roller:
     peak_pressure: float | None = None
 
     def __post_init__(self) -> None:
-        require_positive(radius=self.radius)
-        require_nonnegative(friction=self.friction)
+        require_fields(self, positive="radius", nonnegative="friction")
         prescribed = self._prescribed
         if len(prescribed) != 1:
             raise ValueError(
@@ -169,21 +168,13 @@ class PrescribedMotion(Protocol):
 
     def position(self, time: Array) -> Array:
         """Return the position [m] at times [s]."""
-        ...
 
     def velocity(self, time: Array) -> Array:
         """Return the velocity [m/s] at times [s]."""
-        ...
 
 
 def require_moving(speed: float) -> None:
-    """Require a roller in motion.
-
-    Parameters
-    ----------
-    speed : float
-        Speed of the roller [m/s].
-    """
+    """Require a roller at a finite speed [m/s] other than 0."""
     require_finite(speed=speed)
     if speed == 0:
         raise ValueError(
@@ -193,13 +184,7 @@ def require_moving(speed: float) -> None:
 
 
 def require_torque_allowed(roller: Roller, torque: float | None) -> None:
-    """Require a torque only for a free or driven roller with friction, and always for a driven one.
-
-    Parameters
-    ----------
-    torque : float, optional
-        Torque per unit roller length [N].
-    """
+    """Require a torque [N] only for a free or driven roller with friction, and always for a driven one."""
     turns = roller.rolling in ("free", "driven")
     if torque is not None:
         require_finite(torque=torque)
@@ -215,24 +200,7 @@ def require_torque_allowed(roller: Roller, torque: float | None) -> None:
 def require_target_reached(
     name: str, prescribed: float, reached: float, tolerance: float, scale: float | None = None
 ) -> None:
-    """Require a prescribed quantity to be reached.
-
-    Parameters
-    ----------
-    name : str
-        Name of the quantity.
-    prescribed, reached : float
-        Its values, in one unit.
-    tolerance : float
-        Tolerance of the engine relative to `scale` [-].
-    scale : float, optional
-        Magnitude of the quantity; |prescribed| by default.
-
-    Raises
-    ------
-    RuntimeError
-        If the quantity is not reached.
-    """
+    """Require a prescribed quantity to be reached within a tolerance [-] of a scale, |prescribed| by default."""
     scale = abs(prescribed) if scale is None else scale
     if not abs(reached - prescribed) <= tolerance * scale:
         raise RuntimeError(
@@ -326,42 +294,34 @@ class LayerContactResult(Protocol):
     @property
     def load(self) -> float:
         """Normal force P [N/m]."""
-        ...
 
     @property
     def resistance(self) -> float:
         """Rolling resistance [N/m]."""
-        ...
 
     @property
     def indentation(self) -> float:
         """Depth of the lowest generatrix below the surface of the layer [m]."""
-        ...
 
     @property
     def creep(self) -> float | None:
         """Creepage of a roller with stick and slip [-], else None."""
-        ...
 
     @property
     def layer(self) -> Layer:
         """Layer before the pass."""
-        ...
 
     @property
     def roller(self) -> Roller:
         """Roller with its target."""
-        ...
 
     @property
     def material(self) -> Any:
         """Material law of the layer."""
-        ...
 
     @property
     def speed(self) -> float:
         """Speed of the roller along x [m/s]."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -409,18 +369,7 @@ class TransientResult:
                 raise RuntimeError(f"the {name} is not finite at t = {self.time[undefined[0]]:.6g} s")
 
     def write_frames(self, directory: str | Path) -> Path:
-        """Write the frames as film/time=T.vtu and their time series as film.pvd, whose path is returned.
-
-        Parameters
-        ----------
-        directory : path
-            Directory of the results.
-
-        Raises
-        ------
-        ValueError
-            If the motion was simulated without frames.
-        """
+        """Write the frames as film/time=T.vtu below a directory and their series as film.pvd; return its path."""
         if not self.frames:
             raise ValueError("no frames to write; simulate with `frames` at the required instants")
         *_, collection = write_vtu_series(Path(directory) / "film.pvd", "film", "time", self.frames)

@@ -69,7 +69,8 @@ def _draw(rows, runs):
         style = law_style(name) | {"linestyle": "-", "linewidth": 0.8}
         panels[2].plot(run.time, run.drive_force / 1e3, **style, label=name)
         panels[2].plot(run.rigid.time, run.rigid.drive_force / 1e3, linewidth=0.8, color="0.6", zorder=0)
-    panels[2].set(xlabel="time t [s]", ylabel=f"drive force H [kN], k = {middle:g} N/m (grey: rigid)")
+    panels[2].set(xlabel="time t [s]", ylabel="drive force H [kN]")
+    panels[2].set_title(f"k = {middle / 1e6:g} kN/mm; grey: rigid drive", fontsize=10)
     panels[2].legend(frameon=False, fontsize=8)
     return figure
 

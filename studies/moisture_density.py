@@ -73,7 +73,8 @@ def ratios_to(table, reference):
 def figure(table, reference="fem"):
     """Draw maps of the ratio to the reference, one row for each engine, one column for each quantity."""
     from matplotlib.figure import Figure
-    from matplotlib.patheffects import withStroke
+
+    from compact.report.figures.sweep import label_contours
 
     found = ratios_to(table, reference)
     engines = list(dict.fromkeys(engine for engine, _ in found))
@@ -82,12 +83,10 @@ def figure(table, reference="fem"):
     for (engine, name), ax in zip(found, panels.ravel(), strict=True):
         values = found[engine, name]
         filled = ax.contourf(table.density_ratio, table.moisture, values, 9, cmap="viridis")
-        lines = ax.contour(filled, colors="black", linewidths=0.6)
-        for text in ax.clabel(lines, fontsize=8, fmt="%.3g"):
-            text.set_path_effects([withStroke(linewidth=2, foreground="white")])
+        label_contours(ax, ax.contour(filled, colors="black", linewidths=0.6))
         unreachable = (table.sel(engine=engine).not_reachable != "").values
         ax.contourf(table.density_ratio, table.moisture, unreachable, [0.5, 1.5], colors="none", hatches=["////"])
-        ax.set_title(f"{COMPARED[name]}: {engine} over {reference}", fontsize=10)
+        ax.set_title(f"{COMPARED[name]}, {engine} over {reference} [-]", fontsize=10)
     for ax in panels[-1]:
         ax.set_xlabel("density ratio k [-]; hatched: not reachable by rolling")
     for ax in panels[:, 0]:

@@ -66,8 +66,10 @@ def _draw(rows, runs):
         for ax, inertia in zip(panels[1:], (inertias[0], inertias[-1]), strict=True):
             run = runs[law, count, inertia]
             ax.plot(np.degrees(run.angle), run.motor_torque * run.speed, label=label)
-            ax.set(xlabel=f"angle of the shaft [°], motor inertia {inertia:g} kg m²", xticks=range(0, 361, 90))
-    panels[0].set(xlabel="inertia on the motor shaft [kg m²]", ylabel=f"fluctuation of the shaft speed [-], {law}")
+            ax.set(xlabel="angle of the crankshaft [°]", xticks=range(0, 361, 90))
+            ax.set_title(f"{law}, inertia {inertia:g} kg m²", fontsize=10)
+    panels[0].set(xlabel="inertia on the motor shaft [kg m²]", ylabel="fluctuation of the shaft speed [-]")
+    panels[0].set_title(law, fontsize=10)
     panels[0].legend(frameon=False, fontsize=8)
     top = 1.05 * max(line.get_ydata().max() for ax in panels[1:] for line in ax.lines)
     for ax in panels[1:]:

@@ -108,12 +108,14 @@ def test_formulas_against_a_deep_layer_agree_with_hertz():
     assert rows["fem"][7] == pytest.approx(rows["spectral"][7], rel=5e-3)
 
 
+@pytest.mark.slow
 def test_figure_of_the_formulas_is_drawn(tmp_path):
     study("formula_against_fem").main(moistures=(0.1,), density_ratios=(0.98,), radii=(0.09, 0.11), out=tmp_path)
     assert (tmp_path / "formula_against_fem.png").stat().st_size > 10_000
     assert len((tmp_path / "formula_against_fem.csv").read_text().splitlines()) == 1 + 2 * 4
 
 
+@pytest.mark.slow
 def test_operating_point_needs_compaction(capsys, tmp_path):
     module = study("operating_point")
     before, after, fits = result = module.main(engines=("column",), out=tmp_path)
@@ -177,6 +179,7 @@ def test_passes_at_one_height_compact_the_layer_once(capsys, tmp_path):
     assert "top k" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_elastic_drive_has_an_impact_at_the_reversal_for_any_stiffness(capsys, tmp_path):
     module = study("elastic_drive")
     rows = module.main(laws=("parabolic", "septic"), stiffnesses=(1e7, 1e9), ratio=0.01, out=tmp_path)

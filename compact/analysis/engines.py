@@ -62,12 +62,6 @@ class Engine:
 
     Parameters
     ----------
-    name : str
-        Name in scenes.
-    module : str
-        Module with the function `roll`.
-    cost : EngineCost
-        Processor time of the stages of a study.
     mix_parameters : tuple of str
         Parameters of the mix that the contact depends on, but for the rate exponent.
     layered : bool
@@ -89,7 +83,8 @@ class Engine:
     fields_module : str or None
         Module with the function `field_mesh`; None without fields inside the layer.
     derivative_module : str or None
-        Module with the function `expand_resistance`, the derivative of the resistance by the speed; None without.
+        Module with the function `expand_resistance`, the derivative of the resistance with respect to the speed; None
+        without.
     points_per_task : int
         Points of a sweep in one task, for about a tenth of a second of work.
     """
@@ -121,23 +116,14 @@ class Engine:
         return import_module(self.module).roll
 
     def fields(self, result: ContactResult) -> Any:
-        """Compute the fields inside the layer.
-
-        Parameters
-        ----------
-        result : ContactResult
-            Result of this engine.
-
-        Returns
-        -------
-        meshio.Mesh
-        """
+        """Compute the fields inside the layer."""
         require_known("engine with fields", self.name, [each.name for each in ENGINES.values() if each.fields_module])
         return import_module(str(self.fields_module)).field_mesh(result)
 
-    def tolerance(self, value: float) -> dict[str, float]:
-        """Return the keyword argument of `roll` for a relative tolerance [-]; empty without error control."""
-        return {self.tolerance_keyword: value} if self.tolerance_keyword else {}
+    def tolerance(self, value: float, estimate: bool = True) -> dict[str, Any]:
+        """Return the keyword arguments of `roll` for a relative tolerance [-], and without an error estimate."""
+        options: dict[str, Any] = {self.tolerance_keyword: value} if self.tolerance_keyword else {}
+        return options if estimate or not self.optional_estimate else options | {"estimate": False}
 
 
 ENGINES: Mapping[str, Engine] = MappingProxyType({
@@ -191,19 +177,10 @@ def expand_resistance(
 
     Parameters
     ----------
-    layer : Layer
-    roller : Roller
-    material : Elastic or Viscoelastic
     speed : float
         Speed of the roller [m/s].
-    engine : str
-        An engine with a `derivative_module`.
     **accuracy
         Keywords of the engine: "spectral" takes `rtol`; "fem" takes `mesh`, `tolerance`, `estimate`.
-
-    Returns
-    -------
-    ResistanceExpansion
 
     Examples
     --------

@@ -22,17 +22,7 @@ MIX_COLOUR = "#c9c2b4"
 
 
 def animated_svg(cam: Cam, roller_radius: float, roller_positions: Sequence[float], label: str) -> str:
-    """Return the animation of a cam that moves a cart as SVG text.
-
-    Parameters
-    ----------
-    roller_radius : float
-        Radius of the rollers of the cart [m].
-    roller_positions : sequence of float
-        Positions of the rollers along the cart [m].
-    label : str
-        Label for screen readers, escaped for XML.
-    """
+    """Return the animation of a cam and its cart, lengths in m, as SVG text with an escaped label for readers."""
     angle = np.linspace(0, 2 * np.pi, FRAMES + 1)
     travel = MM * cam.cycle.derivative(angle * cam.cycle.period / (2 * np.pi), 0)
     rotation = np.degrees(travel / (MM * roller_radius))

@@ -304,8 +304,9 @@ class RadiusDimension:
 
     def _text(self):
         sign, size = ("Ø", 2 * self.radius) if self.diameter else ("R", self.radius)
-        place = self._along(self.radius + self.height)
-        return Text(place, f"{sign}{_dimension_number(size)}", self.height, DIMENSION_LAYER)
+        text, (x, y) = f"{sign}{_dimension_number(size)}", self._along(self.radius + self.height)
+        left = LETTER_WIDTH * self.height * len(text) * (np.cos(self.angle) < 0)  # beyond the end of the arrow
+        return Text((x - left, y - self.height * (np.sin(self.angle) < 0)), text, self.height, DIMENSION_LAYER)
 
     def _line(self):
         start = -self.radius if self.diameter else 0.0
@@ -350,13 +351,7 @@ class Drawing:
         return (*(low - margin), *(high + margin))
 
     def svg(self, description: str = "") -> str:
-        """Return the drawing as SVG text, true to scale, one unit a millimetre.
-
-        Parameters
-        ----------
-        description : str
-            Description for screen readers.
-        """
+        """Return the drawing as SVG text with a description, true to scale, one unit a millimetre."""
         left, bottom, right, top = self.bounding_box()
         width, height = right - left, top - bottom
         words = f'<title id="title">{escape(self.title)}</title><desc id="desc">{escape(description)}</desc>'

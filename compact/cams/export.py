@@ -20,22 +20,7 @@ MM = 1e3  # [mm/m]
 def write_cam_files(
     directory: str | Path, scene: "Scene", cam: Cam, cutter_radius: float | None = None, tolerance: float = MICROMETRE
 ) -> list[Path]:
-    """Write the files of a cam.
-
-    Parameters
-    ----------
-    directory : path
-        Directory of the files.
-    cutter_radius : float, optional
-        Radius of the cutter [m].
-    tolerance : float
-        Largest deviation of the follower from the law [m].
-
-    Returns
-    -------
-    list of Path
-        Points, drawing as SVG, animation, drawing as DXF.
-    """
+    """Write points, drawing as SVG, animation and drawing as DXF of a cam for a cutter radius and a tolerance [m]."""
     outline = cut(cam, cutter_radius, tolerance)
     drawing = workshop_drawing.workshop_drawing(outline, scene.cam.bore if scene.cam else None)
     table = point_table(outline)

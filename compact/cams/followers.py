@@ -108,16 +108,9 @@ class RollerFollower(_RadialFollower):
         require_positive(radius=self.radius)
 
     def flanks_cross(self, angle: Array, rho: Array, slope: Array) -> bool:
-        """Return True if a point of the profile is nearer than r to another part of the pitch curve.
+        """Return True if a point of the profile is nearer than r to another part of the pitch curve rho(angle) [m].
 
         This is excluded where rho^2/w > r all round: the whole profile is then visible from the axis.
-
-        Parameters
-        ----------
-        angle : ndarray, shape (n,)
-            Dense cam angles [rad].
-        rho, slope : ndarray, shape (n,)
-            Pitch curve and its derivative [m].
         """
         if np.min(rho**2 / np.hypot(rho, slope)) > self.radius:
             return False

@@ -135,14 +135,9 @@ def least_breadth(cycle: Cycle, follower: Follower) -> LeastBreadth:
 
 
 def breadth_for_pressure_angle(cycle: Cycle, follower: Follower, limit: float) -> float:
-    """Compute the smallest breadth [m] whose pressure angle stays within a limit; the stroke for a flat face.
+    """Compute the smallest breadth [m] whose pressure angle stays within a limit [rad]; the stroke for a flat face.
 
     tan(limit) = |x'|/rho:  b = stroke + 2 max(|x'|/tan(limit) - x, 0)
-
-    Parameters
-    ----------
-    limit : float
-        Largest pressure angle [rad].
     """
     require_between(1e-3, 1.57, limit=limit)
     stroke = cycle.forward.stroke
@@ -188,15 +183,7 @@ class Cam:
             )
 
     def derivative(self, angle: ArrayLike, order: int) -> Array:
-        """Return the derivative of rho by phi [m].
-
-        Parameters
-        ----------
-        angle : array_like
-            Cam angle phi [rad], any shape.
-        order : int
-            Order of the derivative, >= 0.
-        """
+        """Return the derivative of rho with respect to phi [m] at angles phi [rad] of any shape."""
         require_finite(angle=angle)
         radians = self.cycle.period / (2 * np.pi)
         value = radians**order * self.cycle.derivative(self._time_after_break(angle), order)
@@ -301,13 +288,9 @@ class Cam:
         return least_breadth(self.cycle, self.follower)
 
     def table(self, points: int) -> ProfileTable:
-        """Return the `ProfileTable` over a closed turn.
+        """Return the `ProfileTable` over a closed turn at equal steps between `points` >= 2, and at the breakpoints.
 
-        Parameters
-        ----------
-        points : int
-            Number of equal steps plus one, >= 2; breakpoints are added. Angles ascend strictly from 0 to 2 pi; an equal
-            step closer than 1e-9 rad to a breakpoint is replaced by it.
+        Angles ascend strictly from 0 to 2 pi; a step closer than 1e-9 rad to a breakpoint is replaced by it.
         """
         if not points >= 2:
             raise ValueError(f"`points` must be at least 2, got {points!r}")
@@ -347,7 +330,7 @@ class Cam:
         return np.where(np.abs(time - nearest) <= BREAK_OFFSET * period, nearest + BREAK_OFFSET * period, time)
 
     def _raised(self, x, slope, second):
-        """rho, rho', rho'' from the travel."""
+        """Return rho, rho', rho'' for the travel."""
         return x + (self.breadth - self.cycle.forward.stroke) / 2, slope, second
 
 

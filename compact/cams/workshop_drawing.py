@@ -4,17 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from compact.cams.drawing import (
-    DIMENSION_LAYER,
-    Circle,
-    DistanceDimension,
-    Drawing,
-    Line,
-    Polygon,
-    RadiusDimension,
-    Shape,
-    Text,
-)
+from compact.cams import drawing
 from compact.cams.machining import Cut, largest_cutter
 from compact.cams.profile import Cam, FlatFace, Follower, Pointed, breadth_for_pressure_angle
 
@@ -30,14 +20,8 @@ GUIDE_PRESSURE_ANGLE = np.radians(30.0)  # [rad], at which a sliding follower do
 Row = Sequence[str]
 
 
-def workshop_drawing(cut: Cut, bore: float | None = None) -> Drawing:
-    """Return the drawing of a cut with its dimensions.
-
-    Parameters
-    ----------
-    bore : float, optional
-        Diameter of the bore [m].
-    """
+def workshop_drawing(cut: Cut, bore: float | None = None) -> drawing.Drawing:
+    """Return the drawing of a cut with its dimensions and a bore of a diameter [m]."""
     _require_rim(cut, bore)
     cam = cut.cam
     largest = MM * float(np.hypot(*cut.profile.T).max())
@@ -51,7 +35,7 @@ def workshop_drawing(cut: Cut, bore: float | None = None) -> Drawing:
     for half, points in enumerate(np.array_split(_point_rows(cut), 2)):
         rows = [("angle", "follower", "radius", "at angle"), *points]
         shapes += _text_rows(rows, left + TABLE_WIDTH * letter * half, below, 0.9 * letter, TABLE_COLUMNS)
-    return Drawing(title, tuple(shapes))
+    return drawing.Drawing(title, tuple(shapes))
 
 
 def describe(cut: Cut) -> str:
@@ -90,40 +74,42 @@ def _follower_words(follower: Follower) -> str:
     return "pointed followers" if isinstance(follower, Pointed) else f"rollers of radius {MM * follower.radius:g} mm"
 
 
-def _outlines(cut: Cut, bore: float | None, letter: float) -> Iterator[Shape]:
+def _outlines(cut: Cut, bore: float | None, letter: float) -> Iterator[drawing.Shape]:
     """Profile, cutter path, pitch curve, base circle, bore and centre lines."""
     cam = cut.cam
-    yield Polygon(MM * cut.profile, "PROFILE")
+    yield drawing.Polygon(MM * cut.profile, "PROFILE")
     if cut.cutter_path is not None:
-        yield Polygon(MM * cut.cutter_path, "CUTTER")
+        yield drawing.Polygon(MM * cut.cutter_path, "CUTTER")
     if not isinstance(cam.follower, FlatFace | Pointed):
         ray = np.array([np.cos(cut.angle), np.sin(cut.angle)])
-        yield Polygon((MM * cam.radius(cut.angle) * ray).T, "FOLLOWER")
+        yield drawing.Polygon((MM * cam.radius(cut.angle) * ray).T, "FOLLOWER")
         for side in (0.0, np.pi):
-            yield Circle((MM * float(cam.radius(side)) * np.cos(side), 0.0), MM * cam.follower.radius, "FOLLOWER")
-    yield Circle((0.0, 0.0), MM * float(np.hypot(*cut.profile.T).min()), "CENTRE")
+            yield drawing.Circle(
+                (MM * float(cam.radius(side)) * np.cos(side), 0.0), MM * cam.follower.radius, "FOLLOWER"
+            )
+    yield drawing.Circle((0.0, 0.0), MM * float(np.hypot(*cut.profile.T).min()), "CENTRE")
     if bore is not None:
-        yield Circle((0.0, 0.0), MM * bore / 2, "BORE")
+        yield drawing.Circle((0.0, 0.0), MM * bore / 2, "BORE")
     beyond = 3 * letter + 2 * MM * getattr(cam.follower, "radius", 0.0)
     low, high = MM * cut.profile.min(axis=0) - beyond, MM * cut.profile.max(axis=0) + beyond
-    yield Line((low[0], 0.0), (high[0], 0.0), "CENTRE")
-    yield Line((0.0, low[1]), (0.0, high[1]), "CENTRE")
-    yield Text((high[0], 0.3 * letter), "0°", letter, DIMENSION_LAYER)
+    yield drawing.Line((low[0], 0.0), (high[0], 0.0), "CENTRE")
+    yield drawing.Line((0.0, low[1]), (0.0, high[1]), "CENTRE")
+    yield drawing.Text((high[0], 0.3 * letter), "0°", letter, drawing.DIMENSION_LAYER)
 
 
-def _dimensions(cut: Cut, bore: float | None, letter: float) -> Iterator[Shape]:
+def _dimensions(cut: Cut, bore: float | None, letter: float) -> Iterator[drawing.Shape]:
     """Dimensions of breadth, base circle, largest radius, bore and roller."""
     cam, (radius, _) = cut.cam, cut.polar
     right, left = MM * float(cam.radius(0.0)), -MM * float(cam.radius(np.pi))
     below = MM * cut.profile[:, 1].min() - 6 * letter
-    yield DistanceDimension((left, 0.0), (right, 0.0), below, letter, "b = ")
-    yield RadiusDimension((0.0, 0.0), MM * float(radius.min()), np.radians(-110), letter)
+    yield drawing.DistanceDimension((left, 0.0), (right, 0.0), below, letter, "b = ")
+    yield drawing.RadiusDimension((0.0, 0.0), MM * float(radius.min()), np.radians(-110), letter)
     start, end = sorted([(0.0, 0.0), tuple((MM * cut.profile[radius.argmax()]).tolist())])  # text from left to right
-    yield DistanceDimension(start, end, 4 * letter, letter, "R")
+    yield drawing.DistanceDimension(start, end, 4 * letter, letter, "R")
     if bore is not None:
-        yield RadiusDimension((0.0, 0.0), MM * bore / 2, np.radians(-45), letter, diameter=True)
+        yield drawing.RadiusDimension((0.0, 0.0), MM * bore / 2, np.radians(-45), letter, diameter=True)
     if not isinstance(cam.follower, FlatFace | Pointed):
-        yield RadiusDimension((right, 0.0), MM * cam.follower.radius, np.radians(60), letter)
+        yield drawing.RadiusDimension((right, 0.0), MM * cam.follower.radius, np.radians(60), letter)
 
 
 def _sizes(cut: Cut, bore: float | None) -> list[Row]:
@@ -179,10 +165,12 @@ def _point_rows(cut: Cut) -> list[Row]:
     ]
 
 
-def _text_rows(rows: Sequence[Row], left: float, top: float, letter: float, columns: Sequence[float]) -> list[Text]:
+def _text_rows(
+    rows: Sequence[Row], left: float, top: float, letter: float, columns: Sequence[float]
+) -> list[drawing.Text]:
     """Rows of text, their parts at `columns`, in letters from the left."""
     return [
-        Text((left + letter * start, top - LINE_SPACING * letter * i), part, letter)
+        drawing.Text((left + letter * start, top - LINE_SPACING * letter * i), part, letter)
         for i, row in enumerate(rows)
         for start, part in zip(columns, row, strict=False)
     ]

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from compact.dynamics import oscillator as signals
 from compact.dynamics.force_elements import (
     FULL_RANGE,
     KNOT_TOLERANCE,
@@ -26,18 +27,6 @@ from compact.dynamics.force_elements import (
     smooth_range,
     solve_acceleration,
     spring_force,
-)
-from compact.dynamics.oscillator import (
-    Signal,
-    add,
-    cart_velocity,
-    differentiate,
-    evaluate,
-    first_downcrossing,
-    limit_step,
-    multiply,
-    solve_oscillator,
-    substitute,
 )
 from compact.numerics import Array, IntArray
 from compact.numerics.jit import compiled
@@ -67,8 +56,6 @@ class LinearisedResistance(NamedTuple):
         M = dR/da [kg].
     velocity, acceleration : float
         v0 [m/s] and a0 [m/s^2] at the start.
-    smooth_range : SmoothRange
-        Range of motions at the start.
     """
 
     force: float
@@ -84,16 +71,8 @@ class SlidingProblem(NamedTuple):
 
     Parameters
     ----------
-    oscillator : OscillatorParameters
-        Cart and springs.
-    resistance : ResistanceTable
-        R(v, a).
-    state : CartState
-        Initial state.
     slip : int
         Direction of the motion, +1 or -1.
-    linear : LinearisedResistance
-        R near the initial state.
     tolerance : float
         Largest defect of the resistance [N].
     """
@@ -111,7 +90,7 @@ class SlidingSolution(NamedTuple):
 
     Parameters
     ----------
-    far_end : ndarray
+    driven_end : ndarray
         Coefficients of the far-end position y(u) [m].
     elongation : Signal
         e(u) [m].
@@ -123,8 +102,8 @@ class SlidingSolution(NamedTuple):
         Evaluations of R.
     """
 
-    far_end: Array
-    elongation: Signal
+    driven_end: Array
+    elongation: signals.Signal
     remainder: Array
     converged: bool
     evaluations: int
@@ -140,9 +119,9 @@ def set_up_sliding(
     velocity: float,
     tolerance: float,
 ) -> SlidingProblem:
-    """Sliding problem of a state, with the far end at a position [m] and a velocity [m/s]."""
+    """Sliding problem of a state, with the driven end at a position [m] and a velocity [m/s]."""
     springs = spring_force(oscillator, state.flank, state.zone)
-    pull = springs.stiffness * state.elongation - springs.far_end_stiffness * position + springs.constant
+    pull = springs.stiffness * state.elongation - springs.driven_end_stiffness * position + springs.constant
     pull += oscillator.damping * (velocity - state.velocity)
     a = solve_acceleration(resistance, slip, state.velocity, oscillator.mass, pull)
     within = smooth_range(resistance, slip, state.velocity, a)
@@ -159,47 +138,47 @@ def limit_sliding_step(problem: SlidingProblem, h: float) -> float:
     """Step h [s], shortened where the linearised motion grows."""
     oscillator, state, linear = problem.oscillator, problem.state, problem.linear
     stiffness = spring_force(oscillator, state.flank, state.zone).stiffness
-    return limit_step(oscillator.mass + linear.added_mass, oscillator.damping + linear.damping, stiffness, h)
+    return signals.limit_step(oscillator.mass + linear.added_mass, oscillator.damping + linear.damping, stiffness, h)
 
 
 @compiled
-def solve_sliding(problem: SlidingProblem, far_end: Array, h: float, counter: IntArray) -> SlidingSolution:
-    """Solve at most h [s] of sliding under far_end(u) by collocation.
+def solve_sliding(problem: SlidingProblem, driven_end: Array, h: float, counter: IntArray) -> SlidingSolution:
+    """Solve at most h [s] of sliding under driven_end(u) by collocation.
 
     The interval is shortened to a little beyond the exit from the smooth range where the exit affects the resistance.
     """
-    force = _linear_force(problem, far_end, h)
-    elongation = _respond(problem, force, far_end, h)
-    fraction = _range_exit_fraction(problem, cart_velocity(elongation, far_end), counter)
+    force = _linear_force(problem, driven_end, h)
+    elongation = _respond(problem, force, driven_end, h)
+    fraction = _range_exit_fraction(problem, signals.cart_velocity(elongation, driven_end), counter)
     if fraction < 1:
-        far_end, h = substitute(far_end, 0.0, fraction), h * fraction
-        force = _linear_force(problem, far_end, h)
-        elongation = _respond(problem, force, far_end, h)
-    remainder, previous = np.zeros(len(far_end)), np.zeros(POINTS)
+        driven_end, h = signals.substitute(driven_end, 0.0, fraction), h * fraction
+        force = _linear_force(problem, driven_end, h)
+        elongation = _respond(problem, force, driven_end, h)
+    remainder, previous = np.zeros(len(driven_end)), np.zeros(POINTS)
     for iteration in range(COLLOCATION_ITERATIONS):
-        velocity = cart_velocity(elongation, far_end)
+        velocity = signals.cart_velocity(elongation, driven_end)
         values = _remainder(problem, velocity, NODES, problem.linear.smooth_range)[1]
         change = np.abs(values - previous).max()
         if not change < np.inf:
-            return SlidingSolution(far_end, elongation, remainder, False, (iteration + 1) * POINTS)
+            return SlidingSolution(driven_end, elongation, remainder, False, (iteration + 1) * POINTS)
         previous, remainder[:POINTS] = values, TO_COEFFICIENTS @ values
-        elongation = _respond(problem, force + remainder, far_end, h)
+        elongation = _respond(problem, force + remainder, driven_end, h)
         if change <= problem.tolerance / 10:  # the remaining error falls by the same factor
-            return SlidingSolution(far_end, elongation, remainder, True, (iteration + 1) * POINTS)
-    return SlidingSolution(far_end, elongation, remainder, False, COLLOCATION_ITERATIONS * POINTS)
+            return SlidingSolution(driven_end, elongation, remainder, True, (iteration + 1) * POINTS)
+    return SlidingSolution(driven_end, elongation, remainder, False, COLLOCATION_ITERATIONS * POINTS)
 
 
 @compiled
-def _linear_force(problem, far_end, h):
+def _linear_force(problem, driven_end, h):
     """Force f(u) [N] on the oscillator of a sliding cart, without r."""
     oscillator, state, linear = problem.oscillator, problem.state, problem.linear
-    springs, n = spring_force(oscillator, state.flank, state.zone), len(far_end)
-    mass, force = oscillator.mass + linear.added_mass, springs.far_end_stiffness * far_end
+    springs, n = spring_force(oscillator, state.flank, state.zone), len(driven_end)
+    mass, force = oscillator.mass + linear.added_mass, springs.driven_end_stiffness * driven_end
     for j in range(n):
         if j + 2 < n:
-            force[j] += mass / h**2 * (j + 1) * (j + 2) * far_end[j + 2]
+            force[j] += mass / h**2 * (j + 1) * (j + 2) * driven_end[j + 2]
         if j + 1 < n:
-            force[j] += linear.damping / h * (j + 1) * far_end[j + 1]
+            force[j] += linear.damping / h * (j + 1) * driven_end[j + 1]
     force[0] += (
         linear.force - springs.constant - linear.damping * linear.velocity - linear.added_mass * linear.acceleration
     )
@@ -207,12 +186,14 @@ def _linear_force(problem, far_end, h):
 
 
 @compiled
-def _respond(problem, force, far_end, h):
+def _respond(problem, force, driven_end, h):
     """Elongation under f(u) as a `Signal`."""
     oscillator, state, linear = problem.oscillator, problem.state, problem.linear
     mass, damping = oscillator.mass + linear.added_mass, oscillator.damping + linear.damping
     stiffness = spring_force(oscillator, state.flank, state.zone).stiffness
-    return solve_oscillator(mass, damping, stiffness, force, state.elongation, far_end[1] / h - state.velocity, h)
+    return signals.solve_oscillator(
+        mass, damping, stiffness, force, state.elongation, driven_end[1] / h - state.velocity, h
+    )
 
 
 @compiled
@@ -221,10 +202,10 @@ def _remainder(problem, velocity, places, within):
     resistance, slip, linear = problem.resistance, problem.slip, problem.linear
     table, added_mass = resistance.forward if slip > 0 else resistance.backward, resistance.added_mass
     limit = resistance.rate_limit
-    change, velocities, remainder = differentiate(velocity), np.empty(len(places)), np.empty(len(places))
+    change, velocities, remainder = signals.differentiate(velocity), np.empty(len(places)), np.empty(len(places))
     for i in range(len(places)):
-        v = evaluate(velocity, places[i])
-        a = evaluate(change, places[i]) / velocity.scale if limit > 0 else 0.0
+        v = signals.evaluate(velocity, places[i])
+        a = signals.evaluate(change, places[i]) / velocity.scale if limit > 0 else 0.0
         force = differentiate_resistance(table, added_mass, limit, slip, v, a, within)[0]
         tangent = linear.force + linear.damping * (v - linear.velocity) + linear.added_mass * (a - linear.acceleration)
         velocities[i], remainder[i] = v, force - tangent
@@ -247,28 +228,32 @@ def _range_exit_fraction(problem, velocity, counter):
 
 
 @compiled
-def range_exit(problem: SlidingProblem, velocity: Signal, counter: IntArray) -> float:
+def range_exit(problem: SlidingProblem, velocity: signals.Signal, counter: IntArray) -> float:
     """First u at which a motion leaves the smooth range of its start; 2.0 without an exit."""
     slip, within, first = problem.slip, problem.linear.smooth_range, 2.0
     for sign, limit in ((1.0, within.low), (-1.0, within.high)):
         if 0 < limit < np.inf:
-            distance = multiply(velocity, sign * slip)
+            distance = signals.multiply(velocity, sign * slip)
             distance.polynomial[0] -= sign * limit
-            u = first_downcrossing(distance, counter)
+            u = signals.first_downcrossing(distance, counter)
             first = min(first, u if u > KNOT_TOLERANCE else 2.0)
     rate_limit = problem.resistance.rate_limit
     if 0 < rate_limit < np.inf:
-        change, inside = differentiate(velocity), within.saturation == 0
+        change, inside = signals.differentiate(velocity), within.saturation == 0
         for sign in (1.0, -1.0):
             if inside or sign == within.saturation:
-                margin = add(multiply(velocity, slip * rate_limit), multiply(change, -sign / velocity.scale))
-                u = first_downcrossing(margin if inside else multiply(margin, -1.0), counter)
+                margin = signals.add(
+                    signals.multiply(velocity, slip * rate_limit), signals.multiply(change, -sign / velocity.scale)
+                )
+                u = signals.first_downcrossing(margin if inside else signals.multiply(margin, -1.0), counter)
                 first = min(first, u if u > EARLIEST_SATURATION else 2.0)
     return first
 
 
 @compiled
-def evaluate_defect(problem: SlidingProblem, velocity: Signal, remainder: Array, until: float) -> tuple[float, float]:
+def evaluate_defect(
+    problem: SlidingProblem, velocity: signals.Signal, remainder: Array, until: float
+) -> tuple[float, float]:
     """Largest defect of r(u) [N] and largest |v| [m/s] for 0 <= u <= until."""
     places = until * DEFECT_NODES
     velocities, exact = _remainder(problem, velocity, places, FULL_RANGE)

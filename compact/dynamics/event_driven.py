@@ -2,13 +2,13 @@
 
     m x'' = k (e - o) + c e' + S(x) - R(x', x''),   e = y(t) - x
 
-y(t) is the imposed motion of the far end, e the elongation, o the engaged half of the backlash, S the force of the end
-springs. R jumps at speed 0 and is set-valued there: a cart at rest stays at rest while the pull lies between R(0-) and
-R(0+).
+y(t) is the imposed motion of the driven end, e the elongation, o the engaged half of the backlash, S the force of the
+end springs. R is discontinuous at speed 0 and set-valued there: a cart remains at rest while the sum of the other
+forces lies between R(0-) and R(0+).
 
 The solution consists of intervals between events. In an interval of sliding the equation is a linear oscillator under
 a polynomial force (`collocation`) with a closed-form solution (`oscillator`). The length of an interval depends on the
-motion of the far end, the sign of the speed and the smoothness of R, but not on the stiffness. Under dry friction it
+motion of the driven end, the sign of the speed and the smoothness of R, but not on the stiffness. Under dry friction it
 can cover a whole polynomial piece of y.
 
 Events are a speed of zero, a kink of R, breakaway from rest, the opening or closing of the backlash and the contact
@@ -23,47 +23,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from compact.dynamics.collocation import (
-    DEFECT_POINTS,
-    MIN_STEP_RATIO,
-    OVERSHOOT,
-    evaluate_defect,
-    limit_sliding_step,
-    next_step_ratio,
-    range_exit,
-    set_up_sliding,
-    solve_sliding,
-    step_ratio,
-)
-from compact.dynamics.force_elements import (
-    AT_FAR_PLATE,
-    AT_NEAR_PLATE,
-    FAR_SPRING,
-    NEAR_SPRING,
-    CartState,
-    OscillatorParameters,
-    ResistanceTable,
-    breakaway_direction,
-    engaged_spring,
-    spring_force,
-    stiction_limits,
-)
-from compact.dynamics.oscillator import (
-    EXHAUSTED,
-    MAX_RANGES,
-    RANGES,
-    SERIES_TERMS,
-    ZOOM_CELLS,
-    Signal,
-    cart_velocity,
-    combine,
-    differentiate,
-    evaluate,
-    first_downcrossing,
-    max_abs_product,
-    new_search_counter,
-    substitute,
-)
+from compact.dynamics import collocation
+from compact.dynamics import force_elements as elements
+from compact.dynamics import oscillator as signals
 from compact.numerics import Array, IntArray
 from compact.numerics.jit import compiled
 from compact.numerics.piecewise import PiecewisePolynomial
@@ -90,7 +52,7 @@ class Intervals(NamedTuple):
     ----------
     start, scale, duration : ndarray, shape (n,)
         Start, time over which u increases by 1 and duration [s], duration <= scale.
-    far_end : ndarray, shape (n, degree + 1)
+    driven_end : ndarray, shape (n, degree + 1)
         Coefficients of the far-end position y(u) [m].
     elongation : ndarray, shape (n, SERIES_TERMS)
         Polynomial part of the elongation e(u) [m].
@@ -105,7 +67,7 @@ class Intervals(NamedTuple):
     start: Array
     scale: Array
     duration: Array
-    far_end: Array
+    driven_end: Array
     elongation: Array
     oscillation: Array
     slip: IntArray
@@ -114,17 +76,9 @@ class Intervals(NamedTuple):
 
 
 def allocate_intervals(count: int, degree: int) -> Intervals:
-    """Allocate uninitialised `Intervals`.
-
-    Parameters
-    ----------
-    count : int
-        Number of rows.
-    degree : int
-        Degree of the polynomials of the far-end motion.
-    """
+    """Allocate uninitialised rows of `Intervals` for a far-end motion of a degree."""
     reals = [np.empty(count) for _ in range(3)]
-    columns = [np.empty((count, width)) for width in (degree + 1, SERIES_TERMS, 4)]
+    columns = [np.empty((count, width)) for width in (degree + 1, signals.SERIES_TERMS, 4)]
     return Intervals._make([*reals, *columns, *(np.empty(count, np.int64) for _ in range(3))])
 
 
@@ -139,7 +93,7 @@ class TrialInterval(NamedTuple):
         Step of the next attempt [s].
     slip : int
         Direction of the motion, 0 at rest.
-    far_end : ndarray
+    driven_end : ndarray
         Coefficients of y(u) [m].
     elongation : Signal
         e(u) [m].
@@ -156,8 +110,8 @@ class TrialInterval(NamedTuple):
     accepted: bool
     next_step: float
     slip: int
-    far_end: Array
-    elongation: Signal
+    driven_end: Array
+    elongation: signals.Signal
     end: float
     event: int
     evaluations: int
@@ -187,18 +141,18 @@ FLANK, ZONE, PIECE, LAST_EVENT, ATTEMPTS, INTERVAL, EVALUATIONS = range(7)  # in
 
 
 def integrate(
-    oscillator: OscillatorParameters,
-    far_end: PiecewisePolynomial,
-    resistance: ResistanceTable,
-    state: CartState,
+    oscillator: elements.OscillatorParameters,
+    driven_end: PiecewisePolynomial,
+    resistance: elements.ResistanceTable,
+    state: elements.CartState,
     tolerance: float,
     intervals: Intervals,
-) -> tuple[int, int, int, CartState, float]:
+) -> tuple[int, int, int, elements.CartState, float]:
     """Integrate a cart through all pieces of the far-end motion.
 
     Parameters
     ----------
-    far_end : PiecewisePolynomial
+    driven_end : PiecewisePolynomial
         Position y [m] over time [s], smooth within each piece.
     tolerance : float
         Largest defect of the resistance [N].
@@ -208,43 +162,43 @@ def integrate(
     tuple
         Status, number of intervals, evaluations of R, final state and final time [s].
     """
-    state = CartState(float(state.elongation), float(state.velocity), int(state.flank), int(state.zone))
+    state = elements.CartState(float(state.elongation), float(state.velocity), int(state.flank), int(state.zone))
     progress, status = initial_progress(state), PAUSED
     while status == PAUSED:  # Python handles interrupts between two calls
-        status = advance(oscillator, far_end, resistance, progress, tolerance, intervals, WORK_SLICE)
+        status = advance(oscillator, driven_end, resistance, progress, tolerance, intervals, WORK_SLICE)
     counts = progress.counts
-    time = float(current_time(far_end, progress))
+    time = float(current_time(driven_end, progress))
     return status, int(counts[INTERVAL]), int(counts[EVALUATIONS]), current_state(progress), time
 
 
 @compiled
-def initial_progress(state: CartState) -> IntegrationProgress:
+def initial_progress(state: elements.CartState) -> IntegrationProgress:
     """Progress at the start of an integration."""
     reals = np.array([state.elongation, state.velocity, 0.0, np.inf])
     return IntegrationProgress(reals, np.array([state.flank, state.zone, 0, NO_EVENT, 0, 0, 0]), np.zeros(2, np.int64))
 
 
 @compiled
-def current_state(progress: IntegrationProgress) -> CartState:
+def current_state(progress: IntegrationProgress) -> elements.CartState:
     """State of the cart."""
     reals, counts = progress.reals, progress.counts
-    return CartState(reals[ELONGATION], reals[VELOCITY], counts[FLANK], counts[ZONE])
+    return elements.CartState(reals[ELONGATION], reals[VELOCITY], counts[FLANK], counts[ZONE])
 
 
 @compiled
-def current_time(far_end: PiecewisePolynomial, progress: IntegrationProgress) -> float:
+def current_time(driven_end: PiecewisePolynomial, progress: IntegrationProgress) -> float:
     """Time [s] of an integration."""
     i = progress.counts[PIECE]
-    if i == len(far_end.coefficients):
-        return far_end.breaks[-1]
-    return far_end.breaks[i] + progress.reals[FRACTION] * (far_end.breaks[i + 1] - far_end.breaks[i])
+    if i == len(driven_end.coefficients):
+        return driven_end.breaks[-1]
+    return driven_end.breaks[i] + progress.reals[FRACTION] * (driven_end.breaks[i + 1] - driven_end.breaks[i])
 
 
 @compiled
 def advance(
-    oscillator: OscillatorParameters,
-    far_end: PiecewisePolynomial,
-    resistance: ResistanceTable,
+    oscillator: elements.OscillatorParameters,
+    driven_end: PiecewisePolynomial,
+    resistance: elements.ResistanceTable,
     progress: IntegrationProgress,
     tolerance: float,
     intervals: Intervals,
@@ -257,7 +211,7 @@ def advance(
     """
     reals, counts, counter = progress
     work = 0
-    while counts[PIECE] < len(far_end.coefficients):
+    while counts[PIECE] < len(driven_end.coefficients):
         if not reals[FRACTION] < 1:
             counts[PIECE], reals[FRACTION], counts[LAST_EVENT] = counts[PIECE] + 1, 0.0, NO_EVENT
             continue
@@ -266,120 +220,124 @@ def advance(
         counts[ATTEMPTS] += 1
         if counts[INTERVAL] == len(intervals.start):
             return TOO_MANY_INTERVALS
-        width = far_end.breaks[counts[PIECE] + 1] - far_end.breaks[counts[PIECE]]
+        width = driven_end.breaks[counts[PIECE] + 1] - driven_end.breaks[counts[PIECE]]
         if reals[STEP] < MIN_STEP * width or counts[ATTEMPTS] > MAX_ATTEMPTS:
             return STEP_TOO_SHORT
-        counter[RANGES] = 0
-        trial = _attempt_interval(oscillator, far_end, resistance, progress, tolerance)
+        counter[signals.RANGES] = 0
+        trial = _attempt_interval(oscillator, driven_end, resistance, progress, tolerance)
         counts[EVALUATIONS] += trial.evaluations
-        work += 1 + trial.evaluations + counter[RANGES]
-        if counter[EXHAUSTED] == 1:
+        work += 1 + trial.evaluations + counter[signals.RANGES]
+        if counter[signals.EXHAUSTED] == 1:
             return SEARCH_EXHAUSTED
         if not trial.accepted:
             continue
         table = resistance.forward if trial.slip > 0 else resistance.backward
         if trial.slip != 0 and trial.max_speed > table.breaks[-1]:
             return SPEED_BEYOND_TABLE
-        _accept_interval(oscillator, far_end, resistance, progress, trial, intervals)
+        _accept_interval(oscillator, driven_end, resistance, progress, trial, intervals)
     return DONE
 
 
 @compiled
-def _attempt_interval(oscillator, far_end, resistance, progress, tolerance):
+def _attempt_interval(oscillator, driven_end, resistance, progress, tolerance):
     """Attempt the next interval; the step is updated after sliding."""
     reals, counts, counter = progress
     i, fraction = counts[PIECE], reals[FRACTION]
-    width, piece = far_end.breaks[i + 1] - far_end.breaks[i], far_end.coefficients[i]
+    width, piece = driven_end.breaks[i + 1] - driven_end.breaks[i], driven_end.coefficients[i]
     remaining, state = (1 - fraction) * width, current_state(progress)
-    shifted = substitute(piece, fraction, 1.0)
+    shifted = signals.substitute(piece, fraction, 1.0)
     position, velocity = shifted[0], shifted[1] / width
     slip = _slip_direction(oscillator, resistance, state, position, velocity, counts[LAST_EVENT])
     if slip == 0:
-        motion = substitute(piece, fraction, remaining / width)
+        motion = signals.substitute(piece, fraction, remaining / width)
         return _stick(oscillator, resistance, state, motion, remaining, counter)
-    problem = set_up_sliding(oscillator, resistance, state, slip, position, velocity, tolerance)
-    h = limit_sliding_step(problem, min(reals[STEP], remaining))
-    trial = _slide(problem, substitute(piece, fraction, h / width), h, counter)
+    problem = collocation.set_up_sliding(oscillator, resistance, state, slip, position, velocity, tolerance)
+    h = collocation.limit_sliding_step(problem, min(reals[STEP], remaining))
+    trial = _slide(problem, signals.substitute(piece, fraction, h / width), h, counter)
     reals[STEP] = trial.next_step
     return trial
 
 
 @compiled
 def _slip_direction(oscillator, resistance, state, position, velocity, last_event):
-    """Direction of the interval after an event, with the far end at a position [m] and a velocity [m/s]."""
+    """Direction of the interval after an event, with the driven end at a position [m] and a velocity [m/s]."""
     if state.velocity != 0:
         return 1 if state.velocity > 0 else -1
     if last_event in (BREAKAWAY_FORWARD, BREAKAWAY_BACKWARD):
         return 1 if last_event == BREAKAWAY_FORWARD else -1
     if last_event == STUCK:
         return 0
-    springs = spring_force(oscillator, state.flank, state.zone)
-    pull = springs.stiffness * state.elongation - springs.far_end_stiffness * position + springs.constant
-    return breakaway_direction(oscillator, resistance, state.zone, pull + oscillator.damping * velocity)
+    springs = elements.spring_force(oscillator, state.flank, state.zone)
+    pull = springs.stiffness * state.elongation - springs.driven_end_stiffness * position + springs.constant
+    return elements.breakaway_direction(oscillator, resistance, state.zone, pull + oscillator.damping * velocity)
 
 
 @compiled
-def _stick(oscillator, resistance, state, far_end, h, counter):
-    """Interval of at most h [s] of a cart at rest under far_end(u)."""
-    polynomial = far_end.copy()
+def _stick(oscillator, resistance, state, driven_end, h, counter):
+    """Interval of at most h [s] of a cart at rest under driven_end(u)."""
+    polynomial = driven_end.copy()
     polynomial[0] = state.elongation
-    elongation = Signal(polynomial, 0.0, 0.0, 0.0, 0.0, h)
-    end, event = _breakaway(oscillator, resistance, state, far_end, elongation, counter)
-    end, event = _flank_event(oscillator, state, far_end, elongation, end, event, counter)
-    return TrialInterval(True, np.inf, 0, far_end, elongation, end, event, 0, 0.0)
+    elongation = signals.Signal(polynomial, 0.0, 0.0, 0.0, 0.0, h)
+    end, event = _breakaway(oscillator, resistance, state, driven_end, elongation, counter)
+    end, event = _flank_event(oscillator, state, driven_end, elongation, end, event, counter)
+    return TrialInterval(True, np.inf, 0, driven_end, elongation, end, event, 0, 0.0)
 
 
 @compiled
-def _slide(problem, far_end, h, counter):
-    """Interval of at most h [s] of a sliding cart under far_end(u)."""
-    far_end, elongation, remainder, converged, evaluations = solve_sliding(problem, far_end, h, counter)
+def _slide(problem, driven_end, h, counter):
+    """Interval of at most h [s] of a sliding cart under driven_end(u)."""
+    driven_end, elongation, remainder, converged, evaluations = collocation.solve_sliding(
+        problem, driven_end, h, counter
+    )
     scale, tolerance = elongation.scale, problem.tolerance
     if not converged:
-        return TrialInterval(False, scale / 2, problem.slip, far_end, elongation, 0.0, NO_EVENT, evaluations, 0.0)
-    end, event = _sliding_event(problem, far_end, elongation, counter)
-    velocity = cart_velocity(elongation, far_end)
-    defect, max_speed = evaluate_defect(problem, velocity, remainder, end)
-    evaluations += DEFECT_POINTS
-    exit_place = range_exit(problem, velocity, counter) if defect > tolerance else 2.0
+        return TrialInterval(False, scale / 2, problem.slip, driven_end, elongation, 0.0, NO_EVENT, evaluations, 0.0)
+    end, event = _sliding_event(problem, driven_end, elongation, counter)
+    velocity = signals.cart_velocity(elongation, driven_end)
+    defect, max_speed = collocation.evaluate_defect(problem, velocity, remainder, end)
+    evaluations += collocation.DEFECT_POINTS
+    exit_place = collocation.range_exit(problem, velocity, counter) if defect > tolerance else 2.0
     if exit_place < end:
         end, event = exit_place, RANGE_EXIT
-        defect, max_speed = evaluate_defect(problem, velocity, remainder, end)
-        evaluations += DEFECT_POINTS
-    ratio = step_ratio(defect, tolerance)
+        defect, max_speed = collocation.evaluate_defect(problem, velocity, remainder, end)
+        evaluations += collocation.DEFECT_POINTS
+    ratio = collocation.step_ratio(defect, tolerance)
     if defect > tolerance:
-        step = scale * min(max(ratio, MIN_STEP_RATIO), OVERSHOOT * end)
+        step = scale * min(max(ratio, collocation.MIN_STEP_RATIO), collocation.OVERSHOOT * end)
     elif event == STOPPED:
         step = scale
     elif event == RANGE_EXIT or scale < h:  # the resistance ended the interval, not the step
         step = h
     else:
-        step = scale * next_step_ratio(ratio, abs(evaluate(velocity, 0.0)), abs(evaluate(velocity, end)))
+        step = scale * collocation.next_step_ratio(
+            ratio, abs(signals.evaluate(velocity, 0.0)), abs(signals.evaluate(velocity, end))
+        )
     return TrialInterval(
-        defect <= tolerance, step, problem.slip, far_end, elongation, end, event, evaluations, max_speed
+        defect <= tolerance, step, problem.slip, driven_end, elongation, end, event, evaluations, max_speed
     )
 
 
 @compiled
-def _sliding_event(problem, far_end, elongation, counter):
+def _sliding_event(problem, driven_end, elongation, counter):
     """First event (u, event) of sliding; (1, NO_EVENT) without one."""
     oscillator, state = problem.oscillator, problem.state
-    speed = combine(elongation, far_end, 0.0, -problem.slip, 0.0, problem.slip)
+    speed = signals.combine(elongation, driven_end, 0.0, -problem.slip, 0.0, problem.slip)
     end, event = _earlier_event(1.0, NO_EVENT, speed, STOPPED, counter)
     if oscillator.end_springs.length > 0:
-        end, event = _end_spring_event(oscillator, state, far_end, elongation, end, event, counter)
-    return _flank_event(oscillator, state, far_end, elongation, end, event, counter)
+        end, event = _end_spring_event(oscillator, state, driven_end, elongation, end, event, counter)
+    return _flank_event(oscillator, state, driven_end, elongation, end, event, counter)
 
 
 @compiled
-def _breakaway(oscillator, resistance, state, far_end, elongation, counter):
+def _breakaway(oscillator, resistance, state, driven_end, elongation, counter):
     """First breakaway (u, event) of a cart at rest; (1, NO_EVENT) without one."""
     end, event = 1.0, NO_EVENT
-    springs = spring_force(oscillator, state.flank, state.zone)
-    highest, lowest = stiction_limits(oscillator, resistance, state.zone)
+    springs = elements.spring_force(oscillator, state.flank, state.zone)
+    highest, lowest = elements.stiction_limits(oscillator, resistance, state.zone)
     for sign, limit, candidate in ((1, highest, BREAKAWAY_FORWARD), (-1, lowest, BREAKAWAY_BACKWARD)):
-        margin = combine(
-            elongation, far_end, -sign * springs.stiffness, -sign * oscillator.damping,
-            sign * springs.far_end_stiffness, 0.0,
+        margin = signals.combine(
+            elongation, driven_end, -sign * springs.stiffness, -sign * oscillator.damping,
+            sign * springs.driven_end_stiffness, 0.0,
         )  # fmt: skip
         margin.polynomial[0] += sign * (limit - springs.constant)
         end, event = _earlier_event(end, event, margin, candidate, counter)
@@ -387,14 +345,14 @@ def _breakaway(oscillator, resistance, state, far_end, elongation, counter):
 
 
 @compiled
-def _flank_event(oscillator, state, far_end, elongation, end, event, counter):
+def _flank_event(oscillator, state, driven_end, elongation, end, event, counter):
     """First opening or closing of the backlash, or the given event before it."""
     if oscillator.backlash > 0:
         for flank, closing in ((1, FRONT_FLANK_CLOSED), (-1, REAR_FLANK_CLOSED)):
             if state.flank == -flank:
                 continue
             sign = 1.0 if state.flank == flank else -1.0
-            play = combine(elongation, far_end, sign * flank, 0.0, 0.0, 0.0)
+            play = signals.combine(elongation, driven_end, sign * flank, 0.0, 0.0, 0.0)
             play.polynomial[0] -= sign * oscillator.backlash / 2
             candidate = FLANK_OPENED if state.flank == flank else closing
             end, event = _earlier_event(end, event, play, candidate, counter)
@@ -402,17 +360,17 @@ def _flank_event(oscillator, state, far_end, elongation, end, event, counter):
 
 
 @compiled
-def _end_spring_event(oscillator, state, far_end, elongation, end, event, counter):
+def _end_spring_event(oscillator, state, driven_end, elongation, end, event, counter):
     """First contact with an end spring or its loss, or the given event before it."""
     ends, zone = oscillator.end_springs, state.zone
     for spring, plate, reached in (
-        (NEAR_SPRING, ends.length, NEAR_SPRING_REACHED),
-        (FAR_SPRING, ends.stroke - ends.length, FAR_SPRING_REACHED),
+        (elements.NEAR_SPRING, ends.length, NEAR_SPRING_REACHED),
+        (elements.FAR_SPRING, ends.stroke - ends.length, FAR_SPRING_REACHED),
     ):
         if zone == -spring:
             continue
         sign = -spring if zone == spring else spring
-        gap = combine(elongation, far_end, -sign, 0.0, sign, 0.0)
+        gap = signals.combine(elongation, driven_end, -sign, 0.0, sign, 0.0)
         gap.polynomial[0] -= sign * plate
         candidate = END_SPRING_LEFT if zone == spring else reached
         end, event = _earlier_event(end, event, gap, candidate, counter)
@@ -422,21 +380,25 @@ def _end_spring_event(oscillator, state, far_end, elongation, end, event, counte
 @compiled
 def _earlier_event(end, event, signal, candidate, counter):
     """First downcrossing of a signal as an event, or the given event before it."""
-    u = first_downcrossing(signal, counter)
+    u = signals.first_downcrossing(signal, counter)
     return (u, candidate) if u < end or (u == end and event == NO_EVENT) else (end, event)
 
 
 @compiled
-def _accept_interval(oscillator, far_end, resistance, progress, trial, intervals):
+def _accept_interval(oscillator, driven_end, resistance, progress, trial, intervals):
     """Store an interval and move on to its end; repeat a doubtful breakaway over a shorter one instead."""
     reals, counts, _ = progress
     i, fraction, n = counts[PIECE], reals[FRACTION], counts[INTERVAL]
-    width, scale, state = far_end.breaks[i + 1] - far_end.breaks[i], trial.elongation.scale, current_state(progress)
+    width, scale, state = (
+        driven_end.breaks[i + 1] - driven_end.breaks[i],
+        trial.elongation.scale,
+        current_state(progress),
+    )
     stuck = state.velocity == 0 and trial.event == STOPPED and trial.end * scale < MIN_STEP * width
     if stuck and scale > STICK_STEP * width:  # rounding is smaller over a shorter interval
         reals[STEP] = scale / 8
         return
-    _store(intervals, n, far_end.breaks[i] + fraction * width, trial, state)
+    _store(intervals, n, driven_end.breaks[i] + fraction * width, trial, state)
     counts[INTERVAL] += 1
     counts[ATTEMPTS], counts[LAST_EVENT] = 0, STUCK if stuck else trial.event
     if stuck:
@@ -453,7 +415,7 @@ def _store(intervals, n, start, trial, state):
     """Store an interval in row n."""
     signal = trial.elongation
     intervals.start[n], intervals.scale[n], intervals.duration[n] = start, signal.scale, trial.end * signal.scale
-    intervals.far_end[n], intervals.elongation[n] = trial.far_end, 0.0
+    intervals.driven_end[n], intervals.elongation[n] = trial.driven_end, 0.0
     intervals.elongation[n, : len(signal.polynomial)] = signal.polynomial
     intervals.oscillation[n, 0], intervals.oscillation[n, 1] = signal.cosine, signal.sine
     intervals.oscillation[n, 2], intervals.oscillation[n, 3] = signal.decay, signal.discriminant
@@ -463,53 +425,54 @@ def _store(intervals, n, start, trial, state):
 @compiled
 def _state_after(oscillator, resistance, state, trial):
     """State at the end of an interval."""
-    elongation, velocity, flank, zone = evaluate(trial.elongation, trial.end), 0.0, state.flank, state.zone
+    elongation, velocity, flank, zone = signals.evaluate(trial.elongation, trial.end), 0.0, state.flank, state.zone
     if trial.slip != 0 and trial.event != STOPPED:
-        velocity = evaluate(cart_velocity(trial.elongation, trial.far_end), trial.end)
+        velocity = signals.evaluate(signals.cart_velocity(trial.elongation, trial.driven_end), trial.end)
     if trial.event == FLANK_OPENED:
         flank = 0
     elif trial.event in (FRONT_FLANK_CLOSED, REAR_FLANK_CLOSED):
         flank = 1 if trial.event == FRONT_FLANK_CLOSED else -1
-    elif trial.event in (BREAKAWAY_FORWARD, BREAKAWAY_BACKWARD) and zone in (AT_NEAR_PLATE, AT_FAR_PLATE):
-        compresses = (zone == AT_NEAR_PLATE) == (trial.event == BREAKAWAY_BACKWARD)
-        zone = (NEAR_SPRING if zone == AT_NEAR_PLATE else FAR_SPRING) if compresses else 0
+    elif trial.event in (BREAKAWAY_FORWARD, BREAKAWAY_BACKWARD) and zone in (
+        elements.AT_NEAR_PLATE,
+        elements.AT_FAR_PLATE,
+    ):
+        compresses = (zone == elements.AT_NEAR_PLATE) == (trial.event == BREAKAWAY_BACKWARD)
+        zone = (elements.NEAR_SPRING if zone == elements.AT_NEAR_PLATE else elements.FAR_SPRING) if compresses else 0
     elif trial.event in (END_SPRING_LEFT, NEAR_SPRING_REACHED, FAR_SPRING_REACHED):
-        return _state_at_plate(oscillator, resistance, CartState(elongation, velocity, flank, zone), trial)
-    return CartState(elongation, velocity, flank, zone)
+        return _state_at_plate(oscillator, resistance, elements.CartState(elongation, velocity, flank, zone), trial)
+    return elements.CartState(elongation, velocity, flank, zone)
 
 
 @compiled
 def _state_at_plate(oscillator, resistance, state, trial):
     """State of a cart that reaches or leaves the plate of an end spring; a slow one may come to rest there."""
     elongation, velocity, flank, zone = state
-    plate = AT_NEAR_PLATE if trial.event == NEAR_SPRING_REACHED or zone == NEAR_SPRING else AT_FAR_PLATE
+    plate = (
+        elements.AT_NEAR_PLATE
+        if trial.event == NEAR_SPRING_REACHED or zone == elements.NEAR_SPRING
+        else elements.AT_FAR_PLATE
+    )
     if abs(velocity) <= PLATE_REST_SPEED * resistance.forward.breaks[-1]:
-        springs = spring_force(oscillator, flank, plate)
-        far_end = Signal(trial.far_end, 0.0, 0.0, 0.0, 0.0, 1.0)
-        far_end_velocity = evaluate(differentiate(far_end), trial.end) / trial.elongation.scale
-        pull = springs.stiffness * elongation + springs.constant + oscillator.damping * far_end_velocity
-        if breakaway_direction(oscillator, resistance, plate, pull) == 0:
-            return CartState(elongation, 0.0, flank, plate)
-    reached = NEAR_SPRING if trial.event == NEAR_SPRING_REACHED else FAR_SPRING
-    return CartState(elongation, velocity, flank, 0 if trial.event == END_SPRING_LEFT else reached)
+        springs = elements.spring_force(oscillator, flank, plate)
+        driven_end = signals.Signal(trial.driven_end, 0.0, 0.0, 0.0, 0.0, 1.0)
+        driven_end_velocity = signals.evaluate(signals.differentiate(driven_end), trial.end) / trial.elongation.scale
+        pull = springs.stiffness * elongation + springs.constant + oscillator.damping * driven_end_velocity
+        if elements.breakaway_direction(oscillator, resistance, plate, pull) == 0:
+            return elements.CartState(elongation, 0.0, flank, plate)
+    reached = elements.NEAR_SPRING if trial.event == NEAR_SPRING_REACHED else elements.FAR_SPRING
+    return elements.CartState(elongation, velocity, flank, 0 if trial.event == END_SPRING_LEFT else reached)
 
 
-def peak_force_and_power(oscillator: OscillatorParameters, intervals: Intervals) -> tuple[float, float]:
-    """Find the peaks of the drive over all intervals.
-
-    Returns
-    -------
-    tuple of float
-        Largest |H| of the drive spring and damper [N] and largest |H y'| [W].
-    """
-    peaks, counter, status = np.zeros(2), new_search_counter(), PAUSED
+def peak_force_and_power(oscillator: elements.OscillatorParameters, intervals: Intervals) -> tuple[float, float]:
+    """Find the largest |H| of drive spring and damper [N] and the largest |H y'| [W] over all intervals."""
+    peaks, counter, status = np.zeros(2), signals.new_search_counter(), PAUSED
     row = np.zeros(1, np.int64)
     while status == PAUSED:  # Python handles interrupts between two calls
         status = _search_peaks(oscillator, intervals, peaks, row, counter, WORK_SLICE)
     if status != DONE:
         raise RuntimeError(
-            f"the search for the peak force after {intervals.start[row[0]]:g} s did not end within {MAX_RANGES} ranges "
-            "of the oscillation; increase `damping`, or use a rigid drive"
+            f"the search for the peak force after {intervals.start[row[0]]:g} s did not end within "
+            f"{signals.MAX_RANGES} ranges of the oscillation; increase `damping`, or use a rigid drive"
         )
     return float(peaks[0]), float(peaks[1])
 
@@ -522,19 +485,22 @@ def _search_peaks(oscillator, intervals, peaks, row, counter, max_work):
         row[0] = i
         if work >= max_work:
             return PAUSED
-        stiffness, offset = engaged_spring(oscillator, intervals.flank[i])
-        far_end, scale, free = intervals.far_end[i], intervals.scale[i], intervals.oscillation[i]
-        elongation = Signal(intervals.elongation[i], free[0], free[1], free[2], free[3], scale)
-        force = combine(elongation, far_end, stiffness, damping, 0.0, 0.0)
+        stiffness, offset = elements.engaged_spring(oscillator, intervals.flank[i])
+        driven_end, scale, free = intervals.driven_end[i], intervals.scale[i], intervals.oscillation[i]
+        elongation = signals.Signal(intervals.elongation[i], free[0], free[1], free[2], free[3], scale)
+        force = signals.combine(elongation, driven_end, stiffness, damping, 0.0, 0.0)
         force.polynomial[0] -= stiffness * offset
-        zero = Signal(np.zeros(SERIES_TERMS), 0.0, 0.0, 0.0, 0.0, scale)
-        one, velocity = combine(zero, far_end, 0.0, 0.0, 0.0, 0.0), combine(zero, far_end, 0.0, 0.0, 0.0, 1.0)
+        zero = signals.Signal(np.zeros(signals.SERIES_TERMS), 0.0, 0.0, 0.0, 0.0, scale)
+        one, velocity = (
+            signals.combine(zero, driven_end, 0.0, 0.0, 0.0, 0.0),
+            signals.combine(zero, driven_end, 0.0, 0.0, 0.0, 1.0),
+        )
         one.polynomial[0] = 1.0
         end = intervals.duration[i] / scale
         for which, factor in ((0, one), (1, velocity)):
-            counter[RANGES] = 0
-            peaks[which] = max(peaks[which], max_abs_product(force, factor, end, counter))
-            work += ZOOM_CELLS + counter[RANGES]
-            if counter[EXHAUSTED] == 1:
+            counter[signals.RANGES] = 0
+            peaks[which] = max(peaks[which], signals.max_abs_product(force, factor, end, counter))
+            work += signals.ZOOM_CELLS + counter[signals.RANGES]
+            if counter[signals.EXHAUSTED] == 1:
                 return SEARCH_EXHAUSTED
     return DONE

@@ -37,19 +37,7 @@ class Kinematics(NamedTuple):
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Motion of a cart over a time. A place is an interval index i and u in [0, duration/scale].
-
-    Parameters
-    ----------
-    oscillator : OscillatorParameters
-        Cart and springs.
-    intervals : Intervals
-        Solution.
-    resistance : ResistanceTable
-        R(v, a).
-    start, end : CartState
-        Initial and final state.
-    """
+    """Motion of a cart over a time. A place is an interval index i and u in [0, duration/scale]."""
 
     oscillator: OscillatorParameters
     intervals: Intervals
@@ -63,13 +51,7 @@ class Trajectory:
         return CELL_POINTS * sum(self._cell_count(i, float(d)) + 2 for i, d in enumerate(self.intervals.duration))
 
     def sample_points(self) -> tuple[IntArray, Array, Array]:
-        """Places that resolve the imposed motion and the oscillation.
-
-        Returns
-        -------
-        tuple of ndarray, shape (n,)
-            Interval index i, place u and weight [s] of a quadrature over time.
-        """
+        """Interval indices i, places u and weights [s] that resolve imposed motion and oscillation, shape (n,)."""
         nodes, unit_weights = clenshaw_curtis(CELL_POINTS)
         columns = []
         for i, (scale, duration) in enumerate(zip(self.intervals.scale, self.intervals.duration, strict=True)):
@@ -115,9 +97,9 @@ class Trajectory:
         rate = rate + (sine - decay * cosine) * g0 + (discriminant * cosine - decay * sine) * g1
         return elongation, rate
 
-    def far_end(self, i: IntArray, u: Array, order: int = 0) -> Array:
-        """Position y of the far end [m], or its derivative with respect to time of the given order."""
-        polynomial = self.intervals.far_end[i]
+    def driven_end(self, i: IntArray, u: Array, order: int = 0) -> Array:
+        """Position y of the driven end [m], or its derivative with respect to time of the given order."""
+        polynomial = self.intervals.driven_end[i]
         for _ in range(order):
             polynomial = _derivative(polynomial)
         return horner(polynomial, u) / self.intervals.scale[i] ** order
@@ -135,7 +117,7 @@ class Trajectory:
     def end_spring_force(self, i: IntArray, u: Array) -> Array:
         """Force S of the end springs [N]; at the plate of one the force that holds the cart at rest."""
         ends, zone = self.oscillator.end_springs, self.intervals.zone[i]
-        position = self.far_end(i, u) - self.elongation(i, u)[0]
+        position = self.driven_end(i, u) - self.elongation(i, u)[0]
         sign = np.sign(zone)
         compression = ends.length - np.where(sign > 0, position, ends.stroke - position)
         holding = np.clip(-sign * self.drive_force(i, u), 0.0, ends.preload)
@@ -146,10 +128,10 @@ class Trajectory:
         """Motion of the cart and the force that resists it."""
         elongation, rate = self.elongation(i, u)
         slip, pull = self.intervals.slip[i], self.drive_force(i, u) + self.end_spring_force(i, u)
-        velocity: Array = np.where(slip != 0, self.far_end(i, u, 1) - rate, 0.0)
+        velocity: Array = np.where(slip != 0, self.driven_end(i, u, 1) - rate, 0.0)
         force, slope, added_mass, mass_slope = self._resistance_terms(slip, velocity)
         mass, rate_limit = self.oscillator.mass, self.resistance.rate_limit
-        limit = _acceleration_limit(rate_limit, slip * velocity)
+        limit = np.full(np.shape(velocity), np.inf) if rate_limit == np.inf else rate_limit * (slip * velocity)
         unsaturated = (pull - force) / (mass + added_mass)
         follows, sign = np.abs(unsaturated) <= limit, np.sign(unsaturated)
         limit = np.where(follows, 0.0, limit)
@@ -161,12 +143,12 @@ class Trajectory:
         pull_rate = self._pull_rate(i, u, rate, velocity, acceleration)
         moving_mass = mass + np.where(follows, added_mass, 0.0)
         jerk = np.where(slip != 0, (pull_rate - slope * acceleration) / moving_mass, 0.0)
-        return Kinematics(self.far_end(i, u) - elongation, velocity, acceleration, jerk, resisting)
+        return Kinematics(self.driven_end(i, u) - elongation, velocity, acceleration, jerk, resisting)
 
     def _pull_rate(self, i, u, rate, velocity, acceleration):
         """Rate of the force of drive and end springs [N/s]."""
         stiffness = np.where(self.intervals.flank[i] != 0, self.oscillator.stiffness, 0.0)
-        pull_rate = stiffness * rate + self.oscillator.damping * (self.far_end(i, u, 2) - acceleration)
+        pull_rate = stiffness * rate + self.oscillator.damping * (self.driven_end(i, u, 2) - acceleration)
         compressed = np.abs(self.intervals.zone[i]) == NEAR_SPRING
         return pull_rate - np.where(compressed, self.oscillator.end_springs.stiffness, 0.0) * velocity
 
@@ -181,10 +163,10 @@ class Trajectory:
         added_mass = self.resistance.added_mass
         return force, slip * slope, added_mass(speed), _table_slope(added_mass, speed)
 
-    def energy(self, state: CartState, far_end: float = 0.0) -> float:
-        """Energy of cart and springs [J] in a state, with the far end at a position [m]."""
+    def energy(self, state: CartState, driven_end: float = 0.0) -> float:
+        """Energy of cart and springs [J] in a state, with the driven end at a position [m]."""
         ends, flank = self.oscillator.end_springs, state.flank
-        force, position = float(self._flank_force(flank, state.elongation)), far_end - state.elongation
+        force, position = float(self._flank_force(flank, state.elongation)), driven_end - state.elongation
         compression = max(ends.length - min(position, ends.stroke - position), 0.0) if ends.length else 0.0
         stored = ends.preload * compression + ends.stiffness / 2 * compression**2
         kinetic = self.oscillator.mass / 2 * state.velocity**2
@@ -194,11 +176,6 @@ class Trajectory:
 def oscillation_time(decay: float, duration: float) -> float:
     """Time [s] within a duration [s] during which an oscillation of a decay [1/s] exceeds `OSCILLATION_FLOOR`."""
     return min(duration, -math.log(OSCILLATION_FLOOR) / decay) if decay > 0 else duration
-
-
-def _acceleration_limit(rate_limit: float, speed: Array) -> Array:
-    """Return A |v| [m/s^2], infinite also at rest for an infinite A."""
-    return np.full(np.shape(speed), np.inf) if rate_limit == np.inf else rate_limit * speed
 
 
 def _derivative(polynomial: Array) -> Array:

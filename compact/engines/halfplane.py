@@ -62,14 +62,9 @@ class LineContact:
         return self.contact_length / 2
 
     def pressure(self, x: Values) -> Values:
-        """Compute the pressure [Pa], zero outside the contact.
+        """Compute the pressure [Pa] at x [m] ahead of the lowest point, zero outside the contact.
 
-            p = p0 (xi/alpha)^alpha ((1 - xi)/(1 - alpha))^(1 - alpha),  xi = (x - trailing)/l
-
-        Parameters
-        ----------
-        x : float or ndarray
-            Position from the lowest point, positive ahead [m].
+        p = p0 (xi/alpha)^alpha ((1 - xi)/(1 - alpha))^(1 - alpha),  xi = (x - trailing)/l
         """
         # leading = alpha l and -trailing = (1 - alpha) l: the two ratios avoid xi and its cancellation
         behind = np.maximum((x - self.trailing) / self.leading, 0.0)

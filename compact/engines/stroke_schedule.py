@@ -31,7 +31,6 @@ class Strokes:
 
     Parameters
     ----------
-    motion : PrescribedMotion
     times, places : ndarray, shape (strokes + 1,)
         Times [s] and positions [m] of the start, the reversals and the end.
     """
@@ -56,21 +55,9 @@ class Strokes:
         return float(np.ptp(self.places))
 
     def steps(self, stroke: int, element: float, every: int = 1) -> tuple[Array, Array]:
-        """Return the times and positions between the steps of a stroke, both ends included.
+        """Return times [s] and positions [m] between the steps of a stroke, both ends included, shape (steps + 1,).
 
-        Parameters
-        ----------
-        stroke : int
-            Index of the stroke.
-        element : float
-            Length of an element [m].
-        every : int
-            1 for all steps, 2 for every second one.
-
-        Returns
-        -------
-        times, places : ndarray, shape (steps + 1,)
-            Times [s] and positions [m].
+        With `every` 2 each second step on elements of a length [m] is left out.
         """
         begin, end = self.places[stroke : stroke + 2]
         sign = np.sign(end - begin)
@@ -106,17 +93,9 @@ def stroke_schedule(motion: PrescribedMotion) -> Strokes:
 
 
 def smooth_intervals(motion: PrescribedMotion, turns: bool = False) -> list[float]:
-    """Return the ends of the time intervals in which a motion is smooth.
+    """Return ascending times [s] between which a motion is smooth, 0 and the duration included.
 
-    Parameters
-    ----------
-    turns : bool
-        True to divide the motion at its reversals too.
-
-    Returns
-    -------
-    list of float
-        Times [s], ascending, 0 and the duration included.
+    With `turns` the motion is divided at its reversals too.
     """
     starts = {float(leg.start) for leg in motion.legs()} if hasattr(motion, "legs") else set()
     breaks, distance = [0.0], COINCIDENCE_TOLERANCE * motion.duration

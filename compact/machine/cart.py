@@ -36,7 +36,7 @@ from numpy.typing import ArrayLike
 
 from compact.numerics import Array
 from compact.numerics.piecewise import find_roots
-from compact.numerics.validation import require_finite, require_nonnegative, require_positive
+from compact.numerics.validation import require_fields, require_finite
 
 # force of the mix on all rollers of a cart [N] over velocity [m/s] and acceleration [m/s^2]
 Resistance = Callable[[Array, Array], ArrayLike]
@@ -83,8 +83,7 @@ class EndSprings:
     stroke: float
 
     def __post_init__(self) -> None:
-        require_nonnegative(stiffness=self.stiffness, preload=self.preload)
-        require_positive(length=self.length, stroke=self.stroke)
+        require_fields(self, positive="length stroke", nonnegative="stiffness preload")
         if 2 * self.length > self.stroke:
             raise ValueError(f"`length` must be at most half the stroke, {self.stroke / 2:g} m, got {self.length!r}")
 
@@ -99,26 +98,17 @@ class EndSprings:
         return self.preload * compression + self.stiffness / 2 * compression**2
 
     def zones(self, position: Callable[[Array], Array], breaks: ArrayLike) -> SpringZones:
-        """Find the zones along a motion.
-
-        Parameters
-        ----------
-        position : callable
-            Position of the cart [m] over a coordinate of the motion.
-        breaks : array_like
-            Coordinates between which the position is smooth, ascending.
-        """
+        """Find the zones of a motion given by its position [m] over a coordinate, smooth between ascending breaks."""
         plates = (self.length, self.stroke - self.length)
         breaks = np.asarray(breaks, float)
-        contacts = [find_roots(partial(_distance, position, plate), breaks) for plate in plates]
+
+        def distance(coordinate: Array, plate: float) -> Array:
+            return position(coordinate) - plate
+
+        contacts = [find_roots(partial(distance, plate=plate), breaks) for plate in plates]
         breaks = np.unique(np.concatenate([breaks, *contacts]))
         middle = position((breaks[:-1] + breaks[1:]) / 2)
         return SpringZones(breaks, np.where(middle < plates[0], 1.0, np.where(middle > plates[1], -1.0, 0.0)))
-
-
-def _distance(position, plate, coordinate):
-    """Distance of the cart from a plate [m] at coordinates of its motion."""
-    return position(coordinate) - plate
 
 
 @dataclass(frozen=True)
@@ -167,20 +157,11 @@ class Cart:
     return_load_ratio: float = 1.0
 
     def __post_init__(self) -> None:
-        require_nonnegative(
-            return_load_ratio=self.return_load_ratio,
-            mass=self.mass,
-            weight=self.weight,
-            roller_reactions=self.roller_reactions,
-            guide_friction=self.guide_friction,
-            guide_wheel_diameter=self.guide_wheel_diameter,
-        )
-        require_positive(roller_radius=self.roller_radius)
-        require_finite(
-            roller_positions=self.roller_positions,
-            guide_positions=self.guide_positions,
-            pin_position=self.pin_position,
-            pin_height=self.pin_height,
+        require_fields(
+            self,
+            positive="roller_radius",
+            nonnegative="return_load_ratio mass weight roller_reactions guide_friction guide_wheel_diameter",
+            finite="roller_positions guide_positions pin_position pin_height",
         )
         if len(self.roller_positions) != len(self.roller_reactions):
             raise ValueError(
@@ -197,7 +178,6 @@ class MotionResistance:
 
     Parameters
     ----------
-    cart : Cart
     resistance : callable
         Force of the mix on all rollers [N] of velocity [m/s] and acceleration [m/s^2].
     """
@@ -216,8 +196,7 @@ class MotionResistance:
         return balance(self.cart, 0.0, force, np.sign(velocity)).drive_force
 
 
-@dataclass(frozen=True)
-class Balance:
+class Balance(NamedTuple):
     """Forces in equilibrium with the cart; arrays of one shape.
 
     Parameters
@@ -300,7 +279,7 @@ def balance(
 def _reaction_coefficients(cart, resistance, direction, tangent):
     """(A1, A2), (B1, B2) of N_i = A_i + B_i H from the vertical forces and the moments about the height of the pin."""
     front, rear = cart.guide_positions
-    ratio = _load_ratio(cart, direction)
+    ratio = np.where(direction < 0, cart.return_load_ratio, 1.0)  # of the reactions to those of the forward stroke
     lift = ratio * np.sum(cart.roller_reactions) - cart.weight
     lever = direction * cart.guide_friction * cart.guide_wheel_diameter / 2
     moment = ratio * np.dot(cart.roller_reactions, cart.roller_positions)
@@ -309,31 +288,6 @@ def _reaction_coefficients(cart, resistance, direction, tangent):
     return constant, _distribute(tangent, cart.pin_position * tangent + lever * tangent, front, rear)
 
 
-def _load_ratio(cart, direction):
-    """Ratio of the roller reactions to those on the forward stroke [-], of the shape of the direction."""
-    return np.where(np.asarray(direction) < 0, cart.return_load_ratio, 1.0)
-
-
 def _distribute(total, moment, front, rear):
-    """N1 and N2 with N1 + N2 = total and N1 x1 + N2 x2 = moment."""
+    """Return N1 and N2 with N1 + N2 = total and N1 x1 + N2 x2 = moment."""
     return (moment - rear * total) / (front - rear), (front * total - moment) / (front - rear)
-
-
-def moment_residual(
-    cart: Cart, forces: Balance, resistance: Array, direction: Array, rod_tangent: Array | float = 0.0
-) -> Array:
-    """Compute the residual moment about the pin [N m], wheel by wheel; zero for a `Balance`.
-
-    Parameters
-    ----------
-    resistance, direction, rod_tangent : array_like
-        As in `balance`.
-    """
-    rollers = _load_ratio(cart, direction) * np.dot(cart.roller_reactions, cart.roller_positions)
-    mix = -np.asarray(resistance) * (cart.pin_height + cart.roller_radius)
-    rod = cart.pin_position * forces.drive_force * rod_tangent
-    guides = np.zeros(())
-    for x, reaction in zip(cart.guide_positions, (forces.front_reaction, forces.rear_reaction), strict=True):
-        rail = np.sign(reaction) * cart.guide_wheel_diameter / 2  # the wheel is in contact with the loaded rail
-        guides = guides - reaction * x + rail * direction * cart.guide_friction * np.abs(reaction)
-    return rollers + mix + rod + guides

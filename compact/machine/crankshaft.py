@@ -7,13 +7,21 @@ References
 Paper C; errata C-1 to C-8.
 """
 
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from compact.machine.cart import Balance, Cart, Resistance, balance
-from compact.machine.rigid_drive import SAMPLES_PER_PIECE, STANDSTILL_SPEED_RATIO, Crank, evaluate_resistance
+from compact.machine.rigid_drive import (
+    SAMPLES_PER_PIECE,
+    STANDSTILL_SPEED_RATIO,
+    Crank,
+    evaluate_resistance,
+    flattened,
+    revolution_breaks,
+)
 from compact.numerics import Array
 from compact.numerics.piecewise import clenshaw_curtis, find_maximum, interior_grid
 from compact.numerics.validation import require_finite, require_opposing, require_positive
@@ -25,11 +33,9 @@ CRANK_ANGLES = {
     3: (0.0, 2 * np.pi / 3, 4 * np.pi / 3),
     4: (0.0, np.pi / 2, np.pi, 3 * np.pi / 2),
 }
-MIN_PIECE_ANGLE = 1e-9  # [rad]; closer dead centres coincide
 
 
-@dataclass(frozen=True)
-class CartRevolution:
+class CartRevolution(NamedTuple):
     """One cart over a revolution of the shaft; arrays of one shape.
 
     Parameters
@@ -70,9 +76,6 @@ class Crankshaft:
 
     Parameters
     ----------
-    cart : Cart
-    crank : Crank
-        Crank and rod.
     angular_speed : float
         omega [rad/s].
     resistance : callable
@@ -96,15 +99,12 @@ class Crankshaft:
         places = np.concatenate([np.array([0.0, np.pi]) - lead for lead in self.angles])
         if self.cart.end_springs is not None:
             places = np.append(places, np.subtract.outer(self._zones.breaks, self.angles))
-        edges = np.unique(np.append(np.mod(places, 2 * np.pi), [0.0, 2 * np.pi]))
-        return np.append(edges[:-1][np.diff(edges) > MIN_PIECE_ANGLE], 2 * np.pi)
+        return revolution_breaks(places)
 
     @cached_property
     def _zones(self):
         """Zones of the end springs over the crank angle."""
-        return self.cart.end_springs.zones(
-            lambda psi: crank_kinematics(self.crank, psi)[0], np.array([0.0, np.pi, 2 * np.pi])
-        )
+        return self.cart.end_springs.zones(lambda psi: crank_kinematics(self.crank, psi)[0], [0.0, np.pi, 2 * np.pi])
 
     def _cart_at(self, psi):
         """One cart at its crank angles [rad]."""
@@ -132,7 +132,6 @@ class CrankshaftRevolution:
 
     Parameters
     ----------
-    shaft : Crankshaft
     angle, weights : ndarray, shape (n,)
         Angle and quadrature weights [rad].
     carts : tuple of CartRevolution
@@ -156,7 +155,7 @@ class CrankshaftRevolution:
 
     @cached_property
     def peak_torque(self) -> float:
-        """Largest |torque| of the shaft [N m], between the samples too."""
+        """Return the largest |torque| of the shaft [N m], also between samples."""
         grid = interior_grid(self.shaft.dead_centres())
         return find_maximum(lambda angle: np.abs(sum(cart.torque for cart in self.shaft.carts_at(angle))), grid)[0]
 
@@ -205,15 +204,8 @@ def simulate_crankshaft(
     nodes, unit_weights = clenshaw_curtis(SAMPLES_PER_PIECE)
     width = np.diff(edges)[:, None]
     angle = edges[:-1, None] + width * nodes
-    carts = tuple(_flatten(one) for one in shaft.carts_at(angle))
+    carts = tuple(flattened(cart) for cart in shaft.carts_at(angle))
     return CrankshaftRevolution(shaft, angle.ravel(), (width * unit_weights).ravel(), carts)
-
-
-def _flatten(cart):
-    """Flatten the arrays of a `CartRevolution`."""
-    columns = {field.name: getattr(cart, field.name) for field in fields(cart)}
-    forces = Balance(*(column.ravel() for column in astuple(columns.pop("forces"))))
-    return CartRevolution(**{name: column.ravel() for name, column in columns.items()}, forces=forces)
 
 
 def crank_kinematics(crank: Crank, psi: Array) -> tuple[Array, Array, Array]:

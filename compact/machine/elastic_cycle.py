@@ -18,11 +18,11 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from compact.dynamics import force_elements as elements
 from compact.dynamics.event_driven import (
     DONE,
     MIN_STEP,
@@ -33,16 +33,6 @@ from compact.dynamics.event_driven import (
     Intervals,
     allocate_intervals,
     integrate,
-)
-from compact.dynamics.force_elements import (
-    AT_NEAR_PLATE,
-    FAR_SPRING,
-    NEAR_SPRING,
-    NO_ADDED_MASS,
-    CartState,
-    EndSpringParameters,
-    OscillatorParameters,
-    ResistanceTable,
 )
 from compact.dynamics.oscillator import MAX_RANGES, substitute
 from compact.machine.cart import Cart, balance
@@ -96,18 +86,14 @@ class CycleMapEvaluation(NamedTuple):
     ----------
     first, second : Intervals
         Solution before and after the middle of the forward stroke.
-    end : CartState
-        State at the end of the cycle.
-    after : CartState
-        State one period after the initial state.
     residual : ndarray, shape (2,)
         Difference of `after` and the initial state, over the force scale.
     """
 
     first: Intervals
     second: Intervals
-    end: CartState
-    after: CartState
+    end: elements.CartState
+    after: elements.CartState
     residual: Array
 
     @property
@@ -121,12 +107,6 @@ class PeriodicProblem:
 
     Parameters
     ----------
-    cart : Cart
-        Cart of mass > 0.
-    drive : ElasticDrive
-        Spring and damper.
-    cycle : Cycle
-        Motion of the far end.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
     tolerance : float
@@ -166,9 +146,9 @@ class PeriodicProblem:
         octaves = slowest * 2.0 ** np.arange(math.log2(min([*knots, fastest]) / slowest))
         breaks = np.concatenate([octaves, knots, [fastest]])
         forward, backward = (self._tabulate_force(sign, breaks) for sign in (1, -1))
-        added_mass = self._tabulate_added_mass(breaks) if self.rate_limit else NO_ADDED_MASS
+        added_mass = self._tabulate_added_mass(breaks) if self.rate_limit else elements.NO_ADDED_MASS
         knots = np.append(slowest, knots)
-        self.resistance = ResistanceTable(forward, backward, knots, added_mass, float(self.rate_limit))
+        self.resistance = elements.ResistanceTable(forward, backward, knots, added_mass, float(self.rate_limit))
         highest, lowest = forward.coefficients[0, 0], backward.coefficients[0, 0]
         if highest < lowest:
             raise ValueError(
@@ -177,13 +157,13 @@ class PeriodicProblem:
             )
 
     def _added_mass(self, speed):
-        """M [kg] at speeds > 0, constant below the slowest sample."""
+        """Return the added mass M [kg] at speeds > 0, constant below the slowest sample."""
         speed = np.maximum(speed, min(self.sampled_speeds, default=0.0))
         acceleration = np.minimum(self.acceleration_scale, self.rate_limit * speed) / 2
         return (self.total(speed, acceleration) - self.total(speed)) / acceleration
 
     def _tabulate_added_mass(self, breaks):
-        """M over |v|."""
+        """Tabulate the added mass M over |v|."""
         masses = fit_piecewise(self._added_mass, breaks, self._table_tolerance / self.acceleration_scale)
         least = min(masses.coefficients[:, 0].min(), float(masses(masses.breaks[-1])))
         if self.oscillator.mass + least <= 0:
@@ -196,7 +176,7 @@ class PeriodicProblem:
         return PiecewisePolynomial(np.append(0.0, masses.breaks), np.concatenate([constant, masses.coefficients]))
 
     def _tabulate_force(self, sign, breaks):
-        """F over |v| in one direction."""
+        """Tabulate the resistance F over |v| in one direction."""
         try:
             table = fit_piecewise(lambda v: self.total(sign * v), breaks, self._table_tolerance)
         except ValueError as error:
@@ -222,35 +202,25 @@ class PeriodicProblem:
         return force, 0.0
 
     @property
-    def rest_state(self) -> CartState:
+    def rest_state(self) -> elements.CartState:
         """State of a cart at rest at the near end, with drive spring and end spring in balance."""
         spring, ends = self.oscillator.stiffness, self.oscillator.end_springs
         half_backlash = self.oscillator.backlash / 2
         if ends.length == 0:
-            return CartState(0.0, 0.0, 1 if half_backlash == 0 else 0, 0)
+            return elements.CartState(0.0, 0.0, 1 if half_backlash == 0 else 0, 0)
         force = ends.preload + ends.stiffness * ends.length
         compression = (force + spring * half_backlash) / (spring + ends.stiffness)
         flank = 1 if half_backlash == 0 else -1
         if compression < ends.length:
-            return CartState(-compression, 0.0, flank, NEAR_SPRING)
-        return CartState(-ends.length, 0.0, flank, AT_NEAR_PLATE)
+            return elements.CartState(-compression, 0.0, flank, elements.NEAR_SPRING)
+        return elements.CartState(-ends.length, 0.0, flank, elements.AT_NEAR_PLATE)
 
     def integrate(
-        self, law: PiecewisePolynomial, state: CartState, tolerance_factor: float = 1.0
-    ) -> tuple[Intervals, CartState]:
-        """Integrate through the pieces of a law; the speed range of the tables is extended where needed.
+        self, law: PiecewisePolynomial, state: elements.CartState, tolerance_factor: float = 1.0
+    ) -> tuple[Intervals, elements.CartState]:
+        """Integrate through the pieces of a law [m] over time [s]: intervals and final state.
 
-        Parameters
-        ----------
-        law : PiecewisePolynomial
-            Position of the far end [m] over time [s].
-        tolerance_factor : float
-            Multiple of the solution tolerance.
-
-        Returns
-        -------
-        tuple
-            Intervals and final state.
+        The speed range of the tables is extended where needed.
         """
         for _ in range(MAX_EXTENSIONS):
             intervals = allocate_intervals(MAX_INTERVALS, law.coefficients.shape[1] - 1)  # pages are used when filled
@@ -271,7 +241,7 @@ class PeriodicProblem:
             f"{end.velocity:g} m/s: {FAILURES[status]}"
         )
 
-    def solve_periodic(self) -> tuple[Intervals, CartState]:
+    def solve_periodic(self) -> tuple[Intervals, elements.CartState]:
         """Solve the periodic regime.
 
         A rough cycle predicts the initial state. While one cycle nearly erases the history, or a Newton step does not
@@ -328,8 +298,8 @@ class _CycleMap:
         elongation, ends = pull / oscillator.stiffness + flank * oscillator.backlash / 2, oscillator.end_springs
         position = row.sum() - elongation
         in_far_spring = position > ends.stroke - ends.length > 0
-        zone = NEAR_SPRING if position < ends.length else FAR_SPRING if in_far_spring else 0
-        return CartState(elongation, velocity, flank, zone)
+        zone = elements.NEAR_SPRING if position < ends.length else elements.FAR_SPRING if in_far_spring else 0
+        return elements.CartState(elongation, velocity, flank, zone)
 
     def evaluate(self, state, last=None):
         """Cycle from a state; the part before the middle is taken from the last cycle if it starts equally."""
@@ -383,16 +353,19 @@ def _aitken(last, residual):
     return residual / (1 - ratio) if ratio < 1 else residual
 
 
-def _shifted(state: CartState, by: Array) -> CartState:
+def _shifted(state: elements.CartState, by: Array) -> elements.CartState:
     """State with elongation and velocity changed."""
-    return CartState(state.elongation + by[0], state.velocity + by[1], state.flank, state.zone)
+    return elements.CartState(state.elongation + by[0], state.velocity + by[1], state.flank, state.zone)
 
 
 def _polynomial_law(cycle: Cycle) -> PiecewisePolynomial:
-    """Position of the far end over a cycle as polynomials in time, integrated twice from the acceleration."""
+    """Position of the driven end over a cycle as polynomials in time, integrated twice from the acceleration."""
     breaks, rows = [], []
     for leg in cycle.legs():
-        curvature = partial(_curvature, leg)
+
+        def curvature(phase: Array, leg: Leg = leg) -> Array:
+            return leg.at_phase(phase, 2) * leg.duration**2
+
         tolerance = LAW_TOLERANCE * np.abs(curvature(interior_grid(leg.breakpoints()))).max()
         second = fit_piecewise(curvature, leg.breakpoints(), tolerance)
         starts = second.breaks[:-1] + BREAK_OFFSET
@@ -401,11 +374,6 @@ def _polynomial_law(cycle: Cycle) -> PiecewisePolynomial:
         breaks.append(leg.start + leg.duration * position.breaks[:-1])
         rows.append(position.coefficients)
     return PiecewisePolynomial(np.append(np.concatenate(breaks), cycle.period), np.concatenate(rows))
-
-
-def _curvature(leg: Leg, phase: Array) -> Array:
-    """Second derivative of the position with respect to the phase [m]."""
-    return leg.at_phase(phase, 2) * leg.duration**2
 
 
 def _split(law: PiecewisePolynomial, time: float) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:
@@ -433,8 +401,10 @@ def _total_resistance(cart: Cart, resistance: Resistance) -> Callable[..., Array
     return total
 
 
-def _oscillator(cart: Cart, drive: "ElasticDrive") -> OscillatorParameters:
+def _oscillator(cart: Cart, drive: "ElasticDrive") -> elements.OscillatorParameters:
     """Parameters for compiled code, as floats."""
     ends, parameters = cart.end_springs, (cart.mass, drive.stiffness, drive.damping, drive.backlash)
     end_springs = (0.0,) * 4 if ends is None else (ends.stiffness, ends.preload, ends.length, ends.stroke)
-    return OscillatorParameters._make([*map(float, parameters), EndSpringParameters._make(map(float, end_springs))])
+    return elements.OscillatorParameters._make(
+        [*map(float, parameters), elements.EndSpringParameters._make(map(float, end_springs))]
+    )

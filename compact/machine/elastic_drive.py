@@ -2,8 +2,8 @@
 
     m x'' = H - W(x', x'') - guide friction + end springs,   H = k (e - o) + c e',   e = y(t) - x
 
-y is the law, x the cart, H the drive force, positive towards the far end. With a backlash b the spring is engaged for
-e > b/2 (o = b/2) and for e < -b/2 (o = -b/2) and slack between; the damper acts throughout. The resistance W is that
+y is the law, x the cart, H the drive force, positive towards the driven end. With a backlash b the spring is engaged
+for e > b/2 (o = b/2) and e < -b/2 (o = -b/2), and slack between; the damper acts throughout. The resistance W is that
 of the steady speed, or depends on the acceleration to first order, F(v) + a M(v). During oscillations the added-mass
 term is saturated for most of the time (`force_elements`); the solution then takes several times as long.
 
@@ -33,23 +33,12 @@ from compact.dynamics.trajectory import (
     Trajectory,
     oscillation_time,
 )
+from compact.machine import rigid_drive
 from compact.machine.cart import Balance, Cart, balance
 from compact.machine.elastic_cycle import PeriodicProblem, SolutionCost
-from compact.machine.rigid_drive import (
-    STANDSTILL_SPEED_RATIO,
-    WORKING_PART,
-    CycleStatistics,
-    DriveState,
-    Resistance,
-    Rigid,
-    Run,
-    evaluate_resistance,
-    mean_speed_force,
-    simulate,
-)
 from compact.motion.profile import Cycle, Discontinuity, MotionProfile
 from compact.numerics import Array
-from compact.numerics.validation import require_known, require_nonnegative, require_opposing, require_positive
+from compact.numerics.validation import require_fields, require_known, require_opposing, require_positive
 
 REGIMES = ("periodic", "rest")
 JUMP_TOLERANCE = 1e-6  # [-], of the largest acceleration; smaller jumps are rounding
@@ -78,27 +67,23 @@ class ElasticDrive:
     include_added_mass: bool = False
 
     def __post_init__(self) -> None:
-        require_positive(stiffness=self.stiffness)
-        require_nonnegative(damping=self.damping, backlash=self.backlash)
+        require_fields(self, positive="stiffness", nonnegative="damping backlash")
 
-    def run(self, cart: Cart, cycle: Cycle, resistance: Resistance, working: tuple[float, float]) -> "ElasticRun":
+    def run(
+        self, cart: Cart, cycle: Cycle, resistance: rigid_drive.Resistance, working: tuple[float, float]
+    ) -> "ElasticRun":
         """Simulate the periodic regime, for `rigid_drive.simulate`."""
         return simulate_elastic(cart, self, cycle, resistance, working=working)
-
-
-def damping_ratio(cart: Cart, drive: ElasticDrive) -> float:
-    """Damping ratio c/(2 sqrt(k m)) of a cart on an elastic drive [-]."""
-    return drive.damping / (2 * math.sqrt(drive.stiffness * cart.mass))
 
 
 def simulate_elastic(
     cart: Cart,
     drive: ElasticDrive,
     motion: MotionProfile | Cycle,
-    resistance: Resistance,
+    resistance: rigid_drive.Resistance,
     *,
     regime: str = "periodic",
-    working: tuple[float, float] = WORKING_PART,
+    working: tuple[float, float] = rigid_drive.WORKING_PART,
     tolerance: float = 1e-8,
 ) -> "ElasticRun":
     """Simulate one cycle of a cart behind a spring.
@@ -110,7 +95,7 @@ def simulate_elastic(
     drive : ElasticDrive
         Spring and damper.
     motion : MotionProfile or Cycle
-        Law of the far end; a `MotionProfile` is repeated without dwells.
+        Law of the driven end; a `MotionProfile` is repeated without dwells.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2], linear in the acceleration, with a jump at
         speed 0 only. A `ResistanceMap` provides its sampled speeds and the limit of |a|/|v| of its linear range.
@@ -172,51 +157,28 @@ def _require_resolvable(cart, drive, cycle, samples):
 
 
 @dataclass(frozen=True)
-class ElasticRun(CycleStatistics):
+class ElasticRun(rigid_drive.CycleStatistics):
     """One cycle of a cart behind a spring; arrays of shape (n,) resolve the oscillation, intervals in order of time.
 
-    Force and power are those of the far end, which follows the law.
+    Force and power are those of the driven end, which follows the law.
 
     Parameters
     ----------
-    cart : Cart
-    cycle : Cycle
-        Law of the far end.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
     working : tuple of float
         Working part of the forward stroke [-].
-    trajectory : Trajectory
-        Solution.
-    cost : SolutionCost
     include_added_mass : bool
         Resistance that depends on the acceleration.
     """
 
     cart: Cart
     cycle: Cycle
-    resistance: Resistance
+    resistance: rigid_drive.Resistance
     working: tuple[float, float]
     trajectory: Trajectory
     cost: SolutionCost
     include_added_mass: bool
-
-    impulses = ()  # the spring turns each velocity jump of the law into a finite force
-
-    @property
-    def name(self) -> str:
-        """Name of the law."""
-        return self.cycle.forward.name
-
-    @property
-    def period(self) -> float:
-        """Duration of the cycle [s]."""
-        return self.cycle.period
-
-    @property
-    def steady_force(self) -> float:
-        """Force at the constant mean speed [N]."""
-        return mean_speed_force(self.cart, self.cycle.forward, self.resistance)
 
     @cached_property
     def _points(self):
@@ -237,21 +199,20 @@ class ElasticRun(CycleStatistics):
     @cached_property
     def direction(self) -> Array:
         """Direction of the law: +1 forward, -1 on the return stroke, 0 in a dwell."""
-        legs = self.cycle.legs()
-        starts = self.trajectory.intervals.start + 1e-9 * self.period
-        which = np.searchsorted([leg.start for leg in legs], starts) - 1
-        return np.array([float(leg.direction) for leg in legs])[which][self._points[0]]
+        return self.cycle.direction(self.trajectory.intervals.start + 1e-9 * self.period)[self._points[0]]
 
     @cached_property
-    def state(self) -> DriveState:
+    def state(self) -> rigid_drive.DriveState:
         """Motion and forces of the cart; at rest, mix and guides share the pull in the ratio of their limits."""
         i, u, _ = self._points
         position, velocity, acceleration, jerk, resisting = self.trajectory.kinematics(i, u)
         force, end_force = self.trajectory.drive_force(i, u), self.trajectory.end_spring_force(i, u)
         slip, zero, pull = self.trajectory.intervals.slip[i], np.zeros(force.shape), force + end_force
         moves, direction = slip != 0, np.where(slip != 0, slip, np.sign(pull))
-        slowest = direction * STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
-        mix = evaluate_resistance(
+        slowest = (
+            direction * rigid_drive.STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
+        )
+        mix = rigid_drive.evaluate_resistance(
             self.resistance, np.where(velocity != 0, velocity, slowest), self.include_added_mass * acceleration
         )
         limit = balance(self.cart, zero, mix, direction).drive_force
@@ -260,19 +221,19 @@ class ElasticRun(CycleStatistics):
         moving_direction = np.where(moves, direction, 0.0)
         reactions = balance(self.cart, acceleration, mix, moving_direction, end_spring_force=end_force)
         forces = Balance(force, reactions.front_reaction, reactions.rear_reaction, resisting - mix)
-        return DriveState(position, velocity, acceleration, jerk, mix, zero, forces)
+        return rigid_drive.DriveState(position, velocity, acceleration, jerk, mix, zero, forces)
 
     @cached_property
     def drive_force(self) -> Array:
-        """Drive force H [N], positive towards the far end."""
+        """Drive force H [N], positive towards the driven end."""
         i, u, _ = self._points
         return self.trajectory.drive_force(i, u)
 
     @cached_property
     def drive_power(self) -> Array:
-        """Power H y' of the far end [W]."""
+        """Power H y' of the driven end [W]."""
         i, u, _ = self._points
-        return self.drive_force * self.trajectory.far_end(i, u, 1)
+        return self.drive_force * self.trajectory.driven_end(i, u, 1)
 
     @cached_property
     def _peaks(self):
@@ -290,9 +251,9 @@ class ElasticRun(CycleStatistics):
         return self._peaks[1]
 
     @cached_property
-    def rigid(self) -> Run:
+    def rigid(self) -> rigid_drive.Run:
         """Run with the law imposed on the cart itself."""
-        return simulate(self.cart, Rigid(), self.cycle, self.resistance, working=self.working)
+        return rigid_drive.simulate(self.cart, rigid_drive.Rigid(), self.cycle, self.resistance, working=self.working)
 
     @property
     def dynamic_amplification(self) -> float:
@@ -320,11 +281,6 @@ class ElasticRun(CycleStatistics):
         )
 
     @cached_property
-    def drawn_energy(self) -> float:
-        """Work of a drive without recovery of the energy that the spring returns [J]."""
-        return self._mean(np.maximum(self.drive_power, 0.0)) * self.period
-
-    @cached_property
     def nonuniformity(self) -> float:
         """(v_max - v_min)/v_mean of the cart over the working part of the forward stroke [-]."""
         time = np.linspace(*self.working, NONUNIFORMITY_SAMPLES) * self.cycle.forward.duration
@@ -340,7 +296,7 @@ class ElasticRun(CycleStatistics):
 
     @cached_property
     def energy_residual(self) -> float:
-        """Energy-balance residual of far end, cart, springs and losses over int |H y'| dt [-]."""
+        """Energy-balance residual of driven end, cart, springs and losses over int |H y'| dt [-]."""
         trajectory = self.trajectory
         i, u, weights = self._points
         _, velocity, _, _, resisting = trajectory.kinematics(i, u)

@@ -83,7 +83,7 @@ class Hydraulic(Rigid):
     dead_volume: float
 
     def __post_init__(self) -> None:
-        require_positive(**{field.name: getattr(self, field.name) for field in fields(self)})
+        require_positive(**vars(self))
 
     def flow(self, area: Array, drop: Array) -> Array:
         """Return Q [m3/s] through an area [m2] under a pressure drop of either sign [Pa]."""
@@ -137,19 +137,9 @@ class ValveFlow:
 
 
 def solve_valve_flow(hydraulic: Hydraulic, velocity: Array, force: Array) -> ValveFlow:
-    """Solve flow, pressures and valve areas for a motion.
+    """Solve flow, pressures and valve areas for velocities [m/s] and drive forces along the motion [N].
 
-    Parameters
-    ----------
-    velocity : ndarray
-        Velocity of the cart [m/s].
-    force : ndarray
-        Drive force in the direction of motion [N].
-
-    Returns
-    -------
-    ValveFlow
-        Inlet areas are infinite where the required pressure exceeds that of the supply.
+    Inlet areas are infinite where the required pressure exceeds that of the supply.
     """
     flow = hydraulic.piston_area * np.abs(velocity)
     open_drop = hydraulic.open_drop(flow)
@@ -164,13 +154,7 @@ def solve_valve_flow(hydraulic: Hydraulic, velocity: Array, force: Array) -> Val
 
 @dataclass(frozen=True)
 class HydraulicRun(Run):
-    """One cycle of a cart under a law controlled by two valves.
-
-    Parameters
-    ----------
-    hydraulic : Hydraulic
-        Drive; further parameters as in `Run`.
-    """
+    """One cycle of a cart under a law controlled by two valves."""
 
     hydraulic: Hydraulic
 
@@ -224,18 +208,7 @@ class HydraulicRun(Run):
         return abs(self.pump_work - self.energy - self.throttle_heat - self.relief_heat) / self.pump_work
 
     def valve_areas(self) -> ValveAreas:
-        """Compute the valve areas of the forward stroke.
-
-        Returns
-        -------
-        tuple of PiecewisePolynomial
-            Inlet and outlet area [m2] over time [s].
-
-        Raises
-        ------
-        RuntimeError
-            If the drive is insufficient for the law.
-        """
+        """Compute inlet and outlet area [m2] over time [s] of the forward stroke; RuntimeError for a weak drive."""
         if self.lack:
             raise RuntimeError(
                 f"the drive cannot follow '{self.name}': insufficient {self.lack}; use a stronger drive or another law"
@@ -372,7 +345,8 @@ class _Circuit:
         work = supply * self.hydraulic.piston_area * self.stroke
         scale = np.array([self.stroke, self.stroke / end, supply, supply] + [work] * len(WORK_TERMS))
         for _ in range(MAX_STOPS):
-            direction = direction or self._breakaway_direction(state)
+            starts = (way for way in (1, -1) if self._stiction_margin(0.0, state, way) < 0)
+            direction = direction or next(starts, 0)
             solution = solve_ivp(
                 partial(self._rates, direction=direction), (time, end), state, "Radau", events=self._events(direction),
                 rtol=rtol, atol=rtol * scale, jac=partial(self._jacobian, direction=direction, scale=scale),
@@ -452,7 +426,7 @@ class _Circuit:
         )
 
     def _resisting_force(self, position, velocity, direction, acceleration=0.0):
-        """W + guides - end springs [N] for a direction of motion."""
+        """Return the force W + guides - end springs [N] for a direction of motion."""
         moving = np.array([direction * max(direction * velocity, STANDSTILL_SPEED_RATIO)])
         resistance = evaluate_resistance(self.resistance, moving, np.array([acceleration]))
         end_force = self._end_force(position)
@@ -470,10 +444,6 @@ class _Circuit:
         """Force that is missing to a breakaway in a direction [N]."""
         force = self.hydraulic.piston_area * (state[2] - state[3])
         return direction * (self._resisting_force(state[0], 0.0, direction) - force)
-
-    def _breakaway_direction(self, state):
-        """Direction in which a cart at rest starts, 0 for one that stays at rest."""
-        return next((way for way in (1, -1) if self._stiction_margin(0.0, state, way) < 0), 0)
 
     def _events(self, direction):
         """Stop of a moving cart, or breakaway of a cart at rest."""

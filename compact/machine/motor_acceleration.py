@@ -49,8 +49,6 @@ class AccelerationPhase:
         Work of the shaft on the carts [J].
     energy_residual : float
         Energy-balance residual over the work of the motor [-].
-    periodic : MotorRun
-        Periodic regime.
     """
 
     time: Array
@@ -93,7 +91,9 @@ def simulate_acceleration_phase(
     works = np.zeros(2)
     for revolution in range(MAX_REVOLUTIONS):
         for section in [breaks] if revolution else _graded_sections(first[1], breaks):
-            run = _solve_section(load, section, parts[-1][2][-1], periodic.working)
+            solution = solve_shaft_speed(load.residual, section, parts[-1][2][-1], ENERGY_TOLERANCE, periodic=False)
+            run = MotorRun(load, solution, periodic.working)
+            run.require_no_slip()
             works = works + run.speed * np.array([run.motor_torque, run.shaft_torque]) @ run.weights
             parts.append((parts[-1][0][-1] + run.time, 2 * np.pi * revolution + run.angle, run.speed))
         if abs(run.speed[-1] - target) <= tolerance * target:
@@ -108,13 +108,6 @@ def simulate_acceleration_phase(
     motor_work, load_work = works.tolist()
     residual = float(abs(motor_work - load_work - gain) / motor_work)
     return AccelerationPhase(time, angle, speed, revolution + 1, motor_work, load_work, residual, periodic)
-
-
-def _solve_section(load: ShaftLoad, breaks: Array, speed: float, working: tuple[float, float]) -> MotorRun:
-    """Run over a section of a revolution from an initial speed [rad/s]."""
-    run = MotorRun(load, solve_shaft_speed(load.residual, breaks, speed, ENERGY_TOLERANCE, periodic=False), working)
-    run.require_no_slip()
-    return run
 
 
 def _graded_sections(first: float, breaks: Array) -> Iterator[Array]:

@@ -12,37 +12,25 @@ The shaft angle is the independent variable (`dynamics.shaft_speed`).
 
 import math
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from operator import attrgetter
 
 import numpy as np
 
 from compact.dynamics.shaft_speed import ShaftRevolution, solve_shaft_speed
-from compact.machine.cart import Balance, Cart, Resistance, balance
+from compact.machine import rigid_drive
+from compact.machine.cart import Cart, Resistance, balance
 from compact.machine.motor_characteristics import Belt, TorqueCurve
-from compact.machine.rigid_drive import (
-    NONUNIFORMITY_SAMPLES,
-    STANDSTILL_SPEED_RATIO,
-    WORKING_PART,
-    Crank,
-    CycleStatistics,
-    DriveState,
-    Rigid,
-    evaluate_resistance,
-    mean_speed_force,
-    require_law_of_drive,
-    simulate,
-)
 from compact.motion.profile import Cycle, Discontinuity, MotionProfile
 from compact.numerics import Array
 from compact.numerics.piecewise import find_maximum, interior_grid
-from compact.numerics.validation import require_finite, require_nonnegative, require_opposing, require_positive
+from compact.numerics.validation import require_fields, require_opposing
 
-RIGID = Rigid()
+RIGID = rigid_drive.Rigid()
 SPEED_TRIALS = 200  # [-], speeds between rest and no load for the first guess
 GUESS_POINTS = 18  # [-], per piece of the law, ends included; mean torque of the first guess
-MIN_PIECE_ANGLE = 1e-9  # [rad]; closer joins coincide
 PEAK_STEPS = 12  # [-], per element; grid of the search for a peak
 
 
@@ -71,13 +59,11 @@ class Motor:
     motor_inertia: float
     flywheel_inertia: float
     angles: tuple[float, ...] = (0.0,)
-    rod: Rigid | Crank = RIGID
+    rod: rigid_drive.Rigid | rigid_drive.Crank = RIGID
     belt: Belt | None = None
 
     def __post_init__(self) -> None:
-        require_positive(gear_ratio=self.gear_ratio)
-        require_nonnegative(motor_inertia=self.motor_inertia, flywheel_inertia=self.flywheel_inertia)
-        require_finite(angles=self.angles)
+        require_fields(self, positive="gear_ratio", nonnegative="motor_inertia flywheel_inertia", finite="angles")
         if not self.angles:
             raise ValueError("`angles` must hold one angle per cart, got none")
 
@@ -120,9 +106,6 @@ class ShaftLoad:
 
     Parameters
     ----------
-    cart : Cart
-    motor : Motor
-        Motor and shaft.
     cycle : Cycle
         Law; its period is that of one revolution at uniform speed.
     resistance : callable
@@ -138,24 +121,16 @@ class ShaftLoad:
         """Angles in [0, 2 pi] at joins of the law and spring contacts of any cart, ends included [rad]."""
         rate = 2 * np.pi / self.cycle.period
         joins = np.concatenate([rate * (leg.start + leg.duration * leg.breakpoints()) for leg in self.cycle.legs()])
-        angles = np.mod(np.subtract.outer(joins, self.motor.angles).ravel(), 2 * np.pi)
         if self.cart.end_springs is not None:
-            contacts = np.mod(np.subtract.outer(self._zones.breaks, self.motor.angles).ravel(), 2 * np.pi)
-            angles = np.append(angles, contacts)
-        edges = np.unique(np.append(angles, [0.0, 2 * np.pi]))
-        return np.append(edges[:-1][np.diff(edges) > MIN_PIECE_ANGLE], 2 * np.pi)
+            joins = np.append(joins, self._zones.breaks)
+        return rigid_drive.revolution_breaks(np.subtract.outer(joins, self.motor.angles))
 
     def states_at(
         self, angle: Array, energy: Array, acceleration: Array, jerk: Array | float = 0.0
-    ) -> list[DriveState]:
-        """Solve motion and forces of each cart.
+    ) -> list[rigid_drive.DriveState]:
+        """Solve motion and forces of each cart at angles [rad], shape (pieces, n).
 
-        Parameters
-        ----------
-        angle : ndarray, shape (pieces, n)
-            Angle of the shaft [rad].
-        energy, acceleration, jerk : ndarray
-            phi'^2/2 [1/s^2], phi'' [rad/s^2] and the third derivative [rad/s^3].
+        Energy is phi'^2/2 [1/s^2], acceleration phi'' [rad/s^2] and jerk the third derivative [rad/s^3].
         """
         angles = [np.mod(angle + lead, 2 * np.pi) for lead in self.motor.angles]
         return [self._cart_state(angle, energy, acceleration, jerk) for angle in angles]
@@ -166,20 +141,20 @@ class ShaftLoad:
         speed = np.sqrt(2 * energy)
         velocity, cart_acceleration = slope * speed, curvature * 2 * energy + slope * acceleration
         direction = np.sign(slope.mean(axis=-1, keepdims=True))
-        slowest = STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
+        slowest = rigid_drive.STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
         moving = np.where(np.abs(velocity) < slowest, direction * slowest, velocity)
-        force = evaluate_resistance(self.resistance, moving, cart_acceleration)
+        force = rigid_drive.evaluate_resistance(self.resistance, moving, cart_acceleration)
         tangent = self.motor.rod.rod_tangent(angle / (2 * np.pi) * self.cycle.period, self.cycle.period)
         springs = self.cart.end_springs
         end_force = 0.0 if springs is None else springs.force(x, self._zones.side_at(angle))
         cart_jerk = third * speed**3 + 3 * curvature * speed * acceleration + slope * jerk
         forces = balance(self.cart, cart_acceleration, force, np.sign(moving), tangent, end_force)
-        return DriveState(x, velocity, cart_acceleration, cart_jerk, force, tangent, forces)
+        return rigid_drive.DriveState(x, velocity, cart_acceleration, cart_jerk, force, tangent, forces)
 
     @cached_property
     def _zones(self):
         """Zones of the end springs over the angle."""
-        return self.cart.end_springs.zones(lambda angle: self.travel(angle)[0], np.array([0.0, np.pi, 2 * np.pi]))
+        return self.cart.end_springs.zones(lambda angle: self.travel(angle)[0], [0.0, np.pi, 2 * np.pi])
 
     def travel(self, angle: Array) -> list[Array]:
         """Return x [m] and its first three derivatives with respect to the angle [m/rad^k], angle in [0, 2 pi)."""
@@ -203,7 +178,7 @@ def simulate_motor(
     motion: MotionProfile | Cycle,
     resistance: Resistance,
     *,
-    working: tuple[float, float] = WORKING_PART,
+    working: tuple[float, float] = rigid_drive.WORKING_PART,
     start_speed: float | None = None,
     tolerance: float = 1e-9,
 ) -> "MotorRun":
@@ -238,7 +213,7 @@ def simulate_motor(
             f"the velocity of '{cycle.forward.name}' jumps, which requires an infinite torque; use a law with "
             "continuous velocity"
         )
-    require_law_of_drive(motor.rod, cycle)
+    rigid_drive.require_law_of_drive(motor.rod, cycle)
     require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
     load = ShaftLoad(cart, motor, cycle, resistance)
     speed = _first_guess(load) if start_speed is None else start_speed
@@ -266,15 +241,11 @@ def _first_guess(load: ShaftLoad) -> float:
 
 
 @dataclass(frozen=True)
-class MotorRun(CycleStatistics):
+class MotorRun(rigid_drive.CycleStatistics):
     """One revolution of the shaft; arrays of shape (n,) in order of angle. Forces are those of the first cart.
 
     Parameters
     ----------
-    load : ShaftLoad
-        Carts on the shaft.
-    revolution : ShaftRevolution
-        Speed of the shaft.
     working : tuple of float
         Working part of the forward stroke [-].
     """
@@ -283,12 +254,7 @@ class MotorRun(CycleStatistics):
     revolution: ShaftRevolution
     working: tuple[float, float]
 
-    impulses = ()
-
-    @property
-    def name(self) -> str:
-        """Name of the law."""
-        return self.load.cycle.forward.name
+    cart, cycle, resistance = (property(attrgetter(f"load.{name}")) for name in ("cart", "cycle", "resistance"))
 
     @property
     def time(self) -> Array:
@@ -303,10 +269,9 @@ class MotorRun(CycleStatistics):
     @property
     def direction(self) -> Array:
         """Direction of the law: +1 forward, -1 on the return stroke, 0 in a dwell."""
-        legs, rate = self.load.cycle.legs(), self.load.cycle.period / (2 * np.pi)
         middle = (self.revolution.breaks[:-1] + self.revolution.breaks[1:]) / 2 + self.load.motor.angles[0]
-        which = np.searchsorted([leg.start for leg in legs], np.mod(middle, 2 * np.pi) * rate) - 1
-        return np.repeat(np.array([float(leg.direction) for leg in legs])[which], self.revolution.angle.shape[1])
+        direction = self.cycle.direction(np.mod(middle, 2 * np.pi) * (self.cycle.period / (2 * np.pi)))
+        return np.repeat(direction, self.revolution.angle.shape[1])
 
     @cached_property
     def period(self) -> float:
@@ -314,27 +279,11 @@ class MotorRun(CycleStatistics):
         return float(self.weights.sum())
 
     @cached_property
-    def steady_force(self) -> float:
-        """Force at the constant mean speed of the law [N]."""
-        return mean_speed_force(self.load.cart, self.load.cycle.forward, self.load.resistance)
-
-    @cached_property
-    def state(self) -> DriveState:
+    def state(self) -> rigid_drive.DriveState:
         """Motion and forces of the first cart."""
         revolution = self.revolution
-        states = self.load.states_at(revolution.angle, revolution.energy, revolution.acceleration, revolution.jerk)
-        forces = Balance(*(column.ravel() for column in astuple(states[0].forces)))
-        return DriveState._make([*(column.ravel() for column in states[0][:-1]), forces])
-
-    @property
-    def drive_force(self) -> Array:
-        """Drive force H [N]."""
-        return self.state.forces.drive_force
-
-    @property
-    def drive_power(self) -> Array:
-        """Power H v [W]."""
-        return self.state.drive_power
+        motion = revolution.angle, revolution.energy, revolution.acceleration, revolution.jerk
+        return rigid_drive.flattened(self.load.states_at(*motion)[0])
 
     @property
     def angle(self) -> Array:
@@ -433,7 +382,7 @@ class MotorRun(CycleStatistics):
     def dynamic_amplification(self) -> float:
         """Dynamic amplification: peak force over that of a drive at uniform speed, in the period of the law [-]."""
         load = self.load
-        return self.peak_force / simulate(load.cart, load.motor.rod, load.cycle, load.resistance).peak_force
+        return self.peak_force / rigid_drive.simulate(load.cart, load.motor.rod, load.cycle, load.resistance).peak_force
 
     @cached_property
     def peak_power(self) -> float:
@@ -454,7 +403,7 @@ class MotorRun(CycleStatistics):
     def nonuniformity(self) -> float:
         """(v_max - v_min)/v_mean over the working part of the forward stroke [-]."""
         first, last = (share * self.load.cycle.forward.duration / self.load.cycle.period for share in self.working)
-        angle = 2 * np.pi * np.linspace(first, last, NONUNIFORMITY_SAMPLES)
+        angle = 2 * np.pi * np.linspace(first, last, rigid_drive.NONUNIFORMITY_SAMPLES)
         energy, acceleration, _ = self.revolution.evaluate(angle[None])
         velocity = self.load.states_at(angle[None], energy, acceleration)[0].velocity
         time = np.trapezoid(1 / np.sqrt(2 * energy[0]), angle)
@@ -468,12 +417,12 @@ class MotorRun(CycleStatistics):
         gain = self.load.motor.inertia * (self.revolution.energy[-1, -1] - self.revolution.energy[0, 0])
         return float(abs(np.sum(self.weights * (power[0] - power[1])) - gain) / np.sum(self.weights * np.abs(power[1])))
 
-    def _largest(self, quantity: Callable[[DriveState], Array]) -> float:
-        """Largest |quantity| of the first cart, between the samples too."""
+    def _largest(self, quantity: Callable[[rigid_drive.DriveState], Array]) -> float:
+        """Return the largest |quantity| of the first cart, also between samples."""
         return self._peak(lambda angle: quantity(self.load.states_at(angle, *self.revolution.evaluate(angle))[0]))
 
     def _largest_of_shaft(self, quantity: Callable[..., Array]) -> float:
-        """Largest |quantity(speed, acceleration)| of the shaft, between the samples too."""
+        """Return the largest |quantity(speed, acceleration)| of the shaft, also between samples."""
 
         def of_angle(angle):
             energy, acceleration, _ = self.revolution.evaluate(angle)

@@ -20,8 +20,6 @@ class Criterion:
 
     Parameters
     ----------
-    quantity : Quantity
-        Term and unit of its values.
     infinite_because : str
         Reason of an infinite value.
     floor : float
@@ -75,7 +73,6 @@ class Ranked:
     ----------
     rank : int
         From 1; equal values share a rank, infinite values share the last one.
-    run : Run, ElasticRun, MotorRun or HydraulicRun
     value : float
         Value of the criterion.
     margin : float
@@ -137,7 +134,8 @@ def rank(runs: Iterable[Any], by: str = "peak_force") -> list[Ranked]:
     least = math.nan  # smallest value of the present rank
     for i, (value, run) in enumerate(ordered):
         if not math.isfinite(value):
-            ranked.append(Ranked(len(ordered), run, value, math.nan, _why_infinite(by, run)))
+            reason = criterion.infinite_because if run.shocks else "zero force at the mean speed"
+            ranked.append(Ranked(len(ordered), run, value, math.nan, reason))
             continue
         shared = _equal(least, value, criterion)
         least = least if shared else value
@@ -146,11 +144,6 @@ def rank(runs: Iterable[Any], by: str = "peak_force") -> list[Ranked]:
         margin = (larger - value) / scale if scale else math.nan
         ranked.append(Ranked(ranked[-1].rank if shared else i + 1, run, value, margin, ""))
     return ranked
-
-
-def _why_infinite(by: str, run: Any) -> str:
-    """Reason of an infinite value."""
-    return CRITERIA[by].infinite_because if run.shocks else "zero force at the mean speed"
 
 
 def _equal(a: float, b: float, criterion: Criterion) -> bool:

@@ -8,8 +8,9 @@ of one cart [N], odd in both. It is set-valued at rest, where the limit from ins
 
 import math
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ SAMPLES_PER_PIECE = 129  # [-], Chebyshev points per piece of a motion; integral
 STANDSTILL_SPEED_RATIO = 1e-12  # [-], of the mean speed; stands for the limit v -> 0
 WORKING_PART = (1 / 6, 5 / 6)  # [-], of the forward stroke; default part for the nonuniformity
 NONUNIFORMITY_SAMPLES = 2001  # [-], of the speed over the working part
+MIN_PIECE_ANGLE = 1e-9  # [rad]; closer joins and dead centres coincide
 CRANK_LAW_TOLERANCE = 1e-9  # [-], of the stroke; a law within it is that of the crank
 
 
@@ -106,11 +108,6 @@ class InverseDynamics:
 
     Parameters
     ----------
-    cart : Cart
-    drive : Rigid or Crank
-        Drive that imposes the law.
-    cycle : Cycle
-        Law.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
     """
@@ -123,21 +120,18 @@ class InverseDynamics:
     def state_at(self, leg: Leg, phase: Array) -> DriveState:
         """Solve motion and forces at phases of a leg [-] of any shape."""
         position, velocity, acceleration, jerk = (leg.at_phase(phase, order) for order in range(4))
-        moving = self._nonzero_velocity(leg, velocity)
+        slowest = STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
+        moving = np.where(np.abs(velocity) < slowest, leg.direction * slowest, velocity)  # limit from inside the motion
         time = leg.start + leg.duration * phase
         force = evaluate_resistance(self.resistance, moving, acceleration)
-        tangent, end_force = self.drive.rod_tangent(time, self.cycle.period), self._end_force(leg, phase, position)
+        tangent, springs = self.drive.rod_tangent(time, self.cycle.period), self.cart.end_springs
+        end_force = 0.0 if springs is None else springs.force(position, self._zones[leg.start].side_at(phase))
         forces = balance(self.cart, acceleration, force, np.sign(moving), tangent, end_force)
         return DriveState(position, velocity, acceleration, jerk, force, tangent, forces)
 
     def breaks(self, leg: Leg) -> Array:
         """Phases of a leg between which all forces are smooth, ends included."""
         return leg.breakpoints() if self.cart.end_springs is None else self._zones[leg.start].breaks
-
-    def _end_force(self, leg, phase, position):
-        """Force of the end springs [N]."""
-        springs = self.cart.end_springs
-        return 0.0 if springs is None else springs.force(position, self._zones[leg.start].side_at(phase))
 
     @cached_property
     def _zones(self):
@@ -148,22 +142,9 @@ class InverseDynamics:
             for leg in self.cycle.legs()
         }
 
-    def _nonzero_velocity(self, leg, velocity):
-        """Velocity [m/s], replaced at rest by the limit from inside the motion."""
-        slowest = STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
-        return np.where(np.abs(velocity) < slowest, leg.direction * slowest, velocity)
-
 
 def evaluate_resistance(resistance: Resistance, velocity: Array, acceleration: Array) -> Array:
-    """Evaluate a resistance [N] in the shape of the velocity; 0 in a dwell; require finite values.
-
-    Parameters
-    ----------
-    resistance : callable
-        Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
-    velocity, acceleration : ndarray
-        [m/s] and [m/s^2], of one shape.
-    """
+    """Evaluate a resistance [N] at velocities [m/s] and accelerations [m/s^2]; 0 in a dwell; require finite values."""
     force = np.zeros(np.shape(velocity))
     moves = np.asarray(velocity) != 0
     force[moves] = resistance(velocity[moves], acceleration[moves])
@@ -179,13 +160,50 @@ def evaluate_resistance(resistance: Resistance, velocity: Array, acceleration: A
 class CycleStatistics:
     """Statistics over one cycle of a run.
 
-    A run has `time` and `weights` [s] of shape (n,), `period` [s], `drive_force` [N], `drive_power` [W], their peaks,
-    `steady_force` [N], `state` and `impulses`.
+    A run has `cart`, `cycle`, `resistance`, `time` and `weights` [s] of shape (n,), `state` and the peaks of force [N]
+    and power [W].
     """
 
     if TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any: ...
+
+    @property
+    def name(self) -> str:
+        """Name of the law."""
+        return self.cycle.forward.name
+
+    @property
+    def impulses(self) -> tuple[Discontinuity, ...]:
+        """Velocity jumps of a drive that imposes the law; a compliant one turns them into finite forces."""
+        return ()
+
+    @property
+    def period(self) -> float:
+        """Duration of the cycle [s]."""
+        return self.cycle.period
+
+    @cached_property
+    def steady_force(self) -> float:
+        """|H| at the constant mean speed of the law [N]."""
+        speed = self.cycle.forward.stroke / self.cycle.forward.duration
+        return abs(float(steady_balance(self.cart, speed, self.resistance).drive_force[0]))
+
+    @property
+    def drive_force(self) -> Array:
+        """Drive force H along the travel [N]."""
+        return self.state.forces.drive_force
+
+    @property
+    def drive_power(self) -> Array:
+        """Power H v [W]; negative while the cart returns energy."""
+        return self.state.drive_power
+
+    @cached_property
+    def drawn_energy(self) -> float:
+        """Work of a drive without recovery of the energy that cart or spring return [J], velocity jumps included."""
+        starts = sum(_kinetic_gain(self.cart.mass, join) for join in self.impulses)
+        return self._mean(np.maximum(self.drive_power, 0.0)) * self.period + starts
 
     @cached_property
     def rms_force(self) -> float:
@@ -239,53 +257,40 @@ class Run(CycleStatistics):
 
     Parameters
     ----------
-    inverse_dynamics : InverseDynamics
-        Forces at any phase.
     time, weights : ndarray
         Time and quadrature weights [s].
     direction : ndarray
         +1 forward, -1 on the return stroke, 0 in a dwell.
-    state : DriveState
-        Motion and forces.
-    steady_force : float
-        Force at the constant mean speed [N].
-    nonuniformity : float
-        (v_max - v_min)/v_mean over the working part [-].
-    impulses : tuple of Discontinuity
-        Jumps of velocity.
-    shocks : tuple of Discontinuity
-        Jumps of velocity or acceleration.
     """
 
     inverse_dynamics: InverseDynamics
+    working: tuple[float, float]
     time: Array
     weights: Array
     direction: Array
     state: DriveState
-    steady_force: float
-    nonuniformity: float
-    impulses: tuple[Discontinuity, ...]
-    shocks: tuple[Discontinuity, ...]
+
+    cart, cycle, resistance = (
+        property(attrgetter(f"inverse_dynamics.{name}")) for name in ("cart", "cycle", "resistance")
+    )
 
     @property
-    def name(self) -> str:
-        """Name of the law."""
-        return self.inverse_dynamics.cycle.forward.name
+    def impulses(self) -> tuple[Discontinuity, ...]:
+        """Jumps of velocity."""
+        return tuple(join for join in self.shocks if join.order == 1)
 
-    @property
-    def period(self) -> float:
-        """Duration of the cycle [s]."""
-        return self.inverse_dynamics.cycle.period
+    @cached_property
+    def shocks(self) -> tuple[Discontinuity, ...]:
+        """Jumps of velocity or acceleration."""
+        return tuple(join for join in self.cycle.discontinuities() if join.order <= 2)
 
-    @property
-    def drive_force(self) -> Array:
-        """Drive force H along the travel [N]."""
-        return self.state.forces.drive_force
-
-    @property
-    def drive_power(self) -> Array:
-        """Power H v [W]; negative while the cart returns energy."""
-        return self.state.drive_power
+    @cached_property
+    def nonuniformity(self) -> float:
+        """(v_max - v_min)/v_mean over the working part of the forward stroke [-]."""
+        motion = self.cycle.forward
+        time = np.linspace(*self.working, NONUNIFORMITY_SAMPLES) * motion.duration
+        velocity, ends = motion.velocity(time), motion.position(time[[0, -1]])
+        return float((velocity.max() - velocity.min()) / ((ends[1] - ends[0]) / (time[-1] - time[0])))
 
     @cached_property
     def peak_force(self) -> float:
@@ -304,14 +309,8 @@ class Run(CycleStatistics):
         """Largest |jerk| [m/s^3]; infinite if velocity or acceleration jumps."""
         return math.inf if self.shocks else self._largest(lambda leg, z: leg.at_phase(z, 3))
 
-    @cached_property
-    def drawn_energy(self) -> float:
-        """Work of a drive without recovery of the braking energy [J], velocity jumps included."""
-        starts = sum(_kinetic_gain(self.inverse_dynamics.cart.mass, join) for join in self.impulses)
-        return self._mean(np.maximum(self.drive_power, 0.0)) * self.period + starts
-
     def _largest(self, quantity):
-        """Largest |quantity(leg, phase)| over the cycle, between the samples too."""
+        """Return the largest |quantity(leg, phase)| over the cycle, also between samples."""
         dynamics = self.inverse_dynamics
         return max(
             find_maximum(lambda z, leg=leg: np.abs(quantity(leg, z)), interior_grid(dynamics.breaks(leg)))[0]
@@ -361,19 +360,7 @@ def simulate(
     require_law_of_drive(drive, cycle)
     require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
     dynamics = InverseDynamics(cart, drive, cycle, resistance)
-    time, weights, direction, state = _sample(dynamics)
-    joins = cycle.discontinuities()
-    return Run(
-        inverse_dynamics=dynamics,
-        time=time,
-        weights=weights,
-        direction=direction,
-        state=state,
-        steady_force=mean_speed_force(cart, cycle.forward, resistance),
-        nonuniformity=_nonuniformity(cycle.forward, working),
-        impulses=tuple(join for join in joins if join.order == 1),
-        shocks=tuple(join for join in joins if join.order <= 2),
-    )
+    return Run(dynamics, working, *_sample(dynamics))
 
 
 def _sample(dynamics):
@@ -386,15 +373,10 @@ def _sample(dynamics):
         phase = np.clip(low + (high - low) * nodes, low, high)
         time, weights = leg.start + leg.duration * phase, leg.duration * np.diff(breaks, axis=0) * unit_weights
         state = dynamics.state_at(leg, phase)
-        parts = (time, weights, np.full(phase.shape, float(leg.direction)), *state[:-1], *astuple(state.forces))
+        parts = (time, weights, np.full(phase.shape, float(leg.direction)), *state[:-1], *state.forces)
         columns.append([part.ravel() for part in parts])
     time, weights, direction, *rest = (np.concatenate(parts) for parts in zip(*columns, strict=True))
     return time, weights, direction, DriveState(*rest[:6], Balance(*rest[6:]))
-
-
-def mean_speed_force(cart: Cart, motion: MotionProfile, resistance: Resistance) -> float:
-    """|H| at the constant mean speed of a motion [N]."""
-    return abs(float(steady_balance(cart, motion.stroke / motion.duration, resistance).drive_force[0]))
 
 
 def steady_balance(cart: Cart, speed: float, resistance: Resistance) -> Balance:
@@ -403,12 +385,15 @@ def steady_balance(cart: Cart, speed: float, resistance: Resistance) -> Balance:
     return balance(cart, zero, evaluate_resistance(resistance, np.array([speed]), zero), 1.0)
 
 
-def _nonuniformity(motion: MotionProfile, working: tuple[float, float]) -> float:
-    """(v_max - v_min)/v_mean over the working part of the forward stroke [-]."""
-    time = np.linspace(*working, NONUNIFORMITY_SAMPLES) * motion.duration
-    velocity, ends = motion.velocity(time), motion.position(time[[0, -1]])
-    mean = (ends[1] - ends[0]) / (time[-1] - time[0])
-    return float((velocity.max() - velocity.min()) / mean)
+def revolution_breaks(angles: Array) -> Array:
+    """Return the breaks of a revolution [rad] at angles of any shape, ascending from 0 to 2 pi without close ones."""
+    edges = np.unique(np.append(np.mod(angles, 2 * np.pi), [0.0, 2 * np.pi]))
+    return np.append(edges[:-1][np.diff(edges) > MIN_PIECE_ANGLE], 2 * np.pi)
+
+
+def flattened(record: Any) -> Any:
+    """Return a named tuple of arrays, or of such tuples, with each array flattened."""
+    return record._make(flattened(part) if isinstance(part, tuple) else part.ravel() for part in record)
 
 
 def require_law_of_drive(drive: Any, cycle: Cycle) -> None:

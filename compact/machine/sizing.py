@@ -13,14 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compact.numerics import Array, IntArray
-from compact.numerics.validation import (
-    require_finite,
-    require_integers,
-    require_nonnegative,
-    require_positive,
-    require_that,
-)
+from compact.numerics import Array, IntArray, validation
 
 COUNT_ROUNDING = 1e-9  # [-], relative distance of a quotient from a whole number of rollers that is rounding
 RADIUS_RATIOS = (0.40, 0.55)  # [-], roller radius over product height, smallest and largest of (1.1)
@@ -66,7 +59,7 @@ def radius_range(height: Values) -> RadiusRange:
     >>> f"{bounds.low:.3f} to {bounds.high:.3f} m"
     '0.088 to 0.121 m'
     """
-    require_positive(height=height)
+    validation.require_positive(height=height)
     low, high = RADIUS_RATIOS
     return RadiusRange(low=low * np.asarray(height), high=high * np.asarray(height))
 
@@ -101,10 +94,12 @@ def rollers_needed(width: Values, radius: Values, feeder_sleeve: Values, overlap
     >>> int(rollers_needed(1.164, 0.11, 0.18, 0.012))
     3
     """
-    require_positive(width=width, radius=radius)
-    require_nonnegative(feeder_sleeve=feeder_sleeve, overlap=overlap)
+    validation.require_positive(width=width, radius=radius)
+    validation.require_nonnegative(feeder_sleeve=feeder_sleeve, overlap=overlap)
     field = 2 * np.asarray(radius) + feeder_sleeve - overlap
-    require_that(field > 0, field, "`overlap` must be less than 2 `radius` + `feeder_sleeve`, which leaves a field of")
+    validation.require_that(
+        field > 0, field, "`overlap` must be less than 2 `radius` + `feeder_sleeve`, which leaves a field of"
+    )
     return np.ceil(width / field * (1 - COUNT_ROUNDING)).astype(int)
 
 
@@ -135,11 +130,11 @@ def stroke_needed(width: Values, rollers: Values, overlap: Values) -> Values:
     >>> f"{stroke_needed(1.164, 3, 0.012):.3f} m"
     '0.400 m'
     """
-    require_positive(width=width)
-    require_nonnegative(overlap=overlap)
-    require_integers(rollers=rollers)
+    validation.require_positive(width=width)
+    validation.require_nonnegative(overlap=overlap)
+    validation.require_integers(rollers=rollers)
     field = width / np.asarray(rollers)
-    require_that(
+    validation.require_that(
         overlap < field, overlap - field, "`overlap` must be less than the field `width`/`rollers`, exceeds by"
     )
     return field + overlap
@@ -178,8 +173,8 @@ def guide_coefficient(
     >>> f"{guide_coefficient(bearing_friction=0.05, rib_factor=1.5, **wheels):.4f}"
     '0.0652'
     """
-    require_nonnegative(bearing_friction=bearing_friction, rolling_arm=rolling_arm, rib_factor=rib_factor)
-    require_positive(journal_diameter=journal_diameter, wheel_diameter=wheel_diameter)
+    validation.require_nonnegative(bearing_friction=bearing_friction, rolling_arm=rolling_arm, rib_factor=rib_factor)
+    validation.require_positive(journal_diameter=journal_diameter, wheel_diameter=wheel_diameter)
     arm = bearing_friction * np.asarray(journal_diameter) + 2 * np.asarray(rolling_arm)
     return arm / wheel_diameter * rib_factor
 
@@ -216,8 +211,8 @@ def cart_resistance(
     >>> f"{cart_resistance(17721.0, 3358.0, 2, 1e4, bearing_friction=0.05, rib_factor=1.5, **wheels):.0f} N"
     '8375 N'
     """
-    require_nonnegative(force=force, roller_resistance=roller_resistance, weight=weight)
-    require_integers(rollers=rollers)
+    validation.require_nonnegative(force=force, roller_resistance=roller_resistance, weight=weight)
+    validation.require_integers(rollers=rollers)
     guides = np.abs(rollers * np.asarray(force) - weight) * guide_coefficient(**wheels)
     return guides + rollers * np.asarray(roller_resistance)
 
@@ -247,5 +242,5 @@ def cart_power(resistance: Values, velocity: Values) -> Values:
     >>> f"{cart_power(8375.0, 0.16):.0f} W"
     '1340 W'
     """
-    require_finite(resistance=resistance, velocity=velocity)
+    validation.require_finite(resistance=resistance, velocity=velocity)
     return np.multiply(resistance, velocity)

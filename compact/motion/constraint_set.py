@@ -6,7 +6,7 @@ elastic bounds (phase-one relaxation). The curvature of a cam for a roller follo
 the condition that its flanks do not cross is included here.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -56,10 +56,6 @@ class ConstraintSet:
 
     Attributes
     ----------
-    limits : Limits
-        Limits of the law.
-    space : SplineSpace
-        Space of the law.
     stroke : float
         Travel of one pass [m].
     duration : float
@@ -124,20 +120,10 @@ class ConstraintSet:
             raise RuntimeError("no law satisfies the limits on these pieces; raise `pieces` or lower `smoothness`")
         return solution[: self.space.size]
 
-    def with_profile_radius(self, profile_radius: float) -> "ConstraintSet":
-        """Return the same constraints with another limit on the profile of a cam for a roller follower [m]."""
-        cam = self.limits.cam and replace(self.limits.cam, profile_radius=profile_radius)
-        return replace(self, limits=self.limits.replaced(cam=cam))
-
     def project(self, unknowns: Array) -> Array:
-        """Return unknowns that satisfy all constraints to rounding, from those of a solver that leaves 1e-10.
+        """Return coefficients [-] that satisfy all constraints to rounding, from those of a solver that leaves 1e-10.
 
         Equalities are restored by least squares, bounds by the shortest step towards the law of maximum margin.
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
         """
         equal, equal_to, *_ = self.program
         unknowns = unknowns + np.linalg.lstsq(equal, equal_to - equal @ unknowns, rcond=None)[0]
@@ -200,7 +186,7 @@ class ConstraintSet:
 
     @cached_property
     def _hard(self):
-        """Rows and values that are never relaxed: nonnegative velocity, and its tolerance in the constant phase."""
+        """Return rows and values that are never relaxed: velocity >= 0, and its tolerance at constant speed."""
         rows, tolerance = [-self.space.hull(1, HULL_HALVINGS)], self.limits.steady_tolerance
         if self.limits.steady and tolerance > 0:
             pieces = self._steady_pieces
@@ -225,14 +211,14 @@ class ConstraintSet:
         return max((bound.reached(unknowns) / bound.limit - 1 for bound in self.bounds), default=-np.inf)
 
     def _single_relaxation(self, i: int) -> Conflict | None:
-        """`Conflict` of bound i if relaxing that bound alone suffices."""
+        """Return the `Conflict` of bound i if relaxing that bound alone suffices."""
         costs = np.full(len(self.bounds), FIXED_BOUND_COST)
         costs[i] = 1.0
         relaxed = self._relaxed_bounds(costs)
         return relaxed[0] if [conflict.name for conflict in relaxed] == [self.bounds[i].name] else None
 
     def _relaxed_bounds(self, costs: Array) -> list[Conflict]:
-        """`Conflict` of each relaxed bound where the sum of costs times relative violations is smallest."""
+        """Return the `Conflict` of each relaxed bound where the sum of costs times relative violations is smallest."""
         (equal, equal_to), (hard, hard_to), count = self._equal, self._hard, len(self.bounds)
         identity = np.eye(count)
         rows = [hard, np.zeros((count, self.space.size)), *self._relative_rows]
@@ -256,16 +242,10 @@ class ConstraintSet:
 
 
 def spline_space_for(limits: Limits, pieces: int, halvings: int = 0) -> SplineSpace:
-    """Return the `SplineSpace` for some limits.
+    """Return the `SplineSpace` for the smoothness and the phase of constant velocity of some limits.
 
-    Parameters
-    ----------
-    limits : Limits
-        Limits of the law: smoothness and phase of constant velocity.
-    pieces : int
-        Number of pieces of the acceleration and deceleration phases together, graded towards the ends of each phase.
-    halvings : int
-        Number of times that each piece is halved.
+    The pieces of acceleration and deceleration phases together are graded towards the ends of each phase; each piece is
+    halved `halvings` times.
     """
     k, times = limits.continuous, 2**halvings
     if limits.steady is None:

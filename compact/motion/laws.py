@@ -84,7 +84,7 @@ class LawDefinition:
 def point_to_point(order: int) -> PPoly:
     """Return the rest-to-rest law x^(2n) = 0 of order n (D 2.1-2.4): s^(k) = 0 for 0 < k < n at both ends."""
     rest = dict.fromkeys(range(1, order), 0)
-    return _one_piece(minimiser(order, {0: 0} | rest, {0: 1} | rest))
+    return piecewise([1.0], [minimiser(order, {0: 0} | rest, {0: 1} | rest)])
 
 
 def with_constant_velocity(
@@ -94,13 +94,6 @@ def with_constant_velocity(
 
     The acceleration phase is `minimiser(order, {x: 0} | start, end)` to unit velocity in unit time; with its travel A
     the velocity of the law is v = 1/(A run_up + 1 - run_up - run_down + A run_down).
-
-    Parameters
-    ----------
-    order : int
-        Order n of the criterion.
-    start, end : mapping of int to float
-        Derivatives prescribed at rest and at the constant velocity, by their order; see `minimiser`.
     """
     run = minimiser(order, {0: 0} | dict(start), end)
     up, down = (share if share > SHORTEST_PHASE else 0.0 for share in (parameters.run_up, parameters.run_down))
@@ -118,15 +111,7 @@ def with_constant_velocity(
 
 
 def piecewise(widths: Sequence[float], polynomials: Sequence[Polynomial]) -> PPoly:
-    """Return the piecewise polynomial on 0 <= z <= 1.
-
-    Parameters
-    ----------
-    widths : sequence of float
-        Width of each piece [-].
-    polynomials : sequence of Polynomial
-        Polynomial of each piece in the distance from its start.
-    """
+    """Return polynomials in the distance from the start of each piece of a width [-] as one on 0 <= z <= 1."""
     breaks = np.concatenate([[0.0], np.cumsum(widths)])
     breaks[-1] = 1.0
     if len(widths) > 1:
@@ -135,10 +120,6 @@ def piecewise(widths: Sequence[float], polynomials: Sequence[Polynomial]) -> PPo
     for i, polynomial in enumerate(polynomials):
         coefficients[-len(polynomial.coef) :, i] = polynomial.coef[::-1]
     return PPoly(coefficients, breaks)
-
-
-def _one_piece(polynomial: Polynomial) -> PPoly:
-    return piecewise([1.0], [polynomial])
 
 
 @dataclass(frozen=True)
@@ -175,12 +156,12 @@ class SineCurve:
 
 def harmonic() -> SineCurve:
     """Return the simple harmonic law s = (1 - cos pi z)/2, whose acceleration is not zero at the ends."""
-    return SineCurve(_one_piece(Polynomial([0.5])), np.pi, (-0.5,), (np.pi / 2,))
+    return SineCurve(piecewise([1.0], [Polynomial([0.5])]), np.pi, (-0.5,), (np.pi / 2,))
 
 
 def cycloidal() -> SineCurve:
     """Return the cycloidal law s = z - sin(2 pi z)/(2 pi)."""
-    return SineCurve(_one_piece(Polynomial([0, 1])), 2 * np.pi, (-1 / (2 * np.pi),), (0.0,))
+    return SineCurve(piecewise([1.0], [Polynomial([0, 1])]), 2 * np.pi, (-1 / (2 * np.pi),), (0.0,))
 
 
 def parabolic() -> PPoly:
@@ -255,14 +236,6 @@ def _crank(parameters: LawParameters) -> CrankCurve:
     return CrankCurve(parameters.rod_ratio)
 
 
-def _complex(parameters: LawParameters) -> ComplexLaw:
-    return ComplexLaw(parameters.energy_weight, parameters.acceleration_weight)
-
-
-def _rest_to_rest(order: int) -> Callable[[LawParameters], PPoly]:
-    return lambda _: point_to_point(order)
-
-
 def _steady(order: int, start: Mapping[int, float], end: Mapping[int, float]) -> Callable[[LawParameters], PPoly]:
     return lambda parameters: with_constant_velocity(order, start, end, parameters)
 
@@ -271,11 +244,11 @@ def _steady(order: int, start: Mapping[int, float], end: Mapping[int, float]) ->
 # free: its natural condition is added unless n derivatives are prescribed.
 LAWS: Mapping[str, LawDefinition] = MappingProxyType(
     {
-        "constant-velocity": LawDefinition(_rest_to_rest(1), "D 2.1"),
-        "cubic": LawDefinition(_rest_to_rest(2), "D 2.2"),
-        "quintic": LawDefinition(_rest_to_rest(3), "D 2.3"),
-        "septic": LawDefinition(_rest_to_rest(4), "D 2.4"),
-        "complex": LawDefinition(_complex, "D 2.5"),
+        "constant-velocity": LawDefinition(lambda _: point_to_point(1), "D 2.1"),
+        "cubic": LawDefinition(lambda _: point_to_point(2), "D 2.2"),
+        "quintic": LawDefinition(lambda _: point_to_point(3), "D 2.3"),
+        "septic": LawDefinition(lambda _: point_to_point(4), "D 2.4"),
+        "complex": LawDefinition(lambda p: ComplexLaw(p.energy_weight, p.acceleration_weight), "D 2.5"),
         "combined-2": LawDefinition(_steady(2, {1: 0}, {1: 1, 2: 0}), "D 2.6"),
         "combined-3": LawDefinition(_steady(3, {1: 0, 2: 0}, {1: 1, 2: 0, 3: 0}), "D 2.7"),
         "combined-4": LawDefinition(_steady(4, {1: 0, 2: 0, 3: 0}, {1: 1, 2: 0, 3: 0, 4: 0}), "D 2.8"),
@@ -288,7 +261,7 @@ LAWS: Mapping[str, LawDefinition] = MappingProxyType(
         "reversal-4-free-jerk": LawDefinition(_steady(4, {1: 0, 2: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 4.3"),
         "reversal-4-free-both": LawDefinition(_steady(4, {1: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 4.4, B"),
         "crank": LawDefinition(_crank, "crank and connecting rod, uniform rotation; C", retraces=True),
-        "gear-sector": LawDefinition(_rest_to_rest(1), "gear sector: constant speed, shock at both ends; D 1.5"),
+        "gear-sector": LawDefinition(lambda _: point_to_point(1), "gear sector: constant speed with shocks; D 1.5"),
         "parabolic": LawDefinition(lambda _: parabolic(), "constant acceleration; D 1.5"),
         "harmonic": LawDefinition(lambda _: harmonic(), "simple harmonic; VDI 2143, D 1.5"),
         "cycloidal": LawDefinition(lambda _: cycloidal(), "VDI 2143, D 1.5"),

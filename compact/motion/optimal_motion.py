@@ -7,7 +7,7 @@ programming on a spline space (`sequential_programming`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,15 +15,7 @@ from compact.motion.limits import Limits
 from compact.motion.objectives import OBJECTIVES, Resistance
 from compact.motion.profile import MotionProfile
 from compact.motion.sequential_programming import DriveCriterion, find_optimal_law
-from compact.numerics.validation import (
-    require_at_most,
-    require_between,
-    require_integers,
-    require_known,
-    require_nonnegative,
-    require_opposing,
-    require_positive,
-)
+from compact.numerics import validation
 
 PIECES_LIMIT = 1024  # [-], of an optimal law: dense programs of 0.1 GB; the memory grows with the square of the pieces
 
@@ -42,8 +34,6 @@ class OptimalMotion(MotionProfile):
         Relative decrease of the criterion by the last halving of the pieces [-]; nan without a halving.
     steps : int
         Number of convex subproblems accepted.
-    limits : Limits
-        Constraints of the search.
     """
 
     value: float = np.nan
@@ -121,7 +111,7 @@ def optimise(  # noqa: PLR0913, public signature: each argument is one physical 
     if regret:
         alone = (DriveCriterion(weights, float(mass), (one,)) for one in resistances)
         minima = tuple(find_optimal_law(limits, stroke, duration, one, pieces).value for one in alone)
-        criterion = criterion.relative_to(minima)
+        criterion = replace(criterion, minima=minima)  # regret
     found = find_optimal_law(limits, stroke, duration, criterion, pieces)
     return OptimalMotion(
         optimal_law_name(weights), stroke, duration, found.curve, False,
@@ -136,14 +126,14 @@ def optimal_law_name(objectives: Iterable[str]) -> str:
 
 def _require_valid(objective, weights, stroke, duration, mass, resistances, quantile, pieces):
     for name in weights:
-        require_known("objective", name, tuple(OBJECTIVES))
-    require_positive(stroke=stroke, duration=duration, quantile=quantile)
-    require_nonnegative(mass=mass, weights=list(weights.values()))
+        validation.require_known("objective", name, tuple(OBJECTIVES))
+    validation.require_positive(stroke=stroke, duration=duration, quantile=quantile)
+    validation.require_nonnegative(mass=mass, weights=list(weights.values()))
     if not any(weights.values()):
         raise ValueError(f"`objective` must have at least one weight > 0, got {objective!r}; raise a weight")
-    require_between(0, 1, quantile=quantile)
+    validation.require_between(0, 1, quantile=quantile)
     if pieces is not None:
-        require_integers(pieces=pieces)
-        require_at_most(PIECES_LIMIT, "more pieces lower no criterion by a measurable amount", pieces=pieces)
+        validation.require_integers(pieces=pieces)
+        validation.require_at_most(PIECES_LIMIT, "more pieces lower no criterion by a measurable amount", pieces=pieces)
     for one in resistances:
-        require_opposing(one, stroke / duration, directions=(1.0,))
+        validation.require_opposing(one, stroke / duration, directions=(1.0,))

@@ -55,47 +55,23 @@ class PitchCurve:
         return float(np.arccos(2 * self.roller_radius / (self.breadth - self.stroke)))
 
     def curvature(self, x: Array, v: Array, a: Array) -> Array:
-        """Return kappa [1/m] of forward and return stroke, shape (2, n).
-
-        Parameters
-        ----------
-        x, v, a : ndarray, shape (n,)
-            Travel [m], velocity [m/s] and acceleration [m/s^2].
-        """
+        """Return kappa [1/m] of both strokes, shape (2, n), at x [m], v [m/s] and a [m/s^2]."""
         rho, slope, second, _ = self._polar(x, v, a)
         w = np.hypot(rho, slope)
         return (w**2 + slope**2 - rho * second) / w**3
 
     def curvature_ratios(self, x: Array, v: Array, a: Array) -> Array:
-        """Return kappa (r + R) and kappa (r - R) [-] of both strokes and of a dwell, shape (4 or 5, n); each at most 1.
-
-        Parameters
-        ----------
-        x, v, a : ndarray, shape (n,)
-            Travel [m], velocity [m/s] and acceleration [m/s^2].
-        """
+        """Return kappa (r + R) and kappa (r - R) [-] of both strokes and a dwell, shape (4 or 5, n); all at most 1."""
         ratios = (self._spans * self.curvature(x, v, a)).reshape(4, -1)
         near = (self.breadth - self.stroke) / 2
         return np.vstack([ratios, np.full(len(x), self._spans.max() / near)]) if self.dwells else ratios
 
     def nodal_ratios(self, nodes: QuadratureNodes, unknowns: Array) -> Array:
-        """Return the `curvature_ratios` [-] of a law at its nodes.
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
-        """
+        """Return the `curvature_ratios` [-] of a law with coefficients [-] at its nodes."""
         return self.curvature_ratios(*_travel(nodes, unknowns))
 
     def reached_radius(self, nodes: QuadratureNodes, unknowns: Array) -> float:
-        """Return the largest R [m] that the profile of a law satisfies with the `CURVATURE_MARGIN`.
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
-        """
+        """Return the largest R [m] that the profile of a law satisfies with the `CURVATURE_MARGIN`."""
         kappa = self.curvature(*_travel(nodes, unknowns))
         near, room = (self.breadth - self.stroke) / 2, 1 - CURVATURE_MARGIN
         convex, concave = max(kappa.max(), 1 / near if self.dwells else -np.inf), -kappa.min()
@@ -103,13 +79,7 @@ class PitchCurve:
         return float(min(room / convex - self.roller_radius, of_concave))
 
     def linearise(self, nodes: QuadratureNodes, unknowns: Array) -> Linearisation:
-        """Return the `Linearisation` of the largest curvature ratio.
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
-        """
+        """Return the `Linearisation` of the largest curvature ratio."""
         x, v, a = _travel(nodes, unknowns)
         rho, slope, second, sign = self._polar(x, v, a)
         w = np.hypot(rho, slope)
@@ -125,13 +95,7 @@ class PitchCurve:
         return Linearisation(values, np.vstack([rows, np.zeros((len(values) - len(rows), len(unknowns)))]))
 
     def linearise_violation(self, nodes: QuadratureNodes, unknowns: Array) -> Linearisation:
-        """Return the `Linearisation` of the largest excess of a curvature ratio over 1 - `CURVATURE_MARGIN`, or of 0.
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
-        """
+        """Return the `Linearisation` of the largest excess of a curvature ratio over 1 - `CURVATURE_MARGIN`, or 0."""
         ratio = self.linearise(nodes, unknowns)
         values = np.append(ratio.values - (1 - CURVATURE_MARGIN), 0.0)
         return Linearisation(values, np.vstack([ratio.gradients, np.zeros(len(unknowns))]))
@@ -143,11 +107,11 @@ class PitchCurve:
         return np.array([r + R, r - R])[:, None, None]
 
     def _polar(self, x, v, a):
-        """rho, rho', rho'' of both strokes, each of shape (2, n), and the sign of each stroke."""
+        """Return rho, rho', rho'' of both strokes, each of shape (2, n), and the sign of each stroke."""
         sign, q = np.array([[1.0], [-1.0]]), self.seconds_per_radian
         return self.breadth / 2 + sign * (x - self.stroke / 2), sign * q * v, sign * q**2 * a, sign
 
 
 def _travel(nodes, unknowns):
-    """x, v and a of a law at its nodes."""
+    """Return x, v and a of a law at its nodes."""
     return tuple(rows @ unknowns for rows in nodes[:3])

@@ -145,20 +145,7 @@ class MotionProfile:
     retraces: bool = False
 
     def derivative(self, time: ArrayLike, order: int) -> Array:
-        """Return the derivative of the travel [m/s^order].
-
-        Parameters
-        ----------
-        time : array_like
-            Time in [0, duration] [s], any shape.
-        order : int
-            Order of the derivative, >= 0.
-
-        Raises
-        ------
-        ValueError
-            If a time lies outside the pass, or the order is negative or no integer.
-        """
+        """Return the derivative of the travel [m/s^order] at times [s] of any shape within [0, duration]."""
         if not (isinstance(order, int) and order >= 0):
             raise ValueError(f"`order` of a derivative must be a whole number >= 0, got {order!r}")
         time = np.asarray(time, float)
@@ -199,10 +186,7 @@ class MotionProfile:
     def discontinuities(self, end_condition: EndCondition = "reversal") -> tuple[Discontinuity, ...]:
         """Return the jumps of velocity, acceleration, jerk and snap at breakpoints and ends, in order of time.
 
-        Parameters
-        ----------
-        end_condition : {"reversal", "dwell"}
-            Motion before and after the pass: the return stroke without a dwell, or a dwell.
+        Before and after the pass is the return stroke without a dwell ("reversal"), or a dwell.
         """
         require_known("end condition", end_condition, END_CONDITIONS)
         found, breaks = [], self.curve.x
@@ -216,25 +200,11 @@ class MotionProfile:
         return tuple(sorted(found, key=lambda jump: jump.time))
 
     def smoothness(self, end_condition: EndCondition = "reversal") -> int:
-        """Return the highest k up to 4 such that the travel is in C^k (C0 to C4).
-
-        Parameters
-        ----------
-        end_condition : {"reversal", "dwell"}
-            Motion before and after the pass.
-        """
+        """Return the highest k up to 4 such that the travel is in C^k (C0 to C4)."""
         return min((jump.order for jump in self.discontinuities(end_condition)), default=5) - 1
 
     def criterion(self, order: int, end_condition: EndCondition = "reversal") -> float:
-        """Return J_k = int (x^(k))^2 dt over one pass [m^2/s^(2k-1)]; infinite where x^(k) contains an impulse.
-
-        Parameters
-        ----------
-        order : int
-            Order k of the derivative.
-        end_condition : {"reversal", "dwell"}
-            Motion before and after the pass.
-        """
+        """Return J_k = int (x^(k))^2 dt over one pass [m^2/s^(2k-1)]; infinite where x^(k) contains an impulse."""
         if any(jump.order < order for jump in self.discontinuities(end_condition)):
             return np.inf
         return self._scale(order) ** 2 * self.duration * integrate(lambda z: self.curve(z, nu=order) ** 2, self.curve.x)
@@ -294,8 +264,6 @@ class Leg:
         Its time [s].
     direction : int
         +1 forward, -1 return, 0 dwell.
-    motion : MotionProfile, optional
-        Motion of a pass.
     position : float
         Travel of a dwell [m].
     """
@@ -376,16 +344,13 @@ class Cycle:
         ]
         return [leg for leg in legs if leg.duration > 0]
 
-    def derivative(self, time: ArrayLike, order: int) -> Array:
-        """Return the derivative of the travel [m/s^order], periodic; at a discontinuity the right limit.
+    def direction(self, time: ArrayLike) -> Array:
+        """Return +1 on the forward stroke, -1 on the return stroke and 0 in a dwell, at times [s] of a cycle."""
+        which = np.searchsorted([leg.start for leg in self.legs()], time) - 1
+        return np.array([float(leg.direction) for leg in self.legs()])[which]
 
-        Parameters
-        ----------
-        time : array_like
-            Time [s], any shape.
-        order : int
-            Order of the derivative, >= 0.
-        """
+    def derivative(self, time: ArrayLike, order: int) -> Array:
+        """Return the derivative of the travel [m/s^order] at times [s] of any shape; right limit at a jump."""
         require_finite(time=time)
         instants = np.mod(np.asarray(time, float), self.period)
         legs = self.legs()
@@ -395,7 +360,10 @@ class Cycle:
         return np.select([which == i for i in range(len(legs))], values)
 
     def discontinuities(self) -> tuple[Discontinuity, ...]:
-        """Return the jumps of velocity, acceleration, jerk and snap over the cycle, by leg and time."""
+        """Return the jumps of velocity, acceleration, jerk and snap at breakpoints and ends, in order of time.
+
+        Before and after the pass is the return stroke without a dwell ("reversal"), or a dwell.
+        """
         return self._discontinuities
 
     @cached_property
@@ -414,13 +382,7 @@ class Cycle:
 
 
 def extremum_candidates(curve: NormalisedCurve, order: int) -> Array:
-    """Return phases at which |s^(order)| can be largest: roots of the next derivative, both sides of each breakpoint.
-
-    Parameters
-    ----------
-    order : int
-        Order of the derivative.
-    """
+    """Return phases at which |s^(order)| can be largest: roots of the next derivative, both sides of breakpoints."""
     edges = np.concatenate([np.nextafter(curve.x[:-1], 2.0), np.nextafter(curve.x[1:], -1.0)])
     if isinstance(curve, PPoly):
         roots = curve.derivative(order + 1).roots(discontinuity=False, extrapolate=False)

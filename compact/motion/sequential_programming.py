@@ -77,10 +77,6 @@ class DriveCriterion:
     quantile: float = 1.0
     minima: tuple[float, ...] = ()
 
-    def relative_to(self, minima: tuple[float, ...]) -> "DriveCriterion":
-        """Return the criterion of each sample relative to its minimum (regret)."""
-        return replace(self, minima=minima)
-
 
 @dataclass(frozen=True, eq=False)
 class OptimisationProblem:
@@ -88,8 +84,6 @@ class OptimisationProblem:
 
     Attributes
     ----------
-    constraints : ConstraintSet
-        Linear constraints and spline space.
     criterion : DriveCriterion
         Criterion to minimise; without weights the largest curvature ratio of the pitch curve.
     extra_phases : tuple of float
@@ -129,11 +123,6 @@ class OptimisationProblem:
         """Return the phases of peaks between the nodes that exceed all nodes, the largest of each piece.
 
         Each peak is that of the parabola through three samples.
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
         """
         phases, space = [], self.constraints.space
         quantities = (self._peak_quantities(nodes, unknowns) for nodes in (self._fine_nodes, self.nodes))
@@ -159,13 +148,7 @@ class OptimisationProblem:
             yield from ((row, 1 - CURVATURE_MARGIN) for row in self.constraints.pitch.nodal_ratios(nodes, unknowns))
 
     def linearise(self, unknowns: Array) -> list[list[Linearisation]]:
-        """Return the `Linearisation` of every criterion, a list for each sample of the resistance.
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
-        """
+        """Return the `Linearisation` of every criterion, a list for each sample of the resistance."""
         criterion = self.criterion
         states = [evaluate_state(self.nodes, unknowns, criterion.mass, one) for one in criterion.resistances]
         models = [[OBJECTIVES[name](state) for name in criterion.weights] for state in states]
@@ -186,13 +169,7 @@ class OptimisationProblem:
         return [*weights, self.penalty] if self.constraints.pitch else weights
 
     def counted_samples(self, models: list[list[Linearisation]]) -> tuple[NDArray[np.intp], float]:
-        """Return the samples within the quantile, in ascending order of J, and the J of the last of them.
-
-        Parameters
-        ----------
-        models : list of lists of Linearisation
-            Result of `linearise`.
-        """
+        """Return the samples within the quantile, in ascending order of J, and the J of the last of them."""
         weights = [self.weights_of(k) for k in range(len(models))]
         sums = [sum(w * m.value for w, m in zip(*pair, strict=True)) for pair in zip(weights, models, strict=True)]
         count = max(1, int(np.ceil(self.criterion.quantile * len(sums) - 1e-9)))
@@ -320,17 +297,9 @@ class OptimalLaw(NamedTuple):
 
 
 def trust_region_search(problem: OptimisationProblem, unknowns: Array) -> tuple[Array, float, int]:
-    """Minimise the criterion by sequential convex programming from a law within the constraints.
+    """Minimise the criterion by sequential convex programming from coefficients [-] within the constraints.
 
-    Parameters
-    ----------
-    unknowns : ndarray, shape (unknowns,)
-        Initial law [-].
-
-    Returns
-    -------
-    unknowns, value, steps : ndarray, float, int
-        Stationary law, its criterion and the number of accepted steps.
+    Returns the stationary law, its criterion and the number of accepted steps.
     """
     radius, models = np.inf, problem.linearise(unknowns)
     value = problem.counted_samples(models)[1]
@@ -363,13 +332,7 @@ def trust_region_search(problem: OptimisationProblem, unknowns: Array) -> tuple[
 
 
 def optimality_gap(problem: OptimisationProblem, unknowns: Array) -> float:
-    """Return the relative decrease that the linearisations allow any law within the constraints [-].
-
-    Parameters
-    ----------
-    unknowns : ndarray, shape (unknowns,)
-        Coefficients of the law [-].
-    """
+    """Return the relative decrease that the linearisations allow any law within the constraints [-]."""
     models = problem.linearise(unknowns)
     value = problem.counted_samples(models)[1]
     _, predicted = _Subproblem(problem, unknowns, models).solve(with_curvature=False)
@@ -379,17 +342,7 @@ def optimality_gap(problem: OptimisationProblem, unknowns: Array) -> float:
 def find_optimal_law(
     limits: Limits, stroke: float, duration: float, criterion: DriveCriterion, pieces: int | None = None
 ) -> OptimalLaw:
-    """Find the law that minimises a criterion within limits, first on few pieces, which are then halved.
-
-    Parameters
-    ----------
-    stroke : float
-        Travel of one pass [m].
-    duration : float
-        Time of one pass [s].
-    pieces : int, optional
-        Number of pieces of the acceleration and deceleration phases; `PIECES_BY_SMOOTHNESS` if not given.
-    """
+    """Find the law that minimises a criterion for a stroke [m] and a duration [s], first on few pieces, then halved."""
     pieces = pieces or _default_pieces(limits)
     rounds = max(0, int(np.log2(pieces / COARSEST_PIECES)))
     previous, curve, steps = np.nan, None, 0
@@ -448,7 +401,9 @@ def _restore_feasibility(problem: OptimisationProblem, unknowns: Array) -> Array
         if reached <= 0 or (not peaks and abs(reached - previous) <= RESTORATION_TOLERANCE * reached):
             break
         # the radius reached balances convex and concave parts
-        constraints = problem.constraints.with_profile_radius(reached)
+        limits = problem.constraints.limits
+        limits = replace(limits, cam=limits.cam and replace(limits.cam, profile_radius=reached))
+        constraints = replace(problem.constraints, limits=limits)
         problem = replace(problem, extra_phases=problem.extra_phases + peaks, constraints=constraints)
     name = "smallest radius of curvature of the cam for the roller follower"
     raise InfeasibleError([Conflict(name, "m", limit, reached)], alone=True)

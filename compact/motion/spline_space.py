@@ -88,28 +88,12 @@ class SplineSpace:
         return rows
 
     def values(self, order: int, u: ArrayLike) -> Array:
-        """Return the rows of s^(order) at local coordinates of every piece, shape (pieces * places, unknowns).
-
-        Parameters
-        ----------
-        order : int
-            Order of the derivative.
-        u : array_like, shape (places,)
-            Local coordinates, from 0 to 1 [-].
-        """
+        """Return the rows of s^(order) at local coordinates u [-] of every piece, (pieces * places, unknowns)."""
         rows = self.coefficients(order)
         return (bernstein_basis(rows.shape[1] - 1, u) @ rows).reshape(-1, self.size)
 
     def hull(self, order: int, halvings: int) -> Array:
-        """Return the Bernstein coefficients that bound s^(order), shape (rows, unknowns).
-
-        Parameters
-        ----------
-        order : int
-            Order of the derivative.
-        halvings : int
-            Number of times that each piece is halved first; a linear piece is exact without.
-        """
+        """Return the Bernstein coefficients that bound s^(order) after halving each piece, shape (rows, unknowns)."""
         rows = self.coefficients(order)
         rows = halve(rows, halvings if rows.shape[1] > 2 else 0).reshape(-1, self.size)
         return rows[np.sort(np.unique(rows, axis=0, return_index=True)[1])]
@@ -119,38 +103,18 @@ class SplineSpace:
         return self.coefficients(order)[(0, 0) if z == 0 else (-1, -1)]
 
     def curve(self, unknowns: Array) -> PPoly:
-        """Return the law; its Taylor coefficients are those of each derivative, without differences of rounded values.
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (unknowns,)
-            Coefficients of the law [-].
-        """
+        """Return the law; its Taylor coefficients are those of each derivative, without rounded differences."""
         orders = range(self.smoothness + 2, -1, -1)
         return PPoly([self.coefficients(k)[:, 0] @ unknowns / factorial(k) for k in orders], self.breaks)
 
     def rows_at(self, order: int, z: Array) -> Array:
-        """Return the rows of s^(order) at phases z, right limits at the breaks, shape (phases, unknowns).
-
-        Parameters
-        ----------
-        order : int
-            Order of the derivative.
-        z : ndarray, shape (phases,)
-            Phases t/T [-].
-        """
+        """Return the rows of s^(order) at phases z, right limits at the breaks, shape (phases, unknowns)."""
         piece = np.clip(np.searchsorted(self.breaks, z, side="right") - 1, 0, len(self.breaks) - 2)
         rows, u = self.coefficients(order)[piece], (z - self.breaks[piece]) / np.diff(self.breaks)[piece]
         return np.einsum("pi,pij->pj", bernstein_basis(rows.shape[1] - 1, u), rows)
 
     def interpolate(self, curve: Callable[..., Array]) -> Array:
-        """Return the unknowns of a law that lies in this space, such as a law of the space before halving its pieces.
-
-        Parameters
-        ----------
-        curve : callable
-            Law s(z, nu=order).
-        """
+        """Return the unknowns of a law that lies in this space, such as one of the space before halving."""
         width, degree = np.diff(self.breaks), self._basis.shape[1] - 1
         shares = np.arange(1, degree + 2) / (degree + 2)
         values = [curve(self.breaks[:-1] + share * width, nu=self.basis_order) for share in shares]
@@ -167,15 +131,7 @@ def bernstein_basis(degree: int, u: ArrayLike) -> Array:
 
 
 def halve(rows: Array, times: int) -> Array:
-    """Return Bernstein coefficients of halved pieces (de Casteljau).
-
-    Parameters
-    ----------
-    rows : ndarray, shape (pieces, degree + 1, unknowns)
-        Bernstein coefficients.
-    times : int
-        Number of times that each piece is halved.
-    """
+    """Return Bernstein coefficients, shape (pieces, degree + 1, unknowns), of halved pieces (de Casteljau)."""
     m = rows.shape[1]
     left = np.array([[comb(i, j) / 2**i if j <= i else 0.0 for j in range(m)] for i in range(m)])
     for _ in range(times):
@@ -186,17 +142,8 @@ def halve(rows: Array, times: int) -> Array:
 def graded_breaks(start: float, end: float, count: int, smoothness: int) -> Array:
     """Return count + 1 breaks [-] graded towards both ends, where the jerk is largest; halved pieces are nested.
 
-        z = u^3 (10 - 15 u + 6 u^2)   for k = 1, whose acceleration may jump: the first piece is 10/count^3 of the whole
-        z = u^2 (3 - 2 u)             for k = 2 and 3,   u = i/count
-
-    Parameters
-    ----------
-    start, end : float
-        Phases of the ends [-].
-    count : int
-        Number of pieces.
-    smoothness : int
-        Order k of the space.
+    z = u^3 (10 - 15 u + 6 u^2)   for k = 1, whose acceleration may jump: the first piece is 10/count^3 of the whole
+    z = u^2 (3 - 2 u)             for k = 2 and 3,   u = i/count
     """
     u = np.linspace(0, 1, count + 1)
     z = u**3 * (10 + u * (6 * u - 15)) if smoothness == 1 else u**2 * (3 - 2 * u)

@@ -49,16 +49,9 @@ class TabulatedMotion(MotionProfile):
     knots: Array = field(default_factory=lambda: np.zeros(0))
 
     def standard_error(self, time: ArrayLike, order: int) -> Array:
-        """Return the standard error of a derivative [m/s^order] due to noise in the table, without smoothing bias.
+        """Return the standard error of a derivative [m/s^order] at times [s] by noise of the rows, without bias.
 
         The end rows are interpolated exactly, so that their own noise is not included.
-
-        Parameters
-        ----------
-        time : array_like
-            Time [s], any shape.
-        order : int
-            Order of the derivative.
         """
         z = np.clip(np.asarray(time, float) / self.duration, 0, 1)
         basis = BSpline(self.knots, np.eye(len(self.covariance)), DEGREE)(z, nu=order)

@@ -95,17 +95,7 @@ def minimise_linear(cost: Array, constraints: LinearConstraints, box: Array | No
 def minimise_quadratic(
     curvature: Array, cost: Array, constraints: LinearConstraints, box: Array | None = None
 ) -> Array:
-    """Minimise (1/2) x'Qx + c'x.
-
-    Parameters
-    ----------
-    curvature : ndarray, shape (n, n)
-        Q, positive semidefinite.
-    cost : ndarray, shape (n,)
-        c.
-    box : ndarray, shape (n,), optional
-        Bound of each |x_i|; inf for an unbounded unknown.
-    """
+    """Minimise (1/2) x'Qx + c'x with Q positive semidefinite, shape (n, n), and |x_i| <= box_i."""
     A, b = _scaled(constraints.equality_matrix, constraints.equality_values)
     G, h = _inequalities(constraints, box, A)
     rows = sparse.csc_array(sparse.vstack([A, G]))

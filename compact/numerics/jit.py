@@ -17,12 +17,9 @@ from numba import njit
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function by numba, cached on disk until a source file that it depends on changes.
+    """Compile a function of numbers and arrays by numba; division by zero gives inf or nan as in numpy.
 
-    Parameters
-    ----------
-    function : callable
-        Function of numbers and arrays. Division by zero gives inf or nan as in numpy.
+    The compiled function is cached on disk until a source file that it depends on changes.
     """
     dispatcher = njit(error_model="numpy", cache=True)(function)
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)  # absent where numba does not cache
@@ -32,6 +29,12 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         )
         file._load_index = _readable(file._load_index)
     return dispatcher
+
+
+def is_compiled(function: Any) -> bool:
+    """Return True if a `compiled` function needs no compilation: used before, or cached on disk and up to date."""
+    file = getattr(getattr(function, "_cache", None), "_cache_file", None)
+    return bool(function.signatures) or (file is not None and bool(file._load_index()))
 
 
 def _readable(load_index: Callable[[], dict[Any, Any]]) -> Callable[[], dict[Any, Any]]:
@@ -50,10 +53,7 @@ def _readable(load_index: Callable[[], dict[Any, Any]]) -> Callable[[], dict[Any
 def source_files(module: str) -> frozenset[str]:
     """Source files of a module and of the modules of its package that it imports, directly or through others.
 
-    Parameters
-    ----------
-    module : str
-        Full name of an imported module. A module outside a package depends on modules in its own directory.
+    A module outside a package depends on modules in its own directory.
     """
     found: dict[str, str] = {}
     pending = [module]

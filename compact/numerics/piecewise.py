@@ -49,15 +49,7 @@ TO_POWERS = np.column_stack(
 
 
 def graded_grid(breaks: Array, cells: int = 24) -> Array:
-    """Return a grid that is uniform inside each piece and graded by halving towards both of its ends.
-
-    Parameters
-    ----------
-    breaks : ndarray, shape (pieces + 1,)
-        Breaks, ascending.
-    cells : int
-        Uniform cells of a piece.
-    """
+    """Return a grid with all breaks, uniform inside each piece and graded by halving towards both of its ends."""
     graded = 2.0 ** -np.arange(HALVINGS, 3, -1)
     unit = np.concatenate([[0.0], graded, np.linspace(graded[-1], 1 - graded[-1], cells)[1:-1], 1 - graded[::-1]])
     return np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * unit).ravel(), breaks[-1])
@@ -70,21 +62,9 @@ def interior_grid(breaks: Array, steps: int = 64) -> Array:
 
 
 def find_maximum(function: Function, grid: Array) -> tuple[float, float]:
-    """Find the global maximum of a function.
+    """Find the global maximum of a function and its position on a grid of pieces as of `interior_grid`.
 
     Local maxima are bracketed on the grid and located by repeated subdivision of the two best cells.
-
-    Parameters
-    ----------
-    function : callable
-        Function of abscissae; -inf where it is not defined.
-    grid : ndarray, shape (pieces, n)
-        Grid of each piece as of `interior_grid`.
-
-    Returns
-    -------
-    value, abscissa : float
-        Maximum and its position.
     """
     values = function(grid)
     best = np.unravel_index(np.argmax(values), values.shape)
@@ -106,15 +86,7 @@ def find_maximum(function: Function, grid: Array) -> tuple[float, float]:
 
 
 def find_roots(function: Function, breaks: Array) -> Array:
-    """Find the roots at which a function changes its sign, ascending and bisected to rounding.
-
-    Parameters
-    ----------
-    function : callable
-        Function of abscissae.
-    breaks : ndarray, shape (pieces + 1,)
-        Breaks, ascending.
-    """
+    """Find the roots at which a function changes its sign between breaks, ascending and bisected to rounding."""
     grid = graded_grid(breaks)
     values = function(grid)
     change = np.flatnonzero(values[:-1] * values[1:] < 0)
@@ -127,15 +99,7 @@ def find_roots(function: Function, breaks: Array) -> Array:
 
 
 def integrate(function: Function, breaks: ArrayLike) -> float:
-    """Integrate a function over its pieces by Gauss quadrature on the graded grid; exact up to degree 23.
-
-    Parameters
-    ----------
-    function : callable
-        Function of abscissae.
-    breaks : array_like, shape (pieces + 1,)
-        Breaks, ascending.
-    """
+    """Integrate a function over its pieces by Gauss quadrature on the graded grid; exact up to degree 23."""
     nodes, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     grid = graded_grid(np.asarray(breaks, float))
     half = np.diff(grid) / 2
@@ -144,18 +108,7 @@ def integrate(function: Function, breaks: ArrayLike) -> float:
 
 
 def clenshaw_curtis(count: int) -> tuple[Array, Array]:
-    """Return the nodes and weights of Clenshaw-Curtis quadrature on [0, 1].
-
-    Parameters
-    ----------
-    count : int
-        Number of nodes, odd.
-
-    Returns
-    -------
-    nodes, weights : ndarray, shape (count,)
-        Nodes, ascending with both ends, and weights with the sum 1.
-    """
+    """Return nodes, ascending with both ends, and weights of Clenshaw-Curtis quadrature on [0, 1]; `count` is odd."""
     n = count - 1
     theta = np.pi * np.arange(count) / n
     k = np.arange(1, n // 2 + 1)
@@ -187,15 +140,7 @@ class PiecewisePolynomial(NamedTuple):
 
 
 def horner(coefficients: Array, u: Array) -> Array:
-    """Evaluate polynomials by Horner's scheme.
-
-    Parameters
-    ----------
-    coefficients : ndarray, shape (..., degree + 1)
-        Coefficients, lowest first.
-    u : ndarray, shape (...)
-        Argument of each polynomial.
-    """
+    """Evaluate polynomials, coefficients of shape (..., degree + 1) lowest first, at u by Horner's scheme."""
     value = np.zeros(np.shape(u))
     for j in range(coefficients.shape[-1] - 1, -1, -1):
         value = value * u + coefficients[..., j]
@@ -243,13 +188,7 @@ def fit_piecewise(function: Function, breaks: ArrayLike, tolerance: float) -> Pi
 
 
 def antiderivative(derivative: PiecewisePolynomial, start: Array) -> PiecewisePolynomial:
-    """Integrate a piecewise polynomial with a given value at the start of each piece.
-
-    Parameters
-    ----------
-    start : ndarray, shape (pieces,)
-        Value at the start of each piece; prescribed, so that rounding does not accumulate.
-    """
+    """Integrate a piecewise polynomial with a given value at the start of each piece, against rounding."""
     width = np.diff(derivative.breaks)[:, None]
     powers = np.arange(1, derivative.coefficients.shape[1] + 1)
     return PiecewisePolynomial(derivative.breaks, np.column_stack([start, width * derivative.coefficients / powers]))

@@ -57,6 +57,13 @@ def require_finite(**quantities: ArrayLike) -> None:
         raise NotFiniteError(str(error)) from None
 
 
+def require_fields(record: Any, *, positive: str = "", nonnegative: str = "", finite: str = "") -> None:
+    """Require the named fields of a record, separated by blanks, to be valid unless they are None."""
+    for require, names in ((require_nonnegative, nonnegative), (require_positive, positive), (require_finite, finite)):
+        values = {name: getattr(record, name) for name in names.split()}
+        require(**{name: value for name, value in values.items() if value is not None})
+
+
 def require_between(low: float, high: float, **quantities: ArrayLike) -> None:
     """Require all elements to lie in the closed interval [low, high]; raise ValueError otherwise."""
     _require(lambda value: (value >= low) & (value <= high), f"between {low:g} and {high:g}", quantities)
@@ -71,17 +78,7 @@ def require_integers(**quantities: ArrayLike) -> None:
 
 
 def require_that(condition: ArrayLike, value: ArrayLike, rule: str) -> None:
-    """Require a condition to be true throughout.
-
-    Parameters
-    ----------
-    condition : array_like of bool
-        Condition, of the shape of `value`.
-    value : array_like
-        Quantity that the message reports.
-    rule : str
-        Start of the message, up to "got".
-    """
+    """Require a condition of the shape of a value to be true throughout; `rule` begins the message, up to "got"."""
     if not np.all(condition):
         raise ValueError(f"{rule} {_shown(value, lambda _: condition)}")
 

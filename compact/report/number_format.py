@@ -26,12 +26,6 @@ def format_number(value: float | str | bool | None, digits: int = DIGITS) -> str
     ----------
     value : float or str or bool or None
         Number; text is returned unchanged, None and nan as a dash.
-    digits : int
-        Significant digits.
-
-    Returns
-    -------
-    str
     """
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "–"
@@ -58,12 +52,6 @@ def format_quantity(value: float | None, unit: str, digits: int = DIGITS) -> str
         Value in the unit.
     unit : str
         SI unit in ASCII, "1" for a dimensionless quantity.
-    digits : int
-        Significant digits.
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -87,10 +75,6 @@ def format_column(values: Sequence[float | None], unit: str, digits: int = DIGIT
         SI unit in ASCII.
     digits : int
         Significant digits of the smallest value that is not negligible against the largest.
-
-    Returns
-    -------
-    list of str
 
     Examples
     --------
@@ -121,12 +105,6 @@ def format_percent(share: float, digits: int = 2) -> str:
     ----------
     share : float
         Share [-].
-    digits : int
-        Significant digits.
-
-    Returns
-    -------
-    str
     """
     if not math.isfinite(share):
         return "–"

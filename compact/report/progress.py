@@ -20,7 +20,6 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from threading import Timer
 from time import monotonic
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TextIO, TypeVar
 
 if TYPE_CHECKING:
@@ -43,10 +42,6 @@ class Progress:
     ----------
     total : float, optional
         Cost of the whole job in the unit of the costs of its stages; without it the line has a spinner and no estimate.
-    quiet : bool
-        Suppress the line.
-    stream : TextIO, optional
-        Stream in place of standard error.
     after : float, optional
         Delay before the line appears [s]; `DELAY` by default.
     clock : callable
@@ -56,8 +51,6 @@ class Progress:
     ----------
     stage, detail : str
         Running stage, and a line of text on it.
-    silent : bool
-        Nothing is written.
 
     Raises
     ------
@@ -101,17 +94,8 @@ class Progress:
 
         Parameters
         ----------
-        stage : str
-            Name of the stage.
-        cost : float
-            Cost of the stage.
         total : float, optional
             New cost of the whole job.
-
-        Raises
-        ------
-        ValueError
-            If the cost or the total is negative or not finite.
         """
         if not 0 <= cost < float("inf"):
             raise ValueError(f"`cost` of a stage must be finite and not negative, got {cost!r}; give seconds")
@@ -121,24 +105,12 @@ class Progress:
             self.total = total
 
     def advance(self, cost: float = 1.0) -> None:
-        """Count finished work of the running stage.
-
-        Parameters
-        ----------
-        cost : float
-            Cost of the finished work.
-        """
+        """Count finished work of the running stage."""
         self.begin(self.stage, 0.0)
         self._finished += cost
 
     def report(self, detail: str) -> None:
-        """Show a line of text on the running stage; the callback of solvers.
-
-        Parameters
-        ----------
-        detail : str
-            Text.
-        """
+        """Show a line of text on the running stage; the callback of solvers."""
         self.detail = detail
 
     @property
@@ -151,10 +123,8 @@ class Progress:
         """Share of the work that is done [-], at most 1; None where the total is unknown."""
         if not self.total:
             return None
-        running = 0.0
-        if self._finished_at > 0:
-            speed = self._finished / self._finished_at
-            running = min(speed * (self.elapsed - self._finished_at), self._running)
+        speed = self._finished / self._finished_at if self._finished_at > 0 else 0.0
+        running = min(speed * (self.elapsed - self._finished_at), self._running)
         return min((self._finished + running) / self.total, 1.0)
 
     @property
@@ -173,9 +143,7 @@ class Progress:
             self._timer.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer.join()  # a line that is about to appear must exist before it is erased
@@ -215,10 +183,6 @@ def format_time(seconds: float) -> str:
     seconds : float
         Time [s].
 
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> format_time(82.4), format_time(3725)
@@ -242,13 +206,6 @@ def tracked(
         Name of the stage, or a function of the item that returns it.
     alike : bool
         All items have about the same cost, so that the remaining time is estimated.
-    **options
-        Parameters of `Progress`.
-
-    Yields
-    ------
-    object
-        Each item.
     """
     cases = list(items)
     with Progress(total=len(cases) if alike else None, **options) as progress:
@@ -259,19 +216,7 @@ def tracked(
 
 @contextmanager
 def spinning(stage: str, **options: Any) -> Iterator[Progress]:
-    """Show a stage of unknown cost with a spinner and the elapsed time.
-
-    Parameters
-    ----------
-    stage : str
-        Name of the stage.
-    **options
-        Parameters of `Progress`.
-
-    Yields
-    ------
-    Progress
-    """
+    """Show a stage of unknown cost with a spinner and the elapsed time."""
     with Progress(**options) as progress:
         progress.begin(stage)
         yield progress

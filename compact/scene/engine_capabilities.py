@@ -40,8 +40,6 @@ class Limit:
 
     Parameters
     ----------
-    key : str
-        Key path.
     taken : tuple
         Accepted values; the first replaces all others.
     why : str
@@ -61,13 +59,16 @@ class Limit:
     fixed: bool = False
     late: bool = False
 
+    def value_in(self, scene: Any) -> Any:
+        """Return the value of the key in a scene; None where its table is absent."""
+        table, key = self.key.split(".")
+        return getattr(getattr(scene, table), key, None)
+
     def takes(self, value: object, friction: float | None) -> bool:
         """Return True if the engine accepts a value.
 
         Parameters
         ----------
-        value : object
-            Value of the key.
         friction : float or None
             Friction coefficient of the mix on the roller [-]; None for the prior.
         """
@@ -77,6 +78,7 @@ class Limit:
 _ONE_MODULUS = Limit("layer.plies", (None,), "it has one modulus for the whole layer")
 _ONE_PASS = Limit("layer.passes", (1,), "an elastic layer keeps no trace of a pass")
 _FRESH = Limit("layer.return_stroke", ("fresh",), "it compacts no mix that the return stroke could roll over")
+_RECOVERS = (_ONE_PASS, _FRESH)
 _ONE_MIX = Limit("layer.plies", (None,), "its layer is of one mix")
 
 LIMITS: dict[str, tuple[Limit, ...]] = {
@@ -84,8 +86,7 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
         Limit("machine.gap_geometry", ("parabola",), "half-plane theory has no other gap", fixed=True),
         Limit("contact.indentation", (None,), "the depth of a contact on a half-plane is not defined", late=True),
         _ONE_MODULUS,
-        _ONE_PASS,
-        _FRESH,
+        *_RECOVERS,
     ),
     "column": (
         Limit("machine.gap_geometry", ("circle", "parabola"), "columns move vertically only", fixed=True),
@@ -98,26 +99,18 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
     "spectral": (
         Limit("machine.gap_geometry", ("circle", "parabola"), "its gap is measured on the undeformed surface"),
         Limit(
-            "machine.roller_condition",
-            ("frictionless", "sliding", "driven"),
-            "its rollers have no friction or slip everywhere",
-            smooth=("free",),
+            "machine.roller_condition", ("frictionless", "sliding", "driven"),
+            "its rollers have no friction or slip everywhere", smooth=("free",),
         ),
-        _ONE_PASS,
-        _FRESH,
+        *_RECOVERS,
     ),
-    "fem": (_ONE_PASS, _FRESH),
+    "fem": _RECOVERS,
     "compaction": (_ONE_MIX,),
-}
+}  # fmt: skip
 
 
 def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
     """Replace the values that an engine does not accept by the nearest accepted ones.
-
-    Parameters
-    ----------
-    scene : Scene
-    engine : name of a contact engine
 
     Returns
     -------
@@ -128,11 +121,11 @@ def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
     """
     friction, sentences = scene.mix.overrides.steel_friction, []
     for limit in LIMITS[engine]:
-        table, key = limit.key.split(".")
-        value = getattr(getattr(scene, table), key, None)
+        value = limit.value_in(scene)
         if limit.takes(value, friction) or (scene.is_set(limit.key) and not limit.fixed):
             continue
         sentences.append(replaced(engine, limit, value))
+        table, key = limit.key.split(".")
         part = getattr(scene, table).model_copy(update={key: limit.taken[0]})
         scene = scene.model_copy(update={table: part})
     return scene, tuple(sentences)
@@ -163,7 +156,8 @@ def _refusal(engine, limit):
             return None
         remedies = [f"give {_listed(limit.taken)}"] if any(limit.taken) else []
         remedies += ["take the key out"] if limit.key in OPTIONAL else []
-        able = [name for name in LIMITS if _able(name, limit.key, value, friction)]
+        others = {name: [each for each in found if each.key == limit.key] for name, found in LIMITS.items()}
+        able = [name for name, found in others.items() if all(each.takes(value, friction) for each in found)]
         got = f'"{value}"' if isinstance(value, str) else _name(limit.key, value)
         return (
             f'the engine "{engine}" takes no {got}, as {limit.why}; {", ".join(remedies)}, or choose accuracy.engine = '
@@ -176,7 +170,3 @@ def _refusal(engine, limit):
 def _listed(values):
     *some, last = [f'"{value}"' if isinstance(value, str) else f"{value}" for value in values]
     return f"{', '.join(some)} or {last}" if some else last
-
-
-def _able(engine, key, value, friction):
-    return all(limit.takes(value, friction) for limit in LIMITS[engine] if limit.key == key)

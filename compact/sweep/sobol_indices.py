@@ -43,8 +43,6 @@ class Indices:
         Indices of first order and their confidence interval [-].
     total, total_low, total_high : NDArray, shape (inputs,)
         Total indices and their confidence interval [-].
-    rows : int
-        Number of rows without failed point.
     """
 
     first: NDArray[np.float64]
@@ -68,10 +66,6 @@ def indices(at_first: ArrayLike, at_second: ArrayLike, at_mixed: ArrayLike) -> I
         Values f_A and f_B.
     at_mixed : array_like, shape (inputs, n)
         Values f_AB.
-
-    Returns
-    -------
-    Indices
 
     Raises
     ------
@@ -113,11 +107,6 @@ def _estimate(f_A: NDArray[np.float64], f_B: NDArray[np.float64], f_AB: NDArray[
 
 def of_table(table: "xarray.Dataset") -> SobolTable:
     """Estimate the indices of each of QUANTITIES of a sweep.
-
-    Parameters
-    ----------
-    table : xarray.Dataset
-        Table of the sweep.
 
     Returns
     -------

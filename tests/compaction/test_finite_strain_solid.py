@@ -1,11 +1,18 @@
 """Finite elements of compacting mix: uniform paths equal those of a material point on any mesh."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.linalg import logm, polar
 from skfem import MeshQuad
 
-from compact.engines.compaction.finite_strain_kernels import strain_derivatives, strain_increment
+from compact.engines.compaction import finite_strain_kernels
+from compact.engines.compaction.finite_strain_kernels import (
+    announce_compilation,
+    strain_derivatives,
+    strain_increment,
+)
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
 from compact.engines.compaction.newton import EquilibriumError, IncrementSolver
 from compact.engines.compaction.roller_contact import ContactForces
@@ -131,6 +138,13 @@ def test_damping_resists_departures_from_the_prediction_alone():
 # (b) finite kinematics
 
 
+def pressed_and_sheared(solid):
+    """A yielding state, and the displacement of an increment from it that yields in places."""
+    X = solid.basis.doflocs.T
+    before = solid.increment(solid.undeformed_state(), X @ np.array([[0.01, 0.03], [-0.05, -0.02]])).after
+    return before, before.displacement + 0.002 * np.sin(3 * X)
+
+
 def random_gradients(count, size):
     """Pairs of displacement gradients before and after an increment."""
     for before, after in size * np.random.default_rng(7).normal(size=(count, 2, 4)):
@@ -188,9 +202,7 @@ def test_small_displacements_give_the_strain_of_small_kinematics():
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_stiffness_is_the_derivative_of_the_forces(finite, substeps):
     solid = FiniteStrainSolid(skewed(SQUARE), MIX, finite=finite, substeps=substeps)
-    X = solid.basis.doflocs.T
-    before = solid.increment(solid.undeformed_state(), X @ np.array([[0.01, 0.03], [-0.05, -0.02]])).after
-    u = before.displacement + 0.002 * np.sin(3 * X)
+    before, u = pressed_and_sheared(solid)
     direction, size = np.random.default_rng(7).normal(size=u.shape), 1e-8
     product = np.zeros(u.size)
     for dofs, block in zip(solid.element_dofs, solid.increment(before, u).element_stiffness, strict=True):
@@ -198,6 +210,70 @@ def test_stiffness_is_the_derivative_of_the_forces(finite, substeps):
     ahead, behind = (solid.increment(before, u + sign * size * direction).internal_forces for sign in (1, -1))
     expected = ((ahead - behind) / (2 * size)).ravel()
     assert product == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+
+
+def test_initial_guess_of_the_return_mappings_changes_nothing_but_rounding():
+    solid = FiniteStrainSolid(skewed(SQUARE), MIX)
+    before, displacement = pressed_and_sheared(solid)
+    near = solid.increment(before, displacement + 1e-4 * solid.basis.doflocs.T**2)
+    guessed, plain = (solid.increment(before, displacement, near=guess) for guess in (near, None))
+    scale = np.abs(plain.after.points.stress).max()
+    assert (plain.multipliers > 0).any()
+    assert guessed.after.points.stress == pytest.approx(plain.after.points.stress, abs=1e-11 * scale)
+    assert guessed.element_stiffness == pytest.approx(plain.element_stiffness, rel=1e-9, abs=1e-3)
+
+
+def test_newtons_method_converges_quadratically():
+    """Plain steps between two fixed ends, from a prediction with a residual of half the forces."""
+    x, y = FiniteStrainSolid(SQUARE, MIX).basis.doflocs
+    ends = np.flatnonzero((y == 0) | (y == 1))
+    solid = FiniteStrainSolid(SQUARE, MIX, fixed_dofs=np.concatenate([2 * ends, 2 * ends + 1]))
+    start, displacement, residuals = solid.undeformed_state(), np.stack([0.003 * x * y, -0.01 * y**2], axis=-1), []
+    for _ in range(8):
+        increment = solid.increment(start, displacement)
+        residual = -increment.internal_forces.ravel()[solid.ordered_dofs]
+        residuals.append(np.linalg.norm(residual) / np.linalg.norm(increment.internal_forces))
+        solve = solid.factorise(increment.element_stiffness, [20], np.zeros((1, 2, 2)))
+        displacement = displacement.copy()
+        displacement.ravel()[solid.ordered_dofs] += solve(residual)
+    orders = [np.log(after) / np.log(before) for before, after in pairwise(residuals) if 1e-6 < before < 1e-2]
+    assert residuals[-1] < 1e-13
+    assert len(orders) == 2
+    assert min(orders) > 1.7
+
+
+@pytest.mark.parametrize("softness", [1.0, 1e-6], ids=["regular", "nearly singular"])
+def test_factors_have_single_precision_only_if_these_suffice(softness, monkeypatch):
+    """A plate whose only support resists far less than the elements."""
+    solid = FiniteStrainSolid(skewed(SQUARE), MIX)
+    start, precisions, factorise = solid.undeformed_state(), [], solid._factorise_band
+    stiffness = solid.increment(start, start.displacement).element_stiffness
+    support = np.tile(softness * np.abs(stiffness).max() * np.eye(2), (solid.basis.N, 1, 1))
+    nodes, force = np.arange(solid.basis.N), np.random.default_rng(7).normal(size=2 * solid.basis.N)
+
+    def recorded(parts, precision):
+        precisions.append(precision)
+        return factorise(parts, precision)
+
+    monkeypatch.setattr(solid, "_factorise_band", recorded)
+    found = solid.factorise(stiffness, nodes, support)(force)
+    matrix = np.zeros((force.size,) * 2)
+    for dofs, block in zip(solid.element_dofs, stiffness, strict=True):
+        matrix[np.ix_(dofs, dofs)] += block
+    matrix[np.diag_indices(force.size)] += support[0, 0, 0]
+    expected = np.linalg.solve(matrix, np.eye(force.size)[solid.ordered_dofs].T @ force)[solid.ordered_dofs]
+    assert np.linalg.norm(found - expected) < 1e-2 * np.linalg.norm(expected)
+    assert precisions == [np.float32, np.float64][: 1 if softness == 1 else 2]
+
+
+def test_compilation_is_announced_on_first_use_alone(monkeypatch):
+    solid, lines = FiniteStrainSolid(SQUARE, MIX), []
+    solid.increment(solid.undeformed_state(), solid.undeformed_state().displacement)
+    announce_compilation(lines.append)
+    monkeypatch.setattr(finite_strain_kernels, "is_compiled", lambda function: False)
+    announce_compilation(lines.append)
+    announce_compilation(None)
+    assert lines == ["compiling the kernels of `compaction`, once, some 10 s"]
 
 
 # (c) failures

@@ -1,6 +1,6 @@
 """Carts on one crankshaft: closed form of the slider-crank, virtual power, published powers, cancellation, errors."""
 
-from dataclasses import astuple, replace
+from dataclasses import replace
 
 import mpmath
 import numpy as np
@@ -164,7 +164,7 @@ def test_resistance_that_is_not_finite_raises(bad):
 
 def test_all_arrays_have_one_shape():
     cart = simulate_crankshaft(CART, CRANK, 10.5, lambda velocity, acceleration: 0.0).carts[0]
-    columns = [column for column in astuple(cart) if isinstance(column, np.ndarray)]
+    columns = [column for column in cart if isinstance(column, np.ndarray)]
     assert {column.shape for column in columns} == {cart.psi.shape}
 
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from compact.analysis.stages.contacts import ContactStage
-from compact.analysis.stages.drives import DriveStage
-from compact.analysis.stages.pipeline import Stages
+from compact.analysis.stages.drives import DriveStage, Stages
 from compact.verification import published_numbers
 
 LINEAR_WORK_LIMIT = 1e-2  # [-], of the work of a contact with a linear layer
@@ -31,8 +30,6 @@ class BalanceCheck:
 
     Parameters
     ----------
-    name : str
-        Balance and case.
     residual : float
         Relative residual, or a count [-].
     limit : float
@@ -50,17 +47,7 @@ class BalanceCheck:
 
 
 def balance_checks(stages: Stages) -> list[BalanceCheck]:
-    """Check every contact, run and cam of a scene, and the published numbers.
-
-    Parameters
-    ----------
-    stages : Stages
-        Stages whose results are checked.
-
-    Returns
-    -------
-    list of BalanceCheck
-    """
+    """Check every contact, run and cam of a scene, and the published numbers."""
     checks = [*_contact_checks(stages.contacts), *_cycle_checks(stages.drive), _published_check()]
     if "cams" in stages.laws.scene.output.items:
         checks += [

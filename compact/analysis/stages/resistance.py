@@ -22,17 +22,11 @@ from compact.resistance import ResistanceMap, sample_resistance
 LEAST_SPEED_SHARE = 1 / 50  # [-], of the largest speed; least speed of the samples
 
 
-def reaches(resistance_map: ResistanceMap, speed: float) -> bool:
-    """Return True if a map has samples up to a speed [m/s]."""
-    return speed <= resistance_map.speeds[-1] * (1 + resistance.SPEED_ROUNDING)
-
-
 class ResistanceStage:
     """Resistance of the mix to one cart; each attribute is computed when first used.
 
     Parameters
     ----------
-    contacts : ContactStage
     largest_speed : callable
         Returns the largest speed of the cart under the laws of the scene [m/s]; called for layered engines only.
     """
@@ -50,7 +44,7 @@ class ResistanceStage:
     def map(self) -> ResistanceMap:
         """Resistance of one cart up to `largest_speed`, by a layered engine."""
         kept = self.contacts.kept.resistance_map if self.contacts.kept else None
-        if kept and reaches(kept, self.largest_speed):
+        if kept and self.largest_speed <= kept.speeds[-1] * (1 + resistance.SPEED_ROUNDING):
             return kept
         return self.sampled_map(kept, self.largest_speed)
 
@@ -99,10 +93,6 @@ class ResistanceStage:
             Map whose samples are used; those of the contacts by default.
         speed : float
             Largest speed [m/s].
-
-        Returns
-        -------
-        ResistanceMap
         """
         stage, machine = self.contacts, self.scene.machine
         length = machine.rollers * machine.roller_length

@@ -13,6 +13,7 @@ New contacts are steady: they have no added mass. Peaks are those of the samples
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from compact.analysis import machine_models
 from compact.analysis.contact_cases import contact_speeds
 from compact.analysis.engines import ENGINES
 from compact.analysis.stages.contacts import roll_scene
-from compact.analysis.stages.pipeline import Stages, build_stages
+from compact.analysis.stages.drives import Stages, build_stages
 from compact.contact import DryResistance
 from compact.machine.cart import Cart
 from compact.machine.ranking import BUILD_TOLERANCE, ROUNDING_TIE
@@ -29,7 +30,6 @@ from compact.material.mix import Parameter
 from compact.motion.profile import Cycle
 from compact.quantities import INPUT
 from compact.resistance import ResistanceMap
-from compact.scene.loader import Scene
 
 VARIATION = 0.1  # [-], relative variation of an input without spread
 SPEED_MARGIN = 1.2  # [-], range of new contacts over the largest speed; a duration shorter by a tenth is within it
@@ -80,15 +80,8 @@ class Shift:
 
     Parameters
     ----------
-    name : str
-        Scene key of the input.
-    ends : tuple of float
-        Low and high value of the input.
-    unit : str
     how : {PRIOR, SHARE, PRESSED}
         Kind of variation.
-    by : str
-        Engine of the results at the ends.
     base : End
         Result of the scene itself by the same engine.
     low, high : End or None
@@ -104,19 +97,13 @@ class Shift:
     low: End | None
     high: End | None
 
+    def changed_ends(self, by: str) -> list[End]:
+        """Return the ends at which the first law of the scene by a quantity of PEAKS is not first."""
+        return [end for end in (self.low, self.high) if end is not None and self.base.law[by] not in end.ties[by]]
+
 
 def sensitivities(stages: Stages) -> list[Shift]:
-    """Compute the sensitivity to each input of the mix and the machine that the engine or the formulas depend on.
-
-    Parameters
-    ----------
-    stages : Stages
-        Stages of the study.
-
-    Returns
-    -------
-    list of Shift
-    """
+    """Compute the sensitivity to each input of the mix and the machine that the engine or the formulas depend on."""
     variation = _Variation(stages)
     found = []
     for key, (low, high, how, unit) in _ranges(stages).items():
@@ -141,7 +128,7 @@ def _ranges(stages: Stages) -> dict[str, Range]:
         ranges[DENSITY_INPUT] = (before - step, before + step, PRESSED, INPUT[DENSITY_INPUT].unit)
     by_formula = not (engine.cheap and engine.layered)
     keys = [key for key in MACHINE_INPUTS if by_formula or key not in FORMULA_INPUTS]
-    return ranges | {key: (*_tenth(_value_at(scene, key)), INPUT[key].unit) for key in keys}
+    return ranges | {key: (*_tenth(attrgetter(key)(scene)), INPUT[key].unit) for key in keys}
 
 
 def _spread(parameter: Parameter) -> tuple[float, float, str]:
@@ -152,11 +139,6 @@ def _spread(parameter: Parameter) -> tuple[float, float, str]:
 
 def _tenth(value: float) -> tuple[float, float, str]:
     return value * (1 - VARIATION), value * (1 + VARIATION), SHARE
-
-
-def _value_at(scene: Scene, key: str) -> float:
-    table, name = key.split(".")
-    return getattr(getattr(scene, table), name)
 
 
 class _Variation:

@@ -18,7 +18,7 @@ from compact.engines.column.column_ode import STRESS, ColumnProblem, ColumnStack
 from compact.material.cap_plasticity import CapConstants, cap_constants, hardening
 from compact.material.laws import Compaction
 from compact.numerics import Array
-from compact.numerics.validation import require_finite, require_nonnegative, require_positive
+from compact.numerics.validation import require_fields
 
 SAMPLED_STEP_SHARE = 1 / 32  # [-], largest step over the front of a pass whose pressure is returned at every step
 INDENTATION_SHARE_MAX = 1 - 1e-9  # [-], of the limit of the indentation; the last pore cannot be closed
@@ -61,9 +61,7 @@ class Column:
     max_density_ratio: float = 0.0
 
     def __post_init__(self) -> None:
-        require_positive(height=self.height, density_ratio=self.density_ratio)
-        require_finite(lateral_stress=self.lateral_stress)
-        require_nonnegative(max_density_ratio=self.max_density_ratio)
+        require_fields(self, positive="height density_ratio", nonnegative="max_density_ratio", finite="lateral_stress")
         if not self.density_ratio < 1:
             raise ValueError(f"`density_ratio` must be below 1, got {self.density_ratio!r}")
 
@@ -74,12 +72,6 @@ class ColumnLayer:
 
     Parameters
     ----------
-    law : CapConstants
-        Material constants at the rolling speed.
-    stack : ColumnStack
-        Columns from the base upwards.
-    gap : GapShape
-        Shape of the roller.
     strain_measure : int
         One of the values of STRAINS.
     """
@@ -153,15 +145,7 @@ class ColumnLayer:
         return min(self.oedometric_modulus * -math.log1p(-depth / self.height), hardening(law, densest)[0] + law.pt)
 
     def error_scale(self, depth: float, rtol: float) -> Array:
-        """Return the error of each component of y allowed in one step.
-
-        Parameters
-        ----------
-        depth : float
-            Indentation [m], which sets the size of each component.
-        rtol : float
-            Relative error of a step [-].
-        """
+        """Return the error of each component of y allowed in one step, relative to its size at a depth [m]."""
         stress = self.stress_estimate(depth)
         of_columns = [stress, -math.log1p(-depth / self.height)] * len(self.stack.height)
         return rtol * np.array([stress, stress * self.edge(depth), *[stress * depth] * 3, *of_columns])
@@ -204,10 +188,13 @@ class ColumnLayer:
         RuntimeError
             If the integration does not reach the end.
         """
-        path, state = np.empty((PATH_ROWS_INITIAL, len(y) + 1)), ode.initial_integration_state(self.stack)
+        n = len(self.stack.height)
+        path, counts = np.empty((PATH_ROWS_INITIAL, len(y) + 1)), np.array([0, 0, 0, -1])
+        densest = self.stack.max_density_ratio.copy()
+        state = ode.IntegrationState(densest, np.zeros(n, np.bool_), np.empty(n), np.zeros(1), counts)
         path[0, 0], path[0, 1:] = u, y
         problem = ColumnProblem(self.law, self.stack, self.gap, self.strain_measure)
-        max_tries, status = max(STEPS_PER_CALL // len(self.stack.height), 1), ode.PAUSED
+        max_tries, status = max(STEPS_PER_CALL // n, 1), ode.PAUSED
         while status == ode.PAUSED:  # a keyboard interrupt is raised between two calls
             status = ode.integrate_path(problem, control, state, path, max_tries)
             if status == ode.PAUSED and state.counts[ode.ROW] + 1 == len(path):
@@ -224,36 +211,14 @@ class ColumnLayer:
         return path, after, int(state.counts[ode.EVALUATIONS])
 
     def compute_pass(self, indentation: float, rtol: float, max_step_share: float = np.inf) -> "PassResult":
-        """Compute the pass of the roller at an indentation.
-
-        Parameters
-        ----------
-        indentation : float
-            Indentation of the lowest generatrix [m].
-        rtol : float
-            Relative error of a step [-].
-        max_step_share : float
-            Largest step over the coordinate of the front [-].
-        """
+        """Compute the pass at an indentation [m] with an error of a step and a largest step over the front [-]."""
         front = self.front(indentation)
         control = PathControl(0.0, np.inf, self.error_scale(indentation, rtol), front * max_step_share)
         loading, pressed, evaluations = self.integrate(front, self.initial_state, control)
         return pressed.unload(loading, indentation, control, evaluations)
 
     def unload(self, loading: Array, indentation: float, control: PathControl, evaluations: int) -> "PassResult":
-        """Compute the unloading behind the lowest generatrix.
-
-        Parameters
-        ----------
-        loading : ndarray
-            Path from the front edge to the lowest generatrix.
-        indentation : float
-            Indentation at the lowest generatrix [m].
-        control : PathControl
-            Accuracy; the end of the path is replaced by the rear edge.
-        evaluations : int
-            Number of evaluations of the rates so far.
-        """
+        """Compute the unloading behind the lowest generatrix at an indentation [m], after the path of loading."""
         rise = REBOUND_SHARE_MAX * indentation
         end = self.front(min(rise, self.gap.radius) if self.gap.circular else rise)
         control = control._replace(coordinate_end=end, stress_end=0.0)
@@ -337,17 +302,7 @@ class PassResult:
 def column_layer(
     columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapShape, strain_measure: int
 ) -> ColumnLayer:
-    """Build the `ColumnLayer` of columns at rest.
-
-    Parameters
-    ----------
-    columns : tuple of Column
-        Columns from the base upwards.
-    rate_factor : float
-        Ratio of pc to its value at the reference speed [-].
-    strain_measure : int
-        One of the values of STRAINS.
-    """
+    """Build the `ColumnLayer` of columns at rest, from the base upwards, with pc multiplied by a rate factor [-]."""
     rows = [(each.height, each.density_ratio, each.lateral_stress, each.max_density_ratio) for each in columns]
     height, density_ratio, lateral_stress, max_density_ratio = np.array(rows, dtype=float).T.copy()
     stack = ColumnStack(height, density_ratio, lateral_stress / 1.5, max_density_ratio)

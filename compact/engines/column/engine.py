@@ -19,6 +19,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compact import rolling_contact
 from compact.engines.column.column_ode import COLUMN_STATE, STRESS, GapShape, PathControl
 from compact.engines.column.column_pass import (
     PLATE,
@@ -38,17 +39,6 @@ from compact.engines.column.indentation_search import (
 from compact.material.laws import Compaction
 from compact.numerics import Array
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
-from compact.rolling_contact import (
-    BaseCondition,
-    ContactResult,
-    GapGeometry,
-    Layer,
-    Roller,
-    RollerCondition,
-    require_moving,
-    require_on_target,
-    require_target_reached,
-)
 
 INTEGRATION_RTOL = 1e-9  # [-], default error of a step over the size of the whole pass
 ERROR_RTOL_RATIO = 100.0  # [-], `rtol` of the comparison pass over `rtol`; the difference is the error estimate
@@ -56,7 +46,7 @@ RESISTANCE_SHARE_MIN = 1e-3  # [-], of the load, below which errors of a resista
 
 
 @dataclass(frozen=True, kw_only=True)
-class ColumnContactResult(ContactResult):
+class ColumnContactResult(rolling_contact.ContactResult):
     """`ContactResult` with the state of the columns.
 
     Parameters
@@ -128,7 +118,9 @@ class OedometerResult:
     density_ratio: Array
 
 
-def roll(layer: Layer, roller: Roller, material: Compaction, speed: float, **options: Any) -> ColumnContactResult:
+def roll(
+    layer: rolling_contact.Layer, roller: rolling_contact.Roller, material: Compaction, speed: float, **options: Any
+) -> ColumnContactResult:
     """Compute one pass over a layer of fresh mix by the engine "column".
 
     Parameters
@@ -172,7 +164,7 @@ def roll(layer: Layer, roller: Roller, material: Compaction, speed: float, **opt
 
 def roll_over(
     columns: Sequence[Column],
-    roller: Roller,
+    roller: rolling_contact.Roller,
     material: Compaction,
     speed: float,
     *,
@@ -214,7 +206,7 @@ def roll_over(
         result, evaluations = solve_exit_density(layer, exit_density_ratio, rtol)
     coarse = layer.compute_pass(result.indentation, ERROR_RTOL_RATIO * rtol)
     rolled = _build_result(result, coarse, rtol, np.sign(speed), evaluations)
-    require_on_target(rolled, roller, TARGET_TOLERANCE * rtol, exit_density_ratio=exit_density_ratio)
+    rolling_contact.require_on_target(rolled, roller, TARGET_TOLERANCE * rtol, exit_density_ratio=exit_density_ratio)
     return rolled
 
 
@@ -248,7 +240,9 @@ def required_feed(
     _require_compaction(material)
     layer = _unit_layer(material, material.rate_factor(speed))
     result, _ = solve_plate_density(layer, exit_density_ratio, rtol)
-    require_target_reached("exit_density_ratio", exit_density_ratio, result.density_ratio, TARGET_TOLERANCE * rtol)
+    rolling_contact.require_target_reached(
+        "exit_density_ratio", exit_density_ratio, result.density_ratio, TARGET_TOLERANCE * rtol
+    )
     scale = height / result.columns[0].height
     return RequiredFeed(height=scale, indentation=scale * result.indentation)
 
@@ -350,9 +344,9 @@ def _build_result(
     )
 
 
-def require_single_bonded_layer(layer: Layer) -> None:
+def require_single_bonded_layer(layer: rolling_contact.Layer) -> None:
     """Raise ValueError unless a layer is bonded and of one mix."""
-    require_known("base", layer.base, get_args(BaseCondition))
+    require_known("base", layer.base, get_args(rolling_contact.BaseCondition))
     if layer.base == "slip":
         raise ValueError(
             "the engine column needs a `base` that is bonded, got 'slip': mix on a frictionless base spreads laterally "
@@ -364,18 +358,12 @@ def require_single_bonded_layer(layer: Layer) -> None:
         )
 
 
-def require_column_range(roller: Roller, material: Compaction, speed: float) -> None:
-    """Raise ValueError unless roller, material and speed are in the range of the engine.
-
-    Parameters
-    ----------
-    speed : float
-        Speed [m/s], finite and not 0.
-    """
+def require_column_range(roller: rolling_contact.Roller, material: Compaction, speed: float) -> None:
+    """Raise ValueError unless roller, material and speed are in the range of the engine."""
     _require_compaction(material)
-    require_moving(speed)
-    require_known("rolling", roller.rolling, get_args(RollerCondition))
-    require_known("profile", roller.profile, get_args(GapGeometry))
+    rolling_contact.require_moving(speed)
+    require_known("rolling", roller.rolling, get_args(rolling_contact.RollerCondition))
+    require_known("profile", roller.profile, get_args(rolling_contact.GapGeometry))
     if roller.friction and roller.rolling in ("sliding", "driven"):
         raise ValueError(
             f"the engine column carries no shear, got `rolling` '{roller.rolling}' with `friction` "

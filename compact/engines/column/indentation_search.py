@@ -48,18 +48,15 @@ class _Bracket:
     def next_point(self, x: float, residual: float, slope: float) -> float:
         """Narrow the bounds by the last point and return the next: interpolated, bisected or the limit."""
         self.low, self.high = (x, self.high) if residual < 0 else (self.low, x)
-        guess = _interpolate_root(self.points) if len(self.points) > 1 else x - residual / slope
+        guess = x - residual / slope
+        if len(self.points) > 1:  # root of the inverse polynomial through two or three points
+            weights = [math.prod(b / (b - a) for _, b in self.points if b != a) for _, a in self.points]
+            guess = sum(weight * place for weight, (place, _) in zip(weights, self.points, strict=True))
         if self.low < guess < self.high or (guess >= self.limit and not self.limit_tried):
             return guess
         if not (self.limit_tried or residual > 0):
             return self.limit
         return (self.low + self.high) / 2 if self.low > -math.inf else self.high - 1
-
-
-def _interpolate_root(points: list[tuple[float, float]]) -> float:
-    """Root of the inverse polynomial through two or three points (x, residual)."""
-    weights = [math.prod(b / (b - a) for _, b in points if b != a) for _, a in points]
-    return sum(weight * x for weight, (x, _) in zip(weights, points, strict=True))
 
 
 @dataclass(frozen=True)
@@ -92,21 +89,9 @@ class IndentationSearch:
     final_tolerance: float = TARGET_TOLERANCE
 
     def solve(self, initial_guess: float, slope: float = 1.0) -> tuple[PassResult | None, int]:
-        """Find the indentation.
+        """Find the indentation from a first guess [m] and the slope of the residual over its logarithm [-].
 
-        Parameters
-        ----------
-        initial_guess : float
-            Indentation of the first pass [m].
-        slope : float
-            Derivative of the residual by the logarithm of the indentation [-].
-
-        Returns
-        -------
-        result : PassResult or None
-            None if the residual is negative at the largest indentation.
-        evaluations : int
-            Evaluations of the rates in all other passes.
+        Returns None if the residual is negative at the largest indentation, and the evaluations in all other passes.
         """
         bracket, x, evaluations = self._bracket([]), math.log(initial_guess), 0
         rtol, tolerance = max(self.coarse_rtol, self.rtol), self.first_tolerance * self.rtol
@@ -140,13 +125,7 @@ class IndentationSearch:
 
 
 def solve_target(layer: ColumnLayer, roller: Roller, rtol: float) -> tuple[PassResult, int]:
-    """Compute the pass with the indentation, load or peak pressure that the roller prescribes, and count evaluations.
-
-    Parameters
-    ----------
-    rtol : float
-        Relative error of a step [-].
-    """
+    """Compute the pass with the prescribed indentation, load or peak pressure, and count evaluations."""
     name, value = roller.target
     if name == "load":
         return _solve_load(layer, value, rtol)
@@ -203,15 +182,7 @@ def _solve_load(layer: ColumnLayer, load: float, rtol: float) -> tuple[PassResul
 
 
 def solve_exit_density(layer: ColumnLayer, density_ratio: float, rtol: float) -> tuple[PassResult, int]:
-    """Compute the pass after whose rebound the columns have a mean density ratio, and count evaluations.
-
-    Parameters
-    ----------
-    density_ratio : float
-        Mean density ratio after the rebound [-].
-    rtol : float
-        Relative error of a step [-].
-    """
+    """Compute the pass after whose rebound the columns have a mean density ratio, and count evaluations."""
 
     def residual(result: PassResult) -> float:
         return result.density_ratio / density_ratio - 1

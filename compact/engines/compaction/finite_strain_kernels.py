@@ -13,11 +13,13 @@ Gradients are tuples (xx, xy, yx, yy), g_ij = du_i/dx_j; values of a point are t
 ratio and the largest density ratio. All derivatives are exact, except at the onset of yielding.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from compact.material.cap_plasticity import integrate_path
-from compact.numerics.jit import compiled
+from compact.numerics.jit import compiled, is_compiled
 
 SERIES_LIMIT = 1e-4  # [-], half the logarithm of the stretch ratio; below it atanh(z)/z is 1 + z^2/3 to rounding
 VALUES = 6  # [-], values of a point
@@ -26,6 +28,12 @@ INPUTS = 14  # [-], inputs of a point: values before, gradient before, gradient 
 Array = NDArray[np.float64]
 Gradient = tuple[float, float, float, float]
 Values = tuple[float, float, float, float, float, float]
+
+
+def announce_compilation(report: Callable[[str], None] | None) -> None:
+    """Report, by a function of a line of text, that the kernels are not compiled yet."""
+    if report is not None and not is_compiled(integrate_elements):
+        report("compiling the kernels of `compaction`, once, some 10 s")
 
 
 @compiled
@@ -132,19 +140,21 @@ def strain_derivatives(before: Gradient, after: Gradient, finite: bool, derivati
 
 
 @compiled
-def integrate_interval(law: tuple, values: Values, before: Gradient, after: Gradient, path_derivatives: Array) -> tuple:
+def integrate_interval(
+    law: tuple, values: Values, before: Gradient, after: Gradient, multipliers: Array, path_derivatives: Array
+) -> tuple:
     """Integrate the constitutive law at one point between two displacement gradients.
 
     Parameters
     ----------
     law : tuple
-        `CapConstants`, True for finite strain, substeps.
+        `CapConstants`, True for finite strain.
     values : tuple of float
         Values before the increment.
     before, after : tuple of float
         Displacement gradients [-].
-    path_derivatives : ndarray, shape (6, 0), (6, 3) or (6, 9)
-        Output, derivatives in the unrotated frame as of `integrate_path`.
+    multipliers, path_derivatives : ndarray
+        As of `integrate_path`; derivatives in the unrotated frame.
 
     Returns
     -------
@@ -159,9 +169,9 @@ def integrate_interval(law: tuple, values: Values, before: Gradient, after: Grad
     frame : tuple of float
         Cosine and sine of the rotation, for `gradient_derivatives`.
     """
-    constants, finite, substeps = law
+    constants, finite = law
     valid, strain, volume, c, s = strain_increment(before, after, finite)
-    converged, end, plastic_work, work = integrate_path(constants, substeps, values, strain, path_derivatives)
+    converged, end, plastic_work, work = integrate_path(constants, values, strain, multipliers, path_derivatives)
     xx, yy, xy = _rotate(end[0], end[1], end[3], c, s)
     rotated = (xx, yy, end[2], xy, end[4], end[5])
     return valid and converged, rotated, plastic_work, volume * work, (c, s)
@@ -230,8 +240,8 @@ def integrate_elements(
     displacements: tuple,
     before: tuple,
     after: tuple,
-    forces: Array,
-    stiffness: Array,
+    multipliers: Array,
+    results: tuple,
 ) -> int:
     """Integrate an increment in a range of elements.
 
@@ -240,23 +250,25 @@ def integrate_elements(
     block : tuple of int
         First element and end of the range.
     law : tuple
-        `CapConstants`, True for finite strain, substeps.
+        `CapConstants`, True for finite strain.
     mesh : tuple of ndarray
         Nodes (elements, 8), gradients of the shape functions (elements, 4, 8, 2) [1/m], areas of the points [m2].
     displacements : tuple of ndarray
         Displacements of the nodes before and after, shape (N, 2) [m].
     before, after : tuple of ndarray
         Stress (n, 4), density ratio, largest density ratio, plastic work and work (n,) of the points; `after` output.
-    forces : ndarray, shape (elements, 16)
-        Output, internal forces of the elements [N/m].
-    stiffness : ndarray, shape (elements, 16, 16), or (0, 16, 16)
-        Output, their derivative by the displacement [N/m2]; not computed if empty.
+    multipliers : ndarray, shape (n, substeps)
+        Initial guesses of the return mappings, 0 for none; replaced by the solutions.
+    results : tuple of ndarray
+        Output: internal forces of the elements, shape (elements, 16) [N/m], and their derivative by the displacement,
+        shape (elements, 16, 16) [N/m2], or (0, 16, 16) without derivative.
 
     Returns
     -------
     int
         First point where an element inverts or the return mapping does not converge, or -1.
     """
+    forces, stiffness = results
     nodes, shape_gradients, areas = mesh
     stress, density_ratio, max_density_ratio, plastic_work, work = before
     tangent = len(stiffness) > 0
@@ -271,7 +283,9 @@ def integrate_elements(
             old = _gradient(displacements[0], nodes[element], shapes)
             new = _gradient(displacements[1], nodes[element], shapes)
             values = (stress[i, 0], stress[i, 1], stress[i, 2], stress[i, 3], density_ratio[i], max_density_ratio[i])
-            good, values, dissipated, done, frame = integrate_interval(law, values, old, new, path_derivatives)
+            good, values, dissipated, done, frame = integrate_interval(
+                law, values, old, new, multipliers[i], path_derivatives
+            )
             if not good:
                 return i
             for j in range(4):
@@ -376,3 +390,21 @@ def add_to_band(stiffness: Array, numbers: NDArray[np.int64], width: int, band: 
                 column = numbers[element, j]
                 if column >= 0:
                     band[column, 2 * width + row - column] += stiffness[element, i, j]
+
+
+@compiled
+def multiply_elements(stiffness: Array, numbers: NDArray[np.int64], vector: Array) -> Array:
+    """Multiply the sum of element matrices by a vector, both as of `add_to_band`."""
+    product = np.zeros_like(vector)
+    for element in range(len(stiffness)):
+        for i in range(numbers.shape[1]):
+            row = numbers[element, i]
+            if row < 0:
+                continue
+            total = 0.0
+            for j in range(numbers.shape[1]):
+                column = numbers[element, j]
+                if column >= 0:
+                    total += stiffness[element, i, j] * vector[column]
+            product[row] += total
+    return product

@@ -70,19 +70,9 @@ class Indenter:
     exponent: float
 
     def contact_condition(self, x: Array, displacement: Array | float) -> tuple[Array, Array]:
-        """Linearise the contact condition n.u = d about a displacement.
+        """Linearise the contact condition n.u = d about a displacement [m], shape (2, q), at points x [m].
 
-        Parameters
-        ----------
-        x : ndarray
-            Points of the surface [m], shape (q,).
-        displacement : ndarray
-            Displacement there [m], shape (2, q).
-
-        Returns
-        -------
-        tuple of ndarray
-            Unit normal n towards the layer, shape (2, q), and depth d [m], shape (q,).
+        Returns the unit normal n towards the layer, shape (2, q), and the depth d [m], shape (q,).
         """
         R = self.radius
         if self.profile == "deformed":
@@ -216,13 +206,7 @@ def solve_contact_patch(
 
 
 def with_peak_pressures(surface: SurfaceCompliance, indenter: Indenter, patch: ContactPatch) -> ContactPatch:
-    """Add the peak pressure of a patch and that of a patch with `PEAK_TERMS_OMITTED` terms fewer.
-
-    Parameters
-    ----------
-    surface, indenter, patch
-        A converged contact.
-    """
+    """Add the peak pressure of a patch and that of a patch with `PEAK_TERMS_OMITTED` terms fewer."""
     solver = _EdgeSolver(surface, indenter)
     fewer = solver.solve_from(patch, max(1, patch.terms - PEAK_TERMS_OMITTED))
     peaks = tuple(float(each.sampled(PEAK_SAMPLES)[1].max()) for each in (fewer, patch))
@@ -291,8 +275,10 @@ class _EdgeSolver:
         step_size = np.inf
         for iteration in range(MAX_EDGE_ITERATIONS):
             amplitudes = patch.coefficients[-2:]
-            if jacobian is None:
-                jacobian = self._difference_jacobian(edges, displacement, terms, amplitudes)
+            if jacobian is None:  # by forward differences
+                reach = DIFFERENCE_STEP * (edges[1] - edges[0])
+                shifted = [self._solve_between(edges + reach * side, displacement, terms) for side in np.eye(2)]
+                jacobian = (np.array([each.coefficients[-2:] for each in shifted]) - amplitudes).T / reach
             previous, step = step_size, np.linalg.solve(jacobian, -amplitudes)
             step_size = (np.abs(step).max() / (edges[1] - edges[0])).item()
             self.history.append((*edges.tolist(), step_size))
@@ -315,12 +301,6 @@ class _EdgeSolver:
         """Return True if the normal was computed for the displacement of the patch."""
         change = np.abs(patch.displacement - displacement).max()
         return self.indenter.profile != "deformed" or change <= EDGE_TOLERANCE * np.abs(patch.displacement).max()
-
-    def _difference_jacobian(self, edges: Array, displacement: Array, terms: int, amplitudes: Array) -> Array:
-        """Differentiate the two singular amplitudes with respect to the edges by forward differences."""
-        reach = DIFFERENCE_STEP * (edges[1] - edges[0])
-        shifted = [self._solve_between(edges + reach * side, displacement, terms) for side in np.eye(2)]
-        return (np.array([patch.coefficients[-2:] for patch in shifted]) - amplitudes).T / reach
 
     def _solve_between(self, edges: Array, displacement: Array, terms: int) -> ContactPatch:
         """Solve between fixed edges; the last two coefficients are the amplitudes of the singular pressures."""

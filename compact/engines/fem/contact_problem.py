@@ -13,16 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from compact.engines.fem.contact_patch import (
-    BeyondWindowError,
-    ContactPatch,
-    Edges,
-    Indenter,
-    UnresolvedError,
-    beyond_circle_message,
-    solve_contact_patch,
-    with_peak_pressures,
-)
+from compact.engines.fem import contact_patch
 from compact.engines.fem.convected_memory import steady_creep_operator
 from compact.engines.fem.stick_slip import FrictionCondition, ShearSolution, solve_stick_slip
 from compact.engines.fem.surface import SurfaceCompliance
@@ -51,12 +42,6 @@ class RollingProblem:
 
     Parameters
     ----------
-    layer : Layer
-        Height, base and plies.
-    roller : Roller
-        Geometry, friction and target.
-    material : Elastic or Viscoelastic
-        Material of the layer.
     speed : float
         Speed along x [m/s].
     torque : float
@@ -94,10 +79,12 @@ class RollingProblem:
         """Relative tolerance of a prescribed load or peak pressure [-]."""
         return STICK_SECANT_TOLERANCE if self.turns_with_friction else SECANT_TOLERANCE
 
-    def indenter(self, indentation: float) -> Indenter:
+    def indenter(self, indentation: float) -> contact_patch.Indenter:
         """Roller at an indentation [m]."""
         exponent = float(pressure_exponent(self.material.poisson, self.traction_ratio))
-        return Indenter(self.roller.radius, indentation, self.roller.profile, self.traction_ratio, exponent)
+        return contact_patch.Indenter(
+            self.roller.radius, indentation, self.roller.profile, self.traction_ratio, exponent
+        )
 
     def tangential_force(self, direction: float) -> float:
         """Sum of the shear traction under the torque over the relaxed modulus [m], for a direction of travel."""
@@ -106,23 +93,11 @@ class RollingProblem:
 
 @dataclass(frozen=True, eq=False)
 class ContactSolution:
-    """Contact of an indenter on a surface, in units of the relaxed modulus.
-
-    Parameters
-    ----------
-    surface : SurfaceCompliance
-        Compliance of the layer.
-    indenter : Indenter
-        Roller at its indentation.
-    patch : ContactPatch
-        Edges and pressure.
-    shear : ShearSolution, optional
-        Shear traction of a roller with stick and slip.
-    """
+    """Contact of an indenter on a surface, in units of the relaxed modulus."""
 
     surface: SurfaceCompliance
-    indenter: Indenter
-    patch: ContactPatch
+    indenter: contact_patch.Indenter
+    patch: contact_patch.ContactPatch
     shear: ShearSolution | None = None
 
     @property
@@ -157,8 +132,6 @@ class Discretisation:
 
     Parameters
     ----------
-    mesh : RowMesh
-        Mesh of the layer.
     half_width : float
         Half-width of the contact for which the mesh is fine [m].
     indentation : float
@@ -173,19 +146,13 @@ class Discretisation:
     half_width: float
     indentation: float
     terms: int
-    edges: Edges | None = None
+    edges: contact_patch.Edges | None = None
 
 
 def solve_contact(
     problem: RollingProblem, discretisation: Discretisation, tolerance: float = SECANT_TOLERANCE
 ) -> ContactSolution:
-    """Solve a steady contact in a loaded zone that is wide enough.
-
-    Parameters
-    ----------
-    tolerance : float
-        Relative tolerance of a prescribed load or peak pressure [-].
-    """
+    """Solve a steady contact in a loaded zone that is wide enough, its load or peak pressure within a tolerance [-]."""
     mesh = discretisation.mesh
     return expand_window(
         discretisation,
@@ -196,33 +163,21 @@ def solve_contact(
 def expand_window(discretisation: Discretisation, solve: Callable[[float], Found]) -> Found:
     """Call `solve(window)` with a growing half-width of the loaded zone [m] until the zone contains the contact.
 
-    Parameters
-    ----------
-    solve : callable
-        Raises `BeyondWindowError` where the zone is too small.
-
-    Raises
-    ------
-    UnresolvedError
-        If `MAX_WINDOWS` loaded zones are too small.
+    `solve` raises `BeyondWindowError` where the zone is too small.
     """
     window = WINDOW * discretisation.half_width
     for _ in range(MAX_WINDOWS):
         try:
             return solve(window)
-        except BeyondWindowError as beyond:
+        except contact_patch.BeyondWindowError as beyond:
             window, reason = WINDOW_GROWTH * window, beyond
-    raise UnresolvedError(f"the contact extends beyond a loaded zone of {window:.3g} m to either side: {reason}")
+    raise contact_patch.UnresolvedError(
+        f"the contact extends beyond a loaded zone of {window:.3g} m to either side: {reason}"
+    )
 
 
 def steady_surface(problem: RollingProblem, mesh: RowMesh, window: float) -> SurfaceCompliance:
-    """Compliance of the viscoelastic layer in steady motion.
-
-    Parameters
-    ----------
-    window : float
-        Half-width of the loaded zone about the centre of the mesh [m].
-    """
+    """Compliance of the viscoelastic layer in steady motion, loaded within a half-width `window` [m] of the mesh."""
     surface = elastic_surface(problem, mesh, window)
     return surface.retarded(steady_creep_operator(surface.x, problem.material, problem.speed))
 
@@ -230,15 +185,7 @@ def steady_surface(problem: RollingProblem, mesh: RowMesh, window: float) -> Sur
 def elastic_surface(
     problem: RollingProblem, mesh: RowMesh, window: float, stretch_rate: bool = False
 ) -> SurfaceCompliance:
-    """Compliance of the elastic layer of unit modulus.
-
-    Parameters
-    ----------
-    problem, mesh, window
-        As of `steady_surface`.
-    stretch_rate : bool
-        Return the derivative of the compliance with respect to the log of a uniform stretch of the mesh along x.
-    """
+    """Compliance of the elastic layer of unit modulus, or its derivative by the log of a stretch along x."""
     behind = 0 if problem.speed > 0 or problem.layer.base == "bonded" else 1
     condense = stretch_derivative if stretch_rate else surface_compliance
     return condense(mesh, problem.material.poisson, problem.layer, window, problem.needs_shear, behind)
@@ -253,14 +200,12 @@ def solve_at_target(
 ) -> ContactSolution:
     """Solve the contact with the prescribed indentation, load or peak pressure of the roller.
 
-    Parameters
-    ----------
-    tolerance : float
-        Relative tolerance of a prescribed load or peak pressure [-]; `STICK_SECANT_TOLERANCE` at least with stick.
+    A relative tolerance [-] is `STICK_SECANT_TOLERANCE` at least with stick.
     """
     if problem.roller.indentation is not None:
         return solve_at_indentation(problem, surface, problem.roller.indentation, discretisation, initial_guess)
     tolerance = max(tolerance, problem.target_tolerance)
+    modulus, (name, value) = problem.material.youngs_modulus, problem.roller.target
     logs: list[float] = []
     errors: list[float] = []
     history: tuple = ()
@@ -273,14 +218,19 @@ def solve_at_target(
             continue
         contact = found
         logs.append(log)
-        errors.append(_log_target_error(problem, contact))
+        reached = -modulus * contact.resultant[1] if name == "load" else modulus * contact.patch.peak
+        errors.append(float(np.log(reached / value)))
         if abs(errors[-1]) < tolerance:
             return replace(contact, patch=replace(contact.patch, history=history))
         slope = INITIAL_POWER if len(logs) == 1 else (errors[-1] - errors[-2]) / (logs[-1] - logs[-2])
         log = log - np.clip(errors[-1] / slope, -MAX_LOG_STEP, MAX_LOG_STEP)
     if beyond is not None:
-        raise RuntimeError(beyond_circle_message(beyond.patch.edges, problem.roller.radius))
-    raise UnresolvedError(_unreached_target_message(problem, logs, errors))
+        raise RuntimeError(contact_patch.beyond_circle_message(beyond.patch.edges, problem.roller.radius))
+    nearest = int(np.argmin(np.abs(errors)))
+    raise contact_patch.UnresolvedError(
+        f"`{name}` {value:.6g} is not reached in {len(logs)} secant steps; the nearest is "
+        f"{np.expm1(errors[nearest]):+.1e} off, at an indentation of {1e3 * np.exp(logs[nearest]):.4g} mm"
+    )
 
 
 def solve_at_indentation(
@@ -290,37 +240,13 @@ def solve_at_indentation(
     discretisation: Discretisation,
     initial_guess: ContactSolution | None = None,
 ) -> ContactSolution:
-    """Solve the contact at an indentation, with its shear where the roller turns with friction.
-
-    Parameters
-    ----------
-    problem, surface, discretisation, initial_guess
-        As of `solve_at_target`.
-    indentation : float
-        Indentation [m].
-    """
+    """Solve the contact at an indentation [m], with its shear where the roller turns with friction."""
     indenter, terms = problem.indenter(indentation), discretisation.terms
     patch, shear = (None, None) if initial_guess is None else (initial_guess.patch, initial_guess.shear)
     if patch is None or not problem.turns_with_friction:
-        patch = solve_contact_patch(surface, indenter, terms, patch, discretisation.edges)
+        patch = contact_patch.solve_contact_patch(surface, indenter, terms, patch, discretisation.edges)
     if not problem.turns_with_friction:
-        return ContactSolution(surface, indenter, with_peak_pressures(surface, indenter, patch))
+        return ContactSolution(surface, indenter, contact_patch.with_peak_pressures(surface, indenter, patch))
     direction = problem.direction
     friction = FrictionCondition(problem.roller.friction, problem.tangential_force(direction), direction)
     return ContactSolution(surface, indenter, *solve_stick_slip(surface, indenter, terms, friction, patch, shear))
-
-
-def _log_target_error(problem: RollingProblem, contact: ContactSolution) -> float:
-    """Log of the load or peak pressure over the prescribed one."""
-    modulus, (name, value) = problem.material.youngs_modulus, problem.roller.target
-    reached = -modulus * contact.resultant[1] if name == "load" else modulus * contact.patch.peak
-    return float(np.log(reached / value))
-
-
-def _unreached_target_message(problem: RollingProblem, logs: list[float], errors: list[float]) -> str:
-    nearest, (name, value) = int(np.argmin(np.abs(errors))), problem.roller.target
-    error, depth = np.expm1(errors[nearest]), 1e3 * np.exp(logs[nearest])
-    return (
-        f"`{name}` {value:.6g} is not reached in {len(logs)} secant steps; the nearest is {error:+.1e} off, at an "
-        f"indentation of {depth:.4g} mm"
-    )

@@ -88,15 +88,7 @@ def creep_function(material: Elastic) -> CreepFunction:
 
 
 def steady_creep_operator(x: Array, material: Elastic, speed: float) -> Array:
-    """Operator C of u = C w in steady motion, for w quadratic on each element, shape (n, n).
-
-    Parameters
-    ----------
-    x : ndarray
-        Surface nodes, corners and middles [m], shape (n,).
-    speed : float
-        Speed of the roller along x [m/s].
-    """
+    """Operator C of u = C w at a speed [m/s], for w quadratic on each element of the nodes x [m], shape (n, n)."""
     creep = creep_function(material)
     C = creep.instant * np.eye(len(x))
     for share, time in zip(creep.shares, creep.times, strict=True):
@@ -105,14 +97,9 @@ def steady_creep_operator(x: Array, material: Elastic, speed: float) -> Array:
 
 
 def retardation_operator(x: Array, length: float) -> Array:
-    """Operator M of z = M w with z - length dz/dx = w, for w quadratic between the corners x[::2], shape (n, n).
+    """Operator M of z = M w with z - length dz/dx = w, for w quadratic between the corners x[::2] [m], shape (n, n).
 
-    Parameters
-    ----------
-    x : ndarray
-        Corner and middle nodes [m], shape (n,); z = w at the upstream end.
-    length : float
-        Retardation length v theta [m], not 0; the mix flows along -x if it is positive.
+    The mix flows along -x if the length v theta [m] is positive; z = w at the upstream end.
     """
     if length < 0:
         return retardation_operator(-x[::-1], -length)[::-1, ::-1]
@@ -134,17 +121,7 @@ def retardation_operator(x: Array, length: float) -> Array:
 
 
 def retarded_along_rows(values: Array, x: Array, length: float) -> Array:
-    """Solve z - length dz/dx = values for values piecewise linear along rows of points.
-
-    Parameters
-    ----------
-    values : ndarray
-        Shape (rows, n, ...).
-    x : ndarray
-        Points of each row, ascending [m], shape (rows, n).
-    length : float
-        Retardation length v theta [m], not 0.
-    """
+    """Solve z - length dz/dx = values, shape (rows, n, ...), piecewise linear along rows of points x [m]."""
     if length < 0:
         return retarded_along_rows(values[:, ::-1], -x[:, ::-1], -length)[:, ::-1]
     z = np.empty_like(values)
@@ -160,15 +137,7 @@ def retarded_along_rows(values: Array, x: Array, length: float) -> Array:
 
 
 def step_weights(count: int, interval: float, time: float) -> Array:
-    """Weights of values at count + 1 even instants in z at the end of an interval: time dz/dt + z = value, first z = 0.
-
-    Parameters
-    ----------
-    count : int
-        Number of equal parts of the interval; the value is linear over each.
-    interval, time : float
-        Length of the interval and retardation time [s].
-    """
+    """Weights of values at count + 1 even instants in the last z of time dz/dt + z = value, z = 0 at the start [s]."""
     zeroth, first, _ = _exponential_moments(np.array(interval / count / time))
     decay = np.exp(-interval / count / time * np.arange(count)[::-1])
     weights = np.zeros(count + 1)
@@ -248,15 +217,7 @@ class InternalVariableStep:
 
 
 def internal_variable_step(creep: CreepFunction, positions: Array, interval: float) -> InternalVariableStep:
-    """Set up the update of the internal variables over a time step.
-
-    Parameters
-    ----------
-    positions : ndarray
-        Positions of the roller at even instants of the step [m], shape (n,).
-    interval : float
-        Length T of the step [s].
-    """
+    """Set up the update of the internal variables over an interval [s], positions [m] at even instants."""
     count, times = len(positions) - 1, np.array(creep.times)
     weights = np.array([step_weights(count, interval, time) for time in times]).reshape(-1, count + 1)
     fractions = np.linspace(0, 1, count + 1)
@@ -264,17 +225,7 @@ def internal_variable_step(creep: CreepFunction, positions: Array, interval: flo
 
 
 def retarded_displacement(shares: Array | tuple[float, ...], places: Array, internal: Array, x: Array) -> Array:
-    """Interpolate sum_k J_k z_k from points of the layer to others [m], shape (..., q).
-
-    Parameters
-    ----------
-    shares : ndarray
-        Compliances J_k [-], shape (k,).
-    places, x : ndarray
-        Points of the layer [m], shape (m,) and (q,).
-    internal : ndarray
-        Internal variables at `places` [m], shape (k, ..., m).
-    """
+    """Interpolate sum_k J_k z_k [m] from points of the layer, shape (k, ..., m), to others, shape (..., q)."""
     return np.tensordot(shares, CubicSpline(places, internal, axis=-1)(x), axes=1)
 
 

@@ -12,13 +12,8 @@ import numpy as np
 
 from compact.engines.fem.contact_patch import INITIAL_TERMS
 from compact.engines.fem.contact_problem import Discretisation, RollingProblem, solve_contact
+from compact.engines.spectral import elastic_estimate
 from compact.engines.spectral import engine as spectral
-from compact.engines.spectral.elastic_estimate import (
-    WIDTH_RATIO,
-    contact_of_half_width,
-    expected_half_width,
-    quantise_half_width,
-)
 from compact.engines.spectral.engine import SpectralContactResult
 from compact.mesh import EDGE_REFINEMENT, RowMesh, elements_for, graded_mesh, mesh_for_error
 from compact.rolling_contact import Layer
@@ -42,16 +37,11 @@ MAX_UNKNOWNS = 60_000  # [-], of a refined mesh; the mesh of its error estimate 
 
 
 def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolerance: float) -> Discretisation:
-    """Discretisation for the elastic contact.
+    """Discretisation for the elastic contact on a given mesh or one for a relative tolerance of the forces [-].
 
     A prescribed load or peak pressure requires a rough solution with few terms, whose width may select a finer mesh.
-
-    Parameters
-    ----------
-    tolerance : float
-        Relative tolerance of load and resistance [-].
     """
-    half_width = expected_half_width(problem.layer, problem.roller, problem.material, problem.speed)
+    half_width = elastic_estimate.expected_half_width(problem.layer, problem.roller, problem.material, problem.speed)
     fitted = _fitted(problem, half_width, mesh, tolerance)
     if problem.roller.indentation is not None:
         return fitted
@@ -60,19 +50,13 @@ def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolera
         sliding = replace(problem, roller=replace(problem.roller, rolling="frictionless"))
     rough = solve_contact(sliding, replace(fitted, terms=INITIAL_TERMS), ROUGH_TOLERANCE)
     reach = max(-rough.patch.trailing, rough.patch.leading)
-    if mesh is None and reach < fitted.half_width / WIDTH_RATIO**2:
-        fitted = _fitted(problem, quantise_half_width(reach, fitted.half_width), mesh, tolerance)
+    if mesh is None and reach < fitted.half_width / elastic_estimate.WIDTH_RATIO**2:
+        fitted = _fitted(problem, elastic_estimate.quantise_half_width(reach, fitted.half_width), mesh, tolerance)
     return replace(fitted, indentation=rough.indenter.indentation)
 
 
 def fitted_discretisation(problem: RollingProblem, tolerance: float) -> Discretisation:
-    """Discretisation of refinement level 1, whose mesh fits the contact at its own speed.
-
-    Parameters
-    ----------
-    tolerance : float
-        Relative tolerance of load and resistance [-].
-    """
+    """Discretisation of refinement level 1, whose mesh fits the contact at its own speed."""
     refined = refined_discretisation(problem, 1, tolerance, spectral_estimate(problem))
     return refined or initial_discretisation(problem, None, tolerance)
 
@@ -80,16 +64,9 @@ def fitted_discretisation(problem: RollingProblem, tolerance: float) -> Discreti
 def refined_discretisation(
     problem: RollingProblem, level: int, tolerance: float, similar: "SpectralContactResult | FemContactResult | None"
 ) -> Discretisation | None:
-    """Discretisation of a level of refinement, or None beyond `MAX_UNKNOWNS`.
+    """Discretisation of a level of refinement from 1 to `MAX_LEVEL`, or None beyond `MAX_UNKNOWNS`.
 
-    Parameters
-    ----------
-    level : int
-        Level of refinement, 1 to `MAX_LEVEL`.
-    tolerance : float
-        Relative tolerance of load and resistance [-].
-    similar : SpectralContactResult or FemContactResult, optional
-        Contact to whose edges the mesh is fitted; the elastic contact unless given.
+    The mesh is fitted to the edges of a similar contact, or of the elastic contact.
     """
     if similar is None:
         first = initial_discretisation(problem, None, tolerance)
@@ -134,7 +111,7 @@ def _fitted(problem: RollingProblem, half_width: float, mesh: RowMesh | None, to
     return Discretisation(
         mesh or mesh_for_error(layer.height, half_width, tolerance, layer.interfaces),
         half_width,
-        contact_of_half_width(layer, problem.material, problem.roller.radius, half_width).indentation,
+        elastic_estimate.contact_of_half_width(layer, problem.material, problem.roller.radius, half_width).indentation,
         _pressure_terms(layer, half_width),
     )
 

@@ -80,10 +80,6 @@ class FemContactResult(ContactResult):
         Indentation delta [m].
     creep : float or None
         Creepage, angular speed x radius/speed - 1 [-], of a roller with stick and slip.
-    layer, roller, material, speed : Layer, Roller, Elastic, float
-        Arguments of `roll`.
-    mesh : RowMesh
-        Mesh of the solution.
     forces : ndarray
         Forces on the surface nodes over the relaxed modulus [m], shape (2, n).
     """
@@ -167,13 +163,7 @@ def roll(
 def require_linear_range(
     layer: Layer, roller: Roller, material: Elastic, speed: float, mesh: RowMesh | None, tolerance: float
 ) -> None:
-    """Require arguments that the linear finite-element engine covers.
-
-    Parameters
-    ----------
-    layer, roller, material, speed, mesh, tolerance
-        As of `roll`.
-    """
+    """Require arguments that the linear finite-element engine covers."""
     require_moving(speed)
     require_positive(tolerance=tolerance)
     if not isinstance(material, Elastic):

@@ -120,17 +120,7 @@ def solve_stick_slip(
 ) -> tuple[ContactPatch, ShearSolution]:
     """Solve pressure and shear alternately, with Aitken relaxation of the displacement by shear.
 
-    Parameters
-    ----------
-    terms : int
-        Largest number of pressure terms.
-    patch, shear : optional
-        Initial guess.
-
-    Returns
-    -------
-    tuple
-        The `ContactPatch`, with its peak pressures, and the `ShearSolution`.
+    Returns the `ContactPatch`, with its peak pressures, and the `ShearSolution`.
     """
     drawn = np.zeros((2, len(surface.x))) if shear is None else shear.displacement
     nodes, relaxation, previous, changes = None, 1.0, None, []
@@ -158,15 +148,7 @@ def solve_stick_slip(
 def solve_shear(
     surface: SurfaceCompliance, patch: ContactPatch, friction: FrictionCondition, nodes: Array | None = None
 ) -> ShearSolution:
-    """Solve Coulomb's law under the pressure of a patch.
-
-    Parameters
-    ----------
-    surface : SurfaceCompliance
-        Compliance of the layer; its initial displacement is part of the slip.
-    nodes : ndarray, optional
-        Nodes of the traction [m]; all surface nodes unless given.
-    """
+    """Solve Coulomb's law under the pressure of a patch, with tractions at given nodes [m] or at all surface nodes."""
     x = _nodes_between_edges(patch, surface.x if nodes is None else nodes)
     hats, share = _nodal_forces(surface, patch, x)
     bound = friction.friction * np.maximum(np.interp(x[1:-1], patch.x, patch.pressure), 0)
@@ -225,22 +207,18 @@ def _stick_slip_active_set(
             state, direction = sticks.copy(), sign.copy()
             state[worst], direction[worst] = ~sticks[worst], np.sign(q[worst])
         if not state.any():  # the creepage is undetermined unless a node sticks
-            state[_first_to_stick(A, b, direction * bound, share, force)] = True
+            q = direction * bound
+            lacking = np.sign(force - share @ q)  # the node of least slip whose traction opposes the lacking force
+            state[np.argmin(np.where(q * lacking < 0, lacking * (A @ q + b), np.inf))] = True
         visited.add((state.tobytes(), direction.tobytes()))
         sticks, sign = state, direction
     raise UnresolvedError(f"the zones of stick and slip did not converge in {MAX_EXCHANGES} exchanges")
 
 
-def _first_to_stick(A: Array, b: Array, q: Array, share: Array, force: float) -> np.intp:
-    """Node of least slip among those whose traction opposes the force that is lacking."""
-    lacking = np.sign(force - share @ q)
-    return np.argmin(np.where(q * lacking < 0, lacking * (A @ q + b), np.inf))
-
-
 def _solve_stick_zone(
     A: Array, b: Array, slipping: Array, share: Array, force: float, sticks: BoolArray
 ) -> tuple[Array, float]:
-    """Traction with s = 0 where it sticks and the friction limit elsewhere, and the creepage of the prescribed sum."""
+    """Return the traction, s = 0 in the stick zone and the friction limit elsewhere, and the creepage for its sum."""
     q, k = np.where(sticks, 0.0, slipping), np.flatnonzero(sticks)
     left = np.block([[A[np.ix_(k, k)], np.ones((len(k), 1))], [share[k][None], np.zeros((1, 1))]])
     answer = np.linalg.solve(left, np.append(-(A @ q + b)[k], force - share @ q))

@@ -52,8 +52,6 @@ class SurfaceCompliance:
     response : ndarray
         Component i of the displacement of node a under a unit force k on loaded node b, `response[i, a, k, b]`,
         shape (2, n, 2, m).
-    initial : NodalField, optional
-        Displacement of the surface without contact.
     """
 
     x: Array
@@ -68,13 +66,7 @@ class SurfaceCompliance:
         return slice(self.first, self.last)
 
     def displacement(self, forces: Array) -> Array:
-        """Displacement of all nodes under forces on the loaded ones, without the initial one; (2, n) or (2, n, j).
-
-        Parameters
-        ----------
-        forces : ndarray
-            Shape (2, m) or (2, m, j) for j load cases.
-        """
+        """Displacement of all nodes under forces on the loaded ones, without the initial one; (2, n) or (2, n, j)."""
         cases = "j" if forces.ndim == 3 else ""
         return np.einsum(f"iakb,kb{cases}->ia{cases}", self.response, forces, optimize=True)
 
@@ -106,16 +98,9 @@ class ContactQuadrature(NamedTuple):
 
 
 def contact_quadrature(nodes: Array, edges: Array | tuple[float, float]) -> ContactQuadrature:
-    """Gauss points between the edges of a contact, in intervals that end at the corner nodes.
+    """Gauss points between two edges [m] of a contact, in intervals that end at the corner nodes [m].
 
-        x = trailing + length sin^2(pi s/2),  s = t^3/(t^3 + (1 - t)^3),  Gauss points even in t
-
-    Parameters
-    ----------
-    nodes : ndarray
-        x of corner and middle nodes [m], shape (n,).
-    edges : (float, float)
-        Trailing and leading edge [m].
+    x = trailing + length sin^2(pi s/2),  s = t^3/(t^3 + (1 - t)^3),  Gauss points even in t
     """
     trailing, leading = edges
     length = leading - trailing
@@ -137,17 +122,7 @@ def contact_quadrature(nodes: Array, edges: Array | tuple[float, float]) -> Cont
 
 
 def shape_matrix(nodes: Array, x: Array, derivative: bool = False) -> Array:
-    """Values of the quadratic shape functions at points, or their slopes, shape (q, n).
-
-    Parameters
-    ----------
-    nodes : ndarray
-        x of corner and middle nodes [m], shape (n,).
-    x : ndarray
-        Points [m], shape (q,); outside the nodes the end elements are extrapolated.
-    derivative : bool
-        Return dN/dx [1/m].
-    """
+    """Values of the quadratic shape functions at points x [m], extrapolated at the ends, or slopes [1/m]; (q, n)."""
     element, size, z = _local_coordinate(nodes, x)
     slopes = (4 * z - 3) / size, (4 - 8 * z) / size, (4 * z - 1) / size
     values = slopes if derivative else _shape_functions(z)
@@ -158,17 +133,7 @@ def shape_matrix(nodes: Array, x: Array, derivative: bool = False) -> Array:
 
 
 def interpolate(nodes: Array, values: Array, x: Array) -> Array:
-    """Interpolate nodal values quadratically, without forming the shape matrix; shape (..., q).
-
-    Parameters
-    ----------
-    nodes : ndarray
-        x of corner and middle nodes [m], shape (n,).
-    values : ndarray
-        Shape (..., n).
-    x : ndarray
-        Points [m], shape (q,).
-    """
+    """Interpolate nodal values, shape (..., n), quadratically to points x [m] without a matrix, shape (..., q)."""
     element, _, z = _local_coordinate(nodes, x)
     low, middle, high = (values[..., 2 * element + place] * shape for place, shape in enumerate(_shape_functions(z)))
     return low + middle + high

@@ -71,26 +71,14 @@ class LayerStiffness:
 
 
 def element_moduli(mesh: RowMesh, poisson: float, layer: Layer) -> Array:
-    """Moduli (2 mu, 2 mu, mu, lambda) [-] of the elements for E = 1 times the modulus of their ply, (elements, 4).
-
-    Parameters
-    ----------
-    poisson : float
-        Poisson's ratio [-].
-    """
+    """Moduli (2 mu, 2 mu, mu, lambda) [-] of the elements for E = 1 times the modulus of their ply, (elements, 4)."""
     relative = layer.stiffness((mesh.y[1:] + mesh.y[:-1]) / 2)
     return np.repeat(relative, mesh.shape[1])[:, None] * unit_moduli(poisson)
 
 
 @lru_cache(maxsize=2)  # a mesh and its refinement, 0.1 GB; every speed, modulus and spectrum on a mesh shares them
 def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer) -> LayerStiffness:
-    """Assemble and factorise the stiffness of a layer.
-
-    Parameters
-    ----------
-    poisson : float
-        Poisson's ratio [-].
-    """
+    """Assemble and factorise the stiffness of a layer."""
     quads = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
     basis = Basis(quads, ElementQuad2(), intorder=GAUSS_ORDER)
     K = assemble_stiffness(basis, element_moduli(mesh, poisson, layer))
@@ -136,15 +124,13 @@ def stretch_derivative(
 ) -> SurfaceCompliance:
     """Differentiate the `surface_compliance` with respect to the log of a uniform stretch s of the mesh along x.
 
-        du/d ln s = -K^-1 (dK/d ln s) K^-1 f,   f and y fixed
-
-    Parameters
-    ----------
-    mesh, poisson, layer, window, sheared, behind
-        As of `surface_compliance`.
+    du/d ln s = -K^-1 (dK/d ln s) K^-1 f,   f and y fixed
     """
     body = layer_stiffness(mesh, poisson, layer)
-    change = _stretch_derivative_of_stiffness(body.basis, element_moduli(mesh, poisson, layer))
+    basis, moduli = body.basis, element_moduli(mesh, poisson, layer)
+    B = strain_matrix(basis)  # strains along x decrease with s and areas increase
+    mixed = element_matrices(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)
+    change = assemble_matrix(basis, mixed + mixed.transpose(0, 2, 1) + element_matrices(basis, B, B, moduli))
 
     def respond(forces: Array) -> Array:
         displacement = body.displacement(forces)
@@ -182,13 +168,6 @@ def _condensed(
         response[:, :, 0] += respond(tension)[body.surface].transpose(1, 0, 2)
         response[0] -= response[0, behind - 1]  # displacements count from the end ahead, which is undisturbed
     return SurfaceCompliance(x, first, last, response)
-
-
-def _stretch_derivative_of_stiffness(basis: Basis, moduli: Array) -> csr_matrix:
-    """dK/d ln s: strains along x decrease with s and areas increase."""
-    B = strain_matrix(basis)
-    mixed = element_matrices(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)
-    return assemble_matrix(basis, mixed + mixed.transpose(0, 2, 1) + element_matrices(basis, B, B, moduli))
 
 
 def _node_lines(basis: Basis, mesh: RowMesh) -> NDArray[np.intp]:

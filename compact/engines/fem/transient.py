@@ -25,6 +25,7 @@ from itertools import pairwise
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from compact.engines.fem import convected_memory
 from compact.engines.fem.contact_patch import BeyondWindowError, solve_contact_patch
 from compact.engines.fem.contact_problem import (
     ContactSolution,
@@ -34,14 +35,6 @@ from compact.engines.fem.contact_problem import (
     expand_window,
     solve_at_target,
     steady_surface,
-)
-from compact.engines.fem.convected_memory import (
-    CreepFunction,
-    clipped_to_mesh,
-    creep_function,
-    internal_variable_step,
-    retarded_displacement,
-    steady_internal_variables,
 )
 from compact.engines.fem.discretisation import initial_discretisation
 from compact.engines.fem.engine import require_linear_range
@@ -162,16 +155,10 @@ class TransientProblem:
 
     Parameters
     ----------
-    surface : SurfaceCompliance
-        Compliance of the elastic layer.
     problem : RollingProblem
         Layer, roller and material; its speed is the direction of travel, 1 or -1, or 0 while the roller is at rest.
     terms : int
         Pressure terms.
-    creep : CreepFunction
-        Creep function of the mix.
-    motion : PrescribedMotion
-        Motion of the roller.
     half_width : float
         Half-width of the contact [m].
     tolerance : float
@@ -181,7 +168,7 @@ class TransientProblem:
     surface: SurfaceCompliance
     problem: RollingProblem
     terms: int
-    creep: CreepFunction
+    creep: convected_memory.CreepFunction
     motion: PrescribedMotion
     half_width: float
     tolerance: float
@@ -223,8 +210,6 @@ class TransientState:
     ----------
     time, position : float
         Time [s] and position of the roller [m].
-    contact : ContactSolution
-        Contact in coordinates of the roller.
     displacement : ndarray
         Elastic displacement w of the surface nodes [m], shape (2, n).
     places : ndarray
@@ -272,13 +257,15 @@ def _initial_state(
 ) -> tuple[TransientState, TransientProblem]:
     """State at t = 0 and the data of all steps."""
     surface = elastic_surface(replace(problem, speed=problem.speed or 1.0), discretisation.mesh, window)
-    creep = creep_function(problem.material)
+    creep = convected_memory.creep_function(problem.material)
     contact = solve_at_target(previous, steady_surface(previous, discretisation.mesh, window), discretisation)
     terms, half_width = discretisation.terms, discretisation.half_width
     transient = TransientProblem(surface, problem, terms, creep, motion, half_width, tolerance)
     places, position = _layer_points(transient), float(motion.position(np.zeros(1))[0])
     w = surface.displacement(contact.forces[:, surface.loaded])
-    internal = steady_internal_variables(creep, surface.x, w, _initial_velocity(motion), places - position)
+    internal = convected_memory.steady_internal_variables(
+        creep, surface.x, w, _initial_velocity(motion), places - position
+    )
     return TransientState(0.0, position, contact, w, places, internal), transient
 
 
@@ -302,12 +289,12 @@ def _step(
 ) -> TransientState:
     """State at a later time; the state before the present one, if any, extrapolates the edges."""
     x, interval = transient.surface.x, time - now.time
-    step = internal_variable_step(transient.creep, transient.positions(now.time, time), interval)
+    step = convected_memory.internal_variable_step(transient.creep, transient.positions(now.time, time), interval)
     end = step.positions[-1]
     operator = transient.creep.instant * np.eye(len(x))
-    known = retarded_displacement(step.shares, now.places, step.decayed(now.internal), x + end)
+    known = convected_memory.retarded_displacement(step.shares, now.places, step.decayed(now.internal), x + end)
     for position, fraction, weight in zip(step.positions, step.fractions, step.shares @ step.weights, strict=True):
-        N = shape_matrix(x, clipped_to_mesh(x, x + end - position))
+        N = shape_matrix(x, convected_memory.clipped_to_mesh(x, x + end - position))
         operator += weight * fraction * N
         known += weight * (1 - fraction) * now.displacement @ N.T
     velocity = (end - now.position) / interval
@@ -323,7 +310,7 @@ def _step(
 def _reversed_state(transient: TransientProblem, now: TransientState) -> TransientState:
     """State at the same instant with the sliding traction or the torque of the new direction."""
     x, creep = transient.surface.x, transient.creep
-    known = retarded_displacement(creep.shares, now.places, now.internal, x + now.position)
+    known = convected_memory.retarded_displacement(creep.shares, now.places, now.internal, x + now.position)
     friction = transient.friction(0.0, 1.0, _surface_displacement(transient, now))
     contact = _solve_step(transient, creep.instant * np.eye(len(x)), known, now.contact, friction)
     angle = now.angle + _slip_velocity(transient, contact) / transient.problem.roller.radius
@@ -334,7 +321,7 @@ def _reversed_state(transient: TransientProblem, now: TransientState) -> Transie
 def _surface_displacement(transient: TransientProblem, now: TransientState) -> Array:
     """Displacement u of the surface nodes [m], shape (2, n)."""
     creep, x = transient.creep, transient.surface.x
-    retarded = retarded_displacement(creep.shares, now.places, now.internal, x + now.position)
+    retarded = convected_memory.retarded_displacement(creep.shares, now.places, now.internal, x + now.position)
     return creep.instant * now.displacement + retarded
 
 
@@ -385,7 +372,7 @@ def _extrapolated(before: TransientState | None, now: TransientState, time: floa
 def _step_error(
     transient: TransientProblem, before: TransientState | None, now: TransientState, later: TransientState
 ) -> float:
-    """Error of the resistance by w linear in time, over the tolerance.
+    """Estimate the error of the resistance due to w linear in time, over the tolerance.
 
     The mean deviation of a parabola from its chord over a step dt is dt^2/12 of its second derivative. Its deviation
     from the tangent of the previous step dt' is dt (dt + dt')/2 of it.

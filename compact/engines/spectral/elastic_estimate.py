@@ -52,17 +52,7 @@ class ElasticEstimate:
 
 @lru_cache(maxsize=256)
 def estimate_contact(layer: Layer, material: Elastic, radius: float, target: str, value: float) -> ElasticEstimate:
-    """Estimate the contact with a given indentation, load or peak pressure.
-
-    Parameters
-    ----------
-    radius : float
-        Roller radius [m].
-    target : str
-        "indentation", "load" or "peak_pressure".
-    value : float
-        Its value [m], [N/m] or [Pa].
-    """
+    """Estimate the contact with a prescribed indentation [m], load [N/m] or peak pressure [Pa] under a radius [m]."""
     log_a = np.log(initial_half_width(layer, material, radius, target, value))
     power, step, residual = 2.0, 0.0, 0.0
     for _ in range(ESTIMATE_STEPS_MAX):
@@ -80,15 +70,7 @@ def estimate_contact(layer: Layer, material: Elastic, radius: float, target: str
 
 
 def contact_of_half_width(layer: Layer, material: Elastic, radius: float, half_width: float) -> ElasticEstimate:
-    """Compute the contact with a given half-width.
-
-    Parameters
-    ----------
-    radius : float
-        Roller radius [m].
-    half_width : float
-        Half-width a [m].
-    """
+    """Compute the contact of a half-width [m] under a radius [m]."""
     a, modulus = half_width, surface_modulus(layer, material)
     response = LayerResponse(layer, material.poisson, 0.0, creep_compliance((), 1.0, layer.height))
     system = assemble_system(response, ESTIMATE_MODES, a)
@@ -106,18 +88,10 @@ def contact_of_half_width(layer: Layer, material: Elastic, radius: float, half_w
 
 
 def expected_half_width(layer: Layer, roller: Roller, material: Elastic, speed: float) -> float:
-    """Estimate the half-width of a rolling contact.
+    """Estimate the half-width [m] of a rolling contact.
 
-    Parameters
-    ----------
-    speed : float
-        Speed [m/s].
-
-    Returns
-    -------
-    float
-        Half-width [m] with the relaxed modulus if the indentation is prescribed, else with the modulus at the frequency
-        speed/half-width, quantised.
+    It is that of the relaxed modulus if the indentation is prescribed, else that of the modulus at the frequency
+    speed/half-width, quantised.
     """
 
     def elastic(modulus: float) -> float:
@@ -133,26 +107,12 @@ def expected_half_width(layer: Layer, roller: Roller, material: Elastic, speed: 
 
 
 def quantise_half_width(half_width: float, widest: float) -> float:
-    """Round a half-width up to one of few values, so that contacts at several speeds share a mesh.
-
-    Parameters
-    ----------
-    half_width : float
-        Half-width [m].
-    widest : float
-        Largest value [m]; the others are smaller by powers of WIDTH_RATIO.
-    """
+    """Round a half-width [m] up to the widest over a power of WIDTH_RATIO, so that several speeds share a mesh."""
     return float(widest / WIDTH_RATIO ** np.floor(np.log(widest / half_width) / np.log(WIDTH_RATIO)))
 
 
 def initial_half_width(layer: Layer, material: Elastic, radius: float, target: str, value: float) -> float:
-    """Return a first guess of the half-width [m], by Hertz or as sqrt(R delta), at most two top plies.
-
-    Parameters
-    ----------
-    layer, material, radius, target, value
-        See `estimate_contact`.
-    """
+    """Return a first guess of the half-width [m], by Hertz or as sqrt(R delta), at most two top plies."""
     modulus = surface_modulus(layer, material)
     half_width = {
         "indentation": lambda depth: np.sqrt(radius * depth),

@@ -252,13 +252,7 @@ def _work_residual(problem, contact):
 
 
 def require_spectral_range(layer: Layer, roller: Roller, material: Elastic, speed: float) -> None:
-    """Raise ValueError unless a contact is in the range of the engine.
-
-    Parameters
-    ----------
-    speed : float
-        Speed [m/s], finite and not 0.
-    """
+    """Raise ValueError unless a contact is in the range of the engine."""
     require_moving(speed)
     require_known("base", layer.base, get_args(BaseCondition))
     require_known("rolling", roller.rolling, TRACTION_SIGN)

@@ -125,8 +125,6 @@ class GalerkinSystem:
 
     Parameters
     ----------
-    basis : JacobiBasis
-        Pressure and test polynomials.
     half_width : float
         Half-width of the contact [m].
     matrix : ndarray
@@ -143,15 +141,7 @@ class GalerkinSystem:
 
 
 def assemble_system(response: LayerResponse, modes: int, half_width: float) -> GalerkinSystem:
-    """Assemble the `GalerkinSystem` of half-plane and layer.
-
-    Parameters
-    ----------
-    modes : int
-        Number of pressure polynomials.
-    half_width : float
-        Half-width of the contact [m].
-    """
+    """Assemble the `GalerkinSystem` of half-plane and layer with pressure modes on a half-width [m]."""
     if half_width > HALF_WIDTH_MAX * response.top_thickness:
         raise RuntimeError(
             f"the half-width of the contact, {half_width:.3g} m, is more than {HALF_WIDTH_MAX:g} times the thickness "
@@ -208,20 +198,7 @@ def _layer_part(response, basis, a):
 
 
 def power_spectrum(basis: JacobiBasis, coefficients: Array, limit: float) -> tuple[Array, Array, Array]:
-    """Compute the squared Fourier transform of a pressure.
-
-    Parameters
-    ----------
-    coefficients : ndarray
-        Coefficients b_k of the pressure [-], shape (modes,).
-    limit : float
-        Largest wave number times half-width [-].
-
-    Returns
-    -------
-    tau, weights, squared : ndarray
-        Wave number times half-width, quadrature weights and |p|^2 [-], shape (n,).
-    """
+    """Compute wave numbers times half-width up to a limit, weights and |p|^2 [-] of a pressure, shape (n,)."""
     tau, weight = wave_grid(6, 4.0, limit)
     modes = len(coefficients)
     points = _gauss_point_count(max(modes, modes / 2 + 0.75 * limit))

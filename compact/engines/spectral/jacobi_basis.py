@@ -88,15 +88,7 @@ class JacobiBasis:
 
 @lru_cache(maxsize=64)
 def build_jacobi_basis(trailing_exponent: float, modes: int, points: int) -> JacobiBasis:
-    """Build the basis of `modes` pressure polynomials at `points` Gauss points.
-
-    Parameters
-    ----------
-    trailing_exponent : float
-        alpha of (1.4) [-].
-    modes, points : int
-        Numbers of polynomials and of Gauss points.
-    """
+    """Build the basis of `modes` pressure polynomials at `points` Gauss points."""
     A, B = 1 - trailing_exponent, trailing_exponent
     total = np.pi / np.sin(np.pi * B)
     nodes, weights = _gauss_rule(*_jacobi_recurrence(-A, -B, points), total)
@@ -108,17 +100,7 @@ def build_jacobi_basis(trailing_exponent: float, modes: int, points: int) -> Jac
 
 
 def pressure_polynomials(x: Array | float, trailing_exponent: float, modes: int) -> Array:
-    """Evaluate Q_0 ... Q_{modes - 1}, orthonormal under (1 - x)^A (1 + x)^B, shape (modes, n) or (modes,).
-
-    Parameters
-    ----------
-    x : ndarray or float
-        Points in [-1, 1], shape (n,) or ().
-    trailing_exponent : float
-        alpha = B = 1 - A [-].
-    modes : int
-        Number of polynomials.
-    """
+    """Evaluate Q_0 ... Q_{modes - 1}, orthonormal under (1 - x)^A (1 + x)^B, shape (modes, n) or (modes,)."""
     A, B = 1 - trailing_exponent, trailing_exponent
     total = 2 * np.pi * A * B / np.sin(np.pi * B)
     return _orthonormal_polynomials(x, *_jacobi_recurrence(A, B, modes + 1), total, modes)

@@ -60,8 +60,6 @@ class RollingProblem:
 
     Parameters
     ----------
-    response : LayerResponse
-        Layer under the moving contact.
     contact_modulus : float
         Relaxed E* of the top ply [Pa].
     radius : float
@@ -106,8 +104,6 @@ class ContactSolution:
 
     Parameters
     ----------
-    system : GalerkinSystem
-        Discrete response at this half-width.
     centre : float
         Middle of the contact [m] from the lowest generatrix.
     coefficients : ndarray
@@ -157,13 +153,7 @@ class ContactSolution:
 def build_rolling_problem(
     layer: Layer, roller: Roller, material: Elastic, speed: float
 ) -> tuple[RollingProblem, float]:
-    """Build the `RollingProblem` of a contact and estimate its half-width [m].
-
-    Parameters
-    ----------
-    speed : float
-        Speed [m/s], not 0; its sign is left out.
-    """
+    """Build the `RollingProblem` of a contact at a speed [m/s] of either sign and estimate its half-width [m]."""
     target, value = roller.target
     friction = TRACTION_SIGN[roller.rolling] * roller.friction
     creep = creep_compliance(getattr(material, "branches", ()), abs(speed), layer.height)
@@ -220,13 +210,7 @@ def solve_contact(
 
 
 def solve_pressure(problem: RollingProblem, system: GalerkinSystem, modes: int) -> ContactSolution:
-    """Solve for the pressure on a contact of given half-width.
-
-    Parameters
-    ----------
-    modes : int
-        Number of pressure polynomials; as many tests T_m, m >= 1, give the coefficients, and T_0 the centre.
-    """
+    """Solve for the pressure on a given half-width with as many tests T_m, m >= 1, as modes; T_0 gives the centre."""
     basis, R, a = system.basis, problem.radius, system.half_width
     tests = basis.tests[: modes + 1]
     factors = lu_factor(system.matrix[1 : modes + 1, :modes])
@@ -269,13 +253,7 @@ def _find_centre(problem, nodes, a, row):
 
 
 def describe_history(history: list[ModeRefinement]) -> str:
-    """Describe the solutions with fewer modes in one line, for messages.
-
-    Parameters
-    ----------
-    history : list of ModeRefinement
-        Solutions in the order of their computation.
-    """
+    """Describe the solutions with fewer modes in one line, for messages."""
     steps = (
         f"{step.modes} modes: a {step.half_width:.6g} m, load {step.load:.8g} N/m, error {max(step.error):.1g}"
         for step in history
