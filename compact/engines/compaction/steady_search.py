@@ -28,7 +28,9 @@ from compact.engines.compaction.roller_frame import transfer_state
 
 FIRST_SETTLING, FIRST_MEASURING = 1.33, 1.0  # [-], travel over the contact length of the first cycle
 SETTLING, MEASURING = 0.8, 0.7  # [-], of the later cycles
-FINAL_SETTLING = 0.4  # [-], after the last jump
+FINAL_SETTLING = (
+    2.0  # [-], after the last jump, one iteration a step; the mix of the exit column passes the whole contact
+)
 MIN_STEPS = 4  # [-], of a measurement
 MAX_CYCLES = 20  # [-], of one mesh
 MAX_JUMP, MAX_FIRST_JUMP = 0.25, 0.35  # [-], change of the wave by one jump over its area, on the first mesh more
