@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.files import write_vtu_series
 from compact.numerics import Array
-from compact.numerics.validation import require_fields, require_finite, require_positive
+from compact.numerics.validation import require_fields, require_finite, require_known, require_positive
 
 BaseCondition = Literal["bonded", "slip"]
 RollerCondition = Literal["frictionless", "sliding", "free", "driven"]
@@ -181,6 +181,14 @@ def require_moving(speed: float) -> None:
             "`speed` must not be 0, got 0: the resistance at rest is set-valued; use a small speed with the sign of "
             "the travel"
         )
+
+
+def require_known_case(layer: Layer, roller: Roller, speed: float) -> None:
+    """Require a roller in motion [m/s] and known conditions of base, roller and gap."""
+    require_moving(speed)
+    require_known("base", layer.base, get_args(BaseCondition))
+    require_known("rolling", roller.rolling, get_args(RollerCondition))
+    require_known("profile", roller.profile, get_args(GapGeometry))
 
 
 def require_torque_allowed(roller: Roller, torque: float | None) -> None:

@@ -106,7 +106,12 @@ def cut(cam: Cam, cutter_radius: float | None = None, tolerance: float = MICROME
     require_between(1e-8, 1e-2, tolerance=tolerance)
     _require_machinable(cam)
     if cutter_radius is not None:
-        _require_fitting_cutter(cam, cutter_radius)
+        require_positive(cutter_radius=cutter_radius)
+        if cutter_radius > (limit := largest_cutter(cam)):
+            raise ValueError(
+                f"`cutter_radius` must be at most {limit * (1 - CUTTER_MARGIN):.8g} m to fit the concave parts of the "
+                f"cam, got {cutter_radius:g} m; use a smaller cutter"
+            )
     angle, profile, error = _polygon(cam, tolerance)
     path = None if cutter_radius is None else _offset_points(cam, angle, cutter_radius)
     return Cut(cam, tolerance, angle, profile, error, cutter_radius, path)
@@ -168,15 +173,6 @@ def _require_machinable(cam: Cam) -> None:
         raise ValueError(
             f"`cam` is undercut: its breadth must exceed {least.breadth:.6g} m ({least.rule}), got {cam.breadth:g} m; "
             "increase the breadth"
-        )
-
-
-def _require_fitting_cutter(cam: Cam, cutter_radius: float) -> None:
-    require_positive(cutter_radius=cutter_radius)
-    if cutter_radius > (limit := largest_cutter(cam)):
-        raise ValueError(
-            f"`cutter_radius` must be at most {limit * (1 - CUTTER_MARGIN):.8g} m to fit the concave parts of the cam, "
-            f"got {cutter_radius:g} m; use a smaller cutter"
         )
 
 

@@ -95,8 +95,10 @@ class ConstraintSet:
         """Unknowns of the law with the smallest rms acceleration, the start of a search."""
         together = self._relaxed_bounds(np.ones(len(self.bounds)))
         if together:
-            alone = [self._single_relaxation(i) for i in range(len(self.bounds))]
-            single = [conflict for conflict in alone if conflict]
+            costs = np.where(np.eye(len(self.bounds)), 1.0, FIXED_BOUND_COST)
+            alone = [self._relaxed_bounds(row) for row in costs]  # bounds whose relaxation by itself suffices
+            names = [bound.name for bound in self.bounds]
+            single = [found[0] for found, name in zip(alone, names, strict=True) if [c.name for c in found] == [name]]
             raise InfeasibleError(single or together, alone=bool(single))
         u, weights = np.polynomial.legendre.leggauss(self.space.smoothness + 1)
         weights = np.outer(np.diff(self.space.breaks), weights / 2).ravel()
@@ -209,13 +211,6 @@ class ConstraintSet:
     def _largest_excess(self, unknowns):
         """Largest relative excess over any bound; negative for a margin."""
         return max((bound.reached(unknowns) / bound.limit - 1 for bound in self.bounds), default=-np.inf)
-
-    def _single_relaxation(self, i: int) -> Conflict | None:
-        """`Conflict` of bound i if relaxing that bound alone suffices."""
-        costs = np.full(len(self.bounds), FIXED_BOUND_COST)
-        costs[i] = 1.0
-        relaxed = self._relaxed_bounds(costs)
-        return relaxed[0] if [conflict.name for conflict in relaxed] == [self.bounds[i].name] else None
 
     def _relaxed_bounds(self, costs: Array) -> list[Conflict]:
         """`Conflict` of each relaxed bound where the sum of costs times relative violations is smallest."""

@@ -48,12 +48,12 @@ from compact.engines.fem.surface import shape_matrix
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
 from compact.numerics import Array
-from compact.numerics.validation import require_known, require_positive
+from compact.numerics.validation import require_positive
 from compact.rolling_contact import (
     ContactResult,
     Layer,
     Roller,
-    require_moving,
+    require_known_case,
     require_on_target,
     require_torque_allowed,
 )
@@ -164,13 +164,10 @@ def require_linear_range(
     layer: Layer, roller: Roller, material: Elastic, speed: float, mesh: RowMesh | None, tolerance: float
 ) -> None:
     """Require arguments that the linear finite-element engine covers."""
-    require_moving(speed)
+    require_known_case(layer, roller, speed)
     require_positive(tolerance=tolerance)
     if not isinstance(material, Elastic):
         raise ValueError(f"`material` must be Elastic or Viscoelastic, got {type(material).__name__}")
-    require_known("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
-    require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
-    require_known("base", layer.base, ("bonded", "slip"))
     if mesh is not None:
         _require_mesh_of_layer(mesh, layer)
 

@@ -14,7 +14,6 @@ K. L. Johnson, Contact Mechanics, CUP 1985, sections 2.7, 5.8; S. C. Hunter, J. 
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import get_args
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -22,7 +21,6 @@ from threadpoolctl import threadpool_limits
 from compact.engines.spectral.galerkin_system import assemble_system, power_spectrum
 from compact.engines.spectral.rolling_problem import (
     HALF_WIDTH_STEP,
-    TRACTION_SIGN,
     ModeRefinement,
     build_rolling_problem,
     describe_history,
@@ -30,14 +28,12 @@ from compact.engines.spectral.rolling_problem import (
     solve_pressure,
 )
 from compact.material.laws import Elastic
-from compact.numerics.validation import require_known, require_positive
+from compact.numerics.validation import require_positive
 from compact.rolling_contact import (
-    BaseCondition,
     ContactResult,
-    GapGeometry,
     Layer,
     Roller,
-    require_moving,
+    require_known_case,
     require_on_target,
 )
 
@@ -253,10 +249,7 @@ def _work_residual(problem, contact):
 
 def require_spectral_range(layer: Layer, roller: Roller, material: Elastic, speed: float) -> None:
     """Raise ValueError unless a contact is in the range of the engine."""
-    require_moving(speed)
-    require_known("base", layer.base, get_args(BaseCondition))
-    require_known("rolling", roller.rolling, TRACTION_SIGN)
-    require_known("profile", roller.profile, get_args(GapGeometry))
+    require_known_case(layer, roller, speed)
     if roller.profile == "deformed":
         raise ValueError("the engine spectral needs `profile` 'parabola' or 'circle', got 'deformed'; use fem")
     if roller.rolling == "free" and roller.friction > 0:
