@@ -227,15 +227,8 @@ def require_on_target(
 ) -> None:
     """Require a contact to have the prescribed quantities; every engine calls this before it returns.
 
-    Parameters
-    ----------
-    tolerance : float
-        Relative tolerance of the engine [-].
-    exit_density_ratio : float, optional
-        Exit density ratio prescribed in place of the target of the roller [-].
-    torque : (float, float), optional
-        Prescribed and reached torque of a roller with stick and slip [N]; the tolerance is relative to the largest
-        torque of friction.
+    An exit density ratio [-] is prescribed in place of the target of the roller. The tolerance [-] of prescribed and
+    reached torque [N] is relative to the largest torque of friction.
     """
     name, prescribed = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
     require_target_reached(name, prescribed, getattr(result, name), tolerance)

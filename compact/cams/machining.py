@@ -129,19 +129,9 @@ def largest_cutter(cam: Cam) -> float:
 
 
 def follower_on_polygon(outline: ArrayLike, follower: Follower, angle: ArrayLike) -> Array:
-    """Compute the distance rho [m] of a follower from the axis of a polygon.
+    """Compute the distance rho [m] of a follower from the axis of a polygon, shape (n, 2) [m], at cam angles [rad].
 
-    Parameters
-    ----------
-    outline : array_like, shape (n, 2)
-        Vertices of the closed polygon [m], counterclockwise about the axis.
-    angle : array_like, shape (m,)
-        Cam angles phi [rad].
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        rho of the point, roller centre or flat face [m]; -inf where it touches no edge.
+    The vertices are counterclockwise; rho is -inf where the follower touches no edge.
 
     Examples
     --------

@@ -148,19 +148,10 @@ def integrate(
     tolerance: float,
     intervals: Intervals,
 ) -> tuple[int, int, int, elements.CartState, float]:
-    """Integrate a cart through all pieces of the far-end motion.
+    """Integrate a cart through all pieces of the far-end motion y [m] over time [s], smooth within each.
 
-    Parameters
-    ----------
-    far_end : PiecewisePolynomial
-        Position y [m] over time [s], smooth within each piece.
-    tolerance : float
-        Largest defect of the resistance [N].
-
-    Returns
-    -------
-    tuple
-        Status, number of intervals, evaluations of R, final state and final time [s].
+    Returns status, number of intervals, evaluations of R, final state and final time [s]; the defect of R [N] is at
+    most the tolerance.
     """
     state = elements.CartState(float(state.elongation), float(state.velocity), int(state.flank), int(state.zone))
     progress, status = initial_progress(state), PAUSED

@@ -320,14 +320,7 @@ class RollerRotation:
 
 
 def roller_rotation(cycle: Cycle, roller_radius: float, time: ArrayLike) -> RollerRotation:
-    """Rotation of a motor inside a roller that rolls without slip: angle = x/R and its derivatives.
-
-    Parameters
-    ----------
-    roller_radius : float
-        Radius R of the roller [m].
-    time : array_like
-        Time of the cycle [s].
+    """Rotation of a motor inside a roller of a radius [m] that rolls without slip, x/R, at times of the cycle [s].
 
     References
     ----------

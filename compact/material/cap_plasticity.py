@@ -156,18 +156,7 @@ def cap_constants(law: Compaction, rate_factor: float) -> CapConstants:
 
 @compiled
 def hardening(law: CapConstants, k: float) -> tuple[float, float]:
-    """Evaluate the hardening law of one point, as `Compaction.yield_pressure`.
-
-    Parameters
-    ----------
-    k : float
-        Density ratio [-].
-
-    Returns
-    -------
-    pc, H : float
-        Preconsolidation pressure and its derivative dpc/dV by the plastic volumetric strain [Pa].
-    """
+    """Evaluate pc and dpc/dV [Pa] of one point at a density ratio [-], as `Compaction.yield_pressure`."""
     if k >= HECKEL_MAX_DENSITY_RATIO:
         stiffness = HECKEL_MAX_DENSITY_RATIO / (1 - HECKEL_MAX_DENSITY_RATIO)
         xi = np.log((1 - law.loose) / (1 - HECKEL_MAX_DENSITY_RATIO)) + stiffness * np.log(k / HECKEL_MAX_DENSITY_RATIO)

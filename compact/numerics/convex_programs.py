@@ -53,25 +53,7 @@ class LinearConstraints(NamedTuple):
 
 
 def minimise_linear(cost: Array, constraints: LinearConstraints, box: Array | None = None) -> Array | None:
-    """Minimise c'x.
-
-    Parameters
-    ----------
-    cost : ndarray, shape (n,)
-        c.
-    box : ndarray, shape (n,), optional
-        Bound of each |x_i|; inf for an unbounded unknown.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        Minimiser, or None if the constraints are infeasible.
-
-    Raises
-    ------
-    RuntimeError
-        If HiGHS finds no solution that satisfies all rows to `ROW_TOLERANCE`.
-    """
+    """Minimise c'x with |x_i| <= box_i; None if the constraints are infeasible, RuntimeError without a solution."""
     bounds = (None, None) if box is None else np.column_stack([-box, box])
     A, b = _scaled(constraints.equality_matrix, constraints.equality_values, largest=1.0)
     G, h = _scaled(constraints.inequality_matrix, constraints.inequality_bounds, largest=1.0)

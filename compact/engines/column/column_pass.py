@@ -165,28 +165,10 @@ class ColumnLayer:
         return self.stack.height * (np.exp(-strain) if self.strain_measure == ode.LOGARITHMIC else 1 - strain)
 
     def integrate(self, u: float, y: Array, control: PathControl) -> tuple[Array, "ColumnLayer", int]:
-        """Integrate the columns along a path.
+        """Integrate the columns from a coordinate u [m] and a state vector along a path.
 
-        Parameters
-        ----------
-        u : float
-            Coordinate at the start [m].
-        y : ndarray
-            State vector at the start.
-
-        Returns
-        -------
-        path : ndarray
-            Rows (u, y) of all steps.
-        layer : ColumnLayer
-            The same columns with their largest density ratios at the end.
-        evaluations : int
-            Number of evaluations of the rates.
-
-        Raises
-        ------
-        RuntimeError
-            If the integration does not reach the end.
+        Returns the rows (u, y) of all steps, the same columns with their largest density ratios at the end, and the
+        number of evaluations of the rates.
         """
         n = len(self.stack.height)
         path, counts = np.empty((PATH_ROWS_INITIAL, len(y) + 1)), np.array([0, 0, 0, -1])

@@ -174,23 +174,11 @@ def solve_contact_patch(
     initial_guess: ContactPatch | None = None,
     edges: Edges | None = None,
 ) -> ContactPatch:
-    """Solve the contact of an indenter on a surface.
+    """Solve the contact of an indenter on a surface with one pressure term per `NODES_PER_TERM` nodes at most.
 
-    Parameters
-    ----------
-    terms : int
-        Largest number of pressure terms; one per `NODES_PER_TERM` nodes at most.
-    initial_guess : ContactPatch, optional
-        Solution of a similar problem, whose number of terms is kept.
-    edges : (float, float), optional
-        Initial edges [m], otherwise those of an active-set solution; the number of terms then increases in stages.
-
-    Raises
-    ------
-    UnresolvedError
-        If the edges do not converge; the message lists the last iterations.
-    BeyondWindowError
-        If the edges leave the loaded zone.
+    The search starts from the solution of a similar problem, whose number of terms is kept, from given edges [m], or
+    from those of an active set; the number of terms then increases in stages. UnresolvedError lists the last
+    iterations; BeyondWindowError: the edges leave the loaded zone.
     """
     solver = _EdgeSolver(surface, indenter)
     if initial_guess is not None:
