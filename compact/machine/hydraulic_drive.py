@@ -306,8 +306,6 @@ def simulate_stroke(
 
     Raises
     ------
-    ValueError
-        If the resistance does not oppose the motion.
     RuntimeError
         If the integration ends early.
     """

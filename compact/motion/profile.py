@@ -57,11 +57,6 @@ def law(
     rod_length : float, optional
         Length of the connecting rod [m], > stroke/2; required by the law "crank".
 
-    Raises
-    ------
-    ValueError
-        If the name is unknown or a value is out of range.
-
     Examples
     --------
     >>> m = law("reversal-4", stroke=0.4, duration=3.0)

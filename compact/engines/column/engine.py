@@ -142,11 +142,6 @@ def roll(
     ColumnContactResult
         For speed < 0 leading and trailing remain positive ahead; x and resistance refer to the fixed axis x.
 
-    Raises
-    ------
-    ValueError
-        If the arguments are outside the range of the engine or the target is out of reach.
-
     Examples
     --------
     >>> from compact.rolling_contact import Layer, Roller
@@ -190,8 +185,6 @@ def roll_over(
 
     Raises
     ------
-    ValueError
-        If the arguments are outside the range of the engine or the target is out of reach.
     RuntimeError
         If the integration or the search for the indentation does not converge.
     """
@@ -230,11 +223,6 @@ def required_feed(
     -------
     RequiredFeed
         Both lengths are proportional to `height`.
-
-    Raises
-    ------
-    ValueError
-        If the density ratio is out of reach.
     """
     require_positive(height=height)
     _require_compaction(material)

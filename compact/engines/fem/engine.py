@@ -139,8 +139,6 @@ def roll(
 
     Raises
     ------
-    ValueError
-        If an argument is outside the range of the engine.
     RuntimeError
         If no mesh of up to `MAX_UNKNOWNS` unknowns reaches the tolerance, or no contact is found.
 

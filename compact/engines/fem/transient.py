@@ -105,8 +105,6 @@ def simulate_transient(  # noqa: PLR0913 - the four physical inputs, and keyword
 
     Raises
     ------
-    ValueError
-        If an argument is outside the range of the engine.
     RuntimeError
         If a contact is not found.
 

@@ -110,8 +110,6 @@ def roll(
 
     Raises
     ------
-    ValueError
-        If the arguments are outside the range of the engine.
     RuntimeError
         If the contact is not found or its error exceeds 1e-3 and `rtol`.
 
