@@ -25,6 +25,7 @@ BaseCondition = Literal["bonded", "slip"]
 RollerCondition = Literal["frictionless", "sliding", "free", "driven"]
 GapGeometry = Literal["parabola", "circle", "deformed"]
 
+MIN_RESISTANCE_RATIO = 1e-3  # [-], of the load; relative errors of smaller resistances refer to it, theory.md 3.1
 HEIGHT_TOLERANCE = 1e-9  # [-], of the layer height; rounding of decimal thicknesses
 
 
@@ -171,6 +172,11 @@ class PrescribedMotion(Protocol):
 
     def velocity(self, time: Array) -> Array:
         """Return the velocity [m/s] at times [s]."""
+
+
+def resistance_scale(resistance: float, load: float) -> float:
+    """Return the force [N/m] to which relative errors of a resistance refer: its own, or a small share of the load."""
+    return max(abs(resistance), MIN_RESISTANCE_RATIO * load)
 
 
 def require_moving(speed: float) -> None:

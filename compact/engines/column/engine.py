@@ -42,7 +42,6 @@ from compact.numerics.validation import require_known, require_nonnegative, requ
 
 INTEGRATION_RTOL = 1e-9  # [-], default error of a step over the size of the whole pass
 ERROR_RTOL_RATIO = 100.0  # [-], `rtol` of the comparison pass over `rtol`; the difference is the error estimate
-RESISTANCE_SHARE_MIN = 1e-3  # [-], of the load, below which errors of a resistance are relative to it; theory.md 3.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -310,7 +309,7 @@ def _build_result(
     x = result.layer.positions(x)
     ascending = slice(None, None, int(direction))
     load, resistance, (plastic, elastic) = result.load, result.resistance, result.work
-    scale = max(abs(resistance), RESISTANCE_SHARE_MIN * load)
+    scale = rolling_contact.resistance_scale(resistance, load)
     return ColumnContactResult(
         load=load,
         resistance=float(direction * resistance),

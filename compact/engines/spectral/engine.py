@@ -35,6 +35,7 @@ from compact.rolling_contact import (
     Roller,
     require_known_case,
     require_on_target,
+    resistance_scale,
 )
 
 MODE_COUNTS = (
@@ -57,7 +58,6 @@ MODE_ERROR_FACTOR = 2.0  # [-], error over the change to the next number of mode
 PEAK_ERROR_RATIO = 10  # [-], tolerance of the peak pressure over that of the load
 SPECTRUM_LIMIT = 100.0  # [-], wave number times half-width from which the spectrum is a power law
 PRESSURE_SAMPLES = 201  # [-], points along the contact, denser at its edges
-FORCE_SHARE_MIN = 1e-3  # [-], of the load, below which errors of a resistance are relative to it; theory.md 3.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,9 +175,7 @@ def _estimate_errors(problem, contact, next_modes):
 
     at_depth = ("indentation", contact.indentation) if problem.target == "load" else (problem.target, problem.value)
     changes = np.array([change(*at_depth)[0], *change(problem.target, problem.value)[1:3]])
-    scale = np.array(
-        [contact.load, max(abs(contact.resistance), FORCE_SHARE_MIN * contact.load), contact.peak_pressure]
-    )
+    scale = np.array([contact.load, resistance_scale(contact.resistance, contact.load), contact.peak_pressure])
     load_error = contact.load * (
         _fast_branch_error(problem, contact) + ARITHMETIC_ERROR / problem.response.creep.instant
     )
@@ -242,7 +240,7 @@ def _work_residual(problem, contact):
     dissipated += np.trapezoid(response.dissipation_symbol(tail / a) * level * tail ** (1 - power), np.log(tail))
     dissipated *= 2 * a * contact.scale**2 / (np.pi * problem.contact_modulus)
     work = contact.resistance - response.friction * contact.load
-    return float(abs(work - dissipated) / max(abs(contact.resistance), FORCE_SHARE_MIN * contact.load))
+    return float(abs(work - dissipated) / resistance_scale(contact.resistance, contact.load))
 
 
 def require_spectral_range(layer: Layer, roller: Roller, material: Elastic, speed: float) -> None:
