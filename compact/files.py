@@ -12,13 +12,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Literal, Protocol
+from typing import IO, TYPE_CHECKING, Any, Literal
 from xml.etree import ElementTree
 
 if TYPE_CHECKING:
     import meshio
     import numpy as np
     import xarray
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
 OWNER_FILE = "scene.hash"  # file of a result directory with the hash of its scene
@@ -26,18 +27,9 @@ FIGURE_DPI = 110  # [1/inch], resolution of figures
 NetcdfFormat = Literal["NETCDF3_CLASSIC", "NETCDF4"]
 NETCDF_CLASSIC: NetcdfFormat = "NETCDF3_CLASSIC"  # numbers only, for any reader
 NETCDF_HDF5: NetcdfFormat = "NETCDF4"  # strings too
-NETCDF_BACKENDS: dict[NetcdfFormat, Literal["scipy", "h5netcdf"]] = {
-    NETCDF_CLASSIC: "scipy",
-    NETCDF_HDF5: "h5netcdf",
-}  # xarray backend of each format
+# xarray backend of each format
+NETCDF_BACKENDS: dict[str, Literal["scipy", "h5netcdf"]] = {NETCDF_CLASSIC: "scipy", NETCDF_HDF5: "h5netcdf"}
 GENERIC_STEM = "scene"  # stem of the scene file that `compact new` writes into a folder of the user's name
-
-
-class Figure(Protocol):
-    """Figure of matplotlib, which only the report imports."""
-
-    def savefig(self, fname: Any, *, format: str, dpi: float) -> None:
-        """Render the figure into a file object."""
 
 
 class ResultsError(RuntimeError):
@@ -89,8 +81,6 @@ def default_directory(scene_path: str | Path, suffix: str = "") -> Path:
 
     Parameters
     ----------
-    scene_path : path
-        Scene file.
     suffix : str
         Kind of the results.
 
@@ -112,17 +102,8 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Iterable[Any]]) 
 
     Parameters
     ----------
-    path : Path
-        File.
     header : sequence of str
         Column names with units.
-    rows : iterable
-        Rows.
-
-    Returns
-    -------
-    Path
-        `path`.
     """
     with atomic_file(path) as stream:
         writer = csv.writer(stream, lineterminator="\n")
@@ -176,15 +157,8 @@ def read_netcdf(path: str | Path, kind: NetcdfFormat) -> "xarray.Dataset":
 
     Parameters
     ----------
-    path : path
-        File.
     kind : str
         Format, a key of `NETCDF_BACKENDS`.
-
-    Returns
-    -------
-    xarray.Dataset
-        Content of the file.
 
     Raises
     ------
@@ -196,12 +170,12 @@ def read_netcdf(path: str | Path, kind: NetcdfFormat) -> "xarray.Dataset":
     return xarray.load_dataset(path, engine=NETCDF_BACKENDS[kind])
 
 
-def write_figure(path: Path, figure: Figure) -> Path:
+def write_figure(path: Path, figure: "Figure") -> Path:
     """Write a matplotlib figure as PNG; return the path."""
     return write_bytes(path, render_png(figure))
 
 
-def render_png(figure: Figure) -> bytes:
+def render_png(figure: "Figure") -> bytes:
     """Render a matplotlib figure as PNG."""
     buffer = BytesIO()
     figure.savefig(buffer, format="png", dpi=FIGURE_DPI)
@@ -231,11 +205,6 @@ def write_vtu_series(
         Name of the series parameter; a file is called LABEL=VALUE.vtu.
     frames : iterable of (float, meshio.Mesh)
         Parameter, in the place of the time of ParaView, and fields.
-
-    Yields
-    ------
-    Path
-        Each file after it is written.
     """
     members = []
     for value, mesh in frames:
@@ -285,17 +254,8 @@ def claim_directory(directory: str | Path, scene_hash: str, force: bool = False)
 
     Parameters
     ----------
-    directory : path
-        Directory.
-    scene_hash : str
-        Hash of the scene.
     force : bool
         True to overwrite results of another scene, file by file.
-
-    Returns
-    -------
-    Path
-        The directory.
 
     Raises
     ------

@@ -152,11 +152,6 @@ def graded_mesh(
     reach : float
         Free length beyond the contact over the height [-], > 0.
 
-    Returns
-    -------
-    RowMesh
-        Mesh of the layer.
-
     Examples
     --------
     >>> mesh = graded_mesh(height=0.22, half_width=0.02, elements=10)
@@ -217,11 +212,6 @@ def row_mesh(points: ArrayLike, quads: ArrayLike) -> RowMesh:
         Nodes [m]; z is ignored.
     quads : array_like of int, shape (m, 4)
         Indices of the corners of the elements, in any order and numbering.
-
-    Returns
-    -------
-    RowMesh
-        Mesh.
 
     Raises
     ------

@@ -1,15 +1,15 @@
 """Effect of compaction in one to six lifts on load and resistance, over radius and moisture.
 
-The mix of one product is fed in as many equal lifts as there are passes. In each pass the height of the roller is such
-that the mix has the required density after elastic recovery: by columns, which compact every lift uniformly. The work
-belongs to the lift, so the resistance decreases with the number of passes. The load decreases by a quarter for two
-passes and by half for six, because the contact becomes shorter while the recovery of the mix below continues. The load
-is proportional to the root of the radius; the resistance is independent of it. Both decrease by a fifth for each
-percent of moisture, within the spread of the prior.
+The mix of one product is fed in as many equal lifts as there are passes. The height of the roller in each pass is such
+that the mix has the required density after elastic recovery. The column model compacts every lift uniformly. Work is
+done on the new lift alone, so the resistance of a pass decreases with the number of passes. The load decreases by a
+quarter for two passes and by half for six: the contact becomes shorter, but the mix below still recovers elastically.
+The load is proportional to the square root of the radius; the resistance is independent of it. Both decrease by a fifth
+for each percentage point of moisture content, by the Heckel slope of the prior.
 
-Further passes at the same height do not replace lifts. Columns do not change; finite elements, in which the density
-decreases from the top downwards, compact the top 4 mm a little more in each pass, beyond full density, and nothing
-below (`profiles`, four minutes of processor time).
+Further passes at the same height do not replace lifts. The density by columns does not change. By finite elements the
+density decreases from the top downwards; each pass compacts the top 4 mm a little more, above a density ratio of 1, and
+the mix below not at all (`profiles`, four minutes of processor time).
 """
 
 import itertools
@@ -27,35 +27,38 @@ from compact.scene.loader import load_scene
 SCENES = Path(__file__).parent / "scenes"
 HEADER = ("radius_m", "moisture", "passes", "largest_load_N", "largest_resistance_N", "density_ratio")
 PROFILE_HEADER = ("engine", "pass", "load_N/m", "resistance_N/m", "bottom_m", "top_m", "density_ratio")
-CALIBRATED = {"mix.overrides.heckel_slope": 13.995e-6, "layer.fed_density_ratio": 0.93444}  # to 9740 N and 0.179
+CALIBRATED = {
+    "mix.overrides.heckel_slope": 13.995e-6,
+    "layer.fed_density_ratio": 0.93444,
+}  # calibrated to 9740 N and 0.179
 
-# of the profiles: coarse and loose, since later passes have a contact of millimetres to march over a layer of 0.23 m
+# Options of the finite elements for the profiles; coarse, as later passes have a contact of a few millimetres and roll
+# over a layer of 0.23 m in increments
 ELEMENTS = {"increments": 4, "steady_tolerance": 1e-2}
-TOP = 0.01  # m below the surface, where passes at one height differ
+TOP = 0.01  # [m], depth below the surface in which passes at one height differ
 
 
 def in_lifts(scene, count):
-    """Contacts of all passes over a layer fed in equal lifts, each compacted to the density of the scene."""
-    material, wanted = compaction_material(scene, scene_mix(scene)), scene.mix.density_ratio
+    """Return the contacts of all passes over a layer fed in equal lifts, each compacted to the density of the scene."""
+    material, density_ratio = compaction_material(scene, scene_mix(scene)), scene.mix.density_ratio
     speed = scene.motion.stroke / scene.motion.duration
-    lift = required_feed(scene.product.height, wanted, material, speed).height / count
-    roller = Roller(scene.machine.roller_radius, indentation=lift / 100, profile="circle")  # gives way to the density
-    stages = [Pass(lift if number else 0.0, exit_density_ratio=wanted) for number in range(count)]
+    lift = required_feed(scene.product.height, density_ratio, material, speed).height / count
+    roller = Roller(scene.machine.roller_radius, indentation=lift / 100, profile="circle")  # replaced by the density
+    stages = [Pass(lift if number else 0.0, exit_density_ratio=density_ratio) for number in range(count)]
     return passes(Layer(lift), roller, material, speed, stages)
 
 
 def profiles(scene="loveikin-2015", changes=CALIBRATED, indentation=0.002, count=6, **numerics):
-    """Rows of PROFILE_HEADER, by columns and by finite elements; the whole layer is fed first, with one height for all
-    passes.
+    """Return rows of PROFILE_HEADER by columns and by finite elements; one lift, one roller height in all passes.
 
-    numerics : options of the finite elements, default ELEMENTS
+    numerics : options of the finite elements in addition to ELEMENTS
     """
     scene, rows = load_scene(SCENES / f"{scene}.toml", **changes), []
     material, speed = compaction_material(scene, scene_mix(scene)), scene.motion.stroke / scene.motion.duration
     layer = Layer(scene.product.height * scene.mix.density_ratio / material.fed_density_ratio)
     roller = Roller(scene.machine.roller_radius, indentation, profile="deformed")
-    asked = {"column": {}, "compaction": ELEMENTS | numerics}
-    for engine, options in tracked(asked.items(), "profile", alike=False):
+    engines = {"column": {}, "compaction": ELEMENTS | numerics}
+    for engine, options in tracked(engines.items(), "profile", alike=False):
         done = passes(layer, roller, material, speed, there_and_back(count), engine=engine, **options)
         rows += [
             (engine, number, rolled.load, abs(rolled.resistance), *row)
@@ -66,10 +69,10 @@ def profiles(scene="loveikin-2015", changes=CALIBRATED, indentation=0.002, count
 
 
 def at(base, radius, moisture):
-    """Scene with another roller and another moisture; the Heckel slope changes by the factor of the prior."""
+    """Return the scene with another radius and moisture content; the Heckel slope changes by the ratio of the prior."""
     prior = {"mix.overrides.heckel_slope": None}
-    there = scene_mix(base.replaced(**prior | {"mix.moisture": moisture})).heckel_slope
-    factor = there / scene_mix(base.replaced(**prior)).heckel_slope
+    changed = scene_mix(base.replaced(**prior | {"mix.moisture": moisture})).heckel_slope
+    factor = changed / scene_mix(base.replaced(**prior)).heckel_slope
     return base.replaced(
         **{
             "machine.roller_radius": radius,
@@ -87,7 +90,7 @@ def main(
     counts=(1, 2, 3, 4, 5, 6),
     out=None,
 ):
-    """Rows of HEADER, SI; the density ratio is that after the last pass."""
+    """Return rows of HEADER, SI; the density ratio is that after the last pass."""
     base, rows = load_scene(SCENES / f"{scene}.toml", **changes), []
     for radius, moisture, count in tracked(itertools.product(radii, moistures, counts), "passes"):
         results = in_lifts(at(base, radius, moisture), count)
@@ -103,7 +106,7 @@ def main(
 
 
 def _draw(rows):
-    """Draw the largest load and the resistance over the number of passes, one line for each roller and mix."""
+    """Draw the largest load and resistance over the number of passes, one line for each radius and moisture content."""
     from matplotlib.figure import Figure
 
     from compact.report.figures.style import PALETTE
@@ -114,23 +117,23 @@ def _draw(rows):
     radii = sorted({row[0] for row in rows})
     for (radius, moisture), group in itertools.groupby(rows, key=lambda row: row[:2]):
         _, _, counts, loads, resistances, _ = np.array(list(group)).T
-        look = {
+        style = {
             "color": PALETTE[moistures.index(moisture) % len(PALETTE)],
             "linestyle": ("-", "--", ":")[radii.index(radius) % 3],
         }
-        label = f"R {radius * 1e3:.0f} mm, W {moisture:.0%}"
-        panels[0].plot(counts, loads / 1e3, **look, label=label)
-        if radius == radii[0]:  # the resistance does not know the radius
-            panels[1].plot(counts, resistances / 1e3, **look, label=f"W {moisture:.0%}, any radius")
-    for ax, name in zip(panels, ("load on one roller [kN]", "resistance of one roller [kN]"), strict=True):
-        ax.set(xlabel="passes, as many lifts", ylabel=f"largest {name}", ylim=(0, None))
+        label = f"R = {radius * 1e3:.0f} mm, W = {moisture:.0%}"
+        panels[0].plot(counts, loads / 1e3, **style, label=label)
+        if radius == radii[0]:  # the resistance is independent of the radius
+            panels[1].plot(counts, resistances / 1e3, **style, label=f"W = {moisture:.0%}, every radius")
+    for ax, name in zip(panels, ("load of one roller [kN]", "resistance of one roller [kN]"), strict=True):
+        ax.set(xlabel="number of passes = number of lifts", ylabel=f"largest {name}", ylim=(0, None))
         ax.legend(frameon=False, fontsize=8)
     panels[0].set_ylim(top=1.4e-3 * max(row[3] for row in rows))  # room for the legend
     return figure
 
 
 def draw_profiles(rows):
-    """Draw the density over depth behind each pass: the whole layer, and the top, where passes differ."""
+    """Draw the density over depth behind each pass: in the whole layer, and near the surface, where passes differ."""
     from matplotlib.figure import Figure
 
     from compact.report.figures.style import PALETTE
@@ -142,23 +145,23 @@ def draw_profiles(rows):
         depth = (top[-1] - np.array([*bottom, top[-1]])) * 1e3
         for ax in panels:
             if engine == "compaction":
-                look = {"color": PALETTE[(number - 1) % len(PALETTE)], "label": f"finite elements, pass {number}"}
-                ax.stairs(ratio[::-1], depth[::-1], orientation="horizontal", baseline=None, **look)
-            elif number == 1:  # the same after all
+                style = {"color": PALETTE[(number - 1) % len(PALETTE)], "label": f"finite elements, pass {number}"}
+                ax.stairs(ratio[::-1], depth[::-1], orientation="horizontal", baseline=None, **style)
+            elif number == 1:  # the same after every pass
                 ax.plot([ratio[0]] * 2, depth[[0, -1]], "k--", label="columns, every pass")
     for ax, deepest in zip(panels, (depth[0], TOP * 1e3), strict=True):
-        ax.axvline(1, color="0.7", linewidth=0.8, zorder=0, label="full density")
+        ax.axvline(1, color="0.7", linewidth=0.8, zorder=0, label="fully compacted")
         ax.set(xlabel="density ratio k [-]", ylabel="depth below the surface [mm]", ylim=(deepest, 0))
     panels[0].legend(frameon=False, fontsize=8)
     return figure
 
 
 def show(rows):
-    """Print the rows of `main`, one line for each roller and mix."""
+    """Print the rows of `main`, one line for each radius and moisture content."""
     print(f"{'R mm':>5}{'W':>6}   passes: largest load and resistance in N for each")
     for (radius, moisture), group in itertools.groupby(rows, key=lambda row: row[:2]):
-        told = "  ".join(f"{row[2]}: {row[3]:.0f} {row[4]:.0f}" for row in group)
-        print(f"{radius * 1e3:>5.0f}{moisture:>6.2f}   {told}")
+        cells = "  ".join(f"{row[2]}: {row[3]:.0f} {row[4]:.0f}" for row in group)
+        print(f"{radius * 1e3:>5.0f}{moisture:>6.2f}   {cells}")
 
 
 def show_profiles(rows):

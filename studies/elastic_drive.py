@@ -1,9 +1,9 @@
 """Required stiffness of an elastic drive, and motion laws that excite it.
 
-Each law moves the cart through a spring of increasing stiffness, at one damping ratio, in the periodic regime. The
-dynamic amplification is the peak force over that of a rigid drive. Stiffness alone does not remove it. Where friction
-stops the cart at a reversal, the spring must reverse its force first; the driven end gains speed meanwhile, and the
-cart starts with an impact. For a law whose acceleration a does not vanish at the reversal, the impact is independent
+Each law drives the cart through a spring of increasing stiffness, at one damping ratio, in periodic motion. The dynamic
+amplification is the peak force over that of a rigid drive. Stiffness alone does not remove it. Friction stops the cart
+at a reversal until the spring has reversed its force; the driven end gains speed meanwhile, and the cart starts with an
+impact. For a law whose acceleration a does not vanish at the reversal, the impact is independent
 of stiffness: sqrt(4 F m a - (m a)^2) above F + m a without damping. For laws with vanishing acceleration it decreases
 slowly, with k^(-1/6) if the law has a jerk at the reversal and k^(-1/4) if it has only a snap.
 """
@@ -21,14 +21,14 @@ from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
 HEADER = (
-    "law", "stiffness_N/m", "peak_force_N", "dynamic_amplification", "nonuniformity", "peak_power_W", "standing_s",
-    "energy_residual", "arcs",
+    "law", "stiffness_N/m", "peak_force_N", "dynamic_amplification", "nonuniformity", "peak_power_W", "stick_time_s",
+    "energy_residual", "intervals",
 )  # fmt: skip
 LAWS = ("parabolic", "cubic", "quintic", "septic", "reversal-2", "reversal-4-free-acceleration", "combined-4")
 
 
 def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9), ratio=0.05, out=None, **changes):
-    """Rows of HEADER, SI, for each law and stiffness; `ratio` is the damping ratio c/(2 sqrt(k m))."""
+    """Return rows of HEADER, SI, for each law and stiffness; `ratio` is the damping ratio c/(2 sqrt(k m))."""
     study = Study(load_scene(SCENES / f"{scene}.toml", **{"motion.laws": list(laws), "output.items": [], **changes}))
     rows, runs, motion = [], {}, study.scene.motion
     for (name, cycle), stiffness in tracked(product(study.cycles.items(), stiffnesses), "drive"):
@@ -37,8 +37,7 @@ def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9)
         run = runs[name, stiffness] = simulate(study.cart, spring, cycle, study.resistance, working=working)
         rows.append((
             name, stiffness, run.peak_force, run.dynamic_amplification, run.nonuniformity, run.peak_power,
-            run.stick_time,
-            run.energy_residual, run.cost.intervals,
+            run.stick_time, run.energy_residual, run.cost.intervals,
         ))  # fmt: skip
     if out:
         from compact.files import write_csv
@@ -49,7 +48,7 @@ def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9)
 
 
 def _draw(rows, runs):
-    """Draw dynamic amplification and non-uniformity over stiffness, one line for each law, and two forces."""
+    """Draw dynamic amplification and non-uniformity over stiffness for each law, and the drive force of two laws."""
     from matplotlib.figure import Figure
 
     from compact.report.figures.style import law_style
@@ -58,11 +57,11 @@ def _draw(rows, runs):
     panels = figure.subplots(1, 3)
     names, stiffnesses = list(dict.fromkeys(row[0] for row in rows)), sorted({row[1] for row in rows})
     for name in names:
-        _, stiffness, _, ringing, nonuniformity, *_ = zip(*(row for row in rows if row[0] == name), strict=True)
-        panels[0].semilogx(stiffness, ringing, marker="o", markersize=3, **law_style(name), label=name)
+        _, stiffness, _, amplification, nonuniformity, *_ = zip(*(row for row in rows if row[0] == name), strict=True)
+        panels[0].semilogx(stiffness, amplification, marker="o", markersize=3, **law_style(name), label=name)
         panels[1].semilogx(stiffness, nonuniformity, marker="o", markersize=3, **law_style(name), label=name)
-    panels[0].set(xlabel="stiffness k [N/m]", ylabel="ringing: peak force over that of a rigid drive [-]")
-    panels[1].set(xlabel="stiffness k [N/m]", ylabel="non-uniformity of speed, working part [-]")
+    panels[0].set(xlabel="stiffness k [N/m]", ylabel="dynamic amplification of the peak force [-]")
+    panels[1].set(xlabel="stiffness k [N/m]", ylabel="non-uniformity of the speed, working part [-]")
     panels[1].legend(frameon=False, fontsize=8)
     middle = stiffnesses[len(stiffnesses) // 2]
     for name in (names[0], names[-1]):
@@ -70,16 +69,18 @@ def _draw(rows, runs):
         style = law_style(name) | {"linestyle": "-", "linewidth": 0.8}
         panels[2].plot(run.time, run.drive_force / 1e3, **style, label=name)
         panels[2].plot(run.rigid.time, run.rigid.drive_force / 1e3, linewidth=0.8, color="0.6", zorder=0)
-    panels[2].set(xlabel="time t [s]", ylabel=f"drive force H [kN], k = {middle:g} N/m (grey: rigid)")
+    panels[2].set(xlabel="time t [s]", ylabel="drive force H [kN]")
+    panels[2].set_title(f"k = {middle / 1e6:g} kN/mm; grey: rigid drive", fontsize=10)
     panels[2].legend(frameon=False, fontsize=8)
     return figure
 
 
 def show(rows):
     """Print the rows of `main`."""
-    print(f"{'law':<30}{'k N/m':>8}{'peak N':>9}{'ringing':>9}{'uneven':>8}{'stands s':>10}")
-    for name, stiffness, peak, ringing, uneven, _, standing, *_ in rows:
-        print(f"{name:<30}{stiffness:>8.0e}{peak:>9.0f}{ringing:>9.3f}{uneven:>8.3f}{standing:>10.4f}")
+    print(f"{'law':<30}{'k N/m':>8}{'peak N':>9}{'dyn. ampl.':>12}{'non-unif.':>11}{'stick s':>9}")
+    for name, stiffness, peak, amplification, nonuniformity, _, stick_time, *_ in rows:
+        print(f"{name:<30}{stiffness:>8.0e}{peak:>9.0f}{amplification:>12.3f}{nonuniformity:>11.3f}", end="")
+        print(f"{stick_time:>9.4f}")
 
 
 if __name__ == "__main__":

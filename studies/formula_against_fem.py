@@ -1,15 +1,16 @@
 """Distance of equations 1.5-1.8 to a viscoelastic layer under the roller.
 
-Over moisture, density ratio and radius, the required pressure of the mix is prescribed as the peak pressure of the
-engineering formulas, of the exact theory of Galin and of the named engines, without friction. Modulus and relaxation
-are those of the prior. The spectral engine is the reference; its own error is far below the differences.
+The peak pressure is the required pressure of the mix, over moisture, density ratio and radius, without friction. The
+engineering formulas and Galin's exact theory of the half-plane are compared with engines for a layer. Modulus and
+relaxation are those of the prior. The spectral engine is the reference; its own error is far below the differences.
 
-Result: at a given peak pressure, 1.7 agrees with the contact length of the layer within 2 % at 8 % of moisture and 11 %
-at 10 %, and 1.6 with its load within 8 and 3 %. Equation 1.5 is too low where Galin is too high, and the two errors
-cancel in part. At 12 % they are 80 and 70 % too large, because the mix of the prior then relaxes in 0.4 s, longer than
-the passage of the roller; it responds with its instantaneous modulus, which no formula contains. The
-rolling-resistance coefficient differs most: f2 and f3 of 1.8 result in 0.17, viscosity alone in 0.01 to 0.06. The
-difference is irreversible compaction, which no linear layer has.
+Result: at a given peak pressure, equation 1.7 agrees with the contact length of the layer within 2 % at 8 % moisture
+content and within 11 % at 10 %. Equation 1.6 agrees with its load within 8 % and 3 %. The contact angle by equation 1.5
+is below that of Galin, the angle of a half-plane above that of the layer; the two errors cancel in part. At 12 %
+moisture content, length and load by formula are 80 % and 70 % too large. The mix of the prior then relaxes in 0.4 s,
+longer than the passage of the roller, and responds with its instantaneous modulus, which no formula contains. The
+rolling-resistance coefficient differs most: 0.17 by f2 and f3 of equation 1.8, 0.01 to 0.06 by viscosity alone. The
+difference is due to irreversible compaction, which no linear layer has.
 """
 
 import itertools
@@ -27,28 +28,28 @@ SCENES = Path(__file__).parent / "scenes"
 PLAIN = {
     "machine.roller_condition": "frictionless",
     "machine.gap_geometry": "parabola",
-    "layer.fed_density_ratio": 0.9,  # below all density ratios; a linear layer does not ask
-    "mix.overrides.effective_modulus": None,  # the prior's
+    "layer.fed_density_ratio": 0.9,  # below all density ratios; without effect on a linear layer
+    "mix.overrides.effective_modulus": None,  # that of the prior
     "mix.overrides.steel_friction": 0.0,
 }
 HEADER = ("moisture", "density_ratio", "radius_m", "engine", "capture_angle_rad", "length_m", "load_N/m", "coefficient")
 
 
 def of_formulas(study):
-    """Capture angle, contact length, load and coefficient by 1.5-1.8, per unit roller length."""
-    said = study.engineering
-    load = said.roller_force / study.scene.machine.roller_length
-    return said.capture_angle, said.contact_length, load, said.resistance_coefficient
+    """Return capture angle, contact length, load and coefficient by 1.5-1.8, per unit roller length."""
+    results = study.engineering
+    load = results.roller_force / study.scene.machine.roller_length
+    return results.capture_angle, results.contact_length, load, results.resistance_coefficient
 
 
 def of_contact(rolled, radius):
-    """Capture angle, contact length, load and coefficient of a contact, per unit roller length."""
+    """Return capture angle, contact length, load and coefficient of a contact, per unit roller length."""
     length = rolled.leading - rolled.trailing
     return np.arcsin(rolled.leading / radius), length, rolled.load, rolled.resistance / rolled.load
 
 
 def of_half_plane(mix, radius):
-    """The same of a frictionless elastic half-plane at the required pressure, which has no resistance."""
+    """Return the same of a frictionless elastic half-plane at the required pressure; its resistance is 0."""
     exact = galin(
         radius=radius, youngs_modulus=mix.effective_modulus, poisson=mix.poisson, friction=0.0,
         peak_pressure=mix.required_pressure,
@@ -64,7 +65,7 @@ def main(
     engines=("spectral", "fem"),
     out=None,
 ):
-    """Rows of HEADER, SI; the engines are "1.5-1.8", "galin" and those named."""
+    """Return rows of HEADER, SI; the methods are "1.5-1.8", "galin" and `engines`."""
     base = load_scene(SCENES / f"{scene}.toml", **PLAIN)
     rows = []
     for moisture, ratio, radius in tracked(itertools.product(moistures, density_ratios, radii), "contact"):
@@ -84,7 +85,7 @@ def main(
 
 
 def differences(rows, reference="spectral"):
-    """Relative differences of each row to the reference with the same mix and radius, for the last four columns."""
+    """Return the relative differences to the reference with the same mix and radius, for the last four columns."""
     exact = {row[:3]: np.array(row[4:]) for row in rows if row[3] == reference}
     return [(*row[:4], *(np.array(row[4:]) / exact[row[:3]] - 1)) for row in rows if row[3] != reference]
 
@@ -99,8 +100,8 @@ def figure(rows):
     drawn = Figure(figsize=(12, 3.8), layout="constrained")
     panels = drawn.subplots(1, 3)
     found = differences(rows)
-    looks = {"1.5-1.8": ENGINE_STYLES["formula"][:2], "galin": (PALETTE[4], "+"), "fem": ENGINE_STYLES["fem"][:2]}
-    for engine, (color, mark) in looks.items():
+    styles = {"1.5-1.8": ENGINE_STYLES["formula"][:2], "galin": (PALETTE[4], "+"), "fem": ENGINE_STYLES["fem"][:2]}
+    for engine, (color, mark) in styles.items():
         chosen = [row for row in found if row[3] == engine]
         if not chosen:
             continue
@@ -115,11 +116,11 @@ def figure(rows):
                 markersize=5,
             )
     names = [f"{row[0]:g} {row[1]:g} {row[2]:g}" for row in found if row[3] == "galin"]
-    for ax, title in zip(panels, ("capture angle φ", "contact length l", "load P"), strict=True):
+    for ax, title in zip(panels, ("contact angle φ", "contact length l", "load P"), strict=True):
         ax.set_title(title, fontsize=10)
-        ax.set_ylabel("difference to spectral [%]")
+        ax.set_ylabel("difference to the spectral engine [%]")
         ax.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
-        ax.set_xlabel("moisture W, density ratio k, radius R [m]", fontsize=8)
+        ax.set_xlabel("moisture content W [-], density ratio k [-], radius R [m]", fontsize=8)
         ax.axhline(0, color="0.7", linewidth=0.8)
     panels[0].legend(frameon=False)
     return drawn

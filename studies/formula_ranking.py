@@ -1,8 +1,8 @@
 """Ranking of the motion laws over the spread of the mix, by the engineering formulas.
 
-The required pressure of the mix is known within a factor, and the resistance is proportional to its square. The laws
-are ranked at the low, the expected and the high end. Limits: equations 1.1-1.10, a resistance independent of speed, a
-rigid drive.
+The required pressure of the mix is known within a factor of 1.5, and the resistance is nearly proportional to its
+square. The laws are ranked at the low end, the expected value and the high end of the spread. Limits: equations
+1.1-1.10, a resistance independent of speed, a rigid drive.
 """
 
 from pathlib import Path
@@ -15,7 +15,7 @@ SCENES = Path(__file__).parent / "scenes"
 
 
 def main(scene="loveikin-2015", by="peak_power", **overrides):
-    """(end of the spread, resistance of a cart [N], laws in order) for low, expected and high required pressure."""
+    """Return (end of the spread, resistance of a cart [N], laws in order) for each required pressure."""
     nominal = load_scene(SCENES / f"{scene}.toml", **{"output.items": [], "drive.rank_by": [by], **overrides})
     pressure = Study(nominal).mix.parameter("required_pressure")
     rows = []

@@ -1,8 +1,8 @@
 """Numerical stability at the limits of Poisson's ratio, width, depth, speed, friction and stiffness.
 
 Each case is solved and compared with a result of another method: a closed form, another engine, a limit or a balance.
-The table has the result, its relative error and the processor time. A case without a solution must be refused with a
-sentence; `reached` is then the refusal, without an error.
+The table has the result, its relative error and the processor time. A case without a solution must raise an error with
+an explanation; `result` is then that message, without a relative error.
 """
 
 import math
@@ -30,24 +30,24 @@ from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
 
 SCENE = Path(__file__).parent / "scenes" / "loveikin-2015.toml"
-HEADER = ("case", "against", "reached", "relative error", "seconds")
+HEADER = ("case", "reference", "result", "relative error", "seconds")
 LAYER, MIX = Layer(0.22), Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
 STIFF = Elastic(10e6, 0.3)
 CASES = {}
 
 
-def case(name, against):
+def case(name, reference):
     """Register a function that returns a result and its relative error."""
 
-    def enter(solve):
-        CASES[name] = (against, solve)
+    def register(solve):
+        CASES[name] = (reference, solve)
         return solve
 
-    return enter
+    return register
 
 
 def both_engines(layer, roller, material, speed=0.2):
-    """Load by the spectral engine, and the relative difference of finite elements to it."""
+    """Return the load by finite elements, and its relative difference to the spectral engine."""
     exact = spectral.roll(layer, roller, material, speed)
     found = fem.roll(layer, roller, material, speed, tolerance=5e-3)
     return f"P {found.load:.6g} N/m", found.load / exact.load - 1
@@ -64,13 +64,13 @@ def incompressible():
     return f"P {loads[0]:.6g} N/m", loads[0] / loads[1] - 1
 
 
-@case("slipping base", "spectral engine")
-def slipping_base():
+@case("frictionless base", "spectral engine")
+def frictionless_base():
     return both_engines(Layer(0.22, "slip"), Roller(0.11, indentation=0.003), MIX)
 
 
 @case("contact 0.02 layer heights wide", "Hertz")
-def narrow():
+def narrow_contact():
     half_width = 0.02 * LAYER.height
     roller = Roller(10.0, peak_pressure=float(STIFF.contact_modulus * half_width / 20.0))
     found = spectral.roll(LAYER, roller, STIFF, 0.2)
@@ -79,25 +79,25 @@ def narrow():
 
 
 @case("contact 5 layer heights wide, finite elements", "spectral engine")
-def wide():
+def wide_contact():
     half_width, radius = 5 * LAYER.height, 40.0
     return both_engines(LAYER, Roller(radius, indentation=half_width**2 / (2 * radius)), STIFF)
 
 
 @case("indentation 1e-9 m", "spectral engine")
-def shallow():
+def small_indentation():
     return both_engines(LAYER, Roller(0.11, indentation=1e-9), STIFF)
 
 
 @case("speed 1e-9 m/s", "relaxed elastic layer")
-def slowest():
+def lowest_speed():
     roller = Roller(0.11, indentation=0.003)
     found = spectral.roll(LAYER, roller, MIX, 1e-9)
     return f"F/P {found.resistance / found.load:.1e}", found.load / spectral.roll(LAYER, roller, STIFF, 1.0).load - 1
 
 
-@case("speed 1e9 m/s", "elastic layer of the instant modulus")
-def fastest():
+@case("speed 1e9 m/s", "elastic layer of the instantaneous modulus")
+def highest_speed():
     roller = Roller(0.11, indentation=0.003)
     found = spectral.roll(LAYER, roller, MIX, 1e9)
     instant = spectral.roll(LAYER, roller, Elastic(20e6, 0.3), 1.0)
@@ -112,7 +112,7 @@ def frictional():
     return f"F/P {found.resistance / found.load:.4f}", float(found.load / exact.load - 1)
 
 
-@case("plies a thousand times as stiff below", "layer of the upper ply alone")
+@case("lower ply a thousand times as stiff", "layer of the upper ply alone")
 def stiff_ply():
     from compact.rolling_contact import Ply
 
@@ -122,8 +122,8 @@ def stiff_ply():
     return f"P {found.load:.6g} N/m", found.load / spectral.roll(Layer(0.10), roller, STIFF, 0.2).load - 1
 
 
-@case("columns pressed to a density ratio of 0.995", "balance of mass")
-def pressed_shut():
+@case("columns compacted to a density ratio of 0.995", "mass balance")
+def fully_compacted():
     scene = load_scene(SCENE)
     material = contact_cases.compaction_material(scene, Study(scene).mix)
     fed = column.required_feed(0.22, 0.995, material, 0.2)
@@ -132,46 +132,46 @@ def pressed_shut():
     return f"k {found.exit_density_ratio:.6f}", found.mass_residual
 
 
-@case("columns under the same roller again", "no resistance: the mix lies already")
-def again():
+@case("columns, second pass at the same height", "no resistance: the mix is compacted already")
+def second_pass():
     scene = load_scene(SCENE)
     layer, roller, material = contact_cases.contact_inputs(scene, Study(scene).mix, "column", 0.2)
     roller = replace(roller, rolling="frictionless")
     first = column.roll(layer, roller, material, 0.2)
     height = layer.height - first.indentation
-    below = sum(part.height for part in first.columns)
-    second = column.roll_over(first.columns, replace(roller, indentation=below - height), material, -0.2)
+    recovered = sum(part.height for part in first.columns)
+    second = column.roll_over(first.columns, replace(roller, indentation=recovered - height), material, -0.2)
     return f"F {second.resistance:.1e} N/m", second.resistance / first.resistance
 
 
-@case("spring of 1e9 N/m, dry friction, parabolic law", "closed form of the knock without damping")
+@case("spring of 1e9 N/m, dry friction, parabolic law", "closed form of the impact without damping")
 def stiff_drive():
     study = Study(load_scene(SCENE, **{"motion.laws": ["parabolic"], "output.items": []}))
     cart = replace(study.cart, guide_friction=0.0)
     force, inertia = study.resistance.force, cart.mass * 4 * 0.4 / 9
     spring = ElasticDrive(1e9, 2 * 0.01 * math.sqrt(1e9 * cart.mass))
     run = simulate(cart, spring, study.cycles["parabolic"], study.resistance)
-    knock = force + inertia + math.sqrt(4 * force * inertia - inertia**2)
-    return f"H {run.peak_force:.6g} N", run.peak_force / knock - 1
+    impact = force + inertia + math.sqrt(4 * force * inertia - inertia**2)
+    return f"H {run.peak_force:.6g} N", run.peak_force / impact - 1
 
 
-@case("speed through 0, stick and slip", "balance of energy")
-def crossing():
+@case("speed through 0, stick and slip", "energy balance")
+def stick_slip():
     study = Study(load_scene(SCENE, **{"motion.laws": ["quintic"], "output.items": []}))
     run = simulate(study.cart, ElasticDrive(2e5, 1e3), study.cycles["quintic"], study.resistance)
-    return f"stands {run.stick_time:.4f} s", run.energy_residual
+    return f"stick time {run.stick_time:.4f} s", run.energy_residual
 
 
-@case("complex law at a double root", "the same weights off by 1e-9")
+@case("complex law at a double root", "weights that differ by 1e-9")
 def double_root():
     peaks = [
-        motion.law("complex", 0.4, 3.0, energy_weight=0.625, acceleration_weight=0.25 + off).peaks().acceleration
-        for off in (0.0, 1e-9)
+        motion.law("complex", 0.4, 3.0, energy_weight=0.625, acceleration_weight=0.25 + offset).peaks().acceleration
+        for offset in (0.0, 1e-9)
     ]
     return f"a {peaks[0]:.9g} m/s2", peaks[0] / peaks[1] - 1
 
 
-@case("dwell of no length", "no dwell")
+@case("dwell of length zero", "no dwell")
 def no_dwell():
     law = motion.law("reversal-4", 0.4, 3.0)
     study = Study(load_scene(SCENE, **{"motion.laws": ["reversal-4"], "output.items": []}))
@@ -180,34 +180,34 @@ def no_dwell():
 
 
 @case("run-up of a millionth of the pass", "constant velocity")
-def sudden():
+def short_run_up():
     law = motion.law("reversal-4", 0.4, 3.0, 1e-6, 1e-6)
     return f"v {law.peaks().velocity:.9g} m/s", law.peaks().velocity / (0.4 / 3.0) - 1
 
 
-@case("cam too narrow for its follower", "told to be undercut")
+@case("cam too narrow for its follower", "undercut is reported")
 def undercut():
-    made = cam.Cam(motion.law("combined-3", 0.4, 3.0).cycle(0.0, 0.0), 0.5, cam.FlatFace())
-    return f"undercut told: {bool(made.undercut)}", 1.0 - bool(made.undercut)
+    narrow_cam = cam.Cam(motion.law("combined-3", 0.4, 3.0).cycle(0.0, 0.0), 0.5, cam.FlatFace())
+    return f"undercut: {bool(narrow_cam.undercut)}", 1.0 - bool(narrow_cam.undercut)
 
 
-@case("resistance that jumps between two speeds", "refused in words")
-def jump():
+@case("discontinuous resistance over speed", "error with an explanation")
+def discontinuous_resistance():
     return resistance.sample_resistance(lambda v: (1e3 + 1e3 * (v > 0.1), None), 0.01, 0.2, 1e-6), math.nan
 
 
-@case("load beyond the height of the layer", "refused in words")
-def through_the_base():
-    plain = {
+@case("load that exceeds the capacity of the layer", "error with an explanation")
+def excessive_load():
+    frictionless = {
         "accuracy.engine": "spectral",
         "machine.gap_geometry": "parabola",
         "machine.roller_condition": "frictionless",
     }
-    scene = load_scene(SCENE, **{"contact.load": 1e7, **plain})
+    scene = load_scene(SCENE, **{"contact.load": 1e7, **frictionless})
     return contact_stage.roll_scene(scene, Study(scene).mix, 0.2).load, math.nan
 
 
-@case("non-finite speed, load, depth", "refused in words, every one")
+@case("non-finite speed, load, indentation", "an error for each")
 def not_a_number():
     refused, tried = 0, 0
     for solve in (spectral.roll, fem.roll):
@@ -227,16 +227,16 @@ def not_a_number():
 
 
 def main(names=None, out=None):
-    """Rows of HEADER for all cases, or those named."""
+    """Return rows of HEADER for all cases, or for those in `names`."""
     rows = []
     for name in tracked(names or CASES, str, alike=False):
-        against, solve = CASES[name]
-        began = process_time()
+        reference, solve = CASES[name]
+        start = process_time()
         try:
-            reached, error = solve()
+            result, error = solve()
         except (ValueError, RuntimeError) as refusal:
-            reached, error = f"refused: {refusal}", math.nan
-        rows.append((name, against, str(reached), float(np.abs(error)), process_time() - began))
+            result, error = f"refused: {refusal}", math.nan
+        rows.append((name, reference, str(result), float(np.abs(error)), process_time() - start))
     if out:
         from compact.files import write_csv
 
@@ -246,9 +246,9 @@ def main(names=None, out=None):
 
 def show(rows):
     """Print the rows of `main`."""
-    for name, against, reached, error, seconds in rows:
-        told = "" if math.isnan(error) else f"{error:.1e}"
-        print(f"{name:<48}{told:>9}{seconds:8.2f} s  against {against}\n    {reached[:150]}")
+    for name, reference, result, error, seconds in rows:
+        shown = "" if math.isnan(error) else f"{error:.1e}"
+        print(f"{name:<48}{shown:>9}{seconds:8.2f} s  reference: {reference}\n    {result[:150]}")
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 """Speed fluctuation of one induction motor that drives one to four carts, and the effect of a flywheel.
 
-The carts share one shaft at their usual angles; motor and gear grow with their number, so that each cart has the same
-share. The inertia is on the motor shaft, where the gear multiplies it by the square of its ratio. Three carts balance
-the load by themselves. Four carts at right angles are no better than two, because a forward and a returning cart load
-the shaft alike. The motor is assumed; no source specifies one.
+The carts share one shaft at their usual angles; the torque of the motor is proportional to their number. The inertia is
+on the motor shaft, so that the gear multiplies it by the square of its ratio. Three carts balance the load without a
+flywheel. Four carts at right angles are no better than two, because a cart on its forward and one on its return stroke
+load the shaft equally. The motor is assumed; no source specifies one.
 """
 
 from itertools import product
@@ -20,7 +20,7 @@ HEADER = (
     "law", "carts", "motor_inertia_kgm2", "period_s", "fluctuation", "peak_motor_power_W", "mean_motor_power_W",
     "peak_force_N", "nonuniformity", "energy_residual",
 )  # fmt: skip
-SHARE = {  # of one cart in the motor; assumed: twice the mean power of a cart, turning at the published pace
+MOTOR = {  # for one cart; assumed: twice the mean power of a cart at the published cycle time
     "curve": "kloss",
     "torque": 8.0,
     "speed": 157.0,
@@ -31,10 +31,10 @@ SHARE = {  # of one cart in the motor; assumed: twice the mean power of a cart, 
 
 
 def main(scene="loveikin-2015", laws=("cubic", "reversal-4"), carts=(1, 2, 3, 4), inertias=(0.01, 0.1, 1.0), out=None):
-    """Rows of HEADER, SI, for each law, number of carts and inertia of the motor with its flywheel."""
+    """Return rows of HEADER, SI, for each law, number of carts and inertia of the motor with its flywheel."""
     base, rows, runs = load_scene(SCENES / f"{scene}.toml", **{"motion.laws": list(laws), "output.items": []}), [], {}
     for count, inertia in tracked(product(carts, inertias), "motor"):
-        motor = SHARE | {"torque": SHARE["torque"] * count, "inertia": inertia}
+        motor = MOTOR | {"torque": MOTOR["torque"] * count, "inertia": inertia}
         study = Study(base.replaced(**{"drive.kind": "motor", "drive.carts": count, "drive.motor": motor}))
         for name, run in study.runs.items():
             runs[name, count, inertia] = run
@@ -53,7 +53,7 @@ def main(scene="loveikin-2015", laws=("cubic", "reversal-4"), carts=(1, 2, 3, 4)
 
 
 def _draw(rows, runs):
-    """Draw the fluctuation over the inertia, and the motor power over a turn with the least and the largest inertia."""
+    """Draw the fluctuation over the inertia, and the motor power over a turn with the least and largest inertia."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12.5, 3.9), layout="constrained")
@@ -66,8 +66,10 @@ def _draw(rows, runs):
         for ax, inertia in zip(panels[1:], (inertias[0], inertias[-1]), strict=True):
             run = runs[law, count, inertia]
             ax.plot(np.degrees(run.angle), run.motor_torque * run.speed, label=label)
-            ax.set(xlabel=f"angle of the shaft [°], motor inertia {inertia:g} kg m²", xticks=range(0, 361, 90))
-    panels[0].set(xlabel="inertia on the motor's shaft [kg m²]", ylabel=f"fluctuation of the speed [-], {law}")
+            ax.set(xlabel="angle of the crankshaft [°]", xticks=range(0, 361, 90))
+            ax.set_title(f"{law}, inertia {inertia:g} kg m²", fontsize=10)
+    panels[0].set(xlabel="inertia on the motor shaft [kg m²]", ylabel="fluctuation of the shaft speed [-]")
+    panels[0].set_title(law, fontsize=10)
     panels[0].legend(frameon=False, fontsize=8)
     top = 1.05 * max(line.get_ydata().max() for ax in panels[1:] for line in ax.lines)
     for ax in panels[1:]:
@@ -77,11 +79,11 @@ def _draw(rows, runs):
 
 def show(rows):
     """Print the rows of `main`."""
-    print(f"{'law':<15}{'carts':>6}{'inertia':>9}{'period s':>10}{'fluctuates':>11}", end="")
-    print(f"{'peak W':>8}{'mean W':>8}{'cart N':>7}")
+    print(f"{'law':<15}{'carts':>6}{'inertia':>9}{'period s':>10}{'fluctuation':>12}", end="")
+    print(f"{'peak W':>8}{'mean W':>8}{'force N':>8}")
     for name, count, inertia, period, fluctuation, peak, mean, force, *_ in rows:
         print(
-            f"{name:<15}{count:>6}{inertia:>9g}{period:>10.3f}{fluctuation:>11.4f}{peak:>8.0f}{mean:>8.0f}{force:>7.0f}"
+            f"{name:<15}{count:>6}{inertia:>9g}{period:>10.3f}{fluctuation:>12.4f}{peak:>8.0f}{mean:>8.0f}{force:>8.0f}"
         )
 
 

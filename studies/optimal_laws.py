@@ -1,10 +1,11 @@
 """Gain of optimal motion laws, and the cost of each requirement on a law.
 
-The published machine: laws of least peak force and least peak power with constant speed over two thirds of the pass and
-a bound on the acceleration, compared with the best published law within the same bounds, at the nominal resistance and
-at both ends of the spread of the mix. Two fronts: least peak power over the share of constant speed, least peak force
-over the jerk. Limits: equations 1.1-1.10, a resistance independent of speed; a rigid drive. Without the bound on
-acceleration the least peak power is 479 W, of a law that brakes with 300 m/s2 at the end.
+For the published machine, laws of least peak force and of least peak power are computed with constant speed over two
+thirds of the pass and a bound on the acceleration. Each is compared with the best published law within the same bounds,
+at the nominal resistance and at both ends of the spread of the mix. Two Pareto fronts follow: least peak power over the
+share of constant speed, and least peak force over the jerk. Limits: equations 1.1-1.10, a resistance independent of
+speed; a rigid drive. Without the bound on the acceleration the least peak power is 479 W, but the law decelerates with
+300 m/s2 at the end.
 """
 
 from pathlib import Path
@@ -21,7 +22,7 @@ from compact.scene.loader import LAW_NAMES, load_scene
 
 SCENES = Path(__file__).parent / "scenes"
 OBJECTIVES = ("peak_force", "peak_power")
-ACCELERATION = 0.6  # m/s2; assumed: more than all published laws of a reversal ask for
+ACCELERATION = 0.6  # [m/s2]; assumed, above the acceleration of all published reversal laws
 SHARES = (0.0, 0.2, 0.4, 0.5, 0.6, 2 / 3, 0.75, 0.8)
 JERKS = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0)
 GAINS = ("objective", "resistance_N", "best_published", "published", "least", "gain", "robust", "robust_gain")
@@ -29,9 +30,10 @@ FRONT = ("front", "bound", "least", "best_published", "published", "gap")
 
 
 def main(scene="loveikin-2015", shares=SHARES, jerks=JERKS, out=None):
-    """Rows of GAINS, at the nominal resistance and at both ends of its spread, and rows of FRONT; SI.
+    """Return rows of GAINS, at the nominal resistance and at both ends of its spread, and rows of FRONT; SI.
 
-    `least` is optimal for the nominal resistance, `robust` has the least regret over the spread.
+    `least` is the value of the law that is optimal for the nominal resistance, `robust` that of the law of least regret
+    over the spread.
     """
     scene = load_scene(SCENES / f"{scene}.toml", **{"output.items": []})
     table = {"objectives": list(OBJECTIVES), "smoothness": 1, "acceleration": ACCELERATION, "steady_tolerance": 0.0}
@@ -39,11 +41,11 @@ def main(scene="loveikin-2015", shares=SHARES, jerks=JERKS, out=None):
     robust = Study(scene.replaced(**{"motion.optimise": table | {"spread": ["required_pressure"]}}))
     gains = [row for objective in tracked(OBJECTIVES, str, alike=False) for row in _gains(objective, nominal, robust)]
     front = [
-        ("share", share, *_held(nominal, "peak_power", (1 - share) / 2))
+        ("share", share, *_front_point(nominal, "peak_power", (1 - share) / 2))
         for share in tracked(shares, "share of constant speed")
     ]
     front += [
-        ("jerk", jerk, *_held(nominal, "peak_force", scene.motion.run_up, jerk))
+        ("jerk", jerk, *_front_point(nominal, "peak_force", scene.motion.run_up, jerk))
         for jerk in tracked(jerks, "bound of the jerk")
     ]
     if out:
@@ -56,49 +58,50 @@ def main(scene="loveikin-2015", shares=SHARES, jerks=JERKS, out=None):
 
 
 def _gains(objective, nominal, robust):
+    """Yield rows of GAINS for one objective."""
     name = f"least-{objective.replace('_', '-')}"
-    rivals = [
+    published = [
         cycle.forward
         for cycle in nominal.prescribed_laws.cycles.values()
         if not violations(nominal.law_stage.limits, cycle.forward)
     ]
-    for push in robust.law_stage.motion_resistances:
-        made, suited = (_asked(objective, push, study.cycles[name].forward) for study in (nominal, robust))
-        best, least = _best(objective, push, rivals)
-        yield objective, push.resistance.force, best, least, made, 1 - made / least, suited, 1 - suited / least
+    for load in robust.law_stage.motion_resistances:
+        optimal, regret = (_value(objective, load, study.cycles[name].forward) for study in (nominal, robust))
+        best, least = _best(objective, load, published)
+        yield objective, load.resistance.force, best, least, optimal, 1 - optimal / least, regret, 1 - regret / least
 
 
-def _asked(objective, push, motion):
-    return getattr(simulate(push.cart, Rigid(), motion, push.resistance), objective)
+def _value(objective, load, motion):
+    """Simulate a law with a rigid drive; return the value of the objective."""
+    return getattr(simulate(load.cart, Rigid(), motion, load.resistance), objective)
 
 
-def _best(objective, push, rivals):
-    values = {rival.name: _asked(objective, push, rival) for rival in rivals}
+def _best(objective, load, laws):
+    """Return name and value of the law of the least value; "" and nan without laws."""
+    values = {each.name: _value(objective, load, each) for each in laws}
     best = min(values, key=values.get, default="")
     return best, values.get(best, np.nan)
 
 
-def _held(study, objective, run, jerk=None):
-    """Least value for given acceleration and deceleration shares, the best published law within the same limits, the
-    gap.
-    """
+def _front_point(study, objective, run, jerk=None):
+    """Return the least value for run-up and run-down shares, best published law within the limits, its value, gap."""
     motion = study.scene.motion
     limits = Limits(acceleration=ACCELERATION, run_up=run, run_down=run, jerk=jerk)
-    made = optimise(
+    optimal = optimise(
         objective, motion.stroke, motion.duration, study.cart.mass, study.resistance_stage.motion_resistance, limits
     )
     laws = [law(name, motion.stroke, motion.duration, run, run, rod_length=motion.rod_length) for name in LAW_NAMES]
     return (
-        made.value,
+        optimal.value,
         *_best(
             objective, study.resistance_stage.motion_resistance, [one for one in laws if not violations(limits, one)]
         ),
-        made.gap,
+        optimal.gap,
     )
 
 
 def _draw(study, front):
-    """Draw speed and power of the optimal laws and of two published ones, and both fronts."""
+    """Draw velocity and drive power of the optimal laws and of two published ones, and both Pareto fronts."""
     from matplotlib.figure import Figure
 
     from compact.report.figures.style import PALETTE, law_style
@@ -106,22 +109,22 @@ def _draw(study, front):
     figure = Figure(figsize=(12.5, 7.2), layout="constrained")
     (speed, power), panels = figure.subplots(2, 2)
     time = np.linspace(0, study.scene.motion.duration, 3001)
-    looks = {"least-peak-power": {"color": PALETTE[0]}, "least-peak-force": {"color": PALETTE[4]}}
-    looks |= {name: law_style(name) for name in ("reversal-4-free-acceleration", "reversal-2")}
-    for name, drawn in looks.items():
-        there = study.cycles[name].forward
-        v, a = there.velocity(time), there.acceleration(time)
-        speed.plot(time, v, **drawn, label=name)
+    styles = {"least-peak-power": {"color": PALETTE[0]}, "least-peak-force": {"color": PALETTE[4]}}
+    styles |= {name: law_style(name) for name in ("reversal-4-free-acceleration", "reversal-2")}
+    for name, style in styles.items():
+        forward = study.cycles[name].forward
+        v, a = forward.velocity(time), forward.acceleration(time)
+        speed.plot(time, v, **style, label=name)
         power.plot(
-            time, (study.cart.mass * a + study.resistance_stage.motion_resistance(np.maximum(v, 1e-9), a)) * v, **drawn
+            time, (study.cart.mass * a + study.resistance_stage.motion_resistance(np.maximum(v, 1e-9), a)) * v, **style
         )
     speed.set(xlabel="time t [s]", ylabel="velocity v [m/s]")
     power.set(xlabel="time t [s]", ylabel="drive power P [W]")
     speed.legend(frameon=False, fontsize=8, loc="lower center")
-    axes = ("share of constant speed [-]", "least peak power [W]"), ("largest jerk [m/s³]", "least peak force [N]")
+    axes = ("share of constant speed [-]", "least peak power [W]"), ("bound on the jerk [m/s³]", "least peak force [N]")
     for ax, kind, (bound, value) in zip(panels, ("share", "jerk"), axes, strict=True):
         places, least, published = np.array([(row[1], row[2], row[4]) for row in front if row[0] == kind], float).T
-        ax.plot(places, least, "o-", label="made for the machine")
+        ax.plot(places, least, "o-", label="optimal law")
         ax.plot(places, published, "s", markersize=4, color="0.45", label="best published law within the same bounds")
         ax.set(xlabel=bound, ylabel=value)
         ax.legend(frameon=False, fontsize=8)
@@ -133,12 +136,11 @@ def show(result):
     gains, front = result
     for objective, force, best, published, least, gain, robust, robust_gain in gains:
         print(f"{objective:<11}at {force:6.0f} N: {published:8.2f} {best:<29}", end="")
-        print(f"{least:8.2f} made for {gains[0][1]:.0f} N ({gain:+.2%})", end="")
-        print(f"{robust:8.2f} made for all ({robust_gain:+.2%})")
+        print(f"{least:8.2f} optimal for {gains[0][1]:.0f} N ({gain:+.2%})", end="")
+        print(f"{robust:8.2f} of least regret ({robust_gain:+.2%})")
     for kind, bound, value, best, published, gap in front:
-        print(
-            f"{kind:<6}{bound:>8.3g}: {value:8.2f} made, {published:8.2f} {best or 'no published law':<30}gap {gap:.0e}"
-        )
+        published_law = f"{published:8.2f} {best or 'no published law':<30}"
+        print(f"{kind:<6}{bound:>8.3g}: {value:8.2f} optimal, {published_law}gap {gap:.0e}")
 
 
 if __name__ == "__main__":

@@ -1,19 +1,19 @@
 """Best motion law by formula, columns and finite elements, for each drive, and the resolution of the ranking.
 
-Every law, by every engine, with every drive. A rank is resolved if no law behind it can pass, each at its worst, and no
-other is within the 1 % to which a machine is built: one law runs with the resistance less its error, the other with the
-resistance plus its error. The error is that of the map and of the engine, not of the model. For the latter the engines
-are compared, and formula and columns are ranked again over a sample of the spread of the prior, without calibration.
-The calibrated columns have the resistance of the formula and repeat its ranking; a ranking can change only if the
-resistance depends on speed.
+Every law is simulated by every engine with every drive. A rank is resolved if no law of a later rank can precede it
+within the error of the resistance, and if its margin exceeds the 1 % to which a machine is built. For this comparison
+one law runs with the resistance less its error, the other with the resistance plus its error. The error is that of the
+map and of the engine, not that of the model. The error of the model shows in the comparison of engines, and in rankings
+by formula and column model over a sample of the spread of the prior, without calibration. The calibrated column model
+has the resistance of the formula and repeats its ranking; a ranking can change only if the resistance depends on speed.
 
 Limits: the resistance is that of steady rolling at the momentary speed, which does not hold near reversals
 (`reversal`). The viscoelastic layer has a seventh of the required resistance. Compaction by finite elements uses an
 indentation of 3 mm, a frictionless roller, a rate effect and three speeds; it takes most of the time. Spring, damping
 and motor are assumed; no source specifies them. A hydraulic drive imposes the law: its forces are those of a rigid one.
 
-`markdown` makes the table of `docs/which_law.md`. Each row names the roller, the gap and the quantity held over speed,
-so a row is the main job of the scene with that engine unless the row states otherwise.
+`markdown` formats the table of `docs/which_law.md`. Each row states roller condition, gap geometry and the quantity
+held over speed; all other inputs are those of the scene.
 """
 
 from pathlib import Path
@@ -36,17 +36,20 @@ from compact.sweep import design as vary
 
 SCENES = Path(__file__).parent / "scenes"
 SMOOTH = {"machine.roller_condition": "frictionless"}
-ENGINES = {  # what they change of the scene
+ENGINES = {  # changes of the scene for each engine
     "formula": {},
-    "column": {"mix.overrides.heckel_slope": 13.995e-6, "layer.fed_density_ratio": 0.93444},  # to 9740 N and 0.179
+    "column": {
+        "mix.overrides.heckel_slope": 13.995e-6,
+        "layer.fed_density_ratio": 0.93444,
+    },  # calibrated to 9740 N and 0.179
     "fem": {},
     "fem, half tolerance": {"accuracy.tolerance": 0.005},
     "compaction": SMOOTH | {"contact.indentation": 0.003, "mix.reference_speed": 0.2},
 }
-INCREMENTS = 4  # of elements that compact, a third of the engine's own
-# Relative error of their resistance. On 6 increments the engine tells 0.0195, half of the change from these 4 (five
-# minutes of processor time at the slowest speed): that change, and what it tells of the rest.
-COARSE = 3 * 0.0195
+INCREMENTS = 4  # [-], elements per contact length of the compaction engine; a third of its default, for speed
+# Relative error of the resistance with INCREMENTS [-]. The engine estimates 0.0195 with 6 increments, half of the
+# change from 4 to 6 (five minutes of processor time at the slowest speed). The error is that change plus the estimate.
+COARSE_MESH_ERROR = 3 * 0.0195
 CHEAP, SPREAD = ("formula", "column"), ("rigid", "elastic")  # engines and drives of the spread; a motor may stall
 MOTOR = {  # as in `motor_and_flywheel`, of one cart
     "curve": "kloss",
@@ -68,9 +71,9 @@ HEADER = (
     "engine", "drive", "criterion", "rank", "law", "value", "margin", "low", "high", "error", "resolved", "roller",
     "gap", "held",
 )  # fmt: skip
-TITLES = {  # of the rows of the table
+TITLES = {  # engine -> title of its rows in the table
     "formula": "formula",
-    "column": "columns, calibrated",
+    "column": "column model, calibrated",
     "fem": "viscoelastic layer, `fem`",
     "compaction": "`compaction`, 3 mm, rate effect, coarse mesh",
 }
@@ -82,11 +85,11 @@ SPREAD_HEADER = (
 
 
 def main(scene="loveikin-2015", engines=tuple(ENGINES), drives=tuple(DRIVES), samples=32, out=None, **changes):
-    """(rows of HEADER, rows of SPREAD_HEADER), SI; the maps are kept in `out` for the next run."""
+    """Return rows of HEADER and rows of SPREAD_HEADER, SI; the maps are kept in `out` for the next run."""
     rows, spreads = [], []
     for engine in tracked(engines, str, alike=False):
-        asked = {"output.items": [], "accuracy.engine": engine.split(",")[0], **changes, **ENGINES[engine]}
-        base = load_scene(SCENES / f"{scene}.toml", **asked)
+        overrides = {"output.items": [], "accuracy.engine": engine.split(",")[0], **changes, **ENGINES[engine]}
+        base = load_scene(SCENES / f"{scene}.toml", **overrides)
         rows += ranked(base, engine, drives, out and Path(out) / engine.replace(", ", "-").replace(" ", "-"))
         if engine in CHEAP:
             spreads += spread(base, [drive for drive in drives if drive in SPREAD], samples)
@@ -100,9 +103,9 @@ def main(scene="loveikin-2015", engines=tuple(ENGINES), drives=tuple(DRIVES), sa
 
 
 def ranked(base, engine, drives, directory):
-    """Rows of HEADER by one engine, every law with every drive; the map extends to the speeds of an elastic drive."""
-    swings = next((name for name in drives if name != "rigid"), "rigid")
-    fastest = Study(base.replaced(**DRIVES[swings]), directory=directory)
+    """Return rows of HEADER by one engine for every drive; the map extends to the speeds of an elastic drive."""
+    compliant = next((name for name in drives if name != "rigid"), "rigid")
+    fastest = Study(base.replaced(**DRIVES[compliant]), directory=directory)
     if engine == "compaction":
         cart, resistance = compacting(fastest)
     else:
@@ -115,15 +118,15 @@ def ranked(base, engine, drives, directory):
     rows = []
     for name in drives:
         study = Study(base.replaced(**DRIVES[name]))
-        carried = runs(study, cart, resistance)
-        moved = [runs(study, cart, resistance.scaled(1 + way * error)) for way in (-1, 1)] if error else []
+        nominal = runs(study, cart, resistance)
+        shifted = [runs(study, cart, resistance.scaled(1 + sign * error)) for sign in (-1, 1)] if error else []
         for by in CRITERIA:
-            rows += [(engine, name, by, *place, *contact) for place in places(by, carried, moved, error)]
+            rows += [(engine, name, by, *place, *contact) for place in places(by, nominal, shifted, error)]
     return rows
 
 
 def condition(study):
-    """Roller, gap and quantity held over speed of the engine of a study; empty for the formulas."""
+    """Return roller condition, gap geometry and quantity held over speed of a study; empty for the formulas."""
     if not study.layered:
         return "", "", ""
     machine = adapt(study.scene, study.scene.accuracy.engine)[0].machine
@@ -131,67 +134,69 @@ def condition(study):
 
 
 def compacting(study, increments=INCREMENTS):
-    """(cart, resistance map) by compaction with finite elements, on a mesh a third as fine as the default.
+    """Return cart and resistance map by the compaction engine, on a mesh a third as fine as the default.
 
-    Three speeds suffice: the rate enters with a small power of the speed, and the middle one measures the curvature.
+    Three speeds suffice, as the rate effect is a small power of the speed. The error of the map is that of
+    interpolation at the middle speed.
     """
-    scene, rolls = study.scene, []
+    scene, contacts = study.scene, []
     speeds = study.fastest * np.array([1 / 10, 1 / 3, 1])
     for speed in speeds:
         layer, roller, material = contact_inputs(scene, study.mix, "compaction", float(speed))
-        near = rolls[-1] if rolls else None
-        rolls.append(compaction.roll(layer, roller, material, float(speed), increments=increments, start=near))
-    load, force = scene.machine.roller_length * np.array([[rolled.load, rolled.resistance] for rolled in rolls]).T
+        guess = contacts[-1] if contacts else None
+        contacts.append(compaction.roll(layer, roller, material, float(speed), increments=increments, start=guess))
+    load, force = scene.machine.roller_length * np.array([[each.load, each.resistance] for each in contacts]).T
     force = scene.machine.rollers * force
-    miss = abs(np.interp(np.log(speeds[1]), np.log(speeds[::2]), force[::2]) / force[1] - 1)
+    map_error = abs(np.interp(np.log(speeds[1]), np.log(speeds[::2]), force[::2]) / force[1] - 1)
     cart = machine.cart(scene, float(load.mean()))
-    return cart, ResistanceMap(speeds, force, float(miss), COARSE)
+    return cart, ResistanceMap(speeds, force, float(map_error), COARSE_MESH_ERROR)
 
 
 def runs(study, cart, resistance):
-    """Runs by law with a cart and a resistance, behind the drive of the study."""
+    """Simulate every law with a cart, a resistance and the drive of the study; return the runs by law."""
     working = (study.scene.motion.run_up, 1 - study.scene.motion.run_down)
     return {
-        name: simulate(cart, study.drive_stage.drive_of(name), cycle, resistance, working=working)
+        name: simulate(cart, machine.drive_of(study.scene, cycle), cycle, resistance, working=working)
         for name, cycle in study.cycles.items()
     }
 
 
-def places(by, runs, moved, error):
-    """(rank, law, value, margin, low, high, error, resolved) in the order of a criterion."""
-    ends = {name: [getattr(some[name], by) for some in (runs, *moved)] for name in runs}
+def places(by, runs, shifted, error):
+    """Yield (rank, law, value, margin, low, high, error, resolved) in the order of a criterion."""
+    ends = {name: [getattr(each[name], by) for each in (runs, *shifted)] for name in runs}
     ordered = rank(runs.values(), by)
     for place, tied in zip(ordered, ties(ordered, by), strict=True):
         low, high = min(ends[place.run.name]), max(ends[place.run.name])
-        behind = [min(ends[other.run.name]) for other in ordered if other.rank > place.rank]
-        sure = high < min(behind, default=np.inf) and not (tied or place.reason)
-        yield place.rank, place.run.name, place.value, place.margin, low, high, error, sure
+        later = [min(ends[other.run.name]) for other in ordered if other.rank > place.rank]
+        resolved = high < min(later, default=np.inf) and not (tied or place.reason)
+        yield place.rank, place.run.name, place.value, place.margin, low, high, error, resolved
 
 
 def spread(base, drives, samples):
-    """Rows of SPREAD_HEADER: over the spread of all parameters that the engine uses, without calibration."""
+    """Return rows of SPREAD_HEADER over the spread of all parameters that the engine uses, without calibration."""
     base = base.replaced(**{"drive.rank_by": list(SHOWN)})
     given = base.mix.overrides.model_dump(exclude_none=True)
     prior = base.replaced(**{f"mix.overrides.{name}": None for name in given})
     design = vary.design(prior, [vary.read_design(f"mix.overrides=~{samples}")])
     mixes = [vary.scene_at(prior, *design.point(number))[0] for number in range(samples)]
-    return [row for drive in drives for row in _survival(base, mixes, drive)]
+    return [row for drive in drives for row in _stability(base, mixes, drive)]
 
 
-def _survival(base, mixes, drive):
+def _stability(base, mixes, drive):
+    """Yield rows of SPREAD_HEADER by one drive, for the criteria in SHOWN."""
     studies = [Study(scene.replaced(**DRIVES[drive])) for scene in (base, *mixes)]
     nominal, *others = [study.rankings for study in studies]
     forces = [
         float(study.resistance(study.scene.motion.stroke / study.scene.motion.duration, 0.0)) for study in studies[1:]
     ]
     for by in SHOWN:
-        best, value = _firsts(nominal[by]), _values(nominal[by])
-        stays = np.mean([best == _firsts(other[by]) for other in others])
+        best, value = _first_laws(nominal[by]), _values(nominal[by])
+        stays = np.mean([best == _first_laws(other[by]) for other in others])
         tau = np.mean([_tau(value, _values(other[by])) for other in others])
         yield base.accuracy.engine, drive, by, "/".join(sorted(best)), stays, tau, min(forces), max(forces), len(mixes)
 
 
-def _firsts(places):
+def _first_laws(places):
     return {place.run.name for place in places if place.rank == 1}
 
 
@@ -200,68 +205,68 @@ def _values(places):
 
 
 def _tau(one, other):
-    """Kendall's tau between two rankings of the same laws [-]."""
+    """Return Kendall's tau between two rankings of the same laws [-]."""
     return kendalltau(list(one.values()), [other[law] for law in one]).statistic
 
 
 def agreement(rows, engine, other, drive="rigid"):
-    """Kendall's tau between the rankings of two engines, by criterion of SHOWN."""
+    """Return Kendall's tau between the rankings of two engines, by criterion of SHOWN."""
     found = {}
     for by in SHOWN:
-        one, beside = (_finite(rows, name, drive, by) for name in (engine, other))
-        found[by] = _tau(one, beside)
+        first, second = (_finite(rows, name, drive, by) for name in (engine, other))
+        found[by] = _tau(first, second)
     return found
 
 
 def _finite(rows, *key):
-    """Finite values by law, for an engine, drive and criterion."""
+    """Return the finite values by law for an engine, drive and criterion."""
     return {row[4]: row[5] for row in rows if row[:3] == key and np.isfinite(row[5])}
 
 
 def _draw(rows, spreads, most=8):
-    """Draw the excess of each law over the best with its error, by engine, and the share of mixes with the same best
-    law.
-    """
+    """Draw the excess of each law over the first with its error, and the share of mixes with the same first law."""
     from matplotlib.figure import Figure
 
     from compact.report.figures.ranking import ENGINE_STYLES, mark_offsets
 
-    figure = Figure(figsize=(12.5, 4.6), layout="constrained")
+    figure = Figure(figsize=(13.0, 4.8), layout="constrained")
     panels = figure.subplots(1, len(SHOWN) + 1, width_ratios=[3] * len(SHOWN) + [2])
     engines = [name for name in dict.fromkeys(row[0] for row in rows) if "," not in name]
     for ax, by in zip(panels, SHOWN, strict=False):
         values = {engine: _excess(rows, engine, by) for engine in engines}
         laws = sorted(values[engines[0]], key=lambda law: min(values[engine][law][0] for engine in engines))[:most]
         laws.sort(key=lambda law: values[engines[0]][law][0])
-        for engine, dodge in zip(engines, mark_offsets(len(engines)), strict=True):
+        for engine, offset in zip(engines, mark_offsets(len(engines)), strict=True):
             value, below, above = np.transpose([values[engine][law] for law in laws])
             color, mark, _ = ENGINE_STYLES[engine]
-            error = np.where((below > 0) | (above > 0), [below, above], np.nan)  # no whisker of none
+            error = np.where((below > 0) | (above > 0), [below, above], np.nan)  # no bar for an error of 0
             drawn = {"color": color, "mfc": "white", "markersize": 5, "linewidth": 1.0, "capsize": 2.5}
-            ax.errorbar(value, np.arange(len(laws)) + dodge, xerr=error, fmt=mark, label=engine, **drawn)
+            ax.errorbar(value, np.arange(len(laws)) + offset, xerr=error, fmt=mark, label=engine, **drawn)
         ax.set_yticks(range(len(laws)), laws, fontsize=8)
         ax.set_ylim(len(laws) - 0.5, -0.5)
-        ax.set(xlabel=f"{by.replace('_', ' ')} above the least [%], rigid drive")
+        ax.set(xlabel=f"{by.replace('_', ' ')}, excess over the first law [%]; rigid drive")
         ax.set_yticks(np.arange(len(laws) - 1) + 0.5, minor=True)
         ax.grid(axis="y", which="minor", color="0.92")
         ax.tick_params(axis="y", which="minor", length=0)
-    said = {"title": "whiskers: the error of the resistance, of its map and of the engine", "title_fontsize": 8}
+    legend = {"title": "bars: effect of the error of the resistance (map and engine)", "title_fontsize": 8}
     handles = panels[0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside lower center", ncols=len(engines), frameon=False, fontsize=8, **said)
+    figure.legend(*handles, loc="outside lower center", ncols=len(engines), frameon=False, fontsize=8, **legend)
     for row, (_, _, _, first, stays, tau, *_) in enumerate(spreads):
         panels[-1].barh(row, 100 * stays, color="0.8")
-        panels[-1].text(2, row, f"{first.split('/')[0]}, τ = {tau:.2f}", va="center", fontsize=7)
-    told = [f"{engine}, {drive}\n{by.replace('_', ' ')}" for engine, drive, by, *_ in spreads]
-    panels[-1].set_yticks(range(len(told)), told, fontsize=7)
-    panels[-1].set(xlabel="mixes where the first stays [%]", xlim=(0, 100))
+        panels[-1].text(2, row, f"{first.split('/')[0]}, τ = {tau:.2f}", va="center", fontsize=8)
+    labels = [f"{engine}, {drive} drive\n{by.replace('_', ' ')}" for engine, drive, by, *_ in spreads]
+    panels[-1].set_yticks(range(len(labels)), labels, fontsize=8)
+    panels[-1].set(
+        xlabel="mixes of the prior with this first law [%]\nτ: Kendall's tau with the nominal ranking", xlim=(0, 100)
+    )
     panels[-1].invert_yaxis()
     return figure
 
 
 def _excess(rows, engine, by):
-    """Law -> (excess over the best law, decrease and increase by its error) [%], rigid drive.
+    """Return by law the excess over the first law and its decrease and increase by the error [%], rigid drive.
 
-    The best value is that without the error, so that the common error of all laws is visible.
+    The value of the first law is that without error, so that the common error of all laws is visible.
     """
     found = {row[4]: (row[5], row[7], row[8]) for row in rows if row[:3] == (engine, "rigid", by)}
     found = {law: ends for law, ends in found.items() if np.isfinite(ends).all()}
@@ -273,7 +278,7 @@ def _excess(rows, engine, by):
 
 
 def markdown(rows):
-    """Lines of the table of `docs/which_law.md`: the best law by force and by power, by engine and drive."""
+    """Return the lines of the table of `docs/which_law.md`: first law by force and by power, by engine and drive."""
     lines = [f"| {' | '.join(MARKDOWN)} |", "|" + "---|" * len(MARKDOWN)]
     for engine, title in TITLES.items():
         drives = dict.fromkeys(row[1] for row in rows if row[0] == engine)
@@ -287,29 +292,31 @@ def markdown(rows):
 
 
 def _first_cell(row, unit):
-    """Law, value and margin of the first rank; tie below the build tolerance, * if an error can change it."""
+    """Format law, value and margin of the first rank; tie below the build tolerance, * if an error can change it."""
     if is_tie(row[6]):
         return f"{row[4]}, {row[5]:.0f} {unit} (tie)"
-    doubt = "" if row[10] else " *"
-    return f"{row[4]}, {row[5]:.0f} {unit} ({100 * row[6]:.2g} %){doubt}"
+    mark = "" if row[10] else " *"
+    return f"{row[4]}, {row[5]:.0f} {unit} ({100 * row[6]:.2g} %){mark}"
 
 
 def show(result, best=3):
     """Print the first ranks of `main`, and their stability over the spread."""
     rows, spreads = result
-    print(f"{'engine':<21}{'drive':<9}{'criterion':<12}{'':>2} {'law':<30}{'value':>8}{'margin':>8}{'error':>8}  sure")
-    for engine, drive, by, place, law, value, margin, _, _, error, sure, *_ in rows:
+    print(
+        f"{'engine':<21}{'drive':<9}{'criterion':<12}{'':>2} {'law':<30}{'value':>8}{'margin':>8}{'error':>8}  resolved"
+    )
+    for engine, drive, by, place, law, value, margin, _, _, error, resolved, *_ in rows:
         if by in SHOWN and place <= best:
             print(f"{engine:<21}{drive:<9}{by:<12}{place:>2} {law:<30}{value:>8.0f}", end="")
-            print(f"{'tie' if is_tie(margin) else f'{margin:.2%}':>8}{error:>8.2%}  {'sure' if sure else '-'}")
+            print(f"{'tie' if is_tie(margin) else f'{margin:.2%}':>8}{error:>8.2%}  {'yes' if resolved else 'no'}")
     for engine, drive, by, first, stays, tau, low, high, mixes in spreads:
         print(f"{engine}, {drive}, {by}: {first} stays first in {stays:.0%} of {mixes} mixes, ", end="")
-        print(f"Kendall's tau {tau:.3f}; the cart meets {low:.0f} to {high:.0f} N")
+        print(f"Kendall's tau {tau:.3f}; resistance of a cart {low:.0f} to {high:.0f} N")
     engines = list(dict.fromkeys(row[0] for row in rows))
     for engine in engines[1:]:
         other = engine.split(",")[0] if "," in engine else engines[0]
         found = ", ".join(f"{by} {tau:.3f}" for by, tau in agreement(rows, engine, other).items())
-        print(f"{engine} beside {other}: Kendall's tau {found}")
+        print(f"{engine} compared with {other}: Kendall's tau {found}")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
 """Time of each method compared with plain code.
 
-Ratios count; seconds depend on the machine. Formulas: points per second over arrays in which every argument varies.
-Laws: position to snap at many instants compared with one numpy.polyval of the degree of the law per derivative. Peaks:
-sampling at n instants compared with the roots that `peaks` solves for. Layers: cost of a first speed, a further one and
-twenty by finite elements, and a direct solve on the same mesh with one LU for each set of nodes in contact. Command:
-whole processes.
+The ratios are meaningful; seconds depend on the machine. Formulas: points per second over arrays in which every
+argument varies. Laws: position to snap at many instants compared with one numpy.polyval of the degree of the law per
+derivative. Peaks: sampling at n instants compared with the roots that `peaks` computes. Layers: cost of a first speed,
+a further one and twenty by finite elements, and of a direct solution on the same mesh with one LU decomposition for
+each set of nodes in contact. Commands: whole processes.
 """
 
 import resource
@@ -30,20 +30,20 @@ from compact.report.progress import Progress
 from compact.rolling_contact import Layer, Roller
 
 SCENE = Path(__file__).parent / "scenes" / "loveikin-2015.toml"
-LAYER, MIX = Layer(0.22), Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))  # that of the published machine
-PRESSED = Roller(0.11, indentation=0.003)
+LAYER, MIX = Layer(0.22), Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))  # of the published machine
+ROLLER = Roller(0.11, indentation=0.003)
 TARGETS = ({"indentation": 0.003}, {"load": 15e3}, {"peak_pressure": 0.7e6})
 LAW_DEGREES = {"quintic": 5, "septic": 7, "reversal-4": 7, "combined-4": 7}
-ROW = ("first speed", "further speed", "all speeds")
+SPEED_NAMES = ("first speed", "further speed", "all speeds")
 
 
 def least(work, repeats):
-    """Seconds of the fastest of several calls."""
+    """Return the seconds of the fastest of several calls."""
     return min(repeat(work, number=1, repeat=repeats))
 
 
 def formula_calls(points, rng=None):
-    """Eqs 1.1-1.10 as calls on arrays of so many points, every argument an array."""
+    """Return eqs 1.1-1.10 as calls on arrays of `points` values, every argument an array."""
     rng = rng or np.random.default_rng(1)
 
     def spread(low, high):
@@ -70,24 +70,24 @@ def formula_calls(points, rng=None):
 
 
 def formulas(points, repeats):
-    """Points per second of each formula."""
+    """Return the points per second of each formula."""
     return {name: points / least(call, repeats) for name, call in formula_calls(points).items()}
 
 
 def laws(points, repeats):
-    """Seconds of five derivatives over seconds of as many numpy.polyval of the degree that is left."""
+    """Return the time of five derivatives over that of five numpy.polyval of the degree of each derivative."""
     time = np.linspace(0, 3, points)
     ratios = {}
     for name, degree in LAW_DEGREES.items():
         motion, coefficients = law(name, 0.4, 3.0), np.arange(degree + 1.0)
-        ours = least(lambda motion=motion: [motion.derivative(time, k) for k in range(5)], repeats)
-        plain = least(lambda c=coefficients: [np.polyval(c[k:], time) for k in range(5)], repeats)
-        ratios[name] = ours / plain
+        laws_time = least(lambda motion=motion: [motion.derivative(time, k) for k in range(5)], repeats)
+        polyval_time = least(lambda c=coefficients: [np.polyval(c[k:], time) for k in range(5)], repeats)
+        ratios[name] = laws_time / polyval_time
     return ratios
 
 
 def peaks(samples, repeats):
-    """(instants, relative error, seconds over those of `peaks`) of the peak acceleration by sampling."""
+    """Return (instants, relative error, time over that of `peaks`) of the peak acceleration by sampling."""
     motion = law("combined-4", 0.4, 3.0)
     exact = motion.peaks().acceleration
     solved = least(motion.peaks, repeats)
@@ -95,20 +95,14 @@ def peaks(samples, repeats):
     for count in samples:
         time = np.linspace(0, 3, count)
         sampled = np.abs(motion.acceleration(time)).max()
-        rows.append(
-            (
-                count,
-                abs(sampled / exact - 1),
-                least(lambda t=time: motion.acceleration(t), repeats) / solved,
-            )
-        )
+        rows.append((count, abs(sampled / exact - 1), least(lambda t=time: motion.acceleration(t), repeats) / solved))
     return rows
 
 
-def speeds_in_a_row(count, targets=TARGETS, tolerance=5e-3):
-    """(target, seconds of the first speed on a new mesh, of a further one, of all of them, peak memory [MB]).
+def consecutive_speeds(count, targets=TARGETS, tolerance=5e-3):
+    """Return (target, seconds of the first speed on a new mesh, of a further one, of all, peak memory [MB]).
 
-    Each with its error estimate, which requires a second mesh, four times as large.
+    Each speed has its error estimate, which requires a second mesh, four times as large.
     """
     rows = []
     for target in targets:
@@ -125,21 +119,21 @@ def speeds_in_a_row(count, targets=TARGETS, tolerance=5e-3):
 
 
 def against_plain(tolerances, velocity=0.3):
-    """(tolerance, unknowns, errors of the resistance of fem and of `plain_roll`, their seconds) on the mesh of fem.
+    """Return (tolerance, unknowns, errors of the resistance of fem and `plain_roll`, seconds) on the mesh of fem.
 
-    Seconds of fem come twice: with set-up, and for a further speed.
+    Seconds are those of fem with set-up, of fem for a further speed, and of `plain_roll`.
     """
-    exact = spectral.roll(LAYER, PRESSED, MIX, velocity, rtol=1e-8).resistance
+    exact = spectral.roll(LAYER, ROLLER, MIX, velocity, rtol=1e-8).resistance
     rows = []
     for tolerance in tolerances:
         surface_compliance.layer_stiffness.cache_clear()
         surface_compliance.surface_compliance.cache_clear()
         start = perf_counter()
-        rolled = fem.roll(LAYER, PRESSED, MIX, velocity, tolerance=tolerance)
+        rolled = fem.roll(LAYER, ROLLER, MIX, velocity, tolerance=tolerance)
         first = perf_counter()
-        fem.roll(LAYER, PRESSED, MIX, velocity, tolerance=tolerance)
+        fem.roll(LAYER, ROLLER, MIX, velocity, tolerance=tolerance)
         further = perf_counter()
-        plain = plain_roll(rolled.mesh, PRESSED, MIX, velocity)
+        plain = plain_roll(rolled.mesh, ROLLER, MIX, velocity)
         seconds = first - start, further - first, perf_counter() - further
         errors = abs(rolled.resistance / exact - 1), abs(plain / exact - 1)
         rows.append((tolerance, rolled.mesh.dofs, *map(float, errors), *seconds))
@@ -147,10 +141,11 @@ def against_plain(tolerances, velocity=0.3):
 
 
 def plain_roll(rows, roller, mix, speed):
-    """Resistance of a bonded layer [N/m], frictionless, parabola: active set of nodes, and internal strains.
+    """Compute the resistance of a bonded layer [N/m], frictionless, parabola: active set of nodes, internal strains.
 
-    Stress is C (e + s (e - z)) with the internal strain z of the one branch, v tau dz/dx = z - e. Fixed point with the
-    instantaneous stiffness on the left and the stress of s z on the right; one sparse LU for each set of nodes.
+    The stress is C (e + s (e - z)) with the internal strain z of the one branch, v tau dz/dx = z - e. A fixed-point
+    iteration has the instantaneous stiffness on the left and the stress of s z on the right, with one sparse LU
+    decomposition for each active set.
     """
     ((share, _),), (lam, mu) = mix.branches, lame_parameters(mix.youngs_modulus, mix.poisson)
     mesh = MeshQuad(np.ascontiguousarray(rows.points.T), np.ascontiguousarray(rows.quads.T))
@@ -159,47 +154,47 @@ def plain_roll(rows, roller, mix, speed):
     base = basis.get_dofs(lambda x: x[1] < 1e-9).all()
     top = basis.get_dofs(lambda x: x[1] > rows.height * (1 - 1e-9)).all("u^2")
     x = basis.doflocs[0, top]
-    depth, remember = roller.indentation - x**2 / (2 * roller.radius), plain_memory(basis, rows, mix, speed)
+    depth, internal_strain = roller.indentation - x**2 / (2 * roller.radius), plain_memory(basis, rows, mix, speed)
     stress = LinearForm(lambda v, w: share * ddot(lam * eye(trace(w.z), 2) + 2 * mu * w.z, sym_grad(v)))
-    touching, solve, u, moved = depth > roller.indentation / 2, None, np.zeros(basis.N), np.inf
-    while moved > 1e-6 * roller.indentation:
-        force, before, settled = asm(stress, basis, z=remember(u)), u, False
-        while not settled:
+    active, solve, u, change = depth > roller.indentation / 2, None, np.zeros(basis.N), np.inf
+    while change > 1e-6 * roller.indentation:
+        force, previous, converged = asm(stress, basis, z=internal_strain(u)), u, False
+        while not converged:
             if solve is None:
-                free = np.setdiff1d(np.arange(basis.N), np.concatenate([base, top[touching]]))
+                free = np.setdiff1d(np.arange(basis.N), np.concatenate([base, top[active]]))
                 solve = splu(K[free][:, free]).solve
             u = np.zeros(basis.N)
-            u[top[touching]] = -depth[touching]
+            u[top[active]] = -depth[active]
             u[free] = solve((force - K @ u)[free])
             reaction = (force - K @ u)[top]
-            pressed = np.where(touching, reaction > 0, -u[top] < depth)
-            settled = np.array_equal(pressed, touching)
-            touching, solve = pressed, solve if settled else None
-        moved = np.abs(u - before).max()
+            updated = np.where(active, reaction > 0, -u[top] < depth)
+            converged = np.array_equal(updated, active)
+            active, solve = updated, solve if converged else None
+        change = np.abs(u - previous).max()
     return float(reaction @ x / roller.radius)
 
 
 def plain_memory(basis, rows, mix, speed):
-    """Internal strain z of displacements u at the quadrature points, with e piecewise linear along their lines."""
+    """Return the internal strain z(u) at the quadrature points, for e piecewise linear along their lines."""
     x, y = np.asarray(basis.global_coordinates()).reshape(2, -1)
     lines = np.lexsort((-x, np.round(y / rows.height, 9))).reshape(3 * rows.shape[0], -1)  # downstream
     steps = -np.diff(x[lines], axis=1) / (speed * mix.branches[0][1])
-    decay, newer = np.exp(-steps), 1 + np.expm1(-steps) / steps
+    decay, weight = np.exp(-steps), 1 + np.expm1(-steps) / steps
 
-    def remember(u):
+    def internal_strain(u):
         gradient = np.asarray(basis.interpolate(u).grad)
         strain = ((gradient + gradient.swapaxes(0, 1)) / 2).reshape(4, -1)
         z = strain.copy()
         for k, (old, new) in enumerate(zip(lines.T[:-1], lines.T[1:], strict=True)):
-            gained = (1 - decay[:, k] - newer[:, k]) * strain[:, old] + newer[:, k] * strain[:, new]
-            z[:, new] = decay[:, k] * z[:, old] + gained
+            increment = (1 - decay[:, k] - weight[:, k]) * strain[:, old] + weight[:, k] * strain[:, new]
+            z[:, new] = decay[:, k] * z[:, old] + increment
         return z.reshape(gradient.shape)
 
-    return remember
+    return internal_strain
 
 
 def commands(repeats):
-    """Seconds of whole processes, and the peak memory of the largest [MB]."""
+    """Return the seconds of whole processes, and the peak memory of the largest [MB]."""
     with tempfile.TemporaryDirectory() as out:
         calls = {
             "python -c pass": ["-c", "pass"],
@@ -223,18 +218,18 @@ def main(
     tolerances=(5e-3, 2e-3),
     out=None,
 ):
-    """All figures; `out` is a folder for speed.csv."""
+    """Return all results by name; `out` is a folder for speed.csv."""
     with Progress() as progress:
         progress.begin("commands")
         seconds, memory = commands(max(1, repeats // 3))  # first, as a child starts with the memory of its parent
-        progress.begin("speeds in a row")
-        in_a_row = speeds_in_a_row(speeds, targets)  # next, while the peak of memory is its own
+        progress.begin("consecutive speeds")
+        consecutive = consecutive_speeds(speeds, targets)  # next, while the peak memory is that of the layers
         progress.begin("formulas, laws and plain layers")
         result = {
             "formulas": formulas(points, repeats),
             "laws": laws(points, repeats),
             "peaks": peaks(samples, repeats),
-            "in a row": in_a_row,
+            "consecutive": consecutive,
             "plain": against_plain(tolerances),
             "commands": seconds,
             "memory": memory,
@@ -242,38 +237,42 @@ def main(
     if out:
         from compact.files import write_csv
 
-        write_csv(Path(out) / "speed.csv", ("what", "value", "unit"), table(result))
+        write_csv(Path(out) / "speed.csv", ("quantity", "value", "unit"), table(result))
     return result
 
 
 def table(result):
-    """(what, value, unit) of the figures, for speed.csv."""
+    """Return the rows (quantity, value, unit) of speed.csv."""
     rows = [(f"eq {name}", rate, "points/s") for name, rate in result["formulas"].items()]
     rows += [(f"law {name}", ratio, "of numpy.polyval") for name, ratio in result["laws"].items()]
-    for target, first, further, whole, _ in result["in a row"]:
-        rows += [(f"fem {target} {name}", value, "s") for name, value in zip(ROW, (first, further, whole), strict=True)]
+    for target, first, further, whole, _ in result["consecutive"]:
+        rows += [
+            (f"fem {target} {name}", value, "s")
+            for name, value in zip(SPEED_NAMES, (first, further, whole), strict=True)
+        ]
     for tolerance, _, _, _, _, further, seconds in result["plain"]:
-        rows.append((f"plain direct solve at {tolerance:g}", seconds / further, "of a further speed of fem"))
+        rows.append((f"plain direct solution at {tolerance:g}", seconds / further, "of a further speed of fem"))
     return rows + [(name, value, "s") for name, value in result["commands"].items()]
 
 
 def show(result):
-    """Print the figures of `main`."""
+    """Print the results of `main`."""
     for name, rate in result["formulas"].items():
         print(f"eq {name:<5}{rate / 1e6:10.1f} million points/s   (goal 10)")
     for name, ratio in result["laws"].items():
         print(f"{name:<12} five derivatives {ratio:5.2f} x numpy.polyval   (goal 5)")
     for count, error, ratio in result["peaks"]:
         print(f"peak by {count:>6} samples: error {error:.1e}, {ratio:7.3f} x the time of the exact roots")
-    for target, first, further, whole, memory in result["in a row"]:
+    for target, first, further, whole, memory in result["consecutive"]:
         print(
-            f"fem asked 5e-03, {target}: first speed {first:.2f} s (goal 1), a further one {further:.2f} s (goal 0.3), "
-            f"all {whole:.1f} s (goal 8), peak memory so far {memory:.0f} MB (goal 500)"
+            f"fem, tolerance 5e-03, {target}: first speed {first:.2f} s (goal 1), a further one {further:.2f} s "
+            f"(goal 0.3), all {whole:.1f} s (goal 8), peak memory so far {memory:.0f} MB (goal 500)"
         )
-    for tolerance, unknowns, ours, theirs, first, further, seconds in result["plain"]:
+    for tolerance, unknowns, fem_error, plain_error, first, further, seconds in result["plain"]:
         print(
-            f"plain direct solve, {unknowns} unknowns: error {theirs:.1e}, {seconds:.1f} s; fem asked {tolerance:.0e}: "
-            f"error {ours:.1e}, a first speed {seconds / first:.0f} x faster, a further one {seconds / further:.0f} x"
+            f"plain direct solution, {unknowns} unknowns: error {plain_error:.1e}, {seconds:.1f} s; fem, tolerance "
+            f"{tolerance:.0e}: error {fem_error:.1e}, {seconds / first:.0f} x faster at a first speed, "
+            f"{seconds / further:.0f} x at a further one"
         )
     for name, value in result["commands"].items():
         print(f"{name:<16}{value:7.3f} s")

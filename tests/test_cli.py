@@ -214,6 +214,7 @@ def test_another_scenes_results_need_force(compact, tmp_path):
     assert compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out", "--force", *summary_only).returncode == 0
 
 
+@pytest.mark.slow
 def test_interrupt_leaves_whole_files_and_no_summary(tmp_path):
     scene = tmp_path / "scene.toml"
     shutil.copy(ROOT / "studies" / "scenes" / "loveikin-2015.toml", scene)

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from sampling import examples
 
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Viscoelastic
@@ -130,7 +131,7 @@ def test_map_of_the_spectral_engine_estimates_its_error():
 # (c) monotonicity and signs
 
 
-@settings(max_examples=60, deadline=None)
+@examples(30, slow=60)
 @given(st.lists(st.floats(0, 1e4), min_size=4, max_size=12))
 def test_map_is_monotone_where_its_samples_are(rises):
     speeds = np.geomspace(0.01, 1, len(rises))

@@ -9,6 +9,7 @@ is the initial guess on the required mesh. Each trial is computed from scratch, 
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from compact.material.laws import Compaction
 from compact.numerics.space_mapping import SpaceMappingFit, fit_parameters
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene, SceneError
-from compact.scene.plant_data import Measured
+from compact.scene.plant_data import Band, Measured
 
 UNKNOWNS = ("heckel_slope", "fed_density_ratio")
 BROYDEN_LENGTH = 2e-3  # [-], change of the unknowns with half the weight in the update of the slopes
@@ -124,8 +125,6 @@ def calibrate(
 
     Parameters
     ----------
-    scene : Scene
-    measured : Measured
     engine : {"column", "compaction"}
     unknowns : sequence of str
         Of UNKNOWNS, at most as many as there are data.
@@ -134,10 +133,6 @@ def calibrate(
     **options
         Keywords of the engine "compaction", such as `increments`. Without `initial_guess` the mix is calibrated on
         COARSE_INCREMENTS first.
-
-    Returns
-    -------
-    Calibration
 
     Raises
     ------
@@ -155,39 +150,35 @@ def calibrate(
     _require_no_target(scene)
     _require_similar(initial_guess, measured, unknowns)
     model = _Model(scene, measured, tuple(unknowns))
-    coarse = None
-    by_elements = engine == "compaction"
+    coarse, by_elements = None, engine == "compaction"
     if by_elements and initial_guess is None and options.get("increments") != COARSE_INCREMENTS:
         coarse = calibrate(scene, measured, engine, unknowns, **options | {"increments": COARSE_INCREMENTS})
         initial_guess = coarse
-    elements = _FiniteElements(options, _known_excess(initial_guess, measured)) if by_elements else None
+    elements = None
+    if by_elements:
+        before = initial_guess and initial_guess.elements
+        excess = dict(zip(measured.measurements, before.excess.values(), strict=True)) if before else {}
+        elements = _FiniteElements(options, excess)
     try:
         guess = None if initial_guess is None else initial_guess.fit
         fit = model.fit() if elements is None else model.fit_elements(elements, guess)
     except ValueError as error:
         raise SceneError([str(error)]) from error
     found = model.scene_at(fit.unknowns)
-    readings = measured.measurements
+    rolled = (elements.rolled[each] if elements else _column(found, each) for each in measured.measurements)
     return Calibration(
         scene=found,
         heckel_slope=scene_mix(found).heckel_slope,
         fed_density_ratio=found.layer.fed_density_ratio,
         unknowns=tuple(unknowns),
-        names=model.names,
-        measured=tuple(band.value for band in model.bands),
+        names=tuple(name for name, _ in model.data),
+        measured=tuple(model.values),
         fit=fit,
-        rolled=tuple(elements.rolled[each] if elements else _column(found, each) for each in readings),
+        rolled=tuple(rolled),
         refits=tuple(model.refits(fit)),
         elements=elements,
         coarse=coarse,
     )
-
-
-def _known_excess(initial_guess: Calibration | None, measured: Measured) -> dict[Any, float]:
-    """Return the excess of the exit density ratio over that of the columns, by measurement, of an initial guess."""
-    if initial_guess is None or initial_guess.elements is None:
-        return {}
-    return dict(zip(measured.measurements, initial_guess.elements.excess.values(), strict=True))
 
 
 @dataclass(frozen=True)
@@ -199,16 +190,13 @@ class _Model:
     unknowns: tuple[str, ...]
 
     @property
-    def _data(self):
-        return [(m, name, band) for m in self.measured.measurements for name, band in m.data]
+    def data(self) -> list[tuple[str, Band]]:
+        """Name and band of each datum."""
+        return [each for measurement in self.measured.measurements for each in measurement.data]
 
     @property
-    def names(self) -> tuple[str, ...]:
-        return tuple(name for _, name, _ in self._data)
-
-    @property
-    def bands(self) -> tuple[Any, ...]:
-        return tuple(band for _, _, band in self._data)
+    def values(self) -> list[float]:
+        return [band.value for _, band in self.data]
 
     @property
     def start(self) -> NDArray[np.float64]:
@@ -224,15 +212,14 @@ class _Model:
         required, machine = self.scene.mix.density_ratio, self.scene.machine
         strain = START_ANGLE**2 * machine.roller_radius / (2 * self.scene.lift_thickness)
         share = (required * (1 - strain) - LOOSE) / (required - LOOSE)
-        start, places = self.start, dict(zip(self.unknowns, range(len(self.unknowns)), strict=True))
-        if "fed_density_ratio" in places:
-            i = places["fed_density_ratio"]
-            start[i] = max(start[i], np.log(share / (1 - share)))
-        if "heckel_slope" in places and "load" in self.names:
-            i = self.names.index("load")
-            start[places["heckel_slope"]] += np.log(
-                PLANE_STRAIN_FACTOR * self.predicted(start, _column)[i] / self.bands[i].value
-            )
+        start, names = self.start, [name for name, _ in self.data]
+        for i, name in enumerate(self.unknowns):
+            if name == "fed_density_ratio":
+                start[i] = max(start[i], np.log(share / (1 - share)))
+        if "heckel_slope" in self.unknowns and "load" in names:
+            load = names.index("load")
+            ratio = PLANE_STRAIN_FACTOR * self.predicted(start, _column)[load] / self.values[load]
+            start[self.unknowns.index("heckel_slope")] += np.log(ratio)
         return start
 
     def scene_at(self, u: NDArray[np.float64]) -> Scene:
@@ -262,25 +249,19 @@ class _Model:
 
     def fit(self, values: Sequence[float] | None = None, correction: Any = None) -> SpaceMappingFit:
         """Fit the corrected column model to the data or to other values."""
-        values = [band.value for band in self.bands] if values is None else values
+        values = self.values if values is None else values
         return fit_parameters(lambda u: self.predicted(u, _column), values, self.start, correction=correction)
 
     def fit_elements(self, elements: Contact, guess: SpaceMappingFit | None = None) -> SpaceMappingFit:
         """Fit the finite elements to the data."""
         start, correction = (self.start_of_elements, None) if guess is None else (guess.unknowns, guess.correction)
-        return fit_parameters(
-            lambda u: self.predicted(u, _column),
-            [band.value for band in self.bands],
-            start,
-            lambda u: self.predicted(u, elements),
-            correction=correction,
-            broyden_length=BROYDEN_LENGTH,
-        )
+        coarse, fine = (partial(self.predicted, contact=contact) for contact in (_column, elements))
+        return fit_parameters(coarse, self.values, start, fine, correction=correction, broyden_length=BROYDEN_LENGTH)
 
     def refits(self, fit: SpaceMappingFit) -> Iterator[Refit]:
         """Fit the column model at every bound, with the correction of a fit."""
-        values = [band.value for band in self.bands]
-        for i, (name, band) in enumerate(zip(self.names, self.bands, strict=True)):
+        values = self.values
+        for i, (name, band) in enumerate(self.data):
             for bound in {band.low, band.high} - {band.value}:
                 changed = [*values[:i], bound, *values[i + 1 :]]
                 yield self._refit(name, bound, self, changed, fit.correction)
@@ -351,9 +332,8 @@ class _FiniteElements:
         target = scene.mix.density_ratio - self.excess.get(measurement, 0.0)
         feed = required_feed(layer.height, target, material, speed)
         roller = replace(roller, indentation=layer.height * feed.indentation / feed.height)
-        result = compaction.roll(
-            layer, roller, material, speed, **{"steady_tolerance": STEADY_TOLERANCE} | self.options
-        )
+        options = {"steady_tolerance": STEADY_TOLERANCE} | self.options
+        result = compaction.roll(layer, roller, material, speed, **options)
         self.excess[measurement], self.rolled[measurement] = result.exit_density_ratio - target, result
         return result
 
@@ -365,84 +345,55 @@ def _require_similar(guess: Calibration | None, measured: Measured, unknowns: Se
         raise ValueError("`initial_guess` must be a calibration of finite elements, got one of columns")
     if guess.unknowns != tuple(unknowns):
         raise ValueError(f"`initial_guess` must have fitted {', '.join(unknowns)}, got {', '.join(guess.unknowns)}")
-    if len(guess.rolled) != len(measured.measurements):
-        raise ValueError(
-            f"`initial_guess` must have {len(measured.measurements)} measurements, got {len(guess.rolled)}"
-        )
+    count = len(measured.measurements)
+    if len(guess.rolled) != count:
+        raise ValueError(f"`initial_guess` must have {count} measurements, got {len(guess.rolled)}")
 
 
 def _require_no_target(scene: Scene) -> None:
-    if given := scene.target:
-        raise SceneError(
-            [f"contact.{name}: a calibration compacts the product to its density; delete {value:g} from the scene"
-             for name, value in given.items()]
-        )  # fmt: skip
+    words = "a calibration compacts the product to its density; delete {:g} from the scene"
+    if mistakes := [f"contact.{name}: {words.format(value)}" for name, value in scene.target.items()]:
+        raise SceneError(mistakes)
 
 
 def calibration_digest(calibration: Calibration) -> str:
-    """Describe a calibration in text: data, parameters, sensitivity, bounds.
-
-    Parameters
-    ----------
-    calibration : Calibration
-
-    Returns
-    -------
-    str
-    """
-    slope, fed = calibration.heckel_slope, calibration.fed_density_ratio
+    """Describe a calibration in text: data, parameters, sensitivity, bounds."""
+    names, fit, coarse = calibration.names, calibration.fit, calibration.coarse
     lines = ["measured"]
-    for name, value, off in zip(calibration.names, calibration.measured, calibration.fit.misfit, strict=True):
+    for name, value, off in zip(names, calibration.measured, fit.misfit, strict=True):
         lines.append(f"  {name:<24}{value:>12.6g}  fitted to {abs(np.expm1(off)):.1e}")
-    runs = len(calibration.fit.history)
-    if runs:
-        assert calibration.fit.correction is not None  # every run updates it
-        ratios, scatter = np.exp(calibration.fit.correction.ratio), calibration.fit.scatter
-        lines.append(f"by {runs} runs of finite elements; ratio to columns, and scatter of the last runs")
-        for name, ratio, off in zip(calibration.names, ratios, scatter, strict=True):
+    if fit.history:
+        assert fit.correction is not None  # every run updates it
+        lines.append(f"by {len(fit.history)} runs of finite elements; ratio to columns, and scatter of the last runs")
+        for name, ratio, off in zip(names, np.exp(fit.correction.ratio), fit.scatter, strict=True):
             lines.append(f"  {name:<24}{ratio:>12.4f}  {off:.1e}")
-    if calibration.coarse:
-        coarse = calibration.coarse
+    if coarse:
         found = f"K_H {coarse.heckel_slope * 1e6:.4f} /MPa, fed {coarse.fed_density_ratio:.5f}"
         lines.append(f"on {COARSE_INCREMENTS} increments {found}")
-    lines += ["calibrated", f"  {'heckel_slope':<24}{slope * 1e6:>12.4f} /MPa (one-dimensional)"]
     lines += [
-        f"  {'fed_density_ratio':<24}{fed:>12.5f}",
+        "calibrated",
+        f"  {'heckel_slope':<24}{calibration.heckel_slope * 1e6:>12.4f} /MPa (one-dimensional)",
+        f"  {'fed_density_ratio':<24}{calibration.fed_density_ratio:>12.5f}",
         f"change of {' and '.join(calibration.unknowns)} by 1 % more of the datum",
     ]
-    for name, moves in zip(calibration.names, calibration.sensitivity.T, strict=True):
+    for name, moves in zip(names, calibration.sensitivity.T, strict=True):
         lines.append(f"  {name:<24}" + ", ".join(f"{change:+.3f} %" for change in moves))
     lines.append(f"{'bound of':<36}{'is':>12}{'K_H, 1/MPa':>14}{'fed density':>14}")
-    for refit in calibration.refits:
-        found = f"{refit.heckel_slope * 1e6:>14.3f}{refit.fed_density_ratio:>14.4f}"
-        lines.append(
-            f"  {refit.name:<34}{refit.value:>12.5g}{found if not refit.reason else f'  none: {refit.reason}'}"
-        )
+    for each in calibration.refits:
+        found = f"{each.heckel_slope * 1e6:>14.3f}{each.fed_density_ratio:>14.4f}"
+        lines.append(f"  {each.name:<34}{each.value:>12.5g}{f'  none: {each.reason}' if each.reason else found}")
     return "\n".join(lines)
 
 
 def calibration_summary(calibration: Calibration) -> dict[str, Any]:
-    """Convert a calibration to plain numbers for JSON, SI.
-
-    Parameters
-    ----------
-    calibration : Calibration
-
-    Returns
-    -------
-    dict
-    """
+    """Convert a calibration to plain numbers for JSON, SI."""
+    data = zip(calibration.names, calibration.measured, calibration.fit.misfit, calibration.sensitivity.T, strict=True)
     return {
         "scene_hash": calibration.scene.hash,
         "heckel_slope": calibration.heckel_slope,
         "fed_density_ratio": calibration.fed_density_ratio,
         "fitted": calibration.unknowns,
-        "data": [
-            {"name": name, "value": value, "misfit": misfit, "sensitivity": moves}
-            for name, value, misfit, moves in zip(
-                calibration.names, calibration.measured, calibration.fit.misfit, calibration.sensitivity.T, strict=True
-            )
-        ],
+        "data": [dict(zip(("name", "value", "misfit", "sensitivity"), each, strict=True)) for each in data],
         "runs": [{"unknowns": u, "misfit": misfit} for u, misfit in calibration.fit.history],
         "refits": [vars(refit) for refit in calibration.refits],
     }

@@ -5,9 +5,7 @@ contact, a `PassRecord` those of one pass over a layer with irreversible compact
 JSON only; `contact_to_json` and `contact_from_json` convert.
 """
 
-import json
 from dataclasses import dataclass
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -15,7 +13,6 @@ import numpy as np
 
 from compact import quantities
 from compact.analysis.engines import ENGINES
-from compact.files import write_json
 from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
 from compact.numerics.validation import require_finite
@@ -88,24 +85,15 @@ def has_density_target(scene: Scene, engine: str) -> bool:
     return ENGINES[engine].density_target and not prescribed_target(scene)
 
 
-def held_quantity(scene: Scene) -> str:
-    """Return the name of the quantity that a scene holds constant over speed.
-
-    `contact.held` if the scene sets it, else a prescribed load or peak pressure, else the height.
-    """
-    if scene.contact is not None and scene.contact.held is not None:
-        return scene.contact.held
-    return next((name for name in ("load", "peak_pressure") if name in prescribed_target(scene)), "height")
-
-
 def hold_quantity(scene: Scene, mix: Mix, reference: ContactResult | None = None) -> HeldQuantity | None:
-    """Determine the value of the quantity that a scene holds constant over speed.
+    """Determine the quantity that a scene holds constant over speed, and its value.
+
+    It is `contact.held` if the scene sets it, else a prescribed load or peak pressure, else the height.
 
     Parameters
     ----------
     scene : Scene
         A scene whose engine is layered.
-    mix : Mix
     reference : ContactResult, optional
         Contact at the mean speed that reaches the target of the scene.
 
@@ -114,7 +102,9 @@ def hold_quantity(scene: Scene, mix: Mix, reference: ContactResult | None = None
     HeldQuantity or None
         None if the value depends on the reference contact and `reference` is None.
     """
-    name, speed, engine = held_quantity(scene), scene.mean_speed, scene.accuracy.engine
+    prescribed = next((name for name in ("load", "peak_pressure") if name in scene.target), "height")
+    name = (scene.contact and scene.contact.held) or prescribed
+    speed, engine = scene.mean_speed, scene.accuracy.engine
     target, value = contact_inputs(scene, mix, engine, speed)[1].target
     if target == TARGETS[name] and not has_density_target(scene, engine):
         return HeldQuantity(name, value, speed)
@@ -128,18 +118,12 @@ def contact_inputs(
 
     Parameters
     ----------
-    scene : Scene
-    mix : Mix
     engine : str
         Name of the engine; "formula" has the relaxed modulus.
     speed : float
         Speed of the roller [m/s].
     held : HeldQuantity, optional
         Replaces the target of the scene.
-
-    Returns
-    -------
-    tuple of Layer, Roller and material law
     """
     require_finite(speed=speed)
     scene, _ = adapt(scene, engine)
@@ -174,15 +158,6 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
     """Convert the mix of a scene to its law of irreversible compaction.
 
         M = sqrt(3) sin phi,  pt = c cot phi,  K_H isotropic = A K_H,  A = (1 + sqrt(1 + 4 M^2/9))/2
-
-    Parameters
-    ----------
-    scene : Scene
-    mix : Mix
-
-    Returns
-    -------
-    Compaction
 
     Notes
     -----
@@ -256,8 +231,6 @@ class ContactRecord:
 
     Parameters
     ----------
-    engine : str
-        Name of the engine.
     speed : float
         Speed of the roller [m/s].
     load, resistance : float
@@ -316,61 +289,34 @@ def contact_record(engine: str, speed: float, passes: tuple[ContactResult, ...])
 
     Parameters
     ----------
-    engine : str
-        Name of the engine.
     speed : float
         Speed of the roller [m/s].
     passes : tuple of ContactResult
         Results of the passes in order, at least one.
-
-    Returns
-    -------
-    ContactRecord
     """
     first = passes[0]
     load_error, resistance_error = first.error or (None, None)
-    compacting = hasattr(first, "exit_height")
+    numbers: dict[str, Any] = {name: getattr(first, name, None) for name in quantities.CONTACT}
+    numbers |= {"speed": speed, "coefficient": first.resistance / first.load}
+    compacted = passes if hasattr(first, "exit_height") else ()
+    records = (PassRecord(**{name: getattr(each, name) for name in quantities.PASS}) for each in compacted)
     return ContactRecord(
-        engine=engine,
-        speed=speed,
-        load=first.load,
-        load_error=load_error,
-        resistance=first.resistance,
-        resistance_error=resistance_error,
-        coefficient=first.resistance / first.load,
-        leading=first.leading,
-        trailing=first.trailing,
-        peak_pressure=first.peak_pressure,
-        indentation=getattr(first, "indentation", None),
-        creep=getattr(first, "creep", None),
-        work_residual=first.work_residual,
-        iterations=len(first.history),
-        **{name: getattr(first, name, None) for name in COMPACTED},
-        passes=tuple(_pass_record(each) for each in passes) if compacting else (),
-    )
-
-
-def _pass_record(result: ContactResult) -> PassRecord:
-    return PassRecord(**{name: getattr(result, name) for name in quantities.PASS})
+        engine=engine, load_error=load_error, resistance_error=resistance_error, iterations=len(first.history),
+        passes=tuple(records), **numbers,
+    )  # fmt: skip
 
 
 def contact_to_json(contact: ContactRecord) -> dict[str, Any]:
     """Convert a record to nested dictionaries with "value", "unit" and, where there is an estimate, "error".
-
-    Parameters
-    ----------
-    contact : ContactRecord
 
     Returns
     -------
     dict
         In the form of "contacts" in summary.json.
     """
-    content: dict[str, Any] = {"engine": contact.engine}
-    for name in COMMON:
-        content[name] = _with_unit(contact, name)
-        if name in ERRORS:
-            content[name]["error"] = getattr(contact, ERRORS[name])
+    content: dict[str, Any] = {"engine": contact.engine} | {name: _with_unit(contact, name) for name in COMMON}
+    for name, error in ERRORS.items():
+        content[name]["error"] = getattr(contact, error)
     content["iterations"] = contact.iterations
     content |= {name: _with_unit(contact, name) for name in COMPACTED if getattr(contact, name) is not None}
     if contact.passes:
@@ -384,14 +330,6 @@ def _with_unit(record: ContactRecord | PassRecord, name: str) -> dict[str, Any]:
 
 def contact_from_json(content: dict[str, Any]) -> ContactRecord:
     """Read a record back from the form of `contact_to_json`.
-
-    Parameters
-    ----------
-    content : dict
-
-    Returns
-    -------
-    ContactRecord
 
     Raises
     ------
@@ -407,53 +345,3 @@ def contact_from_json(content: dict[str, Any]) -> ContactRecord:
     return ContactRecord(
         engine=content["engine"], iterations=content["iterations"], passes=passes, **values, **errors, **compacted
     )
-
-
-def write_contacts(path: Path, contacts: list[ContactRecord], more: dict[str, Any], key: str, files: list[str]) -> None:
-    """Write records as JSON for the next run in the same directory.
-
-    Parameters
-    ----------
-    path : Path
-        File to write.
-    contacts : list of ContactRecord
-    more : dict
-        Further results of the contacts.
-    key : str
-        Hash of all inputs of the contacts.
-    files : list of str
-        Result files that depend on the contacts alone.
-    """
-    content = [contact_to_json(contact) for contact in contacts]
-    write_json(path, {"key": key, "contacts": content, "more": more, "files": files})
-
-
-def read_contacts(path: Path, key: str) -> tuple[list[ContactRecord], dict[str, Any], list[str]]:
-    """Read the records, the further results and the names of result files that `write_contacts` wrote.
-
-    Parameters
-    ----------
-    path : Path
-        File to read.
-    key : str
-        Hash of all inputs of the contacts.
-
-    Returns
-    -------
-    tuple
-        `contacts`, `more` and `files` of `write_contacts`.
-
-    Raises
-    ------
-    ValueError
-        If the file has another key or another form.
-    """
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        found, more, files = (content[name] for name in ("key", "more", "files"))
-        contacts = [contact_from_json(each) for each in content["contacts"]]
-    except (KeyError, TypeError, ValueError) as wrong:
-        raise ValueError(f"{path}: no file of contacts ({wrong}); compute them again") from None
-    if found != key:
-        raise ValueError(f"{path}: key {found}, required {key}; compute the contacts again")
-    return contacts, more, files

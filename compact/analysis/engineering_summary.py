@@ -9,7 +9,7 @@ import numpy as np
 
 from compact import contact
 from compact.analysis.engines import ENGINES
-from compact.engines.halfplane import LineContact, Values, pressure_exponent
+from compact.engines.halfplane import LineContact, pressure_exponent
 from compact.material.mix import Mix
 from compact.quantities import FORMULA
 from compact.scene.loader import Scene
@@ -43,11 +43,6 @@ class Engineering:
 def peak_pressure(scene: Scene, mix: Mix) -> float:
     """Return the peak contact pressure of the formulas.
 
-    Parameters
-    ----------
-    scene : Scene
-    mix : Mix
-
     Returns
     -------
     float
@@ -79,25 +74,11 @@ def peak_pressure(scene: Scene, mix: Mix) -> float:
     return given.get("peak_pressure", mix.required_pressure)
 
 
-def _force(scene: Scene, mix: Mix, pressure: float) -> tuple[float, Values, Values]:
-    """Compute exponent [-], contact angle [rad] and load on one roller [N] by eqs 1.4 to 1.6."""
-    machine, modulus, nu = scene.machine, mix.effective_modulus, mix.poisson
-    alpha = float(pressure_exponent(nu, mix.steel_friction))
-    phi = contact.capture_angle(pressure, modulus, nu, alpha)
-    force = contact.roller_force(
-        phi, modulus, nu, alpha, machine.roller_radius, machine.roller_length,
-        machine.pressure_nonuniformity, machine.one_sided,
-    )  # fmt: skip
-    return alpha, phi, force
-
-
 def engineering(scene: Scene, mix: Mix, pressure: float) -> Engineering:
     """Evaluate eqs 1.1-1.10 for a scene.
 
     Parameters
     ----------
-    scene : Scene
-    mix : Mix
     pressure : float
         Peak contact pressure [Pa].
 
@@ -106,20 +87,24 @@ def engineering(scene: Scene, mix: Mix, pressure: float) -> Engineering:
     Engineering
         The power is that at the mean speed.
     """
-    machine = scene.machine
-    alpha, phi, force = _force(scene, mix, pressure)
-    length = contact.contact_length(phi, machine.roller_radius, alpha)
-    friction = machine.roller_friction + machine.bearing_friction
-    one = contact.roller_resistance(force, length, machine.roller_radius, alpha, friction)
-    whole = contact.cart_resistance(
-        force, one, machine.rollers, machine.weight, bearing_friction=machine.bearing_friction,
-        journal_diameter=machine.journal_diameter, rolling_arm=machine.rolling_arm,
-        wheel_diameter=machine.guide_wheel_diameter, rib_factor=machine.rib_factor,
-    )  # fmt: skip
-    needed = int(
-        contact.rollers_needed(scene.product.width, machine.roller_radius, machine.feeder_sleeve, machine.overlap)
+    machine, modulus, nu = scene.machine, mix.effective_modulus, mix.poisson
+    radius, width, overlap = machine.roller_radius, scene.product.width, machine.overlap
+    guides = {
+        "bearing_friction": machine.bearing_friction, "journal_diameter": machine.journal_diameter,
+        "rolling_arm": machine.rolling_arm, "wheel_diameter": machine.guide_wheel_diameter,
+        "rib_factor": machine.rib_factor,
+    }  # fmt: skip
+    alpha = float(pressure_exponent(nu, mix.steel_friction))
+    phi = contact.capture_angle(pressure, modulus, nu, alpha)
+    force = contact.roller_force(
+        phi, modulus, nu, alpha, radius, machine.roller_length, machine.pressure_nonuniformity, machine.one_sided
     )
-    radius = contact.radius_range(scene.product.height)
+    length = contact.contact_length(phi, radius, alpha)
+    friction = machine.roller_friction + machine.bearing_friction
+    one = contact.roller_resistance(force, length, radius, alpha, friction)
+    whole = contact.cart_resistance(force, one, machine.rollers, machine.weight, **guides)
+    needed = int(contact.rollers_needed(width, radius, machine.feeder_sleeve, overlap))
+    radii = contact.radius_range(scene.product.height)
     return Engineering(
         pressure=float(pressure),
         exponent=alpha,
@@ -129,20 +114,12 @@ def engineering(scene: Scene, mix: Mix, pressure: float) -> Engineering:
         roller_resistance=float(one),
         resistance_coefficient=float(one / force),
         cart_resistance=float(whole),
-        guide_coefficient=float(
-            contact.guide_coefficient(
-                bearing_friction=machine.bearing_friction,
-                journal_diameter=machine.journal_diameter,
-                rolling_arm=machine.rolling_arm,
-                wheel_diameter=machine.guide_wheel_diameter,
-                rib_factor=machine.rib_factor,
-            )
-        ),
+        guide_coefficient=float(contact.guide_coefficient(**guides)),
         cart_power=float(contact.cart_power(whole, scene.mean_speed)),
-        radius_low=float(radius.low),
-        radius_high=float(radius.high),
+        radius_low=float(radii.low),
+        radius_high=float(radii.high),
         rollers_needed=needed,
-        stroke_needed=float(contact.stroke_needed(scene.product.width, needed, machine.overlap)),
+        stroke_needed=float(contact.stroke_needed(width, needed, overlap)),
     )
 
 
@@ -153,7 +130,6 @@ def coverage(scene: Scene, formulas: Engineering) -> str:
 
     Parameters
     ----------
-    scene : Scene
     formulas : Engineering
         Results of the scene.
 
@@ -206,7 +182,6 @@ class Number:
 
     Parameters
     ----------
-    value : float
     unit : str
         SI unit.
     known_by : str
@@ -225,13 +200,6 @@ class Number:
 def numbers(scene: Scene, mix: Mix, formulas: Engineering, exact: LineContact) -> dict[str, Number]:
     """Collect the results of the formulas and of Galin's exact contact at the same peak pressure.
 
-    Parameters
-    ----------
-    scene : Scene
-    mix : Mix
-    formulas : Engineering
-    exact : LineContact
-
     Returns
     -------
     dict of str to Number
@@ -247,14 +215,14 @@ def numbers(scene: Scene, mix: Mix, formulas: Engineering, exact: LineContact) -
         low, high = (None if end is None else getattr(end, name) for end in ends)
         value = getattr(formulas, name)
         known_by = PRESCRIBED if prescribed and name == "pressure" else confidence
-        spread = {} if low == value == high else {"low": low, "high": high}
-        found[name] = Number(value, FORMULA[name].unit, known_by, **spread)
-    known_by = "Galin, exact for a half-plane"
-    return found | {
-        "exact_capture_angle": Number(float(np.arcsin(exact.leading / exact.radius)), "rad", known_by),
-        "exact_roller_force": Number(float(exact.load * scene.machine.roller_length), "N", known_by),
-        "exact_contact_length": Number(float(exact.contact_length), "m", known_by),
+        found[name] = Number(value, FORMULA[name].unit, known_by, *(() if low == value == high else (low, high)))
+    of_half_plane = {
+        "exact_capture_angle": np.arcsin(exact.leading / exact.radius),
+        "exact_roller_force": exact.load * scene.machine.roller_length,
+        "exact_contact_length": exact.contact_length,
     }
+    known_by = "Galin, exact for a half-plane"
+    return found | {name: Number(float(each), FORMULA[name].unit, known_by) for name, each in of_half_plane.items()}
 
 
 def _at_pressure(scene: Scene, mix: Mix, pressure: float) -> Engineering | None:

@@ -127,17 +127,14 @@ class Engine:
         ----------
         result : ContactResult
             Result of this engine.
-
-        Returns
-        -------
-        meshio.Mesh
         """
         require_known("engine with fields", self.name, [each.name for each in ENGINES.values() if each.fields_module])
         return import_module(str(self.fields_module)).field_mesh(result)
 
-    def tolerance(self, value: float) -> dict[str, float]:
-        """Return the keyword argument of `roll` for a relative tolerance [-]; empty without error control."""
-        return {self.tolerance_keyword: value} if self.tolerance_keyword else {}
+    def tolerance(self, value: float, estimate: bool = True) -> dict[str, Any]:
+        """Return the keyword arguments of `roll` for a relative tolerance [-], and without an error estimate."""
+        options: dict[str, Any] = {self.tolerance_keyword: value} if self.tolerance_keyword else {}
+        return options if estimate or not self.optional_estimate else options | {"estimate": False}
 
 
 ENGINES: Mapping[str, Engine] = MappingProxyType({
@@ -191,19 +188,12 @@ def expand_resistance(
 
     Parameters
     ----------
-    layer : Layer
-    roller : Roller
-    material : Elastic or Viscoelastic
     speed : float
         Speed of the roller [m/s].
     engine : str
         An engine with a `derivative_module`.
     **accuracy
         Keywords of the engine: "spectral" takes `rtol`; "fem" takes `mesh`, `tolerance`, `estimate`.
-
-    Returns
-    -------
-    ResistanceExpansion
 
     Examples
     --------

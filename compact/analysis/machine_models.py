@@ -3,7 +3,7 @@
 import csv
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,40 +21,28 @@ from compact.scene.schema import Motor as MotorTable
 if TYPE_CHECKING:
     from compact.machine.elastic_drive import ElasticDrive
 
+STATED = (  # fields of `Cart` that the table [machine] states
+    "mass", "weight", "roller_positions", "guide_positions", "pin_position", "pin_height", "roller_radius",
+    "guide_wheel_diameter", "guide_friction",
+)  # fmt: skip
+
 
 def cart(scene: Scene, roller_load: float, return_load_ratio: float = 1.0) -> Cart:
     """Build the cart of a scene.
 
     Parameters
     ----------
-    scene : Scene
     roller_load : float
         Load of each roller [N].
     return_load_ratio : float
         Load on the return stroke over that on the forward stroke [-].
-
-    Returns
-    -------
-    Cart
     """
     machine, table, springs = scene.machine, scene.drive.end_springs, None
     if table is not None:
         springs = EndSprings(table.stiffness, table.preload, table.length, scene.motion.stroke)
-    front, rear = machine.guide_positions
-    return Cart(
-        mass=machine.mass,
-        weight=machine.weight,
-        roller_positions=machine.roller_positions,
-        roller_reactions=(roller_load,) * machine.rollers,
-        guide_positions=(front, rear),
-        pin_position=machine.pin_position,
-        pin_height=machine.pin_height,
-        roller_radius=machine.roller_radius,
-        guide_wheel_diameter=machine.guide_wheel_diameter,
-        guide_friction=machine.guide_friction,
-        end_springs=springs,
-        return_load_ratio=return_load_ratio,
-    )
+    reactions = (roller_load,) * machine.rollers
+    stated: dict[str, Any] = {name: getattr(machine, name) for name in STATED}
+    return Cart(roller_reactions=reactions, end_springs=springs, return_load_ratio=return_load_ratio, **stated)
 
 
 def crank(scene: Scene) -> Crank | None:
@@ -70,10 +58,6 @@ def angles(scene: Scene) -> tuple[float, ...]:
 
 def laws(scene: Scene) -> Iterator[MotionProfile]:
     """Build the motion laws that the scene names, tables of the user last.
-
-    Parameters
-    ----------
-    scene : Scene
 
     Yields
     ------
@@ -94,15 +78,6 @@ def drive_of(scene: Scene, cycle: Cycle) -> "Rigid | Crank | Hydraulic | Motor |
 
     The crank drives its own law through the rod, if the machine has one. A law with a velocity jump has a rigid drive
     in place of a motor: its force is impulsive.
-
-    Parameters
-    ----------
-    scene : Scene
-    cycle : Cycle
-
-    Returns
-    -------
-    Rigid, Crank, Hydraulic, Motor or ElasticDrive
     """
     table, rod = scene.drive, crank(scene)
     if table.kind == "elastic":

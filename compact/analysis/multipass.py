@@ -24,10 +24,9 @@ A second pass at the same height
     .016, .005, .002, .001, and the contact becomes symmetric.
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,10 +35,6 @@ from compact.engines.column.column_pass import Column
 from compact.material.laws import Compaction
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 from compact.rolling_contact import ContactResult, Layer, Roller
-
-if TYPE_CHECKING:
-    from compact.engines.column.engine import ColumnContactResult
-    from compact.engines.compaction.results import CompactionContactResult
 
 __all__ = ["Pass", "density", "passes", "there_and_back"]
 
@@ -82,16 +77,7 @@ class Pass:
 
 
 def there_and_back(count: int) -> tuple[Pass, ...]:
-    """Return a number of passes over the same mix, every second one back.
-
-    Parameters
-    ----------
-    count : int
-
-    Returns
-    -------
-    tuple of Pass
-    """
+    """Return a number of passes over the same mix, every second one back."""
     require_positive(count=count)
     return tuple(Pass(forward=number % 2 == 0) for number in range(count))
 
@@ -115,7 +101,6 @@ def passes(
         Fresh mix before the first pass.
     roller : Roller
         Its target holds for passes without their own.
-    material : Compaction
     speed : float
         Speed of forward passes along x [m/s], not 0.
     stages : sequence of Pass, or int
@@ -142,44 +127,44 @@ def passes(
     9639 N/m, 1570 N/m
     2484 N/m, 0 N/m
     """
-    require_known("engine", engine, LAYERS)
+    require_known("engine", engine, ROLL_OVER)
     if not isinstance(material, Compaction):
         raise ValueError(f"several passes require a `material` Compaction, got {type(material).__name__}")
     stages = there_and_back(stages) if isinstance(stages, int) else tuple(stages)
-    state, lowest = LAYERS[engine](layer, material), None
-    done: list[ColumnContactResult | CompactionContactResult] = []
+    state: Any = None  # of the mix behind the last pass; None of fresh mix
+    lowest = None
+    done: list[Any] = []  # of ColumnContactResult or CompactionContactResult
     for number, stage in enumerate(stages, start=1):
-        state = state.with_lift(stage.lift) if stage.lift else state
-        height, options = state.layer.height, dict(numerics)
-        if stage.exit_density_ratio is not None:
-            options["exit_density_ratio"] = stage.exit_density_ratio
+        if stage.lift:
+            layer = replace(layer, height=layer.height + stage.lift)
+            state = _covered(state, stage.lift, material)
         if number == 1 and first is not None:
-            done.append(cast("ColumnContactResult | CompactionContactResult", first))
+            done.append(first)
         else:
-            target = _roller_of(stage, roller, height, lowest, number)
-            done.append(state.roll(target, speed if stage.forward else -speed, **options))
-        lowest = height - done[-1].indentation
-        state = state.after(done[-1])
+            target = _roller_of(stage, roller, layer.height, lowest, number)
+            options = numerics
+            if stage.exit_density_ratio is not None:
+                options = numerics | {"exit_density_ratio": stage.exit_density_ratio}
+            travel = speed if stage.forward else -speed
+            done.append(ROLL_OVER[engine](state, layer, target, material, travel, **options))
+        lowest, state = layer.height - done[-1].indentation, _state_behind(done[-1])
+        layer = replace(layer, height=done[-1].exit_height)
     return tuple(done)
 
 
 def density(result: ContactResult) -> NDArray[np.float64]:
     """Return the density over the height behind a pass.
 
-    Parameters
-    ----------
-    result : ColumnContactResult or CompactionContactResult
-
     Returns
     -------
     NDArray, shape (rows, 3)
         Bottom [m], top [m] and density ratio [-] of each row of mix, from the base upwards.
     """
-    if hasattr(result, "exit"):  # of the engine "compaction"
-        heights, ratios = result.exit.heights, result.exit.points.density_ratio
+    state = _state_behind(result)
+    if isinstance(state, tuple):
+        heights, ratios = np.array([(column.height, column.density_ratio) for column in state]).T
     else:
-        columns = cast("ColumnContactResult", result).columns
-        heights, ratios = np.array([(column.height, column.density_ratio) for column in columns]).T
+        heights, ratios = state.heights, state.points.density_ratio
     tops = np.cumsum(heights)
     return np.column_stack([tops - heights, tops, ratios])
 
@@ -194,77 +179,43 @@ def _roller_of(stage: Pass, roller: Roller, height: float, lowest: float | None,
     if target is None:
         return roller
     if not target < height:
-        raise ValueError(
-            f"`height` must be below the surface of the mix, {height:.6g} m before pass {number}, got {float(target)!r}"
-        )
+        surface = f"the surface of the mix, {height:.6g} m before pass {number}"
+        raise ValueError(f"`height` must be below {surface}, got {float(target)!r}")
     return replace(roller, indentation=height - target, load=None, peak_pressure=None)
 
 
-@dataclass(frozen=True)
-class _LayerBetweenPasses(ABC):
-    """Layer between two passes; `state` of the mix behind the last pass, None of fresh mix."""
-
-    layer: Layer
-    material: Compaction
-    state: Any = None
-
-    def with_lift(self, lift: float) -> Self:
-        """Return the layer with fresh mix on top."""
-        higher = replace(self.layer, height=self.layer.height + lift)
-        return replace(self, layer=higher, state=None if self.state is None else self.covered(lift))
-
-    def after(self, result: Any) -> Self:
-        """Return the layer behind a pass."""
-        return replace(self, layer=replace(self.layer, height=result.exit_height), state=self.state_of(result))
-
-    @abstractmethod
-    def covered(self, lift: float) -> Any:
-        """Return the state with fresh mix on top."""
-
-    @abstractmethod
-    def state_of(self, result: Any) -> Any:
-        """Return the state of the mix behind a pass."""
-
-    @abstractmethod
-    def roll(self, roller: Roller, speed: float, **options: Any) -> "ColumnContactResult | CompactionContactResult":
-        """Compute one pass over the layer."""
+def _state_behind(result: Any) -> Any:
+    """Return the state of the mix behind a pass: a `LayerState` of finite elements, or a tuple of `Column`s."""
+    return result.exit if hasattr(result, "exit") else result.columns
 
 
-class _ColumnLayer(_LayerBetweenPasses):
-    """Layer of the engine "column"; its state are `Column`s."""
-
-    def covered(self, lift: float) -> tuple[Column, ...]:
-        return (*self.state, Column(lift, self.material.fed_density_ratio))
-
-    def state_of(self, result: Any) -> tuple[Column, ...]:
-        return result.columns
-
-    def roll(self, roller: Roller, speed: float, **options: Any) -> "ColumnContactResult":
-        from compact.engines.column import engine as column
-
-        if self.state is None:
-            return column.roll(self.layer, roller, self.material, speed, **options)
-        return column.roll_over(self.state, roller, self.material, speed, **options)
+def _covered(state: Any, lift: float, material: Compaction) -> Any:
+    """Return the state with fresh mix on top."""
+    if isinstance(state, tuple):
+        return (*state, Column(lift, material.fed_density_ratio))
+    return None if state is None else state.with_lift(lift, material)
 
 
-class _ElementLayer(_LayerBetweenPasses):
-    """Layer of the engine "compaction"; its state is a `LayerState`."""
+def _roll_columns(
+    state: Any, layer: Layer, roller: Roller, material: Compaction, speed: float, **options: Any
+) -> ContactResult:
+    from compact.engines.column import engine as column
 
-    def covered(self, lift: float) -> Any:
-        return self.state.with_lift(lift, self.material)
-
-    def state_of(self, result: Any) -> Any:
-        return result.exit
-
-    def roll(self, roller: Roller, speed: float, **options: Any) -> "CompactionContactResult":
-        from compact.engines.compaction import engine as compaction
-
-        target = options.get("exit_density_ratio")
-        before = self.material.fed_density_ratio if self.state is None else self.state.density_ratio
-        if target is not None and target > before:  # initial guess, for a layer without elastic recovery
-            depth = self.layer.height * (1 - before / target)
-            roller = replace(roller, indentation=depth, load=None, peak_pressure=None)
-        return compaction.roll(self.layer, roller, self.material, speed, fed_layer=self.state, **options)
+    if state is None:
+        return column.roll(layer, roller, material, speed, **options)
+    return column.roll_over(state, roller, material, speed, **options)
 
 
-LAYERS: dict[str, type[_LayerBetweenPasses]] = {"column": _ColumnLayer, "compaction": _ElementLayer}
+def _roll_elements(
+    state: Any, layer: Layer, roller: Roller, material: Compaction, speed: float, **options: Any
+) -> ContactResult:
+    from compact.engines.compaction import engine as compaction
+
+    target = options.get("exit_density_ratio")
+    before = material.fed_density_ratio if state is None else state.density_ratio
+    if target is not None and target > before:  # initial guess, for a layer without elastic recovery
+        roller = replace(roller, indentation=layer.height * (1 - before / target), load=None, peak_pressure=None)
+    return compaction.roll(layer, roller, material, speed, fed_layer=state, **options)
+
+
+ROLL_OVER: dict[str, Callable[..., ContactResult]] = {"column": _roll_columns, "compaction": _roll_elements}

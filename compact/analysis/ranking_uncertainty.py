@@ -22,8 +22,6 @@ class Place(NamedTuple):
     ----------
     rank : int
         From 1; values that are equal but for rounding share a rank, infinite values share the last.
-    law : str
-        Name of the law.
     value : float
         Value of the criterion, in its unit.
     margin : float
@@ -60,15 +58,9 @@ def places(ranked: Sequence[Ranked], by: str, heavier: Mapping[str, Any] | None)
     ----------
     ranked : sequence of Ranked
         Laws in order.
-    by : str
-        Criterion.
     heavier : mapping or None
         Run of each law under the resistance plus its error; a law without such a run has an infinite error. None
         without error estimate.
-
-    Returns
-    -------
-    list of Place
     """
     tied = ties(ranked, by)
     errors = [None if heavier is None else error(place.run, heavier.get(place.run.name), by) for place in ranked]
@@ -89,18 +81,7 @@ def places(ranked: Sequence[Ranked], by: str, heavier: Mapping[str, Any] | None)
 
 
 def ties(order: Sequence[Place | Ranked], by: str) -> list[bool]:
-    """Find the places that have another place, of another rank, within the build tolerance.
-
-    Parameters
-    ----------
-    order : sequence of Place or Ranked
-    by : str
-        Criterion.
-
-    Returns
-    -------
-    list of bool
-    """
+    """Find the places that have another place, of another rank, within the build tolerance."""
     values, ranks = ([getattr(place, name) for place in order] for name in ("value", "rank"))
     close = ~_built_apart(values, CRITERIA[by].floor) & np.isfinite(values) & np.isfinite(values)[:, None]
     tied = np.asarray(close & np.not_equal.outer(ranks, ranks))
@@ -114,8 +95,6 @@ def error(run: Any, heavier: Any, by: str) -> float:
     ----------
     run, heavier : Run
         Runs of one law under both resistances; `heavier` may be None.
-    by : str
-        Criterion.
 
     Returns
     -------
@@ -151,18 +130,7 @@ class Agreement(NamedTuple):
 
 
 def agreement(one: Sequence[Place], other: Sequence[Place], by: str) -> Agreement:
-    """Compare two rankings by a criterion over the laws that are finite in both.
-
-    Parameters
-    ----------
-    one, other : sequence of Place
-    by : str
-        Criterion.
-
-    Returns
-    -------
-    Agreement
-    """
+    """Compare two rankings by a criterion over the laws that are finite in both."""
     found = [{place.law: place for place in order if not place.reason} for order in (one, other)]
     laws = [law for law in found[0] if law in found[1]]
     first, second = (_signs([order[law].rank for law in laws]) for order in found)

@@ -9,31 +9,32 @@ first used, and the runs of each stage are counted. `report.writer` writes the r
 
 import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cached_property, partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mix
 from compact.analysis.engineering_summary import Engineering, Number
 from compact.analysis.engines import Engine
-from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages import comparison
 from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
 from compact.analysis.stages.cam_drawing import CamDrawing, first_cam_drawing
 from compact.analysis.stages.comparison import (
-    ComparisonRequest,
     EngineComparison,
     Places,
     RankingAgreement,
     ranking_agreements,
     run_engine_alternative,
 )
-from compact.analysis.stages.contacts import Count, Passes, Progress, no_count
+from compact.analysis.stages.contacts import ContactStage, Count, Passes, Progress, no_count
 from compact.analysis.stages.costs import WorkPlan
+from compact.analysis.stages.drives import DriveStage, build_stages
 from compact.analysis.stages.kept_results import KeptResults, write_results
-from compact.analysis.stages.pipeline import build_stages
+from compact.analysis.stages.laws import LawStage, PrescribedLaws
+from compact.analysis.stages.resistance import ResistanceStage
 from compact.analysis.stages.sensitivity import Shift, sensitivities
 from compact.analysis.worker_pool import BackgroundTasks, SerialExecutor
 from compact.cams.profile import Cam, LeastBreadth
@@ -50,14 +51,18 @@ from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
 
 
+def _of(path: str, meaning: str) -> Any:
+    """Return the property of a study for an attribute of its stages, such as "contacts.engine"."""
+    return property(attrgetter(f"stages.{path}"), doc=meaning)
+
+
 class Study:
     """Results of one scene; each attribute is computed when first used.
 
-    The attributes are those of the stages `contact_stage`, `resistance_stage`, `law_stage` and `drive_stage`.
+    Most attributes are those of the stages `contact_stage`, `resistance_stage`, `law_stage` and `drive_stage`.
 
     Parameters
     ----------
-    scene : Scene
     step : callable
         Called with the name of each stage that begins.
     directory : Path, optional
@@ -71,12 +76,50 @@ class Study:
         Number of runs of each stage.
     """
 
+    contact_stage: ContactStage = _of("contacts", "contacts of one roller")
+    resistance_stage: ResistanceStage = _of("resistance", "resistance of the mix to one cart")
+    prescribed_laws: PrescribedLaws = _of("prescribed", "laws that the scene names")
+    law_stage: LawStage = _of("laws", "all motion laws, and their cams")
+    drive_stage: DriveStage = _of("drive", "runs of all laws")
+
+    engine: Engine = _of("contacts.engine", "engine of the scene")
+    layered: bool = _of("contacts.engine.layered", "true if the engine has a layer of finite height")
+    engineering: Engineering = _of("contacts.engineering", "eqs 1.1-1.10 at the prescribed or required pressure")
+    exact: LineContact = _of("contacts.exact", "Galin's exact contact at the peak pressure of the formulas")
+    numbers: dict[str, Number] = _of("contacts.numbers", "results of the formulas and of the exact theory by name")
+    contacts: list[ContactRecord] = _of("contacts.records", "scalar results of one roller at each speed")
+    held: HeldQuantity | None = _of("contacts.held", "quantity that is constant over speed; None for the formulas")
+    passes: list[tuple[float, Passes]] = _of("contacts.passes", "speed [m/s] and results of all passes at each speed")
+    passes_at: Callable[[float], Passes] = _of("contacts.passes_at", "computes all passes at a speed [m/s]")
+    rolled: list[tuple[float, ContactResult]] = _of("contacts.first_passes", "speed [m/s] and result of the first pass")
+    fields: list[tuple[Any, ContactResult]] = _of("contacts.fields", "mesh with fields, and result, at each speed")
+    roller_load: float = _of("contacts.roller_load", "load of one roller at the mean speed [N]")
+    second_pass: tuple[float, float] | None = _of("contacts.second_pass", "load and resistance over the first pass [-]")
+    kept: KeptResults | None = _of("contacts.kept", "results of an earlier run in the directory")
+
+    resistance: ResistanceMap | DryResistance = _of("resistance.resistance", "resistance of the mix to one cart [N]")
+    resistance_map: ResistanceMap = _of("resistance.map", "resistance of one cart by a layered engine [N]")
+    resistance_error: float | None = _of("resistance.error", "relative error estimate of the resistance [-]")
+    fastest: float = _of("resistance.largest_speed", "speed up to which the resistance is known [m/s]")
+    cart: Cart = _of("resistance.cart", "cart with the reactions of its rollers")
+    steady: Balance = _of("resistance.steady", "forces on the cart at constant mean speed, arrays of shape (1,)")
+
+    cycles: dict[str, Cycle] = _of("laws.cycles", "forward and return strokes by name of the law; optimal laws last")
+    optimal_cycles: dict[str, Cycle] = _of("laws.optimal_cycles", "optimal laws by name")
+    laws_not_made: dict[str, str] = _of("laws.not_made", "reason by name of each optimal law that is left out")
+    cams: dict[tuple[str, str], Cam] = _of("laws.cams", "cams of constant breadth by law and follower")
+    least_breadths: dict[tuple[str, str], LeastBreadth] = _of("laws.least_breadths", "by law and follower")
+
+    runs: dict[str, Any] = _of("drive.runs", "`Run`, `ElasticRun`, `HydraulicRun` or `MotorRun` by name of the law")
+    heavier_runs: dict[str, Any] | None = _of("drive.heavier_runs", "runs under the resistance plus its error")
+    rankings: dict[str, list[Ranked]] = _of("drive.rankings", "laws in order, by each criterion of the scene")
+    places: Places = _of("drive.places", "places of the laws by drive and criterion")
+    cycle_energies: dict[str, float] = _of("drive.cycle_energies", "energy of a cycle [J] over fresh and compacted mix")
+    roller_motors: dict[str, RollerMotor] = _of("drive.roller_motors", "motors in the rollers by name of the law")
+    turns: dict[str, CrankshaftRevolution] = _of("drive.turns", "turn of the crankshaft by number of carts")
+
     def __init__(
-        self,
-        scene: Scene,
-        step: Count = no_count,
-        directory: Path | None = None,
-        progress: Progress | None = None,
+        self, scene: Scene, step: Count = no_count, directory: Path | None = None, progress: Progress | None = None
     ) -> None:
         self.scene, self.counts = scene, Counter[str]()
         self._step, self._directory = step, directory
@@ -84,9 +127,6 @@ class Study:
         self._background: BackgroundTasks | None = None
         self.mix: Mix = scene_mix(scene)
         self.stages = build_stages(scene, self.mix, self.count, directory, progress)
-        self.prescribed_laws, self.contact_stage = self.stages.prescribed, self.stages.contacts
-        self.resistance_stage, self.law_stage = self.stages.resistance, self.stages.laws
-        self.drive_stage = self.stages.drive
 
     def count(self, stage: str) -> None:
         """Count one run of a stage."""
@@ -95,88 +135,10 @@ class Study:
         if self._background:
             self._background.poll()
 
-    # progress
-
     @property
     def plan(self) -> WorkPlan:
         """Expected work of all results that the scene requires."""
         return WorkPlan(self.scene, self.mix, self.counts, self.law_stage.number_not_made)
-
-    # contact stage
-
-    @property
-    def engine(self) -> Engine:
-        """Engine of the scene."""
-        return self.contact_stage.engine
-
-    @property
-    def layered(self) -> bool:
-        """True if the engine has a layer of finite height."""
-        return self.engine.layered
-
-    @property
-    def engineering(self) -> Engineering:
-        """Eqs 1.1-1.10 at the prescribed pressure, or at the pressure that the density requires."""
-        return self.contact_stage.engineering
-
-    @property
-    def exact(self) -> LineContact:
-        """Galin's exact contact at the peak pressure of the formulas."""
-        return self.contact_stage.exact
-
-    @property
-    def numbers(self) -> dict[str, Number]:
-        """Results of the formulas and of the exact theory by name."""
-        return self.contact_stage.numbers
-
-    @property
-    def contacts(self) -> list[ContactRecord]:
-        """Scalar results of one roller at each speed; empty for the formulas."""
-        return self.contact_stage.records
-
-    @property
-    def held(self) -> HeldQuantity | None:
-        """Quantity that is constant over speed; None for the formulas."""
-        return self.contact_stage.held
-
-    @property
-    def passes(self) -> list[tuple[float, Passes]]:
-        """Speed [m/s] and results of all passes at each speed; empty for the formulas."""
-        return self.contact_stage.passes
-
-    def passes_at(self, speed: float) -> Passes:
-        """Compute all passes at a speed [m/s]."""
-        return self.contact_stage.passes_at(speed)
-
-    @property
-    def rolled(self) -> list[tuple[float, ContactResult]]:
-        """Speed [m/s] and result of the first pass at each speed."""
-        return self.contact_stage.first_passes
-
-    @property
-    def fields(self) -> list[tuple[Any, ContactResult]]:
-        """Mesh with fields, and result, at each speed."""
-        return self.contact_stage.fields
-
-    @property
-    def roller_load(self) -> float:
-        """Load of one roller [N]: of the engine at the mean speed, or by eq 1.6."""
-        return self.contact_stage.roller_load
-
-    @property
-    def second_pass(self) -> tuple[float, float] | None:
-        """Load and resistance of a second pass over those of the first [-]; None for a linear layer."""
-        return self.contact_stage.second_pass
-
-    @property
-    def key(self) -> str:
-        """Hash of all inputs of the contacts and the resistance map."""
-        return self.contact_stage.key
-
-    @property
-    def kept(self) -> KeptResults | None:
-        """Results of an earlier run in the directory."""
-        return self.contact_stage.kept
 
     def standing(self, directory: Path, *prefixes: str) -> list[Path]:
         """Return the valid files of an earlier run with any of the prefixes; none if a prefix has no file."""
@@ -189,106 +151,9 @@ class Study:
         """Write contacts and resistance map for the next run, with the names of their files; yield the paths."""
         before = self.kept.files if self.kept else ()
         names = sorted({*before, *(file.relative_to(directory).as_posix() for file in files)})
-        if self.held is None:
-            return
-        results = KeptResults(self.contacts, self.held, self.second_pass, self.resistance_map, tuple(names))
-        yield from write_results(directory, results, self.key)
-
-    # resistance stage
-
-    @property
-    def resistance(self) -> ResistanceMap | DryResistance:
-        """Resistance of the mix to one cart [N], a function of velocity and acceleration."""
-        return self.resistance_stage.resistance
-
-    @property
-    def resistance_map(self) -> ResistanceMap:
-        """Resistance of one cart by a layered engine."""
-        return self.resistance_stage.map
-
-    @property
-    def resistance_error(self) -> float | None:
-        """Relative error estimate of the resistance [-]; None if unknown."""
-        return self.resistance_stage.error
-
-    @property
-    def fastest(self) -> float:
-        """Speed up to which the resistance is known [m/s]."""
-        return self.resistance_stage.largest_speed
-
-    @property
-    def cart(self) -> Cart:
-        """Cart with the reactions of its rollers."""
-        return self.resistance_stage.cart
-
-    @property
-    def steady(self) -> Balance:
-        """Forces on the cart at constant mean speed, arrays of shape (1,)."""
-        return self.resistance_stage.steady
-
-    # law stage
-
-    @property
-    def cycles(self) -> dict[str, Cycle]:
-        """Forward and return strokes by name of the law: prescribed laws, tables of the user, optimal laws."""
-        return self.law_stage.cycles
-
-    @property
-    def optimal_cycles(self) -> dict[str, Cycle]:
-        """Forward and return strokes of the optimal laws by name."""
-        return self.law_stage.optimal_cycles
-
-    @property
-    def laws_not_made(self) -> dict[str, str]:
-        """Reason by name of each optimal law that is left out of `cycles`."""
-        return self.law_stage.not_made
-
-    @property
-    def cams(self) -> dict[tuple[str, str], Cam]:
-        """Cams of constant breadth by law and follower."""
-        return self.law_stage.cams
-
-    @property
-    def least_breadths(self) -> dict[tuple[str, str], LeastBreadth]:
-        """Least breadths of the cams by law and follower."""
-        return self.law_stage.least_breadths
-
-    # drive stage
-
-    @property
-    def runs(self) -> dict[str, Any]:
-        """A `Run`, `ElasticRun`, `HydraulicRun` or `MotorRun` by name of the law."""
-        return self.drive_stage.runs
-
-    @property
-    def heavier_runs(self) -> dict[str, Any] | None:
-        """Runs under the resistance plus its error; None without error estimate."""
-        return self.drive_stage.heavier_runs
-
-    @property
-    def rankings(self) -> dict[str, list[Ranked]]:
-        """Laws in order, by each criterion of the scene."""
-        return self.drive_stage.rankings
-
-    @property
-    def places(self) -> dict[str, dict[str, list[Place]]]:
-        """Places of the laws by drive and criterion."""
-        return self.drive_stage.places
-
-    @property
-    def cycle_energies(self) -> dict[str, float]:
-        """Energy of a cycle [J] over "fresh" and "compacted" mix; empty without a second pass."""
-        return self.drive_stage.cycle_energies
-
-    @property
-    def roller_motors(self) -> dict[str, RollerMotor]:
-        """Motors in the rollers by name of the law."""
-        return self.drive_stage.roller_motors
-
-    @property
-    def turns(self) -> dict[str, CrankshaftRevolution]:
-        """One turn of the crankshaft with 1 to 4 carts, and under "scene" that of the scene."""
-        return self.drive_stage.turns
+        if self.held is not None:
+            results = KeptResults(self.contacts, self.held, self.second_pass, self.resistance_map, tuple(names))
+            yield from write_results(directory, results, self.contact_stage.key)
 
     @cached_property
     def sensitivities(self) -> list[Shift]:
@@ -314,13 +179,9 @@ class Study:
         with BackgroundTasks(executor) as tasks:
             self._answers = {}
             for name in self.scene.compared_engines:
-                request = ComparisonRequest(
-                    self.scene.with_engine(name),
-                    self.prescribed_laws.cycles,
-                    self.cycles,
-                    directory and directory / name,
-                )
-                self._answers[name] = tasks.submit(name, run_engine_alternative, request)
+                laws = self.prescribed_laws.cycles, self.cycles
+                work = partial(run_engine_alternative, self.scene.with_engine(name), laws)
+                self._answers[name] = tasks.submit(name, work, directory and directory / name)
             self._background = tasks
             try:
                 yield

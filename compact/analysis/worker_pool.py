@@ -74,10 +74,6 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None) ->
         Number of processes; one per processor by default, none for 1.
     scheduler : str, optional
         Address of a dask scheduler.
-
-    Returns
-    -------
-    Executor
     """
     if workers is not None and scheduler is not None:
         raise ValueError("give --workers or --scheduler, got both")
@@ -98,8 +94,6 @@ def run_tasks(
     ----------
     work : callable
         Function of one task.
-    tasks : sequence
-    executor : Executor
     meanwhile : callable
         Called once after the first tasks have been submitted, while workers start.
 
@@ -130,10 +124,6 @@ class BackgroundTasks:
             result()  # waits for the outcome
 
     The caller calls `poll` now and then, so that no worker is idle.
-
-    Parameters
-    ----------
-    executor : Executor
     """
 
     def __init__(self, executor: Executor) -> None:
@@ -156,7 +146,6 @@ class BackgroundTasks:
             Unique name of the task.
         work : callable
             Function of one task.
-        task : object
 
         Returns
         -------

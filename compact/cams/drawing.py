@@ -304,8 +304,9 @@ class RadiusDimension:
 
     def _text(self):
         sign, size = ("Ø", 2 * self.radius) if self.diameter else ("R", self.radius)
-        place = self._along(self.radius + self.height)
-        return Text(place, f"{sign}{_dimension_number(size)}", self.height, DIMENSION_LAYER)
+        text, (x, y) = f"{sign}{_dimension_number(size)}", self._along(self.radius + self.height)
+        left = LETTER_WIDTH * self.height * len(text) * (np.cos(self.angle) < 0)  # beyond the end of the arrow
+        return Text((x - left, y - self.height * (np.sin(self.angle) < 0)), text, self.height, DIMENSION_LAYER)
 
     def _line(self):
         start = -self.radius if self.diameter else 0.0

@@ -39,6 +39,7 @@ RESIDUAL_ACCEPTED = 1e-6  # [-], |a/N - 1| accepted with STEP_TOLERANCE
 MIN_TRIAL_DISTANCE = 1e-12  # [-], |p_tr - c| over a; closer trial states use it, since V determines no x at c itself
 MAX_ITERATIONS = 300  # [-], of Newton's method; 4 to 6 are usual, bisection alone needs up to 200
 BATCH_POINTS = 20_000  # [-], points of one compiled call; some 20 ms, so that an interrupt is handled between calls
+NO_SLOPES = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # of an elastic step
 MIN_POROSITY_RATIO = np.exp(-HECKEL_MIN_PRESSURE)  # [-], (1 - k)/(1 - k0) where pc leaves Heckel's curve
 
 
@@ -113,7 +114,7 @@ def integrate_points(
 
 
 class CapConstants(NamedTuple):
-    """CapConstants of a `Compaction` at one speed, for compiled code.
+    """Constants of a `Compaction` at one speed, for compiled code.
 
     Parameters
     ----------
@@ -174,11 +175,12 @@ def _integrate_batch(first, end, law, state, strain, results):
     """Integrate points `first` to `end` - 1; return the first that did not converge, or -1."""
     stress, density_ratio, max_density_ratio, work = state
     new_stress, new_scalars, tangents = results
+    derivatives = np.empty((6, 3 if len(tangents) else 0))
     for i in range(first, end):
         before = (stress[i, 0], stress[i, 1], stress[i, 2], stress[i, 3], density_ratio[i], max_density_ratio[i])
-        converged, after, dissipated, coefficients, (sxx, syy, sxy) = integrate_point(
-            law, before, strain[i, 0], strain[i, 1], strain[i, 2]
-        )
+        part = (strain[i, 0], strain[i, 1], strain[i, 2])
+        derivatives[:] = 0.0
+        converged, after, dissipated, _ = integrate_point(law, before, part, 0.0, 1.0, derivatives)
         if not converged:
             return i
         for j in range(4):
@@ -187,20 +189,90 @@ def _integrate_batch(first, end, law, state, strain, results):
         new_scalars[1, i] = after[5]
         new_scalars[2, i] = work[i] + dissipated
         if len(tangents):
-            _tangent(tangents[i], coefficients, sxx, syy, sxy)
+            tangents[i, :2] = derivatives[:2]
+            tangents[i, 2] = derivatives[3]
     return -1
 
 
 @compiled
-def integrate_point(law: CapConstants, before: tuple, exx: float, eyy: float, gamma: float) -> tuple:
-    """Integrate the constitutive law at one point.
+def integrate_path(law: CapConstants, before: tuple, strain: tuple, multipliers: Array, derivatives: Array) -> tuple:
+    """Integrate the constitutive law of one point along a straight strain path; one step if the path is elastic.
+
+    The yield surface is convex, so that a path is elastic if its ends are.
+
+    Parameters
+    ----------
+    before : tuple of float
+        Stress xx, yy, zz, xy [Pa], density ratio and largest density ratio [-] before the path.
+    strain : tuple of float
+        Strain of the path xx, yy, 2 xy [-].
+    multipliers : ndarray
+        One initial guess of x for each substep of a path that yields, 0 for none; replaced by the solution.
+    derivatives : ndarray, shape (6, 0), (6, 3) or (6, 9)
+        Output: derivatives of the values after the path by the strain, or by the values before and the strain.
+
+    Returns
+    -------
+    converged : bool
+        False if the return mapping did not converge.
+    after : tuple of float
+        State after the path, as `before`.
+    plastic_work, work : float
+        Plastic work and work of deformation [J/m3].
+    """
+    n = derivatives.shape[1]
+    derivatives[:] = 0.0
+    for i in range(n - 3):
+        derivatives[i, i] = 1.0 if i < 4 else 1 / before[i]
+    p, q, deviator = _trial_state(law, before, strain)
+    densest = before[5] if law.flat else before[4]
+    if _is_elastic(law, p, q, _yield_surface(law, p, densest)):
+        end, converged, plastic_work = (*_stress(p, deviator, 1.0), before[4], densest), True, 0.0
+        _propagate(law, deviator, 1.0, NO_SLOPES, not law.flat, 1.0, derivatives)
+        work = _work(before, end, strain)
+    else:
+        steps, x = len(multipliers), 0.0
+        part = (strain[0] / steps, strain[1] / steps, strain[2] / steps)
+        end, converged, plastic_work, work = before, True, 0.0, 0.0
+        for step in range(steps):
+            start, guess = end, multipliers[step] if multipliers[step] > 0 else x
+            good, end, dissipated, x = integrate_point(law, start, part, guess, 1 / steps, derivatives)
+            multipliers[step] = x
+            converged = converged and good
+            plastic_work += dissipated
+            work += _work(start, end, part)
+    for j in range(n):
+        derivatives[4, j] *= end[4]
+        derivatives[5, j] *= end[5]
+    return converged, end, plastic_work, work
+
+
+@compiled
+def _work(before, after, strain):
+    """Return the work of deformation of an increment [J/m3]."""
+    xx, yy, xy = before[0] + after[0], before[1] + after[1], before[3] + after[3]
+    return (xx * strain[0] + yy * strain[1] + xy * strain[2]) / 2
+
+
+@compiled
+def integrate_point(
+    law: CapConstants, before: tuple, strain: tuple, guess: float, share: float, derivatives: Array
+) -> tuple:
+    """Integrate the constitutive law at one point in one step.
 
     Parameters
     ----------
     before : tuple of float
         Stress xx, yy, zz, xy [Pa], density ratio and largest density ratio [-] before the increment.
-    exx, eyy, gamma : float
+    strain : tuple of float
         Strain increment xx, yy, 2 xy [-].
+    guess : float
+        Initial guess of x of the return mapping [-], 0 for none.
+    share : float
+        Share of the increment in the strain of the path [-].
+    derivatives : ndarray, shape (6, n)
+        Derivatives of the stress and of the logarithms of the density ratios, before the increment and, on return,
+        after it; the last three by the strain of the path.
 
     Returns
     -------
@@ -210,43 +282,70 @@ def integrate_point(law: CapConstants, before: tuple, exx: float, eyy: float, ga
         State after the increment, as `before`.
     plastic_work : float
         Plastic work of the increment [J/m3].
-    coefficients : tuple of float
-        B, G', R, L, S of the tangent B 1x1 + 2 G' (I - 1x1/3) + R 1xs + L sx1 + S sxs.
-    deviator : tuple of float
-        Stress deviator s of the tangent, xx, yy, xy [Pa].
+    x : float
+        Solution of the return mapping [-], 0 off the curved part.
     """
-    # elastic trial
-    third = (exx + eyy) / 3
-    mean = (before[0] + before[1] + before[2]) / 3
-    p = -mean - 3 * law.K * third
-    sxx = before[0] - mean + 2 * law.G * (exx - third)
-    syy = before[1] - mean + 2 * law.G * (eyy - third)
-    szz = before[2] - mean - 2 * law.G * third
-    sxy = before[3] + law.G * gamma
-    q = np.sqrt(1.5 * (sxx * sxx + syy * syy + szz * szz + 2 * sxy * sxy))
+    p, q, deviator = _trial_state(law, before, strain)
     densest = before[5] if law.flat else before[4]
-
-    iterations, p, scale, k, densest, dissipated, coefficients = return_map(law, p, q, before[4], densest)
+    iterations, p, scale, k, densest, dissipated, x, slopes = return_map(law, p, q, before[4], densest, guess)
+    hardened = densest == k and (k != before[4] or not law.flat)
+    _propagate(law, deviator, scale, slopes, hardened, share, derivatives)
     converged = iterations <= MAX_ITERATIONS and np.isfinite(p + k + dissipated)
-    sxx, syy, szz, sxy = scale * sxx, scale * syy, scale * szz, scale * sxy
-    return converged, (sxx - p, syy - p, szz - p, sxy, k, densest), dissipated, coefficients, (sxx, syy, sxy)
+    return converged, (*_stress(p, deviator, scale), k, densest), dissipated, x
 
 
 @compiled
-def _tangent(out, coefficients, sxx, syy, sxy):
-    """Compute the tangent of (xx, yy, xy) from its coefficients and the stress deviator, as of `integrate_point`."""
-    B, G, R, L, S = coefficients
-    s = (sxx, syy, sxy)
-    one = (1.0, 1.0, 0.0)
-    shear = (2 * G, 2 * G, G)
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = (B - 2 * G / 3) * one[i] * one[j] + R * one[i] * s[j] + L * s[i] * one[j] + S * s[i] * s[j]
-        out[i, i] += shear[i]
+def _stress(p, deviator, scale):
+    """Return the stress (xx, yy, zz, xy) of a mean pressure and a scaled deviator."""
+    sxx, syy, szz, sxy = deviator
+    return scale * sxx - p, scale * syy - p, scale * szz - p, scale * sxy
 
 
 @compiled
-def return_map(law: CapConstants, p: float, q: float, k: float, densest: float) -> tuple:
+def _trial_state(law, before, strain):
+    """Return mean pressure, von Mises stress and deviator (xx, yy, zz, xy) of the elastic trial state."""
+    third = (strain[0] + strain[1]) / 3
+    mean = (before[0] + before[1] + before[2]) / 3
+    sxx = before[0] - mean + 2 * law.G * (strain[0] - third)
+    syy = before[1] - mean + 2 * law.G * (strain[1] - third)
+    szz = before[2] - mean - 2 * law.G * third
+    sxy = before[3] + law.G * strain[2]
+    q = np.sqrt(1.5 * (sxx * sxx + syy * syy + szz * szz + 2 * sxy * sxy))
+    return -mean - 3 * law.K * third, q, (sxx, syy, szz, sxy)
+
+
+@compiled
+def _propagate(law, deviator, scale, slopes, hardened, share, derivatives):
+    """Propagate derivatives through one increment by the slopes of `return_map`."""
+    sxx, syy, szz, sxy = deviator
+    V_p, V_s, V_k, V_densest, scale_p, scale_s, scale_k, scale_densest = slopes
+    n = derivatives.shape[1]
+    for j in range(n):
+        xx, yy, zz = derivatives[0, j], derivatives[1, j], derivatives[2, j]
+        xy, k, densest = derivatives[3, j], derivatives[4, j], derivatives[5, j]
+        exx = share if j == n - 3 else 0.0
+        eyy = share if j == n - 2 else 0.0
+        gamma = share if j == n - 1 else 0.0
+        third, mean = (exx + eyy) / 3, (xx + yy + zz) / 3
+        p = -mean - 3 * law.K * third
+        xx += 2 * law.G * (exx - third) - mean
+        yy += 2 * law.G * (eyy - third) - mean
+        zz -= 2 * law.G * third + mean
+        xy += law.G * gamma
+        s = sxx * xx + syy * yy + szz * zz + 2 * sxy * xy
+        V = V_p * p + V_s * s + V_k * k + V_densest * densest
+        change = scale_p * p + scale_s * s + scale_k * k + scale_densest * densest
+        p -= law.K * V
+        derivatives[0, j] = scale * xx + change * sxx - p
+        derivatives[1, j] = scale * yy + change * syy - p
+        derivatives[2, j] = scale * zz + change * szz - p
+        derivatives[3, j] = scale * xy + change * sxy
+        derivatives[4, j] = k + V
+        derivatives[5, j] = k + V if hardened else densest
+
+
+@compiled
+def return_map(law: CapConstants, p: float, q: float, k: float, densest: float, guess: float) -> tuple:
     """Map a trial state back to the yield surface.
 
     Parameters
@@ -255,6 +354,8 @@ def return_map(law: CapConstants, p: float, q: float, k: float, densest: float) 
         Trial mean pressure and von Mises stress [Pa].
     k, densest : float
         Density ratio before the step and the largest so far [-].
+    guess : float
+        Initial guess of x [-], 0 for none.
 
     Returns
     -------
@@ -266,41 +367,67 @@ def return_map(law: CapConstants, p: float, q: float, k: float, densest: float) 
         Density ratios after the step [-].
     plastic_work : float
         Plastic work [J/m3].
-    coefficients : tuple of float
-        Coefficients of the tangent, as of `integrate_point`.
+    x : float
+        Solution on a curved part [-], else 0.
+    slopes : tuple of float
+        Derivatives of V and of `scale` by the trial pressure, by half the square of the trial deviator, and by the
+        logarithms of both density ratios.
     """
-    pc, _ = hardening(law, densest)
+    surface = _yield_surface(law, p, densest)
+    if _is_elastic(law, p, q, surface):
+        return 0, p, 1.0, k, densest, 0.0, 0.0, NO_SLOPES
+    if surface[3] == 0:
+        return _return_to_flat(law, surface, p, q, k, densest)
+    return _return_to_curve(law, surface, p, q, k, densest, guess)
+
+
+@compiled
+def _yield_surface(law, p, densest):
+    """Return a, p0, start and aspect r of the curved part at the pressure p, and da/d ln k; r = 0 on the flat part."""
+    pc, H = hardening(law, densest)
     a, c = (pc + law.pt) / 2, (pc - law.pt) / 2
     p0 = min(c, 0.0) if law.flat else c
-    half_axis = p0 + law.pt  # of the subcritical side
-    if law.flat and (p0 <= p <= c or (p < p0 and half_axis == 0)):  # without tensile strength p >= 0
-        return _return_to_flat(law, p, q, k, densest, max(p, p0), law.M * a)
-    start = c if p > c else p0
-    r = (a / half_axis) ** 2 if law.flat and p < p0 else 1.0
-    if q * q / law.M**2 + r * (p - start) ** 2 <= (a * (1 + 2 * RESIDUAL_TOLERANCE)) ** 2:
-        return 0, p, 1.0, k, densest, 0.0, (law.K, law.G, 0.0, 0.0, 0.0)
-    distance = max(abs(p - start), MIN_TRIAL_DISTANCE * a)
-    return _return_to_curve(law, start, distance if p >= start else -distance, q, k, densest, a, r)
+    if p > c or p0 == c:
+        return a, p0, c, 1.0, H / 2
+    if p0 <= p or law.pt == 0:  # without tensile strength p >= 0
+        return a, p0, p0, 0.0, H / 2
+    return a, p0, p0, (a / law.pt) ** 2, H / 2
 
 
 @compiled
-def _return_to_flat(law, p_trial, q_trial, k, densest, p, max_q):
-    """Return the results of `return_map` on the flat part, q <= `max_q` at the pressure p."""
-    V = (p_trial - p) / law.K
-    q = min(q_trial, max_q)
+def _is_elastic(law, p, q, surface):
+    """Return True if a trial state does not yield."""
+    a, p0, start, r, _ = surface
+    if r == 0:
+        return p >= p0 and q <= law.M * a
+    return q * q / law.M**2 + r * (p - start) ** 2 <= (a * (1 + 2 * RESIDUAL_TOLERANCE)) ** 2
+
+
+@compiled
+def _return_to_flat(law, surface, p_trial, q_trial, k, densest):
+    """Return the results of `return_map` on the flat part, q <= M a."""
+    a, p0, _, _, rate = surface
+    p, q = max(p_trial, p0), min(q_trial, law.M * a)
+    V, scale = (p_trial - p) / law.K, 1.0
     work = p * V + q * (q_trial - q) / (3 * law.G)
-    bulk = law.K if p == p_trial else 0.0
-    if q == q_trial:
-        return 0, p, 1.0, k * np.exp(V), densest, work, (bulk, law.G, 0.0, 0.0, 0.0)
-    scale = q / q_trial
-    return 0, p, scale, k * np.exp(V), densest, work, (bulk, scale * law.G, 0.0, 0.0, -3 * law.G * scale / q**2)
+    V_p = 0.0 if p == p_trial else 1 / law.K
+    scale_s, scale_densest = 0.0, 0.0
+    if q < q_trial:
+        scale = q / q_trial
+        scale_s, scale_densest = -1.5 * scale / q_trial**2, law.M * rate / q_trial
+    return 0, p, scale, k * np.exp(V), densest, work, 0.0, (V_p, 0.0, 0.0, 0.0, 0.0, scale_s, 0.0, scale_densest)
 
 
 @compiled
-def _return_to_curve(law, start, A, q_trial, k, densest, a, r):
-    """Return the results of `return_map` for p_trial = start + A, A != 0, outside a curved part."""
+def _return_to_curve(law, surface, p_trial, q_trial, k, densest, guess):
+    """Return the results of `return_map` for a trial state outside a curved part."""
+    a, _, start, r, rate = surface
+    distance = max(abs(p_trial - start), MIN_TRIAL_DISTANCE * a)
+    A = distance if p_trial >= start else -distance
     onset = np.log(densest / k) if law.flat else 0.0  # V at which hardening starts
-    iterations, V, y, a, h, m, scale, N, _ = _solve_multiplier(law, A, q_trial / law.M, densest, onset, a, r)
+    iterations, x, (V, y, a, h, m, scale, N, _) = _solve_multiplier(
+        law, (A, q_trial / law.M, densest, onset, a, r), guess
+    )
     k *= np.exp(V)
     densest = max(k, densest) if law.flat else k
     a = (hardening(law, densest)[0] + law.pt) / 2
@@ -310,15 +437,16 @@ def _return_to_curve(law, start, A, q_trial, k, densest, a, r):
     scale *= a / N
     q = q_trial * scale
     work = p * V + q * (q_trial - q) / (3 * law.G)
-    return iterations, p, scale, k, densest, work, _tangent_coefficients(law, y, a, h, m, r, q, scale)
+    hardens = not law.flat or onset < V
+    return iterations, p, scale, k, densest, work, x, _slopes(law, (y, a, h, m, scale), r, q, rate, hardens)
 
 
 @compiled
-def _solve_multiplier(law, A, d_trial, densest, onset, a_before, r):
-    """Return the iterations, more than MAX_ITERATIONS without convergence, and the results of `_evaluate` at x."""
-    low, high, x = 0.0, np.inf, 0.0
+def _solve_multiplier(law, trial, x):
+    """Return the iterations, more than MAX_ITERATIONS without convergence, x, and the results of `_evaluate` there."""
+    A, low, high = trial[0], 0.0, np.inf
     for iteration in range(MAX_ITERATIONS):
-        values = _evaluate(law, A, d_trial, densest, onset, a_before, r, x)
+        values = _evaluate(law, trial, x)
         V, y, a, h, _, _, N, dN = values
         residual = a / N - 1 if y * A > 0 else np.inf  # y has changed its sign
         if residual <= 1:
@@ -328,7 +456,7 @@ def _solve_multiplier(law, A, d_trial, densest, onset, a_before, r):
             next_x = law.K * inner / (A - law.K * inner) if residual < np.inf else -1.0
         stalled = min(abs(next_x - x), high - low) <= STEP_TOLERANCE * x
         if abs(residual) <= RESIDUAL_TOLERANCE or (stalled and abs(residual) <= RESIDUAL_ACCEPTED):
-            return iteration + 1, *values
+            return iteration + 1, x, values
         if residual < 0:
             low = x
         else:
@@ -337,25 +465,27 @@ def _solve_multiplier(law, A, d_trial, densest, onset, a_before, r):
         x = next_x if low < next_x < high else middle
         if x >= high:  # no number between the bounds
             x = low
-    return MAX_ITERATIONS + 1, *values
+    return MAX_ITERATIONS + 1, x, values
 
 
 @compiled
-def _evaluate(law, A, d_trial, densest, onset, a_before, r, x):
+def _evaluate(law, trial, x):
     """Return V, y, a, h = da/dV, m, q/q_trial, N = sqrt(d^2 + r y^2) with d = q/M, and dN/dV at x."""
+    A, d_trial, densest, onset, a_before, r = trial
     b, outer = 6 * law.G / law.M**2, 1 / (1 + x)
-    V = A * x * outer / law.K
+    V = A / law.K * (x * outer)
     rise, H = 0.0, 0.0
     if not law.flat or onset < V:
         rise, H = _pressure_rise(law, densest, V - onset)
     a, h = a_before + rise / 2, H / 2
     y, dy = A * outer - rise / 2, -law.K - h
-    inverse = 1 / (2 * r * y)
+    ry = r * y
+    inverse = 1 / (2 * ry)
     m = V * inverse
-    scale = 1 / (1 + b * m)
+    scale = 2 * ry / (2 * ry + b * V)  # 1/(1 + b m)
     d, dm = d_trial * scale, (1 - 2 * r * m * dy) * inverse
-    N = np.sqrt(d * d + r * y * y)
-    return V, y, a, h, m, scale, N, (r * y * dy - d * d * scale * b * dm) / N
+    N = np.sqrt(d * d + ry * y)
+    return V, y, a, h, m, scale, N, (ry * dy - d * d * scale * b * dm) / N
 
 
 @compiled
@@ -372,17 +502,30 @@ def _pressure_rise(law, k, V):
 
 
 @compiled
-def _tangent_coefficients(law, y, a, h, m, r, q, scale):
-    """Return the coefficients of the tangent: derivatives of p and q by the trial pair, from V = 2 m r y and f = 0."""
-    K, G, M2 = law.K, law.G, law.M**2
-    along = 1 + 2 * r * m * (K + h)
-    Q = 6 * G * q * q * scale / M2**2
-    D = along * Q + 2 * r * y * (a * h + r * y * (K + h))
-    cross = 6 * K * G * r * scale / (M2 * D)
-    return (
-        K * (1 - 2 * K * r * (r * y * y + m * Q) / D),
-        scale * G,
-        cross * y,
-        cross * (y - 2 * a * h * m),
-        -18 * G**2 * scale**2 * along / (M2**2 * D),
-    )
+def _slopes(law, solution, r, q, rate, hardens):
+    """Return the slopes of `return_map` by the implicit derivatives of V = 2 m r y and f = 0.
+
+    A change u of p_tr - p0 and the changes f' of f/2 and t of V - 2 m r y, both at constant V and m, cause the changes
+    V' = (2 r y f' + Q t)/D and m' = (along f' - E t)/D.
+    """
+    y, a, h, m, scale = solution
+    K, M2 = law.K, law.M**2
+    b = 6 * law.G / M2
+    along, E, Q = 1 + 2 * r * m * (K + h), r * y * (K + h) + a * h, b * (q / law.M) ** 2 * scale
+    D = along * Q + 2 * r * y * E
+    by_m = -scale * scale * b  # d scale/dm
+    # by the trial state: f' = r y p' + 1.5 (scale/M)^2 s', t = 2 m r p'
+    f_s = 1.5 * scale * scale / M2
+    V_p, V_s = 2 * r * (r * y * y + m * Q) / D, 2 * r * y * f_s / D
+    scale_p, scale_s = by_m * r * (y - 2 * m * a * h) / D, by_m * along * f_s / D
+    # by the logarithm of the density ratio that determines a
+    if hardens:
+        rate = h
+    if r == 1.0:  # c moves with a
+        f, t = -rate * (y + a), -2 * m * rate
+    else:  # r is proportional to a^2
+        f, t = rate * (r * y * y / a - a), 4 * m * r * y * rate / a
+    V_x, scale_x = (2 * r * y * f + Q * t) / D, by_m * (along * f - E * t) / D
+    if hardens:
+        return V_p, V_s, V_x, 0.0, scale_p, scale_s, scale_x, 0.0
+    return V_p, V_s, 0.0, V_x, scale_p, scale_s, 0.0, scale_x

@@ -4,12 +4,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from compact import quantities
 from compact.analysis.contact_cases import ContactRecord, contact_record, contact_to_json
 from compact.analysis.study import Study
-from compact.files import write_csv, write_figure, write_json, write_vtu_series
+from compact.files import write_columns, write_csv, write_figure, write_json, write_vtu_series
 from compact.rolling_contact import ContactResult
 
 CONTACT_FIELDS = ("speed", "load", "resistance", "coefficient", "leading", "trailing", "peak_pressure")
@@ -32,16 +30,8 @@ def write_contact_tables(study: Study, directory: Path) -> Iterator[Path]:
     ----------
     study : Study
         Study with a layered engine.
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
     """
-    length = study.scene.machine.roller_length
-    formulas = study.engineering
+    length, formulas = study.scene.machine.roller_length, study.engineering
     comparison = (formulas.roller_force / length, formulas.resistance_coefficient, float(study.exact.load))
     rows = [(*contact_row(contact), *comparison) for contact in study.contacts]
     yield write_csv(directory / "contact.csv", CONTACT_HEADER, rows)
@@ -51,10 +41,6 @@ def write_contact_tables(study: Study, directory: Path) -> Iterator[Path]:
 
 def contact_row(contact: ContactRecord) -> tuple[Any, ...]:
     """Return one contact in the columns of ENGINE_HEADER.
-
-    Parameters
-    ----------
-    contact : ContactRecord
 
     Returns
     -------
@@ -72,9 +58,8 @@ def _write_passes(passes: Sequence[tuple[float, Sequence[ContactResult]]], direc
 
     cases: list[tuple[float, int, Any]] = [
         (speed if number % 2 else -speed, number, contact)
-        for speed, contacts in passes
-        for number, contact in enumerate(contacts, start=1)
-    ]
+        for speed, contacts in passes for number, contact in enumerate(contacts, start=1)
+    ]  # fmt: skip
     yield write_csv(directory / "passes.csv", PASSES_HEADER, [
         (
             speed, number, c.load, c.resistance, c.resistance / c.load, c.indentation, c.exit_height,
@@ -88,12 +73,6 @@ def _write_passes(passes: Sequence[tuple[float, Sequence[ContactResult]]], direc
 
 def write_pressure_figure(study: Study, directory: Path) -> Path:
     """Draw the pressure along the contact at the mean speed, or at the nearest speed that was computed.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
 
     Returns
     -------
@@ -113,9 +92,6 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
 
     Parameters
     ----------
-    directory : Path
-        Directory of the results.
-    study : Study
     speed : float
         Speed of the roller [m/s].
     passes : sequence of ContactResult
@@ -124,8 +100,8 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     from compact.report.figures import contact as contact_figures
 
     first, engine = passes[0], study.scene.accuracy.engine
-    columns = np.column_stack([first.x, first.pressure, first.shear_traction]).tolist()
-    write_csv(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
+    columns = first.x, first.pressure, first.shear_traction
+    write_columns(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
     replaced = {"replaced": list(study.scene.replacements[engine])}
     write_json(directory / "contact.json", contact_to_json(contact_record(engine, speed, tuple(passes))) | replaced)
     write_figure(directory / "pressure.png", contact_figures.draw_pressure(first, study.exact, speed))
@@ -133,7 +109,13 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
         list(_write_passes([(speed, passes)], directory))
         write_figure(directory / "density.png", contact_figures.draw_density(passes))
     if study.engine.fields_module:
-        layers: list[tuple[Any, Any]] = [(study.engine.fields(first), first)]
-        frames = ((contact.speed, mesh) for mesh, contact in layers)
-        list(write_vtu_series(directory / "fields.pvd", "fields", "speed", frames))
-        write_figure(directory / "fields.png", contact_figures.draw_fields(layers))
+        list(write_fields(directory, [(study.engine.fields(first), first)]))
+
+
+def write_fields(directory: Path, layers: list[tuple[Any, Any]]) -> Iterator[Path]:
+    """Write the fields of contacts, pairs of mesh and result, as VTU files and as a figure; yield the paths."""
+    from compact.report.figures import contact as contact_figures
+
+    frames = ((contact.speed, mesh) for mesh, contact in layers)
+    yield from write_vtu_series(directory / "fields.pvd", "fields", "speed", frames)
+    yield write_figure(directory / "fields.png", contact_figures.draw_fields(layers))

@@ -14,7 +14,7 @@ from compact.quantities import ROLLER_MOTOR, column_names
 
 ELASTIC_HEADER = (
     "law", "peak_force_N", "rigid_peak_force_N", "dynamic_amplification", "peak_power_W", "rigid_peak_power_W",
-    "nonuniformity", "rigid_nonuniformity", "standing_s", "energy_residual", "arcs",
+    "nonuniformity", "rigid_nonuniformity", "stick_time_s", "energy_residual", "intervals",
 )  # fmt: skip
 MOTOR_HEADER = (
     "law", "period_s", "least_speed_rad/s", "largest_speed_rad/s", "fluctuation", "peak_motor_torque_Nm",
@@ -38,27 +38,15 @@ DRIVEN_ROLLER_HEADER = ("speed_m/s", "torque_Nm", "pull_N", "creep", "load_N")
 
 
 def write_drive_tables(study: Study, directory: Path) -> Iterator[Path]:
-    """Write the tables of the kind of drive of the scene.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
-    """
-    runs = study.runs.values()
-    if study.scene.drive.kind == "elastic":
+    """Write the tables of the kind of drive of the scene."""
+    runs, kind = study.runs.values(), study.scene.drive.kind
+    if kind == "elastic":
         yield write_csv(directory / "dynamic-amplification.csv", ELASTIC_HEADER, [_elastic_row(run) for run in runs])
-    if study.scene.drive.kind == "motor":
-        turned = [run for run in runs if hasattr(run, "motor_torque")]
-        yield write_csv(directory / "motor.csv", MOTOR_HEADER, [_motor_row(run) for run in turned])
+    if kind == "motor":
+        rows = [_motor_row(run) for run in runs if hasattr(run, "motor_torque")]
+        yield write_csv(directory / "motor.csv", MOTOR_HEADER, rows)
         yield from _write_start(study, directory)
-    if study.scene.drive.kind == "hydraulic":
+    if kind == "hydraulic":
         yield from _write_hydraulics(study, directory)
 
 
@@ -83,8 +71,8 @@ def _write_start(study: Study, directory: Path) -> Iterator[Path]:
     if study.drive_stage.motor_start is None:
         return
     law, start = study.drive_stage.motor_start
-    table = np.column_stack([start.time, start.angle, start.speed]).tolist()
-    yield write_csv(directory / f"run-up-{law}.csv", ("time_s", "angle_rad", "speed_rad/s"), table)
+    columns = start.time, start.angle, start.speed
+    yield write_columns(directory / f"run-up-{law}.csv", ("time_s", "angle_rad", "speed_rad/s"), columns)
 
 
 def roller_motor_columns(motor: RollerMotor, time: NDArray[np.float64]) -> tuple[tuple[str, ...], tuple[Any, ...]]:
@@ -92,7 +80,6 @@ def roller_motor_columns(motor: RollerMotor, time: NDArray[np.float64]) -> tuple
 
     Parameters
     ----------
-    motor : RollerMotor
     time : ndarray
         Times [s], shape (n,).
 
@@ -111,10 +98,6 @@ def roller_motor_columns(motor: RollerMotor, time: NDArray[np.float64]) -> tuple
 def roller_motor_numbers(study: Study) -> dict[str, dict[str, Any]]:
     """Collect the requirements of each law on the motors in the rollers.
 
-    Parameters
-    ----------
-    study : Study
-
     Returns
     -------
     dict of str to dict
@@ -125,19 +108,7 @@ def roller_motor_numbers(study: Study) -> dict[str, dict[str, Any]]:
 
 
 def write_roller_motors(study: Study, directory: Path) -> Iterator[Path]:
-    """Write roller-motors.csv and, where the contact model has a creepage, the response of a driven roller.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
-    """
+    """Write roller-motors.csv and, where the contact model has a creepage, the response of a driven roller."""
     header = ("law", *column_names(ROLLER_MOTOR), "lack")
     rows = [(law, *numbers.values()) for law, numbers in roller_motor_numbers(study).items()]
     yield write_csv(directory / "roller-motors.csv", header, rows)
@@ -154,13 +125,12 @@ def _write_hydraulics(study: Study, directory: Path) -> Iterator[Path]:
     yield write_csv(directory / "hydraulic.csv", HYDRAULIC_HEADER, [_hydraulic_row(run) for run in runs])
     for run in runs:
         columns = (run.time, *run.state[:2], *vars(run.valve_flow).values())
-        table = np.column_stack(columns).tolist()
-        yield write_csv(directory / "throttles" / f"{run.name}.csv", THROTTLE_HEADER, table)
+        yield write_columns(directory / "throttles" / f"{run.name}.csv", THROTTLE_HEADER, columns)
     if study.drive_stage.hydraulic_stroke is not None:
         run, stroke = study.drive_stage.hydraulic_stroke
         law = run.inverse_dynamics.cycle.forward.position(stroke.time)
         columns = (stroke.time, stroke.position, stroke.velocity, law, stroke.inlet_pressure, stroke.outlet_pressure)
-        yield write_csv(directory / f"passage-{run.name}.csv", STROKE_HEADER, np.column_stack(columns).tolist())
+        yield write_columns(directory / f"passage-{run.name}.csv", STROKE_HEADER, columns)
 
 
 def _hydraulic_row(run: Any) -> tuple[Any, ...]:

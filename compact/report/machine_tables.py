@@ -38,19 +38,7 @@ CRANK_HEADER = ("carts", "mean_power_W", "peak_power_W", "peak_over_mean", "peak
 
 
 def write_law_tables(study: Study, directory: Path) -> Iterator[Path]:
-    """Write formulas, mix, laws with their joins, and the cycle of every law.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
-    """
+    """Write formulas, mix, laws with their joins, and the cycle of every law."""
     formulas = [(name, n.value, n.unit, n.low, n.high, n.known_by) for name, n in study.numbers.items()]
     yield write_csv(directory / "engineering.csv", FORMULA_HEADER, formulas)
     mix = [(p.name, p.value, p.unit, p.low, p.high, p.flag, p.origin) for p in study.mix.parameters]
@@ -80,19 +68,7 @@ def _cycle_columns(run: Any) -> tuple[Any, ...]:
 
 
 def write_reactions(study: Study, directory: Path) -> Iterator[Path]:
-    """Write reactions.csv, the extremes of the guide-wheel reactions.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of the file.
-    """
+    """Write reactions.csv, the extremes of the guide-wheel reactions."""
     rows = []
     for name, run in study.runs.items():
         front, rear = run.state.forces.front_reaction, run.state.forces.rear_reaction
@@ -102,19 +78,7 @@ def write_reactions(study: Study, directory: Path) -> Iterator[Path]:
 
 
 def write_cams(study: Study, directory: Path) -> Iterator[Path]:
-    """Write cams.csv, the profiles of all cams, and the rotation of the rollers with the requirements on their motors.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
-    """
+    """Write cams.csv, the profiles of all cams, and the rotation of the rollers with the needs of their motors."""
     rows = []
     for (law, follower), cam in study.cams.items():
         least = study.least_breadths[law, follower]
@@ -133,37 +97,13 @@ def write_cams(study: Study, directory: Path) -> Iterator[Path]:
 
 
 def write_cam(path: Path, cam: Cam) -> Path:
-    """Write the profile of one cam as CSV.
-
-    Parameters
-    ----------
-    path : Path
-        File to write.
-    cam : Cam
-
-    Returns
-    -------
-    Path
-        The path of the file.
-    """
+    """Write the profile of one cam as CSV."""
     table = cam.table(CAM_POINTS)
     return write_csv(path, table.header, table.rows())
 
 
 def write_crank(study: Study, directory: Path) -> Iterator[Path]:
-    """Write crank.csv for 1 to 4 carts, and crank-turn.csv, one turn of the shaft of the scene.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
-    """
+    """Write crank.csv for 1 to 4 carts, and crank-turn.csv, one turn of the shaft of the scene."""
     rows = []
     for key, turn in study.turns.items():
         mean, peak = turn.mean(turn.power), turn.peak_power
@@ -172,5 +112,5 @@ def write_crank(study: Study, directory: Path) -> Iterator[Path]:
     turn = study.turns["scene"]
     names = [f"{name}_{i}" for i in range(1, len(turn.carts) + 1) for name in ("rod_force_N", "torque_Nm", "power_W")]
     columns = [column for cart in turn.carts for column in (cart.rod_force, cart.torque, cart.power)]
-    table = np.column_stack([turn.angle, turn.torque, turn.power, *columns]).tolist()
-    yield write_csv(directory / "crank-turn.csv", ("angle_rad", "torque_Nm", "power_W", *names), table)
+    columns = [turn.angle, turn.torque, turn.power, *columns]
+    yield write_columns(directory / "crank-turn.csv", ("angle_rad", "torque_Nm", "power_W", *names), columns)

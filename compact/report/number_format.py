@@ -28,10 +28,6 @@ def format_number(value: float | str | bool | None, digits: int = DIGITS) -> str
         Number; text is returned unchanged, None and nan as a dash.
     digits : int
         Significant digits.
-
-    Returns
-    -------
-    str
     """
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "–"
@@ -61,10 +57,6 @@ def format_quantity(value: float | None, unit: str, digits: int = DIGITS) -> str
     digits : int
         Significant digits.
 
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> format_quantity(203e3, "Pa"), format_quantity(0.05573, "m"), format_quantity(0.179, "1")
@@ -87,10 +79,6 @@ def format_column(values: Sequence[float | None], unit: str, digits: int = DIGIT
         SI unit in ASCII.
     digits : int
         Significant digits of the smallest value that is not negligible against the largest.
-
-    Returns
-    -------
-    list of str
 
     Examples
     --------
@@ -123,10 +111,6 @@ def format_percent(share: float, digits: int = 2) -> str:
         Share [-].
     digits : int
         Significant digits.
-
-    Returns
-    -------
-    str
     """
     if not math.isfinite(share):
         return "–"

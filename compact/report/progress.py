@@ -20,7 +20,6 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from threading import Timer
 from time import monotonic
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TextIO, TypeVar
 
 if TYPE_CHECKING:
@@ -101,10 +100,6 @@ class Progress:
 
         Parameters
         ----------
-        stage : str
-            Name of the stage.
-        cost : float
-            Cost of the stage.
         total : float, optional
             New cost of the whole job.
 
@@ -132,13 +127,7 @@ class Progress:
         self._finished += cost
 
     def report(self, detail: str) -> None:
-        """Show a line of text on the running stage; the callback of solvers.
-
-        Parameters
-        ----------
-        detail : str
-            Text.
-        """
+        """Show a line of text on the running stage; the callback of solvers."""
         self.detail = detail
 
     @property
@@ -151,10 +140,8 @@ class Progress:
         """Share of the work that is done [-], at most 1; None where the total is unknown."""
         if not self.total:
             return None
-        running = 0.0
-        if self._finished_at > 0:
-            speed = self._finished / self._finished_at
-            running = min(speed * (self.elapsed - self._finished_at), self._running)
+        speed = self._finished / self._finished_at if self._finished_at > 0 else 0.0
+        running = min(speed * (self.elapsed - self._finished_at), self._running)
         return min((self._finished + running) / self.total, 1.0)
 
     @property
@@ -173,9 +160,7 @@ class Progress:
             self._timer.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer.join()  # a line that is about to appear must exist before it is erased
@@ -215,10 +200,6 @@ def format_time(seconds: float) -> str:
     seconds : float
         Time [s].
 
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> format_time(82.4), format_time(3725)
@@ -244,11 +225,6 @@ def tracked(
         All items have about the same cost, so that the remaining time is estimated.
     **options
         Parameters of `Progress`.
-
-    Yields
-    ------
-    object
-        Each item.
     """
     cases = list(items)
     with Progress(total=len(cases) if alike else None, **options) as progress:
@@ -263,14 +239,8 @@ def spinning(stage: str, **options: Any) -> Iterator[Progress]:
 
     Parameters
     ----------
-    stage : str
-        Name of the stage.
     **options
         Parameters of `Progress`.
-
-    Yields
-    ------
-    Progress
     """
     with Progress(**options) as progress:
         progress.begin(stage)

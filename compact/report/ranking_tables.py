@@ -26,14 +26,6 @@ AGREEMENT_HEADER = (
 def comparison_places(study: Study, kind: str, by: str) -> dict[str, dict[str, Place]]:
     """Collect the places of each law by the engines of the comparison.
 
-    Parameters
-    ----------
-    study : Study
-    kind : str
-        Kind of drive.
-    by : str
-        Criterion.
-
     Returns
     -------
     dict of str to dict
@@ -43,40 +35,23 @@ def comparison_places(study: Study, kind: str, by: str) -> dict[str, dict[str, P
 
 
 def write_ranking_tables(study: Study, directory: Path) -> Iterator[Path]:
-    """Write ranking.csv, criteria.csv and, where engines are compared, agreement.csv and their contacts.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
-    """
+    """Write ranking.csv, criteria.csv and, where engines are compared, agreement.csv and their contacts."""
+    kind = study.scene.drive.kind
     yield write_csv(directory / "ranking.csv", RANKING_HEADER, [
         (
-            engine, kind, by, p.rank, p.law, p.value, CRITERIA[by].unit, p.margin, p.tie, _or_empty(p.error),
+            engine, moved_by, by, p.rank, p.law, p.value, CRITERIA[by].unit, p.margin, p.tie, _or_empty(p.error),
             _or_empty(p.resolved), p.reason,
         )
-        for engine, orders in study.places_by_engine.items() for kind, order in orders.items()
+        for engine, orders in study.places_by_engine.items() for moved_by, order in orders.items()
         for by, found in order.items() for p in found
     ])  # fmt: skip
     yield write_csv(directory / "criteria.csv", CRITERIA_HEADER, [
-        (
-            name, study.scene.drive.kind, by, value_of(run, by), criterion.unit,
-            _or_empty(criterion_error(study, run, by)),
-        )
+        (name, kind, by, value_of(run, by), criterion.unit, _or_empty(criterion_error(study, run, by)))
         for name, run in study.runs.items() for by, criterion in CRITERIA.items()
     ])  # fmt: skip
     if study.comparison:
         yield write_csv(directory / "agreement.csv", AGREEMENT_HEADER, [
-            (
-                a.engine, a.drive, a.other_engine, a.other_drive, a.by, a.agreement.tau, a.agreement.discordant_pairs,
-                a.agreement.resolved_discordant_pairs, a.agreement.pairs, a.first, a.other_first,
-            )
+            (a.engine, a.drive, a.other_engine, a.other_drive, a.by, *a.agreement, a.first, a.other_first)
             for a in study.agreements
         ])  # fmt: skip
     for name, other in study.comparison.items():
@@ -92,14 +67,6 @@ def _or_empty(value: Any) -> Any:
 def criterion_error(study: Study, run: Any, by: str) -> float | None:
     """Estimate the error of a criterion from the error of the resistance.
 
-    Parameters
-    ----------
-    study : Study
-    run : Run
-        Run of one law.
-    by : str
-        Criterion.
-
     Returns
     -------
     float or None
@@ -109,19 +76,7 @@ def criterion_error(study: Study, run: Any, by: str) -> float | None:
 
 
 def save_comparisons(study: Study, directory: Path) -> Iterator[Path]:
-    """Save contacts and resistance maps of the compared engines for the next run.
-
-    Parameters
-    ----------
-    study : Study
-    directory : Path
-        Directory of the results.
-
-    Yields
-    ------
-    Path
-        Path of each file.
-    """
+    """Save contacts and resistance maps of the compared engines for the next run."""
     for name, other in study.comparison.items():
         if other.contacts:
             found: tuple[Any, ...] = (other.contacts, other.held, other.second_pass, other.resistance)

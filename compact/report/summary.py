@@ -44,10 +44,6 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         A study whose results have been written.
     files : list of str
         Paths of its files, relative to the directory of the results.
-
-    Returns
-    -------
-    dict
     """
     scene = study.scene
     reach = study.mix.density_achievable
@@ -116,11 +112,11 @@ def _held(held: HeldQuantity | None) -> dict[str, Any] | None:
     if held is None:
         return None
     key, unit = HELD_KEYS[held.name]
-    return {
-        "quantity": held.name,
-        key: {"value": held.value, "unit": unit},
-        "found_at": {"value": held.speed, "unit": "m/s"},
-    }
+    return {"quantity": held.name, key: _number(held.value, unit), "found_at": _number(held.speed, "m/s")}
+
+
+def _number(value: float | None, unit: str) -> dict[str, Any]:
+    return {"value": value, "unit": unit}
 
 
 def _drive_resistance(study: Study) -> dict[str, Any]:
@@ -144,20 +140,17 @@ def _return_stroke(study: Study) -> dict[str, Any]:
     load, resistance = study.second_pass or (None, None)
     return {
         "over": study.scene.layer.return_stroke,
-        "second_pass_load": {"value": load, "unit": "1"},
-        "second_pass_resistance": {"value": resistance, "unit": "1"},
-        "energy": {over: {"value": energy, "unit": "J"} for over, energy in study.cycle_energies.items()},
+        "second_pass_load": _number(load, "1"),
+        "second_pass_resistance": _number(resistance, "1"),
+        "energy": {over: _number(energy, "J") for over, energy in study.cycle_energies.items()},
     }
 
 
 def _steady_forces(study: Study) -> dict[str, Any]:
     """Convert the forces on one cart at constant mean speed."""
     force, guides = (float(each[0]) for each in (study.steady.drive_force, study.steady.guide_friction))
-    return {
-        "drive_force": {"value": force, "unit": "N"},
-        "resistance": {"value": force - guides, "unit": "N"},
-        "guide_friction": {"value": guides, "unit": "N"},
-    }
+    forces = {"drive_force": force, "resistance": force - guides, "guide_friction": guides}
+    return {name: _number(value, "N") for name, value in forces.items()}
 
 
 def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
@@ -177,11 +170,10 @@ def _comparison(study: Study) -> dict[str, Any]:
             "contacts": [contact_to_json(contact) for contact in other.contacts],
             "held": _held(other.held),
             "resistance_error": other.error,
-            "roller_load": {"value": other.roller_load, "unit": "N"},
+            "roller_load": _number(other.roller_load, "N"),
             "rankings": {kind: _rankings(order) for kind, order in other.places.items()},
             "agreement": [
-                {"drive": each.drive, "criterion": each.by}
-                | each.agreement._asdict()
+                {"drive": each.drive, "criterion": each.by, **each.agreement._asdict()}
                 | {"first": each.first, "other_first": each.other_first}
                 for each in agreed
                 if each.other_engine == name
@@ -200,4 +192,6 @@ def _rankings(order: Mapping[str, Iterable[Place]]) -> dict[str, list[dict[str, 
 def _place(place: Place) -> dict[str, Any]:
     """Convert a place; `reason` is for infinite values only."""
     content = place._asdict() | {"tie": place.tie}
-    return content if place.reason else {name: content[name] for name in content if name != "reason"}
+    if not place.reason:
+        del content["reason"]
+    return content

@@ -2,9 +2,9 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,17 +27,17 @@ def write_sweep_report(directory: Path, table: "Dataset", sobol: SobolTable) -> 
 
     Parameters
     ----------
-    directory : Path
-        Directory of the results.
-    table : Dataset
-        Table of the sweep.
     sobol : dict
         Names of the inputs, and Sobol indices, by quantity.
     """
     from compact.report.figures import sweep as sweep_figures
 
     if sobol:
-        write_csv(directory / "sobol.csv", SOBOL_HEADER, list(_sobol_rows(sobol)))
+        write_csv(directory / "sobol.csv", SOBOL_HEADER, [
+            (quantity, name, *values, found.rows)
+            for quantity, (names, found) in sobol.items()
+            for name, *values in zip(names, *(getattr(found, field).tolist() for field in SOBOL_FIELDS), strict=True)
+        ])  # fmt: skip
         write_figure(directory / "sobol.png", sweep_figures.draw_sobol_indices(sobol))
     if not sweep_figures.varying_quantities(table):
         return
@@ -55,15 +55,8 @@ def sweep_digest(table: "Dataset", sobol: SobolTable) -> str:
 
     Parameters
     ----------
-    table : Dataset
-        Table of the sweep.
     sobol : dict
         Names of the inputs, and Sobol indices, by quantity.
-
-    Returns
-    -------
-    str
-        Lines of text.
     """
     failed = (table["reason"] != "").values
     lines = [f"{failed.size} points by {table.attrs['engine']}, {failed.sum()} without numbers"]
@@ -84,13 +77,6 @@ def sweep_digest(table: "Dataset", sobol: SobolTable) -> str:
         text = ", ".join(f"{name} {share:.2f} ({low:.2f} to {high:.2f})" for name, share, low, high in shares)
         lines.append(f"  variance of {quantity}, first order: {text}")
     return "\n".join(lines)
-
-
-def _sobol_rows(sobol: SobolTable) -> Iterator[tuple[Any, ...]]:
-    for quantity, (names, found) in sobol.items():
-        columns = np.array([getattr(found, name) for name in SOBOL_FIELDS])
-        for name, values in zip(names, columns.T.tolist(), strict=True):
-            yield (quantity, name, *values, found.rows)
 
 
 def _count_sentences(sentences: Iterable[str]) -> list[str]:

@@ -4,6 +4,7 @@ Numbers are in SI units with the unit in the text.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from textwrap import wrap
 from typing import Any
 
@@ -24,17 +25,7 @@ DIGEST_NUMBERS = ("capture_angle", "contact_length", "roller_force", "resistance
 
 
 def study_digest(study: Study) -> str:
-    """Summarise a study: contact, forces, and the laws by the first criteria.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    str
-        Lines of text.
-    """
+    """Summarise a study: contact, forces, and the laws by the first criteria."""
     lines = [study.scene.title or "untitled scene", ""]
     lines += [_number_line(name, study.numbers[name]) for name in DIGEST_NUMBERS]
     if short := coverage(study.scene, study.engineering):
@@ -44,9 +35,8 @@ def study_digest(study: Study) -> str:
         lines += _wrapped(sentence)
     if not study.mix.density_achievable:
         lines.append(f"  {study.mix.density_achievable.reason}")
-    for sentences in study.scene.replacements.values():
-        for sentence in sentences:
-            lines += _wrapped(sentence)
+    for sentence in chain(*study.scene.replacements.values()):
+        lines += _wrapped(sentence)
     lines += _ranking_lines(study)
     if study.laws_not_made:
         lines += ["", *(f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())]
@@ -59,16 +49,10 @@ def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) 
 
     Parameters
     ----------
-    study : Study
     speed : float
         Speed of the roller [m/s].
     passes : sequence of ContactResult
         Results of the passes in order.
-
-    Returns
-    -------
-    str
-        Lines of text.
     """
     first, engine = passes[0], study.scene.accuracy.engine
     length = study.scene.machine.roller_length
@@ -90,36 +74,19 @@ def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) 
 
 
 def cam_digest(law: str, cam: Cam) -> str:
-    """Summarise the dimensions of one cam.
-
-    Parameters
-    ----------
-    law : str
-        Name of the motion law.
-    cam : Cam
-
-    Returns
-    -------
-    str
-        Lines of text.
-    """
+    """Summarise the dimensions of one cam."""
     least = cam.least_breadth()
-    lines = [
+    return "\n".join([
         f"cam for {law}, {type(cam.follower).__name__}, breadth {cam.breadth:g} m{' UNDERCUT' * cam.undercut}",
         f"  least breadth                 {least.breadth:.6g} m: {least.rule}",
         f"  least radius of curvature     {cam.least_radius_of_curvature:.6g} m",
         f"  largest pressure angle        {np.degrees(cam.largest_pressure_angle):.2f} deg",
         f"  largest offset of the contact {cam.largest_contact_offset:.6g} m",
-    ]
-    return "\n".join(lines)
+    ])  # fmt: skip
 
 
 def held_sentence(study: Study) -> str:
     """State the quantity of the contact that is constant over speed.
-
-    Parameters
-    ----------
-    study : Study
 
     Returns
     -------
@@ -140,10 +107,6 @@ def held_sentence(study: Study) -> str:
 def return_sentence(study: Study) -> str:
     """State the mix under the return stroke, with the energy per cycle where both states are computed.
 
-    Parameters
-    ----------
-    study : Study
-
     Returns
     -------
     str
@@ -163,10 +126,6 @@ def return_sentence(study: Study) -> str:
 
 def guide_sentence(study: Study) -> str:
     """State the drive force at the mean speed, its guide friction, and the value of eq 1.9.
-
-    Parameters
-    ----------
-    study : Study
 
     Returns
     -------
@@ -228,10 +187,9 @@ def _agreement_lines(study: Study) -> Iterator[str]:
     for each in study.agreements if study.comparison else []:
         if each.by not in criteria:
             continue
+        case = f"{each.other_engine} and {each.engine}, {each.drive} drive"
         if each.other_engine == each.engine:
             case = f"{each.engine}, {each.other_drive} and {each.drive} drive"
-        else:
-            case = f"{each.other_engine} and {each.engine}, {each.drive} drive"
         found = each.agreement
         same = "same first law" if each.first == each.other_first else f"first {each.other_first}, not {each.first}"
         yield (
@@ -243,7 +201,7 @@ def _agreement_lines(study: Study) -> Iterator[str]:
 def _contact_rows(study: Study, contact: ContactResult) -> list[tuple[str, Any, Any, Any]]:
     """List (label, computed, by formula, exact) of one contact."""
     formulas, exact, length = study.engineering, study.exact, study.scene.machine.roller_length
-    resistance = formulas.roller_resistance
+    resistance, radius = formulas.roller_resistance, study.scene.machine.roller_radius
     return [
         ("load [N/m]", contact.load, formulas.roller_force / length, exact.load),
         ("  a roller [N]", contact.load * length, formulas.roller_force, exact.load * length),
@@ -251,12 +209,7 @@ def _contact_rows(study: Study, contact: ContactResult) -> list[tuple[str, Any, 
         ("  a roller [N]", contact.resistance * length, resistance, np.nan),
         ("resistance/load", contact.resistance / contact.load, formulas.resistance_coefficient, np.nan),
         ("contact length [m]", contact.leading - contact.trailing, formulas.contact_length, exact.contact_length),
-        (
-            "leading edge [m]",
-            contact.leading,
-            study.scene.machine.roller_radius * np.sin(formulas.capture_angle),
-            exact.leading,
-        ),
+        ("leading edge [m]", contact.leading, radius * np.sin(formulas.capture_angle), exact.leading),
         ("peak pressure [Pa]", contact.peak_pressure, formulas.pressure, exact.peak_pressure),
     ]
 

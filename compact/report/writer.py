@@ -8,7 +8,7 @@ import numpy as np
 
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Executor, SerialExecutor
-from compact.files import claimed_directory, render_png, write_bytes, write_figure, write_json, write_vtu_series
+from compact.files import claimed_directory, render_png, write_bytes, write_json
 from compact.report import contact_tables, drive_tables, machine_tables, ranking_tables
 from compact.report.summary import study_summary, versions
 
@@ -20,7 +20,6 @@ def write_study(
 
     Parameters
     ----------
-    study : Study
     directory : Path or str
         Directory of the results; it is created where it is missing.
     force : bool
@@ -61,16 +60,11 @@ def write_study(
 
 
 def _write_fields(study: Study, directory: Path) -> Iterator[Path]:
-    standing = study.standing(directory, "fields.pvd", "fields/", "fields.png")
-    yield from standing
-    if not standing:
-        from compact.report.figures import contact as contact_figures
-
-        layers: list[tuple[Any, Any]] = study.fields
-        frames = ((contact.speed, mesh) for mesh, contact in layers)
-        yield from write_vtu_series(directory / "fields.pvd", "fields", "speed", frames)
+    if standing := study.standing(directory, "fields.pvd", "fields/", "fields.png"):
+        yield from standing
+    else:
+        yield from contact_tables.write_fields(directory, study.fields)
         study.count("figures")
-        yield write_figure(directory / "fields.png", contact_figures.draw_fields(study.fields))
 
 
 WRITERS: dict[str, Callable[[Study, Path], Iterator[Path]]] = {  # of items that need no engine of the comparison
@@ -111,38 +105,29 @@ def _draw(study: Study) -> dict[str, bytes]:
 
 def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
     """List the figures of a study: function and results by name."""
-    from compact.report.figures import (
-        contact as contact_figures,
-    )
-    from compact.report.figures import (
-        motion as figures,
-    )
-    from compact.report.figures import (
-        ranking as ranking_figures,
-    )
+    from compact.report.figures import contact, motion, ranking
 
     items, places = study.scene.output.items, study.places[study.scene.drive.kind]
     found: dict[str, tuple[Any, ...]] = {
-        "kinematics": (figures.draw_kinematics, study.cycles),
-        "drive": (figures.draw_drive, study.runs),
+        "kinematics": (motion.draw_kinematics, study.cycles),
+        "drive": (motion.draw_drive, study.runs),
     }
     if "reactions" in items:
-        names = dict.fromkeys(
-            [study.drive_stage.best_law, *(name for name, run in study.runs.items() if run.state.rod_tangent.any())]
-        )
-        found["reactions"] = (figures.draw_reactions, study.runs, list(names))
+        by_rod = (name for name, run in study.runs.items() if run.state.rod_tangent.any())
+        names = list(dict.fromkeys([study.drive_stage.best_law, *by_rod]))
+        found["reactions"] = (motion.draw_reactions, study.runs, names)
     if "cams" in items:
-        found["cams"] = (figures.draw_cams, study.cams, list(study.cycles), "roller")
+        found["cams"] = (motion.draw_cams, study.cams, list(study.cycles), "roller")
     if "crank" in items:
-        found["crank"] = (figures.draw_crank_turns, study.turns)
+        found["crank"] = (motion.draw_crank_turns, study.turns)
     if study.layered:
         peaks = [cycle.forward.peaks().acceleration for cycle in study.cycles.values()]
         resistances: dict[str, Any] = {study.scene.accuracy.engine: study.resistance}
         resistances |= {name: other.resistance for name, other in study.comparison.items()}
-        found["contact"] = (contact_figures.draw_loads, study.contacts)
-        found["resistance"] = (contact_figures.draw_resistance, study.resistance_map, float(np.median(peaks)))
-        found["resistances"] = (ranking_figures.draw_resistances, resistances)
-        found["engines"] = (ranking_figures.draw_engines, study.places_by_engine)
+        found["contact"] = (contact.draw_loads, study.contacts)
+        found["resistance"] = (contact.draw_resistance, study.resistance_map, float(np.median(peaks)))
+        found["resistances"] = (ranking.draw_resistances, resistances)
+        found["engines"] = (ranking.draw_engines, study.places_by_engine)
     comparisons = {by: ranking_tables.comparison_places(study, study.scene.drive.kind, by) for by in places}
-    found["ranking"] = (ranking_figures.draw_rankings, places, comparisons)
+    found["ranking"] = (ranking.draw_rankings, places, comparisons)
     return found

@@ -7,7 +7,7 @@ optional key is None.
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -51,7 +51,6 @@ def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[
 
     Parameters
     ----------
-    rules : iterable of Rule
     data : mapping
         Nested tables of a scene.
     refused : iterable of Mistake
@@ -63,13 +62,9 @@ def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[
         One for each violated rule, at its first key.
     """
     out = {mistake.key for mistake in refused}
-    found = []
-    for rule in rules:
-        if rule.involves(out):
-            continue
-        if sentence := rule.broken(*(_value(data, path) for path in rule.paths)):
-            found.append(Mistake(rule.paths[0], sentence))
-    return found
+    evaluated = [rule for rule in rules if not rule.involves(out)]
+    said = ((rule.paths[0], rule.broken(*(_value(data, path) for path in rule.paths))) for rule in evaluated)
+    return [Mistake(key, sentence) for key, sentence in said if sentence]
 
 
 def tables_exist(source: Source) -> Rule:
@@ -190,9 +185,8 @@ def _torque_turns_a_roller(torque, rolling):
 @_rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine")
 def _driven_roller_has_a_torque(torque, rolling, engine):
     if torque is None and rolling == "driven" and engine in TORQUE_ENGINES:
-        return (
-            f'is missing, and the engine "{engine}" rolls a "driven" roller by it; give the torque on one roller in N m'
-        )
+        words = f'the engine "{engine}" rolls a "driven" roller by it'
+        return f"is missing, and {words}; give the torque on one roller in N m"
 
 
 @_rule("contact.speeds")
@@ -205,8 +199,7 @@ def _speeds_rise(speeds):
 def _bounds_of_a_cam_have_a_cam(optimise, cam):
     if optimise and cam is None:
         bounds = "pressure_angle", "radius_of_curvature", "profile_radius"
-        given = [key for key in bounds if optimise.get(key) is not None]
-        if given:
+        if given := [key for key in bounds if optimise.get(key) is not None]:
             return f"bounds {' and '.join(given)} of a cam, and the table [cam] is missing; give it, or take them out"
 
 
@@ -240,27 +233,23 @@ def _one_angle_per_cart(angles, carts):
 def _spring_belongs_to_an_elastic_drive(kind, stiffness, damping, backlash, added_mass):
     given = {"stiffness": stiffness, "damping": damping, "backlash": backlash, "include_added_mass": added_mass}
     if kind == "elastic":
-        missing = [name for name in ("stiffness", "damping") if given[name] is None]
-        if missing:
+        if missing := [name for name in ("stiffness", "damping") if given[name] is None]:
             return f'"elastic" needs drive.{" and drive.".join(missing)}, got none; give N/m and N s/m'
     elif strange := [name for name, value in given.items() if value is not None]:
         return f'"{kind}" has no {", ".join(strange)}; take it out, or choose "elastic"'
 
 
-@_rule("drive.kind", "drive.motor")
-def _motor_belongs_to_a_motor_drive(kind, motor):
-    if kind == "motor" and motor is None:
-        return '"motor" needs the table [drive.motor], got none; give its curve, gear and inertias'
-    if kind != "motor" and motor is not None:
-        return f'"{kind}" has no motor; take the table [drive.motor] out, or choose "motor"'
+def _table_belongs_to_its_drive(own, table, content, kind, given):
+    if kind == own and given is None:
+        return f'"{own}" needs the table [drive.{table}], got none; give its {content}'
+    if kind != own and given is not None:
+        return f'"{kind}" has no {table}; take the table [drive.{table}] out, or choose "{own}"'
 
 
-@_rule("drive.kind", "drive.hydraulics")
-def _cylinders_belong_to_a_hydraulic_drive(kind, hydraulics):
-    if kind == "hydraulic" and hydraulics is None:
-        return '"hydraulic" needs the table [drive.hydraulics], got none; give its cylinders, pump and oil'
-    if kind != "hydraulic" and hydraulics is not None:
-        return f'"{kind}" has no hydraulics; take the table [drive.hydraulics] out, or choose "hydraulic"'
+_rule("drive.kind", "drive.motor")(partial(_table_belongs_to_its_drive, "motor", "motor", "curve, gear and inertias"))
+_rule("drive.kind", "drive.hydraulics")(
+    partial(_table_belongs_to_its_drive, "hydraulic", "hydraulics", "cylinders, pump and oil")
+)
 
 
 @_rule("drive.end_springs.length", "motion.stroke")
@@ -317,8 +306,7 @@ def _cam_is_broader_than_the_stroke(breadth, stroke):
 
 
 def _no_duplicates(names):
-    repeated = sorted({name for name in names or () if list(names).count(name) > 1})
-    if repeated:
+    if repeated := sorted({name for name in names or () if list(names).count(name) > 1}):
         return f"must not repeat an entry, got {', '.join(map(repr, repeated))} more than once; keep one of each"
 
 
@@ -358,8 +346,7 @@ def _torque_is_heeded(torque, rolling, engine):
 
 
 def _missing(tables, folder):
-    missing = [name for name in tables if not _is_file(folder / name)]
-    if missing:
+    if missing := [name for name in tables if not _is_file(folder / name)]:
         names = ", ".join(map(repr, missing))
         return f"no such file: {names} under {str(folder)!r}; give CSV files relative to the scene file"
 

@@ -40,8 +40,6 @@ class Limit:
 
     Parameters
     ----------
-    key : str
-        Key path.
     taken : tuple
         Accepted values; the first replaces all others.
     why : str
@@ -61,6 +59,11 @@ class Limit:
     fixed: bool = False
     late: bool = False
 
+    def value_in(self, scene: Any) -> Any:
+        """Return the value of the key in a scene; None where its table is absent."""
+        table, key = self.key.split(".")
+        return getattr(getattr(scene, table), key, None)
+
     def takes(self, value: object, friction: float | None) -> bool:
         """Return True if the engine accepts a value.
 
@@ -77,6 +80,7 @@ class Limit:
 _ONE_MODULUS = Limit("layer.plies", (None,), "it has one modulus for the whole layer")
 _ONE_PASS = Limit("layer.passes", (1,), "an elastic layer keeps no trace of a pass")
 _FRESH = Limit("layer.return_stroke", ("fresh",), "it compacts no mix that the return stroke could roll over")
+_RECOVERS = (_ONE_PASS, _FRESH)
 _ONE_MIX = Limit("layer.plies", (None,), "its layer is of one mix")
 
 LIMITS: dict[str, tuple[Limit, ...]] = {
@@ -84,8 +88,7 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
         Limit("machine.gap_geometry", ("parabola",), "half-plane theory has no other gap", fixed=True),
         Limit("contact.indentation", (None,), "the depth of a contact on a half-plane is not defined", late=True),
         _ONE_MODULUS,
-        _ONE_PASS,
-        _FRESH,
+        *_RECOVERS,
     ),
     "column": (
         Limit("machine.gap_geometry", ("circle", "parabola"), "columns move vertically only", fixed=True),
@@ -98,26 +101,18 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
     "spectral": (
         Limit("machine.gap_geometry", ("circle", "parabola"), "its gap is measured on the undeformed surface"),
         Limit(
-            "machine.roller_condition",
-            ("frictionless", "sliding", "driven"),
-            "its rollers have no friction or slip everywhere",
-            smooth=("free",),
+            "machine.roller_condition", ("frictionless", "sliding", "driven"),
+            "its rollers have no friction or slip everywhere", smooth=("free",),
         ),
-        _ONE_PASS,
-        _FRESH,
+        *_RECOVERS,
     ),
-    "fem": (_ONE_PASS, _FRESH),
+    "fem": _RECOVERS,
     "compaction": (_ONE_MIX,),
-}
+}  # fmt: skip
 
 
 def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
     """Replace the values that an engine does not accept by the nearest accepted ones.
-
-    Parameters
-    ----------
-    scene : Scene
-    engine : name of a contact engine
 
     Returns
     -------
@@ -128,11 +123,11 @@ def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
     """
     friction, sentences = scene.mix.overrides.steel_friction, []
     for limit in LIMITS[engine]:
-        table, key = limit.key.split(".")
-        value = getattr(getattr(scene, table), key, None)
+        value = limit.value_in(scene)
         if limit.takes(value, friction) or (scene.is_set(limit.key) and not limit.fixed):
             continue
         sentences.append(replaced(engine, limit, value))
+        table, key = limit.key.split(".")
         part = getattr(scene, table).model_copy(update={key: limit.taken[0]})
         scene = scene.model_copy(update={table: part})
     return scene, tuple(sentences)

@@ -44,8 +44,6 @@ class Mistake:
 
     Parameters
     ----------
-    key : tuple of str
-        Key path.
     sentence : str
         Rule, given value and remedy.
     entry : str
@@ -124,7 +122,6 @@ def field_mistakes(error: ValidationError, scene: type[BaseModel]) -> list[Mista
 
     Parameters
     ----------
-    error : ValidationError
     scene : type
         Class of the scene model.
 
@@ -134,14 +131,9 @@ def field_mistakes(error: ValidationError, scene: type[BaseModel]) -> list[Mista
         One for each refused field.
     """
     errors = error.errors(include_url=False)
-    inner = [part["loc"] for part in errors]
     # pydantic also reports a list as too short if one of its entries is refused; the entry suffices
-    apart = [part for part in errors if not any(_inside(loc, part["loc"]) for loc in inner)]
-    return [_field_mistake(part, scene) for part in apart]
-
-
-def _inside(loc, outer):
-    return len(loc) > len(outer) and loc[: len(outer)] == outer
+    outer = {part["loc"][:length] for part in errors for length in range(len(part["loc"]))}
+    return [_field_mistake(part, scene) for part in errors if part["loc"] not in outer]
 
 
 def _field_mistake(error, scene):

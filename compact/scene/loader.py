@@ -18,37 +18,12 @@ from typing import Any
 
 from pydantic import Field, PrivateAttr, ValidationError
 
-from compact.scene import plausible_ranges
+from compact.scene import errors, plausible_ranges, schema
 from compact.scene.constraints import ADVICE, RULES, Rule, sentences, tables_exist
 from compact.scene.engine_capabilities import LIMITS, adapt, replaced
-from compact.scene.errors import (
-    Mistake,
-    SceneError,
-    Source,
-    field_mistakes,
-    key_lines,
-    key_remarks,
-    syntax_sentence,
-    undecodable_sentence,
-    unreadable_sentence,
-)
+from compact.scene.errors import Mistake, SceneError, Source
 from compact.scene.former_names import current_key, current_path, current_tables, current_value
-from compact.scene.schema import (
-    LAW_NAMES,
-    Accuracy,
-    Cam,
-    Compare,
-    Contact,
-    Drive,
-    Layer,
-    Machine,
-    Mix,
-    Motion,
-    Names,
-    Output,
-    Product,
-    Table,
-)
+from compact.scene.schema import LAW_NAMES, Names, Table
 
 __all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "read_change", "starter_scene"]
 
@@ -58,17 +33,17 @@ class Scene(Table):
 
     title: str = Field(default="", description="a title in quotes")
     unusual: Names = Field(default=(), description="keys whose values are meant as given, though implausible")
-    machine: Machine
-    product: Product
-    mix: Mix
-    layer: Layer
-    motion: Motion
-    drive: Drive
-    cam: Cam | None = None
-    contact: Contact | None = None
-    accuracy: Accuracy
-    compare: Compare | None = None
-    output: Output
+    machine: schema.Machine
+    product: schema.Product
+    mix: schema.Mix
+    layer: schema.Layer
+    motion: schema.Motion
+    drive: schema.Drive
+    cam: schema.Cam | None = None
+    contact: schema.Contact | None = None
+    accuracy: schema.Accuracy
+    compare: schema.Compare | None = None
+    output: schema.Output
     _source: Source = PrivateAttr(default_factory=Source)
 
     @property
@@ -135,12 +110,10 @@ class Scene(Table):
 
     def _left_out(self, engine: str) -> Iterator[str]:
         """Yield sentences on the keys that the formulas neglect where they are compared with another engine."""
-        if engine == "formula" != self.accuracy.engine:
-            for limit in LIMITS[engine]:
-                table, key = limit.key.split(".")
-                value = getattr(getattr(self, table), key, None)
-                if not limit.fixed and value not in limit.taken:
-                    yield replaced(engine, limit, value)
+        for limit in LIMITS[engine] if engine == "formula" != self.accuracy.engine else ():
+            value = limit.value_in(self)
+            if not limit.fixed and value not in limit.taken:
+                yield replaced(engine, limit, value)
 
     @property
     def advice(self) -> tuple[str, ...]:
@@ -188,8 +161,7 @@ class Scene(Table):
         --------
         scene.replaced(**{"mix.moisture": 0.11, "mix.overrides.effective_modulus": None})
         """
-        keys = [current_key(tuple(key.split("."))) for key in changes]
-        rules = [rule for rule in _rules(self._source) if rule.involves(keys)]  # the others hold as they did
+        rules = _involving(changes, _rules(self._source))  # the others hold as they did
         return _checked(self._given(), self._source, changes, rules)
 
     def require_fields(self, **changes: object) -> None:
@@ -202,10 +174,7 @@ class Scene(Table):
         """
         data = self._given()
         source, mistakes = _validated(data, self._source, changes)[1:]
-        keys = [current_key(tuple(key.split("."))) for key in changes]
-        mistakes += sentences(
-            [rule for rule in plausible_ranges.REFUSALS if rule.involves(keys)], data, refused=mistakes
-        )
+        mistakes += sentences(_involving(changes, plausible_ranges.REFUSALS), data, refused=mistakes)
         if mistakes:
             raise SceneError(source.report(mistakes))
 
@@ -219,14 +188,8 @@ def load_scene(path: str | Path, /, **changes: object) -> Scene:
 
     Parameters
     ----------
-    path : str or Path
-        Scene file.
     **changes : object
         Values by key path that replace keys of the file, as in `Scene.replaced`.
-
-    Returns
-    -------
-    Scene
 
     Raises
     ------
@@ -236,7 +199,7 @@ def load_scene(path: str | Path, /, **changes: object) -> Scene:
     try:
         text = _bytes(path).decode("utf-8")
     except UnicodeDecodeError as error:
-        raise SceneError([f"{path}:{undecodable_sentence(error)}"]) from None
+        raise SceneError([f"{path}:{errors.undecodable_sentence(error)}"]) from None
     return _parsed(text, str(path), changes)
 
 
@@ -245,7 +208,6 @@ def parse_scene(text: str, file: str = "<text>") -> Scene:
 
     Parameters
     ----------
-    text : str
     file : str
         File name for messages; law tables are searched in its folder.
     """
@@ -272,7 +234,7 @@ def _bytes(path: str | Path) -> bytes:
     try:
         return Path(path).read_bytes()
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
-        raise SceneError([f"{path}: {unreadable_sentence(path, error)}"]) from None
+        raise SceneError([f"{path}: {errors.unreadable_sentence(path, error)}"]) from None
 
 
 def _parsed(text: str, file: str, changes: Mapping[str, object]) -> Scene:
@@ -281,8 +243,8 @@ def _parsed(text: str, file: str, changes: Mapping[str, object]) -> Scene:
     try:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: also an integer of thousands of digits
-        raise SceneError([f"{file}:{syntax_sentence(error, text)}"]) from None
-    source = current_tables(data, Source(file, key_lines(text), remarks=key_remarks(text)))
+        raise SceneError([f"{file}:{errors.syntax_sentence(error, text)}"]) from None
+    source = current_tables(data, Source(file, errors.key_lines(text), remarks=errors.key_remarks(text)))
     if isinstance(data.get("unusual"), list):
         data["unusual"] = [current_path(key) if isinstance(key, str) else key for key in data["unusual"]]
     return _checked(data, source, changes, _rules(source))
@@ -307,6 +269,12 @@ def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, objec
 
 def _rules(source: Source) -> tuple[Rule, ...]:
     return (*RULES, *plausible_ranges.REFUSALS, tables_exist(source))
+
+
+def _involving(changes: Iterable[str], rules: Iterable[Rule]) -> list[Rule]:
+    """Return the rules that involve changed keys."""
+    keys = [current_key(tuple(key.split("."))) for key in changes]
+    return [rule for rule in rules if rule.involves(keys)]
 
 
 def _checked(data: dict[str, Any], source: Source, changes: Mapping[str, object], rules: Iterable[Rule]) -> Scene:
@@ -344,7 +312,7 @@ def _validated(
     try:
         return Scene.model_validate(data), source, mistakes
     except ValidationError as error:
-        return None, source, mistakes + field_mistakes(error, Scene)
+        return None, source, mistakes + errors.field_mistakes(error, Scene)
 
 
 def _change(data: dict[str, Any], key: tuple[str, ...], value: object) -> list[Mistake]:

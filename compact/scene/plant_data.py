@@ -69,7 +69,6 @@ class Measured:
 
     Parameters
     ----------
-    measurements : tuple of Measurement
     assumptions : dict
         (low, high) of scene keys without a measurement.
     """
@@ -91,14 +90,6 @@ def _moved(measurement, name, value):
 
 def read_measurements(path: str | Path) -> Measured:
     """Read measurements from a TOML or CSV file.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    Measured
 
     Raises
     ------

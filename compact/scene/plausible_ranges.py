@@ -8,9 +8,12 @@ Ranges of [mix.overrides] follow from the prior (`mix`): from the lowest low to 
 whole table of moisture and density ratio, widened by `WIDENED` both ways for mixes outside that table.
 """
 
+import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cache, partial
+from importlib.resources import files
 from itertools import product
 
 from compact.material.mix import prior, table_nodes
@@ -30,7 +33,6 @@ class Range:
     ----------
     low, high : float
         Bounds in `unit`.
-    unit : str
     reason : str
         Origin of the range, for messages.
     """
@@ -65,83 +67,16 @@ OTHER_UNITS = {  # unit of the scene -> (other unit, its size in that of the sce
     "kg/m3": (("g/cm3", 1e3), ("kg/L", 1e3)),
 }
 
-_CART = "forming carts weigh from tens of kilograms to tens of tonnes"
-_CART_SIZE = "carts are metres long"
-_ROLLER = "rollers of forming machines and of road rollers"
-_WHEEL = "guide wheels, from those of instruments to those of cranes"
-_PRODUCT = "precast products"
-_STROKE = "strokes of forming machines"
-_DRIVE = "drives of machines"
-_HYDRAULICS = "industrial hydraulics"
-_CAM = "cams of machines"
-_BOUND = "motions of machines"
 
-RANGES: dict[str, Range] = {
-    "machine.mass": Range(10.0, 1e5, "kg", _CART),
-    "machine.weight": Range(100.0, 1e6, "N", _CART),
-    "machine.roller_radius": Range(0.01, 1.5, "m", _ROLLER),
-    "machine.roller_length": Range(0.05, 5.0, "m", _ROLLER),
-    "machine.roller_positions": Range(1e-3, 10.0, "m", _CART_SIZE),
-    "machine.guide_positions": Range(1e-3, 10.0, "m", _CART_SIZE),
-    "machine.pin_position": Range(1e-3, 10.0, "m", _CART_SIZE),
-    "machine.pin_height": Range(1e-3, 5.0, "m", _CART_SIZE),
-    "machine.guide_wheel_diameter": Range(0.005, 1.0, "m", _WHEEL),
-    "machine.journal_diameter": Range(0.002, 0.5, "m", _WHEEL),
-    "machine.rolling_arm": Range(1e-5, 0.01, "m", "0.0005 m for steel on steel, some millimetres for rubber"),
-    "machine.rib_factor": Range(1.0, 5.0, "1", "ribs rub no more than the wheels resist a few times"),
-    "machine.feeder_sleeve": Range(0.005, 2.0, "m", "sleeves of feeders"),
-    "machine.overlap": Range(5e-4, 0.5, "m", "a part of the roller"),
-    "machine.pressure_nonuniformity": Range(0.2, 5.0, "1", "1 for even pressure"),
-    "machine.roller_torque": Range(1e-3, 1e4, "N m", "a load of tonnes at the friction limit of a roller"),
-    "product.height": Range(0.01, 2.0, "m", _PRODUCT),
-    "product.width": Range(0.02, 20.0, "m", _PRODUCT),
-    "mix.reference_speed": Range(1e-3, 5.0, "m/s", "speeds of rolling"),
-    "layer.lift_thickness": Range(0.005, 2.0, "m", _PRODUCT),
-    "layer.passes": Range(1, 100, "1", "mix keeps its density after some tens of passes"),
-    "motion.stroke": Range(0.02, 20.0, "m", _STROKE),
-    "motion.duration": Range(0.02, 600.0, "s", _STROKE),
-    "motion.dwell": Range(1e-3, 3600.0, "s", _STROKE),
-    "motion.rod_length": Range(0.02, 40.0, "m", "rods of a stroke of up to 20 m"),
-    "motion.optimise.velocity": Range(1e-3, 10.0, "m/s", _BOUND),
-    "motion.optimise.acceleration": Range(1e-3, 1e3, "m/s2", _BOUND),
-    "motion.optimise.jerk": Range(1e-3, 1e5, "m/s3", _BOUND),
-    "motion.optimise.snap": Range(1e-3, 1e7, "m/s4", _BOUND),
-    "motion.optimise.radius_of_curvature": Range(1e-3, 10.0, "m", _CAM),
-    "motion.optimise.profile_radius": Range(1e-3, 10.0, "m", _CAM),
-    "drive.stiffness": Range(1e3, 1e10, "N/m", "from a soft belt to a short steel bar"),
-    "drive.damping": Range(1.0, 1e8, "N s/m", _DRIVE),
-    "drive.backlash": Range(1e-6, 0.05, "m", "play of couplings and gears"),
-    "drive.angles": Range(1e-3, 6.3, "rad", "one turn"),
-    "drive.motor.torque": Range(1e-2, 1e5, "N m", _DRIVE),
-    "drive.motor.speed": Range(1.0, 2000.0, "rad/s", _DRIVE),
-    "drive.motor.inertia": Range(1e-6, 1e3, "kg m2", _DRIVE),
-    "drive.motor.gear_ratio": Range(0.01, 1e4, "1", _DRIVE),
-    "drive.motor.flywheel_inertia": Range(1e-5, 1e5, "kg m2", _DRIVE),
-    "drive.motor.belt.pulley_radius": Range(0.01, 2.0, "m", "pulleys"),
-    "drive.motor.belt.stiffness": Range(1e3, 1e8, "N", "flat belts and V-belts"),
-    "drive.motor.belt.preload": Range(1.0, 1e6, "N", "flat belts and V-belts"),
-    "drive.hydraulics.piston_area": Range(1e-5, 1.0, "m2", _HYDRAULICS),
-    "drive.hydraulics.supply_pressure": Range(1e5, 1e8, "Pa", _HYDRAULICS),
-    "drive.hydraulics.pump_flow": Range(1e-6, 0.1, "m3/s", _HYDRAULICS),
-    "drive.hydraulics.valve_area": Range(1e-8, 1e-2, "m2", _HYDRAULICS),
-    "drive.hydraulics.oil_density": Range(500.0, 2000.0, "kg/m3", "oils, water and glycols"),
-    "drive.hydraulics.transition_drop": Range(1.0, 1e6, "Pa", _HYDRAULICS),
-    "drive.hydraulics.bulk_modulus": Range(1e8, 5e9, "Pa", "oil with its air"),
-    "drive.hydraulics.dead_volume": Range(1e-7, 0.1, "m3", _HYDRAULICS),
-    "drive.end_springs.stiffness": Range(10.0, 1e9, "N/m", "springs and bumpers"),
-    "drive.end_springs.preload": Range(0.1, 1e6, "N", "springs and bumpers"),
-    "drive.end_springs.length": Range(1e-3, 5.0, "m", "springs and bumpers"),
-    "cam.breadth": Range(0.02, 10.0, "m", _CAM),
-    "cam.roller_follower_radius": Range(1e-3, 0.5, "m", _CAM),
-    "cam.bore": Range(1e-3, 1.0, "m", _CAM),
-    "contact.indentation": Range(1e-5, 0.5, "m", "a part of the product"),
-    "contact.load": Range(10.0, 1e6, "N", _CART),
-    "contact.peak_pressure": Range(1e3, 1e7, "Pa", "rolling presses with kilopascals to some megapascals"),
-    "contact.speeds": Range(1e-4, 5.0, "m/s", "speeds of rolling"),
-    "accuracy.tolerance": Range(1e-5, 0.2, "1", "engines estimate errors from about 1e-5 up"),
-}
+def _read_ranges() -> dict[str, Range]:
+    text = (files("compact") / "data" / "plausible_ranges.csv").read_text("utf-8")
+    lines = csv.DictReader(text.splitlines())
+    return {each["key"]: Range(float(each["low"]), float(each["high"]), each["unit"], each["reason"]) for each in lines}
+
+
+RANGES = _read_ranges()
 PLIES = {  # of one ply in layer.plies
-    "thickness": Range(1e-3, 2.0, "m", _PRODUCT),
+    "thickness": Range(1e-3, 2.0, "m", "precast products"),
     "relative_modulus": Range(1e-3, 1e3, "1", "moduli over those of the mix"),
 }
 MEAN_SPEED = Range(1e-3, 5.0, "m/s", "mean speeds of forming machines, motion.stroke over motion.duration")
@@ -164,11 +99,6 @@ def range_of(key: str) -> Range:
 def compared_keys() -> tuple[str, ...]:
     """Return the keys that have a range."""
     return (*RANGES, "layer.plies", *(f"mix.overrides.{name}" for name in Overrides.model_fields))
-
-
-def insisted_keys() -> tuple[str, ...]:
-    """Return the keys that `unusual` may name: keys with a range, and the density, which "compaction" estimates."""
-    return (*compared_keys(), "mix.density_ratio")
 
 
 def is_outside(value: float, found: Range, times: float = 1.0) -> bool:
@@ -223,9 +153,8 @@ def _of_values(say, key, found, value, unusual):
     """Return the sentence of `say` on a value, or on the first entry of a list that has one."""
     if value is None or key in (unusual or ()):
         return None
-    return next(
-        filter(None, (say(key, each, found) for each in (value if isinstance(value, tuple) else (value,)))), None
-    )
+    said = (say(key, each, found) for each in (value if isinstance(value, tuple) else (value,)))
+    return next(filter(None, said), None)
 
 
 def _of_key(say, key, value, unusual):
@@ -248,11 +177,9 @@ def _of_mean_speed(say, duration, stroke, unusual):
 
 
 def _unusual_names_keys(unusual):
-    unknown = [key for key in unusual or () if key not in insisted_keys()]
-    if unknown:
-        from difflib import get_close_matches
-
-        near = get_close_matches(unknown[0], insisted_keys(), n=1)
+    known = (*compared_keys(), "mix.density_ratio")  # which "compaction" estimates
+    if unknown := [key for key in unusual or () if key not in known]:
+        near = get_close_matches(unknown[0], known, n=1)
         remedy = f"did you mean '{near[0]}'?" if near else "give key paths such as mix.overrides.heckel_slope"
         return f"holds '{unknown[0]}', which is no key with a plausible range; {remedy}"
 

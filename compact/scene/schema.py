@@ -65,6 +65,10 @@ def _optional(meaning: str, **bounds: Any) -> Any:
     return Field(default=None, description=meaning, **(bounds or {"gt": 0}))
 
 
+def _default(value: Any, meaning: str) -> Any:
+    return Field(default=value, description=meaning)
+
+
 class Table(BaseModel):
     """Base of all tables: immutable, strict types, finite numbers, no unknown keys."""
 
@@ -96,11 +100,11 @@ class Machine(Table):
     overlap: float = _nonnegative("the overlap b_n of neighbouring rollers' strips in m (eqs 1.2, 1.3)")
     pressure_nonuniformity: float = _positive("the factor k2 for uneven pressure along the arc, 1 for even (eq 1.6)")
     one_sided: bool = Field(description="true for contact on the front half only (rival reading of eq 1.6), else false")
-    roller_condition: RollerCondition = Field(default="free", description="how the roller turns")
-    roller_torque: float | None = Field(
-        default=None, description="the torque on one roller in N m, + driving it the way it travels, - braking it"
+    roller_condition: RollerCondition = _default("free", "how the roller turns")
+    roller_torque: float | None = _default(
+        None, "the torque on one roller in N m, + driving it the way it travels, - braking it"
     )
-    gap_geometry: GapGeometry = Field(default="deformed", description="where the gap is measured")
+    gap_geometry: GapGeometry = _default("deformed", "where the gap is measured")
 
 
 class Product(Table):
@@ -183,12 +187,8 @@ class Optimise(Table):
         "the least radius of curvature of the profile of a cam for rollers in m, convex or hollow; 0 for no undercut",
         ge=0,
     )
-    spread: Spreads = Field(
-        default=(), description="the parameters of the mix over whose spread the regret is minimised"
-    )
-    method: Literal["steps", "casadi"] | None = Field(
-        default=None, description="without effect, accepted for one release"
-    )
+    spread: Spreads = _default((), "the parameters of the mix over whose spread the regret is minimised")
+    method: Literal["steps", "casadi"] | None = _default(None, "without effect, accepted for one release")
 
     @field_validator("method")
     @classmethod
@@ -214,7 +214,7 @@ class Motion(Table):
     acceleration_weight: float = _nonnegative("the weight of the acceleration term in the complex law")
     dwell: float = _nonnegative("the dwell at each end in s")
     rod_length: float | None = _optional("the length of the connecting rod in m")
-    tables: Names = Field(default=(), description="CSV files of own laws, relative to the scene file")
+    tables: Names = _default((), "CSV files of own laws, relative to the scene file")
     optimise: Optimise | None = None
 
 
@@ -270,12 +270,11 @@ class Drive(Table):
     stiffness: float | None = _optional("the stiffness of an elastic drive in N/m")
     damping: float | None = _optional("the damping of an elastic drive in N s/m, 0 for none", ge=0)
     backlash: float | None = _optional("the backlash of an elastic drive in m", ge=0)
-    include_added_mass: bool | None = Field(
-        default=None,
-        description="true if the resistance of an elastic drive includes the added mass, F + a M, else false",
+    include_added_mass: bool | None = _default(
+        None, "true if the resistance of an elastic drive includes the added mass, F + a M, else false"
     )
     carts: int = _between(1, 4, "the number of carts on one shaft")
-    angles: Numbers | None = Field(default=None, description="the crank angle of each cart in rad")
+    angles: Numbers | None = _default(None, "the crank angle of each cart in rad")
     motor: Motor | None = None
     hydraulics: Hydraulics | None = None
     end_springs: EndSpringTable | None = None
@@ -299,12 +298,12 @@ class Contact(Table):
     indentation: float | None = _optional(f"the depth of the roller below the undisturbed surface in m {TOUCHES}")
     load: float | None = _optional(f"the normal force on one roller in N {TOUCHES}")
     peak_pressure: float | None = _optional(f"the largest contact pressure in Pa {TOUCHES}")
-    held: HeldQuantity | None = Field(
-        default=None,
-        description="the quantity held constant over speed; default a prescribed load or peak pressure, else the "
-        "height of the roller",
+    held: HeldQuantity | None = _default(
+        None,
+        "the quantity held constant over speed; default a prescribed load or peak pressure, else the height of the "
+        "roller",
     )
-    speeds: Numbers | None = Field(default=None, description="the speeds of the computed contacts in m/s")
+    speeds: Numbers | None = _default(None, "the speeds of the computed contacts in m/s")
 
 
 class Accuracy(Table):
@@ -317,11 +316,11 @@ class Accuracy(Table):
 class Given(Table):
     """Keys that replace those of the scene for one engine of the comparison."""
 
-    machine: Keys | None = Field(default=None, description="keys of [machine]")
-    mix: Keys | None = Field(default=None, description="keys of [mix]")
-    layer: Keys | None = Field(default=None, description="keys of [layer]")
-    contact: Keys | None = Field(default=None, description="keys of [contact]")
-    accuracy: Keys | None = Field(default=None, description="keys of [accuracy]")
+    machine: Keys | None = _default(None, "keys of [machine]")
+    mix: Keys | None = _default(None, "keys of [mix]")
+    layer: Keys | None = _default(None, "keys of [layer]")
+    contact: Keys | None = _default(None, "keys of [contact]")
+    accuracy: Keys | None = _default(None, "keys of [accuracy]")
 
 
 class Compare(Table):

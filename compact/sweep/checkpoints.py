@@ -21,10 +21,6 @@ Points = dict[str, Any]  # results of one point by name
 class Store:
     """Checkpoints in a directory.
 
-    Parameters
-    ----------
-    directory : Path or str
-
     Attributes
     ----------
     broken : list of str

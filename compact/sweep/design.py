@@ -39,7 +39,6 @@ class Axis:
 
     Parameters
     ----------
-    key : str
     values : tuple
         Numbers or words, distinct.
     """
@@ -75,21 +74,11 @@ class Sampled:
 
 
 def read_design(text: str) -> Axis | Sampled:
-    """Parse KEY=VALUES.
-
-    Parameters
-    ----------
-    text : str
-
-    Returns
-    -------
-    Axis or Sampled
-    """
+    """Parse KEY=VALUES."""
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (key and equals and values):
-        raise ValueError(
-            f"--vary takes KEY=LOW:HIGH:N, KEY=A,B,C or KEY=~N, such as mix.moisture=0.08:0.12:5, got {text!r}"
-        )
+        forms = "KEY=LOW:HIGH:N, KEY=A,B,C or KEY=~N, such as mix.moisture=0.08:0.12:5"
+        raise ValueError(f"--vary takes {forms}, got {text!r}")
     key = current_path(key)
     if values.startswith("~"):
         return Sampled(key, _whole(key, values[1:]))
@@ -143,7 +132,6 @@ class Design:
 
     Parameters
     ----------
-    axes : tuple of Axis
     names : tuple of str
         Sampled parameters of the mix.
     shares : NDArray, shape (rows, names)
@@ -175,14 +163,8 @@ def design(scene: Scene, varied: Sequence[Axis | Sampled], indices: bool = False
 
     Parameters
     ----------
-    scene : Scene
-    varied : sequence of Axis or Sampled
     indices : bool
         Whether the sample has the rows for Sobol indices.
-
-    Returns
-    -------
-    Design
 
     Raises
     ------
@@ -217,9 +199,14 @@ def _require_keys(keys: Sequence[str]) -> None:
             raise ValueError(f"--vary {key}: decides no number; vary another key")
 
 
+def varied_engines(scene: Scene, axes: Sequence[Axis]) -> tuple[str, ...]:
+    """Return the engines of a sweep: those of an axis, else that of the scene."""
+    return next((axis.values for axis in axes if axis.key == "accuracy.engine"), (scene.accuracy.engine,))
+
+
 def _sampled_names(scene: Scene, axes: Sequence[Axis], samples: Sequence[Sampled]) -> tuple[str, ...]:
     """Return the parameters of the mix to be sampled, in the order of the table."""
-    engines = next((axis.values for axis in axes if axis.key == "accuracy.engine"), (scene.accuracy.engine,))
+    engines = varied_engines(scene, axes)
     counted = {name for engine in engines for name in ENGINES[engine].mix_parameters}
     if scene.mix.reference_speed and any(ENGINES[engine].compacting for engine in engines):
         counted.add("rate_exponent")
@@ -236,9 +223,8 @@ def _sampled_names(scene: Scene, axes: Sequence[Axis], samples: Sequence[Sampled
                 raise SceneError([f"{sample.key}: is given, so it has no spread to sample; delete the value"])
             names.add(name)
         else:
-            raise SceneError(
-                [f"{sample.key}: only mix.overrides and its keys have a spread to sample; give a grid or a list"]
-            )
+            words = "only mix.overrides and its keys have a spread to sample; give a grid or a list"
+            raise SceneError([f"{sample.key}: {words}"])
     return tuple(name for name in mix.PARAMETER_NAMES if name in names)
 
 
@@ -250,10 +236,7 @@ def _rows(names: tuple[str, ...], count: int, indices: bool) -> tuple[NDArray[np
         return qmc.Sobol(len(names), seed=SEED).random(count), ("A",) * count
     both = qmc.Sobol(2 * len(names), seed=SEED).random(count)
     first, second = both[:, : len(names)], both[:, len(names) :]
-    mixed = []
-    for i in range(len(names)):
-        mixed.append(first.copy())
-        mixed[-1][:, i] = second[:, i]
+    mixed = [np.where(np.arange(len(names)) == i, second, first) for i in range(len(names))]
     parts = [part for part in ("A", "B", *names) for _ in range(count)]
     return np.concatenate([first, second, *mixed]), tuple(parts)
 
@@ -263,7 +246,6 @@ def scene_at(scene: Scene, changes: Mapping[str, Any], shares: Mapping[str, floa
 
     Parameters
     ----------
-    scene : Scene
     changes : mapping
         Scene keys.
     shares : mapping

@@ -45,10 +45,6 @@ MAX_TEXT_LENGTH = 400  # characters of a reason
 def ranking_variables(criteria: Sequence[str]) -> tuple[dict[str, Quantity], dict[str, str]]:
     """Return the further variables of a sweep with rankings.
 
-    Parameters
-    ----------
-    criteria : sequence of str
-
     Returns
     -------
     numbers : dict of str to Quantity
@@ -67,7 +63,6 @@ def headline(
 
     Parameters
     ----------
-    scene : Scene
     rank : bool
         Whether the laws are ranked.
     initial_guess : ContactResult, optional
@@ -87,7 +82,9 @@ def headline(
         contact = initial_guess
         try:
             study = Study(scene)
-            found |= _of_mix(study.mix)
+            found["required_pressure"] = float(study.mix.required_pressure)
+            found["saturation"] = float(study.mix.saturation)
+            found["not_reachable"] = study.mix.density_achievable.reason
             numbers, contact = _computed(study, rank, initial_guess)
             found |= numbers
         except Exception as error:  # a failed point does not stop a sweep
@@ -100,38 +97,24 @@ def headline(
 def reason(error: Exception) -> str:
     """Describe an error; unexpected errors are marked as internal.
 
-    Parameters
-    ----------
-    error : Exception
-
     Returns
     -------
     str
         At most MAX_TEXT_LENGTH characters.
     """
-    if isinstance(error, MemoryError):
-        return memory_sentence(error)[:MAX_TEXT_LENGTH]
-    if is_numeric(error):
-        return numeric_sentence(error)[:MAX_TEXT_LENGTH]
     message = "; ".join(error.mistakes) if isinstance(error, SceneError) else str(error)
-    expected = isinstance(error, ValueError | RuntimeError) and message
-    return (message if expected else f"internal error, please report it: {type(error).__name__}: {message}")[
-        :MAX_TEXT_LENGTH
-    ]
-
-
-def _of_mix(mix: Mix) -> Results:
-    return {
-        "required_pressure": float(mix.required_pressure),
-        "saturation": float(mix.saturation),
-        "not_reachable": mix.density_achievable.reason,
-    }
+    if isinstance(error, MemoryError):
+        message = memory_sentence(error)
+    elif is_numeric(error):
+        message = numeric_sentence(error)
+    elif not (isinstance(error, ValueError | RuntimeError) and message):
+        message = f"internal error, please report it: {type(error).__name__}: {message}"
+    return message[:MAX_TEXT_LENGTH]
 
 
 def _computed(study: Study, rank: bool, initial_guess: ContactResult | None) -> tuple[Results, ContactResult | None]:
     """Return the results of the contact at the mean speed, and the contact; None for the formulas."""
-    scene = study.scene
-    speed = scene.mean_speed
+    scene, speed = study.scene, study.scene.mean_speed
     if not study.layered:
         contact, found = None, _of_formulas(study)
     else:

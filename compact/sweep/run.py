@@ -34,14 +34,14 @@ from compact.rolling_contact import ContactResult
 from compact.scene.errors import table_of
 from compact.scene.loader import Scene
 from compact.sweep.checkpoints import Store
-from compact.sweep.design import Axis, Sampled, design, scene_at
+from compact.sweep.design import Axis, Sampled, design, scene_at, varied_engines
 from compact.sweep.point import WORDS, Results, headline, ranking_variables, reason, versions
 
 if TYPE_CHECKING:
     import xarray
 
 LINE = 8  # neighbours of an engine with continuation from one computation from scratch to the next
-FAST_POINTS = 100  # points per task of an engine whose contacts cost less than a ranking
+POINTS_PER_RANKING = 100  # [-], points without a ranking in the time of one ranking
 _ONE_AT_A_TIME = threading.Lock()  # in threads of a cluster, as BLAS threads and warnings are global to a process
 POINTS = "points"  # directory of the checkpoints, in that of the results
 
@@ -59,7 +59,6 @@ class Task:
 
     Parameters
     ----------
-    scene : Scene
     points : tuple
         Key, changes and shares of each point.
     rank : bool
@@ -79,10 +78,6 @@ class Task:
 
 def compute(task: Task) -> dict[str, Results]:
     """Compute the points of a task.
-
-    Parameters
-    ----------
-    task : Task
 
     Returns
     -------
@@ -116,10 +111,7 @@ def _point(
 
 
 def _require_versions(required: dict[str, str], here: dict[str, str]) -> None:
-    differing = [
-        f"{name} {here.get(name)} for {required[name]}" for name in required if here.get(name) != required[name]
-    ]
-    if differing:
+    if differing := [f"{name} {here.get(name)} for {v}" for name, v in required.items() if here.get(name) != v]:
         raise RuntimeError(
             f"a worker has other versions than the command: {', '.join(differing)}; the results would not be the "
             "same, install the same on both"
@@ -131,7 +123,6 @@ class Sweep:
 
     Parameters
     ----------
-    scene : Scene
     varied : sequence of Axis or Sampled
         Of `design.read_design`.
     rank : bool
@@ -152,8 +143,7 @@ class Sweep:
     ) -> None:
         self.scene, self.rank = scene, rank
         self.design = design(scene, varied, indices)
-        engines = [axis.values for axis in self.design.axes if axis.key == "accuracy.engine"]
-        self.engines = engines[0] if engines else (scene.accuracy.engine,)
+        self.engines = varied_engines(scene, self.design.axes)
         self.computed = 0
         self.broken: tuple[str, ...] = ()
 
@@ -180,8 +170,6 @@ class Sweep:
 
         Parameters
         ----------
-        directory : Path or str
-            Directory of the results.
         executor : Executor
             Of `analysis.worker_pool`.
         resume : bool
@@ -190,10 +178,6 @@ class Sweep:
             Whether existing checkpoints are deleted.
         step : callable
             Called with the numbers of new points and of failures among them.
-
-        Returns
-        -------
-        xarray.Dataset
 
         Raises
         ------
@@ -219,12 +203,13 @@ class Sweep:
         self.broken = tuple(store.broken)
         if force:
             store.clear()
-        elif known and not resume:
+            return {}
+        if known and not resume:
             raise ResultsError(
                 f"{store.directory.parent}: holds {len(known)} points of this scene; --resume uses them, "
                 "--force computes all again"
             )
-        return {} if force else known
+        return known
 
     def _kept(
         self, store: Store, task: Task, outcome: Any, points: dict[str, Results], step: Step
@@ -253,16 +238,12 @@ class Sweep:
     def _tasks(self, keyed: list[KeyedPoint], known: dict[str, Results]) -> list[Task]:
         """Return the tasks of the missing points; a line of neighbours is computed as a whole."""
         if self.chained:
-            last = self.design.shape[-1]
-            rows = [keyed[start : start + last] for start in range(0, len(keyed), last)]
-            groups = [row[start : start + LINE] for row in rows for start in range(0, last, LINE)]
-            groups = [group for group in groups if any(key not in known for key, *_ in group)]
+            lines = [line for row in _parts(keyed, self.design.shape[-1]) for line in _parts(row, LINE)]
+            groups = [line for line in lines if any(key not in known for key, *_ in line)]
         else:
-            missing = [point for point in keyed if point[0] not in known]
             size = min(ENGINES[engine].points_per_task for engine in self.engines)
-            size = 1 if self.rank and size < FAST_POINTS else size
-            size = max(1, size // 100) if self.rank else size
-            groups = [missing[start : start + size] for start in range(0, len(missing), size)]
+            size = max(1, size // POINTS_PER_RANKING) if self.rank else size
+            groups = _parts([point for point in keyed if point[0] not in known], size)
         return [Task(self.scene, tuple(group), self.rank, self.chained, versions()) for group in groups]
 
     def _table(self, points: list[Results]) -> "xarray.Dataset":
@@ -270,10 +251,8 @@ class Sweep:
         import xarray
 
         shape, names = self.design.shape, self._dimensions()
-        numbers, words = dict(SWEEP_POINT), dict(WORDS)
-        if self.rank:
-            more_numbers, more_words = ranking_variables(self.scene.drive.rank_by)
-            numbers, words = numbers | more_numbers, words | more_words
+        ranked, best_laws = ranking_variables(self.scene.drive.rank_by if self.rank else ())
+        numbers, words = SWEEP_POINT | ranked, WORDS | best_laws
         for name in self.design.names:
             origin = mix.PARAMETER_SOURCES[name]
             numbers[name] = Quantity(name.replace("_", " "), origin.unit, definition=f"sampled: {origin.words}")
@@ -289,18 +268,16 @@ class Sweep:
     def _dimensions(self) -> tuple[str, ...]:
         """Return the names of the axes: the last part of the key, or the whole key if that is ambiguous."""
         last = [axis.key.rpartition(".")[2] for axis in self.design.axes]
-        names = [
-            name
-            if last.count(name) == 1 and name not in SWEEP_POINT and name != "sample"
-            else axis.key.replace(".", "_")
-            for name, axis in zip(last, self.design.axes, strict=True)
-        ]
-        return (*names, "sample") if self.design.names else tuple(names)
+        ambiguous = {name for name in last if last.count(name) > 1} | {*SWEEP_POINT, "sample"}
+        keys = zip(last, self.design.axes, strict=True)
+        names = tuple(axis.key.replace(".", "_") if name in ambiguous else name for name, axis in keys)
+        return (*names, "sample") if self.design.names else names
 
     def _coordinates(self, names: tuple[str, ...]) -> dict[str, Any]:
         coordinates: dict[str, Any] = {}
         for name, axis in zip(names, self.design.axes, strict=False):
-            values = np.array(axis.values, dtype=None if _are_numbers(axis.values) else object)
+            numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in axis.values)
+            values = np.array(axis.values, dtype=None if numbers else object)
             coordinates[name] = (name, values, {"key": axis.key, "long_name": _meaning(axis.key)})
         if self.design.names:
             coordinates["part"] = ("sample", np.array(self.design.parts, dtype=object))
@@ -319,12 +296,13 @@ class Sweep:
         }
 
 
+def _parts(points: list[KeyedPoint], size: int) -> list[list[KeyedPoint]]:
+    """Return successive parts of a size, the last one shorter."""
+    return [points[start : start + size] for start in range(0, len(points), size)]
+
+
 def _failures(points: dict[str, Results]) -> int:
     return sum(bool(found.get("reason")) for found in points.values())
-
-
-def _are_numbers(values: Sequence[Any]) -> bool:
-    return all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
 
 
 def _meaning(key: str) -> str:
@@ -345,14 +323,5 @@ def _import_netcdf() -> None:
 
 
 def read_sweep(path: Path | str) -> "xarray.Dataset":
-    """Read the table of a sweep.nc.
-
-    Parameters
-    ----------
-    path : Path or str
-
-    Returns
-    -------
-    xarray.Dataset
-    """
+    """Read the table of a sweep.nc."""
     return read_netcdf(path, NETCDF_HDF5)

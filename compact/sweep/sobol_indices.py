@@ -69,10 +69,6 @@ def indices(at_first: ArrayLike, at_second: ArrayLike, at_mixed: ArrayLike) -> I
     at_mixed : array_like, shape (inputs, n)
         Values f_AB.
 
-    Returns
-    -------
-    Indices
-
     Raises
     ------
     ValueError
@@ -113,11 +109,6 @@ def _estimate(f_A: NDArray[np.float64], f_B: NDArray[np.float64], f_AB: NDArray[
 
 def of_table(table: "xarray.Dataset") -> SobolTable:
     """Estimate the indices of each of QUANTITIES of a sweep.
-
-    Parameters
-    ----------
-    table : xarray.Dataset
-        Table of the sweep.
 
     Returns
     -------

@@ -33,13 +33,7 @@ FREE_BREADTH = ("cubic", "quintic", "septic", "complex", "reversal-2")
 
 
 def peak_numbers() -> dict[str, float]:
-    """Compute peak acceleration [m/s2] and jerk [m/s3] of the laws of D ch. 5, with the readings behind the print.
-
-    Returns
-    -------
-    dict of str to float
-        Values by row name.
-    """
+    """Compute peak acceleration [m/s2] and jerk [m/s3] of the laws of D ch. 5, with the readings behind the print."""
     found: dict[str, float] = {}
     for name in PRINTED_LAWS:
         largest = law(name, STROKE, DURATION).peaks()
@@ -62,13 +56,9 @@ def _coarse_readings() -> dict[str, float]:
 
 def _wrong_closures() -> dict[str, float]:
     """Scale the peaks to a steady speed at which the law misses the stroke."""
-    cases = {
-        "combined-3": COARSE_SPEED,
-        "reversal-3-free-acceleration": PRINTED_B_SPEED,
-        "reversal-4-free-acceleration": PRINTED_B_SPEED,
-    }
     found = {}
-    for name, speed in cases.items():
+    for name in ("combined-3", "reversal-3-free-acceleration", "reversal-4-free-acceleration"):
+        speed = COARSE_SPEED if name == "combined-3" else PRINTED_B_SPEED
         scale, largest = speed / _unit(name).peaks().velocity, law(name, STROKE, DURATION).peaks()
         found[f"{name}_acceleration_scaled"] = scale * largest.acceleration
         found[f"{name}_jerk_scaled"] = scale * largest.jerk
@@ -128,21 +118,18 @@ def _run_up_of_b() -> Polynomial:
 
 
 def _defects_of_printed_b() -> dict[str, float]:
-    steps = [join.after - join.before for join in printed_law_of_b().discontinuities() if join.order == 1]
-    return {
-        "b_closure": PRINTED_B_SPEED * (_run_up_of_b()(1.0) / 3 + 2 / 3),
-        "b_velocity_step": np.abs(steps).max(),
-    }
+    closure = PRINTED_B_SPEED * (_run_up_of_b()(1.0) / 3 + 2 / 3)
+    return {"b_closure": closure, "b_velocity_step": _velocity_step(printed_law_of_b())}
+
+
+def _velocity_step(motion: MotionProfile | Cycle) -> float:
+    return max(abs(join.after - join.before) for join in motion.discontinuities() if join.order == 1)
 
 
 def _energies() -> dict[str, float]:
-    cubic, quintic = _unit("cubic"), _unit("quintic")
-    return {
-        "cubic_energy": cubic.criterion(1),
-        "quintic_energy": quintic.criterion(1),
-        "cubic_peak_energy": cubic.peaks().velocity ** 2,
-        "quintic_peak_energy": quintic.peaks().velocity ** 2,
-    }
+    laws = {name: _unit(name) for name in ("cubic", "quintic")}
+    energies = {f"{name}_energy": each.criterion(1) for name, each in laws.items()}
+    return energies | {f"{name}_peak_energy": each.peaks().velocity ** 2 for name, each in laws.items()}
 
 
 def _jumps_at_the_turn() -> dict[str, float]:
@@ -207,15 +194,14 @@ def _profile_of_a() -> dict[str, float]:
 
 
 def _profiles_of_b() -> dict[str, float]:
-    cam = Cam(Cycle(_unit(B)), breadth=2.0, follower=Pointed())
-    steps = [join.after - join.before for join in printed_law_of_b().cycle().discontinuities() if join.order == 1]
-    printed = Cam(printed_law_of_b().cycle(), breadth=2 * STROKE, follower=Pointed())
+    cam, cycle = Cam(Cycle(_unit(B)), breadth=2.0, follower=Pointed()), printed_law_of_b().cycle()
+    printed = Cam(cycle, breadth=2 * STROKE, follower=Pointed())
     return {
         "b_breadth": _breadth(cam),
-        "b41_start": cam.radius(np.pi) - 1.0,
+        "b41_start": float(cam.radius(np.pi)) - 1.0,
         "b_printed_breadth": _breadth(printed),
         "b_kinks": len(printed.corner_angles),
-        "b_kink": np.abs(steps).max() * DURATION / np.pi / STROKE,
+        "b_kink": _velocity_step(cycle) * DURATION / np.pi / STROKE,
     }
 
 

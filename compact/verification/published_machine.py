@@ -7,7 +7,6 @@ with the print.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,8 +29,6 @@ class PublishedMachine:
 
     Parameters
     ----------
-    cart : Cart
-    crank : Crank
     angular_speed : float
         Speed of the crankshaft [rad/s].
     roller_reaction, interaction_force : float
@@ -62,39 +59,21 @@ class PublishedMachine:
 # Source C; feeder_sleeve and overlap are unpublished and chosen so that 3 rollers satisfy (1.2), (1.3) and the stroke.
 PUBLISHED_MACHINE = PublishedMachine(
     cart=Cart(
-        mass=1000.0,
-        weight=10e3,
-        roller_positions=(0.27, -0.27),
-        roller_reactions=(9740.0, 9740.0),
-        guide_positions=(0.37, -0.37),
-        pin_position=0.65,
-        pin_height=0.1,
-        roller_radius=0.11,
-        guide_wheel_diameter=0.046,
-        guide_friction=0.008,
+        mass=1000.0, weight=10e3, roller_positions=(0.27, -0.27), roller_reactions=(9740.0, 9740.0),
+        guide_positions=(0.37, -0.37), pin_position=0.65, pin_height=0.1, roller_radius=0.11,
+        guide_wheel_diameter=0.046, guide_friction=0.008,
     ),
     crank=Crank(radius=0.2, rod_length=0.8),
-    angular_speed=10.5,
-    roller_reaction=9740.0,
-    interaction_force=7962.0,
-    moving_force=3562.0,
-    rollers=2,
-    width=1.164,
-    height=0.22,
-    feeder_sleeve=0.18,
-    overlap=0.012,
-)
+    angular_speed=10.5, roller_reaction=9740.0, interaction_force=7962.0, moving_force=3562.0, rollers=2,
+    width=1.164, height=0.22, feeder_sleeve=0.18, overlap=0.012,
+)  # fmt: skip
 # Operating point of (1.4)-(1.10): prior of the mix at moisture content 0.10, density ratio 0.98, not published.
 PRESSURE, MODULUS, POISSON, STEEL_FRICTION = 0.203e6, 0.75e6, 0.3, 0.35  # [Pa], [Pa], [-], [-]
 ROLLER_LENGTH = 1.164  # [m], assumed; no source states it, pressures and moduli scale with its inverse
 ROLLER_FRICTION = 0.12 + 0.05  # [-], f2 + f3 of (1.8)
 GUIDES = {  # arguments of (1.9) [-], [m]
-    "bearing_friction": 0.05,
-    "journal_diameter": 0.02,
-    "rolling_arm": 5e-4,
-    "wheel_diameter": 0.046,
-    "rib_factor": 1.5,
-}
+    "bearing_friction": 0.05, "journal_diameter": 0.02, "rolling_arm": 5e-4, "wheel_diameter": 0.046, "rib_factor": 1.5,
+}  # fmt: skip
 VELOCITY = 0.16  # [m/s], of (1.10)
 PRINTED_MEAN_POWER, PRINTED_SUM_OVER_MEAN = 4738.8, 21872.2 / 18993.8  # [W] of a cart, [-] of four carts; C
 
@@ -142,10 +121,9 @@ def _chain(friction: float, modulus: float) -> dict[str, Any]:
 
 def _regression() -> dict[str, Any]:
     m, chain = PUBLISHED_MACHINE, _chain(STEEL_FRICTION, MODULUS)
-    one = contact.roller_resistance(
-        chain["force"], chain["length"], m.cart.roller_radius, chain["exponent"], ROLLER_FRICTION
-    )
-    whole = contact.cart_resistance(chain["force"], one, m.rollers, m.cart.weight, **GUIDES)
+    force, radius = chain["force"], m.cart.roller_radius
+    one = contact.roller_resistance(force, chain["length"], radius, chain["exponent"], ROLLER_FRICTION)
+    whole = contact.cart_resistance(force, one, m.rollers, m.cart.weight, **GUIDES)
     return chain | {"roller_resistance": one, "cart_resistance": whole, "power": contact.cart_power(whole, VELOCITY)}
 
 
@@ -199,10 +177,8 @@ class _Shaft:
 
     def force_on_upper_rail(self, psi: Values, direction: Values) -> NDArray[np.float64]:
         """Compute H of C (9) [N]: guide wheels on the upper rail even where their reaction is negative."""
-        pull, slide = (
-            crank_kinematics(self.crank, np.asarray(psi))[2] * self.speed**2 * self.cart.mass,
-            direction * self.cart.guide_friction,
-        )
+        pull = crank_kinematics(self.crank, np.asarray(psi))[2] * self.speed**2 * self.cart.mass
+        slide = direction * self.cart.guide_friction
         lift = np.sum(self.cart.roller_reactions) - self.cart.weight
         needed = pull + direction * self.resistance + slide * lift
         return needed / (1 - slide * np.tan(self.crank.rod_angle(psi)))
@@ -224,11 +200,11 @@ class _Shaft:
 
     def mean_of(self, force: Function) -> float:
         """Compute the mean power [W] of a drive force, a function of psi."""
-        power = integrate(
-            lambda psi: force(psi) * self.speed * crank_kinematics(self.crank, np.asarray(psi))[1],
-            [0.0, np.pi, 2 * np.pi],
-        )
-        return power / (2 * np.pi)
+
+        def power(psi: Values) -> NDArray[np.float64]:
+            return force(psi) * self.speed * crank_kinematics(self.crank, np.asarray(psi))[1]
+
+        return integrate(power, [0.0, np.pi, 2 * np.pi]) / (2 * np.pi)
 
 
 def _direction(psi: Values) -> NDArray[np.float64]:
@@ -336,16 +312,12 @@ def _inertia(stated: _Shaft) -> dict[str, Any]:
 
 def _forward_reactions(shaft: _Shaft) -> dict[str, Any]:
     """Compute extremes of N11 (front) and N12 (rear) on the stroke towards the crank [N]."""
-    found = {}
-    for name in ("front", "rear"):
-        reaction = partial(_signed_reaction, shaft, f"{name}_reaction")
-        found[f"{name}_least"] = -_largest(partial(reaction, -1.0), 0.0, np.pi)
-        found[f"{name}_largest"] = _largest(partial(reaction, 1.0), 0.0, np.pi)
-    return found
 
+    def extreme(name: str, sign: float) -> float:
+        return sign * _largest(lambda psi: sign * getattr(shaft.forces(psi, 1.0), f"{name}_reaction"), 0.0, np.pi)
 
-def _signed_reaction(shaft: _Shaft, name: str, sign: float, psi: Values) -> NDArray[np.float64]:
-    return sign * getattr(shaft.forces(psi, 1.0), name)
+    ends = {"least": -1.0, "largest": 1.0}
+    return {f"{name}_{end}": extreme(name, sign) for name in ("front", "rear") for end, sign in ends.items()}
 
 
 def _lift_off(case: str, shaft: _Shaft) -> dict[str, Any]:

@@ -104,29 +104,22 @@ class PublishedNumber:
 
 
 def rows() -> list[PublishedNumber]:
-    """Compute all values and combine them with the lines of `data/published.csv`.
-
-    Returns
-    -------
-    list of PublishedNumber
-        In the order of the file.
-    """
+    """Compute all values and combine them with the lines of `data/published.csv`."""
     values = computed_values()
     return [
         PublishedNumber(
-            key=key,
             computed=values[key],
             decimals=int(line["decimals"]) if line["decimals"] else None,
-            expected=float("inf" if line["expected"] == "inf" else Fraction(line["expected"])),
-            source=line["source"],
-            quantity=line["quantity"],
-            unit=line["unit"],
-            printed=line["printed"],
-            verdict=line["verdict"],
-            note=line["note"],
+            expected=_number(line["expected"]),
+            **{name: line[name] for name in ("key", "source", "quantity", "unit", "printed", "verdict", "note")},
         )
         for key, line in recorded_lines().items()
     ]
+
+
+def _number(text: str) -> float:
+    """Return the value of a decimal number, a fraction or "inf"; nan of an empty text."""
+    return float("nan" if not text else "inf" if text == "inf" else Fraction(text))
 
 
 def recorded_lines() -> dict[str, dict[str, str]]:
@@ -149,22 +142,12 @@ def computed_values() -> dict[str, float]:
     dict of str to float
         Values by key `group.name`, in the unit of the row.
     """
-    return {
-        f"{group}.{name}": float(value) for group, (_, compute) in GROUPS.items() for name, value in compute().items()
-    }
+    computed = ((group, compute()) for group, (_, compute) in GROUPS.items())
+    return {f"{group}.{name}": float(value) for group, found in computed for name, value in found.items()}
 
 
 def text_table(rows: Sequence[PublishedNumber]) -> str:
-    """Format rows as ASCII text of at most 120 columns, grouped, with notes and a count of the verdicts.
-
-    Parameters
-    ----------
-    rows : sequence of PublishedNumber
-
-    Returns
-    -------
-    str
-    """
+    """Format rows as ASCII text of at most 120 columns, grouped, with notes and a count of the verdicts."""
     header = _line("source", "quantity", "printed", "computed", "unit", "verdict")
     lines = []
     for group, members in itertools.groupby(rows, key=lambda row: row.group):
@@ -177,28 +160,18 @@ def text_table(rows: Sequence[PublishedNumber]) -> str:
 
 
 def markdown(rows: Sequence[PublishedNumber]) -> str:
-    """Format rows as the Markdown table of `docs/verification.md`.
-
-    Parameters
-    ----------
-    rows : sequence of PublishedNumber
-
-    Returns
-    -------
-    str
-    """
+    """Format rows as the Markdown table of `docs/verification.md`."""
     header = ("source", "quantity", "unit", "printed", "computed", "deviation", "verdict")
-    cells = [
-        (row.source, row.quantity, row.unit, row.printed, f"{row.computed:.6g}", _deviation(row), row.verdict)
-        for row in rows
-    ]
-    lines = [header, ("---",) * len(header), *cells]
+    lines = [header, ("---",) * len(header)]
+    for row in rows:
+        values = f"{row.computed:.6g}", _deviation(row)
+        lines.append((row.source, row.quantity, row.unit, row.printed, *values, row.verdict))
     return "".join(f"| {' | '.join(cell.replace('|', ESCAPED_BAR) for cell in line)} |\n" for line in lines)
 
 
 def _deviation(row: PublishedNumber) -> str:
     """Format computed over printed number less one; "0" within rounding, empty where the print is zero or infinite."""
-    printed = float("nan" if not row.printed else row.printed if row.printed == "inf" else Fraction(row.printed))
+    printed = _number(row.printed)
     if not (printed and math.isfinite(printed)):
         return ""
     deviation = row.computed / printed - 1

@@ -370,6 +370,7 @@ def test_command_writes_and_tells(tmp_path, monkeypatch, capsys):
     assert "--set layer.fed_density_ratio=0.934439" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_command_asks_finite_elements(tmp_path, monkeypatch, capsys):
     double, out = Double(), tmp_path / "c.json"
     monkeypatch.setattr("compact.engines.compaction.engine.roll", double.roll)

@@ -73,6 +73,7 @@ def test_finite_elements_reach_the_same_contact():
     assert rolled.work_residual < 5e-3
 
 
+@pytest.mark.slow
 def test_tolerance_of_the_scene_is_what_the_engine_is_asked_for():
     coarse, fine = (study(**CASE_G, **{"accuracy.engine": "fem", "accuracy.tolerance": t}) for t in (1e-2, 1e-3))
     rough, close = (contact_stage.roll_scene(case.scene, case.mix, 0.3) for case in (coarse, fine))
@@ -81,6 +82,7 @@ def test_tolerance_of_the_scene_is_what_the_engine_is_asked_for():
     assert abs(rough.resistance / 392.888 - 1) < 1e-2
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("rolling", "torque", "speed"),
     [("driven", 20.0, 0.1), ("driven", 20.0, -0.1), ("free", -20.0, 0.1)],
@@ -335,7 +337,7 @@ def test_a_lift_leaves_with_its_height_and_density():
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=1e-6)
 
 
-@pytest.mark.parametrize("name", ["column", "spectral", "fem"])
+@pytest.mark.parametrize("name", ["column", "spectral", pytest.param("fem", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("ratio", [1.5, 5.0])
 def test_no_contact_of_a_scene_comes_without_an_error(name, ratio):
     case = study(**{"accuracy.engine": name, "layer.lift_thickness": 0.06, "mix.overrides.instant_over_relaxed": ratio})

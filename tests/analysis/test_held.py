@@ -98,7 +98,7 @@ def test_one_contact_at_another_speed_keeps_the_height_too():
 
 
 def test_the_answer_names_what_is_kept(tmp_path):
-    case = study(**PLAIN, **{"output.items": ["report"], "motion.laws": ["cubic"]})
+    case = study(**PLAIN, **{"output.items": ["report"], "motion.laws": ["cubic"], "contact.speeds": [0.1]})
     summary = report.write_study(case, tmp_path / "out")
     assert summary["held"]["quantity"] == "height"
     assert summary["held"]["indentation"] == {"value": case.held.value, "unit": "m"}

@@ -69,6 +69,7 @@ def test_task_of_a_killed_worker_is_repeated(tmp_path):
     assert 1 <= executor.deaths <= 4
 
 
+@pytest.mark.slow
 def test_only_the_task_that_kills_its_workers_is_abandoned():
     executor = ProcessExecutor(2)
     found = collected(dies_or_squares, list(range(6)), executor)
@@ -127,11 +128,13 @@ def test_background_tasks_run_while_the_caller_polls(tmp_path):
         assert all(mark.exists() for mark in marks)
 
 
+@pytest.mark.slow
 def test_background_task_of_a_killed_worker_is_repeated(tmp_path):
     with BackgroundTasks(ProcessExecutor(1)) as tasks:
         assert tasks.submit("once", dies_once, (7, tmp_path / "mark"))() == 49
 
 
+@pytest.mark.slow
 def test_background_task_that_kills_its_workers_raises():
     with (
         BackgroundTasks(ProcessExecutor(1)) as tasks,

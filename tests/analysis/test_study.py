@@ -54,6 +54,7 @@ def test_prior_modulus_gives_the_uncalibrated_force():
     assert study.engineering.roller_force == pytest.approx(17720.764176, rel=1e-9)  # theory: regression point
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("name", [name for name in LAWS if name not in ("constant-velocity", "gear-sector")])
 def test_energy_of_a_cycle_is_the_work_of_resistance_and_friction(name):
     study = Study(scene(**{"motion.laws": [name]}))
@@ -296,6 +297,7 @@ def test_motors_in_the_rollers_are_told_in_the_table_and_the_summary(written):
     assert not (directory / "driven-roller.csv").exists()
 
 
+@pytest.mark.slow
 def test_two_runs_write_the_same_bytes(written, tmp_path):
     study, _, directory = written
     report.write_study(Study(study.scene), tmp_path / "again")
@@ -362,6 +364,7 @@ def test_bound_of_the_scene_on_the_velocity_is_kept():
     assert held.fastest == given  # nothing is computed beyond it
 
 
+@pytest.mark.slow
 def test_law_that_wants_ever_more_speed_is_left_out(monkeypatch):
     monkeypatch.setattr("compact.analysis.stages.laws.BOUND_SHARE", 0.0)
     study = Study(scene(**COLUMN, **{"motion.optimise": RESTLESS}))
@@ -374,6 +377,7 @@ def test_law_that_wants_ever_more_speed_is_left_out(monkeypatch):
     assert study.fastest == pytest.approx(study.resistance_map.speeds[-1])  # the map goes as far as it says
 
 
+@pytest.mark.slow
 def test_resistance_is_carried_on_where_no_law_is_as_slow_as_it_reaches():
     """With an acceleration bound the top speed is v T - v^2/a = stroke: faster than any given law and the crank."""
     slow = COLUMN | {"motion.laws": ["constant-velocity"]}
@@ -432,6 +436,7 @@ INFEASIBLE = {
 NOT_MADE = "no law satisfies all limits; relax, the others unchanged: acceleration"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "layer", [pytest.param({}, id="formula"), pytest.param(COLUMN, id="column", marks=pytest.mark.slow)]
 )

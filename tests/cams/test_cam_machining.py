@@ -8,8 +8,9 @@ from xml.etree import ElementTree
 import ezdxf
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from sampling import examples
 
 from compact.cams import export as cam_files
 from compact.cams import workshop_drawing
@@ -102,6 +103,7 @@ def test_breadth_for_a_pressure_angle_has_that_pressure_angle():
 # (b) order
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("follower", FOLLOWERS, **BY_NAME)
 def test_number_of_points_grows_as_the_root_of_the_tolerance(follower):
     cam, tolerances = made("reversal-3", follower), np.array([1e-5, 1e-6, 1e-7])
@@ -112,6 +114,7 @@ def test_number_of_points_grows_as_the_root_of_the_tolerance(follower):
 # (c) the promise: the law within a micrometre, from the points alone
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     ("follower", "name"),
     [
@@ -144,6 +147,7 @@ def test_profile_of_another_law_fails_the_check():
 # (d) hard cases
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("follower", FOLLOWERS, **BY_NAME)
 @pytest.mark.parametrize(
     ("name", "options"),
@@ -166,6 +170,7 @@ def test_cam_just_above_its_least_breadth_can_be_machined(follower):
     assert off_the_law(cut(cam).profile, cam) <= MICROMETRE
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["combined-2", "reversal-3", "harmonic"])
 def test_largest_cutter_touches_the_profile_and_removes_nothing(name):
     cam = made(name, RollerFollower(0.05), breadth=0.55 + 0.05)
@@ -192,7 +197,7 @@ def test_larger_cutter_removes_part_of_the_profile():
 # (e) properties
 
 
-@settings(max_examples=60, deadline=None)
+@examples(20, slow=60)
 @given(st.integers(3, 40), st.floats(0.0, 0.6), st.floats(1e-3, 5.0), st.integers(0, 2**32 - 1))
 def test_roller_touches_its_polygon_without_overlap(corners, unevenness, radius, seed):
     random = np.random.default_rng(seed)

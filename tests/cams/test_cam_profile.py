@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from sampling import examples
 
 from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower, least_breadth
 from compact.motion.profile import LAWS, Cycle, law
@@ -192,16 +193,11 @@ def test_roller_profile_is_parallel_to_the_path_of_the_centre(name):
     assert px * cy - py * cx == pytest.approx(0, abs=1e-7)
 
 
-THIN_LOBES = ("quintic", "combined-3")  # with a near dwell of ten strokes; those of the other laws are slow
-
-
 @pytest.mark.parametrize(
     ("name", "dwell"),
     [
         *((name, 0.0) for name in SMOOTH),
-        *((name, 30.0) for name in THIN_LOBES),
-        *(pytest.param(name, 6.0, marks=pytest.mark.slow) for name in SMOOTH),
-        *(pytest.param(name, 30.0, marks=pytest.mark.slow) for name in SMOOTH if name not in THIN_LOBES),
+        *(pytest.param(name, dwell, marks=pytest.mark.slow) for dwell in (6.0, 30.0) for name in SMOOTH),
     ],
 )
 def test_roller_touches_its_cam_without_overlap(name, dwell):
@@ -226,6 +222,7 @@ def test_flat_face_touches_its_cam_without_overlap(name):
     assert np.abs(cam.contact_offset(angle)).max() == pytest.approx(cam.largest_contact_offset, rel=1e-4)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     ("follower", "name"),
     [
@@ -338,6 +335,7 @@ def test_profile_is_periodic(follower):
     assert cam.curvature(angle + 20 * np.pi) == pytest.approx(cam.curvature(angle), rel=1e-10)
 
 
+@pytest.mark.slow
 def test_thin_lobe_requires_more_breadth_than_its_curvature():
     """A lobe of a sixth of the turn. `test_roller_touches_its_cam_without_overlap` is the independent check."""
     follower, motion = RollerFollower(0.03), cycle("quintic", near_dwell=30.0)
@@ -364,7 +362,7 @@ followers = st.one_of(
 )
 
 
-@settings(max_examples=12, deadline=None)
+@examples(8, slow=40)
 @given(shapes, followers)
 def test_undercut_begins_below_the_least_breadth(shape, follower):
     motion = cycle(**shape)
@@ -379,7 +377,7 @@ def test_undercut_begins_below_the_least_breadth(shape, follower):
             Cam(motion, least * (1 - 1e-6), follower)
 
 
-@settings(max_examples=6, deadline=None)
+@examples(4, slow=12)
 @given(shapes, st.floats(1e-3, 1e3), st.floats(0.01, 1.0))
 def test_least_breadth_scales_with_the_lengths(shape, scale, radius):
     one = least_breadth(cycle(**shape), RollerFollower(radius)).breadth

@@ -1,11 +1,14 @@
 """Finite elements of compacting mix: uniform paths equal those of a material point on any mesh."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.linalg import logm, polar
 from skfem import MeshQuad
 
-from compact.engines.compaction.finite_strain_solid import FiniteIncrement, FiniteStrainSolid, SmallIncrement
+from compact.engines.compaction.finite_strain_kernels import strain_derivatives, strain_increment
+from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
 from compact.engines.compaction.newton import EquilibriumError, IncrementSolver
 from compact.engines.compaction.roller_contact import ContactForces
 from compact.material import cap_plasticity
@@ -130,15 +133,46 @@ def test_damping_resists_departures_from_the_prediction_alone():
 # (b) finite kinematics
 
 
+def pressed_and_sheared(solid):
+    """A yielding state, and the displacement of an increment from it that yields in places."""
+    X = solid.basis.doflocs.T
+    before = solid.increment(solid.undeformed_state(), X @ np.array([[0.01, 0.03], [-0.05, -0.02]])).after
+    return before, before.displacement + 0.002 * np.sin(3 * X)
+
+
+def random_gradients(count, size):
+    """Pairs of displacement gradients before and after an increment."""
+    for before, after in size * np.random.default_rng(7).normal(size=(count, 2, 4)):
+        yield tuple(before), tuple(after)
+
+
 def test_logarithmic_strain_equals_the_matrix_logarithm():
-    before, after = 0.2 * np.random.default_rng(7).normal(size=(2, 5, 4))
-    increment = FiniteIncrement.from_gradients(before, after)
-    for k in range(5):
-        dF = (np.eye(2) + after[k].reshape(2, 2)) @ np.linalg.inv(np.eye(2) + before[k].reshape(2, 2))
-        R, U = polar(dF)
+    for before, after in random_gradients(5, 0.2):
+        valid, strain, volume, *rotation = strain_increment(before, after, True)
+        F, F_before = (np.eye(2) + np.reshape(gradient, (2, 2)) for gradient in (after, before))
+        R, U = polar(F @ np.linalg.inv(F_before))
         E = logm(U)
-        assert increment.strain[k] == pytest.approx([E[0, 0], E[1, 1], 2 * E[0, 1]], abs=1e-12)
-        assert [increment.cosine[k], increment.sine[k]] == pytest.approx(R[:, 0], abs=1e-12)
+        assert valid
+        assert strain == pytest.approx([E[0, 0], E[1, 1], 2 * E[0, 1]], abs=1e-12)
+        assert rotation == pytest.approx(R[:, 0], abs=1e-12)
+        assert volume == pytest.approx(np.sqrt(np.linalg.det(F) * np.linalg.det(F_before)), rel=1e-12)
+
+
+@pytest.mark.parametrize("finite", [False, True], ids=["small", "finite"])
+@pytest.mark.parametrize("size", [0.2, 1e-5])
+def test_strain_derivatives_equal_differences(finite, size):
+    """The relative gradient is near 1 for the small size, where series replace the closed form."""
+
+    def strain_and_angle(gradients):
+        _, strain, _, cosine, sine = strain_increment(tuple(gradients[:4]), tuple(gradients[4:]), finite)
+        return np.array([*strain, np.arctan2(sine, cosine)])
+
+    for before, after in random_gradients(10, size):
+        derivatives, gradients, step = np.empty((4, 8)), np.array([*before, *after]), 1e-6
+        strain_derivatives(before, after, finite, derivatives)
+        for k, unit in enumerate(np.eye(8)):
+            ahead, behind = (strain_and_angle(gradients + sign * step * unit) for sign in (1, -1))
+            assert derivatives[:, k] == pytest.approx((ahead - behind) / (2 * step), abs=1e-8)
 
 
 def test_rigid_rotation_rotates_the_stress_and_changes_nothing_else():
@@ -154,25 +188,53 @@ def test_rigid_rotation_rotates_the_stress_and_changes_nothing_else():
 
 
 def test_small_displacements_give_the_strain_of_small_kinematics():
-    before, after = 1e-5 * np.random.default_rng(7).normal(size=(2, 20, 4))
-    small = SmallIncrement.from_gradients(before, after).strain
-    assert FiniteIncrement.from_gradients(before, after).strain == pytest.approx(small, abs=1e-8)
+    for before, after in random_gradients(20, 1e-5):
+        small, finite = (strain_increment(before, after, finite)[1] for finite in (False, True))
+        assert finite == pytest.approx(small, abs=1e-8)
 
 
 @pytest.mark.parametrize("finite", [False, True], ids=["small", "finite"])
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_stiffness_is_the_derivative_of_the_forces(finite, substeps):
     solid = FiniteStrainSolid(skewed(SQUARE), MIX, finite=finite, substeps=substeps)
-    X = solid.basis.doflocs.T
-    before = solid.increment(solid.undeformed_state(), X @ np.array([[0.01, 0.03], [-0.05, -0.02]])).after
-    u = before.displacement + 0.002 * np.sin(3 * X)
+    before, u = pressed_and_sheared(solid)
     direction, size = np.random.default_rng(7).normal(size=u.shape), 1e-8
     product = np.zeros(u.size)
     for dofs, block in zip(solid.element_dofs, solid.increment(before, u).element_stiffness, strict=True):
         product[dofs] += block @ direction.ravel()[dofs]
     ahead, behind = (solid.increment(before, u + sign * size * direction).internal_forces for sign in (1, -1))
     expected = ((ahead - behind) / (2 * size)).ravel()
-    assert product == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
+    assert product == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+
+
+def test_initial_guess_of_the_return_mappings_changes_nothing_but_rounding():
+    solid = FiniteStrainSolid(skewed(SQUARE), MIX)
+    before, displacement = pressed_and_sheared(solid)
+    near = solid.increment(before, displacement + 1e-4 * solid.basis.doflocs.T**2)
+    guessed, plain = (solid.increment(before, displacement, near=guess) for guess in (near, None))
+    scale = np.abs(plain.after.points.stress).max()
+    assert (plain.multipliers > 0).any()
+    assert guessed.after.points.stress == pytest.approx(plain.after.points.stress, abs=1e-11 * scale)
+    assert guessed.element_stiffness == pytest.approx(plain.element_stiffness, rel=1e-9, abs=1e-3)
+
+
+def test_newtons_method_converges_quadratically():
+    """Plain steps between two fixed ends, from a prediction with a residual of half the forces."""
+    x, y = FiniteStrainSolid(SQUARE, MIX).basis.doflocs
+    ends = np.flatnonzero((y == 0) | (y == 1))
+    solid = FiniteStrainSolid(SQUARE, MIX, fixed_dofs=np.concatenate([2 * ends, 2 * ends + 1]))
+    start, displacement, residuals = solid.undeformed_state(), np.stack([0.003 * x * y, -0.01 * y**2], axis=-1), []
+    for _ in range(8):
+        increment = solid.increment(start, displacement)
+        residual = -increment.internal_forces.ravel()[solid.ordered_dofs]
+        residuals.append(np.linalg.norm(residual) / np.linalg.norm(increment.internal_forces))
+        solve = solid.factorise(increment.element_stiffness, [20], np.zeros((1, 2, 2)))
+        displacement = displacement.copy()
+        displacement.ravel()[solid.ordered_dofs] += solve(residual)
+    orders = [np.log(after) / np.log(before) for before, after in pairwise(residuals) if 1e-6 < before < 1e-2]
+    assert residuals[-1] < 1e-13
+    assert len(orders) == 2
+    assert min(orders) > 1.7
 
 
 # (c) failures
@@ -193,7 +255,7 @@ def test_iteration_starts_from_the_displacement_before_if_elements_invert_in_the
     solid = FiniteStrainSolid(SQUARE, MIX, fixed_dofs=np.arange(8))
     inverted = solid.undeformed_state().displacement
     inverted[20] = [2.0, 0.0]  # beyond the far side of the mesh
-    with np.errstate(all="ignore"), pytest.raises(ValueError, match="`strain` must be finite"):
+    with np.errstate(all="ignore"), pytest.raises(ValueError, match="must not invert elements"):
         solid.increment(solid.undeformed_state(), inverted)
     solution = IncrementSolver(solid, np.array([20])).solve(solid.undeformed_state(), NoRoller(), inverted)
     assert np.abs(solution.state.displacement).max() == 0

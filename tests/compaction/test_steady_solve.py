@@ -7,12 +7,13 @@ import pytest
 
 from compact.engines.compaction import streamline_integration
 from compact.engines.compaction.engine import roll
-from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
+from compact.engines.compaction.finite_strain_kernels import strain_increment
 from compact.engines.compaction.incremental_rolling import IncrementalRolling
 from compact.engines.compaction.newton import EquilibriumError
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh
 from compact.engines.compaction.steady_newton_krylov import SteadySolver, continue_in_stiffness
 from compact.engines.compaction.streamline_integration import StreamlineIntegrator, propagate_changes
+from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 
 MIX = Compaction(60e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
@@ -36,6 +37,14 @@ def smooth_gradients(frame, seed=1):
     return np.ascontiguousarray(frame.to_rows(frame.solid.displacement_gradient(smooth_displacement(frame, seed))))
 
 
+def rotate(stress, cosine, sine):
+    """Rotate stresses (xx, yy, zz, xy)."""
+    xx, yy, zz, xy = stress.T
+    R = np.array([[cosine, -sine], [sine, cosine]])
+    rotated = np.einsum("ijn,jkn,lkn->iln", R, np.array([[xx, xy], [xy, yy]]), R)
+    return np.array([rotated[0, 0], rotated[1, 1], zz, rotated[0, 1]]).T
+
+
 def integrate(frame, gradients):
     integrator = StreamlineIntegrator(MIX, frame.fed_layer.points, 1.0, frame.solid.finite, 4)
     return integrator, integrator.integrate(np.ascontiguousarray(gradients))
@@ -49,12 +58,15 @@ def test_integration_repeats_the_increments_of_the_solid(finite):
     frame = create_frame(finite)
     gradients = smooth_gradients(frame)
     _, streamlines = integrate(frame, gradients)
-    kinematics = FiniteStrainSolid(frame.mesh, MIX, finite=finite).kinematics
     points, before = frame.fed_layer.points, np.zeros((len(frame.row_y), 4))
     for j in range(len(frame.row_x) - 1, -1, -1):
-        increment = kinematics.from_gradients(before, gradients[:, j])
-        points, _ = frame.solid.integrate_path(points, increment.strain)
-        points = replace(points, stress=increment.rotate(points.stress))
+        pairs = zip(before, gradients[:, j], strict=True)
+        increments = [strain_increment(tuple(start), tuple(end), finite) for start, end in pairs]
+        strain = np.array([increment[1] for increment in increments])
+        for _ in range(4):
+            points, _ = cap_plasticity.integrate_points(MIX, points, strain / 4, tangent=False)
+        cosine, sine = np.array([increment[3:] for increment in increments]).T
+        points = replace(points, stress=rotate(points.stress, cosine, sine))
         before = gradients[:, j]
         assert streamlines.values[:, j, :4] == pytest.approx(points.stress, abs=1e-4)
         assert streamlines.values[:, j, 4] == pytest.approx(points.density_ratio, rel=1e-12)

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from interrupts import interrupted
 from published import CART_OF_C
-from sampling import sampled
+from sampling import examples, sampled
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -372,6 +372,7 @@ class ReferenceSolver:
         return got.t[-1]
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["quintic", "parabolic"])
 def test_stick_and_slip_agree_with_a_general_solver(name):
     ends = (1.3, 2.2, 3.6, 4.7, 5.5)
@@ -387,6 +388,7 @@ def test_stick_and_slip_agree_with_a_general_solver(name):
             assert velocity == pytest.approx([reference.v], abs=1e-7)
 
 
+@pytest.mark.slow
 def test_map_with_added_mass_agrees_with_a_general_solver():
     """Relaxing mix: F has a maximum, and the negative added mass saturates for |a| tau/|v| of order one."""
     speeds = np.geomspace(0.2 / 30, 0.6, 12)
@@ -431,6 +433,7 @@ def test_septic_law_causes_no_residual_vibration_of_a_stiff_spring():
     assert run.dynamic_amplification == pytest.approx(1, abs=1e-3)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("name", "stiffness"),
     sampled(
@@ -569,7 +572,7 @@ def test_statistics_of_an_elastic_run_are_consistent():
 # properties
 
 
-@settings(max_examples=20)
+@examples(10, slow=60)
 @given(
     st.sampled_from(["quintic", "parabolic", "harmonic", "reversal-4-free-both", "constant-velocity"]),
     st.floats(4, 9),
@@ -698,6 +701,7 @@ cli.main()
 """
 
 
+@pytest.mark.slow
 def test_interrupt_ends_a_long_elastic_run_within_seconds(tmp_path):
     scene = str(Path(__file__).parents[2] / "studies/scenes/loveikin-2015.toml")
     code, seconds, message = interrupted(LONG.format(scene=scene, out=str(tmp_path / "out")))
@@ -778,6 +782,7 @@ def test_unresolvable_oscillation_raises(name):
         simulate_elastic(CART, ElasticDrive(1e15, 0.0), published_law(name), dry(3486.0))
 
 
+@pytest.mark.slow
 def test_damping_of_the_error_message_suffices():
     with pytest.raises(ValueError, match="a damping of at least") as error:
         simulate_elastic(CART, ElasticDrive(1e15, 0.0), published_law("quintic"), dry(3486.0))

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from column_cases import FED, MIX, SPEED, R, circle, mix, random_scenes, rolled, scene
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from sampling import examples
 
 from compact.engines.column.column_ode import LOGARITHMIC, GapShape
 from compact.engines.column.column_pass import Column, column_layer
@@ -68,7 +69,7 @@ def test_return_stroke_is_the_mirror_image(moisture, density_ratio, radius, redu
 
 
 @given(moistures, densities, radii, reductions)
-@settings(max_examples=25)
+@examples(10, slow=25)
 def test_load_and_peak_pressure_targets_recover_the_indentation(moisture, density_ratio, radius, reduction):
     layer, roller, material = scene(moisture, density_ratio, radius, reduction)
     contact = roll(layer, roller, material, SPEED)
@@ -80,7 +81,7 @@ def test_load_and_peak_pressure_targets_recover_the_indentation(moisture, densit
 
 
 @given(moistures, densities, reductions, st.integers(2, 4))
-@settings(max_examples=25)
+@examples(10, slow=25)
 def test_stacked_lifts_of_one_mix_equal_a_single_layer(moisture, density_ratio, reduction, lifts):
     """In one pass n lifts of the same mix form one layer."""
     layer, roller, material = scene(moisture, density_ratio, R, reduction)

@@ -54,6 +54,7 @@ def test_lag_on_a_deformed_surface_grows_with_the_indentation():
     assert np.polyfit(np.log(depths), np.log(growth), 1)[0] == pytest.approx(1, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("speed", "resistance", "slope", "mass"),
     [  # contact.md e2: v [m/s], F/E*, F'/E*, M/E*
@@ -89,7 +90,7 @@ CASES = {
     "load": (SLIP, DEEP, MIX, 0.3),
     "peak pressure": (SLIP, Roller(R, peak_pressure=2e5), MIX, 0.05),
 }
-SLOW_CASES = ("sliding circle on slip", "peak pressure")
+SLOW_CASES = ("sliding circle on slip", "sliding backwards", "three branches", "load", "peak pressure")
 
 
 @pytest.mark.parametrize(
@@ -103,6 +104,7 @@ def test_agreement_with_the_spectral_engine(case):
     assert found.added_mass == pytest.approx(exact.added_mass, abs=0.01 * scale(exact))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ratio", "speed"), [(5.0, 0.3), pytest.param(20.0, 0.01, marks=pytest.mark.slow)])
 def test_slope_and_added_mass_of_stiff_branches_are_within_half_a_percent(ratio, speed):
     mix = Viscoelastic(10e6, 0.3, branches=((ratio - 1, 0.05),))
@@ -112,6 +114,7 @@ def test_slope_and_added_mass_of_stiff_branches_are_within_half_a_percent(ratio,
     assert found.added_mass == pytest.approx(exact.added_mass, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_error_estimate_covers_the_true_error():
     exact, found = (
         spectral_expansion(SLIP, roller_at(), MIX, 0.3),
@@ -123,6 +126,7 @@ def test_error_estimate_covers_the_true_error():
 # numerical method
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("layer", [BONDED, SLIP], ids=["bonded", "slip"])
 def test_derivative_of_the_compliance_with_respect_to_stretch(layer):
     rows, step = mesh.graded_mesh(0.22, 0.02, 4), 1e-3
@@ -169,6 +173,7 @@ COARSE_TRANSIENT, FINE_TRANSIENT = (6, 6.0, 2e-3), (16, 8.0, 5e-4)  # steps, cre
 DEFORMED_SLIDING = roller_at(profile="deformed", friction=0.3, rolling="sliding")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("roller", "speed", "accuracy"),
     [

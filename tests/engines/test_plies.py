@@ -3,8 +3,9 @@
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from sampling import examples
 from scipy.sparse.linalg import spsolve
 
 from compact import contact, fem, mesh
@@ -57,6 +58,7 @@ def fourier_modes(wave_number, layer, poisson):
     return G / (1 - nu) * depth[1], -G / (1 - nu) * depth[0]
 
 
+@pytest.mark.sampled(24)
 @pytest.mark.parametrize("base", ["bonded", "slip"])
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.4999])
 @pytest.mark.parametrize(
@@ -157,6 +159,7 @@ def test_confined_plies_are_oedometers_in_series(poisson):
     assert -displacement[y[free] > H * (1 - 1e-12)] == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("base", ["bonded", "slip"])
 def test_plies_of_one_stiffness_equal_one_layer(base):
     roller = Roller(R, indentation=0.003, friction=0.2, rolling="sliding")
@@ -184,6 +187,7 @@ def test_rigid_lower_ply_is_a_bonded_base(base):
 # order
 
 
+@pytest.mark.slow
 def test_load_on_plies_converges():
     layer, loads = two_plies(0.005, 20.0), []
     rows = mesh.graded_mesh(H, 0.008, 2, interfaces=layer.interfaces, growth=1.7)
@@ -209,7 +213,7 @@ def assert_engines_agree(layer, roller, material, speed, load=5e-4, resistance=5
     assert rolled.error[1] < 2 * resistance
 
 
-DEFAULT_CASE = (0.2, "bonded", 20.0)
+DEFAULT_CASE = (1.0, "bonded", 20.0)
 
 
 @pytest.mark.parametrize(
@@ -274,7 +278,7 @@ def test_stiff_crust_has_two_pressure_peaks():
 # balances
 
 
-@settings(max_examples=3)
+@examples(3, slow=4)
 @given(
     st.lists(st.builds(Ply, st.floats(0.02, 0.2), st.floats(0.05, 20)), min_size=2, max_size=3),
     st.sampled_from(["bonded", "slip"]),
@@ -366,6 +370,7 @@ def test_invalid_plies_are_refused(make, message):
         make()
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("engine", [spectral, fem])
 def test_thin_top_ply_under_a_wide_contact_raises(engine):
     with pytest.raises(

@@ -10,8 +10,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from sampling import examples
 
 from compact import fem, mesh
 from compact.engines.spectral import engine as spectral
@@ -248,6 +249,7 @@ def zone_boundaries(reference, friction):
     return ((reference.x[1:] + reference.x[:-1]) / 2)[np.diff(sticks.astype(int)) != 0]
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("friction", "share"),
     [
@@ -261,6 +263,7 @@ def test_elastic_rolling_agrees_with_boundary_elements(friction, share):
     assert_agreement(*both_contacts(MIX, 1.0, friction, share, cells=40), friction)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("speed", "friction", "share"),
     [
@@ -290,6 +293,7 @@ def assert_agreement(rolled, reference, friction):
     assert slips.mean() == pytest.approx(slipped.mean(), abs=0.03)  # share of the contact that slips
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [FREE, DRIVEN, BRAKED], ids=["free", "driven", "braked"])
 def test_work_of_resistance_and_torque_on_an_elastic_layer_is_dissipated_by_slip(share):
     # resistance + torque (1 + creepage)/R = - int q s dx, by either method
@@ -320,6 +324,7 @@ def rolled_by(material, speed, friction, share):
 # (d) hard cases
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("share", [FREE, DRIVEN], ids=["free", "driven"])
 @pytest.mark.parametrize(("deborah", "modulus"), [(1e-4, 1.0), (1e4, 2.0)], ids=["slow", "fast"])
 def test_limits_of_slow_and_fast_rolling_are_elastic(deborah, modulus, share):
@@ -332,6 +337,7 @@ def test_limits_of_slow_and_fast_rolling_are_elastic(deborah, modulus, share):
     assert traction[inside] == pytest.approx(elastic.shear_traction[inside], abs=0.02 * 0.35 * elastic.peak_pressure)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("layer", "poisson", "friction", "share", "indentation"),
     [
@@ -357,7 +363,7 @@ def test_difficult_contact_converges(layer, poisson, friction, share, indentatio
 COARSE = mesh.graded_mesh(H, 0.0206, 6)
 
 
-@settings(max_examples=4)
+@examples(2, slow=6)
 @given(
     st.floats(0.0, 0.49),
     st.floats(0.03, 0.5),

@@ -71,6 +71,7 @@ def rolled(engine, target, value, profile="parabola", layer=LAYER, **options):
     return roll(layer, roller, MATERIALS[engine], SPEED, **options, **engine_options)
 
 
+@pytest.mark.sampled(24)
 @pytest.mark.filterwarnings("ignore:half-plane theory")
 @pytest.mark.parametrize(("engine", "target", "value", "profile"), CASES)
 def test_target_is_reached_or_refused(engine, target, value, profile):
@@ -107,6 +108,7 @@ def test_target_of_compaction_is_reached_or_refused(target, value):
     assert refusal is None or re.search(REFUSALS, refusal)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("torque", [-30.0, 0.0, 55.0, 1e3])
 @pytest.mark.parametrize("speed", [0.2, -0.2])
 def test_torque_is_reached_or_refused(torque, speed):
@@ -187,6 +189,7 @@ def test_spectral_off_target_raises(monkeypatch, target):
         rolled("spectral", target, value)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure"])
 def test_finite_elements_off_target_raise(monkeypatch, target):
     value = {"indentation": 3e-3, "load": 8e3, "peak_pressure": 2e5}[target]

@@ -73,6 +73,7 @@ def test_roller_at_rest_has_the_load_of_the_relaxed_layer():
     assert np.abs(result.resistance).max() < 1e-5 * relaxed.load
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("rolling", "torque"), [("sliding", None), ("free", None), ("driven", 30.0)])
 @pytest.mark.parametrize("mix", [Elastic(10e6, 0.3), MIX], ids=["elastic", "viscoelastic"])
 def test_constant_speed_with_friction_is_steady_rolling(rolling, torque, mix):
@@ -138,6 +139,7 @@ def test_shear_under_a_torque_at_rest_is_that_of_mindlin():
 DEFAULT_CASES = (("parabola", 0.2), ("circle", 0.003), ("deformed", -3.0))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("profile", "speed"),
     [
@@ -157,6 +159,7 @@ def test_constant_speed_is_steady_rolling(profile, speed):
     assert result.leading == pytest.approx(edges[1], rel=5e-3)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("layer", "mix"),
     [(Layer(0.22, "slip"), MIX), (Layer(0.22, plies=(Ply(0.17, 1.0), Ply(0.05, 3.0))), MIX), (LAYER, THREE)],
@@ -188,6 +191,7 @@ def test_error_of_the_time_steps_is_of_second_order():
         assert error < result.error < 10 * error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rolling", "least"),
     [("sliding", 3.5), pytest.param("free", 1.7, marks=pytest.mark.slow)],
@@ -325,6 +329,7 @@ def test_steps_end_at_discontinuities_of_the_law():
 # fields inside the layer
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("speed", [0.2, -0.2])
 def test_frames_of_steady_motion_are_the_steady_fields(speed):
     result = simulate_transient(
@@ -368,6 +373,7 @@ def test_frames_show_the_decaying_impression_of_the_roller(tmp_path):
 # properties
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("profile", ["parabola", pytest.param("deformed", marks=pytest.mark.slow)])
 def test_reversed_motion_is_the_mirror_image(profile):
     forward, backward = (
@@ -393,6 +399,7 @@ def test_work_of_the_roller_from_rest_to_rest_is_positive_throughout():
     assert work.min() > -1e-3 * work[-1]
 
 
+@pytest.mark.slow
 def test_forces_on_a_free_roller_are_continuous_at_a_reversal():
     """Within 2 ms the layer relaxes a little; sliding traction would jump by 60 % of the load."""
     roller, motion = roller_at(friction=0.3, rolling="free"), law("quintic", 0.02, 0.2).cycle()

@@ -8,9 +8,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from published import CART_OF_C
+from sampling import examples
 
 from compact.contact import dry_resistance
 from compact.drive import CRITERIA, Crank, Rigid, rank, simulate
@@ -339,7 +340,7 @@ def run_of_a_unit_cart(name):
     return simulate(UNIT, Rigid(), unit_law(name), free)
 
 
-@settings(max_examples=12)
+@examples(8, slow=25)
 @given(st.sampled_from(WITHOUT_IMPULSE), st.floats(0.05, 5), st.floats(0.1, 20), st.floats(1, 1e5))
 def test_force_and_power_of_a_free_cart_scale(name, stroke, duration, mass):
     motion = law(name, stroke, duration, rod_length=2 * stroke)
@@ -350,7 +351,7 @@ def test_force_and_power_of_a_free_cart_scale(name, stroke, duration, mass):
     assert run.rms_power == pytest.approx(unit.rms_power * mass * stroke**2 / duration**3, rel=1e-9)
 
 
-@settings(max_examples=12)
+@examples(8, slow=25)
 @given(st.sampled_from(WITHOUT_IMPULSE), st.floats(0, 2e4), st.floats(0, 5e4), st.floats(0, 1e4))
 def test_work_balances_for_any_cart_and_resistance(name, mass, size, coefficient):
     motion = published_law(name)
@@ -361,7 +362,7 @@ def test_work_balances_for_any_cart_and_resistance(name, mass, size, coefficient
     assert run.energy == pytest.approx(taken, rel=1e-9, abs=rounding + 1e-12)
 
 
-@settings(max_examples=12)
+@examples(8, slow=25)
 @given(st.sampled_from(WITHOUT_IMPULSE), st.floats(0, 5e4), st.floats(0, 5e4))
 def test_statistics_satisfy_their_inequalities(name, size, mass):
     run = simulate(replace(CART, mass=mass), Rigid(), published_law(name), dry(size))
@@ -461,6 +462,7 @@ def test_equal_laws_share_a_rank():
     assert found["gear-sector"] == found["constant-velocity"] == 5  # the last
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_every_criterion_ranks_real_runs(criterion):
     found = rank([simulate(CART, Rigid(), published_law(name), dry(3562.0)) for name in LAWS], criterion)
@@ -470,6 +472,7 @@ def test_every_criterion_ranks_real_runs(criterion):
     assert all((place.reason != "") == (place.value == math.inf) for place in found)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_margins_are_not_rounding(criterion):
     """A free cart requires no energy and many laws have a steady part; the rest is rounding."""

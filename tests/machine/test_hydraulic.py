@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from published import CART_OF_C
-from sampling import sampled
+from sampling import examples, sampled
 
 from compact.drive import Rigid, simulate
 from compact.machine.cart import EndSprings
@@ -170,7 +170,7 @@ def test_cart_is_at_rest_until_breakaway():
 
 
 @pytest.mark.slow
-@settings(max_examples=10, deadline=None)
+@examples(5, slow=25)
 @given(st.floats(100, 6e3), st.floats(0.5, 5), st.sampled_from(["cubic", "quintic"]))
 def test_energy_balance_of_any_cart(size, duration, name):
     run = simulate(CART, DRIVE, published(name, duration), lambda v, a: size * np.sign(v))

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from published import CART_OF_C
+from sampling import examples
 from scipy.integrate import solve_ivp
 
 from compact.drive import Crank, Rigid, simulate
@@ -80,6 +81,7 @@ def test_kloss_curve_has_its_peak_at_the_breakdown_slip():
     assert KLOSS.torque(170.0) < 0
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("angles", [(0.0,), CRANK_ANGLES[2], CRANK_ANGLES[4]], ids=len)
 @pytest.mark.parametrize("name", ["cubic", "harmonic", "reversal-4-free-both"])
 def test_work_of_the_motor_equals_the_losses(name, angles):
@@ -94,6 +96,7 @@ def test_work_of_the_motor_equals_the_losses(name, angles):
 # independent solution
 
 
+@pytest.mark.slow
 def test_speed_agrees_with_a_general_solver():
     motor, motion = Motor(Kloss(60.0, 0.4, 157.0), 130.0, 1e-4, 30.0), published_law("quintic").cycle()
     run = simulate_motor(CART, motor, motion, dry(SIZE))
@@ -190,7 +193,7 @@ def test_peaks_between_samples_are_found():
 # properties
 
 
-@settings(max_examples=10)
+@examples(5, slow=25)
 @given(st.sampled_from(["cubic", "quintic", "harmonic"]), st.floats(0, 4), st.floats(0, 5e3), st.floats(0.1, 0.6))
 def test_energy_balance_of_any_motor(name, power, size, slip):
     motor = Motor(Kloss(60.0, slip, 157.0), 150.0, 0.0, 10**power)

@@ -213,6 +213,7 @@ def by_fem():
     return study
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("time", sampled([0.8, 5.1], [5.1]))
 def test_engine_reproduces_the_interpolated_traction(by_fem, time):
     motors, scene = by_fem.roller_motors["septic"], by_fem.scene

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from published import CART_OF_C
+from sampling import examples
 
 from compact.drive import Crank, Rigid, simulate
 from compact.dynamics.event_driven import DONE, allocate_intervals, integrate
@@ -168,6 +169,7 @@ def test_tuned_springs_require_no_force_of_an_elastic_drive(stiffness):
     assert run.peak_force < 1e-7 * CART.mass * 0.2 * (np.pi / 3) ** 2
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("regime", ["rest", "periodic"])
 @pytest.mark.parametrize("stiffness", [2e4, 1e6, 1e8])
 @pytest.mark.parametrize("name", ["cubic", "reversal-4", "parabolic", "constant-velocity"])
@@ -192,7 +194,7 @@ def test_stiff_elastic_drive_with_springs_agrees_with_the_rigid_drive():
 # properties
 
 
-@settings(max_examples=12, deadline=None)
+@examples(6, slow=25)
 @given(st.sampled_from(WITHOUT_IMPULSE), st.floats(0, 1e5), st.floats(0, 5e3), st.floats(1e-3, 0.2))
 def test_any_springs_do_no_net_work(name, stiffness, preload, length):
     run = simulate(cart_with_springs(stiffness, preload, length), Rigid(), published_law(name), dry)

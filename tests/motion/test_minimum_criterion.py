@@ -5,10 +5,11 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial, legendre
 from published import BEST_TRAVEL_AT_FIXED_STROKE, LONE_TRAVEL, LONE_TURNING_JERK, LOSS_OF_HALF
+from sampling import examples
 
 from compact.motion.minimum_criterion import ComplexLaw, minimiser
 
@@ -362,7 +363,7 @@ def test_small_jerk_weight_is_exact_to_rounding(d1, d2, order):
 conditions = st.floats(-10, 10)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(30, slow=60)
 @given(st.integers(1, 4), st.lists(conditions, min_size=8, max_size=8), st.integers(0, 3))
 def test_minimiser_is_stationary_for_variations_at_rest(order, values, degree):
     x = minimiser(order, dict(enumerate(values[:order])), dict(enumerate(values[4 : 4 + order])))
@@ -371,7 +372,7 @@ def test_minimiser_is_stationary_for_variations_at_rest(order, values, degree):
     assert abs(change) <= 1e-9 * math.sqrt(action(x, order) * action(variation, order)) + 1e-12
 
 
-@settings(max_examples=60, deadline=None)
+@examples(30, slow=60)
 @given(st.integers(1, 4), st.lists(conditions, min_size=8, max_size=8))
 def test_minimiser_satisfies_its_end_conditions(order, values):
     x = minimiser(order, dict(enumerate(values[:order])), dict(enumerate(values[4 : 4 + order])))
@@ -383,7 +384,7 @@ def test_minimiser_satisfies_its_end_conditions(order, values):
 shares = st.floats(0, 1)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(50, slow=100)
 @given(shares, shares)
 def test_complex_law_satisfies_its_end_conditions_and_is_odd(share, split):
     law = ComplexLaw(share * split, share * (1 - split))
@@ -398,7 +399,7 @@ def test_complex_law_satisfies_its_end_conditions_and_is_odd(share, split):
     )
 
 
-@settings(max_examples=60, deadline=None)
+@examples(30, slow=60)
 @given(st.floats(0.001, 0.98), shares, shares)
 def test_complex_law_solves_its_euler_poisson_equation(d3, split, z):
     d1, d2 = exact_weights(d3, (1 - d3) * split)

@@ -6,10 +6,11 @@ from dataclasses import astuple
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.polynomial import legendre
 from published import CHAPTER_5, COMPLEX_LAW, CRITERIA, LAWS_OF_D, RUN_UP_TRAVEL, VDI_2143
+from sampling import examples
 
 from compact.motion.laws import CrankCurve, LawParameters
 from compact.motion.profile import LAWS, Cycle, Discontinuity, MotionProfile, law
@@ -471,9 +472,10 @@ def motions(draw, names=tuple(NAMES)):
 NODES, WEIGHTS = legendre.leggauss(64)
 
 
+@pytest.mark.sampled(28)
 @pytest.mark.parametrize("order", range(4))
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=4)
+@examples(4, slow=20)
 @given(data=st.data())
 def test_each_derivative_integrates_to_the_previous_one(name, order, data):
     motion = data.draw(motions((name,)))
@@ -489,14 +491,14 @@ def test_each_derivative_integrates_to_the_previous_one(name, order, data):
     assert abs(ends[1] - ends[0] - integral) <= 1e-11 * size
 
 
-@settings(max_examples=60)
+@examples(40, slow=150)
 @given(motions())
 def test_every_law_travels_the_full_stroke(motion):
     ends = motion.position(np.array([0.0, motion.duration])) / motion.stroke
     assert ends == pytest.approx([0.0, 1.0], abs=1e-13)
 
 
-@settings(max_examples=60)
+@examples(40, slow=150)
 @given(motions())
 def test_travel_is_continuous_at_breakpoints(motion):
     z = motion.curve.x[1:-1]
@@ -504,7 +506,7 @@ def test_travel_is_continuous_at_breakpoints(motion):
     assert before == pytest.approx(after, abs=1e-13)
 
 
-@settings(max_examples=40)
+@examples(25, slow=100)
 @given(motions())
 def test_peaks_are_the_largest_values(motion):
     breaks = motion.curve.x
@@ -515,7 +517,7 @@ def test_peaks_are_the_largest_values(motion):
     assert peaks[:3] == pytest.approx(sampled[:3], rel=1e-2, abs=1e-12 * max(peaks))
 
 
-@settings(max_examples=40)
+@examples(25, slow=100)
 @given(st.sampled_from(NAMES), st.floats(0.0, 0.5), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
 @example("complex", 0.0, 1.0, 1 - 1e-5)
 def test_peak_velocity_is_at_least_the_mean(name, run, share, split):
@@ -524,7 +526,7 @@ def test_peak_velocity_is_at_least_the_mean(name, run, share, split):
     assert motion.peaks().velocity >= 0.4 / 3.0 * (1 - 1e-12)
 
 
-@settings(max_examples=25)
+@examples(15, slow=60)
 @given(motions(), st.integers(1, 4))
 def test_peaks_and_criteria_scale_with_stroke_and_time(motion, order):
     twin = MotionProfile(motion.name, 1.0, 1.0, motion.curve, motion.retraces)
@@ -534,7 +536,7 @@ def test_peaks_and_criteria_scale_with_stroke_and_time(motion, order):
     assert motion.smoothness() == twin.smoothness()
 
 
-@settings(max_examples=25)
+@examples(15, slow=60)
 @given(motions(), st.floats(0, 5), st.floats(0, 5))
 @example(law("cubic", 0.4, 3.0), 1e-310, 5e-324)
 def test_cycle_stays_within_the_stroke(motion, far, near):

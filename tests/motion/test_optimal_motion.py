@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
+from sampling import examples
 from scipy.optimize import linprog
 
 from compact import drive
@@ -68,6 +69,7 @@ def ramped_acceleration(jerk):
     return min(root.real for root in roots if abs(root.imag) < 1e-12 and root.real > 0)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("objective", "resistance", "limits", "exact", "within"),
     [
@@ -90,6 +92,7 @@ def test_extremal_is_known(objective, resistance, limits, exact, within):
     assert violations(motion.limits, motion) == {}
 
 
+@pytest.mark.slow
 def test_law_of_even_power_converges_to_the_extremal():
     """P = 9/4 m stroke^2/duration^3, see `test_extremal_is_known`; the law leaves rest with infinite acceleration."""
     coarse, fine = (unit("peak_power", pieces=pieces) for pieces in (16, 32))
@@ -98,6 +101,7 @@ def test_law_of_even_power_converges_to_the_extremal():
     assert fine.gap < 1e-6
 
 
+@pytest.mark.slow
 def test_weighted_sum_is_the_complex_law_of_its_weights():
     """Stationary for a weighted sum of int v^2 and int H^2: the complex law without a weight of jerk, of some ratio."""
     motion = unit({"energy": 1.0, "rms_force": 0.7}, lambda v, a: 3.0 * v)
@@ -230,6 +234,7 @@ def least_square(acceleration):
     return 2 * np.sum(np.minimum(acceleration, low * lever) ** 2) * step
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "acceleration", [pytest.param(0.6, id="free", marks=pytest.mark.slow), pytest.param(0.34, id="bounded")]
 )
@@ -319,6 +324,7 @@ def demand(seed):
     return ("peak_force", "rms_force")[seed % 2], stroke, duration, mass, resistance, limits
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     "seed", [*FAST_SEEDS, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(60) if seed not in FAST_SEEDS)]
 )
@@ -332,6 +338,7 @@ def test_convex_problem_has_no_duality_gap(seed):
 # ---- (d) hard cases --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     "limits",
     [
@@ -367,6 +374,7 @@ def least_power_law(limits):
     return optimise("peak_power", **MACHINE, resistance=dry(3562.0), limits=limits, pieces=16)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("limits", "follower", "quantity", "sign"),
     [
@@ -453,6 +461,7 @@ def machine():
     return Study(load_scene(SCENES / "loveikin-2015.toml"))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("limits", "members"),
     [
@@ -518,6 +527,7 @@ def falling(velocity, acceleration):
     return 3000 * np.tanh(velocity / 0.02) - 600 * velocity + 30 * velocity * acceleration
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("objective", "resistance", "cam"),
     [
@@ -567,6 +577,7 @@ def alone():
     return [optimise("peak_power", resistance=one, **SPREAD_TASK) for one in SPREAD]
 
 
+@pytest.mark.slow
 def test_law_for_all_samples_minimises_the_largest(alone):
     motion = optimise("peak_power", resistance=SPREAD, **SPREAD_TASK)
     worst = [max(power_of(law, one) for one in SPREAD) for law in alone]
@@ -575,6 +586,7 @@ def test_law_for_all_samples_minimises_the_largest(alone):
     assert motion.gap < 1e-6
 
 
+@pytest.mark.slow
 def test_law_of_least_regret_minimises_the_largest_ratio(alone):
     motion = optimise("peak_power", resistance=SPREAD, regret=True, **SPREAD_TASK)
 
@@ -601,7 +613,7 @@ def test_rms_force_over_samples_has_no_duality_gap(count):
 # ---- (e) properties --------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=8, deadline=None)
+@examples(3, slow=8)
 @given(st.floats(0.1, 10), st.floats(0.1, 10), st.floats(0.1, 10))
 def test_value_scales_with_mass_stroke_and_duration(mass, stroke, duration):
     motion = optimise("peak_force", stroke, duration, mass, none, Limits(jerk=40 * stroke / duration**3), pieces=8)

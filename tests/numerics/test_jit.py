@@ -60,6 +60,7 @@ def sample(request, tmp_path, monkeypatch):
     return folder, f"{package}caller"
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_change_in_another_module_recompiles_the_caller(sample, change):
     folder, module = sample

@@ -180,7 +180,7 @@ def test_field_has_one_colour_scale_for_all_speeds():
     assert [(norm.vmin, norm.vmax) for norm in pressures] == [(-1.0, 140.0)] * 2
     assert all(isinstance(norm, LogNorm) for norm in heats)
     assert [(norm.vmin, norm.vmax) for norm in heats] == [pytest.approx((0.03, 30.0))] * 2
-    assert [ax.get_xlabel() for ax in scales] == ["mean pressure [kPa]", "dissipation [kW/m³], black: less"]
+    assert [ax.get_xlabel() for ax in scales] == ["mean pressure [kPa]", "dissipation [kW/m³], black: below the scale"]
 
 
 def test_field_figure_shows_the_base_with_its_condition():

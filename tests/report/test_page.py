@@ -284,7 +284,7 @@ LAYERS = {
 
 @pytest.mark.parametrize(("engine", "keys"), [
     ("column", ("mix.overrides.heckel_slope", "layer.fed_density_ratio", "machine.mass", "motion.duration")),
-    ("spectral", ("mix.overrides.instant_over_relaxed",)),
+    pytest.param("spectral", ("mix.overrides.instant_over_relaxed",), marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_ends_by_an_engine_are_those_of_a_scene_so_changed(engine, keys):
     quick = {"output.items": [], "motion.laws": ["cubic", "reversal-3"], "contact.speeds": [0.02, 0.06, 0.13]}

@@ -233,6 +233,7 @@ CALLS = {
 }  # fmt: skip
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("quiet", [False, True], ids=["shown", "quiet"])
 @pytest.mark.parametrize("command", CALLS)
 def test_commands_show_their_progress(command, quiet, tmp_path, monkeypatch):

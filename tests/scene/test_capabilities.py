@@ -174,7 +174,7 @@ def new_scene(tmp_path, monkeypatch):
     return "mine/scene.toml"
 
 
-@pytest.mark.parametrize("engine", ["formula", "column", "spectral", "fem"])
+@pytest.mark.parametrize("engine", ["formula", "column", "spectral", pytest.param("fem", marks=pytest.mark.slow)])
 def test_the_new_scene_is_rolled_by_every_engine(engine, tmp_path, monkeypatch, capsys):
     assert cli._exit_code(["roll", new_scene(tmp_path, monkeypatch), "--engine", engine, "--out", "out"]) == 0
     told = capsys.readouterr().out

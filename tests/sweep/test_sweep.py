@@ -117,6 +117,7 @@ def test_cluster_gives_the_same_bits(whole, cluster, tmp_path):
     xarray.testing.assert_identical(table, whole)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_tasks")
 def test_two_processes_give_the_same_bits_though_one_is_killed(whole, tmp_path):
     executor, killed = ProcessExecutor(2), []
@@ -388,10 +389,11 @@ def test_interrupt_of_the_command_keeps_whole_points_and_resume_needs_the_rest(t
         (("--vary", "mix.moistur=0.1"), 2, "did you mean `moisture`?"),
         (("--vary", "mix.moisture=0.1", "--workers", "2", "--scheduler", "tcp://x:1"), 2, "got both"),
         (("--vary", "mix.moisture=0.1", "--workers", "0"), 2, "--workers must be at least 1, got 0"),
-        (
+        pytest.param(
             ("--vary", "machine.gap_geometry=deformed", "--engine", "spectral", "--workers", "1"),
             1,
             "no point has a result",
+            marks=pytest.mark.slow,
         ),
     ],
 )

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from compact.analysis.stages.contacts import ContactStage
-from compact.analysis.stages.drives import DriveStage
-from compact.analysis.stages.pipeline import Stages
+from compact.analysis.stages.drives import DriveStage, Stages
 from compact.verification import published_numbers
 
 LINEAR_WORK_LIMIT = 1e-2  # [-], of the work of a contact with a linear layer
@@ -56,10 +55,6 @@ def balance_checks(stages: Stages) -> list[BalanceCheck]:
     ----------
     stages : Stages
         Stages whose results are checked.
-
-    Returns
-    -------
-    list of BalanceCheck
     """
     checks = [*_contact_checks(stages.contacts), *_cycle_checks(stages.drive), _published_check()]
     if "cams" in stages.laws.scene.output.items:

@@ -6,7 +6,7 @@ The cam is cut with the default tolerance and a cutter of any radius; `compact c
 from dataclasses import dataclass
 from html import escape
 
-from compact.analysis.stages.pipeline import Stages
+from compact.analysis.stages.drives import Stages
 from compact.cams.animation import animated_svg
 from compact.cams.machining import cut
 from compact.cams.workshop_drawing import describe, workshop_drawing
@@ -20,8 +20,6 @@ class CamDrawing:
 
     Parameters
     ----------
-    law : str
-        Name of the law.
     description : str
         Description of the drawing in one sentence.
     drawing : str
@@ -49,10 +47,6 @@ def first_cam_drawing(stages: Stages) -> CamDrawing:
     ----------
     stages : Stages
         Stages of a scene with a table [cam].
-
-    Returns
-    -------
-    CamDrawing
     """
     scene, law = stages.laws.scene, stages.drive.best_law
     try:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity
 from compact.analysis.ranking_uncertainty import Agreement, Place, agreement
-from compact.analysis.stages.pipeline import Cycles, build_stages
+from compact.analysis.stages.drives import KnownLaws, build_stages
 from compact.scene.loader import Scene
 
 DIRECTORY = "comparison"  # under the results; kept results of the engines of the comparison
@@ -19,34 +19,11 @@ Places = dict[str, dict[str, list[Place]]]  # by drive and criterion
 
 
 @dataclass(frozen=True)
-class ComparisonRequest:
-    """Input of `run_engine_alternative`.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene with the engine of the comparison.
-    prescribed_cycles, cycles : mapping of str to Cycle
-        Prescribed laws and all laws of the study.
-    directory : Path or None
-        Kept results of this engine.
-    """
-
-    scene: Scene
-    prescribed_cycles: Cycles
-    cycles: Cycles
-    directory: Path | None
-
-
-@dataclass(frozen=True)
 class EngineComparison:
     """Results of one engine of the comparison.
 
     Parameters
     ----------
-    scene : Scene
-        The scene with this engine.
-    contacts : list of ContactRecord
     held : HeldQuantity or None
         Quantity that is constant over speed.
     second_pass : tuple of float or None
@@ -67,7 +44,6 @@ class EngineComparison:
         Texts of the warnings.
     """
 
-    scene: Scene
     contacts: list[ContactRecord]
     held: HeldQuantity | None
     second_pass: tuple[float, float] | None
@@ -80,24 +56,18 @@ class EngineComparison:
     warned: tuple[str, ...]
 
 
-def run_engine_alternative(request: ComparisonRequest) -> EngineComparison:
-    """Compute contacts, resistance and places of a scene by another engine.
+def run_engine_alternative(scene: Scene, laws: KnownLaws, directory: Path | None) -> EngineComparison:
+    """Compute contacts, resistance and places of a scene with the engine of the comparison.
 
     Parameters
     ----------
-    request : ComparisonRequest
-
-    Returns
-    -------
-    EngineComparison
+    laws : tuple of mapping of str to Cycle
+        Prescribed laws and all laws of the study.
+    directory : Path or None
+        Kept results of this engine.
     """
-    scene, counts = request.scene, Counter[str]()
-    stages = build_stages(
-        scene,
-        count=lambda stage: counts.update([stage]),
-        directory=request.directory,
-        known_laws=(request.prescribed_cycles, request.cycles),
-    )
+    counts = Counter[str]()
+    stages = build_stages(scene, count=lambda stage: counts.update([stage]), directory=directory, known_laws=laws)
     contacts, resistance = stages.contacts, stages.resistance
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
@@ -106,7 +76,7 @@ def run_engine_alternative(request: ComparisonRequest) -> EngineComparison:
         # the second pass of a comparison is required by its own return stroke only
         second_pass = contacts.second_pass if scene.layer.return_stroke == "compacted" else None
     return EngineComparison(
-        scene, contacts.records, contacts.held, second_pass, resistance.resistance, resistance.error,
+        contacts.records, contacts.held, second_pass, resistance.resistance, resistance.error,
         contacts.roller_load, places, contacts.key, counts, tuple(dict.fromkeys(str(each.message) for each in warned)),
     )  # fmt: skip
 
@@ -121,9 +91,6 @@ class RankingAgreement:
         Engine and drive of the first ranking.
     other_engine, other_drive : str
         Engine and drive of the second ranking.
-    by : str
-        Criterion.
-    agreement : Agreement
     first, other_first : str
         First law of either ranking; several laws, their number or "none" where there is not one.
     """
@@ -145,30 +112,18 @@ def ranking_agreements(places: Mapping[str, Places]) -> list[RankingAgreement]:
     ----------
     places : mapping of str to Places
         Places by engine, drive and criterion; engine and drive of the scene first.
-
-    Returns
-    -------
-    list of RankingAgreement
     """
     engine, *other_engines = places
     drive, *other_drives = places[engine]
     cases = [(kind, name, kind) for name in other_engines for kind in places[engine]]
+    cases += [(drive, engine, other) for other in other_drives]
     found = []
-    for kind, other_engine, other_kind in cases + [(drive, engine, other) for other in other_drives]:
-        one, other = places[engine][kind], places[other_engine][other_kind]
-        found += [
-            RankingAgreement(
-                engine=engine,
-                drive=kind,
-                other_engine=other_engine,
-                other_drive=other_kind,
-                by=by,
-                agreement=agreement(one[by], other[by], by),
-                first=_first_laws(one[by]),
-                other_first=_first_laws(other[by]),
-            )
-            for by in one
-        ]
+    for kind, other_engine, other_kind in cases:
+        for by, order in places[engine][kind].items():
+            other = places[other_engine][other_kind][by]
+            firsts = _first_laws(order), _first_laws(other)
+            agreed = agreement(order, other, by)
+            found.append(RankingAgreement(engine, kind, other_engine, other_kind, by, agreed, *firsts))
     return found
 
 

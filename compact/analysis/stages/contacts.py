@@ -57,8 +57,6 @@ def roll_scene(
 
     Parameters
     ----------
-    scene : Scene
-    mix : Mix
     speed : float
         Speed of the roller [m/s].
     engine : str, optional
@@ -71,10 +69,6 @@ def roll_scene(
     progress : callable, optional
         Called with lines of text by engines with continuation.
 
-    Returns
-    -------
-    ContactResult
-
     Raises
     ------
     ValueError
@@ -85,14 +79,10 @@ def roll_scene(
     used = ENGINES[engine or scene.accuracy.engine]
     layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
     options = _engine_options(scene, used, held, progress)
-    if (
-        initial_guess is not None
-        and used.continuation
-        and _is_continuable(guess := _with_case(initial_guess), layer, speed)
-    ):
+    if guess := _continuable(used, initial_guess, layer, speed):
         if _differs_in_speed_only(roller, material, guess, speed):
-            return _at_speed(initial_guess, speed)
-        options["start"], layer = initial_guess, guess.layer
+            return _at_speed(guess, speed)
+        options["start"], layer = guess, guess.layer
     with _named_errors(scene, used.name, speed):
         result = used.roll(layer, roller, material, speed, **options)
         _require_above_base(result, layer)
@@ -116,8 +106,6 @@ def roll_passes(
 
     Parameters
     ----------
-    scene : Scene
-    mix : Mix
     speed : float
         Speed of the first pass [m/s].
     initial_guess : sequence of ContactResult, optional
@@ -143,13 +131,9 @@ def roll_passes(
     from compact.analysis.multipass import passes, there_and_back
 
     layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
-    if (
-        initial_guess
-        and used.continuation
-        and _is_continuable(known := _with_case(initial_guess[0]), layer, speed)
-        and _differs_in_speed_only(roller, material, known, speed)
-    ):
-        return tuple(_at_speed(each, float(np.copysign(speed, _with_case(each).speed))) for each in initial_guess)
+    known = _continuable(used, initial_guess[0] if initial_guess else None, layer, speed)
+    if initial_guess and known and _differs_in_speed_only(roller, material, known, speed):
+        return tuple(_at_speed(each, float(np.copysign(speed, cast(Any, each).speed))) for each in initial_guess)
     forward, *later = there_and_back(count)
     options = _engine_options(scene, used, held, progress)
     numerics = {key: options.pop(key) for key in ("torque", "progress", "max_contact_angle") if key in options}
@@ -166,8 +150,6 @@ def added_mass(
 
     Parameters
     ----------
-    scene : Scene
-    mix : Mix
     speed : float
         Speed of the roller [m/s].
     held : HeldQuantity or None
@@ -193,29 +175,25 @@ def added_mass(
     if used.torque and roller.rolling in ("free", "driven"):
         roller = replace(roller, rolling="frictionless")
     count("added mass")
-    options = used.tolerance(scene.accuracy.tolerance) | ({"estimate": False} if used.optional_estimate else {})
+    options = used.tolerance(scene.accuracy.tolerance, estimate=False)
     with _named_errors(scene, used.name, speed):
         found = expand_resistance(layer, roller, material, speed, engine=used.name, **options)
     return found.added_mass, found.relaxation_time
 
 
-def _with_case(result: ContactResult) -> LayerContactResult:
-    """Return the result of an engine with continuation as what it is: a contact with its case."""
-    return cast(LayerContactResult, result)
-
-
-def _at_speed(result: ContactResult, speed: float) -> ContactResult:
+def _at_speed(result: Any, speed: float) -> ContactResult:
     """Return the result of an engine with continuation under another speed, on which it does not depend."""
-    changes: dict[str, Any] = {"speed": speed}  # a field of these results
-    return replace(result, **changes)
+    return replace(result, speed=speed)
 
 
-def _is_continuable(guess: LayerContactResult, layer: Layer, speed: float) -> bool:
-    """Return True for a contact in the same direction over the same layer, but for the elastic recovery."""
-    if guess.speed * speed <= 0:
-        return False
-    same = replace(guess.layer, height=layer.height) == layer
-    return same and abs(guess.layer.height / layer.height - 1) < SAME_LAYER
+def _continuable(engine: Engine, guess: ContactResult | None, layer: Layer, speed: float) -> LayerContactResult | None:
+    """Return a contact in the same direction over the same layer, but for the elastic recovery; else None."""
+    if guess is None or not engine.continuation:
+        return None
+    known = cast(LayerContactResult, guess)
+    same = replace(known.layer, height=layer.height) == layer
+    near = abs(known.layer.height / layer.height - 1) < SAME_LAYER
+    return known if known.speed * speed > 0 and same and near else None
 
 
 def _differs_in_speed_only(roller: Roller, material: Any, guess: LayerContactResult, speed: float) -> bool:
@@ -234,37 +212,29 @@ def _named_errors(scene: Scene, engine: str, speed: float) -> Iterator[None]:
     try:
         yield
     except NotFiniteError as error:  # a quantity of the iteration, as the inputs are finite
-        raise RuntimeError(
-            f"{case}: the iteration diverged, a stress or strain is no longer finite; press less, or feed denser mix"
-        ) from error
+        words = "the iteration diverged, a stress or strain is no longer finite; press less, or feed denser mix"
+        raise RuntimeError(f"{case}: {words}") from error
     except ValueError as error:
         if "load" not in scene.target or not str(error).startswith("`load`"):
             raise
-        machine, load = scene.machine, scene.target["load"]
-        raise ValueError(
-            f"{error} (contact.load = {load:g} N over roller_length = {machine.roller_length:g} m)"
-        ) from error
+        load, length = scene.target["load"], scene.machine.roller_length
+        raise ValueError(f"{error} (contact.load = {load:g} N over roller_length = {length:g} m)") from error
     except RuntimeError as error:
-        hint = f'; unusual = ["{_target_key(scene)}"] computes it all the same' if _is_estimate(error) else ""
+        is_estimate = type(error).__name__ == "HeapingError"  # of "compaction", whose module need not be imported
+        hint = f'; unusual = ["{_target_key(scene)}"] computes it all the same' if is_estimate else ""
         raise RuntimeError(f"{case}: {error}{hint}") from error
-
-
-def _is_estimate(error: RuntimeError) -> bool:
-    """Return True for a refusal of "compaction" by its estimate of heaping, whose module need not be imported."""
-    return type(error).__name__ == "HeapingError"
 
 
 def _engine_options(
     scene: Scene, engine: Engine, held: HeldQuantity | None, progress: Progress | None
 ) -> dict[str, Any]:
     """Return the keyword arguments of `roll` for a scene."""
-    options: dict[str, Any] = dict(engine.tolerance(scene.accuracy.tolerance))
+    options, machine = engine.tolerance(scene.accuracy.tolerance), scene.machine
     if not engine.layered:  # factors of eqs 1.6 and 1.8
-        machine = scene.machine
         options["rolling_friction"] = machine.roller_friction + machine.bearing_friction
         options |= {"nonuniformity": machine.pressure_nonuniformity, "one_sided": machine.one_sided}
-    if engine.torque and scene.machine.roller_torque is not None:
-        options["torque"] = scene.machine.roller_torque / scene.machine.roller_length
+    if engine.torque and machine.roller_torque is not None:
+        options["torque"] = machine.roller_torque / machine.roller_length
     if engine.continuation and progress is not None:
         options["progress"] = progress
     if engine.continuation and _target_key(scene) in scene.unusual:
@@ -293,8 +263,6 @@ class ContactStage:
 
     Parameters
     ----------
-    scene : Scene
-    mix : Mix
     count : callable
         Called with the name of each stage that begins.
     directory : Path, optional
@@ -311,9 +279,8 @@ class ContactStage:
         directory: Path | None = None,
         progress: Progress | None = None,
     ) -> None:
-        self.scene, self.mix, self.count, self.progress = scene, mix, count, progress
+        self.scene, self.mix, self.count, self._directory, self.progress = scene, mix, count, directory, progress
         self.engine = ENGINES[scene.accuracy.engine]
-        self._directory = directory
 
     @cached_property
     def engineering(self) -> Engineering:
@@ -324,24 +291,18 @@ class ContactStage:
         except ValueError as error:
             if not (self.engine.layered and self.scene.target):
                 raise
-            reason, required = error, self.mix.required_pressure
-        warnings.warn(
-            f"the formulas do not reach the prescribed contact ({reason}); they are shown at {required / 1e3:.4g} kPa, "
-            "as the density requires",
-            stacklevel=2,
-        )
-        return engineering(self.scene, self.mix, required)
+            required = self.mix.required_pressure
+            shown = f"they are shown at {required / 1e3:.4g} kPa, as the density requires"
+            warnings.warn(f"the formulas do not reach the prescribed contact ({error}); {shown}", stacklevel=2)
+            return engineering(self.scene, self.mix, required)
 
     @cached_property
     def exact(self) -> LineContact:
         """Galin's exact contact at the peak pressure of the formulas, with the traction of a driven roller."""
         return galin(
-            radius=self.scene.machine.roller_radius,
-            youngs_modulus=self.mix.effective_modulus,
-            poisson=self.mix.poisson,
-            friction=-self.mix.steel_friction,
-            peak_pressure=self.engineering.pressure,
-        )
+            radius=self.scene.machine.roller_radius, youngs_modulus=self.mix.effective_modulus,
+            poisson=self.mix.poisson, friction=-self.mix.steel_friction, peak_pressure=self.engineering.pressure,
+        )  # fmt: skip
 
     @cached_property
     def numbers(self) -> dict[str, Number]:
@@ -385,19 +346,7 @@ class ContactStage:
         return found
 
     def passes_at(self, speed: float, initial_guess: Passes | None = None) -> Passes:
-        """Compute all passes at a speed.
-
-        Parameters
-        ----------
-        speed : float
-            Speed of the first pass [m/s].
-        initial_guess : tuple of ContactResult, optional
-            Passes at another speed.
-
-        Returns
-        -------
-        tuple of ContactResult
-        """
+        """Compute all passes at a speed [m/s], from the passes at another one as initial guess."""
         if speed == self.scene.mean_speed:
             return self.reference
         held, guess = self.held, initial_guess or self.__dict__.get("reference")

@@ -43,8 +43,6 @@ class WorkPlan:
 
     Parameters
     ----------
-    scene : Scene
-    mix : Mix
     counts : Counter
         Number of runs of each stage so far.
     laws_not_made : int

@@ -1,46 +1,44 @@
-"""Drive stage of a study: every law under the drive of the scene, their ranking, and roller motors and crankshaft."""
+"""Drive stage of a study: every law under the drive of the scene, their ranking, and roller motors and crankshaft.
+
+`Stages` are all stages of a scene, up to this one; each uses those before it only.
+"""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from compact import drive
 from compact.analysis import machine_models
+from compact.analysis.contact_cases import scene_mix
 from compact.analysis.ranking_uncertainty import Place, places
-from compact.analysis.stages.contacts import ContactStage
-from compact.analysis.stages.laws import LawStage
+from compact.analysis.stages.contacts import ContactStage, Count, Progress, no_count
+from compact.analysis.stages.laws import LawStage, PrescribedLaws
 from compact.analysis.stages.resistance import ResistanceStage
 from compact.analysis.stages.torque_response import torque_response
 from compact.machine.crankshaft import CRANK_ANGLES, CrankshaftRevolution, simulate_crankshaft
 from compact.machine.ranking import Ranked
 from compact.machine.rigid_drive import InverseDynamics
 from compact.machine.roller_motors import RollerMotor, pull_range
+from compact.material.mix import Mix
+from compact.motion.profile import Cycle
+from compact.scene.loader import Scene
 
 Runs = dict[str, Any]  # name of a law -> `Run`, `ElasticRun`, `HydraulicRun` or `MotorRun`
+KnownLaws = tuple[Mapping[str, Cycle], Mapping[str, Cycle]]  # prescribed laws, and all laws
 
 
 class DriveStage:
-    """Runs of all laws of a scene; each attribute is computed when first used.
-
-    Parameters
-    ----------
-    contacts : ContactStage
-    resistance : ResistanceStage
-    laws : LawStage
-    """
+    """Runs of all laws of a scene; each attribute is computed when first used."""
 
     def __init__(self, contacts: ContactStage, resistance: ResistanceStage, laws: LawStage) -> None:
         self.scene, self.count = contacts.scene, contacts.count
         self.contacts, self.resistance, self.laws = contacts, resistance, laws
-
-    def drive_of(self, name: str) -> Any:
-        """Return the drive of the cart under a law."""
-        return machine_models.drive_of(self.scene, self.laws.cycles[name])
 
     @cached_property
     def runs(self) -> Runs:
@@ -63,7 +61,8 @@ class DriveStage:
         for name, cycle in self.laws.cycles.items():
             self.count("runs")
             with tolerated:
-                yield name, drive.simulate(cart, self.drive_of(name), cycle, resistance, working=working)
+                moved_by = machine_models.drive_of(self.scene, cycle)
+                yield name, drive.simulate(cart, moved_by, cycle, resistance, working=working)
 
     @cached_property
     def rankings(self) -> dict[str, list[Ranked]]:
@@ -74,8 +73,7 @@ class DriveStage:
     @property
     def best_law(self) -> str:
         """Name of the first law by the first criterion of the scene."""
-        run: Any = self._first_ranking[0].run
-        return run.name
+        return self._ranked_runs[0].name
 
     @cached_property
     def places(self) -> dict[str, dict[str, list[Place]]]:
@@ -113,8 +111,7 @@ class DriveStage:
         """First law that the motor drives, and the start from rest with it; None where the motor does not start."""
         from compact.machine.motor_acceleration import simulate_acceleration_phase
 
-        runs: list[Any] = [each.run for each in self._first_ranking]
-        first = next((run for run in runs if hasattr(run, "load")), None)
+        first = next((run for run in self._ranked_runs if hasattr(run, "load")), None)
         if first is None:
             return None
         self.count("run-up")
@@ -128,27 +125,27 @@ class DriveStage:
     @cached_property
     def hydraulic_stroke(self) -> tuple[Any, Any] | None:
         """Run of the first law that the throttles realise, and its stroke with compressible oil; None without one."""
-        runs: list[Any] = [each.run for each in self._first_ranking]
-        first = next((run for run in runs if not run.lack), None)
+        first = next((run for run in self._ranked_runs if not run.lack), None)
         if first is None:
             return None
         self.count("passage")
         return first, first.simulate_stroke()
 
     @property
-    def _first_ranking(self) -> list[Ranked]:
-        return next(iter(self.rankings.values()))
+    def _ranked_runs(self) -> list[Any]:
+        """Runs in order, by the first criterion of the scene."""
+        return [each.run for each in next(iter(self.rankings.values()))]
 
     @cached_property
     def roller_motors(self) -> dict[str, RollerMotor]:
         """Motors in the rollers by name of the law: the same cart without any other drive."""
-        stage, rollers = self.contacts, self.scene.machine.rollers
+        rollers = self.scene.machine.rollers
         required = {
             name: InverseDynamics(self.resistance.cart, drive.Rigid(), cycle, self.resistance.resistance)
             for name, cycle in self.laws.cycles.items()
         }
         range_of_pulls = np.transpose([pull_range(each, rollers) for each in required.values()])
-        response = torque_response(stage, (float(range_of_pulls.min()), float(range_of_pulls.max())))
+        response = torque_response(self.contacts, (float(range_of_pulls.min()), float(range_of_pulls.max())))
         return {name: RollerMotor(each, response, rollers) for name, each in required.items()}
 
     @cached_property
@@ -164,3 +161,46 @@ class DriveStage:
             assert crank is not None  # rule of the scene: the output "crank" requires a rod
             turns[key] = simulate_crankshaft(self.resistance.cart, crank, speed, self.resistance.resistance, ahead)
         return turns
+
+
+@dataclass(frozen=True)
+class Stages:
+    """Stages of one scene; the attributes of each are computed when first used."""
+
+    prescribed: PrescribedLaws
+    contacts: ContactStage
+    resistance: ResistanceStage
+    laws: LawStage
+    drive: DriveStage
+
+
+def build_stages(
+    scene: Scene,
+    mix: Mix | None = None,
+    count: Count = no_count,
+    directory: Path | None = None,
+    progress: Progress | None = None,
+    known_laws: KnownLaws | None = None,
+) -> Stages:
+    """Build the stages of a scene; nothing is computed yet.
+
+    Parameters
+    ----------
+    mix : Mix, optional
+        That of the scene by default.
+    count : callable
+        Called with the name of each stage that begins.
+    directory : Path, optional
+        Results of an earlier run.
+    progress : callable, optional
+        Called with lines of text by engines with continuation.
+    known_laws : tuple of mapping, optional
+        Prescribed laws and all laws, if they are known.
+    """
+    prescribed = PrescribedLaws(scene, count)
+    if known_laws:
+        prescribed.cycles = dict(known_laws[0])
+    contacts = ContactStage(scene, mix or scene_mix(scene), count, directory, progress)
+    resistance = ResistanceStage(contacts, prescribed.largest_speed)
+    laws = LawStage(prescribed, resistance, known_laws and known_laws[1])
+    return Stages(prescribed, contacts, resistance, laws, DriveStage(contacts, resistance, laws))

@@ -12,7 +12,14 @@ from importlib.metadata import version
 from pathlib import Path
 
 from compact import resistance
-from compact.analysis.contact_cases import ContactRecord, HeldQuantity, contact_speeds, read_contacts, write_contacts
+from compact.analysis.contact_cases import (
+    ContactRecord,
+    HeldQuantity,
+    contact_from_json,
+    contact_speeds,
+    contact_to_json,
+)
+from compact.files import write_json
 from compact.material.mix import Mix
 from compact.resistance import ResistanceMap
 from compact.scene.loader import Scene
@@ -35,12 +42,10 @@ class KeptResults:
 
     Parameters
     ----------
-    contacts : list of ContactRecord
     held : HeldQuantity
         Quantity that is constant over speed.
     second_pass : tuple of float or None
         Load and resistance of a second pass over those of the first [-].
-    resistance_map : ResistanceMap
     files : tuple of str
         Result files, relative to the directory.
     """
@@ -54,11 +59,6 @@ class KeptResults:
 
 def results_key(scene: Scene, mix: Mix) -> str:
     """Hash all inputs of the contacts and the resistance map of a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-    mix : Mix
 
     Returns
     -------
@@ -79,52 +79,31 @@ def results_key(scene: Scene, mix: Mix) -> str:
 
 
 def read_results(directory: Path, key: str) -> KeptResults | None:
-    """Read the results of an earlier run.
-
-    Parameters
-    ----------
-    directory : Path
-    key : str
-        Of `results_key`.
-
-    Returns
-    -------
-    KeptResults or None
-        None without results, or with results under another key.
-    """
+    """Read the results of an earlier run; None without results, or with results under another key of `results_key`."""
     try:
-        contacts, more, files = read_contacts(directory / CONTACTS_FILE, key)
-        resistance_map = resistance.load_resistance_map(directory / MAP_FILE, key)
-    except (OSError, ValueError):
+        content = json.loads((directory / CONTACTS_FILE).read_text(encoding="utf-8"))
+        more = content["more"]
+        return None if content["key"] != key else KeptResults(
+            [contact_from_json(each) for each in content["contacts"]],
+            HeldQuantity(**more["held"]),
+            more["second_pass"] and tuple(more["second_pass"]),
+            resistance.load_resistance_map(directory / MAP_FILE, key),
+            tuple(name for name in content["files"] if (directory / name).is_file()),
+        )  # fmt: skip
+    except (OSError, ValueError, KeyError, TypeError):  # no file, or a file of another form
         return None
-    return KeptResults(
-        contacts,
-        HeldQuantity(**more["held"]),
-        more["second_pass"] and tuple(more["second_pass"]),
-        resistance_map,
-        tuple(name for name in files if (directory / name).is_file()),
-    )
 
 
 def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[Path]:
-    """Write results for the next run; of their files those that depend on the contacts alone.
-
-    Parameters
-    ----------
-    directory : Path
-    results : KeptResults
-    key : str
-        Of `results_key`.
-
-    Yields
-    ------
-    Path
-        Of each file that is written.
-    """
+    """Write results for the next run, of their files those that depend on the contacts alone; yield the paths."""
     path = directory / CONTACTS_FILE
     path.unlink(missing_ok=True)  # it lists the valid files: removed first, written last
     results.resistance_map.save(directory / MAP_FILE, key)
-    more = {"held": asdict(results.held), "second_pass": results.second_pass}
-    write_contacts(path, results.contacts, more, key, [name for name in results.files if name.startswith(KEPT_FILES)])
+    write_json(path, {
+        "key": key,
+        "contacts": [contact_to_json(contact) for contact in results.contacts],
+        "more": {"held": asdict(results.held), "second_pass": results.second_pass},
+        "files": [name for name in results.files if name.startswith(KEPT_FILES)],
+    })  # fmt: skip
     yield directory / MAP_FILE
     yield path

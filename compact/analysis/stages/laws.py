@@ -10,7 +10,7 @@ from compact.analysis import machine_models
 from compact.analysis.contact_cases import scene_mix
 from compact.analysis.stages.contacts import ContactStage, Count
 from compact.analysis.stages.resistance import ResistanceStage
-from compact.cams.profile import Cam, FlatFace, LeastBreadth, Pointed, RollerFollower
+from compact.cams.profile import Cam, FlatFace, Follower, LeastBreadth, Pointed, RollerFollower
 from compact.machine.cart import MotionResistance
 from compact.motion.limits import CamLimits, InfeasibleError, Limits
 from compact.motion.optimal_motion import OptimalMotion, optimal_law_name, optimise
@@ -32,7 +32,6 @@ class PrescribedLaws:
 
     Parameters
     ----------
-    scene : Scene
     count : callable
         Called with "laws" for each law.
     """
@@ -74,7 +73,6 @@ class LawStage:
 
     Parameters
     ----------
-    prescribed : PrescribedLaws
     resistance : ResistanceStage
         Resistance for which laws are optimised; it is extended to faster laws.
     cycles : mapping of str to Cycle, optional
@@ -87,6 +85,7 @@ class LawStage:
         self.scene, self.count = prescribed.scene, prescribed.count
         self.prescribed, self.resistance = prescribed, resistance
         self._not_made: dict[str, str] = {}
+        self._spread: dict[tuple[str, float], tuple[float, MotionResistance]] = {}
         if cycles is not None:
             self.cycles = dict(cycles)
 
@@ -133,18 +132,17 @@ class LawStage:
     def limits(self) -> Limits:
         """Limits of [motion.optimise]; the velocity is limited to the range of the resistance map."""
         table, motion = self._table, self.scene.motion
-        known = self.resistance.largest_speed / self.prescribed.overshoot if self._has_map else np.inf
+        has_map = self.resistance.contacts.engine.layered
+        known = self.resistance.largest_speed / self.prescribed.overshoot if has_map else np.inf
         velocity = min(known, table.velocity or np.inf)
-        shares = Limits.run_up, Limits.run_down
-        if table.steady_tolerance is not None:
-            shares = motion.run_up, motion.run_down
+        phases = Limits if table.steady_tolerance is None else motion
         return Limits(
             velocity=velocity if np.isfinite(velocity) else None,
             acceleration=table.acceleration,
             jerk=table.jerk,
             snap=table.snap,
-            run_up=shares[0],
-            run_down=shares[1],
+            run_up=phases.run_up,
+            run_down=phases.run_down,
             steady_tolerance=table.steady_tolerance or 0.0,
             smoothness=table.smoothness,
             end_condition="dwell" if motion.dwell else "reversal",
@@ -157,10 +155,6 @@ class LawStage:
         table = self.scene.motion.optimise
         assert table is not None  # without it no law is optimised
         return table
-
-    @property
-    def _has_map(self) -> bool:
-        return self.resistance.contacts.engine.layered
 
     @property
     def motion_resistances(self) -> tuple[MotionResistance, ...]:
@@ -179,10 +173,6 @@ class LawStage:
             other = ResistanceStage(ContactStage(scene, scene_mix(scene)), lambda: speed)
             self._spread[key] = speed, other.motion_resistance
         return self._spread[key][1]
-
-    @cached_property
-    def _spread(self) -> dict[tuple[str, float], tuple[float, MotionResistance]]:
-        return {}
 
     def _optimal_law(self, objective: str) -> OptimalMotion:
         """Return the law that minimises an objective; over a spread of the mix that of least regret.
@@ -235,10 +225,6 @@ class LawStage:
         follower : str
             One of FOLLOWERS.
 
-        Returns
-        -------
-        Cam
-
         Raises
         ------
         SceneError
@@ -256,13 +242,9 @@ class LawStage:
         if cycle is None:
             require_known("motion law", name, tuple(self.cycles))
         assert cycle is not None  # the name is known
-        return Cam(cycle, table.breadth, _follower(follower, table.roller_follower_radius))
-
-
-def _follower(name: str, radius: float) -> FlatFace | Pointed | RollerFollower:
-    if name == "roller":
-        return RollerFollower(radius)
-    return Pointed() if name == "pointed" else FlatFace()
+        rolling = RollerFollower(table.roller_follower_radius)
+        followers: dict[str, Follower] = {"pointed": Pointed(), "roller": rolling, "flat": FlatFace()}
+        return Cam(cycle, table.breadth, followers[follower])
 
 
 def _cam_limits(scene: Scene, table: Optimise) -> CamLimits | None:

@@ -32,7 +32,6 @@ class ResistanceStage:
 
     Parameters
     ----------
-    contacts : ContactStage
     largest_speed : callable
         Returns the largest speed of the cart under the laws of the scene [m/s]; called for layered engines only.
     """
@@ -99,10 +98,6 @@ class ResistanceStage:
             Map whose samples are used; those of the contacts by default.
         speed : float
             Largest speed [m/s].
-
-        Returns
-        -------
-        ResistanceMap
         """
         stage, machine = self.contacts, self.scene.machine
         length = machine.rollers * machine.roller_length

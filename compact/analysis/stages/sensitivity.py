@@ -21,7 +21,7 @@ from compact.analysis import machine_models
 from compact.analysis.contact_cases import contact_speeds
 from compact.analysis.engines import ENGINES
 from compact.analysis.stages.contacts import roll_scene
-from compact.analysis.stages.pipeline import Stages, build_stages
+from compact.analysis.stages.drives import Stages, build_stages
 from compact.contact import DryResistance
 from compact.machine.cart import Cart
 from compact.machine.ranking import BUILD_TOLERANCE, ROUNDING_TIE
@@ -84,7 +84,6 @@ class Shift:
         Scene key of the input.
     ends : tuple of float
         Low and high value of the input.
-    unit : str
     how : {PRIOR, SHARE, PRESSED}
         Kind of variation.
     by : str
@@ -106,17 +105,7 @@ class Shift:
 
 
 def sensitivities(stages: Stages) -> list[Shift]:
-    """Compute the sensitivity to each input of the mix and the machine that the engine or the formulas depend on.
-
-    Parameters
-    ----------
-    stages : Stages
-        Stages of the study.
-
-    Returns
-    -------
-    list of Shift
-    """
+    """Compute the sensitivity to each input of the mix and the machine that the engine or the formulas depend on."""
     variation = _Variation(stages)
     found = []
     for key, (low, high, how, unit) in _ranges(stages).items():

@@ -30,7 +30,6 @@ def torque_response(contacts: ContactStage, pull_range: tuple[float, float]) -> 
 
     Parameters
     ----------
-    contacts : ContactStage
     pull_range : tuple of float
         Least and largest pull of one roller [N].
 
@@ -97,7 +96,7 @@ def _driven_roller(
     scene, engine = contacts.scene, contacts.engine
     layer, roller, material = contact_inputs(scene, contacts.mix, engine.name, scene.mean_speed)
     roller = replace(roller, rolling="driven", indentation=record.indentation, load=None, peak_pressure=None)
-    options = engine.tolerance(scene.accuracy.tolerance) | ({"estimate": False} if engine.optional_estimate else {})
+    options = engine.tolerance(scene.accuracy.tolerance, estimate=False)
 
     def roll(torque: float, initial_guess: ContactResult | None) -> ContactResult:
         contacts.count("driven")

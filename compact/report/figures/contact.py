@@ -41,15 +41,10 @@ def draw_pressure(contact: ContactResult, exact: LineContact, speed: float) -> F
 
     Parameters
     ----------
-    contact : ContactResult
     exact : LineContact
         Exact contact on a half-plane.
     speed : float
         Speed of the roller; its sign gives the direction of the travel [m/s].
-
-    Returns
-    -------
-    Figure
     """
     figure, ((ax,),) = panels(1, 1, (6.2, 3.1))
     half_plane = np.linspace(float(exact.trailing), float(exact.leading), 401)
@@ -58,10 +53,9 @@ def draw_pressure(contact: ContactResult, exact: LineContact, speed: float) -> F
     ax.plot(along, contact.pressure / 1e3, ".", markersize=3.5, color=PALETTE[0], label="pressure p")
     if np.any(shear):
         ax.plot(along, shear, "x", markersize=3, color=PALETTE[1], label="shear q on the mix")
-    ax.axvline(0, color="0.8", linewidth=0.8, zorder=0)
-    ax.axhline(0, color="0.8", linewidth=0.8, zorder=0)
-    ax.set_xlabel(FIELD["travel_position"].axis_label)
-    ax.set_ylabel(FIELD["contact_stress"].axis_label)
+    for draw_zero in (ax.axvline, ax.axhline):
+        draw_zero(0, color="0.8", linewidth=0.8, zorder=0)
+    ax.set(xlabel=FIELD["travel_position"].axis_label, ylabel=FIELD["contact_stress"].axis_label)
     ax.legend(frameon=False)
     return figure
 
@@ -73,10 +67,6 @@ def draw_density(passes: Sequence[ContactResult]) -> Figure:
     ----------
     passes : sequence of ContactResult
         Results of the passes over a compacting layer.
-
-    Returns
-    -------
-    Figure
     """
     from compact.analysis.multipass import density as density_rows
 
@@ -86,34 +76,20 @@ def draw_density(passes: Sequence[ContactResult]) -> Figure:
         edges = np.append(bottom, top[-1]) * 1e3
         drawn = {"color": PALETTE[(number - 1) % len(PALETTE)], "linestyle": DASHES[(number - 1) % len(DASHES)]}
         ax.stairs(ratio, edges, orientation="horizontal", baseline=None, label=f"after pass {number}", **drawn)
-    ax.set_xlabel(FIELD["density_ratio"].axis_label)
-    ax.set_ylabel(FIELD["height"].axis_label)
-    ax.set_ylim(0, None)
+    ax.set(xlabel=FIELD["density_ratio"].axis_label, ylabel=FIELD["height"].axis_label, ylim=(0, None))
     ax.legend(frameon=False)
     return figure
 
 
 def draw_loads(contacts: Sequence[ContactRecord]) -> Figure:
-    """Draw load and rolling-resistance coefficient over the speed, with bars for the error estimates.
-
-    Parameters
-    ----------
-    contacts : sequence of ContactRecord
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw load and rolling-resistance coefficient over the speed, with bars for the error estimates."""
     figure, (both,) = panels(1, 2, (4.4, 2.9))
     speed, load, coefficient = np.array([[each.speed, each.load, each.coefficient] for each in contacts]).T
     error, miss = np.array([[each.load_error or 0.0, each.resistance_error or 0.0] for each in contacts]).T
-    both[0].errorbar(speed, load / 1e3, error * load / 1e3, fmt="o-", color=PALETTE[0], markersize=4)
-    both[0].set_ylabel(CONTACT["load"].axis_label)
-    both[1].errorbar(speed, coefficient, miss * np.abs(coefficient), fmt="o-", color=PALETTE[1], markersize=4)
-    both[1].set_ylabel(CONTACT["coefficient"].axis_label)
-    for ax, values in zip(both, (load / 1e3, coefficient), strict=True):
-        ax.set_xscale("log")
-        ax.set_xlabel(SPEED.axis_label)
+    curves = {"load": (load / 1e3, error * load / 1e3), "coefficient": (coefficient, miss * np.abs(coefficient))}
+    for ax, color, (name, (values, errors)) in zip(both, PALETTE, curves.items(), strict=False):
+        ax.errorbar(speed, values, errors, fmt="o-", color=color, markersize=4)
+        ax.set(xscale="log", xlabel=SPEED.axis_label, ylabel=CONTACT[name].axis_label)
         low, high = ax.get_ylim()
         least = LEAST_SPAN * np.abs(values).max()
         ax.set_ylim(min(low, values.min() - least), max(high, values.max() + least))
@@ -127,13 +103,8 @@ def draw_resistance(resistance_map: ResistanceMap, acceleration: float) -> Figur
 
     Parameters
     ----------
-    resistance_map : ResistanceMap
     acceleration : float
         Largest acceleration drawn [m/s2].
-
-    Returns
-    -------
-    Figure
     """
     known = resistance_map.added_masses is not None and bool(np.any(resistance_map.added_masses))
     ratios, width = ([4 / 3, 2 / 3], 4.7) if known else ([1], 6.2)
@@ -155,8 +126,7 @@ def draw_resistance(resistance_map: ResistanceMap, acceleration: float) -> Figur
         panel.axhline(0, color="0.8", linewidth=0.8, zorder=0)
         panel.set_ylabel(MOTION["added_mass"].axis_label)
     for panel in (ax, *second):
-        panel.set_xlabel(SPEED.axis_label)
-        panel.set_xlim(0, 1.02 * resistance_map.speeds[-1])
+        panel.set(xlabel=SPEED.axis_label, xlim=(0, 1.02 * resistance_map.speeds[-1]))
     return figure
 
 
@@ -178,10 +148,6 @@ def draw_fields(layers: Sequence[tuple["Mesh", Any]]) -> Figure:
     ----------
     layers : sequence of tuples
         Mesh with displacement and element means, and the `ContactResult` of the engine.
-
-    Returns
-    -------
-    Figure
 
     Notes
     -----
@@ -234,25 +200,18 @@ def _draw_scale(figure: Figure, ax: Axes, shown: PolyCollection, name: str) -> N
     place, (_, high) = ax.get_position(), figure.get_size_inches()
     bar = figure.add_axes((place.x0, 0.5 / high, place.width, 0.13 / high))
     figure.colorbar(shown, cax=bar, orientation="horizontal", extend="min" if name in FIELD_DECADES else "neither")
-    bar.set_xlabel(FIELD[name].axis_label + (", black: less" if name in FIELD_DECADES else ""))
+    bar.set_xlabel(FIELD[name].axis_label + (", black: below the scale" if name in FIELD_DECADES else ""))
 
 
 def _draw_base(ax: Axes, base: str, reach: float, bottom: float | None) -> None:
     """Draw the rigid base; write its distance below the panel where the layer is cut at `bottom` [mm]."""
+    height, label = 0.02 * reach, BASE_LABELS[base]
     if bottom is not None:
-        ax.text(
-            0,
-            bottom,
-            f"{BASE_LABELS[base]}, {bottom:.0f} mm below",
-            ha="center",
-            va="bottom",
-            fontsize=8,
-            color="white",
-        )
-        return
-    ax.axhspan(-reach, 0, facecolor="0.85", edgecolor="0.4", hatch="////", linewidth=0)
-    ax.axhline(0, color="black", linewidth=1.2)
-    ax.text(0, 0.02 * reach, BASE_LABELS[base], ha="center", va="bottom", fontsize=8, color="white")
+        height, label = bottom, f"{label}, {bottom:.0f} mm below"
+    else:
+        ax.axhspan(-reach, 0, facecolor="0.85", edgecolor="0.4", hatch="////", linewidth=0)
+        ax.axhline(0, color="black", linewidth=1.2)
+    ax.text(0, height, label, ha="center", va="bottom", fontsize=8, color="white")
 
 
 def _draw_roller(ax: Axes, contact: Any) -> None:

@@ -4,7 +4,7 @@ Each function draws one figure from finished results and returns it; a law has t
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 from typing import Any
 
 import numpy as np
@@ -63,17 +63,7 @@ def _legends(axes: NDArray[Any]) -> None:
 
 
 def draw_kinematics(cycles: Mapping[str, Cycle]) -> Figure:
-    """Draw velocity, acceleration and jerk of every law over the forward stroke, as the law prescribes them.
-
-    Parameters
-    ----------
-    cycles : mapping of str to Cycle
-        Laws by name.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw velocity, acceleration and jerk of every law over the forward stroke, as the law prescribes them."""
     families = _families(cycles)
     figure, axes = _grid(families, ("velocity", "acceleration", "jerk"))
     for row, members in zip(axes, families.values(), strict=True):
@@ -96,17 +86,7 @@ def _phases(joined: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def draw_drive(runs: Mapping[str, Any]) -> Figure:
-    """Draw drive force, positive along the motion, and power of every law over a cycle.
-
-    Parameters
-    ----------
-    runs : mapping of str to Run
-        Runs by law.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw drive force, positive along the motion, and power of every law over a cycle."""
     families = _families(runs)
     figure, axes = _grid(families, ("drive_force", "drive_power"), width=4.6)
     for row, members in zip(axes, families.values(), strict=True):
@@ -145,7 +125,9 @@ def _name_cropped(ax: Axes, peaks: Mapping[str, float], unit: str) -> None:
     """Name the laws beyond the scale of a panel with their peaks."""
     limit = max(map(abs, ax.get_ylim()))
     labels = [
-        f"▲ {name}: peak {_three_digits(peak)} {unit}, off the scale" if np.isfinite(peak) else _infinite_label(name)
+        f"▲ {name}: peak {_three_digits(peak)} {unit}, off the scale"
+        if np.isfinite(peak)
+        else f"▲ {name}: infinite at its jumps"
         for name, peak in peaks.items()
         if peak > limit
     ]
@@ -156,32 +138,17 @@ def _name_cropped(ax: Axes, peaks: Mapping[str, float], unit: str) -> None:
         )  # fmt: skip
 
 
-def _infinite_label(name: str) -> str:
-    return f"▲ {name}: infinite at its jumps"
-
-
 def draw_reactions(runs: Mapping[str, Any], names: Sequence[str]) -> Figure:
-    """Draw the guide-wheel reactions over a cycle; below zero a wheel runs on the lower rail.
-
-    Parameters
-    ----------
-    runs : mapping of str to Run
-        Runs by law.
-    names : sequence of str
-        Laws that are drawn.
-
-    Returns
-    -------
-    Figure
-    """
+    """Draw the guide-wheel reactions over a cycle; below zero a wheel runs on the lower rail."""
     figure, (axes,) = panels(1, len(names), (5.2, 2.5), bottom=0.85, top=0.3, gaps=(0.3, 0.0), sharey=True)
     for ax, name in zip(axes, names, strict=True):
         run = runs[name]
         front, rear = run.state.forces.front_reaction / 1e3, run.state.forces.rear_reaction / 1e3
+        lowest = min(front.min(), rear.min())
         ax.plot(run.time, front, color=PALETTE[0], label="front wheel N₁")
         ax.plot(run.time, rear, color=PALETTE[1], linestyle="--", label="rear wheel N₂")
-        if min(front.min(), rear.min()) < 0:
-            ax.axhspan(min(front.min(), rear.min()), 0, color="0.92", zorder=0, label="lifted off: on the lower rail")
+        if lowest < 0:
+            ax.axhspan(lowest, 0, color="0.92", zorder=0, label="lifted off: on the lower rail")
         ax.axhline(0, color="0.6", linewidth=0.8)
         ax.set_title(name, y=TITLE_HEIGHT)
         ax.set_xlabel(TIME.axis_label)
@@ -194,15 +161,6 @@ def draw_reactions(runs: Mapping[str, Any], names: Sequence[str]) -> Figure:
 def draw_cams(cams: Mapping[tuple[str, str], Cam], names: Sequence[str], follower: str) -> Figure:
     """Draw the cam profiles for one follower with the path of the roller centre, a panel for each law.
 
-    Parameters
-    ----------
-    cams : mapping of (str, str) to Cam
-        Cams by law and follower.
-    names : sequence of str
-        Laws that are drawn.
-    follower : str
-        Kind of follower.
-
     Returns
     -------
     Figure
@@ -211,11 +169,11 @@ def draw_cams(cams: Mapping[tuple[str, str], Cam], names: Sequence[str], followe
     columns = min(7, len(names))
     rows = -(-len(names) // columns)
     figure, axes = panels(rows, columns, (1.6, 1.8), top=0.45, gaps=(0.45, 0.5), sharex=True, sharey=True)
-    axes = axes.ravel()
     phi = np.linspace(0, 2 * np.pi, 2001)
-    for ax in axes[len(names) :]:
-        ax.set_visible(False)
-    for ax, name in zip(axes[: len(names)], names, strict=True):
+    for ax, name in zip_longest(axes.ravel(), names):
+        ax.set_visible(name is not None)
+        if name is None:
+            continue
         cam = cams[name, follower]
         radius = cam.radius(phi)
         ax.plot(*cam.profile(phi), color=law_style(name)["color"], linewidth=1.6)
@@ -238,10 +196,6 @@ def draw_crank_turns(turns: Mapping[str, CrankshaftRevolution]) -> Figure:
     ----------
     turns : mapping of str to CrankshaftRevolution
         Turns by the number of carts.
-
-    Returns
-    -------
-    Figure
     """
     figure, (both,) = panels(1, 2, (4.4, 2.9), bottom=0.85)
     shafts = [key for key in turns if key.isdigit()]
@@ -252,9 +206,7 @@ def draw_crank_turns(turns: Mapping[str, CrankshaftRevolution]) -> Figure:
             ax.plot(np.degrees(turn.angle), values / 1e3, color=color, label=label)
             ax.axhline(turn.mean(values) / 1e3, color=color, linestyle="--", linewidth=0.8)
     for ax, name in zip(both, ("shaft_torque", "shaft_power"), strict=True):
-        ax.set_xlabel(MOTION["crank_angle"].axis_label)
-        ax.set_ylabel(MOTION[name].axis_label)
-        ax.set_xticks(range(0, 361, 45))
+        ax.set(xlabel=MOTION["crank_angle"].axis_label, ylabel=MOTION[name].axis_label, xticks=range(0, 361, 45))
         ax.margins(x=0)
     legend_below(figure, both[0], columns=4)
     return figure

@@ -4,7 +4,7 @@ Each function draws one figure from finished results and returns it; an engine h
 """
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -49,9 +49,7 @@ def draw_rankings(
         Infinite values are named in place of a bar.
     """
     orders = dict(list(orders.items())[:RANKING_PANELS])
-    labels = {
-        by: [f"{place.rank}  {place.law}  {_value_label(by, place)}" for place in order] for by, order in orders.items()
-    }
+    labels = {by: [_row_label(by, place) for place in order] for by, order in orders.items()}
     figure, axes = _stacked_panels(len(orders), max(map(len, orders.values())), itertools.chain(*labels.values()))
     for ax, (by, order) in zip(axes, orders.items(), strict=True):
         _draw_bars(ax, by, order, labels[by])
@@ -87,7 +85,7 @@ def draw_engines(orders: Mapping[str, Mapping[str, Mapping[str, list[Place]]]], 
     return figure
 
 
-def draw_resistances(maps: Mapping[str, Callable[[NDArray[np.float64], float], NDArray[np.float64]]]) -> Figure:
+def draw_resistances(maps: Mapping[str, Any]) -> Figure:
     """Draw the resistance of one cart over speed by each engine.
 
     Parameters
@@ -95,26 +93,18 @@ def draw_resistances(maps: Mapping[str, Callable[[NDArray[np.float64], float], N
     maps : mapping of str to callable
         Resistance [N] of velocity [m/s] and acceleration [m/s2] by engine; the first is a `ResistanceMap`, whose
         computed values are drawn as well.
-
-    Returns
-    -------
-    Figure
     """
     figure, ((ax,),) = panels(1, 1, (6.2, 3.1))
-    reference: str
-    first: Any
     reference, first = next(iter(maps.items()))
     widths = np.linspace(4.0, 1.5, len(maps))  # the lower line is broader, so that none hides another
     for (engine, force), width in zip(reversed(list(maps.items())), widths, strict=True):
         (color, _, dash), fastest = ENGINE_STYLES[engine], getattr(force, "speeds", first.speeds)[-1]
         speed = np.linspace(0, min(fastest, first.speeds[-1]), 801)[1:]
         ax.plot(speed, force(speed, 0.0) / 1e3, dash, color=color, linewidth=width, label=engine)
-    computed = {"color": ENGINE_STYLES[reference][0], "markersize": 4, "label": f"{reference}, computed"}
-    ax.plot(first.speeds, first.forces / 1e3, "o", **computed)
-    ax.set_xlabel(SPEED.axis_label)
-    ax.set_ylabel(MOTION["cart_resistance"].axis_label)
-    ax.set_xlim(0, 1.02 * first.speeds[-1])
-    ax.set_ylim(min(0.0, 1.1 * first.forces.min() / 1e3), None)
+    color, label = ENGINE_STYLES[reference][0], f"{reference}, computed"
+    ax.plot(first.speeds, first.forces / 1e3, "o", color=color, markersize=4, label=label)
+    ax.set(xlabel=SPEED.axis_label, ylabel=MOTION["cart_resistance"].axis_label)
+    ax.set(xlim=(0, 1.02 * first.speeds[-1]), ylim=(min(0.0, 1.1 * first.forces.min() / 1e3), None))
     ax.legend(frameon=False, reverse=True, handlelength=3.2)
     return figure
 
@@ -147,14 +137,8 @@ def _draw_bars(ax: Axes, by: str, order: list[Place], labels: Sequence[str]) -> 
     ax.barh(rows, finite, color=colors, height=0.72, edgecolor="black", linewidth=0.4)
     known = np.flatnonzero(errors)
     if known.size:
-        whisker: dict[str, Any] = {
-            "fmt": "none",
-            "ecolor": "black",
-            "capsize": 2.5,
-            "elinewidth": 1.2,
-            "label": "error",
-        }
-        ax.errorbar(finite[known], np.array(rows)[known], xerr=errors[known], **whisker)
+        whisker: dict[str, Any] = {"fmt": "none", "ecolor": "black", "capsize": 2.5, "elinewidth": 1.2}
+        ax.errorbar(finite[known], np.array(rows)[known], xerr=errors[known], label="error", **whisker)
     ax.set_yticks(range(len(order)), labels, fontsize=8)
     ax.set_xlim(0, 1.15 * max(finite + errors, default=1.0) or 1.0)
     ax.set_ylim(len(order) - 0.4, -0.6)
@@ -162,8 +146,9 @@ def _draw_bars(ax: Axes, by: str, order: list[Place], labels: Sequence[str]) -> 
     ax.spines[["top", "right"]].set_visible(False)
 
 
-def _value_label(by: str, place: Place) -> str:
-    return "" if place.reason else f"{place.value * CRITERIA[by].quantity.plot_factor:#.4g}".rstrip(".")
+def _row_label(by: str, place: Place) -> str:
+    value = "" if place.reason else f"{place.value * CRITERIA[by].quantity.plot_factor:#.4g}".rstrip(".")
+    return f"{place.rank}  {place.law}  {value}"
 
 
 def mark_offsets(count: int) -> NDArray[np.float64]:

@@ -4,43 +4,31 @@ The colours are distinct with red-green colour blindness. Two laws differ by 16 
 normal vision, deuteranopes and protanopes (Machado, Oliveira and Fernandes 2009); laws of one family also in lightness.
 """
 
-from types import MappingProxyType
+from collections.abc import Mapping
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-FAMILIES = MappingProxyType(  # family -> law -> colour, dark to light
-    {
-        "rest to rest": {
-            "constant-velocity": "#03255d",
-            "cubic": "#00449f",
-            "quintic": "#577388",
-            "septic": "#509afa",
-            "complex": "#9dc8fe",
-        },
-        "constant speed, combined": {"combined-2": "#1e4740", "combined-3": "#5b735f", "combined-4": "#5adda2"},
-        "constant speed, reversal": {
-            "reversal-2": "#702e01",
-            "reversal-3": "#bf4809",
-            "reversal-4": "#f7740f",
-            "reversal-4-free-jerk": "#f5bc63",
-        },
-        "constant speed, free turn": {
-            "reversal-3-free-acceleration": "#4d180e",
-            "reversal-4-free-acceleration": "#c16243",
-            "reversal-4-free-both": "#fe8b7b",
-        },
-        "comparators": {
-            "parabolic": "#281b37",
-            "harmonic": "#8862b1",
-            "cycloidal": "#bf8ac2",
-            "modified-trapezoid": "#e7b9d5",
-        },
-        "machines and tables": {"crank": "#000000", "gear-sector": "#989898"},
-    }
-)
+FAMILIES: Mapping[str, Mapping[str, str]] = {  # family -> law -> colour, dark to light
+    "rest to rest": {
+        "constant-velocity": "#03255d", "cubic": "#00449f", "quintic": "#577388", "septic": "#509afa",
+        "complex": "#9dc8fe",
+    },
+    "constant speed, combined": {"combined-2": "#1e4740", "combined-3": "#5b735f", "combined-4": "#5adda2"},
+    "constant speed, reversal": {
+        "reversal-2": "#702e01", "reversal-3": "#bf4809", "reversal-4": "#f7740f", "reversal-4-free-jerk": "#f5bc63",
+    },
+    "constant speed, free turn": {
+        "reversal-3-free-acceleration": "#4d180e", "reversal-4-free-acceleration": "#c16243",
+        "reversal-4-free-both": "#fe8b7b",
+    },
+    "comparators": {
+        "parabolic": "#281b37", "harmonic": "#8862b1", "cycloidal": "#bf8ac2", "modified-trapezoid": "#e7b9d5",
+    },
+    "machines and tables": {"crank": "#000000", "gear-sector": "#989898"},
+}  # fmt: skip
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # other curves; Okabe and Ito
 DASHES = ("-", "--", ":", "-.", (0, (8, 2, 1, 2, 1, 2)))
 TITLE_HEIGHT = 1.0  # [-], of a title above its panel; a fixed height saves measuring every label
@@ -48,11 +36,6 @@ TITLE_HEIGHT = 1.0  # [-], of a title above its panel; a fixed height saves meas
 
 def law_style(name: str) -> dict[str, Any]:
     """Return colour and dash of a law; laws outside FAMILIES, such as tables, are black.
-
-    Parameters
-    ----------
-    name : str
-        Name of the law.
 
     Returns
     -------
@@ -111,14 +94,5 @@ def panels(
 
 
 def legend_below(figure: Figure, ax: Axes, columns: int) -> None:
-    """Place the legend of one panel below all panels.
-
-    Parameters
-    ----------
-    figure : Figure
-    ax : Axes
-        Panel whose labels are shown.
-    columns : int
-        Number of columns of the legend.
-    """
+    """Place the legend of one panel below all panels."""
     figure.legend(*ax.get_legend_handles_labels(), loc="lower center", ncols=columns, frameon=False)

@@ -24,6 +24,7 @@ from compact.report.figures.style import law_style
 from compact.sweep.sobol_indices import SobolTable
 
 if TYPE_CHECKING:
+    from matplotlib.contour import QuadContourSet
     from xarray import DataArray, Dataset
 
 BAND = (0.05, 0.95)  # [-], quantiles of a sample
@@ -34,56 +35,35 @@ PANEL_COLUMNS = 3  # [-]
 LOGARITHMIC_RATIO = 10  # [-], of largest to smallest value, above which an axis is logarithmic
 CONSTANT_SPAN = 1e-9  # [-], relative range below which a quantity is constant
 NO_NUMBER = "0.82"  # grey
+READABLE_ANGLE = 180.0  # [degrees], above which text is upside down
+LABEL_MARGIN = 0.05  # [-], of a panel, without labels of contour lines
 
 
 def numeric_axes(table: "Dataset") -> list[str]:
     """List the keys varied over two or more numbers.
-
-    Parameters
-    ----------
-    table : Dataset
-        Table of a sweep.
 
     Returns
     -------
     list of str
         Names of the axes in the order of the table.
     """
-    return [str(name) for name in table["load"].dims if name != "sample" and _is_numeric(table[name])]
+    axes = [str(name) for name in table["load"].dims if name != "sample"]
+    return [name for name in axes if table[name].dtype.kind in "fi" and table[name].size > 1]
 
 
 def _axis_label(name: str) -> str:
     return INPUT[name].axis_label if name in INPUT else name.replace("_", " ")
 
 
-def _is_numeric(values: "DataArray") -> bool:
-    return values.dtype.kind in "fi" and values.size > 1
-
-
 def varying_quantities(table: "Dataset") -> list[str]:
-    """List the quantities that vary over the table.
-
-    Parameters
-    ----------
-    table : Dataset
-        Table of a sweep.
-
-    Returns
-    -------
-    list of str
-    """
-    found = []
-    for name in DRAWN_QUANTITIES:
-        values = table[name].values
-        values = values[np.isfinite(values)]
-        if values.size and np.ptp(values) > CONSTANT_SPAN * np.abs(values).max():
-            found.append(name)
-    return found
+    """List the quantities that vary over the table."""
+    return [name for name in DRAWN_QUANTITIES if not _is_constant(np.ma.masked_invalid(table[name].values))]
 
 
-def _sample(table: "Dataset") -> "Dataset":
-    """Select the independent rows of a sample; a table without a sample is returned unchanged."""
-    return table.isel(sample=np.isin(table["part"].values, ("A", "B"))) if "sample" in table.dims else table
+def _is_constant(values: np.ma.MaskedArray) -> bool:
+    """Return True if the numbers of an array are equal but for rounding; also without any."""
+    found = values.compressed()
+    return found.size == 0 or bool(np.ptp(found) <= CONSTANT_SPAN * np.abs(found).max())
 
 
 def band(table: "Dataset", quantity: str) -> "tuple[DataArray, DataArray, DataArray]":
@@ -91,8 +71,6 @@ def band(table: "Dataset", quantity: str) -> "tuple[DataArray, DataArray, DataAr
 
     Parameters
     ----------
-    table : Dataset
-        Table of a sweep.
     quantity : str
         Name of the quantity.
 
@@ -101,9 +79,10 @@ def band(table: "Dataset", quantity: str) -> "tuple[DataArray, DataArray, DataAr
     tuple of DataArray
         Lower quantile, median, upper quantile; three times the values without a sample.
     """
-    values = _sample(table)[quantity]
+    values = table[quantity]
     if "sample" not in table.dims:
         return values, values, values
+    values = values.isel(sample=np.isin(table["part"].values, ("A", "B")))  # the independent rows
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # all of a sample failed
         low, middle, high = values.quantile([BAND[0], 0.5, BAND[1]], dim="sample", skipna=True)
@@ -112,11 +91,6 @@ def band(table: "Dataset", quantity: str) -> "tuple[DataArray, DataArray, DataAr
 
 def required_share(table: "Dataset") -> Any:
     """Compute the larger of required pressure and saturation over their limits of rolling.
-
-    Parameters
-    ----------
-    table : Dataset
-        Table of a sweep.
 
     Returns
     -------
@@ -136,10 +110,6 @@ def draw_maps(table: "Dataset", point: tuple[float, float] | None = None) -> Fig
         Table of a sweep with two numeric axes or more.
     point : tuple of float, optional
         Position of a mark, in the units of the table.
-
-    Returns
-    -------
-    Figure
     """
     y, x = numeric_axes(table)[-2:]
     table = _plane(table, x, y)
@@ -176,20 +146,37 @@ def _draw_map(ax: Axes, table: "Dataset", values: "DataArray", cmap: str, title:
     ax.set_facecolor(NO_NUMBER)
     ax.set(xlabel=_axis_label(x), ylabel=_axis_label(y))
     ax.set_title(title, fontsize=10)
+    ax.set(xlim=(float(table[x].min()), float(table[x].max())), ylim=(float(table[y].min()), float(table[y].max())))
     shown = np.ma.masked_invalid(values.values)
-    if shown.count() and np.ptp(shown.compressed()) <= CONSTANT_SPAN * np.abs(shown).max():
+    if shown.count() and _is_constant(shown):
         ax.set_facecolor("white")
         ax.text(0.5, 0.5, f"{_short(shown.max())} everywhere", transform=ax.transAxes, ha="center")
     elif shown.count():
         filled = ax.contourf(table[x], table[y], shown, CONTOUR_LEVELS, cmap=cmap)
         lines = ax.contour(filled, colors="black", linewidths=0.6)
-        for text in ax.clabel(lines, fontsize=8, fmt=_short):
-            text.set_path_effects([withStroke(linewidth=2, foreground="white")])
-    beyond = required_share(table).transpose(y, x).values
-    if np.nanmax(beyond, initial=0.0) > 1:
-        ax.contourf(table[x], table[y], beyond, [1, np.inf], colors="none", hatches=["////"])
-    ax.set_xlim(float(table[x].min()), float(table[x].max()))
-    ax.set_ylim(float(table[y].min()), float(table[y].max()))
+        label_contours(ax, lines)
+    share = required_share(table).transpose(y, x).values
+    if np.nanmax(share, initial=0.0) > 1:
+        ax.contourf(table[x], table[y], share, [1, np.inf], colors="none", hatches=["////"])
+
+
+def label_contours(ax: Axes, lines: "QuadContourSet") -> None:
+    """Label contour lines; labels at the frame of a panel, which would be cut, are left out.
+
+    Parameters
+    ----------
+    ax : Axes
+        Panel of the lines, with its final limits.
+    lines : QuadContourSet
+        Lines of `contour`.
+    """
+    for text in ax.clabel(lines, fontsize=8, fmt=_short, inline=False, colors="black"):
+        place = ax.transAxes.inverted().transform(ax.transData.transform(text.get_position()))
+        if np.abs(place - 0.5).max() > 0.5 - LABEL_MARGIN:
+            text.remove()
+        if text.get_rotation() > READABLE_ANGLE:
+            text.set_rotation(text.get_rotation() - 180)
+        text.set_path_effects([withStroke(linewidth=2, foreground="white")])
 
 
 def _short(value: float) -> str:
@@ -201,7 +188,7 @@ def _legend(figure: Figure, table: "Dataset") -> None:
     if np.nanmax(required_share(table).values, initial=0.0) > 1:
         marks.append(Patch(facecolor="none", edgecolor="black", hatch="////", label="not reachable by rolling"))
     if (table["reason"] != "").any():
-        marks.append(Patch(facecolor=NO_NUMBER, label="no number, for the stated reasons"))
+        marks.append(Patch(facecolor=NO_NUMBER, label="no result, reason in sweep.nc"))
     if "sample" in table.dims:
         marks.append(Patch(facecolor="none", label=f"above: median; below: its band, {BAND_LABEL}"))
     if marks:
@@ -217,10 +204,6 @@ def draw_bands(table: "Dataset", point: Mapping[str, float] | None = None) -> Fi
         Table of a sweep with a numeric axis.
     point : mapping of str to float, optional
         Coordinates of a mark by the names of keys and quantities.
-
-    Returns
-    -------
-    Figure
     """
     *_, x = numeric_axes(table)
     before = [str(name) for name in table["load"].dims if name not in (x, "sample")][-1:]
@@ -237,10 +220,8 @@ def draw_bands(table: "Dataset", point: Mapping[str, float] | None = None) -> Fi
         ax.set_visible(False)
     handles, labels = panels[0].get_legend_handles_labels()
     if any(labels):
-        title = f"bands: {BAND[0]:.0%} to {BAND[1]:.0%} of the sample" if "sample" in table.dims else None
-        figure.legend(
-            handles, labels, loc="outside lower center", ncols=min(8, len(labels)), frameon=False, title=title
-        )
+        title, columns = f"bands: {BAND_LABEL}" if "sample" in table.dims else None, min(8, len(labels))
+        figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False, title=title)
     return figure
 
 
@@ -263,12 +244,9 @@ def _lines(table: "Dataset", x: str, before: Sequence[str]) -> "Iterator[tuple[A
     for i, value in enumerate(values):
         line = table.isel({before[0]: i}) if before else table
         line = line.isel({name: 0 for name in line["load"].dims if name not in (x, "sample")})
-        label = f"{before[0].replace('_', ' ')} {_value_label(value)}" if before else None
+        shown = f"{value:.4g}" if isinstance(value, int | float | np.number) else value
+        label = f"{before[0].replace('_', ' ')} {shown}" if before else None
         yield colormaps["viridis"](0.9 * i / max(len(values) - 1, 1)), line, label
-
-
-def _value_label(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, int | float | np.number) else str(value)
 
 
 def draw_best_laws(table: "Dataset") -> Figure:
@@ -278,10 +256,6 @@ def draw_best_laws(table: "Dataset") -> Figure:
     ----------
     table : Dataset
         Table of a sweep with rankings.
-
-    Returns
-    -------
-    Figure
     """
     y, x = numeric_axes(table)[-2:]
     table = _plane(table, x, y)
@@ -296,9 +270,8 @@ def draw_best_laws(table: "Dataset") -> Figure:
         numbers = np.ma.masked_where(best == "", np.searchsorted(names, best))
         ax.set_facecolor(NO_NUMBER)
         colours = ListedColormap([shown[name] for name in names] or [NO_NUMBER])
-        ax.pcolormesh(
-            table[x], table[y], numbers, cmap=colours, vmin=-0.5, vmax=max(len(names), 1) - 0.5, shading="nearest"
-        )
+        last = max(len(names), 1) - 0.5
+        ax.pcolormesh(table[x], table[y], numbers, cmap=colours, vmin=-0.5, vmax=last, shading="nearest")
         ax.set_title(f"least {CRITERIA[criterion.removeprefix('best_law_by_')].term}", fontsize=10)
         ax.set(xlabel=_axis_label(x), ylabel=_axis_label(y))
     marks = [Patch(facecolor=color, label=name) for name, color in shown.items()]
@@ -323,19 +296,14 @@ def draw_sobol_indices(sobol: SobolTable) -> Figure:
     ----------
     sobol : dict
         Names of the inputs, and Sobol indices, by quantity; one panel each.
-
-    Returns
-    -------
-    Figure
     """
     figure = Figure(figsize=(3.9 * len(sobol) + 0.8, 3.4), layout="constrained")
     panels = figure.subplots(1, len(sobol), squeeze=False, sharey=True)[0]
     for ax, (quantity, (names, found)) in zip(panels, sobol.items(), strict=True):
         place = np.arange(len(names))
-        for shift, kind, color in ((-0.2, "first", "tab:blue"), (0.2, "total", "0.65")):
+        for shift, kind, color, label in ((-0.2, "first", "tab:blue", "first order"), (0.2, "total", "0.65", "total")):
             value, low, high = (getattr(found, kind + end) for end in ("", "_low", "_high"))
             error = np.maximum([value - low, high - value], 0)
-            label = {"first": "first order", "total": "total"}[kind]
             ax.barh(place + shift, value, 0.38, xerr=error, color=color, error_kw={"linewidth": 1}, label=label)
         ax.set_yticks(place, [name.replace("_", " ") for name in names])
         ax.set_xlabel("share of the variance [-]")

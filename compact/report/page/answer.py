@@ -4,7 +4,8 @@ The templates `question.html.j2` and `answer.html.j2` phrase them.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain, permutations
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,6 @@ from compact.analysis.stages.balance_checks import BalanceCheck
 from compact.analysis.stages.sensitivity import Shift
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
-from compact.material.mix import Parameter
 from compact.report.number_format import format_percent, format_quantity
 from compact.report.text import guide_sentence, return_sentence
 
@@ -47,107 +47,8 @@ class BestLaw:
     reason: str = ""
 
 
-@dataclass(frozen=True)
-class Conflict:
-    """Requirement by one criterion of the law that is first by another."""
-
-    law: str
-    term: str
-    amount: str
-    other_term: str
-
-
-@dataclass(frozen=True)
-class Unfollowable:
-    """Laws without a finite value, and the reason."""
-
-    laws: tuple[str, ...]
-    reason: str
-
-
-@dataclass(frozen=True)
-class EngineAccuracy:
-    """Error estimates of a layered engine [-], `interpolation` over the largest resistance; the kind of its model."""
-
-    engine: str
-    error: float | None
-    interpolation: float
-    speeds: int
-    compacting: bool
-    one_dimensional: bool
-
-
-@dataclass(frozen=True)
-class Resolution:
-    """Resolution of rank 1 against the error of the resistance; `error` is empty where it is unknown."""
-
-    term: str
-    tied: bool
-    error: str
-    resolved: bool
-
-
-@dataclass(frozen=True)
-class ComparedFirst:
-    """First law by another engine, with the pairs of laws that are discordant beyond the errors."""
-
-    law: str
-    same: bool
-    term: str
-    value: str
-    discordant: int
-    pairs: int
-
-
-@dataclass(frozen=True)
-class SensitivitySummary:
-    """Inputs that change the first law, by name, and how the ends were computed."""
-
-    methods: str
-    inputs: int
-    out_of_range: int
-    changes: Mapping[str, Sequence[str]]
-
-
-@dataclass(frozen=True)
-class Answer:
-    """Results of the answer box and of the list of uncertainties."""
-
-    winners: list[BestLaw]
-    rigid_winners: list[BestLaw]
-    unfollowable: list[Unfollowable]
-    conflicts: list[Conflict]
-    omitted_laws: Mapping[str, str]
-    mean_speed: float
-    mean_resistance: float
-    roller_load: float
-    guide_sentence: str
-    return_sentence: str
-    unreachable: str
-    engine_accuracy: EngineAccuracy | None
-    resolutions: list[Resolution]
-    required_pressure: Parameter
-    roller_force_low: float | None
-    roller_force_high: float | None
-    comparisons: Mapping[str, list[ComparedFirst]]
-    sensitivity: SensitivitySummary
-    checks: int
-    failed_checks: list[str]
-    remarks: list[str]
-    advice: tuple[str, ...]
-
-
 def question(study: Study) -> dict[str, Any]:
-    """Select the variables of the template of the question.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    dict
-    """
+    """Select the variables of the template of the question."""
     scene = study.scene
     return {
         "scene": scene,
@@ -157,55 +58,45 @@ def question(study: Study) -> dict[str, Any]:
     }
 
 
-def answer(study: Study, checks: Sequence[BalanceCheck]) -> Answer:
-    """Select the results that the page states first.
-
-    Parameters
-    ----------
-    study : Study
-    checks : sequence of BalanceCheck
-
-    Returns
-    -------
-    Answer
-    """
+def answer(study: Study, checks: Sequence[BalanceCheck]) -> dict[str, Any]:
+    """Select the results that the page states first, the variable `answer` of the template."""
     scene, kind = study.scene, study.scene.drive.kind
     orders = _first_criteria(study.places[kind])
     rigid = _first_criteria(study.places.get("rigid", {}) if kind != "rigid" else {})
-    force = study.numbers["roller_force"]
-    reach = study.mix.density_achievable
+    force, reach = study.numbers["roller_force"], study.mix.density_achievable
     resistance = study.resistance(np.array([scene.mean_speed]), np.zeros(1))
-    return Answer(
-        winners=[_best_law(by, order) for by, order in orders.items()],
-        rigid_winners=[_best_law(by, order) for by, order in rigid.items()],
-        unfollowable=_unfollowable(orders),
-        conflicts=_conflicts(orders),
-        omitted_laws=study.laws_not_made,
-        mean_speed=scene.mean_speed,
-        mean_resistance=float(np.ravel(resistance)[0]),
-        roller_load=study.roller_load,
-        guide_sentence=guide_sentence(study),
-        return_sentence=return_sentence(study),
-        unreachable="" if reach else reach.reason,
-        engine_accuracy=_engine_accuracy(study) if study.layered else None,
-        resolutions=list(_resolutions(orders)),
-        required_pressure=study.mix.parameter("required_pressure"),
-        roller_force_low=None if force.high is None else force.low,
-        roller_force_high=None if force.low is None else force.high,
-        comparisons=_comparisons(study),
-        sensitivity=_sensitivity(study.sensitivities),
-        checks=len(checks),
-        failed_checks=[check.name for check in checks if not check.passed],
-        remarks=[sentence for sentences in scene.replacements.values() for sentence in sentences],
-        advice=scene.advice,
-    )
+    return {
+        "winners": [_best_law(by, order) for by, order in orders.items()],
+        "rigid_winners": [_best_law(by, order) for by, order in rigid.items()],
+        "unfollowable": _unfollowable(orders),
+        "conflicts": list(_conflicts(orders)),
+        "omitted_laws": study.laws_not_made,
+        "mean_speed": scene.mean_speed,
+        "mean_resistance": float(np.ravel(resistance)[0]),
+        "roller_load": study.roller_load,
+        "guide_sentence": guide_sentence(study),
+        "return_sentence": return_sentence(study),
+        "unreachable": "" if reach else reach.reason,
+        "engine": study.engine,
+        "resistance_map": study.resistance_map if study.layered else None,
+        "resolutions": list(_resolutions(orders)),
+        "required_pressure": study.mix.parameter("required_pressure"),
+        "roller_force": force if None not in (force.low, force.high) else None,
+        "comparisons": _comparisons(study),
+        "sensitivity": _sensitivity(study.sensitivities),
+        "checks": len(checks),
+        "failed_checks": [check.name for check in checks if not check.passed],
+        "remarks": list(chain(*scene.replacements.values())),
+        "advice": scene.advice,
+    }
 
 
 def _first_criteria(orders: Mapping[str, list[Place]]) -> dict[str, list[Place]]:
     return dict(list(orders.items())[:ANSWER_CRITERIA])
 
 
-def _term(by: str) -> str:
+def criterion_term(by: str) -> str:
+    """Return the standard term of a criterion."""
     return CRITERIA[by].quantity.term
 
 
@@ -213,24 +104,17 @@ def _best_law(by: str, order: list[Place]) -> BestLaw:
     """Select the first law by a criterion, with the requirements of the next and the last one."""
     first = _first_places(order)
     if not first:
-        return BestLaw(_term(by), reason=order[0].reason)
+        return BestLaw(criterion_term(by), reason=order[0].reason)
     least = first[0].value
-    value = format_quantity(least, CRITERIA[by].unit, 3)
-    laws = tuple(place.law for place in first)
+    best = BestLaw(criterion_term(by), tuple(place.law for place in first), _format(least, by))
     finite = [place for place in order if not place.reason]
     if finite[-1].rank == 1:
-        return BestLaw(_term(by), laws, value, single=len(order) == 1)
+        return replace(best, single=len(order) == 1)
     following, last = finite[len(first)], finite[-1]
-    return BestLaw(
-        _term(by),
-        laws,
-        value,
-        tied=first[0].tie,
-        next_law=following.law,
-        next_amount=_excess(following.value, least, by),
-        last_law=last.law if last is not following else "",
-        last_amount=_excess(last.value, least, by),
-    )
+    next_amount, last_amount = (_excess(place.value, least, by) for place in (following, last))
+    last_law = last.law if last is not following else ""
+    return replace(best, tied=first[0].tie, next_law=following.law, next_amount=next_amount, last_law=last_law,
+                   last_amount=last_amount)  # fmt: skip
 
 
 def _first_places(order: list[Place]) -> list[Place]:
@@ -240,48 +124,38 @@ def _first_places(order: list[Place]) -> list[Place]:
 
 def _excess(value: float, least: float, by: str) -> str:
     """Format a value as its share above the least, or as itself where that share has no meaning."""
-    criterion = CRITERIA[by]
-    if criterion.floor or not least > 0:
-        return format_quantity(value, criterion.unit, 3)
+    if CRITERIA[by].floor or not least > 0:
+        return _format(value, by)
     return f"{format_percent(value / least - 1)} more"
 
 
-def _unfollowable(orders: Mapping[str, list[Place]]) -> list[Unfollowable]:
+def _format(value: float, by: str) -> str:
+    return format_quantity(value, CRITERIA[by].unit, 3)
+
+
+def _unfollowable(orders: Mapping[str, list[Place]]) -> list[dict[str, Any]]:
     """Collect the laws without a finite value, each reason once for all criteria."""
     reasons: dict[str, dict[str, None]] = {}
-    for place in (place for order in orders.values() for place in order if place.reason):
-        reasons.setdefault(place.reason, {})[place.law] = None
-    return [Unfollowable(tuple(laws), reason) for reason, laws in reasons.items()]
+    for place in chain(*orders.values()):
+        if place.reason:
+            reasons.setdefault(place.reason, {})[place.law] = None
+    return [{"laws": tuple(laws), "reason": reason} for reason, laws in reasons.items()]
 
 
-def _conflicts(orders: Mapping[str, list[Place]]) -> list[Conflict]:
-    """Collect the requirements by each criterion of the laws that are first by another one only."""
-    found: dict[Conflict, None] = {}
-    for by, order in orders.items():
-        first = _first_places(order)
-        for other, other_order in orders.items():
-            best = _first_places(other_order)
-            if by == other or not first or not best or best[0].law in [place.law for place in first]:
-                continue
-            value = next(place.value for place in other_order if place.law == first[0].law)
-            if np.isfinite(value):
-                found[Conflict(first[0].law, _term(by), _excess(value, best[0].value, other), _term(other))] = None
-    return list(found)
+def _conflicts(orders: Mapping[str, list[Place]]) -> Iterator[dict[str, str]]:
+    """State the requirement by each criterion of the law that is first by another one only."""
+    for (by, order), (other, other_order) in permutations(orders.items(), 2):
+        first, best = _first_places(order), _first_places(other_order)
+        if not first or not best or best[0].law in [place.law for place in first]:
+            continue
+        law = first[0].law
+        value = next(place.value for place in other_order if place.law == law)
+        if np.isfinite(value):
+            amount = _excess(value, best[0].value, other)
+            yield {"law": law, "term": criterion_term(by), "amount": amount, "other_term": criterion_term(other)}
 
 
-def _engine_accuracy(study: Study) -> EngineAccuracy:
-    engine, resistance = study.scene.accuracy.engine, study.resistance_map
-    return EngineAccuracy(
-        engine=engine,
-        error=resistance.engine_error,
-        interpolation=resistance.error,
-        speeds=len(resistance.speeds),
-        compacting=study.engine.compacting,
-        one_dimensional=engine == "column",
-    )
-
-
-def _resolutions(orders: Mapping[str, list[Place]]) -> Iterator[Resolution]:
+def _resolutions(orders: Mapping[str, list[Place]]) -> Iterator[dict[str, Any]]:
     """State for each criterion whether the error of the resistance leaves the first law first."""
     for by, order in orders.items():
         first = _first_places(order)
@@ -290,57 +164,44 @@ def _resolutions(orders: Mapping[str, list[Place]]) -> Iterator[Resolution]:
         tied, error = first[0].tie, ""
         if first[0].error is not None and not tied:
             error = format_quantity(max(place.error or 0.0 for place in first), CRITERIA[by].unit, 2)
-        yield Resolution(_term(by), tied, error, all(place.resolved for place in first))
+        resolved = all(place.resolved for place in first)
+        yield {"term": criterion_term(by), "tied": tied, "error": error, "resolved": resolved}
 
 
-def _comparisons(study: Study) -> dict[str, list[ComparedFirst]]:
+def _comparisons(study: Study) -> dict[str, list[dict[str, Any]]]:
     """Collect the first laws by the other engines under the drive of the scene."""
     kind = study.scene.drive.kind
     criteria = _first_criteria(study.places[kind])
-    found: dict[str, list[ComparedFirst]] = {name: [] for name in study.comparison}
+    found: dict[str, list[dict[str, Any]]] = {name: [] for name in study.comparison}
     for each in study.agreements:
         if each.other_engine == each.engine or not each.drive == each.other_drive == kind or each.by not in criteria:
             continue
         best = study.places_by_engine[each.other_engine][kind][each.by][0]
-        found[each.other_engine].append(
-            ComparedFirst(
-                law=best.law,
-                same=each.first == each.other_first,
-                term=_term(each.by),
-                value=format_quantity(best.value, CRITERIA[each.by].unit, 3),
-                discordant=each.agreement.resolved_discordant_pairs,
-                pairs=each.agreement.pairs,
-            )
-        )
+        found[each.other_engine].append({
+            "law": best.law, "same": each.first == each.other_first, "term": criterion_term(each.by),
+            "value": _format(best.value, each.by), "discordant": each.agreement.resolved_discordant_pairs,
+            "pairs": each.agreement.pairs,
+        })  # fmt: skip
     return {name: firsts for name, firsts in found.items() if firsts}
 
 
 def methods(shifts: Sequence[Shift]) -> str:
-    """Name the means by which the ends of the inputs were computed.
-
-    Parameters
-    ----------
-    shifts : sequence of Shift
-
-    Returns
-    -------
-    str
-    """
+    """Name the means by which the ends of the inputs were computed."""
     found = dict.fromkeys("formula" if shift.by == "formula" else f"the engine {shift.by}" for shift in shifts)
     return f"By {' or '.join(found) or 'formula'}"
 
 
-def _sensitivity(shifts: Sequence[Shift]) -> SensitivitySummary:
+def _sensitivity(shifts: Sequence[Shift]) -> dict[str, Any]:
     """Collect the inputs with an end at which another law is first."""
     changed: dict[str, set[str]] = {}
     for shift in shifts:
         for by, law in shift.base.law.items():
             ends = [end for end in (shift.low, shift.high) if end is not None and law not in end.ties[by]]
             if ends:
-                changed.setdefault(shift.name, set()).update(f"{end.law[by]} by {_term(by)}" for end in ends)
-    return SensitivitySummary(
-        methods=methods(shifts),
-        inputs=len(shifts),
-        out_of_range=sum((shift.low is None) + (shift.high is None) for shift in shifts),
-        changes={name: sorted(laws) for name, laws in changed.items()},
-    )
+                changed.setdefault(shift.name, set()).update(f"{end.law[by]} by {criterion_term(by)}" for end in ends)
+    return {
+        "methods": methods(shifts),
+        "inputs": len(shifts),
+        "out_of_range": sum((shift.low is None) + (shift.high is None) for shift in shifts),
+        "changes": {name: sorted(laws) for name, laws in changed.items()},
+    }

@@ -49,10 +49,8 @@ class Table:
 
     Parameters
     ----------
-    caption : str
     header : sequence of str
         Names of the columns.
-    rows : sequence of sequences of Cell
     numeric : collection of int
         Indices of the right-aligned columns.
     """
@@ -71,15 +69,10 @@ class Table:
 
         Parameters
         ----------
-        caption : str
         columns : mapping of str to sequence of Cell
             Cells by the name of the column.
         text_columns : sequence of str
             Names of the left-aligned columns.
-
-        Returns
-        -------
-        Table
         """
         numeric = [i for i, name in enumerate(columns) if name not in text_columns]
         return cls(caption, tuple(columns), list(zip(*columns.values(), strict=True)), numeric)
@@ -91,11 +84,8 @@ class Picture:
 
     Parameters
     ----------
-    data : bytes
-        Content of the file.
     description : str
         Text for readers who cannot see the picture.
-    caption : str
     media_type : str
         "image/png" or "image/svg+xml".
     summary : str
@@ -131,6 +121,11 @@ class Paragraph:
 Block = Table | Picture | Paragraph
 
 
+def embed_figures(pictures: Mapping[str, bytes], figures: Mapping[str, tuple[str, str]]) -> list[Picture]:
+    """Return the pictures that exist of a table of figures, name to description and caption."""
+    return [Picture(pictures[name], *texts) for name, texts in figures.items() if name in pictures]
+
+
 @dataclass(frozen=True)
 class Section:
     """Section of the page, closed until it is opened.
@@ -141,7 +136,6 @@ class Section:
         Target of links.
     title, lead : str
         Heading, and the line behind it.
-    blocks : sequence of Block
     """
 
     name: str
@@ -155,10 +149,6 @@ def render_page(title: str, template: str = "page.html.j2", **context: Any) -> s
 
     Parameters
     ----------
-    title : str
-        Title of the document.
-    template : str
-        Name of the template.
     **context
         Variables of the template.
 
@@ -173,47 +163,25 @@ def render_page(title: str, template: str = "page.html.j2", **context: Any) -> s
 
 
 def render_block(block: Block) -> str:
-    """Render one block alone.
-
-    Parameters
-    ----------
-    block : Block
-
-    Returns
-    -------
-    str
-        HTML fragment.
-    """
+    """Render one block alone."""
     return str(environment().get_template("blocks.html.j2").module.block(block))  # type: ignore[attr-defined]
 
 
 @cache
 def environment() -> "Environment":
-    """Build the template environment: automatic escaping, undefined variables raise.
-
-    Returns
-    -------
-    jinja2.Environment
-    """
+    """Build the template environment: automatic escaping, undefined variables raise."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     from compact.report.number_format import format_number, format_percent, format_quantity
 
     found = Environment(
-        loader=PackageLoader("compact.report.page"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
+        loader=PackageLoader("compact.report.page"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
-    )
+    )  # fmt: skip
     found.filters |= {
-        "number": format_number,
-        "quantity": format_quantity,
-        "percent": format_percent,
-        "inline": _inline_code,
-        "units": _keep_units,
-        "sentence": _as_sentence,
-    }
+        "number": format_number, "quantity": format_quantity, "percent": format_percent,
+        "inline": _inline_code, "units": _keep_units, "sentence": as_sentence,
+    }  # fmt: skip
     found.tests["mark"] = lambda cell: isinstance(cell, Mark)
     return found
 
@@ -232,6 +200,6 @@ def _keep_units(html: "Markup") -> "Markup":
     return Markup(UNIT_SPACE.sub("\u00a0", str(html)))
 
 
-def _as_sentence(text: str) -> str:
+def as_sentence(text: str) -> str:
     """Capitalise a line of text and end it with a full stop."""
     return f"{text[0].upper()}{text[1:]}."

@@ -6,7 +6,7 @@ from compact import quantities
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.study import Study
 from compact.report.number_format import format_number, format_percent, format_quantity
-from compact.report.page.blocks import Block, Mark, Paragraph, Picture, Section, Table
+from compact.report.page.blocks import Block, Mark, Paragraph, Section, Table, as_sentence, embed_figures
 from compact.report.text import held_sentence
 
 CONTACT_HEADER = (
@@ -39,32 +39,18 @@ FIGURES = {  # name -> (description, caption)
         "open in ParaView.",
     ),
 }
-NO_SPEED = (
-    "The engine is the formulas: the resistance is dry friction, the same at every speed and acceleration, "
-    "F(v, a) = F sign(v)."
-)
+NO_SPEED = """The engine is the formulas: the resistance is dry friction, the same at every speed and acceleration, \
+F(v, a) = F sign(v)."""
 KNOWN_FLAGS = ("measured", "given", "derived")  # of parameters of the mix; all others are assumed
 
 
 def contact_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
-    """Describe the contact of one roller and the resistance of a cart.
-
-    Parameters
-    ----------
-    study : Study
-    pictures : mapping of str to bytes
-        PNG files by the name of the figure.
-
-    Returns
-    -------
-    Section
-    """
+    """Describe the contact of one roller and the resistance of a cart."""
     blocks: list[Block] = list(_formula_blocks(study))
     if study.held:
-        sentence = held_sentence(study)
-        blocks.append(Paragraph(f"{sentence[0].upper()}{sentence[1:]}."))
+        blocks.append(Paragraph(as_sentence(held_sentence(study))))
     blocks += _engine_tables(study) if study.layered else [Paragraph(NO_SPEED)]
-    blocks += [Picture(pictures[name], *texts) for name, texts in FIGURES.items() if name in pictures]
+    blocks += embed_figures(pictures, FIGURES)
     lead = f"{format_quantity(study.roller_load, 'N', 3)} on a roller"
     formula = format_quantity(study.numbers["roller_force"].value, "N", 3)
     lead += f"; {formula} by formula." if study.layered else ", by formula."
@@ -72,16 +58,7 @@ def contact_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
 
 
 def mix_section(study: Study) -> Section:
-    """List the parameters of the mix with spread and origin.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    Section
-    """
+    """List the parameters of the mix with spread and origin."""
     rows = [
         (
             p.name.replace("_", " "), format_quantity(p.value, p.unit), format_quantity(p.low, p.unit),

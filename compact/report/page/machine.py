@@ -15,15 +15,9 @@ from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
 from compact.machine.roller_motors import RollerMotor
 from compact.motion.profile import EndCondition
-from compact.report.number_format import (
-    ZERO_SHARE,
-    format_column,
-    format_number,
-    format_percent,
-    format_quantity,
-)
-from compact.report.page.answer import methods
-from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Picture, Section, Table
+from compact.report.number_format import ZERO_SHARE, format_column, format_number, format_percent, format_quantity
+from compact.report.page.answer import criterion_term, methods
+from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Picture, Section, Table, embed_figures
 from compact.report.ranking_tables import comparison_places
 from compact.scene.loader import Scene
 
@@ -58,33 +52,14 @@ AGREEMENT_HEADER = (
 )  # fmt: skip
 
 
-def _term(by: str) -> str:
-    return CRITERIA[by].quantity.term
-
-
-def _pictures(pictures: Mapping[str, bytes], figures: Mapping[str, tuple[str, str]]) -> list[Picture]:
-    return [Picture(pictures[name], *texts) for name, texts in figures.items() if name in pictures]
-
-
 def ranking_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
-    """Tabulate the rankings by each criterion and drive, and their agreement.
-
-    Parameters
-    ----------
-    study : Study
-    pictures : mapping of str to bytes
-        PNG files by the name of the figure.
-
-    Returns
-    -------
-    Section
-    """
-    blocks: list[Block] = [*_pictures(pictures, RANKING_FIGURES)]
+    """Tabulate the rankings by each criterion and drive, and their agreement."""
+    blocks: list[Block] = [*embed_figures(pictures, RANKING_FIGURES)]
     if study.agreements:
         blocks.append(_agreement_table(study.agreements))
     for kind, orders in study.places.items():
         blocks += [_ranking_table(kind, by, order, comparison_places(study, kind, by)) for by, order in orders.items()]
-    lead = f"{len(study.cycles)} laws by {', '.join(_term(by) for by in study.rankings)}."
+    lead = f"{len(study.cycles)} laws by {', '.join(criterion_term(by) for by in study.rankings)}."
     return Section("ranking", "Ranking", lead, blocks)
 
 
@@ -94,7 +69,7 @@ def _ranking_table(kind: str, by: str, order: list[Place], others: Mapping[str, 
     columns: dict[str, Sequence[Cell]] = {
         "rank": [str(place.rank) for place in order],
         "law": [place.law for place in order],
-        _term(by): format_column([place.value for place in order], unit),
+        criterion_term(by): format_column([place.value for place in order], unit),
         "margin": ["tie" if place.tie else format_percent(place.margin) for place in order],
     }
     if order[0].error is not None:
@@ -109,7 +84,9 @@ def _ranking_table(kind: str, by: str, order: list[Place], others: Mapping[str, 
             f"{value} ({other.rank})" if other else value for value, other in zip(values, found, strict=True)
         ]
     columns["note"] = [place.reason for place in order]
-    return Table.from_columns(f"Laws by {_term(by)}, {kind} drive, least first", columns, ("law", "place", "note"))
+    return Table.from_columns(
+        f"Laws by {criterion_term(by)}, {kind} drive, least first", columns, ("law", "place", "note")
+    )
 
 
 def _resolution(place: Place, tied: bool) -> str:
@@ -122,9 +99,9 @@ def _resolution(place: Place, tied: bool) -> str:
 def _agreement_table(agreements: Sequence[RankingAgreement]) -> Table:
     rows = [
         (
-            _term(a.by), f"{a.engine}, {a.drive}", f"{a.other_engine}, {a.other_drive}", a.first, a.other_first,
-            f"{a.agreement.discordant_pairs} of {a.agreement.pairs}", str(a.agreement.resolved_discordant_pairs),
-            format_number(a.agreement.tau, 3),
+            criterion_term(a.by), f"{a.engine}, {a.drive}", f"{a.other_engine}, {a.other_drive}", a.first,
+            a.other_first, f"{a.agreement.discordant_pairs} of {a.agreement.pairs}",
+            str(a.agreement.resolved_discordant_pairs), format_number(a.agreement.tau, 3),
         )
         for a in agreements
     ]  # fmt: skip
@@ -132,18 +109,7 @@ def _agreement_table(agreements: Sequence[RankingAgreement]) -> Table:
 
 
 def laws_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
-    """Describe the motion laws: kinematics, peaks, continuity.
-
-    Parameters
-    ----------
-    study : Study
-    pictures : mapping of str to bytes
-        PNG files by the name of the figure.
-
-    Returns
-    -------
-    Section
-    """
+    """Describe the motion laws: kinematics, peaks, continuity."""
     cycles, order = study.cycles.values(), ("velocity", "acceleration", "jerk", "snap")
     turn: EndCondition = "dwell" if study.scene.motion.dwell > 0 else "reversal"
     peaks = [cycle.forward.peaks() for cycle in cycles]
@@ -161,40 +127,25 @@ def laws_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
         caption += " The drive is compliant: the motion of the cart is in the files cycles/LAW.csv."
     description = "Velocity, acceleration and jerk of every law over the forward stroke, a row for each family of laws"
     title = "Exact peaks inside the pieces, and discontinuities at their joins"
-    return Section(
-        "laws",
-        "Motion laws",
-        "Kinematics, exact peaks, discontinuities.",
-        [
-            Picture(pictures["kinematics"], description, caption),
-            Table.from_columns(title, columns, ("law", "continuity", "discontinuities")),
-        ],
-    )
+    picture = Picture(pictures["kinematics"], description, caption)
+    table = Table.from_columns(title, columns, ("law", "continuity", "discontinuities"))
+    return Section("laws", "Motion laws", "Kinematics, exact peaks, discontinuities.", [picture, table])
 
 
 def forces_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
-    """Tabulate forces, power and energy of every law.
-
-    Parameters
-    ----------
-    study : Study
-    pictures : mapping of str to bytes
-        PNG files by the name of the figure.
-
-    Returns
-    -------
-    Section
-    """
+    """Tabulate forces, power and energy of every law."""
     runs = study.runs.values()
     columns = {"law": list(study.runs)}
     for by in RUN_CRITERIA:
-        columns[_term(by)] = format_column([getattr(run, by) for run in runs], CRITERIA[by].unit)
-    columns[_term("nonuniformity")] = [format_percent(run.nonuniformity) for run in runs]
+        columns[criterion_term(by)] = format_column([getattr(run, by) for run in runs], CRITERIA[by].unit)
+    columns[criterion_term("nonuniformity")] = [format_percent(run.nonuniformity) for run in runs]
     if study.scene.drive.kind == "elastic":
-        columns[_term("dynamic_amplification")] = format_column([run.dynamic_amplification for run in runs], "1")
+        columns[criterion_term("dynamic_amplification")] = format_column(
+            [run.dynamic_amplification for run in runs], "1"
+        )
     table = Table.from_columns(f"One cart, {study.scene.drive.kind} drive, over a cycle", columns)
     lead = "Of one cart over a cycle; guide wheels; shaft."
-    return Section("forces", "Forces and power", lead, [*_pictures(pictures, FORCE_FIGURES), table])
+    return Section("forces", "Forces and power", lead, [*embed_figures(pictures, FORCE_FIGURES), table])
 
 
 def cams_section(study: Study, pictures: Mapping[str, bytes], first_cam: CamDrawing) -> Section:
@@ -202,15 +153,8 @@ def cams_section(study: Study, pictures: Mapping[str, bytes], first_cam: CamDraw
 
     Parameters
     ----------
-    study : Study
-    pictures : mapping of str to bytes
-        PNG files by the name of the figure.
     first_cam : CamDrawing
         Drawing of the cam of the first law.
-
-    Returns
-    -------
-    Section
     """
     rows = [_cam_row(study, law) for law in study.cycles]
     breadths = [f"least breadth, {follower}" for follower in FOLLOWERS]
@@ -252,13 +196,9 @@ def _cam_row(study: Study, law: str) -> list[Cell]:
         undercut = study.cams[law, follower].undercut
         breadths.append(Mark("bad", f"{breadth}: undercut") if undercut else breadth)
     roller, flat = study.cams[law, "roller"], study.cams[law, "flat"]
-    return [
-        law,
-        *breadths,
-        format_quantity(roller.least_radius_of_curvature, "m"),
-        f"{np.degrees(roller.largest_pressure_angle):.1f}°",
-        format_quantity(flat.largest_contact_offset, "m"),
-    ]
+    angle = f"{np.degrees(roller.largest_pressure_angle):.1f}°"
+    radius, width = format_quantity(roller.least_radius_of_curvature, "m"), flat.largest_contact_offset
+    return [law, *breadths, radius, angle, format_quantity(width, "m")]
 
 
 def _roller_motor_table(motors: Mapping[str, RollerMotor]) -> Table:
@@ -279,21 +219,12 @@ def _roller_motor_table(motors: Mapping[str, RollerMotor]) -> Table:
 
 
 def sensitivity_section(shifts: Sequence[Shift]) -> Section:
-    """Tabulate the sensitivities of the least peaks and of the first law.
-
-    Parameters
-    ----------
-    shifts : sequence of Shift
-
-    Returns
-    -------
-    Section
-    """
+    """Tabulate the sensitivities of the least peaks and of the first law."""
     peaks = list(shifts[0].base.least)
     rows = [
         (
             shift.name.split(".")[-1].replace("_", " "),
-            f"{_end_value(shift, 0)} to {_end_value(shift, 1)}",
+            " to ".join(format_quantity(end, shift.unit, 3) for end in shift.ends),
             Mark("assumed", shift.how) if shift.how == PRIOR else shift.how,
             shift.by,
             *(_peak_change(end, shift.base, peak) for peak in peaks for end in (shift.low, shift.high)),
@@ -319,21 +250,14 @@ def _method_remark(shifts: Sequence[Shift]) -> str:
     if by == {"formula"}:
         return "All ends are by formula, without an effect of the speed."
     if "formula" in by:
-        return (
-            "Inputs that do not change the layer are by the resistance map of the engine; the others are by formula, "
-            "as the engine is too expensive."
-        )
+        own = "Inputs that do not change the layer are by the resistance map of the engine"
+        return f"{own}; the others are by formula, as the engine is too expensive."
     return f"All ends are by the engine {by.pop()}, computed for each end at steady speed."
 
 
 def _least_peaks(base: End) -> str:
-    return ", ".join(
-        f"{_term(by)} {format_quantity(value, CRITERIA[by].unit)} ({base.law[by]})" for by, value in base.least.items()
-    )
-
-
-def _end_value(shift: Shift, which: int) -> str:
-    return format_quantity(shift.ends[which], shift.unit, 3)
+    peaks = ((by, format_quantity(value, CRITERIA[by].unit)) for by, value in base.least.items())
+    return ", ".join(f"{criterion_term(by)} {peak} ({base.law[by]})" for by, peak in peaks)
 
 
 def _peak_change(end: End | None, base: End, peak: str) -> str:
@@ -351,21 +275,11 @@ def _other_first_laws(shift: Shift) -> str:
 
 
 def scene_section(scene: Scene) -> Section:
-    """List every input of the scene with its meaning; assumed inputs are marked.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    Section
-    """
+    """List every input of the scene with its meaning; assumed inputs are marked."""
     names = [name for name in type(scene).model_fields if name not in ("title", "unusual", "output")]
     tables = [_scene_table(scene, name) for name in names if getattr(scene, name) is not None]
-    assumed = sum(
-        isinstance(cell, Mark) and cell.kind == "assumed" for table in tables for row in table.rows for cell in row
-    )
+    cells = (cell for table in tables for row in table.rows for cell in row)
+    assumed = sum(isinstance(cell, Mark) and cell.kind == "assumed" for cell in cells)
     words = f"Read from {scene.file}, in SI units. Marked are inputs whose comments state an assumption or a change."
     return Section("scene", "Scene", f"Every input, {assumed} of them assumed.", [Paragraph(words), *tables])
 
@@ -402,16 +316,7 @@ def _remark(scene: Scene, table: str, key: str) -> Cell:
 
 
 def checks_section(checks: Sequence[BalanceCheck]) -> Section:
-    """Tabulate the built-in checks.
-
-    Parameters
-    ----------
-    checks : sequence of BalanceCheck
-
-    Returns
-    -------
-    Section
-    """
+    """Tabulate the built-in checks."""
     rows = [
         (
             check.name, format_number(check.residual, 2), format_number(check.limit, 2),
@@ -421,6 +326,5 @@ def checks_section(checks: Sequence[BalanceCheck]) -> Section:
     ]  # fmt: skip
     failed = sum(not check.passed for check in checks)
     lead = f"{len(checks)} balances and counts; {failed or 'none'} of them fail{'s' if failed == 1 else ''}."
-    return Section(
-        "checks", "Built-in checks", lead, [Table("Checks", ("check", "residual", "limit", ""), rows, (1, 2))]
-    )
+    table = Table("Checks", ("check", "residual", "limit", ""), rows, (1, 2))
+    return Section("checks", "Built-in checks", lead, [table])

@@ -30,18 +30,8 @@ def write_page(path: Path, study: Study, pictures: Mapping[str, bytes], versions
 
     Parameters
     ----------
-    path : Path
-        File to write.
-    study : Study
-    pictures : mapping of str to bytes
-        PNG files by the name of the figure.
     versions : mapping of str to str
         Versions by package.
-
-    Returns
-    -------
-    Path
-        The path of the file.
     """
     sections = [
         ranking_section(study, pictures),
@@ -55,12 +45,8 @@ def write_page(path: Path, study: Study, pictures: Mapping[str, bytes], versions
         checks_section(study.checks),
         _versions_section(study, versions),
     ]
-    content = render_page(
-        study.scene.title or "untitled scene",
-        sections=sections,
-        answer=answer(study, study.checks),
-        **question(study),
-    )
+    title = study.scene.title or "untitled scene"
+    content = render_page(title, sections=sections, answer=answer(study, study.checks), **question(study))
     with atomic_file(path) as stream:
         stream.write(content)
     return path
@@ -70,6 +56,5 @@ def _versions_section(study: Study, versions: Mapping[str, str]) -> Section:
     rows = [*versions.items(), ("scene", f"`{study.scene.hash}`")]
     rows += [(f"computed: {stage}", str(count)) for stage, count in study.counts.items()]
     table = Table("Versions, fingerprint of the scene, and number of computations of each stage", ("of", "value"), rows)
-    return Section(
-        "versions", "Versions and files", "Packages, scene and stages of this page.", [Paragraph(FILES_REMARK), table]
-    )
+    lead = "Packages, scene and stages of this page."
+    return Section("versions", "Versions and files", lead, [Paragraph(FILES_REMARK), table])
