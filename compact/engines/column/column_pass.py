@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from compact.engines.column import column_ode as ode
-from compact.engines.column.column_ode import STRESS, ColumnProblem, ColumnStack, GapShape, PathControl
+from compact.engines.column.column_ode import STRESS, ColumnStack, GapShape, PathControl
 from compact.material.cap_plasticity import CapConstants, cap_constants, hardening
 from compact.material.laws import Compaction
 from compact.numerics import Array
@@ -175,7 +175,7 @@ class ColumnLayer:
         densest = self.stack.max_density_ratio.copy()
         state = ode.IntegrationState(densest, np.zeros(n, np.bool_), np.empty(n), np.zeros(1), counts)
         path[0, 0], path[0, 1:] = u, y
-        problem = ColumnProblem(self.law, self.stack, self.gap, self.strain_measure)
+        problem = self.law, self.stack, self.gap, self.strain_measure
         max_tries, status = max(STEPS_PER_CALL // n, 1), ode.PAUSED
         while status == ode.PAUSED:  # a keyboard interrupt is raised between two calls
             status = ode.integrate_path(problem, control, state, path, max_tries)
