@@ -134,7 +134,7 @@ class InverseDynamics:
         return leg.breakpoints() if self.cart.end_springs is None else self._zones[leg.start].breaks
 
     def largest(self, quantity: Callable[[Leg, Array], Array]) -> float:
-        """Find the largest |quantity(leg, phase)| over the cycle, between samples too."""
+        """Return the largest |quantity(leg, phase)| over the cycle, also between samples."""
 
         def magnitude(leg: Leg, phase: Array) -> Array:
             return np.abs(quantity(leg, phase))

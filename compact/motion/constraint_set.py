@@ -179,7 +179,7 @@ class ConstraintSet:
 
     @cached_property
     def _hard(self):
-        """Rows and values that are never relaxed: nonnegative velocity, and its tolerance in the constant phase."""
+        """Return rows and values that are never relaxed: velocity >= 0, and its tolerance at constant speed."""
         rows, tolerance = [-self.space.hull(1, HULL_HALVINGS)], self.limits.steady_tolerance
         if self.limits.steady and tolerance > 0:
             pieces = self._steady_pieces
@@ -204,7 +204,7 @@ class ConstraintSet:
         return max((bound.reached(unknowns) / bound.limit - 1 for bound in self.bounds), default=-np.inf)
 
     def _minimise_extended(self, costs, columns, signs=0):
-        """Law and additional variables of the smallest costs; their columns of the inequalities, `signs` rows first."""
+        """Return law and additional variables of the smallest costs, given their columns of the inequalities."""
         (equal, equal_to), (hard, hard_to), size = self._equal, self._hard, self.space.size
         rows = np.concatenate([hard, np.zeros((signs, size)), *self._relative_rows])
         extended = LinearConstraints(
@@ -219,7 +219,7 @@ class ConstraintSet:
         return solution
 
     def _relaxed_bounds(self, costs: Array) -> list[Conflict]:
-        """`Conflict` of each relaxed bound where the sum of costs times relative violations is smallest."""
+        """Return the `Conflict` of each relaxed bound where the sum of costs times relative violations is smallest."""
         identity = np.eye(len(self.bounds))
         slacks = [np.zeros((len(self._hard[0]), len(identity))), -identity]
         slacks += [np.tile(-identity[i], (len(bound.rows), 1)) for i, bound in enumerate(self.bounds)]
