@@ -80,6 +80,7 @@ def test_refits_cover_the_assumptions(published):
     assert not any(refit.reason for refit in published.refits)
 
 
+@pytest.mark.slow
 def test_sensitivity_is_the_slope_of_the_refit(published):
     scene = load_scene(PUBLISHED)
     more = calibrate(scene, reading(load=9740 * 1.001, resistance_coefficient=0.179))

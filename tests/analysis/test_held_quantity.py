@@ -97,6 +97,7 @@ def test_single_contact_at_another_speed_holds_the_height():
     assert "height of the roller" in text.held_sentence(case)
 
 
+@pytest.mark.slow
 def test_summary_page_and_digest_state_the_held_quantity(tmp_path):
     case = study(**PLAIN, **{"output.items": ["report"], "motion.laws": ["cubic"], "contact.speeds": [0.1]})
     summary = report.write_study(case, tmp_path / "out")

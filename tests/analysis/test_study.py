@@ -110,6 +110,7 @@ def test_elastic_drive_of_a_scene_is_summarised(tmp_path):
     assert "amplification 1." in text.study_digest(study)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("included", [True, False], ids=["first-order", "steady"])
 def test_added_mass_acts_on_the_elastic_drive_if_the_scene_includes_it(included):
     given = {
