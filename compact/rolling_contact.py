@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from compact.files import write_vtu_series
 from compact.numerics import Array
-from compact.numerics.validation import require_finite, require_nonnegative, require_positive
+from compact.numerics.validation import require_fields, require_finite, require_positive
 
 BaseCondition = Literal["bonded", "slip"]
 RollerCondition = Literal["frictionless", "sliding", "free", "driven"]
@@ -142,8 +142,7 @@ class Roller:
     peak_pressure: float | None = None
 
     def __post_init__(self) -> None:
-        require_positive(radius=self.radius)
-        require_nonnegative(friction=self.friction)
+        require_fields(self, positive="radius", nonnegative="friction")
         prescribed = self._prescribed
         if len(prescribed) != 1:
             raise ValueError(
@@ -169,11 +168,9 @@ class PrescribedMotion(Protocol):
 
     def position(self, time: Array) -> Array:
         """Return the position [m] at times [s]."""
-        ...
 
     def velocity(self, time: Array) -> Array:
         """Return the velocity [m/s] at times [s]."""
-        ...
 
 
 def require_moving(speed: float) -> None:
@@ -297,42 +294,34 @@ class LayerContactResult(Protocol):
     @property
     def load(self) -> float:
         """Normal force P [N/m]."""
-        ...
 
     @property
     def resistance(self) -> float:
         """Rolling resistance [N/m]."""
-        ...
 
     @property
     def indentation(self) -> float:
         """Depth of the lowest generatrix below the surface of the layer [m]."""
-        ...
 
     @property
     def creep(self) -> float | None:
         """Creepage of a roller with stick and slip [-], else None."""
-        ...
 
     @property
     def layer(self) -> Layer:
         """Layer before the pass."""
-        ...
 
     @property
     def roller(self) -> Roller:
         """Roller with its target."""
-        ...
 
     @property
     def material(self) -> Any:
         """Material law of the layer."""
-        ...
 
     @property
     def speed(self) -> float:
         """Speed of the roller along x [m/s]."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

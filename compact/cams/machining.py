@@ -50,7 +50,6 @@ class Cut:
 
     Attributes
     ----------
-    cam : Cam
     tolerance : float
         Tolerance of the follower's motion [m].
     angle : ndarray, shape (n,)
@@ -151,7 +150,10 @@ def follower_on_polygon(outline: ArrayLike, follower: Follower, angle: ArrayLike
     rho = np.empty(angle.size)
     for part in np.array_split(order, -(-angle.size // RAYS_PER_SEARCH)):
         rays = np.mod(angle[part], 2 * np.pi)
-        rho[part] = _face(outline, rays) if isinstance(follower, FlatFace) else _roller(outline, follower.radius, rays)
+        if isinstance(follower, FlatFace):
+            rho[part] = (outline @ np.array([np.cos(rays), np.sin(rays)])).max(axis=0)
+        else:
+            rho[part] = _roller(outline, follower.radius, rays)
     return rho
 
 
@@ -180,10 +182,14 @@ def _require_fitting_cutter(cam: Cam, cutter_radius: float) -> None:
 
 def _polygon(cam: Cam, tolerance: float) -> tuple[Array, Array, float]:
     """Angles, rounded points and error of the coarsest polygon that keeps the tolerance."""
+    breaks = np.append(cam.breakpoints, cam.breakpoints[0] + 2 * np.pi)
     for halving in range(REFINEMENT_LIMIT):
-        angle = _spaced_angles(cam, CHORD_SHARE * tolerance / 2**halving)
+        deviation = CHORD_SHARE * tolerance / 2**halving
+        angle = np.concatenate([_angles_between(cam, low, high, deviation) for low, high in pairwise(breaks)])
         profile = _offset_points(cam, angle, 0.0)
-        error = _follower_error(cam, angle, profile)
+        step = np.diff(angle, append=angle[0] + 2 * np.pi)
+        checked = (angle[:, None] + step[:, None] * np.arange(CHECKS_PER_STEP) / CHECKS_PER_STEP).ravel()
+        error = float(np.abs(follower_on_polygon(profile, cam.follower, checked) - cam.radius(checked)).max())
         if error <= tolerance:
             return angle, profile, error
     raise RuntimeError(
@@ -192,14 +198,8 @@ def _polygon(cam: Cam, tolerance: float) -> tuple[Array, Array, float]:
     )
 
 
-def _spaced_angles(cam: Cam, deviation: float) -> Array:
-    """Angles [rad] in [0, 2 pi), breakpoints included, whose chords move the follower by at most `deviation` [m]."""
-    breaks = np.append(cam.breakpoints, cam.breakpoints[0] + 2 * np.pi)
-    return np.concatenate([_angles_between(cam, low, high, deviation) for low, high in pairwise(breaks)])
-
-
 def _angles_between(cam: Cam, low: float, high: float, deviation: float) -> Array:
-    """Angles from `low` to below `high`, equidistant in the integral of the required density of chords."""
+    """Angles [rad] from `low` to below `high` whose chords move the follower by at most `deviation` [m]."""
     edges = np.linspace(low, high, SPACING_SAMPLES + 1)
     middle = (edges[:-1] + edges[1:]) / 2
     turn, arc = cam.rates(middle)
@@ -207,13 +207,6 @@ def _angles_between(cam: Cam, low: float, high: float, deviation: float) -> Arra
     count = np.append(0.0, np.cumsum(np.maximum(density, 1 / STEP_LIMIT) * np.diff(edges)))
     chords = int(np.ceil(count[-1]))
     return np.interp(np.linspace(0, count[-1], chords, endpoint=False), count, edges)
-
-
-def _follower_error(cam: Cam, angle: Array, profile: Array) -> float:
-    """Largest |follower on the polygon - law| [m], at every point and three angles between each two."""
-    step = np.diff(angle, append=angle[0] + 2 * np.pi)
-    checked = (angle[:, None] + step[:, None] * np.arange(CHECKS_PER_STEP) / CHECKS_PER_STEP).ravel()
-    return float(np.abs(follower_on_polygon(profile, cam.follower, checked) - cam.radius(checked)).max())
 
 
 def _offset_points(cam: Cam, angle: Array, distance: float) -> Array:
@@ -227,42 +220,23 @@ def _normal(cam: Cam, angle: Array) -> Array:
     return np.array([np.cos(direction), np.sin(direction)])
 
 
-def _face(outline, angle):
-    """Largest rho of a flat face on any vertex, by ray."""
-    return (outline @ np.array([np.cos(angle), np.sin(angle)])).max(axis=0)
-
-
 def _roller(outline, r, angle):
     """Largest rho of a roller on any edge or vertex near the rays, whose angles ascend."""
     start, edge = outline, np.roll(outline, -1, axis=0) - outline
-    near = _near_rays(start, edge, r, angle)
+    middle, spread = (angle[0] + angle[-1]) / 2, (angle[-1] - angle[0]) / 2
+    across = start[:, 1] * np.cos(middle) - start[:, 0] * np.sin(middle)
+    near = np.abs(across) <= r + np.hypot(*edge.T).max() + spread * np.hypot(*start.T).max()
     start, edge = start[near], edge[near]
     length = np.hypot(*edge.T)
     tangent = edge / length[:, None]
     u = np.array([np.cos(angle), np.sin(angle)])
-    return np.maximum(_on_edges(start, tangent, length, r, u), _on_vertices(start, r, u))
-
-
-def _near_rays(start, edge, r, angle):
-    """Mask of the edges that a roller on any of the rays may touch."""
-    middle, spread = (angle[0] + angle[-1]) / 2, (angle[-1] - angle[0]) / 2
-    across = start[:, 1] * np.cos(middle) - start[:, 0] * np.sin(middle)
-    return np.abs(across) <= r + np.hypot(*edge.T).max() + spread * np.hypot(*start.T).max()
-
-
-def _on_edges(start, tangent, length, r, u):
-    """Largest rho at which the roller touches the inside of an edge, by ray."""
     normal = np.array([tangent[:, 1], -tangent[:, 0]]).T
     cosine = normal @ u
     with np.errstate(divide="ignore", invalid="ignore"):
-        rho = (r + np.sum(start * normal, axis=1))[:, None] / cosine
-        foot = rho * (tangent @ u) - np.sum(start * tangent, axis=1)[:, None]
+        on_edge = (r + np.sum(start * normal, axis=1))[:, None] / cosine
+        foot = on_edge * (tangent @ u) - np.sum(start * tangent, axis=1)[:, None]
     touches = (cosine > 0) & (foot >= 0) & (foot <= length[:, None])
-    return np.where(touches, rho, -np.inf).max(axis=0)
-
-
-def _on_vertices(start, r, u):
-    """Largest rho at which the roller touches a vertex, by ray."""
     across = np.outer(start[:, 1], u[0]) - np.outer(start[:, 0], u[1])
-    rho = start @ u + np.sqrt(np.maximum(r**2 - across**2, 0.0))
-    return np.where(np.abs(across) <= r, rho, -np.inf).max(axis=0)
+    on_vertex = start @ u + np.sqrt(np.maximum(r**2 - across**2, 0.0))
+    on_edge, on_vertex = np.where(touches, on_edge, -np.inf), np.where(np.abs(across) <= r, on_vertex, -np.inf)
+    return np.maximum(on_edge.max(axis=0), on_vertex.max(axis=0))

@@ -56,8 +56,6 @@ class LinearisedResistance(NamedTuple):
         M = dR/da [kg].
     velocity, acceleration : float
         v0 [m/s] and a0 [m/s^2] at the start.
-    smooth_range : SmoothRange
-        Range of motions at the start.
     """
 
     force: float
@@ -73,16 +71,8 @@ class SlidingProblem(NamedTuple):
 
     Parameters
     ----------
-    oscillator : OscillatorParameters
-        Cart and springs.
-    resistance : ResistanceTable
-        R(v, a).
-    state : CartState
-        Initial state.
     slip : int
         Direction of the motion, +1 or -1.
-    linear : LinearisedResistance
-        R near the initial state.
     tolerance : float
         Largest defect of the resistance [N].
     """

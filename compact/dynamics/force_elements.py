@@ -187,8 +187,6 @@ class OscillatorParameters(NamedTuple):
         k [N/m] and c [N s/m] of the drive.
     backlash : float
         Play between the flanks [m].
-    end_springs : EndSpringParameters
-        Springs at the ends of the stroke.
     """
 
     mass: float

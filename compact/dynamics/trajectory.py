@@ -37,19 +37,7 @@ class Kinematics(NamedTuple):
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Motion of a cart over a time. A place is an interval index i and u in [0, duration/scale].
-
-    Parameters
-    ----------
-    oscillator : OscillatorParameters
-        Cart and springs.
-    intervals : Intervals
-        Solution.
-    resistance : ResistanceTable
-        R(v, a).
-    start, end : CartState
-        Initial and final state.
-    """
+    """Motion of a cart over a time. A place is an interval index i and u in [0, duration/scale]."""
 
     oscillator: OscillatorParameters
     intervals: Intervals
@@ -143,7 +131,7 @@ class Trajectory:
         velocity: Array = np.where(slip != 0, self.far_end(i, u, 1) - rate, 0.0)
         force, slope, added_mass, mass_slope = self._resistance_terms(slip, velocity)
         mass, rate_limit = self.oscillator.mass, self.resistance.rate_limit
-        limit = _acceleration_limit(rate_limit, slip * velocity)
+        limit = np.full(np.shape(velocity), np.inf) if rate_limit == np.inf else rate_limit * (slip * velocity)
         unsaturated = (pull - force) / (mass + added_mass)
         follows, sign = np.abs(unsaturated) <= limit, np.sign(unsaturated)
         limit = np.where(follows, 0.0, limit)
@@ -188,11 +176,6 @@ class Trajectory:
 def oscillation_time(decay: float, duration: float) -> float:
     """Time [s] within a duration [s] during which an oscillation of a decay [1/s] exceeds `OSCILLATION_FLOOR`."""
     return min(duration, -math.log(OSCILLATION_FLOOR) / decay) if decay > 0 else duration
-
-
-def _acceleration_limit(rate_limit: float, speed: Array) -> Array:
-    """Return A |v| [m/s^2], infinite also at rest for an infinite A."""
-    return np.full(np.shape(speed), np.inf) if rate_limit == np.inf else rate_limit * speed
 
 
 def _derivative(polynomial: Array) -> Array:

@@ -330,7 +330,12 @@ def roll(
         exponent=1 - alpha, radius=R, contact_modulus=E / (1 - nu**2), contact_length=length, load=load,
         peak_pressure=pressure, leading=leading, trailing=leading - length, centroid=(2 / 3) * (1 - 2 * alpha) * length,
     )  # fmt: skip
-    _warn_of_thin_layer(contact, layer)
+    if contact.half_width > MAX_HALF_WIDTH_RATIO * layer.height:
+        warnings.warn(
+            f"half-plane theory needs `half_width` < {MAX_HALF_WIDTH_RATIO:g} `height`, got {contact.half_width:.3g} m "
+            f"for {layer.height:.3g} m; the layer carries more: use spectral or fem",
+            stacklevel=2,
+        )
     ahead = contact.trailing + length * np.square(np.sin(np.linspace(0, np.pi / 2, CONTACT_SAMPLES)))
     ahead[-1] = leading
     samples = np.asarray(contact.pressure(ahead))
@@ -352,15 +357,6 @@ def roll(
     )
     require_on_target(result, roller, TARGET_TOLERANCE)
     return result
-
-
-def _warn_of_thin_layer(contact: LineContact, layer: Layer) -> None:
-    if contact.half_width > MAX_HALF_WIDTH_RATIO * layer.height:
-        warnings.warn(
-            f"half-plane theory needs `half_width` < {MAX_HALF_WIDTH_RATIO:g} `height`, got {contact.half_width:.3g} m "
-            f"for {layer.height:.3g} m; the layer carries more: use spectral or fem",
-            stacklevel=3,
-        )
 
 
 def _require_in_scope(layer: Layer, roller: Roller, material: Elastic, speed: float) -> None:

@@ -31,7 +31,6 @@ class Strokes:
 
     Parameters
     ----------
-    motion : PrescribedMotion
     times, places : ndarray, shape (strokes + 1,)
         Times [s] and positions [m] of the start, the reversals and the end.
     """

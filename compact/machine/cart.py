@@ -36,7 +36,7 @@ from numpy.typing import ArrayLike
 
 from compact.numerics import Array
 from compact.numerics.piecewise import find_roots
-from compact.numerics.validation import require_finite, require_nonnegative, require_positive
+from compact.numerics.validation import require_fields, require_finite
 
 # force of the mix on all rollers of a cart [N] over velocity [m/s] and acceleration [m/s^2]
 Resistance = Callable[[Array, Array], ArrayLike]
@@ -83,8 +83,7 @@ class EndSprings:
     stroke: float
 
     def __post_init__(self) -> None:
-        require_nonnegative(stiffness=self.stiffness, preload=self.preload)
-        require_positive(length=self.length, stroke=self.stroke)
+        require_fields(self, positive="length stroke", nonnegative="stiffness preload")
         if 2 * self.length > self.stroke:
             raise ValueError(f"`length` must be at most half the stroke, {self.stroke / 2:g} m, got {self.length!r}")
 
@@ -158,20 +157,11 @@ class Cart:
     return_load_ratio: float = 1.0
 
     def __post_init__(self) -> None:
-        require_nonnegative(
-            return_load_ratio=self.return_load_ratio,
-            mass=self.mass,
-            weight=self.weight,
-            roller_reactions=self.roller_reactions,
-            guide_friction=self.guide_friction,
-            guide_wheel_diameter=self.guide_wheel_diameter,
-        )
-        require_positive(roller_radius=self.roller_radius)
-        require_finite(
-            roller_positions=self.roller_positions,
-            guide_positions=self.guide_positions,
-            pin_position=self.pin_position,
-            pin_height=self.pin_height,
+        require_fields(
+            self,
+            positive="roller_radius",
+            nonnegative="return_load_ratio mass weight roller_reactions guide_friction guide_wheel_diameter",
+            finite="roller_positions guide_positions pin_position pin_height",
         )
         if len(self.roller_positions) != len(self.roller_reactions):
             raise ValueError(
@@ -188,7 +178,6 @@ class MotionResistance:
 
     Parameters
     ----------
-    cart : Cart
     resistance : callable
         Force of the mix on all rollers [N] of velocity [m/s] and acceleration [m/s^2].
     """

@@ -76,9 +76,6 @@ class Crankshaft:
 
     Parameters
     ----------
-    cart : Cart
-    crank : Crank
-        Crank and rod.
     angular_speed : float
         omega [rad/s].
     resistance : callable
@@ -135,7 +132,6 @@ class CrankshaftRevolution:
 
     Parameters
     ----------
-    shaft : Crankshaft
     angle, weights : ndarray, shape (n,)
         Angle and quadrature weights [rad].
     carts : tuple of CartRevolution

@@ -86,10 +86,6 @@ class CycleMapEvaluation(NamedTuple):
     ----------
     first, second : Intervals
         Solution before and after the middle of the forward stroke.
-    end : CartState
-        State at the end of the cycle.
-    after : CartState
-        State one period after the initial state.
     residual : ndarray, shape (2,)
         Difference of `after` and the initial state, over the force scale.
     """
@@ -111,12 +107,6 @@ class PeriodicProblem:
 
     Parameters
     ----------
-    cart : Cart
-        Cart of mass > 0.
-    drive : ElasticDrive
-        Spring and damper.
-    cycle : Cycle
-        Motion of the far end.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
     tolerance : float

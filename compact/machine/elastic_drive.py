@@ -38,7 +38,7 @@ from compact.machine.cart import Balance, Cart, balance
 from compact.machine.elastic_cycle import PeriodicProblem, SolutionCost
 from compact.motion.profile import Cycle, Discontinuity, MotionProfile
 from compact.numerics import Array
-from compact.numerics.validation import require_known, require_nonnegative, require_opposing, require_positive
+from compact.numerics.validation import require_fields, require_known, require_opposing, require_positive
 
 REGIMES = ("periodic", "rest")
 JUMP_TOLERANCE = 1e-6  # [-], of the largest acceleration; smaller jumps are rounding
@@ -67,8 +67,7 @@ class ElasticDrive:
     include_added_mass: bool = False
 
     def __post_init__(self) -> None:
-        require_positive(stiffness=self.stiffness)
-        require_nonnegative(damping=self.damping, backlash=self.backlash)
+        require_fields(self, positive="stiffness", nonnegative="damping backlash")
 
     def run(
         self, cart: Cart, cycle: Cycle, resistance: rigid_drive.Resistance, working: tuple[float, float]
@@ -165,16 +164,10 @@ class ElasticRun(rigid_drive.CycleStatistics):
 
     Parameters
     ----------
-    cart : Cart
-    cycle : Cycle
-        Law of the far end.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
     working : tuple of float
         Working part of the forward stroke [-].
-    trajectory : Trajectory
-        Solution.
-    cost : SolutionCost
     include_added_mass : bool
         Resistance that depends on the acceleration.
     """

@@ -83,7 +83,7 @@ class Hydraulic(Rigid):
     dead_volume: float
 
     def __post_init__(self) -> None:
-        require_positive(**{field.name: getattr(self, field.name) for field in fields(self)})
+        require_positive(**vars(self))
 
     def flow(self, area: Array, drop: Array) -> Array:
         """Return Q [m3/s] through an area [m2] under a pressure drop of either sign [Pa]."""
@@ -154,13 +154,7 @@ def solve_valve_flow(hydraulic: Hydraulic, velocity: Array, force: Array) -> Val
 
 @dataclass(frozen=True)
 class HydraulicRun(Run):
-    """One cycle of a cart under a law controlled by two valves.
-
-    Parameters
-    ----------
-    hydraulic : Hydraulic
-        Drive; further parameters as in `Run`.
-    """
+    """One cycle of a cart under a law controlled by two valves."""
 
     hydraulic: Hydraulic
 

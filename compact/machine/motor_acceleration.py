@@ -49,8 +49,6 @@ class AccelerationPhase:
         Work of the shaft on the carts [J].
     energy_residual : float
         Energy-balance residual over the work of the motor [-].
-    periodic : MotorRun
-        Periodic regime.
     """
 
     time: Array

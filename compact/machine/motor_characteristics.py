@@ -60,7 +60,7 @@ class LinearTorqueCurve:
     no_load_speed: float
 
     def __post_init__(self) -> None:
-        require_positive(stall_torque=self.stall_torque, no_load_speed=self.no_load_speed)
+        require_positive(**vars(self))
 
     def torque(self, speed: Array) -> Array:
         """Return T [N m] at speeds of the motor [rad/s]."""
@@ -91,11 +91,7 @@ class Kloss:
     synchronous_speed: float
 
     def __post_init__(self) -> None:
-        require_positive(
-            breakdown_torque=self.breakdown_torque,
-            breakdown_slip=self.breakdown_slip,
-            synchronous_speed=self.synchronous_speed,
-        )
+        require_positive(**vars(self))
 
     @property
     def no_load_speed(self) -> float:
@@ -139,13 +135,7 @@ class Belt:
     wrap: float
 
     def __post_init__(self) -> None:
-        require_positive(
-            pulley_radius=self.pulley_radius,
-            stiffness=self.stiffness,
-            preload=self.preload,
-            friction=self.friction,
-            wrap=self.wrap,
-        )
+        require_positive(**vars(self))
         creep = self.slip_torque / self.creep_torque
         if creep > MAX_BELT_CREEP:
             raise ValueError(

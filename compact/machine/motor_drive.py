@@ -26,7 +26,7 @@ from compact.machine.motor_characteristics import Belt, TorqueCurve
 from compact.motion.profile import Cycle, Discontinuity, MotionProfile
 from compact.numerics import Array
 from compact.numerics.piecewise import find_maximum, interior_grid
-from compact.numerics.validation import require_finite, require_nonnegative, require_opposing, require_positive
+from compact.numerics.validation import require_fields, require_opposing
 
 RIGID = rigid_drive.Rigid()
 SPEED_TRIALS = 200  # [-], speeds between rest and no load for the first guess
@@ -63,9 +63,7 @@ class Motor:
     belt: Belt | None = None
 
     def __post_init__(self) -> None:
-        require_positive(gear_ratio=self.gear_ratio)
-        require_nonnegative(motor_inertia=self.motor_inertia, flywheel_inertia=self.flywheel_inertia)
-        require_finite(angles=self.angles)
+        require_fields(self, positive="gear_ratio", nonnegative="motor_inertia flywheel_inertia", finite="angles")
         if not self.angles:
             raise ValueError("`angles` must hold one angle per cart, got none")
 
@@ -108,9 +106,6 @@ class ShaftLoad:
 
     Parameters
     ----------
-    cart : Cart
-    motor : Motor
-        Motor and shaft.
     cycle : Cycle
         Law; its period is that of one revolution at uniform speed.
     resistance : callable
@@ -251,10 +246,6 @@ class MotorRun(rigid_drive.CycleStatistics):
 
     Parameters
     ----------
-    load : ShaftLoad
-        Carts on the shaft.
-    revolution : ShaftRevolution
-        Speed of the shaft.
     working : tuple of float
         Working part of the forward stroke [-].
     """

@@ -20,8 +20,6 @@ class Criterion:
 
     Parameters
     ----------
-    quantity : Quantity
-        Term and unit of its values.
     infinite_because : str
         Reason of an infinite value.
     floor : float
@@ -75,7 +73,6 @@ class Ranked:
     ----------
     rank : int
         From 1; equal values share a rank, infinite values share the last one.
-    run : Run, ElasticRun, MotorRun or HydraulicRun
     value : float
         Value of the criterion.
     margin : float

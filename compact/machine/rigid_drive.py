@@ -108,11 +108,6 @@ class InverseDynamics:
 
     Parameters
     ----------
-    cart : Cart
-    drive : Rigid or Crank
-        Drive that imposes the law.
-    cycle : Cycle
-        Law.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
     """
@@ -125,21 +120,18 @@ class InverseDynamics:
     def state_at(self, leg: Leg, phase: Array) -> DriveState:
         """Solve motion and forces at phases of a leg [-] of any shape."""
         position, velocity, acceleration, jerk = (leg.at_phase(phase, order) for order in range(4))
-        moving = self._nonzero_velocity(leg, velocity)
+        slowest = STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
+        moving = np.where(np.abs(velocity) < slowest, leg.direction * slowest, velocity)  # limit from inside the motion
         time = leg.start + leg.duration * phase
         force = evaluate_resistance(self.resistance, moving, acceleration)
-        tangent, end_force = self.drive.rod_tangent(time, self.cycle.period), self._end_force(leg, phase, position)
+        tangent, springs = self.drive.rod_tangent(time, self.cycle.period), self.cart.end_springs
+        end_force = 0.0 if springs is None else springs.force(position, self._zones[leg.start].side_at(phase))
         forces = balance(self.cart, acceleration, force, np.sign(moving), tangent, end_force)
         return DriveState(position, velocity, acceleration, jerk, force, tangent, forces)
 
     def breaks(self, leg: Leg) -> Array:
         """Phases of a leg between which all forces are smooth, ends included."""
         return leg.breakpoints() if self.cart.end_springs is None else self._zones[leg.start].breaks
-
-    def _end_force(self, leg, phase, position):
-        """Force of the end springs [N]."""
-        springs = self.cart.end_springs
-        return 0.0 if springs is None else springs.force(position, self._zones[leg.start].side_at(phase))
 
     @cached_property
     def _zones(self):
@@ -149,11 +141,6 @@ class InverseDynamics:
             leg.start: zones(lambda phase, leg=leg: leg.at_phase(phase, 0), leg.breakpoints())
             for leg in self.cycle.legs()
         }
-
-    def _nonzero_velocity(self, leg, velocity):
-        """Velocity [m/s], replaced at rest by the limit from inside the motion."""
-        slowest = STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
-        return np.where(np.abs(velocity) < slowest, leg.direction * slowest, velocity)
 
 
 def evaluate_resistance(resistance: Resistance, velocity: Array, acceleration: Array) -> Array:
@@ -270,14 +257,10 @@ class Run(CycleStatistics):
 
     Parameters
     ----------
-    inverse_dynamics : InverseDynamics
-        Forces at any phase.
     time, weights : ndarray
         Time and quadrature weights [s].
     direction : ndarray
         +1 forward, -1 on the return stroke, 0 in a dwell.
-    state : DriveState
-        Motion and forces.
     """
 
     inverse_dynamics: InverseDynamics

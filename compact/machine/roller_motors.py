@@ -24,7 +24,7 @@ from compact.machine.rigid_drive import DriveState, InverseDynamics
 from compact.motion.profile import Cycle, Leg
 from compact.numerics import Array
 from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
-from compact.numerics.validation import require_nonnegative, require_positive
+from compact.numerics.validation import require_fields, require_positive
 
 FULL_SLIP_SHARE = 0.99  # [-], of the Coulomb limit; a roller beyond slides
 GAUSS_RULE = np.polynomial.legendre.leggauss(4)
@@ -96,8 +96,7 @@ class CreepFreeRoller:
     has_creep = False
 
     def __post_init__(self) -> None:
-        require_positive(radius=self.radius, load=self.load)
-        require_nonnegative(friction=self.friction)
+        require_fields(self, positive="radius load", nonnegative="friction")
 
     def __call__(self, _speed: Array, pull: Array) -> RollerTraction:
         """Return the traction for pulls [N]."""
@@ -152,18 +151,14 @@ class DrivenRoller:
     def __call__(self, speed: Array, pull: Array) -> RollerTraction:
         """Interpolate the traction at speeds >= 0 [m/s] for pulls [N]."""
         speed, pull = np.broadcast_arrays(speed, pull)
-        weights = self._speed_weights(speed)
+        place = np.log(np.maximum(speed, self.speeds[0]))
+        weights = np.array([np.interp(place, np.log(self.speeds), row) for row in np.eye(len(self.speeds))])
         torque = np.sum(weights * [by_pull(pull) for by_pull in self._torque_curves], axis=0)
         load = np.sum(weights * [np.interp(torque, *row) for row in zip(self.torques, self.loads, strict=True)], axis=0)
         traction = torque / (self.radius * load)
         share = traction / self.friction
         creep = np.sum(weights * [by_share(carter_parameter(share)) for by_share in self._creep_curves], axis=0)
         return RollerTraction(torque, traction, share, np.where(np.abs(share) <= FULL_SLIP_SHARE, creep, np.nan))
-
-    def _speed_weights(self, speed):
-        """Interpolation weights of the sampled speeds, shape (k, ...)."""
-        place = np.log(np.maximum(speed, self.speeds[0]))
-        return np.array([np.interp(place, np.log(self.speeds), row) for row in np.eye(len(self.speeds))])
 
     @cached_property
     def _torque_curves(self):
@@ -183,9 +178,6 @@ class RollerMotor:
 
     Parameters
     ----------
-    dynamics : InverseDynamics
-        Of a `Rigid` drive, which imposes the law.
-    roller : DrivenRoller or CreepFreeRoller
     rollers : int
         n.
     """

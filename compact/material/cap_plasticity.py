@@ -39,6 +39,7 @@ RESIDUAL_ACCEPTED = 1e-6  # [-], |a/N - 1| accepted with STEP_TOLERANCE
 MIN_TRIAL_DISTANCE = 1e-12  # [-], |p_tr - c| over a; closer trial states use it, since V determines no x at c itself
 MAX_ITERATIONS = 300  # [-], of Newton's method; 4 to 6 are usual, bisection alone needs up to 200
 BATCH_POINTS = 20_000  # [-], points of one compiled call; some 20 ms, so that an interrupt is handled between calls
+NO_SLOPES = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # of an elastic step
 MIN_POROSITY_RATIO = np.exp(-HECKEL_MIN_PRESSURE)  # [-], (1 - k)/(1 - k0) where pc leaves Heckel's curve
 
 
@@ -194,7 +195,7 @@ def _integrate_batch(first, end, law, state, strain, results):
         before = (stress[i, 0], stress[i, 1], stress[i, 2], stress[i, 3], density_ratio[i], max_density_ratio[i])
         part = (strain[i, 0], strain[i, 1], strain[i, 2])
         derivatives[:] = 0.0
-        converged, after, dissipated = integrate_point(law, before, part, 1.0, derivatives)
+        converged, after, dissipated, _ = integrate_point(law, before, part, 0.0, 1.0, derivatives)
         if not converged:
             return i
         for j in range(4):
@@ -209,19 +210,19 @@ def _integrate_batch(first, end, law, state, strain, results):
 
 
 @compiled
-def integrate_path(law: CapConstants, substeps: int, before: tuple, strain: tuple, derivatives: Array) -> tuple:
+def integrate_path(law: CapConstants, before: tuple, strain: tuple, multipliers: Array, derivatives: Array) -> tuple:
     """Integrate the constitutive law of one point along a straight strain path; one step if the path is elastic.
 
     The yield surface is convex, so that a path is elastic if its ends are.
 
     Parameters
     ----------
-    substeps : int
-        Steps of a path that yields.
     before : tuple of float
         Stress xx, yy, zz, xy [Pa], density ratio and largest density ratio [-] before the path.
     strain : tuple of float
         Strain of the path xx, yy, 2 xy [-].
+    multipliers : ndarray
+        One initial guess of x for each substep of a path that yields, 0 for none; replaced by the solution.
     derivatives : ndarray, shape (6, 0), (6, 3) or (6, 9)
         Output: derivatives of the values after the path by the strain, or by the values before and the strain.
 
@@ -238,24 +239,40 @@ def integrate_path(law: CapConstants, substeps: int, before: tuple, strain: tupl
     derivatives[:] = 0.0
     for i in range(n - 3):
         derivatives[i, i] = 1.0 if i < 4 else 1 / before[i]
-    steps = 1 if _ends_elastically(law, before, strain) else substeps
-    part = (strain[0] / steps, strain[1] / steps, strain[2] / steps)
-    state, converged, plastic_work, work = before, True, 0.0, 0.0
-    for _ in range(steps):
-        start = state
-        good, state, dissipated = integrate_point(law, start, part, 1 / steps, derivatives)
-        converged = converged and good
-        plastic_work += dissipated
-        change = (start[0] + state[0]) * part[0] + (start[1] + state[1]) * part[1] + (start[3] + state[3]) * part[2]
-        work += change / 2
+    p, q, deviator = _trial_state(law, before, strain)
+    densest = before[5] if law.flat else before[4]
+    if _is_elastic(law, p, q, _yield_surface(law, p, densest)):
+        end, converged, plastic_work = (*_stress(p, deviator, 1.0), before[4], densest), True, 0.0
+        _propagate(law, deviator, 1.0, NO_SLOPES, not law.flat, 1.0, derivatives)
+        work = _work(before, end, strain)
+    else:
+        steps, x = len(multipliers), 0.0
+        part = (strain[0] / steps, strain[1] / steps, strain[2] / steps)
+        end, converged, plastic_work, work = before, True, 0.0, 0.0
+        for step in range(steps):
+            start, guess = end, multipliers[step] if multipliers[step] > 0 else x
+            good, end, dissipated, x = integrate_point(law, start, part, guess, 1 / steps, derivatives)
+            multipliers[step] = x
+            converged = converged and good
+            plastic_work += dissipated
+            work += _work(start, end, part)
     for j in range(n):
-        derivatives[4, j] *= state[4]
-        derivatives[5, j] *= state[5]
-    return converged, state, plastic_work, work
+        derivatives[4, j] *= end[4]
+        derivatives[5, j] *= end[5]
+    return converged, end, plastic_work, work
 
 
 @compiled
-def integrate_point(law: CapConstants, before: tuple, strain: tuple, share: float, derivatives: Array) -> tuple:
+def _work(before, after, strain):
+    """Return the work of deformation of an increment [J/m3]."""
+    xx, yy, xy = before[0] + after[0], before[1] + after[1], before[3] + after[3]
+    return (xx * strain[0] + yy * strain[1] + xy * strain[2]) / 2
+
+
+@compiled
+def integrate_point(
+    law: CapConstants, before: tuple, strain: tuple, guess: float, share: float, derivatives: Array
+) -> tuple:
     """Integrate the constitutive law at one point in one step.
 
     Parameters
@@ -264,6 +281,8 @@ def integrate_point(law: CapConstants, before: tuple, strain: tuple, share: floa
         Stress xx, yy, zz, xy [Pa], density ratio and largest density ratio [-] before the increment.
     strain : tuple of float
         Strain increment xx, yy, 2 xy [-].
+    guess : float
+        Initial guess of x of the return mapping [-], 0 for none.
     share : float
         Share of the increment in the strain of the path [-].
     derivatives : ndarray, shape (6, n)
@@ -278,22 +297,23 @@ def integrate_point(law: CapConstants, before: tuple, strain: tuple, share: floa
         State after the increment, as `before`.
     plastic_work : float
         Plastic work of the increment [J/m3].
+    x : float
+        Solution of the return mapping [-], 0 off the curved part.
     """
-    p, q, (sxx, syy, szz, sxy) = _trial_state(law, before, strain)
+    p, q, deviator = _trial_state(law, before, strain)
     densest = before[5] if law.flat else before[4]
-    iterations, p, scale, k, densest, dissipated, slopes = return_map(law, p, q, before[4], densest)
-    converged = iterations <= MAX_ITERATIONS and np.isfinite(p + k + dissipated)
+    iterations, p, scale, k, densest, dissipated, x, slopes = return_map(law, p, q, before[4], densest, guess)
     hardened = densest == k and (k != before[4] or not law.flat)
-    _propagate(law, (sxx, syy, szz, sxy), scale, slopes, hardened, share, derivatives)
-    sxx, syy, szz, sxy = scale * sxx, scale * syy, scale * szz, scale * sxy
-    return converged, (sxx - p, syy - p, szz - p, sxy, k, densest), dissipated
+    _propagate(law, deviator, scale, slopes, hardened, share, derivatives)
+    converged = iterations <= MAX_ITERATIONS and np.isfinite(p + k + dissipated)
+    return converged, (*_stress(p, deviator, scale), k, densest), dissipated, x
 
 
 @compiled
-def _ends_elastically(law, before, strain):
-    """Return True if the elastic trial state of an increment does not yield."""
-    p, q, _ = _trial_state(law, before, strain)
-    return _is_elastic(law, p, q, _yield_surface(law, p, before[5] if law.flat else before[4]))
+def _stress(p, deviator, scale):
+    """Return the stress (xx, yy, zz, xy) of a mean pressure and a scaled deviator."""
+    sxx, syy, szz, sxy = deviator
+    return scale * sxx - p, scale * syy - p, scale * szz - p, scale * sxy
 
 
 @compiled
@@ -340,7 +360,7 @@ def _propagate(law, deviator, scale, slopes, hardened, share, derivatives):
 
 
 @compiled
-def return_map(law: CapConstants, p: float, q: float, k: float, densest: float) -> tuple:
+def return_map(law: CapConstants, p: float, q: float, k: float, densest: float, guess: float) -> tuple:
     """Map a trial state back to the yield surface.
 
     Parameters
@@ -349,6 +369,8 @@ def return_map(law: CapConstants, p: float, q: float, k: float, densest: float) 
         Trial mean pressure and von Mises stress [Pa].
     k, densest : float
         Density ratio before the step and the largest so far [-].
+    guess : float
+        Initial guess of x [-], 0 for none.
 
     Returns
     -------
@@ -360,18 +382,18 @@ def return_map(law: CapConstants, p: float, q: float, k: float, densest: float) 
         Density ratios after the step [-].
     plastic_work : float
         Plastic work [J/m3].
+    x : float
+        Solution on a curved part [-], else 0.
     slopes : tuple of float
         Derivatives of V and of `scale` by the trial pressure, by half the square of the trial deviator, and by the
         logarithms of both density ratios.
     """
     surface = _yield_surface(law, p, densest)
     if _is_elastic(law, p, q, surface):
-        return 0, p, 1.0, k, densest, 0.0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return (
-        _return_to_flat(law, surface, p, q, k, densest)
-        if surface[3] == 0
-        else _return_to_curve(law, surface, p, q, k, densest)
-    )
+        return 0, p, 1.0, k, densest, 0.0, 0.0, NO_SLOPES
+    if surface[3] == 0:
+        return _return_to_flat(law, surface, p, q, k, densest)
+    return _return_to_curve(law, surface, p, q, k, densest, guess)
 
 
 @compiled
@@ -408,17 +430,19 @@ def _return_to_flat(law, surface, p_trial, q_trial, k, densest):
     if q < q_trial:
         scale = q / q_trial
         scale_s, scale_densest = -1.5 * scale / q_trial**2, law.M * rate / q_trial
-    return 0, p, scale, k * np.exp(V), densest, work, (V_p, 0.0, 0.0, 0.0, 0.0, scale_s, 0.0, scale_densest)
+    return 0, p, scale, k * np.exp(V), densest, work, 0.0, (V_p, 0.0, 0.0, 0.0, 0.0, scale_s, 0.0, scale_densest)
 
 
 @compiled
-def _return_to_curve(law, surface, p_trial, q_trial, k, densest):
+def _return_to_curve(law, surface, p_trial, q_trial, k, densest, guess):
     """Return the results of `return_map` for a trial state outside a curved part."""
     a, _, start, r, rate = surface
     distance = max(abs(p_trial - start), MIN_TRIAL_DISTANCE * a)
     A = distance if p_trial >= start else -distance
     onset = np.log(densest / k) if law.flat else 0.0  # V at which hardening starts
-    iterations, V, y, a, h, m, scale, N, _ = _solve_multiplier(law, A, q_trial / law.M, densest, onset, a, r)
+    iterations, x, (V, y, a, h, m, scale, N, _) = _solve_multiplier(
+        law, (A, q_trial / law.M, densest, onset, a, r), guess
+    )
     k *= np.exp(V)
     densest = max(k, densest) if law.flat else k
     a = (hardening(law, densest)[0] + law.pt) / 2
@@ -429,15 +453,15 @@ def _return_to_curve(law, surface, p_trial, q_trial, k, densest):
     q = q_trial * scale
     work = p * V + q * (q_trial - q) / (3 * law.G)
     hardens = not law.flat or onset < V
-    return iterations, p, scale, k, densest, work, _slopes(law, (y, a, h, m, scale), r, q, rate, hardens)
+    return iterations, p, scale, k, densest, work, x, _slopes(law, (y, a, h, m, scale), r, q, rate, hardens)
 
 
 @compiled
-def _solve_multiplier(law, A, d_trial, densest, onset, a_before, r):
-    """Return the iterations, more than MAX_ITERATIONS without convergence, and the results of `_evaluate` at x."""
-    low, high, x = 0.0, np.inf, 0.0
+def _solve_multiplier(law, trial, x):
+    """Return the iterations, more than MAX_ITERATIONS without convergence, x, and the results of `_evaluate` there."""
+    A, low, high = trial[0], 0.0, np.inf
     for iteration in range(MAX_ITERATIONS):
-        values = _evaluate(law, A, d_trial, densest, onset, a_before, r, x)
+        values = _evaluate(law, trial, x)
         V, y, a, h, _, _, N, dN = values
         residual = a / N - 1 if y * A > 0 else np.inf  # y has changed its sign
         if residual <= 1:
@@ -447,7 +471,7 @@ def _solve_multiplier(law, A, d_trial, densest, onset, a_before, r):
             next_x = law.K * inner / (A - law.K * inner) if residual < np.inf else -1.0
         stalled = min(abs(next_x - x), high - low) <= STEP_TOLERANCE * x
         if abs(residual) <= RESIDUAL_TOLERANCE or (stalled and abs(residual) <= RESIDUAL_ACCEPTED):
-            return iteration + 1, *values
+            return iteration + 1, x, values
         if residual < 0:
             low = x
         else:
@@ -456,25 +480,27 @@ def _solve_multiplier(law, A, d_trial, densest, onset, a_before, r):
         x = next_x if low < next_x < high else middle
         if x >= high:  # no number between the bounds
             x = low
-    return MAX_ITERATIONS + 1, *values
+    return MAX_ITERATIONS + 1, x, values
 
 
 @compiled
-def _evaluate(law, A, d_trial, densest, onset, a_before, r, x):
+def _evaluate(law, trial, x):
     """Return V, y, a, h = da/dV, m, q/q_trial, N = sqrt(d^2 + r y^2) with d = q/M, and dN/dV at x."""
+    A, d_trial, densest, onset, a_before, r = trial
     b, outer = 6 * law.G / law.M**2, 1 / (1 + x)
-    V = A * x * outer / law.K
+    V = A / law.K * (x * outer)
     rise, H = 0.0, 0.0
     if not law.flat or onset < V:
         rise, H = _pressure_rise(law, densest, V - onset)
     a, h = a_before + rise / 2, H / 2
     y, dy = A * outer - rise / 2, -law.K - h
-    inverse = 1 / (2 * r * y)
+    ry = r * y
+    inverse = 1 / (2 * ry)
     m = V * inverse
-    scale = 1 / (1 + b * m)
+    scale = 2 * ry / (2 * ry + b * V)  # 1/(1 + b m)
     d, dm = d_trial * scale, (1 - 2 * r * m * dy) * inverse
-    N = np.sqrt(d * d + r * y * y)
-    return V, y, a, h, m, scale, N, (r * y * dy - d * d * scale * b * dm) / N
+    N = np.sqrt(d * d + ry * y)
+    return V, y, a, h, m, scale, N, (ry * dy - d * d * scale * b * dm) / N
 
 
 @compiled

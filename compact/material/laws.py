@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.numerics import Array
-from compact.numerics.validation import require_known, require_nonnegative, require_positive
+from compact.numerics.validation import require_fields, require_known, require_positive
 
 HECKEL_MAX_DENSITY_RATIO = 0.99  # [-], end of measured curves; beyond, pc keeps the modulus k dpc/dk of the curve
 HECKEL_MIN_PRESSURE = 0.01  # [-], K_H pc below which pc departs from the curve and tends to half of this value
@@ -149,13 +149,8 @@ class Compaction:
     dry_side: SubcriticalSide = "flat"
 
     def __post_init__(self) -> None:
-        require_positive(
-            unloading_modulus=self.unloading_modulus,
-            heckel_slope=self.heckel_slope,
-            loose_density_ratio=self.loose_density_ratio,
-            critical_slope=self.critical_slope,
-        )
-        require_nonnegative(tensile_strength=self.tensile_strength, rate_exponent=self.rate_exponent)
+        moduli = "unloading_modulus heckel_slope loose_density_ratio critical_slope"
+        require_fields(self, positive=moduli, nonnegative="tensile_strength rate_exponent")
         _require_poisson(self.poisson)
         if not self.loose_density_ratio < self.fed_density_ratio < 1:
             raise ValueError(

@@ -6,7 +6,7 @@ elastic bounds (phase-one relaxation). The curvature of a cam for a roller follo
 the condition that its flanks do not cross is included here.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -56,10 +56,6 @@ class ConstraintSet:
 
     Attributes
     ----------
-    limits : Limits
-        Limits of the law.
-    space : SplineSpace
-        Space of the law.
     stroke : float
         Travel of one pass [m].
     duration : float
@@ -123,11 +119,6 @@ class ConstraintSet:
         if solution is None:
             raise RuntimeError("no law satisfies the limits on these pieces; raise `pieces` or lower `smoothness`")
         return solution[: self.space.size]
-
-    def with_profile_radius(self, profile_radius: float) -> "ConstraintSet":
-        """Return the same constraints with another limit on the profile of a cam for a roller follower [m]."""
-        cam = self.limits.cam and replace(self.limits.cam, profile_radius=profile_radius)
-        return replace(self, limits=self.limits.replaced(cam=cam))
 
     def project(self, unknowns: Array) -> Array:
         """Return coefficients [-] that satisfy all constraints to rounding, from those of a solver that leaves 1e-10.

@@ -84,7 +84,7 @@ class LawDefinition:
 def point_to_point(order: int) -> PPoly:
     """Return the rest-to-rest law x^(2n) = 0 of order n (D 2.1-2.4): s^(k) = 0 for 0 < k < n at both ends."""
     rest = dict.fromkeys(range(1, order), 0)
-    return _one_piece(minimiser(order, {0: 0} | rest, {0: 1} | rest))
+    return piecewise([1.0], [minimiser(order, {0: 0} | rest, {0: 1} | rest)])
 
 
 def with_constant_velocity(
@@ -122,10 +122,6 @@ def piecewise(widths: Sequence[float], polynomials: Sequence[Polynomial]) -> PPo
     return PPoly(coefficients, breaks)
 
 
-def _one_piece(polynomial: Polynomial) -> PPoly:
-    return piecewise([1.0], [polynomial])
-
-
 @dataclass(frozen=True)
 class SineCurve:
     """Piecewise polynomial plus sine: s(z) = P(z) + A sin(w z + phase), with A and phase of each piece.
@@ -160,12 +156,12 @@ class SineCurve:
 
 def harmonic() -> SineCurve:
     """Return the simple harmonic law s = (1 - cos pi z)/2, whose acceleration is not zero at the ends."""
-    return SineCurve(_one_piece(Polynomial([0.5])), np.pi, (-0.5,), (np.pi / 2,))
+    return SineCurve(piecewise([1.0], [Polynomial([0.5])]), np.pi, (-0.5,), (np.pi / 2,))
 
 
 def cycloidal() -> SineCurve:
     """Return the cycloidal law s = z - sin(2 pi z)/(2 pi)."""
-    return SineCurve(_one_piece(Polynomial([0, 1])), 2 * np.pi, (-1 / (2 * np.pi),), (0.0,))
+    return SineCurve(piecewise([1.0], [Polynomial([0, 1])]), 2 * np.pi, (-1 / (2 * np.pi),), (0.0,))
 
 
 def parabolic() -> PPoly:
@@ -240,14 +236,6 @@ def _crank(parameters: LawParameters) -> CrankCurve:
     return CrankCurve(parameters.rod_ratio)
 
 
-def _complex(parameters: LawParameters) -> ComplexLaw:
-    return ComplexLaw(parameters.energy_weight, parameters.acceleration_weight)
-
-
-def _rest_to_rest(order: int) -> Callable[[LawParameters], PPoly]:
-    return lambda _: point_to_point(order)
-
-
 def _steady(order: int, start: Mapping[int, float], end: Mapping[int, float]) -> Callable[[LawParameters], PPoly]:
     return lambda parameters: with_constant_velocity(order, start, end, parameters)
 
@@ -256,11 +244,11 @@ def _steady(order: int, start: Mapping[int, float], end: Mapping[int, float]) ->
 # free: its natural condition is added unless n derivatives are prescribed.
 LAWS: Mapping[str, LawDefinition] = MappingProxyType(
     {
-        "constant-velocity": LawDefinition(_rest_to_rest(1), "D 2.1"),
-        "cubic": LawDefinition(_rest_to_rest(2), "D 2.2"),
-        "quintic": LawDefinition(_rest_to_rest(3), "D 2.3"),
-        "septic": LawDefinition(_rest_to_rest(4), "D 2.4"),
-        "complex": LawDefinition(_complex, "D 2.5"),
+        "constant-velocity": LawDefinition(lambda _: point_to_point(1), "D 2.1"),
+        "cubic": LawDefinition(lambda _: point_to_point(2), "D 2.2"),
+        "quintic": LawDefinition(lambda _: point_to_point(3), "D 2.3"),
+        "septic": LawDefinition(lambda _: point_to_point(4), "D 2.4"),
+        "complex": LawDefinition(lambda p: ComplexLaw(p.energy_weight, p.acceleration_weight), "D 2.5"),
         "combined-2": LawDefinition(_steady(2, {1: 0}, {1: 1, 2: 0}), "D 2.6"),
         "combined-3": LawDefinition(_steady(3, {1: 0, 2: 0}, {1: 1, 2: 0, 3: 0}), "D 2.7"),
         "combined-4": LawDefinition(_steady(4, {1: 0, 2: 0, 3: 0}, {1: 1, 2: 0, 3: 0, 4: 0}), "D 2.8"),
@@ -273,7 +261,7 @@ LAWS: Mapping[str, LawDefinition] = MappingProxyType(
         "reversal-4-free-jerk": LawDefinition(_steady(4, {1: 0, 2: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 4.3"),
         "reversal-4-free-both": LawDefinition(_steady(4, {1: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 4.4, B"),
         "crank": LawDefinition(_crank, "crank and connecting rod, uniform rotation; C", retraces=True),
-        "gear-sector": LawDefinition(_rest_to_rest(1), "gear sector: constant speed, shock at both ends; D 1.5"),
+        "gear-sector": LawDefinition(lambda _: point_to_point(1), "gear sector: constant speed with shocks; D 1.5"),
         "parabolic": LawDefinition(lambda _: parabolic(), "constant acceleration; D 1.5"),
         "harmonic": LawDefinition(lambda _: harmonic(), "simple harmonic; VDI 2143, D 1.5"),
         "cycloidal": LawDefinition(lambda _: cycloidal(), "VDI 2143, D 1.5"),

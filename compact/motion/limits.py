@@ -10,16 +10,16 @@ A law satisfies its limits at every instant. `constraint_set` turns them into li
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from compact.motion.pitch_curve import PitchCurve
 from compact.motion.profile import END_CONDITIONS, EndCondition, MotionProfile
 from compact.numerics import Array
-from compact.numerics.validation import require_between, require_known, require_nonnegative, require_positive
+from compact.numerics.validation import require_between, require_fields, require_known
 
 # Bounded derivatives: order and unit, by the name of their limit
 BOUNDED_DERIVATIVES: Mapping[str, tuple[int, str]] = MappingProxyType(
@@ -57,19 +57,13 @@ class CamLimits:
     roller_radius: float | None = None
 
     def __post_init__(self) -> None:
-        require_positive(breadth=self.breadth)
-        require_nonnegative(dwell=self.dwell)
+        require_fields(self, positive="breadth roller_radius", nonnegative="dwell radius_of_curvature profile_radius")
         if self.pressure_angle is not None and not 0 < self.pressure_angle < np.pi / 2:
             raise ValueError(
                 f"`pressure_angle` must lie in (0, pi/2) rad, got {self.pressure_angle!r}; use None for no limit"
             )
-        if self.radius_of_curvature is not None:
-            require_nonnegative(radius_of_curvature=self.radius_of_curvature)
-        if self.profile_radius is not None:
-            if self.roller_radius is None:
-                raise ValueError("`profile_radius` requires `roller_radius`, got None; set that of the roller [m]")
-            require_nonnegative(profile_radius=self.profile_radius)
-            require_positive(roller_radius=self.roller_radius)
+        if self.profile_radius is not None and self.roller_radius is None:
+            raise ValueError("`profile_radius` requires `roller_radius`, got None; set that of the roller [m]")
 
     def pitch_curve(self, stroke: float, duration: float) -> PitchCurve | None:
         """Return the `PitchCurve` of a roller follower for a stroke [m] and a duration [s], or None."""
@@ -120,8 +114,7 @@ class Limits:
     cam: CamLimits | None = None
 
     def __post_init__(self) -> None:
-        require_positive(**{name: bound for name in BOUNDED_DERIVATIVES if (bound := getattr(self, name)) is not None})
-        require_positive(run_up=self.run_up, run_down=self.run_down)
+        require_fields(self, positive=" ".join([*BOUNDED_DERIVATIVES, "run_up", "run_down"]))
         if self.run_up + self.run_down > 1 + SUM_TOLERANCE:
             raise ValueError(f"`run_up` + `run_down` must not exceed 1, got {self.run_up!r} + {self.run_down!r}")
         require_between(0, 1, steady_tolerance=self.steady_tolerance)
@@ -143,10 +136,6 @@ class Limits:
     def steady(self) -> tuple[float, float] | None:
         """Phases t/T between which the velocity is constant, or None."""
         return (self.run_up, 1 - self.run_down) if self.run_up + self.run_down < 1 - SUM_TOLERANCE else None
-
-    def replaced(self, **changes: Any) -> "Limits":
-        """Return a copy with some limits changed."""
-        return replace(self, **changes)
 
 
 class Conflict(NamedTuple):

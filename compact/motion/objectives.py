@@ -46,8 +46,6 @@ class MotionState(NamedTuple):
 
     Attributes
     ----------
-    nodes : QuadratureNodes
-        Nodes of the law.
     velocity : ndarray
         v [m/s], at least the velocity floor.
     resistance, force : ndarray
@@ -64,6 +62,11 @@ class MotionState(NamedTuple):
     force: Array
     damping: Array
     inertia: Array
+
+    @property
+    def power(self) -> Array:
+        """Drive power H v [W]."""
+        return self.force * self.velocity
 
     def force_gradient(self) -> Array:
         """Return the derivative of H by the unknowns, shape (nodes, unknowns): dR/dv dv + (m + dR/da) da."""
@@ -118,14 +121,6 @@ class Linearisation(NamedTuple):
         return float(np.max(self.values) if self.shares is None else self.shares @ np.maximum(self.values, 0.0))
 
 
-def _peak_force(state: MotionState) -> Linearisation:
-    return _magnitude(PEAKS["peak_force"](state), state.force_gradient())
-
-
-def _peak_power(state: MotionState) -> Linearisation:
-    return _magnitude(PEAKS["peak_power"](state), state.power_gradient())
-
-
 def _magnitude(values: Array, gradients: Array) -> Linearisation:
     return Linearisation(np.concatenate([values, -values]), np.concatenate([gradients, -gradients]))
 
@@ -148,22 +143,18 @@ def _energy(state: MotionState) -> Linearisation:
     return Linearisation(work, (weights @ state.power_gradient())[None], (velocity.T * curvature) @ velocity)
 
 
-def _drawn_energy(state: MotionState) -> Linearisation:
-    """2 int max(H v, 0) dt over both strokes: work of a drive that recovers none."""
-    return Linearisation(state.force * state.velocity, state.power_gradient(), shares=2 * state.nodes.weights)
-
-
 # Quantity whose largest magnitude is the criterion, by name of the criterion
 PEAKS: Mapping[str, Callable[[MotionState], Array]] = MappingProxyType(
-    {"peak_force": lambda state: state.force, "peak_power": lambda state: state.force * state.velocity}
+    {"peak_force": lambda state: state.force, "peak_power": lambda state: state.power}
 )
 # Linearisation of each criterion, by the names of `ranking.CRITERIA`
 OBJECTIVES: Mapping[str, Callable[[MotionState], Linearisation]] = MappingProxyType(
     {
-        "peak_force": _peak_force,
-        "peak_power": _peak_power,
+        "peak_force": lambda state: _magnitude(state.force, state.force_gradient()),
+        "peak_power": lambda state: _magnitude(state.power, state.power_gradient()),
         "rms_force": _rms_force,
         "energy": _energy,
-        "drawn_energy": _drawn_energy,
+        # 2 int max(H v, 0) dt over both strokes: work of a drive that recovers none
+        "drawn_energy": lambda state: Linearisation(state.power, state.power_gradient(), None, 2 * state.nodes.weights),
     }
 )

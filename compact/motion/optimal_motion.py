@@ -7,7 +7,7 @@ programming on a spline space (`sequential_programming`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -34,8 +34,6 @@ class OptimalMotion(MotionProfile):
         Relative decrease of the criterion by the last halving of the pieces [-]; nan without a halving.
     steps : int
         Number of convex subproblems accepted.
-    limits : Limits
-        Constraints of the search.
     """
 
     value: float = np.nan
@@ -113,7 +111,7 @@ def optimise(  # noqa: PLR0913, public signature: each argument is one physical 
     if regret:
         alone = (DriveCriterion(weights, float(mass), (one,)) for one in resistances)
         minima = tuple(find_optimal_law(limits, stroke, duration, one, pieces).value for one in alone)
-        criterion = criterion.relative_to(minima)
+        criterion = replace(criterion, minima=minima)  # regret
     found = find_optimal_law(limits, stroke, duration, criterion, pieces)
     return OptimalMotion(
         optimal_law_name(weights), stroke, duration, found.curve, False,

@@ -264,8 +264,6 @@ class Leg:
         Its time [s].
     direction : int
         +1 forward, -1 return, 0 dwell.
-    motion : MotionProfile, optional
-        Motion of a pass.
     position : float
         Travel of a dwell [m].
     """

@@ -77,10 +77,6 @@ class DriveCriterion:
     quantile: float = 1.0
     minima: tuple[float, ...] = ()
 
-    def relative_to(self, minima: tuple[float, ...]) -> "DriveCriterion":
-        """Return the criterion of each sample relative to its minimum (regret)."""
-        return replace(self, minima=minima)
-
 
 @dataclass(frozen=True, eq=False)
 class OptimisationProblem:
@@ -88,8 +84,6 @@ class OptimisationProblem:
 
     Attributes
     ----------
-    constraints : ConstraintSet
-        Linear constraints and spline space.
     criterion : DriveCriterion
         Criterion to minimise; without weights the largest curvature ratio of the pitch curve.
     extra_phases : tuple of float
@@ -407,7 +401,9 @@ def _restore_feasibility(problem: OptimisationProblem, unknowns: Array) -> Array
         if reached <= 0 or (not peaks and abs(reached - previous) <= RESTORATION_TOLERANCE * reached):
             break
         # the radius reached balances convex and concave parts
-        constraints = problem.constraints.with_profile_radius(reached)
+        limits = problem.constraints.limits
+        limits = replace(limits, cam=limits.cam and replace(limits.cam, profile_radius=reached))
+        constraints = replace(problem.constraints, limits=limits)
         problem = replace(problem, extra_phases=problem.extra_phases + peaks, constraints=constraints)
     name = "smallest radius of curvature of the cam for the roller follower"
     raise InfeasibleError([Conflict(name, "m", limit, reached)], alone=True)

@@ -201,17 +201,13 @@ def _space_mapping(
         optimum, slopes, _ = _least_squares(coarse_model, measured, u, correction)
         if converged:
             return SpaceMappingFit(u, predicted, np.log(predicted / measured), slopes, correction, tuple(history))
-        u, at_optimum = _limited_step(u, optimum, max_step, correction.varying)
+        longest = np.abs((optimum - u) * correction.varying).max()
+        at_optimum = longest <= max_step
+        u = optimum if at_optimum else u + (optimum - u) * max_step / longest
     raise RuntimeError(
         f"the calibration did not converge in {MAX_FINE_RUNS} evaluations of the fine model: u and "
         f"ln(predicted/measured) were {history}"
     )
-
-
-def _limited_step(u: Array, optimum: Array, max_step: float, varying: Array) -> tuple[Array, bool]:
-    """Next u towards the optimum, and True if it is the optimum itself."""
-    longest = np.abs((optimum - u) * varying).max()
-    return (optimum, True) if longest <= max_step else (u + (optimum - u) * max_step / longest, False)
 
 
 def _least_squares(

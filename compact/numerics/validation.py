@@ -57,6 +57,13 @@ def require_finite(**quantities: ArrayLike) -> None:
         raise NotFiniteError(str(error)) from None
 
 
+def require_fields(record: Any, *, positive: str = "", nonnegative: str = "", finite: str = "") -> None:
+    """Require the named fields of a record, separated by blanks, to be valid unless they are None."""
+    for require, names in ((require_nonnegative, nonnegative), (require_positive, positive), (require_finite, finite)):
+        values = {name: getattr(record, name) for name in names.split()}
+        require(**{name: value for name, value in values.items() if value is not None})
+
+
 def require_between(low: float, high: float, **quantities: ArrayLike) -> None:
     """Require all elements to lie in the closed interval [low, high]; raise ValueError otherwise."""
     _require(lambda value: (value >= low) & (value <= high), f"between {low:g} and {high:g}", quantities)

@@ -1,5 +1,7 @@
 """Finite elements of compacting mix: uniform paths equal those of a material point on any mesh."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.linalg import logm, polar
@@ -131,6 +133,13 @@ def test_damping_resists_departures_from_the_prediction_alone():
 # (b) finite kinematics
 
 
+def pressed_and_sheared(solid):
+    """A yielding state, and the displacement of an increment from it that yields in places."""
+    X = solid.basis.doflocs.T
+    before = solid.increment(solid.undeformed_state(), X @ np.array([[0.01, 0.03], [-0.05, -0.02]])).after
+    return before, before.displacement + 0.002 * np.sin(3 * X)
+
+
 def random_gradients(count, size):
     """Pairs of displacement gradients before and after an increment."""
     for before, after in size * np.random.default_rng(7).normal(size=(count, 2, 4)):
@@ -188,9 +197,7 @@ def test_small_displacements_give_the_strain_of_small_kinematics():
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_stiffness_is_the_derivative_of_the_forces(finite, substeps):
     solid = FiniteStrainSolid(skewed(SQUARE), MIX, finite=finite, substeps=substeps)
-    X = solid.basis.doflocs.T
-    before = solid.increment(solid.undeformed_state(), X @ np.array([[0.01, 0.03], [-0.05, -0.02]])).after
-    u = before.displacement + 0.002 * np.sin(3 * X)
+    before, u = pressed_and_sheared(solid)
     direction, size = np.random.default_rng(7).normal(size=u.shape), 1e-8
     product = np.zeros(u.size)
     for dofs, block in zip(solid.element_dofs, solid.increment(before, u).element_stiffness, strict=True):
@@ -198,6 +205,36 @@ def test_stiffness_is_the_derivative_of_the_forces(finite, substeps):
     ahead, behind = (solid.increment(before, u + sign * size * direction).internal_forces for sign in (1, -1))
     expected = ((ahead - behind) / (2 * size)).ravel()
     assert product == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+
+
+def test_initial_guess_of_the_return_mappings_changes_nothing_but_rounding():
+    solid = FiniteStrainSolid(skewed(SQUARE), MIX)
+    before, displacement = pressed_and_sheared(solid)
+    near = solid.increment(before, displacement + 1e-4 * solid.basis.doflocs.T**2)
+    guessed, plain = (solid.increment(before, displacement, near=guess) for guess in (near, None))
+    scale = np.abs(plain.after.points.stress).max()
+    assert (plain.multipliers > 0).any()
+    assert guessed.after.points.stress == pytest.approx(plain.after.points.stress, abs=1e-11 * scale)
+    assert guessed.element_stiffness == pytest.approx(plain.element_stiffness, rel=1e-9, abs=1e-3)
+
+
+def test_newtons_method_converges_quadratically():
+    """Plain steps between two fixed ends, from a prediction with a residual of half the forces."""
+    x, y = FiniteStrainSolid(SQUARE, MIX).basis.doflocs
+    ends = np.flatnonzero((y == 0) | (y == 1))
+    solid = FiniteStrainSolid(SQUARE, MIX, fixed_dofs=np.concatenate([2 * ends, 2 * ends + 1]))
+    start, displacement, residuals = solid.undeformed_state(), np.stack([0.003 * x * y, -0.01 * y**2], axis=-1), []
+    for _ in range(8):
+        increment = solid.increment(start, displacement)
+        residual = -increment.internal_forces.ravel()[solid.ordered_dofs]
+        residuals.append(np.linalg.norm(residual) / np.linalg.norm(increment.internal_forces))
+        solve = solid.factorise(increment.element_stiffness, [20], np.zeros((1, 2, 2)))
+        displacement = displacement.copy()
+        displacement.ravel()[solid.ordered_dofs] += solve(residual)
+    orders = [np.log(after) / np.log(before) for before, after in pairwise(residuals) if 1e-6 < before < 1e-2]
+    assert residuals[-1] < 1e-13
+    assert len(orders) == 2
+    assert min(orders) > 1.7
 
 
 # (c) failures

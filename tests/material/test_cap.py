@@ -112,7 +112,7 @@ def test_isotropic_compression_follows_heckels_law(steps):
     K, constants = moduli(MIX)[0], cap_plasticity.cap_constants(MIX, 1.0)
     p, k = 0.0, 0.94
     for _ in range(steps):
-        _, p, _, k, *_ = cap_plasticity.return_map(constants, p + K * 0.04 / steps, 0.0, k, k)
+        _, p, _, k, *_ = cap_plasticity.return_map(constants, p + K * 0.04 / steps, 0.0, k, k, 0.0)
     assert p == pytest.approx(np.log(0.28 / (1 - k)) / 13e-6, rel=1e-12)
     assert np.log(k / 0.94) + p / K == pytest.approx(0.04, rel=1e-12)
 
@@ -180,7 +180,7 @@ def test_tension_ends_at_the_tensile_strength(dry_side):
     """Isotropic tension ends at p = -pt at any density."""
     mix = law(dry_side=dry_side)
     constants, K = cap_plasticity.cap_constants(mix, 1.0), moduli(mix)[0]
-    _, p, _, k, memory, work, _ = cap_plasticity.return_map(constants, -0.05 * K, 0.0, 0.94, 0.94)
+    _, p, _, k, memory, work, *_ = cap_plasticity.return_map(constants, -0.05 * K, 0.0, 0.94, 0.94, 0.0)
     assert p == pytest.approx(-14e3, rel=1e-12)
     assert np.log(k / 0.94) == pytest.approx(-0.05 - p / K, rel=1e-12)
     assert memory == (0.94 if dry_side == "flat" else k)
@@ -440,7 +440,8 @@ def test_random_increments_converge(dry_side, n):
 def test_trials_at_the_critical_state_converge(k, sign, nearness, dry_side):
     mix = law(dry_side=dry_side, tensile_strength=0.0)
     constants, c = cap_plasticity.cap_constants(mix, 1.0), mix.yield_pressure(k) / 2
-    iterations, p, scale, density_ratio, *_ = cap_plasticity.return_map(constants, c * (1 + sign * nearness), 5e6, k, k)
+    trial = c * (1 + sign * nearness), 5e6, k, k
+    iterations, p, scale, density_ratio, *_ = cap_plasticity.return_map(constants, *trial, 0.0)
     assert p == pytest.approx(c, rel=2 * nearness + 1e-11)
     assert scale * 5e6 == pytest.approx(1.2 * c, rel=2 * nearness + 1e-12)
     assert density_ratio == pytest.approx(k, rel=nearness + 1e-14)
@@ -553,9 +554,11 @@ def test_tangent_is_the_derivative(name, dry_side, largest):
 def test_tangent_at_an_isotropic_state_has_its_closed_form(dry_side):
     """Where the stress deviator vanishes, p = pc: B = K H/(K + H), with plastic shear."""
     constants, K = cap_plasticity.cap_constants(law(dry_side=dry_side), 1.0), moduli(MIX)[0]
-    *_, slopes = cap_plasticity.return_map(constants, 0.03 * K, 0.0, 0.94, 0.94)
+    *_, slopes = cap_plasticity.return_map(constants, 0.03 * K, 0.0, 0.94, 0.94, 0.0)
     size = 1e-6 * K
-    ahead, back = (cap_plasticity.return_map(constants, 0.03 * K + sign * size, 0.0, 0.94, 0.94)[1] for sign in (1, -1))
+    ahead, back = (
+        cap_plasticity.return_map(constants, 0.03 * K + sign * size, 0.0, 0.94, 0.94, 0.0)[1] for sign in (1, -1)
+    )
     assert 1 - K * slopes[0] == pytest.approx((ahead - back) / (2 * size), rel=1e-7)
     assert np.isfinite(slopes).all()
 
@@ -611,7 +614,7 @@ def test_iterations_are_few(largest, mean, most, dry_side):
     trial = state.stress + hooke(mix, tensor)
     p, q = -split(trial)[0], von_mises(trial)
     points = zip(p, q, state.density_ratio, state.max_density_ratio, strict=True)
-    iterations = np.array([cap_plasticity.return_map(constants, *point)[0] for point in points])
+    iterations = np.array([cap_plasticity.return_map(constants, *point, 0.0)[0] for point in points])
     assert iterations[iterations > 0].mean() < mean
     assert iterations.max() < most
 

@@ -81,7 +81,7 @@ def ramped_acceleration(jerk):
         pytest.param("energy", viscous, Limits(acceleration=6.0), trapezoid_work(6.0), 1e-4, id="even-speed"),
         pytest.param("peak_force", none, Limits(jerk=40.0), ramped_acceleration(40.0), 5e-4, id="one-ramp"),
         pytest.param(
-            "peak_force", dry(3.0), TWO_THIRDS.replaced(acceleration=7.2, velocity=1.2), 10.2, 1e-8, id="reversal-2"
+            "peak_force", dry(3.0), replace(TWO_THIRDS, acceleration=7.2, velocity=1.2), 10.2, 1e-8, id="reversal-2"
         ),
     ],
 )
@@ -122,7 +122,7 @@ def test_constant_velocity_deviates_by_its_tolerance():
             "peak_force",
             **MACHINE,
             resistance=dry(3562.0),
-            limits=TWO_THIRDS.replaced(steady_tolerance=share),
+            limits=replace(TWO_THIRDS, steady_tolerance=share),
             pieces=32,
         )
         for share in (0.0, 0.02)
@@ -243,7 +243,7 @@ def test_least_rms_force_of_a_smooth_law_converges_to_the_extremal(acceleration)
 
     H^2 has the mean R^2 + m^2 mean a^2, as the acceleration has none.
     """
-    limits = TWO_THIRDS.replaced(smoothness=3, acceleration=acceleration)
+    limits = replace(TWO_THIRDS, smoothness=3, acceleration=acceleration)
     least = least_square(acceleration) / 3.0 * 1000.0**2
     above = []
     for pieces in (12, 24, 48):
@@ -286,7 +286,7 @@ def by_snap(bound, steps):
 
 
 def test_least_peak_force_with_limited_snap_is_that_of_an_independent_program():
-    limits = TWO_THIRDS.replaced(smoothness=3, snap=60.0)
+    limits = replace(TWO_THIRDS, smoothness=3, snap=60.0)
     motion = optimise("peak_force", **MACHINE, resistance=lambda v, a: 3562.0 + 0 * v, limits=limits)
     assert motion.gap < 1e-6
     assert (motion.value - 3562.0) / 1000.0 == pytest.approx(by_snap(60.0, 60), rel=1e-3)
@@ -342,15 +342,15 @@ def test_convex_problem_has_no_duality_gap(seed):
 @pytest.mark.parametrize(
     "limits",
     [
-        pytest.param(TWO_THIRDS.replaced(acceleration=0.5), id="acceleration"),
-        pytest.param(TWO_THIRDS.replaced(velocity=0.16, jerk=8.0), id="velocity-jerk"),
-        pytest.param(TWO_THIRDS.replaced(snap=400.0), id="snap"),
-        pytest.param(TWO_THIRDS.replaced(smoothness=3, at_rest=(2, 3), jerk=8.0), id="rest"),
-        pytest.param(TWO_THIRDS.replaced(end_condition="dwell", jerk=8.0), id="dwell"),
+        pytest.param(replace(TWO_THIRDS, acceleration=0.5), id="acceleration"),
+        pytest.param(replace(TWO_THIRDS, velocity=0.16, jerk=8.0), id="velocity-jerk"),
+        pytest.param(replace(TWO_THIRDS, snap=400.0), id="snap"),
+        pytest.param(replace(TWO_THIRDS, smoothness=3, at_rest=(2, 3), jerk=8.0), id="rest"),
+        pytest.param(replace(TWO_THIRDS, end_condition="dwell", jerk=8.0), id="dwell"),
         pytest.param(Limits(run_up=0.1, run_down=0.25, jerk=8.0, steady_tolerance=0.01), id="askew-tolerance"),
-        pytest.param(TWO_THIRDS.replaced(cam=CamLimits(0.6, pressure_angle=0.85)), id="pressure-angle"),
-        pytest.param(TWO_THIRDS.replaced(cam=CamLimits(0.9, radius_of_curvature=0.1)), id="flat-face"),
-        pytest.param(TWO_THIRDS.replaced(cam=ROLLER), id="roller"),
+        pytest.param(replace(TWO_THIRDS, cam=CamLimits(0.6, pressure_angle=0.85)), id="pressure-angle"),
+        pytest.param(replace(TWO_THIRDS, cam=CamLimits(0.9, radius_of_curvature=0.1)), id="flat-face"),
+        pytest.param(replace(TWO_THIRDS, cam=ROLLER), id="roller"),
         pytest.param(
             Limits(
                 jerk=8.0,
@@ -386,7 +386,7 @@ def least_power_law(limits):
 )
 def test_cam_of_the_optimal_law_satisfies_its_limits(limits, follower, quantity, sign):
     limit = limits.pressure_angle or limits.radius_of_curvature or limits.profile_radius
-    limited = least_power_law(TWO_THIRDS.replaced(cam=limits))
+    limited = least_power_law(replace(TWO_THIRDS, cam=limits))
     assert sign * getattr(Cam(least_power_law(TWO_THIRDS).cycle(), limits.breadth, follower), quantity) > sign * limit
     assert sign * getattr(Cam(limited.cycle(), limits.breadth, follower), quantity) <= sign * limit + 1e-9
 
@@ -416,20 +416,20 @@ def test_limits_relaxed_together_are_feasible():
         optimise("peak_force", **MACHINE, resistance=none, limits=limits, pieces=16)
     enough = {conflict.name: conflict.required * (1 + 1e-6) for conflict in raised.value.conflicts}
     assert not raised.value.alone
-    assert optimise("peak_force", **MACHINE, resistance=none, limits=limits.replaced(**enough), pieces=16).gap < 1e-6
+    assert optimise("peak_force", **MACHINE, resistance=none, limits=replace(limits, **enough), pieces=16).gap < 1e-6
     for name in enough:  # each relaxation is necessary
         with pytest.raises(InfeasibleError):
             optimise(
-                "peak_force", **MACHINE, resistance=none, limits=limits.replaced(**(enough | {name: 0.1})), pieces=16
+                "peak_force", **MACHINE, resistance=none, limits=replace(limits, **(enough | {name: 0.1})), pieces=16
             )
 
 
 def test_infeasible_profile_radius_states_the_feasible_one():
-    limits = TWO_THIRDS.replaced(cam=ROLLER)
+    limits = replace(TWO_THIRDS, cam=ROLLER)
 
     def with_radius(radius):
         cam = replace(ROLLER, profile_radius=radius)
-        return optimise("peak_force", **MACHINE, resistance=none, limits=limits.replaced(cam=cam), pieces=8)
+        return optimise("peak_force", **MACHINE, resistance=none, limits=replace(limits, cam=cam), pieces=8)
 
     with pytest.raises(InfeasibleError, match="smallest radius of curvature of the cam") as raised:
         with_radius(0.4)
@@ -467,9 +467,9 @@ def machine():
     ("limits", "members"),
     [
         pytest.param(TWO_THIRDS, 10, id="free"),
-        pytest.param(TWO_THIRDS.replaced(acceleration=0.6), 9, id="acceleration"),
-        pytest.param(TWO_THIRDS.replaced(jerk=5.0), 7, id="jerk", marks=pytest.mark.slow),
-        pytest.param(TWO_THIRDS.replaced(snap=60.0), 2, id="snap", marks=pytest.mark.slow),
+        pytest.param(replace(TWO_THIRDS, acceleration=0.6), 9, id="acceleration"),
+        pytest.param(replace(TWO_THIRDS, jerk=5.0), 7, id="jerk", marks=pytest.mark.slow),
+        pytest.param(replace(TWO_THIRDS, snap=60.0), 2, id="snap", marks=pytest.mark.slow),
     ],
 )
 @pytest.mark.parametrize("objective", ["peak_force", "peak_power"])
@@ -486,7 +486,7 @@ def test_no_published_law_within_the_same_limits_is_better(machine, objective, l
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("limits", [TWO_THIRDS, TWO_THIRDS.replaced(acceleration=0.6), Limits(jerk=5.0)])
+@pytest.mark.parametrize("limits", [TWO_THIRDS, replace(TWO_THIRDS, acceleration=0.6), Limits(jerk=5.0)])
 @pytest.mark.parametrize("power", [0.0, 0.2], ids=["dry", "power-law"])
 @pytest.mark.parametrize("objective", ["peak_force", "peak_power"])
 def test_ipopt_finds_no_better_law_from_20_initial_laws(machine, objective, power, limits):
@@ -544,7 +544,7 @@ def falling(velocity, acceleration):
 )
 def test_ipopt_finds_the_same_law(objective, resistance, cam):
     ipopt_reference = pytest.importorskip("ipopt_reference", exc_type=ImportError)
-    limits = TWO_THIRDS.replaced(acceleration=0.6, cam=cam)
+    limits = replace(TWO_THIRDS, acceleration=0.6, cam=cam)
     motion = optimise(objective, **MACHINE, resistance=resistance, limits=limits, pieces=16)
     weights = {objective: 1.0} if isinstance(objective, str) else objective
     criterion = DriveCriterion(weights, MACHINE["mass"], (resistance,))
@@ -564,7 +564,7 @@ def test_ipopt_finds_the_same_law_for_several_resistances():
 # ---- many resistances ------------------------------------------------------------------------------------------------
 
 SPREAD = tuple(dry(force) for force in (1500.0, 3562.0, 8000.0))
-SPREAD_TASK = MACHINE | {"limits": TWO_THIRDS.replaced(acceleration=0.6), "pieces": 32}
+SPREAD_TASK = MACHINE | {"limits": replace(TWO_THIRDS, acceleration=0.6), "pieces": 32}
 
 
 def power_of(motion, resistance):

@@ -100,12 +100,6 @@ class ColumnProblem(NamedTuple):
 
     Attributes
     ----------
-    law : CapConstants
-        Material constants at the rolling speed.
-    stack : ColumnStack
-        Columns before the pass.
-    gap : GapShape
-        Shape of the roller.
     strain_measure : int
         LOGARITHMIC, SMALL or MASS_TRUE.
     """
@@ -167,13 +161,6 @@ class StepBuffers(NamedTuple):
     start: Array
     end: Array
     rates: Array
-
-
-def initial_integration_state(stack: ColumnStack) -> IntegrationState:
-    """Build the `IntegrationState` at the start of a path."""
-    n = len(stack.height)
-    counts = np.array([0, 0, 0, -1])
-    return IntegrationState(stack.max_density_ratio.copy(), np.zeros(n, np.bool_), np.empty(n), np.zeros(1), counts)
 
 
 @compiled

@@ -18,7 +18,7 @@ from compact.engines.column.column_ode import STRESS, ColumnProblem, ColumnStack
 from compact.material.cap_plasticity import CapConstants, cap_constants, hardening
 from compact.material.laws import Compaction
 from compact.numerics import Array
-from compact.numerics.validation import require_finite, require_nonnegative, require_positive
+from compact.numerics.validation import require_fields
 
 SAMPLED_STEP_SHARE = 1 / 32  # [-], largest step over the front of a pass whose pressure is returned at every step
 INDENTATION_SHARE_MAX = 1 - 1e-9  # [-], of the limit of the indentation; the last pore cannot be closed
@@ -61,9 +61,7 @@ class Column:
     max_density_ratio: float = 0.0
 
     def __post_init__(self) -> None:
-        require_positive(height=self.height, density_ratio=self.density_ratio)
-        require_finite(lateral_stress=self.lateral_stress)
-        require_nonnegative(max_density_ratio=self.max_density_ratio)
+        require_fields(self, positive="height density_ratio", nonnegative="max_density_ratio", finite="lateral_stress")
         if not self.density_ratio < 1:
             raise ValueError(f"`density_ratio` must be below 1, got {self.density_ratio!r}")
 
@@ -74,12 +72,6 @@ class ColumnLayer:
 
     Parameters
     ----------
-    law : CapConstants
-        Material constants at the rolling speed.
-    stack : ColumnStack
-        Columns from the base upwards.
-    gap : GapShape
-        Shape of the roller.
     strain_measure : int
         One of the values of STRAINS.
     """
@@ -196,10 +188,13 @@ class ColumnLayer:
         RuntimeError
             If the integration does not reach the end.
         """
-        path, state = np.empty((PATH_ROWS_INITIAL, len(y) + 1)), ode.initial_integration_state(self.stack)
+        n = len(self.stack.height)
+        path, counts = np.empty((PATH_ROWS_INITIAL, len(y) + 1)), np.array([0, 0, 0, -1])
+        densest = self.stack.max_density_ratio.copy()
+        state = ode.IntegrationState(densest, np.zeros(n, np.bool_), np.empty(n), np.zeros(1), counts)
         path[0, 0], path[0, 1:] = u, y
         problem = ColumnProblem(self.law, self.stack, self.gap, self.strain_measure)
-        max_tries, status = max(STEPS_PER_CALL // len(self.stack.height), 1), ode.PAUSED
+        max_tries, status = max(STEPS_PER_CALL // n, 1), ode.PAUSED
         while status == ode.PAUSED:  # a keyboard interrupt is raised between two calls
             status = ode.integrate_path(problem, control, state, path, max_tries)
             if status == ode.PAUSED and state.counts[ode.ROW] + 1 == len(path):

@@ -48,18 +48,15 @@ class _Bracket:
     def next_point(self, x: float, residual: float, slope: float) -> float:
         """Narrow the bounds by the last point and return the next: interpolated, bisected or the limit."""
         self.low, self.high = (x, self.high) if residual < 0 else (self.low, x)
-        guess = _interpolate_root(self.points) if len(self.points) > 1 else x - residual / slope
+        guess = x - residual / slope
+        if len(self.points) > 1:  # root of the inverse polynomial through two or three points
+            weights = [math.prod(b / (b - a) for _, b in self.points if b != a) for _, a in self.points]
+            guess = sum(weight * place for weight, (place, _) in zip(weights, self.points, strict=True))
         if self.low < guess < self.high or (guess >= self.limit and not self.limit_tried):
             return guess
         if not (self.limit_tried or residual > 0):
             return self.limit
         return (self.low + self.high) / 2 if self.low > -math.inf else self.high - 1
-
-
-def _interpolate_root(points: list[tuple[float, float]]) -> float:
-    """Root of the inverse polynomial through two or three points (x, residual)."""
-    weights = [math.prod(b / (b - a) for _, b in points if b != a) for _, a in points]
-    return sum(weight * x for weight, (x, _) in zip(weights, points, strict=True))
 
 
 @dataclass(frozen=True)

@@ -132,19 +132,21 @@ def strain_derivatives(before: Gradient, after: Gradient, finite: bool, derivati
 
 
 @compiled
-def integrate_interval(law: tuple, values: Values, before: Gradient, after: Gradient, path_derivatives: Array) -> tuple:
+def integrate_interval(
+    law: tuple, values: Values, before: Gradient, after: Gradient, multipliers: Array, path_derivatives: Array
+) -> tuple:
     """Integrate the constitutive law at one point between two displacement gradients.
 
     Parameters
     ----------
     law : tuple
-        `CapConstants`, True for finite strain, substeps.
+        `CapConstants`, True for finite strain.
     values : tuple of float
         Values before the increment.
     before, after : tuple of float
         Displacement gradients [-].
-    path_derivatives : ndarray, shape (6, 0), (6, 3) or (6, 9)
-        Output, derivatives in the unrotated frame as of `integrate_path`.
+    multipliers, path_derivatives : ndarray
+        As of `integrate_path`; derivatives in the unrotated frame.
 
     Returns
     -------
@@ -159,9 +161,9 @@ def integrate_interval(law: tuple, values: Values, before: Gradient, after: Grad
     frame : tuple of float
         Cosine and sine of the rotation, for `gradient_derivatives`.
     """
-    constants, finite, substeps = law
+    constants, finite = law
     valid, strain, volume, c, s = strain_increment(before, after, finite)
-    converged, end, plastic_work, work = integrate_path(constants, substeps, values, strain, path_derivatives)
+    converged, end, plastic_work, work = integrate_path(constants, values, strain, multipliers, path_derivatives)
     xx, yy, xy = _rotate(end[0], end[1], end[3], c, s)
     rotated = (xx, yy, end[2], xy, end[4], end[5])
     return valid and converged, rotated, plastic_work, volume * work, (c, s)
@@ -230,8 +232,8 @@ def integrate_elements(
     displacements: tuple,
     before: tuple,
     after: tuple,
-    forces: Array,
-    stiffness: Array,
+    multipliers: Array,
+    results: tuple,
 ) -> int:
     """Integrate an increment in a range of elements.
 
@@ -240,23 +242,25 @@ def integrate_elements(
     block : tuple of int
         First element and end of the range.
     law : tuple
-        `CapConstants`, True for finite strain, substeps.
+        `CapConstants`, True for finite strain.
     mesh : tuple of ndarray
         Nodes (elements, 8), gradients of the shape functions (elements, 4, 8, 2) [1/m], areas of the points [m2].
     displacements : tuple of ndarray
         Displacements of the nodes before and after, shape (N, 2) [m].
     before, after : tuple of ndarray
         Stress (n, 4), density ratio, largest density ratio, plastic work and work (n,) of the points; `after` output.
-    forces : ndarray, shape (elements, 16)
-        Output, internal forces of the elements [N/m].
-    stiffness : ndarray, shape (elements, 16, 16), or (0, 16, 16)
-        Output, their derivative by the displacement [N/m2]; not computed if empty.
+    multipliers : ndarray, shape (n, substeps)
+        Initial guesses of the return mappings, 0 for none; replaced by the solutions.
+    results : tuple of ndarray
+        Output: internal forces of the elements, shape (elements, 16) [N/m], and their derivative by the displacement,
+        shape (elements, 16, 16) [N/m2], or (0, 16, 16) without derivative.
 
     Returns
     -------
     int
         First point where an element inverts or the return mapping does not converge, or -1.
     """
+    forces, stiffness = results
     nodes, shape_gradients, areas = mesh
     stress, density_ratio, max_density_ratio, plastic_work, work = before
     tangent = len(stiffness) > 0
@@ -271,7 +275,9 @@ def integrate_elements(
             old = _gradient(displacements[0], nodes[element], shapes)
             new = _gradient(displacements[1], nodes[element], shapes)
             values = (stress[i, 0], stress[i, 1], stress[i, 2], stress[i, 3], density_ratio[i], max_density_ratio[i])
-            good, values, dissipated, done, frame = integrate_interval(law, values, old, new, path_derivatives)
+            good, values, dissipated, done, frame = integrate_interval(
+                law, values, old, new, multipliers[i], path_derivatives
+            )
             if not good:
                 return i
             for j in range(4):

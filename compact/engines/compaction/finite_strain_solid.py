@@ -126,7 +126,13 @@ class FiniteStrainSolid:
         nodal = displacement[self.basis.element_dofs.T]
         return np.matmul(nodal.transpose(0, 2, 1)[:, None], self.shape_gradients).reshape(-1, 4)
 
-    def increment(self, before: SolidState, displacement: FloatArray, tangent: bool = True) -> "SolidIncrement":
+    def increment(
+        self,
+        before: SolidState,
+        displacement: FloatArray,
+        tangent: bool = True,
+        near: "SolidIncrement | None" = None,
+    ) -> "SolidIncrement":
         """Integrate the stresses from a state to a displacement.
 
         Parameters
@@ -137,6 +143,9 @@ class FiniteStrainSolid:
             Displacement of the nodes after the increment [m].
         tangent : bool
             True to compute the tangent too.
+        near : SolidIncrement, optional
+            Increment from the same state to a similar displacement, whose multipliers are the initial guess of the
+            return mappings.
 
         Returns
         -------
@@ -154,15 +163,18 @@ class FiniteStrainSolid:
         after = tuple(np.empty_like(values) for values in state)
         elements, size = self.element_dofs.shape
         forces, stiffness = np.empty((elements, size)), np.empty((elements if tangent else 0, size, size))
-        law = cap_plasticity.cap_constants(self.material, self.rate_factor), self.finite, self.substeps
-        failed = integrate_elements((0, elements), law, self._mesh, displacements, state, after, forces, stiffness)
+        multipliers = np.zeros((len(before.work), self.substeps)) if near is None else near.multipliers.copy()
+        law = cap_plasticity.cap_constants(self.material, self.rate_factor), self.finite
+        failed = integrate_elements(
+            (0, elements), law, self._mesh, displacements, state, after, multipliers, (forces, stiffness)
+        )
         if failed >= 0:
             raise ValueError(
                 "`displacement` must not invert elements, got one in which the stress integration fails at point "
                 f"{failed}, {self.point_coordinates[failed]} m"
             )
         end = SolidState(displacement, cap_plasticity.MaterialPoint(*after[:4]), after[4])
-        return SolidIncrement(self, end, forces, stiffness if tangent else None)
+        return SolidIncrement(self, end, multipliers, forces, stiffness if tangent else None)
 
     @cached_property
     def _mesh(self):
@@ -240,6 +252,8 @@ class SolidIncrement:
         Finite elements of the layer.
     after : SolidState
         State after the increment.
+    multipliers : ndarray, shape (n, substeps)
+        Unknowns of the return mappings [-].
     element_forces : ndarray, shape (elements, 16)
         Internal forces of the elements [N/m].
     tangent : ndarray, shape (elements, 16, 16), or None
@@ -248,6 +262,7 @@ class SolidIncrement:
 
     solid: FiniteStrainSolid
     after: SolidState
+    multipliers: FloatArray
     element_forces: FloatArray
     tangent: FloatArray | None
 

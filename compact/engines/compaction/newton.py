@@ -19,7 +19,13 @@ from typing import Any, Protocol, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, FloatArray, LinearSolver, SolidState
+from compact.engines.compaction.finite_strain_solid import (
+    FiniteStrainSolid,
+    FloatArray,
+    LinearSolver,
+    SolidIncrement,
+    SolidState,
+)
 from compact.engines.compaction.roller_contact import ContactForces
 
 RESIDUAL_TOLERANCE = 1e-6  # [-], of the nodal forces
@@ -152,9 +158,10 @@ class IncrementSolver:
         raise EquilibriumError("no equilibrium: elements of the layer invert before the first iteration")
 
     def _factorise(self, trial: "_Trial", share: float) -> None:
+        self.solve_tangent = None  # frees the factors of the last tangent
         stiffness = trial.element_stiffness()
         if share + trial.damping:
-            stiffness = stiffness + (share + trial.damping) * self.elastic_stiffness
+            stiffness += (share + trial.damping) * self.elastic_stiffness
         try:
             self.solve_tangent = self.solid.factorise(stiffness, self.nodes, trial.contact.stiffness)
         except RuntimeError as error:
@@ -204,11 +211,12 @@ class _Trial:
         displacement: FloatArray,
         damping: float,
         prediction: FloatArray,
+        near: SolidIncrement | None = None,
     ) -> None:
         self.solver, self.before, self.surface = solver, before, surface
         self.damping, self.prediction = damping, prediction
         solid = solver.solid
-        self.increment = solid.increment(before, displacement, tangent=False)
+        self.increment = solid.increment(before, displacement, tangent=False, near=near)
         self.contact = surface.contact_forces(displacement[solver.nodes])
         internal = self.increment.internal_forces
         external = np.zeros_like(internal)
@@ -225,13 +233,16 @@ class _Trial:
 
     def element_stiffness(self) -> FloatArray:
         """Return the tangent stiffness of the elements; the increment is integrated again."""
-        return self.solver.solid.increment(self.before, self.increment.after.displacement).element_stiffness
+        displacement = self.increment.after.displacement
+        return self.solver.solid.increment(self.before, displacement, near=self.increment).element_stiffness
 
     def step(self, length: float, direction: FloatArray) -> "_Trial | None":
         """Return the trial one step further, or None if elements invert or the stress integration fails."""
         displacement = self.increment.after.displacement.copy()
         displacement.ravel()[self.solver.solid.ordered_dofs] += length * direction
-        return _try_displacement(self.solver, self.before, self.surface, displacement, self.damping, self.prediction)
+        return _try_displacement(
+            self.solver, self.before, self.surface, displacement, self.damping, self.prediction, self.increment
+        )
 
 
 def _try_displacement(*arguments: Any) -> _Trial | None:

@@ -168,12 +168,16 @@ def _row_blocks(rows: int, steps_per_row: int) -> list[tuple[int, int]]:
 @compiled
 def _integrate_rows(block, law, inflow, plastic_work, gradients, values, works):
     """Integrate a block of rows from their right ends; return the first point that fails, or -1."""
-    columns, no_derivatives = gradients.shape[1], np.empty((VALUES, 0))
+    constants, finite, substeps = law
+    columns, no_derivatives, multipliers = gradients.shape[1], np.empty((VALUES, 0)), np.empty(substeps)
     for row in range(block[0], block[1]):
         dissipated, work = plastic_work[row], 0.0
         for j in range(columns - 1, -1, -1):
             before, start, end = _inputs(inflow[row], gradients[row], values[row], j)
-            good, after, dissipation, increment, _ = integrate_interval(law, before, start, end, no_derivatives)
+            multipliers[:] = 0.0
+            good, after, dissipation, increment, _ = integrate_interval(
+                (constants, finite), before, start, end, multipliers, no_derivatives
+            )
             if not good:
                 return row * columns + j
             for i in range(VALUES):
@@ -199,12 +203,16 @@ def _inputs(inflow, gradients, values, j):
 @compiled
 def _differentiate_rows(block, law, inflow, gradients, values, derivatives):
     """Differentiate the values of every point of a block of rows by its inputs."""
-    path_derivatives, kinematics = np.empty((VALUES, VALUES + 3)), np.empty((4, 8))
+    constants, finite, substeps = law
+    path_derivatives, kinematics, multipliers = np.empty((VALUES, VALUES + 3)), np.empty((4, 8)), np.empty(substeps)
     for row in range(block[0], block[1]):
         for j in range(gradients.shape[1]):
             before, start, end = _inputs(inflow[row], gradients[row], values[row], j)
-            _, after, _, _, frame = integrate_interval(law, before, start, end, path_derivatives)
-            strain_derivatives(start, end, law[1], kinematics)
+            multipliers[:] = 0.0
+            _, after, _, _, frame = integrate_interval(
+                (constants, finite), before, start, end, multipliers, path_derivatives
+            )
+            strain_derivatives(start, end, finite, kinematics)
             rotate_derivatives(after, frame, path_derivatives, kinematics, 0, derivatives[row, j])
 
 

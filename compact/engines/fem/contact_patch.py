@@ -275,8 +275,10 @@ class _EdgeSolver:
         step_size = np.inf
         for iteration in range(MAX_EDGE_ITERATIONS):
             amplitudes = patch.coefficients[-2:]
-            if jacobian is None:
-                jacobian = self._difference_jacobian(edges, displacement, terms, amplitudes)
+            if jacobian is None:  # by forward differences
+                reach = DIFFERENCE_STEP * (edges[1] - edges[0])
+                shifted = [self._solve_between(edges + reach * side, displacement, terms) for side in np.eye(2)]
+                jacobian = (np.array([each.coefficients[-2:] for each in shifted]) - amplitudes).T / reach
             previous, step = step_size, np.linalg.solve(jacobian, -amplitudes)
             step_size = (np.abs(step).max() / (edges[1] - edges[0])).item()
             self.history.append((*edges.tolist(), step_size))
@@ -299,12 +301,6 @@ class _EdgeSolver:
         """Return True if the normal was computed for the displacement of the patch."""
         change = np.abs(patch.displacement - displacement).max()
         return self.indenter.profile != "deformed" or change <= EDGE_TOLERANCE * np.abs(patch.displacement).max()
-
-    def _difference_jacobian(self, edges: Array, displacement: Array, terms: int, amplitudes: Array) -> Array:
-        """Differentiate the two singular amplitudes with respect to the edges by forward differences."""
-        reach = DIFFERENCE_STEP * (edges[1] - edges[0])
-        shifted = [self._solve_between(edges + reach * side, displacement, terms) for side in np.eye(2)]
-        return (np.array([patch.coefficients[-2:] for patch in shifted]) - amplitudes).T / reach
 
     def _solve_between(self, edges: Array, displacement: Array, terms: int) -> ContactPatch:
         """Solve between fixed edges; the last two coefficients are the amplitudes of the singular pressures."""

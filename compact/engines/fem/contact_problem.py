@@ -42,12 +42,6 @@ class RollingProblem:
 
     Parameters
     ----------
-    layer : Layer
-        Height, base and plies.
-    roller : Roller
-        Geometry, friction and target.
-    material : Elastic or Viscoelastic
-        Material of the layer.
     speed : float
         Speed along x [m/s].
     torque : float
@@ -99,19 +93,7 @@ class RollingProblem:
 
 @dataclass(frozen=True, eq=False)
 class ContactSolution:
-    """Contact of an indenter on a surface, in units of the relaxed modulus.
-
-    Parameters
-    ----------
-    surface : SurfaceCompliance
-        Compliance of the layer.
-    indenter : Indenter
-        Roller at its indentation.
-    patch : ContactPatch
-        Edges and pressure.
-    shear : ShearSolution, optional
-        Shear traction of a roller with stick and slip.
-    """
+    """Contact of an indenter on a surface, in units of the relaxed modulus."""
 
     surface: SurfaceCompliance
     indenter: contact_patch.Indenter
@@ -150,8 +132,6 @@ class Discretisation:
 
     Parameters
     ----------
-    mesh : RowMesh
-        Mesh of the layer.
     half_width : float
         Half-width of the contact for which the mesh is fine [m].
     indentation : float
@@ -225,6 +205,7 @@ def solve_at_target(
     if problem.roller.indentation is not None:
         return solve_at_indentation(problem, surface, problem.roller.indentation, discretisation, initial_guess)
     tolerance = max(tolerance, problem.target_tolerance)
+    modulus, (name, value) = problem.material.youngs_modulus, problem.roller.target
     logs: list[float] = []
     errors: list[float] = []
     history: tuple = ()
@@ -237,14 +218,19 @@ def solve_at_target(
             continue
         contact = found
         logs.append(log)
-        errors.append(_log_target_error(problem, contact))
+        reached = -modulus * contact.resultant[1] if name == "load" else modulus * contact.patch.peak
+        errors.append(float(np.log(reached / value)))
         if abs(errors[-1]) < tolerance:
             return replace(contact, patch=replace(contact.patch, history=history))
         slope = INITIAL_POWER if len(logs) == 1 else (errors[-1] - errors[-2]) / (logs[-1] - logs[-2])
         log = log - np.clip(errors[-1] / slope, -MAX_LOG_STEP, MAX_LOG_STEP)
     if beyond is not None:
         raise RuntimeError(contact_patch.beyond_circle_message(beyond.patch.edges, problem.roller.radius))
-    raise contact_patch.UnresolvedError(_unreached_target_message(problem, logs, errors))
+    nearest = int(np.argmin(np.abs(errors)))
+    raise contact_patch.UnresolvedError(
+        f"`{name}` {value:.6g} is not reached in {len(logs)} secant steps; the nearest is "
+        f"{np.expm1(errors[nearest]):+.1e} off, at an indentation of {1e3 * np.exp(logs[nearest]):.4g} mm"
+    )
 
 
 def solve_at_indentation(
@@ -264,19 +250,3 @@ def solve_at_indentation(
     direction = problem.direction
     friction = FrictionCondition(problem.roller.friction, problem.tangential_force(direction), direction)
     return ContactSolution(surface, indenter, *solve_stick_slip(surface, indenter, terms, friction, patch, shear))
-
-
-def _log_target_error(problem: RollingProblem, contact: ContactSolution) -> float:
-    """Log of the load or peak pressure over the prescribed one."""
-    modulus, (name, value) = problem.material.youngs_modulus, problem.roller.target
-    reached = -modulus * contact.resultant[1] if name == "load" else modulus * contact.patch.peak
-    return float(np.log(reached / value))
-
-
-def _unreached_target_message(problem: RollingProblem, logs: list[float], errors: list[float]) -> str:
-    nearest, (name, value) = int(np.argmin(np.abs(errors))), problem.roller.target
-    error, depth = np.expm1(errors[nearest]), 1e3 * np.exp(logs[nearest])
-    return (
-        f"`{name}` {value:.6g} is not reached in {len(logs)} secant steps; the nearest is {error:+.1e} off, at an "
-        f"indentation of {depth:.4g} mm"
-    )

@@ -80,10 +80,6 @@ class FemContactResult(ContactResult):
         Indentation delta [m].
     creep : float or None
         Creepage, angular speed x radius/speed - 1 [-], of a roller with stick and slip.
-    layer, roller, material, speed : Layer, Roller, Elastic, float
-        Arguments of `roll`.
-    mesh : RowMesh
-        Mesh of the solution.
     forces : ndarray
         Forces on the surface nodes over the relaxed modulus [m], shape (2, n).
     """

@@ -48,12 +48,6 @@ class LoadedLayer:
 
     Parameters
     ----------
-    mesh : RowMesh
-        Mesh of the layer.
-    layer : Layer
-        Base and plies.
-    material : Elastic or Viscoelastic
-        Material of the layer.
     forces : ndarray
         Forces on the surface nodes over the relaxed modulus [m], shape (2, n).
     speed : float

@@ -16,6 +16,7 @@ stretched along x. On a mesh at rest, edges that cross nodes cause errors of the
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -102,23 +103,18 @@ def expand_resistance(
             discretisation = initial_discretisation(problem, mesh, tolerance)
         else:
             discretisation = fitted_discretisation(problem, tolerance)
-        resistance, slope, added_mass = _expansion(problem, discretisation)
+        resistance, slope, added_mass = expand_window(discretisation, partial(_expansion, problem, discretisation))
         error = None
         if estimate:
             terms = discretisation.terms + fem_engine.EXTRA_TERMS
-            refined = _expansion(problem, replace(discretisation, mesh=discretisation.mesh.refined(), terms=terms))[2]
+            finer = replace(discretisation, mesh=discretisation.mesh.refined(), terms=terms)
+            refined = expand_window(finer, partial(_expansion, problem, finer))[2]
             error = ERROR_FACTOR * abs(added_mass - refined) + MIN_ERROR * max(abs(refined), time * abs(slope))
     return ResistanceExpansion(speed, resistance, slope, added_mass, error, time)
 
 
-def _expansion(problem: RollingProblem, discretisation: Discretisation) -> tuple[float, float, float]:
-    """(F_ss, dF_ss/dv, M) in a loaded zone that contains all contacts."""
-    return expand_window(discretisation, lambda window: _expansion_within(problem, discretisation, window))
-
-
-def _expansion_within(
-    problem: RollingProblem, discretisation: Discretisation, window: float
-) -> tuple[float, float, float]:
+def _expansion(problem: RollingProblem, discretisation: Discretisation, window: float) -> tuple[float, float, float]:
+    """(F_ss, dF_ss/dv, M) in a loaded zone of a half-width [m]."""
     mesh = discretisation.mesh
     steady = solve_at_target(problem, steady_surface(problem, mesh, window), discretisation)
     similar = _SimilarContacts(
@@ -133,10 +129,13 @@ def _expansion_within(
     w, z = similar.elastic_displacement(steady), similar.internal_variables(problem, steady)
     z_change = similar.internal_variables(faster, after) - similar.internal_variables(slower, before)
     mesh_velocity = (after.surface.x - before.surface.x) / speed_change
-    lengths = problem.speed * np.array(creep_function(problem.material).times)[:, None, None]
-    surface = steady.surface
+    surface, creep = steady.surface, creep_function(problem.material)
+    lengths = problem.speed * np.array(creep.times)[:, None, None]
     z_rate = z_change / speed_change - mesh_velocity * (z - w) / lengths  # at fixed x, since z - l dz/dx = w
-    lag = _displacement_lag(problem, surface.x, z_rate)
+    lag = sum(  # g [m s2/m]
+        share * time * rate @ retardation_operator(surface.x, time * problem.speed).T
+        for share, time, rate in zip(creep.shares, creep.times, z_rate, strict=True)
+    )
     step = float(DISPLACEMENT_STEP * similar.discretisation.indentation / np.abs(lag[:, surface.loaded]).max())
     losing, gaining = (
         similar.solve(problem, NodalField(surface.x, -acceleration * lag)) for acceleration in (-step, step)
@@ -144,13 +143,6 @@ def _expansion_within(
     modulus = problem.material.youngs_modulus
     forces = [float(modulus * contact.resultant[0]) for contact in (steady, before, after, losing, gaining)]
     return forces[0], (forces[2] - forces[1]) / speed_change, (forces[4] - forces[3]) / (2 * step)
-
-
-def _displacement_lag(problem: RollingProblem, x: Array, z_rate: Array) -> Array:
-    """Lag g [m s2/m] from dz_k/dv, shape (2, n)."""
-    creep = creep_function(problem.material)
-    branches = zip(creep.shares, creep.times, z_rate, strict=True)
-    return sum(share * time * each @ retardation_operator(x, time * problem.speed).T for share, time, each in branches)
 
 
 @dataclass(frozen=True)
@@ -163,7 +155,6 @@ class _SimilarContacts:
         Compliance of the elastic layer on the mesh of the steady contact.
     stretch_rate : SurfaceCompliance
         Its derivative with respect to the log of the stretch.
-    steady : ContactSolution
     discretisation : Discretisation
         Pressure terms and indentation of the steady contact.
     """

@@ -207,16 +207,12 @@ def _stick_slip_active_set(
             state, direction = sticks.copy(), sign.copy()
             state[worst], direction[worst] = ~sticks[worst], np.sign(q[worst])
         if not state.any():  # the creepage is undetermined unless a node sticks
-            state[_first_to_stick(A, b, direction * bound, share, force)] = True
+            q = direction * bound
+            lacking = np.sign(force - share @ q)  # the node of least slip whose traction opposes the lacking force
+            state[np.argmin(np.where(q * lacking < 0, lacking * (A @ q + b), np.inf))] = True
         visited.add((state.tobytes(), direction.tobytes()))
         sticks, sign = state, direction
     raise UnresolvedError(f"the zones of stick and slip did not converge in {MAX_EXCHANGES} exchanges")
-
-
-def _first_to_stick(A: Array, b: Array, q: Array, share: Array, force: float) -> np.intp:
-    """Node of least slip among those whose traction opposes the force that is lacking."""
-    lacking = np.sign(force - share @ q)
-    return np.argmin(np.where(q * lacking < 0, lacking * (A @ q + b), np.inf))
 
 
 def _solve_stick_zone(

@@ -52,8 +52,6 @@ class SurfaceCompliance:
     response : ndarray
         Component i of the displacement of node a under a unit force k on loaded node b, `response[i, a, k, b]`,
         shape (2, n, 2, m).
-    initial : NodalField, optional
-        Displacement of the surface without contact.
     """
 
     x: Array

@@ -127,7 +127,10 @@ def stretch_derivative(
     du/d ln s = -K^-1 (dK/d ln s) K^-1 f,   f and y fixed
     """
     body = layer_stiffness(mesh, poisson, layer)
-    change = _stretch_derivative_of_stiffness(body.basis, element_moduli(mesh, poisson, layer))
+    basis, moduli = body.basis, element_moduli(mesh, poisson, layer)
+    B = strain_matrix(basis)  # strains along x decrease with s and areas increase
+    mixed = element_matrices(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)
+    change = assemble_matrix(basis, mixed + mixed.transpose(0, 2, 1) + element_matrices(basis, B, B, moduli))
 
     def respond(forces: Array) -> Array:
         displacement = body.displacement(forces)
@@ -165,13 +168,6 @@ def _condensed(
         response[:, :, 0] += respond(tension)[body.surface].transpose(1, 0, 2)
         response[0] -= response[0, behind - 1]  # displacements count from the end ahead, which is undisturbed
     return SurfaceCompliance(x, first, last, response)
-
-
-def _stretch_derivative_of_stiffness(basis: Basis, moduli: Array) -> csr_matrix:
-    """dK/d ln s: strains along x decrease with s and areas increase."""
-    B = strain_matrix(basis)
-    mixed = element_matrices(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)
-    return assemble_matrix(basis, mixed + mixed.transpose(0, 2, 1) + element_matrices(basis, B, B, moduli))
 
 
 def _node_lines(basis: Basis, mesh: RowMesh) -> NDArray[np.intp]:

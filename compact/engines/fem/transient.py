@@ -155,16 +155,10 @@ class TransientProblem:
 
     Parameters
     ----------
-    surface : SurfaceCompliance
-        Compliance of the elastic layer.
     problem : RollingProblem
         Layer, roller and material; its speed is the direction of travel, 1 or -1, or 0 while the roller is at rest.
     terms : int
         Pressure terms.
-    creep : CreepFunction
-        Creep function of the mix.
-    motion : PrescribedMotion
-        Motion of the roller.
     half_width : float
         Half-width of the contact [m].
     tolerance : float
@@ -216,8 +210,6 @@ class TransientState:
     ----------
     time, position : float
         Time [s] and position of the roller [m].
-    contact : ContactSolution
-        Contact in coordinates of the roller.
     displacement : ndarray
         Elastic displacement w of the surface nodes [m], shape (2, n).
     places : ndarray

@@ -125,8 +125,6 @@ class GalerkinSystem:
 
     Parameters
     ----------
-    basis : JacobiBasis
-        Pressure and test polynomials.
     half_width : float
         Half-width of the contact [m].
     matrix : ndarray

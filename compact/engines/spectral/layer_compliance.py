@@ -99,14 +99,10 @@ class LayerResponse:
 
     Parameters
     ----------
-    layer : Layer
-        Geometry and plies.
     poisson : float
         Poisson's ratio nu [-].
     friction : float
         Traction on the mix over the pressure, f [-], positive along the travel.
-    creep : CreepCompliance
-        Compliance on the path of the mix.
     """
 
     layer: Layer
@@ -226,19 +222,14 @@ def compliance_deviation(wave_number: Array | float, layer: Layer, poisson: floa
     ['-0.584248', '-0.901422']
     """
     k = np.maximum(wave_number, 1 / (WAVELENGTH_MAX * layer.height))
-    down, up = _wave_amplitudes(poisson)
+    K = 3 - 4 * poisson  # (U, V, T, S) at y = 0 of the waves that decay downwards and of those that decay upwards
+    down = np.array([[1, 0], [1, -K], [2, 1 - K], [2, -1 - K]])
+    up = down * np.array([1, -1, -1, 1])[:, None]
     reflection = _surface_reflection(k, layer, down, up)
     half_plane = down[:2] @ np.linalg.inv(down[2:])
     deviation = (up[:2] - half_plane @ up[2:]) @ reflection @ np.linalg.inv(down[2:] + up[2:] @ reflection)
     normal, shear = deviation[..., 1, 1] / (1 - poisson), -deviation[..., 1, 0] / (1 - poisson)
     return normal + (1 + normal) * (wave_number / k - 1), shear
-
-
-def _wave_amplitudes(poisson):
-    """(U, V, T, S) at y = 0 of the waves that decay downwards and of those that decay upwards, shape (4, 2) each."""
-    K = 3 - 4 * poisson
-    down = np.array([[1, 0], [1, -K], [2, 1 - K], [2, -1 - K]])
-    return down, down * np.array([1, -1, -1, 1])[:, None]
 
 
 def _surface_reflection(k, layer, down, up):

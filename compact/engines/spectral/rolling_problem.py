@@ -60,8 +60,6 @@ class RollingProblem:
 
     Parameters
     ----------
-    response : LayerResponse
-        Layer under the moving contact.
     contact_modulus : float
         Relaxed E* of the top ply [Pa].
     radius : float
@@ -106,8 +104,6 @@ class ContactSolution:
 
     Parameters
     ----------
-    system : GalerkinSystem
-        Discrete response at this half-width.
     centre : float
         Middle of the contact [m] from the lowest generatrix.
     coefficients : ndarray

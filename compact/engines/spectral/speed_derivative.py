@@ -145,13 +145,6 @@ class ContactLinearisation:
 
     A change is a vector of the coefficients b, the logarithm of the half-width and the centre [m], shape (modes + 2,).
     A surface is represented by -u' under T_0 ... T_modes and u under T_0, shape (modes + 2,) too.
-
-    Parameters
-    ----------
-    problem : RollingProblem
-        Contact without its half-width.
-    contact : ContactSolution
-        Contact at the steady speed.
     """
 
     problem: rolling_problem.RollingProblem
