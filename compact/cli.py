@@ -118,14 +118,7 @@ def _print_error(message: object, code: int) -> int:
     return code
 
 
-def _one_line_warning(
-    message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
-) -> str:
-    del category, filename, lineno, line  # the signature is that of `warnings.formatwarning`
-    return f"compact: warning: {message}\n"
-
-
-warnings.formatwarning = _one_line_warning
+warnings.formatwarning = lambda message, *_, **__: f"compact: warning: {message}\n"
 
 
 @app.command
@@ -371,9 +364,8 @@ def sweep(
 
     workforce = choose_executor(workers, scheduler)
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
-    many = Sweep(
-        _scene(scene, quiet, changes, asked), [varying.read_design(text) for text in vary], rank=rank, indices=sobol
-    )
+    given, varied = _scene(scene, quiet, changes, asked), [varying.read_design(text) for text in vary]
+    many = Sweep(given, varied, rank=rank, indices=sobol)
     directory, failed = out or default_directory(scene, "sweep"), 0
 
     def step(points: int, failures: int) -> None:
@@ -420,15 +412,14 @@ def _study(
     quiet: bool,
     replacements: Mapping[str, object],
     changes: Sequence[str] = (),
-    step: Callable[[str], None] | None = None,
+    step: Callable[[str], None] = lambda _: None,
     directory: Path | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> "Study":
     """Load a scene file with some of its keys replaced, and return its study."""
     from compact.analysis.study import Study
 
-    options = {} if step is None else {"step": step}
-    return Study(_scene(path, quiet, changes, replacements), directory=directory, progress=progress, **options)
+    return Study(_scene(path, quiet, changes, replacements), step, directory, progress)
 
 
 def _scene(

@@ -47,11 +47,6 @@ def atomic_file(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
     mode : {"w", "wb"}
         Mode of `open`; text is UTF-8.
 
-    Yields
-    ------
-    file object
-        Temporary file.
-
     Raises
     ------
     ResultsError
@@ -79,11 +74,6 @@ def atomic_file(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
 def default_directory(scene_path: str | Path, suffix: str = "") -> Path:
     """Return the default directory for the results of a scene file.
 
-    Parameters
-    ----------
-    suffix : str
-        Kind of the results.
-
     Returns
     -------
     Path
@@ -98,13 +88,7 @@ def default_directory(scene_path: str | Path, suffix: str = "") -> Path:
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Iterable[Any]]) -> Path:
-    """Write rows of numbers, with 12 digits, and words.
-
-    Parameters
-    ----------
-    header : sequence of str
-        Column names with units.
-    """
+    """Write rows of numbers, with 12 digits, and words."""
     with atomic_file(path) as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)
@@ -153,18 +137,7 @@ def write_netcdf(path: Path, dataset: "xarray.Dataset", kind: NetcdfFormat) -> P
 
 
 def read_netcdf(path: str | Path, kind: NetcdfFormat) -> "xarray.Dataset":
-    """Read a netCDF file into memory.
-
-    Parameters
-    ----------
-    kind : str
-        Format, a key of `NETCDF_BACKENDS`.
-
-    Raises
-    ------
-    OSError, TypeError, LookupError
-        If the file is not of that format.
-    """
+    """Read a netCDF file of a format of `NETCDF_BACKENDS` into memory."""
     import xarray
 
     return xarray.load_dataset(path, engine=NETCDF_BACKENDS[kind])
@@ -199,8 +172,6 @@ def write_vtu_series(
     ----------
     collection : Path
         PVD file, written last, so that all files it names exist.
-    folder : str
-        Folder of the VTU files next to the collection.
     label : str
         Name of the series parameter; a file is called LABEL=VALUE.vtu.
     frames : iterable of (float, meshio.Mesh)
@@ -221,8 +192,6 @@ def write_pvd_collection(path: str | Path, members: Iterable[tuple[float, Path]]
 
     Parameters
     ----------
-    path : path
-        PVD file.
     members : iterable of (float, Path)
         Series parameter and file below the folder of the collection.
     """
@@ -266,7 +235,8 @@ def claim_directory(directory: str | Path, scene_hash: str, force: bool = False)
     mark = directory / OWNER_FILE
     try:
         owner = mark.read_text(encoding="utf-8", errors="replace").strip() if mark.exists() else None
-        foreign = owner is None and directory.exists() and any(map(_is_foreign, directory.iterdir()))
+        names = [path.name for path in directory.iterdir()] if owner is None and directory.exists() else []
+        foreign = not all(name.startswith(".") and name.endswith(".part") for name in names)  # of interrupted runs
     except OSError as error:
         raise ResultsError(f"{directory}: {error.strerror or error}; use another --out") from error
     if foreign and not force:
@@ -276,8 +246,3 @@ def claim_directory(directory: str | Path, scene_hash: str, force: bool = False)
     with atomic_file(mark) as stream:
         stream.write(scene_hash + "\n")
     return directory
-
-
-def _is_foreign(path: Path) -> bool:
-    """Return True for a file that is not a temporary file of an interrupted run."""
-    return not (path.name.startswith(".") and path.name.endswith(".part"))

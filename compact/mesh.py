@@ -7,7 +7,6 @@ their heights, and each height is one streamline. x is along the travel, y upwar
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,9 +17,7 @@ DEFAULT_ERROR = 2e-3  # [-], relative error of the resistance with DEFAULT_ELEME
 DEFAULT_ELEMENTS = 10  # [-], elements per half-width
 ERROR_ORDER = 1.5  # [-], order of convergence of the resistance in the elements per half-width
 MIN_ELEMENTS, MAX_ELEMENTS = 4, 80  # [-], elements per half-width
-GROWTH = (
-    1.4  # [-], ratio of neighbouring elements, its root inside the contact; error 3e-5 of the load, 6e-6 if refined
-)
+GROWTH = 1.4  # [-], ratio of neighbouring elements, its root inside the contact; error 3e-5 of the load, refined 6e-6
 EDGE_REFINEMENT = 4  # [-], refinement at the contact edges; resistance within 0.2 % in the limits, 1 % without
 REACH = 20.0  # [-], free length beyond the contact over the height; 14 leave 3e-5 in the load at v tau = 500 heights
 MAX_SIZE = 2.0  # [-], largest element over the height; halving it changes nothing
@@ -238,22 +235,20 @@ def row_mesh(points: ArrayLike, quads: ArrayLike) -> RowMesh:
 
 def write_row_mesh(mesh: RowMesh, path: str | Path) -> None:
     """Write a mesh in the format of the suffix of `path`: .vtu, .msh, ..."""
-    _meshio().Mesh(np.pad(mesh.points, ((0, 0), (0, 1))), [("quad", mesh.quads)]).write(path)
+    import meshio
+
+    meshio.Mesh(np.pad(mesh.points, ((0, 0), (0, 1))), [("quad", mesh.quads)]).write(path)
 
 
 def read_mesh(path: str | Path) -> RowMesh:
     """Read a mesh of any format of meshio; raise ValueError if it is not in straight rows."""
-    content = _meshio().read(path)
+    import meshio
+
+    content = meshio.read(path)
     kinds = {block.type for block in content.cells} - {"vertex", "line"}
     if kinds != {"quad"}:
         raise ValueError(f"{path}: the elements must be quadrilaterals of 4 corners, got {', '.join(sorted(kinds))}")
     return row_mesh(content.points, content.cells_dict["quad"])
-
-
-def _meshio() -> ModuleType:
-    import meshio
-
-    return meshio
 
 
 def _heights(levels: Array, first: float, growth: float) -> Array:
@@ -288,7 +283,7 @@ def _with_midpoints(values: Array) -> Array:
 
 
 def _levels(y: Array) -> tuple[NDArray[np.int64], Array]:
-    """Index of the height of each node, from below, and the heights."""
+    """Return the index of the height of each node, counted from below, and the heights."""
     order = np.argsort(y)
     steps = np.diff(y[order]) > HEIGHT_TOLERANCE * np.ptp(y)
     level = np.empty(len(y), dtype=int)

@@ -9,28 +9,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 PLOT_FACTORS = {  # unit of a plot -> factor from the SI unit
-    "kN": 1e-3,
-    "kN/m": 1e-3,
-    "kN m": 1e-3,
-    "kW": 1e-3,
-    "kPa": 1e-3,
-    "mm": 1e3,
-    "°": math.degrees(1.0),
-    "kW/m³": 1e-3,
-    "kJ/m³": 1e-3,
-}
+    "kN": 1e-3, "kN/m": 1e-3, "kN m": 1e-3, "kW": 1e-3, "kPa": 1e-3, "mm": 1e3, "°": math.degrees(1.0),
+    "kW/m³": 1e-3, "kJ/m³": 1e-3,
+}  # fmt: skip
 UNIT_SYMBOLS = {
-    "1": "",
-    "-": "",
-    "m/s2": "m/s²",
-    "m/s3": "m/s³",
-    "m/s^3": "m/s³",
-    "m3/s": "m³/s",
-    "kg/m3": "kg/m³",
-    "W/m3": "W/m³",
-    "J/m3": "J/m³",
-    "Nm": "N m",
-}
+    "1": "", "-": "", "m/s2": "m/s²", "m/s3": "m/s³", "m/s^3": "m/s³", "m3/s": "m³/s", "kg/m3": "kg/m³",
+    "W/m3": "W/m³", "J/m3": "J/m³", "Nm": "N m",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -39,14 +24,10 @@ class Quantity:
 
     Parameters
     ----------
-    term : str
-        Standard term, in lower case.
     unit : str
         SI unit in ASCII, "1" for a dimensionless quantity.
     plot_unit : str, optional
         Unit of the axes of figures, a key of `PLOT_FACTORS`; the SI unit by default.
-    symbol : str, optional
-        Symbol of the equations.
     definition : str, optional
         Definition for the metadata of a file; the term by default.
     """
@@ -104,8 +85,6 @@ def column_names(quantities: Mapping[str, Quantity], *names: str) -> tuple[str, 
 
     Parameters
     ----------
-    quantities : mapping of str to Quantity
-        Table of the record.
     *names : str
         Fields of the record; all of them by default.
     """

@@ -45,16 +45,10 @@ class Refit:
 
     Parameters
     ----------
-    name : str
-        Datum, or scene key of the assumption.
-    value : float
-        Its bound.
     heckel_slope : float
         One-dimensional Heckel slope [1/Pa]; nan without solution.
     fed_density_ratio : float
         Initial density ratio [-]; nan without solution.
-    reason : str
-        Reason why there is no solution.
     """
 
     name: str
@@ -70,20 +64,14 @@ class Calibration:
 
     Parameters
     ----------
-    scene : Scene
-        The scene with the calibrated parameters.
     heckel_slope : float
         One-dimensional Heckel slope K_H, as in mix tables [1/Pa].
     fed_density_ratio : float
         Initial density ratio k [-].
-    unknowns : tuple of str
-        Names of the calibrated parameters.
     names, measured : tuple
         Names and values of the data.
     fit : SpaceMappingFit
         In (ln K_H, logit of k), with misfit, sensitivity and the runs of the finite elements.
-    rolled : tuple of ContactResult
-        Contact of each measurement.
     refits : tuple of Refit
         At every bound of data and assumptions.
     elements : optional
@@ -310,12 +298,8 @@ class _FiniteElements:
 
     Parameters
     ----------
-    options : dict
-        Keywords of the engine.
     excess : dict
         Exit density ratio over that of the columns, in the last trial, by measurement [-].
-    rolled : dict
-        Last contact by measurement.
     """
 
     options: dict[str, Any]

@@ -122,8 +122,6 @@ def contact_inputs(
         Name of the engine; "formula" has the relaxed modulus.
     speed : float
         Speed of the roller [m/s].
-    held : HeldQuantity, optional
-        Replaces the target of the scene.
     """
     require_finite(speed=speed)
     scene, _ = adapt(scene, engine)
@@ -249,8 +247,6 @@ class ContactRecord:
         Creepage of a roller with stick and slip [-].
     work_residual : float or None
         Relative residual of the energy balance [-].
-    iterations : int
-        Number of iterations of the engine.
     exit_density_ratio, exit_height, mass_residual : float or None
         Mean density ratio [-] and height [m] behind the first pass, relative residual of the mass balance [-];
         None for a linear layer.

@@ -128,11 +128,6 @@ def coverage(scene: Scene, formulas: Engineering) -> str:
 
     n rollers cover the product if the field of each, 2R + B_T - b_n, is at least B/n, and the stroke is B/n + b_n.
 
-    Parameters
-    ----------
-    formulas : Engineering
-        Results of the scene.
-
     Returns
     -------
     str
@@ -182,8 +177,6 @@ class Number:
 
     Parameters
     ----------
-    unit : str
-        SI unit.
     known_by : str
         Equation or origin, with its confidence.
     low, high : float, optional

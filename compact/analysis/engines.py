@@ -62,12 +62,6 @@ class Engine:
 
     Parameters
     ----------
-    name : str
-        Name in scenes.
-    module : str
-        Module with the function `roll`.
-    cost : EngineCost
-        Processor time of the stages of a study.
     mix_parameters : tuple of str
         Parameters of the mix that the contact depends on, but for the rate exponent.
     layered : bool
@@ -89,7 +83,8 @@ class Engine:
     fields_module : str or None
         Module with the function `field_mesh`; None without fields inside the layer.
     derivative_module : str or None
-        Module with the function `expand_resistance`, the derivative of the resistance by the speed; None without.
+        Module with the function `expand_resistance`, the derivative of the resistance with respect to the speed; None
+        without.
     points_per_task : int
         Points of a sweep in one task, for about a tenth of a second of work.
     """
@@ -121,13 +116,7 @@ class Engine:
         return import_module(self.module).roll
 
     def fields(self, result: ContactResult) -> Any:
-        """Compute the fields inside the layer.
-
-        Parameters
-        ----------
-        result : ContactResult
-            Result of this engine.
-        """
+        """Compute the fields inside the layer."""
         require_known("engine with fields", self.name, [each.name for each in ENGINES.values() if each.fields_module])
         return import_module(str(self.fields_module)).field_mesh(result)
 
@@ -190,8 +179,6 @@ def expand_resistance(
     ----------
     speed : float
         Speed of the roller [m/s].
-    engine : str
-        An engine with a `derivative_module`.
     **accuracy
         Keywords of the engine: "spectral" takes `rtol`; "fem" takes `mesh`, `tolerance`, `estimate`.
 

@@ -57,13 +57,7 @@ def angles(scene: Scene) -> tuple[float, ...]:
 
 
 def laws(scene: Scene) -> Iterator[MotionProfile]:
-    """Build the motion laws that the scene names, tables of the user last.
-
-    Yields
-    ------
-    MotionProfile
-        Forward stroke of one law.
-    """
+    """Build the motion laws that the scene names, tables of the user last."""
     motion = scene.motion
     for name in scene.law_names:
         yield law(

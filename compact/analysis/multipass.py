@@ -103,13 +103,7 @@ def passes(
         Its target holds for passes without their own.
     speed : float
         Speed of forward passes along x [m/s], not 0.
-    stages : sequence of Pass, or int
-        The passes, or their number, forward and back.
     engine : {"column", "compaction"}
-    first : ContactResult, optional
-        Result of the first pass if it is known.
-    **numerics
-        Keywords of the function `roll` of the engine.
 
     Returns
     -------

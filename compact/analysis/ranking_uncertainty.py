@@ -22,8 +22,6 @@ class Place(NamedTuple):
     ----------
     rank : int
         From 1; values that are equal but for rounding share a rank, infinite values share the last.
-    value : float
-        Value of the criterion, in its unit.
     margin : float
         Relative distance to the next worse value, over `Criterion.scale` [-].
     error : float or None
@@ -56,8 +54,6 @@ def places(ranked: Sequence[Ranked], by: str, heavier: Mapping[str, Any] | None)
 
     Parameters
     ----------
-    ranked : sequence of Ranked
-        Laws in order.
     heavier : mapping or None
         Run of each law under the resistance plus its error; a law without such a run has an infinite error. None
         without error estimate.
@@ -114,13 +110,9 @@ class Agreement(NamedTuple):
     ----------
     tau : float
         Kendall's tau-b [-]: 1 for the same order; nan for fewer than two laws.
-    discordant_pairs : int
-        Number of discordant pairs.
     resolved_discordant_pairs : int
         Number of resolved discordant pairs: both differences exceed the errors and the build tolerance. An unknown
         error counts as zero.
-    pairs : int
-        Number of pairs of laws.
     """
 
     tau: float

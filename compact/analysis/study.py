@@ -22,13 +22,7 @@ from compact.analysis.engines import Engine
 from compact.analysis.stages import comparison
 from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
 from compact.analysis.stages.cam_drawing import CamDrawing, first_cam_drawing
-from compact.analysis.stages.comparison import (
-    EngineComparison,
-    Places,
-    RankingAgreement,
-    ranking_agreements,
-    run_engine_alternative,
-)
+from compact.analysis.stages.comparison import EngineComparison, Places, RankingAgreement
 from compact.analysis.stages.contacts import ContactStage, Count, Passes, Progress, no_count
 from compact.analysis.stages.costs import WorkPlan
 from compact.analysis.stages.drives import DriveStage, build_stages
@@ -138,7 +132,7 @@ class Study:
     @property
     def plan(self) -> WorkPlan:
         """Expected work of all results that the scene requires."""
-        return WorkPlan(self.scene, self.mix, self.counts, self.law_stage.number_not_made)
+        return WorkPlan(self.scene, self.mix, self.counts, len(self.law_stage.left_out))
 
     def standing(self, directory: Path, *prefixes: str) -> list[Path]:
         """Return the valid files of an earlier run with any of the prefixes; none if a prefix has no file."""
@@ -180,7 +174,7 @@ class Study:
             self._answers = {}
             for name in self.scene.compared_engines:
                 laws = self.prescribed_laws.cycles, self.cycles
-                work = partial(run_engine_alternative, self.scene.with_engine(name), laws)
+                work = partial(comparison.run_engine_alternative, self.scene.with_engine(name), laws)
                 self._answers[name] = tasks.submit(name, work, directory and directory / name)
             self._background = tasks
             try:
@@ -210,4 +204,4 @@ class Study:
     @cached_property
     def agreements(self) -> list[RankingAgreement]:
         """Agreement of the ranking of the scene with those of the other engines and of its other drive."""
-        return ranking_agreements(self.places_by_engine)
+        return comparison.ranking_agreements(self.places_by_engine)

@@ -72,8 +72,6 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None) ->
     ----------
     workers : int, optional
         Number of processes; one per processor by default, none for 1.
-    scheduler : str, optional
-        Address of a dask scheduler.
     """
     if workers is not None and scheduler is not None:
         raise ValueError("give --workers or --scheduler, got both")
@@ -92,8 +90,6 @@ def run_tasks(
 
     Parameters
     ----------
-    work : callable
-        Function of one task.
     meanwhile : callable
         Called once after the first tasks have been submitted, while workers start.
 
@@ -144,8 +140,6 @@ class BackgroundTasks:
         ----------
         name : str
             Unique name of the task.
-        work : callable
-            Function of one task.
 
         Returns
         -------
@@ -156,11 +150,8 @@ class BackgroundTasks:
         self.poll()
         return partial(self._outcome, name)
 
-    def poll(self) -> None:
-        """Collect outcomes and start waiting tasks, without waiting."""
-        self._collect(timeout=0)
-
-    def _collect(self, timeout: float | None = None) -> None:
+    def poll(self, timeout: float | None = 0) -> None:
+        """Collect outcomes after at most `timeout` [s], and start waiting tasks."""
         self._found.update(self._executor.finished(timeout))
         while self._waiting and self._executor.free:
             self._executor.submit(*self._waiting.popleft())
@@ -168,7 +159,7 @@ class BackgroundTasks:
     def _outcome(self, name: str) -> Any:
         self._waiting = deque(sorted(self._waiting, key=lambda task: task[0] != name))  # this one first
         while name not in self._found:
-            self._collect()
+            self.poll(timeout=None)
         if isinstance(self._found[name], WorkerDied):
             raise RuntimeError(f"{name}: {self._found[name].reason}")
         return self._found[name]
@@ -229,11 +220,6 @@ class _RecordingContext(SpawnContext):
 
 class ProcessExecutor:
     """Executor in worker processes.
-
-    Parameters
-    ----------
-    count : int
-        Number of worker processes.
 
     Attributes
     ----------
@@ -350,16 +336,14 @@ def _end_with_parent() -> None:
 @contextmanager
 def _one_thread() -> Iterator[None]:
     """Set the environment of new processes to one thread of linear algebra."""
-    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+    before = {name: os.environ[name] for name in THREAD_VARIABLES if name in os.environ}
+    os.environ |= dict.fromkeys(THREAD_VARIABLES, "1")
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+        for name in THREAD_VARIABLES:
+            del os.environ[name]
+        os.environ |= before
 
 
 class DaskExecutor:
@@ -377,14 +361,11 @@ class DaskExecutor:
         self._futures: dict[Any, Any] = {}
 
     def __enter__(self) -> Self:
-        client = _distributed().Client
+        client, remedy = _distributed().Client, "start one with `dask scheduler`, or give --workers"
         try:
             self._client = client(self.address, timeout=SCHEDULER_TIMEOUT, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
-            raise RuntimeError(
-                f"no dask scheduler answers at {self.address!r}: {error}; start one with `dask scheduler`, or give "
-                "--workers"
-            ) from error
+            raise RuntimeError(f"no dask scheduler answers at {self.address!r}: {error}; {remedy}") from error
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -420,7 +401,6 @@ def _distributed() -> ModuleType:
     try:
         import distributed
     except ImportError:
-        raise RuntimeError(
-            "a cluster needs dask; install it with `pip install '.[cluster]'`, or give --workers"
-        ) from None
+        remedy = "install it with `pip install '.[cluster]'`, or give --workers"
+        raise RuntimeError(f"a cluster needs dask; {remedy}") from None
     return distributed

@@ -24,13 +24,7 @@ DENSITY_HEADER = ("speed_m/s", "pass", "bottom_m", "top_m", "density_ratio")
 
 
 def write_contact_tables(study: Study, directory: Path) -> Iterator[Path]:
-    """Write contact.csv; of a compacting layer also passes.csv and density.csv.
-
-    Parameters
-    ----------
-    study : Study
-        Study with a layered engine.
-    """
+    """Write contact.csv; of a compacting layer also passes.csv and density.csv."""
     length, formulas = study.scene.machine.roller_length, study.engineering
     comparison = (formulas.roller_force / length, formulas.resistance_coefficient, float(study.exact.load))
     rows = [(*contact_row(contact), *comparison) for contact in study.contacts]

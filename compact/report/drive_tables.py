@@ -45,7 +45,10 @@ def write_drive_tables(study: Study, directory: Path) -> Iterator[Path]:
     if kind == "motor":
         rows = [_motor_row(run) for run in runs if hasattr(run, "motor_torque")]
         yield write_csv(directory / "motor.csv", MOTOR_HEADER, rows)
-        yield from _write_start(study, directory)
+        if study.drive_stage.motor_start is not None:
+            law, start = study.drive_stage.motor_start
+            header, columns = ("time_s", "angle_rad", "speed_rad/s"), (start.time, start.angle, start.speed)
+            yield write_columns(directory / f"run-up-{law}.csv", header, columns)
     if kind == "hydraulic":
         yield from _write_hydraulics(study, directory)
 
@@ -64,15 +67,6 @@ def _motor_row(run: Any) -> tuple[Any, ...]:
         run.name, run.period, run.least_speed, run.largest_speed, run.fluctuation, run.peak_motor_torque,
         run.peak_motor_power, work, run.nonuniformity, run.energy_residual, run.belt_creep, run.belt_loss,
     )  # fmt: skip
-
-
-def _write_start(study: Study, directory: Path) -> Iterator[Path]:
-    """Write the start from rest with the first law."""
-    if study.drive_stage.motor_start is None:
-        return
-    law, start = study.drive_stage.motor_start
-    columns = start.time, start.angle, start.speed
-    yield write_columns(directory / f"run-up-{law}.csv", ("time_s", "angle_rad", "speed_rad/s"), columns)
 
 
 def roller_motor_columns(motor: RollerMotor, time: NDArray[np.float64]) -> tuple[tuple[str, ...], tuple[Any, ...]]:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from compact.analysis.study import Study
-from compact.cams.profile import Cam
 from compact.files import write_columns, write_csv
 from compact.machine.roller_motors import roller_rotation
 from compact.motion.profile import Cycle, EndCondition
@@ -49,7 +48,9 @@ def write_law_tables(study: Study, directory: Path) -> Iterator[Path]:
         for name, cycle in study.cycles.items() for join in cycle.discontinuities()
     ])  # fmt: skip
     for name, run in study.runs.items():
-        yield write_columns(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, _cycle_columns(run))
+        reactions = run.state.forces.front_reaction, run.state.forces.rear_reaction
+        columns = (run.time, *run.state[:5], run.drive_force, run.drive_power, *reactions)
+        yield write_columns(directory / "cycles" / f"{name}.csv", CYCLE_HEADER, columns)
 
 
 def _law_row(cycle: Cycle) -> tuple[Any, ...]:
@@ -58,13 +59,6 @@ def _law_row(cycle: Cycle) -> tuple[Any, ...]:
     criteria = [forward.criterion(order, turn) for order in range(1, 5)]
     continuity = f"C{forward.smoothness(turn)}"
     return (forward.name, peaks.velocity, peaks.acceleration, peaks.jerk, peaks.snap, continuity, *criteria)
-
-
-def _cycle_columns(run: Any) -> tuple[Any, ...]:
-    return (
-        run.time, *run.state[:5], run.drive_force, run.drive_power,
-        run.state.forces.front_reaction, run.state.forces.rear_reaction,
-    )  # fmt: skip
 
 
 def write_reactions(study: Study, directory: Path) -> Iterator[Path]:
@@ -78,7 +72,7 @@ def write_reactions(study: Study, directory: Path) -> Iterator[Path]:
 
 
 def write_cams(study: Study, directory: Path) -> Iterator[Path]:
-    """Write cams.csv, the profiles of all cams, and the rotation of the rollers with the needs of their motors."""
+    """Write cams.csv, the profiles of all cams, the rotation of the rollers and the requirements on their motors."""
     rows = []
     for (law, follower), cam in study.cams.items():
         least = study.least_breadths[law, follower]
@@ -86,7 +80,8 @@ def write_cams(study: Study, directory: Path) -> Iterator[Path]:
             law, follower, cam.breadth, least.breadth, least.rule, cam.undercut, cam.least_radius_of_curvature,
             cam.largest_pressure_angle, cam.largest_contact_offset, cam.breadth_error,
         ))  # fmt: skip
-        yield write_cam(directory / "cams" / f"{law}-{follower}.csv", cam)
+        table = cam.table(CAM_POINTS)
+        yield write_csv(directory / "cams" / f"{law}-{follower}.csv", table.header, table.rows())
     yield write_csv(directory / "cams.csv", CAM_HEADER, rows)
     for law, cycle in study.cycles.items():
         turned = roller_rotation(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
@@ -94,12 +89,6 @@ def write_cams(study: Study, directory: Path) -> Iterator[Path]:
         path = directory / "cams" / f"{law}-stepper.csv"
         yield write_columns(path, STEPPER_HEADER + header, (*astuple(turned), *columns))
     yield from drive_tables.write_roller_motors(study, directory)
-
-
-def write_cam(path: Path, cam: Cam) -> Path:
-    """Write the profile of one cam as CSV."""
-    table = cam.table(CAM_POINTS)
-    return write_csv(path, table.header, table.rows())
 
 
 def write_crank(study: Study, directory: Path) -> Iterator[Path]:

@@ -26,8 +26,6 @@ def format_number(value: float | str | bool | None, digits: int = DIGITS) -> str
     ----------
     value : float or str or bool or None
         Number; text is returned unchanged, None and nan as a dash.
-    digits : int
-        Significant digits.
     """
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "–"
@@ -54,8 +52,6 @@ def format_quantity(value: float | None, unit: str, digits: int = DIGITS) -> str
         Value in the unit.
     unit : str
         SI unit in ASCII, "1" for a dimensionless quantity.
-    digits : int
-        Significant digits.
 
     Examples
     --------
@@ -109,8 +105,6 @@ def format_percent(share: float, digits: int = 2) -> str:
     ----------
     share : float
         Share [-].
-    digits : int
-        Significant digits.
     """
     if not math.isfinite(share):
         return "–"

@@ -42,10 +42,6 @@ class Progress:
     ----------
     total : float, optional
         Cost of the whole job in the unit of the costs of its stages; without it the line has a spinner and no estimate.
-    quiet : bool
-        Suppress the line.
-    stream : TextIO, optional
-        Stream in place of standard error.
     after : float, optional
         Delay before the line appears [s]; `DELAY` by default.
     clock : callable
@@ -55,8 +51,6 @@ class Progress:
     ----------
     stage, detail : str
         Running stage, and a line of text on it.
-    silent : bool
-        Nothing is written.
 
     Raises
     ------
@@ -102,11 +96,6 @@ class Progress:
         ----------
         total : float, optional
             New cost of the whole job.
-
-        Raises
-        ------
-        ValueError
-            If the cost or the total is negative or not finite.
         """
         if not 0 <= cost < float("inf"):
             raise ValueError(f"`cost` of a stage must be finite and not negative, got {cost!r}; give seconds")
@@ -116,13 +105,7 @@ class Progress:
             self.total = total
 
     def advance(self, cost: float = 1.0) -> None:
-        """Count finished work of the running stage.
-
-        Parameters
-        ----------
-        cost : float
-            Cost of the finished work.
-        """
+        """Count finished work of the running stage."""
         self.begin(self.stage, 0.0)
         self._finished += cost
 
@@ -223,8 +206,6 @@ def tracked(
         Name of the stage, or a function of the item that returns it.
     alike : bool
         All items have about the same cost, so that the remaining time is estimated.
-    **options
-        Parameters of `Progress`.
     """
     cases = list(items)
     with Progress(total=len(cases) if alike else None, **options) as progress:
@@ -235,13 +216,7 @@ def tracked(
 
 @contextmanager
 def spinning(stage: str, **options: Any) -> Iterator[Progress]:
-    """Show a stage of unknown cost with a spinner and the elapsed time.
-
-    Parameters
-    ----------
-    **options
-        Parameters of `Progress`.
-    """
+    """Show a stage of unknown cost with a spinner and the elapsed time."""
     with Progress(**options) as progress:
         progress.begin(stage)
         yield progress

@@ -24,13 +24,7 @@ AGREEMENT_HEADER = (
 
 
 def comparison_places(study: Study, kind: str, by: str) -> dict[str, dict[str, Place]]:
-    """Collect the places of each law by the engines of the comparison.
-
-    Returns
-    -------
-    dict of str to dict
-        Places by engine and law.
-    """
+    """Collect the places of each law by the engines of the comparison."""
     return {name: {place.law: place for place in other.places[kind][by]} for name, other in study.comparison.items()}
 
 

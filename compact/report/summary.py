@@ -40,8 +40,6 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
 
     Parameters
     ----------
-    study : Study
-        A study whose results have been written.
     files : list of str
         Paths of its files, relative to the directory of the results.
     """
@@ -75,18 +73,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
 
 
 def read_summary(path: str | Path) -> dict[str, Any]:
-    """Read summary.json; its dictionaries accept the former names of keys with a DeprecationWarning.
-
-    Parameters
-    ----------
-    path : str or Path
-        File written by `compact run`.
-
-    Returns
-    -------
-    dict
-        Nested dictionaries with present keys.
-    """
+    """Read summary.json; its dictionaries accept the former names of keys with a DeprecationWarning."""
     return json.loads(Path(path).read_text(encoding="utf-8"), object_hook=_SummaryDict)
 
 

@@ -23,13 +23,7 @@ DIGITS = re.compile(r"\d[\d.e+-]*")
 
 
 def write_sweep_report(directory: Path, table: "Dataset", sobol: SobolTable) -> None:
-    """Write the figures and Sobol indices that the axes and numbers of a sweep admit.
-
-    Parameters
-    ----------
-    sobol : dict
-        Names of the inputs, and Sobol indices, by quantity.
-    """
+    """Write the figures and Sobol indices that the axes and numbers of a sweep admit."""
     from compact.report.figures import sweep as sweep_figures
 
     if sobol:
@@ -51,13 +45,7 @@ def write_sweep_report(directory: Path, table: "Dataset", sobol: SobolTable) -> 
 
 
 def sweep_digest(table: "Dataset", sobol: SobolTable) -> str:
-    """Summarise a sweep: ranges of the quantities, failures, warnings and Sobol indices.
-
-    Parameters
-    ----------
-    sobol : dict
-        Names of the inputs, and Sobol indices, by quantity.
-    """
+    """Summarise a sweep: ranges of the quantities, failures, warnings and Sobol indices."""
     failed = (table["reason"] != "").values
     lines = [f"{failed.size} points by {table.attrs['engine']}, {failed.sum()} without numbers"]
     for name in DIGEST_QUANTITIES:

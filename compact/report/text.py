@@ -51,8 +51,6 @@ def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) 
     ----------
     speed : float
         Speed of the roller [m/s].
-    passes : sequence of ContactResult
-        Results of the passes in order.
     """
     first, engine = passes[0], study.scene.accuracy.engine
     length = study.scene.machine.roller_length

@@ -27,11 +27,6 @@ def write_study(
     executor : Executor, optional
         Executor of `analysis.worker_pool` for the engines of the comparison; this process by default.
 
-    Returns
-    -------
-    dict
-        Content of summary.json.
-
     Raises
     ------
     ResultsError
@@ -46,7 +41,9 @@ def write_study(
                 files += write(study, place)
         pictures = _draw(study) if {"figures", "report"} & set(items) else {}
         if "tables" in items:
-            files += _write_tables(study, place)
+            files += machine_tables.write_law_tables(study, place)
+            files += drive_tables.write_drive_tables(study, place)
+            files += ranking_tables.write_ranking_tables(study, place)
         if "report" in items:
             files += _write_report(study, place, pictures)
         if "figures" in items:
@@ -73,12 +70,6 @@ WRITERS: dict[str, Callable[[Study, Path], Iterator[Path]]] = {  # of items that
     "crank": machine_tables.write_crank,
     "fields": _write_fields,
 }
-
-
-def _write_tables(study: Study, directory: Path) -> Iterator[Path]:
-    yield from machine_tables.write_law_tables(study, directory)
-    yield from drive_tables.write_drive_tables(study, directory)
-    yield from ranking_tables.write_ranking_tables(study, directory)
 
 
 def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) -> Iterator[Path]:

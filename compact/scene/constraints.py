@@ -23,8 +23,6 @@ class Rule:
 
     Parameters
     ----------
-    keys : tuple of str
-        Key paths of the arguments.
     broken : callable
         Function of their values that returns a sentence where they violate the rule, else None.
     """
@@ -51,15 +49,8 @@ def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[
 
     Parameters
     ----------
-    data : mapping
-        Nested tables of a scene.
     refused : iterable of Mistake
         Mistakes of single keys; rules that involve their keys are skipped.
-
-    Returns
-    -------
-    list of Mistake
-        One for each violated rule, at its first key.
     """
     out = {mistake.key for mistake in refused}
     evaluated = [rule for rule in rules if not rule.involves(out)]

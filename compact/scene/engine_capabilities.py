@@ -69,8 +69,6 @@ class Limit:
 
         Parameters
         ----------
-        value : object
-            Value of the key.
         friction : float or None
             Friction coefficient of the mix on the roller [-]; None for the prior.
         """
@@ -158,7 +156,8 @@ def _refusal(engine, limit):
             return None
         remedies = [f"give {_listed(limit.taken)}"] if any(limit.taken) else []
         remedies += ["take the key out"] if limit.key in OPTIONAL else []
-        able = [name for name in LIMITS if _able(name, limit.key, value, friction)]
+        others = {name: [each for each in found if each.key == limit.key] for name, found in LIMITS.items()}
+        able = [name for name, found in others.items() if all(each.takes(value, friction) for each in found)]
         got = f'"{value}"' if isinstance(value, str) else _name(limit.key, value)
         return (
             f'the engine "{engine}" takes no {got}, as {limit.why}; {", ".join(remedies)}, or choose accuracy.engine = '
@@ -171,7 +170,3 @@ def _refusal(engine, limit):
 def _listed(values):
     *some, last = [f'"{value}"' if isinstance(value, str) else f"{value}" for value in values]
     return f"{', '.join(some)} or {last}" if some else last
-
-
-def _able(engine, key, value, friction):
-    return all(limit.takes(value, friction) for limit in LIMITS[engine] if limit.key == key)

@@ -64,14 +64,8 @@ class Source:
 
     Parameters
     ----------
-    file : str
-        Name of the scene file.
-    lines : mapping
-        Line number of each key path.
     changes : frozenset
         Key paths that the caller has replaced.
-    remarks : mapping
-        Comment on the line of each key path.
     """
 
     file: str = field(default="<text>", compare=False)
@@ -118,18 +112,7 @@ class Source:
 
 
 def field_mistakes(error: ValidationError, scene: type[BaseModel]) -> list[Mistake]:
-    """Convert the errors of pydantic to mistakes.
-
-    Parameters
-    ----------
-    scene : type
-        Class of the scene model.
-
-    Returns
-    -------
-    list of Mistake
-        One for each refused field.
-    """
+    """Convert the errors of pydantic to mistakes."""
     errors = error.errors(include_url=False)
     # pydantic also reports a list as too short if one of its entries is refused; the entry suffices
     outer = {part["loc"][:length] for part in errors for length in range(len(part["loc"]))}
@@ -147,7 +130,7 @@ def _field_mistake(error, scene):
 def _field_sentence(path, error, scene):
     if error["type"] == "extra_forbidden":
         return _unknown(path, error["input"], scene)
-    info = _field(scene, path)
+    info = dict(_tables(scene))[path[:-1]].model_fields[path[-1]]
     if error["type"] == "model_type" and not table_of(info):
         keys = ", ".join(f"{name} = …" for name in tables_of(info).model_fields)
         return f"must be a table, got {shown(error['input'])}; write {{ {keys} }}"
@@ -164,7 +147,9 @@ def _rule(error, info):
         case "literal_error":
             return f"must be one of {', '.join(_choices(error))}{got}"
         case "too_short" | "too_long":
-            return f"must have {_length(info)}, got {len(error['input'])}"
+            low, high = (_limits(info).get(end) for end in ("min_length", "max_length"))
+            length = f"exactly {low} entries" if high == low else f"at least {low} entry"
+            return f"must have {length}, got {len(error['input'])}"
         case "float_type" if isinstance(error["input"], int) and not isinstance(error["input"], bool):
             return f"must be finite and below 1.8e308{got}"
         case kind if kind in TYPE_WORDS:
@@ -220,12 +205,6 @@ def _bounds(info):
             return " and ".join(f"{words[name]} {bound:.15g}" for name, bound in limits.items())
 
 
-def _length(info):
-    limits = _limits(info)
-    low = limits["min_length"]
-    return f"exactly {low} entries" if limits.get("max_length") == low else f"at least {low} entry"
-
-
 def shown(value: object) -> str:
     """Return a refused value as TOML writes it, shortened to LONGEST_SHOWN characters."""
     if isinstance(value, bool):
@@ -246,14 +225,16 @@ def shown(value: object) -> str:
 
 def table_of(info: FieldInfo) -> type[BaseModel] | None:
     """Return the table class of a field, or None for a field with a value."""
-    kinds = (info.annotation, *get_args(info.annotation))
-    return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
+    return _first_table((info.annotation, *get_args(info.annotation)))
 
 
 def tables_of(info: FieldInfo) -> type[BaseModel] | None:
     """Return the class of the table, or of the tables in the list, of a field; else None."""
-    kinds = (kind for kind in _kinds(info.annotation) if isinstance(kind, type))
-    return next((kind for kind in kinds if issubclass(kind, BaseModel)), None)
+    return _first_table(_kinds(info.annotation))
+
+
+def _first_table(kinds: Iterable[object]) -> type[BaseModel] | None:
+    return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
 
 
 def _kinds(annotation: object) -> Iterator[object]:
@@ -267,10 +248,6 @@ def _tables(model: type[BaseModel], path: Key = ()) -> Iterator[tuple[Key, type[
     for name, info in model.model_fields.items():
         if inner := tables_of(info):
             yield from _tables(inner, (*path, name))
-
-
-def _field(scene, key):
-    return dict(_tables(scene))[key[:-1]].model_fields[key[-1]]
 
 
 def _within(path):

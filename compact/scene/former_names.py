@@ -49,13 +49,6 @@ def current_path(path: str) -> str:
 def current_tables(data: dict[str, Any], source: Source) -> Source:
     """Rename former keys in the nested tables of a scene file in place; warn about each.
 
-    Parameters
-    ----------
-    data : dict
-        Tables as read from TOML.
-    source : Source
-        File, with the line of each key.
-
     Returns
     -------
     Source
@@ -69,23 +62,18 @@ def current_tables(data: dict[str, Any], source: Source) -> Source:
     for former, present in _former_keys(data):
         parent, name = _parent(data, former), present[-1]
         if name in parent:
-            raise SceneError(
-                [f"{source.place(former)}: {'.'.join(former)}: is the former name of {'.'.join(present)}, which is "
-                 "given too; take one of the two out"]
-            )  # fmt: skip
+            words = f"is the former name of {'.'.join(present)}, which is given too; take one of the two out"
+            raise SceneError([f"{source.place(former)}: {'.'.join(former)}: {words}"])
         parent[name] = parent.pop(former[-1])
         _warn(f"{source.place(former)}: `{'.'.join(former)}`", f"`{'.'.join(present)}`")
         source = source.renamed(former, present)
     for key, values in FORMER_VALUES.items():
         parent = _parent(data, key)
-        value = parent.get(key[-1])
-        present_value = current_value(key, value)
-        if present_value != value:
-            parent[key[-1]] = present_value
-            found = ", ".join(
-                f'"{old}"' for old in values if old == value or (isinstance(value, list) and old in value)
-            )
-            _warn(f"{source.place(key)}: {found} of `{'.'.join(key)}`", f'"{values[found.strip(chr(34))]}"')
+        given = parent.get(key[-1])
+        for old, new in values.items():
+            if given == old or (isinstance(given, list) and old in given):
+                parent[key[-1]] = current_value(key, given)
+                _warn(f'{source.place(key)}: "{old}" of `{".".join(key)}`', f'"{new}"')
     return source
 
 
@@ -97,14 +85,10 @@ def current_value(key: Key, value: object) -> object:
     if former and isinstance(value, list | tuple):
         return [former.get(entry, entry) if isinstance(entry, str) else entry for entry in value]
     if isinstance(value, Mapping):
-        return {_last(key, name): current_value((*key, name), inner) for name, inner in value.items()}
+        return {current_key((*key, name))[-1]: current_value((*key, name), inner) for name, inner in value.items()}
     if key == ("layer", "plies") and isinstance(value, list | tuple):
         return [_ply(ply) for ply in value]
     return value
-
-
-def _last(key: Key, name: str) -> str:
-    return current_key((*key, name))[-1]
 
 
 def _ply(ply: object) -> object:

@@ -78,13 +78,7 @@ class Scene(Table):
         return tuple(dict.fromkeys(([] if self.accuracy.engine == "formula" else ["formula"]) + list(given)))
 
     def with_engine(self, engine: str) -> "Scene":
-        """Return the scene of an engine of the comparison, with the keys of `[compare.ENGINE]` and no output items.
-
-        Parameters
-        ----------
-        engine : str
-            Name of a contact engine.
-        """
+        """Return the scene of an engine of the comparison, with the keys of `[compare.ENGINE]` and no output items."""
         given = None if self.compare is None else getattr(self.compare, engine)
         changes: dict[str, object] = {"accuracy.engine": engine, "compare": None, "output.items": ()}
         if engine == "formula":  # compared with every engine, whatever the scene sets for that engine
@@ -219,10 +213,15 @@ def read_change(text: str) -> tuple[str, object]:
     key, equals, value = text.partition("=")
     if not (key and equals):
         raise ValueError(f"--set takes KEY=VALUE, such as mix.moisture=0.11, got {text!r}")
+    return key.strip(), read_value(value.strip())
+
+
+def read_value(text: str) -> Any:
+    """Return the value of a TOML text, or a bare word as it is."""
     try:
-        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+        return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
-        return key.strip(), value.strip()
+        return text
 
 
 def starter_scene() -> str:
@@ -238,8 +237,10 @@ def _bytes(path: str | Path) -> bytes:
 
 
 def _parsed(text: str, file: str, changes: Mapping[str, object]) -> Scene:
-    if sentence := _unparsable(text):
-        raise SceneError([f"{file}:{sentence}"])
+    if text.startswith("\ufeff"):
+        raise SceneError([f"{file}:1: starts with a byte-order mark; save the file as UTF-8 without BOM"])
+    if not text.strip():
+        raise SceneError([f"{file}: is empty; `compact new DIR` writes a commented scene to start from"])
     try:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: also an integer of thousands of digits
@@ -248,14 +249,6 @@ def _parsed(text: str, file: str, changes: Mapping[str, object]) -> Scene:
     if isinstance(data.get("unusual"), list):
         data["unusual"] = [current_path(key) if isinstance(key, str) else key for key in data["unusual"]]
     return _checked(data, source, changes, _rules(source))
-
-
-def _unparsable(text: str) -> str:
-    if text.startswith("\ufeff"):
-        return "1: starts with a byte-order mark; save the file as UTF-8 without BOM"
-    if not text.strip():
-        return " is empty; `compact new DIR` writes a commented scene to start from"
-    return ""
 
 
 def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, object]]:

@@ -108,13 +108,14 @@ def is_outside(value: float, found: Range, times: float = 1.0) -> bool:
 
 
 def refusal(key: str, value: float, found: Range) -> str | None:
-    """Return a sentence on a value outside a range by more than a factor `REFUSED`, else None."""
+    """Return the message for a value outside a range by more than the factor `REFUSED`, else None."""
     if not is_outside(value, found, REFUSED):
         return None
     guess = _guess(value, found)
+    word = "a plain number" if found.unit == "1" else f"the value in {found.unit}"
     return (
         f"{_quantity(value, found.unit)} is far outside the plausible {_span(found)} ({found.reason})"
-        f"{f'{guess} Give' if guess else '; give'} {_word(found.unit)}; a value that is meant as it is needs "
+        f"{f'{guess} Give' if guess else '; give'} {word}; a value that is meant as it is needs "
         f'unusual = ["{key}"] at the top of the scene'
     )
 
@@ -127,10 +128,6 @@ def advice(_key: str, value: float, found: Range) -> str | None:
         f"{_quantity(value, found.unit)} is outside the plausible {_span(found)} ({found.reason})"
         f"{_guess(value, found) or '; is it in other units?'}"
     )
-
-
-def _word(unit):
-    return "a plain number" if unit == "1" else f"the value in {unit}"
 
 
 def _quantity(value, unit):

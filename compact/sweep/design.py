@@ -12,7 +12,6 @@ The spread of a parameter depends on moisture and density ratio, so a sample hol
 independent of one another, as no source states their correlation.
 """
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import prod
@@ -26,7 +25,7 @@ from compact.analysis.engines import ENGINES
 from compact.material import mix
 from compact.numerics.validation import require_known
 from compact.scene.former_names import current_path
-from compact.scene.loader import Scene, SceneError
+from compact.scene.loader import Scene, SceneError, read_value
 
 OVERRIDES = "mix.overrides"
 MAX_POINTS = 1_000_000  # of a sweep; about 2 GB with all results, divide larger ones into several sweeps
@@ -35,13 +34,7 @@ SEED = 2015  # of the scrambling of Sobol points; the same sample in every run
 
 @dataclass(frozen=True)
 class Axis:
-    """Values of one scene key.
-
-    Parameters
-    ----------
-    values : tuple
-        Numbers or words, distinct.
-    """
+    """Values of one scene key."""
 
     key: str
     values: tuple[Any, ...]
@@ -110,10 +103,7 @@ def _require_few(key: str, count: int) -> None:
 
 def _value(key: str, text: str) -> Any:
     """Return a value as in a scene file, or a bare word."""
-    try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        value = text
+    value = read_value(text)
     if not isinstance(value, int | float | str) or value == "" or value != value:
         raise ValueError(f"--vary {key}: takes numbers, words, true and false, got {text!r}")
     return value
@@ -132,8 +122,6 @@ class Design:
 
     Parameters
     ----------
-    names : tuple of str
-        Sampled parameters of the mix.
     shares : NDArray, shape (rows, names)
         Shares of their spreads [-].
     parts : tuple of str
@@ -160,11 +148,6 @@ class Design:
 
 def design(scene: Scene, varied: Sequence[Axis | Sampled], indices: bool = False) -> Design:
     """Build the design of a sweep.
-
-    Parameters
-    ----------
-    indices : bool
-        Whether the sample has the rows for Sobol indices.
 
     Raises
     ------
@@ -246,8 +229,6 @@ def scene_at(scene: Scene, changes: Mapping[str, Any], shares: Mapping[str, floa
 
     Parameters
     ----------
-    changes : mapping
-        Scene keys.
     shares : mapping
         Shares of the spreads of the sampled parameters [-].
 
@@ -256,11 +237,6 @@ def scene_at(scene: Scene, changes: Mapping[str, Any], shares: Mapping[str, floa
     scene : Scene
     values : dict
         Sampled parameters by name, SI.
-
-    Raises
-    ------
-    SceneError
-        If the changed scene violates a rule.
     """
     changed = scene.replaced(**changes)
     if not shares:

@@ -43,15 +43,7 @@ MAX_TEXT_LENGTH = 400  # characters of a reason
 
 
 def ranking_variables(criteria: Sequence[str]) -> tuple[dict[str, Quantity], dict[str, str]]:
-    """Return the further variables of a sweep with rankings.
-
-    Returns
-    -------
-    numbers : dict of str to Quantity
-        Least value by criterion.
-    words : dict of str to str
-        Meaning of the names of the best laws.
-    """
+    """Return the further variables of a sweep with rankings."""
     numbers = {by: quantities.CRITERIA[by] for by in criteria}
     return numbers, {f"best_law_by_{by}": f"law of the least {numbers[by].term}" for by in criteria}
 
@@ -59,12 +51,10 @@ def ranking_variables(criteria: Sequence[str]) -> tuple[dict[str, Quantity], dic
 def headline(
     scene: Scene, rank: bool = False, initial_guess: ContactResult | None = None
 ) -> tuple[Results, ContactResult | None]:
-    """Compute the results of one point; an error is a result too.
+    """Compute the results of one point; an error is also a result.
 
     Parameters
     ----------
-    rank : bool
-        Whether the laws are ranked.
     initial_guess : ContactResult, optional
         Contact of a neighbour, for engines with continuation over the same layer.
 

@@ -49,24 +49,14 @@ KeyedPoint = tuple[str, dict[str, Any], dict[str, float]]  # key, changes, share
 Step = Callable[[int, int], None]  # called with numbers of new points and of failures among them
 
 
-def _no_step(points: int, failed: int) -> None:
-    """Ignore progress."""
-
-
 @dataclass(frozen=True)
 class Task:
     """Points that one worker computes in order.
 
     Parameters
     ----------
-    points : tuple
-        Key, changes and shares of each point.
-    rank : bool
-        Whether the laws are ranked.
     chained : bool
         Whether each contact is the initial guess of the next.
-    versions : dict
-        Required versions.
     """
 
     scene: Scene
@@ -78,11 +68,6 @@ class Task:
 
 def compute(task: Task) -> dict[str, Results]:
     """Compute the points of a task.
-
-    Returns
-    -------
-    dict
-        Results by key.
 
     Raises
     ------
@@ -123,19 +108,8 @@ class Sweep:
 
     Parameters
     ----------
-    varied : sequence of Axis or Sampled
-        Of `design.read_design`.
     rank : bool
         Whether the motion laws are ranked at every point, by the criteria of the scene.
-    indices : bool
-        Whether the sample has the rows for Sobol indices.
-
-    Attributes
-    ----------
-    computed : int
-        Number of points that this run has computed.
-    broken : tuple of str
-        Names of checkpoint files with a wrong checksum.
     """
 
     def __init__(
@@ -164,14 +138,12 @@ class Sweep:
         executor: Executor,
         resume: bool = False,
         force: bool = False,
-        step: Step = _no_step,
+        step: Step = lambda *_: None,
     ) -> "xarray.Dataset":
         """Compute the missing points, and write checkpoints and sweep.nc.
 
         Parameters
         ----------
-        executor : Executor
-            Of `analysis.worker_pool`.
         resume : bool
             Whether existing checkpoints are used.
         force : bool

@@ -43,8 +43,6 @@ class Indices:
         Indices of first order and their confidence interval [-].
     total, total_low, total_high : NDArray, shape (inputs,)
         Total indices and their confidence interval [-].
-    rows : int
-        Number of rows without failed point.
     """
 
     first: NDArray[np.float64]

@@ -23,50 +23,17 @@ Values = float | NDArray[np.float64]
 Function = Callable[[Values], NDArray[np.float64]]
 
 
-@dataclass(frozen=True)
-class PublishedMachine:
-    """Roller machine with a crank as printed.
-
-    Parameters
-    ----------
-    angular_speed : float
-        Speed of the crankshaft [rad/s].
-    roller_reaction, interaction_force : float
-        Vertical force on one roller, and force along the travel [N].
-    moving_force : float
-        Force to move the cart with its rollers, guide friction included [N].
-    rollers : int
-        Number of rollers of a cart.
-    width, height : float
-        Product along the travel and upright [m].
-    feeder_sleeve, overlap : float
-        B_T and b_n of (1.2) [m].
-    """
-
-    cart: Cart
-    crank: Crank
-    angular_speed: float
-    roller_reaction: float
-    interaction_force: float
-    moving_force: float
-    rollers: int
-    width: float
-    height: float
-    feeder_sleeve: float
-    overlap: float
-
-
-# Source C; feeder_sleeve and overlap are unpublished and chosen so that 3 rollers satisfy (1.2), (1.3) and the stroke.
-PUBLISHED_MACHINE = PublishedMachine(
-    cart=Cart(
-        mass=1000.0, weight=10e3, roller_positions=(0.27, -0.27), roller_reactions=(9740.0, 9740.0),
-        guide_positions=(0.37, -0.37), pin_position=0.65, pin_height=0.1, roller_radius=0.11,
-        guide_wheel_diameter=0.046, guide_friction=0.008,
-    ),
-    crank=Crank(radius=0.2, rod_length=0.8),
-    angular_speed=10.5, roller_reaction=9740.0, interaction_force=7962.0, moving_force=3562.0, rollers=2,
-    width=1.164, height=0.22, feeder_sleeve=0.18, overlap=0.012,
+# Machine of source C; feeder sleeve and overlap are unpublished and chosen so that 3 rollers satisfy (1.2), (1.3) and
+# the stroke.
+CART = Cart(
+    mass=1000.0, weight=10e3, roller_positions=(0.27, -0.27), roller_reactions=(9740.0, 9740.0),
+    guide_positions=(0.37, -0.37), pin_position=0.65, pin_height=0.1, roller_radius=0.11,
+    guide_wheel_diameter=0.046, guide_friction=0.008,
 )  # fmt: skip
+CRANK, ANGULAR_SPEED = Crank(radius=0.2, rod_length=0.8), 10.5  # [rad/s]
+ROLLERS, ROLLER_REACTION, INTERACTION_FORCE = 2, 9740.0, 7962.0  # [-] of a cart, [N] vertical, [N] along the travel
+MOVING_FORCE = 3562.0  # [N], of the cart with its rollers, guide friction included
+WIDTH, HEIGHT, FEEDER_SLEEVE, OVERLAP = 1.164, 0.22, 0.18, 0.012  # [m], of the product along the travel and upright
 # Operating point of (1.4)-(1.10): prior of the mix at moisture content 0.10, density ratio 0.98, not published.
 PRESSURE, MODULUS, POISSON, STEEL_FRICTION = 0.203e6, 0.75e6, 0.3, 0.35  # [Pa], [Pa], [-], [-]
 ROLLER_LENGTH = 1.164  # [m], assumed; no source states it, pressures and moduli scale with its inverse
@@ -79,16 +46,10 @@ PRINTED_MEAN_POWER, PRINTED_SUM_OVER_MEAN = 4738.8, 21872.2 / 18993.8  # [W] of 
 
 
 def engineering_numbers() -> dict[str, Any]:
-    """Compute (1.1)-(1.10) and the mix parameters that follow from the published operating point.
-
-    Returns
-    -------
-    dict of str to float
-        Values by row name, in the unit of the row.
-    """
-    m, no_friction = PUBLISHED_MACHINE, _chain(0.0, MODULUS)
-    fitted = MODULUS * no_friction["force"] / m.roller_reaction  # F of (1.6) at given q goes as 1/E
-    radius = m.cart.roller_radius
+    """Compute (1.1)-(1.10) and the mix parameters that follow from the published operating point."""
+    no_friction = _chain(0.0, MODULUS)
+    fitted = MODULUS * no_friction["force"] / ROLLER_REACTION  # F of (1.6) at given q goes as 1/E
+    radius = CART.roller_radius
     half_width = radius * math.sin(no_friction["capture_angle"])
     hertz = contact.hertz(radius=radius, youngs_modulus=MODULUS, poisson=POISSON, half_width=half_width)
     return _regression() | {
@@ -106,7 +67,7 @@ def engineering_numbers() -> dict[str, Any]:
 
 def _chain(friction: float, modulus: float) -> dict[str, Any]:
     """Compute (1.4)-(1.7) at the operating point, by row name."""
-    radius = PUBLISHED_MACHINE.cart.roller_radius
+    radius = CART.roller_radius
     alpha = contact.pressure_exponent(POISSON, friction)
     angle = contact.capture_angle(PRESSURE, modulus, POISSON, alpha)
     mix = (angle, modulus, POISSON, alpha, radius, ROLLER_LENGTH)
@@ -120,38 +81,36 @@ def _chain(friction: float, modulus: float) -> dict[str, Any]:
 
 
 def _regression() -> dict[str, Any]:
-    m, chain = PUBLISHED_MACHINE, _chain(STEEL_FRICTION, MODULUS)
-    force, radius = chain["force"], m.cart.roller_radius
+    chain = _chain(STEEL_FRICTION, MODULUS)
+    force, radius = chain["force"], CART.roller_radius
     one = contact.roller_resistance(force, chain["length"], radius, chain["exponent"], ROLLER_FRICTION)
-    whole = contact.cart_resistance(force, one, m.rollers, m.cart.weight, **GUIDES)
+    whole = contact.cart_resistance(force, one, ROLLERS, CART.weight, **GUIDES)
     return chain | {"roller_resistance": one, "cart_resistance": whole, "power": contact.cart_power(whole, VELOCITY)}
 
 
 def _size_of_machine() -> dict[str, Any]:
     """Compute radius and number of rollers and the stroke by (1.1)-(1.3)."""
-    m = PUBLISHED_MACHINE
-    radius, stroke = contact.radius_range(m.height), 2 * m.crank.radius
-    rollers = contact.rollers_needed(m.width, m.cart.roller_radius, m.feeder_sleeve, m.overlap)
+    radius, stroke = contact.radius_range(HEIGHT), 2 * CRANK.radius
+    rollers = contact.rollers_needed(WIDTH, CART.roller_radius, FEEDER_SLEEVE, OVERLAP)
     return {
         "radius_low": radius.low,
         "radius_high": radius.high,
         "rollers": rollers,
-        "stroke_as_needed": contact.stroke_needed(m.width, float(rollers), m.overlap),
-        "stroke_as_printed": contact.stroke_needed(m.width, m.rollers, m.overlap),
-        "overlap_as_printed": stroke - contact.stroke_needed(m.width, m.rollers, 0.0),
+        "stroke_as_needed": contact.stroke_needed(WIDTH, float(rollers), OVERLAP),
+        "stroke_as_printed": contact.stroke_needed(WIDTH, ROLLERS, OVERLAP),
+        "overlap_as_printed": stroke - contact.stroke_needed(WIDTH, ROLLERS, 0.0),
     }
 
 
 def _resistance_coefficients() -> dict[str, Any]:
     """Compute rolling-resistance coefficients from the moving force less the friction of the guides."""
-    m = PUBLISHED_MACHINE
-    guides = float(balance(m.cart, 0.0, m.moving_force, 1.0).guide_friction)
-    mix = m.moving_force - guides
+    guides = float(balance(CART, 0.0, MOVING_FORCE, 1.0).guide_friction)
+    mix = MOVING_FORCE - guides
     return {
         "guide_friction": guides,
-        "coefficient": mix / (m.rollers * m.roller_reaction),
-        "coefficient_high": mix / (m.rollers * m.interaction_force),
-        "half_moving_force": m.moving_force / m.rollers,
+        "coefficient": mix / (ROLLERS * ROLLER_REACTION),
+        "coefficient_high": mix / (ROLLERS * INTERACTION_FORCE),
+        "half_moving_force": MOVING_FORCE / ROLLERS,
     }
 
 
@@ -160,9 +119,9 @@ class _Shaft:
     """Carts of C on a shaft at constant speed, against a constant resistance [N]; crank angles psi [rad]."""
 
     resistance: float
-    cart: Cart = PUBLISHED_MACHINE.cart
-    speed: float = PUBLISHED_MACHINE.angular_speed
-    crank: Crank = PUBLISHED_MACHINE.crank
+    cart: Cart = CART
+    speed: float = ANGULAR_SPEED
+    crank: Crank = CRANK
 
     def turn(self, carts: int) -> CrankshaftRevolution:
         """Compute one turn with a number of carts at their standard angles."""
@@ -235,21 +194,15 @@ def _percent_above_zero(function: Function, low: float, high: float) -> float:
 
 
 def crank_numbers() -> dict[str, Any]:
-    """Compute powers and guide-wheel reactions of C for the stated data, and for the data evidently used.
-
-    Returns
-    -------
-    dict of str to float
-        Values by row name, in the unit of the row.
-    """
-    m = PUBLISHED_MACHINE
-    stated = _Shaft(m.rollers * m.interaction_force)
-    bare = replace(m.cart, mass=0.0, guide_friction=0.0)
-    used = _Shaft(m.moving_force, bare, speed=100 * 2 * np.pi / 60)
-    massless = replace(stated, cart=replace(m.cart, mass=0.0))
+    """Compute powers and guide-wheel reactions of C for the stated data, and for the data evidently used."""
+    stated = _Shaft(ROLLERS * INTERACTION_FORCE)
+    bare = replace(CART, mass=0.0, guide_friction=0.0)
+    used = _Shaft(MOVING_FORCE, bare, speed=100 * 2 * np.pi / 60)
+    one, four = used.turn(1), used.turn(4)
+    massless = replace(stated, cart=replace(CART, mass=0.0))
     return {
         **_four_powers("stated", stated.peak(), stated.mean(), stated.peak(4), 4 * stated.mean()),
-        **_four_powers("used", used.peak(), *_means_and_sum(used)),
+        **_four_powers("used", used.peak(), one.mean(one.power), four.power.max(), four.mean(four.power)),
         **_energy_balance(stated),
         **_inertia(stated),
         **_forward_reactions(massless),
@@ -270,11 +223,6 @@ def _four_powers(case: str, one_peak: float, one_mean: float, sum_peak: float, s
     }
 
 
-def _means_and_sum(shaft: _Shaft) -> tuple[float, float, float]:
-    one, four = shaft.turn(1), shaft.turn(4)
-    return one.mean(one.power), four.power.max(), four.mean(four.power)
-
-
 def _energy_balance(stated: _Shaft) -> dict[str, Any]:
     """Compute mean powers; for a constant resistance W the work of a turn is 4 r W for any rod and mass."""
     smooth = replace(stated, cart=replace(stated.cart, guide_friction=0.0))
@@ -292,7 +240,7 @@ def _energy_balance(stated: _Shaft) -> dict[str, Any]:
 def _inertia(stated: _Shaft) -> dict[str, Any]:
     """Compute inertia forces at the outer dead centre, and the mass that gives the printed ratio of powers."""
     dead_centre = stated.speed**2 * float(crank_kinematics(stated.crank, np.asarray(0.0))[2])
-    moving = replace(stated, resistance=PUBLISHED_MACHINE.moving_force)
+    moving = replace(stated, resistance=MOVING_FORCE)
     plain = replace(stated.cart, guide_friction=0.0)
     four = 4 * stated.resistance * 4 * stated.crank.radius * stated.speed / (2 * np.pi)
 

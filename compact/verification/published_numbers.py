@@ -43,22 +43,12 @@ class PublishedNumber:
     ----------
     key : str
         Group and name, as in `data/published.csv`.
-    source : str
-        Publication and equation.
-    quantity : str
-        Description of the quantity.
     unit : str
         Unit of all values of the row; "-" for a dimensionless quantity.
     printed : str
         Printed digits or a fraction; empty where no number is printed.
-    computed : float
-        Value computed now.
     verdict : str
         One of `VERDICTS`, or "derived".
-    expected : float
-        Stored reference value.
-    note : str
-        Explanation of the verdict.
     decimals : int or None
         Decimals of the print where it omits trailing zeros.
     """
@@ -123,25 +113,13 @@ def _number(text: str) -> float:
 
 
 def recorded_lines() -> dict[str, dict[str, str]]:
-    """Read `data/published.csv`.
-
-    Returns
-    -------
-    dict of str to dict
-        Lines by key, columns as text.
-    """
+    """Read `data/published.csv`."""
     text = files("compact").joinpath("data/published.csv").read_text(encoding="utf-8")
     return {line["key"]: line for line in csv.DictReader(text.splitlines())}
 
 
 def computed_values() -> dict[str, float]:
-    """Compute the value of every row.
-
-    Returns
-    -------
-    dict of str to float
-        Values by key `group.name`, in the unit of the row.
-    """
+    """Compute the value of every row."""
     computed = ((group, compute()) for group, (_, compute) in GROUPS.items())
     return {f"{group}.{name}": float(value) for group, found in computed for name, value in found.items()}
 

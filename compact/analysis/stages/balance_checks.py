@@ -30,8 +30,6 @@ class BalanceCheck:
 
     Parameters
     ----------
-    name : str
-        Balance and case.
     residual : float
         Relative residual, or a count [-].
     limit : float
@@ -49,13 +47,7 @@ class BalanceCheck:
 
 
 def balance_checks(stages: Stages) -> list[BalanceCheck]:
-    """Check every contact, run and cam of a scene, and the published numbers.
-
-    Parameters
-    ----------
-    stages : Stages
-        Stages whose results are checked.
-    """
+    """Check every contact, run and cam of a scene, and the published numbers."""
     checks = [*_contact_checks(stages.contacts), *_cycle_checks(stages.drive), _published_check()]
     if "cams" in stages.laws.scene.output.items:
         checks += [

@@ -24,8 +24,6 @@ class EngineComparison:
 
     Parameters
     ----------
-    held : HeldQuantity or None
-        Quantity that is constant over speed.
     second_pass : tuple of float or None
         Load and resistance of a second pass over those of the first [-].
     resistance : callable
@@ -34,14 +32,6 @@ class EngineComparison:
         Relative error estimate of the resistance [-].
     roller_load : float
         Load of one roller [N].
-    places : dict
-        Places of the laws by drive and criterion.
-    key : str
-        Of the kept results.
-    counts : Counter
-        Number of runs of each stage.
-    warned : tuple of str
-        Texts of the warnings.
     """
 
     contacts: list[ContactRecord]
@@ -57,15 +47,7 @@ class EngineComparison:
 
 
 def run_engine_alternative(scene: Scene, laws: KnownLaws, directory: Path | None) -> EngineComparison:
-    """Compute contacts, resistance and places of a scene with the engine of the comparison.
-
-    Parameters
-    ----------
-    laws : tuple of mapping of str to Cycle
-        Prescribed laws and all laws of the study.
-    directory : Path or None
-        Kept results of this engine.
-    """
+    """Compute contacts, resistance and places of a scene with the engine of the comparison."""
     counts = Counter[str]()
     stages = build_stages(scene, count=lambda stage: counts.update([stage]), directory=directory, known_laws=laws)
     contacts, resistance = stages.contacts, stages.resistance
@@ -87,10 +69,6 @@ class RankingAgreement:
 
     Parameters
     ----------
-    engine, drive : str
-        Engine and drive of the first ranking.
-    other_engine, other_drive : str
-        Engine and drive of the second ranking.
     first, other_first : str
         First law of either ranking; several laws, their number or "none" where there is not one.
     """

@@ -14,15 +14,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from compact.analysis.contact_cases import (
-    ContactRecord,
-    HeldQuantity,
-    contact_inputs,
-    contact_record,
-    contact_speeds,
-    has_density_target,
-    hold_quantity,
-)
+from compact.analysis import contact_cases
+from compact.analysis.contact_cases import ContactRecord, HeldQuantity, contact_inputs
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
 from compact.analysis.engines import ENGINES, Engine, expand_resistance
 from compact.analysis.stages.kept_results import KeptResults, read_results, results_key
@@ -64,8 +57,6 @@ def roll_scene(
     initial_guess : ContactResult, optional
         Contact at another speed in the same direction, or of another mix. Engines with continuation use it if the layer
         is the same. If only the speed differs and the mix has no rate, it is the result.
-    held : HeldQuantity, optional
-        Replaces the target of the scene.
     progress : callable, optional
         Called with lines of text by engines with continuation.
 
@@ -108,14 +99,8 @@ def roll_passes(
     ----------
     speed : float
         Speed of the first pass [m/s].
-    initial_guess : sequence of ContactResult, optional
-        Passes at another speed.
-    held : HeldQuantity, optional
-        Replaces the target of the scene.
     count : int, optional
         Number of passes; that of the scene by default.
-    first : ContactResult, optional
-        Contact of the first pass if it is known.
     progress : callable, optional
         Called with lines of text by engines with continuation.
 
@@ -152,8 +137,6 @@ def added_mass(
     ----------
     speed : float
         Speed of the roller [m/s].
-    held : HeldQuantity or None
-        Quantity that is constant over speed.
     count : callable
         Called with "added mass" if an engine solves for it.
 
@@ -239,7 +222,7 @@ def _engine_options(
         options["progress"] = progress
     if engine.continuation and _target_key(scene) in scene.unusual:
         options["max_contact_angle"] = None  # without the estimate of heaping
-    if held is None and has_density_target(scene, engine.name):
+    if held is None and contact_cases.has_density_target(scene, engine.name):
         options["exit_density_ratio"] = scene.mix.density_ratio
     return options
 
@@ -263,8 +246,6 @@ class ContactStage:
 
     Parameters
     ----------
-    count : callable
-        Called with the name of each stage that begins.
     directory : Path, optional
         Results of an earlier run, which are used if they have the same key.
     progress : callable, optional
@@ -335,13 +316,15 @@ class ContactStage:
             return None
         if self.kept:
             return self.kept.held
-        return hold_quantity(self.scene, self.mix) or hold_quantity(self.scene, self.mix, self.reference[0])
+        return contact_cases.hold_quantity(self.scene, self.mix) or contact_cases.hold_quantity(
+            self.scene, self.mix, self.reference[0]
+        )
 
     @cached_property
     def passes(self) -> list[tuple[float, Passes]]:
         """Speed [m/s] and results of all passes at each speed of the scene; empty for the formulas."""
         found: list[tuple[float, Passes]] = []
-        for speed in contact_speeds(self.scene) if self.engine.layered else ():
+        for speed in contact_cases.contact_speeds(self.scene) if self.engine.layered else ():
             found.append((speed, self.passes_at(speed, found[-1][1] if found else None)))
         return found
 
@@ -371,7 +354,7 @@ class ContactStage:
         """Scalar results at each speed; empty for the formulas."""
         if self.kept:
             return self.kept.contacts
-        return [contact_record(self.engine.name, *each) for each in self.passes]
+        return [contact_cases.contact_record(self.engine.name, *each) for each in self.passes]
 
     @cached_property
     def fields(self) -> list[tuple[Any, ContactResult]]:

@@ -20,18 +20,9 @@ RUN = {"rigid": 0.0025, "crank": 0.0025, "hydraulic": 0.05, "elastic": 0.017, "m
 RUN_OVER_A_LAYER = {"rigid": 0.014, "crank": 0.014, "hydraulic": 0.014, "elastic": 0.035, "motor": 0.035}  # in addition
 TORQUES = 3  # usual number of torques of a driven roller at each speed
 OTHERS = {  # that depend neither on the engine nor on the drive
-    "contact": 0.01,
-    "kept": 0.01,
-    "laws": 0.003,
-    "cams": 0.0,
-    "cams measured": 0.02,
-    "crank": 0.03,
-    "fields": 0.09,
-    "figures": 0.35,
-    "rankings": 0.3,
-    "passage": 0.3,
-    "run-up": 0.3,
-}
+    "contact": 0.01, "kept": 0.01, "laws": 0.003, "cams": 0.0, "cams measured": 0.02, "crank": 0.03, "fields": 0.09,
+    "figures": 0.35, "rankings": 0.3, "passage": 0.3, "run-up": 0.3,
+}  # fmt: skip
 OPTIMAL_LAW = 2.0  # one optimal law
 WAIT_SHARE = 0.3  # [-], of the work of another process that this one waits for
 COUNTED_LATER = ("resistance", "added mass", "kept", "second pass", "passage", "run-up", "driven")  # number not known
@@ -43,8 +34,6 @@ class WorkPlan:
 
     Parameters
     ----------
-    counts : Counter
-        Number of runs of each stage so far.
     laws_not_made : int
         Number of optimal laws that have been left out so far.
     """

@@ -186,16 +186,8 @@ def build_stages(
 
     Parameters
     ----------
-    mix : Mix, optional
-        That of the scene by default.
-    count : callable
-        Called with the name of each stage that begins.
-    directory : Path, optional
-        Results of an earlier run.
     progress : callable, optional
         Called with lines of text by engines with continuation.
-    known_laws : tuple of mapping, optional
-        Prescribed laws and all laws, if they are known.
     """
     prescribed = PrescribedLaws(scene, count)
     if known_laws:

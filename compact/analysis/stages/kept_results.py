@@ -12,13 +12,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from compact import resistance
-from compact.analysis.contact_cases import (
-    ContactRecord,
-    HeldQuantity,
-    contact_from_json,
-    contact_speeds,
-    contact_to_json,
-)
+from compact.analysis import contact_cases
+from compact.analysis.contact_cases import ContactRecord, HeldQuantity
 from compact.files import write_json
 from compact.material.mix import Mix
 from compact.resistance import ResistanceMap
@@ -42,12 +37,8 @@ class KeptResults:
 
     Parameters
     ----------
-    held : HeldQuantity
-        Quantity that is constant over speed.
     second_pass : tuple of float or None
         Load and resistance of a second pass over those of the first [-].
-    files : tuple of str
-        Result files, relative to the directory.
     """
 
     contacts: list[ContactRecord]
@@ -72,7 +63,7 @@ def results_key(scene: Scene, mix: Mix) -> str:
         "layer": scene.layer.model_dump(),
         "contact": scene.contact and scene.contact.model_dump(),
         "accuracy": scene.accuracy.model_dump(),
-        "speeds": contact_speeds(scene),
+        "speeds": contact_cases.contact_speeds(scene),
         "versions": [version(name) for name in PACKAGES],
     }
     return sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
@@ -84,7 +75,7 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
         content = json.loads((directory / CONTACTS_FILE).read_text(encoding="utf-8"))
         more = content["more"]
         return None if content["key"] != key else KeptResults(
-            [contact_from_json(each) for each in content["contacts"]],
+            [contact_cases.contact_from_json(each) for each in content["contacts"]],
             HeldQuantity(**more["held"]),
             more["second_pass"] and tuple(more["second_pass"]),
             resistance.load_resistance_map(directory / MAP_FILE, key),
@@ -101,7 +92,7 @@ def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[P
     results.resistance_map.save(directory / MAP_FILE, key)
     write_json(path, {
         "key": key,
-        "contacts": [contact_to_json(contact) for contact in results.contacts],
+        "contacts": [contact_cases.contact_to_json(contact) for contact in results.contacts],
         "more": {"held": asdict(results.held), "second_pass": results.second_pass},
         "files": [name for name in results.files if name.startswith(KEPT_FILES)],
     })  # fmt: skip

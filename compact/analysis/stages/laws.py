@@ -28,13 +28,7 @@ FOLLOWERS = ("pointed", "roller", "flat")
 
 
 class PrescribedLaws:
-    """Motion laws that the scene names, tables of the user last.
-
-    Parameters
-    ----------
-    count : callable
-        Called with "laws" for each law.
-    """
+    """Motion laws that the scene names, tables of the user last."""
 
     def __init__(self, scene: Scene, count: Count) -> None:
         self.scene, self.count = scene, count
@@ -75,8 +69,6 @@ class LawStage:
     ----------
     resistance : ResistanceStage
         Resistance for which laws are optimised; it is extended to faster laws.
-    cycles : mapping of str to Cycle, optional
-        All laws if they are known, as for the comparison of engines.
     """
 
     def __init__(
@@ -84,7 +76,7 @@ class LawStage:
     ) -> None:
         self.scene, self.count = prescribed.scene, prescribed.count
         self.prescribed, self.resistance = prescribed, resistance
-        self._not_made: dict[str, str] = {}
+        self.left_out: dict[str, str] = {}
         self._spread: dict[tuple[str, float], tuple[float, MotionResistance]] = {}
         if cycles is not None:
             self.cycles = dict(cycles)
@@ -111,7 +103,7 @@ class LawStage:
             try:
                 forward = self._optimal_law(objective)
             except (InfeasibleError, RuntimeError) as error:
-                self._not_made[name] = str(error)
+                self.left_out[name] = str(error)
                 warnings.warn(f"{name} is not made: {error}", stacklevel=2)
                 continue
             cycles[forward.name] = forward.cycle(dwell, dwell)
@@ -121,12 +113,7 @@ class LawStage:
     def not_made(self) -> dict[str, str]:
         """Reason by name of each optimal law that is left out of `cycles`."""
         _ = self.cycles
-        return self._not_made
-
-    @property
-    def number_not_made(self) -> int:
-        """Number of optimal laws that have been left out so far."""
-        return len(self._not_made)
+        return self.left_out
 
     @property
     def limits(self) -> Limits:
@@ -138,15 +125,11 @@ class LawStage:
         phases = Limits if table.steady_tolerance is None else motion
         return Limits(
             velocity=velocity if np.isfinite(velocity) else None,
-            acceleration=table.acceleration,
-            jerk=table.jerk,
-            snap=table.snap,
-            run_up=phases.run_up,
-            run_down=phases.run_down,
-            steady_tolerance=table.steady_tolerance or 0.0,
-            smoothness=table.smoothness,
             end_condition="dwell" if motion.dwell else "reversal",
+            steady_tolerance=table.steady_tolerance or 0.0,
             cam=_cam_limits(self.scene, table),
+            **table.model_dump(include={"acceleration", "jerk", "snap", "smoothness"}),
+            **{phase: getattr(phases, phase) for phase in ("run_up", "run_down")},
         )
 
     @property
@@ -237,8 +220,8 @@ class LawStage:
             raise SceneError(["cam: missing; a cam needs a table [cam] with breadth and roller_follower_radius in m"])
         self.count("cams")
         cycle = self.prescribed.cycles.get(name) or self.cycles.get(name)
-        if name in self._not_made:
-            raise RuntimeError(f"no cam: {name} is not made: {self._not_made[name]}")
+        if name in self.left_out:
+            raise RuntimeError(f"no cam: {name} is not made: {self.left_out[name]}")
         if cycle is None:
             require_known("motion law", name, tuple(self.cycles))
         assert cycle is not None  # the name is known

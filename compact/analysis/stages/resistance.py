@@ -22,11 +22,6 @@ from compact.resistance import ResistanceMap, sample_resistance
 LEAST_SPEED_SHARE = 1 / 50  # [-], of the largest speed; least speed of the samples
 
 
-def reaches(resistance_map: ResistanceMap, speed: float) -> bool:
-    """Return True if a map has samples up to a speed [m/s]."""
-    return speed <= resistance_map.speeds[-1] * (1 + resistance.SPEED_ROUNDING)
-
-
 class ResistanceStage:
     """Resistance of the mix to one cart; each attribute is computed when first used.
 
@@ -49,7 +44,7 @@ class ResistanceStage:
     def map(self) -> ResistanceMap:
         """Resistance of one cart up to `largest_speed`, by a layered engine."""
         kept = self.contacts.kept.resistance_map if self.contacts.kept else None
-        if kept and reaches(kept, self.largest_speed):
+        if kept and self.largest_speed <= kept.speeds[-1] * (1 + resistance.SPEED_ROUNDING):
             return kept
         return self.sampled_map(kept, self.largest_speed)
 

@@ -13,6 +13,7 @@ New contacts are steady: they have no added mass. Peaks are those of the samples
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -29,7 +30,6 @@ from compact.material.mix import Parameter
 from compact.motion.profile import Cycle
 from compact.quantities import INPUT
 from compact.resistance import ResistanceMap
-from compact.scene.loader import Scene
 
 VARIATION = 0.1  # [-], relative variation of an input without spread
 SPEED_MARGIN = 1.2  # [-], range of new contacts over the largest speed; a duration shorter by a tenth is within it
@@ -80,14 +80,8 @@ class Shift:
 
     Parameters
     ----------
-    name : str
-        Scene key of the input.
-    ends : tuple of float
-        Low and high value of the input.
     how : {PRIOR, SHARE, PRESSED}
         Kind of variation.
-    by : str
-        Engine of the results at the ends.
     base : End
         Result of the scene itself by the same engine.
     low, high : End or None
@@ -102,6 +96,10 @@ class Shift:
     base: End
     low: End | None
     high: End | None
+
+    def changed_ends(self, by: str) -> list[End]:
+        """Return the ends at which the first law of the scene by a quantity of PEAKS is not first."""
+        return [end for end in (self.low, self.high) if end is not None and self.base.law[by] not in end.ties[by]]
 
 
 def sensitivities(stages: Stages) -> list[Shift]:
@@ -130,7 +128,7 @@ def _ranges(stages: Stages) -> dict[str, Range]:
         ranges[DENSITY_INPUT] = (before - step, before + step, PRESSED, INPUT[DENSITY_INPUT].unit)
     by_formula = not (engine.cheap and engine.layered)
     keys = [key for key in MACHINE_INPUTS if by_formula or key not in FORMULA_INPUTS]
-    return ranges | {key: (*_tenth(_value_at(scene, key)), INPUT[key].unit) for key in keys}
+    return ranges | {key: (*_tenth(attrgetter(key)(scene)), INPUT[key].unit) for key in keys}
 
 
 def _spread(parameter: Parameter) -> tuple[float, float, str]:
@@ -141,11 +139,6 @@ def _spread(parameter: Parameter) -> tuple[float, float, str]:
 
 def _tenth(value: float) -> tuple[float, float, str]:
     return value * (1 - VARIATION), value * (1 + VARIATION), SHARE
-
-
-def _value_at(scene: Scene, key: str) -> float:
-    table, name = key.split(".")
-    return getattr(getattr(scene, table), name)
 
 
 class _Variation:

@@ -41,8 +41,6 @@ def draw_pressure(contact: ContactResult, exact: LineContact, speed: float) -> F
 
     Parameters
     ----------
-    exact : LineContact
-        Exact contact on a half-plane.
     speed : float
         Speed of the roller; its sign gives the direction of the travel [m/s].
     """

@@ -190,13 +190,7 @@ def draw_cams(cams: Mapping[tuple[str, str], Cam], names: Sequence[str], followe
 
 
 def draw_crank_turns(turns: Mapping[str, CrankshaftRevolution]) -> Figure:
-    """Draw torque and power of the shaft over a turn for 1 to 4 carts, with dashed means.
-
-    Parameters
-    ----------
-    turns : mapping of str to CrankshaftRevolution
-        Turns by the number of carts.
-    """
+    """Draw torque and power of the shaft over a turn for 1 to 4 carts, with dashed means."""
     figure, (both,) = panels(1, 2, (4.4, 2.9), bottom=0.85)
     shafts = [key for key in turns if key.isdigit()]
     for key, color in zip(shafts, colormaps["viridis"](np.linspace(0, 0.85, len(shafts))), strict=True):

@@ -38,8 +38,6 @@ def draw_rankings(
 
     Parameters
     ----------
-    orders : mapping of str to list of Place
-        Rankings by criterion.
     comparisons : mapping
         Places by criterion, engine and law, drawn as marks.
 
@@ -153,11 +151,6 @@ def _row_label(by: str, place: Place) -> str:
 
 def mark_offsets(count: int) -> NDArray[np.float64]:
     """Return the vertical offsets of the marks of engines in a row.
-
-    Parameters
-    ----------
-    count : int
-        Number of engines.
 
     Returns
     -------

@@ -35,13 +35,7 @@ TITLE_HEIGHT = 1.0  # [-], of a title above its panel; a fixed height saves meas
 
 
 def law_style(name: str) -> dict[str, Any]:
-    """Return colour and dash of a law; laws outside FAMILIES, such as tables, are black.
-
-    Returns
-    -------
-    dict
-        Keyword arguments of `Axes.plot`.
-    """
+    """Return colour and dash of a law; laws outside FAMILIES, such as tables, are black."""
     for members in FAMILIES.values():
         if name in members:
             return {"color": members[name], "linestyle": DASHES[list(members).index(name)]}
@@ -64,16 +58,12 @@ def panels(
 
     Parameters
     ----------
-    rows, columns : int
-        Numbers of panels.
     size : tuple of float
         Width and height of a panel [inch].
     left, right, bottom, top : float
         Margins [inch].
     gaps : tuple of float
         Gaps between columns and between rows [inch].
-    **shared
-        Options of `Figure.subplots`.
 
     Returns
     -------

@@ -40,13 +40,7 @@ LABEL_MARGIN = 0.05  # [-], of a panel, without labels of contour lines
 
 
 def numeric_axes(table: "Dataset") -> list[str]:
-    """List the keys varied over two or more numbers.
-
-    Returns
-    -------
-    list of str
-        Names of the axes in the order of the table.
-    """
+    """List the keys varied over two or more numbers."""
     axes = [str(name) for name in table["load"].dims if name != "sample"]
     return [name for name in axes if table[name].dtype.kind in "fi" and table[name].size > 1]
 
@@ -68,11 +62,6 @@ def _is_constant(values: np.ma.MaskedArray) -> bool:
 
 def band(table: "Dataset", quantity: str) -> "tuple[DataArray, DataArray, DataArray]":
     """Compute the quantiles BAND and the median of a quantity over a sample.
-
-    Parameters
-    ----------
-    quantity : str
-        Name of the quantity.
 
     Returns
     -------
@@ -106,8 +95,6 @@ def draw_maps(table: "Dataset", point: tuple[float, float] | None = None) -> Fig
 
     Parameters
     ----------
-    table : Dataset
-        Table of a sweep with two numeric axes or more.
     point : tuple of float, optional
         Position of a mark, in the units of the table.
     """
@@ -200,8 +187,6 @@ def draw_bands(table: "Dataset", point: Mapping[str, float] | None = None) -> Fi
 
     Parameters
     ----------
-    table : Dataset
-        Table of a sweep with a numeric axis.
     point : mapping of str to float, optional
         Coordinates of a mark by the names of keys and quantities.
     """
@@ -250,13 +235,7 @@ def _lines(table: "Dataset", x: str, before: Sequence[str]) -> "Iterator[tuple[A
 
 
 def draw_best_laws(table: "Dataset") -> Figure:
-    """Draw the first law over the last two varied keys, of a sample the most frequent one, for each criterion.
-
-    Parameters
-    ----------
-    table : Dataset
-        Table of a sweep with rankings.
-    """
+    """Draw the first law over the last two varied keys, of a sample the most frequent one, for each criterion."""
     y, x = numeric_axes(table)[-2:]
     table = _plane(table, x, y)
     criteria = [str(name) for name in table if str(name).startswith("best_law_by_")]
@@ -290,13 +269,7 @@ def _most_frequent(laws: "DataArray") -> NDArray[Any]:
 
 
 def draw_sobol_indices(sobol: SobolTable) -> Figure:
-    """Draw first-order and total Sobol indices with their confidence intervals.
-
-    Parameters
-    ----------
-    sobol : dict
-        Names of the inputs, and Sobol indices, by quantity; one panel each.
-    """
+    """Draw first-order and total Sobol indices with their confidence intervals."""
     figure = Figure(figsize=(3.9 * len(sobol) + 0.8, 3.4), layout="constrained")
     panels = figure.subplots(1, len(sobol), squeeze=False, sharey=True)[0]
     for ax, (quantity, (names, found)) in zip(panels, sobol.items(), strict=True):

@@ -4,7 +4,6 @@ The templates `question.html.j2` and `answer.html.j2` phrase them.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from itertools import chain, permutations
 from typing import Any
 
@@ -26,25 +25,6 @@ CONTACT_MODELS = {
     "fem": "an elastic or viscoelastic layer by finite elements",
     "compaction": "a layer with irreversible compaction by finite elements",
 }
-
-
-@dataclass(frozen=True)
-class BestLaw:
-    """First law by a criterion; `next_amount` and `last_amount` are the requirements of the next and the last law.
-
-    `reason` is set where all values are infinite, `single` where there is one law only.
-    """
-
-    term: str
-    laws: tuple[str, ...] = ()
-    value: str = ""
-    single: bool = False
-    tied: bool = False
-    next_law: str = ""
-    next_amount: str = ""
-    last_law: str = ""
-    last_amount: str = ""
-    reason: str = ""
 
 
 def question(study: Study) -> dict[str, Any]:
@@ -100,21 +80,19 @@ def criterion_term(by: str) -> str:
     return CRITERIA[by].quantity.term
 
 
-def _best_law(by: str, order: list[Place]) -> BestLaw:
+def _best_law(by: str, order: list[Place]) -> dict[str, Any]:
     """Select the first law by a criterion, with the requirements of the next and the last one."""
-    first = _first_places(order)
+    first, finite = _first_places(order), [place for place in order if not place.reason]
     if not first:
-        return BestLaw(criterion_term(by), reason=order[0].reason)
-    least = first[0].value
-    best = BestLaw(criterion_term(by), tuple(place.law for place in first), _format(least, by))
-    finite = [place for place in order if not place.reason]
-    if finite[-1].rank == 1:
-        return replace(best, single=len(order) == 1)
-    following, last = finite[len(first)], finite[-1]
-    next_amount, last_amount = (_excess(place.value, least, by) for place in (following, last))
-    last_law = last.law if last is not following else ""
-    return replace(best, tied=first[0].tie, next_law=following.law, next_amount=next_amount, last_law=last_law,
-                   last_amount=last_amount)  # fmt: skip
+        return {"term": criterion_term(by), "reason": order[0].reason}
+    least, laws = first[0].value, [place.law for place in first]
+    best = {"term": criterion_term(by), "laws": laws, "value": _format(least, by), "single": len(order) == 1}
+    if finite[-1].rank > 1:
+        following, last = finite[len(first)], finite[-1]
+        best |= {"tied": first[0].tie, "next_law": following.law, "next_amount": _excess(following.value, least, by)}
+        if last is not following:
+            best |= {"last_law": last.law, "last_amount": _excess(last.value, least, by)}
+    return best
 
 
 def _first_places(order: list[Place]) -> list[Place]:
@@ -195,9 +173,8 @@ def _sensitivity(shifts: Sequence[Shift]) -> dict[str, Any]:
     """Collect the inputs with an end at which another law is first."""
     changed: dict[str, set[str]] = {}
     for shift in shifts:
-        for by, law in shift.base.law.items():
-            ends = [end for end in (shift.low, shift.high) if end is not None and law not in end.ties[by]]
-            if ends:
+        for by in shift.base.law:
+            if ends := shift.changed_ends(by):
                 changed.setdefault(shift.name, set()).update(f"{end.law[by]} by {criterion_term(by)}" for end in ends)
     return {
         "methods": methods(shifts),

@@ -29,10 +29,6 @@ class Mark:
     ----------
     kind : str
         Style of the label: "assumed", "known", "good" or "bad".
-    label : str
-        Text of the label.
-    text : str
-        Text behind the label.
     """
 
     kind: str
@@ -49,8 +45,6 @@ class Table:
 
     Parameters
     ----------
-    header : sequence of str
-        Names of the columns.
     numeric : collection of int
         Indices of the right-aligned columns.
     """
@@ -69,8 +63,6 @@ class Table:
 
         Parameters
         ----------
-        columns : mapping of str to sequence of Cell
-            Cells by the name of the column.
         text_columns : sequence of str
             Names of the left-aligned columns.
         """
@@ -128,15 +120,7 @@ def embed_figures(pictures: Mapping[str, bytes], figures: Mapping[str, tuple[str
 
 @dataclass(frozen=True)
 class Section:
-    """Section of the page, closed until it is opened.
-
-    Parameters
-    ----------
-    name : str
-        Target of links.
-    title, lead : str
-        Heading, and the line behind it.
-    """
+    """Section of the page, closed until it is opened."""
 
     name: str
     title: str
@@ -146,11 +130,6 @@ class Section:
 
 def render_page(title: str, template: str = "page.html.j2", **context: Any) -> str:
     """Render the page.
-
-    Parameters
-    ----------
-    **context
-        Variables of the template.
 
     Returns
     -------

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from compact.analysis.ranking_uncertainty import Place, ties
-from compact.analysis.stages.balance_checks import BalanceCheck
 from compact.analysis.stages.cam_drawing import CamDrawing
 from compact.analysis.stages.comparison import RankingAgreement
 from compact.analysis.stages.laws import COMPLIANT_DRIVES, FOLLOWERS
@@ -149,13 +148,7 @@ def forces_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
 
 
 def cams_section(study: Study, pictures: Mapping[str, bytes], first_cam: CamDrawing) -> Section:
-    """Describe the cams of all laws and the motors in the rollers.
-
-    Parameters
-    ----------
-    first_cam : CamDrawing
-        Drawing of the cam of the first law.
-    """
+    """Describe the cams of all laws and the motors in the rollers."""
     rows = [_cam_row(study, law) for law in study.cycles]
     breadths = [f"least breadth, {follower}" for follower in FOLLOWERS]
     header = ("law", *breadths, "least radius, roller", "pressure angle, roller", "half-width, flat")
@@ -269,8 +262,7 @@ def _peak_change(end: End | None, base: End, peak: str) -> str:
 
 def _other_first_laws(shift: Shift) -> str:
     """Name the laws that are first at an end and not first in the scene."""
-    ends = [end for end in (shift.low, shift.high) if end]
-    found = {end.law[by] for end in ends for by, law in shift.base.law.items() if law not in end.ties[by]}
+    found = {end.law[by] for by in shift.base.law for end in shift.changed_ends(by)}
     return ", ".join(sorted(found)) or "the same"
 
 
@@ -313,18 +305,3 @@ def _remark(scene: Scene, table: str, key: str) -> Cell:
                 rest = [origin.removeprefix(sign).strip(" :,"), *(clause for clause in clauses if clause != origin)]
                 return Mark(kind, sign, "; ".join(filter(None, rest)))
     return "; ".join(clauses)
-
-
-def checks_section(checks: Sequence[BalanceCheck]) -> Section:
-    """Tabulate the built-in checks."""
-    rows = [
-        (
-            check.name, format_number(check.residual, 2), format_number(check.limit, 2),
-            Mark("good", "passes") if check.passed else Mark("bad", "fails"),
-        )
-        for check in checks
-    ]  # fmt: skip
-    failed = sum(not check.passed for check in checks)
-    lead = f"{len(checks)} balances and counts; {failed or 'none'} of them fail{'s' if failed == 1 else ''}."
-    table = Table("Checks", ("check", "residual", "limit", ""), rows, (1, 2))
-    return Section("checks", "Built-in checks", lead, [table])

@@ -4,45 +4,33 @@ The page is one file without external resources. Results are computed by the sta
 and formats them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from compact.analysis.stages.balance_checks import BalanceCheck
 from compact.analysis.study import Study
 from compact.files import atomic_file
+from compact.report.number_format import format_number
+from compact.report.page import machine
 from compact.report.page.answer import answer, question
-from compact.report.page.blocks import Paragraph, Section, Table, render_page
+from compact.report.page.blocks import Mark, Paragraph, Section, Table, render_page
 from compact.report.page.contact import contact_section, mix_section
-from compact.report.page.machine import (
-    cams_section,
-    checks_section,
-    forces_section,
-    laws_section,
-    ranking_section,
-    scene_section,
-    sensitivity_section,
-)
 
 FILES_REMARK = "The tables and `summary.json` in the same directory hold every number with twelve digits."
 
 
 def write_page(path: Path, study: Study, pictures: Mapping[str, bytes], versions: Mapping[str, str]) -> Path:
-    """Write the page of a study.
-
-    Parameters
-    ----------
-    versions : mapping of str to str
-        Versions by package.
-    """
+    """Write the page of a study."""
     sections = [
-        ranking_section(study, pictures),
+        machine.ranking_section(study, pictures),
         contact_section(study, pictures),
-        laws_section(study, pictures),
-        forces_section(study, pictures),
-        *([] if study.first_cam is None else [cams_section(study, pictures, study.first_cam)]),
-        sensitivity_section(study.sensitivities),
-        scene_section(study.scene),
+        machine.laws_section(study, pictures),
+        machine.forces_section(study, pictures),
+        *([] if study.first_cam is None else [machine.cams_section(study, pictures, study.first_cam)]),
+        machine.sensitivity_section(study.sensitivities),
+        machine.scene_section(study.scene),
         mix_section(study),
-        checks_section(study.checks),
+        _checks_section(study.checks),
         _versions_section(study, versions),
     ]
     title = study.scene.title or "untitled scene"
@@ -50,6 +38,21 @@ def write_page(path: Path, study: Study, pictures: Mapping[str, bytes], versions
     with atomic_file(path) as stream:
         stream.write(content)
     return path
+
+
+def _checks_section(checks: Sequence[BalanceCheck]) -> Section:
+    """Tabulate the built-in checks."""
+    rows = [
+        (
+            check.name, format_number(check.residual, 2), format_number(check.limit, 2),
+            Mark("good", "passes") if check.passed else Mark("bad", "fails"),
+        )
+        for check in checks
+    ]  # fmt: skip
+    failed = sum(not check.passed for check in checks)
+    lead = f"{len(checks)} balances and counts; {failed or 'none'} of them fail{'s' if failed == 1 else ''}."
+    table = Table("Checks", ("check", "residual", "limit", ""), rows, (1, 2))
+    return Section("checks", "Built-in checks", lead, [table])
 
 
 def _versions_section(study: Study, versions: Mapping[str, str]) -> Section:
