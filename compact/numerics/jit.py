@@ -31,6 +31,12 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     return dispatcher
 
 
+def is_compiled(function: Any) -> bool:
+    """Return True if a `compiled` function needs no compilation: used before, or cached on disk and up to date."""
+    file = getattr(getattr(function, "_cache", None), "_cache_file", None)
+    return bool(function.signatures) or (file is not None and bool(file._load_index()))
+
+
 def _readable(load_index: Callable[[], dict[Any, Any]]) -> Callable[[], dict[Any, Any]]:
     """Wrap the reader of a cache index, so that an index which names a class that is gone counts as empty."""
 

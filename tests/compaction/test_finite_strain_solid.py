@@ -7,7 +7,12 @@ import pytest
 from scipy.linalg import logm, polar
 from skfem import MeshQuad
 
-from compact.engines.compaction.finite_strain_kernels import strain_derivatives, strain_increment
+from compact.engines.compaction import finite_strain_kernels
+from compact.engines.compaction.finite_strain_kernels import (
+    announce_compilation,
+    strain_derivatives,
+    strain_increment,
+)
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
 from compact.engines.compaction.newton import EquilibriumError, IncrementSolver
 from compact.engines.compaction.roller_contact import ContactForces
@@ -235,6 +240,40 @@ def test_newtons_method_converges_quadratically():
     assert residuals[-1] < 1e-13
     assert len(orders) == 2
     assert min(orders) > 1.7
+
+
+@pytest.mark.parametrize("softness", [1.0, 1e-6], ids=["regular", "nearly singular"])
+def test_factors_have_single_precision_only_if_these_suffice(softness, monkeypatch):
+    """A plate whose only support resists far less than the elements."""
+    solid = FiniteStrainSolid(skewed(SQUARE), MIX)
+    start, precisions, factorise = solid.undeformed_state(), [], solid._factorise_band
+    stiffness = solid.increment(start, start.displacement).element_stiffness
+    support = np.tile(softness * np.abs(stiffness).max() * np.eye(2), (solid.basis.N, 1, 1))
+    nodes, force = np.arange(solid.basis.N), np.random.default_rng(7).normal(size=2 * solid.basis.N)
+
+    def recorded(parts, precision):
+        precisions.append(precision)
+        return factorise(parts, precision)
+
+    monkeypatch.setattr(solid, "_factorise_band", recorded)
+    found = solid.factorise(stiffness, nodes, support)(force)
+    matrix = np.zeros((force.size,) * 2)
+    for dofs, block in zip(solid.element_dofs, stiffness, strict=True):
+        matrix[np.ix_(dofs, dofs)] += block
+    matrix[np.diag_indices(force.size)] += support[0, 0, 0]
+    expected = np.linalg.solve(matrix, np.eye(force.size)[solid.ordered_dofs].T @ force)[solid.ordered_dofs]
+    assert np.linalg.norm(found - expected) < 1e-2 * np.linalg.norm(expected)
+    assert precisions == [np.float32, np.float64][: 1 if softness == 1 else 2]
+
+
+def test_compilation_is_announced_on_first_use_alone(monkeypatch):
+    solid, lines = FiniteStrainSolid(SQUARE, MIX), []
+    solid.increment(solid.undeformed_state(), solid.undeformed_state().displacement)
+    announce_compilation(lines.append)
+    monkeypatch.setattr(finite_strain_kernels, "is_compiled", lambda function: False)
+    announce_compilation(lines.append)
+    announce_compilation(None)
+    assert lines == ["compiling the kernels of `compaction`, once, some 10 s"]
 
 
 # (c) failures

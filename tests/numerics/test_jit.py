@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from compact.numerics.jit import source_files
+from compact.numerics.jit import is_compiled, source_files
 
 CALLER = """\
 from compact.numerics.jit import compiled
@@ -32,14 +32,19 @@ CHANGES = {
 }
 
 
-def compiled_result(module):
-    """Result, and number of cache hits, of a function imported as by a new process."""
+def imported(module):
+    """Compiled function of a module, imported as by a new process."""
     source_files.cache_clear()
     for name in ["caller", "middle", "callee", "constants", "jit_sample"]:
         for loaded in [loaded for loaded in sys.modules if loaded.split(".")[0] == name]:
             del sys.modules[loaded]
     importlib.invalidate_caches()
-    function = importlib.import_module(module).result
+    return importlib.import_module(module).result
+
+
+def compiled_result(module):
+    """Result, and number of cache hits, of a function imported as by a new process."""
+    function = imported(module)
     return function(), sum(function.stats.cache_hits.values())
 
 
@@ -77,3 +82,15 @@ def test_source_files_contain_indirect_imports_of_the_package():
 
     files = {path.rpartition("compact/")[2] for path in source_files(column_ode.__name__)}
     assert {"engines/column/column_ode.py", "material/cap_plasticity.py", "material/laws.py"} <= files
+
+
+def test_function_counts_as_compiled_while_its_cache_is_up_to_date(sample):
+    folder, module = sample
+    function = imported(module)
+    assert not is_compiled(function)
+    function()
+    assert is_compiled(function)
+    assert is_compiled(imported(module))
+    middle = folder / "middle.py"
+    middle.write_text(middle.read_text().replace("OFFSET = 5", "OFFSET = 60"))
+    assert not is_compiled(imported(module))

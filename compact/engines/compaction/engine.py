@@ -23,6 +23,7 @@ from typing import Literal, TypedDict, Unpack
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from compact.engines.compaction.finite_strain_kernels import announce_compilation
 from compact.engines.compaction.heaping import (
     MAX_CONTACT_ANGLE,
     HeapingError,
@@ -158,6 +159,7 @@ def roll(
     require_torque_allowed(roller, torque)
     case = RollingCase(layer, roller, material, speed, torque, fed_layer, numerics)
     target = DepthTarget(layer, roller, material, exit_density_ratio, fed_layer)
+    announce_compilation(numerics.progress)
     if case.heaping is not None and fed_layer is None:
         require_no_heaping(case.heaping, target.quantity, target.value, target.required_depth)
     with threadpool_limits(1):

@@ -13,11 +13,13 @@ Gradients are tuples (xx, xy, yx, yy), g_ij = du_i/dx_j; values of a point are t
 ratio and the largest density ratio. All derivatives are exact, except at the onset of yielding.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from compact.material.cap_plasticity import integrate_path
-from compact.numerics.jit import compiled
+from compact.numerics.jit import compiled, is_compiled
 
 SERIES_LIMIT = 1e-4  # [-], half the logarithm of the stretch ratio; below it atanh(z)/z is 1 + z^2/3 to rounding
 VALUES = 6  # [-], values of a point
@@ -26,6 +28,12 @@ INPUTS = 14  # [-], inputs of a point: values before, gradient before, gradient 
 Array = NDArray[np.float64]
 Gradient = tuple[float, float, float, float]
 Values = tuple[float, float, float, float, float, float]
+
+
+def announce_compilation(report: Callable[[str], None] | None) -> None:
+    """Report, by a function of a line of text, that the kernels are not compiled yet."""
+    if report is not None and not is_compiled(integrate_elements):
+        report("compiling the kernels of `compaction`, once, some 10 s")
 
 
 @compiled
@@ -382,3 +390,21 @@ def add_to_band(stiffness: Array, numbers: NDArray[np.int64], width: int, band: 
                 column = numbers[element, j]
                 if column >= 0:
                     band[column, 2 * width + row - column] += stiffness[element, i, j]
+
+
+@compiled
+def multiply_elements(stiffness: Array, numbers: NDArray[np.int64], vector: Array) -> Array:
+    """Multiply the sum of element matrices by a vector, both as of `add_to_band`."""
+    product = np.zeros_like(vector)
+    for element in range(len(stiffness)):
+        for i in range(numbers.shape[1]):
+            row = numbers[element, i]
+            if row < 0:
+                continue
+            total = 0.0
+            for j in range(numbers.shape[1]):
+                column = numbers[element, j]
+                if column >= 0:
+                    total += stiffness[element, i, j] * vector[column]
+            product[row] += total
+    return product
