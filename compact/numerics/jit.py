@@ -21,7 +21,7 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
     The compiled function is cached on disk until a source file that it depends on changes.
     """
-    dispatcher = njit(error_model="numpy", cache=True, no_cfunc_wrapper=True)(function)
+    dispatcher = njit(error_model="numpy", cache=True)(function)
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)  # absent where numba does not cache
     if file:
         file._source_stamp = tuple(
