@@ -283,7 +283,7 @@ def _with_midpoints(values: Array) -> Array:
 
 
 def _levels(y: Array) -> tuple[NDArray[np.int64], Array]:
-    """Index of the height of each node, from below, and the heights."""
+    """Return the index of the height of each node, counted from below, and the heights."""
     order = np.argsort(y)
     steps = np.diff(y[order]) > HEIGHT_TOLERANCE * np.ptp(y)
     level = np.empty(len(y), dtype=int)

@@ -245,7 +245,7 @@ class ResistanceMap:
 
     @cached_property
     def _splines(self) -> PPoly:
-        """F, and M where it is known, over ln v."""
+        """Return splines of F, and of M where it is known, over ln v."""
         columns = [self.forces] if self.added_masses is None else [self.forces, self.added_masses]
         splines = [_monotone_spline(self.speeds, values) for values in columns]
         return PPoly(np.stack([spline.c for spline in splines], axis=-1), splines[0].x)

@@ -230,7 +230,7 @@ def _draw(rows, spreads, most=8):
     from compact.report.figures.ranking import ENGINE_STYLES, mark_offsets
 
     figure = Figure(figsize=(13.0, 4.8), layout="constrained")
-    panels = figure.subplots(1, len(SHOWN) + 1, width_ratios=[3] * len(SHOWN) + [2])
+    panels = figure.subplots(1, len(SHOWN) + 1, width_ratios=[3] * len(SHOWN) + [2.4])
     engines = [name for name in dict.fromkeys(row[0] for row in rows) if "," not in name]
     for ax, by in zip(panels, SHOWN, strict=False):
         values = {engine: _excess(rows, engine, by) for engine in engines}
@@ -253,12 +253,13 @@ def _draw(rows, spreads, most=8):
     figure.legend(*handles, loc="outside lower center", ncols=len(engines), frameon=False, fontsize=8, **legend)
     for row, (_, _, _, first, stays, tau, *_) in enumerate(spreads):
         panels[-1].barh(row, 100 * stays, color="0.8")
-        panels[-1].text(2, row, f"{first.split('/')[0]}, τ = {tau:.2f}", va="center", fontsize=8)
+        panels[-1].text(2, row, f"{first.split('/')[0]}, τ = {tau:.2f}", va="center", fontsize=7)
     labels = [f"{engine}, {drive} drive\n{by.replace('_', ' ')}" for engine, drive, by, *_ in spreads]
     panels[-1].set_yticks(range(len(labels)), labels, fontsize=8)
-    panels[-1].set(
-        xlabel="mixes of the prior with this first law [%]\nτ: Kendall's tau with the nominal ranking", xlim=(0, 100)
+    panels[-1].set_xlabel(
+        "mixes of the prior with this first law [%]\nτ: Kendall's tau to the nominal ranking", fontsize=9
     )
+    panels[-1].set_xlim(0, 100)
     panels[-1].invert_yaxis()
     return figure
 

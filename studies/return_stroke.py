@@ -7,9 +7,9 @@ edge of its initial indentation at the end. The layer is thinner than that of th
 nearly the same resistance.
 
 Limits: the resistance still increases at the reversal, because the bow wave requires a travel of three layer heights.
-After a stroke of 0.12 m it is 13 % below that of steady rolling, drawn for comparison, after 0.28 m 3 %. The
-oscillation is an artefact of the mesh with the period of one element: 1.3 % with 6 elements per contact length, half as
-much with 12. The mean over an element, drawn as a bold line, is 1.3 % higher with 12.
+After a stroke of 0.12 m it is a tenth below that of steady rolling, drawn for comparison. The oscillation is an
+artefact of the mesh with the period of one element: 1.3 % with 6 elements per contact length, half as much with 12. The
+mean over an element, drawn as a bold line, is 1.3 % higher with 12.
 """
 
 from pathlib import Path

@@ -83,7 +83,8 @@ class Engine:
     fields_module : str or None
         Module with the function `field_mesh`; None without fields inside the layer.
     derivative_module : str or None
-        Module with the function `expand_resistance`, the derivative of the resistance by the speed; None without.
+        Module with the function `expand_resistance`, the derivative of the resistance with respect to the speed; None
+        without.
     points_per_task : int
         Points of a sweep in one task, for about a tenth of a second of work.
     """

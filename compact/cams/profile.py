@@ -183,7 +183,7 @@ class Cam:
             )
 
     def derivative(self, angle: ArrayLike, order: int) -> Array:
-        """Return the derivative of rho by phi [m] at angles phi [rad] of any shape."""
+        """Return the derivative of rho with respect to phi [m] at angles phi [rad] of any shape."""
         require_finite(angle=angle)
         radians = self.cycle.period / (2 * np.pi)
         value = radians**order * self.cycle.derivative(self._time_after_break(angle), order)
@@ -330,7 +330,7 @@ class Cam:
         return np.where(np.abs(time - nearest) <= BREAK_OFFSET * period, nearest + BREAK_OFFSET * period, time)
 
     def _raised(self, x, slope, second):
-        """rho, rho', rho'' from the travel."""
+        """Return rho, rho', rho'' for the travel."""
         return x + (self.breadth - self.cycle.forward.stroke) / 2, slope, second
 
 

@@ -90,7 +90,7 @@ class SlidingSolution(NamedTuple):
 
     Parameters
     ----------
-    far_end : ndarray
+    driven_end : ndarray
         Coefficients of the far-end position y(u) [m].
     elongation : Signal
         e(u) [m].
@@ -102,7 +102,7 @@ class SlidingSolution(NamedTuple):
         Evaluations of R.
     """
 
-    far_end: Array
+    driven_end: Array
     elongation: signals.Signal
     remainder: Array
     converged: bool
@@ -119,9 +119,9 @@ def set_up_sliding(
     velocity: float,
     tolerance: float,
 ) -> SlidingProblem:
-    """Sliding problem of a state, with the far end at a position [m] and a velocity [m/s]."""
+    """Sliding problem of a state, with the driven end at a position [m] and a velocity [m/s]."""
     springs = spring_force(oscillator, state.flank, state.zone)
-    pull = springs.stiffness * state.elongation - springs.far_end_stiffness * position + springs.constant
+    pull = springs.stiffness * state.elongation - springs.driven_end_stiffness * position + springs.constant
     pull += oscillator.damping * (velocity - state.velocity)
     a = solve_acceleration(resistance, slip, state.velocity, oscillator.mass, pull)
     within = smooth_range(resistance, slip, state.velocity, a)
@@ -142,43 +142,43 @@ def limit_sliding_step(problem: SlidingProblem, h: float) -> float:
 
 
 @compiled
-def solve_sliding(problem: SlidingProblem, far_end: Array, h: float, counter: IntArray) -> SlidingSolution:
-    """Solve at most h [s] of sliding under far_end(u) by collocation.
+def solve_sliding(problem: SlidingProblem, driven_end: Array, h: float, counter: IntArray) -> SlidingSolution:
+    """Solve at most h [s] of sliding under driven_end(u) by collocation.
 
     The interval is shortened to a little beyond the exit from the smooth range where the exit affects the resistance.
     """
-    force = _linear_force(problem, far_end, h)
-    elongation = _respond(problem, force, far_end, h)
-    fraction = _range_exit_fraction(problem, signals.cart_velocity(elongation, far_end), counter)
+    force = _linear_force(problem, driven_end, h)
+    elongation = _respond(problem, force, driven_end, h)
+    fraction = _range_exit_fraction(problem, signals.cart_velocity(elongation, driven_end), counter)
     if fraction < 1:
-        far_end, h = signals.substitute(far_end, 0.0, fraction), h * fraction
-        force = _linear_force(problem, far_end, h)
-        elongation = _respond(problem, force, far_end, h)
-    remainder, previous = np.zeros(len(far_end)), np.zeros(POINTS)
+        driven_end, h = signals.substitute(driven_end, 0.0, fraction), h * fraction
+        force = _linear_force(problem, driven_end, h)
+        elongation = _respond(problem, force, driven_end, h)
+    remainder, previous = np.zeros(len(driven_end)), np.zeros(POINTS)
     for iteration in range(COLLOCATION_ITERATIONS):
-        velocity = signals.cart_velocity(elongation, far_end)
+        velocity = signals.cart_velocity(elongation, driven_end)
         values = _remainder(problem, velocity, NODES, problem.linear.smooth_range)[1]
         change = np.abs(values - previous).max()
         if not change < np.inf:
-            return SlidingSolution(far_end, elongation, remainder, False, (iteration + 1) * POINTS)
+            return SlidingSolution(driven_end, elongation, remainder, False, (iteration + 1) * POINTS)
         previous, remainder[:POINTS] = values, TO_COEFFICIENTS @ values
-        elongation = _respond(problem, force + remainder, far_end, h)
+        elongation = _respond(problem, force + remainder, driven_end, h)
         if change <= problem.tolerance / 10:  # the remaining error falls by the same factor
-            return SlidingSolution(far_end, elongation, remainder, True, (iteration + 1) * POINTS)
-    return SlidingSolution(far_end, elongation, remainder, False, COLLOCATION_ITERATIONS * POINTS)
+            return SlidingSolution(driven_end, elongation, remainder, True, (iteration + 1) * POINTS)
+    return SlidingSolution(driven_end, elongation, remainder, False, COLLOCATION_ITERATIONS * POINTS)
 
 
 @compiled
-def _linear_force(problem, far_end, h):
+def _linear_force(problem, driven_end, h):
     """Force f(u) [N] on the oscillator of a sliding cart, without r."""
     oscillator, state, linear = problem.oscillator, problem.state, problem.linear
-    springs, n = spring_force(oscillator, state.flank, state.zone), len(far_end)
-    mass, force = oscillator.mass + linear.added_mass, springs.far_end_stiffness * far_end
+    springs, n = spring_force(oscillator, state.flank, state.zone), len(driven_end)
+    mass, force = oscillator.mass + linear.added_mass, springs.driven_end_stiffness * driven_end
     for j in range(n):
         if j + 2 < n:
-            force[j] += mass / h**2 * (j + 1) * (j + 2) * far_end[j + 2]
+            force[j] += mass / h**2 * (j + 1) * (j + 2) * driven_end[j + 2]
         if j + 1 < n:
-            force[j] += linear.damping / h * (j + 1) * far_end[j + 1]
+            force[j] += linear.damping / h * (j + 1) * driven_end[j + 1]
     force[0] += (
         linear.force - springs.constant - linear.damping * linear.velocity - linear.added_mass * linear.acceleration
     )
@@ -186,13 +186,13 @@ def _linear_force(problem, far_end, h):
 
 
 @compiled
-def _respond(problem, force, far_end, h):
+def _respond(problem, force, driven_end, h):
     """Elongation under f(u) as a `Signal`."""
     oscillator, state, linear = problem.oscillator, problem.state, problem.linear
     mass, damping = oscillator.mass + linear.added_mass, oscillator.damping + linear.damping
     stiffness = spring_force(oscillator, state.flank, state.zone).stiffness
     return signals.solve_oscillator(
-        mass, damping, stiffness, force, state.elongation, far_end[1] / h - state.velocity, h
+        mass, damping, stiffness, force, state.elongation, driven_end[1] / h - state.velocity, h
     )
 
 

@@ -2,13 +2,13 @@
 
     m x'' = k (e - o) + c e' + S(x) - R(x', x''),   e = y(t) - x
 
-y(t) is the imposed motion of the far end, e the elongation, o the engaged half of the backlash, S the force of the end
-springs. R jumps at speed 0 and is set-valued there: a cart at rest stays at rest while the pull lies between R(0-) and
-R(0+).
+y(t) is the imposed motion of the driven end, e the elongation, o the engaged half of the backlash, S the force of the
+end springs. R is discontinuous at speed 0 and set-valued there: a cart remains at rest while the sum of the other
+forces lies between R(0-) and R(0+).
 
 The solution consists of intervals between events. In an interval of sliding the equation is a linear oscillator under
 a polynomial force (`collocation`) with a closed-form solution (`oscillator`). The length of an interval depends on the
-motion of the far end, the sign of the speed and the smoothness of R, but not on the stiffness. Under dry friction it
+motion of the driven end, the sign of the speed and the smoothness of R, but not on the stiffness. Under dry friction it
 can cover a whole polynomial piece of y.
 
 Events are a speed of zero, a kink of R, breakaway from rest, the opening or closing of the backlash and the contact
@@ -52,7 +52,7 @@ class Intervals(NamedTuple):
     ----------
     start, scale, duration : ndarray, shape (n,)
         Start, time over which u increases by 1 and duration [s], duration <= scale.
-    far_end : ndarray, shape (n, degree + 1)
+    driven_end : ndarray, shape (n, degree + 1)
         Coefficients of the far-end position y(u) [m].
     elongation : ndarray, shape (n, SERIES_TERMS)
         Polynomial part of the elongation e(u) [m].
@@ -67,7 +67,7 @@ class Intervals(NamedTuple):
     start: Array
     scale: Array
     duration: Array
-    far_end: Array
+    driven_end: Array
     elongation: Array
     oscillation: Array
     slip: IntArray
@@ -93,7 +93,7 @@ class TrialInterval(NamedTuple):
         Step of the next attempt [s].
     slip : int
         Direction of the motion, 0 at rest.
-    far_end : ndarray
+    driven_end : ndarray
         Coefficients of y(u) [m].
     elongation : Signal
         e(u) [m].
@@ -110,7 +110,7 @@ class TrialInterval(NamedTuple):
     accepted: bool
     next_step: float
     slip: int
-    far_end: Array
+    driven_end: Array
     elongation: signals.Signal
     end: float
     event: int
@@ -142,7 +142,7 @@ FLANK, ZONE, PIECE, LAST_EVENT, ATTEMPTS, INTERVAL, EVALUATIONS = range(7)  # in
 
 def integrate(
     oscillator: elements.OscillatorParameters,
-    far_end: PiecewisePolynomial,
+    driven_end: PiecewisePolynomial,
     resistance: elements.ResistanceTable,
     state: elements.CartState,
     tolerance: float,
@@ -152,7 +152,7 @@ def integrate(
 
     Parameters
     ----------
-    far_end : PiecewisePolynomial
+    driven_end : PiecewisePolynomial
         Position y [m] over time [s], smooth within each piece.
     tolerance : float
         Largest defect of the resistance [N].
@@ -165,9 +165,9 @@ def integrate(
     state = elements.CartState(float(state.elongation), float(state.velocity), int(state.flank), int(state.zone))
     progress, status = initial_progress(state), PAUSED
     while status == PAUSED:  # Python handles interrupts between two calls
-        status = advance(oscillator, far_end, resistance, progress, tolerance, intervals, WORK_SLICE)
+        status = advance(oscillator, driven_end, resistance, progress, tolerance, intervals, WORK_SLICE)
     counts = progress.counts
-    time = float(current_time(far_end, progress))
+    time = float(current_time(driven_end, progress))
     return status, int(counts[INTERVAL]), int(counts[EVALUATIONS]), current_state(progress), time
 
 
@@ -186,18 +186,18 @@ def current_state(progress: IntegrationProgress) -> elements.CartState:
 
 
 @compiled
-def current_time(far_end: PiecewisePolynomial, progress: IntegrationProgress) -> float:
+def current_time(driven_end: PiecewisePolynomial, progress: IntegrationProgress) -> float:
     """Time [s] of an integration."""
     i = progress.counts[PIECE]
-    if i == len(far_end.coefficients):
-        return far_end.breaks[-1]
-    return far_end.breaks[i] + progress.reals[FRACTION] * (far_end.breaks[i + 1] - far_end.breaks[i])
+    if i == len(driven_end.coefficients):
+        return driven_end.breaks[-1]
+    return driven_end.breaks[i] + progress.reals[FRACTION] * (driven_end.breaks[i + 1] - driven_end.breaks[i])
 
 
 @compiled
 def advance(
     oscillator: elements.OscillatorParameters,
-    far_end: PiecewisePolynomial,
+    driven_end: PiecewisePolynomial,
     resistance: elements.ResistanceTable,
     progress: IntegrationProgress,
     tolerance: float,
@@ -211,7 +211,7 @@ def advance(
     """
     reals, counts, counter = progress
     work = 0
-    while counts[PIECE] < len(far_end.coefficients):
+    while counts[PIECE] < len(driven_end.coefficients):
         if not reals[FRACTION] < 1:
             counts[PIECE], reals[FRACTION], counts[LAST_EVENT] = counts[PIECE] + 1, 0.0, NO_EVENT
             continue
@@ -220,11 +220,11 @@ def advance(
         counts[ATTEMPTS] += 1
         if counts[INTERVAL] == len(intervals.start):
             return TOO_MANY_INTERVALS
-        width = far_end.breaks[counts[PIECE] + 1] - far_end.breaks[counts[PIECE]]
+        width = driven_end.breaks[counts[PIECE] + 1] - driven_end.breaks[counts[PIECE]]
         if reals[STEP] < MIN_STEP * width or counts[ATTEMPTS] > MAX_ATTEMPTS:
             return STEP_TOO_SHORT
         counter[signals.RANGES] = 0
-        trial = _attempt_interval(oscillator, far_end, resistance, progress, tolerance)
+        trial = _attempt_interval(oscillator, driven_end, resistance, progress, tolerance)
         counts[EVALUATIONS] += trial.evaluations
         work += 1 + trial.evaluations + counter[signals.RANGES]
         if counter[signals.EXHAUSTED] == 1:
@@ -234,16 +234,16 @@ def advance(
         table = resistance.forward if trial.slip > 0 else resistance.backward
         if trial.slip != 0 and trial.max_speed > table.breaks[-1]:
             return SPEED_BEYOND_TABLE
-        _accept_interval(oscillator, far_end, resistance, progress, trial, intervals)
+        _accept_interval(oscillator, driven_end, resistance, progress, trial, intervals)
     return DONE
 
 
 @compiled
-def _attempt_interval(oscillator, far_end, resistance, progress, tolerance):
+def _attempt_interval(oscillator, driven_end, resistance, progress, tolerance):
     """Attempt the next interval; the step is updated after sliding."""
     reals, counts, counter = progress
     i, fraction = counts[PIECE], reals[FRACTION]
-    width, piece = far_end.breaks[i + 1] - far_end.breaks[i], far_end.coefficients[i]
+    width, piece = driven_end.breaks[i + 1] - driven_end.breaks[i], driven_end.coefficients[i]
     remaining, state = (1 - fraction) * width, current_state(progress)
     shifted = signals.substitute(piece, fraction, 1.0)
     position, velocity = shifted[0], shifted[1] / width
@@ -260,7 +260,7 @@ def _attempt_interval(oscillator, far_end, resistance, progress, tolerance):
 
 @compiled
 def _slip_direction(oscillator, resistance, state, position, velocity, last_event):
-    """Direction of the interval after an event, with the far end at a position [m] and a velocity [m/s]."""
+    """Direction of the interval after an event, with the driven end at a position [m] and a velocity [m/s]."""
     if state.velocity != 0:
         return 1 if state.velocity > 0 else -1
     if last_event in (BREAKAWAY_FORWARD, BREAKAWAY_BACKWARD):
@@ -268,30 +268,32 @@ def _slip_direction(oscillator, resistance, state, position, velocity, last_even
     if last_event == STUCK:
         return 0
     springs = elements.spring_force(oscillator, state.flank, state.zone)
-    pull = springs.stiffness * state.elongation - springs.far_end_stiffness * position + springs.constant
+    pull = springs.stiffness * state.elongation - springs.driven_end_stiffness * position + springs.constant
     return elements.breakaway_direction(oscillator, resistance, state.zone, pull + oscillator.damping * velocity)
 
 
 @compiled
-def _stick(oscillator, resistance, state, far_end, h, counter):
-    """Interval of at most h [s] of a cart at rest under far_end(u)."""
-    polynomial = far_end.copy()
+def _stick(oscillator, resistance, state, driven_end, h, counter):
+    """Interval of at most h [s] of a cart at rest under driven_end(u)."""
+    polynomial = driven_end.copy()
     polynomial[0] = state.elongation
     elongation = signals.Signal(polynomial, 0.0, 0.0, 0.0, 0.0, h)
-    end, event = _breakaway(oscillator, resistance, state, far_end, elongation, counter)
-    end, event = _flank_event(oscillator, state, far_end, elongation, end, event, counter)
-    return TrialInterval(True, np.inf, 0, far_end, elongation, end, event, 0, 0.0)
+    end, event = _breakaway(oscillator, resistance, state, driven_end, elongation, counter)
+    end, event = _flank_event(oscillator, state, driven_end, elongation, end, event, counter)
+    return TrialInterval(True, np.inf, 0, driven_end, elongation, end, event, 0, 0.0)
 
 
 @compiled
-def _slide(problem, far_end, h, counter):
-    """Interval of at most h [s] of a sliding cart under far_end(u)."""
-    far_end, elongation, remainder, converged, evaluations = collocation.solve_sliding(problem, far_end, h, counter)
+def _slide(problem, driven_end, h, counter):
+    """Interval of at most h [s] of a sliding cart under driven_end(u)."""
+    driven_end, elongation, remainder, converged, evaluations = collocation.solve_sliding(
+        problem, driven_end, h, counter
+    )
     scale, tolerance = elongation.scale, problem.tolerance
     if not converged:
-        return TrialInterval(False, scale / 2, problem.slip, far_end, elongation, 0.0, NO_EVENT, evaluations, 0.0)
-    end, event = _sliding_event(problem, far_end, elongation, counter)
-    velocity = signals.cart_velocity(elongation, far_end)
+        return TrialInterval(False, scale / 2, problem.slip, driven_end, elongation, 0.0, NO_EVENT, evaluations, 0.0)
+    end, event = _sliding_event(problem, driven_end, elongation, counter)
+    velocity = signals.cart_velocity(elongation, driven_end)
     defect, max_speed = collocation.evaluate_defect(problem, velocity, remainder, end)
     evaluations += collocation.DEFECT_POINTS
     exit_place = collocation.range_exit(problem, velocity, counter) if defect > tolerance else 2.0
@@ -311,31 +313,31 @@ def _slide(problem, far_end, h, counter):
             ratio, abs(signals.evaluate(velocity, 0.0)), abs(signals.evaluate(velocity, end))
         )
     return TrialInterval(
-        defect <= tolerance, step, problem.slip, far_end, elongation, end, event, evaluations, max_speed
+        defect <= tolerance, step, problem.slip, driven_end, elongation, end, event, evaluations, max_speed
     )
 
 
 @compiled
-def _sliding_event(problem, far_end, elongation, counter):
+def _sliding_event(problem, driven_end, elongation, counter):
     """First event (u, event) of sliding; (1, NO_EVENT) without one."""
     oscillator, state = problem.oscillator, problem.state
-    speed = signals.combine(elongation, far_end, 0.0, -problem.slip, 0.0, problem.slip)
+    speed = signals.combine(elongation, driven_end, 0.0, -problem.slip, 0.0, problem.slip)
     end, event = _earlier_event(1.0, NO_EVENT, speed, STOPPED, counter)
     if oscillator.end_springs.length > 0:
-        end, event = _end_spring_event(oscillator, state, far_end, elongation, end, event, counter)
-    return _flank_event(oscillator, state, far_end, elongation, end, event, counter)
+        end, event = _end_spring_event(oscillator, state, driven_end, elongation, end, event, counter)
+    return _flank_event(oscillator, state, driven_end, elongation, end, event, counter)
 
 
 @compiled
-def _breakaway(oscillator, resistance, state, far_end, elongation, counter):
+def _breakaway(oscillator, resistance, state, driven_end, elongation, counter):
     """First breakaway (u, event) of a cart at rest; (1, NO_EVENT) without one."""
     end, event = 1.0, NO_EVENT
     springs = elements.spring_force(oscillator, state.flank, state.zone)
     highest, lowest = elements.stiction_limits(oscillator, resistance, state.zone)
     for sign, limit, candidate in ((1, highest, BREAKAWAY_FORWARD), (-1, lowest, BREAKAWAY_BACKWARD)):
         margin = signals.combine(
-            elongation, far_end, -sign * springs.stiffness, -sign * oscillator.damping,
-            sign * springs.far_end_stiffness, 0.0,
+            elongation, driven_end, -sign * springs.stiffness, -sign * oscillator.damping,
+            sign * springs.driven_end_stiffness, 0.0,
         )  # fmt: skip
         margin.polynomial[0] += sign * (limit - springs.constant)
         end, event = _earlier_event(end, event, margin, candidate, counter)
@@ -343,14 +345,14 @@ def _breakaway(oscillator, resistance, state, far_end, elongation, counter):
 
 
 @compiled
-def _flank_event(oscillator, state, far_end, elongation, end, event, counter):
+def _flank_event(oscillator, state, driven_end, elongation, end, event, counter):
     """First opening or closing of the backlash, or the given event before it."""
     if oscillator.backlash > 0:
         for flank, closing in ((1, FRONT_FLANK_CLOSED), (-1, REAR_FLANK_CLOSED)):
             if state.flank == -flank:
                 continue
             sign = 1.0 if state.flank == flank else -1.0
-            play = signals.combine(elongation, far_end, sign * flank, 0.0, 0.0, 0.0)
+            play = signals.combine(elongation, driven_end, sign * flank, 0.0, 0.0, 0.0)
             play.polynomial[0] -= sign * oscillator.backlash / 2
             candidate = FLANK_OPENED if state.flank == flank else closing
             end, event = _earlier_event(end, event, play, candidate, counter)
@@ -358,7 +360,7 @@ def _flank_event(oscillator, state, far_end, elongation, end, event, counter):
 
 
 @compiled
-def _end_spring_event(oscillator, state, far_end, elongation, end, event, counter):
+def _end_spring_event(oscillator, state, driven_end, elongation, end, event, counter):
     """First contact with an end spring or its loss, or the given event before it."""
     ends, zone = oscillator.end_springs, state.zone
     for spring, plate, reached in (
@@ -368,7 +370,7 @@ def _end_spring_event(oscillator, state, far_end, elongation, end, event, counte
         if zone == -spring:
             continue
         sign = -spring if zone == spring else spring
-        gap = signals.combine(elongation, far_end, -sign, 0.0, sign, 0.0)
+        gap = signals.combine(elongation, driven_end, -sign, 0.0, sign, 0.0)
         gap.polynomial[0] -= sign * plate
         candidate = END_SPRING_LEFT if zone == spring else reached
         end, event = _earlier_event(end, event, gap, candidate, counter)
@@ -383,16 +385,20 @@ def _earlier_event(end, event, signal, candidate, counter):
 
 
 @compiled
-def _accept_interval(oscillator, far_end, resistance, progress, trial, intervals):
+def _accept_interval(oscillator, driven_end, resistance, progress, trial, intervals):
     """Store an interval and move on to its end; repeat a doubtful breakaway over a shorter one instead."""
     reals, counts, _ = progress
     i, fraction, n = counts[PIECE], reals[FRACTION], counts[INTERVAL]
-    width, scale, state = far_end.breaks[i + 1] - far_end.breaks[i], trial.elongation.scale, current_state(progress)
+    width, scale, state = (
+        driven_end.breaks[i + 1] - driven_end.breaks[i],
+        trial.elongation.scale,
+        current_state(progress),
+    )
     stuck = state.velocity == 0 and trial.event == STOPPED and trial.end * scale < MIN_STEP * width
     if stuck and scale > STICK_STEP * width:  # rounding is smaller over a shorter interval
         reals[STEP] = scale / 8
         return
-    _store(intervals, n, far_end.breaks[i] + fraction * width, trial, state)
+    _store(intervals, n, driven_end.breaks[i] + fraction * width, trial, state)
     counts[INTERVAL] += 1
     counts[ATTEMPTS], counts[LAST_EVENT] = 0, STUCK if stuck else trial.event
     if stuck:
@@ -409,7 +415,7 @@ def _store(intervals, n, start, trial, state):
     """Store an interval in row n."""
     signal = trial.elongation
     intervals.start[n], intervals.scale[n], intervals.duration[n] = start, signal.scale, trial.end * signal.scale
-    intervals.far_end[n], intervals.elongation[n] = trial.far_end, 0.0
+    intervals.driven_end[n], intervals.elongation[n] = trial.driven_end, 0.0
     intervals.elongation[n, : len(signal.polynomial)] = signal.polynomial
     intervals.oscillation[n, 0], intervals.oscillation[n, 1] = signal.cosine, signal.sine
     intervals.oscillation[n, 2], intervals.oscillation[n, 3] = signal.decay, signal.discriminant
@@ -421,7 +427,7 @@ def _state_after(oscillator, resistance, state, trial):
     """State at the end of an interval."""
     elongation, velocity, flank, zone = signals.evaluate(trial.elongation, trial.end), 0.0, state.flank, state.zone
     if trial.slip != 0 and trial.event != STOPPED:
-        velocity = signals.evaluate(signals.cart_velocity(trial.elongation, trial.far_end), trial.end)
+        velocity = signals.evaluate(signals.cart_velocity(trial.elongation, trial.driven_end), trial.end)
     if trial.event == FLANK_OPENED:
         flank = 0
     elif trial.event in (FRONT_FLANK_CLOSED, REAR_FLANK_CLOSED):
@@ -448,9 +454,9 @@ def _state_at_plate(oscillator, resistance, state, trial):
     )
     if abs(velocity) <= PLATE_REST_SPEED * resistance.forward.breaks[-1]:
         springs = elements.spring_force(oscillator, flank, plate)
-        far_end = signals.Signal(trial.far_end, 0.0, 0.0, 0.0, 0.0, 1.0)
-        far_end_velocity = signals.evaluate(signals.differentiate(far_end), trial.end) / trial.elongation.scale
-        pull = springs.stiffness * elongation + springs.constant + oscillator.damping * far_end_velocity
+        driven_end = signals.Signal(trial.driven_end, 0.0, 0.0, 0.0, 0.0, 1.0)
+        driven_end_velocity = signals.evaluate(signals.differentiate(driven_end), trial.end) / trial.elongation.scale
+        pull = springs.stiffness * elongation + springs.constant + oscillator.damping * driven_end_velocity
         if elements.breakaway_direction(oscillator, resistance, plate, pull) == 0:
             return elements.CartState(elongation, 0.0, flank, plate)
     reached = elements.NEAR_SPRING if trial.event == NEAR_SPRING_REACHED else elements.FAR_SPRING
@@ -480,14 +486,14 @@ def _search_peaks(oscillator, intervals, peaks, row, counter, max_work):
         if work >= max_work:
             return PAUSED
         stiffness, offset = elements.engaged_spring(oscillator, intervals.flank[i])
-        far_end, scale, free = intervals.far_end[i], intervals.scale[i], intervals.oscillation[i]
+        driven_end, scale, free = intervals.driven_end[i], intervals.scale[i], intervals.oscillation[i]
         elongation = signals.Signal(intervals.elongation[i], free[0], free[1], free[2], free[3], scale)
-        force = signals.combine(elongation, far_end, stiffness, damping, 0.0, 0.0)
+        force = signals.combine(elongation, driven_end, stiffness, damping, 0.0, 0.0)
         force.polynomial[0] -= stiffness * offset
         zero = signals.Signal(np.zeros(signals.SERIES_TERMS), 0.0, 0.0, 0.0, 0.0, scale)
         one, velocity = (
-            signals.combine(zero, far_end, 0.0, 0.0, 0.0, 0.0),
-            signals.combine(zero, far_end, 0.0, 0.0, 0.0, 1.0),
+            signals.combine(zero, driven_end, 0.0, 0.0, 0.0, 0.0),
+            signals.combine(zero, driven_end, 0.0, 0.0, 0.0, 1.0),
         )
         one.polynomial[0] = 1.0
         end = intervals.duration[i] / scale

@@ -12,8 +12,8 @@ Drive and end springs pull the cart by
     H + S = k (e - o) + c e' + S(x),   e = y - x
     S = P + p (l - x) for x < l,   -(P + p (x - h + l)) for x > h - l,   0 between
 
-with the far end y, the cart x, the elongation e and the engaged half o of the backlash. The preload P makes S jump at
-the plate of an end spring; a cart at rest there is held by any force from 0 to P.
+with the driven end y, the cart x, the elongation e and the engaged half o of the backlash. Because of the preload P, S
+is discontinuous at the plate of an end spring; a cart at rest there is held by any force from 0 to P.
 
 All functions are compiled. Arrays and records are passed without checks.
 """
@@ -126,7 +126,7 @@ def evaluate_table(table: PiecewisePolynomial, speed: float, within: SmoothRange
 
 @compiled
 def steady_force(resistance: ResistanceTable, slip: int, velocity: float) -> float:
-    """F [N] at a velocity [m/s], as the limit from the side of the slip."""
+    """Return F [N] at a velocity [m/s], as the limit from the side of the slip."""
     return evaluate_table(resistance.forward if slip > 0 else resistance.backward, slip * velocity, FULL_RANGE)[0]
 
 
@@ -140,7 +140,7 @@ def differentiate_resistance(
     acceleration: float,
     within: SmoothRange,
 ) -> tuple[float, float, float]:
-    """R [N], dR/dv [N s/m] and dR/da [kg], continued beyond a smooth range; table is F for the slip."""
+    """Return R [N], dR/dv [N s/m] and dR/da [kg], continued beyond a smooth range; table is F for the slip."""
     speed = slip * velocity
     force, slope = evaluate_table(table, speed, within)
     if rate_limit == 0:
@@ -218,10 +218,10 @@ class CartState(NamedTuple):
 
 
 class SpringForce(NamedTuple):
-    """Force of drive and end springs [N]: stiffness e - far_end_stiffness y + constant."""
+    """Force of drive and end springs [N]: stiffness e - driven_end_stiffness y + constant."""
 
     stiffness: float
-    far_end_stiffness: float
+    driven_end_stiffness: float
     constant: float
 
 

@@ -114,22 +114,22 @@ def differentiate(signal: Signal) -> Signal:
 
 
 @compiled
-def combine(elongation: Signal, far_end: Array, a: float, b: float, c: float, d: float) -> Signal:
+def combine(elongation: Signal, driven_end: Array, a: float, b: float, c: float, d: float) -> Signal:
     """Return a e + b de/dt + c y + d dy/dt for the signal e and the polynomial y(u) of one interval."""
     rate, h = differentiate(elongation), elongation.scale
     polynomial = a * elongation.polynomial + b / h * rate.polynomial
-    for j in range(len(far_end)):
-        polynomial[j] += c * far_end[j]
+    for j in range(len(driven_end)):
+        polynomial[j] += c * driven_end[j]
         if j > 0:
-            polynomial[j - 1] += d / h * j * far_end[j]
+            polynomial[j - 1] += d / h * j * driven_end[j]
     cosine, sine = a * elongation.cosine + b / h * rate.cosine, a * elongation.sine + b / h * rate.sine
     return Signal(polynomial, cosine, sine, elongation.decay, elongation.discriminant, h)
 
 
 @compiled
-def cart_velocity(elongation: Signal, far_end: Array) -> Signal:
+def cart_velocity(elongation: Signal, driven_end: Array) -> Signal:
     """Return the velocity of the cart, y' - e' [m/s], as a signal."""
-    return combine(elongation, far_end, 0.0, -1.0, 0.0, 1.0)
+    return combine(elongation, driven_end, 0.0, -1.0, 0.0, 1.0)
 
 
 @compiled
@@ -281,7 +281,7 @@ def _short_downcrossing(signal, rate, low, high, zero):
 
 @compiled
 def max_abs_product(one: Signal, two: Signal, until: float, counter: IntArray) -> float:
-    """Largest |q1 q2| for 0 <= u <= until; a lower bound of it after an exhausted search."""
+    """Compute the largest |q1 q2| for 0 <= u <= until; a lower bound if the search exceeds its limit."""
     best = 0.0
     for i in range(ZOOM_CELLS + 1):
         best = max(best, abs(evaluate(one, until * i / ZOOM_CELLS) * evaluate(two, until * i / ZOOM_CELLS)))

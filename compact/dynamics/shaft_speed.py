@@ -152,7 +152,7 @@ def solve_shaft_speed(
 
 
 def _solve_elements(residual, angle, width, energy, periodic):
-    """E at the nodes by Newton's method, and the number of iterations."""
+    """Solve for E at the nodes by Newton's method; return E and the number of iterations."""
     for iteration in range(1, NEWTON_ITERATIONS + 1):
         change = _newton_step(residual, angle, width, energy, periodic)
         limits = (1 - MIN_ENERGY_RATIO) * energy / np.maximum(-change, 1e-300)

@@ -97,9 +97,9 @@ class Trajectory:
         rate = rate + (sine - decay * cosine) * g0 + (discriminant * cosine - decay * sine) * g1
         return elongation, rate
 
-    def far_end(self, i: IntArray, u: Array, order: int = 0) -> Array:
-        """Position y of the far end [m], or its derivative with respect to time of the given order."""
-        polynomial = self.intervals.far_end[i]
+    def driven_end(self, i: IntArray, u: Array, order: int = 0) -> Array:
+        """Position y of the driven end [m], or its derivative with respect to time of the given order."""
+        polynomial = self.intervals.driven_end[i]
         for _ in range(order):
             polynomial = _derivative(polynomial)
         return horner(polynomial, u) / self.intervals.scale[i] ** order
@@ -117,7 +117,7 @@ class Trajectory:
     def end_spring_force(self, i: IntArray, u: Array) -> Array:
         """Force S of the end springs [N]; at the plate of one the force that holds the cart at rest."""
         ends, zone = self.oscillator.end_springs, self.intervals.zone[i]
-        position = self.far_end(i, u) - self.elongation(i, u)[0]
+        position = self.driven_end(i, u) - self.elongation(i, u)[0]
         sign = np.sign(zone)
         compression = ends.length - np.where(sign > 0, position, ends.stroke - position)
         holding = np.clip(-sign * self.drive_force(i, u), 0.0, ends.preload)
@@ -128,7 +128,7 @@ class Trajectory:
         """Motion of the cart and the force that resists it."""
         elongation, rate = self.elongation(i, u)
         slip, pull = self.intervals.slip[i], self.drive_force(i, u) + self.end_spring_force(i, u)
-        velocity: Array = np.where(slip != 0, self.far_end(i, u, 1) - rate, 0.0)
+        velocity: Array = np.where(slip != 0, self.driven_end(i, u, 1) - rate, 0.0)
         force, slope, added_mass, mass_slope = self._resistance_terms(slip, velocity)
         mass, rate_limit = self.oscillator.mass, self.resistance.rate_limit
         limit = np.full(np.shape(velocity), np.inf) if rate_limit == np.inf else rate_limit * (slip * velocity)
@@ -143,12 +143,12 @@ class Trajectory:
         pull_rate = self._pull_rate(i, u, rate, velocity, acceleration)
         moving_mass = mass + np.where(follows, added_mass, 0.0)
         jerk = np.where(slip != 0, (pull_rate - slope * acceleration) / moving_mass, 0.0)
-        return Kinematics(self.far_end(i, u) - elongation, velocity, acceleration, jerk, resisting)
+        return Kinematics(self.driven_end(i, u) - elongation, velocity, acceleration, jerk, resisting)
 
     def _pull_rate(self, i, u, rate, velocity, acceleration):
         """Rate of the force of drive and end springs [N/s]."""
         stiffness = np.where(self.intervals.flank[i] != 0, self.oscillator.stiffness, 0.0)
-        pull_rate = stiffness * rate + self.oscillator.damping * (self.far_end(i, u, 2) - acceleration)
+        pull_rate = stiffness * rate + self.oscillator.damping * (self.driven_end(i, u, 2) - acceleration)
         compressed = np.abs(self.intervals.zone[i]) == NEAR_SPRING
         return pull_rate - np.where(compressed, self.oscillator.end_springs.stiffness, 0.0) * velocity
 
@@ -163,10 +163,10 @@ class Trajectory:
         added_mass = self.resistance.added_mass
         return force, slip * slope, added_mass(speed), _table_slope(added_mass, speed)
 
-    def energy(self, state: CartState, far_end: float = 0.0) -> float:
-        """Energy of cart and springs [J] in a state, with the far end at a position [m]."""
+    def energy(self, state: CartState, driven_end: float = 0.0) -> float:
+        """Energy of cart and springs [J] in a state, with the driven end at a position [m]."""
         ends, flank = self.oscillator.end_springs, state.flank
-        force, position = float(self._flank_force(flank, state.elongation)), far_end - state.elongation
+        force, position = float(self._flank_force(flank, state.elongation)), driven_end - state.elongation
         compression = max(ends.length - min(position, ends.stroke - position), 0.0) if ends.length else 0.0
         stored = ends.preload * compression + ends.stiffness / 2 * compression**2
         kinetic = self.oscillator.mass / 2 * state.velocity**2

@@ -289,5 +289,5 @@ def _reaction_coefficients(cart, resistance, direction, tangent):
 
 
 def _distribute(total, moment, front, rear):
-    """N1 and N2 with N1 + N2 = total and N1 x1 + N2 x2 = moment."""
+    """Return N1 and N2 with N1 + N2 = total and N1 x1 + N2 x2 = moment."""
     return (moment - rear * total) / (front - rear), (front * total - moment) / (front - rear)

@@ -155,7 +155,7 @@ class CrankshaftRevolution:
 
     @cached_property
     def peak_torque(self) -> float:
-        """Largest |torque| of the shaft [N m], between the samples too."""
+        """Return the largest |torque| of the shaft [N m], also between samples."""
         grid = interior_grid(self.shaft.dead_centres())
         return find_maximum(lambda angle: np.abs(sum(cart.torque for cart in self.shaft.carts_at(angle))), grid)[0]
 

@@ -157,13 +157,13 @@ class PeriodicProblem:
             )
 
     def _added_mass(self, speed):
-        """M [kg] at speeds > 0, constant below the slowest sample."""
+        """Return the added mass M [kg] at speeds > 0, constant below the slowest sample."""
         speed = np.maximum(speed, min(self.sampled_speeds, default=0.0))
         acceleration = np.minimum(self.acceleration_scale, self.rate_limit * speed) / 2
         return (self.total(speed, acceleration) - self.total(speed)) / acceleration
 
     def _tabulate_added_mass(self, breaks):
-        """M over |v|."""
+        """Tabulate the added mass M over |v|."""
         masses = fit_piecewise(self._added_mass, breaks, self._table_tolerance / self.acceleration_scale)
         least = min(masses.coefficients[:, 0].min(), float(masses(masses.breaks[-1])))
         if self.oscillator.mass + least <= 0:
@@ -176,7 +176,7 @@ class PeriodicProblem:
         return PiecewisePolynomial(np.append(0.0, masses.breaks), np.concatenate([constant, masses.coefficients]))
 
     def _tabulate_force(self, sign, breaks):
-        """F over |v| in one direction."""
+        """Tabulate the resistance F over |v| in one direction."""
         try:
             table = fit_piecewise(lambda v: self.total(sign * v), breaks, self._table_tolerance)
         except ValueError as error:
@@ -359,7 +359,7 @@ def _shifted(state: elements.CartState, by: Array) -> elements.CartState:
 
 
 def _polynomial_law(cycle: Cycle) -> PiecewisePolynomial:
-    """Position of the far end over a cycle as polynomials in time, integrated twice from the acceleration."""
+    """Position of the driven end over a cycle as polynomials in time, integrated twice from the acceleration."""
     breaks, rows = [], []
     for leg in cycle.legs():
 

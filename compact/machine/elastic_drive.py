@@ -2,8 +2,8 @@
 
     m x'' = H - W(x', x'') - guide friction + end springs,   H = k (e - o) + c e',   e = y(t) - x
 
-y is the law, x the cart, H the drive force, positive towards the far end. With a backlash b the spring is engaged for
-e > b/2 (o = b/2) and for e < -b/2 (o = -b/2) and slack between; the damper acts throughout. The resistance W is that
+y is the law, x the cart, H the drive force, positive towards the driven end. With a backlash b the spring is engaged
+for e > b/2 (o = b/2) and e < -b/2 (o = -b/2), and slack between; the damper acts throughout. The resistance W is that
 of the steady speed, or depends on the acceleration to first order, F(v) + a M(v). During oscillations the added-mass
 term is saturated for most of the time (`force_elements`); the solution then takes several times as long.
 
@@ -95,7 +95,7 @@ def simulate_elastic(
     drive : ElasticDrive
         Spring and damper.
     motion : MotionProfile or Cycle
-        Law of the far end; a `MotionProfile` is repeated without dwells.
+        Law of the driven end; a `MotionProfile` is repeated without dwells.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2], linear in the acceleration, with a jump at
         speed 0 only. A `ResistanceMap` provides its sampled speeds and the limit of |a|/|v| of its linear range.
@@ -160,7 +160,7 @@ def _require_resolvable(cart, drive, cycle, samples):
 class ElasticRun(rigid_drive.CycleStatistics):
     """One cycle of a cart behind a spring; arrays of shape (n,) resolve the oscillation, intervals in order of time.
 
-    Force and power are those of the far end, which follows the law.
+    Force and power are those of the driven end, which follows the law.
 
     Parameters
     ----------
@@ -225,15 +225,15 @@ class ElasticRun(rigid_drive.CycleStatistics):
 
     @cached_property
     def drive_force(self) -> Array:
-        """Drive force H [N], positive towards the far end."""
+        """Drive force H [N], positive towards the driven end."""
         i, u, _ = self._points
         return self.trajectory.drive_force(i, u)
 
     @cached_property
     def drive_power(self) -> Array:
-        """Power H y' of the far end [W]."""
+        """Power H y' of the driven end [W]."""
         i, u, _ = self._points
-        return self.drive_force * self.trajectory.far_end(i, u, 1)
+        return self.drive_force * self.trajectory.driven_end(i, u, 1)
 
     @cached_property
     def _peaks(self):
@@ -296,7 +296,7 @@ class ElasticRun(rigid_drive.CycleStatistics):
 
     @cached_property
     def energy_residual(self) -> float:
-        """Energy-balance residual of far end, cart, springs and losses over int |H y'| dt [-]."""
+        """Energy-balance residual of driven end, cart, springs and losses over int |H y'| dt [-]."""
         trajectory = self.trajectory
         i, u, weights = self._points
         _, velocity, _, _, resisting = trajectory.kinematics(i, u)

@@ -426,7 +426,7 @@ class _Circuit:
         )
 
     def _resisting_force(self, position, velocity, direction, acceleration=0.0):
-        """W + guides - end springs [N] for a direction of motion."""
+        """Return the force W + guides - end springs [N] for a direction of motion."""
         moving = np.array([direction * max(direction * velocity, STANDSTILL_SPEED_RATIO)])
         resistance = evaluate_resistance(self.resistance, moving, np.array([acceleration]))
         end_force = self._end_force(position)

@@ -418,11 +418,11 @@ class MotorRun(rigid_drive.CycleStatistics):
         return float(abs(np.sum(self.weights * (power[0] - power[1])) - gain) / np.sum(self.weights * np.abs(power[1])))
 
     def _largest(self, quantity: Callable[[rigid_drive.DriveState], Array]) -> float:
-        """Largest |quantity| of the first cart, between the samples too."""
+        """Return the largest |quantity| of the first cart, also between samples."""
         return self._peak(lambda angle: quantity(self.load.states_at(angle, *self.revolution.evaluate(angle))[0]))
 
     def _largest_of_shaft(self, quantity: Callable[..., Array]) -> float:
-        """Largest |quantity(speed, acceleration)| of the shaft, between the samples too."""
+        """Return the largest |quantity(speed, acceleration)| of the shaft, also between samples."""
 
         def of_angle(angle):
             energy, acceleration, _ = self.revolution.evaluate(angle)

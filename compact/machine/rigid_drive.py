@@ -310,7 +310,7 @@ class Run(CycleStatistics):
         return math.inf if self.shocks else self._largest(lambda leg, z: leg.at_phase(z, 3))
 
     def _largest(self, quantity):
-        """Largest |quantity(leg, phase)| over the cycle, between the samples too."""
+        """Return the largest |quantity(leg, phase)| over the cycle, also between samples."""
         dynamics = self.inverse_dynamics
         return max(
             find_maximum(lambda z, leg=leg: np.abs(quantity(leg, z)), interior_grid(dynamics.breaks(leg)))[0]

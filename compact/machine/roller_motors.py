@@ -162,12 +162,12 @@ class DrivenRoller:
 
     @cached_property
     def _torque_curves(self):
-        """T(pull) at each speed."""
+        """Return the curve T(pull) at each speed."""
         return [_monotone_curve(*row, self.radius) for row in zip(self.pulls, self.torques, strict=True)]
 
     @cached_property
     def _creep_curves(self):
-        """creep(w) at each speed, constant beyond the samples."""
+        """Return the curve creep(w) at each speed, constant beyond the samples."""
         w = carter_parameter(self.torques / (self.friction * self.radius * self.loads))
         return [_monotone_curve(*row, 0.0) for row in zip(w, self.creeps, strict=True)]
 
@@ -256,11 +256,11 @@ class RollerMotor:
         return self._motor_power(*self.traction_over(time))
 
     def _motor_power(self, velocity, traction):
-        """T phi' [W]."""
+        """Return the motor power T phi' [W]."""
         return traction.torque * (1 + traction.creep) * velocity / self.roller.radius
 
     def _largest(self, quantity: Callable[..., Array]) -> float:
-        """Largest |quantity(velocity, traction)| over the cycle, between samples too."""
+        """Return the largest |quantity(velocity, traction)| over the cycle, also between samples."""
         dynamics = self.dynamics
 
         def magnitude(leg, phase):

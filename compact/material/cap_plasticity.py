@@ -224,7 +224,8 @@ def integrate_path(law: CapConstants, before: tuple, strain: tuple, multipliers:
     multipliers : ndarray
         One initial guess of x for each substep of a path that yields, 0 for none; replaced by the solution.
     derivatives : ndarray, shape (6, 0), (6, 3) or (6, 9)
-        Output: derivatives of the values after the path by the strain, or by the values before and the strain.
+        Output: derivatives of the values after the path with respect to the strain, or to the values before and the
+        strain.
 
     Returns
     -------
@@ -385,7 +386,7 @@ def return_map(law: CapConstants, p: float, q: float, k: float, densest: float, 
     x : float
         Solution on a curved part [-], else 0.
     slopes : tuple of float
-        Derivatives of V and of `scale` by the trial pressure, by half the square of the trial deviator, and by the
+        Derivatives of V and of `scale` with respect to trial pressure, half the square of the trial deviator, and
         logarithms of both density ratios.
     """
     surface = _yield_surface(law, p, densest)

@@ -5,7 +5,7 @@ Every law has one Poisson's ratio. The laws are parameter records; the engines i
 References
 ----------
 R. W. Heckel, Trans. Metall. Soc. AIME 221 (1961) 671 (pressure over density); K. H. Roscoe and J. B. Burland, On the
-generalised stress-strain behaviour of wet clay, CUP 1968 (elliptic cap).
+generalised stress-strain behaviour of wet clay, in Engineering Plasticity, CUP 1968, 535-609 (elliptic cap).
 """
 
 from dataclasses import dataclass

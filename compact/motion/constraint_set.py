@@ -186,7 +186,7 @@ class ConstraintSet:
 
     @cached_property
     def _hard(self):
-        """Rows and values that are never relaxed: nonnegative velocity, and its tolerance in the constant phase."""
+        """Return rows and values that are never relaxed: velocity >= 0, and its tolerance at constant speed."""
         rows, tolerance = [-self.space.hull(1, HULL_HALVINGS)], self.limits.steady_tolerance
         if self.limits.steady and tolerance > 0:
             pieces = self._steady_pieces
@@ -211,14 +211,14 @@ class ConstraintSet:
         return max((bound.reached(unknowns) / bound.limit - 1 for bound in self.bounds), default=-np.inf)
 
     def _single_relaxation(self, i: int) -> Conflict | None:
-        """`Conflict` of bound i if relaxing that bound alone suffices."""
+        """Return the `Conflict` of bound i if relaxing that bound alone suffices."""
         costs = np.full(len(self.bounds), FIXED_BOUND_COST)
         costs[i] = 1.0
         relaxed = self._relaxed_bounds(costs)
         return relaxed[0] if [conflict.name for conflict in relaxed] == [self.bounds[i].name] else None
 
     def _relaxed_bounds(self, costs: Array) -> list[Conflict]:
-        """`Conflict` of each relaxed bound where the sum of costs times relative violations is smallest."""
+        """Return the `Conflict` of each relaxed bound where the sum of costs times relative violations is smallest."""
         (equal, equal_to), (hard, hard_to), count = self._equal, self._hard, len(self.bounds)
         identity = np.eye(count)
         rows = [hard, np.zeros((count, self.space.size)), *self._relative_rows]

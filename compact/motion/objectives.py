@@ -69,11 +69,11 @@ class MotionState(NamedTuple):
         return self.force * self.velocity
 
     def force_gradient(self) -> Array:
-        """Return the derivative of H by the unknowns, shape (nodes, unknowns): dR/dv dv + (m + dR/da) da."""
+        """Return dH/d(unknowns) = dR/dv dv + (m + dR/da) da, shape (nodes, unknowns)."""
         return self.damping[:, None] * self.nodes.velocity + self.inertia[:, None] * self.nodes.acceleration
 
     def power_gradient(self) -> Array:
-        """Return the derivative of H v by the unknowns, shape (nodes, unknowns)."""
+        """Return d(H v)/d(unknowns), shape (nodes, unknowns)."""
         return self.velocity[:, None] * self.force_gradient() + self.force[:, None] * self.nodes.velocity
 
 

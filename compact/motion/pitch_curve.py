@@ -107,11 +107,11 @@ class PitchCurve:
         return np.array([r + R, r - R])[:, None, None]
 
     def _polar(self, x, v, a):
-        """rho, rho', rho'' of both strokes, each of shape (2, n), and the sign of each stroke."""
+        """Return rho, rho', rho'' of both strokes, each of shape (2, n), and the sign of each stroke."""
         sign, q = np.array([[1.0], [-1.0]]), self.seconds_per_radian
         return self.breadth / 2 + sign * (x - self.stroke / 2), sign * q * v, sign * q**2 * a, sign
 
 
 def _travel(nodes, unknowns):
-    """x, v and a of a law at its nodes."""
+    """Return x, v and a of a law at its nodes."""
     return tuple(rows @ unknowns for rows in nodes[:3])

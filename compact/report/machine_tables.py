@@ -72,7 +72,7 @@ def write_reactions(study: Study, directory: Path) -> Iterator[Path]:
 
 
 def write_cams(study: Study, directory: Path) -> Iterator[Path]:
-    """Write cams.csv, the profiles of all cams, and the rotation of the rollers with the needs of their motors."""
+    """Write cams.csv, the profiles of all cams, the rotation of the rollers and the requirements on their motors."""
     rows = []
     for (law, follower), cam in study.cams.items():
         least = study.least_breadths[law, follower]

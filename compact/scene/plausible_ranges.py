@@ -108,7 +108,7 @@ def is_outside(value: float, found: Range, times: float = 1.0) -> bool:
 
 
 def refusal(key: str, value: float, found: Range) -> str | None:
-    """Return a sentence on a value outside a range by more than a factor `REFUSED`, else None."""
+    """Return the message for a value outside a range by more than the factor `REFUSED`, else None."""
     if not is_outside(value, found, REFUSED):
         return None
     guess = _guess(value, found)

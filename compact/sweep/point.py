@@ -51,7 +51,7 @@ def ranking_variables(criteria: Sequence[str]) -> tuple[dict[str, Quantity], dic
 def headline(
     scene: Scene, rank: bool = False, initial_guess: ContactResult | None = None
 ) -> tuple[Results, ContactResult | None]:
-    """Compute the results of one point; an error is a result too.
+    """Compute the results of one point; an error is also a result.
 
     Parameters
     ----------

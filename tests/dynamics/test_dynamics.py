@@ -64,16 +64,16 @@ def stribeck(velocity, acceleration):
 AT_REST = CartState(0.0, 0.0, 1)
 
 
-def simulate_far_end(drive, position, time, size=0.0, state=AT_REST):
-    """Trajectory of the cart against dry friction, with a polynomial motion of the far end over a time [s]."""
+def simulate_driven_end(drive, position, time, size=0.0, state=AT_REST):
+    """Trajectory of the cart against dry friction, with a polynomial motion of the driven end over a time [s]."""
     coefficients = np.array([[c * time**j for j, c in enumerate(position)] + [0.0] * (11 - len(position))])
     side = PiecewisePolynomial(np.array([0.0, 100.0]), np.array([[size] + [0.0] * 8]))
     back = PiecewisePolynomial(side.breaks, -side.coefficients)
     intervals = allocate_intervals(1000, 10)
     parameters = OscillatorParameters(MASS, float(drive.stiffness), float(drive.damping), float(drive.backlash))
-    far_end = PiecewisePolynomial(np.array([0.0, time]), coefficients)
+    driven_end = PiecewisePolynomial(np.array([0.0, time]), coefficients)
     resistance = ResistanceTable(side, back, np.empty(0))
-    status, n, _, end, _ = integrate(parameters, far_end, resistance, state, 1e-9, intervals)
+    status, n, _, end, _ = integrate(parameters, driven_end, resistance, state, 1e-9, intervals)
     assert status == DONE
     filled = type(intervals)(*(column[:n].copy() for column in intervals))
     return Trajectory(parameters, filled, resistance, state, end)
@@ -103,7 +103,7 @@ def free_oscillation(drive, t, elongation, rate):
 def test_step_of_acceleration(stiffness, ratio):
     """e = m a/k (1 - free oscillation from 1)."""
     drive, a = spring(stiffness, ratio), 0.3
-    trajectory = simulate_far_end(drive, (0, 0, a / 2), 1.0)
+    trajectory = simulate_driven_end(drive, (0, 0, a / 2), 1.0)
     t = np.linspace(0, 1, 501)
     exact = MASS * a / stiffness * (1 - free_oscillation(drive, t, 1.0, 0.0))
     elongation, _ = trajectory.elongation(*trajectory.locate(t))
@@ -141,7 +141,7 @@ def test_harmonic_law_from_rest(stiffness, ratio):
 
 @pytest.mark.parametrize("stiffness", STIFFNESSES)
 def test_undamped_step_of_acceleration_overshoots_by_two(stiffness):
-    trajectory = simulate_far_end(ElasticDrive(stiffness, 0.0), (0, 0, 0.15), 5.0)
+    trajectory = simulate_driven_end(ElasticDrive(stiffness, 0.0), (0, 0, 0.15), 5.0)
     parameters = OscillatorParameters(MASS, stiffness, 0.0, 0.0)
     assert peak_force_and_power(parameters, trajectory.intervals)[0] == pytest.approx(2 * MASS * 0.3, rel=1e-9)
 
@@ -150,7 +150,7 @@ def test_undamped_step_of_acceleration_overshoots_by_two(stiffness):
 def test_residual_vibration_after_a_jerk_jump_scales_with_the_square_root_of_the_stiffness(stiffness):
     """y = J t^3/6: the force oscillates about m J t with the amplitude m J sqrt(m/k)."""
     jerk, time = 0.9, 1.0
-    trajectory = simulate_far_end(ElasticDrive(stiffness, 0.0), (0, 0, 0, jerk / 6), time)
+    trajectory = simulate_driven_end(ElasticDrive(stiffness, 0.0), (0, 0, 0, jerk / 6), time)
     i, u, _ = trajectory.sample_points()
     t = trajectory.intervals.start[i] + trajectory.intervals.scale[i] * u
     w = math.sqrt(stiffness / MASS)
@@ -165,7 +165,7 @@ def test_breakaway_at_the_friction_limit(stiffness, ratio):
     """Far end at V t: k V t + c V = F."""
     drive, pace, size = spring(stiffness, ratio), 0.01, 3486.0
     time = 1.5 * size / stiffness / pace
-    trajectory = simulate_far_end(drive, (0, pace), time, size)
+    trajectory = simulate_driven_end(drive, (0, pace), time, size)
     assert trajectory.intervals.slip[:2].tolist() == [0, 1]
     assert trajectory.intervals.duration[0] == pytest.approx((size / pace - drive.damping) / stiffness, rel=1e-9)
 
@@ -174,7 +174,7 @@ def test_breakaway_at_the_friction_limit(stiffness, ratio):
 def test_stopping_time_against_the_spring(stiffness):
     """v = v0 cos w t - F w/k sin w t, so tan(w t) = v0 k/(F w); the cart stays at rest below the friction limit."""
     w, size, speed = math.sqrt(stiffness / MASS), 3486.0, 0.01
-    trajectory = simulate_far_end(ElasticDrive(stiffness, 0.0), (0.0,), 10 / w, size, CartState(0.0, speed, 1))
+    trajectory = simulate_driven_end(ElasticDrive(stiffness, 0.0), (0.0,), 10 / w, size, CartState(0.0, speed, 1))
     assert trajectory.intervals.duration[0] == pytest.approx(math.atan2(speed * stiffness, size * w) / w, rel=1e-9)
 
 
@@ -182,12 +182,12 @@ def test_stopping_time_against_the_spring(stiffness):
 def test_impact_after_a_reversal_does_not_depend_on_the_stiffness(stiffness):
     """Peak force F + m a + sqrt(4 F m a - (m a)^2).
 
-    Under a deceleration a the cart stops at e = (F - m a)/k and starts backwards when the far end has gained speed.
+    Under a deceleration a the cart stops at e = (F - m a)/k and starts backwards when the driven end has gained speed.
     """
     size, inertia, w = 3486.0, MASS * 0.2, math.sqrt(stiffness / MASS)
     start = CartState((size - inertia) / stiffness, 0.0, 1)
     time = math.sqrt(2 * (2 * size - inertia) / stiffness / 0.2) + 7 / w
-    trajectory = simulate_far_end(ElasticDrive(stiffness, 0.0), (0, 0, -0.1), time, size, start)
+    trajectory = simulate_driven_end(ElasticDrive(stiffness, 0.0), (0, 0, -0.1), time, size, start)
     peak = peak_force_and_power(OscillatorParameters(MASS, stiffness, 0.0, 0.0), trajectory.intervals)[0]
     assert peak == pytest.approx(size + inertia + math.sqrt(4 * size * inertia - inertia**2), rel=1e-9)
 
@@ -198,7 +198,7 @@ def test_coulomb_oscillator_stops_after_whole_half_periods(stiffness, start):
     """The elongation falls by 2 F/k per half period from `start` F/k until it is at most F/k."""
     size, half = 3486.0, math.pi / math.sqrt(stiffness / MASS)
     half_periods = math.ceil((start - 1) / 2)
-    trajectory = simulate_far_end(
+    trajectory = simulate_driven_end(
         ElasticDrive(stiffness, 0.0), (0.0,), 10 * half, size, CartState(start * size / stiffness, 0.0, 1)
     )
     assert trajectory.intervals.slip.tolist() == [(-1) ** i for i in range(half_periods)] + [0]
@@ -213,7 +213,7 @@ def test_coulomb_oscillator_stops_after_whole_half_periods(stiffness, start):
 def test_free_cart_bounces_between_the_flanks_of_the_backlash(stiffness):
     """Far end at V t: b/2V to the flank, half a period on it, rebound with 2 V, b/V to the other flank."""
     pace, backlash, half = 0.1, 1e-3, math.pi / math.sqrt(stiffness / MASS)
-    trajectory = simulate_far_end(
+    trajectory = simulate_driven_end(
         ElasticDrive(stiffness, 0.0, backlash), (0, pace), 0.05 + 3 * half, state=CartState(0.0, 0.0, 0)
     )
     changes = np.flatnonzero(np.diff(trajectory.intervals.flank)) + 1
@@ -491,7 +491,7 @@ UNDAMPED = {
 
 @pytest.mark.parametrize("name", UNDAMPED)
 def test_peak_of_an_undamped_cart_is_the_sum_of_friction_and_impact(name):
-    """F + V sqrt(k m): the cart oscillates about F/k at the speed V of the far end and stops once per oscillation."""
+    """F + V sqrt(k m): the cart oscillates about F/k at the speed V of the driven end, one stop per oscillation."""
     law_name, mass, stiffness, size, dwell = UNDAMPED[name]
     cart = replace(CART, mass=mass)
     run = simulate_elastic(cart, ElasticDrive(stiffness, 0.0), published_law(law_name).cycle(dwell, dwell), dry(size))
@@ -532,7 +532,7 @@ def test_peak_is_not_missed_between_samples():
 
 
 def test_spring_limits_the_force_of_a_velocity_jump():
-    """Undamped, with the far end starting at V against friction: F + V sqrt(k m)."""
+    """Undamped, with the driven end starting at V against friction: F + V sqrt(k m)."""
     run = simulate_elastic(
         CART, ElasticDrive(1e6, 0.0), published_law("gear-sector").cycle(1.0, 1.0), dry(3486.0), regime="rest"
     )
@@ -557,7 +557,7 @@ def test_polynomials_represent_the_law(name):
     for order, share in enumerate((1e-12, 1e-12, 1e-9)):
         exact = run.cycle.derivative(np.clip(run.time, 1e-12, None), order)
         inner = np.abs(np.subtract.outer(run.time, [0, 1.5, 3, 4.5, 6]).round(9)).min(axis=1) > 1e-6
-        got = run.trajectory.far_end(i, u, order)
+        got = run.trajectory.driven_end(i, u, order)
         assert got[inner] == pytest.approx(exact[inner], abs=share * np.abs(exact).max() + 1e-14)
 
 

@@ -122,12 +122,12 @@ def bounce(stiffness, preload, push, friction, speed, time):
     weak = 1.0 if push else 1e-9  # [N/m]; compressed so far that its force is constant to 1e-6
     numbers = OscillatorParameters(CART.mass, weak, 0.0, 0.0, EndSpringParameters(stiffness, preload, 0.08, 0.4))
     elongation = -push / weak
-    far_end = PiecewisePolynomial(np.array([0.0, time]), np.array([[0.08 + elongation] + [0.0] * 10]))
+    driven_end = PiecewisePolynomial(np.array([0.0, time]), np.array([[0.08 + elongation] + [0.0] * 10]))
     side = PiecewisePolynomial(np.array([0.0, 10.0]), np.array([[friction] + [0.0] * 8]))
     back = PiecewisePolynomial(side.breaks, -side.coefficients)
     intervals, start = allocate_intervals(2000, 10), CartState(elongation, -speed, 1, NEAR_SPRING)
     resistance = ResistanceTable(side, back, np.empty(0))
-    status, n, _, end, _ = integrate(numbers, far_end, resistance, start, 1e-9, intervals)
+    status, n, _, end, _ = integrate(numbers, driven_end, resistance, start, 1e-9, intervals)
     assert status == DONE
     return Trajectory(numbers, type(intervals)(*(column[:n].copy() for column in intervals)), resistance, start, end)
 

@@ -355,7 +355,7 @@ def stiffness_ratio(law: CapConstants, density_ratio: float) -> float:
 
         int 4 G A (1 + 9/(4 M^2))/(g B (pc + pt)) dV,    A = s_v/pc, B = (p + pt)/(pc + pt) of the rigid-plastic column
 
-    where b = 0: the derivative of dp/ds_v by p, times ds_v = A H dV.
+    where b = 0: the derivative of dp/ds_v with respect to p, times ds_v = A H dV.
 
     Parameters
     ----------
@@ -381,7 +381,7 @@ def stiffness_ratio(law: CapConstants, density_ratio: float) -> float:
 
 @compiled
 def _stress_rates(law, measure, k0, k_max, stress, p, V, yielding):
-    """dp, dV and the plastic shear strain Q w per unit of s_v, in the symbols of the module docstring."""
+    """Return dp, dV and the plastic shear strain Q w per unit of s_v, in the symbols of the module docstring."""
     ratio, g = 2 * law.G / law.K, 1.5 + 2 * law.G / law.K
     if not yielding:
         return 1.5 / g, 0.0, 0.0

@@ -114,7 +114,7 @@ def expand_resistance(
 
 
 def _expansion(problem: RollingProblem, discretisation: Discretisation, window: float) -> tuple[float, float, float]:
-    """(F_ss, dF_ss/dv, M) in a loaded zone of a half-width [m]."""
+    """Return (F_ss, dF_ss/dv, M) in a loaded zone of a half-width [m]."""
     mesh = discretisation.mesh
     steady = solve_at_target(problem, steady_surface(problem, mesh, window), discretisation)
     similar = _SimilarContacts(

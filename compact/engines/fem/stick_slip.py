@@ -218,7 +218,7 @@ def _stick_slip_active_set(
 def _solve_stick_zone(
     A: Array, b: Array, slipping: Array, share: Array, force: float, sticks: BoolArray
 ) -> tuple[Array, float]:
-    """Traction with s = 0 where it sticks and the friction limit elsewhere, and the creepage of the prescribed sum."""
+    """Return the traction, s = 0 in the stick zone and the friction limit elsewhere, and the creepage for its sum."""
     q, k = np.where(sticks, 0.0, slipping), np.flatnonzero(sticks)
     left = np.block([[A[np.ix_(k, k)], np.ones((len(k), 1))], [share[k][None], np.zeros((1, 1))]])
     answer = np.linalg.solve(left, np.append(-(A @ q + b)[k], force - share @ q))

@@ -372,7 +372,7 @@ def _extrapolated(before: TransientState | None, now: TransientState, time: floa
 def _step_error(
     transient: TransientProblem, before: TransientState | None, now: TransientState, later: TransientState
 ) -> float:
-    """Error of the resistance by w linear in time, over the tolerance.
+    """Estimate the error of the resistance due to w linear in time, over the tolerance.
 
     The mean deviation of a parabola from its chord over a step dt is dt^2/12 of its second derivative. Its deviation
     from the tangent of the previous step dt' is dt (dt + dt')/2 of it.

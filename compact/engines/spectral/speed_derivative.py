@@ -1,4 +1,4 @@
-"""Derivative of the resistance by speed, and added mass M, of a rolling contact by the Galerkin method.
+"""Derivative of the resistance with respect to speed, and added mass M, of a rolling contact by the Galerkin method.
 
 In the roller frame a creep branch z of a displacement w follows z + theta (dz/dt - v dz/dx) = w. For a small
 acceleration a, p = p_ss(x; v) + a p_1(x; v) and d/dt = a d/dv. With the symbols D = 1/(1 - ik v theta) of the branches
@@ -13,9 +13,9 @@ xi = (x - centre)/half-width. At a fixed x a field q changes by
 
     dq|x = dq|xi - (d centre + half-width xi d log half-width) dq/dx.
 
-Powers of D are derivatives of D by the length l = v theta, D^2 = (l D)' and D^3 = (l^2 D)''/2. They are taken by
-central differences from the exact matrices at five lengths. Derivatives are by the logarithm of the speed, which
-requires v C_v, v Y and v^2 Z.
+Powers of D are derivatives of D with respect to the length l = v theta, D^2 = (l D)' and D^3 = (l^2 D)''/2. They are
+computed by central differences of the exact matrices at five lengths. The logarithm of the speed is the variable of
+differentiation, which requires v C_v, v Y and v^2 Z.
 """
 
 from dataclasses import dataclass, replace
@@ -90,7 +90,7 @@ def expand_resistance(
 
 
 def _refine_modes(problem, half_width, rtol, length):
-    """F_ss, v dF_ss/dv, v^2 M and the error of M, with as many modes as `rtol` requires; `length` is v tau [m]."""
+    """Return F_ss, v dF_ss/dv, v^2 M and the error of M, with the modes that `rtol` requires; `length` is v tau [m]."""
     masses, errors, longest = [], [], problem.response.creep.lengths[-1]
     for modes in spectral.MODE_COUNTS:
         contact = rolling_problem.solve_contact(problem, modes, half_width, [])
@@ -144,7 +144,7 @@ class ContactLinearisation:
     """Contact and its linear response to small changes.
 
     A change is a vector of the coefficients b, the logarithm of the half-width and the centre [m], shape (modes + 2,).
-    A surface is represented by -u' under T_0 ... T_modes and u under T_0, shape (modes + 2,) too.
+    A surface is represented by -u' under T_0 ... T_modes and u under T_0, also of shape (modes + 2,).
     """
 
     problem: rolling_problem.RollingProblem
@@ -166,7 +166,7 @@ class ContactLinearisation:
         return self.surfaces(creep) @ self.contact.coefficients
 
     def width_derivative(self, creep: CreepCompliance) -> Array:
-        """Compute the derivative of the surface by the logarithm of the half-width at constant b and xi."""
+        """Return the derivative of the surface with respect to the log half-width at constant b and xi."""
         change = self.surfaces(creep, WIDTH_STEP) - self.surfaces(creep, -WIDTH_STEP)
         return change @ self.contact.coefficients / (2 * WIDTH_STEP)
 
@@ -201,7 +201,7 @@ class ContactLinearisation:
 
     @property
     def target_gradient(self) -> Array:
-        """Derivative of the load or the peak pressure by a change of the contact, over its scale."""
+        """Return the derivative of the load or the peak pressure with respect to the contact, over its scale."""
         contact, gradient = self.contact, np.zeros(len(self.contact.coefficients) + 2)
         if self.problem.target == "load":
             gradient[0], gradient[-2] = 1.0, 2 * contact.coefficients[0]
@@ -221,7 +221,7 @@ class ContactLinearisation:
 
     @cached_property
     def resistance_gradient(self) -> Array:
-        """Derivative of the resistance [N/m] by a change of the contact, shape (modes + 2,)."""
+        """Return the derivative of the resistance [N/m] with respect to the contact, shape (modes + 2,)."""
         contact, basis, friction = self.contact, self.contact.system.basis, self.problem.response.friction
         x = contact.half_width * basis.pressure_nodes
         slope, curvature = self.problem.slope(contact.centre + x)
