@@ -91,7 +91,7 @@ class SlidingSolution(NamedTuple):
     Parameters
     ----------
     driven_end : ndarray
-        Coefficients of the far-end position y(u) [m].
+        Coefficients of the driven-end position y(u) [m].
     elongation : Signal
         e(u) [m].
     remainder : ndarray

@@ -89,10 +89,6 @@ def capture_angle(pressure: Values, youngs_modulus: Values, poisson: Values, exp
     Confidence 80 %. At alpha = 1/2 it is 5.9 % below Hertz, sin phi = 2 q/E*. Valid near 1/2: exact theory has
     2/sin(pi alpha) where this has 7.53 alpha (1 - alpha).
 
-    References
-    ----------
-    D, eq (1.5).
-
     Examples
     --------
     >>> f"{np.degrees(capture_angle(0.203e6, 0.75e6, 0.3, 0.4683)):.2f} deg"
@@ -143,10 +139,6 @@ def roller_force(
     -----
     Confidence 65 %; no calibration should rest on the factor 2 of the alternative. At alpha = 1/2 it is 0.26 % above
     Hertz.
-
-    References
-    ----------
-    D, eq (1.6).
 
     Examples
     --------
@@ -214,10 +206,6 @@ def contact_length(capture_angle: Values, radius: Values, exponent: Values) -> V
     -----
     Exact for a half-plane with the traction on the mix against the travel (a driven roller). Confidence 95 %.
 
-    References
-    ----------
-    D, eq (1.7).
-
     Examples
     --------
     >>> f"{contact_length(0.5122, 0.11, 0.4683) * 1e3:.1f} mm"
@@ -251,10 +239,6 @@ def roller_resistance(
     -----
     Confidence 60 %. The lever arm l (1 - 2 alpha)/3 is the distance of the resultant from the pressure peak; about the
     lowest point exact theory has twice that.
-
-    References
-    ----------
-    D, eq (1.8).
 
     Examples
     --------
@@ -304,10 +288,6 @@ def roll(
     -----
     UserWarning
         If the half-width exceeds half of the layer height.
-
-    References
-    ----------
-    D, eqs (1.4)-(1.8).
 
     Examples
     --------

@@ -209,21 +209,11 @@ def simulate_crankshaft(
 
 
 def crank_kinematics(crank: Crank, psi: Array) -> tuple[Array, Array, Array]:
-    """Compute the travel of a slider-crank and its derivatives with respect to the crank angle.
+    """Compute x [m], dx/dpsi and d2x/dpsi2 of a slider-crank at angles psi [rad] from the outer dead centre.
 
         dx/dpsi = r sin(psi + beta)/cos(beta),   d2x/dpsi2 = r cos(psi + beta)/cos(beta) (1 + b') + dx/dpsi tan(beta) b'
 
     with b' = dbeta/dpsi = r cos(psi)/(l cos(beta)).
-
-    Parameters
-    ----------
-    psi : array_like
-        Crank angle from the outer dead centre [rad].
-
-    Returns
-    -------
-    tuple of ndarray
-        x [m], dx/dpsi [m/rad] and d2x/dpsi2 [m/rad^2].
     """
     beta = crank.rod_angle(psi)
     rate = crank.radius * np.cos(psi) / (crank.rod_length * np.cos(beta))

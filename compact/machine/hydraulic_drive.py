@@ -89,10 +89,6 @@ class Hydraulic(Rigid):
         """Return Q [m3/s] through an area [m2] under a pressure drop of either sign [Pa]."""
         return area * drop / self._flow_resistance(drop)
 
-    def open_drop(self, flow: Array) -> Array:
-        """Return the pressure drop [Pa] of a flow [m3/s] through a fully open valve."""
-        return self.drop(flow, self.valve_area)
-
     def drop(self, flow: Array, area: Array | float) -> Array:
         """Return the pressure drop [Pa] of a flow [m3/s] through an area [m2].
 
@@ -142,7 +138,7 @@ def solve_valve_flow(hydraulic: Hydraulic, velocity: Array, force: Array) -> Val
     Inlet areas are infinite where the required pressure exceeds that of the supply.
     """
     flow = hydraulic.piston_area * np.abs(velocity)
-    open_drop = hydraulic.open_drop(flow)
+    open_drop = hydraulic.drop(flow, hydraulic.valve_area)
     outlet = np.maximum(open_drop, -force / hydraulic.piston_area)
     inlet = outlet + force / hydraulic.piston_area
     drop = hydraulic.supply_pressure - inlet
@@ -306,8 +302,6 @@ def simulate_stroke(
 
     Raises
     ------
-    ValueError
-        If the resistance does not oppose the motion.
     RuntimeError
         If the integration ends early.
     """

@@ -11,7 +11,7 @@ along the travel. The height of the rollers does not depend on the torque, and t
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from math import inf
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ from compact.machine.cart import balance
 from compact.machine.rigid_drive import DriveState, InverseDynamics
 from compact.motion.profile import Cycle, Leg
 from compact.numerics import Array
-from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
+from compact.numerics.piecewise import BREAK_OFFSET, interior_grid
 from compact.numerics.validation import require_fields, require_positive
 
 FULL_SLIP_SHARE = 0.99  # [-], of the Coulomb limit; a roller beyond slides
@@ -261,15 +261,7 @@ class RollerMotor:
 
     def _largest(self, quantity: Callable[..., Array]) -> float:
         """Return the largest |quantity(velocity, traction)| over the cycle, also between samples."""
-        dynamics = self.dynamics
-
-        def magnitude(leg, phase):
-            return np.abs(quantity(*self.traction_at(leg, phase)))
-
-        return max(
-            find_maximum(partial(magnitude, leg), interior_grid(dynamics.breaks(leg)))[0]
-            for leg in dynamics.cycle.legs()
-        )
+        return self.dynamics.largest(lambda leg, phase: quantity(*self.traction_at(leg, phase)))
 
 
 def _total_pull(dynamics: InverseDynamics, state: DriveState, way: int) -> Array:
@@ -320,14 +312,7 @@ class RollerRotation:
 
 
 def roller_rotation(cycle: Cycle, roller_radius: float, time: ArrayLike) -> RollerRotation:
-    """Rotation of a motor inside a roller that rolls without slip: angle = x/R and its derivatives.
-
-    Parameters
-    ----------
-    roller_radius : float
-        Radius R of the roller [m].
-    time : array_like
-        Time of the cycle [s].
+    """Rotation of a motor inside a roller of a radius [m] that rolls without slip, x/R, at times of the cycle [s].
 
     References
     ----------

@@ -92,8 +92,6 @@ def optimise(  # noqa: PLR0913, public signature: each argument is one physical 
         If no law satisfies the limits; the error states which limits to relax, and by how much.
     RuntimeError
         If the search does not converge.
-    ValueError
-        If an argument is out of range.
 
     Examples
     --------

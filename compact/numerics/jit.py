@@ -22,7 +22,7 @@ def compiled(function: Callable[..., Any], nogil: bool = False) -> Callable[...,
     The compiled function is cached on disk until a source file that it depends on changes. With `nogil`, threads may
     call it at the same time.
     """
-    dispatcher = njit(error_model="numpy", cache=True, no_cfunc_wrapper=True, nogil=nogil)(function)
+    dispatcher = njit(error_model="numpy", cache=True, nogil=nogil)(function)
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)  # absent where numba does not cache
     if file:
         file._source_stamp = tuple(

@@ -42,7 +42,6 @@ from compact.numerics.validation import require_known, require_nonnegative, requ
 
 INTEGRATION_RTOL = 1e-9  # [-], default error of a step over the size of the whole pass
 ERROR_RTOL_RATIO = 100.0  # [-], `rtol` of the comparison pass over `rtol`; the difference is the error estimate
-RESISTANCE_SHARE_MIN = 1e-3  # [-], of the load, below which errors of a resistance are relative to it; theory.md 3.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,11 +141,6 @@ def roll(
     ColumnContactResult
         For speed < 0 leading and trailing remain positive ahead; x and resistance refer to the fixed axis x.
 
-    Raises
-    ------
-    ValueError
-        If the arguments are outside the range of the engine or the target is out of reach.
-
     Examples
     --------
     >>> from compact.rolling_contact import Layer, Roller
@@ -190,8 +184,6 @@ def roll_over(
 
     Raises
     ------
-    ValueError
-        If the arguments are outside the range of the engine or the target is out of reach.
     RuntimeError
         If the integration or the search for the indentation does not converge.
     """
@@ -230,11 +222,6 @@ def required_feed(
     -------
     RequiredFeed
         Both lengths are proportional to `height`.
-
-    Raises
-    ------
-    ValueError
-        If the density ratio is out of reach.
     """
     require_positive(height=height)
     _require_compaction(material)
@@ -322,7 +309,7 @@ def _build_result(
     x = result.layer.positions(x)
     ascending = slice(None, None, int(direction))
     load, resistance, (plastic, elastic) = result.load, result.resistance, result.work
-    scale = max(abs(resistance), RESISTANCE_SHARE_MIN * load)
+    scale = rolling_contact.resistance_scale(resistance, load)
     return ColumnContactResult(
         load=load,
         resistance=float(direction * resistance),

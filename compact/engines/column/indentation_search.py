@@ -198,13 +198,6 @@ def solve_exit_density(layer: ColumnLayer, density_ratio: float, rtol: float) ->
 def solve_plate_density(layer: ColumnLayer, density_ratio: float, rtol: float) -> tuple[PassResult, int]:
     """Compute the stroke of a plate after whose rebound the columns have a mean density ratio, and count evaluations.
 
-    Parameters
-    ----------
-    density_ratio : float
-        Mean density ratio after the rebound [-].
-    rtol : float
-        Relative error of a step [-].
-
     Notes
     -----
     Under a plate the loading paths to all depths coincide, so that all trials continue from one state. Its depth is a

@@ -105,8 +105,6 @@ def simulate_transient(  # noqa: PLR0913 - the four physical inputs, and keyword
 
     Raises
     ------
-    ValueError
-        If an argument is outside the range of the engine.
     RuntimeError
         If a contact is not found.
 
@@ -344,12 +342,10 @@ def _solve_step(
     for patch, shear in ((initial_guess.patch, initial_guess.shear), (None, None)):
         try:
             if friction is None:
-                return ContactSolution(
-                    surface, indenter, solve_contact_patch(surface, indenter, transient.terms, patch)
-                )
-            return ContactSolution(
-                surface, indenter, *solve_stick_slip(surface, indenter, transient.terms, friction, patch, shear)
-            )
+                shear, patch = None, solve_contact_patch(surface, indenter, transient.terms, patch)
+            else:
+                patch, shear = solve_stick_slip(surface, indenter, transient.terms, friction, patch, shear)
+            return ContactSolution(surface, indenter, patch, shear)
         except BeyondWindowError:
             raise
         except RuntimeError as error:

@@ -172,16 +172,7 @@ def build_rolling_problem(
 def solve_contact(
     problem: RollingProblem, modes: int, half_width: float, history: list[ModeRefinement]
 ) -> ContactSolution:
-    """Find the half-width at which the contact has the prescribed indentation, load or peak pressure.
-
-    Parameters
-    ----------
-    modes : int
-        Number of pressure polynomials.
-    half_width : float
-        Initial guess [m].
-    history : list of ModeRefinement
-        Solutions with fewer modes, for messages.
+    """Find the half-width at which the contact has its target, from a first guess [m]; messages state the history.
 
     Notes
     -----
