@@ -202,7 +202,12 @@ class ResistanceMap:
         ValueError
             If a speed exceeds the fastest sample.
         """
-        self._require_sampled(np.abs(velocity))
+        fastest = np.max(np.abs(velocity), initial=0.0)
+        if fastest > self.speeds[-1] * (1 + SPEED_ROUNDING):
+            raise ValueError(
+                f"the resistance was computed up to {self.speeds[-1]:g} m/s, got {fastest:g} m/s; sample it over the "
+                "speeds of the motion"
+            )
         blocks = np.nditer(
             [np.asarray(velocity, float), np.asarray(acceleration, float), None],
             ["external_loop", "buffered", "zerosize_ok"],
@@ -254,13 +259,6 @@ class ResistanceMap:
     def exponent(self) -> float:
         """Exponent n of the power law below the slowest sample [-]."""
         return _power_law_exponent(self.speeds, self.forces)
-
-    def _require_sampled(self, speed: Array) -> None:
-        if np.max(speed, initial=0.0) > self.speeds[-1] * (1 + SPEED_ROUNDING):
-            raise ValueError(
-                f"the resistance was computed up to {self.speeds[-1]:g} m/s, got {np.max(speed):g} m/s; "
-                "sample it over the speeds of the motion"
-            )
 
     def scaled(self, factor: float) -> "ResistanceMap":
         """Return the map with all forces and added masses multiplied by a factor [-]."""

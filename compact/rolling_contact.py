@@ -12,19 +12,20 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.files import write_vtu_series
 from compact.numerics import Array
-from compact.numerics.validation import require_fields, require_finite, require_positive
+from compact.numerics.validation import require_fields, require_finite, require_known, require_positive
 
 BaseCondition = Literal["bonded", "slip"]
 RollerCondition = Literal["frictionless", "sliding", "free", "driven"]
 GapGeometry = Literal["parabola", "circle", "deformed"]
 
+MIN_RESISTANCE_RATIO = 1e-3  # [-], of the load; relative errors of smaller resistances refer to it, theory.md 3.1
 HEIGHT_TOLERANCE = 1e-9  # [-], of the layer height; rounding of decimal thicknesses
 
 
@@ -173,6 +174,11 @@ class PrescribedMotion(Protocol):
         """Return the velocity [m/s] at times [s]."""
 
 
+def resistance_scale(resistance: float, load: float) -> float:
+    """Return the force [N/m] to which relative errors of a resistance refer: its own, or a small share of the load."""
+    return max(abs(resistance), MIN_RESISTANCE_RATIO * load)
+
+
 def require_moving(speed: float) -> None:
     """Require a roller at a finite speed [m/s] other than 0."""
     require_finite(speed=speed)
@@ -181,6 +187,14 @@ def require_moving(speed: float) -> None:
             "`speed` must not be 0, got 0: the resistance at rest is set-valued; use a small speed with the sign of "
             "the travel"
         )
+
+
+def require_known_case(layer: Layer, roller: Roller, speed: float) -> None:
+    """Require a roller in motion [m/s] and known conditions of base, roller and gap."""
+    require_moving(speed)
+    require_known("base", layer.base, get_args(BaseCondition))
+    require_known("rolling", roller.rolling, get_args(RollerCondition))
+    require_known("profile", roller.profile, get_args(GapGeometry))
 
 
 def require_torque_allowed(roller: Roller, torque: float | None) -> None:
@@ -219,15 +233,8 @@ def require_on_target(
 ) -> None:
     """Require a contact to have the prescribed quantities; every engine calls this before it returns.
 
-    Parameters
-    ----------
-    tolerance : float
-        Relative tolerance of the engine [-].
-    exit_density_ratio : float, optional
-        Exit density ratio prescribed in place of the target of the roller [-].
-    torque : (float, float), optional
-        Prescribed and reached torque of a roller with stick and slip [N]; the tolerance is relative to the largest
-        torque of friction.
+    An exit density ratio [-] is prescribed in place of the target of the roller. The tolerance [-] of prescribed and
+    reached torque [N] is relative to the largest torque of friction.
     """
     name, prescribed = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
     require_target_reached(name, prescribed, getattr(result, name), tolerance)

@@ -21,15 +21,15 @@ ELASTIC_DRIVE = [
     *("--set", "drive.backlash=1e-4", "--set", "output.items=[]", "--set", "motion.laws=['cubic']", "--quiet"),
 ]
 COLUMNS_AND_COMPACTION = """
-from compact import fem
 from compact.engines.column import engine as column
+from compact.engines.compaction import engine as compaction
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller
 
 mix = Compaction(20e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
 layer, roller = Layer(0.1), Roller(20.0, 0.002)
 column.roll(layer, roller, mix, 0.2)
-fem.roll(layer, roller, mix, 0.2, increments=4)
+compaction.roll(layer, roller, mix, 0.2, increments=4)
 """
 
 

@@ -56,9 +56,9 @@ def test_new_scene_runs_as_it_is(compact, tmp_path):
     assert "laws by peak drive force [N]" in done.stdout
 
 
-def test_new_never_overwrites_a_scene(tmp_path):
+def test_new_never_overwrites_a_scene(compact, tmp_path):
     (tmp_path / "scene.toml").write_text("mine")
-    told = compact_alone("new", tmp_path)
+    told = compact("new", tmp_path)
     assert told.returncode == 1
     assert "exists already; give another directory" in told.stderr
     assert (tmp_path / "scene.toml").read_text() == "mine"

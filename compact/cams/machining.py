@@ -106,7 +106,12 @@ def cut(cam: Cam, cutter_radius: float | None = None, tolerance: float = MICROME
     require_between(1e-8, 1e-2, tolerance=tolerance)
     _require_machinable(cam)
     if cutter_radius is not None:
-        _require_fitting_cutter(cam, cutter_radius)
+        require_positive(cutter_radius=cutter_radius)
+        if cutter_radius > (limit := largest_cutter(cam)):
+            raise ValueError(
+                f"`cutter_radius` must be at most {limit * (1 - CUTTER_MARGIN):.8g} m to fit the concave parts of the "
+                f"cam, got {cutter_radius:g} m; use a smaller cutter"
+            )
     angle, profile, error = _polygon(cam, tolerance)
     path = None if cutter_radius is None else _offset_points(cam, angle, cutter_radius)
     return Cut(cam, tolerance, angle, profile, error, cutter_radius, path)
@@ -124,19 +129,9 @@ def largest_cutter(cam: Cam) -> float:
 
 
 def follower_on_polygon(outline: ArrayLike, follower: Follower, angle: ArrayLike) -> Array:
-    """Compute the distance rho [m] of a follower from the axis of a polygon.
+    """Compute the distance rho [m] of a follower from the axis of a polygon, shape (n, 2) [m], at cam angles [rad].
 
-    Parameters
-    ----------
-    outline : array_like, shape (n, 2)
-        Vertices of the closed polygon [m], counterclockwise about the axis.
-    angle : array_like, shape (m,)
-        Cam angles phi [rad].
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        rho of the point, roller centre or flat face [m]; -inf where it touches no edge.
+    The vertices are counterclockwise; rho is -inf where the follower touches no edge.
 
     Examples
     --------
@@ -168,15 +163,6 @@ def _require_machinable(cam: Cam) -> None:
         raise ValueError(
             f"`cam` is undercut: its breadth must exceed {least.breadth:.6g} m ({least.rule}), got {cam.breadth:g} m; "
             "increase the breadth"
-        )
-
-
-def _require_fitting_cutter(cam: Cam, cutter_radius: float) -> None:
-    require_positive(cutter_radius=cutter_radius)
-    if cutter_radius > (limit := largest_cutter(cam)):
-        raise ValueError(
-            f"`cutter_radius` must be at most {limit * (1 - CUTTER_MARGIN):.8g} m to fit the concave parts of the cam, "
-            f"got {cutter_radius:g} m; use a smaller cutter"
         )
 
 

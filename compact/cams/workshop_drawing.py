@@ -29,7 +29,10 @@ def workshop_drawing(cut: Cut, bore: float | None = None) -> drawing.Drawing:
     title = f"cam for the law {cam.cycle.forward.name}, {_follower_words(cam.follower)}"
     shapes = [*_outlines(cut, bore, letter), *_dimensions(cut, bore, letter)]
     left = MM * float(cut.profile[:, 0].max() + 2 * getattr(cam.follower, "radius", 0.0)) + 10 * letter
-    notes = [(title,), (), *_sizes(cut, bore), (), *_key_angle_rows(cam), ()]
+    angles = [
+        (f"{np.degrees(angle):.4f}°", f"{MM * float(cam.radius(angle)):.4f}", words) for angle, words in key_angles(cam)
+    ]
+    notes = [(title,), (), *_sizes(cut, bore), (), ("angle", "follower", "begins"), *angles, ()]
     shapes += _text_rows(notes, left, largest, letter, NOTE_COLUMNS)
     below = largest - LINE_SPACING * letter * len(notes)
     for half, points in enumerate(np.array_split(_point_rows(cut), 2)):
@@ -145,13 +148,6 @@ def _cutter_lines(cut: Cut) -> Iterator[str]:
         if np.isinf(limit)
         else f"cutter radius up to {np.floor(100 * MM * limit) / 100:.2f}"
     )
-
-
-def _key_angle_rows(cam: Cam) -> list[Row]:
-    angles = (
-        (f"{np.degrees(angle):.4f}°", f"{MM * float(cam.radius(angle)):.4f}", words) for angle, words in key_angles(cam)
-    )
-    return [("angle", "follower", "begins"), *angles]
 
 
 def _point_rows(cut: Cut) -> list[Row]:

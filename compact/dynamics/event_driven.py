@@ -30,9 +30,9 @@ from compact.numerics import Array, IntArray
 from compact.numerics.jit import compiled
 from compact.numerics.piecewise import PiecewisePolynomial
 
-MIN_STEP = 1e-13  # [-], of a piece of the far-end motion; shorter steps are rounding
+MIN_STEP = 1e-13  # [-], of a piece of the driven-end motion; shorter steps are rounding
 MAX_ATTEMPTS = 1000  # [-], of one interval; each is shorter by a tenth or more, 300 reach MIN_STEP
-STICK_STEP = 1e-7  # [-], of a piece of the far-end motion; a cart that stops again within such a step sticks
+STICK_STEP = 1e-7  # [-], of a piece of the driven-end motion; a cart that stops again within such a step sticks
 PLATE_REST_SPEED = 1e-7  # [-], of the largest speed; a slower cart does not rebound from the plate of an end spring
 WORK_SLICE = 100_000  # [-], evaluations of R and searched ranges of one compiled call; 0.1 s or less
 
@@ -53,7 +53,7 @@ class Intervals(NamedTuple):
     start, scale, duration : ndarray, shape (n,)
         Start, time over which u increases by 1 and duration [s], duration <= scale.
     driven_end : ndarray, shape (n, degree + 1)
-        Coefficients of the far-end position y(u) [m].
+        Coefficients of the driven-end position y(u) [m].
     elongation : ndarray, shape (n, SERIES_TERMS)
         Polynomial part of the elongation e(u) [m].
     oscillation : ndarray, shape (n, 4)
@@ -76,7 +76,7 @@ class Intervals(NamedTuple):
 
 
 def allocate_intervals(count: int, degree: int) -> Intervals:
-    """Allocate uninitialised rows of `Intervals` for a far-end motion of a degree."""
+    """Allocate uninitialised rows of `Intervals` for a driven-end motion of a degree."""
     reals = [np.empty(count) for _ in range(3)]
     columns = [np.empty((count, width)) for width in (degree + 1, signals.SERIES_TERMS, 4)]
     return Intervals._make([*reals, *columns, *(np.empty(count, np.int64) for _ in range(3))])
@@ -89,22 +89,16 @@ class TrialInterval(NamedTuple):
     ----------
     accepted : bool
         True within the tolerance.
-    next_step : float
-        Step of the next attempt [s].
-    slip : int
-        Direction of the motion, 0 at rest.
+    next_step, max_speed : float
+        Step of the next attempt [s] and largest |v| [m/s].
+    slip, event, evaluations : int
+        Direction of the motion, 0 at rest; event at the end; evaluations of R.
     driven_end : ndarray
         Coefficients of y(u) [m].
     elongation : Signal
         e(u) [m].
     end : float
         u at the end.
-    event : int
-        Event at the end.
-    evaluations : int
-        Evaluations of R.
-    max_speed : float
-        Largest |v| [m/s].
     """
 
     accepted: bool
@@ -119,7 +113,7 @@ class TrialInterval(NamedTuple):
 
 
 class IntegrationProgress(NamedTuple):
-    """Progress of an integration through the pieces of the far-end motion, which `advance` continues.
+    """Progress of an integration through the pieces of the driven-end motion, which `advance` continues.
 
     Parameters
     ----------
@@ -148,19 +142,10 @@ def integrate(
     tolerance: float,
     intervals: Intervals,
 ) -> tuple[int, int, int, elements.CartState, float]:
-    """Integrate a cart through all pieces of the far-end motion.
+    """Integrate a cart through all pieces of the driven-end motion y [m] over time [s], smooth within each.
 
-    Parameters
-    ----------
-    driven_end : PiecewisePolynomial
-        Position y [m] over time [s], smooth within each piece.
-    tolerance : float
-        Largest defect of the resistance [N].
-
-    Returns
-    -------
-    tuple
-        Status, number of intervals, evaluations of R, final state and final time [s].
+    Returns status, number of intervals, evaluations of R, final state and final time [s]; the defect of R [N] is at
+    most the tolerance.
     """
     state = elements.CartState(float(state.elongation), float(state.velocity), int(state.flank), int(state.zone))
     progress, status = initial_progress(state), PAUSED

@@ -47,14 +47,10 @@ class FormulaContactResult(ContactResult):
 
     Parameters
     ----------
-    capture_angle : float
-        phi of (1.5) [rad].
-    exponent : float
-        alpha of (1.4) [-].
-    contact_length : float
-        l of (1.7) [m].
-    mean_pressure : float
-        Load over contact length [Pa].
+    capture_angle, exponent : float
+        phi of (1.5) [rad] and alpha of (1.4) [-].
+    contact_length, mean_pressure : float
+        l of (1.7) [m], and load over it [Pa].
     """
 
     capture_angle: float
@@ -88,10 +84,6 @@ def capture_angle(pressure: Values, youngs_modulus: Values, poisson: Values, exp
     -----
     Confidence 80 %. At alpha = 1/2 it is 5.9 % below Hertz, sin phi = 2 q/E*. Valid near 1/2: exact theory has
     2/sin(pi alpha) where this has 7.53 alpha (1 - alpha).
-
-    References
-    ----------
-    D, eq (1.5).
 
     Examples
     --------
@@ -143,10 +135,6 @@ def roller_force(
     -----
     Confidence 65 %; no calibration should rest on the factor 2 of the alternative. At alpha = 1/2 it is 0.26 % above
     Hertz.
-
-    References
-    ----------
-    D, eq (1.6).
 
     Examples
     --------
@@ -214,10 +202,6 @@ def contact_length(capture_angle: Values, radius: Values, exponent: Values) -> V
     -----
     Exact for a half-plane with the traction on the mix against the travel (a driven roller). Confidence 95 %.
 
-    References
-    ----------
-    D, eq (1.7).
-
     Examples
     --------
     >>> f"{contact_length(0.5122, 0.11, 0.4683) * 1e3:.1f} mm"
@@ -251,10 +235,6 @@ def roller_resistance(
     -----
     Confidence 60 %. The lever arm l (1 - 2 alpha)/3 is the distance of the resultant from the pressure peak; about the
     lowest point exact theory has twice that.
-
-    References
-    ----------
-    D, eq (1.8).
 
     Examples
     --------
@@ -304,10 +284,6 @@ def roll(
     -----
     UserWarning
         If the half-width exceeds half of the layer height.
-
-    References
-    ----------
-    D, eqs (1.4)-(1.8).
 
     Examples
     --------

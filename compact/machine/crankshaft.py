@@ -40,22 +40,16 @@ class CartRevolution(NamedTuple):
 
     Parameters
     ----------
-    psi : ndarray
-        Crank angle of this cart [rad].
+    psi, rod_angle : ndarray
+        Crank angle of this cart and beta [rad].
     position, velocity, acceleration : ndarray
         [m], [m/s], [m/s^2].
-    resistance : ndarray
-        Force of the mix [N].
-    rod_angle : ndarray
-        beta [rad].
+    resistance, rod_force : ndarray
+        Force of the mix, and of the rod, positive in tension [N].
     forces : Balance
         Drive force, reactions and guide friction [N].
-    rod_force : ndarray
-        Force of the rod [N], positive in tension.
-    torque : ndarray
-        Torque of this cart on the shaft [N m].
-    power : ndarray
-        [W].
+    torque, power : ndarray
+        Torque of this cart on the shaft [N m] and its power [W].
     """
 
     psi: Array
@@ -209,21 +203,11 @@ def simulate_crankshaft(
 
 
 def crank_kinematics(crank: Crank, psi: Array) -> tuple[Array, Array, Array]:
-    """Compute the travel of a slider-crank and its derivatives with respect to the crank angle.
+    """Compute x [m], dx/dpsi and d2x/dpsi2 of a slider-crank at angles psi [rad] from the outer dead centre.
 
         dx/dpsi = r sin(psi + beta)/cos(beta),   d2x/dpsi2 = r cos(psi + beta)/cos(beta) (1 + b') + dx/dpsi tan(beta) b'
 
     with b' = dbeta/dpsi = r cos(psi)/(l cos(beta)).
-
-    Parameters
-    ----------
-    psi : array_like
-        Crank angle from the outer dead centre [rad].
-
-    Returns
-    -------
-    tuple of ndarray
-        x [m], dx/dpsi [m/rad] and d2x/dpsi2 [m/rad^2].
     """
     beta = crank.rod_angle(psi)
     rate = crank.radius * np.cos(psi) / (crank.rod_length * np.cos(beta))

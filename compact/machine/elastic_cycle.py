@@ -171,9 +171,7 @@ class PeriodicProblem:
                 f"`mass` must exceed the negative added mass of the resistance, {-least:g} kg, got "
                 f"{self.oscillator.mass:g} kg; use `include_added_mass=False`"
             )
-        constant = np.zeros((1, masses.coefficients.shape[1]))
-        constant[0, 0] = masses.coefficients[0, 0]
-        return PiecewisePolynomial(np.append(0.0, masses.breaks), np.concatenate([constant, masses.coefficients]))
+        return _from_rest(masses, masses.coefficients[0, 0])
 
     def _tabulate_force(self, sign, breaks):
         """Tabulate the resistance F over |v| in one direction."""
@@ -181,9 +179,7 @@ class PeriodicProblem:
             table = fit_piecewise(lambda v: self.total(sign * v), breaks, self._table_tolerance)
         except ValueError as error:
             raise ValueError(f"`resistance` over speed [m/s] has {error}") from None
-        first = np.zeros((1, table.coefficients.shape[1]))
-        first[0, :2] = self._standstill_force(sign, table.coefficients[0, 0])
-        return PiecewisePolynomial(np.append(0.0, table.breaks), np.concatenate([first, table.coefficients]))
+        return _from_rest(table, *self._standstill_force(sign, table.coefficients[0, 0]))
 
     def _standstill_force(self, sign, force):
         """F at rest and its rise [N] up to the standstill speed, where F is `force`; a steep rise is stiction.
@@ -345,6 +341,13 @@ class _CycleMap:
         """State moved by multiples of the units, limited in length, and its cycle."""
         trial = _shifted(state, move * min(1.0, MAX_NEWTON_MOVE / max(np.abs(move).max(), TINY)) * self.units)
         return trial, self.evaluate(trial)
+
+
+def _from_rest(table: PiecewisePolynomial, *coefficients: float) -> PiecewisePolynomial:
+    """Add a piece of given coefficients from 0 to the first break."""
+    first = np.zeros((1, table.coefficients.shape[1]))
+    first[0, : len(coefficients)] = coefficients
+    return PiecewisePolynomial(np.append(0.0, table.breaks), np.concatenate([first, table.coefficients]))
 
 
 def _aitken(last, residual):

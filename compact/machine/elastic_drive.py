@@ -42,7 +42,6 @@ from compact.numerics.validation import require_fields, require_known, require_o
 
 REGIMES = ("periodic", "rest")
 JUMP_TOLERANCE = 1e-6  # [-], of the largest acceleration; smaller jumps are rounding
-NONUNIFORMITY_SAMPLES = 2001  # [-], of the speed over the working part
 
 
 @dataclass(frozen=True)
@@ -51,12 +50,8 @@ class ElasticDrive:
 
     Parameters
     ----------
-    stiffness : float
-        k [N/m], > 0.
-    damping : float
-        c [N s/m], >= 0.
-    backlash : float
-        b [m], >= 0.
+    stiffness, damping, backlash : float
+        k [N/m], > 0; c [N s/m] and b [m], >= 0.
     include_added_mass : bool
         Use the resistance F(v) + a M(v) instead of the steady F(v).
     """
@@ -283,7 +278,7 @@ class ElasticRun(rigid_drive.CycleStatistics):
     @cached_property
     def nonuniformity(self) -> float:
         """(v_max - v_min)/v_mean of the cart over the working part of the forward stroke [-]."""
-        time = np.linspace(*self.working, NONUNIFORMITY_SAMPLES) * self.cycle.forward.duration
+        time = np.linspace(*self.working, rigid_drive.NONUNIFORMITY_SAMPLES) * self.cycle.forward.duration
         position, velocity, *_ = self.trajectory.kinematics(*self.trajectory.locate(time))
         mean = (position[-1] - position[0]) / (time[-1] - time[0])
         return float((velocity.max() - velocity.min()) / mean)

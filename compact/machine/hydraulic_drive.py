@@ -52,22 +52,16 @@ class Hydraulic(Rigid):
 
     Parameters
     ----------
-    piston_area : float
-        A [m2].
-    supply_pressure : float
-        p_s of the relief valve [Pa].
+    piston_area, valve_area : float
+        A, and area of a fully open throttle valve [m2].
+    supply_pressure, transition_drop, bulk_modulus : float
+        p_s of the relief valve, pressure drop c at the transition to turbulent flow, and K [Pa].
     pump_flow : float
         [m3/s].
-    valve_area : float
-        Area of a fully open throttle valve [m2].
     discharge_coefficient : float
         Cd [-].
     oil_density : float
         rho [kg/m3].
-    transition_drop : float
-        Pressure drop c at the transition to turbulent flow [Pa].
-    bulk_modulus : float
-        K [Pa].
     dead_volume : float
         Volume of a cylinder and its line with the piston at its end [m3].
     """
@@ -88,10 +82,6 @@ class Hydraulic(Rigid):
     def flow(self, area: Array, drop: Array) -> Array:
         """Return Q [m3/s] through an area [m2] under a pressure drop of either sign [Pa]."""
         return area * drop / self._flow_resistance(drop)
-
-    def open_drop(self, flow: Array) -> Array:
-        """Return the pressure drop [Pa] of a flow [m3/s] through a fully open valve."""
-        return self.drop(flow, self.valve_area)
 
     def drop(self, flow: Array, area: Array | float) -> Array:
         """Return the pressure drop [Pa] of a flow [m3/s] through an area [m2].
@@ -142,7 +132,7 @@ def solve_valve_flow(hydraulic: Hydraulic, velocity: Array, force: Array) -> Val
     Inlet areas are infinite where the required pressure exceeds that of the supply.
     """
     flow = hydraulic.piston_area * np.abs(velocity)
-    open_drop = hydraulic.open_drop(flow)
+    open_drop = hydraulic.drop(flow, hydraulic.valve_area)
     outlet = np.maximum(open_drop, -force / hydraulic.piston_area)
     inlet = outlet + force / hydraulic.piston_area
     drop = hydraulic.supply_pressure - inlet
@@ -306,8 +296,6 @@ def simulate_stroke(
 
     Raises
     ------
-    ValueError
-        If the resistance does not oppose the motion.
     RuntimeError
         If the integration ends early.
     """

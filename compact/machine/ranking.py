@@ -120,11 +120,6 @@ def rank(runs: Iterable[Any], by: str = "peak_force") -> list[Ranked]:
     list of Ranked
         Values that are equal but for rounding share a rank. Infinite values are last, followed by nan; all of them
         share the last rank. The margin of the last finite value is infinite before infinite values, nan without them.
-
-    Raises
-    ------
-    ValueError
-        If the criterion is unknown.
     """
     require_known("criterion", by, tuple(CRITERIA))
     criterion = CRITERIA[by]

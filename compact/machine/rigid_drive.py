@@ -9,7 +9,7 @@ of one cart [N], odd in both. It is set-valued at rest, where the limit from ins
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -132,6 +132,16 @@ class InverseDynamics:
     def breaks(self, leg: Leg) -> Array:
         """Phases of a leg between which all forces are smooth, ends included."""
         return leg.breakpoints() if self.cart.end_springs is None else self._zones[leg.start].breaks
+
+    def largest(self, quantity: Callable[[Leg, Array], Array]) -> float:
+        """Return the largest |quantity(leg, phase)| over the cycle, also between samples."""
+
+        def magnitude(leg: Leg, phase: Array) -> Array:
+            return np.abs(quantity(leg, phase))
+
+        return max(
+            find_maximum(partial(magnitude, leg), interior_grid(self.breaks(leg)))[0] for leg in self.cycle.legs()
+        )
 
     @cached_property
     def _zones(self):
@@ -295,27 +305,19 @@ class Run(CycleStatistics):
     @cached_property
     def peak_force(self) -> float:
         """Largest |H| [N]; infinite if the velocity jumps."""
-        state_at = self.inverse_dynamics.state_at
-        return math.inf if self.impulses else self._largest(lambda leg, z: state_at(leg, z).forces.drive_force)
+        dynamics = self.inverse_dynamics
+        return math.inf if self.impulses else dynamics.largest(lambda *at: dynamics.state_at(*at).forces.drive_force)
 
     @cached_property
     def peak_power(self) -> float:
         """Largest |H v| [W]; infinite if the velocity jumps."""
-        state_at = self.inverse_dynamics.state_at
-        return math.inf if self.impulses else self._largest(lambda leg, z: state_at(leg, z).drive_power)
+        dynamics = self.inverse_dynamics
+        return math.inf if self.impulses else dynamics.largest(lambda *at: dynamics.state_at(*at).drive_power)
 
     @cached_property
     def peak_jerk(self) -> float:
         """Largest |jerk| [m/s^3]; infinite if velocity or acceleration jumps."""
-        return math.inf if self.shocks else self._largest(lambda leg, z: leg.at_phase(z, 3))
-
-    def _largest(self, quantity):
-        """Return the largest |quantity(leg, phase)| over the cycle, also between samples."""
-        dynamics = self.inverse_dynamics
-        return max(
-            find_maximum(lambda z, leg=leg: np.abs(quantity(leg, z)), interior_grid(dynamics.breaks(leg)))[0]
-            for leg in dynamics.cycle.legs()
-        )
+        return math.inf if self.shocks else self.inverse_dynamics.largest(lambda leg, z: leg.at_phase(z, 3))
 
 
 def _kinetic_gain(mass: float, join: Discontinuity) -> float:

@@ -11,7 +11,7 @@ along the travel. The height of the rollers does not depend on the torque, and t
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from math import inf
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ from compact.machine.cart import balance
 from compact.machine.rigid_drive import DriveState, InverseDynamics
 from compact.motion.profile import Cycle, Leg
 from compact.numerics import Array
-from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
+from compact.numerics.piecewise import BREAK_OFFSET, interior_grid
 from compact.numerics.validation import require_fields, require_positive
 
 FULL_SLIP_SHARE = 0.99  # [-], of the Coulomb limit; a roller beyond slides
@@ -49,12 +49,8 @@ class RollerTraction(NamedTuple):
     ----------
     torque : ndarray
         T [N m].
-    traction : ndarray
-        Traction coefficient T/(R P) [-].
-    share : ndarray
-        Traction over the Coulomb limit [-].
-    creep : ndarray
-        Creepage [-].
+    traction, share, creep : ndarray
+        Traction coefficient T/(R P), traction over the Coulomb limit, and creepage [-].
     """
 
     torque: Array
@@ -81,12 +77,8 @@ class CreepFreeRoller:
 
     Parameters
     ----------
-    radius : float
-        R [m].
-    load : float
-        Load P of the mix [N].
-    friction : float
-        Coulomb coefficient of mix on steel [-].
+    radius, load, friction : float
+        R [m], load P of the mix [N], and Coulomb coefficient of mix on steel [-].
     """
 
     radius: float
@@ -122,14 +114,10 @@ class DrivenRoller:
         Coulomb coefficient of mix on steel [-].
     speeds : ndarray, shape (k,)
         Ascending speeds [m/s].
-    torques : ndarray, shape (k, m)
-        Ascending torques T [N m].
-    pulls : ndarray, shape (k, m)
-        F(v) - F(v, T) [N].
-    creeps : ndarray, shape (k, m)
-        Creepage [-].
-    loads : ndarray, shape (k, m)
-        Load P of the mix [N].
+    torques, pulls : ndarray, shape (k, m)
+        Ascending torques T [N m] and F(v) - F(v, T) [N].
+    creeps, loads : ndarray, shape (k, m)
+        Creepage [-] and load P of the mix [N].
     """
 
     radius: float
@@ -261,15 +249,7 @@ class RollerMotor:
 
     def _largest(self, quantity: Callable[..., Array]) -> float:
         """Return the largest |quantity(velocity, traction)| over the cycle, also between samples."""
-        dynamics = self.dynamics
-
-        def magnitude(leg, phase):
-            return np.abs(quantity(*self.traction_at(leg, phase)))
-
-        return max(
-            find_maximum(partial(magnitude, leg), interior_grid(dynamics.breaks(leg)))[0]
-            for leg in dynamics.cycle.legs()
-        )
+        return self.dynamics.largest(lambda leg, phase: quantity(*self.traction_at(leg, phase)))
 
 
 def _total_pull(dynamics: InverseDynamics, state: DriveState, way: int) -> Array:
@@ -320,14 +300,7 @@ class RollerRotation:
 
 
 def roller_rotation(cycle: Cycle, roller_radius: float, time: ArrayLike) -> RollerRotation:
-    """Rotation of a motor inside a roller that rolls without slip: angle = x/R and its derivatives.
-
-    Parameters
-    ----------
-    roller_radius : float
-        Radius R of the roller [m].
-    time : array_like
-        Time of the cycle [s].
+    """Rotation of a motor inside a roller of a radius [m] that rolls without slip, x/R, at times of the cycle [s].
 
     References
     ----------

@@ -49,10 +49,6 @@ def radius_range(height: Values) -> RadiusRange:
     -----
     A design rule, not mechanics. Confidence: printed.
 
-    References
-    ----------
-    D, eq (1.1).
-
     Examples
     --------
     >>> bounds = radius_range(0.22)
@@ -85,10 +81,6 @@ def rollers_needed(width: Values, radius: Values, feeder_sleeve: Values, overlap
     A quotient within 1e-9 of a whole number is that number. Confidence 80 %: with b_n 0.012 and B_T 0.18 the number,
     (1.3) and the stroke 0.4 m agree exactly.
 
-    References
-    ----------
-    D, eq (1.2).
-
     Examples
     --------
     >>> int(rollers_needed(1.164, 0.11, 0.18, 0.012))
@@ -120,10 +112,6 @@ def stroke_needed(width: Values, rollers: Values, overlap: Values) -> Values:
     Notes
     -----
     Confidence 80 %.
-
-    References
-    ----------
-    D, eq (1.3).
 
     Examples
     --------
@@ -163,10 +151,6 @@ def guide_coefficient(
     rib_factor : float or ndarray
         Factor f5 of the friction of the wheel's rib [-], >= 0.
 
-    References
-    ----------
-    D, eq (1.9).
-
     Examples
     --------
     >>> wheels = {"journal_diameter": 0.02, "rolling_arm": 5e-4, "wheel_diameter": 0.046}
@@ -201,10 +185,6 @@ def cart_resistance(
     -----
     Confidence 60 %: the print has a second d of unknown meaning.
 
-    References
-    ----------
-    D, eq (1.9).
-
     Examples
     --------
     >>> wheels = {"journal_diameter": 0.02, "rolling_arm": 5e-4, "wheel_diameter": 0.046}
@@ -232,10 +212,6 @@ def cart_power(resistance: Values, velocity: Values) -> Values:
     Notes
     -----
     Confidence: printed.
-
-    References
-    ----------
-    D, eq (1.10).
 
     Examples
     --------

@@ -24,7 +24,7 @@ R. W. Heckel, Trans. Metall. Soc. AIME 221 (1961) 671 (hardening curve).
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import numpy as np
 
@@ -104,17 +104,13 @@ def integrate_points(
         end = min(first + BATCH_POINTS, n)
         failed = _integrate_batch(first, end, constants, tuple(arrays), strain, (stress, scalars, tangents))
         if failed >= 0:
-            _raise_not_converged(failed, state, strain)
+            require_finite(strain=strain, stress=state.stress, density_ratio=state.density_ratio)
+            raise RuntimeError(
+                f"the return mapping did not converge for a strain increment of {np.abs(strain[failed]).max():.3g} "
+                f"from a stress of {np.abs(state.stress[failed]).max():.3g} Pa at density ratio "
+                f"{state.density_ratio[failed]:.6g} (point {failed}); use smaller increments"
+            )
     return MaterialPoint(stress, *scalars), tangents if tangent else None
-
-
-def _raise_not_converged(i: int, state: MaterialPoint, strain: Array) -> NoReturn:
-    require_finite(strain=strain, stress=state.stress, density_ratio=state.density_ratio)
-    raise RuntimeError(
-        f"the return mapping did not converge for a strain increment of {np.abs(strain[i]).max():.3g} from a stress of "
-        f"{np.abs(state.stress[i]).max():.3g} Pa at density ratio {state.density_ratio[i]:.6g} (point {i}); use "
-        "smaller increments"
-    )
 
 
 class CapConstants(NamedTuple):
@@ -124,14 +120,12 @@ class CapConstants(NamedTuple):
     ----------
     K, G : float
         Bulk and shear modulus of unloading [Pa].
-    M : float
-        Slope of the critical state [-].
+    M, loose : float
+        Slope of the critical state, and density ratio k0 at which Heckel's curve starts [-].
     pt : float
         Isotropic tensile strength [Pa].
     slope : float
         Heckel's slope K_H over the rate factor [1/Pa].
-    loose : float
-        Density ratio k0 at which Heckel's curve starts [-].
     flat : bool
         True for a flat subcritical side.
     """
@@ -161,18 +155,7 @@ def cap_constants(law: Compaction, rate_factor: float) -> CapConstants:
 
 @compiled
 def hardening(law: CapConstants, k: float) -> tuple[float, float]:
-    """Evaluate the hardening law of one point, as `Compaction.yield_pressure`.
-
-    Parameters
-    ----------
-    k : float
-        Density ratio [-].
-
-    Returns
-    -------
-    pc, H : float
-        Preconsolidation pressure and its derivative dpc/dV by the plastic volumetric strain [Pa].
-    """
+    """Evaluate pc and dpc/dV [Pa] of one point at a density ratio [-], as `Compaction.yield_pressure`."""
     if k >= HECKEL_MAX_DENSITY_RATIO:
         stiffness = HECKEL_MAX_DENSITY_RATIO / (1 - HECKEL_MAX_DENSITY_RATIO)
         xi = np.log((1 - law.loose) / (1 - HECKEL_MAX_DENSITY_RATIO)) + stiffness * np.log(k / HECKEL_MAX_DENSITY_RATIO)

@@ -242,11 +242,6 @@ def prior(moisture: float, density_ratio: float, overrides: Mapping[str, float] 
         Values by name that replace the prior [SI, friction_angle in degrees]; flagged "given", without spread.
         `effective_modulus` equals `relaxed_modulus` unless it is overridden itself.
 
-    Raises
-    ------
-    ValueError
-        If a state lies outside the table or an override is invalid.
-
     Examples
     --------
     >>> mix = prior(moisture=0.10, density_ratio=0.98)

@@ -56,10 +56,8 @@ class ConstraintSet:
 
     Attributes
     ----------
-    stroke : float
-        Travel of one pass [m].
-    duration : float
-        Time of one pass [s].
+    stroke, duration : float
+        Travel [m] and time [s] of one pass.
     """
 
     limits: Limits
@@ -95,8 +93,10 @@ class ConstraintSet:
         """Unknowns of the law with the smallest rms acceleration, the start of a search."""
         together = self._relaxed_bounds(np.ones(len(self.bounds)))
         if together:
-            alone = [self._single_relaxation(i) for i in range(len(self.bounds))]
-            single = [conflict for conflict in alone if conflict]
+            costs = np.where(np.eye(len(self.bounds)), 1.0, FIXED_BOUND_COST)
+            alone = [self._relaxed_bounds(row) for row in costs]  # bounds whose relaxation by itself suffices
+            names = [bound.name for bound in self.bounds]
+            single = [found[0] for found, name in zip(alone, names, strict=True) if [c.name for c in found] == [name]]
             raise InfeasibleError(single or together, alone=bool(single))
         u, weights = np.polynomial.legendre.leggauss(self.space.smoothness + 1)
         weights = np.outer(np.diff(self.space.breaks), weights / 2).ravel()
@@ -106,18 +106,9 @@ class ConstraintSet:
     @cached_property
     def max_margin_law(self) -> Array:
         """Unknowns of the law with the largest relative distance from the nearest bound."""
-        (equal, equal_to), (hard, hard_to) = self._equal, self._hard
-        below = np.concatenate([hard, *self._relative_rows])
-        margin = np.repeat([0.0, 1.0], [len(hard), len(below) - len(hard)])
-        extended = LinearConstraints(
-            np.column_stack([equal, np.zeros(len(equal))]),
-            equal_to,
-            np.column_stack([below, margin]),
-            np.concatenate([hard_to, *self._relative_values]),
-        )
-        solution = minimise_linear(np.append(np.zeros(self.space.size), -1.0), extended)
-        if solution is None:
-            raise RuntimeError("no law satisfies the limits on these pieces; raise `pieces` or lower `smoothness`")
+        relative = sum(map(len, self._relative_rows))
+        margin = np.repeat([0.0, 1.0], [len(self._hard[0]), relative])
+        solution = self._minimise_extended(np.array([-1.0]), margin)
         return solution[: self.space.size]
 
     def project(self, unknowns: Array) -> Array:
@@ -210,29 +201,27 @@ class ConstraintSet:
         """Largest relative excess over any bound; negative for a margin."""
         return max((bound.reached(unknowns) / bound.limit - 1 for bound in self.bounds), default=-np.inf)
 
-    def _single_relaxation(self, i: int) -> Conflict | None:
-        """Return the `Conflict` of bound i if relaxing that bound alone suffices."""
-        costs = np.full(len(self.bounds), FIXED_BOUND_COST)
-        costs[i] = 1.0
-        relaxed = self._relaxed_bounds(costs)
-        return relaxed[0] if [conflict.name for conflict in relaxed] == [self.bounds[i].name] else None
+    def _minimise_extended(self, costs, columns, signs=0):
+        """Return law and additional variables of the smallest costs, given their columns of the inequalities."""
+        (equal, equal_to), (hard, hard_to), size = self._equal, self._hard, self.space.size
+        rows = np.concatenate([hard, np.zeros((signs, size)), *self._relative_rows])
+        extended = LinearConstraints(
+            np.column_stack([equal, np.zeros((len(equal), len(costs)))]),
+            equal_to,
+            np.column_stack([rows, columns]),
+            np.concatenate([hard_to, np.zeros(signs), *self._relative_values]),
+        )
+        solution = minimise_linear(np.concatenate([np.zeros(size), costs]), extended)
+        if solution is None:
+            raise RuntimeError("no law exists on these pieces; raise `pieces` or lower `smoothness`")
+        return solution
 
     def _relaxed_bounds(self, costs: Array) -> list[Conflict]:
         """Return the `Conflict` of each relaxed bound where the sum of costs times relative violations is smallest."""
-        (equal, equal_to), (hard, hard_to), count = self._equal, self._hard, len(self.bounds)
-        identity = np.eye(count)
-        rows = [hard, np.zeros((count, self.space.size)), *self._relative_rows]
-        slacks = [np.zeros((len(hard), count)), -identity]
+        identity = np.eye(len(self.bounds))
+        slacks = [np.zeros((len(self._hard[0]), len(identity))), -identity]
         slacks += [np.tile(-identity[i], (len(bound.rows), 1)) for i, bound in enumerate(self.bounds)]
-        elastic = LinearConstraints(
-            np.column_stack([equal, np.zeros((len(equal), count))]),
-            equal_to,
-            np.column_stack([np.concatenate(rows), np.concatenate(slacks)]),
-            np.concatenate([hard_to, np.zeros(count), *self._relative_values]),
-        )
-        solution = minimise_linear(np.concatenate([np.zeros(self.space.size), costs]), elastic)
-        if solution is None:
-            raise RuntimeError("no law exists on these pieces without limits; raise `pieces` or lower `smoothness`")
+        solution = self._minimise_extended(costs, np.concatenate(slacks), len(identity))
         pairs = zip(self.bounds, solution[self.space.size :], strict=True)
         return [
             Conflict(b.name, b.unit, b.limit, (1 + float(excess)) * b.limit)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from compact.motion.laws import SUM_TOLERANCE
 from compact.motion.pitch_curve import PitchCurve
 from compact.motion.profile import END_CONDITIONS, EndCondition, MotionProfile
 from compact.numerics import Array
@@ -26,7 +27,6 @@ BOUNDED_DERIVATIVES: Mapping[str, tuple[int, str]] = MappingProxyType(
     {"velocity": (1, "m/s"), "acceleration": (2, "m/s^2"), "jerk": (3, "m/s^3"), "snap": (4, "m/s^4")}
 )
 VIOLATION_TOLERANCE = 1e-9  # [-], of a limit: a smaller excess is rounding of the convex programs
-SUM_TOLERANCE = 1e-12  # [-], of the sum of run_up and run_down
 
 
 @dataclass(frozen=True)
@@ -145,10 +145,8 @@ class Conflict(NamedTuple):
     ----------
     name, unit : str
         Name and unit of the limit.
-    limit : float
-        Value of the limit.
-    required : float
-        Value that makes the problem feasible, all other limits unchanged.
+    limit, required : float
+        Value of the limit, and that which makes the problem feasible, all other limits unchanged.
     """
 
     name: str

@@ -28,10 +28,9 @@ class OptimalMotion(MotionProfile):
     ----------
     value : float
         Minimum of the criterion over forward and return stroke without dwells, in the unit of the criterion.
-    gap : float
-        Relative optimality gap, see `sequential_programming.optimality_gap` [-].
-    refinement : float
-        Relative decrease of the criterion by the last halving of the pieces [-]; nan without a halving.
+    gap, refinement : float
+        Relative optimality gap, see `sequential_programming.optimality_gap`, and relative decrease by the last halving
+        of the pieces, nan without one [-].
     steps : int
         Number of convex subproblems accepted.
     """
@@ -92,8 +91,6 @@ def optimise(  # noqa: PLR0913, public signature: each argument is one physical 
         If no law satisfies the limits; the error states which limits to relax, and by how much.
     RuntimeError
         If the search does not converge.
-    ValueError
-        If an argument is out of range.
 
     Examples
     --------

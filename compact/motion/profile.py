@@ -57,11 +57,6 @@ def law(
     rod_length : float, optional
         Length of the connecting rod [m], > stroke/2; required by the law "crank".
 
-    Raises
-    ------
-    ValueError
-        If the name is unknown or a value is out of range.
-
     Examples
     --------
     >>> m = law("reversal-4", stroke=0.4, duration=3.0)
@@ -100,10 +95,8 @@ class Discontinuity:
 
     Attributes
     ----------
-    time : float
-        Time of the jump [s].
-    order : int
-        Order of the derivative, from 1.
+    time, order : float, int
+        Time of the jump [s] and order of the derivative, from 1.
     before, after : float
         Left and right limit [m/s^order].
     """
@@ -119,18 +112,44 @@ class Discontinuity:
         return DERIVATIVE_NAMES[self.order]
 
 
+class TravelDerivatives:
+    """Named derivatives of a travel over time."""
+
+    def derivative(self, time: ArrayLike, order: int) -> Array:
+        """Return the derivative of the travel [m/s^order] at times [s]."""
+        raise NotImplementedError
+
+    def position(self, time: ArrayLike) -> Array:
+        """Return the travel x [m] at a time [s]."""
+        return self.derivative(time, 0)
+
+    def velocity(self, time: ArrayLike) -> Array:
+        """Return the velocity [m/s] at a time [s]."""
+        return self.derivative(time, 1)
+
+    def acceleration(self, time: ArrayLike) -> Array:
+        """Return the acceleration [m/s^2] at a time [s]."""
+        return self.derivative(time, 2)
+
+    def jerk(self, time: ArrayLike) -> Array:
+        """Return the jerk [m/s^3] at a time [s]."""
+        return self.derivative(time, 3)
+
+    def snap(self, time: ArrayLike) -> Array:
+        """Return the snap [m/s^4] at a time [s]."""
+        return self.derivative(time, 4)
+
+
 @dataclass(frozen=True)
-class MotionProfile:
+class MotionProfile(TravelDerivatives):
     """One pass: travel from 0 to the stroke over 0 <= t <= duration.
 
     Attributes
     ----------
     name : str
         Name of the law.
-    stroke : float
-        Travel [m].
-    duration : float
-        Time of the pass [s].
+    stroke, duration : float
+        Travel [m] and time [s] of the pass.
     curve : NormalisedCurve
         Law s(z).
     retraces : bool
@@ -157,26 +176,6 @@ class MotionProfile:
     def at_phase(self, z: ArrayLike, order: int) -> Array:
         """Return the derivative of the travel [m/s^order] at phase z = t/T in [0, 1]."""
         return self._scale(order) * self.curve(z, nu=order)
-
-    def position(self, time: ArrayLike) -> Array:
-        """Return the travel x [m] at a time [s]."""
-        return self.derivative(time, 0)
-
-    def velocity(self, time: ArrayLike) -> Array:
-        """Return the velocity [m/s] at a time [s]."""
-        return self.derivative(time, 1)
-
-    def acceleration(self, time: ArrayLike) -> Array:
-        """Return the acceleration [m/s^2] at a time [s]."""
-        return self.derivative(time, 2)
-
-    def jerk(self, time: ArrayLike) -> Array:
-        """Return the jerk [m/s^3] at a time [s]."""
-        return self.derivative(time, 3)
-
-    def snap(self, time: ArrayLike) -> Array:
-        """Return the snap [m/s^4] at a time [s]."""
-        return self.derivative(time, 4)
 
     def peaks(self) -> Peaks:
         """Return the `Peaks` inside the pieces, from the roots of the next derivative; impulses are excluded."""
@@ -258,10 +257,8 @@ class Leg:
 
     Attributes
     ----------
-    start : float
-        Time of its begin in the cycle [s].
-    duration : float
-        Its time [s].
+    start, duration : float
+        Time of its begin in the cycle, and its time [s].
     direction : int
         +1 forward, -1 return, 0 dwell.
     position : float
@@ -286,7 +283,7 @@ class Leg:
 
 
 @dataclass(frozen=True)
-class Cycle:
+class Cycle(TravelDerivatives):
     """Periodic motion: forward stroke, dwell at the far end, return stroke, dwell at the near end.
 
     Attributes
@@ -319,18 +316,6 @@ class Cycle:
     def duration(self) -> float:
         """The period [s], under the name that a `MotionProfile` has for it."""
         return self.period
-
-    def position(self, time: ArrayLike) -> Array:
-        """Return the travel x [m] at a time [s]."""
-        return self.derivative(time, 0)
-
-    def velocity(self, time: ArrayLike) -> Array:
-        """Return the velocity [m/s] at a time [s]."""
-        return self.derivative(time, 1)
-
-    def acceleration(self, time: ArrayLike) -> Array:
-        """Return the acceleration [m/s^2] at a time [s]."""
-        return self.derivative(time, 2)
 
     def legs(self) -> list[Leg]:
         """Return passes and dwells in order of time; dwells of zero length are left out."""

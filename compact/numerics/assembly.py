@@ -19,37 +19,16 @@ from compact.numerics import Array, IntArray
 
 
 def unit_moduli(poisson: float) -> Array:
-    """Compute the plane-strain stiffness for a Young's modulus of 1.
-
-    Parameters
-    ----------
-    poisson : float
-        Poisson's ratio nu [-], 0 <= nu < 0.5.
-
-    Returns
-    -------
-    ndarray, shape (4,)
-        2 mu, 2 mu, mu and lambda [-]: stiffness against e_xx, e_yy, 2 e_xy and the volumetric strain.
-    """
+    """Compute 2 mu, 2 mu, mu and lambda [-] for E = 1: stiffness against e_xx, e_yy, 2 e_xy and volumetric strain."""
     lame = poisson / ((1 + poisson) * (1 - 2 * poisson))
     shear = 1 / (2 * (1 + poisson))
     return np.array([2 * shear, 2 * shear, shear, lame])
 
 
 def strain_matrix(basis: Basis, x_scale: float = 1.0, y_scale: float = 1.0) -> Array:
-    """Compute B, which maps displacements to e_xx, e_yy, 2 e_xy and the projected volumetric strain.
+    """Compute B [1/m] of e_xx, e_yy, 2 e_xy and projected volumetric strain, shape (elements, points, 4, 2 Nbfun).
 
-    Parameters
-    ----------
-    basis : skfem.Basis
-        Scalar basis with `Nbfun` functions per element.
-    x_scale, y_scale : float
-        Factors of the derivatives along x and y [-].
-
-    Returns
-    -------
-    ndarray, shape (elements, points, 4, 2 Nbfun)
-        B at the quadrature points [1/m], its unknowns in the order of `element_unknowns`.
+    Derivatives along x and y are multiplied by factors [-]; unknowns are in the order of `element_unknowns`.
     """
     gradient = np.array([basis.basis[j][0].grad for j in range(basis.Nbfun)])  # (Nbfun, 2, elements, points)
     gx, gy = gradient.transpose(1, 2, 3, 0)
@@ -77,31 +56,13 @@ def element_unknowns(basis: Basis) -> IntArray:
 
 
 def assemble_stiffness(basis: Basis, moduli: Array) -> csr_matrix:
-    """Assemble the global stiffness matrix, shape (2 N, 2 N) for N scalar degrees of freedom.
-
-    Parameters
-    ----------
-    basis : skfem.Basis
-        Scalar basis of both displacement components.
-    moduli : ndarray, shape (4,) or (elements, 4)
-        Stiffness as of `unit_moduli`, of the body or of each element.
-    """
+    """Assemble the global stiffness matrix for `unit_moduli` of the body or of each element, shape (2 N, 2 N)."""
     B = strain_matrix(basis)
     return assemble_matrix(basis, element_matrices(basis, B, B, moduli))
 
 
 def element_matrices(basis: Basis, left: Array, right: Array, moduli: Array) -> Array:
-    """Integrate left' C right over every element, shape (elements, n, n).
-
-    Parameters
-    ----------
-    basis : skfem.Basis
-        Basis whose quadrature weights are used.
-    left, right : ndarray, shape (elements, points, 4, n)
-        Strain matrices as of `strain_matrix`.
-    moduli : ndarray, shape (4,) or (elements, 4)
-        Diagonal of C.
-    """
+    """Integrate left' C right over every element, C = diag(moduli), shape (elements, n, n)."""
     count, points, parts, width = left.shape
     C_right = (right * moduli[..., None, :, None] * basis.dx[..., None, None]).reshape(count, points * parts, width)
     return np.matmul(left.reshape(C_right.shape).transpose(0, 2, 1), C_right)

@@ -53,25 +53,7 @@ class LinearConstraints(NamedTuple):
 
 
 def minimise_linear(cost: Array, constraints: LinearConstraints, box: Array | None = None) -> Array | None:
-    """Minimise c'x.
-
-    Parameters
-    ----------
-    cost : ndarray, shape (n,)
-        c.
-    box : ndarray, shape (n,), optional
-        Bound of each |x_i|; inf for an unbounded unknown.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        Minimiser, or None if the constraints are infeasible.
-
-    Raises
-    ------
-    RuntimeError
-        If HiGHS finds no solution that satisfies all rows to `ROW_TOLERANCE`.
-    """
+    """Minimise c'x with |x_i| <= box_i; None if the constraints are infeasible, RuntimeError without a solution."""
     bounds = (None, None) if box is None else np.column_stack([-box, box])
     A, b = _scaled(constraints.equality_matrix, constraints.equality_values, largest=1.0)
     G, h = _scaled(constraints.inequality_matrix, constraints.inequality_bounds, largest=1.0)
@@ -82,7 +64,10 @@ def minimise_linear(cost: Array, constraints: LinearConstraints, box: Array | No
         if result.status == 2:
             return None
         if result.status == 0:
-            violation = _relative_violation(result.x, A, b, G, h)
+            x = result.x  # violation of a row over the sum of the magnitudes of its terms, or over 1 if that is larger
+            terms = np.concatenate([abs(A) @ np.abs(x), abs(G) @ np.abs(x)])
+            rows = np.concatenate([np.abs(A @ x - b), G @ x - h])
+            violation = float(np.max(rows / np.maximum(terms, 1.0), initial=0.0))
             if violation <= ROW_TOLERANCE:
                 return result.x
             result.message = f"a row is violated by {violation:.1e}"
@@ -141,10 +126,3 @@ def _scaled(matrix: Matrix, values: ArrayLike, largest: float = np.inf) -> tuple
     size = np.maximum(abs(rows).max(axis=1).toarray().ravel(), np.abs(values))
     size = np.where(size == 0, 1.0, np.minimum(size, largest))
     return sparse.csr_array(sparse.diags_array(1 / size) @ rows), values / size
-
-
-def _relative_violation(x: Array, A: Matrix, b: Array, G: Matrix, h: Array) -> float:
-    """Largest violation of a row over the sum of the magnitudes of its terms, or over 1 if that is larger."""
-    violation = np.concatenate([np.abs(A @ x - b), G @ x - h])
-    terms = np.concatenate([abs(A) @ np.abs(x), abs(G) @ np.abs(x)])
-    return float(np.max(violation / np.maximum(terms, 1.0), initial=0.0))

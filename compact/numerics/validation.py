@@ -129,22 +129,7 @@ use a function that changes its sign with the velocity, for a constant force `co
 
 
 def require_known(kind: str, name: object, choices: Collection[str]) -> None:
-    """Require a name among the choices.
-
-    Parameters
-    ----------
-    kind : str
-        Kind of the name, for the message.
-    name : object
-        Name received.
-    choices : collection of str
-        Allowed names.
-
-    Raises
-    ------
-    ValueError
-        If the name is unknown; the message contains the closest choice and all choices.
-    """
+    """Require a name of a kind among the choices; the message contains the closest choice and all choices."""
     if name not in choices:
         matches = get_close_matches(str(name), choices, n=1)
         hint = f"did you mean '{matches[0]}'? " if matches else ""

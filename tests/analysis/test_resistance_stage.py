@@ -50,18 +50,18 @@ def left(written, tmp_path):
 
 def test_added_mass_of_a_cart_is_that_of_all_its_rollers():
     study = of_scene()
-    met, machine = study.resistance, study.scene.machine
-    mass, time = contact_stage.added_mass(study.scene, study.mix, float(met.speeds[-1]), study.held)
-    assert met.added_masses[-1] == pytest.approx(machine.rollers * machine.roller_length * mass, rel=1e-12)
-    assert met.relaxation_time == time == pytest.approx(study.mix.relaxation_time)
+    resistance, machine = study.resistance, study.scene.machine
+    mass, time = contact_stage.added_mass(study.scene, study.mix, float(resistance.speeds[-1]), study.held)
+    assert resistance.added_masses[-1] == pytest.approx(machine.rollers * machine.roller_length * mass, rel=1e-12)
+    assert resistance.relaxation_time == time == pytest.approx(study.mix.relaxation_time)
 
 
 def test_unsteady_share_of_a_law_has_its_closed_form(left):
     """cubic: v = 6 s/T z(1-z), a = 6 s/T^2 (1-2z): |a| tau > 0.1 v where 1-2z > (T/tau)/10 z(1-z)."""
-    told = json.loads((left / "summary.json").read_text())["laws"]["cubic"]["unsteady_share"]
+    share = json.loads((left / "summary.json").read_text())["laws"]["cubic"]["unsteady_share"]
     rate = UNSTEADINESS_LIMIT * 3.0 / of_scene().mix.relaxation_time
     first = (2 + rate - np.sqrt(4 + rate**2)) / (2 * rate)  # 1 - 2z = rate z (1 - z)
-    assert told == pytest.approx(2 * first, abs=0.02)
+    assert share == pytest.approx(2 * first, abs=0.02)
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_unsteady_share_of_a_law_has_its_closed_form(left):
         ({"mix.overrides.instant_over_relaxed": 1.0}, True),
         ({"accuracy.engine": "compaction", "contact.indentation": 0.003, "mix.reference_speed": 0.1}, False),
     ],
-    ids=["columns", "elastic", "compaction that knows a rate"],
+    ids=["columns", "elastic", "compaction with a rate effect"],
 )
 def test_mix_without_relaxation_has_no_added_mass(changes, known):
     study = of_scene(**changes)
@@ -106,11 +106,11 @@ def test_map_is_reused_after_changes_it_does_not_depend_on(written, changes, reu
 
 def test_faster_law_extends_the_map(written):
     before, study = of_scene(written).kept.resistance_map, of_scene(written, **{"motion.laws": ["septic"]})
-    met = study.resistance_map
-    assert met.speeds[-1] == pytest.approx(2.1875 * 0.4 / 3, rel=1e-9)  # D: 35/16 of the mean
+    extended = study.resistance_map
+    assert extended.speeds[-1] == pytest.approx(2.1875 * 0.4 / 3, rel=1e-9)  # D: 35/16 of the mean
     assert study.counts["resistance"] <= 2
     assert "rolled" not in study.counts
-    assert met(before.speeds) == pytest.approx(before.forces, rel=1e-12)
+    assert extended(before.speeds) == pytest.approx(before.forces, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", [kept_results.MAP_FILE, kept_results.CONTACTS_FILE])

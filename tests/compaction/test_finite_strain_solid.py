@@ -223,6 +223,19 @@ def test_initial_guess_of_the_return_mappings_changes_nothing_but_rounding():
     assert guessed.element_stiffness == pytest.approx(plain.element_stiffness, rel=1e-9, abs=1e-3)
 
 
+def test_threads_change_no_digit():
+    one, two = (FiniteStrainSolid(skewed(SQUARE), MIX, threads=threads) for threads in (1, 2))
+    before, displacement = pressed_and_sheared(one)
+    alone, shared = (solid.increment(before, displacement) for solid in (one, two))
+    assert np.array_equal(shared.internal_forces, alone.internal_forces)
+    assert np.array_equal(shared.element_stiffness, alone.element_stiffness)
+    assert np.array_equal(shared.after.points.stress, alone.after.points.stress)
+    inverted = displacement.copy()
+    inverted[20] += 5.0
+    with pytest.raises(ValueError, match="must not invert elements"):
+        two.increment(before, inverted)
+
+
 def test_newtons_method_converges_quadratically():
     """Plain steps between two fixed ends, from a prediction with a residual of half the forces."""
     x, y = FiniteStrainSolid(SQUARE, MIX).basis.doflocs

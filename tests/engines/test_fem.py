@@ -571,6 +571,7 @@ def test_error_estimate_is_between_half_and_five_times_the_true_error(scenes):
         assert rest < 1e-7
 
 
+@pytest.mark.slow
 def test_error_estimate_with_stick_and_slip_covers_the_difference_from_a_finer_mesh():
     """The published machine, with a prescribed peak pressure and the gap on the deformed surface."""
     mix = Viscoelastic(1364535.2, 0.3, branches=((0.5, 0.1),))

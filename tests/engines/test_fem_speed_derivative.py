@@ -198,6 +198,7 @@ def test_loaded_zone_widens_for_every_contact(monkeypatch):
     assert narrow.added_mass == pytest.approx(wide.added_mass, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_stiffness_is_factorised_once(monkeypatch):
     calls, splu = [], surface_compliance.splu
     monkeypatch.setattr(

@@ -370,8 +370,7 @@ def test_invalid_plies_are_refused(make, message):
         make()
 
 
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize("engine", [spectral, fem])
+@pytest.mark.parametrize("engine", [pytest.param(spectral, marks=pytest.mark.slow), fem])
 def test_thin_top_ply_under_a_wide_contact_raises(engine):
     with pytest.raises(
         RuntimeError, match=r"more than 100 times the thickness of the top ply, 0.0001 m; join that ply"

@@ -366,7 +366,7 @@ def fourier_surface(rolled, layer, material, friction, speed, x):
     return np.array([np.trapezoid((depth * np.exp(1j * k * at)).real * k, np.log(k)) / np.pi for at in x]) - ahead
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("mix", "friction", "base"),
     [(MIX, 0.0, "slip"), (MIX, 0.3, "bonded"), (SOLID, 0.0, "bonded"), (SOLID, 0.3, "slip"), (SOLID, -0.8, "bonded")],

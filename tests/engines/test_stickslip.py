@@ -222,6 +222,7 @@ def test_closed_form_of_full_stick_satisfies_its_equation():
     assert principal + 1j * b * w == pytest.approx((x - 1j * creepage * R) / (2 * R), abs=1e-6 * a / R)
 
 
+@pytest.mark.slow
 def test_free_roller_with_high_friction_sticks_completely():
     a, x = 0.004, np.linspace(-0.0038, 0.0038, 77)
     exact, creepage = adhesion(x, a)

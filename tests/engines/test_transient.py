@@ -176,6 +176,7 @@ def test_constant_speed_is_steady_rolling_on_slip_base_plies_and_three_branches(
 REVERSAL = Accelerated(1.0, -1.0, 4.0)
 
 
+@pytest.mark.slow
 def test_error_of_the_time_steps_is_of_second_order():
     instants = (0.8, 1.2, 1.6, 2.0)
     motion, tolerances = Accelerated(1.0, -1.0, 2.0), (1.6e-2, 4e-3, 1e-3)
@@ -414,6 +415,7 @@ def test_forces_on_a_free_roller_are_continuous_at_a_reversal():
 # cost
 
 
+@pytest.mark.slow
 def test_stiffness_is_factorised_once_for_all_time_steps(monkeypatch):
     calls, splu = [], surface_compliance.splu
     monkeypatch.setattr(

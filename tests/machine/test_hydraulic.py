@@ -115,6 +115,7 @@ def test_forward_problem_reproduces_the_law(name):
     assert stroke.energies["resistance_work"] == pytest.approx(SIZE * stroke.position[-1], rel=1e-5)
 
 
+@pytest.mark.slow
 def test_error_is_proportional_to_the_compressibility_of_the_oil():
     moduli, errors = np.array([1e9, 4e9]), []
     for modulus in moduli:

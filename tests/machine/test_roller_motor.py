@@ -166,6 +166,7 @@ def test_creep_rises_with_the_pull_and_knows_no_speed_where_samples_know_none(sh
     assert less == pytest.approx(FREE_CREEP + CREEP_SLOPE * carter_parameter(share), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_driven_roller_on_a_thick_layer_agrees_with_carter():
     """Incompressible layer: pressure and shear are uncoupled, even terms in the torque are of second order in a/R."""
     radius, friction, half_width = 1.0, 0.3, 0.02

@@ -374,7 +374,7 @@ def least_power_law(limits):
     return optimise("peak_power", **MACHINE, resistance=dry(3562.0), limits=limits, pieces=16)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("limits", "follower", "quantity", "sign"),
     [
@@ -391,6 +391,7 @@ def test_cam_of_the_optimal_law_satisfies_its_limits(limits, follower, quantity,
     assert sign * getattr(Cam(limited.cycle(), limits.breadth, follower), quantity) <= sign * limit + 1e-9
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("limits", "needed"),
     [

@@ -1,4 +1,4 @@
-"""Sobol indices: closed forms within the error told, the library's estimates, lost rows."""
+"""Sobol indices: closed forms within the confidence bounds, estimates of scipy, refusals."""
 
 import numpy as np
 import pytest
@@ -31,14 +31,14 @@ def rows(function, inputs, n, low=0.0, high=1.0):
 
 
 @pytest.mark.parametrize("n", [256, 1024, 4096])
-def test_ishigami_lies_within_the_error_told(n):
+def test_ishigami_lies_within_the_confidence_bounds(n):
     found = indices(*rows(ishigami, 3, n, -np.pi, np.pi))
     first, total = ishigami_indices()
     assert np.all((found.first_low <= first) & (first <= found.first_high))
     assert np.all((found.total_low <= total) & (total <= found.total_high))
 
 
-def test_error_told_falls_with_the_root_of_the_rows_and_is_no_excuse():
+def test_confidence_bounds_narrow_with_the_root_of_the_rows():
     widths = []
     for n in (256, 4096):
         found = indices(*rows(ishigami, 3, n, -np.pi, np.pi))
@@ -58,31 +58,31 @@ def test_product_has_its_closed_form():
     assert np.all((found.total_low <= total) & (total <= found.total_high))
 
 
-def test_estimates_are_those_of_the_library():
+def test_estimates_are_those_of_scipy():
     f_A, f_B, f_AB = rows(ishigami, 3, 128, -np.pi, np.pi)
-    theirs = sobol_indices(func={"f_A": f_A[None], "f_B": f_B[None], "f_AB": f_AB[:, None]}, n=128)
+    library = sobol_indices(func={"f_A": f_A[None], "f_B": f_B[None], "f_AB": f_AB[:, None]}, n=128)
     found = indices(f_A, f_B, f_AB)
-    assert found.first == pytest.approx(theirs.first_order, abs=1e-12)
-    assert found.total == pytest.approx(theirs.total_order, abs=1e-12)
+    assert found.first == pytest.approx(library.first_order, abs=1e-12)
+    assert found.total == pytest.approx(library.total_order, abs=1e-12)
 
 
-def test_same_rows_tell_the_same_error():
+def test_confidence_bounds_are_deterministic():
     given = rows(ishigami, 3, 64, -np.pi, np.pi)
     assert np.array_equal(indices(*given).first_low, indices(*given).first_low)
 
 
-def test_what_does_not_vary_has_no_indices():
+def test_constant_function_has_zero_indices():
     found = indices(np.full(64, 0.1), np.full(64, 0.1), np.full((2, 64), 0.1))
     assert found.first.tolist() == found.total.tolist() == [0.0, 0.0]
 
 
-def test_mean_however_large_moves_nothing():
+def test_large_mean_does_not_change_the_indices():
     f_A, f_B, f_AB = rows(ishigami, 3, 256, -np.pi, np.pi)
     far = indices(f_A + 1e6, f_B + 1e6, f_AB + 1e6)
     assert far.first == pytest.approx(indices(f_A, f_B, f_AB).first, abs=1e-7)
 
 
 @pytest.mark.parametrize(("n", "value", "words"), [(8, 1.0, "16 rows without a failure, got 8"), (32, np.nan, "fini")])
-def test_rows_that_tell_nothing_are_refused(n, value, words):
+def test_insufficient_or_infinite_rows_are_refused(n, value, words):
     with pytest.raises(ValueError, match=words):
         indices(np.full(n, value), np.arange(n), np.ones((2, n)))

@@ -1,4 +1,4 @@
-"""Sweeps: every point there whoever computes it, whatever dies; bands, maps and the command."""
+"""Sweeps: results independent of the executor, resumption, failed points, bands, maps and the command."""
 
 import json
 import os
@@ -39,14 +39,14 @@ GRID = ("mix.moisture=0.08:0.12:4", "mix.density_ratio=0.94:0.98:3")
 def swept(
     directory, scene=COLUMNS, varied=GRID, executor=None, resume=False, step=lambda points, failed: None, **options
 ):
-    """The table, and the sweep."""
+    """Table and sweep of a scene."""
     many = Sweep(scene, [vary.read_design(text) for text in varied], **options)
     return many.run(directory, executor=executor or SerialExecutor(), resume=resume, step=step), many
 
 
 @pytest.fixture
 def small_tasks(monkeypatch):
-    """Three points in a task, so that there is something to interrupt."""
+    """Three points per task, so that several tasks can be interrupted."""
     monkeypatch.setattr(sweep, "ENGINES", {"column": replace(sweep.ENGINES["column"], points_per_task=3)})
 
 
@@ -57,7 +57,7 @@ def whole(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def cluster():
-    """A scheduler with one worker, each a process of its own."""
+    """Scheduler with one worker, in processes of their own."""
     from distributed import LocalCluster
 
     with LocalCluster(
@@ -66,7 +66,7 @@ def cluster():
         yield scheduler.scheduler_address
 
 
-# (a) what a point is
+# (a) points
 
 
 def test_points_are_those_of_single_studies(whole):
@@ -87,7 +87,7 @@ def test_formulas_have_the_published_point(tmp_path):
     assert float(table.resistance_coefficient[0]) == pytest.approx(0.178961, rel=1e-5)
 
 
-def test_table_is_labelled_and_read_back_as_it_was(tmp_path):
+def test_table_is_labelled_and_identical_when_read_back(tmp_path):
     table, _ = swept(tmp_path, varied=["mix.moisture=0.1,0.11", "layer.base=bonded,slip", "mix.overrides.poisson=~2"])
     back = sweep.read_sweep(tmp_path / "sweep.nc")
     xarray.testing.assert_identical(back.astype(object), table.astype(object))
@@ -107,7 +107,7 @@ def test_laws_are_ranked_at_every_point(tmp_path):
     assert table.peak_power.attrs["units"] == "W"
 
 
-# (b) whoever computes, the same bits
+# (b) results are independent of the executor
 
 
 @pytest.mark.usefixtures("small_tasks")
@@ -133,7 +133,7 @@ def test_two_processes_give_the_same_bits_though_one_is_killed(whole, tmp_path):
     xarray.testing.assert_identical(table, whole)
 
 
-def test_worker_of_other_versions_is_refused_in_words(cluster):
+def test_worker_of_other_versions_is_refused(cluster):
     many = Sweep(COLUMNS, [vary.read_design(text) for text in GRID])
     (task,) = many._tasks(many._keyed(), {})
     older = replace(task, versions=task.versions | {"numpy": "1.0"})
@@ -143,11 +143,11 @@ def test_worker_of_other_versions_is_refused_in_words(cluster):
             list(run_tasks(sweep.compute, [older], executor))
 
 
-# (c) whatever happens, nothing is lost and nothing computed twice
+# (c) resumption
 
 
 @pytest.mark.usefixtures("small_tasks")
-def test_file_cut_short_is_computed_again_and_no_other(whole, tmp_path):
+def test_truncated_file_alone_is_recomputed(whole, tmp_path):
     swept(tmp_path)
     files = sorted((tmp_path / "points").iterdir(), key=lambda path: path.stat().st_mtime_ns)
     assert len(files) == 4
@@ -159,7 +159,7 @@ def test_file_cut_short_is_computed_again_and_no_other(whole, tmp_path):
 
 
 @pytest.mark.parametrize("damage", [lambda content: b"", lambda content: content.replace(b"0.9", b"0.8", 1)])
-def test_file_that_is_not_what_was_written_does_not_count(damage, tmp_path):
+def test_damaged_file_is_recomputed(damage, tmp_path):
     swept(tmp_path)
     (file,) = (tmp_path / "points").iterdir()
     file.write_bytes(damage(file.read_bytes()))
@@ -167,7 +167,7 @@ def test_file_that_is_not_what_was_written_does_not_count(damage, tmp_path):
 
 
 @pytest.mark.usefixtures("small_tasks")
-def test_interrupted_sweep_goes_on_where_it_was(whole, tmp_path):
+def test_interrupted_sweep_is_resumed(whole, tmp_path):
     seen = []
 
     def stop(points, failed):
@@ -184,12 +184,12 @@ def test_interrupted_sweep_goes_on_where_it_was(whole, tmp_path):
     assert swept(tmp_path, resume=True)[1].computed == 0
 
 
-def test_wider_grid_computes_what_is_new(tmp_path):
+def test_wider_grid_computes_new_points_alone(tmp_path):
     swept(tmp_path, varied=["mix.moisture=0.1,0.11"])
     assert swept(tmp_path, varied=["mix.moisture=0.1,0.11,0.12"], resume=True)[1].computed == 1
 
 
-def test_points_of_other_versions_are_computed_anew(monkeypatch, tmp_path):
+def test_points_of_other_versions_are_recomputed(monkeypatch, tmp_path):
     varied = ["mix.moisture=0.1,0.11"]
     swept(tmp_path, varied=varied)
     other = headline.versions() | {"source": "changed"}
@@ -197,7 +197,7 @@ def test_points_of_other_versions_are_computed_anew(monkeypatch, tmp_path):
     assert swept(tmp_path, varied=varied, resume=True)[1].computed == 2
 
 
-def test_point_whose_workers_died_is_tried_again_by_the_next_run(monkeypatch, tmp_path):
+def test_point_of_dead_workers_is_recomputed_by_the_next_run(monkeypatch, tmp_path):
     varied = ["mix.moisture=0.1,0.11"]
 
     class Deadly(SerialExecutor):
@@ -212,7 +212,7 @@ def test_point_whose_workers_died_is_tried_again_by_the_next_run(monkeypatch, tm
     assert (table.reason == "").all()
 
 
-def test_points_that_stand_are_neither_mixed_nor_forgotten_unasked(tmp_path):
+def test_existing_points_require_resume_or_force(tmp_path):
     swept(tmp_path, varied=["mix.moisture=0.1,0.11"])
     with pytest.raises(ResultsError, match="holds 2 points of this scene; --resume uses them, --force"):
         swept(tmp_path, varied=["mix.moisture=0.1,0.11"])
@@ -235,7 +235,7 @@ def test_failed_point_is_masked_with_its_reason(tmp_path):
     assert steps == [(0, 0), (4, 2)]
 
 
-def test_fault_of_ours_is_a_reason_too(monkeypatch):
+def test_internal_error_is_a_reason(monkeypatch):
     def broken(*_, **__):
         raise TypeError("boom")
 
@@ -248,19 +248,19 @@ def test_fault_of_ours_is_a_reason_too(monkeypatch):
 def test_grouped_reasons_are_counted(tmp_path):
     scene = COLUMNS.replaced(**{"layer.fed_density_ratio": 0.94})
     table, _ = swept(tmp_path, scene, ["mix.density_ratio=0.92:0.98:4"])
-    said = sweep_writer.sweep_digest(table, {})
-    assert "4 points by column, 2 without numbers" in said
-    assert "without numbers: 2 x " in said
+    digest = sweep_writer.sweep_digest(table, {})
+    assert "4 points by column, 2 without numbers" in digest
+    assert "without numbers: 2 x " in digest
 
 
-# (e) neighbours
+# (e) continuation
 
 
 class Contact:
-    """Stands for a contact by finite elements."""
+    """Substitute for a contact by finite elements."""
 
 
-def test_lines_of_neighbours_start_cold_and_go_on_from_one_another(monkeypatch, tmp_path):
+def test_each_line_starts_from_scratch_and_continues_from_point_to_point(monkeypatch, tmp_path):
     scene, starts = COLUMNS.replaced(**{"accuracy.engine": "compaction"}), []
 
     def recorded(there, rank, near):
@@ -272,11 +272,11 @@ def test_lines_of_neighbours_start_cold_and_go_on_from_one_another(monkeypatch, 
     swept(tmp_path, scene, ["mix.moisture=0.1,0.11", "mix.density_ratio=0.94:0.98:3"])
     assert starts == [None, (0.1, 0.94), None, None, (0.11, 0.94), None]
     longer = ["mix.moisture=0.1,0.11", "mix.density_ratio=0.94,0.96,0.98,0.99"]
-    assert swept(tmp_path, scene, longer, resume=True)[1].computed == 4  # the lines that had one point, whole
+    assert swept(tmp_path, scene, longer, resume=True)[1].computed == 4  # incomplete lines, from their first point
 
 
 @pytest.mark.slow
-def test_neighbour_by_finite_elements_meets_a_cold_start(tmp_path):
+def test_continuation_by_finite_elements_agrees_with_a_start_from_scratch(tmp_path):
     thin = {
         "accuracy.engine": "compaction", "product.height": 0.096, "machine.roller_radius": 0.11,
         "contact.indentation": 0.002, "layer.fed_density_ratio": 0.94, "machine.gap_geometry": "deformed",
@@ -301,7 +301,7 @@ def held(task):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["column", "spectral"])
-@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no such file tells the memory here")
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no such file states the memory here")
 def test_memory_of_a_worker_is_flat_over_a_thousand_points(engine):
     grid = [vary.read_design("mix.moisture=0.08:0.12:25"), vary.read_design("mix.density_ratio=0.94:0.98:40")]
     many = Sweep(SCENE.replaced(**{"accuracy.engine": engine}), grid)
@@ -310,7 +310,7 @@ def test_memory_of_a_worker_is_flat_over_a_thousand_points(engine):
     assert memory[last] - memory[last // 10] < 2
 
 
-# (g) certainty
+# (g) uncertainty
 
 
 def test_bands_contain_the_calibrated_operating_point(tmp_path):
@@ -352,14 +352,14 @@ def test_maps_bands_and_best_laws_are_drawn(tmp_path):
 # (h) the command
 
 
-def told(capsys, *arguments):
-    """Exit code and words of `compact sweep`, in this process."""
+def called(capsys, *arguments):
+    """Exit code and output of `compact sweep`, in this process."""
     code = cli._exit_code(["sweep", *map(str, arguments)])
     return code, "".join(capsys.readouterr())
 
 
 @pytest.mark.slow
-def test_interrupt_of_the_command_keeps_whole_points_and_resume_needs_the_rest(tmp_path, capsys):
+def test_interrupted_command_keeps_complete_points_and_resumes_the_rest(tmp_path, capsys):
     grid = ("--vary", "mix.moisture=0.08:0.12:12", "--vary", "mix.density_ratio=0.96:0.99:50")
     given = (SCENES / "loveikin-2015.toml", "--engine", "column", "--out", tmp_path / "out", *grid)
     call = [sys.executable, "-m", "compact.cli", "sweep", *map(str, given), "--workers", "2"]
@@ -374,10 +374,10 @@ def test_interrupt_of_the_command_keeps_whole_points_and_resume_needs_the_rest(t
     assert said == "compact: interrupted; every file already written is whole\n"
     kept = sum(len(path.read_text().splitlines()) - 1 for path in points.glob("*.points"))
     assert 100 <= kept < 600
-    code, said = told(capsys, *given)
+    code, said = called(capsys, *given)
     assert code == 1
     assert f"holds {kept} points of this scene; --resume uses them" in said
-    code, said = told(capsys, *given, "--resume", "--workers", "1")
+    code, said = called(capsys, *given, "--resume", "--workers", "1")
     assert code == 0
     assert f"{600 - kept} of 600 computed now" in said
     assert (tmp_path / "out" / "maps.png").exists()
@@ -397,9 +397,9 @@ def test_interrupt_of_the_command_keeps_whole_points_and_resume_needs_the_rest(t
         ),
     ],
 )
-def test_bad_sweeps_end_in_a_sentence(arguments, code, words, tmp_path, monkeypatch, capsys):
+def test_invalid_sweeps_end_with_a_message(arguments, code, words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    ended, said = told(capsys, SCENES / "loveikin-2015.toml", *arguments)
+    ended, said = called(capsys, SCENES / "loveikin-2015.toml", *arguments)
     assert ended == code
     assert words in said
     assert code == 1 or not (tmp_path / "out").exists()

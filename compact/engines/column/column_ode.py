@@ -95,19 +95,8 @@ class GapShape(NamedTuple):
     circular: float
 
 
-class ColumnProblem(NamedTuple):
-    """Data of the differential equation.
-
-    Attributes
-    ----------
-    strain_measure : int
-        LOGARITHMIC, SMALL or MASS_TRUE.
-    """
-
-    law: CapConstants
-    stack: ColumnStack
-    gap: GapShape
-    strain_measure: int
+# material constants at the rolling speed, columns before the pass, shape of the roller, and strain measure
+ColumnProblem = tuple[CapConstants, ColumnStack, GapShape, int]
 
 
 class PathControl(NamedTuple):

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from compact.engines.column import column_ode as ode
-from compact.engines.column.column_ode import STRESS, ColumnProblem, ColumnStack, GapShape, PathControl
+from compact.engines.column.column_ode import STRESS, ColumnStack, GapShape, PathControl
 from compact.material.cap_plasticity import CapConstants, cap_constants, hardening
 from compact.material.laws import Compaction
 from compact.numerics import Array
@@ -165,35 +165,17 @@ class ColumnLayer:
         return self.stack.height * (np.exp(-strain) if self.strain_measure == ode.LOGARITHMIC else 1 - strain)
 
     def integrate(self, u: float, y: Array, control: PathControl) -> tuple[Array, "ColumnLayer", int]:
-        """Integrate the columns along a path.
+        """Integrate the columns from a coordinate u [m] and a state vector along a path.
 
-        Parameters
-        ----------
-        u : float
-            Coordinate at the start [m].
-        y : ndarray
-            State vector at the start.
-
-        Returns
-        -------
-        path : ndarray
-            Rows (u, y) of all steps.
-        layer : ColumnLayer
-            The same columns with their largest density ratios at the end.
-        evaluations : int
-            Number of evaluations of the rates.
-
-        Raises
-        ------
-        RuntimeError
-            If the integration does not reach the end.
+        Returns the rows (u, y) of all steps, the same columns with their largest density ratios at the end, and the
+        number of evaluations of the rates.
         """
         n = len(self.stack.height)
         path, counts = np.empty((PATH_ROWS_INITIAL, len(y) + 1)), np.array([0, 0, 0, -1])
         densest = self.stack.max_density_ratio.copy()
         state = ode.IntegrationState(densest, np.zeros(n, np.bool_), np.empty(n), np.zeros(1), counts)
         path[0, 0], path[0, 1:] = u, y
-        problem = ColumnProblem(self.law, self.stack, self.gap, self.strain_measure)
+        problem = self.law, self.stack, self.gap, self.strain_measure
         max_tries, status = max(STEPS_PER_CALL // n, 1), ode.PAUSED
         while status == ode.PAUSED:  # a keyboard interrupt is raised between two calls
             status = ode.integrate_path(problem, control, state, path, max_tries)

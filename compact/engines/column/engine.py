@@ -42,7 +42,6 @@ from compact.numerics.validation import require_known, require_nonnegative, requ
 
 INTEGRATION_RTOL = 1e-9  # [-], default error of a step over the size of the whole pass
 ERROR_RTOL_RATIO = 100.0  # [-], `rtol` of the comparison pass over `rtol`; the difference is the error estimate
-RESISTANCE_SHARE_MIN = 1e-3  # [-], of the load, below which errors of a resistance are relative to it; theory.md 3.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,10 +52,8 @@ class ColumnContactResult(rolling_contact.ContactResult):
     ----------
     indentation : float
         Indentation of the lowest generatrix below the height before the pass [m].
-    exit_height : float
-        Height after the rebound [m].
-    exit_density_ratio : float
-        Density ratio after the rebound [-], mean over the height.
+    exit_height, exit_density_ratio : float
+        Height [m] and density ratio [-], mean over the height, after the rebound.
     columns : tuple of Column
         Columns after the pass, from the base upwards: the input of the next pass.
     plastic_work : float
@@ -102,14 +99,10 @@ class OedometerResult:
 
     Parameters
     ----------
-    pressure : ndarray
-        Vertical stress s_v [Pa].
-    strain : ndarray
-        (h_in - h)/h_in [-].
-    lateral_stress : ndarray
-        Lateral stress s_h [Pa].
-    density_ratio : ndarray
-        Density ratio k [-].
+    pressure, lateral_stress : ndarray
+        Vertical stress s_v and lateral stress s_h [Pa].
+    strain, density_ratio : ndarray
+        (h_in - h)/h_in and density ratio k [-].
     """
 
     pressure: Array
@@ -141,11 +134,6 @@ def roll(
     -------
     ColumnContactResult
         For speed < 0 leading and trailing remain positive ahead; x and resistance refer to the fixed axis x.
-
-    Raises
-    ------
-    ValueError
-        If the arguments are outside the range of the engine or the target is out of reach.
 
     Examples
     --------
@@ -190,8 +178,6 @@ def roll_over(
 
     Raises
     ------
-    ValueError
-        If the arguments are outside the range of the engine or the target is out of reach.
     RuntimeError
         If the integration or the search for the indentation does not converge.
     """
@@ -230,11 +216,6 @@ def required_feed(
     -------
     RequiredFeed
         Both lengths are proportional to `height`.
-
-    Raises
-    ------
-    ValueError
-        If the density ratio is out of reach.
     """
     require_positive(height=height)
     _require_compaction(material)
@@ -322,7 +303,7 @@ def _build_result(
     x = result.layer.positions(x)
     ascending = slice(None, None, int(direction))
     load, resistance, (plastic, elastic) = result.load, result.resistance, result.work
-    scale = max(abs(resistance), RESISTANCE_SHARE_MIN * load)
+    scale = rolling_contact.resistance_scale(resistance, load)
     return ColumnContactResult(
         load=load,
         resistance=float(direction * resistance),

@@ -71,10 +71,8 @@ class IndentationSearch:
         Relative residual [-], rising with the indentation.
     max_indentation, min_indentation : float
         Bounds [m].
-    rtol : float
-        Relative error of the final integration [-].
-    coarse_rtol : float
-        Relative error of the first integrations [-]; not above `rtol` for none.
+    rtol, coarse_rtol : float
+        Relative errors of the final and of the first integrations [-]; equal or less for no coarse ones.
     first_tolerance, final_tolerance : float
         Residual accepted at first and in the end, over `rtol` [-].
     """
@@ -197,13 +195,6 @@ def solve_exit_density(layer: ColumnLayer, density_ratio: float, rtol: float) ->
 
 def solve_plate_density(layer: ColumnLayer, density_ratio: float, rtol: float) -> tuple[PassResult, int]:
     """Compute the stroke of a plate after whose rebound the columns have a mean density ratio, and count evaluations.
-
-    Parameters
-    ----------
-    density_ratio : float
-        Mean density ratio after the rebound [-].
-    rtol : float
-        Relative error of a step [-].
 
     Notes
     -----

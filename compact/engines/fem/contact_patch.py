@@ -174,23 +174,11 @@ def solve_contact_patch(
     initial_guess: ContactPatch | None = None,
     edges: Edges | None = None,
 ) -> ContactPatch:
-    """Solve the contact of an indenter on a surface.
+    """Solve the contact of an indenter on a surface with one pressure term per `NODES_PER_TERM` nodes at most.
 
-    Parameters
-    ----------
-    terms : int
-        Largest number of pressure terms; one per `NODES_PER_TERM` nodes at most.
-    initial_guess : ContactPatch, optional
-        Solution of a similar problem, whose number of terms is kept.
-    edges : (float, float), optional
-        Initial edges [m], otherwise those of an active-set solution; the number of terms then increases in stages.
-
-    Raises
-    ------
-    UnresolvedError
-        If the edges do not converge; the message lists the last iterations.
-    BeyondWindowError
-        If the edges leave the loaded zone.
+    The search starts from the solution of a similar problem, whose number of terms is kept, from given edges [m], or
+    from those of an active set; the number of terms then increases in stages. UnresolvedError lists the last
+    iterations; BeyondWindowError: the edges leave the loaded zone.
     """
     solver = _EdgeSolver(surface, indenter)
     if initial_guess is not None:
@@ -282,7 +270,9 @@ class _EdgeSolver:
             previous, step = step_size, np.linalg.solve(jacobian, -amplitudes)
             step_size = (np.abs(step).max() / (edges[1] - edges[0])).item()
             self.history.append((*edges.tolist(), step_size))
-            if step_size < EDGE_TOLERANCE and self._is_consistent(patch, displacement):
+            change = np.abs(patch.displacement - displacement).max()  # the normal is that of the displacement
+            stationary = change <= EDGE_TOLERANCE * np.abs(patch.displacement).max()
+            if step_size < EDGE_TOLERANCE and (stationary or self.indenter.profile != "deformed"):
                 return replace(patch, jacobian=jacobian)
             step *= min(1.0, MAX_STEP / max(step_size, MAX_STEP)) * (1.0 if iteration < FULL_STEPS else 0.5)
             edges, displacement = edges + step, patch.displacement
@@ -297,15 +287,14 @@ class _EdgeSolver:
             f"leading [m], step over length) are {self.history[-HISTORY_REPORTED:]}"
         )
 
-    def _is_consistent(self, patch: ContactPatch, displacement: Array) -> bool:
-        """Return True if the normal was computed for the displacement of the patch."""
-        change = np.abs(patch.displacement - displacement).max()
-        return self.indenter.profile != "deformed" or change <= EDGE_TOLERANCE * np.abs(patch.displacement).max()
-
     def _solve_between(self, edges: Array, displacement: Array, terms: int) -> ContactPatch:
         """Solve between fixed edges; the last two coefficients are the amplitudes of the singular pressures."""
         surface, indenter = self.surface, self.indenter
-        _require_edges_on_mesh(surface, edges)
+        low, high = surface.x[surface.first], surface.x[surface.last - 1]
+        if edges[0] < low or edges[1] > high:
+            raise BeyondWindowError(f"the edges {edges.tolist()} m leave the loaded zone, {low:.3g} to {high:.3g} m")
+        if not edges[1] - edges[0] > MIN_LENGTH * (high - low):
+            raise UnresolvedError(f"the contact between {edges.tolist()} m is too narrow for the mesh; refine it")
         x, weight, fraction, complement = contact_quadrature(surface.x, edges)
         N = shape_matrix(surface.x, x)
         normal, depth = _contact_condition(surface, indenter, x, displacement @ N.T)
@@ -336,14 +325,6 @@ class _EdgeSolver:
             coefficients=coefficients,
             exponent=indenter.exponent,
         )
-
-
-def _require_edges_on_mesh(surface: SurfaceCompliance, edges: Array) -> None:
-    low, high = surface.x[surface.first], surface.x[surface.last - 1]
-    if edges[0] < low or edges[1] > high:
-        raise BeyondWindowError(f"the edges {edges.tolist()} m leave the loaded zone, {low:.3g} to {high:.3g} m")
-    if not edges[1] - edges[0] > MIN_LENGTH * (high - low):
-        raise UnresolvedError(f"the contact between {edges.tolist()} m is too narrow for the mesh; refine it")
 
 
 def _contact_condition(

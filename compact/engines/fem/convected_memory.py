@@ -196,18 +196,9 @@ class InternalVariableStep:
         return self.decays.reshape(-1, *[1] * (internal.ndim - 1)) * internal
 
     def updated(self, x: Array, places: Array, internal: Array, old: Array, new: Array) -> Array:
-        """Integrate the internal variables over the step [m], shape (k, ..., m).
+        """Integrate the internal variables [m], shape (k, ..., m), at points of the layer [m] over the step.
 
-        Parameters
-        ----------
-        x : ndarray
-            Nodes in coordinates of the roller [m], shape (n,).
-        places : ndarray
-            Points of the layer [m], shape (m,).
-        internal : ndarray
-            Previous internal variables there [m], shape (k, ..., m).
-        old, new : ndarray
-            Elastic displacement at the nodes before and after the step [m], shape (..., n).
+        `old` and `new` are the elastic displacements at the nodes x in coordinates of the roller [m], shape (..., n).
         """
         passed = np.array([
             interpolate(x, (1 - fraction) * old + fraction * new, clipped_to_mesh(x, places - position))
@@ -230,18 +221,9 @@ def retarded_displacement(shares: Array | tuple[float, ...], places: Array, inte
 
 
 def steady_internal_variables(creep: CreepFunction, nodes: Array, displacement: Array, speed: float, x: Array) -> Array:
-    """Compute internal variables of steady motion, shape (k, ..., m), at points that may lie behind the mesh.
+    """Compute internal variables of steady motion, shape (k, ..., m), at points x [m] that may lie behind the mesh.
 
-    Parameters
-    ----------
-    nodes : ndarray
-        Nodes in coordinates of the roller [m], shape (n,).
-    displacement : ndarray
-        Elastic displacement w at the nodes [m], shape (..., n).
-    speed : float
-        Speed of the roller [m/s]; at 0 the layer is relaxed, z_k = w.
-    x : ndarray
-        Points in coordinates of the roller [m], shape (m,).
+    The displacement w [m] is given at nodes in coordinates of the roller [m]; at speed 0 the layer is relaxed, z_k = w.
     """
     inside = clipped_to_mesh(nodes, x)
     z = np.empty((len(creep.times), *displacement.shape[:-1], len(x)))

@@ -48,14 +48,15 @@ from compact.engines.fem.surface import shape_matrix
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
 from compact.numerics import Array
-from compact.numerics.validation import require_known, require_positive
+from compact.numerics.validation import require_positive
 from compact.rolling_contact import (
     ContactResult,
     Layer,
     Roller,
-    require_moving,
+    require_known_case,
     require_on_target,
     require_torque_allowed,
+    resistance_scale,
 )
 
 PRESSURE_SAMPLES = 201  # [-], points along the contact in the result
@@ -64,7 +65,6 @@ EXTRA_TERMS = 2  # [-], pressure terms added on the refined mesh of the error es
 ERROR_FACTOR = 2.0  # [-], error estimate over the difference from the refined solution, see `_error_estimate`
 SCATTER_FACTOR = 0.15  # [-], error estimate per scatter of the peak pressure, where the difference is small by chance
 COMMON_ERROR = 3e-6  # [-], of both meshes
-MIN_RESISTANCE_RATIO = 1e-3  # [-], of the load; relative errors of smaller resistances refer to it
 MESH_ROUNDING = 1e-6  # [-], of the layer height, by which a mesh may miss the surface or an interface
 
 
@@ -139,8 +139,6 @@ def roll(
 
     Raises
     ------
-    ValueError
-        If an argument is outside the range of the engine.
     RuntimeError
         If no mesh of up to `MAX_UNKNOWNS` unknowns reaches the tolerance, or no contact is found.
 
@@ -164,18 +162,12 @@ def require_linear_range(
     layer: Layer, roller: Roller, material: Elastic, speed: float, mesh: RowMesh | None, tolerance: float
 ) -> None:
     """Require arguments that the linear finite-element engine covers."""
-    require_moving(speed)
+    require_known_case(layer, roller, speed)
     require_positive(tolerance=tolerance)
     if not isinstance(material, Elastic):
         raise ValueError(f"`material` must be Elastic or Viscoelastic, got {type(material).__name__}")
-    require_known("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
-    require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
-    require_known("base", layer.base, ("bonded", "slip"))
-    if mesh is not None:
-        _require_mesh_of_layer(mesh, layer)
-
-
-def _require_mesh_of_layer(mesh: RowMesh, layer: Layer) -> None:
+    if mesh is None:
+        return
     rounding = MESH_ROUNDING * layer.height
     if abs(mesh.height - layer.height) > rounding:
         raise ValueError(f"`mesh` must be as high as the layer, {layer.height!r} m, got {float(mesh.height)!r} m")
@@ -225,7 +217,14 @@ def _solve_to_tolerance(problem: RollingProblem, tolerance: float) -> FemContact
         raise UnresolvedError(
             f"no contact found on {meshes} meshes of up to {MAX_UNKNOWNS} unknowns; {_remedy(problem)}; {failure}"
         )
-    raise RuntimeError(_missed_tolerance_message(problem, best, tolerance))
+    load, resistance = best.error or (np.inf, np.inf)
+    digit = 10.0 ** (np.floor(np.log10(_largest_error(best))) - 1)  # the error is rounded up to two digits
+    raise RuntimeError(
+        f"`tolerance` {tolerance:g} is not reached: the error estimate is {load:.1e} for the load and {resistance:.1e} "
+        f"for the resistance on a mesh of {best.mesh.dofs} unknowns, the best of up to {MAX_LEVEL} refinements within "
+        f"{MAX_UNKNOWNS} unknowns; raise the tolerance to {float(np.ceil(_largest_error(best) / digit) * digit):g}, or "
+        f"{_remedy(problem)}"
+    )
 
 
 def _largest_error(result: FemContactResult) -> float:
@@ -236,21 +235,6 @@ def _remedy(problem: RollingProblem) -> str:
     if problem.turns_with_friction or problem.roller.profile == "deformed":
         return "use spectral, with a gap measured vertically and without stick and slip"
     return "use spectral"
-
-
-def _missed_tolerance_message(problem: RollingProblem, best: FemContactResult, tolerance: float) -> str:
-    load, resistance = best.error or (np.inf, np.inf)
-    return (
-        f"`tolerance` {tolerance:g} is not reached: the error estimate is {load:.1e} for the load and {resistance:.1e} "
-        f"for the resistance on a mesh of {best.mesh.dofs} unknowns, the best of up to {MAX_LEVEL} refinements within "
-        f"{MAX_UNKNOWNS} unknowns; raise the tolerance to {_rounded_up(_largest_error(best)):g}, or {_remedy(problem)}"
-    )
-
-
-def _rounded_up(error: float) -> float:
-    """Error rounded up to two digits."""
-    digit = 10.0 ** (np.floor(np.log10(error)) - 1)
-    return float(np.ceil(error / digit) * digit)
 
 
 def _contact_result(problem: RollingProblem, mesh: RowMesh, contact: ContactSolution) -> FemContactResult:
@@ -328,12 +312,7 @@ def _error_estimate(
     exact = 0.0 if problem.roller.load is None else problem.traction_ratio * result.load
     load = ERROR_FACTOR * abs(result.load / as_deep.load - 1) + common
     resistance = ERROR_FACTOR * abs(result.resistance - refined.resistance) + common * abs(result.resistance - exact)
-    return load, resistance / _resistance_scale(refined) + (result.work_residual or 0.0) / 2
-
-
-def _resistance_scale(result: FemContactResult) -> float:
-    """Force [N/m] to which relative errors of the resistance refer."""
-    return max(abs(result.resistance), MIN_RESISTANCE_RATIO * result.load)
+    return load, resistance / resistance_scale(refined.resistance, refined.load) + (result.work_residual or 0.0) / 2
 
 
 def _work_residual(problem: RollingProblem, result: FemContactResult, contact: ContactSolution) -> float:
@@ -349,7 +328,7 @@ def _work_residual(problem: RollingProblem, result: FemContactResult, contact: C
         slip = np.array([[1.0], [0.0]]) + stretch  # of the roller on the mix, over the speed
         slipped = E * patch.integral(patch.pressure * np.sum(patch.shear * slip, axis=0))
     balance = supplied - direction * dissipated_work(result.loaded_layer) - slipped
-    return float(abs(balance) / _resistance_scale(result))
+    return float(abs(balance) / resistance_scale(result.resistance, result.load))
 
 
 def _end_work(problem: RollingProblem, contact: ContactSolution) -> float:

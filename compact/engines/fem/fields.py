@@ -135,25 +135,11 @@ def transient_frames(
     initial_velocity: float,
     times: Sequence[float],
 ) -> tuple[tuple[float, "meshio.Mesh"], ...]:
-    """Compute the fields at chosen instants of an unsteady motion.
+    """Compute the time [s] and the fields at chosen instants of an unsteady motion, steady before the first state.
 
-    Parameters
-    ----------
-    mesh : RowMesh
-        Mesh whose nodes lie in vertical columns; it moves with the roller.
-    states : sequence of TransientState
-        States of the motion; before the first one the motion is steady.
-    positions : callable
-        `positions(begin, end)` returns positions of the roller at even instants between two times [m].
-    initial_velocity : float
-        Velocity before the first state [m/s].
-    times : sequence of float
-        Instants of the frames, times of states [s].
-
-    Returns
-    -------
-    tuple of (float, meshio.Mesh)
-        Time [s] and fields; `position` [m] of the roller is a value of every cell.
+    `positions(begin, end)` returns positions of the roller at even instants between two times [m]; the velocity [m/s]
+    is that before the first state. The nodes of the mesh lie in vertical columns. `position` [m] is a value of every
+    cell.
     """
     if np.ptp(mesh.x, axis=0).max() > COLUMN_ROUNDING * mesh.height:
         raise ValueError("`frames` need a `mesh` whose nodes lie in vertical columns, got inclined ones; omit `mesh`")

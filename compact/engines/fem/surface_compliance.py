@@ -98,21 +98,11 @@ def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer) -> LayerStiffne
 def surface_compliance(
     mesh: RowMesh, poisson: float, layer: Layer, window: float, sheared: bool, behind: End
 ) -> SurfaceCompliance:
-    """Condense a layer to its surface.
+    """Condense a layer to its surface, loaded within a half-width `window` [m] of the centre of the mesh.
 
-    Parameters
-    ----------
-    mesh : RowMesh
-        Mesh of the layer; symmetry of a mirrored mesh halves the number of unit forces.
-    poisson : float
-        Poisson's ratio [-].
-    window : float
-        Half-width of the loaded zone about the centre of the mesh [m].
-    sheared : bool
-        Include forces along x.
-    behind : 0 or 1
-        End at which a layer on a frictionless base is held along x: that behind the roller, 0 at lower and 1 at upper
-        x. Displacements along x count from the end ahead.
+    Symmetry of a mirrored mesh halves the number of unit forces; `sheared` includes forces along x. A layer on a
+    frictionless base is held along x behind the roller, at lower (0) or upper (1) x; displacements along x count from
+    the end ahead.
     """
     body = layer_stiffness(mesh, poisson, layer)
     return _condensed(body, mesh, layer, window, sheared, behind, body.displacement)

@@ -105,8 +105,6 @@ def simulate_transient(  # noqa: PLR0913 - the four physical inputs, and keyword
 
     Raises
     ------
-    ValueError
-        If an argument is outside the range of the engine.
     RuntimeError
         If a contact is not found.
 
@@ -212,10 +210,8 @@ class TransientState:
         Time [s] and position of the roller [m].
     displacement : ndarray
         Elastic displacement w of the surface nodes [m], shape (2, n).
-    places : ndarray
-        Points of the layer [m], shape (m,).
-    internal : ndarray
-        Internal variables z_k there [m], shape (k, 2, m).
+    places, internal : ndarray
+        Points of the layer, shape (m,), and internal variables z_k there, shape (k, 2, m) [m].
     angle : float
         Rotation of a roller that turns [rad].
     """
@@ -344,12 +340,10 @@ def _solve_step(
     for patch, shear in ((initial_guess.patch, initial_guess.shear), (None, None)):
         try:
             if friction is None:
-                return ContactSolution(
-                    surface, indenter, solve_contact_patch(surface, indenter, transient.terms, patch)
-                )
-            return ContactSolution(
-                surface, indenter, *solve_stick_slip(surface, indenter, transient.terms, friction, patch, shear)
-            )
+                shear, patch = None, solve_contact_patch(surface, indenter, transient.terms, patch)
+            else:
+                patch, shear = solve_stick_slip(surface, indenter, transient.terms, friction, patch, shear)
+            return ContactSolution(surface, indenter, patch, shear)
         except BeyondWindowError:
             raise
         except RuntimeError as error:

@@ -14,7 +14,6 @@ K. L. Johnson, Contact Mechanics, CUP 1985, sections 2.7, 5.8; S. C. Hunter, J. 
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import get_args
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -22,7 +21,6 @@ from threadpoolctl import threadpool_limits
 from compact.engines.spectral.galerkin_system import assemble_system, power_spectrum
 from compact.engines.spectral.rolling_problem import (
     HALF_WIDTH_STEP,
-    TRACTION_SIGN,
     ModeRefinement,
     build_rolling_problem,
     describe_history,
@@ -30,15 +28,14 @@ from compact.engines.spectral.rolling_problem import (
     solve_pressure,
 )
 from compact.material.laws import Elastic
-from compact.numerics.validation import require_known, require_positive
+from compact.numerics.validation import require_positive
 from compact.rolling_contact import (
-    BaseCondition,
     ContactResult,
-    GapGeometry,
     Layer,
     Roller,
-    require_moving,
+    require_known_case,
     require_on_target,
+    resistance_scale,
 )
 
 MODE_COUNTS = (
@@ -61,7 +58,6 @@ MODE_ERROR_FACTOR = 2.0  # [-], error over the change to the next number of mode
 PEAK_ERROR_RATIO = 10  # [-], tolerance of the peak pressure over that of the load
 SPECTRUM_LIMIT = 100.0  # [-], wave number times half-width from which the spectrum is a power law
 PRESSURE_SAMPLES = 201  # [-], points along the contact, denser at its edges
-FORCE_SHARE_MIN = 1e-3  # [-], of the load, below which errors of a resistance are relative to it; theory.md 3.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,8 +110,6 @@ def roll(
 
     Raises
     ------
-    ValueError
-        If the arguments are outside the range of the engine.
     RuntimeError
         If the contact is not found or its error exceeds 1e-3 and `rtol`.
 
@@ -181,9 +175,7 @@ def _estimate_errors(problem, contact, next_modes):
 
     at_depth = ("indentation", contact.indentation) if problem.target == "load" else (problem.target, problem.value)
     changes = np.array([change(*at_depth)[0], *change(problem.target, problem.value)[1:3]])
-    scale = np.array(
-        [contact.load, max(abs(contact.resistance), FORCE_SHARE_MIN * contact.load), contact.peak_pressure]
-    )
+    scale = np.array([contact.load, resistance_scale(contact.resistance, contact.load), contact.peak_pressure])
     load_error = contact.load * (
         _fast_branch_error(problem, contact) + ARITHMETIC_ERROR / problem.response.creep.instant
     )
@@ -248,15 +240,12 @@ def _work_residual(problem, contact):
     dissipated += np.trapezoid(response.dissipation_symbol(tail / a) * level * tail ** (1 - power), np.log(tail))
     dissipated *= 2 * a * contact.scale**2 / (np.pi * problem.contact_modulus)
     work = contact.resistance - response.friction * contact.load
-    return float(abs(work - dissipated) / max(abs(contact.resistance), FORCE_SHARE_MIN * contact.load))
+    return float(abs(work - dissipated) / resistance_scale(contact.resistance, contact.load))
 
 
 def require_spectral_range(layer: Layer, roller: Roller, material: Elastic, speed: float) -> None:
     """Raise ValueError unless a contact is in the range of the engine."""
-    require_moving(speed)
-    require_known("base", layer.base, get_args(BaseCondition))
-    require_known("rolling", roller.rolling, TRACTION_SIGN)
-    require_known("profile", roller.profile, get_args(GapGeometry))
+    require_known_case(layer, roller, speed)
     if roller.profile == "deformed":
         raise ValueError("the engine spectral needs `profile` 'parabola' or 'circle', got 'deformed'; use fem")
     if roller.rolling == "free" and roller.friction > 0:

@@ -31,23 +31,12 @@ BETA_SATURATED = 50.0  # [-], beta from which one edge of the contact does not i
 def creep_branch_matrices(beta: Array, trailing_exponent: float, modes: int) -> Array:
     """Compute the Galerkin matrices of creep branches 1/(1 - (1/beta) d/dx) applied to S0.
 
+    Over tests m = 0 ... modes and pressures k = 1 ... modes, shape (n, modes + 1, modes), for half-widths over the
+    length of each branch beta [-], shape (n,):
+
         sin(pi alpha) <T_m, branch S0 Q_{k-1}> = delta_mk - k Z_mk       for m >= k
                                                = -(-1)^(m + k) k Z_mk    for m < k
         Z_mk = 2 I_max(m,k)(beta) K_min(m,k)(beta)
-
-    Parameters
-    ----------
-    beta : ndarray
-        Half-width over the length of each branch [-], shape (n,).
-    trailing_exponent : float
-        alpha of (1.4) [-].
-    modes : int
-        Number of pressure polynomials.
-
-    Returns
-    -------
-    ndarray
-        Matrices over tests m = 0 ... modes and pressures k = 1 ... modes, shape (n, modes + 1, modes).
 
     Notes
     -----

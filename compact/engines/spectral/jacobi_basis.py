@@ -65,18 +65,9 @@ class JacobiBasis:
         return np.sqrt(2 * np.pi * alpha * (1 - alpha) / self.sine)
 
     def transforms(self, tau: Array) -> NDArray[np.complex128]:
-        """Compute G_m = m int T_m (exp(i tau x) - 1)/(i tau) dx, with the factor 1 for m = 0.
+        """Compute G_m = m int T_m (exp(i tau x) - 1)/(i tau) dx, factor 1 for m = 0, shape (modes + 1, n), at tau > 0.
 
-        Parameters
-        ----------
-        tau : ndarray
-            Wave number times half-width [-], > 0, shape (n,).
-
-        Returns
-        -------
-        ndarray
-            Shape (modes + 1, n). By Rodrigues' formula (-1)^(m-1) G_m is the Fourier transform of the pressure for
-            b_m = 1.
+        By Rodrigues' formula (-1)^(m-1) G_m is the Fourier transform of the pressure for b_m = 1.
         """
         half = np.multiply.outer(self.nodes, tau / 2)
         sine = np.sin(half)

@@ -64,19 +64,10 @@ class CreepCompliance:
 
 
 def creep_compliance(branches: tuple[tuple[float, float], ...], speed: float, height: float) -> CreepCompliance:
-    """Convert a relaxation spectrum, 1 + sum share_i exp(-t/time_i), to the `CreepCompliance` at a speed.
+    """Convert a spectrum 1 + sum share_i exp(-t/time_i) to the `CreepCompliance` at a speed [m/s] and a height [m].
 
         Theta = diag(t) + r r^T,  r = sqrt(share time);  retardation times theta = eigenvalues of Theta,
         shares (v.r)^2/theta of its eigenvectors v
-
-    Parameters
-    ----------
-    branches : tuple of (share, time)
-        Prony series: stiffness shares [-] and relaxation times [s].
-    speed : float
-        Speed [m/s], > 0.
-    height : float
-        Height of the layer [m]; it scales CREEP_LENGTH_BOUNDS.
 
     Examples
     --------
@@ -131,18 +122,7 @@ class LayerResponse:
         return self.coupling + self.friction * far_shear_deviation(self.layer, self.poisson)
 
     def symbols(self, half_width: float) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
-        """Evaluate the compliance on a grid that resolves the waves of a contact.
-
-        Parameters
-        ----------
-        half_width : float
-            Half-width of the contact [m].
-
-        Returns
-        -------
-        zeta, weights, normal, shear, creep : ndarray
-            Wave number times thickness of the top ply, quadrature weights, L - 1, M - b and C [-], shape (n,) each.
-        """
+        """Evaluate zeta, weights, L - 1, M - b and C [-] on a grid for a half-width of the contact [m]."""
         width = 2.0 ** np.floor(np.log2(min(2.0, 2.5 * self.top_thickness / half_width)))
         longest = max((self.layer.height, *self.creep.lengths)) / self.top_thickness
         decades = 6 + int(np.ceil(np.log10(longest)))
@@ -160,14 +140,7 @@ class LayerResponse:
 def wave_grid(decades: int, width: float, end: float = DECAY_DEPTH) -> tuple[Array, Array]:
     """Build nodes and weights, shape (n,), of a composite Gauss rule on (0, end).
 
-    Parameters
-    ----------
-    decades : int
-        Decades below 1 that the panels resolve; their widths grow fourfold.
-    width : float
-        Largest panel [-].
-    end : float
-        Upper limit [-].
+    Panels grow fourfold over the resolved decades below 1, to a largest width [-].
     """
     start = min(1.0, width)
     growing = start * 4.0 ** np.arange(-np.ceil(decades / np.log10(4)), 0)

@@ -64,8 +64,6 @@ def expand_resistance(
 
     Raises
     ------
-    ValueError
-        If the arguments are outside the range of the engine.
     RuntimeError
         If M does not converge, or the creep lengths are below 1e-10 half-widths, where it has no digits.
     """

@@ -1,4 +1,4 @@
-"""Calibration: what is read, what is fitted, what is told of it, and what is refused."""
+"""Calibration: measurements, fitted parameters, digest and refusals."""
 
 import json
 from dataclasses import replace
@@ -38,7 +38,7 @@ def published():
 # closed forms
 
 
-def test_column_remembers_what_it_was_made_of():
+def test_parameters_of_a_computed_column_are_recovered():
     """compaction.md 2: P 8367.7 N/m, F/P .182854, k .98, h .22 m (E 120 MPa, logarithmic, circle) come from k_in
     .93246, K_H 16.1919/MPa isotropic, M 1.2, pt 14 kPa, h_in 231.279 mm."""
     angle = np.degrees(np.arcsin(1.2 / np.sqrt(3)))
@@ -63,15 +63,15 @@ def test_column_remembers_what_it_was_made_of():
 # published numbers
 
 
-def test_published_machine_is_met_inside_the_prior(published):
+def test_fit_of_the_published_machine_lies_inside_the_prior(published):
     rolled = published.rolled[0]
     assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-6)
     assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-6)
-    assert 10.4e-6 < published.heckel_slope < 14.3e-6  # mix.md: what a Heckel column fitted to it needs
+    assert 10.4e-6 < published.heckel_slope < 14.3e-6  # mix.md: fit of a Heckel column
     assert 0.93 < published.fed_density_ratio < 0.955
 
 
-def test_refits_tell_what_stays_uncertain(published):
+def test_refits_cover_the_assumptions(published):
     refits = {(refit.name, refit.value): refit for refit in published.refits}
     wider = refits["resistance_coefficient", 0.219]
     assert wider.fed_density_ratio == pytest.approx(0.9118, abs=1e-4)
@@ -80,6 +80,7 @@ def test_refits_tell_what_stays_uncertain(published):
     assert not any(refit.reason for refit in published.refits)
 
 
+@pytest.mark.slow
 def test_sensitivity_is_the_slope_of_the_refit(published):
     scene = load_scene(PUBLISHED)
     more = calibrate(scene, reading(load=9740 * 1.001, resistance_coefficient=0.179))
@@ -98,7 +99,7 @@ def test_one_datum_fits_one_number():
 
 
 class Double:
-    """In place of the finite elements: columns with twice the load and more, that leave the mix less dense."""
+    """Substitute for finite elements: columns with a load that is twice as large or more, and a lower exit density."""
 
     def __init__(self, excess=-2e-3):
         self.excess, self.calls = excess, []
@@ -126,7 +127,7 @@ def doubled():
     return found, double
 
 
-def test_finite_elements_are_met_in_a_few_runs(doubled):
+def test_fit_by_finite_elements_converges_in_few_runs(doubled):
     found, double = doubled
     rolled = found.rolled[0]
     assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
@@ -141,8 +142,8 @@ def test_finite_elements_are_met_in_a_few_runs(doubled):
     assert f"on 4 increments K_H {found.coarse.heckel_slope * 1e6:.4f} /MPa" in calibration_digest(found)
 
 
-def test_the_scene_alone_gives_the_last_trial_again(doubled):
-    """Of the scene's own layer, as deep as columns of the same mix for a density that makes up for what they miss."""
+def test_calibrated_scene_reproduces_the_last_trial(doubled):
+    """Its depth is that of columns for a density increased by their deviation."""
     found, double = doubled
     _, layer, roller = double.calls[-1]
     material = compaction_material(found.scene, scene_mix(found.scene))
@@ -154,8 +155,8 @@ def test_the_scene_alone_gives_the_last_trial_again(doubled):
 
 
 @pytest.mark.slow
-def test_neighbour_begins_where_the_last_fit_ended(doubled, monkeypatch):
-    """The same again is found at once, another coefficient where it is found from afar."""
+def test_initial_guess_starts_the_next_fit(doubled, monkeypatch):
+    """The same measurements require no iteration; another coefficient gives the same fit with or without a guess."""
     found, _ = doubled
     double, moved = Double(), read_measurements(MEASURED).moved("resistance_coefficient", 0.2)
     monkeypatch.setattr("compact.engines.compaction.engine.roll", double.roll)
@@ -163,21 +164,21 @@ def test_neighbour_begins_where_the_last_fit_ended(doubled, monkeypatch):
     assert len(double.calls) <= 3
     assert again.coarse is None
     assert again.fit.history[0][0] == pytest.approx(found.fit.unknowns, abs=1e-12)
-    near, far = (
+    guessed, unguessed = (
         calibrate(found.scene, moved, "compaction", initial_guess=known, increments=6) for known in (found, None)
     )
-    assert len(near.fit.history) <= len(far.coarse.fit.history)
-    assert near.heckel_slope == pytest.approx(far.heckel_slope, rel=4e-3)
-    assert near.fed_density_ratio == pytest.approx(far.fed_density_ratio, abs=2e-4)
+    assert len(guessed.fit.history) <= len(unguessed.coarse.fit.history)
+    assert guessed.heckel_slope == pytest.approx(unguessed.heckel_slope, rel=4e-3)
+    assert guessed.fed_density_ratio == pytest.approx(unguessed.fed_density_ratio, abs=2e-4)
 
 
-def test_refits_leave_out_what_columns_do_not_feel(doubled):
+def test_refits_omit_parameters_without_effect_on_columns(doubled):
     refits = {refit.name: refit for refit in doubled[0].refits}
     assert "columns do not depend on it; calibrate with --set" in refits["mix.overrides.friction_angle"].reason
     assert not refits["mix.overrides.unloading_modulus"].reason
 
 
-def test_trials_begin_shallow(doubled):
+def test_first_trial_is_the_shallowest(doubled):
     _, double = doubled
     angles = [np.arccos(1 - roller.indentation / roller.radius) for _, _, roller in double.calls]
     assert angles[0] < 0.25
@@ -185,11 +186,11 @@ def test_trials_begin_shallow(doubled):
 
 
 @pytest.mark.slow
-def test_finite_elements_themselves_are_met():
-    """In a thin layer under a large roller, with its friction; the scene alone gives the numbers again."""
+def test_fit_by_real_finite_elements_satisfies_the_measurements():
+    """A thin layer under a large roller with friction; the calibrated scene reproduces the numbers."""
     thin = {"product.height": 0.1, "machine.roller_radius": 0.25, "motion.stroke": 0.8}
-    asked = reading(load=16000.0, resistance_coefficient=0.1)
-    found = calibrate(load_scene(PUBLISHED, **thin), asked, "compaction", increments=4)
+    measured = reading(load=16000.0, resistance_coefficient=0.1)
+    found = calibrate(load_scene(PUBLISHED, **thin), measured, "compaction", increments=4)
     rolled, there = found.rolled[0], found.scene
     assert rolled.load * 1.164 == pytest.approx(16000, rel=1e-3)
     assert rolled.resistance / rolled.load == pytest.approx(0.1, rel=1e-3)
@@ -200,7 +201,7 @@ def test_finite_elements_themselves_are_met():
 
 
 @pytest.mark.slow
-def test_published_point_is_met_by_finite_elements():
+def test_published_point_by_finite_elements():
     """K_H, fed density and depth as fitted on 4 increments, under the free roller of the scene."""
     mix = {"mix.overrides.heckel_slope": 24.962e-6, "layer.fed_density_ratio": 0.968738}
     rolled = pressed(load_scene(PUBLISHED, **mix), 2.75134e-3)
@@ -213,7 +214,7 @@ LIFT = {"layer.lift_thickness": 0.06}
 
 
 @pytest.mark.slow
-def test_published_point_is_met_by_finite_elements_in_lifts():
+def test_published_point_by_finite_elements_in_lifts():
     """K_H, fed density and depth as fitted on 4 increments; the prior has 8.7-19.5/MPa and .93-.955."""
     mix = LIFT | {"mix.overrides.heckel_slope": 15.2537e-6, "layer.fed_density_ratio": 0.932172}
     rolled = pressed(load_scene(PUBLISHED, **mix), 3.224946e-3)
@@ -224,7 +225,7 @@ def test_published_point_is_met_by_finite_elements_in_lifts():
 
 @pytest.mark.slow
 def test_scene_calibrated_in_lifts_gives_the_published_point_at_default_settings():
-    """As fitted on 12 increments; a march meets the density to 1e-4, which is 0.2 % of the load."""
+    """As fitted on 12 increments; incremental rolling gives the density to 1e-4, which is 0.2 % of the load."""
     mix = LIFT | {"mix.overrides.heckel_slope": 14.9605e-6, "layer.fed_density_ratio": 0.935763}
     scene = load_scene(PUBLISHED, **mix)
     rolled = roll_scene(scene, scene_mix(scene), 0.4 / 3, "compaction")
@@ -239,10 +240,10 @@ def pressed(scene, depth):
     return finite_elements.roll(layer, replace(roller, indentation=depth), material, 0.4 / 3, increments=4)
 
 
-# the readings
+# measurements
 
 
-def test_toml_and_csv_say_the_same(tmp_path):
+def test_toml_and_csv_are_equivalent(tmp_path):
     toml, csv = tmp_path / "a.toml", tmp_path / "a.csv"
     toml.write_text("[[measurement]]\nload = {value = 9740, low = 9000, high = 10000}\nspeed = 0.2\n")
     csv.write_text("# of one roller\nload,load_low,load_high,speed,resistance\n9740,9000,10000,0.2,\n")
@@ -282,7 +283,7 @@ def test_moved_datum_stays_within_its_band():
         ("[[measurement]", "Expected"),
     ],
 )
-def test_readings_are_refused(tmp_path, text, message):
+def test_invalid_measurements_are_refused(tmp_path, text, message):
     path = tmp_path / "a.toml"
     path.write_text(text)
     with pytest.raises(ValueError, match=message):
@@ -298,7 +299,7 @@ def test_readings_are_refused(tmp_path, text, message):
         ("lod\n3\n", "row 1 has no key `lod`"),
     ],
 )
-def test_rows_are_refused(tmp_path, text, message):
+def test_invalid_rows_are_refused(tmp_path, text, message):
     path = tmp_path / "a.csv"
     path.write_text(text)
     with pytest.raises(ValueError, match=message):
@@ -325,21 +326,21 @@ def test_more_unknowns_than_data_are_refused():
         (None, ("heckel_slope", "fed_density_ratio"), "`initial_guess` must have 2 measurements, got 1"),
     ],
 )
-def test_neighbour_of_another_kind_is_refused(doubled, data, unknowns, message):
+def test_initial_guess_of_other_measurements_is_refused(doubled, data, unknowns, message):
     one = reading(**(data or {"load": 9740.0}))
     measured = one if data else Measured(one.measurements * 2)
     with pytest.raises(ValueError, match=message):
         calibrate(load_scene(PUBLISHED), measured, "compaction", unknowns=unknowns, initial_guess=doubled[0])
 
 
-def test_columns_are_no_neighbour_of_finite_elements(published):
+def test_columns_are_no_initial_guess_for_finite_elements(published):
     with pytest.raises(
         ValueError, match="`initial_guess` must be a calibration of finite elements, got one of columns"
     ):
         calibrate(load_scene(PUBLISHED), read_measurements(MEASURED), "compaction", initial_guess=published)
 
 
-def test_scene_that_says_what_presses_the_roller_is_refused():
+def test_scene_with_a_prescribed_contact_is_refused():
     scene = load_scene(PUBLISHED, **{"contact.load": 9740.0})
     with pytest.raises(
         SceneError, match=r"contact\.load: a calibration compacts the product to its density; delete 9740"
@@ -347,7 +348,7 @@ def test_scene_that_says_what_presses_the_roller_is_refused():
         calibrate(scene, reading(load=9740.0), unknowns=("heckel_slope",))
 
 
-def test_an_assumption_that_is_no_key_is_refused():
+def test_unknown_key_of_an_assumption_is_refused():
     measured = replace(reading(load=9740.0, resistance_coefficient=0.179), assumptions={"machine.size": (1.0, 2.0)})
     with pytest.raises(SceneError, match=r"machine\.size"):
         calibrate(load_scene(PUBLISHED), measured)
@@ -356,7 +357,7 @@ def test_an_assumption_that_is_no_key_is_refused():
 # the command
 
 
-def test_command_writes_and_tells(tmp_path, monkeypatch, capsys):
+def test_command_writes_and_prints_the_fit(tmp_path, monkeypatch, capsys):
     out = tmp_path / "c.json"
     monkeypatch.setattr("sys.argv", ["compact", "calibrate", str(PUBLISHED), str(MEASURED), "--out", str(out)])
     with pytest.raises(SystemExit) as exit_code:
@@ -368,11 +369,13 @@ def test_command_writes_and_tells(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.slow
-def test_command_asks_finite_elements(tmp_path, monkeypatch, capsys):
+def test_command_calibrates_by_finite_elements(tmp_path, monkeypatch, capsys):
     double, out = Double(), tmp_path / "c.json"
     monkeypatch.setattr("compact.engines.compaction.engine.roll", double.roll)
-    asked = ["--engine", "compaction", "--increments", "6", "--set", "machine.roller_condition=frictionless"]
-    monkeypatch.setattr("sys.argv", ["compact", "calibrate", str(PUBLISHED), str(MEASURED), "--out", str(out), *asked])
+    options = ["--engine", "compaction", "--increments", "6", "--set", "machine.roller_condition=frictionless"]
+    monkeypatch.setattr(
+        "sys.argv", ["compact", "calibrate", str(PUBLISHED), str(MEASURED), "--out", str(out), *options]
+    )
     with pytest.raises(SystemExit) as exit_code:
         cli.main()
     assert exit_code.value.code == 0
@@ -381,6 +384,6 @@ def test_command_asks_finite_elements(tmp_path, monkeypatch, capsys):
     assert f"by {last} runs of finite elements" in capsys.readouterr().out
 
 
-def test_digest_names_every_bound(published):
-    told = calibration_digest(published)
-    assert all(refit.name in told for refit in published.refits)
+def test_digest_lists_every_refit(published):
+    digest = calibration_digest(published)
+    assert all(refit.name in digest for refit in published.refits)

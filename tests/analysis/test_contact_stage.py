@@ -1,4 +1,4 @@
-"""From a scene to one contact: the published case of two engines through the scene, targets, speeds, refusals."""
+"""Contacts of a scene: published cases, targets, speeds, reuse of neighbouring contacts, refusals."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -40,14 +40,14 @@ def study(**changes):
 
 
 @pytest.mark.parametrize(("speed", "load", "resistance"), [(0.03, 15386.4, 289.42), (0.3, 20455.8, 392.89)])
-def test_scene_reaches_the_published_contact(speed, load, resistance):
+def test_scene_gives_the_published_contact(speed, load, resistance):
     case = study(**CASE_G, **{"accuracy.engine": "spectral"})
     rolled = contact_stage.roll_scene(case.scene, case.mix, speed)
     assert rolled.load == pytest.approx(load, rel=1e-5)
     assert rolled.resistance == pytest.approx(resistance, rel=1e-4)
 
 
-def test_plies_of_a_scene_reach_the_engine():
+def test_plies_of_a_scene_are_passed_to_the_engine():
     plies = [{"thickness": 0.2, "relative_modulus": 1.0}, {"thickness": 0.02, "relative_modulus": 20.0}]
     case = study(**CASE_G, **{"layer.plies": plies, "accuracy.engine": "spectral"})
     rolled = contact_stage.roll_scene(case.scene, case.mix, 0.3)
@@ -59,13 +59,13 @@ def test_plies_of_a_scene_reach_the_engine():
         contact_stage.roll_scene(case.scene, case.mix, 0.3, "formula")
 
 
-def test_without_a_target_the_pressure_is_what_the_mix_needs():
+def test_default_target_is_the_pressure_required_by_the_mix():
     case = study(**{"machine.roller_condition": "frictionless", "machine.gap_geometry": "parabola"})
     rolled = contact_stage.roll_scene(case.scene, case.mix, 0.1, "spectral")
     assert rolled.peak_pressure == pytest.approx(case.mix.required_pressure, rel=1e-6)
 
 
-def test_finite_elements_reach_the_same_contact():
+def test_finite_elements_give_the_published_contact():
     case = study(**CASE_G, **{"accuracy.engine": "fem"})
     rolled = contact_stage.roll_scene(case.scene, case.mix, 0.3)
     assert rolled.load == pytest.approx(20455.8, rel=5e-4)
@@ -74,7 +74,7 @@ def test_finite_elements_reach_the_same_contact():
 
 
 @pytest.mark.slow
-def test_tolerance_of_the_scene_is_what_the_engine_is_asked_for():
+def test_engine_satisfies_the_tolerance_of_the_scene():
     coarse, fine = (study(**CASE_G, **{"accuracy.engine": "fem", "accuracy.tolerance": t}) for t in (1e-2, 1e-3))
     rough, close = (contact_stage.roll_scene(case.scene, case.mix, 0.3) for case in (coarse, fine))
     assert close.forces.shape[1] > rough.forces.shape[1]  # more nodes on the surface
@@ -86,9 +86,9 @@ def test_tolerance_of_the_scene_is_what_the_engine_is_asked_for():
 @pytest.mark.parametrize(
     ("rolling", "torque", "speed"),
     [("driven", 20.0, 0.1), ("driven", 20.0, -0.1), ("free", -20.0, 0.1)],
-    ids=["motor", "motor on the way back", "bearings"],
+    ids=["motor", "motor on the return stroke", "bearings"],
 )
-def test_torque_of_the_scene_turns_the_whole_roller(rolling, torque, speed):
+def test_torque_of_the_scene_acts_on_the_whole_roller(rolling, torque, speed):
     free = study(**SHALLOW)
     turned = study(**SHALLOW, **{"machine.roller_condition": rolling, "machine.roller_torque": torque})
     rolled = contact_stage.roll_scene(turned.scene, turned.mix, speed)
@@ -98,7 +98,7 @@ def test_torque_of_the_scene_turns_the_whole_roller(rolling, torque, speed):
     assert rolled.resistance - unloaded.resistance == pytest.approx(-pull, rel=0.03)  # first order in the slope
 
 
-def test_load_of_the_scene_is_that_of_the_whole_roller():
+def test_load_of_the_scene_acts_on_the_whole_roller():
     case = study(**{"contact.load": 9740.0})
     _, roller, _ = contact_cases.contact_inputs(case.scene, case.mix, "formula", 0.2)
     assert roller.load == pytest.approx(9740 / 1.164, rel=1e-12)
@@ -117,11 +117,11 @@ def test_speeds_are_those_of_the_scene_or_span_the_motion():
     assert study().scene.mean_speed in found
 
 
-def test_formula_scene_rolls_no_layer():
+def test_formula_scene_has_no_contact_by_an_engine():
     assert study().rolled == []
 
 
-def test_run_tabulates_resistance_over_speed_beside_the_formulas(tmp_path):
+def test_table_of_contacts_has_the_resistance_of_engine_and_formula(tmp_path):
     wanted = {"contact.speeds": [0.03, 0.3], "output.items": ["tables"]}
     case = study(**CASE_G, **wanted, **{"accuracy.engine": "spectral"})
     summary = report.write_study(case, tmp_path / "out")
@@ -158,15 +158,15 @@ def test_fields_are_written_as_a_series_over_the_speeds(tmp_path):
 
 
 @pytest.mark.parametrize(("reference", "count"), [(None, 1), (0.1, 3)])
-def test_compaction_goes_on_from_the_speed_before_if_it_matters(monkeypatch, reference, count):
+def test_compaction_continues_from_the_previous_speed_under_a_rate_effect(monkeypatch, reference, count):
     starts = []
 
     def rolled(layer, roller, material, speed, start=None):
         starts.append(start)
         line = np.zeros(3)
-        told = {"load": 1e4, "resistance": 2e3, "leading": 0.03, "trailing": -0.01, "indentation": 0.003}
-        told |= {"layer": layer, "roller": roller, "material": material, "speed": speed}
-        return CompactionContactResult(**told, x=line, pressure=line, shear_traction=line)
+        values = {"load": 1e4, "resistance": 2e3, "leading": 0.03, "trailing": -0.01, "indentation": 0.003}
+        values |= {"layer": layer, "roller": roller, "material": material, "speed": speed}
+        return CompactionContactResult(**values, x=line, pressure=line, shear_traction=line)
 
     monkeypatch.setattr("compact.engines.compaction.engine.roll", rolled)
     given = {"contact.indentation": 0.003, "contact.speeds": [0.05, 0.1, 0.2], "mix.reference_speed": reference}
@@ -177,21 +177,21 @@ def test_compaction_goes_on_from_the_speed_before_if_it_matters(monkeypatch, ref
     back = contact_stage.roll_scene(
         study(**given).scene, study(**given).mix, -0.1, "compaction", initial_guess=passed[0][1][0]
     )
-    assert (back.speed, starts[-1]) == (-0.1, None)  # one the other way is no help
+    assert (back.speed, starts[-1]) == (-0.1, None)  # the opposite direction is no initial guess
     other = study(**given, **{"mix.overrides.heckel_slope": 14e-6})
     contact_stage.roll_scene(other.scene, other.mix, 0.1, "compaction", initial_guess=passed[0][1][0])
-    assert starts[-1] is passed[0][1][0]  # of another mix, never its result
+    assert starts[-1] is passed[0][1][0]  # another mix: initial guess, not the result
 
 
-def test_speed_that_moves_the_rebound_starts_from_the_last_contact_and_its_layer(monkeypatch):
-    """The fed height follows from the product's by the rebound; of another product nothing is taken."""
-    asked = []
+def test_initial_guess_supplies_the_layer_where_elastic_recovery_depends_on_speed(monkeypatch):
+    """The fed height follows from the product height by elastic recovery; another product has no initial guess."""
+    calls = []
 
     def rolled(layer, roller, material, speed, start=None, exit_density_ratio=None):
-        asked.append((layer, start, exit_density_ratio))
-        told = {"load": 1e4, "resistance": 2e3, "leading": 0.03, "trailing": -0.01, "indentation": 0.003}
+        calls.append((layer, start, exit_density_ratio))
+        values = {"load": 1e4, "resistance": 2e3, "leading": 0.03, "trailing": -0.01, "indentation": 0.003}
         line = np.zeros(3)
-        return CompactionContactResult(**told, layer=layer, speed=speed, x=line, pressure=line, shear_traction=line)
+        return CompactionContactResult(**values, layer=layer, speed=speed, x=line, pressure=line, shear_traction=line)
 
     monkeypatch.setattr("compact.engines.compaction.engine.roll", rolled)
     given = {"mix.reference_speed": 0.2}
@@ -199,10 +199,10 @@ def test_speed_that_moves_the_rebound_starts_from_the_last_contact_and_its_layer
     last = contact_stage.roll_scene(case.scene, case.mix, 0.2, "compaction")
     assert contact_cases.contact_inputs(case.scene, case.mix, "compaction", 0.05)[0] != last.layer
     contact_stage.roll_scene(case.scene, case.mix, 0.05, "compaction", initial_guess=last)
-    assert asked[-1] == (last.layer, last, case.scene.mix.density_ratio)
+    assert calls[-1] == (last.layer, last, case.scene.mix.density_ratio)
     higher = study(**given, **{"product.height": 0.2201})
     contact_stage.roll_scene(higher.scene, higher.mix, 0.05, "compaction", initial_guess=last)
-    assert asked[-1][1] is None
+    assert calls[-1][1] is None
 
 
 def test_series_opens_in_pyvista(tmp_path):
@@ -239,12 +239,12 @@ def test_summary_holds_every_contact_with_unit_error_and_balance(tmp_path):
     ],
     ids=["two targets", "falling speeds", "no speeds", "unknown key", "negative load"],
 )
-def test_contact_tables_that_cannot_be_are_refused(changes, words):
+def test_contact_tables_out_of_range_are_refused(changes, words):
     with pytest.raises(SceneError, match=words):
         load_scene(SMALL, **changes)
 
 
-def test_what_the_scene_sets_and_the_engine_does_not_take_is_refused():
+def test_key_outside_the_range_of_the_engine_is_refused():
     words = 'machine.gap_geometry: the engine "spectral" takes no "deformed", as its gap is measured on the undeformed'
     with pytest.raises(SceneError, match=words):
         study(**{"accuracy.engine": "spectral", "machine.gap_geometry": "deformed"})
@@ -274,48 +274,48 @@ def test_what_the_scene_sets_and_the_engine_does_not_take_is_refused():
         ),
     ],
     ids=[
-        *("no contact by formula", "no contact by spectral", "no contact by fem", "next to no contact"),
+        *("no contact by formula", "no contact by spectral", "no contact by fem", "tiny contact"),
         *("skidding", "below the base", "beyond the circle"),
     ],
 )
-def test_contact_that_cannot_be_computed_names_scene_engine_and_speed(changes, words):
+def test_failed_contact_states_scene_engine_and_speed(changes, words):
     case = study(**changes, unusual=[f"contact.{target}" for target in ("indentation", "load", "peak_pressure")])
     with pytest.raises(RuntimeError, match=rf"^Small: .*, {case.scene.accuracy.engine} at 0\.1 m/s: .*{words}"):
         contact_stage.roll_scene(case.scene, case.mix, 0.1)
 
 
 @pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure"])
-def test_roller_that_is_not_pressed_does_not_touch(target):
+def test_zero_target_is_refused(target):
     with pytest.raises(SceneError, match=rf"contact.{target}: must be positive, got 0.0; .* \(zero means no contact"):
         study(**{f"contact.{target}": 0.0})
 
 
-def test_columns_leave_the_product_as_the_scene_wants_it():
+def test_columns_give_the_height_and_density_of_the_product():
     case = study(**{"accuracy.engine": "column"})
     rolled = contact_stage.roll_scene(case.scene, case.mix, 0.2)
     assert rolled.exit_height == pytest.approx(case.scene.product.height, rel=1e-9)
     assert rolled.exit_density_ratio == pytest.approx(case.scene.mix.density_ratio, abs=1e-9)
 
 
-def test_compaction_meets_mohr_coulomb_and_the_one_dimensional_slope():
+def test_compaction_material_has_mohr_coulomb_strength_and_the_heckel_slope():
     case = study(**{"mix.overrides.friction_angle": 30.0, "mix.overrides.cohesion": 10e3})
     material = contact_cases.compaction_material(case.scene, case.mix)
     assert material.critical_slope == pytest.approx(np.sqrt(3) / 2)
     assert material.tensile_strength == pytest.approx(10e3 * np.sqrt(3))
-    stiff = replace(material, unloading_modulus=4e9, fed_density_ratio=0.9)  # elastic strain out of sight
+    stiff = replace(material, unloading_modulus=4e9, fed_density_ratio=0.9)  # negligible elastic strain
     pressure = np.array([150e3, 250e3])
     loosening = -np.log(1 - simulate_oedometer(stiff, pressure).density_ratio)
     assert np.diff(loosening) / np.diff(pressure) == pytest.approx(case.mix.heckel_slope, rel=1e-3)
 
 
 @pytest.mark.parametrize(("reference", "ratio"), [(None, 1.0), (0.2, 10**0.018)])
-def test_rate_needs_a_reference_speed(reference, ratio):
+def test_rate_effect_requires_a_reference_speed(reference, ratio):
     case = study(**{"mix.reference_speed": reference})
     material = contact_cases.compaction_material(case.scene, case.mix)
     assert material.rate_factor(2.0) == pytest.approx(ratio)
 
 
-def test_prescribed_load_meets_mix_of_the_nominal_height():
+def test_prescribed_load_acts_on_a_layer_of_the_nominal_height():
     case = study(**{"accuracy.engine": "column", "contact": {"load": 9740.0}})
     rolled = contact_stage.roll_scene(case.scene, case.mix, 0.2)
     assert rolled.load * case.scene.machine.roller_length == pytest.approx(9740, rel=1e-9)
@@ -324,13 +324,13 @@ def test_prescribed_load_meets_mix_of_the_nominal_height():
 
 
 @pytest.mark.parametrize(("name", "height"), [("spectral", 0.06), ("column", 0.06 * 0.98 / 0.94)])
-def test_a_product_in_lifts_is_rolled_a_lift_at_a_time(name, height):
+def test_layer_of_a_product_in_lifts_is_one_lift(name, height):
     case = study(**{"layer.lift_thickness": 0.06, "contact.indentation": 2.5e-3, "accuracy.engine": name})
     layer, *_ = contact_cases.contact_inputs(case.scene, case.mix, name, 0.2)
     assert layer.height == pytest.approx(height)
 
 
-def test_a_lift_leaves_with_its_height_and_density():
+def test_lift_has_its_thickness_and_density_at_the_exit():
     case = study(**{"layer.lift_thickness": 0.06, "accuracy.engine": "column"})
     rolled = contact_stage.roll_scene(case.scene, case.mix, 0.2)
     assert rolled.exit_height == pytest.approx(0.06, rel=1e-6)
@@ -339,7 +339,7 @@ def test_a_lift_leaves_with_its_height_and_density():
 
 @pytest.mark.parametrize("name", ["column", "spectral", pytest.param("fem", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("ratio", [1.5, 5.0])
-def test_no_contact_of_a_scene_comes_without_an_error(name, ratio):
+def test_every_contact_of_a_scene_has_an_error_estimate(name, ratio):
     case = study(**{"accuracy.engine": name, "layer.lift_thickness": 0.06, "mix.overrides.instant_over_relaxed": ratio})
     load, resistance = contact_stage.roll_scene(case.scene, case.mix, 0.033).error
     assert 0 < load <= case.scene.accuracy.tolerance

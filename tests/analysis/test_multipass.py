@@ -1,4 +1,4 @@
-"""Several passes by both engines: what a second one costs, fresh mix on old, there and back, and those of a scene."""
+"""Several passes by both engines: work of the second pass, lifts, both directions, passes of a scene."""
 
 from pathlib import Path
 
@@ -19,32 +19,32 @@ from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
-# a thick layer: the contact in front is a fifth of its height long
+# a thick layer: contact length ahead of a fifth of its height
 MIX = Compaction(60e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
 LAYER, ROLLER = Layer(0.1), Roller(0.11, 0.002, profile="deformed")
 QUICK = {"engine": "compaction", "increments": 6, "steady_tolerance": 1e-2}
 
 
 def wide(ratio):
-    """A parabola 2 % deep whose contact in front is `ratio` heights of the layer long."""
+    """A parabola 2 % deep with a contact length ahead of `ratio` layer heights."""
     return Roller((ratio * 0.1) ** 2 / (2 * 0.002), 0.002)
 
 
 @pytest.fixture(scope="module")
 def wider():
-    """There and back at the same height, under a contact twice as long as the layer is high."""
+    """Both strokes at the same height, contact length ahead of two layer heights."""
     return passes(LAYER, wide(2), MIX, 0.2, 2, engine="compaction", increments=6)
 
 
 @pytest.fixture(scope="module")
 def thick():
-    """There and back at the same height."""
+    """Both strokes at the same height."""
     return passes(LAYER, ROLLER, MIX, 0.2, 2, **QUICK)
 
 
 @pytest.fixture(scope="module")
 def lifts():
-    """A lift on the first pass, half as high, pressed on the way back to the same strain."""
+    """A second lift of half the thickness, compacted on the return stroke to the same strain."""
     return passes(LAYER, ROLLER, MIX, 0.2, (Pass(), Pass(0.05, height=0.147, forward=False)), **QUICK)
 
 
@@ -53,14 +53,14 @@ def lifts():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("ratio", "share"), [(4, 0.005), (2, 0.01), (1, 0.03)])
-def test_second_pass_over_a_thin_layer_costs_next_to_nothing(ratio, share):
+def test_second_pass_over_a_thin_layer_has_negligible_resistance(ratio, share):
     first, second = passes(LAYER, wide(ratio), MIX, 0.2, 2, engine="compaction", increments=8)
     assert abs(second.resistance) < share * first.resistance
 
 
 @pytest.mark.slow
-def test_second_pass_over_a_thin_layer_is_that_of_columns():
-    """Load as the rebound says, a symmetric contact, and next to no resistance."""
+def test_second_pass_over_a_thin_layer_agrees_with_columns():
+    """Load of elastic recovery, symmetric contact, negligible resistance."""
     first, second = passes(LAYER, wide(8), MIX, 0.2, 2, engine="compaction", increments=8)
     expected = passes(LAYER, wide(8), MIX, 0.2, 2)
     assert abs(second.resistance) < 0.003 * first.resistance
@@ -70,8 +70,8 @@ def test_second_pass_over_a_thin_layer_is_that_of_columns():
 
 
 @pytest.mark.slow
-def test_top_of_a_thick_layer_flows_again(thick):
-    """Two rollers in one march, where nothing is handed over, resist 803.0 and 59.4 N/m.
+def test_top_of_a_thick_layer_yields_in_the_second_pass(thick):
+    """Two rollers in one incremental rolling, without transfer of a state, have resistances of 803.0 and 59.4 N/m.
 
     Ours, 2026-11-21, elements of 1.2 mm, 150 mm apart.
     """
@@ -85,13 +85,13 @@ def test_top_of_a_thick_layer_flows_again(thick):
 
 
 @pytest.mark.slow
-def test_further_passes_over_a_thick_layer_fade():
+def test_resistance_decreases_with_every_pass_over_a_thick_layer():
     resistance = [abs(rolled.resistance) for rolled in passes(LAYER, ROLLER, MIX, 0.2, 4, **QUICK)]
     assert resistance[2] < 0.3 * resistance[1]
     assert resistance[3] < 0.4 * resistance[2]
 
 
-def test_two_lifts_of_columns_cost_what_each_does_alone():
+def test_resistance_of_two_lifts_of_columns_is_that_of_each_alone():
     alone = column.roll(Layer(0.05), Roller(0.11, 0.001, profile="circle"), MIX, 0.2)
     both = passes(LAYER, Roller(0.11, 0.002, profile="circle"), MIX, 0.2, (Pass(), Pass(0.05, height=0.147)))
     assert both[1].resistance == pytest.approx(alone.resistance, rel=1e-6)
@@ -100,7 +100,7 @@ def test_two_lifts_of_columns_cost_what_each_does_alone():
 # (b) balances
 
 
-def test_no_pass_makes_or_loses_mass(wider):
+def test_mass_is_conserved_in_every_pass(wider):
     for rolled in wider:
         assert rolled.exit.solid_height(MIX) == pytest.approx(0.94 * 0.1, rel=5e-4)
         assert rolled.mass_residual < 5e-4
@@ -118,13 +118,13 @@ def test_work_balances_in_every_pass_over_a_thick_layer(thick):
 
 
 @pytest.mark.slow
-def test_lift_brings_its_own_mass_and_balances(lifts):
+def test_lift_adds_its_mass_and_conserves_mass_and_work(lifts):
     assert lifts[1].exit.solid_height(MIX) - lifts[0].exit.solid_height(MIX) == pytest.approx(0.94 * 0.05, rel=5e-4)
     assert all(rolled.mass_residual < 5e-4 and rolled.work_residual < 0.03 for rolled in lifts)
 
 
 @pytest.mark.slow
-def test_lift_is_pressed_and_what_lies_below_is_hardly_pressed_more(lifts):
+def test_lift_is_compacted_and_the_layer_below_remains(lifts):
     below, both = (rolled.exit.points.density_ratio for rolled in lifts)
     y, old = lifts[1].exit.y, lifts[0].exit
     deep = y < 0.04
@@ -133,15 +133,15 @@ def test_lift_is_pressed_and_what_lies_below_is_hardly_pressed_more(lifts):
     assert lifts[1].exit_height == pytest.approx(0.147 + lifts[1].elastic_recovery, rel=1e-12)
 
 
-def test_mix_that_leaves_rests_in_equilibrium(wider):
+def test_exit_state_is_in_equilibrium_inside_the_cap(wider):
     for rolled in wider:
         state = rolled.exit.points
         assert not state.stress[:, [1, 3]].any()
         still, _ = cap_plasticity.integrate_points(MIX, state, np.zeros((len(state.stress), 3)), tangent=False)
-        assert still.stress == pytest.approx(state.stress, abs=1.0)  # not beyond the cap
+        assert still.stress == pytest.approx(state.stress, abs=1.0)  # inside the cap
 
 
-# (c) handing over
+# (c) transfer of the layer state
 
 
 def layered():
@@ -154,7 +154,7 @@ def layered():
 
 
 @pytest.mark.parametrize("rows", [5, 12, 60])
-def test_rows_of_other_heights_hold_the_same(rows):
+def test_resampled_rows_conserve_their_integrals(rows):
     fed = layered()
     other = fed.resampled(np.full(rows, fed.height / rows))
     for name in ("density_ratio", "plastic_work"):
@@ -166,12 +166,12 @@ def test_rows_of_other_heights_hold_the_same(rows):
     assert (other.points.max_density_ratio >= other.points.density_ratio).all()
 
 
-def test_same_rows_are_the_same_mix():
+def test_resampling_to_the_same_rows_is_the_identity():
     fed = layered()
     assert fed.resampled(fed.heights).points.density_ratio == pytest.approx(fed.points.density_ratio, rel=1e-14)
 
 
-def test_what_is_linear_stays_linear_between_the_ends():
+def test_resampling_of_a_linear_profile_is_exact_away_from_the_ends():
     heights = np.full(20, 0.005)
     middle = np.cumsum(heights) - heights / 2
     state = cap_plasticity.MaterialPoint(np.zeros((20, 4)), 0.9 + middle, 0.9 + middle, middle)
@@ -179,7 +179,7 @@ def test_what_is_linear_stays_linear_between_the_ends():
     assert finer.points.density_ratio[4:-4] == pytest.approx((0.9 + finer.y)[4:-4], rel=1e-12)
 
 
-def test_lift_lies_on_what_was_there():
+def test_lift_is_added_above_the_layer():
     fed = layered()
     higher = fed.with_lift(0.03, MIX)
     frame = RollerFrame(rolling_mesh(higher.height, 0.02, 0.004), MIX, "bonded", 0.02, fed_layer=higher)
@@ -190,11 +190,11 @@ def test_lift_lies_on_what_was_there():
     assert frame.fed_layer.points.density_ratio[-1] == pytest.approx(0.94, rel=1e-12)
 
 
-# (d) there and back
+# (d) both directions
 
 
 @pytest.mark.slow
-def test_first_pass_back_leaves_the_mix_of_one_there(thick):
+def test_first_pass_backward_leaves_the_state_of_one_forward(thick):
     back = compaction.roll(LAYER, ROLLER, MIX, -0.2, increments=6, steady_tolerance=1e-2)
     there = thick[0]
     assert (back.load, back.resistance) == (there.load, -there.resistance)
@@ -203,7 +203,7 @@ def test_first_pass_back_leaves_the_mix_of_one_there(thick):
 
 
 @pytest.mark.slow
-def test_way_of_the_second_pass_is_a_sign(thick):
+def test_direction_of_the_second_pass_changes_the_sign_alone(thick):
     again = passes(LAYER, ROLLER, MIX, 0.2, (Pass(), Pass()), **QUICK)[1]
     back = thick[1]
     assert (again.load, again.resistance, again.exit_height) == (back.load, -back.resistance, back.exit_height)
@@ -211,14 +211,14 @@ def test_way_of_the_second_pass_is_a_sign(thick):
 
 
 @pytest.mark.parametrize("numerics", [{}, pytest.param(QUICK, marks=pytest.mark.slow)], ids=["column", "compaction"])
-def test_load_is_that_of_every_pass(numerics):
+def test_prescribed_load_holds_in_every_pass(numerics):
     roller = Roller(0.11, load=6000.0, profile="circle")
     first, second = passes(LAYER, roller, MIX, 0.2, 2, **numerics)
     assert (first.load, second.load) == pytest.approx((6000.0, 6000.0), rel=2e-3)
     assert second.exit_height < first.exit_height + 1e-12
 
 
-def test_density_is_that_of_each_lift():
+def test_prescribed_density_holds_in_each_lift():
     stages = (Pass(exit_density_ratio=0.98), Pass(0.04, exit_density_ratio=0.97))
     first, second = passes(LAYER, Roller(0.11, 0.002, profile="circle"), MIX, 0.2, stages)
     assert (first.exit_density_ratio, second.exit_density_ratio) == pytest.approx((0.98, 0.97), abs=1e-9)
@@ -234,7 +234,7 @@ def study(**changes):
     return Study(load_scene(SMALL, **{"accuracy.engine": "column", "layer.passes": 3} | changes))
 
 
-def test_passes_of_a_scene_go_there_and_back_at_one_height():
+def test_passes_of_a_scene_alternate_in_direction_at_one_height():
     case = study()
     done = contact_stage.roll_passes(case.scene, case.mix, 0.2)
     first = contact_stage.roll_scene(case.scene, case.mix, 0.2)
@@ -244,11 +244,11 @@ def test_passes_of_a_scene_go_there_and_back_at_one_height():
     assert done[1].load < 0.3 * first.load
 
 
-def test_hash_of_a_scene_knows_its_passes():
+def test_hash_of_a_scene_depends_on_its_passes():
     assert study().scene.hash != study(**{"layer.passes": 2}).scene.hash
 
 
-def test_results_tell_of_every_pass(tmp_path):
+def test_results_list_every_pass(tmp_path):
     case = study(**{"contact": {"speeds": [0.1, 0.2]}, "output.items": ["tables"]})
     contacts = report.write_study(case, tmp_path / "out")["contacts"]
     assert [len(contact["passes"]) for contact in contacts] == [3, 3]
@@ -263,7 +263,7 @@ def test_results_tell_of_every_pass(tmp_path):
     assert [line.split()[0] for line in table] == ["1", "2", "3"]
 
 
-def test_engine_without_a_mark_has_one_pass():
+def test_linear_engine_has_one_pass():
     case = study(
         **{
             "accuracy.engine": "spectral",

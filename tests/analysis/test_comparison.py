@@ -1,4 +1,4 @@
-"""Engines beside the scene's: each answers as it does alone, here and in other processes; what is kept is taken."""
+"""Comparison of engines: each gives the results of its own scene, in one process or several, or from stored files."""
 
 import csv
 import json
@@ -24,18 +24,18 @@ SMALL = ROOT / "studies" / "scenes" / "small.toml"
 ENGINES = ROOT / "studies" / "scenes" / "loveikin-2015-engines.toml"
 PLAIN = {"machine.gap_geometry": "circle", "machine.roller_condition": "frictionless"}
 QUICK = {"contact.speeds": [0.05, 0.15], "contact.peak_pressure": 203e3, "accuracy.tolerance": 0.05}
-BESIDE = {"column": {"layer": {"fed_density_ratio": 0.95}, "contact": {"peak_pressure": 180e3}}}
+COMPARED = {"column": {"layer": {"fed_density_ratio": 0.95}, "contact": {"peak_pressure": 180e3}}}
 SPRING = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3}
-WANTED = {"accuracy.engine": "spectral", "compare": BESIDE, "output.items": ["tables", "figures"]}
+STUDY = {"accuracy.engine": "spectral", "compare": COMPARED, "output.items": ["tables", "figures"]}
 
 
 def scene(**changes):
-    return load_scene(SMALL, **PLAIN | QUICK | WANTED | changes)
+    return load_scene(SMALL, **PLAIN | QUICK | STUDY | changes)
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """Study, summary and directory of a scene whose engines beside answered in other processes."""
+    """Study, summary and directory of a scene whose compared engines ran in other processes."""
     directory = tmp_path_factory.mktemp("comparison")
     study = Study(scene(), directory=directory)
     return study, report.write_study(study, directory, executor=ProcessExecutor(2)), directory
@@ -46,25 +46,25 @@ def rows(path):
         return list(csv.DictReader(stream))
 
 
-# the answer
+# results
 
 
 @pytest.mark.parametrize(
     ("engine", "given"),
     [("column", {"layer.fed_density_ratio": 0.95, "contact.peak_pressure": 180e3}), ("formula", {})],
 )
-def test_engine_beside_answers_as_it_does_alone(written, engine, given):
+def test_compared_engine_gives_the_results_of_its_own_scene(written, engine, given):
     study, _, _ = written
     alone = Study(scene(**{"accuracy.engine": engine, "compare": None, "output.items": []} | given))
-    aside = study.comparison[engine]
+    compared_engine = study.comparison[engine]
     speed = np.array([0.06, 0.12])
-    assert aside.resistance(speed, 0 * speed) == pytest.approx(alone.resistance(speed, 0 * speed), rel=1e-12)
+    assert compared_engine.resistance(speed, 0 * speed) == pytest.approx(alone.resistance(speed, 0 * speed), rel=1e-12)
     for by, ranked in alone.rankings.items():
-        found = [(place.rank, place.law, place.value) for place in aside.places["rigid"][by]]
+        found = [(place.rank, place.law, place.value) for place in compared_engine.places["rigid"][by]]
         assert found == [(place.rank, place.run.name, pytest.approx(place.value, rel=1e-12)) for place in ranked]
 
 
-def test_this_process_answers_as_others_do(written):
+def test_results_do_not_depend_on_the_number_of_processes(written):
     study, _, _ = written
     here = Study(scene())
     assert repr(here.comparison["column"].places) == repr(
@@ -74,7 +74,7 @@ def test_this_process_answers_as_others_do(written):
 
 
 @pytest.mark.slow
-def test_places_of_every_engine_and_drive_are_in_the_table(tmp_path):
+def test_ranking_table_lists_every_engine_and_drive(tmp_path):
     study = Study(scene(**SPRING, **{"output.items": ["tables"]}))
     summary = report.write_study(study, tmp_path / "out")
     found = rows(tmp_path / "out" / "ranking.csv")
@@ -82,43 +82,45 @@ def test_places_of_every_engine_and_drive_are_in_the_table(tmp_path):
     assert kinds == {(engine, kind) for engine in ("spectral", "formula", "column") for kind in ("elastic", "rigid")}
     ours = [row for row in found if row["engine"] == "spectral" and row["criterion"] == "peak_force"]
     for kind in ("elastic", "rigid"):
-        told = {row["law"]: float(row["value"]) for row in ours if row["drive"] == kind}
+        tabulated = {row["law"]: float(row["value"]) for row in ours if row["drive"] == kind}
         runs = [run if kind == "elastic" else run.rigid for run in study.runs.values()]
-        assert told == {run.name: pytest.approx(run.peak_force, rel=1e-9) for run in runs}
+        assert tabulated == {run.name: pytest.approx(run.peak_force, rel=1e-9) for run in runs}
     places = summary["rigid_rankings"]["peak_power"]
     assert [place["value"] for place in places] == sorted(run.rigid.peak_power for run in study.runs.values())
 
 
-def test_error_of_a_value_is_what_the_error_of_the_resistance_moves(written):
+def test_error_of_a_criterion_follows_from_the_error_of_the_resistance(written):
     study, summary, directory = written
     share = study.resistance_error
     assert 0 < share < 0.1
-    told = {row["law"]: row for row in rows(directory / "criteria.csv") if row["criterion"] == "energy"}
+    tabulated = {row["law"]: row for row in rows(directory / "criteria.csv") if row["criterion"] == "energy"}
     friction = study.cart.guide_friction * (2 * study.roller_load - study.cart.weight)
-    for name, run in study.runs.items():  # of the energy of a cycle the mix takes all but what the guides do
+    for name, run in study.runs.items():  # energy of a cycle less the friction of the guides
         mix = run.energy - 0.8 * friction
-        assert float(told[name]["error"]) == pytest.approx(share * mix, rel=0.02)
-        assert summary["laws"][name]["errors"]["energy"] == pytest.approx(float(told[name]["error"]), rel=1e-9)
-        assert (told[name]["unit"], summary["units"]["energy"]) == ("J", "J")
+        assert float(tabulated[name]["error"]) == pytest.approx(share * mix, rel=0.02)
+        assert summary["laws"][name]["errors"]["energy"] == pytest.approx(float(tabulated[name]["error"]), rel=1e-9)
+        assert (tabulated[name]["unit"], summary["units"]["energy"]) == ("J", "J")
 
 
-def test_formulas_know_no_error():
+def test_formulas_have_no_error_estimate():
     study = Study(load_scene(SMALL))
     assert study.resistance_error is None
     assert all(place.error is None for places in study.places["rigid"].values() for place in places)
 
 
-def test_orders_of_engines_that_resist_alike_agree(written):
+def test_rankings_by_engines_of_proportional_resistance_agree(written):
     study, _, directory = written
     agreed = {(each.other_engine, each.by): each.agreement for each in study.agreements}
-    assert agreed["formula", "peak_force"].tau == pytest.approx(1.0)  # m a + F is in the order of a for any F
+    assert agreed["formula", "peak_force"].tau == pytest.approx(
+        1.0
+    )  # the peak of m a + F is ranked as a for any constant F
     assert {row["other_engine"] for row in rows(directory / "agreement.csv")} == {"formula", "column"}
 
 
 # files
 
 
-def test_all_files_of_the_summary_stand_and_steps_are_counted(written):
+def test_summary_lists_every_file_and_counts_every_evaluation(written):
     study, summary, directory = written
     found = {str(path.relative_to(directory)) for path in directory.rglob("*") if path.is_file()}
     assert found == {*summary["files"], "summary.json", "scene.hash"}
@@ -127,7 +129,7 @@ def test_all_files_of_the_summary_stand_and_steps_are_counted(written):
     assert summary["comparison"]["column"]["evaluation_counts"]["rolled"] == 2
 
 
-def test_kept_contacts_are_taken_by_every_engine(written):
+def test_every_engine_reuses_stored_contacts(written):
     _, summary, directory = written
     drawn = {path.name: path.read_bytes() for path in directory.glob("*.png")}
     again = Study(scene(), directory=directory)
@@ -147,7 +149,7 @@ def test_kept_contacts_are_taken_by_every_engine(written):
         assert mine == theirs
 
 
-def test_scene_of_every_engine_gives_each_what_it_covers():
+def test_published_scene_of_all_engines_differs_only_in_compared_keys():
     every = load_scene(ENGINES)
     assert every.compared_engines == ("formula", "column", "spectral")
     published = load_scene(ENGINES.with_name("loveikin-2015.toml"))
@@ -157,26 +159,26 @@ def test_scene_of_every_engine_gives_each_what_it_covers():
     assert every.with_engine("column").mix.overrides.heckel_slope == pytest.approx(13.995e-6)
 
 
-def test_interrupted_job_leaves_whole_files_and_no_process(tmp_path):
+def test_interrupted_run_leaves_complete_files_and_no_process(tmp_path):
     call = [sys.executable, "-m", "compact.cli", "run", str(ENGINES), "--out", str(tmp_path / "out")]
-    alone = {"start_new_session": True, "preexec_fn": heed_interrupts}
-    job = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, **alone)
+    options = {"start_new_session": True, "preexec_fn": heed_interrupts}
+    job = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, **options)
     until = time.monotonic() + 120
-    while len(children(job.pid)) < 3 and time.monotonic() < until:  # a tracker of resources, two that compute
+    while len(children(job.pid)) < 3 and time.monotonic() < until:  # resource tracker and two workers
         time.sleep(0.1)
     helpers = children(job.pid)
     assert len(helpers) >= 3
     os.kill(job.pid, signal.SIGINT)
-    told = job.communicate(timeout=60)[1]
-    assert (job.returncode, told) == (130, "compact: interrupted; every file already written is whole\n")
+    message = job.communicate(timeout=60)[1]
+    assert (job.returncode, message) == (130, "compact: interrupted; every file already written is whole\n")
     assert not list(tmp_path.rglob("*.part"))
-    while any(map(alive, helpers)) and time.monotonic() < until:  # the tracker ends when its pipe does
+    while any(map(alive, helpers)) and time.monotonic() < until:  # the tracker ends with its pipe
         time.sleep(0.1)
     assert not [pid for pid in helpers if alive(pid)]
 
 
 def children(pid):
-    """ProcessExecutor that a process has begun."""
+    """Process identifiers of the children of a process."""
     found = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -211,12 +213,12 @@ def alive(pid):
     ],
     ids=["the same", "unknown", "motion", "unknown key", "out of range", "no table", "no table inside"],
 )
-def test_keys_that_a_compared_engine_does_not_accept_are_refused(compared, words):
+def test_keys_outside_the_range_of_a_compared_engine_are_refused(compared, words):
     with pytest.raises(SceneError, match=words):
         scene(compare=compared)
 
 
-def test_engine_beside_that_does_not_cover_the_scene_is_told():
+def test_compared_engine_that_does_not_cover_the_scene_is_refused():
     lacking = {"compare": {"spectral": {}}, "accuracy.engine": "fem", "machine.gap_geometry": "deformed"}
     with pytest.raises(
         SceneError, match=r'compare\.spectral: with it machine\.gap_geometry: the engine "spectral" takes no "d'

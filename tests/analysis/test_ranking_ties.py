@@ -1,4 +1,4 @@
-"""Ties in what `compact run` leaves behind: every criterion ranked under a rigid drive, in tables, page and digest."""
+"""Ties in the results of `compact run`: every criterion under a rigid drive, in tables, page and digest."""
 
 import csv
 import json
@@ -19,13 +19,13 @@ from compact.report.page import machine as html_machine
 from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
-EVEN = ("constant-velocity", "combined-2", "reversal-2", "reversal-4-free-both")
-LAWS = (*EVEN, "cubic", "harmonic", "parabolic", "quintic", "modified-trapezoid")
+CONSTANT_VELOCITY = ("constant-velocity", "combined-2", "reversal-2", "reversal-4-free-both")
+LAWS = (*CONSTANT_VELOCITY, "cubic", "harmonic", "parabolic", "quintic", "modified-trapezoid")
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """Study, directory and digest of a rigid drive ranked by every criterion, against columns that tell their error."""
+    """Study, directory and digest of a rigid drive ranked by every criterion, by columns with their error estimate."""
     changes = {
         "accuracy.engine": "column", "accuracy.tolerance": 0.05, "contact.speeds": [0.05, 0.3],
         "contact.peak_pressure": 180e3, "layer.fed_density_ratio": 0.95, "drive.kind": "rigid",
@@ -42,21 +42,21 @@ def rows(directory, by, engine="column"):
         return [row for row in csv.DictReader(stream) if (row["engine"], row["criterion"]) == (engine, by)]
 
 
-def test_even_laws_share_the_first_place_by_unevenness(written):
+def test_laws_of_constant_velocity_share_the_first_rank_by_nonuniformity(written):
     found = rows(written[1], "nonuniformity")
-    assert {row["law"] for row in found if row["rank"] == "1"} == set(EVEN)
+    assert {row["law"] for row in found if row["rank"] == "1"} == set(CONSTANT_VELOCITY)
     assert {row["value"] for row in found if row["rank"] == "1"} == {"0"}
 
 
 @pytest.mark.parametrize("by", CRITERIA)
-def test_no_margin_of_any_table_is_over_rounding(written, by):
+def test_no_margin_is_relative_to_rounding(written, by):
     for engine in ("column", "formula"):
         margins = [float(row["margin"]) for row in rows(written[1], by, engine)]
         assert not [margin for margin in margins if 10 < margin < math.inf]
 
 
 @pytest.mark.parametrize("by", CRITERIA)
-def test_infinite_values_share_the_last_rank_and_are_not_sure(written, by):
+def test_infinite_values_share_the_last_rank_and_are_not_resolved(written, by):
     found = rows(written[1], by)
     infinite = [row for row in found if row["reason"]]
     assert {(row["rank"], row["value"], row["resolved"]) for row in infinite} <= {(str(len(found)), "inf", "False")}
@@ -65,7 +65,7 @@ def test_infinite_values_share_the_last_rank_and_are_not_sure(written, by):
 
 
 @pytest.mark.parametrize("by", CRITERIA)
-def test_laws_within_the_build_tolerance_tie_and_are_not_sure(written, by):
+def test_laws_within_the_build_tolerance_tie_and_are_not_resolved(written, by):
     for engine in ("column", "formula"):
         found = rows(written[1], by, engine)
         for row in found:
@@ -73,8 +73,8 @@ def test_laws_within_the_build_tolerance_tie_and_are_not_sure(written, by):
             assert row["tie"] == "False" or row["resolved"] == "False"
 
 
-def test_force_has_ties_and_sure_places(written):
-    """So that the tests before look at both."""
+def test_peak_force_has_ties_and_resolved_ranks(written):
+    """Both cases of the tests above occur."""
     found = rows(written[1], "peak_force")
     assert {row["tie"] for row in found} == {row["resolved"] for row in found} == {"True", "False"}
 
@@ -90,7 +90,7 @@ def test_page_prints_ties_as_such(written):
     assert not re.search(r"\d × 10[⁴-⁹¹][⁰-⁹]* %", page)
 
 
-def test_summary_and_digest_tell_ties(written):
+def test_summary_and_digest_list_ties(written):
     _, directory, digest = written
     ranked = json.loads((directory / "summary.json").read_text())["rankings"]["peak_force"]
     ties = [place["law"] for place in ranked if place["tie"]]
@@ -99,7 +99,7 @@ def test_summary_and_digest_tell_ties(written):
     assert [line.split()[1] for line in lines] == ties
 
 
-def test_one_law_of_infinite_peaks_is_none_and_no_first(tmp_path):
+def test_laws_of_infinite_peaks_have_no_first_rank(tmp_path):
     changes = {"motion.laws": ["constant-velocity", "gear-sector"], "output.items": ["tables"]}
     study = Study(load_scene(SMALL, **changes, **{"accuracy.engine": "formula", "drive.rank_by": ["peak_force"]}))
     report.write_study(study, tmp_path)
@@ -108,7 +108,7 @@ def test_one_law_of_infinite_peaks_is_none_and_no_first(tmp_path):
     assert study.places["rigid"]["peak_force"][0].resolved is False
 
 
-def test_figure_of_the_engines_has_no_excess_over_rounding(written):
+def test_figure_of_the_engines_has_no_excess_relative_to_rounding(written):
     study, _, _ = written
     for places in study.places["rigid"]["nonuniformity"], study.places["rigid"]["energy"]:
         by = "nonuniformity" if places is study.places["rigid"]["nonuniformity"] else "energy"

@@ -110,9 +110,9 @@ def test_processes_that_cannot_begin_raise(monkeypatch):
 @pytest.mark.parametrize("executor", [SerialExecutor(), ProcessExecutor(2)], ids=["here", "two processes"])
 def test_background_results_are_returned_in_any_order_and_again(executor):
     with BackgroundTasks(executor) as tasks:
-        answers = [tasks.submit(f"square of {number}", square, number) for number in range(5)]
-        assert [answer() for answer in reversed(answers)] == [16, 9, 4, 1, 0]
-        assert answers[2]() == 4
+        results = [tasks.submit(f"square of {number}", square, number) for number in range(5)]
+        assert [answer() for answer in reversed(results)] == [16, 9, 4, 1, 0]
+        assert results[2]() == 4
 
 
 def test_background_tasks_run_while_the_caller_polls(tmp_path):

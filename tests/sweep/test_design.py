@@ -1,4 +1,4 @@
-"""What a sweep varies: grids, lists and samples read, keys refused at the door."""
+"""Design of a sweep: grids, lists and samples; refusals before any computation."""
 
 from pathlib import Path
 
@@ -30,7 +30,7 @@ def test_grids_and_lists_are_read(text, values):
     assert [type(value) for value in axis.values] == [type(value) for value in values]
 
 
-def test_points_run_through_all_values_the_last_axis_fastest():
+def test_points_vary_fastest_along_the_last_axis():
     design = vary.design(SCENE, [vary.read_design("mix.moisture=0.09,0.1"), vary.read_design("layer.base=bonded,slip")])
     assert design.shape == (2, 2)
     assert [tuple(design.point(index)[0].values()) for index in range(4)] == [
@@ -38,7 +38,7 @@ def test_points_run_through_all_values_the_last_axis_fastest():
     ]  # fmt: skip
 
 
-def test_sample_fills_the_spread_and_no_more():
+def test_sample_covers_the_spread_and_stays_inside():
     scene = PRIOR.replaced(**{"accuracy.engine": "column", "mix.moisture": 0.09})
     design = vary.design(scene, [vary.read_design("mix.overrides=~64")])
     assert design.names == ("unloading_modulus", "poisson", "friction_angle", "cohesion", "heckel_slope")
@@ -48,7 +48,7 @@ def test_sample_fills_the_spread_and_no_more():
     assert all(there.mix.overrides.heckel_slope == value for (there, _), value in zip(drawn, values, strict=True))
     assert (slope.low < values).all()
     assert (values < slope.high).all()
-    # a factor is drawn by ratio: the mean of the logarithm is that of the value, as even as Sobol points are
+    # a factor is sampled in logarithm: the mean logarithm of Sobol points is that of the value
     assert np.log(values).mean() == pytest.approx(np.log(slope.value), abs=0.01)
     poisson = np.array([values["poisson"] for _, values in drawn])
     assert poisson.mean() == pytest.approx(mix.prior(0.09, 0.98).poisson, abs=0.002)
@@ -63,7 +63,7 @@ def test_sample_follows_the_spread_of_each_mix():
     assert dry / wet == pytest.approx(expected[0] / expected[1])
 
 
-def test_rows_of_indices_change_one_input_each():
+def test_rows_for_indices_change_one_input_each():
     design = vary.design(PRIOR, [vary.read_design("mix.overrides=~4")], indices=True)
     parts = np.array(design.parts)
     first, second = design.shares[parts == "A"], design.shares[parts == "B"]
@@ -92,7 +92,7 @@ def test_rows_of_indices_change_one_input_each():
         ("mix.overrides=~-6", "powers of 2"),
     ],
 )
-def test_text_that_is_no_variation_is_refused(text, words):
+def test_invalid_variation_is_refused(text, words):
     with pytest.raises(ValueError, match=words):
         vary.read_design(text)
 
@@ -112,7 +112,7 @@ def test_text_that_is_no_variation_is_refused(text, words):
         (("mix.overrides.poisson=~8", "mix.overrides.steel_friction=~16"), "all samples share their points"),
     ],
 )
-def test_keys_are_refused_before_anything_runs(texts, words):
+def test_invalid_keys_are_refused_before_any_computation(texts, words):
     with pytest.raises(ValueError, match=words):
         vary.design(SCENE, [vary.read_design(text) for text in texts])
 
@@ -122,7 +122,7 @@ def test_indices_without_a_sample_are_refused():
         vary.design(SCENE, [vary.read_design("mix.moisture=0.1")], indices=True)
 
 
-def test_rules_between_keys_are_left_to_the_points():
+def test_rules_between_keys_are_checked_at_each_point():
     design = vary.design(SCENE, [vary.read_design("mix.density_ratio=0.92,0.98")])  # fed at 0.94
     with pytest.raises(SceneError, match=r"layer.fed_density_ratio: must be below mix.density_ratio = 0.92"):
         vary.scene_at(SCENE, *design.point(0))
@@ -138,6 +138,6 @@ def test_rules_between_keys_are_left_to_the_points():
     ],
     ids=["grid", "sample", "product"],
 )
-def test_sweep_that_fits_no_memory_is_refused_before_it_is_laid_out(varied):
+def test_sweep_beyond_the_memory_is_refused_before_its_points_are_built(varied):
     with pytest.raises(ValueError, match=r"a sweep has at most 1000000 points, got \d{7,}; take a coarser grid"):
         vary.design(SCENE, [vary.read_design(text) for text in varied])

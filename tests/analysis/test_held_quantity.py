@@ -1,4 +1,4 @@
-"""The quantity of the contact that is kept while the speed changes, the return stroke, and one model of the guides."""
+"""Quantity held constant over speed, formulas for one contact, guide friction and return stroke."""
 
 import json
 from pathlib import Path
@@ -28,10 +28,10 @@ def values(study, name):
     return np.array([getattr(contact, name) for contact in study.contacts])
 
 
-# item 3: what is held
+# quantity held constant over speed
 
 
-def test_the_height_is_kept_at_every_speed_where_nothing_is_prescribed():
+def test_height_is_held_at_every_speed_by_default():
     case = study(**PLAIN)
     depths, pressures = values(case, "indentation"), values(case, "peak_pressure")
     mean = [contact.speed for contact in case.contacts].index(case.scene.mean_speed)
@@ -44,7 +44,7 @@ def test_the_height_is_kept_at_every_speed_where_nothing_is_prescribed():
 @pytest.mark.parametrize(
     ("held", "name"), [("load", "load"), ("peak_pressure", "peak_pressure"), ("height", "indentation")]
 )
-def test_the_quantity_that_the_scene_names_is_kept(held, name):
+def test_quantity_named_in_the_scene_is_held(held, name):
     case = study(**PLAIN, **{"contact.held": held})
     kept = values(case, name)
     assert kept == pytest.approx(kept[0], rel=1e-6)
@@ -55,27 +55,27 @@ def test_the_quantity_that_the_scene_names_is_kept(held, name):
 @pytest.mark.parametrize(
     ("given", "name"), [({"contact.load": 9740.0}, "load"), ({"contact.peak_pressure": 1.5e5}, "peak_pressure")]
 )
-def test_a_prescribed_load_or_pressure_is_kept_unless_the_scene_says_height(given, name):
-    case, on_rails = study(**PLAIN, **given), study(**PLAIN, **given, **{"contact.held": "height"})
+def test_prescribed_load_or_pressure_is_held_unless_the_scene_prescribes_height(given, name):
+    case, at_height = study(**PLAIN, **given), study(**PLAIN, **given, **{"contact.held": "height"})
     (target,) = given.values()
     target /= case.scene.machine.roller_length if name == "load" else 1.0
     assert values(case, name) == pytest.approx(target, rel=1e-6)
-    assert (case.held.name, on_rails.held.name) == (name, "height")
-    assert np.ptp(values(on_rails, "indentation")) < 1e-9
-    at_mean = [c for c in on_rails.contacts if c.speed == on_rails.scene.mean_speed]
+    assert (case.held.name, at_height.held.name) == (name, "height")
+    assert np.ptp(values(at_height, "indentation")) < 1e-9
+    at_mean = [c for c in at_height.contacts if c.speed == at_height.scene.mean_speed]
     assert getattr(at_mean[0], name) == pytest.approx(target, rel=1e-6)
 
 
-def test_the_columns_keep_the_height_that_leaves_the_density_at_the_mean_speed():
+def test_columns_hold_the_height_that_gives_the_density_at_the_mean_speed():
     case = study(**{"accuracy.engine": "column", "mix.reference_speed": 0.1})
     assert np.ptp(values(case, "indentation")) == 0
     densities = dict(zip(values(case, "speed"), values(case, "exit_density_ratio"), strict=True))
     assert densities[case.scene.mean_speed] == pytest.approx(0.98, abs=1e-9)
-    assert values(case, "load")[-1] > 1.02 * values(case, "load")[0]  # the rate, at one height
+    assert values(case, "load")[-1] > 1.02 * values(case, "load")[0]  # rate effect at constant height
 
 
-def test_the_added_mass_belongs_to_the_quantity_that_is_kept():
-    """F(v, a) at held height differs from that at held pressure in M as in F; both by the expansion of that roller."""
+def test_added_mass_depends_on_the_held_quantity():
+    """Resistance and added mass at constant height differ from those at constant pressure."""
     from compact.analysis.engines import expand_resistance
 
     case = study(**PLAIN)
@@ -90,14 +90,15 @@ def test_the_added_mass_belongs_to_the_quantity_that_is_kept():
     assert abs(other / found - 1) > 0.05
 
 
-def test_one_contact_at_another_speed_keeps_the_height_too():
+def test_single_contact_at_another_speed_holds_the_height():
     case = study(**PLAIN)
     (rolled,) = case.passes_at(0.5)
     assert rolled.indentation == pytest.approx(case.held.value, rel=1e-9)
     assert "height of the roller" in text.held_sentence(case)
 
 
-def test_the_answer_names_what_is_kept(tmp_path):
+@pytest.mark.slow
+def test_summary_page_and_digest_state_the_held_quantity(tmp_path):
     case = study(**PLAIN, **{"output.items": ["report"], "motion.laws": ["cubic"], "contact.speeds": [0.1]})
     summary = report.write_study(case, tmp_path / "out")
     assert summary["held"]["quantity"] == "height"
@@ -110,7 +111,7 @@ def test_the_answer_names_what_is_kept(tmp_path):
     assert "Constant over speed: the height of the roller" in page
 
 
-def test_a_kept_run_holds_the_same_quantity(tmp_path):
+def test_stored_run_holds_the_same_quantity(tmp_path):
     first = study(**PLAIN, **{"output.items": [], "motion.laws": ["cubic"]})
     report.write_study(first, tmp_path / "out")
     again = Study(first.scene, directory=tmp_path / "out")
@@ -119,7 +120,7 @@ def test_a_kept_run_holds_the_same_quantity(tmp_path):
 
 
 @pytest.mark.slow
-def test_finite_elements_that_compact_keep_the_height_of_the_product():
+def test_compaction_engine_holds_the_height_of_the_product():
     case = study(**LIFT, **{"mix.reference_speed": 0.1, "contact.speeds": [0.05, 0.4]})
     slow, fast = case.contacts
     assert slow.indentation == pytest.approx(case.held.value, rel=1e-9)
@@ -128,11 +129,11 @@ def test_finite_elements_that_compact_keep_the_height_of_the_product():
     assert fast.load > slow.load
 
 
-# item 4: one meaning of the formulas
+# one contact by formula
 
 
 @pytest.mark.parametrize("prescribed", [{}, {"contact.load": 9740.0}, {"contact.peak_pressure": 1.5e5}])
-def test_one_contact_by_formula_is_that_of_the_main_job(prescribed):
+def test_contact_by_formula_equals_the_engineering_summary(prescribed):
     case = study(**prescribed)
     (rolled,) = case.passes_at(case.scene.mean_speed)
     length, formulas = case.scene.machine.roller_length, case.engineering
@@ -145,58 +146,58 @@ def test_one_contact_by_formula_is_that_of_the_main_job(prescribed):
         assert rolled.peak_pressure == formulas.pressure == 1.5e5
 
 
-def test_formulas_refuse_an_indentation():
+def test_indentation_is_refused_by_formulas():
     case = study(**{"contact.indentation": 0.003})
     with pytest.raises(ValueError, match=r"`indentation` is undefined on a half-plane.*use `load`"):
         case.passes_at(case.scene.mean_speed)
 
 
-def test_a_contact_beyond_the_formulas_is_compared_at_the_required_pressure():
+def test_contact_outside_the_range_of_the_formulas_is_compared_at_the_required_pressure():
     case = study(**PLAIN, **{"contact.peak_pressure": 2e6})
     with pytest.warns(UserWarning, match="formulas do not reach the prescribed contact.*203 kPa"):
         assert case.engineering.pressure == case.mix.required_pressure
 
 
-# item 5: the guides, the return stroke
+# guide friction and return stroke
 
 
-def test_the_drive_has_one_guide_friction_and_eq_1_9_is_a_comparison():
+def test_drive_uses_the_guide_friction_of_the_scene_and_not_eq_1_9():
     case = study()
-    lifted = 2 * case.roller_load - case.scene.machine.weight
-    assert float(case.steady.guide_friction[0]) == pytest.approx(0.008 * lifted, rel=1e-9)
+    net_force = 2 * case.roller_load - case.scene.machine.weight
+    assert float(case.steady.guide_friction[0]) == pytest.approx(0.008 * net_force, rel=1e-9)
     run = case.runs["cubic"]
     assert float(case.steady.drive_force[0]) == pytest.approx(run.steady_force, rel=1e-12)
     rollers = 2 * case.engineering.roller_resistance
-    assert case.engineering.cart_resistance - rollers == pytest.approx(case.engineering.guide_coefficient * lifted)
+    assert case.engineering.cart_resistance - rollers == pytest.approx(case.engineering.guide_coefficient * net_force)
     sentence = text.guide_sentence(case)
     assert "guide_friction 0.008" in sentence
     assert "the drives do not use it" in sentence
     assert sentence[:30] in " ".join(text.study_digest(case).split())
 
 
-def test_a_second_pass_of_columns_recovers_all_its_work():
+def test_second_pass_of_columns_is_elastic():
     load, resistance = study(**{"accuracy.engine": "column"}).second_pass
     assert 0.1 < load < 0.5
     assert resistance < 1e-9
 
 
-def test_a_return_stroke_over_compacted_mix_takes_half_the_energy_of_a_cycle():
+def test_return_stroke_over_compacted_mix_halves_the_work_of_compaction():
     fresh = study(**{"accuracy.engine": "column"})
     compacted = study(**{"accuracy.engine": "column", "layer.return_stroke": "compacted"})
     load, _ = fresh.second_pass
     stroke, friction, weight = 0.4, 0.008, fresh.scene.machine.weight
     there = abs(2 * fresh.roller_load - weight)
     back = abs(2 * load * fresh.roller_load - weight)
-    mix = float(fresh.resistance(0.1, 0.0)) * stroke  # columns without rate resist at any speed alike
+    mix = float(fresh.resistance(0.1, 0.0)) * stroke  # without rate effect the resistance is independent of speed
     assert fresh.runs["cubic"].energy == pytest.approx(2 * mix + 2 * friction * there * stroke, rel=1e-6)
     energy = compacted.runs["cubic"].energy
-    assert energy == pytest.approx(mix + friction * (there + back) * stroke, rel=1e-3)  # both wheels of one sign
+    assert energy == pytest.approx(mix + friction * (there + back) * stroke, rel=1e-3)  # guide reactions of one sign
     assert fresh.cycle_energies["compacted"] == pytest.approx(energy, rel=1e-9)
     assert compacted.cycle_energies["fresh"] == pytest.approx(fresh.runs["cubic"].energy, rel=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["elastic", "motor"])
-def test_every_drive_meets_the_resistance_of_the_return_stroke(kind):
+def test_every_drive_uses_the_resistance_of_the_return_stroke(kind):
     spring = {"drive.stiffness": 1e9, "drive.damping": 1e5} if kind == "elastic" else {}
     motor = {"curve": "linear", "torque": 5000.0, "speed": 157.0, "inertia": 0.1, "gear_ratio": 150.0,
              "flywheel_inertia": 100.0}  # fmt: skip
@@ -207,25 +208,25 @@ def test_every_drive_meets_the_resistance_of_the_return_stroke(kind):
 
 
 @pytest.mark.parametrize("name", ["formula", "spectral", "fem"])
-def test_a_return_stroke_over_compacted_mix_needs_an_engine_that_compacts(name):
+def test_return_stroke_over_compacted_mix_requires_an_engine_with_compaction(name):
     with pytest.raises(SceneError, match=r"layer.return_stroke: the engine .* takes no .*compacts no mix"):
         study(**PLAIN | {"accuracy.engine": name, "layer.return_stroke": "compacted"})
 
 
-def test_reactions_close_the_moments_on_both_strokes():
+def test_moments_balance_on_both_strokes():
     cart = study(**{"accuracy.engine": "column", "layer.return_stroke": "compacted"}).cart
     direction = np.array([1.0, -1.0])
     forces = balance(cart, 0.3, direction * 2000.0, direction)
     assert moment_residual(cart, forces, direction * 2000.0, direction) == pytest.approx(0, abs=1e-9)
-    lifted = forces.front_reaction + forces.rear_reaction + cart.weight
-    assert lifted[1] / lifted[0] == pytest.approx(cart.return_load_ratio, rel=1e-12)
+    net_force = forces.front_reaction + forces.rear_reaction + cart.weight
+    assert net_force[1] / net_force[0] == pytest.approx(cart.return_load_ratio, rel=1e-12)
 
 
-def test_the_answer_says_over_what_the_cart_returns(tmp_path):
+def test_summary_and_digest_state_the_layer_of_the_return_stroke(tmp_path):
     case = study(**{"accuracy.engine": "column", "output.items": []})
     summary = report.write_study(case, tmp_path / "out")
-    told = json.loads((tmp_path / "out" / "summary.json").read_text())["return_stroke"]
-    assert told["over"] == "fresh"
-    assert told["energy"]["fresh"]["value"] == pytest.approx(case.cycle_energies["fresh"])
+    stored = json.loads((tmp_path / "out" / "summary.json").read_text())["return_stroke"]
+    assert stored["over"] == "fresh"
+    assert stored["energy"]["fresh"]["value"] == pytest.approx(case.cycle_energies["fresh"])
     assert summary["steady_forces"]["guide_friction"]["unit"] == "N"
     assert "return stroke: over fresh mix" in " ".join(text.study_digest(case).split())

@@ -1,4 +1,4 @@
-"""How sure an order is, and whether two agree: against orders counted by hand and by scipy."""
+"""Resolved ranks and agreement of two rankings, against counts by hand and by scipy."""
 
 import math
 from types import SimpleNamespace
@@ -27,59 +27,59 @@ def order(**values):
 # closed form
 
 
-def test_error_is_what_a_greater_resistance_adds():
+def test_error_is_the_change_under_a_greater_resistance():
     ranked = rank([run("a", 10.0), run("b", 12.0)], "peak_force")
     first, last = places(ranked, "peak_force", {"a": run("a", 10.5), "b": run("b", 11.0)})
     assert (first.error, last.error) == (0.5, 1.0)
     assert (first.law, first.rank, first.value, first.margin) == ("a", 1, 10.0, pytest.approx(0.2))
 
 
-@pytest.mark.parametrize(("second", "sure"), [(11.9, False), (12.1, True)], ids=["within", "beyond"])
-def test_place_is_sure_beyond_both_errors(second, sure):
-    assert [place.resolved for place in order(a=10.0, b=second)] == [sure, True]
+@pytest.mark.parametrize(("second", "resolved"), [(11.9, False), (12.1, True)], ids=["within", "beyond"])
+def test_rank_is_resolved_beyond_both_errors(second, resolved):
+    assert [place.resolved for place in order(a=10.0, b=second)] == [resolved, True]
 
 
-def test_law_behind_that_moves_further_puts_every_place_before_it_in_doubt():
+def test_large_error_of_a_later_law_leaves_earlier_ranks_not_resolved():
     heavier = {"a": run("a", 10.1), "b": run("b", 12.1), "c": run("c", 20.0)}
     ranked = rank([run("a", 10.0), run("b", 12.0), run("c", 14.0)], "peak_force")
     assert [place.resolved for place in places(ranked, "peak_force", heavier)] == [False, False, True]
 
 
-def test_two_swaps_among_three_laws():
+def test_two_discordant_pairs_among_three_laws():
     agreed = agreement(order(a=10, b=20, c=30), order(c=10, a=20, b=30), "peak_force")
     assert agreed == (pytest.approx(-1 / 3), 2, 2, 3)
 
 
-def test_swap_of_laws_that_an_error_parts_is_not_sure():
+def test_discordant_pair_within_an_error_is_not_resolved():
     assert agreement(order(a=10, b=20), order(b=10, a=11), "peak_force")[1:] == (1, 0, 1)
 
 
 @pytest.mark.parametrize(("second", "tie"), [(1009.0, True), (1011.0, False)], ids=["within", "beyond"])
-def test_difference_below_the_build_tolerance_is_a_tie_and_never_sure(second, tie):
-    """The error is 1 N in a thousand, which would part the two."""
+def test_difference_below_the_build_tolerance_is_a_tie_and_not_resolved(second, tie):
+    """The error of 1 N in a thousand alone would resolve the two."""
     first, last = order(a=1000.0, b=second)
     assert first.tie == tie
     assert [first.resolved, last.resolved] == [not tie] * 2
     assert not last.tie  # no law is worse
 
 
-def test_tie_is_in_doubt_though_no_error_is_known():
+def test_tie_without_an_error_estimate_is_not_resolved():
     runs = [run("a", 1000.0), run("b", 1005.0), run("c", 1100.0)]
     assert [place.resolved for place in places(rank(runs, "peak_force"), "peak_force", None)] == [False, False, None]
 
 
-def test_equal_values_share_a_place_and_leave_it_sure():
+def test_equal_values_share_a_resolved_rank():
     assert [(place.rank, place.resolved) for place in order(a=100.0, b=100.0 * (1 + 1e-12), c=110.0)] == [
         (1, True), (1, True), (3, True),
     ]  # fmt: skip
 
 
-def test_swap_within_the_build_tolerance_is_not_sure():
+def test_discordant_pair_within_the_build_tolerance_is_not_resolved():
     assert agreement(order(a=1000, b=1100), order(b=1000, a=1005), "peak_force")[1:] == (1, 0, 1)
     assert agreement(order(a=1000, b=1100), order(b=1000, a=1050), "peak_force")[1:] == (1, 1, 1)
 
 
-def test_unevenness_is_told_apart_by_a_hundredth_of_the_mean_speed():
+def test_nonuniformity_is_resolved_to_a_hundredth_of_the_mean_speed():
     def even(name, value):
         return SimpleNamespace(name=name, nonuniformity=value, shocks=())
 
@@ -98,19 +98,19 @@ def test_unevenness_is_told_apart_by_a_hundredth_of_the_mean_speed():
 # hard cases
 
 
-def test_law_that_cannot_be_carried_then_has_no_bound():
+def test_law_without_a_run_at_greater_resistance_has_no_error_bound():
     ranked = rank([run("a", 10.0), run("b", 12.0)], "peak_force")
     first, last = places(ranked, "peak_force", {"a": run("a", 10.1)})
     assert last.error == math.inf
     assert not first.resolved
 
 
-def test_unknown_error_is_told_as_unknown():
-    told = places(rank([run("a", 10.0), run("b", 12.0)], "peak_force"), "peak_force", None)
-    assert [(place.error, place.resolved) for place in told] == [(None, None)] * 2
+def test_missing_error_estimate_leaves_ranks_undecided():
+    found = places(rank([run("a", 10.0), run("b", 12.0)], "peak_force"), "peak_force", None)
+    assert [(place.error, place.resolved) for place in found] == [(None, None)] * 2
 
 
-def test_infinite_values_keep_their_reason_and_move_nothing():
+def test_infinite_values_have_a_reason_and_form_no_pair():
     runs = [Ranked(1, run("a", 10.0), 10.0, math.nan, ""), Ranked(2, run("b", math.inf), math.inf, math.nan, "a jump")]
     first, last = places(runs, "peak_force", {"a": run("a", 11.0), "b": run("b", math.inf)})
     assert (first.resolved, last.resolved, last.error, last.reason) == (True, False, 0.0, "a jump")
@@ -121,7 +121,7 @@ def test_infinite_values_keep_their_reason_and_move_nothing():
 
 
 @given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), min_size=2, max_size=8))
-def test_tau_is_kendalls_with_ties(pairs):
+def test_tau_is_that_of_kendall_with_ties(pairs):
     one, other = zip(*pairs, strict=True)
     named = [
         [
