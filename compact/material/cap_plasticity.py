@@ -121,14 +121,12 @@ class CapConstants(NamedTuple):
     ----------
     K, G : float
         Bulk and shear modulus of unloading [Pa].
-    M : float
-        Slope of the critical state [-].
+    M, loose : float
+        Slope of the critical state, and density ratio k0 at which Heckel's curve starts [-].
     pt : float
         Isotropic tensile strength [Pa].
     slope : float
         Heckel's slope K_H over the rate factor [1/Pa].
-    loose : float
-        Density ratio k0 at which Heckel's curve starts [-].
     flat : bool
         True for a flat subcritical side.
     """
