@@ -1,5 +1,6 @@
 """Finite elements of compacting mix: uniform paths equal those of a material point on any mesh."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -210,6 +211,21 @@ def test_stiffness_is_the_derivative_of_the_forces(finite, substeps):
     ahead, behind = (solid.increment(before, u + sign * size * direction).internal_forces for sign in (1, -1))
     expected = ((ahead - behind) / (2 * size)).ravel()
     assert product == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+
+
+def test_points_without_strain_keep_their_state_and_are_elastic():
+    """Even outside the yield surface, as interpolation between states may leave them."""
+    solid = FiniteStrainSolid(skewed(SQUARE), MIX)
+    state, _ = pressed_and_sheared(solid)
+    outside = replace(state, points=replace(state.points, stress=1.01 * state.points.stress))
+    still = solid.increment(outside, outside.displacement)
+    elastic = solid.increment(replace(state, points=solid.undeformed_state().points), state.displacement)
+    scale = np.abs(outside.points.stress).max()
+    assert still.after.points.stress == pytest.approx(outside.points.stress, abs=1e-9 * scale)
+    assert np.array_equal(still.after.points.density_ratio, outside.points.density_ratio)
+    assert np.array_equal(still.after.points.plastic_work, outside.points.plastic_work)
+    size = np.abs(elastic.element_stiffness).max()
+    assert still.element_stiffness == pytest.approx(elastic.element_stiffness, abs=2 * scale / 100e6 * size)
 
 
 def test_initial_guess_of_the_return_mappings_changes_nothing_but_rounding():
