@@ -238,7 +238,7 @@ def test_large_contact_angle_becomes_steady_and_balances():
     ids=["2 mm", "5.5 mm"],
 )
 def test_unsteady_rolling_reports_its_last_step_and_remedies(monkeypatch, layer, roller, mix, depth, advice):
-    monkeypatch.setattr(MODULES + "steady_search.MAX_CYCLES", 1)
+    monkeypatch.setattr(MODULES + "steady_search.MAX_FIRST_CYCLES", 1)
     message = (
         rf"not steady at depth {1e3 * depth:g} mm after 0\.\d+ m of travel: estimated distance \S+ % of load, "
         rf"resistance or exit density; load \d+ N/m, resistance \d+ N/m, bow wave \S+ mm; {advice}"

@@ -46,9 +46,9 @@ from compact.rolling_contact import HEIGHT_TOLERANCE, Layer, Roller, require_mov
 
 __all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
-INCREMENTS = 12  # [-], elements per contact length sqrt(2 R depth)
+INCREMENTS = 14  # [-], elements per contact length sqrt(2 R depth)
 COARSE_INCREMENTS = 4  # [-], elements per contact length of the first mesh
-REFINEMENT, MIN_REFINEMENT = 2, 1.4  # [-], of successive meshes, and of the last one at least
+REFINEMENT, MIN_REFINEMENT = 2.0, 1.4  # [-], of successive meshes, and at least of the first two
 STEADY_TOLERANCE = 3e-3  # [-], estimated distance of load, resistance and exit density from the steady state
 COARSE_TOLERANCE = 2.0  # [-], tolerances of the coarser meshes over those of the last one
 COARSE_TARGET_TOLERANCE = 10.0  # [-], tolerance of a target on the coarser meshes over that on the last one
@@ -280,12 +280,11 @@ class RollingCase:
 
 
 def mesh_cascade(increments: int) -> list[int]:
-    """Return the numbers of elements per contact length of successive meshes."""
-    counts, count = [], min(COARSE_INCREMENTS, increments)
-    while MIN_REFINEMENT * count <= increments:
-        counts.append(count)
-        count *= REFINEMENT
-    return [*counts, increments]
+    """Return the numbers of elements per contact length of successive meshes, each half the next one as far as useful."""
+    counts = [increments]
+    while counts[0] >= MIN_REFINEMENT * COARSE_INCREMENTS:
+        counts.insert(0, max(round(counts[0] / REFINEMENT), COARSE_INCREMENTS))
+    return counts
 
 
 def _roll_from_scratch(case: RollingCase, target: DepthTarget) -> CompactionContactResult:
