@@ -138,7 +138,7 @@ def compactions(settings, _):
         start = perf_counter()
         found = rolled(increments)
         seconds = perf_counter() - start
-        yield method, increments, abs(found.resistance / exact - 1), seconds, len(found.steps)
+        yield method, increments, abs(found.resistance / exact - 1), seconds, len(found.solution.steps)
 
 
 @dataclass(frozen=True)

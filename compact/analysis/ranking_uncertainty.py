@@ -67,11 +67,8 @@ def places(ranked: Sequence[Ranked], by: str, heavier: Mapping[str, Any] | None)
             for other, change in zip(ranked, errors, strict=True)
             if change is not None and other.rank > place.rank
         ]
-        resolved: bool | None
-        if ambiguous or place.reason:
-            resolved = False
-        else:
-            resolved = None if own is None else place.value + own <= min(behind, default=math.inf)
+        resolved = None if own is None else place.value + own <= min(behind, default=math.inf)
+        resolved = False if ambiguous or place.reason else resolved
         placed.append(Place(place.rank, place.run.name, place.value, place.margin, own, resolved, place.reason))
     return placed
 

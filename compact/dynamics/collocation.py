@@ -48,12 +48,8 @@ class LinearisedResistance(NamedTuple):
 
     Parameters
     ----------
-    force : float
-        R0 [N].
-    damping : float
-        d = dR/dv [N s/m].
-    added_mass : float
-        M = dR/da [kg].
+    force, damping, added_mass : float
+        R0 [N], d = dR/dv [N s/m] and M = dR/da [kg].
     velocity, acceleration : float
         v0 [m/s] and a0 [m/s^2] at the start.
     """
@@ -96,10 +92,8 @@ class SlidingSolution(NamedTuple):
         e(u) [m].
     remainder : ndarray
         Coefficients of r(u) [N].
-    converged : bool
-        True after convergence of the iteration.
-    evaluations : int
-        Evaluations of R.
+    converged, evaluations : bool, int
+        True after convergence of the iteration; evaluations of R.
     """
 
     driven_end: Array

@@ -89,22 +89,16 @@ class TrialInterval(NamedTuple):
     ----------
     accepted : bool
         True within the tolerance.
-    next_step : float
-        Step of the next attempt [s].
-    slip : int
-        Direction of the motion, 0 at rest.
+    next_step, max_speed : float
+        Step of the next attempt [s] and largest |v| [m/s].
+    slip, event, evaluations : int
+        Direction of the motion, 0 at rest; event at the end; evaluations of R.
     driven_end : ndarray
         Coefficients of y(u) [m].
     elongation : Signal
         e(u) [m].
     end : float
         u at the end.
-    event : int
-        Event at the end.
-    evaluations : int
-        Evaluations of R.
-    max_speed : float
-        Largest |v| [m/s].
     """
 
     accepted: bool

@@ -47,14 +47,10 @@ class FormulaContactResult(ContactResult):
 
     Parameters
     ----------
-    capture_angle : float
-        phi of (1.5) [rad].
-    exponent : float
-        alpha of (1.4) [-].
-    contact_length : float
-        l of (1.7) [m].
-    mean_pressure : float
-        Load over contact length [Pa].
+    capture_angle, exponent : float
+        phi of (1.5) [rad] and alpha of (1.4) [-].
+    contact_length, mean_pressure : float
+        l of (1.7) [m], and load over it [Pa].
     """
 
     capture_angle: float

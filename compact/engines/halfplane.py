@@ -32,12 +32,10 @@ class LineContact:
     ----------
     exponent : float or ndarray
         Exponent alpha of (1.4) with which the pressure rises from the trailing edge [-].
-    radius : float or ndarray
-        R [m].
+    radius, contact_length : float or ndarray
+        R and l [m].
     contact_modulus : float or ndarray
         E* = E/(1 - nu^2) [Pa].
-    contact_length : float or ndarray
-        l [m].
     load, peak_pressure : float or ndarray
         P [N/m] and p0 [Pa].
     leading, trailing : float or ndarray

@@ -67,10 +67,8 @@ class EndSprings:
 
     Parameters
     ----------
-    stiffness : float
-        k [N/m], >= 0.
-    preload : float
-        P [N], >= 0.
+    stiffness, preload : float
+        k [N/m] and P [N], >= 0.
     length : float
         Working length l of one spring [m], at most half the stroke.
     stroke : float

@@ -40,22 +40,16 @@ class CartRevolution(NamedTuple):
 
     Parameters
     ----------
-    psi : ndarray
-        Crank angle of this cart [rad].
+    psi, rod_angle : ndarray
+        Crank angle of this cart and beta [rad].
     position, velocity, acceleration : ndarray
         [m], [m/s], [m/s^2].
-    resistance : ndarray
-        Force of the mix [N].
-    rod_angle : ndarray
-        beta [rad].
+    resistance, rod_force : ndarray
+        Force of the mix, and of the rod, positive in tension [N].
     forces : Balance
         Drive force, reactions and guide friction [N].
-    rod_force : ndarray
-        Force of the rod [N], positive in tension.
-    torque : ndarray
-        Torque of this cart on the shaft [N m].
-    power : ndarray
-        [W].
+    torque, power : ndarray
+        Torque of this cart on the shaft [N m] and its power [W].
     """
 
     psi: Array

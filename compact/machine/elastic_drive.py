@@ -50,12 +50,8 @@ class ElasticDrive:
 
     Parameters
     ----------
-    stiffness : float
-        k [N/m], > 0.
-    damping : float
-        c [N s/m], >= 0.
-    backlash : float
-        b [m], >= 0.
+    stiffness, damping, backlash : float
+        k [N/m], > 0; c [N s/m] and b [m], >= 0.
     include_added_mass : bool
         Use the resistance F(v) + a M(v) instead of the steady F(v).
     """

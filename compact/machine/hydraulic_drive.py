@@ -52,22 +52,16 @@ class Hydraulic(Rigid):
 
     Parameters
     ----------
-    piston_area : float
-        A [m2].
-    supply_pressure : float
-        p_s of the relief valve [Pa].
+    piston_area, valve_area : float
+        A, and area of a fully open throttle valve [m2].
+    supply_pressure, transition_drop, bulk_modulus : float
+        p_s of the relief valve, pressure drop c at the transition to turbulent flow, and K [Pa].
     pump_flow : float
         [m3/s].
-    valve_area : float
-        Area of a fully open throttle valve [m2].
     discharge_coefficient : float
         Cd [-].
     oil_density : float
         rho [kg/m3].
-    transition_drop : float
-        Pressure drop c at the transition to turbulent flow [Pa].
-    bulk_modulus : float
-        K [Pa].
     dead_volume : float
         Volume of a cylinder and its line with the piston at its end [m3].
     """

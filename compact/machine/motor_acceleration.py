@@ -35,18 +35,12 @@ class AccelerationPhase:
 
     Parameters
     ----------
-    time : ndarray
-        Time since the start [s].
-    angle : ndarray
-        Angle of the shaft since the start [rad].
-    speed : ndarray
-        Speed of the shaft [rad/s].
+    time, angle, speed : ndarray
+        Time [s] and angle of the shaft [rad] since the start, and its speed [rad/s].
     revolutions : int
         Whole revolutions up to the periodic regime.
-    motor_work : float
-        Work of the motor on the shaft [J].
-    load_work : float
-        Work of the shaft on the carts [J].
+    motor_work, load_work : float
+        Work of the motor on the shaft and of the shaft on the carts [J].
     energy_residual : float
         Energy-balance residual over the work of the motor [-].
     """

@@ -112,14 +112,10 @@ class Belt:
     ----------
     pulley_radius : float
         r of the motor pulley [m].
-    stiffness : float
-        E A of the belt, force over strain [N].
-    preload : float
-        F0, tension of both strands at rest [N].
-    friction : float
-        mu [-].
-    wrap : float
-        alpha of the smaller pulley [rad].
+    stiffness, preload : float
+        E A, force over strain, and F0, tension of both strands at rest [N].
+    friction, wrap : float
+        mu [-] and alpha of the smaller pulley [rad].
 
     Examples
     --------

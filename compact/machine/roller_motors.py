@@ -49,12 +49,8 @@ class RollerTraction(NamedTuple):
     ----------
     torque : ndarray
         T [N m].
-    traction : ndarray
-        Traction coefficient T/(R P) [-].
-    share : ndarray
-        Traction over the Coulomb limit [-].
-    creep : ndarray
-        Creepage [-].
+    traction, share, creep : ndarray
+        Traction coefficient T/(R P), traction over the Coulomb limit, and creepage [-].
     """
 
     torque: Array
@@ -81,12 +77,8 @@ class CreepFreeRoller:
 
     Parameters
     ----------
-    radius : float
-        R [m].
-    load : float
-        Load P of the mix [N].
-    friction : float
-        Coulomb coefficient of mix on steel [-].
+    radius, load, friction : float
+        R [m], load P of the mix [N], and Coulomb coefficient of mix on steel [-].
     """
 
     radius: float
@@ -122,14 +114,10 @@ class DrivenRoller:
         Coulomb coefficient of mix on steel [-].
     speeds : ndarray, shape (k,)
         Ascending speeds [m/s].
-    torques : ndarray, shape (k, m)
-        Ascending torques T [N m].
-    pulls : ndarray, shape (k, m)
-        F(v) - F(v, T) [N].
-    creeps : ndarray, shape (k, m)
-        Creepage [-].
-    loads : ndarray, shape (k, m)
-        Load P of the mix [N].
+    torques, pulls : ndarray, shape (k, m)
+        Ascending torques T [N m] and F(v) - F(v, T) [N].
+    creeps, loads : ndarray, shape (k, m)
+        Creepage [-] and load P of the mix [N].
     """
 
     radius: float

@@ -39,6 +39,7 @@ RESIDUAL_ACCEPTED = 1e-6  # [-], |a/N - 1| accepted with STEP_TOLERANCE
 MIN_TRIAL_DISTANCE = 1e-12  # [-], |p_tr - c| over a; closer trial states use it, since V determines no x at c itself
 MAX_ITERATIONS = 300  # [-], of Newton's method; 4 to 6 are usual, bisection alone needs up to 200
 BATCH_POINTS = 20_000  # [-], points of one compiled call; some 20 ms, so that an interrupt is handled between calls
+NO_STRAIN = 1e-13  # [-], of a path that is elastic from any state; above the rounding of the strain
 NO_SLOPES = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # of an elastic step
 MIN_POROSITY_RATIO = np.exp(-HECKEL_MIN_PRESSURE)  # [-], (1 - k)/(1 - k0) where pc leaves Heckel's curve
 
@@ -120,14 +121,12 @@ class CapConstants(NamedTuple):
     ----------
     K, G : float
         Bulk and shear modulus of unloading [Pa].
-    M : float
-        Slope of the critical state [-].
+    M, loose : float
+        Slope of the critical state, and density ratio k0 at which Heckel's curve starts [-].
     pt : float
         Isotropic tensile strength [Pa].
     slope : float
         Heckel's slope K_H over the rate factor [1/Pa].
-    loose : float
-        Density ratio k0 at which Heckel's curve starts [-].
     flat : bool
         True for a flat subcritical side.
     """
@@ -227,7 +226,8 @@ def integrate_path(law: CapConstants, before: tuple, strain: tuple, multipliers:
         derivatives[i, i] = 1.0 if i < 4 else 1 / before[i]
     p, q, deviator = _trial_state(law, before, strain)
     densest = before[5] if law.flat else before[4]
-    if _is_elastic(law, p, q, _yield_surface(law, p, densest)):
+    still = max(abs(strain[0]), abs(strain[1]), abs(strain[2])) <= NO_STRAIN  # interpolated states may lie outside
+    if still or _is_elastic(law, p, q, _yield_surface(law, p, densest)):
         end, converged, plastic_work = (*_stress(p, deviator, 1.0), before[4], densest), True, 0.0
         _propagate(law, deviator, 1.0, NO_SLOPES, not law.flat, 1.0, derivatives)
         work = _work(before, end, strain)

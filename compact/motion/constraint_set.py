@@ -56,10 +56,8 @@ class ConstraintSet:
 
     Attributes
     ----------
-    stroke : float
-        Travel of one pass [m].
-    duration : float
-        Time of one pass [s].
+    stroke, duration : float
+        Travel [m] and time [s] of one pass.
     """
 
     limits: Limits

@@ -145,10 +145,8 @@ class Conflict(NamedTuple):
     ----------
     name, unit : str
         Name and unit of the limit.
-    limit : float
-        Value of the limit.
-    required : float
-        Value that makes the problem feasible, all other limits unchanged.
+    limit, required : float
+        Value of the limit, and that which makes the problem feasible, all other limits unchanged.
     """
 
     name: str

@@ -28,10 +28,9 @@ class OptimalMotion(MotionProfile):
     ----------
     value : float
         Minimum of the criterion over forward and return stroke without dwells, in the unit of the criterion.
-    gap : float
-        Relative optimality gap, see `sequential_programming.optimality_gap` [-].
-    refinement : float
-        Relative decrease of the criterion by the last halving of the pieces [-]; nan without a halving.
+    gap, refinement : float
+        Relative optimality gap, see `sequential_programming.optimality_gap`, and relative decrease by the last halving
+        of the pieces, nan without one [-].
     steps : int
         Number of convex subproblems accepted.
     """

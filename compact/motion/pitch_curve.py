@@ -28,12 +28,8 @@ class PitchCurve:
 
     Attributes
     ----------
-    breadth : float
-        Breadth b of the cam [m].
-    stroke : float
-        Travel of one pass [m].
-    roller_radius : float
-        Roller radius r [m].
+    breadth, stroke, roller_radius : float
+        Breadth b of the cam, travel of one pass, and roller radius r [m].
     profile_radius : float
         Smallest allowed radius of curvature R of the profile [m].
     seconds_per_radian : float

@@ -95,10 +95,8 @@ class Discontinuity:
 
     Attributes
     ----------
-    time : float
-        Time of the jump [s].
-    order : int
-        Order of the derivative, from 1.
+    time, order : float, int
+        Time of the jump [s] and order of the derivative, from 1.
     before, after : float
         Left and right limit [m/s^order].
     """
@@ -150,10 +148,8 @@ class MotionProfile(TravelDerivatives):
     ----------
     name : str
         Name of the law.
-    stroke : float
-        Travel [m].
-    duration : float
-        Time of the pass [s].
+    stroke, duration : float
+        Travel [m] and time [s] of the pass.
     curve : NormalisedCurve
         Law s(z).
     retraces : bool
@@ -261,10 +257,8 @@ class Leg:
 
     Attributes
     ----------
-    start : float
-        Time of its begin in the cycle [s].
-    duration : float
-        Its time [s].
+    start, duration : float
+        Time of its begin in the cycle, and its time [s].
     direction : int
         +1 forward, -1 return, 0 dwell.
     position : float

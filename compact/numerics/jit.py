@@ -16,12 +16,13 @@ from typing import Any
 from numba import njit
 
 
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+def compiled(function: Callable[..., Any], nogil: bool = False) -> Callable[..., Any]:
     """Compile a function of numbers and arrays by numba; division by zero gives inf or nan as in numpy.
 
-    The compiled function is cached on disk until a source file that it depends on changes.
+    The compiled function is cached on disk until a source file that it depends on changes. With `nogil`, threads may
+    call it at the same time.
     """
-    dispatcher = njit(error_model="numpy", cache=True)(function)
+    dispatcher = njit(error_model="numpy", cache=True, nogil=nogil)(function)
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)  # absent where numba does not cache
     if file:
         file._source_stamp = tuple(

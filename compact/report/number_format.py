@@ -82,12 +82,10 @@ def format_column(values: Sequence[float | None], unit: str, digits: int = DIGIT
     ['532.5 W', '1048.0 W', 'infinite']
     """
     sizes = [abs(value) for value in values if value is not None and math.isfinite(value) and value]
-    if not sizes:
-        return [format_quantity(value, unit) for value in values]
-    least = min(size for size in sizes if size >= max(sizes) / COLUMN_SPAN)
+    least = min((size for size in sizes if size >= max(sizes) / COLUMN_SPAN), default=0.0)
     prefix = _prefix(least, unit)
     factor = PREFIX_FACTORS[prefix]
-    decimals = max(0, digits - 1 - math.floor(math.log10(least / factor)))
+    decimals = max(0, digits - 1 - math.floor(math.log10(least / factor))) if least else math.inf
     if decimals > 2 * digits:
         return [format_quantity(value, unit) for value in values]
     return [

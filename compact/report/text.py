@@ -28,9 +28,7 @@ def study_digest(study: Study) -> str:
     """Summarise a study: contact, forces, and the laws by the first criteria."""
     lines = [study.scene.title or "untitled scene", ""]
     lines += [_number_line(name, study.numbers[name]) for name in DIGEST_NUMBERS]
-    if short := coverage(study.scene, study.engineering):
-        lines += _wrapped(short)
-    lines.append("")
+    lines += [*_wrapped(coverage(study.scene, study.engineering)), ""]
     for sentence in (held_sentence(study), return_sentence(study), guide_sentence(study)):
         lines += _wrapped(sentence)
     if not study.mix.density_achievable:
@@ -52,14 +50,12 @@ def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) 
     speed : float
         Speed of the roller [m/s].
     """
-    first, engine = passes[0], study.scene.accuracy.engine
-    length = study.scene.machine.roller_length
+    first, engine, machine = passes[0], study.scene.accuracy.engine, study.scene.machine
     lines = [f"{'at ' + format(speed, 'g') + ' m/s':<20}{engine:>12}{'eqs 1.5-1.8':>14}{'Galin':>12}"]
-    lines += [
-        f"{name:<20}{_cell(computed):>12}{_cell(formula):>14}{_cell(exact):>12}"
-        for name, computed, formula, exact in _contact_rows(study, first)
-    ]
-    lines.append(f"a roller is {length:g} m long, the cart has {study.scene.machine.rollers}")
+    for name, *values in _contact_rows(study, first):
+        computed, formula, exact = (f"{value:.5g}" if np.isfinite(value) else "-" for value in values)
+        lines.append(f"{name:<20}{computed:>12}{formula:>14}{exact:>12}")
+    lines.append(f"a roller is {machine.roller_length:g} m long, the cart has {machine.rollers}")
     if first.error:
         lines += _accuracy_lines(first)
     if study.held is not None:
@@ -212,10 +208,6 @@ def _contact_rows(study: Study, contact: ContactResult) -> list[tuple[str, Any, 
     ]
 
 
-def _cell(value: float) -> str:
-    return f"{value:.5g}" if np.isfinite(value) else "-"
-
-
 def _accuracy_lines(contact: Any) -> Iterator[str]:
     """State error estimates, the exit density ratio of a compacting layer, and the balances."""
     yield f"error estimate of the load {contact.error[0]:.1e}, of the resistance {contact.error[1]:.1e}"
@@ -236,8 +228,10 @@ def _effort(contact: Any) -> str:
     solution = getattr(contact, "solution", None)
     if solution is None:
         return f"iterations: {len(contact.history)}"
-    method = "direct steady solve" if solution.is_direct else f"incremental rolling, {len(contact.steps)} steps"
-    return f"force residual {contact.equilibrium_residual:.1e}; {method}; bow wave {contact.bow_wave * 1e3:.2f} mm"
+    return (
+        f"force residual {contact.equilibrium_residual:.1e}; {len(solution.steps)} steps on the last mesh; bow wave "
+        f"{contact.bow_wave * 1e3:.2f} mm"
+    )
 
 
 def _pass_line(number: int, contact: Any) -> str:

@@ -14,22 +14,18 @@ OPTIONAL = ("machine.roller_condition", "machine.gap_geometry", "layer.plies")  
 TORQUE_ENGINES = ("fem", "compaction")  # engines of a roller that sticks and slips under a torque
 
 NAMES = {  # of values, in the sentences about replacements
-    ("machine.roller_condition", "frictionless"): "frictionless roller",
-    ("machine.roller_condition", "sliding"): "sliding roller",
-    ("machine.roller_condition", "free"): "free roller",
-    ("machine.roller_condition", "driven"): "driven roller",
     ("machine.gap_geometry", "parabola"): "vertical gap to the parabola",
     ("machine.gap_geometry", "circle"): "vertical gap to the circle",
     ("machine.gap_geometry", "deformed"): "gap on the deformed surface",
     ("layer.passes", 1): "one pass",
     ("layer.plies", None): "layer of one ply",
     ("contact.indentation", None): "pressure that the mix needs",
-    ("layer.return_stroke", "fresh"): "fresh mix under the return stroke",
-    ("layer.return_stroke", "compacted"): "compacted mix under the return stroke",
 }
 KINDS = {  # words for values that have no name of their own
     "layer.passes": "{:g} passes",
     "layer.plies": "{} plies",
+    "layer.return_stroke": "{} mix under the return stroke",
+    "machine.roller_condition": "{} roller",
     "contact.indentation": "prescribed depth of {:g} m",
 }
 

@@ -275,22 +275,19 @@ def _checked(data: dict[str, Any], source: Source, changes: Mapping[str, object]
     mistakes += sentences(rules, data, refused=mistakes)
     if not mistakes:
         scene._source = source
-        mistakes = [
-            Mistake(("compare", engine), said) for engine in scene.compared_engines for said in _refused(scene, engine)
-        ]
+        mistakes = list(_refused_comparisons(scene))
     if mistakes:
         raise SceneError(source.report(mistakes))
     return scene
 
 
-def _refused(scene: Scene, engine: str) -> Iterator[str]:
-    """Yield sentences on the keys of `[compare.ENGINE]` that the engine does not accept."""
-    if scene.compare is None:
-        return
-    try:
-        scene.with_engine(engine)
-    except SceneError as error:
-        yield from (f"with it {said.split(': ', 1)[1]}" for said in error.mistakes)
+def _refused_comparisons(scene: Scene) -> Iterator[Mistake]:
+    """Yield mistakes on the keys of `[compare.ENGINE]` that the engine does not accept."""
+    for engine in scene.compared_engines if scene.compare else ():
+        try:
+            scene.with_engine(engine)
+        except SceneError as error:
+            yield from (Mistake(("compare", engine), f"with it {said.split(': ', 1)[1]}") for said in error.mistakes)
 
 
 def _validated(

@@ -9,24 +9,18 @@ import pytest
 
 from compact import fem
 from compact.engines.column import engine as column
-from compact.engines.compaction import engine as compaction
-from compact.engines.compaction.engine import RollingCase, RollingNumerics, roll
+from compact.engines.compaction.depth_target import DepthTarget
+from compact.engines.compaction.engine import roll
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
-from compact.engines.compaction.incremental_rolling import (
-    IncrementalRolling,
-    extrapolate_tail,
-    roll_until_steady,
-)
+from compact.engines.compaction.incremental_rolling import IncrementalRolling
 from compact.engines.compaction.results import (
     CompactionContactResult,
     _contact_tractions,
-    build_result,
     exit_layer,
     field_mesh,
     relax_rows,
 )
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
-from compact.engines.compaction.target_search import DepthTarget
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Ply, Roller
@@ -137,23 +131,12 @@ def test_halved_elements_and_steps_change_little(layer, roller, mix):
     ids=["4 mm", "9.4 mm"],
 )
 def test_independent_incremental_rolling_in_small_strain_is_reproduced(mix, depth, load, coefficient, density):
-    """Nine-node elements of 6 mm, one implicit step each, with an error of 4 % of the resistance by its author.
-
-    Incremental rolling is 3.9 and 3.3 % higher in load, 0.7 and 2.5 % in resistance. The direct solve has no step error
-    and resists 3.3 % more on the same mesh, and at 9.4 mm another 1.2 % more on 12 increments.
-    """
+    """Nine-node elements of 6 mm, one implicit step each, with an error of 4 % of the resistance by its author."""
     layer, roller = Layer(HEIGHT), Roller(0.11, depth, profile="circle")
-    case = RollingCase(layer, roller, mix, 0.2, None, None, RollingNumerics(strain="small"))
-    rolling = case.roller_at_rest(case.create_frame(depth, 6))
-    roll_until_steady(rolling, HEIGHT - depth, compaction.STEADY_TOLERANCE)
-    incremental = build_result(rolling, layer, roller, mix, 0.2)
-    assert incremental.load == pytest.approx(load, rel=0.04)
-    assert incremental.resistance == pytest.approx(load * coefficient, rel=0.03)
-    assert incremental.peak_density_ratio == pytest.approx(density, abs=0.01)
-    direct = roll(layer, roller, mix, 0.2, strain="small", increments=6)
-    assert direct.solution.is_direct
-    assert direct.load == pytest.approx(incremental.load, rel=0.015)
-    assert direct.resistance == pytest.approx(incremental.resistance, rel=0.04)
+    rolled = roll(layer, roller, mix, 0.2, strain="small", increments=6)
+    assert rolled.load == pytest.approx(load, rel=0.04)
+    assert rolled.resistance == pytest.approx(load * coefficient, rel=0.04)
+    assert rolled.peak_density_ratio == pytest.approx(density, abs=0.01)
 
 
 # (d) balances
@@ -161,13 +144,13 @@ def test_independent_incremental_rolling_in_small_strain_is_reproduced(mix, dept
 
 @pytest.fixture(params=["coarse", pytest.param("fine", marks=pytest.mark.slow)])
 def rolled(request):
-    """Steady rolling over the high layer; the coarse mesh is solved directly."""
+    """Steady rolling over the high layer."""
     return request.getfixturevalue(request.param)
 
 
 def test_mass_work_yield_and_equilibrium_balance(rolled):
     assert rolled.mass_residual < 2e-3
-    assert rolled.work_residual < 0.02
+    assert rolled.work_residual < (0.02 if rolled.error else 0.05)  # 4 elements on one mesh have no error estimate
     assert rolled.yield_residual < 1e-9
     assert rolled.equilibrium_residual < 1e-4
 
@@ -179,7 +162,7 @@ def test_sliding_roller_balances_its_work():
 
 
 def test_pressure_integrates_to_the_load(rolled):
-    tolerance = 0.03 if rolled.steps[-1].travel > 0.05 else 0.09  # the edges of 4 elements
+    tolerance = 0.03 if rolled.error else 0.09  # the edges of 4 elements
     assert np.trapezoid(rolled.pressure, rolled.x) == pytest.approx(rolled.load, rel=tolerance)
 
 
@@ -239,18 +222,6 @@ def test_transfer_to_a_finer_mesh_is_exact_for_a_linear_state(mix):
     assert transferred.points.density_ratio == pytest.approx(0.94)
 
 
-@pytest.mark.parametrize("ratio", [0.5, 0.9])
-def test_tail_extrapolation_finds_the_limit_of_a_decay(ratio):
-    values = 3 + ratio ** (np.arange(60) / 8)
-    limit, remaining = extrapolate_tail(values, 8)
-    assert limit == pytest.approx(3, abs=1e-9)
-    assert remaining >= values[-1] - 3
-
-
-def test_linear_drift_is_not_steady():
-    assert extrapolate_tail(np.arange(60.0), 8)[1] > 60
-
-
 @pytest.mark.slow
 def test_large_contact_angle_becomes_steady_and_balances():
     """Contact angle of 23 degrees; the bow wave is higher than the depth."""
@@ -261,24 +232,16 @@ def test_large_contact_angle_becomes_steady_and_balances():
     assert rolled.bow_wave > rolled.indentation
 
 
-@pytest.fixture
-def no_direct_solve(monkeypatch):
-    """Continuation and direct solve fail, and incremental rolling ends early."""
-    monkeypatch.setattr(MODULES + "incremental_rolling.MAX_TRAVEL", 0.3)
-    monkeypatch.setattr(MODULES + "steady_newton_krylov.MIN_LOG_STEP", 10.0)
-    monkeypatch.setattr(MODULES + "steady_newton_krylov.MAX_ITERATIONS", 1)
-
-
 @pytest.mark.parametrize(
     ("depth", "advice"),
     [(0.002, "reduce the depth"), (0.0055, r"feed the mix in lifts of at most 0\.044 m .*; or reduce .* 3\.52 mm")],
     ids=["2 mm", "5.5 mm"],
 )
-def test_unsteady_rolling_reports_its_last_step_and_remedies(no_direct_solve, layer, roller, mix, depth, advice):
+def test_unsteady_rolling_reports_its_last_step_and_remedies(monkeypatch, layer, roller, mix, depth, advice):
+    monkeypatch.setattr(MODULES + "steady_search.MAX_CYCLES", 1)
     message = (
-        rf"not steady at depth {1e3 * depth:g} mm after 0\.0\S+ m of travel and \d+ steps: remaining change .* of "
-        rf"load, resistance or exit density, .* held by damping; load \d+ N/m, resistance \d+ N/m, bow wave "
-        rf"\S+ mm; {advice}"
+        rf"not steady at depth {1e3 * depth:g} mm after 0\.\d+ m of travel: estimated distance \S+ % of load, "
+        rf"resistance or exit density; load \d+ N/m, resistance \d+ N/m, bow wave \S+ mm; {advice}"
     )
     with pytest.raises(RuntimeError, match=message):
         roll(layer, replace(roller, indentation=depth), mix, 0.2, increments=4)
@@ -324,8 +287,7 @@ def test_stiffness_without_tangent_is_refused(mix):
 
 def test_negative_extrapolated_load_requires_more_depth(layer, mix):
     target = DepthTarget(layer, Roller(0.11, load=1e3), mix, None, None)
-    rolling = SimpleNamespace(extrapolate=lambda name: (-5.0, 100.0), steps=[SimpleNamespace(load=10.0)])
-    assert target.log_miss(rolling) == pytest.approx(np.log(1e-3))
+    assert target.log_miss(-5.0) == pytest.approx(np.log(1e-3))
 
 
 def test_initial_depth_of_a_small_roller_is_above_its_axle(mix):
@@ -361,9 +323,9 @@ def test_rate_effect_of_five_percent_per_decade(thin):
 @pytest.mark.slow
 def test_speed_has_no_effect_from_a_neighbour(fine, layer, roller, mix):
     faster = roll(layer, roller, mix, 2.0, increments=8, start=fine)
-    assert faster.error == fine.error
-    assert faster.load == pytest.approx(fine.load, rel=3e-3)
-    assert faster.resistance == pytest.approx(fine.resistance, rel=3e-3)
+    assert faster.error_parts.mesh == fine.error_parts.mesh
+    assert faster.load == pytest.approx(fine.load, rel=2e-3)
+    assert faster.resistance == pytest.approx(fine.resistance, rel=2e-3)
 
 
 def test_rate_effect_of_five_percent_per_decade_from_a_neighbour(rolled, layer, roller, mix):
@@ -390,7 +352,7 @@ def test_prescribed_peak_pressure_is_reached(increments):
 def test_prescribed_exit_density_is_reached(increments):
     options = {"strain": "small", "increments": increments, "exit_density_ratio": 0.97}
     found = roll(Layer(HEIGHT), wide_roller(10), THIN, 0.2, **options)
-    assert found.steps[-1].exit_density_ratio == pytest.approx(0.97, abs=5e-5)
+    assert found.solution.steps[-1].exit_density_ratio == pytest.approx(0.97, abs=1e-4)
     assert found.exit_density_ratio == pytest.approx(0.97, abs=2e-3)  # small strain determines it to e^2/2
     assert found.indentation > DEPTH
 
@@ -398,19 +360,11 @@ def test_prescribed_exit_density_is_reached(increments):
 # (g) cost
 
 
-@pytest.mark.slow
-def test_neighbour_requires_few_iterations(fine, layer, roller, mix):
-    deeper = roll(layer, replace(roller, indentation=0.0021), mix, 0.2, start=fine)
-    assert deeper.solution.is_direct
-    assert deeper.steps[-1].iterations < 30
-
-
 def test_progress_is_reported_and_can_interrupt():
     lines, case = [], (Layer(HEIGHT), wide_roller(10), THIN, 0.2)
     roll(*case, strain="small", increments=4, progress=lines.append)
-    direct = r"4 increments per contact length, direct steady solve, iteration 1: residual \S+"
-    assert re.fullmatch(direct, lines[0])
-    assert re.match(r"4 increments per contact length, step \d+: travel \S+ m, bow wave \S+ mm, residual ", lines[-1])
+    for line in (lines[0], lines[-1]):
+        assert re.match(r"4 increments per contact length, step \d+: travel \S+ m, bow wave \S+ mm, residual ", line)
 
     def interrupt(line):
         raise KeyboardInterrupt
@@ -423,9 +377,8 @@ def test_progress_is_reported_and_can_interrupt():
 
 
 def test_load_that_is_not_reached_reports_the_nearest_depth(monkeypatch):
-    monkeypatch.setattr(MODULES + "target_search.MAX_DEPTHS", 2)
-    monkeypatch.setattr(MODULES + "target_search.TARGET_TOLERANCE", 1e-9)
-    message = r"`load` 400000 N/m not reached after 2 depths from \S+ to \S+ mm; the nearest was \S+ N/m at \S+ mm$"
+    monkeypatch.setattr(MODULES + "depth_target.TARGET_TOLERANCE", 1e-12)
+    message = r"`load` 400000 N/m not reached after \d+ depths from \S+ to \S+ mm; the nearest was \S+ N/m at \S+ mm$"
     with pytest.raises(RuntimeError, match=message):
         roll_thin(10, increments=4, indentation=None, load=4e5)
 
@@ -449,9 +402,9 @@ def test_arguments_out_of_range_are_refused(layer, roller, mix, changes, message
         roll(**arguments)
 
 
-def test_start_on_another_layer_is_refused(coarse, roller, mix):
-    with pytest.raises(ValueError, match="`start` must have the same `layer` and `fed_layer`, got a result of others"):
-        roll(Layer(0.11), roller, mix, 0.2, start=coarse)
+def test_start_on_another_base_is_refused(coarse, roller, mix):
+    with pytest.raises(ValueError, match="`start` must have the same `base` and `fed_layer`, got a result of others"):
+        roll(Layer(0.1, base="slip"), roller, mix, 0.2, start=coarse)
 
 
 def test_result_without_contact_is_refused():

@@ -1,5 +1,6 @@
 """Finite elements of compacting mix: uniform paths equal those of a material point on any mesh."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -212,6 +213,21 @@ def test_stiffness_is_the_derivative_of_the_forces(finite, substeps):
     assert product == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
 
 
+def test_points_without_strain_keep_their_state_and_are_elastic():
+    """Even outside the yield surface, as interpolation between states may leave them."""
+    solid = FiniteStrainSolid(skewed(SQUARE), MIX)
+    state, _ = pressed_and_sheared(solid)
+    outside = replace(state, points=replace(state.points, stress=1.01 * state.points.stress))
+    still = solid.increment(outside, outside.displacement)
+    elastic = solid.increment(replace(state, points=solid.undeformed_state().points), state.displacement)
+    scale = np.abs(outside.points.stress).max()
+    assert still.after.points.stress == pytest.approx(outside.points.stress, abs=1e-9 * scale)
+    assert np.array_equal(still.after.points.density_ratio, outside.points.density_ratio)
+    assert np.array_equal(still.after.points.plastic_work, outside.points.plastic_work)
+    size = np.abs(elastic.element_stiffness).max()
+    assert still.element_stiffness == pytest.approx(elastic.element_stiffness, abs=2 * scale / 100e6 * size)
+
+
 def test_initial_guess_of_the_return_mappings_changes_nothing_but_rounding():
     solid = FiniteStrainSolid(skewed(SQUARE), MIX)
     before, displacement = pressed_and_sheared(solid)
@@ -221,6 +237,19 @@ def test_initial_guess_of_the_return_mappings_changes_nothing_but_rounding():
     assert (plain.multipliers > 0).any()
     assert guessed.after.points.stress == pytest.approx(plain.after.points.stress, abs=1e-11 * scale)
     assert guessed.element_stiffness == pytest.approx(plain.element_stiffness, rel=1e-9, abs=1e-3)
+
+
+def test_threads_change_no_digit():
+    one, two = (FiniteStrainSolid(skewed(SQUARE), MIX, threads=threads) for threads in (1, 2))
+    before, displacement = pressed_and_sheared(one)
+    alone, shared = (solid.increment(before, displacement) for solid in (one, two))
+    assert np.array_equal(shared.internal_forces, alone.internal_forces)
+    assert np.array_equal(shared.element_stiffness, alone.element_stiffness)
+    assert np.array_equal(shared.after.points.stress, alone.after.points.stress)
+    inverted = displacement.copy()
+    inverted[20] += 5.0
+    with pytest.raises(ValueError, match="must not invert elements"):
+        two.increment(before, inverted)
 
 
 def test_newtons_method_converges_quadratically():

@@ -154,30 +154,20 @@ def test_denser_feed_of_the_remedy_is_accepted():
 # (e) growing bow waves
 
 
-def rolling_with(waves, max_wave_height=0.032, depth=0.01, window=8):
-    """Incremental rolling at one depth with given bow waves [m]."""
-    steps = tuple(
-        SimpleNamespace(travel=0.01 * (n + 1), load=1e4, resistance=3e3, bow_wave=wave) for n, wave in enumerate(waves)
-    )
-    return SimpleNamespace(steps=steps, max_wave_height=max_wave_height, window=window, depth=depth)
+def rolling_with(bow_wave, max_wave_height=0.032, depth=0.01):
+    """Incremental rolling at one depth with a bow wave [m]."""
+    step = SimpleNamespace(travel=0.05, load=1e4, resistance=3e3, bow_wave=bow_wave)
+    return SimpleNamespace(steps=(step,), max_wave_height=max_wave_height, depth=depth)
 
 
 def test_bow_wave_of_the_largest_contact_angle_ends_rolling():
     message = (
         "the mix heaps up in front of the roller at depth 10 mm: after 0.05 m of travel the bow wave exceeds 22 mm, at "
-        "which the contact angle is too large for compaction; load 10000 N/m, resistance 3000 N/m, bow wave 23 mm"
+        "which the contact angle is too large; load 10000 N/m, resistance 3000 N/m, bow wave 23 mm"
     )
     with pytest.raises(HeapingError, match=f"^{message}$"):
-        require_low_wave(rolling_with(np.linspace(0, 0.023, 5)), 0)
+        require_low_wave(rolling_with(0.023))
 
 
-def test_linearly_growing_bow_wave_ends_rolling_half_way():
-    with pytest.raises(HeapingError, match=r"the bow wave tends to [\d.]+ mm, beyond 22 mm"):
-        require_low_wave(rolling_with(np.linspace(0, 0.0115, 40)), 0)
-
-
-def test_bow_wave_that_converges_below_the_limit_is_accepted():
-    waves = 0.02 * (1 - 0.9 ** np.arange(60))
-    for count in range(1, 61):
-        require_low_wave(rolling_with(waves[:count]), 0)
-    assert waves[-1] > 0.019
+def test_lower_bow_wave_is_accepted():
+    require_low_wave(rolling_with(0.0219))

@@ -82,28 +82,6 @@ def test_stiffness_is_the_derivative_of_the_forces(profile):
     assert differences == pytest.approx(stiffness, abs=1e-6 * np.abs(stiffness).max())
 
 
-@pytest.mark.parametrize("profile", PROFILES)
-def test_steady_friction_satisfies_the_torque_and_has_its_derivative(profile):
-    """The derivatives by pressure, displacement and upstream displacement equal central differences."""
-    surface, here = surface_and_displacement(profile, 3)
-    surface, rng = replace(surface, regularisation=0.05), np.random.default_rng(3)
-    upstream, pressure = here + 1e-4 * rng.normal(size=(9, 2)), 1e5 * rng.uniform(0.5, 1, 9)
-    changes = 1e4 * rng.normal(size=9), *(1e-4 * rng.normal(size=(2, 9, 2)))
-    with_friction, slip = surface.with_steady_friction(here, upstream, pressure)
-    required = surface.weights @ (pressure * with_friction.traction_ratio)
-    assert required == pytest.approx(surface.tangential_force, abs=1e-6)
-
-    def traction_ratio(step):
-        displacements = here + step * changes[1], upstream + step * changes[2]
-        return surface.with_steady_friction(*displacements, pressure + step * changes[0])[0].traction_ratio
-
-    step = 1e-4
-    differences = (traction_ratio(step) - traction_ratio(-step)) / (2 * step)
-    change = slip.friction_change(with_friction, pressure, *changes)
-    assert np.abs(change).max() > 1e-3
-    assert change == pytest.approx(differences, abs=1e-5 * np.abs(change).max())
-
-
 @settings(max_examples=25)
 @given(st.sampled_from(PROFILES), st.integers(0, 10_000), st.floats(-0.9, 0.9))
 def test_one_creepage_satisfies_the_torque_within_coulombs_bounds(profile, seed, share):

@@ -52,10 +52,8 @@ class ColumnContactResult(rolling_contact.ContactResult):
     ----------
     indentation : float
         Indentation of the lowest generatrix below the height before the pass [m].
-    exit_height : float
-        Height after the rebound [m].
-    exit_density_ratio : float
-        Density ratio after the rebound [-], mean over the height.
+    exit_height, exit_density_ratio : float
+        Height [m] and density ratio [-], mean over the height, after the rebound.
     columns : tuple of Column
         Columns after the pass, from the base upwards: the input of the next pass.
     plastic_work : float
@@ -101,14 +99,10 @@ class OedometerResult:
 
     Parameters
     ----------
-    pressure : ndarray
-        Vertical stress s_v [Pa].
-    strain : ndarray
-        (h_in - h)/h_in [-].
-    lateral_stress : ndarray
-        Lateral stress s_h [Pa].
-    density_ratio : ndarray
-        Density ratio k [-].
+    pressure, lateral_stress : ndarray
+        Vertical stress s_v and lateral stress s_h [Pa].
+    strain, density_ratio : ndarray
+        (h_in - h)/h_in and density ratio k [-].
     """
 
     pressure: Array

@@ -71,10 +71,8 @@ class IndentationSearch:
         Relative residual [-], rising with the indentation.
     max_indentation, min_indentation : float
         Bounds [m].
-    rtol : float
-        Relative error of the final integration [-].
-    coarse_rtol : float
-        Relative error of the first integrations [-]; not above `rtol` for none.
+    rtol, coarse_rtol : float
+        Relative errors of the final and of the first integrations [-]; equal or less for no coarse ones.
     first_tolerance, final_tolerance : float
         Residual accepted at first and in the end, over `rtol` [-].
     """

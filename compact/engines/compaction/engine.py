@@ -1,19 +1,18 @@
 """Engine "compaction": steady rolling of a rigid roller over compacting mix, plane strain, finite strain.
 
-On a coarse mesh the steady state is found from scratch by continuation in the stiffness ratio and then solved directly
-(`steady_newton_krylov`). It is the initial guess on the finer mesh. If either solution fails, incremental rolling
-(`incremental_rolling`) continues until load, resistance and exit density are steady. A prescribed load, peak pressure
-or exit density is satisfied by a search over the depth (`target_search`). A neighbouring case (another depth, speed or
-parameter) starts from the last solution, on its mesh scaled with the contact length.
+The roller rolls element by element (`incremental_rolling`) until the motion is steady (`steady_search`), first on a
+coarse mesh, then on finer ones that start from the interpolated state. What relaxes slowly is the bow wave: its
+relaxation length is found on the coarse mesh, and each mesh jumps along its slow mode (`bow_wave`). A prescribed load,
+peak pressure or exit density corrects the depth in the same cycles (`depth_target`). A neighbouring case, of another
+depth, speed, roller or mix, starts from the last solution stretched to it.
 
-Range: frictionless, sliding, free and driven rollers, bonded and frictionless bases; `solution.is_direct` of the result
-is True for the direct steady solve. Incremental rolling has a step error: the resistance on coarse meshes is 4 to 6 %
-low, and the load on 12 increments is 1 to 2 % higher than on 24. The direct solve of 2 mm depth in a layer of 0.1 m,
-contact angle 11 degrees, free roller with friction 0.3, takes 31 s of processor time on 12 increments. Lifts of 0.04 to
-0.08 m of the prior's mix all become steady, most by incremental rolling, in about 50 s. On a layer that is high
-compared with the contact length, the bow wave may grow without a steady state; then `HeapingError` is raised.
-A mean exit density ratio of 1 or more is refused. A depth beyond the estimate of `heaping` is refused before any
-solution, and incremental rolling whose bow wave grows too high ends with the same error.
+The error has three parts: of the mesh, from the change between the last two meshes, of first order; of the drift, the
+distance to the steady state along the slow mode; of the start, the scatter of that distance and the last transient.
+
+Range: frictionless, sliding, free and driven rollers, bonded and frictionless bases, contact angles up to some 25
+degrees where the mix has the voids. On a layer that is high compared with the contact length, the bow wave may grow
+without a steady state; then `HeapingError` is raised, for most such depths before any finite elements (`heaping`). A
+mean exit density ratio of 1 or more is refused. Times and errors: `studies/speed_against_error.py`.
 """
 
 from dataclasses import dataclass, replace
@@ -23,7 +22,10 @@ from typing import Literal, TypedDict, Unpack
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from compact.engines.compaction.depth_target import DepthTarget
+from compact.engines.compaction.error_estimate import error_parts, mesh_errors
 from compact.engines.compaction.finite_strain_kernels import announce_compilation
+from compact.engines.compaction.finite_strain_solid import SolidState
 from compact.engines.compaction.heaping import (
     MAX_CONTACT_ANGLE,
     HeapingError,
@@ -34,9 +36,9 @@ from compact.engines.compaction.heaping import (
 from compact.engines.compaction.incremental_rolling import IncrementalRolling
 from compact.engines.compaction.newton import Progress
 from compact.engines.compaction.results import CompactionContactResult, build_result
-from compact.engines.compaction.roller_frame import LayerState, RollerFrame, rolling_mesh, transfer_state
-from compact.engines.compaction.steady_newton_krylov import continue_in_stiffness
-from compact.engines.compaction.target_search import COARSE_TOLERANCE, DepthTarget, solve_directly
+from compact.engines.compaction.roller_frame import LayerState, RollerFrame, rolling_mesh
+from compact.engines.compaction.steady_search import SteadySearch
+from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.mesh import RowMesh
 from compact.numerics.validation import require_between, require_known, require_positive
@@ -46,11 +48,11 @@ __all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
 INCREMENTS = 12  # [-], elements per contact length sqrt(2 R depth)
 COARSE_INCREMENTS = 4  # [-], elements per contact length of the first mesh
-STEADY_TOLERANCE = 5e-3  # [-], remaining change of load, resistance and exit density
-NEIGHBOUR_PARTS = (1, 2)  # [-], steps of the depth from a neighbour by direct solves
-STEP_ERROR = 0.25  # [-], error of incremental rolling times increments; six lifts differ by 0.8 to 1.9 % from 24
-MESH_ERROR_RATIO = 0.5  # [-], error over the change from the coarse mesh; 12 against 6 increments: 0.5 % and 1.3 %
-MIN_RESISTANCE = 1e-3  # [-], least scale of the error of the resistance over the load
+REFINEMENT, MIN_REFINEMENT = 2, 1.4  # [-], of successive meshes, and of the last one at least
+STEADY_TOLERANCE = 3e-3  # [-], estimated distance of load, resistance and exit density from the steady state
+COARSE_TOLERANCE = 2.0  # [-], tolerances of the coarser meshes over those of the last one
+COARSE_TARGET_TOLERANCE = 10.0  # [-], tolerance of a target on the coarser meshes over that on the last one
+NEIGHBOUR_DEPTH = 1.3  # [-], largest ratio of depths of neighbours; others are solved from scratch
 
 Strain = Literal["finite", "small"]
 
@@ -134,8 +136,8 @@ def roll(
     fed_layer : LayerState, optional
         Layer of an earlier pass, its `exit`; by default mix without stress at `material.fed_density_ratio`.
     start : CompactionContactResult, optional
-        Result of a neighbouring case with the same layer and fed layer, used as initial guess; its mesh and error
-        estimate are used too.
+        Result of a neighbouring case on the same base and fed layer, used as initial guess if its depth is near; its
+        mesh and the error of the mesh are then used too.
     exit_density_ratio : float, optional
         Prescribed mean exit density ratio [-]; the indentation of the roller is then the first depth.
     **options
@@ -163,7 +165,7 @@ def roll(
     if case.heaping is not None and fed_layer is None:
         require_no_heaping(case.heaping, target.quantity, target.value, target.required_depth)
     with threadpool_limits(1):
-        if start is None:
+        if start is None or not _is_neighbour(case, target, start):
             return _roll_from_scratch(case, target)
         return _roll_from_neighbour(case, target, start)
 
@@ -239,108 +241,127 @@ class RollingCase:
             progress=self.numerics.progress,
         )
 
-    def continuation_start(self, frame: RollerFrame, bottom_height: float) -> IncrementalRolling:
-        """Solve a frame from scratch by continuation, with the lowest generatrix at a height [m]."""
+    def stretched(self, old: IncrementalRolling, depth: float) -> IncrementalRolling:
+        """Return the roller of this case at the state of another one stretched to a depth.
 
-        def create_rolling(ratio: float) -> IncrementalRolling:
-            softer = replace(self.material, unloading_modulus=ratio * self.material.unloading_modulus)
-            return self.roller_at_rest(self.frame_on(frame.mesh, frame.contact_length, softer, frame.solid.finite))
+        The mesh is stretched with contact length and layer height. Strains change in proportion to depth over height,
+        stresses to the yield pressure. The roller remains in place; the next steps move it and restore equilibrium.
 
-        return continue_in_stiffness(create_rolling, bottom_height)
-
-    def scaled_from(self, old: IncrementalRolling, depth: float) -> IncrementalRolling:
-        """Return the roller for a depth [m], with mesh and displacement of an old solution scaled by contact length."""
-        factor = float(np.sqrt(depth / (self.layer.height - old.steps[-1].bottom_height)))
-        mesh = RowMesh(factor * old.frame.mesh.x, old.frame.mesh.y)
-        frame = self.frame_on(mesh, factor * old.frame.contact_length, self.material, old.frame.solid.finite)
-        rolling = self.roller_at_rest(frame)
-        rolling.initialise_from(old, replace(old.state, displacement=factor * old.state.displacement))
-        rolling.surface = rolling.surface.with_multipliers(old.contact)
+        Parameters
+        ----------
+        old : IncrementalRolling
+            Roller in a state with a similar fed layer.
+        depth : float
+            Depth [m].
+        """
+        frame, state = old.frame, old.state
+        length = float(np.sqrt(2 * self.roller.radius * depth))
+        along, across = length / frame.contact_length, self.layer.height / frame.mesh.height
+        mesh = RowMesh(along * frame.mesh.x, across * frame.mesh.y)
+        rolling = self.roller_at_rest(self.frame_on(mesh, length, self.material, frame.solid.finite))
+        strain = depth / old.depth / across
+        displacement = state.displacement * strain * across
+        points, fed, old_fed = state.points, rolling.frame.initial_state().points, frame.initial_state().points
+        ratios = {
+            name: getattr(fed, name) * (getattr(points, name) / getattr(old_fed, name)) ** strain
+            for name in ("density_ratio", "max_density_ratio")
+        }
+        solids = rolling.frame.solid, frame.solid
+        pressure, old_pressure = (
+            solid.material.yield_pressure(densest) * solid.rate_factor
+            for solid, densest in zip(solids, (ratios["max_density_ratio"], points.max_density_ratio), strict=True)
+        )
+        stress = np.asarray(pressure / old_pressure)
+        moved = cap_plasticity.MaterialPoint(
+            points.stress * stress[:, None], **ratios, plastic_work=points.plastic_work * stress * strain
+        )
+        rolling.initialise_from(old, SolidState(displacement, moved, state.work * stress * strain), depth)
         return rolling
 
 
+def mesh_cascade(increments: int) -> list[int]:
+    """Return the numbers of elements per contact length of successive meshes."""
+    counts, count = [], min(COARSE_INCREMENTS, increments)
+    while MIN_REFINEMENT * count <= increments:
+        counts.append(count)
+        count *= REFINEMENT
+    return [*counts, increments]
+
+
 def _roll_from_scratch(case: RollingCase, target: DepthTarget) -> CompactionContactResult:
-    """Solve on a coarse mesh, then on the fine one."""
-    increments, tolerance = case.numerics.increments, case.numerics.steady_tolerance
-    coarse: IncrementalRolling | None = None
-    depth = target.initial_depth()
-    for count in [increments] if increments <= COARSE_INCREMENTS else [COARSE_INCREMENTS, increments]:
-        rolling = case.roller_at_rest(case.create_frame(depth, count))
-        if coarse is not None:
-            rolling.initialise_from(coarse, transfer_state(coarse.state, coarse.frame, rolling.frame))
-        is_intermediate = count < increments and target.quantity != "indentation"
-        try:
-            rolling = target.reach(
-                rolling,
-                max(tolerance, COARSE_TOLERANCE) if is_intermediate else tolerance,
-                depth,
-                case.continuation_start if coarse is None else None,
-            )
-        except RuntimeError as error:
-            raise type(error)(f"{error}{_advice(case, target)}") from error
-        depth = rolling.depth
-        coarse = rolling if count < increments else coarse
-    rolled = build_result(rolling, case.layer, case.roller, case.material, case.speed)
-    target.require_reached(rolled, rolling, case.torque)
-    return _with_mesh_error(rolled, rolling, coarse)
+    """Solve on a cascade of meshes, each from the state of the last one."""
+    coarse: SteadySearch | None = None
+    *coarser, last = mesh_cascade(case.numerics.increments)
+    for count in coarser:
+        coarse = _search_on(case, target, count, coarse)
+        _run(coarse, case)
+    search = _search_on(case, target, last, coarse)
+    _run(search, case)
+    return _to_result(case, search, None if coarse is None else mesh_errors(coarse, search))
+
+
+def _search_on(case: RollingCase, target: DepthTarget, count: int, coarse: SteadySearch | None) -> SteadySearch:
+    """Return the search on a mesh, from the state on a coarser one or from rest."""
+    is_last = count == case.numerics.increments
+    depth = target.initial_depth() if coarse is None else coarse.depth
+    search = SteadySearch(
+        rolling=case.roller_at_rest(case.create_frame(depth, count)),
+        target=target,
+        depth=depth,
+        tolerance=case.numerics.steady_tolerance * (1 if is_last else COARSE_TOLERANCE),
+        target_tolerance=target.tolerance * (1 if is_last else COARSE_TARGET_TOLERANCE),
+        stretch=case.stretched,
+    )
+    if coarse is not None:
+        search.start_from(coarse)
+    return search
 
 
 def _roll_from_neighbour(
     case: RollingCase, target: DepthTarget, start: CompactionContactResult
 ) -> CompactionContactResult:
-    """Solve from a neighbouring result, on its mesh."""
-    depth = target.value if target.quantity == "indentation" else start.indentation
-    rolling = target.reach(_initialise_from_neighbour(case, start, depth), case.numerics.steady_tolerance)
-    rolled = build_result(rolling, case.layer, case.roller, case.material, case.speed)
-    target.require_reached(rolled, rolling, case.torque)
-    if start.error is None:
-        return rolled
-    load_error, resistance_error = (max(error, _step_error(rolling)) for error in start.error)
-    return replace(rolled, error=(load_error, resistance_error))
+    """Solve from a neighbouring result, on its mesh stretched to the depth."""
+    depth, relaxation = target.depth_from(start), start.relaxation
+    search = SteadySearch(
+        rolling=case.stretched(start.solution, depth),
+        target=target,
+        depth=depth,
+        tolerance=case.numerics.steady_tolerance,
+        target_tolerance=target.tolerance,
+        stretch=case.stretched,
+        relaxation=relaxation,
+    )
+    _run(search, case)
+    return _to_result(case, search, start.error_parts.mesh)
 
 
-def _initialise_from_neighbour(case: RollingCase, start: CompactionContactResult, depth: float) -> IncrementalRolling:
-    """Return the roller at a depth: by direct solves in few steps from a direct solution, else initialised by it."""
-    old = start.solution
-    if case.layer != start.layer or case.fed_layer is not old.frame.inflow:
-        raise ValueError("`start` must have the same `layer` and `fed_layer`, got a result of others")
-    for parts in NEIGHBOUR_PARTS if old.is_direct else ():
-        rolling = old
-        for intermediate in np.geomspace(start.indentation, depth, parts + 1)[1:]:
-            rolling = case.scaled_from(rolling, intermediate)
-            if not solve_directly(rolling, case.layer.height - intermediate):
-                break
-        else:
-            return rolling
-    rolling = case.scaled_from(old, depth)
-    rolling.failed_height = case.layer.height - depth
-    return rolling
+def _is_neighbour(case: RollingCase, target: DepthTarget, start: CompactionContactResult) -> bool:
+    """Return whether a result is near enough to start from; raise if its layer is another one."""
+    frame = start.solution.frame
+    if case.fed_layer is not frame.inflow or (case.layer.base == "slip") != frame.has_frictionless_base:
+        raise ValueError("`start` must have the same `base` and `fed_layer`, got a result of others")
+    ratio = target.depth_from(start) / start.indentation
+    return max(ratio, 1 / ratio) <= NEIGHBOUR_DEPTH
 
 
-def _advice(case: RollingCase, target: DepthTarget) -> str:
-    """Return a clause with remedies for a depth in fresh mix without steady state; empty for anything else."""
-    depth = target.required_depth
-    if case.heaping is None or depth is None or case.fed_layer is not None:
-        return ""
-    return f"; {remedies(case.heaping, depth, for_density=target.quantity == 'exit_density_ratio')}"
+def _to_result(case: RollingCase, search: SteadySearch, mesh: tuple[float, float] | None) -> CompactionContactResult:
+    """Evaluate a steady solution and require what is prescribed."""
+    rolled = build_result(search.rolling, case.layer, case.roller, case.material, case.speed)
+    search.target.require_reached(rolled, search.rolling, case.torque)
+    parts = error_parts(search, mesh)
+    return replace(rolled, error=parts.total, error_parts=parts, relaxation=search.relaxation)
 
 
-def _with_mesh_error(
-    rolled: CompactionContactResult, rolling: IncrementalRolling, coarse: IncrementalRolling | None
-) -> CompactionContactResult:
-    """Return the result with an error estimate by its change from the coarse mesh."""
-    if coarse is None:
-        return rolled
-    load, resistance = (coarse.extrapolate(name)[0] for name in ("load", "resistance"))
-    scale = max(abs(rolled.resistance), MIN_RESISTANCE * rolled.load)
-    changes = abs(rolled.load - load) / rolled.load, abs(abs(rolled.resistance) - resistance) / scale
-    return replace(rolled, error=(max(MESH_ERROR_RATIO * max(changes), _step_error(rolling)),) * 2)
-
-
-def _step_error(rolling: IncrementalRolling) -> float:
-    """Return the least error of incremental rolling, since two meshes may agree by chance; 0 of a direct solve."""
-    frame = rolling.frame
-    return 0.0 if rolling.is_direct else float(STEP_ERROR * frame.step / frame.contact_length)
+def _run(search: SteadySearch, case: RollingCase) -> None:
+    """Run a search; its errors name remedies for a depth in fresh mix without a steady state."""
+    try:
+        search.run()
+    except RuntimeError as error:
+        depth = search.target.required_depth
+        if case.heaping is None or depth is None or case.fed_layer is not None:
+            raise
+        advice = remedies(case.heaping, depth, for_density=search.target.quantity == "exit_density_ratio")
+        raise type(error)(f"{error}; {advice}") from error
 
 
 def require_compactable(

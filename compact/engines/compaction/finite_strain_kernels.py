@@ -14,6 +14,7 @@ ratio and the largest density ratio. All derivatives are exact, except at the on
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -232,7 +233,7 @@ def rotate_derivatives(
         derivatives[5, j] = densest
 
 
-@compiled
+@partial(compiled, nogil=True)
 def integrate_elements(
     block: tuple[int, int],
     law: tuple,

@@ -12,8 +12,10 @@ Gradients have the components (xx, xy, yx, yy), g_ij = du_i/dx_j, along the seco
 """
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import cast
 
 import numpy as np
@@ -73,6 +75,8 @@ class FiniteStrainSolid:
         Factor of the yield pressure by the speed [-].
     substeps : int
         Substeps of the stress integration in one increment.
+    threads : int
+        Threads that share the elements. Each element has its own results, so that the number changes no digit.
     """
 
     def __init__(
@@ -84,12 +88,13 @@ class FiniteStrainSolid:
         finite: bool = True,
         rate_factor: float = 1.0,
         substeps: int = SUBSTEPS,
+        threads: int = 1,
     ) -> None:
         if not isinstance(mesh, MeshQuad):
             mesh = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
         self.basis = Basis(mesh, ElementQuadS2(), intorder=GAUSS_ORDER)
         self.material, self.rate_factor, self.substeps = material, rate_factor, substeps
-        self.finite = finite
+        self.finite, self.threads = finite, threads
         self.element_dofs = element_unknowns(self.basis)
         self.fixed_dofs = np.unique(np.asarray(fixed_dofs, dtype=int))
 
@@ -166,9 +171,8 @@ class FiniteStrainSolid:
         forces, stiffness = np.empty((elements, size)), np.empty((elements if tangent else 0, size, size))
         multipliers = np.zeros((len(before.work), self.substeps)) if near is None else near.multipliers.copy()
         law = cap_plasticity.cap_constants(self.material, self.rate_factor), self.finite
-        failed = integrate_elements(
-            (0, elements), law, self._mesh, displacements, state, after, multipliers, (forces, stiffness)
-        )
+        inputs = law, self._mesh, displacements, state, after, multipliers, (forces, stiffness)
+        failed = self._integrate_blocks(elements, inputs)
         if failed >= 0:
             raise ValueError(
                 "`displacement` must not invert elements, got one in which the stress integration fails at point "
@@ -176,6 +180,15 @@ class FiniteStrainSolid:
             )
         end = SolidState(displacement, cap_plasticity.MaterialPoint(*after[:4]), after[4])
         return SolidIncrement(self, end, multipliers, forces, stiffness if tangent else None)
+
+    def _integrate_blocks(self, elements, inputs):
+        """Call `integrate_elements` in equal blocks, one for each thread; return the first point that fails, or -1."""
+        if self.threads == 1:
+            return integrate_elements((0, elements), *inputs)
+        ends = np.linspace(0, elements, self.threads + 1, dtype=int).tolist()
+        with ThreadPoolExecutor(self.threads) as executor:
+            failed = list(executor.map(lambda block: integrate_elements(block, *inputs), pairwise(ends)))
+        return min((point for point in failed if point >= 0), default=-1)
 
     @cached_property
     def _mesh(self):

@@ -10,16 +10,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from compact.engines.compaction.finite_strain_solid import POINT_FIELDS, FiniteStrainSolid, FloatArray, SolidState
-from compact.engines.compaction.incremental_rolling import IncrementalRolling, RollingStep
+from compact.engines.compaction.incremental_rolling import IncrementalRolling
 from compact.engines.compaction.roller_contact import RollingSurface
 from compact.engines.compaction.roller_frame import LayerState, RollerFrame
 from compact.material import cap_plasticity
-from compact.material.laws import Compaction
+from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, Compaction
 from compact.numerics.assembly import unit_moduli
 from compact.rolling_contact import ContactResult, Layer, Roller
 
 if TYPE_CHECKING:
     import meshio
+
+    from compact.engines.compaction.bow_wave import Relaxation
+    from compact.engines.compaction.error_estimate import ErrorParts
 
 MAX_ITERATIONS = 2100  # [-], of the exit state at rest; one as a rule, hundreds if it yields
 ELASTIC_ITERATIONS = 2000  # [-], of them with the elastic stiffness, which converge monotonically; then Newton's method
@@ -54,10 +57,15 @@ class CompactionContactResult(ContactResult):
         Relative residuals of mass and nodal forces [-].
     yield_residual : float
         Largest stress beyond the cap over its pressure [-].
-    steps : tuple of RollingStep
-        Steps of the solution.
+    overdense_work : float
+        Share of the plastic work at density ratios above that of the densest measurement of the pressure curve,
+        where the constitutive law extrapolates [-].
+    error_parts : ErrorParts
+        Parts of `error`.
     solution : IncrementalRolling
         Finite-element solution, the initial guess of a neighbour.
+    relaxation : Relaxation
+        Slow relaxation of the bow wave of the solution.
     layer, roller, material, speed : Layer, Roller, Compaction, float
         Case.
     """
@@ -73,8 +81,10 @@ class CompactionContactResult(ContactResult):
     mass_residual: float = 0.0
     equilibrium_residual: float = 0.0
     yield_residual: float = 0.0
-    steps: tuple[RollingStep, ...] = ()
+    overdense_work: float = 0.0
+    error_parts: "ErrorParts" = None  # type: ignore[assignment]
     solution: IncrementalRolling = None  # type: ignore[assignment]
+    relaxation: "Relaxation" = None  # type: ignore[assignment]
     layer: Layer = None  # type: ignore[assignment]
     roller: Roller = None  # type: ignore[assignment]
     material: Compaction = None  # type: ignore[assignment]
@@ -137,7 +147,7 @@ def build_result(
         mass_residual=abs(exit_state.solid_height(solid) * length_ratio / frame.fed_layer.solid_height(solid) - 1),
         equilibrium_residual=last.residual,
         yield_residual=_yield_residual(frame.solid, state.points),
-        steps=solution.steps,
+        overdense_work=_overdense_work(solution),
         solution=solution,
         layer=layer,
         roller=roller,
@@ -211,6 +221,15 @@ def work_residual(solution: IncrementalRolling) -> float:
     # the work of rotation, - (1 + creepage) times the sum of the shear, cancels with its share of the slip
     slip_work = np.sum(surface.weights * solution.contact.shear * sliding)
     return float(abs(resistance - deformation - slip_work) / max(abs(resistance), MIN_RESISTANCE * load))
+
+
+def _overdense_work(solution: IncrementalRolling) -> float:
+    """Return the share of the plastic work of one step at density ratios beyond the measured curve [-]."""
+    frame, points = solution.frame, solution.state.points
+    work = points.plastic_work - frame.convect(solution.state).points.plastic_work
+    work = work * frame.solid.point_areas * _volume_ratio(frame.solid, solution.state.displacement)
+    overdense = points.density_ratio > HECKEL_MAX_DENSITY_RATIO
+    return float(work[overdense].sum() / work.sum()) if overdense.any() else 0.0
 
 
 def exit_layer(frame: RollerFrame, state: SolidState, column: int) -> tuple[LayerState, float]:

@@ -22,8 +22,7 @@ The arc of a node is measured on the circle from its lowest point, so that the s
 roller surface, + ahead. The multiplier shear moves with the roller like the multiplier pressure. If it no longer
 changes, sticking nodes have no slip and slipping nodes are at their bound for any stiffness. The shears decrease
 monotonically with the creepage, so one creepage satisfies the torque; it depends on the displacement and couples all
-sticking nodes. In the direct steady solve the shear has no multiplier: it is a regularised function of the slip rate
-(`SteadySlip`).
+sticking nodes.
 
 References
 ----------
@@ -35,15 +34,11 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from scipy.optimize import brentq
 
 from compact.engines.compaction.finite_strain_solid import FloatArray
 from compact.rolling_contact import GapGeometry
 
-REGULARISATION_SLIP = 1e-3  # [-], slip over travel at which the shear of the direct steady solve reaches its bound
 SHEAR_PENALTY_RATIO = 1.0  # [-], tangential over normal penalty; 0.2 to 5 give the same steady motion
-MIN_FRICTION_BOUND = 1e-9  # [-], of the largest bound, below which a node does not limit the creepage
-CREEPAGE_TOLERANCE = 1e-14  # [-], of the creepage in the direct steady solve
 MIN_SLOPE_ROOT = 1e-12  # [-], of R^2, least R^2 - x^2 of the slope of the circle
 
 
@@ -87,60 +82,6 @@ class ContactForces(ContactTractions):
     stiffness: FloatArray
     creep_travel: float | None = None
     creep_coupling: tuple[FloatArray, FloatArray] | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class SteadySlip:
-    """Slip of the mix along a roller in steady motion, and its effect on the friction of the nodes.
-
-        slip = (arc - arc upstream)/travel + 1 + creepage
-        traction ratio = - friction phi(slip/regularisation),    phi(x) = x (3 - x^2)/2
-
-    Parameters
-    ----------
-    creepage : float
-        Creepage that satisfies the torque [-].
-    slip_stiffness : ndarray, shape (n,)
-        Minus the derivative of the traction ratio by the slip [-].
-    node_gradient, upstream_gradient : ndarray, shape (n, 2)
-        Derivative of the slip by the displacements of the node and of its upstream position [1/m].
-    """
-
-    creepage: float
-    slip_stiffness: FloatArray
-    node_gradient: FloatArray
-    upstream_gradient: FloatArray
-
-    def friction_change(
-        self,
-        surface: "RollerSurface",
-        pressure: FloatArray,
-        pressure_change: FloatArray,
-        displacement_change: FloatArray,
-        upstream_change: FloatArray,
-    ) -> FloatArray:
-        """Return the linearised change of the traction ratio at constant torque.
-
-        Parameters
-        ----------
-        surface : RollerSurface
-            Nodes with their weights and traction ratios.
-        pressure, pressure_change : ndarray, shape (n,)
-            Pressure and its change [Pa].
-        displacement_change, upstream_change : ndarray, shape (n, 2)
-            Changes of the displacements of the nodes and of their upstream positions [m].
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Change of the traction ratio [-].
-        """
-        slip = np.sum(self.node_gradient * displacement_change, axis=1)
-        slip = slip + np.sum(self.upstream_gradient * upstream_change, axis=1)
-        stiffness = surface.weights * pressure * self.slip_stiffness
-        lost_force = surface.weights @ (pressure_change * surface.traction_ratio) - stiffness @ slip
-        creepage = lost_force / stiffness.sum() if stiffness.any() else 0.0
-        return -self.slip_stiffness * (slip + creepage)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,28 +150,6 @@ class RollerSurface:
             Displacement of the nodes [m].
         """
         return self._normal_to_circle(displacement) if self.profile == "deformed" else self._vertical(displacement)
-
-    def with_steady_friction(
-        self, displacement: FloatArray, upstream: FloatArray, pressure: FloatArray
-    ) -> tuple[Self, SteadySlip | None]:
-        """Return the surface with the friction of steady motion, and the slip that causes it.
-
-        Parameters
-        ----------
-        displacement, upstream : ndarray, shape (n, 2)
-            Displacements of the nodes and of their upstream positions [m].
-        pressure : ndarray, shape (n,)
-            Pressure of the nodes [Pa].
-
-        Returns
-        -------
-        surface : RollerSurface
-            Surface with its traction ratios.
-        slip : SteadySlip or None
-            Slip of a rotating roller, else None.
-        """
-        del displacement, upstream, pressure  # needed by the slip of a rotating roller alone
-        return self, None
 
     def profile_slope(self) -> FloatArray:
         """Return dy/dx of the roller above the nodes; 0 for a pressure normal to the circle [-], shape (n,)."""
@@ -321,8 +240,6 @@ class RollingSurface(RollerSurface):
         Arcs of the nodes at the begin of the increment [m].
     start_position : float
         x of the lowest generatrix at the begin of the increment [m].
-    regularisation : float
-        Slip over travel at which the shear of the direct steady solve reaches its bound [-].
     """
 
     friction: float = 0.0
@@ -331,7 +248,6 @@ class RollingSurface(RollerSurface):
     creepage: float = 0.0
     start_arcs: FloatArray | float = 0.0
     start_position: float = 0.0
-    regularisation: float = REGULARISATION_SLIP
 
     def with_multipliers(self, tractions: ContactTractions) -> Self:
         """Return the surface with the tractions of the last increment as multipliers, and its creepage."""
@@ -377,32 +293,6 @@ class RollingSurface(RollerSurface):
         """Return the required tangential force over the friction limit [-]; the roller skids from 1 on."""
         return float(abs(self.tangential_force) / (self.friction * (self.weights @ contact.pressure)))
 
-    def with_steady_friction(
-        self, displacement: FloatArray, upstream: FloatArray, pressure: FloatArray
-    ) -> tuple[Self, SteadySlip | None]:
-        """Return the surface with the friction of steady motion, and the slip that causes it.
-
-        Parameters
-        ----------
-        displacement, upstream : ndarray, shape (n, 2)
-            Displacements of the nodes and of their upstream positions [m].
-        pressure : ndarray, shape (n,)
-            Pressure of the nodes [Pa].
-        """
-        travel = self.position - self.start_position
-        surface_before = replace(self, position=self.start_position)
-        slip = (self.arcs(displacement) - surface_before.arcs(upstream)) / travel + 1
-        bound = self.friction * np.maximum(pressure, 0.0) * self.weights
-        creepage = _steady_creepage(slip, bound, self.tangential_force, self.regularisation)
-        x = np.clip((slip + creepage) / self.regularisation, -1, 1)
-        gradients = []
-        for surface, displaced, sign in ((self, displacement, 1), (surface_before, upstream, -1)):
-            _, t, _, growth = surface._axes(displaced)
-            gradients.append(sign * growth[:, None] * t / travel)
-        slip_stiffness = self.friction * 1.5 * (1 - x * x) / self.regularisation
-        traction_ratio = -self.friction * x * (3 - x * x) / 2
-        return replace(self, traction_ratio=traction_ratio), SteadySlip(creepage, slip_stiffness, *gradients)
-
     def arcs(self, displacement: FloatArray) -> FloatArray:
         """Return the arcs from the lowest point of the roller to nodes displaced by (n, 2) [m], shape (n,)."""
         x, y = (self.coordinates + displacement).T
@@ -435,19 +325,3 @@ class RollingSurface(RollerSurface):
             return n, t, np.zeros(len(t)), np.ones(len(t))
         _, distance = self._normals(displacement)
         return n, t, 1 / distance, self.radius / distance
-
-
-def _steady_creepage(slip, bound, tangential_force, regularisation):
-    """Return the creepage with which the friction of all nodes satisfies the torque, or the nearest bound."""
-
-    def excess(creepage):
-        x = np.clip((slip + creepage) / regularisation, -1, 1)
-        return -bound @ (x * (3 - x * x) / 2) - tangential_force
-
-    touching = bound > MIN_FRICTION_BOUND * bound.max()
-    if not touching.any():
-        return 0.0
-    low, high = -slip[touching].max() - regularisation, -slip[touching].min() + regularisation
-    if excess(low) * excess(high) >= 0:
-        return low if excess(low) <= 0 else high
-    return float(brentq(excess, low, high, xtol=CREEPAGE_TOLERANCE))

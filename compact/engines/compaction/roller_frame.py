@@ -39,6 +39,7 @@ TOP_ROWS = 6  # [-], layer height over the largest thickness of the top row
 OUTER_LENGTH = 2.5  # [-], length of the mesh beyond the uniform zone over the layer height
 UNIFORM_AHEAD, UNIFORM_BEHIND = 2.0, 1.2  # [-], uniform zone over the contact length sqrt(2 R depth)
 EXIT_DISTANCE = 0.3  # [-], distance of the exit column behind the uniform zone over the layer height
+UNIFORM_REAR = 1.0  # [-], distance behind the exit column over the layer height from which mix may be made uniform
 SAME_PLACE = 1e-9  # [-], over a length of the mesh; closer coordinates are equal
 SAME_SOURCE = 1e-12  # [-], over x; closer source points are equal
 
@@ -299,7 +300,7 @@ class RollerFrame:
 
     def convect(self, state: SolidState) -> SolidState:
         """Return the state after all mix has moved by one step towards -x."""
-        displacement = self._node_convection @ state.displacement
+        displacement = self.convect_displacement(state.displacement)
         fed = self.fed_layer.points
         stress = self._convect_points(state.points.stress, fed.stress)
         smeared = self._convect_points(self._elastic_stress(state.displacement), 0.0)
@@ -309,9 +310,9 @@ class RollerFrame:
         points = cap_plasticity.MaterialPoint(stress, *others)
         return SolidState(displacement, points, self._convect_points(state.work, 0.0))
 
-    def upstream_matrix(self, nodes: NDArray[np.int64]) -> csr_matrix:
-        """Return the matrix from all nodal displacements to those one step upstream of some nodes, shape (n, N)."""
-        return self._node_convection[nodes]
+    def convect_displacement(self, displacement: FloatArray) -> FloatArray:
+        """Return the displacement [m], shape (N, 2), after all mix has moved by one step towards -x."""
+        return np.asarray(self._node_convection @ displacement)
 
     def to_rows(self, values: FloatArray) -> FloatArray:
         """Return values of the Gauss points by rows from the base up, shape (2 rows, 2 columns, ...)."""
@@ -323,24 +324,29 @@ class RollerFrame:
         values[self._row_layout] = rows
         return values
 
-    def with_steady_rear(self, displacement: FloatArray) -> FloatArray:
-        """Return the displacement [m], shape (N, 2), with the fixed rear end as convected in steady motion."""
-        rear, weights = self._rear_convection
-        steady = displacement.copy()
-        steady[rear, 0] = weights @ displacement[:, 0]
-        return steady
+    def with_uniform_rear(self, state: SolidState) -> SolidState:
+        """Return the state with the mix far behind the exit column as in one column, without marks of the start.
 
-    def with_uniform_rear(self, displacement: FloatArray) -> FloatArray:
-        """Return the displacement [m], shape (N, 2), uniform along x behind the uniform zone.
-
-        It removes the oscillations that incremental rolling leaves there.
+        Parameters
+        ----------
+        state : SolidState
+            State of the layer.
         """
+        column = int(np.searchsorted(self.row_x, -self.exit_distance - UNIFORM_REAR * self.mesh.height))
         x, y = self.nodes.T
-        end = -UNIFORM_BEHIND * self.contact_length
+        end = self.row_x[column]
         behind = np.flatnonzero(x < end)
-        uniform = displacement.copy()
-        uniform[behind] = self.solid.basis.probes(np.array([np.full(behind.size, end), y[behind]])) @ displacement
-        return uniform
+        displacement = state.displacement.copy()
+        exits = np.array([np.full(behind.size, end), y[behind]])
+        displacement[behind] = self.solid.basis.probes(exits) @ state.displacement
+
+        def uniform(values: FloatArray) -> FloatArray:
+            rows = self.to_rows(values)
+            rows[:, :column] = rows[:, column : column + 1]
+            return self.to_points(rows)
+
+        points = cap_plasticity.MaterialPoint(*(uniform(getattr(state.points, name)) for name in POINT_FIELDS))
+        return SolidState(displacement, points, uniform(state.work))
 
     def exit_density_ratio(self, density_ratio: FloatArray) -> float:
         """Return the mean density ratio over the height at the exit column [-].
@@ -354,17 +360,6 @@ class RollerFrame:
         """
         mass = self.row_heights * self.fed_layer.points.density_ratio
         return float(mass.sum() / np.sum(mass / self.to_rows(density_ratio)[:, self.exit_column]))
-
-    @cached_property
-    def _rear_convection(self):
-        """Nodes at the rear end that are fixed along x, and the matrix of their steady displacement."""
-        x = self.nodes[:, 0]
-        fixed = np.isin(2 * np.arange(len(x)), self.solid.fixed_dofs)
-        rear = np.flatnonzero(fixed & (x < x.min() + SAME_PLACE * self.mesh.height))
-        convection = self._node_convection[rear].toarray()
-        among = np.eye(rear.size) - convection[:, rear]
-        convection[:, rear] = 0.0
-        return rear, np.linalg.solve(among, convection)
 
     def _uniform_along_rows(self, profile):
         """Values of the Gauss points from a profile over the rows."""

@@ -52,12 +52,8 @@ class FrictionCondition:
 
     Parameters
     ----------
-    friction : float
-        Coefficient of friction f [-].
-    tangential_force : float
-        Prescribed int q dx over the relaxed modulus [m].
-    direction : float
-        Direction of travel, 1 along +x or -1.
+    friction, tangential_force, direction : float
+        Coefficient f [-], prescribed int q dx over the relaxed modulus [m], and direction of travel, 1 along +x or -1.
     velocity : float, optional
         Velocity v of the roller [m/s]; None in steady motion.
     rate : float
@@ -88,10 +84,8 @@ class ShearSolution:
         Nodes between the edges that stick, shape (k,).
     resultant : ndarray
         Force (x, y) by the traction [m], shape (2,).
-    forces : ndarray
-        Forces on the loaded nodes [m], shape (2, m).
-    displacement : ndarray
-        Displacement of the surface nodes by these forces [m], shape (2, n).
+    forces, displacement : ndarray
+        Forces on the loaded nodes, shape (2, m), and displacement of all by them, shape (2, n) [m].
     slip_work : float
         Energy dissipated by slip per length rolled, - sign(v) int q s dx [m].
     """

@@ -210,10 +210,8 @@ class TransientState:
         Time [s] and position of the roller [m].
     displacement : ndarray
         Elastic displacement w of the surface nodes [m], shape (2, n).
-    places : ndarray
-        Points of the layer [m], shape (m,).
-    internal : ndarray
-        Internal variables z_k there [m], shape (k, 2, m).
+    places, internal : ndarray
+        Points of the layer, shape (m,), and internal variables z_k there, shape (k, 2, m) [m].
     angle : float
         Rotation of a roller that turns [rad].
     """

@@ -34,14 +34,10 @@ class ElasticEstimate:
 
     Parameters
     ----------
-    half_width : float
-        Half-width a [m].
-    indentation : float
-        Indentation [m].
-    load : float
-        Load per unit roller length [N/m].
-    peak_pressure : float
-        Peak pressure [Pa].
+    half_width, indentation : float
+        Half-width a and indentation [m].
+    load, peak_pressure : float
+        Load per unit roller length [N/m] and peak pressure [Pa].
     """
 
     half_width: float

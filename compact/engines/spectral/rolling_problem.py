@@ -37,10 +37,8 @@ class ModeRefinement(NamedTuple):
 
     Attributes
     ----------
-    modes : int
-        Number of pressure polynomials.
-    half_width : float
-        Half-width a [m].
+    modes, half_width : int, float
+        Number of pressure polynomials, and half-width a [m].
     load, resistance : float
         Forces per unit roller length [N/m].
     error : tuple of float
@@ -66,10 +64,8 @@ class RollingProblem:
         Roller radius R [m].
     profile : str
         "parabola" or "circle".
-    target : str
-        Prescribed quantity: "indentation", "load" or "peak_pressure".
-    value : float
-        Its value [m], [N/m] or [Pa].
+    target, value : str, float
+        Prescribed "indentation" [m], "load" [N/m] or "peak_pressure" [Pa], and its value.
     """
 
     response: LayerResponse

@@ -75,7 +75,7 @@ def _first_criteria(orders: Mapping[str, list[Place]]) -> dict[str, list[Place]]
     return dict(list(orders.items())[:ANSWER_CRITERIA])
 
 
-def criterion_term(by: str) -> str:
+def term_of(by: str) -> str:
     """Return the standard term of a criterion."""
     return CRITERIA[by].quantity.term
 
@@ -84,9 +84,9 @@ def _best_law(by: str, order: list[Place]) -> dict[str, Any]:
     """Select the first law by a criterion, with the requirements of the next and the last one."""
     first, finite = _first_places(order), [place for place in order if not place.reason]
     if not first:
-        return {"term": criterion_term(by), "reason": order[0].reason}
+        return {"term": term_of(by), "reason": order[0].reason}
     least, laws = first[0].value, [place.law for place in first]
-    best = {"term": criterion_term(by), "laws": laws, "value": _format(least, by), "single": len(order) == 1}
+    best = {"term": term_of(by), "laws": laws, "value": _format(least, by), "single": len(order) == 1}
     if finite[-1].rank > 1:
         following, last = finite[len(first)], finite[-1]
         best |= {"tied": first[0].tie, "next_law": following.law, "next_amount": _excess(following.value, least, by)}
@@ -130,7 +130,7 @@ def _conflicts(orders: Mapping[str, list[Place]]) -> Iterator[dict[str, str]]:
         value = next(place.value for place in other_order if place.law == law)
         if np.isfinite(value):
             amount = _excess(value, best[0].value, other)
-            yield {"law": law, "term": criterion_term(by), "amount": amount, "other_term": criterion_term(other)}
+            yield {"law": law, "term": term_of(by), "amount": amount, "other_term": term_of(other)}
 
 
 def _resolutions(orders: Mapping[str, list[Place]]) -> Iterator[dict[str, Any]]:
@@ -143,7 +143,7 @@ def _resolutions(orders: Mapping[str, list[Place]]) -> Iterator[dict[str, Any]]:
         if first[0].error is not None and not tied:
             error = format_quantity(max(place.error or 0.0 for place in first), CRITERIA[by].unit, 2)
         resolved = all(place.resolved for place in first)
-        yield {"term": criterion_term(by), "tied": tied, "error": error, "resolved": resolved}
+        yield {"term": term_of(by), "tied": tied, "error": error, "resolved": resolved}
 
 
 def _comparisons(study: Study) -> dict[str, list[dict[str, Any]]]:
@@ -156,7 +156,7 @@ def _comparisons(study: Study) -> dict[str, list[dict[str, Any]]]:
             continue
         best = study.places_by_engine[each.other_engine][kind][each.by][0]
         found[each.other_engine].append({
-            "law": best.law, "same": each.first == each.other_first, "term": criterion_term(each.by),
+            "law": best.law, "same": each.first == each.other_first, "term": term_of(each.by),
             "value": _format(best.value, each.by), "discordant": each.agreement.resolved_discordant_pairs,
             "pairs": each.agreement.pairs,
         })  # fmt: skip
@@ -175,7 +175,7 @@ def _sensitivity(shifts: Sequence[Shift]) -> dict[str, Any]:
     for shift in shifts:
         for by in shift.base.law:
             if ends := shift.changed_ends(by):
-                changed.setdefault(shift.name, set()).update(f"{end.law[by]} by {criterion_term(by)}" for end in ends)
+                changed.setdefault(shift.name, set()).update(f"{end.law[by]} by {term_of(by)}" for end in ends)
     return {
         "methods": methods(shifts),
         "inputs": len(shifts),

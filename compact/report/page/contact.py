@@ -1,12 +1,12 @@
 """Sections of the page on the contact: formulas and exact theory, the engine over speed, the fields, and the mix."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from compact import quantities
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.study import Study
 from compact.report.number_format import format_number, format_percent, format_quantity
-from compact.report.page.blocks import Block, Mark, Paragraph, Section, Table, as_sentence, embed_figures
+from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Section, Table, as_sentence, embed_figures
 from compact.report.text import held_sentence
 
 CONTACT_HEADER = (
@@ -59,13 +59,11 @@ def contact_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
 
 def mix_section(study: Study) -> Section:
     """List the parameters of the mix with spread and origin."""
-    rows = [
-        (
-            p.name.replace("_", " "), format_quantity(p.value, p.unit), format_quantity(p.low, p.unit),
-            format_quantity(p.high, p.unit), Mark("known" if p.flag in KNOWN_FLAGS else "assumed", p.flag), p.origin,
-        )
-        for p in study.mix.parameters
-    ]  # fmt: skip
+    rows: list[Sequence[Cell]] = []
+    for p in study.mix.parameters:
+        numbers = (format_quantity(number, p.unit) for number in (p.value, p.low, p.high))
+        flag = Mark("known" if p.flag in KNOWN_FLAGS else "assumed", p.flag)
+        rows.append((p.name.replace("_", " "), *numbers, flag, p.origin))
     header = ("parameter", "value", "low", "high", "flag", "origin")
     mix = study.scene.mix
     lead = f"{100 * mix.moisture:g} % moisture content, density ratio {mix.density_ratio:g}; origin of each parameter."
@@ -74,13 +72,10 @@ def mix_section(study: Study) -> Section:
 
 def _formula_blocks(study: Study) -> Iterator[Block]:
     """Tabulate the formulas and the exact contact; state whether the rollers cover the product."""
-    rows = [
-        (
-            name.replace("_", " "), format_quantity(n.value, n.unit), format_quantity(n.low, n.unit) if n.low else "",
-            format_quantity(n.high, n.unit) if n.high else "", n.known_by,
-        )
-        for name, n in study.numbers.items()
-    ]  # fmt: skip
+    rows = []
+    for name, n in study.numbers.items():
+        low, high = (format_quantity(end, n.unit) if end else "" for end in (n.low, n.high))
+        rows.append((name.replace("_", " "), format_quantity(n.value, n.unit), low, high, n.known_by))
     caption = "By formulas 1.1–1.10 and exact theory; low and high over the spread of the mix"
     yield Table(caption, ("quantity", "value", "low", "high", "known by"), rows, (1, 2, 3))
     if short := coverage(study.scene, study.engineering):

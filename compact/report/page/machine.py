@@ -1,5 +1,6 @@
 """Sections of the page on the machine: rankings, laws, forces, cams, sensitivity, scene and checks."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,7 +16,7 @@ from compact.machine.ranking import CRITERIA
 from compact.machine.roller_motors import RollerMotor
 from compact.motion.profile import EndCondition
 from compact.report.number_format import ZERO_SHARE, format_column, format_number, format_percent, format_quantity
-from compact.report.page.answer import criterion_term, methods
+from compact.report.page.answer import methods, term_of
 from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Picture, Section, Table, embed_figures
 from compact.report.ranking_tables import comparison_places
 from compact.scene.loader import Scene
@@ -58,7 +59,7 @@ def ranking_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
         blocks.append(_agreement_table(study.agreements))
     for kind, orders in study.places.items():
         blocks += [_ranking_table(kind, by, order, comparison_places(study, kind, by)) for by, order in orders.items()]
-    lead = f"{len(study.cycles)} laws by {', '.join(criterion_term(by) for by in study.rankings)}."
+    lead = f"{len(study.cycles)} laws by {', '.join(term_of(by) for by in study.rankings)}."
     return Section("ranking", "Ranking", lead, blocks)
 
 
@@ -68,14 +69,13 @@ def _ranking_table(kind: str, by: str, order: list[Place], others: Mapping[str, 
     columns: dict[str, Sequence[Cell]] = {
         "rank": [str(place.rank) for place in order],
         "law": [place.law for place in order],
-        criterion_term(by): format_column([place.value for place in order], unit),
+        term_of(by): format_column([place.value for place in order], unit),
         "margin": ["tie" if place.tie else format_percent(place.margin) for place in order],
     }
     if order[0].error is not None:
         columns["error"] = format_column([place.error for place in order], unit, 2)
-        ranks = [place.rank for place in order]
-        shared = [tied or ranks.count(rank) > 1 for tied, rank in zip(ties(order, by), ranks, strict=True)]
-        columns["place"] = [_resolution(place, tied) for place, tied in zip(order, shared, strict=True)]
+        ranks, tied = Counter(place.rank for place in order), zip(order, ties(order, by), strict=True)
+        columns["place"] = [_resolution(place, tie or ranks[place.rank] > 1) for place, tie in tied]
     for engine, compared in others.items():
         found = [compared.get(place.law) for place in order]
         values = format_column([other and other.value for other in found], unit)
@@ -83,9 +83,7 @@ def _ranking_table(kind: str, by: str, order: list[Place], others: Mapping[str, 
             f"{value} ({other.rank})" if other else value for value, other in zip(values, found, strict=True)
         ]
     columns["note"] = [place.reason for place in order]
-    return Table.from_columns(
-        f"Laws by {criterion_term(by)}, {kind} drive, least first", columns, ("law", "place", "note")
-    )
+    return Table.from_columns(f"Laws by {term_of(by)}, {kind} drive, least first", columns, ("law", "place", "note"))
 
 
 def _resolution(place: Place, tied: bool) -> str:
@@ -98,7 +96,7 @@ def _resolution(place: Place, tied: bool) -> str:
 def _agreement_table(agreements: Sequence[RankingAgreement]) -> Table:
     rows = [
         (
-            criterion_term(a.by), f"{a.engine}, {a.drive}", f"{a.other_engine}, {a.other_drive}", a.first,
+            term_of(a.by), f"{a.engine}, {a.drive}", f"{a.other_engine}, {a.other_drive}", a.first,
             a.other_first, f"{a.agreement.discordant_pairs} of {a.agreement.pairs}",
             str(a.agreement.resolved_discordant_pairs), format_number(a.agreement.tau, 3),
         )
@@ -136,12 +134,10 @@ def forces_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     runs = study.runs.values()
     columns = {"law": list(study.runs)}
     for by in RUN_CRITERIA:
-        columns[criterion_term(by)] = format_column([getattr(run, by) for run in runs], CRITERIA[by].unit)
-    columns[criterion_term("nonuniformity")] = [format_percent(run.nonuniformity) for run in runs]
+        columns[term_of(by)] = format_column([getattr(run, by) for run in runs], CRITERIA[by].unit)
+    columns[term_of("nonuniformity")] = [format_percent(run.nonuniformity) for run in runs]
     if study.scene.drive.kind == "elastic":
-        columns[criterion_term("dynamic_amplification")] = format_column(
-            [run.dynamic_amplification for run in runs], "1"
-        )
+        columns[term_of("dynamic_amplification")] = format_column([run.dynamic_amplification for run in runs], "1")
     table = Table.from_columns(f"One cart, {study.scene.drive.kind} drive, over a cycle", columns)
     lead = "Of one cart over a cycle; guide wheels; shaft."
     return Section("forces", "Forces and power", lead, [*embed_figures(pictures, FORCE_FIGURES), table])
@@ -161,18 +157,17 @@ def cams_section(study: Study, pictures: Mapping[str, bytes], first_cam: CamDraw
     caption = f"Cams with a breadth of {format_quantity(breadth, 'm')}; marked where it is too small"
     table = Table(caption, header, rows, range(1, len(header)))
     lead = f"{len(study.cycles)} laws for {len(FOLLOWERS)} followers; workshop drawing of one."
-    return Section(
-        "cams", "Cams", lead, [*_cam_blocks(first_cam), profiles, table, _roller_motor_table(study.roller_motors)]
-    )
+    blocks = [*_cam_blocks(first_cam), profiles, table, _roller_motor_table(study.roller_motors)]
+    return Section("cams", "Cams", lead, blocks)
 
 
 def _cam_blocks(cam: CamDrawing) -> list[Block]:
     """Show the cam of the first law and its animation; the reason where it cannot be cut."""
     if cam.reason:
         return [Paragraph(f"The cam of {cam.law}, the first law, cannot be cut: {cam.reason}.")]
-    caption, svg = (
-        f"{cam.law}, true to scale in the file; `compact cam` writes it as CSV, SVG and DXF.",
+    svg, caption = (
         "image/svg+xml",
+        f"{cam.law}, true to scale in the file; `compact cam` writes it as CSV, SVG and DXF.",
     )
     turn, summary = "One turn is a whole cycle.", "Show the cam and the cart in motion"
     return [
@@ -250,7 +245,7 @@ def _method_remark(shifts: Sequence[Shift]) -> str:
 
 def _least_peaks(base: End) -> str:
     peaks = ((by, format_quantity(value, CRITERIA[by].unit)) for by, value in base.least.items())
-    return ", ".join(f"{criterion_term(by)} {peak} ({base.law[by]})" for by, peak in peaks)
+    return ", ".join(f"{term_of(by)} {peak} ({base.law[by]})" for by, peak in peaks)
 
 
 def _peak_change(end: End | None, base: End, peak: str) -> str:

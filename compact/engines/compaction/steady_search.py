@@ -1,0 +1,248 @@
+"""Search for the steady state of a roller on one mesh, for a prescribed depth, load, peak pressure or density.
+
+A cycle rolls until the transient of the last change has passed, measures the drift of the bow wave (`bow_wave`), and
+corrects wave and depth together: the wave by a jump along its slow mode, the depth by a secant method for the
+extrapolated steady state (`depth_target`). The search ends when the estimated distance to the steady state is below the
+tolerance and the target is satisfied. A wave that requires ever larger jumps has no steady state.
+"""
+
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from compact.engines.compaction.bow_wave import QUANTITIES, BowWaveMode, Relaxation, WaveDrift, relaxation_length
+from compact.engines.compaction.depth_target import DepthSecant, DepthTarget
+from compact.engines.compaction.finite_strain_solid import FloatArray
+from compact.engines.compaction.incremental_rolling import (
+    DAMPING,
+    FINAL_DAMPING_RATIO,
+    ROLLING_TOLERANCE,
+    IncrementalRolling,
+    describe_step,
+    heaping_error,
+    require_low_wave,
+)
+from compact.engines.compaction.roller_frame import transfer_state
+
+FIRST_SETTLING, FIRST_MEASURING = 1.33, 1.0  # [-], travel over the contact length of the first cycle
+SETTLING, MEASURING = 0.8, 0.7  # [-], of the later cycles
+FINAL_SETTLING = (
+    2.0  # [-], after the last jump, one iteration a step; the mix of the exit column passes the whole contact
+)
+MIN_STEPS = 4  # [-], of a measurement
+MAX_CYCLES = 20  # [-], of one mesh
+MAX_JUMP, MAX_FIRST_JUMP = 0.25, 0.35  # [-], change of the wave by one jump over its area, on the first mesh more
+LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps then leave
+SETTLING_TOLERANCE = 1e-3  # [-], residual of the steps before the last one over the nodal forces
+JUMP_TRIALS = (1.0, 0.4, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
+GROWTH, MAX_GROWTHS = 0.3, 3  # [-], required jump over the area, and number of successive ones without steady state
+FIRST_LENGTH = 5.0  # [-], relaxation length of the wave over the contact length before any is known
+LENGTH_RANGE = (2.0, 40.0)  # [-], relaxation length over the contact length
+MIN_MODE = 0.02  # [-], least change of the wave between two settled states that define a mode, over the wave
+MIN_RESISTANCE = 1e-2  # [-], least scale of the resistance over the load, as of a second pass
+STRETCHED_DEPTH = 1.25  # [-], ratio of a depth to that of the mesh from which the mesh is stretched
+
+Stretch = Callable[[IncrementalRolling, float], IncrementalRolling]
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyErrors:
+    """Estimated distance of a state from the steady state, relative but for the density ratio [-], shape (4,).
+
+    Parameters
+    ----------
+    drift : ndarray, shape (4,)
+        Distance of `QUANTITIES` along the slow mode.
+    start : ndarray, shape (4,)
+        Scatter of the drift, and the transient of the start.
+    """
+
+    drift: FloatArray
+    start: FloatArray
+
+    @property
+    def total(self) -> float:
+        """Largest sum of both of load, resistance and exit density ratio."""
+        return float((self.drift + self.start)[:3].max())
+
+
+@dataclass
+class SteadySearch:
+    """Search for the steady state on one mesh.
+
+    Parameters
+    ----------
+    rolling : IncrementalRolling
+        Roller at rest or in any state; replaced where the mesh is stretched.
+    target : DepthTarget
+        Prescribed quantity.
+    depth : float
+        First depth [m].
+    tolerance : float
+        Largest estimated distance from the steady state [-].
+    target_tolerance : float
+        Tolerance of the logarithm of the prescribed quantity [-].
+    stretch : callable
+        Function that returns a roller on its mesh stretched to a depth [m].
+    relaxation : Relaxation
+        Slow relaxation of the bow wave; its length is found on this mesh if it is unknown.
+    """
+
+    rolling: IncrementalRolling
+    target: DepthTarget
+    depth: float
+    tolerance: float
+    target_tolerance: float
+    stretch: Stretch
+    relaxation: Relaxation = field(default_factory=Relaxation)
+    errors: SteadyErrors = field(init=False)
+    values: FloatArray = field(init=False)  # `QUANTITIES` in the steady state
+    finds_length: bool = field(init=False)
+    _drifts: list[WaveDrift] = field(default_factory=list, init=False)
+    _settled: IncrementalRolling | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        self.finds_length = self.relaxation.length is None
+
+    def start_from(self, coarse: "SteadySearch") -> None:
+        """Start from the steady state on a coarser mesh."""
+        old, new = coarse.rolling, self.rolling
+        new.initialise_from(old, transfer_state(old.state, old.frame, new.frame))
+        mode = coarse.relaxation.mode
+        self.relaxation = replace(coarse.relaxation, mode=None if mode is None else mode.on_mesh(old, new))
+        self.finds_length = self.relaxation.length is None
+
+    def run(self) -> None:
+        """Find the steady state; `rolling`, `depth`, `values` and `errors` then belong to it.
+
+        Raises
+        ------
+        HeapingError
+            If the bow wave grows without end.
+        RuntimeError
+            If a step has no equilibrium, or the steady state or the target is not reached.
+        """
+        growths, secant = 0, DepthSecant(self.target)
+        self.rolling.solver.tolerance = SETTLING_TOLERANCE
+        self._roll(FIRST_SETTLING, DAMPING)
+        for cycle in range(MAX_CYCLES):
+            drift = self._measure(FIRST_MEASURING if cycle == 0 else MEASURING)
+            jump = self._estimate(drift)
+            growths = growths + 1 if self.finds_length and jump > GROWTH * drift.wave_area else 0
+            if growths > MAX_GROWTHS:
+                raise heaping_error(self.rolling, f"still grows by {jump / drift.wave_area:.0%} to a steady state")
+            depth = secant.next_depth(self.depth, self._target_value())
+            is_final = self.errors.total < self.tolerance and abs(secant.last_miss) < self.target_tolerance
+            self._correct(depth, jump, FINAL_SETTLING if is_final else SETTLING)
+            if is_final:
+                self._advance_exactly()
+                if abs(self.target.log_miss_of(self.rolling.steps[-1])) < self.target_tolerance:
+                    return
+        if self.errors.total < self.tolerance:
+            raise RuntimeError(secant.failure())
+        raise RuntimeError(self._describe_failure())
+
+    def _advance_exactly(self) -> None:
+        """Make a step without damping to the full tolerance."""
+        solver = self.rolling.solver
+        solver.tolerance = ROLLING_TOLERANCE
+        self.rolling.advance(self._height, damping=0.0)
+        solver.tolerance = SETTLING_TOLERANCE
+
+    @property
+    def _height(self) -> float:
+        """Height of the lowest generatrix [m]."""
+        return self.rolling.frame.mesh.height - self.depth
+
+    def _steps_of(self, share: float) -> int:
+        """Return the number of steps in a share of the contact length."""
+        return max(int(np.ceil(share * self.rolling.frame.contact_length / self.rolling.frame.step)), MIN_STEPS)
+
+    def _roll(self, share: float, damping: float = FINAL_DAMPING_RATIO * DAMPING) -> None:
+        """Roll a share of the contact length at the present depth, which the first half of the steps approaches."""
+        rolling, count = self.rolling, self._steps_of(share)
+        start = rolling.steps[-1].bottom_height if rolling.steps else rolling.frame.mesh.height
+        approach = np.linspace(start, self._height, 1 + (2 * count if not rolling.steps else max(count // 2, 1)))[1:]
+        for height in [*approach, *[self._height] * max(count - len(approach), count // 2)]:
+            rolling.advance(float(height), damping)
+        require_low_wave(rolling)
+
+    def _measure(self, share: float) -> WaveDrift:
+        """Roll on, fit the drift, and update relaxation length and mode from the settled states."""
+        begin, count = copy(self.rolling), self._steps_of(share)
+        self._roll(share)
+        drift = WaveDrift.of_steps(self.rolling.steps[-count - 1 :])
+        first, before = (begin, None) if self._settled is None else (self._settled, self._drifts[-1])
+        self._drifts.append(drift)
+        if self.finds_length:
+            bounds = np.multiply(LENGTH_RANGE, self.rolling.frame.contact_length)
+            found = relaxation_length(self._drifts)
+            if found is not None:
+                self.relaxation = replace(self.relaxation, length=float(np.clip(found, *bounds)))
+        self._update_mode(first, before, drift)
+        self._settled = copy(self.rolling)
+        return drift
+
+    def _update_mode(self, first: IncrementalRolling, before: WaveDrift | None, drift: WaveDrift) -> None:
+        """Take the difference of the last two settled states of one depth as mode if the wave has changed enough."""
+        if first.steps[-1].bottom_height != self.rolling.steps[-1].bottom_height:
+            return
+        change = self.rolling.steps[-1].wave_area - first.steps[-1].wave_area
+        if abs(change) < MIN_MODE * drift.wave_area or (before is None and self.relaxation.mode is not None):
+            return
+        if before is None:
+            slopes = drift.slopes / drift.wave_slope
+        else:
+            slopes = (drift.values - before.values) / (drift.wave_area - before.wave_area)
+        self.relaxation = replace(self.relaxation, mode=BowWaveMode.between(first, self.rolling, slopes))
+
+    def _estimate(self, drift: WaveDrift) -> float:
+        """Estimate steady values and errors; return the distance of the area of the wave to its steady value [m2]."""
+        contact_length = self.rolling.frame.contact_length
+        known = self.relaxation
+        length = FIRST_LENGTH * contact_length if known.length is None else known.length
+        slopes = np.zeros(len(QUANTITIES)) if known.mode is None else known.mode.slopes
+        jump, scatter = length * drift.wave_slope, length * drift.wave_error
+        load, resistance, _, pressure = np.abs(drift.values)
+        scales = np.array([load, max(resistance, MIN_RESISTANCE * load), 1.0, pressure])
+        self.values = drift.values + slopes * jump
+        transient = contact_length * np.abs(drift.slopes - slopes * drift.wave_slope)
+        self.errors = SteadyErrors(
+            LENGTH_ERROR * np.abs(slopes * jump) / scales, (np.abs(slopes) * scatter + transient) / scales
+        )
+        return jump
+
+    def _target_value(self) -> float:
+        """Extrapolated steady value of the prescribed quantity."""
+        quantity = self.target.quantity
+        return self.depth if quantity == "indentation" else float(self.values[QUANTITIES.index(quantity)])
+
+    def _correct(self, depth: float, jump: float, share: float) -> None:
+        """Jump along the mode and roll at a corrected depth; by less if a step has no equilibrium."""
+        before, self.depth = copy(self.rolling), depth
+        area = self._drifts[-1].wave_area
+        largest = area * (MAX_FIRST_JUMP if self.finds_length else MAX_JUMP)
+        jump = float(np.clip(jump, -largest, largest))
+        for trial in JUMP_TRIALS:
+            self.rolling = copy(before)
+            self.rolling.remove_marks_behind()
+            if self.relaxation.mode is not None and trial:
+                self.relaxation.mode.add_to(self.rolling, trial * jump)
+            ratio = depth / self.rolling.mesh_depth
+            if max(ratio, 1 / ratio) > STRETCHED_DEPTH:
+                self.rolling = self.stretch(self.rolling, depth)
+            try:
+                return self._roll(share)
+            except RuntimeError:
+                if not trial:
+                    raise
+
+    def _describe_failure(self) -> str:
+        """Return the message for a motion that does not become steady."""
+        step = self.rolling.steps[-1]
+        return (
+            f"not steady at depth {1e3 * self.depth:.4g} mm after {step.travel:.3g} m of travel: estimated distance "
+            f"{100 * self.errors.total:.2g} % of load, resistance or exit density; {describe_step(step)}"
+        )
