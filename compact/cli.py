@@ -292,7 +292,7 @@ def calibrate(
     engine
         contact engine of every trial: columns take a second, finite elements take minutes
     increments
-        increments of travel per contact length (finite elements); 6 cost a part of 12 and differ by 2 %
+        elements of travel per contact length (finite elements); 14 by default, 7 cost a third and differ by 1 to 2 %
     out
         the JSON file; default out/NAME-calibration.json, NAME as in `compact run`
     """

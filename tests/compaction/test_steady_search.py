@@ -49,9 +49,9 @@ def test_relaxation_length_follows_from_two_settled_states():
 
 
 @pytest.mark.parametrize(
-    ("increments", "counts"), [(1, [1]), (4, [4]), (5, [5]), (6, [4, 6]), (12, [4, 8, 12]), (24, [4, 8, 16, 24])]
+    ("increments", "counts"), [(1, [1]), (4, [4]), (5, [5]), (6, [4, 6]), (14, [4, 7, 14]), (24, [4, 6, 12, 24])]
 )
-def test_meshes_are_refined_at_most_twofold(increments, counts):
+def test_each_mesh_of_a_cascade_has_half_the_elements_of_the_next(increments, counts):
     assert mesh_cascade(increments) == counts
 
 

@@ -111,12 +111,15 @@ class WaveDrift:
 
     Parameters
     ----------
+    travel : float
+        Travel of the steps [m].
     wave_area, wave_slope, wave_error : float
         Area of the wave [m2], its slope and the standard error of the slope [m].
     values, slopes : ndarray, shape (4,)
         `QUANTITIES` [N/m, N/m, -, Pa] and their slopes over the travel [1/m].
     """
 
+    travel: float
     wave_area: float
     wave_slope: float
     wave_error: float
@@ -132,7 +135,7 @@ class WaveDrift:
         ends, slopes = np.linalg.lstsq(lines, table, rcond=None)[0]
         scatter = np.sum((table[:, 0] - lines @ [ends[0], slopes[0]]) ** 2) / max(len(steps) - 2, 1)
         error = np.sqrt(scatter / np.sum((travel - travel.mean()) ** 2))
-        return cls(float(ends[0]), float(slopes[0]), float(error), ends[1:], slopes[1:])
+        return cls(-float(travel[0]), float(ends[0]), float(slopes[0]), float(error), ends[1:], slopes[1:])
 
 
 def relaxation_length(drifts: Sequence[WaveDrift]) -> float | None:

@@ -24,7 +24,7 @@ MEAN_FACTOR = 0.7  # [-], load over peak pressure and contact length ahead, for 
 MAX_DEPTH_FACTOR = 1.4  # [-], largest ratio of successive depths
 MAX_DEPTH_SHARE = 0.98  # [-], largest depth over that of full density at the exit
 EXPONENTS = {  # [-], first, least and largest exponent of a quantity over the depth
-    "load": (1.2, 0.3, 3.0), "peak_pressure": (0.6, 0.2, 3.0), "exit_density_ratio": (1.0, 0.7, 1.4),
+    "load": (1.2, 0.3, 3.0), "peak_pressure": (1.0, 0.3, 3.0), "exit_density_ratio": (1.0, 0.7, 1.4),
 }  # fmt: skip
 MIN_SECANT = 3e-3  # [-], least difference of logarithms of depths for a secant; closer ones scatter
 UNITS = {"load": " N/m", "peak_pressure": " Pa"}

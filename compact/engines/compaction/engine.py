@@ -280,7 +280,7 @@ class RollingCase:
 
 
 def mesh_cascade(increments: int) -> list[int]:
-    """Return the numbers of elements per contact length of successive meshes, each half the next one as far as useful."""
+    """Return the numbers of elements per contact length of successive meshes; each has half those of the next."""
     counts = [increments]
     while counts[0] >= MIN_REFINEMENT * COARSE_INCREMENTS:
         counts.insert(0, max(round(counts[0] / REFINEMENT), COARSE_INCREMENTS))

@@ -35,13 +35,18 @@ MIN_STEPS = 4  # [-], of a measurement
 MAX_FIRST_CYCLES, MAX_CYCLES = 12, 8  # [-], of the first mesh and of others; up to 7 and 3 are usual
 MAX_JUMP, MAX_FIRST_JUMP = 0.25, 0.35  # [-], change of the wave by one jump over its area, on the first mesh more
 LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps then leave
-SETTLING_TOLERANCE = 1e-2  # [-], residual of the steps over the nodal forces; 1e-4 changes a load by 4e-5 and costs 50 %
+SETTLING_TOLERANCE = (
+    1e-2  # [-], residual of a step over the nodal forces; 1e-4 changes a load by 4e-5 and costs half more
+)
 FINAL_TOLERANCE = 1e-3  # [-], of those after the last jump; of the last step `ROLLING_TOLERANCE`
-JUMP_TRIALS = (1.0, 0.4, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
-GROWTH, MAX_GROWTHS = 0.3, 3  # [-], required jump over the area, and number of successive ones without steady state
+JUMP_TRIALS = (1.0, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
+GROWTH, MAX_GROWTHS = 0.3, 3  # [-], required jump over the area, and number of successive ones with a steady state
+MAX_UNSLOWED = 2  # [-], such jumps if the growth of the wave has not slowed down
 FIRST_LENGTH = 5.0  # [-], relaxation length of the wave over the contact length before any is known
 LENGTH_RANGE = (2.0, 40.0)  # [-], relaxation length over the contact length
 MIN_MODE = 0.02  # [-], least change of the wave between two settled states that define a mode, over the wave
+SIGNIFICANCE = 3.0  # [-], standard errors from which a change of the wave counts
+SAME_DEPTH = 1e-3  # [-], relative change of the depth below which settled states belong to one depth
 MIN_RESISTANCE = 1e-2  # [-], least scale of the resistance over the load, as of a second pass
 STRETCHED_DEPTH = 1.25  # [-], ratio of a depth to that of the mesh from which the mesh is stretched
 
@@ -132,8 +137,8 @@ class SteadySearch:
             drift = self._measure(FIRST_MEASURING if cycle == 0 else MEASURING)
             jump = self._estimate(drift)
             growths = growths + 1 if self.finds_length and jump > GROWTH * drift.wave_area else 0
-            if growths > MAX_GROWTHS:
-                raise heaping_error(self.rolling, f"still grows by {jump / drift.wave_area:.0%} to a steady state")
+            if growths > (MAX_GROWTHS if self.relaxation.length else MAX_UNSLOWED):
+                raise heaping_error(self.rolling, "grows without a steady state")
             depth = secant.next_depth(self.depth, self._target_value())
             is_final = self.errors.total < self.tolerance and abs(secant.last_miss) < self.target_tolerance
             self.rolling.solver.tolerance = FINAL_TOLERANCE if is_final else SETTLING_TOLERANCE
@@ -187,11 +192,11 @@ class SteadySearch:
         return drift
 
     def _update_mode(self, first: IncrementalRolling, before: WaveDrift | None, drift: WaveDrift) -> None:
-        """Take the difference of the last two settled states of one depth as mode if the wave has changed enough."""
-        if first.steps[-1].bottom_height != self.rolling.steps[-1].bottom_height:
+        """Take the difference of two settled states of one depth as mode if the wave has changed beyond its scatter."""
+        if before is None and self.relaxation.mode is not None:
             return
         change = self.rolling.steps[-1].wave_area - first.steps[-1].wave_area
-        if abs(change) < MIN_MODE * drift.wave_area or (before is None and self.relaxation.mode is not None):
+        if abs(change) < max(MIN_MODE * drift.wave_area, SIGNIFICANCE * drift.wave_error * drift.travel):
             return
         if before is None:
             slopes = drift.slopes / drift.wave_slope
@@ -206,6 +211,8 @@ class SteadySearch:
         length = FIRST_LENGTH * contact_length if known.length is None else known.length
         slopes = np.zeros(len(QUANTITIES)) if known.mode is None else known.mode.slopes
         jump, scatter = length * drift.wave_slope, length * drift.wave_error
+        if abs(drift.wave_slope) < SIGNIFICANCE * drift.wave_error:
+            jump = 0.0
         load, resistance, _, pressure = np.abs(drift.values)
         scales = np.array([load, max(resistance, MIN_RESISTANCE * load), 1.0, pressure])
         self.values = drift.values + slopes * jump
@@ -222,8 +229,10 @@ class SteadySearch:
 
     def _correct(self, depth: float, jump: float, share: float) -> None:
         """Jump along the mode and roll at a corrected depth; by less if a step has no equilibrium."""
+        if abs(np.log(depth / self.depth)) > SAME_DEPTH:
+            self._settled, self._drifts = None, []
         before, self.depth = copy(self.rolling), depth
-        area = self._drifts[-1].wave_area
+        area = before.steps[-1].wave_area
         largest = area * (MAX_FIRST_JUMP if self.finds_length else MAX_JUMP)
         jump = float(np.clip(jump, -largest, largest))
         for trial in JUMP_TRIALS:
