@@ -87,6 +87,9 @@ class Engine:
         without.
     points_per_task : int
         Points of a sweep in one task, for about a tenth of a second of work.
+    low_fidelity : str or None
+        Engine that a sweep computes at every point, corrected by this one at some of them; None if this one computes
+        every point.
     """
 
     name: str
@@ -104,6 +107,7 @@ class Engine:
     fields_module: str | None = None
     derivative_module: str | None = None
     points_per_task: int = 1
+    low_fidelity: str | None = None
 
     @property
     def torque(self) -> bool:
@@ -159,7 +163,7 @@ ENGINES: Mapping[str, Engine] = MappingProxyType({
             EngineCost(60.0, 15.0, continued_contact=45.0, torque=45.0, second_pass=20.0, map_speeds=3),
             (*_PLASTIC, "steel_friction"),
             compacting=True, continuation=True, density_target=True, cheap=False, points_per_task=8,
-            fields_module="compact.engines.compaction.results",
+            fields_module="compact.engines.compaction.results", low_fidelity="column",
         ),
     )
 })  # fmt: skip
