@@ -136,6 +136,7 @@ def test_operating_point_needs_compaction(capsys, tmp_path):
     assert (tmp_path / "operating_point.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_operating_point_reports_failed_calibrations(monkeypatch):
     def not_steady(*arguments, **options):
         raise RuntimeError("not steady at depth 0.002 m")

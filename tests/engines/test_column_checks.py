@@ -206,6 +206,7 @@ cli.main()
 """
 
 
+@pytest.mark.slow
 def test_long_integration_is_interruptible(tmp_path):
     scene = str(Path(__file__).parents[2] / "studies/scenes/loveikin-2015.toml")
     code, seconds, message = interrupted(LONG.format(scene=scene, out=str(tmp_path / "out")))

@@ -90,7 +90,7 @@ CASES = {
     "load": (SLIP, DEEP, MIX, 0.3),
     "peak pressure": (SLIP, Roller(R, peak_pressure=2e5), MIX, 0.05),
 }
-SLOW_CASES = ("sliding circle on slip", "sliding backwards", "three branches", "load", "peak pressure")
+SLOW_CASES = ("slip", "sliding circle on slip", "sliding backwards", "three branches", "load", "peak pressure")
 
 
 @pytest.mark.parametrize(

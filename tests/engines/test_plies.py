@@ -327,6 +327,7 @@ def test_stress_along_x_jumps_with_the_stiffness_at_an_interface():
 # cost
 
 
+@pytest.mark.slow
 def test_speeds_share_one_factorisation():
     layer = two_plies(0.01, 20.0)
     surface_compliance.layer_stiffness.cache_clear()

@@ -477,6 +477,7 @@ def test_error_estimate_covers_the_true_error(scenes, modes):
         assert rest < 2e-10
 
 
+@pytest.mark.slow
 def test_tolerance_is_reached():
     loose, strict = (spectral.roll(LAYER, pressed(), DECADES, 1e-4, rtol=rtol) for rtol in (1e-4, 1e-8))
     assert max(strict.error) <= 1e-8 < max(loose.error) <= 1e-4

@@ -71,7 +71,7 @@ def rolled(engine, target, value, profile="parabola", layer=LAYER, **options):
     return roll(layer, roller, MATERIALS[engine], SPEED, **options, **engine_options)
 
 
-@pytest.mark.sampled(24)
+@pytest.mark.sampled(16)
 @pytest.mark.filterwarnings("ignore:half-plane theory")
 @pytest.mark.parametrize(("engine", "target", "value", "profile"), CASES)
 def test_target_is_reached_or_refused(engine, target, value, profile):

@@ -112,6 +112,7 @@ def test_free_roller_from_rest_reaches_steady_rolling_in_both_directions():
     assert R * np.diff(result.angle[forward - 3 : forward + 1]) / travel - 1 == pytest.approx(steady.creep, rel=0.01)
 
 
+@pytest.mark.slow
 def test_shear_under_a_torque_at_rest_is_that_of_mindlin():
     """Half of the friction limit: q = f p(x; a) - f (c/a) p(x; c), c = a sqrt(1 - 1/2).
 
@@ -299,6 +300,7 @@ def active_set(A, depth):
     raise AssertionError("the active set cycles")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mix", "motion"),
     [

@@ -68,6 +68,7 @@ def test_slip_torque_is_eytelweins_limit():
 # independent solution
 
 
+@pytest.mark.slow
 def test_speed_agrees_with_a_general_solver():
     """w = g phi'/(1 - T_b/C) with T_b = T(w) - J_m g phi'', integrated over time."""
     run = simulate(STRONG, inertias=(0.01, 30.0))

@@ -52,6 +52,7 @@ def test_constant_valve_areas_yield_a_constant_speed(inlet, outlet):
     assert stroke.outlet_pressure[-1] == pytest.approx(resistances[1] * speed**2, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_added_mass_adds_to_the_mass_of_the_cart():
     """W = F + 400 kg v' adds 400 kg to the cart."""
     areas = constant(1e-6, 0.3), constant(2e-5, 0.3)

@@ -69,7 +69,7 @@ def ramped_acceleration(jerk):
     return min(root.real for root in roots if abs(root.imag) < 1e-12 and root.real > 0)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("objective", "resistance", "limits", "exact", "within"),
     [

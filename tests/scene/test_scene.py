@@ -1257,7 +1257,7 @@ def test_any_text_is_a_scene_or_refused(text):
 
 
 @given(st.integers(0, len(PUBLISHED)), st.integers(0, 40), st.text(alphabet="[]{}=\"'#.,\n\\ ax0-_e+", max_size=12))
-@examples(80, slow=300)
+@examples(40, slow=300)
 def test_any_damage_to_a_scene_is_refused_or_harmless(start, length, text):
     assert made_or_refused(parse_scene, PUBLISHED[:start] + text + PUBLISHED[start + length :])
 
@@ -1273,8 +1273,9 @@ def test_any_bytes_are_a_scene_or_refused(tmp_path_factory, content):
 paths = st.sampled_from([*LEAVES, *Scene.model_fields, "mix.overrides", "motion.tables", "drive.angles"])
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # a former name of a key can be drawn
 @given(st.dictionaries(paths | st.text(max_size=12), junk, max_size=4))
-@examples(80, slow=300)
+@examples(40, slow=300)
 def test_any_change_makes_a_scene_or_is_refused(published, changes):
     assert made_or_refused(published.replaced, **changes)
 
