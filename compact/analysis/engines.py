@@ -90,6 +90,9 @@ class Engine:
         without.
     points_per_task : int
         Points of a sweep in one task, for about a tenth of a second of work.
+    low_fidelity : str or None
+        Engine that a sweep computes at every point, corrected by this one at some of them; None if this one computes
+        every point.
     """
 
     name: str
@@ -108,6 +111,7 @@ class Engine:
     fields_module: str | None = None
     derivative_module: str | None = None
     points_per_task: int = 1
+    low_fidelity: str | None = None
 
     @property
     def torque(self) -> bool:
@@ -173,7 +177,7 @@ ENGINES: Mapping[str, Engine] = MappingProxyType({
             (*_PLASTIC, "steel_friction"),
             compacting=True, continuation=True, density_target=True, rate_factor_only=True, cheap=False,
             points_per_task=8,
-            fields_module="compact.engines.compaction.results",
+            fields_module="compact.engines.compaction.results", low_fidelity="column",
         ),
     )
 })  # fmt: skip
