@@ -113,7 +113,7 @@ def _drive_resistance(study: Study) -> dict[str, Any]:
     resistance_map = study.resistance_map
     return {
         "by": study.scene.accuracy.engine,
-        "speeds": [each.speed for each in resistance_map.computed],
+        "speeds": resistance_map.speeds,
         "error_between_speeds": resistance_map.error,
         "engine_error": resistance_map.engine_error,
         "added_masses": resistance_map.added_masses,
