@@ -205,7 +205,7 @@ def test_stage_without_rate_effect_computes_no_further_contact():
     assert (study.resistance_map.error, study.counts["resistance"]) == (0.0, 0)
 
 
-def test_stage_maps_and_extends_by_the_law(tmp_path):
+def test_stage_maps_and_extends_by_the_law():
     study = columns_study()
     before, fastest = study.resistance_map, study.fastest
     assert study.counts["resistance"] <= 2
@@ -218,6 +218,23 @@ def test_stage_maps_and_extends_by_the_law(tmp_path):
     for speed in (0.03 * fastest, 0.4 * fastest, 1.3 * fastest):
         held_out = contact_stage.roll_scene(study.scene, study.mix, speed, held=study.held)
         assert after(speed) == pytest.approx(length * held_out.resistance, rel=5e-3)
+
+
+def test_stage_uses_the_contact_at_the_mean_speed():
+    study = columns_study(**{"contact.speeds": [0.01]})
+    assert study.contact_stage.reference
+    assert {0.01, study.scene.mean_speed} <= {each.speed for each in study.resistance_map.contacts}
+
+
+def test_stored_law_is_extended_by_its_contacts(tmp_path):
+    first = columns_study()
+    before = first.resistance_map
+    list(first.keep(tmp_path, []))
+    again = columns_study(tmp_path)
+    assert again.resistance_map.contacts == before.contacts
+    again.resistance_stage.extend(1.3 * again.fastest)
+    assert again.resistance_map.contacts == before.contacts
+    assert not {"rolled", "resistance"} & set(again.counts)
 
 
 # (e) irreversible compaction by finite elements
