@@ -327,6 +327,7 @@ def sweep(
     resume: bool = False,
     rank: bool = False,
     sobol: bool = False,
+    direct: int | Literal["all"] | None = None,
     out: Path | None = None,
     engine: Engine = None,
     tolerance: float | None = None,
@@ -350,6 +351,8 @@ def sweep(
         rank the motion laws at every point as well
     sobol
         design the sample for Sobol indices, the share of the spread that each parameter explains
+    direct
+        points that the engine compaction computes itself, a number or all; at the others it corrects columns
     out
         folder of the results; default out/NAME-sweep, NAME as in `compact run`
     tolerance
@@ -360,12 +363,12 @@ def sweep(
     from compact.report.progress import Progress
     from compact.sweep import design as varying
     from compact.sweep import sobol_indices
-    from compact.sweep.run import Sweep
+    from compact.sweep.corrected import create_sweep
 
     workforce = choose_executor(workers, scheduler)
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
     given, varied = _scene(scene, quiet, changes, asked), [varying.read_design(text) for text in vary]
-    many = Sweep(given, varied, rank=rank, indices=sobol)
+    many = create_sweep(given, varied, rank=rank, indices=sobol, direct=direct)
     directory, failed = out or default_directory(scene, "sweep"), 0
 
     def step(points: int, failures: int) -> None:
@@ -374,8 +377,8 @@ def sweep(
         progress.advance(points)
         progress.report(f"{failed} failed" if failed else "")
 
-    with Progress(total=many.size, quiet=quiet) as progress:
-        progress.begin(f"{many.size} points", 0.0)
+    with Progress(total=many.steps, quiet=quiet) as progress:
+        progress.begin(f"{many.steps} points", 0.0)
         table = many.run(directory, executor=workforce, resume=resume, force=force, step=step)
     indices = sobol_indices.of_table(table)
     sweep_writer.write_sweep_report(directory, table, indices)

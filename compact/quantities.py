@@ -177,6 +177,18 @@ SWEEP_POINT = {  # numbers of one point of a sweep
     ),
     "saturation": Quantity("degree of saturation", "1", definition="share of the pore volume filled with water"),
 }
+SWEEP_CORRECTION = {  # further numbers of a point of a sweep by columns that finite elements correct
+    "load_factor": Quantity("load over that of columns", "1"),
+    "resistance_factor": Quantity("resistance over that of columns", "1"),
+    "load_surface_error": Quantity(
+        "relative error estimate of the load by interpolation", "1",
+        definition="part of load_error: twice the rms leave-one-out error of the response surface",
+    ),
+    "resistance_surface_error": Quantity(
+        "relative error estimate of the resistance by interpolation", "1",
+        definition="part of resistance_error: twice the rms leave-one-out error of the response surface",
+    ),
+}  # fmt: skip
 CRITERIA = {  # criteria by which laws are ranked
     "peak_force": Quantity("peak drive force", "N", "kN"),
     "peak_power": Quantity("peak drive power", "W"),

@@ -48,6 +48,7 @@ def sweep_digest(table: "Dataset", sobol: SobolTable) -> str:
     """Summarise a sweep: ranges of the quantities, failures, warnings and Sobol indices."""
     failed = (table["reason"] != "").values
     lines = [f"{failed.size} points by {table.attrs['engine']}, {failed.sum()} without numbers"]
+    lines += [f"  {sentence}" for sentence in filter(None, table.attrs.get("correction", "").splitlines())]
     for name in DIGEST_QUANTITIES:
         values = table[name].values
         values = values[np.isfinite(values)]

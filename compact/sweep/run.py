@@ -15,10 +15,11 @@ computation from scratch. Such a line is one task, which is computed again if it
 
 import json
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from hashlib import sha256
+from math import dist
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,7 +57,9 @@ class Task:
     Parameters
     ----------
     chained : bool
-        Whether each contact is the initial guess of the next.
+        Whether contacts are initial guesses of the next ones.
+    places : tuple, optional
+        Coordinates of the points [-]. The guess is the contact of the nearest point; without coordinates, the last one.
     """
 
     scene: Scene
@@ -64,6 +67,13 @@ class Task:
     rank: bool
     chained: bool
     versions: dict[str, str]
+    places: tuple[tuple[float, ...], ...] = ()
+
+    def nearest(self, number: int, others: Iterable[int]) -> int:
+        """Return the nearest of other points, the first of equals; the last one without coordinates."""
+        if not self.places:
+            return max(others)
+        return min(others, key=lambda other: round(dist(self.places[number], self.places[other]), 9))
 
 
 def compute(task: Task) -> dict[str, Results]:
@@ -76,11 +86,13 @@ def compute(task: Task) -> dict[str, Results]:
     """
     _require_versions(task.versions, versions())
     found: dict[str, Results] = {}
-    guess = None
+    contacts: dict[int, ContactResult] = {}
     with _ONE_AT_A_TIME, threadpool_limits(1):
-        for key, changes, shares in task.points:
+        for number, (key, changes, shares) in enumerate(task.points):
+            guess = contacts[task.nearest(number, contacts)] if contacts else None
             found[key], contact = _point(task, changes, shares, guess)
-            guess = contact if task.chained else None
+            if task.chained and contact is not None and contact is not guess:
+                contacts = (contacts if task.places else {}) | {number: contact}
     return found
 
 
@@ -127,6 +139,11 @@ class Sweep:
         return int(np.prod(self.design.shape))
 
     @property
+    def steps(self) -> int:
+        """Number of points that `run` announces to `step`."""
+        return self.size
+
+    @property
     def chained(self) -> bool:
         """True if each point is the initial guess of its neighbour."""
         return not self.design.names and any(ENGINES[engine].continuation for engine in self.engines)
@@ -156,19 +173,30 @@ class Sweep:
         ResultsError
             If the directory has checkpoints, and neither `resume` nor `force` is set.
         """
-        keyed = self._keyed()
         with claimed_directory(directory, self.scene.hash, force) as place:
             store = Store(place / POINTS)
             known = self._known(store, resume, force)
-            points = {key: known[key] for key, *_ in keyed if key in known}
-            step(len(points), _failures(points))
-            tasks = self._tasks(keyed, points)
-            with closing(run_tasks(compute, tasks, executor, meanwhile=_import_netcdf)) as coming:
-                for number, outcome in coming:
-                    points |= self._kept(store, tasks[number], outcome, points, step)
-            table = self._table([points[key] for key, *_ in keyed])
+            table = self._table(self._results(store, known, executor, step))
             write_netcdf(place / "sweep.nc", table, NETCDF_HDF5)
         return table
+
+    def _results(self, store: Store, known: dict[str, Results], executor: Executor, step: Step) -> list[Results]:
+        """Return the results of all points, in the order of the design."""
+        keyed = self._keyed()
+        points = {key: known[key] for key, *_ in keyed if key in known}
+        points = self._computed(self._tasks(keyed, points), points, store, executor, step)
+        return [points[key] for key, *_ in keyed]
+
+    def _computed(
+        self, tasks: list[Task], points: dict[str, Results], store: Store, executor: Executor, step: Step
+    ) -> dict[str, Results]:
+        """Return known points and those of tasks."""
+        points = dict(points)
+        step(len(points), _failures(points))
+        with closing(run_tasks(compute, tasks, executor, meanwhile=_import_netcdf)) as coming:
+            for number, outcome in coming:
+                points |= self._kept(store, tasks[number], outcome, points, step)
+        return points
 
     def _known(self, store: Store, resume: bool, force: bool) -> dict[str, Results]:
         known = store.read()
@@ -210,12 +238,14 @@ class Sweep:
     def _tasks(self, keyed: list[KeyedPoint], known: dict[str, Results]) -> list[Task]:
         """Return the tasks of the missing points; a line of neighbours is computed as a whole."""
         if self.chained:
-            lines = [line for row in _parts(keyed, self.design.shape[-1]) for line in _parts(row, LINE)]
+            lines = [
+                line for row in points_in_parts(keyed, self.design.shape[-1]) for line in points_in_parts(row, LINE)
+            ]
             groups = [line for line in lines if any(key not in known for key, *_ in line)]
         else:
             size = min(ENGINES[engine].points_per_task for engine in self.engines)
             size = max(1, size // POINTS_PER_RANKING) if self.rank else size
-            groups = _parts([point for point in keyed if point[0] not in known], size)
+            groups = points_in_parts([point for point in keyed if point[0] not in known], size)
         return [Task(self.scene, tuple(group), self.rank, self.chained, versions()) for group in groups]
 
     def _table(self, points: list[Results]) -> "xarray.Dataset":
@@ -223,11 +253,7 @@ class Sweep:
         import xarray
 
         shape, names = self.design.shape, self._dimensions()
-        ranked, best_laws = ranking_variables(self.scene.drive.rank_by if self.rank else ())
-        numbers, words = SWEEP_POINT | ranked, WORDS | best_laws
-        for name in self.design.names:
-            origin = mix.PARAMETER_SOURCES[name]
-            numbers[name] = Quantity(name.replace("_", " "), origin.unit, definition=f"sampled: {origin.words}")
+        numbers, words = self._variables()
         found = {}
         for name, quantity in numbers.items():
             column = np.array([point.get(name, np.nan) for point in points]).reshape(shape)
@@ -236,6 +262,15 @@ class Sweep:
             column = np.array([point.get(name, "") for point in points], dtype=object).reshape(shape)
             found[name] = (names, column, {"long_name": meaning})
         return xarray.Dataset(found, self._coordinates(names), self._attributes())
+
+    def _variables(self) -> tuple[dict[str, Quantity], dict[str, str]]:
+        """Return the numbers and the meanings of the words of a point, by name."""
+        ranked, best_laws = ranking_variables(self.scene.drive.rank_by if self.rank else ())
+        numbers = SWEEP_POINT | ranked
+        for name in self.design.names:
+            origin = mix.PARAMETER_SOURCES[name]
+            numbers[name] = Quantity(name.replace("_", " "), origin.unit, definition=f"sampled: {origin.words}")
+        return numbers, WORDS | best_laws
 
     def _dimensions(self) -> tuple[str, ...]:
         """Return the names of the axes: the last part of the key, or the whole key if that is ambiguous."""
@@ -268,7 +303,7 @@ class Sweep:
         }
 
 
-def _parts(points: list[KeyedPoint], size: int) -> list[list[KeyedPoint]]:
+def points_in_parts(points: list[KeyedPoint], size: int) -> list[list[KeyedPoint]]:
     """Return successive parts of a size, the last one shorter."""
     return [points[start : start + size] for start in range(0, len(points), size)]
 

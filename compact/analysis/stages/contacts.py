@@ -55,8 +55,8 @@ def roll_scene(
     engine : str, optional
         Name of the engine; that of the scene by default.
     initial_guess : ContactResult, optional
-        Contact at another speed in the same direction, or of another mix. Engines with continuation use it if the layer
-        is the same. If only the speed differs and the mix has no rate, it is the result.
+        Contact at another speed in the same direction, of another mix or depth. Engines with continuation use it on the
+        same base. If only the speed differs and the mix has no rate, it is the result.
     progress : callable, optional
         Called with lines of text by engines with continuation.
 
@@ -71,9 +71,11 @@ def roll_scene(
     layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
     options = _engine_options(scene, used, held, progress)
     if guess := _continuable(used, initial_guess, layer, speed):
-        if _differs_in_speed_only(roller, material, guess, speed):
-            return _at_speed(guess, speed)
-        options["start"], layer = guess, guess.layer
+        options["start"] = guess
+        if _has_same_height(guess, layer):
+            if _differs_in_speed_only(roller, material, guess, speed):
+                return _at_speed(guess, speed)
+            layer = guess.layer
     with _named_errors(scene, used.name, speed):
         result = used.roll(layer, roller, material, speed, **options)
         _require_above_base(result, layer)
@@ -117,7 +119,8 @@ def roll_passes(
 
     layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
     known = _continuable(used, initial_guess[0] if initial_guess else None, layer, speed)
-    if initial_guess and known and _differs_in_speed_only(roller, material, known, speed):
+    same_layer = known is not None and _has_same_height(known, layer)
+    if initial_guess and known and same_layer and _differs_in_speed_only(roller, material, known, speed):
         return tuple(_at_speed(each, float(np.copysign(speed, cast(Any, each).speed))) for each in initial_guess)
     forward, *later = there_and_back(count)
     options = _engine_options(scene, used, held, progress)
@@ -170,13 +173,17 @@ def _at_speed(result: Any, speed: float) -> ContactResult:
 
 
 def _continuable(engine: Engine, guess: ContactResult | None, layer: Layer, speed: float) -> LayerContactResult | None:
-    """Return a contact in the same direction over the same layer, but for the elastic recovery; else None."""
+    """Return a contact in the same direction on the same base, over a layer of any height; else None."""
     if guess is None or not engine.continuation:
         return None
     known = cast(LayerContactResult, guess)
     same = replace(known.layer, height=layer.height) == layer
-    near = abs(known.layer.height / layer.height - 1) < SAME_LAYER
-    return known if known.speed * speed > 0 and same and near else None
+    return known if known.speed * speed > 0 and same else None
+
+
+def _has_same_height(guess: LayerContactResult, layer: Layer) -> bool:
+    """Return True if a layer is as high as that of the guess, but for the elastic recovery."""
+    return abs(guess.layer.height / layer.height - 1) < SAME_LAYER
 
 
 def _differs_in_speed_only(roller: Roller, material: Any, guess: LayerContactResult, speed: float) -> bool:

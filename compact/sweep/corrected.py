@@ -1,0 +1,321 @@
+"""Sweep by an engine of high fidelity at chosen points, which correct an engine of low fidelity at all points.
+
+    grid = "mix.moisture=0.08:0.12:10", "mix.density_ratio=0.95:0.98:10"
+    sweep = create_sweep(scene, [read_design(text) for text in grid])
+    table = sweep.run("out/sweep", executor=ProcessExecutor(2))  # 18 of 100 points by finite elements
+
+The engine "compaction" takes seconds for a point, "column" milliseconds. Their ratio is smooth over the parameters: a
+response surface of its logarithm (`correction`) interpolates it, with a leave-one-out error that is added to that of
+the engine. Chosen points that the engine refuses are replaced by others and are not part of the surface; points beyond
+the hull of those that it solved have no result.
+
+Keys with words, such as layer.base, divide the sweep into parts with one surface each. The chosen points are divided
+into connected parts, each a task, in which a point starts from the nearest contact. This division does not depend on
+the number of workers.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from hashlib import sha256
+from typing import Any, Literal
+
+import numpy as np
+
+from compact.analysis.engines import ENGINES
+from compact.analysis.worker_pool import Executor
+from compact.quantities import SWEEP_CORRECTION, Quantity
+from compact.scene.engine_capabilities import LIMITS
+from compact.scene.loader import Scene
+from compact.sweep.checkpoints import Store
+from compact.sweep.correction import (
+    FloatArray,
+    Surface,
+    choose_points,
+    connected_parts,
+    default_count,
+    distances,
+    fit_surface,
+    inside_hull,
+)
+from compact.sweep.design import Axis, Sampled
+from compact.sweep.point import Results, versions
+from compact.sweep.run import KeyedPoint, Step, Sweep, Task, points_in_parts
+
+ALL = "all"
+ROUNDS = 3  # [-], of chosen points; later ones replace those without a result
+FORCES = ("load", "resistance")  # with an error estimate
+CORRECTED = (*FORCES, "capture_angle", "contact_length", "peak_pressure", "exit_density_ratio")
+ORIGIN = "two_dimensions"
+ORIGIN_MEANING = "solved or refused by the engine at this point; empty for columns that a response surface corrects"
+
+
+def create_sweep(
+    scene: Scene,
+    varied: Sequence[Axis | Sampled],
+    *,
+    rank: bool = False,
+    indices: bool = False,
+    direct: int | Literal["all"] | None = None,
+) -> Sweep:
+    """Create the sweep of a scene, with a correction where its engine has one of low fidelity.
+
+    Parameters
+    ----------
+    direct : int or "all", optional
+        Number of points that the engine computes itself; by default as many as a quadratic surface requires thrice.
+
+    Raises
+    ------
+    ValueError
+        If the engine has none of low fidelity, or laws are ranked with a correction.
+    """
+    whole = Sweep(scene, varied, rank=rank, indices=indices)
+    able = len(whole.engines) == 1 and ENGINES[whole.engines[0]].low_fidelity is not None
+    if direct is not None and not able:
+        names = [name for name, engine in ENGINES.items() if engine.low_fidelity]
+        raise ValueError(f"--direct is for sweeps by {' or '.join(names)} alone, got {', '.join(whole.engines)}")
+    if not able or direct == ALL:
+        return whole
+    if direct is not None and (isinstance(direct, str) or direct < 1):
+        raise ValueError(f"--direct must be at least 1, or all, got {direct}")
+    corrected = CorrectedSweep(scene, varied, indices=indices, direct=direct)
+    if corrected.steps >= corrected.size:
+        return whole
+    if rank:
+        raise ValueError(
+            f"--rank needs a resistance over speed, which the correction of {corrected.low_fidelity} by "
+            f"{corrected.engines[0]} does not have; give --direct all, or --engine {corrected.low_fidelity}"
+        )
+    return corrected
+
+
+class CorrectedSweep(Sweep):
+    """Sweep with results of an engine of low fidelity, corrected at chosen points.
+
+    Parameters
+    ----------
+    direct : int, optional
+        Number of chosen points in each group of words.
+    """
+
+    def __init__(
+        self, scene: Scene, varied: Sequence[Axis | Sampled], *, indices: bool = False, direct: int | None = None
+    ) -> None:
+        super().__init__(scene, varied, indices=indices)
+        self.low_fidelity = str(ENGINES[self.engines[0]].low_fidelity)
+        self.places, self.groups = self._places_and_groups()
+        self.direct = direct or default_count(self.places.shape[1])
+        self.notes: tuple[str, ...] = ()
+
+    @property
+    def steps(self) -> int:
+        """Number of chosen points."""
+        return sum(min(self.direct, len(group)) for group in self.groups)
+
+    def _places_and_groups(self) -> tuple[FloatArray, list[list[int]]]:
+        """Return the coordinates of all points, 0 to 1 over the sweep [-], and the points with the same words."""
+        grid = np.indices(self.design.shape).reshape(len(self.design.shape), -1)
+        columns, words = [], []
+        for axis, index in zip(self.design.axes, grid, strict=False):
+            if any(isinstance(value, str | bool) for value in axis.values):
+                words.append(index)
+            elif len(axis.values) > 1:
+                values = np.array(axis.values, dtype=float)
+                columns.append(((values - values.min()) / np.ptp(values))[index])
+        columns += list(self.design.shares[grid[-1]].T) if self.design.names else []
+        places = np.column_stack(columns) if columns else np.zeros((self.size, 1))
+        kinds = np.array(words, dtype=int).reshape(len(words), self.size).T
+        _, group = np.unique(kinds, axis=0, return_inverse=True)
+        return places, [np.flatnonzero(group == number).tolist() for number in range(group.max() + 1)]
+
+    def _results(self, store: Store, known: dict[str, Results], executor: Executor, step: Step) -> list[Results]:
+        """Return the results of all points: columns, chosen points, and the correction."""
+        columns = self._by_columns(store, known, executor)
+        exact = self._by_engine(columns, store, known, executor, step)
+        corrections = [Correction(self.places, group, columns, exact, not self.design.names) for group in self.groups]
+        self.notes = tuple(correction.note for correction in corrections)
+        found = {number: result for correction in corrections for number, result in correction.results().items()}
+        return [found[number] for number in range(self.size)]
+
+    def _by_columns(self, store: Store, known: dict[str, Results], executor: Executor) -> list[Results]:
+        """Return the results of the engine of low fidelity at all points."""
+        scene = self.scene.replaced(**self._accepted({}))
+        base = json.dumps([self.scene.hash, versions(), self.low_fidelity])
+        keyed: list[KeyedPoint] = []
+        for number in range(self.size):
+            changes, shares = self.design.point(number)
+            changes |= self._accepted(changes)
+            keyed.append((_key([base, changes, shares]), changes, shares))
+        points = {key: known[key] for key, *_ in keyed if key in known}
+        missing = [point for point in keyed if point[0] not in points]
+        groups = points_in_parts(missing, ENGINES[self.low_fidelity].points_per_task)
+        tasks = [Task(scene, tuple(group), False, False, versions()) for group in groups]
+        points = self._computed(tasks, points, store, executor, lambda *_: None)
+        return [points[key] for key, *_ in keyed]
+
+    def _accepted(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """Return the keys that turn a scene into one that the engine of low fidelity accepts."""
+        accepted: dict[str, Any] = {"accuracy.engine": self.low_fidelity}
+        for limit in LIMITS.get(self.low_fidelity, ()):
+            value = changes.get(limit.key, limit.value_in(self.scene))
+            if (limit.key in changes or self.scene.is_set(limit.key)) and value not in limit.taken:
+                accepted[limit.key] = limit.taken[0]
+        if self.scene.machine.roller_torque is not None:
+            accepted["machine.roller_torque"] = None
+        return accepted
+
+    def _by_engine(
+        self, columns: list[Results], store: Store, known: dict[str, Results], executor: Executor, step: Step
+    ) -> dict[int, Results]:
+        """Return the results at the chosen points by their number; points without a result are replaced by others."""
+        exact: dict[int, Results] = {}
+        for _ in range(ROUNDS):
+            parts = [
+                part
+                for group in self.groups
+                for part in connected_parts(self.places, self._chosen(group, columns, exact))
+            ]
+            if not parts:
+                break
+            chains = [self._chain(part) for part in parts]
+            points = {key: known[key] for chain in chains for key, *_ in chain if key in known}
+            tasks = [
+                Task(self.scene, chain, False, True, versions(), tuple(map(tuple, self.places[part].tolist())))
+                for part, chain in zip(parts, chains, strict=True)
+                if any(key not in points for key, *_ in chain)
+            ]
+            points = self._computed(tasks, points, store, executor, step)
+            for part, chain in zip(parts, chains, strict=True):
+                exact |= {number: points[key] for number, (key, *_) in zip(part, chain, strict=True)}
+        return exact
+
+    def _chosen(self, group: list[int], columns: list[Results], exact: dict[int, Results]) -> list[int]:
+        """Return the next chosen points of a group, in place of those without a result; none if all are without."""
+        able = [number for number in group if not columns[number].get("reason")]
+        taken = [order for order, number in enumerate(able) if number in exact]
+        solved = sum(not exact[able[order]].get("reason") for order in taken)
+        if taken and not solved:
+            return []
+        return [able[order] for order in choose_points(self.places[able], self.direct - solved, taken)]
+
+    def _chain(self, part: list[int]) -> tuple[KeyedPoint, ...]:
+        """Return the keyed points of a part; each key depends on the points before and on the coordinates."""
+        key, keyed = json.dumps([self.scene.hash, versions()]), []
+        for number in part:
+            changes, shares = self.design.point(number)
+            key = _key([key, self.places[number].tolist(), changes, shares])
+            keyed.append((key, changes, shares))
+        return tuple(keyed)
+
+    def _variables(self) -> tuple[dict[str, Quantity], dict[str, str]]:
+        numbers, words = super()._variables()
+        return numbers | SWEEP_CORRECTION, words | {ORIGIN: ORIGIN_MEANING}
+
+    def _attributes(self) -> dict[str, str]:
+        return super()._attributes() | {"correction": "\n".join(self.notes)}
+
+
+def _key(content: list[Any]) -> str:
+    return sha256(json.dumps(content).encode()).hexdigest()[:32]
+
+
+class Correction:
+    """Correction of the columns of a group of points by those with a result in two dimensions.
+
+    Parameters
+    ----------
+    places : FloatArray, shape (size, parameters)
+        Coordinates of all points of the sweep [-].
+    group : list of int
+        Numbers of the points.
+    columns : sequence of dict
+        Results of the engine of low fidelity at all points.
+    exact : mapping
+        Results at the chosen points by their number.
+    convex : bool
+        As of `inside_hull`.
+    """
+
+    def __init__(
+        self,
+        places: FloatArray,
+        group: list[int],
+        columns: Sequence[Results],
+        exact: Mapping[int, Results],
+        convex: bool,
+    ) -> None:
+        self.places, self.columns, self.exact, self.convex = places, columns, exact, convex
+        self.failed = [number for number in group if columns[number].get("reason")]
+        self.chosen = [number for number in group if number in exact]
+        self.rest = [number for number in group if number not in {*self.failed, *self.chosen}]
+        factors = {number: self._factors(number) for number in self.chosen}
+        self.solved = [number for number in self.chosen if np.isfinite(factors[number][: len(FORCES)]).all()]
+        self.factors = np.array([factors[number] for number in self.solved]).reshape(-1, len(CORRECTED))
+        self.surfaces: dict[str, Surface] = {}
+        for name, column in zip(CORRECTED, self.factors.T, strict=True):
+            if np.isfinite(column).all() and (surface := fit_surface(places[self.solved], np.log(column))):
+                self.surfaces[name] = surface
+
+    def _factors(self, number: int) -> FloatArray:
+        """Return the ratios of CORRECTED; nan where they have no logarithm."""
+        exact, columns = self.exact[number], self.columns[number]
+        pairs = [(exact.get(name, np.nan), columns.get(name, np.nan)) for name in CORRECTED]
+        return np.array([fine / coarse if fine * coarse > 0 else np.nan for fine, coarse in pairs])
+
+    @property
+    def note(self) -> str:
+        """Numbers of points, and range, kind and error of the surfaces of the forces."""
+        counts = f"{len(self.solved)} of {len(self.chosen)} chosen points have a result in two dimensions"
+        if not set(FORCES) <= set(self.surfaces):
+            return f"{counts}, too few for a response surface; take a larger --direct, or all"
+        for name, column in zip(FORCES, self.factors.T, strict=False):
+            surface, span = self.surfaces[name], f"{column.min():.3g} to {column.max():.3g} of columns"
+            counts += f"; {name} {span}, error of interpolation {surface.error:.2%} ({surface.kind} surface)"
+        return counts
+
+    def results(self) -> dict[int, Results]:
+        """Return the results of all points of the group by their number."""
+        results = {number: self.columns[number] for number in self.failed} | self._of_chosen()
+        if not set(FORCES) <= set(self.surfaces):
+            return results | {number: {"reason": self.note} for number in self.rest}
+        inside = inside_hull(self.places[self.rest], self.places[self.solved], self.convex).tolist()
+        reason = (
+            f"beyond the hull of the {len(self.solved)} points with a result in two dimensions, of "
+            f"{len(self.chosen)} chosen; --direct all computes this point"
+        )
+        results |= {number: {"reason": reason} for number, is_in in zip(self.rest, inside, strict=True) if not is_in}
+        return results | self._interpolated([n for n, is_in in zip(self.rest, inside, strict=True) if is_in])
+
+    def _of_chosen(self) -> dict[int, Results]:
+        """Return the results of the chosen points."""
+        results = {}
+        for number in self.chosen:
+            result = self.exact[number]
+            results[number] = result | {ORIGIN: "refused" if result.get("reason") else "solved"}
+        for number, row in zip(self.solved, self.factors, strict=True):
+            for name, factor in zip(FORCES, row.tolist(), strict=False):
+                results[number] |= {f"{name}_factor": factor, f"{name}_surface_error": 0.0}
+        return results
+
+    def _interpolated(self, numbers: list[int]) -> dict[int, Results]:
+        """Return the corrected results of points inside the hull."""
+        if not numbers:
+            return {}
+        factors = {name: np.exp(surface(self.places[numbers])) for name, surface in self.surfaces.items()}
+        results = {}
+        for order, number in enumerate(numbers):
+            nearest = np.argmin(distances(self.places[self.solved], self.places[number]))
+            factor = {name: float(values[order]) for name, values in factors.items()}
+            results[number] = self._corrected(self.columns[number], factor, self.exact[self.solved[nearest]])
+        return results
+
+    def _corrected(self, column: Results, factor: Mapping[str, float], nearest: Results) -> Results:
+        """Return the corrected results of columns, with the engine error of the nearest solved point."""
+        found = column | {name: column[name] * factor.get(name, np.nan) for name in CORRECTED if name in column}
+        found["resistance_coefficient"] = column["resistance_coefficient"] * factor["resistance"] / factor["load"]
+        found["power"] = column["power"] * factor["resistance"]
+        for name in FORCES:
+            error = self.surfaces[name].error
+            found |= {f"{name}_factor": factor[name], f"{name}_surface_error": error}
+            found[f"{name}_error"] = nearest[f"{name}_error"] + error
+        return found | {"work_residual": np.nan, "mass_residual": np.nan, "replaced": nearest.get("replaced", "")}

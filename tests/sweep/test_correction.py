@@ -1,0 +1,278 @@
+"""Sweeps of columns corrected by finite elements at chosen points: designs, surfaces, errors, resumption, refusals."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+from compact import cli
+from compact.analysis.worker_pool import ProcessExecutor, SerialExecutor
+from compact.report import sweep_writer
+from compact.scene.loader import load_scene
+from compact.sweep import design as vary
+from compact.sweep import run as sweep
+from compact.sweep import sobol_indices
+from compact.sweep.corrected import CorrectedSweep, create_sweep
+from compact.sweep.correction import choose_points, connected_parts, default_count, fit_surface, inside_hull
+from compact.sweep.run import Sweep
+
+ROOT = Path(__file__).parents[2]
+SCENE_FILE = ROOT / "studies" / "scenes" / "loveikin-2015.toml"
+SCENE = load_scene(
+    SCENE_FILE,
+    **{"accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "contact.indentation": 0.002},
+)
+GRID = ("mix.moisture=0.08:0.12:6", "mix.density_ratio=0.95:0.98:6")
+PLACES = np.array([(x, y) for x in np.linspace(0, 1, 6) for y in np.linspace(0, 1, 6)])
+
+
+def swept(directory, scene=SCENE, varied=GRID, executor=None, resume=False, step=lambda *_: None, **options):
+    """Table and sweep of a scene."""
+    many = create_sweep(scene, [vary.read_design(text) for text in varied], **options)
+    return many.run(directory, executor=executor or SerialExecutor(), resume=resume, step=step), many
+
+
+# (a) chosen points
+
+
+def test_chosen_points_include_the_corners_and_fill_the_square():
+    chosen = choose_points(PLACES, 18)
+    assert len(set(chosen)) == 18
+    assert {(0, 0), (0, 1), (1, 0), (1, 1)} <= {tuple(place) for place in PLACES[chosen]}
+    gaps = [min(np.hypot(*(place - PLACES[i])) for i in chosen) for place in PLACES]
+    assert max(gaps) < 0.3
+    assert choose_points(PLACES, 100, chosen)[:1] != chosen[:1]
+    assert len(choose_points(PLACES, 100, chosen)) == 18
+
+
+def test_chosen_values_of_one_parameter_include_the_ends():
+    places = np.linspace(0, 1, 41)[:, None]
+    assert choose_points(places, 3) == [0, 40, 20]
+    assert default_count(1) == 9
+
+
+def test_parts_are_connected_and_in_an_order_of_neighbours():
+    chosen = choose_points(PLACES, 18)
+    parts = connected_parts(PLACES, chosen)
+    assert sorted(number for part in parts for number in part) == sorted(chosen)
+    assert [len(part) for part in parts] == [9, 9]
+    for part in parts:
+        steps = [min(np.hypot(*(PLACES[i] - PLACES[j])) for j in part[:n]) for n, i in enumerate(part) if n]
+        assert max(steps) < 0.6
+
+
+# (b) surfaces
+
+
+@pytest.mark.parametrize(
+    ("function", "kind"),
+    [
+        (lambda x, y: 0.2 + 0.1 * x - 0.3 * y, "linear"),
+        (lambda x, y: 0.2 + 0.1 * x - 0.3 * y * x + y**2, "quadratic"),
+        (lambda x, y: np.exp(-4 * np.hypot(x - 0.3, y - 0.3)), "spline"),
+    ],
+)
+def test_surface_is_that_of_the_least_leave_one_out_error(function, kind):
+    chosen = choose_points(PLACES, 18)
+    rounding = 1e-3 * np.random.default_rng(1).standard_normal(36)
+    values = function(*PLACES.T) + rounding
+    surface = fit_surface(PLACES[chosen], values[chosen])
+    assert kind in surface.kind
+    assert np.abs(surface(PLACES) - values).max() < 3 * surface.error
+
+
+def test_few_points_have_no_surface():
+    assert fit_surface(PLACES[:4], PLACES[:4, 0]) is None
+
+
+def test_hull_excludes_a_corner_without_a_solution():
+    solved = PLACES[PLACES.sum(axis=1) <= 1.2]
+    inside = inside_hull(PLACES, solved, convex=True)
+    assert (inside == (PLACES.sum(axis=1) <= 1.2 + 1e-9)).all()
+    assert not inside_hull(PLACES, PLACES[:6], convex=True).any()  # on a line
+    assert inside_hull(np.array([[0.5], [1.1]]), np.array([[0.0], [1.0]]), convex=True).tolist() == [True, False]
+    assert inside_hull(PLACES, PLACES[[0, 5, 30, 35]], convex=False).all()
+
+
+# (c) sweeps by substitutes of the engines
+
+
+def columns_at(scene):
+    """Results of a substitute for columns."""
+    load = 1e4 * scene.mix.moisture * (scene.mix.overrides.heckel_slope or 1.0)
+    resistance = 0.1 * load * scene.mix.density_ratio
+    return {
+        "load": load, "resistance": resistance, "resistance_coefficient": resistance / load,
+        "power": 0.1 * resistance, "peak_pressure": 1e5, "load_error": 0.0, "resistance_error": 0.0,
+    }  # fmt: skip
+
+
+def factors_at(scene):
+    """Ratio of two dimensions to columns, of load and resistance."""
+    return np.exp(2 * scene.mix.moisture), np.exp(0.1 + 30 * (scene.mix.density_ratio - 0.96) ** 2)
+
+
+@pytest.fixture
+def solved(monkeypatch):
+    """Substitutes for both engines; the list of contacts in two dimensions and their starts."""
+    calls = []
+
+    def headline(scene, rank, guess):
+        here = (scene.mix.moisture, scene.mix.density_ratio)
+        found = columns_at(scene)
+        if scene.accuracy.engine == "column":
+            return found, None
+        calls.append((here, guess))
+        if scene.mix.moisture > 0.1 and scene.mix.density_ratio > 0.97:
+            return {"reason": "the mix heaps up"}, guess
+        load, resistance = factors_at(scene)
+        found |= {"load": load * found["load"], "resistance": resistance * found["resistance"]}
+        found["resistance_coefficient"] *= resistance / load
+        found["power"] *= resistance
+        return found | {"load_error": 0.01, "resistance_error": 0.02, "work_residual": 1e-4}, here
+
+    monkeypatch.setattr(sweep, "headline", headline)
+    return calls
+
+
+def test_columns_are_corrected_where_finite_elements_are_not_computed(solved, tmp_path):
+    steps = []
+    table, many = swept(tmp_path, step=lambda *step: steps.append(step))
+    direct = (table.two_dimensions == "solved").values
+    refused = (table.two_dimensions == "refused").values
+    inside = (table.two_dimensions == "").values & (table.reason == "").values
+    assert direct.sum() == 18  # the refused ones are replaced
+    assert sum(points for points, _ in steps) == len(solved) == direct.sum() + refused.sum()
+    assert refused.any()
+    for index in np.argwhere(inside | direct):
+        point = table.isel(moisture=index[0], density_ratio=index[1])
+        there = SCENE.replaced(
+            **{"mix.moisture": float(point.moisture), "mix.density_ratio": float(point.density_ratio)}
+        )
+        column, (load, resistance) = columns_at(there), factors_at(there)
+        assert float(point["load"]) == pytest.approx(load * column["load"], rel=1e-9)
+        error = float(point.resistance_surface_error)
+        assert float(point.resistance) == pytest.approx(resistance * column["resistance"], rel=error + 1e-9)
+        assert float(point.resistance_error) == pytest.approx(0.02 + error, abs=1e-12)
+        assert float(point.resistance_coefficient) == pytest.approx(float(point.resistance) / float(point["load"]))
+        assert float(point.power) == pytest.approx(0.1 * float(point.resistance))
+        assert float(point.resistance_factor) == pytest.approx(resistance, rel=error + 1e-9)
+    assert np.isnan(table.work_residual.values[inside]).all()
+    outside = (table.two_dimensions == "").values & ~inside
+    assert outside.any()
+    assert all("beyond the hull of the 18 points" in reason for reason in table.reason.values[outside])
+    assert (table.reason.values[refused] == "the mix heaps up").all()
+    digest = sweep_writer.sweep_digest(table, {})
+    assert f"18 of {len(solved)} chosen points have a result in two dimensions; load 1.17 to 1.27 of columns" in digest
+    assert "error of interpolation" in digest
+    xarray.testing.assert_identical(sweep.read_sweep(tmp_path / "sweep.nc").astype(object), table.astype(object))
+    assert many.size == 36
+
+
+def test_each_point_starts_from_the_nearest_contact_of_its_part(solved, tmp_path):
+    swept(tmp_path, varied=("mix.moisture=0.08:0.1:5", "mix.density_ratio=0.95:0.96:5"))
+    assert sum(guess is None for _, guess in solved) == 2  # parts
+    for (moisture, density), guess in solved:
+        if guess is not None:
+            assert abs(guess[0] - moisture) <= 0.011
+            assert abs(guess[1] - density) <= 0.0051
+
+
+def test_sweep_is_resumed_after_an_interruption(solved, tmp_path):
+    whole, _ = swept(tmp_path / "whole")
+    count = len(solved)
+
+    def interrupt(points, _failed):
+        if points:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        swept(tmp_path / "out", step=interrupt)
+    assert len(solved) == count + 9
+    table, many = swept(tmp_path / "out", resume=True)
+    assert len(solved) == 2 * count
+    assert many.computed == count - 9
+    xarray.testing.assert_identical(table, whole)
+    assert swept(tmp_path / "out", resume=True)[1].computed == 0
+
+
+def test_samples_have_sobol_indices_by_the_corrected_resistance(solved, tmp_path):
+    scene = SCENE.replaced(**{"mix.moisture": 0.09})
+    table, _ = swept(tmp_path, scene, ["mix.overrides.heckel_slope=~64"], indices=True, direct=9)
+    assert (table.two_dimensions == "solved").values.sum() == 9
+    (names, found) = sobol_indices.of_table(table)["resistance"]
+    assert names == ("heckel_slope",)
+    assert found.total[0] == pytest.approx(1, abs=0.1)
+    assert len(solved) == 9
+
+
+def test_words_have_one_surface_each(solved, tmp_path):
+    table, many = swept(tmp_path, varied=("layer.base=bonded,slip", "mix.moisture=0.08:0.1:21"))
+    assert len(many.groups) == 2
+    assert (table.two_dimensions == "solved").sum(dim="moisture").values.tolist() == [9, 9]
+    assert (table.reason == "").all()
+    assert len(table.attrs["correction"].splitlines()) == 2
+
+
+def test_too_few_solutions_have_no_surface(solved, tmp_path):
+    table, _ = swept(tmp_path, varied=("mix.moisture=0.09,0.101:0.12", "mix.density_ratio=0.975,0.98")[1:], direct=1)
+    assert table.two_dimensions.values.tolist() == ["solved", ""]
+    assert "too few for a response surface" in str(table.reason.values[1])
+
+
+# (d) choice of the sweep
+
+
+def test_correction_is_for_engines_with_one_of_low_fidelity():
+    varied = [vary.read_design(text) for text in GRID]
+    assert isinstance(create_sweep(SCENE, varied), CorrectedSweep)
+    assert type(create_sweep(SCENE, varied, direct="all")) is Sweep
+    assert type(create_sweep(SCENE, varied[:1])) is Sweep  # no more points than would be chosen
+    assert type(create_sweep(SCENE, varied[:1], direct=5)) is CorrectedSweep
+    assert type(create_sweep(SCENE.replaced(**{"accuracy.engine": "column"}), varied)) is Sweep
+    with pytest.raises(ValueError, match="give --direct all, or --engine column"):
+        create_sweep(SCENE, varied, rank=True)
+
+
+def test_columns_replace_what_they_do_not_take():
+    scene = SCENE.replaced(
+        **{"machine.roller_condition": "driven", "machine.roller_torque": 10.0, "layer.base": "slip"}
+    )
+    many = CorrectedSweep(scene, [vary.read_design(text) for text in GRID])
+    there = scene.replaced(**many._accepted({}))
+    assert (there.machine.roller_condition, there.layer.base) == ("frictionless", "bonded")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--engine", "column", "--direct", "9"), "--direct is for sweeps by compaction alone, got column"),
+        (("--engine", "compaction", "--direct", "0"), "--direct must be at least 1, or all, got 0"),
+        (("--engine", "compaction", "--direct", "3", "--rank"), "--rank needs a resistance over speed"),
+    ],
+)
+def test_invalid_corrections_end_with_a_message(arguments, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    code = cli._exit_code(["sweep", str(SCENE_FILE), "--vary", GRID[0], *arguments])
+    assert code == 2
+    assert words in "".join(capsys.readouterr())
+
+
+# (e) finite elements
+
+
+@pytest.mark.slow
+def test_two_processes_give_the_same_bits_by_finite_elements(tmp_path):
+    varied = ("mix.moisture=0.09:0.1:4", "mix.density_ratio=0.95:0.96:4")
+    scene = SCENE.replaced(**{"contact.indentation": 0.001})
+    one, _ = swept(tmp_path / "one", scene, varied, direct=10)
+    two, _ = swept(tmp_path / "two", scene, varied, ProcessExecutor(2), direct=10)
+    xarray.testing.assert_identical(one, two)
+    assert (one.reason == "").all()
+    assert float(one.resistance_surface_error.max()) < 0.02
+    left = np.argwhere((one.two_dimensions == "").values)[0]
+    point = one.isel(moisture=left[0], density_ratio=left[1])
+    there = scene.replaced(**{"mix.moisture": float(point.moisture), "mix.density_ratio": float(point.density_ratio)})
+    exact, _ = swept(tmp_path / "point", there, [f"mix.moisture={float(point.moisture)}"])
+    assert float(point.resistance) == pytest.approx(float(exact.resistance[0]), rel=0.02)
