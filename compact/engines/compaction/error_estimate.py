@@ -15,8 +15,9 @@ import numpy as np
 
 from compact.engines.compaction.bow_wave import QUANTITIES
 from compact.engines.compaction.finite_strain_solid import FloatArray
-from compact.engines.compaction.steady_search import MIN_RESISTANCE, SteadySearch
+from compact.engines.compaction.steady_search import SteadySearch
 
+MIN_RESISTANCE = 1e-3  # [-], least scale of the error of the resistance over the load
 DEPTH_EXPONENTS = np.array([1.2, 2.3, 1.0, 0.6])  # [-], of `QUANTITIES` over the depth; of the density: its increase
 WAVE_SHARE = 0.5  # [-], of the change of a force by that of the wave, the least change between two meshes
 
@@ -77,9 +78,7 @@ def mesh_errors(coarse: SteadySearch, fine: SteadySearch) -> tuple[float, float]
     if mode is not None and fine.target.quantity == "indentation":
         wave = fine.rolling.steps[-1].wave_area - coarse.rolling.steps[-1].wave_area
         change = np.maximum(change, WAVE_SHARE * np.abs(mode.slopes * wave))
-    load, resistance = np.abs(fine.values[:2])
-    scales = np.array([load, max(resistance, MIN_RESISTANCE * load)])
-    relative = order * change[:2] / scales
+    relative = order * change[:2] / _scales(fine)
     return float(relative[0]), float(relative[1])
 
 
@@ -95,7 +94,13 @@ def _at_same_target(coarse: SteadySearch, fine: SteadySearch) -> FloatArray:
 
 def _at_target(errors: FloatArray, search: SteadySearch) -> tuple[float, float]:
     """Return the errors of load and resistance at what is prescribed."""
-    load, resistance = float(errors[0]), float(errors[1])
+    load, resistance = (float(error) for error in errors[:2] / _scales(search))
     if search.target.quantity != "load":
         return load, resistance
     return 0.0, resistance + float(DEPTH_EXPONENTS[1] / DEPTH_EXPONENTS[0]) * load
+
+
+def _scales(search: SteadySearch) -> FloatArray:
+    """Return load and resistance, the latter not too small, as scales of their errors [N/m], shape (2,)."""
+    load, resistance = np.abs(search.values[:2])
+    return np.array([load, max(resistance, MIN_RESISTANCE * load)])

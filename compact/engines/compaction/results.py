@@ -227,7 +227,9 @@ def _overdense_work(solution: IncrementalRolling) -> float:
     """Return the share of the plastic work of one step at density ratios beyond the measured curve [-]."""
     frame, points = solution.frame, solution.state.points
     work = points.plastic_work - frame.convect(solution.state).points.plastic_work
-    work = work * frame.solid.point_areas * _volume_ratio(frame.solid, solution.state.displacement)
+    near = frame.solid.point_coordinates[:, 0] > -frame.exit_distance
+    area = frame.solid.point_areas * _volume_ratio(frame.solid, solution.state.displacement)
+    work = np.where(near, np.maximum(work, 0.0), 0.0) * area  # interpolated where elements grow, so never negative
     overdense = points.density_ratio > HECKEL_MAX_DENSITY_RATIO
     return float(work[overdense].sum() / work.sum()) if overdense.any() else 0.0
 

@@ -38,7 +38,8 @@ LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps 
 SETTLING_TOLERANCE = (
     1e-2  # [-], residual of a step over the nodal forces; 1e-4 changes a load by 4e-5 and costs half more
 )
-FINAL_TOLERANCE = 1e-3  # [-], of those after the last jump; of the last step `ROLLING_TOLERANCE`
+FINAL_TOLERANCE = 1e-3  # [-], of those near the steady state, whose scatter counts; of the last `ROLLING_TOLERANCE`
+NEAR = 4.0  # [-], estimated distance from the steady state over its tolerance
 JUMP_TRIALS = (1.0, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
 GROWTH, MAX_GROWTHS = 0.3, 3  # [-], required jump over the area, and number of successive ones with a steady state
 MAX_UNSLOWED = 2  # [-], such jumps if the growth of the wave has not slowed down
@@ -47,7 +48,7 @@ LENGTH_RANGE = (2.0, 40.0)  # [-], relaxation length over the contact length
 MIN_MODE = 0.02  # [-], least change of the wave between two settled states that define a mode, over the wave
 SIGNIFICANCE = 3.0  # [-], standard errors from which a change of the wave counts
 SAME_DEPTH = 1e-3  # [-], relative change of the depth below which settled states belong to one depth
-MIN_RESISTANCE = 1e-2  # [-], least scale of the resistance over the load, as of a second pass
+MIN_RESISTANCE = 3e-2  # [-], least scale of the resistance over the load; that of a driven roller may vanish
 STRETCHED_DEPTH = 1.25  # [-], ratio of a depth to that of the mesh from which the mesh is stretched
 
 Stretch = Callable[[IncrementalRolling, float], IncrementalRolling]
@@ -55,23 +56,27 @@ Stretch = Callable[[IncrementalRolling, float], IncrementalRolling]
 
 @dataclass(frozen=True, eq=False)
 class SteadyErrors:
-    """Estimated distance of a state from the steady state, relative but for the density ratio [-], shape (4,).
+    """Estimated distance of a state from the steady state, in the units of `QUANTITIES`.
 
     Parameters
     ----------
     drift : ndarray, shape (4,)
-        Distance of `QUANTITIES` along the slow mode.
+        Distance along the slow mode.
     start : ndarray, shape (4,)
         Scatter of the drift, and the transient of the start.
+    load, resistance : float
+        Scales of load and resistance [N/m].
     """
 
     drift: FloatArray
     start: FloatArray
+    load: float
+    resistance: float
 
     @property
     def total(self) -> float:
-        """Largest sum of both of load, resistance and exit density ratio."""
-        return float((self.drift + self.start)[:3].max())
+        """Largest sum of both of load and resistance over their scales, and of the exit density ratio [-]."""
+        return float(((self.drift + self.start)[:3] / [self.load, self.resistance, 1.0]).max())
 
 
 @dataclass
@@ -106,6 +111,7 @@ class SteadySearch:
     errors: SteadyErrors = field(init=False)
     values: FloatArray = field(init=False)  # `QUANTITIES` in the steady state
     finds_length: bool = field(init=False)
+    _density_factor: float = field(default=1.0, init=False)
     _drifts: list[WaveDrift] = field(default_factory=list, init=False)
     _settled: IncrementalRolling | None = field(default=None, init=False)
 
@@ -139,14 +145,18 @@ class SteadySearch:
             growths = growths + 1 if self.finds_length and jump > GROWTH * drift.wave_area else 0
             if growths > (MAX_GROWTHS if self.relaxation.length else MAX_UNSLOWED):
                 raise heaping_error(self.rolling, "grows without a steady state")
-            depth = secant.next_depth(self.depth, self._target_value())
-            is_final = self.errors.total < self.tolerance and abs(secant.last_miss) < self.target_tolerance
-            self.rolling.solver.tolerance = FINAL_TOLERANCE if is_final else SETTLING_TOLERANCE
+            is_near, is_final, depth = self.errors.total < NEAR * self.tolerance, False, self.depth
+            if is_near:  # the depth waits for the wave, since corrections of both at once oscillate
+                depth = secant.next_depth(depth, self._target_value())
+                is_final = self.errors.total < self.tolerance and abs(secant.last_miss) < self.target_tolerance
+            self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else SETTLING_TOLERANCE
             self._correct(depth, jump, FINAL_SETTLING if is_final else SETTLING)
             if is_final:
                 self._advance_exactly()
-                if abs(self.target.log_miss_of(self.rolling.steps[-1])) < self.target_tolerance:
+                last = self.rolling.steps[-1]
+                if abs(self.target.log_miss_of(last)) < self.target_tolerance:
                     return
+                self._density_factor = last.exit_density_ratio / self._geometric_density_ratio()
         if self.errors.total < self.tolerance:
             raise RuntimeError(secant.failure())
         raise RuntimeError(self._describe_failure())
@@ -155,7 +165,7 @@ class SteadySearch:
         """Make a step without damping to the full tolerance."""
         self.rolling.solver.tolerance = ROLLING_TOLERANCE
         self.rolling.advance(self._height, damping=0.0)
-        self.rolling.solver.tolerance = SETTLING_TOLERANCE
+        self.rolling.solver.tolerance = FINAL_TOLERANCE
 
     @property
     def _height(self) -> float:
@@ -213,19 +223,33 @@ class SteadySearch:
         jump, scatter = length * drift.wave_slope, length * drift.wave_error
         if abs(drift.wave_slope) < SIGNIFICANCE * drift.wave_error:
             jump = 0.0
-        load, resistance, _, pressure = np.abs(drift.values)
-        scales = np.array([load, max(resistance, MIN_RESISTANCE * load), 1.0, pressure])
+        load, resistance = np.abs(drift.values[:2])
         self.values = drift.values + slopes * jump
         transient = contact_length * np.abs(drift.slopes - slopes * drift.wave_slope)
-        self.errors = SteadyErrors(
-            LENGTH_ERROR * np.abs(slopes * jump) / scales, (np.abs(slopes) * scatter + transient) / scales
-        )
+        drifted, start = LENGTH_ERROR * np.abs(slopes * jump), np.abs(slopes) * scatter + transient
+        self.errors = SteadyErrors(drifted, start, float(load), float(max(resistance, MIN_RESISTANCE * load)))
         return jump
 
     def _target_value(self) -> float:
         """Extrapolated steady value of the prescribed quantity."""
         quantity = self.target.quantity
-        return self.depth if quantity == "indentation" else float(self.values[QUANTITIES.index(quantity)])
+        if quantity == "indentation":
+            return self.depth
+        if quantity == "exit_density_ratio":
+            return self._density_factor * self._geometric_density_ratio()
+        return float(self.values[QUANTITIES.index(quantity)])
+
+    def _geometric_density_ratio(self) -> float:
+        """Density ratio of the fed mix in the height of the layer behind the roller at the present depth [-].
+
+        The height is that of the roller and the recovery at the exit column, which the roller has passed before; the
+        density ratio of that column lags behind the depth. They differ by elastic strain and by elongation.
+        """
+        rolling = self.rolling
+        x, y = rolling.surface_positions.T
+        passed = rolling.steps[-min(int(rolling.frame.exit_distance / rolling.frame.step) + 1, len(rolling.steps))]
+        recovery = float(np.interp(-rolling.frame.exit_distance, x, y)) - passed.bottom_height
+        return self.target.fed_ratio * rolling.frame.mesh.height / (self._height + recovery)
 
     def _correct(self, depth: float, jump: float, share: float) -> None:
         """Jump along the mode and roll at a corrected depth; by less if a step has no equilibrium."""
