@@ -41,6 +41,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -157,6 +158,27 @@ class ResistanceExpansion:
         return np.abs(acceleration) * self.relaxation_time / abs(self.speed)
 
 
+class ForceSample(NamedTuple):
+    """Resistance by one contact.
+
+    Parameters
+    ----------
+    speed : float
+        Speed [m/s], > 0.
+    force : float
+        Resistance [N].
+    error : float or None
+        Relative error estimate of the engine [-].
+    noise : float
+        Relative scatter between contacts at neighbouring speeds [-], the part of the error that they do not share.
+    """
+
+    speed: float
+    force: float
+    error: float | None
+    noise: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class ResistanceMap:
     """Sampled resistance over speed and acceleration; call it with velocities [m/s] and accelerations [m/s2].
@@ -177,6 +199,8 @@ class ResistanceMap:
         Longest relaxation time tau [s]; 0 for a mix without memory.
     return_ratio : float
         Resistance of the return stroke, v < 0, over that of the forward stroke [-].
+    contacts : tuple of ForceSample
+        Contacts of the law whose values the samples are; empty where the samples themselves are contacts.
     """
 
     speeds: Array
@@ -186,6 +210,7 @@ class ResistanceMap:
     added_masses: Array | None = None
     relaxation_time: float = 0.0
     return_ratio: float = 1.0
+    contacts: tuple[ForceSample, ...] = ()
 
     odd = True  # either sign is accepted: a driven roller pulls its cart
 
@@ -260,10 +285,17 @@ class ResistanceMap:
         """Exponent n of the power law below the slowest sample [-]."""
         return _power_law_exponent(self.speeds, self.forces)
 
+    @property
+    def computed(self) -> tuple[ForceSample, ...]:
+        """Contacts from which the map was computed, in ascending order of the speed."""
+        pairs = zip(self.speeds.tolist(), self.forces.tolist(), strict=True)
+        return self.contacts or tuple(ForceSample(*pair, self.engine_error) for pair in pairs)
+
     def scaled(self, factor: float) -> "ResistanceMap":
         """Return the map with all forces and added masses multiplied by a factor [-]."""
         masses = None if self.added_masses is None else factor * self.added_masses
-        return replace(self, forces=factor * self.forces, added_masses=masses)
+        contacts = tuple(each._replace(force=factor * each.force) for each in self.contacts)
+        return replace(self, forces=factor * self.forces, added_masses=masses, contacts=contacts)
 
     def save(self, path: Path, key: str = "") -> None:
         """Write the map as netCDF with a key of all its inputs and the versions of the packages."""
@@ -274,9 +306,12 @@ class ResistanceMap:
         variables = {"speed": (self.speeds, "m/s"), "resistance": (self.forces, "N")}
         if self.added_masses is not None:
             variables["added_mass"] = (self.added_masses, "kg")
-        columns = {
+        columns: dict[str, Any] = {
             name: ("speed", values, {"units": unit}, {"_FillValue": None}) for name, (values, unit) in variables.items()
         }
+        if self.contacts:
+            table = np.array(self.contacts, dtype=float)  # an unknown error is nan
+            columns["contacts"] = (("contact", "quantity"), table, {}, {"_FillValue": None})
         attributes = {
             "key": key,
             "versions": _versions(),
@@ -308,8 +343,14 @@ def load_resistance_map(path: str | Path, key: str = "") -> ResistanceMap:
             f"{path}: computed with key {source[0] or 'none'} by {source[1]}, required {key or 'none'} and "
             f"{_versions()}; compute it again"
         )
-    estimate = None if np.isnan(engine_error) else engine_error
-    return ResistanceMap(speeds, forces, error, estimate, columns.get("added_mass"), time, ratio)
+    rows = columns.get("contacts", np.empty((0, 4))).tolist()
+    contacts = tuple(ForceSample(at, force, _known_error(error), noise) for at, force, error, noise in rows)
+    masses = columns.get("added_mass")
+    return ResistanceMap(speeds, forces, error, _known_error(engine_error), masses, time, ratio, contacts)
+
+
+def _known_error(error: float) -> float | None:
+    return None if np.isnan(error) else error
 
 
 def _versions() -> str:

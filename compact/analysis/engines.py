@@ -72,6 +72,9 @@ class Engine:
         True if the contact at another speed is a valid initial guess.
     density_target : bool
         True if `roll` iterates to a prescribed exit density ratio.
+    rate_factor_only : bool
+        True if the speed enters through `Compaction.rate_factor` alone, and contacts scatter and cost too much for a
+        map without this law: ln F is then a smooth function of the logarithm of the factor.
     rate_added_mass : float or None
         Added mass of a compacting layer whose mix depends on the rate [kg/m]; None where it is not known.
     cheap : bool
@@ -100,6 +103,7 @@ class Engine:
     compacting: bool = False
     continuation: bool = False
     density_target: bool = False
+    rate_factor_only: bool = False
     rate_added_mass: float | None = None
     cheap: bool = True
     tolerance_keyword: str | None = None
@@ -123,6 +127,15 @@ class Engine:
         """Compute the fields inside the layer."""
         require_known("engine with fields", self.name, [each.name for each in ENGINES.values() if each.fields_module])
         return import_module(str(self.fields_module)).field_mesh(result)
+
+    def noise(self, result: ContactResult) -> float:
+        """Estimate the relative scatter of the resistance between contacts at neighbouring speeds [-].
+
+        It is the part of the error that depends on the way to the steady state; the error by the mesh is common to the
+        contacts. It is 0 for an engine without such parts.
+        """
+        parts = getattr(result, "error_parts", None)
+        return 0.0 if parts is None else float(parts.drift[1] + parts.start[1])
 
     def tolerance(self, value: float, estimate: bool = True) -> dict[str, Any]:
         """Return the keyword arguments of `roll` for a relative tolerance [-], and without an error estimate."""
@@ -160,9 +173,10 @@ ENGINES: Mapping[str, Engine] = MappingProxyType({
         ),
         Engine(
             "compaction", "compact.engines.compaction.engine",
-            EngineCost(60.0, 15.0, continued_contact=45.0, torque=45.0, second_pass=20.0, map_speeds=3),
+            EngineCost(8.0, 15.0, continued_contact=2.5, torque=4.0, second_pass=8.0),
             (*_PLASTIC, "steel_friction"),
-            compacting=True, continuation=True, density_target=True, cheap=False, points_per_task=8,
+            compacting=True, continuation=True, density_target=True, rate_factor_only=True, cheap=False,
+            points_per_task=8,
             fields_module="compact.engines.compaction.results", low_fidelity="column",
         ),
     )

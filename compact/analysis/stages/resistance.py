@@ -1,7 +1,8 @@
 """Resistance stage of a study: the resistance of the mix to one cart over its speed, and the cart itself.
 
-The resistance of a layered engine is a `ResistanceMap`, sampled from the contacts of the scene and further ones. The
-formulas have a dry resistance by eq 1.8. Where a law is faster than the map, speeds are added to it.
+The resistance of a layered engine is a `ResistanceMap`, sampled from the contacts of the scene and further ones. Where
+the speed enters through the rate factor of the yield pressure alone, the map is the law `RateLaw` of these contacts.
+The formulas have a dry resistance by eq 1.8. Where a motion law is faster than the map, the map is extended.
 """
 
 import warnings
@@ -13,11 +14,14 @@ import numpy as np
 
 from compact import contact, resistance
 from compact.analysis import machine_models
+from compact.analysis.contact_cases import compaction_material
+from compact.analysis.rate_law import sample_rate_law
 from compact.analysis.stages.contacts import ContactStage, added_mass, roll_scene
 from compact.contact import DryResistance
 from compact.machine.cart import Balance, Cart, MotionResistance
 from compact.machine.rigid_drive import steady_balance
-from compact.resistance import ResistanceMap, sample_resistance
+from compact.resistance import ForceSample, ResistanceMap, sample_resistance
+from compact.rolling_contact import ContactResult
 
 LEAST_SPEED_SHARE = 1 / 50  # [-], of the largest speed; least speed of the samples
 
@@ -94,26 +98,52 @@ class ResistanceStage:
         speed : float
             Largest speed [m/s].
         """
-        stage, machine = self.contacts, self.scene.machine
-        length = machine.rollers * machine.roller_length
-        guesses = [] if stage.kept else list(stage.first_passes)
+        stage = self.contacts
+        samples = list(known.computed) if known is not None else self._contact_samples
+        least = min(LEAST_SPEED_SHARE * speed, min(each.speed for each in samples))
+        tolerance = self.scene.accuracy.tolerance
+        if stage.engine.rate_factor_only:
+            rate_factor = compaction_material(self.scene, self.mix).rate_factor
+            sampled = sample_rate_law(self._new_sample, rate_factor, least, speed, tolerance, samples)
+        else:
+            pairs = [each[:3] for each in samples]
+            sampled = sample_resistance(lambda at: self._new_sample(at)[1:3], least, speed, tolerance, pairs)
+        return self._with_added_masses(replace(sampled, return_ratio=stage.return_ratios[1]))
 
-        def force(at: float) -> tuple[float, float | None]:
-            stage.count("resistance")
-            guess = min(guesses, key=lambda each: abs(np.log(each[0] / at)))[1] if guesses else None
-            result = roll_scene(self.scene, self.mix, at, None, guess, stage.held, stage.progress)
-            guesses.append((at, result))
-            return length * result.resistance, (result.error or (None, None))[1]
+    @property
+    def _roller_length(self) -> float:
+        """Length of all rollers of a cart [m]."""
+        return self.scene.machine.rollers * self.scene.machine.roller_length
 
-        samples = [(each.speed, length * each.resistance, each.resistance_error) for each in stage.records]
-        if known is not None:
-            pairs = zip(known.speeds, known.forces, strict=True)
-            samples = [(float(at), float(each), known.engine_error) for at, each in pairs]
-        least = min(LEAST_SPEED_SHARE * speed, samples[0][0])
-        sampled = sample_resistance(force, least, speed, self.scene.accuracy.tolerance, samples)
-        return self._with_added_masses(replace(sampled, return_ratio=stage.return_ratios[1]), length)
+    @cached_property
+    def _rolled(self) -> list[tuple[float, ContactResult]]:
+        """Speed [m/s] and contact of each first pass that has been computed."""
+        stage = self.contacts
+        found = [] if stage.kept else list(stage.first_passes)
+        if stage.engine.rate_factor_only and "reference" in stage.__dict__ and not stage.kept:
+            mean = self.scene.mean_speed
+            found += [] if mean in dict(found) else [(mean, stage.reference[0])]
+        return found
 
-    def _with_added_masses(self, sampled: ResistanceMap, length: float) -> ResistanceMap:
+    @property
+    def _contact_samples(self) -> list[ForceSample]:
+        """Samples by the contacts of the scene."""
+        return [self._sample(speed, result) for speed, result in self._rolled]
+
+    def _new_sample(self, speed: float) -> ForceSample:
+        """Compute a contact at a speed [m/s], from the nearest one as initial guess."""
+        stage, rolled = self.contacts, self._rolled
+        stage.count("resistance")
+        guess = min(rolled, key=lambda each: abs(np.log(each[0] / speed)))[1] if rolled else None
+        result = roll_scene(self.scene, self.mix, speed, None, guess, stage.held, stage.progress)
+        rolled.append((speed, result))
+        return self._sample(speed, result)
+
+    def _sample(self, speed: float, result: ContactResult) -> ForceSample:
+        error = (result.error or (None, None))[1]
+        return ForceSample(speed, self._roller_length * result.resistance, error, self.contacts.engine.noise(result))
+
+    def _with_added_masses(self, sampled: ResistanceMap) -> ResistanceMap:
         """Return the map with the added mass at its speeds; without it where the engine does not have it."""
         stage = self.contacts
         try:
@@ -125,4 +155,4 @@ class ResistanceStage:
         if len(known) < len(found):
             return sampled
         masses, times = np.array(known).T
-        return replace(sampled, added_masses=length * masses, relaxation_time=float(times.max()))
+        return replace(sampled, added_masses=self._roller_length * masses, relaxation_time=float(times.max()))

@@ -112,7 +112,8 @@ def draw_resistance(resistance_map: ResistanceMap, acceleration: float) -> Figur
         if known and acceleration:
             _plot_accelerated(ax, resistance_map, speed, share * acceleration, color)
     ax.plot(speed, resistance_map(speed) / 1e3, color="black", label="steady speed, a = 0")
-    ax.plot(resistance_map.speeds, resistance_map.forces / 1e3, "o", color="black", markersize=4, label="computed")
+    computed = np.array([each[:2] for each in resistance_map.computed])
+    ax.plot(computed[:, 0], computed[:, 1] / 1e3, "o", color="black", markersize=4, label="computed")
     low, high = ax.get_ylim()
     ax.set_ylim(min(0.0, low), max(0.0, 1.05 * high))
     ax.set_ylabel(MOTION["cart_resistance"].axis_label)

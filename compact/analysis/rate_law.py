@@ -1,0 +1,189 @@
+"""Resistance over speed where the speed enters through the rate factor of the yield pressure alone.
+
+Forces of a compacting mix are homogeneous in the stresses: with the yield pressure pc f, Young's modulus E and the
+tensile strength pt, F = f Phi(E/f, pt/f). So ln F is one smooth function of ln f, for a prescribed height, load or peak
+pressure. Two or three contacts define it over decades of the speed, since f changes by some 4 % in a decade.
+
+References
+----------
+C. M. Bishop, Pattern Recognition and Machine Learning, Springer 2006, section 3.3 (Bayesian linear regression).
+"""
+
+import warnings
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import factorial
+
+import numpy as np
+
+from compact.numerics import Array
+from compact.numerics.validation import require_finite, require_positive
+from compact.resistance import ForceSample, ResistanceMap, sample_resistance
+
+LAW_DERIVATIVES = (2.0, 8.0, 24.0)  # [-], scales of the derivatives of ln F over ln f; columns have up to .95, 7 and 12
+LAW_CONTACTS = 5  # [-], contacts of a law
+LAW_SPEEDS = 65  # [-], speeds at which the error of a law is estimated
+LAW_NODES = (5, 9, 17, 33, 65)  # [-], samples of a map that may reproduce a law
+LAW_REPRODUCTION = 1e-5  # [-], relative deviation of a map from its law
+MIN_NOISE = 1e-4  # [-], least scatter of a contact
+NOISE_MARGIN = 1.5  # [-], error over the scatter of one contact that further contacts do not reduce
+
+
+@dataclass(frozen=True)
+class RateLaw:
+    """Resistance as a smooth function of the rate factor f of the yield pressure.
+
+        ln F = b0 + b1 x + b2 x^2/2 + b3 x^3/6,    x = ln f - mean,    bk ~ N(0, LAW_DERIVATIVES[k - 1]^2),  k > 0
+
+    The coefficients are those of Bayesian linear regression. Where the contacts resolve no curvature beyond their
+    scatter, the law is close to a line, else to a parabola.
+
+    Parameters
+    ----------
+    samples : tuple of ForceSample
+        Contacts with F > 0, at least one.
+    rate_factor : callable
+        Factor f [-] at a speed [m/s].
+    """
+
+    samples: tuple[ForceSample, ...]
+    rate_factor: Callable[[float], float]
+
+    def __call__(self, speeds: Array) -> Array:
+        """Return the resistance [N] at speeds [m/s]."""
+        return np.exp(self._terms(speeds) @ self._coefficients)
+
+    def standard_error(self, speeds: Array) -> Array:
+        """Return the relative standard error [-] at speeds [m/s], by the scatter of the contacts and the prior."""
+        terms = self._terms(speeds)
+        return np.sqrt(np.sum((terms @ self._covariance) * terms, axis=1))
+
+    @property
+    def noise(self) -> float:
+        """Largest scatter of a contact [-]."""
+        return max(MIN_NOISE, *(each.noise for each in self.samples))
+
+    @property
+    def held_out_error(self) -> float:
+        """Largest relative error of a contact predicted by the others [-]; 0 without one between others."""
+        errors = [0.0]
+        for k, sample in list(enumerate(self.samples))[1:-1]:
+            others = replace(self, samples=self.samples[:k] + self.samples[k + 1 :])
+            predicted = float(others(np.array([sample.speed]))[0])
+            errors.append(abs(predicted / sample.force - 1))
+        return max(errors)
+
+    def _log_factors(self, speeds: Array) -> Array:
+        return np.log([self.rate_factor(speed) for speed in speeds.tolist()])
+
+    def _terms(self, speeds: Array) -> Array:
+        """Return x^k/k!, shape (speeds, coefficients)."""
+        samples = np.array([each.speed for each in self.samples])
+        x = self._log_factors(speeds) - self._log_factors(samples).mean()
+        return np.stack([x**k / factorial(k) for k in range(len(LAW_DERIVATIVES) + 1)], axis=-1)
+
+    @cached_property
+    def _weighted(self) -> tuple[Array, Array]:
+        """Terms of the contacts and of the prior over their scatter, and values of the contacts over theirs."""
+        speeds, forces = np.array([each[:2] for each in self.samples]).T
+        scatter = np.maximum([each.noise for each in self.samples], MIN_NOISE)
+        prior = np.diag(1 / np.array(LAW_DERIVATIVES))
+        prior = np.pad(prior, ((0, 0), (1, 0)))
+        terms = np.vstack([self._terms(speeds) / scatter[:, None], prior])
+        return terms, np.append(np.log(forces) / scatter, np.zeros(len(prior)))
+
+    @cached_property
+    def _covariance(self) -> Array:
+        terms, _ = self._weighted
+        return np.asarray(np.linalg.inv(terms.T @ terms), dtype=float)
+
+    @cached_property
+    def _coefficients(self) -> Array:
+        terms, values = self._weighted
+        return np.asarray(np.linalg.lstsq(terms, values)[0], dtype=float)
+
+
+def sample_rate_law(
+    resistance: Callable[[float], ForceSample],
+    rate_factor: Callable[[float], float],
+    slowest: float,
+    fastest: float,
+    tolerance: float,
+    known: Iterable[ForceSample] = (),
+) -> ResistanceMap:
+    """Sample a resistance that depends on the speed by the rate factor of the yield pressure alone.
+
+    Contacts are added at the speed of the largest standard error while the error exceeds the tolerance, up to
+    `LAW_CONTACTS` in all. Without a rate effect one contact suffices. If a force is not positive, such as that of a
+    driven roller, `sample_resistance` replaces the law.
+
+    Parameters
+    ----------
+    resistance : callable
+        Contact at a speed [m/s].
+    rate_factor : callable
+        Factor f [-] of the yield pressure at a speed [m/s].
+    slowest, fastest : float
+        Range of speeds [m/s], > 0.
+    tolerance : float
+        Largest relative error of the law [-], > 0.
+    known : iterable of ForceSample
+        Contacts that exist already; their speeds may lie outside the range.
+
+    Returns
+    -------
+    ResistanceMap
+        Its error is the largest standard error of the law or, if larger, that of a held-out contact.
+
+    Warns
+    -----
+    UserWarning
+        If the error exceeds the tolerance, and the scatter of the contacts is not the cause.
+    """
+    require_positive(slowest=slowest, fastest=fastest, tolerance=tolerance)
+    samples = {each.speed: each for each in known} or {fastest: resistance(fastest)}
+    if rate_factor(slowest) == rate_factor(fastest):
+        return _flat_map(tuple(sorted(samples.values())), slowest, fastest)
+    speeds = np.geomspace(slowest, fastest, LAW_SPEEDS)
+    while True:
+        require_finite(resistance=[each.force for each in samples.values()])
+        if min(each.force for each in samples.values()) <= 0:
+            rest = [each[:3] for each in samples.values()]
+            return sample_resistance(lambda speed: resistance(speed)[1:3], slowest, fastest, tolerance, rest)
+        law = RateLaw(tuple(sorted(samples.values())), rate_factor)
+        errors, limit = law.standard_error(speeds), max(tolerance, NOISE_MARGIN * law.noise)
+        error = max(float(errors.max()), law.held_out_error)
+        if error <= limit or len(samples) >= LAW_CONTACTS:
+            break
+        if errors.max() <= limit:  # the contacts contradict the prior: the speed farthest from all of them
+            errors = np.abs(np.log(speeds[:, None] / [each.speed for each in law.samples])).min(axis=1)
+        speed = float(speeds[np.argmax(errors)])
+        samples[speed] = resistance(speed)
+    if error > limit:
+        warnings.warn(
+            f"the resistance from {slowest:.3g} to {fastest:.3g} m/s by {len(samples)} contacts has an error of "
+            f"{error:.2g}, tolerance {tolerance:g}; raise the tolerance, or compute contacts at further speeds",
+            stacklevel=2,
+        )
+    for count in LAW_NODES:
+        found = _map_of_law(law, np.geomspace(slowest, fastest, count), error)
+        if np.abs(found(speeds) / law(speeds) - 1).max() <= LAW_REPRODUCTION:
+            break
+    return found
+
+
+def _flat_map(samples: tuple[ForceSample, ...], slowest: float, fastest: float) -> ResistanceMap:
+    """Return the map of a constant resistance, without an error of interpolation."""
+    forces = np.full(2, samples[0].force)
+    require_finite(resistance=forces)
+    return ResistanceMap(np.array([slowest, fastest]), forces, 0.0, _largest_error(samples), contacts=samples)
+
+
+def _map_of_law(law: RateLaw, speeds: Array, error: float) -> ResistanceMap:
+    """Return the map with the values of a law at speeds [m/s]."""
+    return ResistanceMap(speeds, law(speeds), error, _largest_error(law.samples), contacts=law.samples)
+
+
+def _largest_error(samples: Iterable[ForceSample]) -> float | None:
+    return max((each.error for each in samples if each.error is not None), default=None)
