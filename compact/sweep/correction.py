@@ -28,7 +28,7 @@ FloatArray = NDArray[np.float64]
 Model = Callable[[FloatArray], FloatArray]
 
 POINTS_PER_COEFFICIENT = 3  # [-], default number of chosen points over the coefficients of a quadratic surface
-PART_SIZE = 9  # [-], largest number of points in one part
+PART_SIZE = 6  # [-], largest number of points in one part
 MAX_CONVEX = 4  # [-], parameters up to which a convex hull of the chosen points is computed
 DECIMALS = 9  # [-], of distances; nearer points are equal
 ROUNDING = 10.0**-DECIMALS  # [-], of coordinates
