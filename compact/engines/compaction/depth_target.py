@@ -26,6 +26,7 @@ MAX_DEPTH_SHARE = 0.98  # [-], largest depth over that of full density at the ex
 EXPONENTS = {  # [-], first, least and largest exponent of a quantity over the depth
     "load": (1.2, 0.3, 3.0), "peak_pressure": (1.0, 0.3, 3.0), "exit_density_ratio": (1.0, 0.7, 1.4),
 }  # fmt: skip
+CROSSING_SHARE = 0.5  # [-], of a correction after one that was too large
 MIN_SECANT = 3e-3  # [-], least difference of logarithms of depths for a secant; closer ones scatter
 UNITS = {"load": " N/m", "peak_pressure": " Pa"}
 
@@ -171,7 +172,9 @@ class DepthSecant:
         self._misses.append(target.log_miss(value))
         if depth == target.max_depth and self.last_miss < 0:
             raise RuntimeError(self.failure())
-        factor = float(np.exp(-self.last_miss / self._slope()))
+        crossed = len(self._misses) > 1 and self._misses[-1] * self._misses[-2] < 0
+        share = CROSSING_SHARE if crossed else 1.0  # the quantity scatters with the elements
+        factor = float(np.exp(-share * self.last_miss / self._slope()))
         return min(depth * float(np.clip(factor, 1 / MAX_DEPTH_FACTOR, MAX_DEPTH_FACTOR)), target.max_depth)
 
     def _slope(self) -> float:

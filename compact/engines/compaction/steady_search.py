@@ -32,7 +32,7 @@ FINAL_SETTLING = (
     2.0  # [-], after the last jump, one iteration a step; the mix of the exit column passes the whole contact
 )
 MIN_STEPS = 4  # [-], of a measurement
-MAX_FIRST_CYCLES, MAX_CYCLES = 12, 8  # [-], of the first mesh and of others; up to 7 and 3 are usual
+MAX_FIRST_CYCLES, MAX_CYCLES = 12, 10  # [-], of the first mesh and of others; up to 7 and 5 are usual
 MAX_JUMP, MAX_FIRST_JUMP = 0.25, 0.35  # [-], change of the wave by one jump over its area, on the first mesh more
 LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps then leave
 SETTLING_TOLERANCE = (
