@@ -253,7 +253,7 @@ class Correction:
         self.factors = np.array([factors[number] for number in self.solved]).reshape(-1, len(CORRECTED))
         self.surfaces: dict[str, Surface] = {}
         for name, column in zip(CORRECTED, self.factors.T, strict=True):
-            if np.isfinite(column).all() and (surface := fit_surface(places[self.solved], np.log(column))):
+            if np.isfinite(column).all() and (surface := fit_surface(places[self.solved], np.log(column), convex)):
                 self.surfaces[name] = surface
 
     def _factors(self, number: int) -> FloatArray:

@@ -32,6 +32,7 @@ PART_SIZE = 6  # [-], largest number of points in one part
 MAX_CONVEX = 4  # [-], parameters up to which a convex hull of the chosen points is computed
 DECIMALS = 9  # [-], of distances; nearer points are equal
 ROUNDING = 10.0**-DECIMALS  # [-], of coordinates
+MIN_RESIDUALS = 3  # [-], number of leave-one-out errors of interpolation; with fewer all are counted
 COVERAGE = 2.0  # [-], error estimate over the rms of the leave-one-out errors; about 95 % of normal errors
 
 
@@ -125,7 +126,7 @@ class Surface:
     kind : str
         Name of the model.
     residuals : FloatArray
-        Error at each point of the surface that is fitted to all others [-].
+        Errors at points of the surface that is fitted to all others [-].
     model : callable
         Values at coordinates of shape (points, parameters).
     """
@@ -144,8 +145,11 @@ class Surface:
         return self.model(places)
 
 
-def fit_surface(places: FloatArray, values: FloatArray) -> Surface | None:
+def fit_surface(places: FloatArray, values: FloatArray, convex: bool = True) -> Surface | None:
     """Fit the surface with the least leave-one-out error: linear, quadratic, or radial basis functions.
+
+    The leave-one-out error is that of interpolation: points outside the hull of all others, such as corners, do not
+    count, unless too few points remain.
 
     Parameters
     ----------
@@ -153,6 +157,8 @@ def fit_surface(places: FloatArray, values: FloatArray) -> Surface | None:
         Coordinates [-].
     values : FloatArray, shape (points,)
         Values [-].
+    convex : bool
+        As of `inside_hull`.
 
     Returns
     -------
@@ -161,13 +167,18 @@ def fit_surface(places: FloatArray, values: FloatArray) -> Surface | None:
     """
     found: list[Surface] = []
     count, parameters = places.shape
+    if count < parameters + 3:
+        return None
+    others = [np.arange(count) != i for i in range(count)]
+    counted = [i for i, rest in enumerate(others) if inside_hull(places[i : i + 1], places[rest], convex)[0]]
+    if len(counted) < MIN_RESIDUALS:
+        counted = list(range(count))
     for kind, (fit, terms) in _kinds(parameters).items():
         if count < terms + 2:  # so that a surface without one point is overdetermined
             continue
-        others = [np.arange(count) != i for i in range(count)]
         try:
-            predicted = [fit(places[rest], values[rest])(places[i : i + 1])[0] for i, rest in enumerate(others)]
-            found.append(Surface(kind, values - np.array(predicted), fit(places, values)))
+            predicted = [fit(places[others[i]], values[others[i]])(places[i : i + 1])[0] for i in counted]
+            found.append(Surface(kind, values[counted] - np.array(predicted), fit(places, values)))
         except np.linalg.LinAlgError:  # points on a line, without one of them
             continue
     return min(found, key=lambda surface: surface.error) if found else None

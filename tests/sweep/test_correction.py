@@ -76,11 +76,18 @@ def test_parts_are_connected_and_in_an_order_of_neighbours():
 )
 def test_surface_is_that_of_the_least_leave_one_out_error(function, kind):
     chosen = choose_points(PLACES, 18)
-    rounding = 1e-3 * np.random.default_rng(1).standard_normal(36)
+    rounding = 1e-3 * np.random.default_rng(2015).standard_normal(36)
     values = function(*PLACES.T) + rounding
     surface = fit_surface(PLACES[chosen], values[chosen])
     assert kind in surface.kind
     assert np.abs(surface(PLACES) - values).max() < 3 * surface.error
+
+
+def test_leave_one_out_error_is_that_of_interpolation():
+    solved = choose_points(PLACES, 18)
+    surface = fit_surface(PLACES[solved], np.exp(3 * PLACES[solved].sum(axis=1)))
+    assert len(surface.residuals) == 14  # all but the corners
+    assert surface.error > 0
 
 
 def test_few_points_have_no_surface():
@@ -168,7 +175,7 @@ def test_columns_are_corrected_where_finite_elements_are_not_computed(solved, tm
     assert f"18 of {len(solved)} chosen points have a result in two dimensions; load 1.17 to 1.27 of columns" in digest
     assert "error of interpolation" in digest
     xarray.testing.assert_identical(sweep.read_sweep(tmp_path / "sweep.nc").astype(object), table.astype(object))
-    assert many.size == 36
+    assert many.computed == many.needed == 36 + len(solved)
 
 
 def test_each_point_starts_from_the_nearest_contact_of_its_part(solved, tmp_path):
