@@ -386,7 +386,7 @@ def sweep(
         for name in many.broken:
             print(f"compact: {name} was incomplete; its points have been computed again", file=sys.stderr)
         digest = sweep_writer.sweep_digest(table, indices)
-        print(f"{digest}\n\n{many.computed} of {many.size} computed now; results: {directory}")
+        print(f"{digest}\n\n{many.computed} of {many.needed} computed now; results: {directory}")
     return SUCCESS if (table["reason"] == "").any() else _print_error("no point has a result", NO_RESULT)
 
 

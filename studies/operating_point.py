@@ -45,7 +45,7 @@ COARSE = 4  # [-], elements per contact length of the further variants, of which
 # Variants of the finite elements: changes of the scene, other coefficient, elements per contact length. The first one
 # is the initial guess of the others.
 VARIANTS = {
-    "lifts": (LIFTS, None, 12),
+    "lifts": (LIFTS, None, 14),
     "lifts, friction angle 40°": (LIFTS | {"mix.overrides.friction_angle": 40.0}, None, COARSE),
     "lifts, roller 0.6 m": (LIFTS | {"machine.roller_length": 0.6}, None, COARSE),
     "lifts, coefficient 0.219": (LIFTS, 0.219, COARSE),

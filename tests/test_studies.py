@@ -27,6 +27,7 @@ def test_every_study_has_a_test():
     tested = {
         "speed_against_plain",
         "speed_against_error",
+        "compaction_baseline",
         "formula_ranking",
         "formula_against_fem",
         "operating_point",
@@ -83,6 +84,22 @@ def test_errors_converge_with_the_settings_and_defaults_are_marked(capsys, tmp_p
     assert capsys.readouterr().out.count("default") == 3
     assert {path.stem for path in tmp_path.glob("*.png")} == {*module.QUICK}
     assert (tmp_path / "speed_against_error.csv").read_text().count("\n") == 1 + 3 + 3 + 1 + 2
+
+
+@pytest.mark.slow
+def test_compaction_is_compared_with_an_older_version_and_between_two_starts(capsys):
+    module = study("compaction_baseline")
+    rows = module.compare(STUDIES.parent, increments=4)
+    module.show(rows)
+    assert [row[0] for row in rows] == list(module.CASES)
+    for _, _, _, old_load, load, old_resistance, resistance in rows:
+        assert (load, resistance) == (old_load, old_resistance)  # one version, compared with itself
+    starts = module.reference(4, tolerance=1e-3)
+    module.show_reference(4, starts)
+    (_, (load, resistance), high) = starts
+    assert high == pytest.approx((load, resistance), rel=2e-3)
+    assert rows[0][4] == pytest.approx(starts[0][0], rel=1e-9)
+    assert "difference of both starts" in capsys.readouterr().out
 
 
 def test_formula_ranking_scales_the_resistance_with_the_mix():

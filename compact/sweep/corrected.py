@@ -17,6 +17,7 @@ the number of workers.
 import json
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
+from math import ceil
 from typing import Any, Literal
 
 import numpy as np
@@ -36,13 +37,15 @@ from compact.sweep.correction import (
     distances,
     fit_surface,
     inside_hull,
+    refinement_weights,
 )
 from compact.sweep.design import Axis, Sampled
 from compact.sweep.point import Results, versions
 from compact.sweep.run import KeyedPoint, Step, Sweep, Task, points_in_parts
 
 ALL = "all"
-ROUNDS = 3  # [-], of chosen points; later ones replace those without a result
+ROUNDS = 3  # [-], of chosen points; the second refines the surface, and later ones replace points without a result
+FIRST_SHARE = 2 / 3  # [-], of the chosen points that fill the space evenly
 FORCES = ("load", "resistance")  # with an error estimate
 CORRECTED = (*FORCES, "capture_angle", "contact_length", "peak_pressure", "exit_density_ratio")
 ORIGIN = "two_dimensions"
@@ -190,13 +193,19 @@ class CorrectedSweep(Sweep):
         return exact
 
     def _chosen(self, group: list[int], columns: list[Results], exact: dict[int, Results]) -> list[int]:
-        """Return the next chosen points of a group, in place of those without a result; none if all are without."""
+        """Return the next chosen points of a group: first evenly, then by the error; none if all are without result."""
         able = [number for number in group if not columns[number].get("reason")]
         taken = [order for order, number in enumerate(able) if number in exact]
         solved = sum(not exact[able[order]].get("reason") for order in taken)
-        if taken and not solved:
+        if not taken:
+            return [able[order] for order in choose_points(self.places[able], ceil(FIRST_SHARE * self.direct))]
+        if not solved:
             return []
-        return [able[order] for order in choose_points(self.places[able], self.direct - solved, taken)]
+        known = Correction(self.places, group, columns, exact, not self.design.names)
+        surface, weights = known.surfaces.get("resistance"), None
+        if surface is not None:
+            weights = refinement_weights(self.places[able], self.places[known.solved], surface.residuals)
+        return [able[order] for order in choose_points(self.places[able], self.direct - solved, taken, weights)]
 
     def _chain(self, part: list[int]) -> tuple[KeyedPoint, ...]:
         """Return the keyed points of a part; each key depends on the points before and on the coordinates."""

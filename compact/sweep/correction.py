@@ -29,6 +29,7 @@ Model = Callable[[FloatArray], FloatArray]
 
 POINTS_PER_COEFFICIENT = 3  # [-], default number of chosen points over the coefficients of a quadratic surface
 PART_SIZE = 6  # [-], largest number of points in one part
+MIN_WEIGHT = 0.1  # [-], least weight over the largest
 MAX_CONVEX = 4  # [-], parameters up to which a convex hull of the chosen points is computed
 DECIMALS = 9  # [-], of distances; nearer points are equal
 ROUNDING = 10.0**-DECIMALS  # [-], of coordinates
@@ -46,7 +47,9 @@ def default_count(parameters: int) -> int:
     return POINTS_PER_COEFFICIENT * (parameters + 1) * (parameters + 2) // 2
 
 
-def choose_points(places: FloatArray, count: int, taken: Sequence[int] = ()) -> list[int]:
+def choose_points(
+    places: FloatArray, count: int, taken: Sequence[int] = (), weights: FloatArray | None = None
+) -> list[int]:
     """Choose points that fill the space: corners first, then always the point farthest from all chosen ones.
 
     Parameters
@@ -57,6 +60,8 @@ def choose_points(places: FloatArray, count: int, taken: Sequence[int] = ()) -> 
         Number of further points.
     taken : sequence of int
         Numbers of the points that are chosen already.
+    weights : FloatArray, shape (points,), optional
+        Factors of the distances, larger where more points are required [-].
 
     Returns
     -------
@@ -68,7 +73,7 @@ def choose_points(places: FloatArray, count: int, taken: Sequence[int] = ()) -> 
     for number in (*taken, *chosen):
         distance = np.minimum(distance, distances(places, places[number]))
     while len(chosen) < count:
-        number = int(np.argmax(distance))
+        number = int(np.argmax(distance if weights is None else distance * weights))
         if distance[number] == 0:
             break
         chosen.append(number)
@@ -85,6 +90,23 @@ def _corners(places: FloatArray) -> list[int]:
 def distances(places: FloatArray, place: FloatArray) -> FloatArray:
     """Return the distances of places from one place, rounded so that equal ones are equal [-]."""
     return np.sqrt(np.sum((places - place) ** 2, axis=1)).round(DECIMALS)
+
+
+def refinement_weights(places: FloatArray, solved: FloatArray, residuals: FloatArray) -> FloatArray:
+    """Return weights for `choose_points`: the leave-one-out error at the nearest solved point, within a factor of ten.
+
+    Parameters
+    ----------
+    places : FloatArray, shape (points, parameters)
+        Coordinates of the candidates [-].
+    solved : FloatArray, shape (solved, parameters)
+        Coordinates of the points of a surface [-].
+    residuals : FloatArray, shape (solved,)
+        Leave-one-out errors there [-].
+    """
+    size = np.abs(residuals)
+    nearest = [int(np.argmin(distances(solved, place))) for place in places]
+    return np.maximum(size, max(MIN_WEIGHT * float(size.max()), ROUNDING))[nearest]
 
 
 def connected_parts(places: FloatArray, numbers: Sequence[int], size: int = PART_SIZE) -> list[list[int]]:
@@ -161,12 +183,14 @@ def fit_surface(places: FloatArray, values: FloatArray) -> Surface | None:
     """
     found: list[Surface] = []
     count, parameters = places.shape
+    if count < parameters + 3:
+        return None
+    others = [np.arange(count) != i for i in range(count)]
     for kind, (fit, terms) in _kinds(parameters).items():
         if count < terms + 2:  # so that a surface without one point is overdetermined
             continue
-        others = [np.arange(count) != i for i in range(count)]
         try:
-            predicted = [fit(places[rest], values[rest])(places[i : i + 1])[0] for i, rest in enumerate(others)]
+            predicted = [fit(places[others[i]], values[others[i]])(places[i : i + 1])[0] for i in range(count)]
             found.append(Surface(kind, values - np.array(predicted), fit(places, values)))
         except np.linalg.LinAlgError:  # points on a line, without one of them
             continue

@@ -130,7 +130,7 @@ class Sweep:
         self.scene, self.rank = scene, rank
         self.design = design(scene, varied, indices)
         self.engines = varied_engines(scene, self.design.axes)
-        self.computed = 0
+        self.computed = self.needed = 0  # points computed, and all points with those that were kept
         self.broken: tuple[str, ...] = ()
 
     @property
@@ -196,6 +196,7 @@ class Sweep:
         with closing(run_tasks(compute, tasks, executor, meanwhile=_import_netcdf)) as coming:
             for number, outcome in coming:
                 points |= self._kept(store, tasks[number], outcome, points, step)
+        self.needed += len(points)
         return points
 
     def _known(self, store: Store, resume: bool, force: bool) -> dict[str, Results]:
