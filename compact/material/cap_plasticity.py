@@ -207,9 +207,9 @@ def integrate_path(law: CapConstants, before: tuple, strain: tuple, multipliers:
         Strain of the path xx, yy, 2 xy [-].
     multipliers : ndarray
         One initial guess of x for each substep of a path that yields, 0 for none; replaced by the solution.
-    derivatives : ndarray, shape (6, 0), (6, 3) or (6, 9)
-        Output: derivatives of the values after the path with respect to the strain, or to the values before and the
-        strain.
+    derivatives : ndarray, shape (6, 3) or (6, 0)
+        Output: derivatives of the stress and of the logarithms of the density ratios after the path by the strain, or
+        none.
 
     Returns
     -------
@@ -220,10 +220,7 @@ def integrate_path(law: CapConstants, before: tuple, strain: tuple, multipliers:
     plastic_work, work : float
         Plastic work and work of deformation [J/m3].
     """
-    n = derivatives.shape[1]
     derivatives[:] = 0.0
-    for i in range(n - 3):
-        derivatives[i, i] = 1.0 if i < 4 else 1 / before[i]
     p, q, deviator = _trial_state(law, before, strain)
     densest = before[5] if law.flat else before[4]
     still = max(abs(strain[0]), abs(strain[1]), abs(strain[2])) <= NO_STRAIN  # interpolated states may lie outside
@@ -242,9 +239,6 @@ def integrate_path(law: CapConstants, before: tuple, strain: tuple, multipliers:
             converged = converged and good
             plastic_work += dissipated
             work += _work(start, end, part)
-    for j in range(n):
-        derivatives[4, j] *= end[4]
-        derivatives[5, j] *= end[5]
     return converged, end, plastic_work, work
 
 
@@ -271,9 +265,9 @@ def integrate_point(
         Initial guess of x of the return mapping [-], 0 for none.
     share : float
         Share of the increment in the strain of the path [-].
-    derivatives : ndarray, shape (6, n)
-        Derivatives of the stress and of the logarithms of the density ratios, before the increment and, on return,
-        after it; the last three by the strain of the path.
+    derivatives : ndarray, shape (6, 3) or (6, 0)
+        Derivatives of the stress and of the logarithms of the density ratios by the strain of the path, before the
+        increment and, on return, after it; or none.
 
     Returns
     -------
@@ -320,13 +314,12 @@ def _propagate(law, deviator, scale, slopes, hardened, share, derivatives):
     """Propagate derivatives through one increment by the slopes of `return_map`."""
     sxx, syy, szz, sxy = deviator
     V_p, V_s, V_k, V_densest, scale_p, scale_s, scale_k, scale_densest = slopes
-    n = derivatives.shape[1]
-    for j in range(n):
+    for j in range(derivatives.shape[1]):
         xx, yy, zz = derivatives[0, j], derivatives[1, j], derivatives[2, j]
         xy, k, densest = derivatives[3, j], derivatives[4, j], derivatives[5, j]
-        exx = share if j == n - 3 else 0.0
-        eyy = share if j == n - 2 else 0.0
-        gamma = share if j == n - 1 else 0.0
+        exx = share if j == 0 else 0.0
+        eyy = share if j == 1 else 0.0
+        gamma = share if j == 2 else 0.0
         third, mean = (exx + eyy) / 3, (xx + yy + zz) / 3
         p = -mean - 3 * law.K * third
         xx += 2 * law.G * (exx - third) - mean

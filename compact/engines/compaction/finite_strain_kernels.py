@@ -23,8 +23,6 @@ from compact.material.cap_plasticity import integrate_path
 from compact.numerics.jit import compiled, is_compiled
 
 SERIES_LIMIT = 1e-4  # [-], half the logarithm of the stretch ratio; below it atanh(z)/z is 1 + z^2/3 to rounding
-VALUES = 6  # [-], values of a point
-INPUTS = 14  # [-], inputs of a point: values before, gradient before, gradient after
 
 Array = NDArray[np.float64]
 Gradient = tuple[float, float, float, float]
@@ -92,7 +90,7 @@ def _stretch(xx, xy, yx, yy):
 
 @compiled
 def strain_derivatives(before: Gradient, after: Gradient, finite: bool, derivatives: Array) -> None:
-    """Write the derivatives of strain and rotation angle by the gradients.
+    """Write the derivatives of strain and rotation angle by the gradient after the increment.
 
     Parameters
     ----------
@@ -100,13 +98,12 @@ def strain_derivatives(before: Gradient, after: Gradient, finite: bool, derivati
         Displacement gradients [-].
     finite : bool
         True for finite strain, False for small strain.
-    derivatives : ndarray, shape (4, 8)
-        Output, derivatives of (xx, yy, 2 xy, angle) by the gradient before and after.
+    derivatives : ndarray, shape (4, 4)
+        Output, derivatives of (xx, yy, 2 xy, angle) by the gradient after the increment.
     """
     if not finite:
         derivatives[:] = 0.0
-        derivatives[0, 4] = derivatives[1, 7] = derivatives[2, 5] = derivatives[2, 6] = 1.0
-        derivatives[0, 0] = derivatives[1, 3] = derivatives[2, 1] = derivatives[2, 2] = -1.0
+        derivatives[0, 0] = derivatives[1, 3] = derivatives[2, 1] = derivatives[2, 2] = 1.0
         return
     _, _, (xx, xy, yx, yy), inverse = _relative_gradient(before, after)
     mean, half, cross, c, s = _stretch(xx, xy, yx, yy)
@@ -119,14 +116,10 @@ def strain_derivatives(before: Gradient, after: Gradient, finite: bool, derivati
         value, slope = 1 + z2 / 3, 2 / 3 + 4 * z2 / 5
     factor, by_mean, by_deviator = value / mean, -1 / (1 - z2) / mean**2, slope / mean**3
     determinant = 2 * (xx * yy - xy * yx)
-    for k in range(8):
-        i, j = (k % 4) // 2, k % 2  # row and column of the gradient
+    for k in range(4):
+        i, j = k // 2, k % 2  # row and column of the gradient
         x, y = inverse[2 * j], inverse[2 * j + 1]
-        if k >= 4:
-            dxx, dxy, dyx, dyy = (x, y, 0.0, 0.0) if i == 0 else (0.0, 0.0, x, y)
-        else:
-            left, right = (xx, yx) if i == 0 else (xy, yy)
-            dxx, dxy, dyx, dyy = -left * x, -left * y, -right * x, -right * y
+        dxx, dxy, dyx, dyy = (x, y, 0.0, 0.0) if i == 0 else (0.0, 0.0, x, y)
         angle = (c * (dyx - dxy) - s * (dxx + dyy)) / (2 * mean)
         dmean = (c * (dxx + dyy) + s * (dyx - dxy)) / 2
         dhalf = (c * (dxx - dyy) + s * (dyx + dxy)) / 2 + angle * cross
@@ -168,7 +161,7 @@ def integrate_interval(
     work : float
         Work of deformation [J/m3 of fed mix].
     frame : tuple of float
-        Cosine and sine of the rotation, for `gradient_derivatives`.
+        Cosine and sine of the rotation, for `stress_derivatives`.
     """
     constants, finite = law
     valid, strain, volume, c, s = strain_increment(before, after, finite)
@@ -186,10 +179,10 @@ def _rotate(xx, yy, xy, c, s):
 
 
 @compiled
-def rotate_derivatives(
-    values: Values, frame: tuple, path_derivatives: Array, kinematics: Array, first: int, derivatives: Array
+def stress_derivatives(
+    values: Values, frame: tuple, path_derivatives: Array, kinematics: Array, derivatives: Array
 ) -> None:
-    """Write the derivatives of the values after an increment by the inputs, in the axes of the layer.
+    """Write the derivatives of the stress after an increment by the gradient after it, in the axes of the layer.
 
     Parameters
     ----------
@@ -197,40 +190,25 @@ def rotate_derivatives(
         Values after the increment.
     frame : tuple of float
         Cosine and sine of the rotation.
-    path_derivatives : ndarray, shape (6, n)
-        Derivatives in the unrotated frame, the last three by the strain.
-    kinematics : ndarray, shape (4, 8)
-        Derivatives of strain and rotation angle by the gradients.
-    first : int
-        First gradient component of interest; 4 for those after the increment alone.
-    derivatives : ndarray, shape (6, n - 3 + 8 - first)
-        Output, derivatives by the values before, n - 3, and by the gradients.
+    path_derivatives : ndarray, shape (6, 3)
+        Derivatives by the strain in the unrotated frame, as of `integrate_path`.
+    kinematics : ndarray, shape (4, 4)
+        As of `strain_derivatives`.
+    derivatives : ndarray, shape (3, 4)
+        Output, derivatives of the stress (xx, yy, xy).
     """
     c, s = frame
-    states = path_derivatives.shape[1] - 3
-    for j in range(states + 8 - first):
-        xx, yy, zz, xy, k, densest, angle = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        if j < states:
-            xx, yy, zz = path_derivatives[0, j], path_derivatives[1, j], path_derivatives[2, j]
-            xy, k, densest = path_derivatives[3, j], path_derivatives[4, j], path_derivatives[5, j]
-        else:
-            column = j - states + first
-            angle = kinematics[3, column]
-            for i in range(3):
-                e, m = kinematics[i, column], states + i
-                xx += e * path_derivatives[0, m]
-                yy += e * path_derivatives[1, m]
-                zz += e * path_derivatives[2, m]
-                xy += e * path_derivatives[3, m]
-                k += e * path_derivatives[4, m]
-                densest += e * path_derivatives[5, m]
+    for j in range(4):
+        xx, yy, xy, angle = 0.0, 0.0, 0.0, kinematics[3, j]
+        for i in range(3):
+            e = kinematics[i, j]
+            xx += e * path_derivatives[0, i]
+            yy += e * path_derivatives[1, i]
+            xy += e * path_derivatives[3, i]
         xx, yy, xy = _rotate(xx, yy, xy, c, s)
         derivatives[0, j] = xx - 2 * values[3] * angle
         derivatives[1, j] = yy + 2 * values[3] * angle
-        derivatives[2, j] = zz
-        derivatives[3, j] = xy + (values[0] - values[1]) * angle
-        derivatives[4, j] = k
-        derivatives[5, j] = densest
+        derivatives[2, j] = xy + (values[0] - values[1]) * angle
 
 
 @partial(compiled, nogil=True)
@@ -273,8 +251,8 @@ def integrate_elements(
     nodes, shape_gradients, areas = mesh
     stress, density_ratio, max_density_ratio, plastic_work, work = before
     tangent = len(stiffness) > 0
-    path_derivatives, kinematics = np.empty((6, 3 if tangent else 0)), np.empty((4, 8))
-    derivatives, by_gradient, products = np.empty((6, 4)), np.empty((4, 4)), np.empty((4, 16))
+    path_derivatives, kinematics = np.empty((6, 3 if tangent else 0)), np.empty((4, 4))
+    derivatives, by_gradient, products = np.empty((3, 4)), np.empty((4, 4)), np.empty((4, 16))
     for element in range(block[0], block[1]):
         forces[element] = 0.0
         if tangent:
@@ -297,7 +275,7 @@ def integrate_elements(
             _add_forces(_piola_stress(values, cofactors), areas[i], shapes, forces[element])
             if tangent:
                 strain_derivatives(old, new, law[1], kinematics)
-                rotate_derivatives(values, frame, path_derivatives, kinematics, 4, derivatives)
+                stress_derivatives(values, frame, path_derivatives, kinematics, derivatives)
                 _piola_derivatives(values, cofactors, law[1], derivatives, by_gradient)
                 _add_stiffness(by_gradient, areas[i], shapes, products, stiffness[element])
     return -1
@@ -328,7 +306,7 @@ def _piola_stress(values, cofactors):
 def _piola_derivatives(values, cofactors, finite, derivatives, by_gradient):
     """Write the derivative of the Piola stress by the gradient after the increment, shape (4, 4)."""
     for k in range(4):
-        change = (derivatives[0, k], derivatives[1, k], 0.0, derivatives[3, k])
+        change = (derivatives[0, k], derivatives[1, k], 0.0, derivatives[2, k])
         xx, xy, yx, yy = _piola_stress(change, cofactors)
         by_gradient[0, k], by_gradient[1, k], by_gradient[2, k], by_gradient[3, k] = xx, xy, yx, yy
     if finite:

@@ -3,7 +3,7 @@
     internal force on a node = int J sigma grad N dV,    eight-node quadrilaterals with 2 x 2 Gauss points
 
 A displacement increment strains every Gauss point along a straight path, on which the constitutive law is integrated in
-substeps (`cap_plasticity.integrate_points`). The error thus depends on the substeps and hardly on the increment.
+substeps (`cap_plasticity.integrate_path`). The error thus depends on the substeps and hardly on the increment.
 Reduced integration avoids volumetric locking; its only hourglass mode cannot propagate between elements.
 
 `finite_strain_kernels` has the kinematics and the compiled pass over elements.
@@ -29,7 +29,6 @@ from compact.material.laws import Compaction
 from compact.mesh import RowMesh
 from compact.numerics.assembly import element_unknowns
 
-IDENTITY = np.array([1.0, 0.0, 0.0, 1.0])
 STRAIN_FROM_GRADIENT = np.array([[1.0, 0, 0, 0], [0, 0, 0, 1.0], [0, 1.0, 1.0, 0]])  # (xx, yy, 2 xy)
 GAUSS_ORDER = 3  # [-], polynomial order of 2 x 2 points
 SUBSTEPS = 4  # [-], of the stress integration in one increment; 2 leave an error of up to 0.3 % in the resistance
