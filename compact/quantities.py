@@ -122,6 +122,7 @@ CONTACT = {  # fields of a contact of one roller, per unit length of the roller
     "exit_density_ratio": EXIT_DENSITY_RATIO,
     "exit_height": EXIT_HEIGHT,
     "peak_density_ratio": Quantity("peak density ratio", "1", symbol="k"),
+    "overdense_work": Quantity("plastic work beyond the pressure curve over all of it", "1"),
     "mass_residual": MASS_RESIDUAL,
     "yield_residual": Quantity("yield-condition residual", "1"),
     "equilibrium_residual": Quantity("equilibrium residual", "1"),

@@ -21,8 +21,8 @@ from compact.scene.engine_capabilities import adapt
 from compact.scene.loader import Scene
 
 COMPACTED = (  # fields of engines with irreversible compaction only
-    "exit_density_ratio", "exit_height", "peak_density_ratio", "mass_residual", "yield_residual",
-    "equilibrium_residual",
+    "exit_density_ratio", "exit_height", "peak_density_ratio", "overdense_work", "mass_residual",
+    "yield_residual", "equilibrium_residual",
 )  # fmt: skip
 COMMON = tuple(name for name in quantities.CONTACT if name not in COMPACTED)
 ERRORS = {"load": "load_error", "resistance": "resistance_error"}  # quantity -> field of its relative error
@@ -250,9 +250,9 @@ class ContactRecord:
     exit_density_ratio, exit_height, mass_residual : float or None
         Mean density ratio [-] and height [m] behind the first pass, relative residual of the mass balance [-];
         None for a linear layer.
-    peak_density_ratio, yield_residual, equilibrium_residual : float or None
-        Largest density ratio, largest stress beyond the cap over its pressure and relative residual of the forces
-        [-]; None except for the engine "compaction".
+    peak_density_ratio, overdense_work, yield_residual, equilibrium_residual : float or None
+        Largest density ratio, share of the plastic work beyond the measured pressure curve, largest stress beyond the
+        cap over its pressure and relative residual of the forces [-]; None except for the engine "compaction".
     passes : tuple of PassRecord
         All passes in order; empty for a linear layer.
     """
@@ -274,6 +274,7 @@ class ContactRecord:
     exit_density_ratio: float | None = None
     exit_height: float | None = None
     peak_density_ratio: float | None = None
+    overdense_work: float | None = None
     mass_residual: float | None = None
     yield_residual: float | None = None
     equilibrium_residual: float | None = None

@@ -16,6 +16,7 @@ from compact.analysis.stages.laws import COMPLIANT_DRIVES
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
+from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
 from compact.report import ranking_tables
 from compact.rolling_contact import ContactResult
 
@@ -210,7 +211,16 @@ def _contact_rows(study: Study, contact: ContactResult) -> list[tuple[str, Any, 
 
 def _accuracy_lines(contact: Any) -> Iterator[str]:
     """State error estimates, the exit density ratio of a compacting layer, and the balances."""
-    yield f"error estimate of the load {contact.error[0]:.1e}, of the resistance {contact.error[1]:.1e}"
+    if contact.error is None:
+        yield "no error estimate of load and resistance: one mesh alone"
+    else:
+        yield f"error estimate of the load {contact.error[0]:.1e}, of the resistance {contact.error[1]:.1e}"
+    if contact.error is not None and hasattr(contact, "error_parts"):
+        parts = contact.error_parts
+        yield "of it " + ", ".join(
+            f"{name} {load:.1e} and {resistance:.1e}"
+            for name, (load, resistance) in (("mesh", parts.mesh), ("drift", parts.drift), ("start", parts.start))
+        )
     if hasattr(contact, "exit_density_ratio"):
         yield (
             f"density ratio {contact.exit_density_ratio:.4f} behind the roller, exit height "
@@ -218,6 +228,11 @@ def _accuracy_lines(contact: Any) -> Iterator[str]:
         )
     if getattr(contact, "exceeds_full_density", False):
         yield f"over-compacted: the mix exceeds full density, density ratio {contact.peak_density_ratio:.3f} at most"
+    if getattr(contact, "overdense_work", 0.0) > 0:
+        yield (
+            f"{contact.overdense_work:.0%} of the plastic work at density ratios above {HECKEL_MAX_DENSITY_RATIO}, "
+            "where the pressure curve is extrapolated"
+        )
     yield f"energy-balance residual {contact.work_residual:.1e}; {_effort(contact)}"
 
 

@@ -84,7 +84,7 @@ class RollingNumerics:
         Contact angle at which a bow wave counts as unbounded [rad], up to pi/2. Depths and loads in fresh mix that
         require more are refused, and incremental rolling ends there. None omits both.
     progress : callable, optional
-        Called with a line of text after each iteration of the direct solve and each step of incremental rolling.
+        Called with a line of text after each step.
 
     Raises
     ------

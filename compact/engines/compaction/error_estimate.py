@@ -90,6 +90,8 @@ def _at_same_target(coarse: SteadySearch, fine: SteadySearch) -> FloatArray:
     quantity, values = fine.target.quantity, coarse.values
     if quantity == "indentation":
         return values
+    if quantity == "exit_density_ratio":  # prescribes the depth; the density of a column lags behind it
+        return values * (fine.depth / coarse.depth) ** DEPTH_EXPONENTS
     index = QUANTITIES.index(quantity)
     miss = coarse.target.log_miss(float(values[index])) - fine.target.log_miss(float(fine.values[index]))
     return values * np.exp(-miss * DEPTH_EXPONENTS / DEPTH_EXPONENTS[index])

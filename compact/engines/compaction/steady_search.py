@@ -31,6 +31,7 @@ SETTLING, MEASURING = 0.8, 0.7  # [-], of the later cycles
 FINAL_SETTLING = (
     2.0  # [-], after the last jump, one iteration a step; the mix of the exit column passes the whole contact
 )
+HEIGHT_SHARE = 1 / 3  # [-], of the layer height, which counts as contact length at least; later passes are that short
 MIN_STEPS = 4  # [-], of a measurement
 MAX_FIRST_CYCLES, MAX_CYCLES = 14, 10  # [-], of the first mesh and of others; up to 7 and 5 are usual
 MAX_JUMP, MAX_FIRST_JUMP = 0.25, 0.35  # [-], change of the wave by one jump over its area, on the first mesh more
@@ -176,8 +177,10 @@ class SteadySearch:
         return self.rolling.frame.mesh.height - self.depth
 
     def _steps_of(self, share: float) -> int:
-        """Return the number of steps in a share of the contact length."""
-        return max(int(np.ceil(share * self.rolling.frame.contact_length / self.rolling.frame.step)), MIN_STEPS)
+        """Return the number of steps in a share of the contact length, or of a third of a much higher layer."""
+        frame = self.rolling.frame
+        length = max(frame.contact_length, HEIGHT_SHARE * frame.mesh.height)
+        return max(int(np.ceil(share * length / frame.step)), MIN_STEPS)
 
     def _roll(self, share: float, damping: float = FINAL_DAMPING_RATIO * DAMPING) -> None:
         """Roll a share of the contact length at the present depth, which the first half of the steps approaches."""
@@ -228,7 +231,9 @@ class SteadySearch:
             jump = 0.0
         load, resistance = np.abs(drift.values[:2])
         self.values = drift.values + slopes * jump
-        transient = contact_length * np.abs(drift.slopes - slopes * drift.wave_slope)
+        transient = max(contact_length, HEIGHT_SHARE * self.rolling.frame.mesh.height) * np.abs(
+            drift.slopes - slopes * drift.wave_slope
+        )
         drifted, start = LENGTH_ERROR * np.abs(slopes * jump), np.abs(slopes) * scatter + transient
         self.errors = SteadyErrors(drifted, start, float(load), float(max(resistance, MIN_RESISTANCE * load)))
         return jump
