@@ -256,7 +256,7 @@ def show(results):
         print(f"{name}: error of {BENCHMARKS[name].error}")
         for method, setting, error, seconds, work in rows:
             mark = "  default" if (method, setting) in BENCHMARKS[name].defaults else ""
-            print(f"    {method:<11}{setting:<8g}{error:9.1e}{seconds * 1e3:12.2f} ms{work:9d}{mark}")
+            print(f"    {method:<14}{setting:<8g}{error:9.1e}{seconds * 1e3:12.2f} ms{work:9d}{mark}")
 
 
 if __name__ == "__main__":

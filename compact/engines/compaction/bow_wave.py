@@ -26,7 +26,7 @@ from compact.engines.compaction.roller_frame import transfer_state
 from compact.material.cap_plasticity import MaterialPoint
 
 QUANTITIES = ("load", "resistance", "exit_density_ratio", "peak_pressure")  # of a `RollingStep`
-PAIRS = 4  # [-], last settled states from which the relaxation length follows
+PAIRS = 3  # [-], last settled states from which the relaxation length follows
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,8 @@
 """Error estimate of a steady solution: mesh, drift and start, at what is prescribed.
 
-mesh    change between the last two meshes times coarse/(fine - coarse), as of first order in the element length; at
-        least half of what the change of the bow wave makes, since forces of two meshes may agree by chance
+mesh    change between the last two meshes over (fine/coarse)^order - 1, with order 1 for the load and 1.5 for the
+        resistance at a given depth; at least half of what the change of the bow wave makes, since the forces of two
+        meshes may agree by chance. Ten random lifts, 14 against 24 elements per contact length, bound the orders.
 drift   distance to the steady state along the slow mode, before the last jump
 start   scatter of that distance, and the transient that is not part of the mode
 
@@ -19,6 +20,7 @@ from compact.engines.compaction.steady_search import SteadySearch
 
 MIN_RESISTANCE = 1e-3  # [-], least scale of the error of the resistance over the load
 DEPTH_EXPONENTS = np.array([1.2, 2.3, 1.0, 0.6])  # [-], of `QUANTITIES` over the depth; of the density: its increase
+ORDERS = np.array([1.0, 1.5])  # [-], of load and resistance in the element length
 WAVE_SHARE = 0.5  # [-], of the change of a force by that of the wave, the least change between two meshes
 
 
@@ -72,13 +74,14 @@ def mesh_errors(coarse: SteadySearch, fine: SteadySearch) -> tuple[float, float]
         Searches that have found the steady state.
     """
     elements = [search.rolling.frame.contact_length / search.rolling.frame.step for search in (coarse, fine)]
-    order = elements[0] / (elements[1] - elements[0])
+    by_depth = fine.target.quantity != "load"  # at a given load the resistance takes over the order of the load
+    remaining = 1 / ((elements[1] / elements[0]) ** (ORDERS if by_depth else ORDERS[:1]) - 1)
     change = np.abs(_at_same_target(coarse, fine) - fine.values)
     mode = fine.relaxation.mode
     if mode is not None and fine.target.quantity == "indentation":
         wave = fine.rolling.steps[-1].wave_area - coarse.rolling.steps[-1].wave_area
         change = np.maximum(change, WAVE_SHARE * np.abs(mode.slopes * wave))
-    relative = order * change[:2] / _scales(fine)
+    relative = remaining * change[:2] / _scales(fine)
     return float(relative[0]), float(relative[1])
 
 
