@@ -32,7 +32,7 @@ FINAL_SETTLING = (
     2.0  # [-], after the last jump, one iteration a step; the mix of the exit column passes the whole contact
 )
 MIN_STEPS = 4  # [-], of a measurement
-MAX_FIRST_CYCLES, MAX_CYCLES = 12, 10  # [-], of the first mesh and of others; up to 7 and 5 are usual
+MAX_FIRST_CYCLES, MAX_CYCLES = 14, 10  # [-], of the first mesh and of others; up to 7 and 5 are usual
 MAX_JUMP, MAX_FIRST_JUMP = 0.25, 0.35  # [-], change of the wave by one jump over its area, on the first mesh more
 LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps then leave
 SETTLING_TOLERANCE = (
@@ -125,6 +125,7 @@ class SteadySearch:
         mode = coarse.relaxation.mode
         self.relaxation = replace(coarse.relaxation, mode=None if mode is None else mode.on_mesh(old, new))
         self.finds_length = self.relaxation.length is None
+        self._density_factor = coarse._density_factor
 
     def run(self) -> None:
         """Find the steady state; `rolling`, `depth`, `values` and `errors` then belong to it.
@@ -156,7 +157,9 @@ class SteadySearch:
                 last = self.rolling.steps[-1]
                 if abs(self.target.log_miss_of(last)) < self.target_tolerance:
                     return
-                self._density_factor = last.exit_density_ratio / self._geometric_density_ratio()
+                if self.target.quantity == "exit_density_ratio":
+                    self._density_factor = last.exit_density_ratio / self._geometric_density_ratio()
+                    secant = DepthSecant(self.target)  # earlier values had another factor
         if self.errors.total < self.tolerance:
             raise RuntimeError(secant.failure())
         raise RuntimeError(self._describe_failure())
