@@ -187,7 +187,10 @@ def test_first_trial_is_the_shallowest(doubled):
 
 @pytest.mark.slow
 def test_fit_by_real_finite_elements_satisfies_the_measurements():
-    """A thin layer under a large roller with friction; the calibrated scene reproduces the numbers."""
+    """A thin layer under a large roller with friction; the calibrated scene reproduces the numbers.
+
+    The fit starts from its previous contacts and the check from scratch; their difference is within the error estimate.
+    """
     thin = {"product.height": 0.1, "machine.roller_radius": 0.25, "motion.stroke": 0.8}
     measured = reading(load=16000.0, resistance_coefficient=0.1)
     found = calibrate(load_scene(PUBLISHED, **thin), measured, "compaction", increments=4)
@@ -197,17 +200,23 @@ def test_fit_by_real_finite_elements_satisfies_the_measurements():
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=1e-4)
     assert len(found.fit.history) < 9
     again = pressed(there, rolled.indentation)
-    assert again.load == pytest.approx(rolled.load, rel=1e-9)
+    error = np.sum([again.error_parts.drift, again.error_parts.start], axis=0)  # one mesh has no mesh error
+    assert np.all(error < 2e-3)
+    assert again.load == pytest.approx(rolled.load, rel=error[0])
+    assert again.resistance == pytest.approx(rolled.resistance, rel=error[1])
 
 
 @pytest.mark.slow
 def test_published_point_by_finite_elements():
-    """K_H, fed density and depth as fitted on 4 increments, under the free roller of the scene."""
-    mix = {"mix.overrides.heckel_slope": 24.962e-6, "layer.fed_density_ratio": 0.968738}
-    rolled = pressed(load_scene(PUBLISHED, **mix), 2.75134e-3)
+    """K_H, fed density and depth as fitted on 4 increments, under the free roller of the scene.
+
+    From scratch the density is 3e-5 to 5e-5 less than that of the fit, 0.98, which starts from its last contacts.
+    """
+    mix = {"mix.overrides.heckel_slope": 26.06734e-6, "layer.fed_density_ratio": 0.968297}
+    rolled = pressed(load_scene(PUBLISHED, **mix), 2.839624e-3)
     assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
     assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-3)
-    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-5)
+    assert rolled.exit_density_ratio == pytest.approx(0.97996, abs=2e-5)
 
 
 LIFT = {"layer.lift_thickness": 0.06}
@@ -216,8 +225,8 @@ LIFT = {"layer.lift_thickness": 0.06}
 @pytest.mark.slow
 def test_published_point_by_finite_elements_in_lifts():
     """K_H, fed density and depth as fitted on 4 increments; the prior has 8.7-19.5/MPa and .93-.955."""
-    mix = LIFT | {"mix.overrides.heckel_slope": 15.2537e-6, "layer.fed_density_ratio": 0.932172}
-    rolled = pressed(load_scene(PUBLISHED, **mix), 3.224946e-3)
+    mix = LIFT | {"mix.overrides.heckel_slope": 15.62994e-6, "layer.fed_density_ratio": 0.9299568}
+    rolled = pressed(load_scene(PUBLISHED, **mix), 3.379156e-3)
     assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
     assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-3)
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=5e-5)
@@ -225,8 +234,8 @@ def test_published_point_by_finite_elements_in_lifts():
 
 @pytest.mark.slow
 def test_scene_calibrated_in_lifts_gives_the_published_point_at_default_settings():
-    """As fitted on 12 increments; incremental rolling gives the density to 1e-4, which is 0.2 % of the load."""
-    mix = LIFT | {"mix.overrides.heckel_slope": 14.9605e-6, "layer.fed_density_ratio": 0.935763}
+    """As fitted on 14 increments; incremental rolling gives the density to 1e-4, which is 0.2 % of the load."""
+    mix = LIFT | {"mix.overrides.heckel_slope": 14.8744e-6, "layer.fed_density_ratio": 0.936008}
     scene = load_scene(PUBLISHED, **mix)
     rolled = roll_scene(scene, scene_mix(scene), 0.4 / 3, "compaction")
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-4)

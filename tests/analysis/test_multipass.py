@@ -23,6 +23,7 @@ SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
 MIX = Compaction(60e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
 LAYER, ROLLER = Layer(0.1), Roller(0.11, 0.002, profile="deformed")
 QUICK = {"engine": "compaction", "increments": 6, "steady_tolerance": 1e-2}
+THICK = {"engine": "compaction", "increments": 12}
 
 
 def wide(ratio):
@@ -39,7 +40,7 @@ def wider():
 @pytest.fixture(scope="module")
 def thick():
     """Both strokes at the same height."""
-    return passes(LAYER, ROLLER, MIX, 0.2, 2, **QUICK)
+    return passes(LAYER, ROLLER, MIX, 0.2, 2, **THICK)
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +74,8 @@ def test_second_pass_over_a_thin_layer_agrees_with_columns():
 def test_top_of_a_thick_layer_yields_in_the_second_pass(thick):
     """Two rollers in one incremental rolling, without transfer of a state, have resistances of 803.0 and 59.4 N/m.
 
-    Ours, 2026-11-21, elements of 1.2 mm, 150 mm apart.
+    Ours, 2026-11-21, elements of 1.2 mm, 150 mm apart. The ratio of the loads, there 0.478, is 0.462 on 6 increments
+    and 0.469 on 12.
     """
     first, second = thick
     assert -second.resistance / first.resistance == pytest.approx(59.4 / 803.0, abs=0.006)
@@ -195,7 +197,7 @@ def test_lift_is_added_above_the_layer():
 
 @pytest.mark.slow
 def test_first_pass_backward_leaves_the_state_of_one_forward(thick):
-    back = compaction.roll(LAYER, ROLLER, MIX, -0.2, increments=6, steady_tolerance=1e-2)
+    back = compaction.roll(LAYER, ROLLER, MIX, -0.2, increments=12)
     there = thick[0]
     assert (back.load, back.resistance) == (there.load, -there.resistance)
     for name in ("stress", "density_ratio", "plastic_work"):
@@ -204,7 +206,7 @@ def test_first_pass_backward_leaves_the_state_of_one_forward(thick):
 
 @pytest.mark.slow
 def test_direction_of_the_second_pass_changes_the_sign_alone(thick):
-    again = passes(LAYER, ROLLER, MIX, 0.2, (Pass(), Pass()), **QUICK)[1]
+    again = passes(LAYER, ROLLER, MIX, 0.2, (Pass(), Pass()), **THICK)[1]
     back = thick[1]
     assert (again.load, again.resistance, again.exit_height) == (back.load, -back.resistance, back.exit_height)
     assert again.x == pytest.approx(-back.x[::-1])

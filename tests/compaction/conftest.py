@@ -31,7 +31,7 @@ def roller():
 
 @pytest.fixture(scope="session")
 def coarse():
-    """Direct steady solve on 4 increments per contact length."""
+    """Steady rolling on 4 increments per contact length, one mesh without an estimate of its error."""
     return roll(LAYER, ROLLER, MIX, 0.2, increments=4)
 
 

@@ -126,14 +126,19 @@ def test_halved_elements_and_steps_change_little(layer, roller, mix):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("depth", "load", "coefficient", "density"),
-    [(0.004, 13.5e3, 0.148, 1.03), (0.0093617, 29.8e3, 0.26, 1.07)],
+    ("depth", "load", "coefficient", "density", "increments"),
+    [(0.004, 13.5e3, 0.148, 1.03, 12), (0.0093617, 29.8e3, 0.26, 1.07, 6)],
     ids=["4 mm", "9.4 mm"],
 )
-def test_independent_incremental_rolling_in_small_strain_is_reproduced(mix, depth, load, coefficient, density):
-    """Nine-node elements of 6 mm, one implicit step each, with an error of 4 % of the resistance by its author."""
+def test_independent_incremental_rolling_in_small_strain_is_reproduced(
+    mix, depth, load, coefficient, density, increments
+):
+    """Nine-node elements of 6 mm, one implicit step each, with an error of 4 % of the resistance by its author.
+
+    At 4 mm 6 increments have 4.0 % more load than it, 12 have 2.6 % and 20 have 2.1 % more.
+    """
     layer, roller = Layer(HEIGHT), Roller(0.11, depth, profile="circle")
-    rolled = roll(layer, roller, mix, 0.2, strain="small", increments=6)
+    rolled = roll(layer, roller, mix, 0.2, strain="small", increments=increments)
     assert rolled.load == pytest.approx(load, rel=0.04)
     assert rolled.resistance == pytest.approx(load * coefficient, rel=0.04)
     assert rolled.peak_density_ratio == pytest.approx(density, abs=0.01)
@@ -182,7 +187,8 @@ def test_fields_agree_with_the_result(rolled):
     surface = content.points[:, 1] > 0.1 - 1e-9
     lowest = (content.points + content.point_data["displacement"])[surface, 1].min()
     assert lowest == pytest.approx(0.1 - 0.002, abs=5e-5)
-    assert content.cell_data["plastic_work"][0].min() >= 0
+    plastic_work = content.cell_data["plastic_work"][0]
+    assert plastic_work.min() >= -1e-15 * plastic_work.max()  # rounding of the interpolation between meshes
 
 
 # (e) convection and incremental rolling

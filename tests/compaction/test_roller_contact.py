@@ -178,10 +178,7 @@ def test_high_friction_sticks_except_at_the_edges():
 
 @pytest.mark.slow
 def test_roller_braked_to_its_limit_slides():
-    """The limit is that of the tractions normal to the roller, 2.6 % more here than friction times load.
-
-    On 4 increments both are direct solves; on 12 incremental rolling of the braked one gives 0.5 % more load.
-    """
+    """The limit is that of the tractions normal to the roller, 2.6 % more here than friction times load."""
     sliding = roll_high_layer(Roller(R, 0.002, 0.15, "sliding", "deformed"), increments=4)
     torque = -0.99 * R * total_shear(sliding)
     braked = roll_high_layer(replace(FREE, friction=0.15, rolling="driven"), torque=torque, increments=4)
@@ -209,9 +206,11 @@ def test_shear_of_a_free_roller_has_no_resultant(free):
 
 
 @pytest.mark.slow
-def test_torque_reduces_the_resistance(free):
+def test_torque_reduces_the_resistance():
+    """The work balances to 0.6 % on 12 increments and to 3.4 % on 6."""
+    free = roll_high_layer(increments=12)
     torque = 0.5 * FRICTION * R * free.load
-    driven = roll_high_layer(replace(FREE, rolling="driven"), torque=torque, start=free)
+    driven = roll_high_layer(replace(FREE, rolling="driven"), torque=torque, start=free, increments=12)
     assert driven.creep > free.creep
     assert total_shear(driven) == pytest.approx(-torque / R)
     assert driven.resistance - free.resistance == pytest.approx(-torque / R, rel=0.15)  # of first order in the slope
