@@ -110,7 +110,9 @@ def test_wide_thin_layer_follows_columns(thin):
 
 
 @pytest.mark.slow
-def test_roller_from_rest_becomes_steady(steady, layer, roller, mix):
+def test_roller_from_rest_becomes_steady(layer, roller, mix):
+    """Steps of half elements are as accurate as steady rolling, whose steps are elements, on a finer mesh."""
+    steady = roll(layer, roller, mix, 0.2)
     run = simulate_reciprocating(layer, roller, mix, law("constant-velocity", 0.25, 1.25), estimate=False)
     assert element_means(run.load)[-10:] == pytest.approx(steady.load, rel=5e-3)
     assert element_means(run.resistance)[-10:] == pytest.approx(steady.resistance, rel=5e-3)
@@ -120,9 +122,11 @@ def test_roller_from_rest_becomes_steady(steady, layer, roller, mix):
 
 @pytest.mark.slow
 def test_steady_motion_continues(from_steady, steady):
+    """Both differ by the error of steady rolling with 8 increments."""
+    load_error, resistance_error = steady.error
     steps = (from_steady.stroke == 1) & (from_steady.position > 2 * LENGTH)
-    assert element_means(from_steady.load[steps]) == pytest.approx(steady.load, rel=5e-3)
-    assert element_means(from_steady.resistance[steps]) == pytest.approx(steady.resistance, rel=5e-3)
+    assert element_means(from_steady.load[steps]) == pytest.approx(steady.load, rel=load_error)
+    assert element_means(from_steady.resistance[steps]) == pytest.approx(steady.resistance, rel=resistance_error)
 
 
 @pytest.mark.slow
@@ -152,15 +156,19 @@ def test_rotating_roller_becomes_steady(torque):
 
 @pytest.mark.slow
 def test_free_roller_on_a_high_layer_continues_in_steady_motion(layer, roller, mix):
-    """Friction moves the mix: creepage -0.069, 2 % less load."""
+    """Friction moves the mix: creepage -0.069, 2 % less load.
+
+    The resistance of steady rolling has an error of its own, as its steps are elements, not half elements: with 8
+    increments it is 772 N/m and the creepage -0.066, with 12 784 N/m; the run with 8 keeps 790 N/m and -0.069.
+    """
     roller = replace(roller, friction=0.3, rolling="free")
     steady = roll(layer, roller, mix, 0.2, increments=8)
     motion = law("quintic", 2.5 * LENGTH, 1.0)
     run = simulate_reciprocating(layer, roller, mix, motion, start=steady, increments=8, estimate=False)
-    assert element_means(run.load)[-6:] == pytest.approx(steady.load, rel=5e-3)
-    assert element_means(run.resistance)[-6:] == pytest.approx(steady.resistance, rel=6e-3)
+    assert element_means(run.load)[-6:] == pytest.approx(steady.load, rel=steady.error[0])
+    assert element_means(run.resistance)[-6:] == pytest.approx(steady.resistance, rel=steady.error[1])
     creepage = roller.radius * np.diff(run.angle[-9:]) / np.diff(run.position[-9:]) - 1
-    assert element_means(creepage)[-6:] == pytest.approx(steady.creep, rel=0.02)
+    assert element_means(creepage)[-6:] == pytest.approx(steady.creep, rel=0.06)
 
 
 # (b) order and balance

@@ -33,7 +33,7 @@ FINAL_SETTLING = (
 )
 HEIGHT_SHARE = 1 / 3  # [-], of the layer height, which counts as contact length at least; later passes are that short
 MIN_STEPS = 4  # [-], of a measurement
-MAX_FIRST_CYCLES, MAX_CYCLES = 14, 10  # [-], of the first mesh and of others; up to 7 and 5 are usual
+MAX_FIRST_CYCLES, MAX_CYCLES = 20, 10  # [-], of the first mesh and of others; up to 7 and 5 are usual
 MAX_JUMP, MAX_FIRST_JUMP = 0.25, 0.35  # [-], change of the wave by one jump over its area, on the first mesh more
 LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps then leave
 SETTLING_TOLERANCE = (
@@ -149,8 +149,9 @@ class SteadySearch:
                 raise heaping_error(self.rolling, "grows without a steady state")
             is_near, is_final, depth = self.errors.total < NEAR * self.tolerance, False, self.depth
             if is_near:  # the depth waits for the wave, since corrections of both at once oscillate
-                depth = secant.next_depth(depth, self._target_value())
-                is_final = self.errors.total < self.tolerance and abs(secant.last_miss) < self.target_tolerance
+                corrected = secant.next_depth(depth, self._target_value())
+                is_met = abs(secant.last_miss) < self.target_tolerance
+                depth, is_final = depth if is_met else corrected, is_met and self.errors.total < self.tolerance
             self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else SETTLING_TOLERANCE
             self._correct(depth, jump, FINAL_SETTLING if is_final else SETTLING)
             if is_final:
