@@ -7,7 +7,7 @@ the return stroke needs no special treatment. The multiplier tractions move alon
 elements. Mix without rate effect depends on the path alone; with it, the yield pressure follows the mean |v| of each
 step. Nothing changes while the roller is at rest.
 
-Steps are half elements, the spacing of the Gauss points, which is also the step of the streamline integration. After a
+Steps are half elements, the spacing of the Gauss points. After a
 reversal they begin with 1/16 of an element. The error estimate is the change from steps twice as long on the same mesh.
 The forces also oscillate within each element as its nodes enter the contact: with 6 elements per contact length by
 1.3 % of the resistance and 0.3 % of the load.
