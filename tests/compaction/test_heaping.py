@@ -170,4 +170,4 @@ def test_bow_wave_of_the_largest_contact_angle_ends_rolling():
 
 
 def test_lower_bow_wave_is_accepted():
-    require_low_wave(rolling_with(0.0219))
+    assert require_low_wave(rolling_with(0.0219)) is None

@@ -28,17 +28,13 @@ from compact.engines.compaction.roller_frame import transfer_state
 
 FIRST_SETTLING, FIRST_MEASURING = 1.33, 1.0  # [-], travel over the contact length of the first cycle
 SETTLING, MEASURING = 0.8, 0.7  # [-], of the later cycles
-FINAL_SETTLING = (
-    2.0  # [-], after the last jump, one iteration a step; the mix of the exit column passes the whole contact
-)
+FINAL_SETTLING = 2.0  # [-], after the last jump; the mix of the exit column has then passed the whole contact
 HEIGHT_SHARE = 1 / 3  # [-], of the layer height, which counts as contact length at least; later passes are that short
 MIN_STEPS = 4  # [-], of a measurement
 MAX_FIRST_CYCLES, MAX_CYCLES = 20, 10  # [-], of the first mesh and of others; up to 7 and 5 are usual
 MAX_JUMP, MAX_FIRST_JUMP = 0.25, 0.35  # [-], change of the wave by one jump over its area, on the first mesh more
 LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps then leave
-SETTLING_TOLERANCE = (
-    1e-2  # [-], residual of a step over the nodal forces; 1e-4 changes a load by 4e-5 and costs half more
-)
+SETTLING_TOLERANCE = 1e-2  # [-], residual of a step over the nodal forces; 1e-4 changes a load by 4e-5
 FINAL_TOLERANCE = 1e-3  # [-], of those near the steady state, whose scatter counts; of the last `ROLLING_TOLERANCE`
 NEAR = 4.0  # [-], estimated distance from the steady state over its tolerance
 JUMP_TRIALS = (1.0, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
