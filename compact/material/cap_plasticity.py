@@ -41,7 +41,6 @@ MAX_ITERATIONS = 300  # [-], of Newton's method; 4 to 6 are usual, bisection alo
 BATCH_POINTS = 20_000  # [-], points of one compiled call; some 20 ms, so that an interrupt is handled between calls
 NO_STRAIN = 1e-13  # [-], of a path that is elastic from any state; above the rounding of the strain
 NO_SLOPES = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # of an elastic step
-MIN_POROSITY_RATIO = np.exp(-HECKEL_MIN_PRESSURE)  # [-], (1 - k)/(1 - k0) where pc leaves Heckel's curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +125,9 @@ class CapConstants(NamedTuple):
     pt : float
         Isotropic tensile strength [Pa].
     slope : float
-        Heckel's slope K_H over the rate factor [1/Pa].
+        Isotropic slope K_H of Heckel's curve over the rate factor [1/Pa].
+    offset, porosity : float
+        Offset of the curve, and largest 1 - k at which pc follows it [-].
     flat : bool
         True for a flat subcritical side.
     """
@@ -136,19 +137,23 @@ class CapConstants(NamedTuple):
     M: float
     pt: float
     slope: float
+    offset: float
+    porosity: float
     loose: float
     flat: bool
 
 
 def cap_constants(law: Compaction, rate_factor: float) -> CapConstants:
     """Return the `CapConstants` of a law at a rate factor [-]."""
-    E, nu = float(law.unloading_modulus), float(law.poisson)
+    E, nu, offset = float(law.unloading_modulus), float(law.poisson), float(law.isotropic_offset)
     return CapConstants(
         K=E / (3 - 6 * nu),
         G=E / (2 + 2 * nu),
         M=float(law.critical_slope),
         pt=float(law.tensile_strength),
-        slope=float(law.heckel_slope / rate_factor),
+        slope=float(law.isotropic_slope / rate_factor),
+        offset=offset,
+        porosity=float((1 - law.loose_density_ratio) * np.exp(-HECKEL_MIN_PRESSURE - offset)),
         loose=float(law.loose_density_ratio),
         flat=law.dry_side == "flat",
     )
@@ -160,8 +165,8 @@ def hardening(law: CapConstants, k: float) -> tuple[float, float]:
     if k >= HECKEL_MAX_DENSITY_RATIO:
         stiffness = HECKEL_MAX_DENSITY_RATIO / (1 - HECKEL_MAX_DENSITY_RATIO)
         xi = np.log((1 - law.loose) / (1 - HECKEL_MAX_DENSITY_RATIO)) + stiffness * np.log(k / HECKEL_MAX_DENSITY_RATIO)
-        return xi / law.slope, stiffness / law.slope
-    xi = np.log((1 - law.loose) / (1 - k))
+        return (xi - law.offset) / law.slope, stiffness / law.slope
+    xi = np.log((1 - law.loose) / (1 - k)) - law.offset
     rise = k / (1 - k) / law.slope
     if xi >= HECKEL_MIN_PRESSURE:
         return xi / law.slope, rise
@@ -487,7 +492,7 @@ def _pressure_rise(law, k, V):
     """Return pc(k exp V) - pc(k) and the final H, without cancellation on Heckel's curve."""
     gain = k * np.expm1(V)
     low_k, high_k = min(k, k + gain), max(k, k + gain)
-    if high_k <= HECKEL_MAX_DENSITY_RATIO and 1 - low_k < (1 - law.loose) * MIN_POROSITY_RATIO:
+    if high_k <= HECKEL_MAX_DENSITY_RATIO and 1 - low_k < law.porosity:
         return -np.log1p(-gain / (1 - k)) / law.slope, (k + gain) / (1 - k - gain) / law.slope
     pc, H = hardening(law, k + gain)
     if low_k >= HECKEL_MAX_DENSITY_RATIO:
