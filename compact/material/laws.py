@@ -221,3 +221,50 @@ class Compaction:
         if not self.rate_exponent or self.reference_speed is None:
             return 1.0
         return (abs(speed) / self.reference_speed) ** self.rate_exponent
+
+
+@dataclass(frozen=True, kw_only=True)
+class DruckerPragerCap(Compaction):
+    """Irreversible compaction: an elliptic cap with the shear line of Drucker and Prager on its subcritical side.
+
+        cap   f = q^2/Mc^2 + P (P - C) <= 0    P >= kappa C,       associated flow
+        line  f = q - M P <= 0                 0 <= P <= kappa C,  plastic potential q - N P, no hardening
+
+    P = p + pt and C = pc + pt; both meet at kappa = Mc^2/(Mc^2 + M^2). The tension cut-off is P = 0. The slope Mc of
+    the cap, `critical_slope`, determines the earth pressure in confined compression; M and N determine the angles of
+    friction and dilatancy. pc depends on the largest k so far, so that dilatant shear does not soften the cap.
+
+    Parameters
+    ----------
+    friction_slope : float
+        M of the shear line [-], 0 < M <= Mc.
+    dilatancy_slope : float
+        N of the plastic potential [-], 0 <= N <= M; 0 for shear at constant volume.
+    shear_viscosity : float
+        S of the stress S d eps_q/ds beyond the line, by the plastic shear strain over the travel s [Pa m], >= 0.
+
+    References
+    ----------
+    D. C. Drucker, R. E. Gibson and D. J. Henkel, Soil mechanics and work-hardening theories of plasticity, Trans. ASCE
+    122 (1957) 338-346; F. L. DiMaggio and I. S. Sandler, Material model for granular soils, J. Eng. Mech. Div. ASCE 97
+    (1971) 935-950.
+    """
+
+    friction_slope: float
+    dilatancy_slope: float = 0.0
+    shear_viscosity: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_fields(self, positive="friction_slope", nonnegative="dilatancy_slope shear_viscosity")
+        if self.friction_slope > self.critical_slope:
+            raise ValueError(
+                f"`friction_slope` must be at most `critical_slope` {self.critical_slope!r}, got "
+                f"{self.friction_slope!r}; a smaller earth pressure coefficient steepens the cap"
+            )
+        if self.dilatancy_slope > self.friction_slope:
+            raise ValueError(
+                f"`dilatancy_slope` must be at most `friction_slope` {self.friction_slope!r}, got "
+                f"{self.dilatancy_slope!r}"
+            )
+        require_known("dry_side", self.dry_side, ("flat",))
